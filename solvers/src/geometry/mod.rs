@@ -1,0 +1,26 @@
+//! Rotation and rigid-motion groups with their Jacobians, and camera models.
+//!
+//! Transforms are named `target_from_source` and updated on the right, `T ⊞ δ = T · Exp(δ)`.
+//! Tangent order is translation first, then rotation (then log scale). This floor knows nothing
+//! of factors or problems.
+
+pub mod camera;
+mod coefficients;
+mod lie_group;
+mod operators;
+mod scale_integral;
+mod se2;
+mod se3;
+mod sim3;
+mod so2;
+mod so3;
+
+pub use camera::{
+    Camera, CameraModel, KannalaBrandt, ParameterVec, PinholeRadialTangential, Projection, Snavely,
+};
+pub use lie_group::LieGroup;
+pub use se2::Se2;
+pub use se3::Se3;
+pub use sim3::Sim3;
+pub use so2::So2;
+pub use so3::{So3, hat};

@@ -1,0 +1,145 @@
+//! Rigid motions of the plane, x ↦ R x + t.
+//!
+//! The tangent is (v_x, v_y, ω) and the logarithm is that of the whole group: t = V(ω) v with
+//! V = ∫₀¹ R(uω) du, not the pair (t, ω). Jacobians are those of Solà et al. (2018), section
+//! "The 2D rigid motion group", written with the cancellation-free coefficients A to D.
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+
+use super::coefficients::RotationCoefficients;
+use super::{LieGroup, So2};
+
+/// A rigid motion of the plane, `target_from_source`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Se2 {
+    /// Rotation of the target from the source frame.
+    pub rotation: So2,
+    /// Origin of the source frame, in target coordinates.
+    pub translation: Vector2<f64>,
+}
+
+impl Se2 {
+    /// The motion x ↦ R x + t.
+    #[inline]
+    pub fn new(rotation: So2, translation: Vector2<f64>) -> Self {
+        Self { rotation, translation }
+    }
+
+    /// The pose with origin (`x`, `y`) and heading `theta` radians.
+    #[inline]
+    pub fn from_xy_angle(x: f64, y: f64, theta: f64) -> Self {
+        Self::new(So2::from_angle(theta), Vector2::new(x, y))
+    }
+
+    /// R p + t.
+    #[inline]
+    pub fn transform(&self, point: &Vector2<f64>) -> Vector2<f64> {
+        self.rotation.rotate(point) + self.translation
+    }
+
+    /// Rᵀ (p − t).
+    #[inline]
+    pub fn inverse_transform(&self, point: &Vector2<f64>) -> Vector2<f64> {
+        self.rotation.inverse_rotate(&(point - self.translation))
+    }
+}
+
+/// (θ/2) cot(θ/2): `tan` keeps full relative accuracy at both ends, so only 0/0 is caught.
+#[inline]
+fn half_angle_cotangent(theta: f64) -> f64 {
+    let half = 0.5 * theta;
+    if half == 0.0 { 1.0 } else { half / half.tan() }
+}
+
+impl LieGroup<3> for Se2 {
+    #[inline]
+    fn identity() -> Self {
+        Self::new(So2::identity(), Vector2::zeros())
+    }
+
+    #[inline]
+    fn compose(&self, other: &Self) -> Self {
+        Self::new(self.rotation.compose(&other.rotation), self.transform(&other.translation))
+    }
+
+    #[inline]
+    fn inverse(&self) -> Self {
+        Self::new(self.rotation.inverse(), -self.rotation.inverse_rotate(&self.translation))
+    }
+
+    #[inline]
+    fn exp(tangent: &Vector3<f64>) -> Self {
+        let (vx, vy, omega) = (tangent.x, tangent.y, tangent.z);
+        let k = RotationCoefficients::new(omega * omega);
+        let turn = k.b * omega;
+        Self::new(So2::from_angle(omega), Vector2::new(k.a * vx - turn * vy, turn * vx + k.a * vy))
+    }
+
+    #[inline]
+    fn log(&self) -> Vector3<f64> {
+        let omega = self.rotation.angle();
+        let g = half_angle_cotangent(omega);
+        let h = 0.5 * omega;
+        let t = &self.translation;
+        Vector3::new(g * t.x + h * t.y, g * t.y - h * t.x, omega)
+    }
+
+    #[inline]
+    fn adjoint(&self) -> Matrix3<f64> {
+        let r = self.rotation.matrix();
+        let t = &self.translation;
+        Matrix3::new(
+            r[(0, 0)],
+            r[(0, 1)],
+            t.y, //
+            r[(1, 0)],
+            r[(1, 1)],
+            -t.x, //
+            0.0,
+            0.0,
+            1.0,
+        )
+    }
+
+    #[inline]
+    fn right_jacobian(tangent: &Vector3<f64>) -> Matrix3<f64> {
+        let (vx, vy, omega) = (tangent.x, tangent.y, tangent.z);
+        let k = RotationCoefficients::new(omega * omega);
+        let (turn, bend) = (k.b * omega, k.c * omega);
+        Matrix3::new(
+            k.a,
+            turn,
+            bend * vx - k.b * vy, //
+            -turn,
+            k.a,
+            k.b * vx + bend * vy, //
+            0.0,
+            0.0,
+            1.0,
+        )
+    }
+
+    #[inline]
+    fn right_jacobian_inverse(tangent: &Vector3<f64>) -> Matrix3<f64> {
+        let (vx, vy, omega) = (tangent.x, tangent.y, tangent.z);
+        let bend = RotationCoefficients::new(omega * omega).d * omega;
+        let g = half_angle_cotangent(omega);
+        let h = 0.5 * omega;
+        Matrix3::new(
+            g,
+            -h,
+            bend * vx + 0.5 * vy, //
+            h,
+            g,
+            bend * vy - 0.5 * vx, //
+            0.0,
+            0.0,
+            1.0,
+        )
+    }
+
+    #[inline]
+    fn is_finite(&self) -> bool {
+        self.rotation.is_finite() && self.translation.iter().all(|v| v.is_finite())
+    }
+}

@@ -1,0 +1,105 @@
+//! Rotations of the plane, stored as the unit complex number cos θ + i sin θ.
+//!
+//! The tangent is the angle in radians, counterclockwise; the group commutes, so adjoint and
+//! Jacobians are 1. Products are pulled back to unit length by one Newton step, which keeps long
+//! chains unit to the last place without a square root.
+
+use nalgebra::{Matrix1, Matrix2, Vector1, Vector2};
+
+use super::LieGroup;
+
+/// A rotation of the plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct So2 {
+    cos: f64,
+    sin: f64,
+}
+
+impl So2 {
+    /// The rotation by `angle` radians, counterclockwise.
+    #[inline]
+    pub fn from_angle(angle: f64) -> Self {
+        let (sin, cos) = angle.sin_cos();
+        Self { cos, sin }
+    }
+
+    /// The angle in [−π, π], radians.
+    #[inline]
+    pub fn angle(&self) -> f64 {
+        self.sin.atan2(self.cos)
+    }
+
+    /// R p.
+    #[inline]
+    pub fn rotate(&self, point: &Vector2<f64>) -> Vector2<f64> {
+        Vector2::new(
+            self.cos * point.x - self.sin * point.y,
+            self.sin * point.x + self.cos * point.y,
+        )
+    }
+
+    /// Rᵀ p.
+    #[inline]
+    pub fn inverse_rotate(&self, point: &Vector2<f64>) -> Vector2<f64> {
+        Vector2::new(
+            self.cos * point.x + self.sin * point.y,
+            self.cos * point.y - self.sin * point.x,
+        )
+    }
+
+    /// The 2 × 2 rotation matrix.
+    #[inline]
+    pub fn matrix(&self) -> Matrix2<f64> {
+        Matrix2::new(self.cos, -self.sin, self.sin, self.cos)
+    }
+}
+
+impl LieGroup<1> for So2 {
+    #[inline]
+    fn identity() -> Self {
+        Self { cos: 1.0, sin: 0.0 }
+    }
+
+    #[inline]
+    fn compose(&self, other: &Self) -> Self {
+        let cos = self.cos * other.cos - self.sin * other.sin;
+        let sin = self.sin * other.cos + self.cos * other.sin;
+        let unit = 1.5 - 0.5 * (cos * cos + sin * sin);
+        Self { cos: cos * unit, sin: sin * unit }
+    }
+
+    #[inline]
+    fn inverse(&self) -> Self {
+        Self { cos: self.cos, sin: -self.sin }
+    }
+
+    #[inline]
+    fn exp(tangent: &Vector1<f64>) -> Self {
+        Self::from_angle(tangent.x)
+    }
+
+    #[inline]
+    fn log(&self) -> Vector1<f64> {
+        Vector1::new(self.angle())
+    }
+
+    #[inline]
+    fn adjoint(&self) -> Matrix1<f64> {
+        Matrix1::new(1.0)
+    }
+
+    #[inline]
+    fn right_jacobian(_tangent: &Vector1<f64>) -> Matrix1<f64> {
+        Matrix1::new(1.0)
+    }
+
+    #[inline]
+    fn right_jacobian_inverse(_tangent: &Vector1<f64>) -> Matrix1<f64> {
+        Matrix1::new(1.0)
+    }
+
+    #[inline]
+    fn is_finite(&self) -> bool {
+        self.cos.is_finite() && self.sin.is_finite()
+    }
+}

@@ -1,0 +1,24 @@
+//! Sparse nonlinear least squares for SLAM: bundle adjustment, pose graphs, pose refinement.
+//!
+//! Every problem minimizes ½ Σ ρ(rᵀΩr) over poses, camera parameters and landmarks.
+//! Modules stand on floors, lowest first; a file uses only what stands below it:
+//!
+//! | floor | modules |
+//! |---|---|
+//! | 1 | [`geometry`]: groups with their Jacobians, camera models |
+//! | 2 | `information`, `loss` |
+//! | 3 | `factors` |
+//! | 4 | `problem`: variables, factor batches, gauge, validation |
+//! | 5 | `linear`: block-sparse matrices, orderings, Cholesky |
+//! | 6 | `optimizer`: the trust-region loop |
+//! | 7 | `initialization`: triangulation, spanning tree |
+//! | 8 | `bundle_adjustment`, `pose_graph`, `pose_refinement` |
+//! | 9 | `evaluation`: every cost again, independent of the fast paths |
+//! | 10 | `io`: BAL, g2o, COLMAP, TUM files |
+//!
+//! The crate is synchronous and knows nothing of servers, maps or the wire.
+//! Conventions (frames, tangent order, units) are those of `docs/conventions.md`.
+
+pub mod geometry;
+#[cfg(feature = "testing")]
+pub mod testing;

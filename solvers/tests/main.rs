@@ -1,0 +1,6 @@
+//! Integration tests of the solvers, in one binary: a module a subject.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a failed unwrap is a failed test")]
+#![allow(clippy::print_stdout, reason = "a skipped test says so in one line")]
+
+mod geometry;

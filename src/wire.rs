@@ -1,0 +1,17 @@
+//! The generated code of `proto/covis/v1`: messages, clients and servers.
+//!
+//! Nothing is written here by hand. Only `service/`, `client` and `cli/` may name these types.
+
+#![allow(missing_docs, reason = "the comments stand in the proto files")]
+#![allow(clippy::all, reason = "generated code")]
+#![allow(unreachable_pub, reason = "generated code")]
+
+/// Package `covis.v1`.
+pub mod v1 {
+    #![allow(clippy::large_enum_variant, reason = "generated code")]
+    tonic::include_proto!("covis.v1");
+
+    /// The encoded `FileDescriptorSet` of the package, as reflection serves it.
+    pub const FILE_DESCRIPTOR_SET: &[u8] =
+        include_bytes!(concat!(env!("OUT_DIR"), "/covis.v1.bin"));
+}
