@@ -6,10 +6,10 @@
 //! | floor | modules |
 //! |---|---|
 //! | 1 | [`geometry`]: groups with their Jacobians, camera models |
-//! | 2 | `information`, `loss` |
-//! | 3 | `factors` |
-//! | 4 | `problem`: variables, factor batches, gauge, validation |
-//! | 5 | `linear`: block-sparse matrices, orderings, Cholesky |
+//! | 2 | [`information`], [`loss`] |
+//! | 3 | [`factors`] |
+//! | 4 | [`problem`]: variables, factor batches, gauge, validation |
+//! | 5 | [`linear`]: block-sparse matrices, orderings, Cholesky |
 //! | 6 | `optimizer`: the trust-region loop |
 //! | 7 | `initialization`: triangulation, spanning tree |
 //! | 8 | `bundle_adjustment`, `pose_graph`, `pose_refinement` |
@@ -19,6 +19,11 @@
 //! The crate is synchronous and knows nothing of servers, maps or the wire.
 //! Conventions (frames, tangent order, units) are those of `docs/conventions.md`.
 
+pub mod factors;
 pub mod geometry;
+pub mod information;
+pub mod linear;
+pub mod loss;
+pub mod problem;
 #[cfg(feature = "testing")]
 pub mod testing;

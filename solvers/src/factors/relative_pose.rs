@@ -1,0 +1,52 @@
+//! Relative-pose factor in any group: r = Log(Z⁻¹ · X_i⁻¹ · X_j), Z = `i_from_j` measured.
+//!
+//! With E = Z⁻¹ X_i⁻¹ X_j and right updates, ∂r/∂δ_j = J_r⁻¹(r) and
+//! ∂r/∂δ_i = −J_r⁻¹(r) · Ad(X_j⁻¹ X_i), exact for residuals of any size.
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::geometry::LieGroup;
+use crate::information::Information;
+
+/// A measured relative pose between poses `i` and `j` of group `G` with `N` tangent dimensions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RelativePose<G, const N: usize> {
+    /// Index of pose i.
+    pub i: usize,
+    /// Index of pose j.
+    pub j: usize,
+    /// The measurement Z.
+    pub i_from_j: G,
+    /// Ω over the tangent, translation first.
+    pub information: Information<N>,
+}
+
+/// A residual between two poses with its Jacobians, not yet whitened.
+#[derive(Clone, Copy, Debug)]
+pub struct PairLinearization<const N: usize> {
+    /// The residual in the tangent, translation first.
+    pub residual: SVector<f64, N>,
+    /// ∂r/∂δ_i.
+    pub d_i: SMatrix<f64, N, N>,
+    /// ∂r/∂δ_j.
+    pub d_j: SMatrix<f64, N, N>,
+}
+
+impl<G: LieGroup<N>, const N: usize> RelativePose<G, N> {
+    /// The residual, not whitened.
+    #[must_use]
+    pub fn residual(&self, world_from_i: &G, world_from_j: &G) -> SVector<f64, N> {
+        let i_from_j = world_from_i.inverse().compose(world_from_j);
+        self.i_from_j.inverse().compose(&i_from_j).log()
+    }
+
+    /// The residual with its Jacobians, not whitened.
+    #[must_use]
+    pub fn linearize(&self, world_from_i: &G, world_from_j: &G) -> PairLinearization<N> {
+        let i_from_j = world_from_i.inverse().compose(world_from_j);
+        let residual = self.i_from_j.inverse().compose(&i_from_j).log();
+        let d_j = G::right_jacobian_inverse(&residual);
+        let d_i = -d_j * i_from_j.inverse().adjoint();
+        PairLinearization { residual, d_i, d_j }
+    }
+}

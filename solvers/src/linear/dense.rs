@@ -1,0 +1,152 @@
+//! Dense Cholesky of a block matrix: every block is scattered into one dense lower triangle.
+//!
+//! H + D = L Lᵀ by faer's blocked, in-place factorization, in the caller's order, on one thread
+//! (faer#273: its parallel kernels can corrupt results). Only the lower triangle is touched.
+//! Memory is taken once, at planning. Right for nearly full systems; n³/3 flops whatever the fill.
+
+use std::fmt;
+use std::sync::Arc;
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{self, LltError, LltRegularization};
+use faer::linalg::cholesky::llt::solve;
+use faer::{Mat, MatMut, Par};
+
+use super::cholesky::{check_finite, check_pattern, not_positive_definite, solve_checked};
+use super::error::LinearError;
+use super::matrix::{BlockMatrix, check_added_diagonal};
+use super::pattern::BlockPattern;
+
+/// A dense factorization, to be renewed for each set of values.
+pub struct DenseCholesky {
+    pattern: Arc<BlockPattern>,
+    factor: Mat<f64>,
+    factored: bool,
+    memory: MemBuffer,
+}
+
+impl fmt::Debug for DenseCholesky {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("DenseCholesky")
+            .field("dimension", &self.pattern.dimension())
+            .field("factored", &self.factored)
+            .finish_non_exhaustive()
+    }
+}
+
+impl DenseCholesky {
+    /// Takes the memory for systems on `pattern`.
+    ///
+    /// # Errors
+    /// [`LinearError::OutOfMemory`] where the workspace cannot be had.
+    pub fn new(pattern: Arc<BlockPattern>) -> Result<Self, LinearError> {
+        let dimension = pattern.dimension();
+        if dimension.checked_mul(dimension).is_none_or(|n| n > isize::MAX as usize / 8) {
+            return Err(LinearError::TooLarge { dimension });
+        }
+        let scratch =
+            factor::cholesky_in_place_scratch::<f64>(dimension, Par::Seq, faer::Spec::default())
+                .or(solve::solve_in_place_scratch::<f64>(dimension, 1, Par::Seq));
+        let Ok(memory) = MemBuffer::try_new(scratch) else {
+            return Err(LinearError::OutOfMemory { dimension });
+        };
+        Ok(Self { pattern, factor: Mat::zeros(dimension, dimension), factored: false, memory })
+    }
+
+    /// Factors H + D; `added_diagonal` is D, or empty for zero.
+    ///
+    /// # Errors
+    /// Not positive definite, not finite, or a matrix or diagonal of another shape.
+    pub fn factor(
+        &mut self,
+        matrix: &BlockMatrix,
+        added_diagonal: &[f64],
+    ) -> Result<(), LinearError> {
+        self.factored = false;
+        check_pattern(&self.pattern, matrix)?;
+        check_added_diagonal(self.pattern.dimension(), added_diagonal)?;
+        check_finite(matrix, added_diagonal)?;
+        self.scatter(matrix, added_diagonal);
+        let outcome = factor::cholesky_in_place(
+            self.factor.as_mut(),
+            LltRegularization::default(),
+            Par::Seq,
+            MemStack::new(&mut self.memory),
+            faer::Spec::default(),
+        );
+        if let Err(LltError::NonPositivePivot { index }) = outcome {
+            return Err(not_positive_definite(&self.pattern, index));
+        }
+        for k in 0..self.pattern.dimension() {
+            if !self.factor[(k, k)].is_finite() {
+                return Err(LinearError::NonFinite { block: self.pattern.block_of(k) });
+            }
+        }
+        self.factored = true;
+        Ok(())
+    }
+
+    fn scatter(&mut self, matrix: &BlockMatrix, added_diagonal: &[f64]) {
+        let pattern = self.pattern.as_ref();
+        let dimension = pattern.dimension();
+        for c in 0..dimension {
+            self.factor.col_as_slice_mut(c)[c..].fill(0.0);
+        }
+        for i in 0..pattern.block_count() {
+            let rows = pattern.sizes()[i];
+            if rows == 0 {
+                continue;
+            }
+            let top = pattern.offset(i);
+            for (block, &j) in pattern.row_range(i).zip(pattern.row(i)) {
+                let values = &matrix.values()[pattern.value_range(block)];
+                let left = pattern.offset(j as usize);
+                for (c, column) in values.chunks_exact(rows).enumerate() {
+                    let target = &mut self.factor.col_as_slice_mut(left + c)[top..top + rows];
+                    target.copy_from_slice(column);
+                }
+            }
+        }
+        for (k, added) in added_diagonal.iter().enumerate() {
+            self.factor[(k, k)] += added;
+        }
+    }
+
+    /// Solves in place with the last factor; without one, or with a vector of another length,
+    /// the result is NaN.
+    pub fn solve(&mut self, rhs: &mut [f64]) {
+        let dimension = self.pattern.dimension();
+        if !self.factored || rhs.len() != dimension {
+            debug_assert_eq!(rhs.len(), dimension, "right-hand side of another length");
+            rhs.fill(f64::NAN);
+            return;
+        }
+        solve::solve_in_place(
+            self.factor.as_ref(),
+            MatMut::from_column_major_slice_mut(rhs, dimension, 1),
+            Par::Seq,
+            MemStack::new(&mut self.memory),
+        );
+    }
+
+    /// Solves, measures the residual, refines once if need be; see [`super::Cholesky::solve_checked`].
+    pub fn solve_checked(
+        &mut self,
+        matrix: &BlockMatrix,
+        added_diagonal: &[f64],
+        rhs: &[f64],
+        x: &mut [f64],
+    ) -> f64 {
+        solve_checked(|v| self.solve(v), matrix, added_diagonal, rhs, x)
+    }
+
+    /// Flops of one factorization: n³/3.
+    pub fn factor_flops(&self) -> f64 {
+        (self.pattern.dimension() as f64).powi(3) / 3.0
+    }
+
+    /// The pattern planned for.
+    pub fn pattern(&self) -> &Arc<BlockPattern> {
+        &self.pattern
+    }
+}

@@ -1,0 +1,30 @@
+//! Block-sparse symmetric positive definite systems: pattern, values, ordering, Cholesky.
+//!
+//! Solves (H + D) x = g, where H is symmetric with blocks of any sizes and D is an added
+//! diagonal (the damping of a trust-region loop). The symbolic part (ordering, fill, scatter
+//! map, memory) is computed once for a [`BlockPattern`] and serves every factorization after it.
+//!
+//! - [`pattern`]: which blocks are stored; [`matrix`]: their values.
+//! - [`ordering`]: elimination orders of the block graph and what they cost.
+//! - [`dense`], [`sparse`]: the two factorizations; [`cholesky`]: the choice between them.
+//!
+//! This floor knows nothing of poses, factors or losses. Every factorization runs on the calling
+//! thread and gives the same bits each time.
+
+pub mod cholesky;
+pub mod dense;
+pub mod error;
+pub mod matrix;
+pub mod ordering;
+pub mod pattern;
+pub mod sparse;
+#[cfg(test)]
+mod tests;
+
+pub use cholesky::Cholesky;
+pub use dense::DenseCholesky;
+pub use error::LinearError;
+pub use matrix::{BlockMatrix, BlockRowMut};
+pub use ordering::{BlockOrdering, OrderingMethod, block_order, cheapest_ordering};
+pub use pattern::BlockPattern;
+pub use sparse::SparseCholesky;

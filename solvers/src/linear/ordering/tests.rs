@@ -1,0 +1,101 @@
+//! Orders are permutations, flop counts are those of known graphs, fill is counted exactly.
+
+use super::*;
+
+fn chain(count: usize, size: usize) -> BlockPattern {
+    BlockPattern::new(vec![size; count], (1..count).map(|i| (i, i - 1)))
+}
+
+fn grid(side: usize, size: usize) -> BlockPattern {
+    let at = |x: usize, y: usize| y * side + x;
+    let pairs = (0..side).flat_map(|y| {
+        (0..side).flat_map(move |x| {
+            [
+                (x + 1 < side).then(|| (at(x, y), at(x + 1, y))),
+                (y + 1 < side).then(|| (at(x, y), at(x, y + 1))),
+            ]
+        })
+    });
+    BlockPattern::new(vec![size; side * side], pairs.flatten())
+}
+
+#[test]
+fn chain_costs_what_a_band_costs() {
+    let found = cheapest_ordering(&chain(50, 6));
+    // 49 columns with one block below, the last with none.
+    let expected = 216.0 * (49.0 * (1.0 / 3.0 + 1.0 + 1.0) + 1.0 / 3.0);
+    assert!((found.flops - expected).abs() < 1e-9 * expected);
+    assert_eq!(found.factor_entries, 50.0 * 21.0 + 49.0 * 36.0);
+}
+
+#[test]
+fn full_matrix_costs_a_dense_factorization() {
+    let found = cheapest_ordering(&BlockPattern::full(vec![6; 20]));
+    let dense = 120.0f64.powi(3) / 3.0;
+    // The block count leaves out lower-order terms within a diagonal block only.
+    assert!((found.flops / dense - 1.0).abs() < 0.05, "{} against {dense}", found.flops);
+    assert_eq!(found.order, (0..20).collect::<Vec<u32>>());
+}
+
+#[test]
+fn arrow_is_eliminated_tips_first() {
+    let pattern = BlockPattern::new(vec![3; 40], (1..40).map(|i| (0, i)));
+    let found = cheapest_ordering(&pattern);
+    assert_eq!(found.method, OrderingMethod::MinimumDegree);
+    // No fill: 39 tips with one block below. Eliminating block 0 first would fill everything.
+    assert_eq!(found.factor_entries, 40.0 * 6.0 + 39.0 * 9.0);
+    let natural: Vec<u32> = (0..40).collect();
+    assert!(elimination_flops(&pattern, &natural).unwrap() > 50.0 * found.flops);
+}
+
+#[test]
+fn grid_order_is_a_postordered_permutation_of_the_same_cost() {
+    let pattern = grid(30, 3);
+    let found = cheapest_ordering(&pattern);
+    assert!(inverse_permutation(&found.order, 900).is_some());
+    // Counting the postordered result again must give the same flops and an ordered forest.
+    let again = eliminate(&pattern, &found.order, Bound::NONE).unwrap();
+    assert!((again.flops - found.flops).abs() <= 1e-9 * found.flops);
+    assert_eq!(again.postorder(), (0..900).collect::<Vec<u32>>());
+    let natural: Vec<u32> = (0..900).collect();
+    assert!(found.flops < elimination_flops(&pattern, &natural).unwrap());
+}
+
+#[test]
+fn fill_matches_a_naive_elimination() {
+    let pairs = [(1, 0), (5, 0), (5, 3), (2, 4), (6, 2), (6, 1), (7, 3), (3, 1)];
+    let pattern = BlockPattern::new(vec![2, 3, 1, 4, 2, 6, 3, 2], pairs);
+    for order in [[0, 1, 2, 3, 4, 5, 6, 7], [7, 2, 5, 0, 6, 4, 1, 3]] {
+        let mut adjacent = [[false; 8]; 8];
+        for (a, b) in pairs {
+            (adjacent[a][b], adjacent[b][a]) = (true, true);
+        }
+        let mut expected = 0.0;
+        for (k, &v) in order.iter().enumerate() {
+            let later: Vec<usize> = order[k + 1..]
+                .iter()
+                .map(|&w| w as usize)
+                .filter(|&w| adjacent[v as usize][w])
+                .collect();
+            let b = pattern.sizes()[v as usize] as f64;
+            let h: f64 = later.iter().map(|&w| pattern.sizes()[w] as f64).sum();
+            expected += b * b * b / 3.0 + b * b * h + b * h * h;
+            for &a in &later {
+                for &c in &later {
+                    adjacent[a][c] = a != c;
+                }
+            }
+        }
+        let found = elimination_flops(&pattern, &order).unwrap();
+        assert!((found - expected).abs() < 1e-9 * expected, "{found} against {expected}");
+    }
+}
+
+#[test]
+fn wrong_orders_are_refused_and_nothing_is_an_order_of_nothing() {
+    let pattern = chain(4, 2);
+    assert_eq!(elimination_flops(&pattern, &[0, 1, 2]), None);
+    assert_eq!(elimination_flops(&pattern, &[0, 1, 2, 2]), None);
+    assert_eq!(elimination_flops(&pattern, &[0, 1, 2, 4]), None);
+    assert!(block_order(&BlockPattern::new(Vec::new(), [])).is_empty());
+}

@@ -1,0 +1,172 @@
+//! Block structure of a symmetric matrix: its lower triangle with diagonal, by block row.
+//!
+//! Block (i, j), j ≤ i, has sizes\[i\] rows and sizes\[j\] columns. Blocks are numbered by rows,
+//! columns ascending within a row, so the diagonal block ends its row. The pattern also says where
+//! each block's values begin, so that every matrix on one pattern has one layout.
+//! It holds no values and knows no ordering other than the caller's.
+
+use std::ops::Range;
+
+/// Pairs kept before the first removal of duplicates while a pattern is being built.
+const COMPACTION_START: usize = 1 << 20;
+
+/// Which blocks of a symmetric block matrix are stored.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BlockPattern {
+    /// Rows of each block row.
+    sizes: Vec<usize>,
+    /// First scalar of each block, and the dimension at the end.
+    offsets: Vec<usize>,
+    /// First block of each block row, and the block count at the end.
+    row_starts: Vec<usize>,
+    /// Block column of each block.
+    columns: Vec<u32>,
+    /// First value of each block, and the number of values at the end.
+    value_starts: Vec<usize>,
+}
+
+impl BlockPattern {
+    /// The pattern of the given block `sizes` with the blocks named by `pairs`.
+    ///
+    /// Pairs come in any order, repeated, from either triangle; the diagonal is always stored.
+    /// A pair that names a block out of range is a mistake of the caller: debug builds assert,
+    /// release builds leave it out, and looking the block up later answers `None`.
+    pub fn new(sizes: Vec<usize>, pairs: impl IntoIterator<Item = (usize, usize)>) -> Self {
+        let count = sizes.len();
+        let mut keys: Vec<u64> = (0..count as u64).map(|i| i << 32 | i).collect();
+        let mut limit = COMPACTION_START.max(2 * count);
+        for (a, b) in pairs {
+            debug_assert!(a < count && b < count, "block ({a}, {b}) of {count} blocks");
+            if a < count && b < count && a != b {
+                keys.push((a.max(b) as u64) << 32 | a.min(b) as u64);
+                if keys.len() >= limit {
+                    keys.sort_unstable();
+                    keys.dedup();
+                    limit = COMPACTION_START.max(2 * keys.len());
+                }
+            }
+        }
+        keys.sort_unstable();
+        keys.dedup();
+        let mut row_starts = vec![0; count + 1];
+        for key in &keys {
+            row_starts[(key >> 32) as usize + 1] += 1;
+        }
+        for i in 0..count {
+            row_starts[i + 1] += row_starts[i];
+        }
+        let columns = keys.iter().map(|key| (key & 0xffff_ffff) as u32).collect();
+        Self::assemble(sizes, row_starts, columns)
+    }
+
+    /// The pattern that stores every block of the lower triangle.
+    pub fn full(sizes: Vec<usize>) -> Self {
+        let count = sizes.len();
+        let row_starts = (0..=count).map(|i| i * (i + 1) / 2).collect();
+        let columns = (0..count as u32).flat_map(|i| 0..=i).collect();
+        Self::assemble(sizes, row_starts, columns)
+    }
+
+    fn assemble(sizes: Vec<usize>, row_starts: Vec<usize>, columns: Vec<u32>) -> Self {
+        let mut offsets = Vec::with_capacity(sizes.len() + 1);
+        let mut offset = 0;
+        offsets.push(0);
+        for size in &sizes {
+            offset += size;
+            offsets.push(offset);
+        }
+        let mut value_starts = Vec::with_capacity(columns.len() + 1);
+        let mut start = 0;
+        value_starts.push(0);
+        for i in 0..sizes.len() {
+            for &j in &columns[row_starts[i]..row_starts[i + 1]] {
+                start += sizes[i] * sizes[j as usize];
+                value_starts.push(start);
+            }
+        }
+        Self { sizes, offsets, row_starts, columns, value_starts }
+    }
+
+    /// Number of block rows (and columns).
+    pub fn block_count(&self) -> usize {
+        self.sizes.len()
+    }
+
+    /// Rows of each block row.
+    pub fn sizes(&self) -> &[usize] {
+        &self.sizes
+    }
+
+    /// First scalar row of block `i`; for `i == block_count()` the dimension.
+    pub fn offset(&self, i: usize) -> usize {
+        self.offsets[i]
+    }
+
+    /// Number of scalar rows.
+    pub fn dimension(&self) -> usize {
+        self.offsets[self.sizes.len()]
+    }
+
+    /// Columns j ≤ i of the blocks stored in block row `i`, ascending; the last is `i`.
+    pub fn row(&self, i: usize) -> &[u32] {
+        &self.columns[self.row_range(i)]
+    }
+
+    /// Numbers of the blocks stored in block row `i`, in the order of [`Self::row`].
+    pub fn row_range(&self, i: usize) -> Range<usize> {
+        self.row_starts[i]..self.row_starts[i + 1]
+    }
+
+    /// Number of stored blocks, diagonal included.
+    pub fn stored_block_count(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Number of stored scalars, diagonal blocks in full.
+    pub fn value_count(&self) -> usize {
+        self.value_starts[self.columns.len()]
+    }
+
+    /// Number of block (i, j), or `None` where it is not stored or lies above the diagonal.
+    pub fn find(&self, i: usize, j: usize) -> Option<usize> {
+        if i >= self.block_count() || j > i {
+            return None;
+        }
+        let range = self.row_range(i);
+        self.columns[range.clone()].binary_search(&(j as u32)).ok().map(|k| range.start + k)
+    }
+
+    /// Where the values of stored block number `block` lie in a matrix's value array.
+    pub fn value_range(&self, block: usize) -> Range<usize> {
+        self.value_starts[block]..self.value_starts[block + 1]
+    }
+
+    /// First value of each stored block, and the number of values at the end.
+    pub(crate) fn value_starts(&self) -> &[usize] {
+        &self.value_starts
+    }
+
+    /// Start of each row in the list of stored blocks (compressed form of the pattern).
+    pub(crate) fn row_starts(&self) -> &[usize] {
+        &self.row_starts
+    }
+
+    /// Block column of every stored block, row after row.
+    pub(crate) fn columns(&self) -> &[u32] {
+        &self.columns
+    }
+
+    /// The block that scalar row `scalar` belongs to.
+    pub(crate) fn block_of(&self, scalar: usize) -> usize {
+        self.offsets.partition_point(|&offset| offset <= scalar).saturating_sub(1)
+    }
+
+    /// Stored blocks over all blocks of the lower triangle, in 0..=1; 1 for an empty matrix.
+    pub fn density(&self) -> f64 {
+        let count = self.block_count();
+        if count == 0 {
+            return 1.0;
+        }
+        self.columns.len() as f64 / (count as f64 * (count as f64 + 1.0) / 2.0)
+    }
+}

@@ -1,0 +1,164 @@
+//! A bundle adjustment problem: poses, cameras and landmarks tied by observations.
+//!
+//! Poses are `world_from_camera`, landmarks `point_in_world`. Besides the two observation batches a
+//! problem may hold relative-pose factors, pose priors and position priors, which touch poses only.
+
+use nalgebra::Vector3;
+
+use super::SolveError;
+use super::observations::{check_depth_reprojections, check_reprojections};
+use crate::factors::{
+    DepthReprojectionBatch, PosePrior, PositionPrior, RelativePose, ReprojectionBatch,
+};
+use crate::geometry::{Camera, LieGroup, Se3};
+use crate::loss::Loss;
+
+/// Variables and factors of a bundle adjustment. Every `constant_*` has one flag a variable.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BundleProblem {
+    /// `world_from_camera` of each pose.
+    pub poses: Vec<Se3>,
+    /// Intrinsics; several poses may share one camera.
+    pub cameras: Vec<Camera>,
+    /// `point_in_world` of each landmark, in meters.
+    pub landmarks: Vec<Vector3<f64>>,
+    /// Poses that stay where they are.
+    pub constant_poses: Vec<bool>,
+    /// Cameras whose parameters stay as they are.
+    pub constant_cameras: Vec<bool>,
+    /// Landmarks that stay where they are.
+    pub constant_landmarks: Vec<bool>,
+    /// Observations (u, v).
+    pub reprojections: ReprojectionBatch,
+    /// Observations (u, v, depth).
+    pub depth_reprojections: DepthReprojectionBatch,
+    /// Relative-pose factors between poses.
+    pub relative_poses: Vec<RelativePose<Se3, 6>>,
+    /// Priors on whole poses.
+    pub pose_priors: Vec<PosePrior>,
+    /// Priors on camera positions.
+    pub position_priors: Vec<PositionPrior>,
+    /// The loss of both observation batches.
+    pub observation_loss: Loss,
+    /// The loss of the relative-pose factors.
+    pub relative_pose_loss: Loss,
+}
+
+impl BundleProblem {
+    /// Appends a pose that may move and returns its index.
+    pub fn push_pose(&mut self, world_from_camera: Se3) -> usize {
+        self.poses.push(world_from_camera);
+        self.constant_poses.push(false);
+        self.poses.len() - 1
+    }
+
+    /// Appends a camera and returns its index.
+    pub fn push_camera(&mut self, camera: Camera, constant: bool) -> usize {
+        self.cameras.push(camera);
+        self.constant_cameras.push(constant);
+        self.cameras.len() - 1
+    }
+
+    /// Appends a landmark that may move and returns its index.
+    pub fn push_landmark(&mut self, point_in_world: Vector3<f64>) -> usize {
+        self.landmarks.push(point_in_world);
+        self.constant_landmarks.push(false);
+        self.landmarks.len() - 1
+    }
+
+    /// Observations of both batches together.
+    #[must_use]
+    pub fn observation_count(&self) -> usize {
+        self.reprojections.len() + self.depth_reprojections.len()
+    }
+
+    /// Observations whose landmark is at or behind the camera's center plane (z ≤ 0).
+    #[must_use]
+    pub fn behind_camera_count(&self) -> usize {
+        let behind = |pose: u32, landmark: u32| {
+            let point = &self.landmarks[landmark as usize];
+            self.poses[pose as usize].inverse_transform(point).z <= 0.0
+        };
+        let plain = &self.reprojections;
+        let depth = &self.depth_reprojections;
+        let count = |poses: &[u32], landmarks: &[u32]| {
+            poses.iter().zip(landmarks).filter(|&(&p, &l)| behind(p, l)).count()
+        };
+        count(&plain.poses, &plain.landmarks) + count(&depth.poses, &depth.landmarks)
+    }
+
+    /// Checks that lengths and indices agree and that every number is finite.
+    ///
+    /// # Errors
+    /// The first [`SolveError`] found.
+    pub fn validate(&self) -> Result<(), SolveError> {
+        let length = |what, actual, expected| {
+            if actual == expected {
+                Ok(())
+            } else {
+                Err(SolveError::LengthMismatch { what, actual, expected })
+            }
+        };
+        length("constant_poses", self.constant_poses.len(), self.poses.len())?;
+        length("constant_cameras", self.constant_cameras.len(), self.cameras.len())?;
+        length("constant_landmarks", self.constant_landmarks.len(), self.landmarks.len())?;
+        let finite = |what, position: Option<usize>| match position {
+            None => Ok(()),
+            Some(index) => Err(SolveError::NotFinite { what, index: index as i64 }),
+        };
+        finite("pose", self.poses.iter().position(|p| !p.is_finite()))?;
+        finite("camera", self.cameras.iter().position(|c| !c.is_finite()))?;
+        let bad = self.landmarks.iter().position(|l| !l.iter().all(|x| x.is_finite()));
+        finite("landmark", bad)?;
+        for (field, loss) in [
+            ("observation_loss", self.observation_loss),
+            ("relative_pose_loss", self.relative_pose_loss),
+        ] {
+            if !loss.is_valid() {
+                let reason = "the width must be finite and positive";
+                return Err(SolveError::InvalidOption { field, reason });
+            }
+        }
+        let counts = (self.poses.len(), self.cameras.len(), self.landmarks.len());
+        check_reprojections(&self.reprojections, counts)?;
+        check_depth_reprojections(&self.depth_reprojections, counts)?;
+        self.validate_pose_factors()?;
+        if self.observation_count() == 0 && self.relative_poses.is_empty() {
+            return Err(SolveError::Empty("the problem has no observations"));
+        }
+        Ok(())
+    }
+
+    fn validate_pose_factors(&self) -> Result<(), SolveError> {
+        let count = self.poses.len();
+        let in_range = |factor, index, value| {
+            if value < count {
+                Ok(())
+            } else {
+                let variable = "pose";
+                Err(SolveError::IndexOutOfRange { factor, index, variable, value, count })
+            }
+        };
+        let not_finite = |what, index: usize| SolveError::NotFinite { what, index: index as i64 };
+        for (index, factor) in self.relative_poses.iter().enumerate() {
+            in_range("relative pose", index, factor.i)?;
+            in_range("relative pose", index, factor.j)?;
+            if !factor.i_from_j.is_finite() {
+                return Err(not_finite("relative pose", index));
+            }
+        }
+        for (index, factor) in self.pose_priors.iter().enumerate() {
+            in_range("pose prior", index, factor.pose)?;
+            if !factor.world_from_camera.is_finite() {
+                return Err(not_finite("pose prior", index));
+            }
+        }
+        for (index, factor) in self.position_priors.iter().enumerate() {
+            in_range("position prior", index, factor.pose)?;
+            if !factor.position_in_world.iter().all(|x| x.is_finite()) {
+                return Err(not_finite("position prior", index));
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,14 @@
+//! What is to be solved: variables in structure-of-arrays form, factor batches, constants, gauge.
+//!
+//! A problem is plain data. [`BundleProblem`] holds poses, cameras and landmarks; [`PoseGraph`]
+//! holds poses of one group. `validate` names the first variable or factor that makes a problem
+//! unsolvable as posed; how to solve it stands on higher floors.
+
+mod bundle;
+mod error;
+mod observations;
+mod pose_graph;
+
+pub use bundle::BundleProblem;
+pub use error::SolveError;
+pub use pose_graph::{Piece, PoseGraph};

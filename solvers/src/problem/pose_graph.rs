@@ -1,0 +1,185 @@
+//! A pose graph: poses of one group tied by relative-pose factors.
+//!
+//! A factor between poses i and j with measurement Z = `i_from_j` has the residual
+//! r = Log(Z⁻¹ · X_i⁻¹ · X_j) in the full group logarithm, X = `world_from_pose`.
+
+use std::collections::BTreeMap;
+
+use super::SolveError;
+use crate::factors::RelativePose;
+use crate::geometry::LieGroup;
+use crate::loss::Loss;
+
+/// Poses of one group and the factors between them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PoseGraph<G, const N: usize> {
+    /// The caller's id of each pose; errors name poses by it.
+    pub ids: Vec<i64>,
+    /// `world_from_pose`, the start of a solve and its result.
+    pub poses: Vec<G>,
+    /// Poses that stay where they are (the gauge); one flag a pose.
+    pub constant: Vec<bool>,
+    /// The factors.
+    pub edges: Vec<RelativePose<G, N>>,
+    /// The loss of every factor.
+    pub loss: Loss,
+}
+
+/// A connected component of a graph.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Piece {
+    /// The lowest id in it.
+    pub lowest_id: i64,
+    /// The highest id in it.
+    pub highest_id: i64,
+    /// How many poses it has.
+    pub size: usize,
+}
+
+impl Piece {
+    /// One readable line for a list of pieces, the first five spelled out.
+    #[must_use]
+    pub fn describe(pieces: &[Self]) -> String {
+        let mut parts: Vec<String> = pieces
+            .iter()
+            .take(5)
+            .map(|p| match p.size {
+                1 => format!("vertex {}", p.lowest_id),
+                n => format!("{n} vertices from {} to {}", p.lowest_id, p.highest_id),
+            })
+            .collect();
+        if pieces.len() > parts.len() {
+            parts.push(format!("and {} more", pieces.len() - parts.len()));
+        }
+        parts.join("; ")
+    }
+}
+
+impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
+    /// A graph without poses, with trivial loss.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            ids: Vec::new(),
+            poses: Vec::new(),
+            constant: Vec::new(),
+            edges: Vec::new(),
+            loss: Loss::Trivial,
+        }
+    }
+
+    /// Appends a pose that may move and returns its index.
+    pub fn push_pose(&mut self, id: i64, world_from_pose: G) -> usize {
+        self.ids.push(id);
+        self.poses.push(world_from_pose);
+        self.constant.push(false);
+        self.poses.len() - 1
+    }
+
+    /// Holds the pose with the lowest id fixed, the convention for graph files.
+    pub fn fix_lowest_id(&mut self) {
+        if let Some((index, _)) = self.ids.iter().enumerate().min_by_key(|&(_, id)| *id) {
+            self.constant[index] = true;
+        }
+    }
+
+    /// Checks that lengths and indices agree, ids are unique, every number is finite and the graph
+    /// is in one piece (counting all constant poses as one, since each of them is a gauge).
+    ///
+    /// # Errors
+    /// The first [`SolveError`] found.
+    pub fn validate(&self) -> Result<(), SolveError> {
+        let count = self.poses.len();
+        for (what, actual) in [("ids", self.ids.len()), ("constant", self.constant.len())] {
+            if actual != count {
+                return Err(SolveError::LengthMismatch { what, actual, expected: count });
+            }
+        }
+        if self.edges.is_empty() {
+            return Err(SolveError::Empty("the graph has no edges"));
+        }
+        if !self.loss.is_valid() {
+            return Err(SolveError::InvalidOption {
+                field: "loss",
+                reason: "the width must be finite and positive",
+            });
+        }
+        let mut index_of = BTreeMap::new();
+        for (index, (&id, pose)) in self.ids.iter().zip(&self.poses).enumerate() {
+            if index_of.insert(id, index).is_some() {
+                return Err(SolveError::DuplicateId { what: "pose", id });
+            }
+            if !pose.is_finite() {
+                return Err(SolveError::NotFinite { what: "pose", index: id });
+            }
+        }
+        for (index, edge) in self.edges.iter().enumerate() {
+            for value in [edge.i, edge.j] {
+                if value >= count {
+                    return Err(SolveError::IndexOutOfRange {
+                        factor: "edge",
+                        index,
+                        variable: "pose",
+                        value,
+                        count,
+                    });
+                }
+            }
+            if !edge.i_from_j.is_finite() {
+                return Err(SolveError::NotFinite { what: "edge", index: index as i64 });
+            }
+        }
+        let pieces = self.pieces();
+        if pieces.len() > 1 {
+            return Err(SolveError::Disconnected { pieces });
+        }
+        Ok(())
+    }
+
+    /// The connected components, the one with the lowest id first. Constant poses hang together.
+    #[must_use]
+    pub fn pieces(&self) -> Vec<Piece> {
+        let mut parent: Vec<usize> = (0..self.poses.len()).collect();
+        let mut join = |a: usize, b: usize| {
+            let (a, b) = (root(&mut parent, a), root(&mut parent, b));
+            parent[a.max(b)] = a.min(b);
+        };
+        for edge in &self.edges {
+            join(edge.i, edge.j);
+        }
+        if let Some(first) = self.constant.iter().position(|&c| c) {
+            for (index, _) in self.constant.iter().enumerate().filter(|&(_, &c)| c) {
+                join(first, index);
+            }
+        }
+        let mut pieces: BTreeMap<usize, Piece> = BTreeMap::new();
+        for (index, &id) in self.ids.iter().enumerate() {
+            let piece = pieces.entry(root(&mut parent, index)).or_insert(Piece {
+                lowest_id: id,
+                highest_id: id,
+                size: 0,
+            });
+            piece.lowest_id = piece.lowest_id.min(id);
+            piece.highest_id = piece.highest_id.max(id);
+            piece.size += 1;
+        }
+        let mut pieces: Vec<Piece> = pieces.into_values().collect();
+        pieces.sort_by_key(|p| p.lowest_id);
+        pieces
+    }
+}
+
+impl<G: LieGroup<N>, const N: usize> Default for PoseGraph<G, N> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// The root of `index` in a union-find forest, halving paths on the way.
+fn root(parent: &mut [usize], mut index: usize) -> usize {
+    while parent[index] != index {
+        parent[index] = parent[parent[index]];
+        index = parent[index];
+    }
+    index
+}
