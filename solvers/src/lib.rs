@@ -10,20 +10,27 @@
 //! | 3 | [`factors`] |
 //! | 4 | [`problem`]: variables, factor batches, gauge, validation |
 //! | 5 | [`linear`]: block-sparse matrices, orderings, Cholesky |
-//! | 6 | `optimizer`: the trust-region loop |
-//! | 7 | `initialization`: triangulation, spanning tree |
-//! | 8 | `bundle_adjustment`, `pose_graph`, `pose_refinement` |
-//! | 9 | `evaluation`: every cost again, independent of the fast paths |
-//! | 10 | `io`: BAL, g2o, COLMAP, TUM files |
+//! | 6 | [`optimizer`]: the trust-region loop |
+//! | 7 | [`initialization`]: triangulation, spanning tree |
+//! | 8 | [`bundle_adjustment`], [`pose_graph`], [`pose_refinement`] |
+//! | 9 | [`evaluation`]: every cost again, independent of the fast paths |
+//! | 10 | [`io`]: BAL, g2o, COLMAP, TUM files |
 //!
 //! The crate is synchronous and knows nothing of servers, maps or the wire.
 //! Conventions (frames, tangent order, units) are those of `docs/conventions.md`.
 
+pub mod bundle_adjustment;
+pub mod evaluation;
 pub mod factors;
 pub mod geometry;
 pub mod information;
+pub mod initialization;
+pub mod io;
 pub mod linear;
 pub mod loss;
+pub mod optimizer;
+pub mod pose_graph;
+pub mod pose_refinement;
 pub mod problem;
 #[cfg(feature = "testing")]
 pub mod testing;

@@ -3,6 +3,12 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a failed unwrap is a failed test")]
 #![allow(clippy::print_stdout, reason = "a skipped test says so in one line")]
 
+mod bundle_adjustment;
+mod evaluation;
 mod factors;
 mod geometry;
+mod io;
 mod linear;
+mod pose_graph;
+mod pose_refinement;
+mod triangulation;

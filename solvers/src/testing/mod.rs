@@ -6,6 +6,8 @@
 pub mod jacobian;
 pub mod laws;
 pub mod random;
+pub mod scene;
 
 pub use jacobian::{JacobianMismatch, assert_jacobian, central_difference, check_jacobian};
 pub use laws::{assert_group_laws, assert_tangent_laws};
+pub use scene::{Scene, SceneObservation, SceneOptions};

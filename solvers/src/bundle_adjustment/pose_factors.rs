@@ -1,0 +1,132 @@
+//! Factors that touch poses only: relative poses, pose priors, position priors.
+//!
+//! They enter the reduced camera system directly. There are few of them, so they are summed in
+//! order on one thread.
+
+use nalgebra::{SMatrix, SVector};
+
+use super::layout::{Layout, NO_BLOCK};
+use crate::factors::RelativePose;
+use crate::geometry::Se3;
+use crate::information::Information;
+use crate::linear::BlockMatrix;
+use crate::problem::BundleProblem;
+
+/// Pairs of blocks that a relative-pose factor ties together.
+pub(super) fn block_pairs(problem: &BundleProblem, layout: &Layout) -> Vec<(usize, usize)> {
+    let block = |pose: usize| layout.pose_block[pose];
+    problem
+        .relative_poses
+        .iter()
+        .map(|f| (block(f.i), block(f.j)))
+        .filter(|&(i, j)| i != NO_BLOCK && j != NO_BLOCK)
+        .map(|(i, j)| (i as usize, j as usize))
+        .collect()
+}
+
+/// ½ Σ ρ over all pose factors.
+pub(super) fn cost(problem: &BundleProblem) -> f64 {
+    let poses = &problem.poses;
+    let mut sum = 0.0;
+    for factor in &problem.relative_poses {
+        let residual = factor.residual(&poses[factor.i], &poses[factor.j]);
+        let s = factor.information.squared_norm(&residual);
+        sum += problem.relative_pose_loss.evaluate(s).rho;
+    }
+    for factor in &problem.pose_priors {
+        let (residual, _) = factor.linearize(&poses[factor.pose]);
+        sum += factor.information.squared_norm(&residual);
+    }
+    for factor in &problem.position_priors {
+        let (residual, _) = factor.linearize(&poses[factor.pose]);
+        sum += factor.information.squared_norm(&residual);
+    }
+    0.5 * sum
+}
+
+/// Adds H and g of all pose factors.
+pub(super) fn linearize(
+    problem: &BundleProblem,
+    layout: &Layout,
+    hessian: &mut BlockMatrix,
+    gradient: &mut [f64],
+) {
+    let mut sink = Sink { layout, hessian, gradient };
+    for factor in &problem.relative_poses {
+        sink.relative_pose(problem, factor);
+    }
+    for factor in &problem.pose_priors {
+        let (residual, d_pose) = factor.linearize(&problem.poses[factor.pose]);
+        sink.prior(factor.pose, &factor.information, &residual, &d_pose);
+    }
+    for factor in &problem.position_priors {
+        let (residual, d_pose) = factor.linearize(&problem.poses[factor.pose]);
+        sink.prior(factor.pose, &factor.information, &residual, &d_pose);
+    }
+}
+
+struct Sink<'a> {
+    layout: &'a Layout,
+    hessian: &'a mut BlockMatrix,
+    gradient: &'a mut [f64],
+}
+
+impl Sink<'_> {
+    fn relative_pose(&mut self, problem: &BundleProblem, factor: &RelativePose<Se3, 6>) {
+        let lin = factor.linearize(&problem.poses[factor.i], &problem.poses[factor.j]);
+        let s = factor.information.squared_norm(&lin.residual);
+        let weight = problem.relative_pose_loss.evaluate(s).weight;
+        let omega = factor.information.matrix() * weight;
+        let (i, j) = (self.layout.pose_block[factor.i], self.layout.pose_block[factor.j]);
+        let (left_i, left_j) = (lin.d_i.transpose() * omega, lin.d_j.transpose() * omega);
+        self.add_gradient(i, &(left_i * lin.residual));
+        self.add_gradient(j, &(left_j * lin.residual));
+        self.add_block(i, i, &(left_i * lin.d_i));
+        self.add_block(j, j, &(left_j * lin.d_j));
+        if i == j {
+            let cross = left_i * lin.d_j;
+            self.add_block(i, i, &(cross + cross.transpose()));
+        } else if i > j {
+            self.add_block(i, j, &(left_i * lin.d_j));
+        } else {
+            self.add_block(j, i, &(left_j * lin.d_i));
+        }
+    }
+
+    fn prior<const R: usize>(
+        &mut self,
+        pose: usize,
+        information: &Information<R>,
+        residual: &SVector<f64, R>,
+        d_pose: &SMatrix<f64, R, 6>,
+    ) {
+        let block = self.layout.pose_block[pose];
+        let left = d_pose.transpose() * information.matrix();
+        self.add_gradient(block, &(left * residual));
+        self.add_block(block, block, &(left * d_pose));
+    }
+
+    fn add_gradient(&mut self, block: u32, values: &SVector<f64, 6>) {
+        if block == NO_BLOCK {
+            return;
+        }
+        let offset = self.hessian.pattern().offset(block as usize);
+        for (entry, value) in self.gradient[offset..offset + 6].iter_mut().zip(values.iter()) {
+            *entry += value;
+        }
+    }
+
+    fn add_block(&mut self, row: u32, column: u32, values: &SMatrix<f64, 6, 6>) {
+        if row == NO_BLOCK || column == NO_BLOCK {
+            return;
+        }
+        let stride = self.layout.block_sizes[row as usize];
+        if let Some(block) = self.hessian.block_mut(row as usize, column as usize) {
+            for c in 0..6 {
+                for r in 0..6 {
+                    block[c * stride + r] += values[(r, c)];
+                }
+            }
+        }
+    }
+}

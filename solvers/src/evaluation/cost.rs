@@ -1,0 +1,228 @@
+//! Costs of whole problems, by kind of factor.
+//!
+//! Cost = ½ Σ ρ(rᵀΩr) with the problem's losses (priors take none). Observations behind the camera
+//! count in the cost and are counted apart. Indices out of range make the cost NaN: whether a problem
+//! is well posed is the business of its `validate`.
+
+use nalgebra::{SVector, Vector3};
+
+use super::camera::project;
+use super::reference::{ReferencePose, Rigid, prior_residual};
+use super::sum::CompensatedSum;
+use crate::factors::RelativePose;
+use crate::information::Information;
+use crate::loss::Loss;
+use crate::problem::{BundleProblem, PoseGraph};
+
+/// One kind of factor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FactorCost {
+    /// How many factors of this kind there are.
+    pub count: usize,
+    /// Their cost, losses applied.
+    pub cost: f64,
+}
+
+/// The cost of a problem.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CostReport {
+    /// The whole cost.
+    pub total: f64,
+    /// Observations (u, v).
+    pub reprojection: FactorCost,
+    /// Observations (u, v, depth).
+    pub depth_reprojection: FactorCost,
+    /// Relative poses.
+    pub relative_pose: FactorCost,
+    /// Priors on poses.
+    pub pose_prior: FactorCost,
+    /// Priors on positions.
+    pub position_prior: FactorCost,
+    /// √(Σ ‖(u, v) − measured‖² / N) over the N observations of both kinds, in pixels; no loss, no
+    /// sigma. 0 without observations.
+    pub rmse_px: f64,
+    /// Observations whose landmark is at or behind the camera's center plane (z ≤ 0).
+    pub behind_camera: usize,
+}
+
+impl CostReport {
+    fn add_up(mut self) -> Self {
+        let mut total = CompensatedSum::default();
+        for part in [
+            self.reprojection,
+            self.depth_reprojection,
+            self.relative_pose,
+            self.pose_prior,
+            self.position_prior,
+        ] {
+            total.add(part.cost);
+        }
+        self.total = total.value();
+        self
+    }
+}
+
+/// Collects the costs of one kind of factor.
+#[derive(Default)]
+struct Tally {
+    count: usize,
+    sum: CompensatedSum,
+}
+
+impl Tally {
+    /// Adds a factor with squared whitened norm `s`.
+    fn add(&mut self, loss: Loss, s: f64) {
+        self.count += 1;
+        self.sum.add(0.5 * loss.evaluate(s).rho);
+    }
+
+    fn cost(&self) -> FactorCost {
+        FactorCost { count: self.count, cost: self.sum.value() }
+    }
+}
+
+/// The cost of a pose graph in SE(2) or SE(3).
+#[must_use]
+pub fn pose_graph_cost<G: ReferencePose<N>, const N: usize>(graph: &PoseGraph<G, N>) -> CostReport {
+    let relative_pose = relative_poses(&graph.edges, &graph.poses, graph.loss);
+    CostReport { relative_pose, ..CostReport::default() }.add_up()
+}
+
+/// The cost of a bundle adjustment problem.
+#[must_use]
+pub fn bundle_cost(problem: &BundleProblem) -> CostReport {
+    let mut pixels = PixelStatistics::default();
+    let reprojection = reprojections(problem, &mut pixels);
+    let depth_reprojection = depth_reprojections(problem, &mut pixels);
+    let relative_pose =
+        relative_poses(&problem.relative_poses, &problem.poses, problem.relative_pose_loss);
+    let mut pose_prior = Tally::default();
+    for prior in &problem.pose_priors {
+        let s = problem.poses.get(prior.pose).map_or(f64::NAN, |pose| {
+            let residual = prior_residual(&prior.world_from_camera, pose);
+            quadratic_form(&prior.information, &residual)
+        });
+        pose_prior.add(Loss::Trivial, s);
+    }
+    let mut position_prior = Tally::default();
+    for prior in &problem.position_priors {
+        let s = problem.poses.get(prior.pose).map_or(f64::NAN, |pose| {
+            let residual = pose.translation - prior.position_in_world;
+            quadratic_form(&prior.information, &residual)
+        });
+        position_prior.add(Loss::Trivial, s);
+    }
+    CostReport {
+        total: 0.0,
+        reprojection,
+        depth_reprojection,
+        relative_pose,
+        pose_prior: pose_prior.cost(),
+        position_prior: position_prior.cost(),
+        rmse_px: pixels.rmse_px(),
+        behind_camera: pixels.behind_camera,
+    }
+    .add_up()
+}
+
+/// Pixel errors of both kinds of observations.
+#[derive(Default)]
+struct PixelStatistics {
+    count: usize,
+    squares: CompensatedSum,
+    behind_camera: usize,
+}
+
+impl PixelStatistics {
+    fn add(&mut self, squared_error: f64, depth: f64) {
+        self.count += 1;
+        self.squares.add(squared_error);
+        self.behind_camera += usize::from(depth <= 0.0);
+    }
+
+    fn rmse_px(&self) -> f64 {
+        if self.count == 0 { 0.0 } else { (self.squares.value() / self.count as f64).sqrt() }
+    }
+}
+
+/// Plain forms of the problem's poses, made once.
+fn rigids(problem: &BundleProblem) -> Vec<Rigid> {
+    problem.poses.iter().map(Rigid::of).collect()
+}
+
+/// The pixel error (squared) and the depth of one observation; NaN where an index has no variable.
+fn observe(
+    problem: &BundleProblem,
+    rigids: &[Rigid],
+    [pose, camera, landmark]: [u32; 3],
+    pixel: [f64; 2],
+) -> (f64, f64) {
+    let variables = (
+        rigids.get(pose as usize),
+        problem.cameras.get(camera as usize),
+        problem.landmarks.get(landmark as usize),
+    );
+    let (Some(pose), Some(camera), Some(landmark)) = variables else {
+        return (f64::NAN, f64::NAN);
+    };
+    let point_in_camera: Vector3<f64> = pose.to_local(landmark);
+    let [u, v] = project(camera, &point_in_camera);
+    let (du, dv) = (u - pixel[0], v - pixel[1]);
+    (du * du + dv * dv, point_in_camera.z)
+}
+
+fn reprojections(problem: &BundleProblem, pixels: &mut PixelStatistics) -> FactorCost {
+    let (batch, rigids) = (&problem.reprojections, rigids(problem));
+    let mut tally = Tally::default();
+    for k in 0..batch.len() {
+        let indices = [batch.poses[k], batch.cameras[k], batch.landmarks[k]];
+        let (error, depth) = observe(problem, &rigids, indices, batch.pixels[k].into());
+        pixels.add(error, depth);
+        tally.add(problem.observation_loss, error / batch.sigmas_px[k].powi(2));
+    }
+    tally.cost()
+}
+
+fn depth_reprojections(problem: &BundleProblem, pixels: &mut PixelStatistics) -> FactorCost {
+    let (batch, rigids) = (&problem.depth_reprojections, rigids(problem));
+    let mut tally = Tally::default();
+    for k in 0..batch.len() {
+        let indices = [batch.poses[k], batch.cameras[k], batch.landmarks[k]];
+        let (error, depth) = observe(problem, &rigids, indices, batch.pixels[k].into());
+        pixels.add(error, depth);
+        let depth_error = (depth - batch.depths_m[k]) / batch.sigmas_depth_m[k];
+        let s = error / batch.sigmas_px[k].powi(2) + depth_error * depth_error;
+        tally.add(problem.observation_loss, s);
+    }
+    tally.cost()
+}
+
+fn relative_poses<G: ReferencePose<N>, const N: usize>(
+    edges: &[RelativePose<G, N>],
+    poses: &[G],
+    loss: Loss,
+) -> FactorCost {
+    let mut tally = Tally::default();
+    for edge in edges {
+        let s = match (poses.get(edge.i), poses.get(edge.j)) {
+            (Some(a), Some(b)) => {
+                let residual = G::reference_residual(&edge.i_from_j, a, b);
+                quadratic_form(&edge.information, &residual)
+            }
+            (None, _) | (_, None) => f64::NAN,
+        };
+        tally.add(loss, s);
+    }
+    tally.cost()
+}
+
+/// rᵀΩr, summed entry by entry.
+fn quadratic_form<const N: usize>(information: &Information<N>, r: &SVector<f64, N>) -> f64 {
+    let mut sum = CompensatedSum::default();
+    for row in 0..N {
+        for column in 0..N {
+            sum.add(information.matrix()[(row, column)] * r[row] * r[column]);
+        }
+    }
+    sum.value()
+}

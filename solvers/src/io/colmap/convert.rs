@@ -1,0 +1,193 @@
+//! COLMAP models to bundle adjustment problems and back.
+//!
+//! Poses stand in the natural order of image names, cameras and landmarks by id. Keypoints without
+//! a 3D point are no observations; they stay in the model. A camera that no image uses and a point
+//! that no image sees are constant, so that the problem has no variable without a factor.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use nalgebra::{Vector2, Vector3};
+
+use super::super::rotation::{from_xyzw, to_xyzw};
+use super::super::{IoError, Place, natural_cmp};
+use super::camera::PIXEL_CENTER;
+use super::{ColmapImage, ColmapKeypoint, ColmapModel, ColmapPoint};
+use crate::geometry::{LieGroup, Se3};
+use crate::problem::BundleProblem;
+
+/// A problem with the ids of its variables in the COLMAP model.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ColmapProblem {
+    /// The problem; sigma is 1 px.
+    pub problem: BundleProblem,
+    /// Image id of each pose, in natural order of the names.
+    pub image_ids: Vec<u32>,
+    /// Id of each camera, ascending.
+    pub camera_ids: Vec<u32>,
+    /// Id of each landmark, ascending.
+    pub point_ids: Vec<u64>,
+    /// Index of each observation's keypoint in its image.
+    pub keypoints: Vec<u32>,
+}
+
+impl ColmapImage {
+    /// An image without keypoints.
+    #[must_use]
+    pub fn new(name: String, camera: u32, world_from_camera: &Se3) -> Self {
+        let mut image = Self {
+            quaternion_wxyz: [1.0, 0.0, 0.0, 0.0],
+            translation: [0.0; 3],
+            camera,
+            name,
+            keypoints: Vec::new(),
+        };
+        image.set_world_from_camera(world_from_camera);
+        image
+    }
+
+    /// Sets the pose.
+    pub fn set_world_from_camera(&mut self, world_from_camera: &Se3) {
+        let camera_from_world = world_from_camera.inverse();
+        let [x, y, z, w] = to_xyzw(&camera_from_world.rotation);
+        self.quaternion_wxyz = [w, x, y, z];
+        self.translation = camera_from_world.translation.into();
+    }
+
+    /// The pose; `None` where the quaternion's norm is off by more than 1e-3.
+    #[must_use]
+    pub fn world_from_camera(&self) -> Option<Se3> {
+        let [w, x, y, z] = self.quaternion_wxyz;
+        let rotation = from_xyzw(&[x, y, z, w], || Place::record(Path::new("image"), 0)).ok()?;
+        Some(Se3::new(rotation, self.translation.into()).inverse())
+    }
+}
+
+impl ColmapKeypoint {
+    /// The pixel (u, v), the first pixel's center at (0, 0).
+    #[must_use]
+    pub fn pixel(&self) -> Vector2<f64> {
+        Vector2::new(self.x - PIXEL_CENTER, self.y - PIXEL_CENTER)
+    }
+}
+
+impl ColmapPoint {
+    /// A point that no image observes yet.
+    #[must_use]
+    pub fn new(point_in_world: &Vector3<f64>, color: [u8; 3]) -> Self {
+        Self { position: (*point_in_world).into(), color, error: -1.0, track: Vec::new() }
+    }
+}
+
+impl ColmapModel {
+    /// Adds an observation at `pixel` (u, v), the first pixel's center at (0, 0), as a keypoint of
+    /// its image and an entry of its point's track.
+    ///
+    /// # Errors
+    /// [`IoError::UnknownId`] where the model does not hold the image or the point.
+    pub fn push_observation(
+        &mut self,
+        image: u32,
+        pixel: &Vector2<f64>,
+        point: u64,
+    ) -> Result<(), IoError> {
+        let unknown = |field, id| IoError::UnknownId {
+            place: Place::record(Path::new("observation"), point),
+            field,
+            id,
+        };
+        let observed = self.points.get_mut(&point).ok_or_else(|| unknown("point", point as i64))?;
+        let observer = self.images.get_mut(&image).ok_or_else(|| unknown("image", image.into()))?;
+        observed.track.push((image, observer.keypoints.len() as u32));
+        let (x, y) = (pixel.x + PIXEL_CENTER, pixel.y + PIXEL_CENTER);
+        observer.keypoints.push(ColmapKeypoint { x, y, point: Some(point) });
+        Ok(())
+    }
+
+    /// The bundle adjustment problem in covis' conventions, all used variables free.
+    ///
+    /// # Errors
+    /// [`IoError::UnsupportedCamera`]; for a model that was not parsed but filled by hand also
+    /// [`IoError::UnknownId`] and [`IoError::BadQuaternion`], naming the record by its id.
+    pub fn to_problem(&self) -> Result<ColmapProblem, IoError> {
+        let place = |id: u32| Place::record(Path::new("image"), id.into());
+        let mut out = ColmapProblem::default();
+        let mut camera_index = BTreeMap::new();
+        for (&id, camera) in &self.cameras {
+            let index = out.problem.push_camera(camera.to_camera(id)?, true);
+            camera_index.insert(id, index);
+            out.camera_ids.push(id);
+        }
+        let mut point_index = BTreeMap::new();
+        for (&id, point) in &self.points {
+            let index = out.problem.push_landmark(point.position.into());
+            out.problem.constant_landmarks[index] = true;
+            point_index.insert(id, index);
+            out.point_ids.push(id);
+        }
+        let mut images: Vec<(u32, &ColmapImage)> =
+            self.images.iter().map(|(&i, m)| (i, m)).collect();
+        images.sort_by(|a, b| natural_cmp(&a.1.name, &b.1.name).then(a.0.cmp(&b.0)));
+        for (id, image) in images {
+            let norm = image.quaternion_wxyz.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let bad_quaternion = || IoError::BadQuaternion { place: place(id), norm };
+            let pose = image.world_from_camera().ok_or_else(bad_quaternion)?;
+            let pose = out.problem.push_pose(pose);
+            out.image_ids.push(id);
+            let unknown =
+                |field, missing| IoError::UnknownId { place: place(id), field, id: missing };
+            let &camera = camera_index
+                .get(&image.camera)
+                .ok_or_else(|| unknown("camera", image.camera.into()))?;
+            for (k, keypoint) in image.keypoints.iter().enumerate() {
+                let Some(point) = keypoint.point else { continue };
+                let &landmark =
+                    point_index.get(&point).ok_or_else(|| unknown("point", point as i64))?;
+                let (p, c, l) = (pose as u32, camera as u32, landmark as u32);
+                out.problem.reprojections.push(p, c, l, keypoint.pixel(), 1.0);
+                out.problem.constant_cameras[camera] = false;
+                out.problem.constant_landmarks[landmark] = false;
+                out.keypoints.push(k as u32);
+            }
+        }
+        Ok(out)
+    }
+
+    /// Takes poses, intrinsics and points of a problem that [`ColmapModel::to_problem`] made.
+    /// A camera keeps its model where that represents it exactly. Points' stored errors become
+    /// unknown (−1).
+    ///
+    /// # Errors
+    /// [`IoError::UnknownId`] or [`IoError::SizeMismatch`] where the two do not belong together;
+    /// the model is then partly updated.
+    pub fn update_from(&mut self, solved: &ColmapProblem) -> Result<(), IoError> {
+        let ColmapProblem { problem, image_ids, camera_ids, point_ids, .. } = solved;
+        for (what, actual, expected) in [
+            ("poses", problem.poses.len(), image_ids.len()),
+            ("cameras", problem.cameras.len(), camera_ids.len()),
+            ("landmarks", problem.landmarks.len(), point_ids.len()),
+        ] {
+            if actual != expected {
+                return Err(IoError::SizeMismatch { what, actual, expected });
+            }
+        }
+        let unknown = |field, id: u64| {
+            let place = Place::record(Path::new("problem"), id);
+            IoError::UnknownId { place, field, id: id as i64 }
+        };
+        for (&id, pose) in image_ids.iter().zip(&problem.poses) {
+            let image = self.images.get_mut(&id).ok_or_else(|| unknown("image", id.into()))?;
+            image.set_world_from_camera(pose);
+        }
+        for (&id, camera) in camera_ids.iter().zip(&problem.cameras) {
+            let slot = self.cameras.get_mut(&id).ok_or_else(|| unknown("camera", id.into()))?;
+            *slot = slot.updated(camera);
+        }
+        for (&id, landmark) in point_ids.iter().zip(&problem.landmarks) {
+            let point = self.points.get_mut(&id).ok_or_else(|| unknown("point", id))?;
+            point.position = (*landmark).into();
+            point.error = -1.0;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,232 @@
+//! COLMAP sparse models: cameras, images and points of a folder, text or binary.
+//!
+//! The structs hold the file's own numbers: camera_from_world as a quaternion (w, x, y, z) and a
+//! translation, pixels with the center of the first pixel at (0.5, 0.5). Converting to a problem
+//! inverts the pose and subtracts 0.5 px from principal points and observations; converting back
+//! adds it. Files of newer versions that repeat the poses (rigs, frames) are neither read nor made.
+
+mod binary;
+mod camera;
+mod convert;
+mod text;
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+pub use camera::{ColmapCamera, ColmapCameraModel};
+pub use convert::ColmapProblem;
+
+use super::{IoError, Place, files};
+
+/// How the three files are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ColmapEncoding {
+    /// `cameras.txt`, `images.txt`, `points3D.txt`.
+    Text,
+    /// `cameras.bin`, `images.bin`, `points3D.bin`.
+    Binary,
+}
+
+impl ColmapEncoding {
+    /// Names of the files of cameras, images and points.
+    #[must_use]
+    pub fn file_names(self) -> [&'static str; 3] {
+        match self {
+            Self::Text => ["cameras.txt", "images.txt", "points3D.txt"],
+            Self::Binary => ["cameras.bin", "images.bin", "points3D.bin"],
+        }
+    }
+}
+
+/// A point in an image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColmapKeypoint {
+    /// Column in pixels, the first pixel's center at 0.5.
+    pub x: f64,
+    /// Row in pixels, the first pixel's center at 0.5.
+    pub y: f64,
+    /// The 3D point that it observes.
+    pub point: Option<u64>,
+}
+
+/// An image with its pose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColmapImage {
+    /// Rotation of camera_from_world, (w, x, y, z).
+    pub quaternion_wxyz: [f64; 4],
+    /// Translation of camera_from_world.
+    pub translation: [f64; 3],
+    /// Id of its camera.
+    pub camera: u32,
+    /// File name.
+    pub name: String,
+    /// Its keypoints, also those without a 3D point.
+    pub keypoints: Vec<ColmapKeypoint>,
+}
+
+/// A 3D point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ColmapPoint {
+    /// Position in the world frame.
+    pub position: [f64; 3],
+    /// Red, green, blue.
+    pub color: [u8; 3],
+    /// Mean reprojection error in pixels; −1 where it is not known.
+    pub error: f64,
+    /// Observations as (image id, index of the keypoint in the image).
+    pub track: Vec<(u32, u32)>,
+}
+
+/// A sparse model.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ColmapModel {
+    /// Cameras by id.
+    pub cameras: BTreeMap<u32, ColmapCamera>,
+    /// Images by id.
+    pub images: BTreeMap<u32, ColmapImage>,
+    /// Points by id.
+    pub points: BTreeMap<u64, ColmapPoint>,
+}
+
+impl ColmapModel {
+    /// Reads the model in a folder, binary if `cameras.bin` is there, else text.
+    ///
+    /// # Errors
+    /// [`IoError::MissingFile`], [`IoError::Read`], and those of [`ColmapModel::parse`].
+    pub fn read(folder: &Path) -> Result<Self, IoError> {
+        let has = |e: &ColmapEncoding| folder.join(e.file_names()[0]).is_file();
+        let encodings = [ColmapEncoding::Binary, ColmapEncoding::Text];
+        let Some(encoding) = encodings.into_iter().find(has) else {
+            let what = "cameras.bin or cameras.txt";
+            return Err(IoError::MissingFile { path: folder.to_owned(), what });
+        };
+        let [cameras, images, points] = encoding.file_names().map(|f| files::read(&folder.join(f)));
+        Self::parse(encoding, [&cameras?, &images?, &points?], folder)
+    }
+
+    /// Parses the bytes of the three files: cameras, images, points. `folder` names them in errors.
+    ///
+    /// # Errors
+    /// With line or byte: what is truncated, malformed, not finite or follows the end, a count that
+    /// the file cannot hold, an unknown camera model, a quaternion whose norm is off by more than
+    /// 1e-3, an id that stands twice or does not exist.
+    pub fn parse(
+        encoding: ColmapEncoding,
+        [cameras, images, points]: [&[u8]; 3],
+        folder: &Path,
+    ) -> Result<Self, IoError> {
+        let [camera_path, image_path, point_path] = encoding.file_names().map(|f| folder.join(f));
+        let mut model = Self::default();
+        match encoding {
+            ColmapEncoding::Text => {
+                text::parse_cameras(&mut model, cameras, &camera_path)?;
+                text::parse_points(&mut model, points, &point_path)?;
+                text::parse_images(&mut model, images, &image_path)?;
+            }
+            ColmapEncoding::Binary => {
+                binary::parse_cameras(&mut model, cameras, &camera_path)?;
+                binary::parse_points(&mut model, points, &point_path)?;
+                binary::parse_images(&mut model, images, &image_path)?;
+            }
+        }
+        model.check_tracks(&point_path)?;
+        Ok(model)
+    }
+
+    /// Writes the three files into a folder, which is made if need be. Files of the other encoding
+    /// that stand there are left alone.
+    ///
+    /// # Errors
+    /// [`IoError::Write`], and those of [`ColmapModel::to_files`].
+    pub fn write(&self, folder: &Path, encoding: ColmapEncoding) -> Result<(), IoError> {
+        files::create_folder(folder)?;
+        for (name, bytes) in self.to_files(encoding)? {
+            files::write(&folder.join(name), &bytes)?;
+        }
+        Ok(())
+    }
+
+    /// The names and bytes of the three files. Reading them gives the same numbers.
+    ///
+    /// # Errors
+    /// [`IoError::UnwritableText`] where an image's name does not survive the format.
+    pub fn to_files(
+        &self,
+        encoding: ColmapEncoding,
+    ) -> Result<Vec<(&'static str, Vec<u8>)>, IoError> {
+        let bytes = match encoding {
+            ColmapEncoding::Text => [text::cameras(self), text::images(self)?, text::points(self)],
+            ColmapEncoding::Binary => {
+                [binary::cameras(self), binary::images(self)?, binary::points(self)]
+            }
+        };
+        Ok(encoding.file_names().into_iter().zip(bytes).collect())
+    }
+
+    /// Checks that every track entry names a keypoint. `path` is the file of the points.
+    fn check_tracks(&self, path: &Path) -> Result<(), IoError> {
+        for (&id, point) in &self.points {
+            let place = || Place::record(path, id);
+            for &(image, keypoint) in &point.track {
+                let Some(observer) = self.images.get(&image) else {
+                    let (place, id) = (place(), image.into());
+                    return Err(IoError::UnknownId { place, field: "image", id });
+                };
+                let count = observer.keypoints.len();
+                if keypoint as usize >= count {
+                    let field = format!("track keypoint of image {image}");
+                    let (value, count) = (keypoint.into(), count as u64);
+                    return Err(IoError::OutOfRange { place: place(), field, value, count });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds an image that was read, refusing a second one with its id.
+    fn insert_image(&mut self, id: u32, image: ColmapImage, place: Place) -> Result<(), IoError> {
+        match self.images.insert(id, image) {
+            None => Ok(()),
+            Some(_) => Err(IoError::DuplicateId { place, field: "image", id: id.into() }),
+        }
+    }
+
+    /// Adds a camera that was read, refusing a second one with its id.
+    fn insert_camera(
+        &mut self,
+        id: u32,
+        camera: ColmapCamera,
+        place: Place,
+    ) -> Result<(), IoError> {
+        match self.cameras.insert(id, camera) {
+            None => Ok(()),
+            Some(_) => Err(IoError::DuplicateId { place, field: "camera", id: id.into() }),
+        }
+    }
+
+    /// Adds a point that was read, refusing a second one with its id.
+    fn insert_point(&mut self, id: u64, point: ColmapPoint, place: Place) -> Result<(), IoError> {
+        match self.points.insert(id, point) {
+            None => Ok(()),
+            Some(_) => Err(IoError::DuplicateId { place, field: "point", id: id as i64 }),
+        }
+    }
+
+    /// Refuses an image's camera that was not read.
+    fn check_camera(&self, id: u32, place: impl FnOnce() -> Place) -> Result<(), IoError> {
+        if self.cameras.contains_key(&id) {
+            return Ok(());
+        }
+        Err(IoError::UnknownId { place: place(), field: "camera", id: id.into() })
+    }
+
+    /// Refuses a keypoint's point that was not read.
+    fn check_point(&self, id: Option<u64>, place: impl FnOnce() -> Place) -> Result<(), IoError> {
+        match id {
+            Some(id) if !self.points.contains_key(&id) => {
+                Err(IoError::UnknownId { place: place(), field: "point", id: id as i64 })
+            }
+            Some(_) | None => Ok(()),
+        }
+    }
+}

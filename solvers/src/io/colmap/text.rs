@@ -1,0 +1,181 @@
+//! COLMAP's text files: one line a camera or point, two lines an image (pose, then keypoints).
+//!
+//! The second line of an image is blank where the image has no keypoints, so blank lines count
+//! there and nowhere else. Point id −1 means none.
+
+use std::path::Path;
+
+use super::super::IoError;
+use super::super::error::excerpt;
+use super::super::rotation::check_norm;
+use super::super::text::{Line, Text, TextWriter};
+use super::{
+    ColmapCamera, ColmapCameraModel, ColmapImage, ColmapKeypoint, ColmapModel, ColmapPoint,
+};
+
+pub(super) fn parse_cameras(
+    model: &mut ColmapModel,
+    bytes: &[u8],
+    path: &Path,
+) -> Result<(), IoError> {
+    let mut text = Text::new(bytes, path);
+    while let Some(mut line) = text.record() {
+        let place = line.place();
+        let id: u32 = line.integer("camera id")?;
+        let name = line.word().unwrap_or_default();
+        let kind = std::str::from_utf8(name).ok().and_then(ColmapCameraModel::from_name);
+        let Some(kind) = kind else {
+            let (field, found) = ("camera model".to_owned(), excerpt(name));
+            return Err(IoError::Malformed { place, field, found });
+        };
+        let (width, height) = (line.integer("width")?, line.integer("height")?);
+        let mut parameters = vec![0.0; kind.parameter_count()];
+        for (k, parameter) in parameters.iter_mut().enumerate() {
+            *parameter = line.number(format_args!("parameter[{k}]"))?;
+        }
+        line.end()?;
+        model.insert_camera(id, ColmapCamera { model: kind, width, height, parameters }, place)?;
+    }
+    Ok(())
+}
+
+pub(super) fn parse_points(
+    model: &mut ColmapModel,
+    bytes: &[u8],
+    path: &Path,
+) -> Result<(), IoError> {
+    let mut text = Text::new(bytes, path);
+    while let Some(mut line) = text.record() {
+        let place = line.place();
+        let id: u64 = line.integer("point id")?;
+        let position = line.numbers("position")?;
+        let color = [line.integer("red")?, line.integer("green")?, line.integer("blue")?];
+        let error = line.number("error")?;
+        let mut track = Vec::new();
+        while !line.is_at_end() {
+            track.push((line.integer("track image id")?, line.integer("track keypoint")?));
+        }
+        model.insert_point(id, ColmapPoint { position, color, error, track }, place)?;
+    }
+    Ok(())
+}
+
+pub(super) fn parse_images(
+    model: &mut ColmapModel,
+    bytes: &[u8],
+    path: &Path,
+) -> Result<(), IoError> {
+    let mut text = Text::new(bytes, path);
+    while let Some(mut line) = text.record() {
+        let place = line.place();
+        let id: u32 = line.integer("image id")?;
+        let quaternion_wxyz = line.numbers("quaternion")?;
+        check_norm(&quaternion_wxyz, || place.clone())?;
+        let translation = line.numbers("translation")?;
+        let camera: u32 = line.integer("camera id")?;
+        model.check_camera(camera, || place.clone())?;
+        let name = image_name(&mut line)?;
+        let mut keypoints = Vec::new();
+        if let Some(mut line) = text.line() {
+            while !line.is_at_end() {
+                let (x, y) = (line.number("keypoint x")?, line.number("keypoint y")?);
+                let point = keypoint_point(&mut line)?;
+                model.check_point(point, || line.place())?;
+                keypoints.push(ColmapKeypoint { x, y, point });
+            }
+        }
+        let image = ColmapImage { quaternion_wxyz, translation, camera, name, keypoints };
+        model.insert_image(id, image, place)?;
+    }
+    Ok(())
+}
+
+/// The rest of the line, which may hold spaces.
+fn image_name(line: &mut Line<'_>) -> Result<String, IoError> {
+    let field = || "image name".to_owned();
+    let tail = line.tail();
+    match std::str::from_utf8(tail) {
+        Ok("") => Err(IoError::Truncated { place: line.place(), field: field() }),
+        Ok(name) => Ok(name.to_owned()),
+        Err(_) => {
+            let (place, found) = (line.place(), excerpt(tail));
+            Err(IoError::Malformed { place, field: field(), found })
+        }
+    }
+}
+
+/// A point id or −1.
+fn keypoint_point(line: &mut Line<'_>) -> Result<Option<u64>, IoError> {
+    let id: i128 = line.integer("keypoint point id")?;
+    match u64::try_from(id) {
+        Ok(id) => Ok(Some(id)),
+        Err(_) if id == -1 => Ok(None),
+        Err(_) => {
+            let (place, field) = (line.place(), "keypoint point id".to_owned());
+            Err(IoError::Malformed { place, field, found: id.to_string() })
+        }
+    }
+}
+
+pub(super) fn cameras(model: &ColmapModel) -> Vec<u8> {
+    let mut text = TextWriter::default();
+    text.put("# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n");
+    for (id, camera) in &model.cameras {
+        let ColmapCamera { width, height, .. } = camera;
+        text.put(format_args!("{id} {} {width} {height}", camera.model.name()));
+        put_all(&mut text, &camera.parameters);
+        text.end_line();
+    }
+    text.into_bytes()
+}
+
+pub(super) fn images(model: &ColmapModel) -> Result<Vec<u8>, IoError> {
+    let mut text = TextWriter::default();
+    text.put("# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME\n# POINTS2D[] as X Y POINT3D_ID\n");
+    for (&id, image) in &model.images {
+        let name = &image.name;
+        if name.is_empty() || name.trim_ascii() != name || name.contains('\n') {
+            return Err(IoError::UnwritableText {
+                field: "image",
+                id: id.into(),
+                reason: "a text file needs a name without a line break or outer white space",
+            });
+        }
+        text.put(id);
+        put_all(&mut text, &image.quaternion_wxyz);
+        put_all(&mut text, &image.translation);
+        text.put(format_args!(" {} {name}\n", image.camera));
+        for (k, ColmapKeypoint { x, y, point }) in image.keypoints.iter().enumerate() {
+            let separator = if k == 0 { "" } else { " " };
+            match point {
+                Some(point) => text.put(format_args!("{separator}{x:?} {y:?} {point}")),
+                None => text.put(format_args!("{separator}{x:?} {y:?} -1")),
+            }
+        }
+        text.end_line();
+    }
+    Ok(text.into_bytes())
+}
+
+pub(super) fn points(model: &ColmapModel) -> Vec<u8> {
+    let mut text = TextWriter::default();
+    text.put("# POINT3D_ID X Y Z R G B ERROR TRACK[] as IMAGE_ID POINT2D_IDX\n");
+    for (id, point) in &model.points {
+        let ([r, g, b], error) = (point.color, point.error);
+        text.put(id);
+        put_all(&mut text, &point.position);
+        text.put(format_args!(" {r} {g} {b} {error:?}"));
+        for (image, keypoint) in &point.track {
+            text.put(format_args!(" {image} {keypoint}"));
+        }
+        text.end_line();
+    }
+    text.into_bytes()
+}
+
+/// Appends numbers with the fewest digits that read back exactly.
+fn put_all(text: &mut TextWriter, numbers: &[f64]) {
+    for number in numbers {
+        text.put(format_args!(" {number:?}"));
+    }
+}

@@ -1,0 +1,260 @@
+//! Why a file could not be read or written, with the place and the field.
+//!
+//! A text file's place is its line from 1, a binary file's its byte from 0. Data that did not come
+//! from bytes (a struct that the caller filled) is named by the number of its record. Every variant
+//! carries data; none is a bare message.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// A position in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum At {
+    /// A line of a text file, from 1.
+    Line(u64),
+    /// A byte of a binary file, from 0.
+    Byte(u64),
+    /// A record (vertex, edge, image, …) by its number or id.
+    Record(u64),
+}
+
+impl fmt::Display for At {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(n) => write!(f, "line {n}"),
+            Self::Byte(n) => write!(f, "byte {n}"),
+            Self::Record(n) => write!(f, "record {n}"),
+        }
+    }
+}
+
+/// A file and a position in it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// The file, or the name that the caller gave to the bytes.
+    pub path: PathBuf,
+    /// Where in it.
+    pub at: At,
+}
+
+impl Place {
+    /// A line of a text file, from 1.
+    pub(crate) fn line(path: &Path, line: u64) -> Self {
+        Self { path: path.to_owned(), at: At::Line(line) }
+    }
+
+    /// A byte of a binary file, from 0.
+    pub(crate) fn byte(path: &Path, byte: usize) -> Self {
+        Self { path: path.to_owned(), at: At::Byte(byte as u64) }
+    }
+
+    /// A record by number or id.
+    pub(crate) fn record(path: &Path, record: u64) -> Self {
+        Self { path: path.to_owned(), at: At::Record(record) }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, {}", self.path.display(), self.at)
+    }
+}
+
+/// A file that cannot be read, written or converted.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum IoError {
+    /// The operating system refused to read.
+    #[error("{}: cannot be read", path.display())]
+    Read {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The operating system refused to write.
+    #[error("{}: cannot be written", path.display())]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A file that belongs to a folder's model is not there.
+    #[error("{}: holds no {what}", path.display())]
+    MissingFile {
+        /// The folder.
+        path: PathBuf,
+        /// What was looked for.
+        what: &'static str,
+    },
+    /// The line, or the file, ends before a field.
+    #[error("{place}: {field} is missing (truncated?)")]
+    Truncated {
+        /// Where the data end.
+        place: Place,
+        /// The field that should follow.
+        field: String,
+    },
+    /// A field does not have the form it must have.
+    #[error("{place}: {field} cannot be `{found}`")]
+    Malformed {
+        /// Where.
+        place: Place,
+        /// The field.
+        field: String,
+        /// The start of what stands there.
+        found: String,
+    },
+    /// A number is NaN, infinite or too large for 64 bits.
+    #[error("{place}: {field} is not finite")]
+    NotFinite {
+        /// Where.
+        place: Place,
+        /// The field.
+        field: String,
+    },
+    /// Something follows where the record or the file must end.
+    #[error("{place}: `{found}` follows where nothing more belongs")]
+    Trailing {
+        /// Where.
+        place: Place,
+        /// The start of what follows.
+        found: String,
+    },
+    /// The first word of a line is not a tag that covis reads.
+    #[error("{place}: unknown tag `{tag}`")]
+    UnknownTag {
+        /// Where.
+        place: Place,
+        /// The tag.
+        tag: String,
+    },
+    /// A header announces more records than the rest of the file could hold.
+    #[error("{place}: {field} says {count}, the file has room for at most {possible}")]
+    CountTooLarge {
+        /// Where.
+        place: Place,
+        /// The count's name.
+        field: String,
+        /// The announced count.
+        count: u64,
+        /// How many would fit.
+        possible: u64,
+    },
+    /// An index is not below its count.
+    #[error("{place}: {field} is {value}, there are {count}")]
+    OutOfRange {
+        /// Where.
+        place: Place,
+        /// The index's name.
+        field: String,
+        /// Its value.
+        value: u64,
+        /// How many there are.
+        count: u64,
+    },
+    /// Two records share an id.
+    #[error("{place}: {field} {id} stands twice")]
+    DuplicateId {
+        /// Where the second one stands.
+        place: Place,
+        /// The kind of record.
+        field: &'static str,
+        /// The id.
+        id: i64,
+    },
+    /// A record names another that the file does not hold.
+    #[error("{place}: {field} {id} does not exist")]
+    UnknownId {
+        /// Where.
+        place: Place,
+        /// The kind of record that is missing.
+        field: &'static str,
+        /// The id.
+        id: i64,
+    },
+    /// An edge ties a vertex to itself.
+    #[error("{place}: the edge ties vertex {id} to itself")]
+    SelfEdge {
+        /// Where.
+        place: Place,
+        /// The vertex.
+        id: i64,
+    },
+    /// A quaternion's norm is zero or differs from 1 by more than 1e-3.
+    #[error("{place}: the quaternion has norm {norm}, 1 is needed")]
+    BadQuaternion {
+        /// Where.
+        place: Place,
+        /// Its norm.
+        norm: f64,
+    },
+    /// Information matrices are not positive definite.
+    #[error("{first}: the information matrix is not positive definite ({count} such in the file)")]
+    NotPositiveDefinite {
+        /// The first one's place.
+        first: Place,
+        /// How many there are.
+        count: usize,
+    },
+    /// A file mixes 2D and 3D records.
+    #[error("{place}: `{found}` in a file of {kind} records")]
+    MixedKinds {
+        /// Where.
+        place: Place,
+        /// The kind of the records before it.
+        kind: &'static str,
+        /// The tag that does not fit.
+        found: String,
+    },
+    /// The file holds nothing to work on.
+    #[error("{}: there is no {what}", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+        /// What is missing.
+        what: &'static str,
+    },
+    /// A camera cannot be represented on the other side.
+    #[error("camera {camera}: {model} cannot be converted: {reason}")]
+    UnsupportedCamera {
+        /// The camera's id or index.
+        camera: u64,
+        /// Its model.
+        model: String,
+        /// What stands in the way.
+        reason: &'static str,
+    },
+    /// A text cannot be written in this format.
+    #[error("{field} {id}: {reason}")]
+    UnwritableText {
+        /// The kind of record.
+        field: &'static str,
+        /// Its id.
+        id: u64,
+        /// What stands in the way.
+        reason: &'static str,
+    },
+    /// A problem and a file that should describe the same things differ in size.
+    #[error("{what}: the problem has {actual}, the file {expected}")]
+    SizeMismatch {
+        /// The kind of record.
+        what: &'static str,
+        /// The problem's count.
+        actual: usize,
+        /// The file's count.
+        expected: usize,
+    },
+}
+
+/// The start of `bytes` for an error message, unreadable characters replaced.
+pub(crate) fn excerpt(bytes: &[u8]) -> String {
+    const LIMIT: usize = 40;
+    let text = String::from_utf8_lossy(&bytes[..bytes.len().min(LIMIT)]);
+    let mut text: String = text.chars().map(|c| if c.is_control() { '?' } else { c }).collect();
+    if bytes.len() > LIMIT {
+        text.push('…');
+    }
+    text
+}

@@ -1,0 +1,144 @@
+//! g2o in: one pass over the lines, then the checks that need the whole file.
+//!
+//! Lines are remembered during the parse only, so that a refusal names them.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use super::super::error::excerpt;
+use super::super::rotation::check_norm;
+use super::super::text::{Line, Text};
+use super::super::{IoError, Place};
+use super::convert::information;
+use super::{G2oEdge, G2oFile, G2oGraph, G2oVertex};
+
+/// What a line holds.
+enum Tag {
+    Vertex,
+    Edge,
+    Fix,
+}
+
+/// A file that is being read, with the line of each record.
+struct Builder<const P: usize, const U: usize> {
+    file: G2oFile<P, U>,
+    edge_lines: Vec<u64>,
+    ids: BTreeSet<i64>,
+}
+
+pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<G2oGraph, IoError> {
+    let mut se2 = Builder::<3, 6>::new();
+    let mut se3 = Builder::<7, 21>::new();
+    let mut fixed: Vec<(i64, u64)> = Vec::new();
+    let mut text = Text::new(bytes, path);
+    while let Some(mut line) = text.record() {
+        let word = line.word().unwrap_or_default();
+        let (tag, is_se3) = match word {
+            b"VERTEX_SE2" => (Tag::Vertex, false),
+            b"EDGE_SE2" => (Tag::Edge, false),
+            b"VERTEX_SE3:QUAT" => (Tag::Vertex, true),
+            b"EDGE_SE3:QUAT" => (Tag::Edge, true),
+            b"FIX" => (Tag::Fix, false),
+            _ => return Err(IoError::UnknownTag { place: line.place(), tag: excerpt(word) }),
+        };
+        match (tag, is_se3) {
+            (Tag::Fix, _) => {
+                fixed.push((line.integer("vertex id")?, line.line_number()));
+                while !line.is_at_end() {
+                    fixed.push((line.integer("vertex id")?, line.line_number()));
+                }
+            }
+            (_, false) if !se3.is_empty() => return Err(mixed(&line, word, "3D")),
+            (_, true) if !se2.is_empty() => return Err(mixed(&line, word, "2D")),
+            (Tag::Vertex, false) => se2.vertex(line)?,
+            (Tag::Vertex, true) => se3.vertex(line)?,
+            (Tag::Edge, false) => se2.edge(line)?,
+            (Tag::Edge, true) => se3.edge(line)?,
+        }
+    }
+    if !se2.is_empty() {
+        Ok(G2oGraph::Se2(se2.finish::<3>(fixed, path)?))
+    } else if !se3.is_empty() {
+        Ok(G2oGraph::Se3(se3.finish::<6>(fixed, path)?))
+    } else {
+        Err(IoError::Empty { path: path.to_owned(), what: "vertex or edge" })
+    }
+}
+
+fn mixed(line: &Line<'_>, tag: &[u8], kind: &'static str) -> IoError {
+    IoError::MixedKinds { place: line.place(), kind, found: excerpt(tag) }
+}
+
+impl<const P: usize, const U: usize> Builder<P, U> {
+    fn new() -> Self {
+        let file = G2oFile { vertices: Vec::new(), edges: Vec::new(), fixed: Vec::new() };
+        Self { file, edge_lines: Vec::new(), ids: BTreeSet::new() }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.file.vertices.is_empty() && self.file.edges.is_empty()
+    }
+
+    fn vertex(&mut self, mut line: Line<'_>) -> Result<(), IoError> {
+        let id: i64 = line.integer("vertex id")?;
+        let pose = line.numbers("pose")?;
+        check_pose(&pose, &line)?;
+        let place = line.place();
+        line.end()?;
+        if !self.ids.insert(id) {
+            return Err(IoError::DuplicateId { place, field: "vertex", id });
+        }
+        self.file.vertices.push(G2oVertex { id, pose });
+        Ok(())
+    }
+
+    fn edge(&mut self, mut line: Line<'_>) -> Result<(), IoError> {
+        let i: i64 = line.integer("vertex i")?;
+        let j: i64 = line.integer("vertex j")?;
+        if i == j {
+            return Err(IoError::SelfEdge { place: line.place(), id: i });
+        }
+        let i_from_j = line.numbers("measurement")?;
+        check_pose(&i_from_j, &line)?;
+        let information = line.numbers("information")?;
+        self.edge_lines.push(line.line_number());
+        line.end()?;
+        self.file.edges.push(G2oEdge { i, j, i_from_j, information });
+        Ok(())
+    }
+
+    /// The checks that need the whole file; `N` is the tangent's dimension.
+    fn finish<const N: usize>(
+        mut self,
+        fixed: Vec<(i64, u64)>,
+        path: &Path,
+    ) -> Result<G2oFile<P, U>, IoError> {
+        let edges = &self.file.edges;
+        if !self.file.has_vertices() {
+            self.ids.extend(edges.iter().flat_map(|e| [e.i, e.j]));
+        }
+        let lines = || edges.iter().zip(&self.edge_lines);
+        let edge_ends = lines().flat_map(|(e, &line)| [(e.i, line), (e.j, line)]);
+        for (id, line) in edge_ends.chain(fixed.iter().copied()) {
+            if !self.ids.contains(&id) {
+                let place = Place::line(path, line);
+                return Err(IoError::UnknownId { place, field: "vertex", id });
+            }
+        }
+        let mut bad = lines().filter(|(e, _)| information::<N>(&e.information).is_none());
+        if let Some((_, &line)) = bad.next() {
+            let first = Place::line(path, line);
+            return Err(IoError::NotPositiveDefinite { first, count: 1 + bad.count() });
+        }
+        self.file.fixed = fixed.into_iter().map(|(id, _)| id).collect();
+        Ok(self.file)
+    }
+}
+
+/// Checks the quaternion of a 3D pose.
+fn check_pose<const P: usize>(pose: &[f64; P], line: &Line<'_>) -> Result<(), IoError> {
+    match pose.get(3..).and_then(|q| q.first_chunk::<4>()) {
+        Some(quaternion) => check_norm(quaternion, || line.place()),
+        None => Ok(()),
+    }
+}

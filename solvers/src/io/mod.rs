@@ -1,0 +1,22 @@
+//! Files: BAL, g2o, COLMAP sparse models, TUM trajectories, PLY.
+//!
+//! Each format has a plain struct that holds the file's own numbers and writes them back, and a
+//! conversion to and from problems. Conventions of a format (axes, pixel centers, direction of a
+//! transform) are converted here and nowhere else. Readers take any bytes without a panic, allocate
+//! nothing from a count that the file has not proven, and name line or byte of what they refuse.
+//! Writers come twice: to a file, and to bytes for a caller without a file system.
+
+pub mod bal;
+mod binary;
+pub mod colmap;
+mod error;
+mod files;
+pub mod g2o;
+mod natural_order;
+pub mod ply;
+mod rotation;
+mod text;
+pub mod trajectory;
+
+pub use error::{At, IoError, Place};
+pub use natural_order::natural_cmp;

@@ -1,0 +1,116 @@
+//! PLY export: colored points and polylines (trajectories, camera centers) for viewers.
+//!
+//! Positions are written as doubles in the world frame, meters; colors as 8-bit RGB; polylines as
+//! the `edge` element. Covis writes PLY, it does not read it.
+
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use super::text::TextWriter;
+use super::{IoError, files};
+
+/// How the numbers are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PlyEncoding {
+    /// Text that a person can read.
+    Ascii,
+    /// Little-endian binary.
+    #[default]
+    Binary,
+}
+
+/// A point with its color.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlyVertex {
+    /// Position in the world frame, in meters.
+    pub position: Vector3<f64>,
+    /// Red, green, blue.
+    pub color: [u8; 3],
+}
+
+/// Points and line segments between them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PlyFile {
+    /// The points.
+    pub vertices: Vec<PlyVertex>,
+    /// Segments as pairs of indices into `vertices`.
+    pub edges: Vec<[u32; 2]>,
+}
+
+impl PlyFile {
+    /// Appends points of one color.
+    pub fn push_points<'a>(
+        &mut self,
+        points: impl IntoIterator<Item = &'a Vector3<f64>>,
+        color: [u8; 3],
+    ) {
+        self.vertices.extend(points.into_iter().map(|&position| PlyVertex { position, color }));
+    }
+
+    /// Appends a polyline of one color: its points and the segments between neighbors.
+    pub fn push_polyline<'a>(
+        &mut self,
+        points: impl IntoIterator<Item = &'a Vector3<f64>>,
+        color: [u8; 3],
+    ) {
+        let first = self.vertices.len();
+        self.push_points(points, color);
+        let last = self.vertices.len().saturating_sub(1);
+        self.edges.extend((first..last).map(|k| [k as u32, k as u32 + 1]));
+    }
+
+    /// Writes the file.
+    ///
+    /// # Errors
+    /// [`IoError::Write`].
+    pub fn write(&self, path: &Path, encoding: PlyEncoding) -> Result<(), IoError> {
+        files::write(path, &self.to_bytes(encoding))
+    }
+
+    /// The file's bytes.
+    #[must_use]
+    pub fn to_bytes(&self, encoding: PlyEncoding) -> Vec<u8> {
+        let format = match encoding {
+            PlyEncoding::Ascii => "ascii",
+            PlyEncoding::Binary => "binary_little_endian",
+        };
+        let mut text = TextWriter::default();
+        text.put(format_args!("ply\nformat {format} 1.0\ncomment covis\n"));
+        text.put(format_args!("element vertex {}\n", self.vertices.len()));
+        text.put("property double x\nproperty double y\nproperty double z\n");
+        text.put("property uchar red\nproperty uchar green\nproperty uchar blue\n");
+        if !self.edges.is_empty() {
+            text.put(format_args!("element edge {}\n", self.edges.len()));
+            text.put("property int vertex1\nproperty int vertex2\n");
+        }
+        text.put("end_header\n");
+        match encoding {
+            PlyEncoding::Ascii => self.put_ascii(text),
+            PlyEncoding::Binary => self.put_binary(text.into_bytes()),
+        }
+    }
+
+    fn put_ascii(&self, mut text: TextWriter) -> Vec<u8> {
+        for PlyVertex { position: p, color: [r, g, b] } in &self.vertices {
+            text.put(format_args!("{:?} {:?} {:?} {r} {g} {b}\n", p.x, p.y, p.z));
+        }
+        for [a, b] in &self.edges {
+            text.put(format_args!("{a} {b}\n"));
+        }
+        text.into_bytes()
+    }
+
+    fn put_binary(&self, mut bytes: Vec<u8>) -> Vec<u8> {
+        for vertex in &self.vertices {
+            for number in vertex.position.iter() {
+                bytes.extend(number.to_le_bytes());
+            }
+            bytes.extend(vertex.color);
+        }
+        for index in self.edges.iter().flatten() {
+            bytes.extend(index.to_le_bytes());
+        }
+        bytes
+    }
+}

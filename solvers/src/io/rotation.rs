@@ -1,0 +1,37 @@
+//! Quaternions of files, (x, y, z, w), to rotations and back.
+//!
+//! A norm within 1e-3 of 1 is rounding of a printed file and is normalized away; any other norm is
+//! refused, since it means that columns are mixed up or the data are broken.
+
+use super::{IoError, Place};
+use crate::geometry::So3;
+
+/// How far a quaternion's norm may be from 1.
+pub(super) const NORM_TOLERANCE: f64 = 1e-3;
+
+/// Checks the norm of a quaternion in any component order.
+pub(super) fn check_norm(
+    quaternion: &[f64; 4],
+    place: impl FnOnce() -> Place,
+) -> Result<(), IoError> {
+    let norm = quaternion.iter().map(|c| c * c).sum::<f64>().sqrt();
+    if (norm - 1.0).abs() <= NORM_TOLERANCE {
+        Ok(())
+    } else {
+        Err(IoError::BadQuaternion { place: place(), norm })
+    }
+}
+
+/// The rotation of a quaternion (x, y, z, w).
+pub(super) fn from_xyzw(quaternion: &[f64; 4], place: impl Fn() -> Place) -> Result<So3, IoError> {
+    check_norm(quaternion, &place)?;
+    let [x, y, z, w] = *quaternion;
+    So3::from_quaternion_xyzw(x, y, z, w)
+        .ok_or_else(|| IoError::BadQuaternion { place: place(), norm: f64::NAN })
+}
+
+/// The quaternion (x, y, z, w) of a rotation.
+pub(super) fn to_xyzw(rotation: &So3) -> [f64; 4] {
+    let q = rotation.quaternion();
+    [q.i, q.j, q.k, q.w]
+}

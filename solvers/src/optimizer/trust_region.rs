@@ -1,0 +1,245 @@
+//! The loop: linearize, solve for λ, try the step, accept or restore.
+//!
+//! Levenberg-Marquardt after Madsen, Nielsen and Tingleff, "Methods for non-linear least squares
+//! problems" (2004): an accepted step of quality q multiplies λ by max(1/3, 1 − (2q − 1)³), a
+//! rejected one by 2, 4, 8, …. The model's decrease is ½ δᵀ(λDδ − g), which needs no further pass.
+
+use std::time::Instant;
+
+use super::{Control, Method, Observer, Options, SolveSummary, Termination, Tolerance};
+use crate::optimizer::IterationSummary;
+
+/// λ leaves this range only by ending the loop.
+const DAMPING_RANGE: (f64, f64) = (1e-16, 1e32);
+
+/// A linear residual above this makes a step untrustworthy: it is rejected like one that fails.
+const LINEAR_RESIDUAL_LIMIT: f64 = 1e-3;
+
+/// What a linearization tells the loop.
+#[derive(Clone, Copy, Debug)]
+pub struct Gradient {
+    /// Largest |g_i| / √D_i, the gradient in the scale that the damping uses.
+    pub max_norm: f64,
+}
+
+/// A step that was solved for and not yet applied.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    /// ½ δᵀ(λDδ − g): by how much the quadratic model falls.
+    pub predicted_decrease: f64,
+    /// ‖δ‖.
+    pub norm: f64,
+    /// Norm of the state that the step is to be compared with.
+    pub state_norm: f64,
+    /// ‖(H + λD) δ + g‖ / ‖g‖.
+    pub linear_residual: f64,
+}
+
+/// The linear system had no solution at this damping.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StepFailure;
+
+/// A nonlinear least-squares problem as the loop sees it: state, linearization, step.
+pub trait System {
+    /// ½ Σ ρ at the current state; may be infinite or NaN where it cannot be evaluated.
+    fn cost(&mut self) -> f64;
+
+    /// Linearizes at the current state. May eliminate for `damping` in the same pass.
+    fn linearize(&mut self, damping: f64) -> Gradient;
+
+    /// Solves (H + λD) δ = −g at the last linearization; called again with another λ after a
+    /// rejected step, when only what depends on λ is computed anew.
+    ///
+    /// # Errors
+    /// [`StepFailure`] where the damped matrix is not positive definite or not finite.
+    fn solve(&mut self, damping: f64) -> Result<Step, StepFailure>;
+
+    /// Applies the last step, keeping the state before it, and returns the new cost.
+    fn apply(&mut self) -> f64;
+
+    /// Takes the applied step back, to the bit.
+    fn restore(&mut self);
+}
+
+/// Minimizes `system` and leaves it at the best state found. `start` is when the caller's clock
+/// began, so that its preparations are counted.
+pub fn minimize(
+    system: &mut impl System,
+    options: &Options,
+    start: Instant,
+    observer: &mut Observer<'_>,
+) -> SolveSummary {
+    let mut run = Run::new(options, start, system.cost());
+    let termination = run.iterate(system, observer);
+    SolveSummary {
+        termination,
+        initial_cost: run.initial_cost,
+        final_cost: run.cost,
+        iterations: run.rows,
+        gradient_max_norm: run.gradient_max_norm,
+        linear_residual: run.linear_residual,
+        solve_seconds: start.elapsed().as_secs_f64(),
+        threads: rayon::current_num_threads(),
+    }
+}
+
+struct Run<'a> {
+    options: &'a Options,
+    start: Instant,
+    initial_cost: f64,
+    cost: f64,
+    damping: f64,
+    damping_growth: f64,
+    gradient_max_norm: f64,
+    linear_residual: f64,
+    rows: Vec<IterationSummary>,
+}
+
+impl<'a> Run<'a> {
+    fn new(options: &'a Options, start: Instant, cost: f64) -> Self {
+        let damping = match options.method {
+            Method::LevenbergMarquardt => options.initial_damping,
+            Method::GaussNewton => 0.0,
+        };
+        Self {
+            options,
+            start,
+            initial_cost: cost,
+            cost,
+            damping,
+            damping_growth: 2.0,
+            gradient_max_norm: 0.0,
+            linear_residual: 0.0,
+            rows: Vec::new(),
+        }
+    }
+
+    fn iterate(&mut self, system: &mut impl System, observer: &mut Observer<'_>) -> Termination {
+        if !self.cost.is_finite() {
+            return Termination::NumericalFailure;
+        }
+        self.gradient_max_norm = system.linearize(self.damping).max_norm;
+        if let Some(end) = self.record(0, true, None, observer) {
+            return end;
+        }
+        let mut iteration = 0;
+        loop {
+            if !self.gradient_max_norm.is_finite() {
+                return Termination::NumericalFailure;
+            }
+            if self.gradient_max_norm <= self.options.gradient_tolerance {
+                return Termination::Converged(Tolerance::Gradient);
+            }
+            iteration += 1;
+            if iteration > self.options.max_iterations {
+                return Termination::MaxIterations;
+            }
+            let step = match system.solve(self.damping) {
+                Ok(step) if step.linear_residual <= LINEAR_RESIDUAL_LIMIT => step,
+                Ok(_) | Err(StepFailure) => {
+                    if let Some(end) = self.reject(iteration, None, observer) {
+                        return end;
+                    }
+                    continue;
+                }
+            };
+            self.linear_residual = step.linear_residual;
+            let tiny = step.norm <= self.options.step_tolerance * step.state_norm;
+            let trial = system.apply();
+            let decrease = self.cost - trial;
+            let quality = decrease / step.predicted_decrease;
+            if trial.is_finite() && decrease >= 0.0 && quality > 0.0 {
+                let small = decrease <= self.options.cost_tolerance * self.cost;
+                self.cost = trial;
+                let damping_used = self.damping;
+                self.accept(quality);
+                self.gradient_max_norm = system.linearize(self.damping).max_norm;
+                let stats = Some((step, quality, damping_used));
+                if let Some(end) = self.record(iteration, true, stats, observer) {
+                    return end;
+                }
+                // A small decrease proves a minimum only where the model agrees with the cost:
+                // under heavy damping every step is small.
+                if small && step.predicted_decrease <= 4.0 * self.options.cost_tolerance * self.cost
+                {
+                    return Termination::Converged(Tolerance::Cost);
+                }
+                if tiny {
+                    return Termination::Converged(Tolerance::Step);
+                }
+            } else {
+                system.restore();
+                if tiny || step.predicted_decrease <= 1e-3 * self.options.cost_tolerance * self.cost
+                {
+                    // The model sees nothing left to gain that the cost could resolve.
+                    let stats = Some((step, quality, self.damping));
+                    let end = self.record(iteration, false, stats, observer);
+                    return end.unwrap_or(Termination::Converged(if tiny {
+                        Tolerance::Step
+                    } else {
+                        Tolerance::Cost
+                    }));
+                }
+                if let Some(end) = self.reject(iteration, Some((step, quality)), observer) {
+                    return end;
+                }
+            }
+        }
+    }
+
+    fn accept(&mut self, quality: f64) {
+        if self.options.method == Method::GaussNewton {
+            return;
+        }
+        let cubic = 1.0 - (2.0 * quality - 1.0).powi(3);
+        self.damping = (self.damping * cubic.max(1.0 / 3.0)).max(DAMPING_RANGE.0);
+        self.damping_growth = 2.0;
+    }
+
+    /// Writes the row of a rejected step and raises the damping.
+    fn reject(
+        &mut self,
+        iteration: usize,
+        step: Option<(Step, f64)>,
+        observer: &mut Observer<'_>,
+    ) -> Option<Termination> {
+        let stats = step.map(|(step, quality)| (step, quality, self.damping));
+        if let Some(end) = self.record(iteration, false, stats, observer) {
+            return Some(end);
+        }
+        let failure =
+            if step.is_none() { Termination::NumericalFailure } else { Termination::Stalled };
+        if self.options.method == Method::GaussNewton {
+            return Some(failure);
+        }
+        self.damping *= self.damping_growth;
+        self.damping_growth *= 2.0;
+        (self.damping > DAMPING_RANGE.1).then_some(failure)
+    }
+
+    /// Writes a row and shows it; says whether the observer or the clock ends the loop.
+    fn record(
+        &mut self,
+        iteration: usize,
+        accepted: bool,
+        step: Option<(Step, f64, f64)>,
+        observer: &mut Observer<'_>,
+    ) -> Option<Termination> {
+        let row = IterationSummary {
+            iteration,
+            cost: self.cost,
+            seconds: self.start.elapsed().as_secs_f64(),
+            accepted,
+            damping: step.map_or(0.0, |(_, _, damping)| damping),
+            gradient_max_norm: self.gradient_max_norm,
+            step_norm: step.map_or(0.0, |(step, _, _)| step.norm),
+            step_quality: step.map_or(0.0, |(_, quality, _)| quality),
+        };
+        self.rows.push(row);
+        if observer(&row) == Control::Cancel {
+            return Some(Termination::Cancelled);
+        }
+        let late = self.options.deadline.is_some_and(|limit| self.start.elapsed() >= limit);
+        late.then_some(Termination::Deadline)
+    }
+}

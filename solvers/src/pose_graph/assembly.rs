@@ -1,0 +1,201 @@
+//! Normal equations of a pose graph, assembled by owner.
+//!
+//! Each edge is linearized once into its blocks w JᵀΩJ and w JᵀΩr (w = ρ' of the loss), in
+//! parallel over fixed chunks. Then each block row of H and g is summed by one task from the
+//! edges at its pose, in edge order: the same bits at any thread count, and no locks. Rows are the
+//! poses that are not constant, in index order.
+
+use nalgebra::{SMatrix, SMatrixViewMut, SVector};
+use rayon::prelude::*;
+
+use crate::factors::RelativePose;
+use crate::geometry::LieGroup;
+use crate::linear::{BlockMatrix, BlockPattern, BlockRowMut};
+use crate::loss::Loss;
+
+/// Edges a task handles at a time; part of the definition of every sum over edges.
+const EDGES_PER_CHUNK: usize = 128;
+
+/// The contribution of one edge to H and g.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct EdgeBlocks<const N: usize> {
+    /// w J_iᵀ Ω J_i.
+    pub(super) h_ii: SMatrix<f64, N, N>,
+    /// w J_iᵀ Ω J_j.
+    pub(super) h_ij: SMatrix<f64, N, N>,
+    /// w J_jᵀ Ω J_j.
+    pub(super) h_jj: SMatrix<f64, N, N>,
+    /// w J_iᵀ Ω r.
+    pub(super) g_i: SVector<f64, N>,
+    /// w J_jᵀ Ω r.
+    pub(super) g_j: SVector<f64, N>,
+}
+
+impl<const N: usize> EdgeBlocks<N> {
+    /// All zero.
+    pub(super) fn zeros() -> Self {
+        let (h, g) = (SMatrix::zeros(), SVector::zeros());
+        Self { h_ii: h, h_ij: h, h_jj: h, g_i: g, g_j: g }
+    }
+
+    /// The blocks of `edge` at `poses`.
+    fn of<G: LieGroup<N>>(edge: &RelativePose<G, N>, poses: &[G], loss: Loss) -> Self {
+        let pair = edge.linearize(&poses[edge.i], &poses[edge.j]);
+        let omega = edge.information.matrix();
+        let weight = loss.evaluate(edge.information.squared_norm(&pair.residual)).weight;
+        let omega_d_i = omega * pair.d_i * weight;
+        let omega_d_j = omega * pair.d_j * weight;
+        Self {
+            h_ii: pair.d_i.tr_mul(&omega_d_i),
+            h_ij: pair.d_i.tr_mul(&omega_d_j),
+            h_jj: pair.d_j.tr_mul(&omega_d_j),
+            g_i: omega_d_i.tr_mul(&pair.residual),
+            g_j: omega_d_j.tr_mul(&pair.residual),
+        }
+    }
+}
+
+/// Linearizes every edge into `blocks`, which has one entry an edge.
+pub(super) fn linearize_edges<G: LieGroup<N>, const N: usize>(
+    edges: &[RelativePose<G, N>],
+    poses: &[G],
+    loss: Loss,
+    blocks: &mut [EdgeBlocks<N>],
+) {
+    blocks.par_chunks_mut(EDGES_PER_CHUNK).zip(edges.par_chunks(EDGES_PER_CHUNK)).for_each(
+        |(blocks, edges)| {
+            for (block, edge) in blocks.iter_mut().zip(edges) {
+                *block = EdgeBlocks::of(edge, poses, loss);
+            }
+        },
+    );
+}
+
+/// ½ Σ ρ, summed within chunks in parallel, then over chunks in order.
+pub(super) fn cost<G: LieGroup<N>, const N: usize>(
+    edges: &[RelativePose<G, N>],
+    poses: &[G],
+    loss: Loss,
+) -> f64 {
+    let partial: Vec<f64> = edges
+        .par_chunks(EDGES_PER_CHUNK)
+        .map(|edges| edges.iter().map(|edge| 0.5 * edge_rho(edge, poses, loss)).sum())
+        .collect();
+    partial.iter().sum()
+}
+
+/// ρ(rᵀΩr) of one edge.
+pub(super) fn edge_rho<G: LieGroup<N>, const N: usize>(
+    edge: &RelativePose<G, N>,
+    poses: &[G],
+    loss: Loss,
+) -> f64 {
+    let residual = edge.residual(&poses[edge.i], &poses[edge.j]);
+    loss.evaluate(edge.information.squared_norm(&residual)).rho
+}
+
+/// An edge as the row of one of its poses sees it.
+#[derive(Clone, Copy, Debug)]
+struct Incidence {
+    edge: u32,
+    /// Whether the row's pose is pose i of the edge (else pose j).
+    is_i: bool,
+    /// Where the row stores its block with the other pose, or [`NOT_STORED`].
+    slot: u32,
+}
+
+/// The other pose is constant, or its own row stores the block.
+const NOT_STORED: u32 = u32::MAX;
+
+/// Block rows a task sums at least.
+const MIN_ROWS_PER_TASK: usize = 32;
+
+/// Which edges each block row sums, and where.
+#[derive(Debug)]
+pub(super) struct Incidences {
+    /// `list[starts[row]..starts[row + 1]]` touch the row, in edge order.
+    starts: Vec<usize>,
+    list: Vec<Incidence>,
+}
+
+impl Incidences {
+    /// `rows_of_edges` yields the rows of poses i and j of each edge, `None` for constant ones.
+    /// An edge of a pose with itself has a constant residual and is left out.
+    pub(super) fn new(
+        pattern: &BlockPattern,
+        rows_of_edges: impl Iterator<Item = (Option<usize>, Option<usize>)> + Clone,
+    ) -> Self {
+        let mut starts = vec![0; pattern.block_count() + 1];
+        let ends = rows_of_edges.clone().enumerate().filter(|(_, (i, j))| i != j);
+        for (_, (i, j)) in ends.clone() {
+            for row in [i, j].into_iter().flatten() {
+                starts[row + 1] += 1;
+            }
+        }
+        for row in 0..pattern.block_count() {
+            starts[row + 1] += starts[row];
+        }
+        let unset = Incidence { edge: 0, is_i: false, slot: NOT_STORED };
+        let mut list = vec![unset; starts[pattern.block_count()]];
+        let mut next = starts.clone();
+        for (edge, (i, j)) in ends {
+            for (own, other, is_i) in [(i, j, true), (j, i, false)] {
+                let Some(row) = own else { continue };
+                let slot = other
+                    .filter(|&other| other < row)
+                    .and_then(|other| pattern.row(row).binary_search(&(other as u32)).ok())
+                    .map_or(NOT_STORED, |slot| slot as u32);
+                list[next[row]] = Incidence { edge: edge as u32, is_i, slot };
+                next[row] += 1;
+            }
+        }
+        Self { starts, list }
+    }
+
+    /// Sums `blocks`, one an edge, into H and g.
+    pub(super) fn assemble<const N: usize>(
+        &self,
+        blocks: &[EdgeBlocks<N>],
+        hessian: &mut BlockMatrix,
+        gradient: &mut [f64],
+    ) {
+        hessian
+            .rows_mut()
+            .into_par_iter()
+            .zip(gradient.par_chunks_exact_mut(N))
+            .with_min_len(MIN_ROWS_PER_TASK)
+            .for_each(|(row, gradient)| self.assemble_row(blocks, row, gradient));
+    }
+
+    fn assemble_row<const N: usize>(
+        &self,
+        blocks: &[EdgeBlocks<N>],
+        mut row: BlockRowMut<'_>,
+        gradient: &mut [f64],
+    ) {
+        row.values_mut().fill(0.0);
+        let mut h = SMatrix::<f64, N, N>::zeros();
+        let mut g = SVector::<f64, N>::zeros();
+        for incidence in &self.list[self.starts[row.index()]..self.starts[row.index() + 1]] {
+            let block = &blocks[incidence.edge as usize];
+            if incidence.is_i {
+                h += block.h_ii;
+                g += block.g_i;
+            } else {
+                h += block.h_jj;
+                g += block.g_j;
+            }
+            if incidence.slot != NOT_STORED {
+                let values = row.slot_mut(incidence.slot as usize);
+                let mut off_diagonal = SMatrixViewMut::<f64, N, N>::from_slice(values);
+                if incidence.is_i {
+                    off_diagonal += block.h_ij;
+                } else {
+                    off_diagonal += block.h_ij.transpose();
+                }
+            }
+        }
+        row.diagonal_mut().copy_from_slice(h.as_slice());
+        gradient.copy_from_slice(g.as_slice());
+    }
+}

@@ -1,0 +1,67 @@
+//! Pose-graph optimization: poses of one group from relative-pose measurements.
+//!
+//! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), over the poses that are not constant. The
+//! normal equations are block-sparse with one block row a pose; Gauss-Newton or
+//! Levenberg-Marquardt steps come from their Cholesky factorization. This file holds the facade;
+//! [`crate::evaluation`] computes the same cost without anything from here.
+
+mod assembly;
+mod system;
+
+use std::time::Instant;
+
+use system::PoseGraphSystem;
+
+use crate::geometry::LieGroup;
+use crate::optimizer::{self, Observer, SolveSummary, minimize, with_threads};
+use crate::problem::{PoseGraph, SolveError};
+
+/// Options of a pose-graph solve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Method, limits, tolerances, threads. Pose graphs are close to quadratic once rotations are
+    /// right: the damping starts near zero (1e-10), and a bad start costs a few rejected steps.
+    pub optimizer: optimizer::Options,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            optimizer: optimizer::Options {
+                initial_damping: 1e-10,
+                ..optimizer::Options::default()
+            },
+        }
+    }
+}
+
+/// Optimizes the poses of `graph` in place.
+///
+/// Gauge: where no pose is constant, the one with the lowest id is held fixed and stays marked in
+/// [`PoseGraph::constant`], so that the caller can see it. The graph is left at the best state
+/// found, whatever the termination. The result has the same bits at any number of threads.
+/// `observer` sees each iteration and may cancel; seconds count from the call.
+///
+/// # Errors
+/// A [`SolveError`] where the problem cannot be solved as posed: those of
+/// [`PoseGraph::validate`] and [`optimizer::Options::validate`], [`SolveError::Empty`] where every
+/// pose is constant, [`SolveError::ResidualNotFinite`], [`SolveError::Threads`].
+pub fn solve<G: LieGroup<N>, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    options: &Options,
+    observer: &mut Observer<'_>,
+) -> Result<SolveSummary, SolveError> {
+    let start = Instant::now();
+    options.optimizer.validate()?;
+    graph.validate()?;
+    if !graph.constant.contains(&true) {
+        graph.fix_lowest_id();
+    }
+    if !graph.constant.contains(&false) {
+        return Err(SolveError::Empty("every pose is constant"));
+    }
+    with_threads(options.optimizer.threads, || {
+        let mut system = PoseGraphSystem::new(graph)?;
+        Ok(minimize(&mut system, &options.optimizer, start, observer))
+    })?
+}

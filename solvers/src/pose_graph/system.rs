@@ -1,0 +1,159 @@
+//! A pose graph as the trust-region loop sees it.
+//!
+//! State: the poses that are not constant. Steps solve (H + λD) δ = −g with Marquardt's scaling
+//! D = diag(H), kept within [1e-6, 1e32], and move X ← X · Exp(δ). The symbolic factorization is
+//! made once. Which pose holds the gauge is decided by the caller.
+
+use std::sync::Arc;
+
+use nalgebra::SVector;
+use rayon::prelude::*;
+
+use super::assembly::{EdgeBlocks, Incidences, cost, edge_rho, linearize_edges};
+use crate::geometry::LieGroup;
+use crate::linear::{BlockMatrix, BlockPattern, Cholesky};
+use crate::optimizer::{Gradient, Step, StepFailure, System};
+use crate::problem::{PoseGraph, SolveError};
+
+/// Bounds of the scaling D.
+const SCALING_RANGE: (f64, f64) = (1e-6, 1e32);
+
+/// Poses a task moves at least.
+const MIN_POSES_PER_TASK: usize = 128;
+
+pub(super) struct PoseGraphSystem<'a, G, const N: usize> {
+    graph: &'a mut PoseGraph<G, N>,
+    /// The poses before the last applied step.
+    backup: Vec<G>,
+    /// Block row of each pose, `None` for constant ones.
+    row_of: Vec<Option<usize>>,
+    edge_blocks: Vec<EdgeBlocks<N>>,
+    incidences: Incidences,
+    hessian: BlockMatrix,
+    factor: Cholesky,
+    gradient: Vec<f64>,
+    /// D.
+    scaling: Vec<f64>,
+    /// λD.
+    added_diagonal: Vec<f64>,
+    /// −g.
+    descent: Vec<f64>,
+    /// δ.
+    step: Vec<f64>,
+    /// Norm of the start's logarithms, at least that of one unit a pose.
+    state_norm: f64,
+}
+
+impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
+    /// The system at the graph's poses; `graph` is valid and has a pose that may move.
+    pub(super) fn new(graph: &'a mut PoseGraph<G, N>) -> Result<Self, SolveError> {
+        let not_finite = |edge| !edge_rho(edge, &graph.poses, graph.loss).is_finite();
+        if let Some(index) = graph.edges.iter().position(not_finite) {
+            return Err(SolveError::ResidualNotFinite { factor: "edge", index });
+        }
+        let mut rows = 0;
+        let row_of: Vec<Option<usize>> = graph
+            .constant
+            .iter()
+            .map(|&constant| {
+                (!constant).then(|| {
+                    rows += 1;
+                    rows - 1
+                })
+            })
+            .collect();
+        let rows_of_edges = graph.edges.iter().map(|edge| (row_of[edge.i], row_of[edge.j]));
+        let pairs = rows_of_edges.clone().filter_map(|(i, j)| i.zip(j));
+        let pattern = Arc::new(BlockPattern::new(vec![N; rows], pairs));
+        let incidences = Incidences::new(&pattern, rows_of_edges);
+        let scalars = pattern.dimension();
+        // Planning fails only for want of memory or of 32-bit indices.
+        let factor = Cholesky::new(Arc::clone(&pattern))
+            .map_err(|_error| SolveError::TooLarge { dimension: scalars })?;
+        let norm_squared: f64 = graph.poses.iter().map(|pose| pose.log().norm_squared()).sum();
+        Ok(Self {
+            backup: graph.poses.clone(),
+            edge_blocks: vec![EdgeBlocks::zeros(); graph.edges.len()],
+            row_of,
+            incidences,
+            hessian: BlockMatrix::new(pattern),
+            factor,
+            gradient: vec![0.0; scalars],
+            scaling: vec![0.0; scalars],
+            added_diagonal: vec![0.0; scalars],
+            descent: vec![0.0; scalars],
+            step: vec![0.0; scalars],
+            state_norm: norm_squared.max(graph.poses.len() as f64).sqrt(),
+            graph,
+        })
+    }
+}
+
+impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
+    fn cost(&mut self) -> f64 {
+        cost(&self.graph.edges, &self.graph.poses, self.graph.loss)
+    }
+
+    fn linearize(&mut self, _damping: f64) -> Gradient {
+        let graph = &*self.graph;
+        linearize_edges(&graph.edges, &graph.poses, graph.loss, &mut self.edge_blocks);
+        self.incidences.assemble(&self.edge_blocks, &mut self.hessian, &mut self.gradient);
+        let mut max_norm = 0.0_f64;
+        for (k, h) in self.hessian.diagonal().into_iter().enumerate() {
+            self.scaling[k] = h.clamp(SCALING_RANGE.0, SCALING_RANGE.1);
+            self.descent[k] = -self.gradient[k];
+            let scaled = self.gradient[k].abs() / self.scaling[k].sqrt();
+            // A NaN compares false with everything and must win.
+            if scaled > max_norm || scaled.is_nan() {
+                max_norm = scaled;
+            }
+        }
+        Gradient { max_norm }
+    }
+
+    fn solve(&mut self, damping: f64) -> Result<Step, StepFailure> {
+        for (added, scaling) in self.added_diagonal.iter_mut().zip(&self.scaling) {
+            *added = damping * scaling;
+        }
+        self.factor
+            .factor(&self.hessian, &self.added_diagonal)
+            .map_err(|_not_positive_definite| StepFailure)?;
+        let linear_residual = self.factor.solve_checked(
+            &self.hessian,
+            &self.added_diagonal,
+            &self.descent,
+            &mut self.step,
+        );
+        let (mut predicted_decrease, mut norm_squared) = (0.0, 0.0);
+        for (k, &delta) in self.step.iter().enumerate() {
+            predicted_decrease += 0.5 * delta * (self.added_diagonal[k] * delta + self.descent[k]);
+            norm_squared += delta * delta;
+        }
+        Ok(Step {
+            predicted_decrease,
+            norm: norm_squared.sqrt(),
+            state_norm: self.state_norm,
+            linear_residual,
+        })
+    }
+
+    fn apply(&mut self) -> f64 {
+        self.backup.copy_from_slice(&self.graph.poses);
+        let step = &self.step;
+        self.graph
+            .poses
+            .par_iter_mut()
+            .zip(&self.row_of)
+            .with_min_len(MIN_POSES_PER_TASK)
+            .for_each(|(pose, row)| {
+                if let Some(row) = row {
+                    *pose = pose.plus(&SVector::from_column_slice(&step[row * N..][..N]));
+                }
+            });
+        self.cost()
+    }
+
+    fn restore(&mut self) {
+        self.graph.poses.copy_from_slice(&self.backup);
+    }
+}

@@ -1,0 +1,160 @@
+//! g2o: numbers survive, edges-only files are known as such, bad lines are named.
+
+use std::path::Path;
+
+use covis_solvers::evaluation::pose_graph_cost;
+use covis_solvers::geometry::{LieGroup, Se2, Se3};
+use covis_solvers::io::IoError;
+use covis_solvers::io::g2o::{G2oGraph, G2oSe2, G2oSe3};
+
+use super::data::data;
+use super::refused;
+
+const SE2: &str = "# a comment\nVERTEX_SE2 7 0 0 0\n\nVERTEX_SE2 3 1 0.5 0.25\nFIX 3\n\
+    EDGE_SE2 7 3 1.1 0.4 0.2 2 0.1 0 3 0 4\n";
+const SE3: &str = "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 1 2 3 0 0.6 0 0.8\n\
+    EDGE_SE3:QUAT 0 1 1 2 3 0 0.6001 0 0.8 1 0 0 0 0 0 2 0 0 0 0 3 0 0 0 4 0 0 5 0 6\n";
+
+fn parse(text: &str) -> Result<G2oGraph, IoError> {
+    G2oGraph::parse(text.as_bytes(), Path::new("graph.g2o"))
+}
+
+pub(crate) fn se2() -> G2oSe2 {
+    match parse(SE2).unwrap() {
+        G2oGraph::Se2(file) => file,
+        G2oGraph::Se3(_) => panic!("read as 3D"),
+    }
+}
+
+pub(crate) fn se3() -> G2oSe3 {
+    match parse(SE3).unwrap() {
+        G2oGraph::Se3(file) => file,
+        G2oGraph::Se2(_) => panic!("read as 2D"),
+    }
+}
+
+#[test]
+fn reads_a_2d_graph() {
+    let file = se2();
+    let graph = file.to_pose_graph().unwrap();
+    assert_eq!(
+        (graph.ids.as_slice(), graph.constant.as_slice()),
+        (&[7, 3][..], &[false, true][..])
+    );
+    let edge = &graph.edges[0];
+    assert_eq!((edge.i, edge.j), (0, 1));
+    assert_eq!(edge.i_from_j, Se2::from_xy_angle(1.1, 0.4, 0.2));
+    let matrix = edge.information.matrix();
+    assert_eq!((matrix[(0, 0)], matrix[(1, 0)], matrix[(0, 1)]), (2.0, 0.1, 0.1));
+    assert_eq!((matrix[(1, 1)], matrix[(2, 2)]), (3.0, 4.0));
+}
+
+#[test]
+fn reads_a_3d_graph_and_normalizes_only_its_problem() {
+    let file = se3();
+    assert_eq!(file.edges[0].i_from_j[4], 0.6001, "the file keeps its numbers");
+    let graph = file.to_pose_graph().unwrap();
+    let edge = &graph.edges[0];
+    assert!((edge.i_from_j.rotation.quaternion().norm() - 1.0).abs() < 1e-15);
+    let diagonal: Vec<f64> = edge.information.matrix().diagonal().iter().copied().collect();
+    assert_eq!(diagonal, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    let turned = graph.poses[1].rotation.rotate(&nalgebra::Vector3::x());
+    assert!((turned - nalgebra::Vector3::new(0.28, 0.0, -0.96)).norm() < 1e-15);
+}
+
+#[test]
+fn written_files_read_back_equal() {
+    for graph in [G2oGraph::Se2(se2()), G2oGraph::Se3(se3())] {
+        assert_eq!(G2oGraph::parse(&graph.to_bytes(), Path::new("copy")).unwrap(), graph);
+    }
+    for name in ["sphere2500", "parking-garage", "M3500", "intel", "CSAIL", "kitti_00"] {
+        let Some(path) = data(&format!("pose_graph/{name}.g2o")) else { return };
+        let graph = G2oGraph::read(&path).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let copy = folder.path().join("copy.g2o");
+        graph.write(&copy).unwrap();
+        assert_eq!(G2oGraph::read(&copy).unwrap(), graph, "{name}");
+        assert_eq!(graph.has_vertices(), !["CSAIL", "kitti_00"].contains(&name), "{name}");
+    }
+}
+
+#[test]
+fn a_file_of_edges_only_takes_its_ids_from_them() {
+    let text = "EDGE_SE2 30 -2 1 0 0 1 0 0 1 0 1\n\nEDGE_SE2 5 30 1 0 0 1 0 0 1 0 1\n    \n";
+    let G2oGraph::Se2(mut file) = parse(text).unwrap() else { panic!("read as 3D") };
+    assert!(!file.has_vertices());
+    let mut graph = file.to_pose_graph().unwrap();
+    assert_eq!(graph.ids, [-2, 5, 30]);
+    assert!(graph.poses.iter().all(|p| *p == Se2::identity()));
+    graph.poses[1] = Se2::from_xy_angle(1.0, 2.0, 0.5);
+    file.update_from(&graph).unwrap();
+    assert_eq!(file.vertices[1].id, 5);
+    assert_eq!(file.vertices[1].pose[..2], [1.0, 2.0]);
+    assert_eq!(file.to_pose_graph().unwrap().ids, graph.ids);
+}
+
+#[test]
+fn a_solved_graph_keeps_the_files_objective() {
+    let mut file = se3();
+    let mut graph = file.to_pose_graph().unwrap();
+    let tangent = nalgebra::SVector::from([0.1, -0.2, 0.3, 0.4, 0.5, -0.6]);
+    graph.poses[1] = graph.poses[1].plus(&tangent);
+    file.update_from(&graph).unwrap();
+    let edges = se3().edges;
+    assert_eq!(file.edges, edges);
+    let (a, b) = (pose_graph_cost(&graph), pose_graph_cost(&file.to_pose_graph().unwrap()));
+    assert!((a.total - b.total).abs() <= 1e-14 * a.total);
+    let exported = G2oSe3::from_pose_graph(&graph).unwrap().to_pose_graph().unwrap();
+    assert!((pose_graph_cost(&exported).total - a.total).abs() <= 1e-14 * a.total);
+    graph.edges[0].j = 9;
+    refused(G2oSe3::from_pose_graph(&graph), &["edge", "pose is 9", "there are 2"]);
+    graph.ids[0] = 77;
+    refused(file.update_from(&graph), &["vertex 77"]);
+}
+
+#[test]
+fn bad_lines_are_refused_by_line_and_field() {
+    let edge = "EDGE_SE2 7 3 1.1 0.4 0.2 2 0.1 0 3 0 4";
+    let with = |new: &str| SE2.replace(edge, new);
+    let quaternion = |q: &str| format!("VERTEX_SE3:QUAT 0 0 0 0 {q}\n");
+    let two_bad = format!("{SE2}EDGE_SE2 3 7 0 0 0 1 2 0 1 0 1\nEDGE_SE2 3 7 0 0 0 0 0 0 1 0 1\n");
+    let table: &[(String, &[&str])] = &[
+        (String::new(), &["graph.g2o", "no vertex or edge"]),
+        ("VERTEX_XY 1 2 3\n".into(), &["line 1", "unknown tag `VERTEX_XY`"]),
+        (SE2.replace("0.25", ""), &["line 4", "pose[2] is missing"]),
+        (SE2.replace("0.25", "0.25 9"), &["line 4", "`9` follows"]),
+        (SE2.replace("0.25", "NaN"), &["line 4", "pose[2] is not finite"]),
+        (SE2.replace("SE2 3 1", "SE2 7 1"), &["line 4", "vertex 7 stands twice"]),
+        (SE2.replace("SE2 3 1", "SE2 x 1"), &["line 4", "vertex id", "`x`"]),
+        (SE2.replace("FIX 3", "FIX 4"), &["line 5", "vertex 4 does not exist"]),
+        (SE2.replace("FIX 3", "FIX"), &["line 5", "vertex id is missing"]),
+        (with("EDGE_SE2 7 8 1 0 0 1 0 0 1 0 1"), &["line 6", "vertex 8 does not exist"]),
+        (with("EDGE_SE2 7 7 1 0 0 1 0 0 1 0 1"), &["line 6", "ties vertex 7 to itself"]),
+        (with("EDGE_SE2 7 3 1 0 0 1 0 0 1 0"), &["line 6", "information[5] is missing"]),
+        (with("EDGE_SE2 7 3 1 0 inf 1 0 0 1 0 1"), &["line 6", "measurement[2] is not finite"]),
+        (with(SE3.lines().next().unwrap()), &["line 6", "VERTEX_SE3:QUAT", "2D"]),
+        (two_bad, &["line 7", "not positive definite", "2 such"]),
+        (quaternion("0 0 0 0"), &["line 1", "norm 0"]),
+        (quaternion("0 0 0 1.002"), &["line 1", "norm 1.002"]),
+        (quaternion("1e200 0 0 0"), &["line 1", "norm inf"]),
+    ];
+    for (text, parts) in table {
+        refused(parse(text), parts);
+    }
+    assert!(parse(&quaternion("0 0 0 1.0009")).is_ok());
+}
+
+#[test]
+fn a_graph_filled_by_hand_is_checked_too() {
+    let mut file = se3();
+    file.edges[0].i_from_j[3..].copy_from_slice(&[0.0; 4]);
+    refused(file.to_pose_graph(), &["edge", "record 0", "norm 0"]);
+    let mut file = se2();
+    file.edges[0].information[0] = -1.0;
+    refused(file.to_pose_graph(), &["edge", "not positive definite"]);
+    let mut file = se2();
+    file.edges[0].j = 99;
+    refused(file.to_pose_graph(), &["vertex 99 does not exist"]);
+    let pose: Se3 = se3().to_pose_graph().unwrap().poses[1];
+    assert!(pose.is_finite());
+}

@@ -1,0 +1,11 @@
+//! Pose graphs: Jacobians, recovery, invariances, determinism, refusals, known optima of files.
+//!
+//! `graphs` makes the synthetic graphs; the other modules hold the tests, one subject each.
+
+mod graphs;
+
+mod files;
+mod gauge_and_errors;
+mod jacobians;
+mod recovery;
+mod start;
