@@ -1,6 +1,18 @@
 //! covis: an optimization-centric SLAM backend service.
 //!
 //! Frontends stream keyframes over gRPC, covis keeps the map, refines it and pushes corrections
-//! back.
+//! back. See `ARCHITECTURE.md` for the house; the rooms, lowest floor first:
+//!
+//! | module | role |
+//! |---|---|
+//! | [`map`] | the map and its invariants; no async, no wire |
+//! | [`store`] | journal of a map's events |
+//! | `service` | the engine that owns a map, and the gRPC edge |
+//! | [`wire`] | generated from `proto/` |
+//! | `client` | what a Rust frontend links |
+//! | `evaluation` | trajectory errors as evo defines them |
+//! | `cli` | one file a subcommand |
 
+pub mod map;
+pub mod store;
 pub mod wire;

@@ -1,4 +1,6 @@
 //! How to solve: method, limits and tolerances.
+//!
+//! Every option says its default; `validate` names the one that is out of range.
 
 use std::time::Duration;
 

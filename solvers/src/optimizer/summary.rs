@@ -1,4 +1,6 @@
 //! What happened in a solve: iterations, termination, and the figures that certify it.
+//!
+//! Not converging is an outcome that is told here, never an error.
 
 use std::fmt;
 

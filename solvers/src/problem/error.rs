@@ -1,4 +1,7 @@
-//! Why a problem cannot be solved as posed. Not converging is an outcome, not an error.
+//! Why a problem cannot be solved as posed.
+//!
+//! Not converging is an outcome, not an error. Variants carry what names the culprit: the kind, the
+//! index or the id; nothing here is prose of another module.
 
 use super::Piece;
 

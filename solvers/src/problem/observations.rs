@@ -1,4 +1,6 @@
 //! Checks of observation batches against the variables they refer to.
+//!
+//! Structure and finiteness only; whether a residual exists at the start is the solver's to find.
 
 use nalgebra::Vector2;
 

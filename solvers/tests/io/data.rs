@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 /// The path of a data file or folder, or `None` with one line where the data are absent.
-#[expect(clippy::print_stdout, reason = "a skipped test says so")]
 pub(crate) fn data(relative: &str) -> Option<PathBuf> {
     let root = std::env::var_os("COVIS_TEST_DATA").map_or_else(
         || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),

@@ -1,0 +1,189 @@
+//! From a solved problem back to a change of the map, which may have grown meanwhile.
+//!
+//! Every solved keyframe that the map still holds gets its new pose. What arrived after the solve
+//! began moves rigidly with its reference keyframe, T_new = ref_new · ref_now⁻¹ · T_now: a keyframe
+//! with the one before it in capture time of the same client (else the one after it, else the one
+//! that it shares most landmarks with), a landmark with its first observer. Landmarks that had no
+//! part in the solve but belong to a keyframe that moved follow it in the same way.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use covis_solvers::geometry::{Camera, LieGroup, Se3};
+use nalgebra::Vector3;
+
+use super::{
+    AppliedSolve, ClientIndex, EntityId, GraphProblem, Keyframe, Map, MapProblem, SolveKind,
+};
+
+/// A problem whose values a solver has moved.
+#[derive(Clone, Copy, Debug)]
+pub enum Solved<'a> {
+    /// Bundle adjustment.
+    Bundle(&'a MapProblem),
+    /// Pose-graph optimization.
+    Graph(&'a GraphProblem),
+}
+
+impl<'a> From<&'a MapProblem> for Solved<'a> {
+    fn from(problem: &'a MapProblem) -> Self {
+        Self::Bundle(problem)
+    }
+}
+
+impl<'a> From<&'a GraphProblem> for Solved<'a> {
+    fn from(problem: &'a GraphProblem) -> Self {
+        Self::Graph(problem)
+    }
+}
+
+impl Solved<'_> {
+    fn start_revision(&self) -> i64 {
+        match self {
+            Self::Bundle(p) => p.start_revision,
+            Self::Graph(p) => p.start_revision,
+        }
+    }
+
+    /// The poses that were free to move.
+    fn poses(&self) -> Vec<(EntityId, Se3)> {
+        let (ids, poses, constant) = match self {
+            Self::Bundle(p) => (&p.keyframes, &p.problem.poses, &p.problem.constant_poses),
+            Self::Graph(p) => (&p.keyframes, &p.graph.poses, &p.graph.constant),
+        };
+        let free = ids.iter().zip(poses).zip(constant).filter(|&(_, &constant)| !constant);
+        free.map(|((&id, &pose), _)| (id, pose)).collect()
+    }
+
+    fn landmarks(&self) -> Vec<(EntityId, Vector3<f64>)> {
+        match self {
+            Self::Bundle(p) => {
+                p.landmarks.iter().copied().zip(p.problem.landmarks.iter().copied()).collect()
+            }
+            Self::Graph(_) => Vec::new(),
+        }
+    }
+
+    fn cameras(&self) -> Vec<(EntityId, Camera)> {
+        match self {
+            Self::Bundle(p) => {
+                let all = p.cameras.iter().zip(&p.problem.cameras);
+                let free = all.zip(&p.problem.constant_cameras).filter(|&(_, &constant)| !constant);
+                free.map(|((&id, &camera), _)| (id, camera)).collect()
+            }
+            Self::Graph(_) => Vec::new(),
+        }
+    }
+}
+
+/// The change that a solved problem makes to the map as it is now.
+///
+/// `covered` names the sequences that the solve covers; `costs` are ½ Σ ρ before and after it.
+#[must_use]
+pub fn applied<'a>(
+    map_now: &Map,
+    solved: impl Into<Solved<'a>>,
+    kind: SolveKind,
+    covered: Vec<(ClientIndex, i64)>,
+    costs: (f64, f64),
+) -> AppliedSolve {
+    let solved = solved.into();
+    let keyframes = map_now.keyframes();
+    let mut poses: BTreeMap<EntityId, Se3> =
+        solved.poses().into_iter().filter(|(id, _)| keyframes.contains_key(id)).collect();
+    let late = late_poses(map_now, solved.start_revision(), &poses);
+    poses.extend(late);
+
+    let mut landmarks: BTreeMap<EntityId, Vector3<f64>> = solved
+        .landmarks()
+        .into_iter()
+        .filter(|(id, _)| map_now.landmarks().contains_key(id))
+        .collect();
+    let followers = followers(map_now, &poses, &landmarks.keys().copied().collect());
+    landmarks.extend(followers);
+
+    let cameras = solved.cameras();
+    AppliedSolve {
+        kind,
+        poses: poses.into_iter().collect(),
+        landmarks: landmarks.into_iter().collect(),
+        cameras: cameras.into_iter().filter(|(id, _)| map_now.cameras().contains_key(id)).collect(),
+        covered,
+        initial_cost: costs.0,
+        final_cost: costs.1,
+    }
+}
+
+/// The motion of a keyframe in the world, `new · now⁻¹`; `None` where it stays.
+fn motion(now: &Keyframe, new: Option<&Se3>) -> Option<Se3> {
+    let new = new.filter(|&&new| new != now.world_from_camera)?;
+    Some(new.compose(&now.world_from_camera.inverse()))
+}
+
+/// New poses of the keyframes that arrived after the solve began.
+fn late_poses(
+    map: &Map,
+    start_revision: i64,
+    solved: &BTreeMap<EntityId, Se3>,
+) -> Vec<(EntityId, Se3)> {
+    let late: Vec<(EntityId, &Keyframe)> = map
+        .keyframes()
+        .iter()
+        .filter(|(_, k)| k.added_revision > start_revision)
+        .map(|(&id, k)| (id, k))
+        .collect();
+    let clients: BTreeSet<ClientIndex> = late.iter().map(|(id, _)| id.client).collect();
+    // What was there when the solve began, by client in capture time.
+    let known: BTreeMap<ClientIndex, Vec<(EntityId, &Keyframe)>> = clients
+        .into_iter()
+        .map(|client| {
+            let mut trajectory = map.trajectory(client);
+            trajectory.retain(|(_, k)| k.added_revision <= start_revision);
+            (client, trajectory)
+        })
+        .collect();
+    late.into_iter()
+        .filter_map(|(id, keyframe)| {
+            let trajectory = known.get(&id.client)?;
+            let key = (keyframe.capture_time_ns, id);
+            let after = trajectory.partition_point(|(id, k)| (k.capture_time_ns, *id) < key);
+            let near = after.checked_sub(1).or(Some(after)).and_then(|i| trajectory.get(i));
+            let reference = match near {
+                Some(&(reference, _)) => reference,
+                None => most_shared(map, id, start_revision)?,
+            };
+            let moved = motion(map.keyframes().get(&reference)?, solved.get(&reference))?;
+            Some((id, moved.compose(&keyframe.world_from_camera)))
+        })
+        .collect()
+}
+
+/// The keyframe known at the start that shares most landmarks with `keyframe`, then the lowest id.
+fn most_shared(map: &Map, keyframe: EntityId, start_revision: i64) -> Option<EntityId> {
+    let is_known =
+        |id| map.keyframes().get(&id).is_some_and(|k| k.added_revision <= start_revision);
+    let known = map.covisibility().neighbors(keyframe).filter(|&(id, _)| is_known(id));
+    known.max_by_key(|&(id, shared)| (shared, std::cmp::Reverse(id))).map(|(id, _)| id)
+}
+
+/// New positions of the landmarks that are not solved and whose reference keyframe moves.
+fn followers(
+    map: &Map,
+    poses: &BTreeMap<EntityId, Se3>,
+    solved: &BTreeSet<EntityId>,
+) -> Vec<(EntityId, Vector3<f64>)> {
+    let mut moved = Vec::new();
+    for (&id, new) in poses {
+        let Some(keyframe) = map.keyframes().get(&id) else { continue };
+        let Some(motion) = motion(keyframe, Some(new)) else { continue };
+        for observation in keyframe.observations.iter() {
+            let Some(landmark) = map.landmarks().get(&observation.landmark) else { continue };
+            if landmark.reference == Some(id)
+                && !solved.contains(&observation.landmark)
+                && let Some(position) = &landmark.position
+            {
+                moved.push((observation.landmark, motion.transform(position)));
+            }
+        }
+    }
+    moved
+}

@@ -1,0 +1,104 @@
+//! Checks of a keyframe's observations: references, numbers, doubles, projections.
+//!
+//! An observation whose landmark lies behind its camera passes: it is a fact about the estimate.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use covis_solvers::geometry::{LieGroup, Se3};
+use nalgebra::Vector3;
+
+use super::super::{CameraEntity, EntityId, ItemObservation, NewLandmark, Observation, Reason};
+use super::Check;
+
+/// Where observations are made from.
+pub(super) struct View<'a> {
+    /// `None` where the item's camera is unknown, which is a violation of its own.
+    pub(super) camera: Option<CameraEntity>,
+    pub(super) world_from_camera: Se3,
+    /// Landmarks of the same item.
+    pub(super) new_landmarks: &'a [NewLandmark],
+    /// Observations that the keyframe has already.
+    pub(super) present: &'a [Observation],
+}
+
+impl Check<'_> {
+    /// Checks the observations and returns those whose landmark is named by a known client.
+    pub(super) fn observations(
+        &mut self,
+        path: &str,
+        sent: &[ItemObservation],
+        view: &View<'_>,
+    ) -> Vec<Observation> {
+        let ceiling = self.map.policy.ceilings.max_observations;
+        let (present, added) = (self.map.observation_count, sent.len() as u64);
+        self.fields.ceiling(path, "observations", present, added, ceiling);
+        let new: BTreeMap<EntityId, Option<Vector3<f64>>> =
+            view.new_landmarks.iter().map(|l| (l.id, l.position)).collect();
+        let mut seen: BTreeSet<EntityId> = view.present.iter().map(|o| o.landmark).collect();
+        let mut observations = Vec::with_capacity(sent.len());
+        for (index, sent) in sent.iter().enumerate() {
+            let at = format!("{path}[{index}]");
+            self.numbers(&at, sent, view);
+            let Some(landmark) = self.resolve(&sent.landmark) else {
+                self.unknown(&format!("{at}.landmark"), "landmark", &sent.landmark);
+                continue;
+            };
+            // The map's estimate is the better one where it knows the landmark already.
+            let position = match self.map.landmarks.get(&landmark) {
+                Some(known) => known.position,
+                None => match new.get(&landmark) {
+                    Some(position) => *position,
+                    None => {
+                        self.unknown(&format!("{at}.landmark"), "landmark", &sent.landmark);
+                        None
+                    }
+                },
+            };
+            if !seen.insert(landmark) {
+                let text = format!("landmark {} is observed twice", landmark.id);
+                self.fields.add(format!("{at}.landmark"), Reason::Duplicate, text);
+            }
+            if let Some(position) = &position {
+                self.projection(&at, landmark, position, view);
+            }
+            observations.push(Observation {
+                landmark,
+                pixel: sent.pixel,
+                sigma_px: sent.sigma_px,
+                depth: sent.depth,
+                descriptor: sent.descriptor.clone(),
+            });
+        }
+        observations
+    }
+
+    fn numbers(&mut self, at: &str, sent: &ItemObservation, view: &View<'_>) {
+        let sizes = view.camera.map_or([0, 0], |c| [c.width_px, c.height_px]);
+        for ((name, value), size) in ["x", "y"].into_iter().zip(sent.pixel.iter()).zip(sizes) {
+            let (field, size) = (format!("{at}.pixel.{name}"), f64::from(size));
+            // Refined features may lie a little outside the image; a whole image away is no feature.
+            let is_far = size > 0.0 && (*value < -size || *value > 2.0 * size);
+            if self.fields.finite(&field, *value) && is_far {
+                let text = format!("{value} is far outside an image of {size} pixels");
+                self.fields.add(field, Reason::OutOfRange, text);
+            }
+        }
+        self.fields.positive(&format!("{at}.sigma_px"), sent.sigma_px);
+        if let Some(depth) = &sent.depth {
+            self.fields.positive(&format!("{at}.depth_m"), depth.depth_m);
+            self.fields.positive(&format!("{at}.sigma_depth_m"), depth.sigma_m);
+        }
+    }
+
+    fn projection(&mut self, at: &str, id: EntityId, position: &Vector3<f64>, view: &View<'_>) {
+        // Values that are not finite have their own violation.
+        let numbers = view.world_from_camera.is_finite() && position.iter().all(|v| v.is_finite());
+        let Some(CameraEntity { camera, .. }) = view.camera.filter(|_| numbers) else { return };
+        let point_in_camera = view.world_from_camera.inverse_transform(position);
+        let pixel = camera.project(&point_in_camera);
+        if !pixel.is_some_and(|p| p.x.is_finite() && p.y.is_finite()) {
+            let text = format!("landmark {} has no finite projection at the start", id.id);
+            self.fields.add(format!("{at}.landmark"), Reason::ProjectionNotFinite, text);
+        }
+    }
+}

@@ -1,0 +1,342 @@
+//! SHA-256 over values, bit by bit: the hash of a map's state and of what a client sent.
+//!
+//! Every number goes in as eight little-endian bytes (floats by their bits), every list and option
+//! behind its length, every enum behind a tag, so that no two values share an encoding. The
+//! encoding is not stored anywhere but in digests; it is no journal format.
+
+use covis_solvers::geometry::{Camera, Se3};
+use covis_solvers::information::Information;
+use covis_solvers::loss::Loss;
+use nalgebra::Vector3;
+use sha2::{Digest as _, Sha256};
+
+use super::{
+    CameraEntity, Change, Constraint, ConstraintKind, Depth, DescriptorKind, Digest, EntityId,
+    Keyframe, Landmark, Map, MapPolicy, NewLandmark, Observation, Prior,
+};
+
+/// The kinds of entity whose content as sent is remembered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Content {
+    /// Cameras.
+    Camera,
+    /// Keyframes.
+    Keyframe,
+    /// Constraints and priors.
+    Constraint,
+}
+
+/// The digest of what an event adds, for the kinds whose content is remembered.
+pub(super) fn content(change: &Change) -> Digest {
+    let mut hash = Hash::new();
+    match change {
+        Change::CameraSet { id, camera } => {
+            hash.tag(0);
+            hash.id(*id);
+            hash.camera_entity(camera);
+        }
+        Change::KeyframeAdded {
+            id,
+            capture_time_ns,
+            camera,
+            world_from_camera,
+            observations,
+            landmarks,
+        } => {
+            hash.tag(1);
+            hash.id(*id);
+            hash.i64(*capture_time_ns);
+            hash.id(*camera);
+            hash.pose(world_from_camera);
+            hash.observations(observations);
+            hash.new_landmarks(landmarks);
+        }
+        Change::ConstraintAdded { id, constraint } => {
+            hash.tag(2);
+            hash.id(*id);
+            hash.constraint(constraint);
+        }
+        Change::PriorAdded { id, prior } => {
+            hash.tag(3);
+            hash.id(*id);
+            hash.prior(prior);
+        }
+        Change::Created { .. }
+        | Change::ClientOpened { .. }
+        | Change::LandmarksAdded { .. }
+        | Change::ObservationsAdded { .. }
+        | Change::LandmarksTriangulated { .. }
+        | Change::SolveApplied { .. }
+        | Change::ObservationsRemoved { .. }
+        | Change::LandmarksFused { .. }
+        | Change::LandmarksRemoved { .. }
+        | Change::KeyframeRemoved { .. }
+        | Change::ConstraintRevoked { .. }
+        | Change::PolicySet { .. } => hash.tag(255),
+    }
+    hash.finish()
+}
+
+impl Map {
+    /// SHA-256 over the whole state, bit exact.
+    ///
+    /// Only the creation time is left out, so that two runs on the same input compare equal; the
+    /// covisibility counts are left out because the observations determine them.
+    #[must_use]
+    pub fn state_hash(&self) -> [u8; 32] {
+        let mut hash = Hash::new();
+        hash.i64(self.revision);
+        hash.policy(&self.policy);
+        hash.length(self.clients.len());
+        for client in &self.clients {
+            hash.text(&client.name);
+            hash.i64(client.epoch);
+            hash.i64(client.next_sequence);
+            hash.i64(client.optimized_sequence);
+            hash.length(client.items.len());
+            for (&sequence, digest) in &client.items {
+                hash.i64(sequence);
+                hash.0.update(digest);
+            }
+        }
+        hash.length(self.cameras.len());
+        for (&id, camera) in &self.cameras {
+            hash.id(id);
+            hash.camera_entity(camera);
+        }
+        hash.length(self.keyframes.len());
+        for (&id, keyframe) in &self.keyframes {
+            hash.id(id);
+            hash.keyframe(keyframe);
+        }
+        hash.length(self.landmarks.len());
+        for (&id, landmark) in &self.landmarks {
+            hash.id(id);
+            hash.landmark(landmark);
+        }
+        hash.length(self.constraints.len());
+        for (&id, constraint) in &self.constraints {
+            hash.id(id);
+            hash.constraint(constraint);
+        }
+        hash.length(self.priors.len());
+        for (&id, prior) in &self.priors {
+            hash.id(id);
+            hash.prior(prior);
+        }
+        hash.length(self.contents.len());
+        for (&(kind, id), digest) in &self.contents {
+            hash.tag(kind as u8);
+            hash.id(id);
+            hash.0.update(digest);
+        }
+        hash.finish()
+    }
+}
+
+/// A running SHA-256 with one method a type.
+struct Hash(Sha256);
+
+impl Hash {
+    fn new() -> Self {
+        Self(Sha256::new())
+    }
+
+    fn finish(self) -> Digest {
+        self.0.finalize().into()
+    }
+
+    fn tag(&mut self, tag: u8) {
+        self.0.update([tag]);
+    }
+
+    fn i64(&mut self, value: i64) {
+        self.0.update(value.to_le_bytes());
+    }
+
+    fn u64(&mut self, value: u64) {
+        self.0.update(value.to_le_bytes());
+    }
+
+    fn length(&mut self, length: usize) {
+        self.u64(length as u64);
+    }
+
+    fn f64(&mut self, value: f64) {
+        self.u64(value.to_bits());
+    }
+
+    fn bytes(&mut self, bytes: &[u8]) {
+        self.length(bytes.len());
+        self.0.update(bytes);
+    }
+
+    fn text(&mut self, text: &str) {
+        self.bytes(text.as_bytes());
+    }
+
+    fn id(&mut self, id: EntityId) {
+        self.u64(u64::from(id.client.0));
+        self.i64(id.id);
+    }
+
+    fn ids(&mut self, ids: &[EntityId]) {
+        self.length(ids.len());
+        ids.iter().for_each(|&id| self.id(id));
+    }
+
+    fn vector(&mut self, vector: &Vector3<f64>) {
+        vector.iter().for_each(|&v| self.f64(v));
+    }
+
+    fn optional_vector(&mut self, vector: Option<&Vector3<f64>>) {
+        self.tag(u8::from(vector.is_some()));
+        if let Some(vector) = vector {
+            self.vector(vector);
+        }
+    }
+
+    fn pose(&mut self, pose: &Se3) {
+        pose.rotation.quaternion().coords.iter().for_each(|&v| self.f64(v));
+        self.vector(&pose.translation);
+    }
+
+    fn information<const N: usize>(&mut self, information: &Information<N>) {
+        information.matrix().iter().for_each(|&v| self.f64(v));
+    }
+
+    fn loss(&mut self, loss: &Loss) {
+        let (tag, width) = match *loss {
+            Loss::Trivial => (0, 0.0),
+            Loss::Huber(width) => (1, width),
+            Loss::Cauchy(width) => (2, width),
+            Loss::Tukey(width) => (3, width),
+            Loss::GemanMcClure(width) => (4, width),
+        };
+        self.tag(tag);
+        self.f64(width);
+    }
+
+    fn policy(&mut self, policy: &MapPolicy) {
+        let MapPolicy {
+            local_bundle,
+            loop_closure,
+            window_keyframes,
+            min_shared_landmarks,
+            observation_loss,
+            constraint_loss,
+            max_local_iterations,
+            ceilings,
+        } = policy;
+        self.tag(u8::from(*local_bundle));
+        self.tag(u8::from(*loop_closure));
+        self.length(*window_keyframes);
+        self.length(*min_shared_landmarks);
+        self.loss(observation_loss);
+        self.loss(constraint_loss);
+        self.length(*max_local_iterations);
+        for ceiling in [ceilings.max_keyframes, ceilings.max_landmarks, ceilings.max_observations] {
+            self.tag(u8::from(ceiling.is_some()));
+            self.u64(ceiling.unwrap_or(0));
+        }
+    }
+
+    fn camera_entity(&mut self, entity: &CameraEntity) {
+        self.tag(match entity.camera {
+            Camera::Pinhole(_) => 0,
+            Camera::Fisheye(_) => 1,
+            Camera::Snavely(_) => 2,
+        });
+        entity.camera.parameters().as_slice().iter().for_each(|&v| self.f64(v));
+        self.u64(u64::from(entity.width_px));
+        self.u64(u64::from(entity.height_px));
+    }
+
+    fn observations(&mut self, observations: &[Observation]) {
+        self.length(observations.len());
+        for observation in observations {
+            self.observation(observation);
+        }
+    }
+
+    fn observation(&mut self, observation: &Observation) {
+        let Observation { landmark, pixel, sigma_px, depth, descriptor } = observation;
+        self.id(*landmark);
+        self.f64(pixel.x);
+        self.f64(pixel.y);
+        self.f64(*sigma_px);
+        self.tag(u8::from(depth.is_some()));
+        if let Some(Depth { depth_m, sigma_m }) = depth {
+            self.f64(*depth_m);
+            self.f64(*sigma_m);
+        }
+        self.tag(u8::from(descriptor.is_some()));
+        if let Some(descriptor) = descriptor {
+            self.tag(match descriptor.kind {
+                DescriptorKind::Binary => 0,
+                DescriptorKind::Float32 => 1,
+                DescriptorKind::Uint8 => 2,
+            });
+            self.text(&descriptor.name);
+            self.bytes(&descriptor.data);
+        }
+    }
+
+    fn new_landmarks(&mut self, landmarks: &[NewLandmark]) {
+        self.length(landmarks.len());
+        for landmark in landmarks {
+            self.id(landmark.id);
+            self.optional_vector(landmark.position.as_ref());
+        }
+    }
+
+    fn keyframe(&mut self, keyframe: &Keyframe) {
+        self.i64(keyframe.capture_time_ns);
+        self.id(keyframe.camera);
+        self.pose(&keyframe.world_from_camera);
+        self.pose(&keyframe.start_world_from_camera);
+        self.observations(&keyframe.observations);
+        self.i64(keyframe.added_revision);
+    }
+
+    fn landmark(&mut self, landmark: &Landmark) {
+        self.optional_vector(landmark.position.as_ref());
+        self.optional_vector(landmark.sent_position.as_ref());
+        self.tag(u8::from(landmark.reference.is_some()));
+        if let Some(reference) = landmark.reference {
+            self.id(reference);
+        }
+        self.ids(&landmark.observers);
+        self.i64(landmark.added_revision);
+        self.i64(landmark.positioned_revision);
+    }
+
+    fn constraint(&mut self, constraint: &Constraint) {
+        self.tag(match constraint.kind {
+            ConstraintKind::Odometry => 0,
+            ConstraintKind::LoopClosure => 1,
+            ConstraintKind::Other => 2,
+        });
+        self.id(constraint.keyframe_i);
+        self.id(constraint.keyframe_j);
+        self.pose(&constraint.keyframe_i_from_keyframe_j);
+        self.information(&constraint.information);
+    }
+
+    fn prior(&mut self, prior: &Prior) {
+        match prior {
+            Prior::Pose { keyframe, world_from_camera, information } => {
+                self.tag(0);
+                self.id(*keyframe);
+                self.pose(world_from_camera);
+                self.information(information);
+            }
+            Prior::Position { keyframe, position_in_world, information } => {
+                self.tag(1);
+                self.id(*keyframe);
+                self.vector(position_in_world);
+                self.information(information);
+            }
+        }
+    }
+}

@@ -1,0 +1,191 @@
+//! What a map holds: clients, cameras, keyframes, landmarks, constraints and priors.
+//!
+//! Poses are `world_from_camera`, positions `point_in_world` in meters, pixels (u, v) with integers
+//! at pixel centers. Entities are plain values: the fold in `fold.rs` is what changes them.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use covis_solvers::geometry::{Camera, Se3};
+use covis_solvers::information::Information;
+use nalgebra::{Vector2, Vector3};
+
+use super::EntityId;
+
+/// A SHA-256 digest.
+pub type Digest = [u8; 32];
+
+/// A frontend that has opened a stream on the map.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Client {
+    /// The name that it gave.
+    pub name: String,
+    /// Its newest epoch; streams of older epochs are fenced.
+    pub epoch: i64,
+    /// The last sequence journaled for it, plus 1; 1 for a new client.
+    pub next_sequence: i64,
+    /// Solves have covered its items up to this sequence; 0 before the first.
+    pub optimized_sequence: i64,
+    /// The digest of every journaled item by its sequence, kept past optimization.
+    pub items: BTreeMap<i64, Digest>,
+}
+
+/// A camera with its intrinsics.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraEntity {
+    /// The projection, current estimate.
+    pub camera: Camera,
+    /// Width of the image in pixels; 0 where unknown.
+    pub width_px: u32,
+    /// Height of the image in pixels; 0 where unknown.
+    pub height_px: u32,
+}
+
+/// How two descriptors are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DescriptorKind {
+    /// A string of bits, by Hamming distance.
+    Binary,
+    /// Little-endian 32-bit floats, by Euclidean distance.
+    Float32,
+    /// Unsigned bytes, by Euclidean distance.
+    Uint8,
+}
+
+/// What a feature looks like; kept for place recognition, not used yet.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Descriptor {
+    /// How it is compared.
+    pub kind: DescriptorKind,
+    /// What made it, for instance "orb".
+    pub name: String,
+    /// The descriptor itself.
+    pub data: Vec<u8>,
+}
+
+/// A measured depth along the optical axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Depth {
+    /// z of the point in the camera's frame, in meters, positive.
+    pub depth_m: f64,
+    /// Standard deviation in meters, positive.
+    pub sigma_m: f64,
+}
+
+/// A landmark seen at a pixel of a keyframe.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Observation {
+    /// The landmark.
+    pub landmark: EntityId,
+    /// Measured pixel (u, v).
+    pub pixel: Vector2<f64>,
+    /// Standard deviation of u and of v in pixels, positive.
+    pub sigma_px: f64,
+    /// Measured depth, where there is one.
+    pub depth: Option<Depth>,
+    /// What the feature looks like, where the client said.
+    pub descriptor: Option<Arc<Descriptor>>,
+}
+
+/// A captured frame that the map keeps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Keyframe {
+    /// Middle of the exposure in nanoseconds of the client's clock; orders a client's keyframes.
+    pub capture_time_ns: i64,
+    /// The camera that captured it.
+    pub camera: EntityId,
+    /// Current estimate.
+    pub world_from_camera: Se3,
+    /// The estimate with which it arrived; `map_from_odom` is the current estimate times its
+    /// inverse.
+    pub start_world_from_camera: Se3,
+    /// Features seen, at most one a landmark, in the order of arrival.
+    pub observations: Arc<[Observation]>,
+    /// The revision that added it.
+    pub added_revision: i64,
+}
+
+impl Keyframe {
+    /// The observation of `landmark`, if there is one; linear in the number of observations.
+    #[must_use]
+    pub fn observation_of(&self, landmark: EntityId) -> Option<&Observation> {
+        self.observations.iter().find(|o| o.landmark == landmark)
+    }
+}
+
+/// A point of the scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Landmark {
+    /// `point_in_world`, current estimate in meters; `None` until it is triangulated.
+    pub position: Option<Vector3<f64>>,
+    /// The position as the client sent it; a landmark sent again must repeat it.
+    pub sent_position: Option<Vector3<f64>>,
+    /// The keyframe that it moves with until a solve covers it: its first observer.
+    pub reference: Option<EntityId>,
+    /// The keyframes that see it, sorted.
+    pub observers: Vec<EntityId>,
+    /// The revision that added it.
+    pub added_revision: i64,
+    /// The revision that gave it a position, by a client or by triangulation; 0 before.
+    pub positioned_revision: i64,
+}
+
+/// What a relative pose came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ConstraintKind {
+    /// Tracking from one keyframe to the next.
+    Odometry,
+    /// A place seen again; starts pose-graph optimization.
+    LoopClosure,
+    /// Anything else.
+    Other,
+}
+
+/// A measured relative pose between two keyframes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Constraint {
+    /// What it came from.
+    pub kind: ConstraintKind,
+    /// The keyframe in whose frame the pose was measured.
+    pub keyframe_i: EntityId,
+    /// The keyframe whose pose was measured; not `keyframe_i`.
+    pub keyframe_j: EntityId,
+    /// The measurement Z of r = Log(Z⁻¹ · X_i⁻¹ · X_j).
+    pub keyframe_i_from_keyframe_j: Se3,
+    /// Information of r, translation first.
+    pub information: Information<6>,
+}
+
+/// A measurement of one keyframe in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "a map has few priors, and plain values stay Copy")]
+pub enum Prior {
+    /// Of the whole pose, r = Log(Z⁻¹ · X).
+    Pose {
+        /// The keyframe.
+        keyframe: EntityId,
+        /// The measurement Z.
+        world_from_camera: Se3,
+        /// Information of r, translation first.
+        information: Information<6>,
+    },
+    /// Of the camera's position, r = t − z.
+    Position {
+        /// The keyframe.
+        keyframe: EntityId,
+        /// The measurement z in meters.
+        position_in_world: Vector3<f64>,
+        /// Information over x, y, z of the world frame, in 1/m².
+        information: Information<3>,
+    },
+}
+
+impl Prior {
+    /// The keyframe that is measured.
+    #[must_use]
+    pub fn keyframe(&self) -> EntityId {
+        match *self {
+            Self::Pose { keyframe, .. } | Self::Position { keyframe, .. } => keyframe,
+        }
+    }
+}

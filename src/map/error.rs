@@ -1,0 +1,109 @@
+//! Why an event does not fit the map: a damaged journal or a bug, never a client's bad input.
+//!
+//! What a client sent wrong is a rejection (`rejection.rs`), told before the journal.
+
+use super::{ClientIndex, EntityId};
+
+/// A kind of entity, for messages.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EntityKind {
+    /// A camera.
+    Camera,
+    /// A keyframe.
+    Keyframe,
+    /// A landmark.
+    Landmark,
+    /// A constraint or prior.
+    Constraint,
+    /// An observation, named by its landmark.
+    Observation,
+}
+
+impl std::fmt::Display for EntityKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Camera => "camera",
+            Self::Keyframe => "keyframe",
+            Self::Landmark => "landmark",
+            Self::Constraint => "constraint",
+            Self::Observation => "observation of landmark",
+        })
+    }
+}
+
+/// An event that does not fit; the map is unchanged.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MapError {
+    /// Events are missing, doubled or out of order.
+    #[error("the event has revision {actual}, the map needs {expected}")]
+    RevisionGap {
+        /// The map's revision plus 1.
+        expected: i64,
+        /// The event's.
+        actual: i64,
+    },
+    /// The first event, and no other, creates the map.
+    #[error("revision {revision}: a map is created by its first event and by no other")]
+    Creation {
+        /// The event's revision.
+        revision: i64,
+    },
+    /// The client has not opened a stream.
+    #[error("revision {revision}: client {} does not exist", .client.0)]
+    UnknownClient {
+        /// The event's revision.
+        revision: i64,
+        /// The client.
+        client: ClientIndex,
+    },
+    /// An epoch is not newer than the client's last one, or an item's is newer than any opened.
+    #[error("revision {revision}: epoch {actual} does not fit the client's epoch {newest}")]
+    Epoch {
+        /// The event's revision.
+        revision: i64,
+        /// The client's newest epoch.
+        newest: i64,
+        /// The event's.
+        actual: i64,
+    },
+    /// The client's sequence is journaled already.
+    #[error("revision {revision}: sequence {sequence} of client {} stands already", .client.0)]
+    SequenceTaken {
+        /// The event's revision.
+        revision: i64,
+        /// The client.
+        client: ClientIndex,
+        /// The sequence.
+        sequence: i64,
+    },
+    /// The event refers to something that the map does not hold.
+    #[error("revision {revision}: {kind} {id} does not exist")]
+    Unknown {
+        /// The event's revision.
+        revision: i64,
+        /// What it refers to.
+        kind: EntityKind,
+        /// Its id.
+        id: EntityId,
+    },
+    /// The event adds something that the map holds already.
+    #[error("revision {revision}: {kind} {id} exists already")]
+    Exists {
+        /// The event's revision.
+        revision: i64,
+        /// What it adds.
+        kind: EntityKind,
+        /// Its id.
+        id: EntityId,
+    },
+    /// The event carries a NaN or infinite value.
+    #[error("revision {revision}: {kind} {id} has a value that is not finite")]
+    NotFinite {
+        /// The event's revision.
+        revision: i64,
+        /// What would get it.
+        kind: EntityKind,
+        /// Its id.
+        id: EntityId,
+    },
+}

@@ -1,0 +1,183 @@
+//! Events: what changed in a map, as values, never as recipes.
+//!
+//! A map is the fold of its events. Because a solve's event carries the resulting poses and
+//! landmarks, replaying a journal runs no solver and gives the same bits on any machine.
+
+use covis_solvers::geometry::{Camera, Se3};
+use nalgebra::Vector3;
+
+use super::{
+    CameraEntity, ClientIndex, Constraint, Digest, EntityId, MapPolicy, Observation, Prior,
+};
+
+/// One step of a map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    /// The map's revision after the event: 1 for the first, one more with each.
+    pub revision: i64,
+    /// The client item that caused it; `None` for the server's own events.
+    pub cause: Option<Cause>,
+    /// What changed.
+    pub change: Change,
+}
+
+/// The client item behind an event.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Cause {
+    /// The client.
+    pub client: ClientIndex,
+    /// The epoch of its stream.
+    pub epoch: i64,
+    /// The item's sequence in the stream, at least 1.
+    pub sequence: i64,
+    /// Digest of the item as received, by which a re-sent item is recognized.
+    pub digest: Digest,
+}
+
+/// A landmark as it enters the map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NewLandmark {
+    /// Its id.
+    pub id: EntityId,
+    /// `point_in_world` in meters; `None` where the server is to triangulate it.
+    pub position: Option<Vector3<f64>>,
+}
+
+/// Which solve an event carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SolveKind {
+    /// Bundle adjustment of a covisibility window.
+    LocalBundle,
+    /// Pose-graph optimization; landmarks follow their reference keyframes.
+    PoseGraph,
+    /// Bundle adjustment of the whole map.
+    Global,
+}
+
+/// The values that a solve leaves, what arrived meanwhile moved along.
+#[derive(Clone, Debug, PartialEq)]
+pub struct AppliedSolve {
+    /// Which solve.
+    pub kind: SolveKind,
+    /// New `world_from_camera` of keyframes.
+    pub poses: Vec<(EntityId, Se3)>,
+    /// New `point_in_world` of landmarks, in meters.
+    pub landmarks: Vec<(EntityId, Vector3<f64>)>,
+    /// New intrinsics.
+    pub cameras: Vec<(EntityId, Camera)>,
+    /// Per client the last sequence whose items are covered.
+    pub covered: Vec<(ClientIndex, i64)>,
+    /// ½ Σ ρ at the start.
+    pub initial_cost: f64,
+    /// ½ Σ ρ at the end.
+    pub final_cost: f64,
+}
+
+/// What an event changes.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Change {
+    /// The map exists; first event and only there.
+    Created {
+        /// How it is kept.
+        policy: MapPolicy,
+        /// Unix time in nanoseconds by the server's clock.
+        create_time_ns: i64,
+    },
+    /// A client opened a stream, for the first time or with a newer epoch.
+    ClientOpened {
+        /// The client's name.
+        name: String,
+        /// Newer than its last one.
+        epoch: i64,
+    },
+    /// A camera is new or replaced.
+    CameraSet {
+        /// Its id.
+        id: EntityId,
+        /// Its values.
+        camera: CameraEntity,
+    },
+    /// A keyframe is new. Landmarks that the map knows with the same sent position may be repeated.
+    KeyframeAdded {
+        /// Its id.
+        id: EntityId,
+        /// See [`Keyframe::capture_time_ns`](super::Keyframe::capture_time_ns).
+        capture_time_ns: i64,
+        /// The camera that captured it.
+        camera: EntityId,
+        /// Start estimate.
+        world_from_camera: Se3,
+        /// Features seen.
+        observations: Vec<Observation>,
+        /// Landmarks sent with it.
+        landmarks: Vec<NewLandmark>,
+    },
+    /// Landmarks are new, or repeated as in [`Change::KeyframeAdded`].
+    LandmarksAdded {
+        /// The landmarks.
+        landmarks: Vec<NewLandmark>,
+    },
+    /// A keyframe got more observations.
+    ObservationsAdded {
+        /// The keyframe.
+        keyframe: EntityId,
+        /// Of landmarks that it did not observe before.
+        observations: Vec<Observation>,
+    },
+    /// A relative pose was measured.
+    ConstraintAdded {
+        /// Its id, in one space with priors.
+        id: EntityId,
+        /// Its values.
+        constraint: Constraint,
+    },
+    /// A keyframe was measured in the world.
+    PriorAdded {
+        /// Its id, in one space with constraints.
+        id: EntityId,
+        /// Its values.
+        prior: Prior,
+    },
+    /// Landmarks got their first position.
+    LandmarksTriangulated {
+        /// `point_in_world` in meters.
+        positions: Vec<(EntityId, Vector3<f64>)>,
+    },
+    /// A solve's result took effect.
+    SolveApplied {
+        /// The resulting values.
+        solve: AppliedSolve,
+    },
+    /// Observations were taken back, each named as (keyframe, landmark).
+    ObservationsRemoved {
+        /// Which.
+        observations: Vec<(EntityId, EntityId)>,
+    },
+    /// Several landmarks turned out to be one.
+    LandmarksFused {
+        /// Takes over the observations.
+        kept: EntityId,
+        /// Go.
+        absorbed: Vec<EntityId>,
+    },
+    /// Landmarks went, with their observations.
+    LandmarksRemoved {
+        /// Which.
+        landmarks: Vec<EntityId>,
+    },
+    /// A keyframe went, with its observations, constraints and priors.
+    KeyframeRemoved {
+        /// Which.
+        keyframe: EntityId,
+    },
+    /// A constraint or prior was taken back.
+    ConstraintRevoked {
+        /// Which.
+        id: EntityId,
+    },
+    /// The policy changed.
+    PolicySet {
+        /// The new one.
+        policy: MapPolicy,
+    },
+}

@@ -1,0 +1,236 @@
+//! Whether an event fits the map, checked in full before anything changes.
+//!
+//! These checks guard the journal, not the clients: an event that was made by
+//! [`Map::check`](crate::map::Map::check) or by a solve passes them. They are what keeps a damaged
+//! journal from becoming a damaged map.
+
+use std::collections::BTreeSet;
+
+use covis_solvers::geometry::{LieGroup, Se3};
+use nalgebra::Vector3;
+
+use super::super::{
+    AppliedSolve, Cause, Change, EntityId, EntityKind, Event, Map, MapError, NewLandmark,
+    Observation, Prior,
+};
+
+fn finite(vector: &Vector3<f64>) -> bool {
+    vector.iter().all(|v| v.is_finite())
+}
+
+impl Map {
+    pub(crate) fn fits(&self, event: &Event) -> Result<(), MapError> {
+        let check = Fit { map: self, revision: event.revision };
+        if event.revision != self.revision + 1 {
+            let expected = self.revision + 1;
+            return Err(MapError::RevisionGap { expected, actual: event.revision });
+        }
+        if matches!(event.change, Change::Created { .. }) != (self.revision == 0) {
+            return Err(MapError::Creation { revision: event.revision });
+        }
+        if let Some(cause) = &event.cause {
+            check.cause(cause)?;
+        }
+        check.change(&event.change)
+    }
+}
+
+/// The map that an event is held against.
+struct Fit<'a> {
+    map: &'a Map,
+    revision: i64,
+}
+
+type Outcome = Result<(), MapError>;
+
+impl Fit<'_> {
+    fn cause(&self, cause: &Cause) -> Outcome {
+        let (revision, client) = (self.revision, cause.client);
+        let Some(known) = self.map.client(client) else {
+            return Err(MapError::UnknownClient { revision, client });
+        };
+        if cause.epoch > known.epoch {
+            let (newest, actual) = (known.epoch, cause.epoch);
+            return Err(MapError::Epoch { revision, newest, actual });
+        }
+        if known.items.contains_key(&cause.sequence) {
+            return Err(MapError::SequenceTaken { revision, client, sequence: cause.sequence });
+        }
+        Ok(())
+    }
+
+    fn change(&self, change: &Change) -> Outcome {
+        match change {
+            Change::Created { .. } | Change::PolicySet { .. } => Ok(()),
+            Change::ClientOpened { name, epoch } => self.opening(name, *epoch),
+            Change::CameraSet { id, camera } => {
+                self.finite(camera.camera.is_finite(), EntityKind::Camera, *id)
+            }
+            Change::KeyframeAdded {
+                id,
+                camera,
+                world_from_camera,
+                observations,
+                landmarks,
+                ..
+            } => {
+                self.absent(!self.map.keyframes.contains_key(id), EntityKind::Keyframe, *id)?;
+                self.camera(*camera)?;
+                self.pose(*id, world_from_camera)?;
+                self.new_landmarks(landmarks)?;
+                let new: BTreeSet<EntityId> = landmarks.iter().map(|l| l.id).collect();
+                self.observations(observations, &new, &[])
+            }
+            Change::LandmarksAdded { landmarks } => self.new_landmarks(landmarks),
+            Change::ObservationsAdded { keyframe, observations } => {
+                self.keyframe(*keyframe)?;
+                let known = self.map.keyframes.get(keyframe).map(|k| &*k.observations);
+                self.observations(observations, &BTreeSet::new(), known.unwrap_or_default())
+            }
+            Change::ConstraintAdded { id, constraint } => {
+                self.new_constraint(*id)?;
+                self.keyframe(constraint.keyframe_i)?;
+                self.keyframe(constraint.keyframe_j)?;
+                let measured = constraint.keyframe_i_from_keyframe_j.is_finite();
+                self.finite(measured, EntityKind::Constraint, *id)
+            }
+            Change::PriorAdded { id, prior } => {
+                self.new_constraint(*id)?;
+                self.keyframe(prior.keyframe())?;
+                let measured = match prior {
+                    Prior::Pose { world_from_camera, .. } => world_from_camera.is_finite(),
+                    Prior::Position { position_in_world, .. } => finite(position_in_world),
+                };
+                self.finite(measured, EntityKind::Constraint, *id)
+            }
+            Change::LandmarksTriangulated { positions } => self.positions(positions),
+            Change::SolveApplied { solve } => self.solve(solve),
+            Change::ObservationsRemoved { observations } => {
+                observations.iter().try_for_each(|&(keyframe, landmark)| {
+                    let seen = self.map.keyframes.get(&keyframe);
+                    let seen = seen.is_some_and(|k| k.observation_of(landmark).is_some());
+                    self.present(seen, EntityKind::Observation, landmark)
+                })
+            }
+            Change::LandmarksFused { kept, absorbed } => {
+                self.landmark(*kept)?;
+                self.absent(!absorbed.contains(kept), EntityKind::Landmark, *kept)?;
+                absorbed.iter().try_for_each(|&id| self.landmark(id))
+            }
+            Change::LandmarksRemoved { landmarks } => {
+                landmarks.iter().try_for_each(|&id| self.landmark(id))
+            }
+            Change::KeyframeRemoved { keyframe } => self.keyframe(*keyframe),
+            Change::ConstraintRevoked { id } => {
+                let map = self.map;
+                let known = map.constraints.contains_key(id) || map.priors.contains_key(id);
+                self.present(known, EntityKind::Constraint, *id)
+            }
+        }
+    }
+
+    fn opening(&self, name: &str, epoch: i64) -> Outcome {
+        let newest = self.map.client_named(name).and_then(|c| self.map.client(c));
+        match newest.map(|c| c.epoch) {
+            Some(newest) if epoch <= newest => {
+                Err(MapError::Epoch { revision: self.revision, newest, actual: epoch })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn new_landmarks(&self, landmarks: &[NewLandmark]) -> Outcome {
+        let mut seen = BTreeSet::new();
+        for new in landmarks {
+            let repeats = match self.map.landmarks.get(&new.id) {
+                Some(known) => known.sent_position == new.position,
+                None => true,
+            };
+            self.absent(repeats && seen.insert(new.id), EntityKind::Landmark, new.id)?;
+            let is_finite = new.position.as_ref().is_none_or(finite);
+            self.finite(is_finite, EntityKind::Landmark, new.id)?;
+        }
+        Ok(())
+    }
+
+    fn observations(
+        &self,
+        observations: &[Observation],
+        new: &BTreeSet<EntityId>,
+        present: &[Observation],
+    ) -> Outcome {
+        let mut seen: BTreeSet<EntityId> = present.iter().map(|o| o.landmark).collect();
+        for observation in observations {
+            let id = observation.landmark;
+            let known = new.contains(&id) || self.map.landmarks.contains_key(&id);
+            self.present(known, EntityKind::Landmark, id)?;
+            self.absent(seen.insert(id), EntityKind::Observation, id)?;
+            let pixel = observation.pixel.x.is_finite() && observation.pixel.y.is_finite();
+            self.finite(pixel && observation.sigma_px.is_finite(), EntityKind::Observation, id)?;
+        }
+        Ok(())
+    }
+
+    fn positions(&self, positions: &[(EntityId, Vector3<f64>)]) -> Outcome {
+        for (id, position) in positions {
+            self.landmark(*id)?;
+            self.finite(finite(position), EntityKind::Landmark, *id)?;
+        }
+        Ok(())
+    }
+
+    fn solve(&self, solve: &AppliedSolve) -> Outcome {
+        for (id, pose) in &solve.poses {
+            self.keyframe(*id)?;
+            self.pose(*id, pose)?;
+        }
+        self.positions(&solve.landmarks)?;
+        for (id, camera) in &solve.cameras {
+            self.camera(*id)?;
+            self.finite(camera.is_finite(), EntityKind::Camera, *id)?;
+        }
+        for &(client, _) in &solve.covered {
+            if self.map.client(client).is_none() {
+                return Err(MapError::UnknownClient { revision: self.revision, client });
+            }
+        }
+        Ok(())
+    }
+
+    fn pose(&self, id: EntityId, pose: &Se3) -> Outcome {
+        self.finite(pose.is_finite(), EntityKind::Keyframe, id)
+    }
+
+    fn camera(&self, id: EntityId) -> Outcome {
+        self.present(self.map.cameras.contains_key(&id), EntityKind::Camera, id)
+    }
+
+    fn keyframe(&self, id: EntityId) -> Outcome {
+        self.present(self.map.keyframes.contains_key(&id), EntityKind::Keyframe, id)
+    }
+
+    fn landmark(&self, id: EntityId) -> Outcome {
+        self.present(self.map.landmarks.contains_key(&id), EntityKind::Landmark, id)
+    }
+
+    fn new_constraint(&self, id: EntityId) -> Outcome {
+        let map = self.map;
+        let known = map.constraints.contains_key(&id) || map.priors.contains_key(&id);
+        self.absent(!known, EntityKind::Constraint, id)
+    }
+
+    fn present(&self, holds: bool, kind: EntityKind, id: EntityId) -> Outcome {
+        let revision = self.revision;
+        if holds { Ok(()) } else { Err(MapError::Unknown { revision, kind, id }) }
+    }
+
+    fn absent(&self, holds: bool, kind: EntityKind, id: EntityId) -> Outcome {
+        let revision = self.revision;
+        if holds { Ok(()) } else { Err(MapError::Exists { revision, kind, id }) }
+    }
+
+    fn finite(&self, holds: bool, kind: EntityKind, id: EntityId) -> Outcome {
+        let revision = self.revision;
+        if holds { Ok(()) } else { Err(MapError::NotFinite { revision, kind, id }) }
+    }
+}

@@ -1,0 +1,187 @@
+//! The fold: what each event does to the map.
+//!
+//! [`Map::apply`] first checks the whole event against the map (`fits.rs`) and only then changes
+//! anything, so a refused event leaves no trace. Covisibility is kept one observation at a time.
+//! The fold never estimates: every value comes out of the event.
+
+mod fits;
+mod removal;
+
+use std::sync::Arc;
+
+use covis_solvers::geometry::Se3;
+
+use super::digest::{self, Content};
+use super::{
+    AppliedSolve, Cause, Change, Client, ClientIndex, EntityId, Event, Keyframe, Landmark, Map,
+    MapError, NewLandmark, Observation,
+};
+
+impl Map {
+    /// Applies one event.
+    ///
+    /// # Errors
+    /// [`MapError`] when the event does not fit: a gap in the revisions, an unknown or doubled id,
+    /// a value that is not finite. The map is then unchanged.
+    pub fn apply(&mut self, event: &Event) -> Result<(), MapError> {
+        self.fits(event)?;
+        self.revision = event.revision;
+        self.change(&event.change);
+        if let Some(cause) = &event.cause {
+            self.remember(cause);
+        }
+        Ok(())
+    }
+
+    fn change(&mut self, change: &Change) {
+        match change {
+            Change::Created { policy, create_time_ns } => {
+                self.policy = *policy;
+                self.create_time_ns = *create_time_ns;
+            }
+            Change::ClientOpened { name, epoch } => self.open(name, *epoch),
+            Change::CameraSet { id, camera } => {
+                self.cameras.insert(*id, *camera);
+                self.contents.insert((Content::Camera, *id), digest::content(change));
+            }
+            Change::KeyframeAdded {
+                id,
+                capture_time_ns,
+                camera,
+                world_from_camera,
+                observations,
+                landmarks,
+            } => {
+                self.contents.insert((Content::Keyframe, *id), digest::content(change));
+                self.add_landmarks(landmarks);
+                self.add_keyframe(*id, *capture_time_ns, *camera, world_from_camera);
+                self.add_observations(*id, observations);
+            }
+            Change::LandmarksAdded { landmarks } => self.add_landmarks(landmarks),
+            Change::ObservationsAdded { keyframe, observations } => {
+                self.add_observations(*keyframe, observations);
+            }
+            Change::ConstraintAdded { id, constraint } => {
+                self.constraints.insert(*id, *constraint);
+                self.contents.insert((Content::Constraint, *id), digest::content(change));
+            }
+            Change::PriorAdded { id, prior } => {
+                self.priors.insert(*id, *prior);
+                self.contents.insert((Content::Constraint, *id), digest::content(change));
+            }
+            Change::LandmarksTriangulated { positions } => {
+                for (id, position) in positions {
+                    if let Some(landmark) = self.landmarks.get_mut(id) {
+                        landmark.position = Some(*position);
+                        landmark.positioned_revision = self.revision;
+                    }
+                }
+            }
+            Change::SolveApplied { solve } => self.take_solve(solve),
+            Change::ObservationsRemoved { observations } => {
+                for &(keyframe, landmark) in observations {
+                    self.remove_observation(keyframe, landmark);
+                }
+            }
+            Change::LandmarksFused { kept, absorbed } => self.fuse(*kept, absorbed),
+            Change::LandmarksRemoved { landmarks } => {
+                landmarks.iter().for_each(|&id| self.remove_landmark(id));
+            }
+            Change::KeyframeRemoved { keyframe } => self.remove_keyframe(*keyframe),
+            Change::ConstraintRevoked { id } => {
+                self.constraints.remove(id);
+                self.priors.remove(id);
+                self.contents.remove(&(Content::Constraint, *id));
+            }
+            Change::PolicySet { policy } => self.policy = *policy,
+        }
+    }
+
+    fn open(&mut self, name: &str, epoch: i64) {
+        match self.client_named(name) {
+            Some(ClientIndex(index)) => self.clients[index as usize].epoch = epoch,
+            None => self.clients.push(Client {
+                name: name.to_owned(),
+                epoch,
+                next_sequence: 1,
+                optimized_sequence: 0,
+                items: Default::default(),
+            }),
+        }
+    }
+
+    fn remember(&mut self, cause: &Cause) {
+        if let Some(client) = self.clients.get_mut(cause.client.0 as usize) {
+            client.items.insert(cause.sequence, cause.digest);
+            client.next_sequence = client.next_sequence.max(cause.sequence + 1);
+        }
+    }
+
+    fn add_keyframe(&mut self, id: EntityId, capture_time_ns: i64, camera: EntityId, pose: &Se3) {
+        let keyframe = Keyframe {
+            capture_time_ns,
+            camera,
+            world_from_camera: *pose,
+            start_world_from_camera: *pose,
+            observations: Arc::from([]),
+            added_revision: self.revision,
+        };
+        self.keyframes.insert(id, keyframe);
+    }
+
+    fn add_landmarks(&mut self, landmarks: &[NewLandmark]) {
+        let revision = self.revision;
+        for new in landmarks {
+            self.landmarks.entry(new.id).or_insert_with(|| Landmark {
+                position: new.position,
+                sent_position: new.position,
+                reference: None,
+                observers: Vec::new(),
+                added_revision: revision,
+                positioned_revision: if new.position.is_some() { revision } else { 0 },
+            });
+        }
+    }
+
+    fn add_observations(&mut self, keyframe_id: EntityId, added: &[Observation]) {
+        let Some(keyframe) = self.keyframes.get_mut(&keyframe_id) else { return };
+        keyframe.observations = keyframe.observations.iter().chain(added).cloned().collect();
+        self.observation_count += added.len() as u64;
+        for observation in added {
+            let Some(landmark) = self.landmarks.get_mut(&observation.landmark) else { continue };
+            self.covisibility.add(keyframe_id, &landmark.observers);
+            insert_sorted(&mut landmark.observers, keyframe_id);
+            landmark.reference.get_or_insert(keyframe_id);
+        }
+    }
+
+    fn take_solve(&mut self, solve: &AppliedSolve) {
+        for (id, pose) in &solve.poses {
+            if let Some(keyframe) = self.keyframes.get_mut(id) {
+                keyframe.world_from_camera = *pose;
+            }
+        }
+        for (id, position) in &solve.landmarks {
+            if let Some(landmark) = self.landmarks.get_mut(id) {
+                landmark.position = Some(*position);
+            }
+        }
+        for (id, camera) in &solve.cameras {
+            if let Some(entity) = self.cameras.get_mut(id) {
+                entity.camera = *camera;
+            }
+        }
+        for &(client, sequence) in &solve.covered {
+            if let Some(client) = self.clients.get_mut(client.0 as usize) {
+                client.optimized_sequence = client.optimized_sequence.max(sequence);
+            }
+        }
+    }
+}
+
+/// Inserts `id` into a sorted list, once.
+fn insert_sorted(ids: &mut Vec<EntityId>, id: EntityId) {
+    if let Err(position) = ids.binary_search(&id) {
+        ids.insert(position, id);
+    }
+}

@@ -1,0 +1,101 @@
+//! The parts of the fold that take things out of the map.
+//!
+//! A landmark whose reference keyframe goes moves on with its lowest remaining observer. A landmark
+//! that lost all observers stays until it is removed itself.
+
+use std::sync::Arc;
+
+use super::super::digest::Content;
+use super::super::{EntityId, Map};
+use super::insert_sorted;
+
+impl Map {
+    pub(super) fn remove_observation(&mut self, keyframe_id: EntityId, landmark_id: EntityId) {
+        let Some(keyframe) = self.keyframes.get_mut(&keyframe_id) else { return };
+        let before = keyframe.observations.len();
+        keyframe.observations =
+            keyframe.observations.iter().filter(|o| o.landmark != landmark_id).cloned().collect();
+        if keyframe.observations.len() < before {
+            self.observation_count -= 1;
+            self.forget_observer(landmark_id, keyframe_id);
+        }
+    }
+
+    pub(super) fn remove_landmark(&mut self, id: EntityId) {
+        let observers = self.landmarks.get(&id).map(|l| l.observers.clone()).unwrap_or_default();
+        for keyframe in observers {
+            self.remove_observation(keyframe, id);
+        }
+        self.landmarks.remove(&id);
+    }
+
+    pub(super) fn remove_keyframe(&mut self, id: EntityId) {
+        let Some(keyframe) = self.keyframes.remove(&id) else { return };
+        self.observation_count -= keyframe.observations.len() as u64;
+        for observation in keyframe.observations.iter() {
+            self.forget_observer(observation.landmark, id);
+        }
+        let Self { constraints, priors, contents, .. } = self;
+        contents.remove(&(Content::Keyframe, id));
+        constraints.retain(|&constraint_id, c| {
+            let keep = c.keyframe_i != id && c.keyframe_j != id;
+            if !keep {
+                contents.remove(&(Content::Constraint, constraint_id));
+            }
+            keep
+        });
+        priors.retain(|&prior_id, prior| {
+            let keep = prior.keyframe() != id;
+            if !keep {
+                contents.remove(&(Content::Constraint, prior_id));
+            }
+            keep
+        });
+    }
+
+    /// `kept` takes over the observations of `absorbed`; where a keyframe sees both, that of `kept`
+    /// stays. A landmark without position takes the first one that an absorbed landmark has.
+    pub(super) fn fuse(&mut self, kept: EntityId, absorbed: &[EntityId]) {
+        for &from in absorbed {
+            let Some(landmark) = self.landmarks.get(&from) else { continue };
+            let (observers, position) = (landmark.observers.clone(), landmark.position);
+            for keyframe in observers {
+                self.rename_observation(keyframe, from, kept);
+            }
+            self.landmarks.remove(&from);
+            let revision = self.revision;
+            if let (Some(landmark), Some(position)) = (self.landmarks.get_mut(&kept), position)
+                && landmark.position.is_none()
+            {
+                landmark.position = Some(position);
+                landmark.positioned_revision = revision;
+            }
+        }
+    }
+
+    fn rename_observation(&mut self, keyframe_id: EntityId, from: EntityId, to: EntityId) {
+        let Some(keyframe) = self.keyframes.get_mut(&keyframe_id) else { return };
+        if keyframe.observation_of(to).is_some() {
+            self.remove_observation(keyframe_id, from);
+            return;
+        }
+        let mut observations = keyframe.observations.to_vec();
+        observations.iter_mut().filter(|o| o.landmark == from).for_each(|o| o.landmark = to);
+        keyframe.observations = Arc::from(observations);
+        self.forget_observer(from, keyframe_id);
+        if let Some(landmark) = self.landmarks.get_mut(&to) {
+            self.covisibility.add(keyframe_id, &landmark.observers);
+            insert_sorted(&mut landmark.observers, keyframe_id);
+            landmark.reference.get_or_insert(keyframe_id);
+        }
+    }
+
+    fn forget_observer(&mut self, landmark_id: EntityId, keyframe: EntityId) {
+        let Some(landmark) = self.landmarks.get_mut(&landmark_id) else { return };
+        landmark.observers.retain(|&o| o != keyframe);
+        self.covisibility.remove(keyframe, &landmark.observers);
+        if landmark.reference == Some(keyframe) {
+            landmark.reference = landmark.observers.first().copied();
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! Names of clients and entities inside a map.
+//!
+//! A client chooses the ids of its cameras, keyframes, landmarks and constraints; within a map an
+//! entity is named by (client, id). Ids order as (client, id), which is the order of every table.
+//! Nothing here knows how the wire spells a reference.
+
+use std::fmt;
+
+/// Position of a client in [`Map::clients`](super::Map::clients); never changes once given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ClientIndex(pub u32);
+
+/// A camera, keyframe, landmark or constraint (priors included) of one client.
+///
+/// Each of the four kinds has its own id space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct EntityId {
+    /// The client that owns it.
+    pub client: ClientIndex,
+    /// The client's id for it, at least 0.
+    pub id: i64,
+}
+
+impl EntityId {
+    /// The entity `id` of `client`.
+    #[must_use]
+    pub fn new(client: ClientIndex, id: i64) -> Self {
+        Self { client, id }
+    }
+}
+
+impl fmt::Display for EntityId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} of client {}", self.id, self.client.0)
+    }
+}

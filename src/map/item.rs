@@ -1,0 +1,133 @@
+//! What a client sends, already converted from the wire but not yet checked against the map.
+//!
+//! Numbers may still be NaN and references dangling: [`Map::check`](super::Map::check) is where bad
+//! input is caught. Quaternions are the exception: the conversion from the wire normalizes them
+//! (norm within 1e-3 of 1) or refuses.
+
+use std::sync::Arc;
+
+use covis_solvers::geometry::{Camera, Se3};
+use nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
+
+use super::{ConstraintKind, Depth, Descriptor};
+
+/// A reference as a client writes it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EntityRef {
+    /// The owner's name; `None` for the sender.
+    pub client: Option<String>,
+    /// The owner's id for it.
+    pub id: i64,
+}
+
+impl EntityRef {
+    /// The sender's own entity `id`.
+    #[must_use]
+    pub fn own(id: i64) -> Self {
+        Self { client: None, id }
+    }
+}
+
+/// An observation as sent.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ItemObservation {
+    /// The landmark seen.
+    pub landmark: EntityRef,
+    /// Measured pixel (u, v).
+    pub pixel: Vector2<f64>,
+    /// Standard deviation of u and of v in pixels.
+    pub sigma_px: f64,
+    /// Measured depth, where there is one.
+    pub depth: Option<Depth>,
+    /// What the feature looks like, where the client says.
+    pub descriptor: Option<Arc<Descriptor>>,
+}
+
+/// A landmark as sent; it belongs to the sender.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ItemLandmark {
+    /// Its id.
+    pub id: i64,
+    /// `point_in_world` in meters; `None` where the server is to triangulate it.
+    pub position: Option<Vector3<f64>>,
+}
+
+/// One item of a stream; what it adds belongs to the sender.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Item {
+    /// Adds a camera.
+    Camera {
+        /// Its id.
+        id: i64,
+        /// Its projection.
+        camera: Camera,
+        /// Width of the image in pixels; 0 where unknown.
+        width_px: u32,
+        /// Height of the image in pixels; 0 where unknown.
+        height_px: u32,
+    },
+    /// Adds a keyframe with its observations and new landmarks: all of it or nothing.
+    Keyframe {
+        /// Its id.
+        id: i64,
+        /// Middle of the exposure in nanoseconds by the client's clock.
+        capture_time_ns: i64,
+        /// The camera that captured it.
+        camera: EntityRef,
+        /// Start estimate.
+        world_from_camera: Se3,
+        /// Features seen, at most one a landmark.
+        observations: Vec<ItemObservation>,
+        /// Landmarks that are new with it.
+        landmarks: Vec<ItemLandmark>,
+    },
+    /// Adds landmarks.
+    Landmarks {
+        /// At least one.
+        landmarks: Vec<ItemLandmark>,
+    },
+    /// Adds observations to a keyframe that is in the map.
+    Observations {
+        /// The keyframe.
+        keyframe: EntityRef,
+        /// At least one, of landmarks that it does not observe yet.
+        observations: Vec<ItemObservation>,
+    },
+    /// Adds a relative-pose constraint.
+    RelativePose {
+        /// Its id, in one space with the priors.
+        id: i64,
+        /// What it came from.
+        kind: ConstraintKind,
+        /// The keyframe in whose frame the pose was measured.
+        keyframe_i: EntityRef,
+        /// The keyframe whose pose was measured.
+        keyframe_j: EntityRef,
+        /// The measurement.
+        keyframe_i_from_keyframe_j: Se3,
+        /// Information, translation first.
+        information: Matrix6<f64>,
+    },
+    /// Adds a prior on a keyframe's pose.
+    PosePrior {
+        /// Its id, in one space with the constraints.
+        id: i64,
+        /// The keyframe.
+        keyframe: EntityRef,
+        /// The measurement.
+        world_from_camera: Se3,
+        /// Information, translation first.
+        information: Matrix6<f64>,
+    },
+    /// Adds a prior on a keyframe's position.
+    PositionPrior {
+        /// Its id, in one space with the constraints.
+        id: i64,
+        /// The keyframe.
+        keyframe: EntityRef,
+        /// The measurement in meters.
+        position_in_world: Vector3<f64>,
+        /// Information over x, y, z of the world frame, in 1/m².
+        information: Matrix3<f64>,
+    },
+}

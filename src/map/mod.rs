@@ -1,0 +1,192 @@
+//! The map: clients, cameras, keyframes, landmarks, observations, constraints, covisibility.
+//!
+//! A [`Map`] is the fold of its [`Event`]s, which carry values: the same journal gives the same
+//! bits. [`Map::check`] turns a client's [`Item`] into a [`Change`] or refuses it with the fields'
+//! names; `problem` is the only place that turns a map into a solver problem, and `applied` turns
+//! what a solve leaves into a change. No solve runs here and nothing here waits: no tokio, tonic or
+//! prost.
+
+use std::collections::BTreeMap;
+
+mod applied;
+mod check;
+mod covisibility;
+mod digest;
+mod entities;
+mod error;
+mod event;
+mod fold;
+mod ids;
+mod item;
+mod policy;
+pub mod problem;
+mod rejection;
+mod triangulation;
+mod window;
+
+pub use applied::{Solved, applied};
+pub use covisibility::Covisibility;
+pub use entities::{
+    CameraEntity, Client, Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, Digest,
+    Keyframe, Landmark, Observation, Prior,
+};
+pub use error::{EntityKind, MapError};
+pub use event::{AppliedSolve, Cause, Change, Event, NewLandmark, SolveKind};
+pub use ids::{ClientIndex, EntityId};
+pub use item::{EntityRef, Item, ItemLandmark, ItemObservation};
+pub use policy::{Ceilings, MapPolicy};
+pub use problem::{
+    GlobalOptions, GraphProblem, MapProblem, global_problem, local_problem, loop_problem,
+};
+pub use rejection::{FieldViolation, Reason, Rejection};
+pub use triangulation::triangulate;
+pub use window::{Window, choose_window};
+
+/// Whether the map already has what an item of a stream brings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Recall {
+    /// The sequence is not journaled.
+    New,
+    /// The same item is journaled under this sequence: acknowledge it again.
+    Duplicate,
+    /// Another item is journaled under this sequence.
+    Conflict,
+}
+
+/// A map at one revision.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Map {
+    revision: i64,
+    create_time_ns: i64,
+    policy: MapPolicy,
+    clients: Vec<Client>,
+    cameras: BTreeMap<EntityId, CameraEntity>,
+    keyframes: BTreeMap<EntityId, Keyframe>,
+    landmarks: BTreeMap<EntityId, Landmark>,
+    constraints: BTreeMap<EntityId, Constraint>,
+    priors: BTreeMap<EntityId, Prior>,
+    covisibility: Covisibility,
+    observation_count: u64,
+    /// Digests of cameras and keyframes as they were sent; solves change the entities, not these.
+    contents: BTreeMap<(digest::Content, EntityId), Digest>,
+}
+
+impl Map {
+    /// A map before its first event, at revision 0.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// How many events were applied.
+    #[must_use]
+    pub fn revision(&self) -> i64 {
+        self.revision
+    }
+
+    /// Unix time of the creation in nanoseconds, by the server's clock.
+    #[must_use]
+    pub fn create_time_ns(&self) -> i64 {
+        self.create_time_ns
+    }
+
+    /// How the map is kept.
+    #[must_use]
+    pub fn policy(&self) -> &MapPolicy {
+        &self.policy
+    }
+
+    /// The clients in the order of their first stream; a [`ClientIndex`] is a position here.
+    #[must_use]
+    pub fn clients(&self) -> &[Client] {
+        &self.clients
+    }
+
+    /// The client at `index`.
+    #[must_use]
+    pub fn client(&self, index: ClientIndex) -> Option<&Client> {
+        self.clients.get(index.0 as usize)
+    }
+
+    /// The client called `name`.
+    #[must_use]
+    pub fn client_named(&self, name: &str) -> Option<ClientIndex> {
+        let index = self.clients.iter().position(|c| c.name == name)?;
+        u32::try_from(index).ok().map(ClientIndex)
+    }
+
+    /// The cameras.
+    #[must_use]
+    pub fn cameras(&self) -> &BTreeMap<EntityId, CameraEntity> {
+        &self.cameras
+    }
+
+    /// The keyframes.
+    #[must_use]
+    pub fn keyframes(&self) -> &BTreeMap<EntityId, Keyframe> {
+        &self.keyframes
+    }
+
+    /// The landmarks, those without a position too.
+    #[must_use]
+    pub fn landmarks(&self) -> &BTreeMap<EntityId, Landmark> {
+        &self.landmarks
+    }
+
+    /// The relative-pose constraints.
+    #[must_use]
+    pub fn constraints(&self) -> &BTreeMap<EntityId, Constraint> {
+        &self.constraints
+    }
+
+    /// The priors.
+    #[must_use]
+    pub fn priors(&self) -> &BTreeMap<EntityId, Prior> {
+        &self.priors
+    }
+
+    /// How many landmarks keyframes share.
+    #[must_use]
+    pub fn covisibility(&self) -> &Covisibility {
+        &self.covisibility
+    }
+
+    /// How many observations the keyframes have.
+    #[must_use]
+    pub fn observation_count(&self) -> u64 {
+        self.observation_count
+    }
+
+    /// The keyframes of `client`, by capture time, then id.
+    #[must_use]
+    pub fn trajectory(&self, client: ClientIndex) -> Vec<(EntityId, &Keyframe)> {
+        let range = EntityId::new(client, i64::MIN)..=EntityId::new(client, i64::MAX);
+        let mut keyframes: Vec<_> = self.keyframes.range(range).map(|(&id, k)| (id, k)).collect();
+        keyframes.sort_by_key(|&(id, k)| (k.capture_time_ns, id));
+        keyframes
+    }
+
+    /// Whether item `sequence` of `client` is journaled, and with this digest.
+    ///
+    /// A sequence below `next_sequence` that was skipped or refused is [`Recall::New`].
+    #[must_use]
+    pub fn recall(&self, client: ClientIndex, sequence: i64, digest: &Digest) -> Recall {
+        match self.client(client).and_then(|c| c.items.get(&sequence)) {
+            None => Recall::New,
+            Some(known) if known == digest => Recall::Duplicate,
+            Some(_) => Recall::Conflict,
+        }
+    }
+
+    /// Applies events in order to an empty map.
+    ///
+    /// # Errors
+    /// [`MapError`] of the first event that does not fit.
+    pub fn replay<'a>(events: impl Iterator<Item = &'a Event>) -> Result<Self, MapError> {
+        let mut map = Self::new();
+        for event in events {
+            map.apply(event)?;
+        }
+        Ok(map)
+    }
+}

@@ -1,0 +1,223 @@
+//! Bundle adjustment problems: of a window, and of the whole map.
+//!
+//! Keyframes of a window come first in the problem, then the fixed ones, each group by id; cameras
+//! and landmarks by id. Relative-pose constraints enter when both keyframes are in the problem and
+//! one of them may move, priors when theirs may move. A pose that too few measurements hold stays
+//! where it is, and an observation without finite projection at the current estimates is left out:
+//! neither may stop the whole solve.
+
+use std::collections::BTreeMap;
+
+use covis_solvers::factors::{DepthReprojection, PosePrior, PositionPrior, RelativePose};
+use covis_solvers::loss::Loss;
+use covis_solvers::problem::BundleProblem;
+
+use super::pieces::Pieces;
+use super::{GlobalOptions, MapProblem};
+use crate::map::window::is_usable;
+use crate::map::{Depth, EntityId, Keyframe, Map, Prior, Window};
+
+/// Observations below which a pose that nothing else ties is held: three points fix six unknowns.
+const MIN_OBSERVATIONS: usize = 3;
+
+/// The problem of a window, with the policy's losses and constant intrinsics.
+///
+/// Landmarks and keyframes that the map does not hold any more are left out.
+#[must_use]
+pub fn local_problem(map: &Map, window: &Window) -> MapProblem {
+    let poses = window.free.iter().map(|&id| (id, false));
+    let poses = poses.chain(window.fixed.iter().map(|&id| (id, true)));
+    let mut builder = Builder::new(map, map.policy().observation_loss);
+    poses.for_each(|(id, constant)| builder.keyframe(id, constant));
+    window.landmarks.iter().for_each(|&id| builder.landmark(id));
+    builder.finish(true)
+}
+
+/// The problem of the whole map.
+///
+/// With `fix_first_keyframe` the lowest keyframe is held, and in every other piece of the map that
+/// no prior places in the world its lowest one.
+#[must_use]
+pub fn global_problem(map: &Map, options: &GlobalOptions) -> MapProblem {
+    let mut builder = Builder::new(map, options.loss);
+    map.keyframes().keys().for_each(|&id| builder.keyframe(id, false));
+    map.landmarks().keys().filter(|&&id| is_usable(map, id)).for_each(|&id| builder.landmark(id));
+    if options.fix_first_keyframe {
+        builder.fix_pieces();
+    }
+    builder.finish(options.fix_intrinsics)
+}
+
+struct Builder<'a> {
+    map: &'a Map,
+    problem: BundleProblem,
+    keyframes: Vec<EntityId>,
+    landmarks: Vec<EntityId>,
+    pose_of: BTreeMap<EntityId, usize>,
+    landmark_of: BTreeMap<EntityId, u32>,
+}
+
+impl<'a> Builder<'a> {
+    fn new(map: &'a Map, observation_loss: Loss) -> Self {
+        let problem = BundleProblem {
+            observation_loss,
+            relative_pose_loss: map.policy().constraint_loss,
+            ..BundleProblem::default()
+        };
+        Self {
+            map,
+            problem,
+            keyframes: Vec::new(),
+            landmarks: Vec::new(),
+            pose_of: BTreeMap::new(),
+            landmark_of: BTreeMap::new(),
+        }
+    }
+
+    fn keyframe(&mut self, id: EntityId, constant: bool) {
+        let Some(keyframe) = self.map.keyframes().get(&id) else { return };
+        let index = self.problem.push_pose(keyframe.world_from_camera);
+        self.problem.constant_poses[index] = constant;
+        self.keyframes.push(id);
+        self.pose_of.insert(id, index);
+    }
+
+    fn landmark(&mut self, id: EntityId) {
+        let Some(position) = self.map.landmarks().get(&id).and_then(|l| l.position) else { return };
+        let index = self.problem.push_landmark(position);
+        // The solver's batches index by u32; a map that large does not fit memory.
+        if let Ok(index) = u32::try_from(index) {
+            self.landmarks.push(id);
+            self.landmark_of.insert(id, index);
+        }
+    }
+
+    /// Holds the lowest keyframe of each piece; see [`global_problem`].
+    fn fix_pieces(&mut self) {
+        let mut pieces = Pieces::new(self.keyframes.len());
+        for id in self.landmark_of.keys() {
+            let Some(landmark) = self.map.landmarks().get(id) else { continue };
+            for pair in landmark.observers.windows(2) {
+                self.join(&mut pieces, pair[0], pair[1]);
+            }
+        }
+        for constraint in self.map.constraints().values() {
+            self.join(&mut pieces, constraint.keyframe_i, constraint.keyframe_j);
+        }
+        let mut is_placed = vec![false; self.keyframes.len()];
+        for prior in self.map.priors().values() {
+            if let Some(&pose) = self.pose_of.get(&prior.keyframe()) {
+                is_placed[pieces.root(pose)] = true;
+            }
+        }
+        for (piece, root) in pieces.roots().into_iter().enumerate() {
+            if piece == 0 || !is_placed[root] {
+                self.problem.constant_poses[root] = true;
+            }
+        }
+    }
+
+    fn join(&self, pieces: &mut Pieces, a: EntityId, b: EntityId) {
+        if let (Some(&a), Some(&b)) = (self.pose_of.get(&a), self.pose_of.get(&b)) {
+            pieces.join(a, b);
+        }
+    }
+
+    /// Adds cameras and every factor between the variables so far.
+    fn finish(mut self, fix_intrinsics: bool) -> MapProblem {
+        let map = self.map;
+        let used: BTreeMap<EntityId, _> = self
+            .keyframes
+            .iter()
+            .filter_map(|id| map.keyframes().get(id))
+            .filter_map(|k| map.cameras().get(&k.camera).map(|camera| (k.camera, camera)))
+            .collect();
+        let mut camera_of = BTreeMap::new();
+        for (&id, entity) in &used {
+            camera_of.insert(id, self.problem.push_camera(entity.camera, fix_intrinsics));
+        }
+        let mut measured = vec![0; self.keyframes.len()];
+        for pose in 0..self.keyframes.len() {
+            let Some(keyframe) = map.keyframes().get(&self.keyframes[pose]) else { continue };
+            if let Some(&camera) = camera_of.get(&keyframe.camera) {
+                measured[pose] = self.observations(keyframe, pose, camera);
+            }
+        }
+        self.pose_factors(&mut measured);
+        for (constant, &count) in self.problem.constant_poses.iter_mut().zip(&measured) {
+            *constant |= count < MIN_OBSERVATIONS;
+        }
+        MapProblem {
+            problem: self.problem,
+            keyframes: self.keyframes,
+            cameras: camera_of.into_keys().collect(),
+            landmarks: self.landmarks,
+            start_revision: map.revision(),
+        }
+    }
+
+    /// Adds the observations of a keyframe and returns how many there are.
+    fn observations(&mut self, keyframe: &Keyframe, pose: usize, camera: usize) -> usize {
+        let (Ok(pose), Ok(camera)) = (u32::try_from(pose), u32::try_from(camera)) else { return 0 };
+        let model = self.problem.cameras[camera as usize];
+        let mut count = 0;
+        for observation in keyframe.observations.iter() {
+            let Some(&landmark) = self.landmark_of.get(&observation.landmark) else { continue };
+            let position = &self.problem.landmarks[landmark as usize];
+            let point_in_camera = keyframe.world_from_camera.inverse_transform(position);
+            if model.project(&point_in_camera).is_none() {
+                continue;
+            }
+            let (pixel, sigma_px) = (observation.pixel, observation.sigma_px);
+            match observation.depth {
+                None => {
+                    self.problem.reprojections.push(pose, camera, landmark, pixel, sigma_px);
+                }
+                Some(Depth { depth_m, sigma_m: sigma_depth_m }) => {
+                    let factor = DepthReprojection { pixel, depth_m, sigma_px, sigma_depth_m };
+                    self.problem.depth_reprojections.push(pose, camera, landmark, factor);
+                }
+            }
+            count += 1;
+        }
+        count
+    }
+
+    /// Adds constraints and priors; a pose that one of them ties fully counts as measured.
+    fn pose_factors(&mut self, measured: &mut [usize]) {
+        let constant = self.problem.constant_poses.clone();
+        for constraint in self.map.constraints().values() {
+            let i = self.pose_of.get(&constraint.keyframe_i).copied();
+            let j = self.pose_of.get(&constraint.keyframe_j).copied();
+            let (Some(i), Some(j)) = (i, j) else { continue };
+            if constant[i] && constant[j] {
+                continue;
+            }
+            self.problem.relative_poses.push(RelativePose {
+                i,
+                j,
+                i_from_j: constraint.keyframe_i_from_keyframe_j,
+                information: constraint.information,
+            });
+            measured[i] += MIN_OBSERVATIONS;
+            measured[j] += MIN_OBSERVATIONS;
+        }
+        for prior in self.map.priors().values() {
+            let Some(&pose) = self.pose_of.get(&prior.keyframe()) else { continue };
+            if constant[pose] {
+                continue;
+            }
+            match *prior {
+                Prior::Pose { world_from_camera, information, .. } => {
+                    let prior = PosePrior { pose, world_from_camera, information };
+                    self.problem.pose_priors.push(prior);
+                    measured[pose] += MIN_OBSERVATIONS;
+                }
+                Prior::Position { position_in_world, information, .. } => {
+                    let prior = PositionPrior { pose, position_in_world, information };
+                    self.problem.position_priors.push(prior);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,83 @@
+//! The only place that turns a map into a solver problem.
+//!
+//! A problem remembers which entity each of its variables is and the revision that it was built
+//! from; [`applied`](super::applied) turns it back into a change once a solver has moved its
+//! values. Nothing is solved here.
+
+mod bundle;
+mod graph;
+mod pieces;
+
+use covis_solvers::geometry::Se3;
+use covis_solvers::loss::Loss;
+use covis_solvers::problem::{BundleProblem, PoseGraph};
+
+use super::EntityId;
+
+pub use bundle::{global_problem, local_problem};
+pub use graph::loop_problem;
+
+/// A bundle adjustment problem with the names of its variables.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapProblem {
+    /// The problem; a solve moves its values in place.
+    pub problem: BundleProblem,
+    /// The keyframe of each pose.
+    pub keyframes: Vec<EntityId>,
+    /// The map's id of each camera.
+    pub cameras: Vec<EntityId>,
+    /// The map's id of each landmark.
+    pub landmarks: Vec<EntityId>,
+    /// The map's revision that it was built from.
+    pub start_revision: i64,
+}
+
+impl MapProblem {
+    /// Whether there is something to move and something to measure it by; otherwise a solver would
+    /// refuse the problem as empty, which for a young map is no error.
+    #[must_use]
+    pub fn is_solvable(&self) -> bool {
+        let problem = &self.problem;
+        let has_factors = problem.observation_count() > 0 || !problem.relative_poses.is_empty();
+        has_factors
+            && (problem.constant_poses.iter().any(|&c| !c)
+                || problem.constant_landmarks.iter().any(|&c| !c))
+    }
+}
+
+/// What a whole-map bundle adjustment minimizes and holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GlobalOptions {
+    /// Loss of the observations (trivial); constraints take the policy's.
+    pub loss: Loss,
+    /// Whether intrinsics stay as they are (true).
+    pub fix_intrinsics: bool,
+    /// Whether the lowest keyframe stays where it is (true). Without it the solver's damping holds
+    /// the gauge.
+    pub fix_first_keyframe: bool,
+}
+
+impl Default for GlobalOptions {
+    fn default() -> Self {
+        Self { loss: Loss::Trivial, fix_intrinsics: true, fix_first_keyframe: true }
+    }
+}
+
+/// A pose graph with the names of its poses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GraphProblem {
+    /// The graph; ids are positions in `keyframes`, and a solve moves its poses in place.
+    pub graph: PoseGraph<Se3, 6>,
+    /// The keyframe of each pose, sorted.
+    pub keyframes: Vec<EntityId>,
+    /// The map's revision that it was built from.
+    pub start_revision: i64,
+}
+
+impl GraphProblem {
+    /// Whether there is an edge and a pose that may move.
+    #[must_use]
+    pub fn is_solvable(&self) -> bool {
+        !self.graph.edges.is_empty() && self.graph.constant.iter().any(|&c| !c)
+    }
+}

@@ -1,0 +1,47 @@
+//! First positions of landmarks that a client sent without one.
+//!
+//! Every keyframe that sees the landmark is a view; the solver crate finds the point and refuses it
+//! for too little parallax, for lying behind a camera or for views that contradict each other. A
+//! measured depth places a landmark from one view. Landmarks with a position are never touched.
+
+use covis_solvers::initialization::{TriangulationOptions, View, triangulate as triangulate_views};
+use nalgebra::Vector3;
+
+use super::{EntityId, Keyframe, Map, Observation};
+
+/// Positions for those landmarks of `keyframe` that have none and can be placed now, by id.
+#[must_use]
+pub fn triangulate(map: &Map, keyframe: EntityId) -> Vec<(EntityId, Vector3<f64>)> {
+    let Some(keyframe) = map.keyframes().get(&keyframe) else { return Vec::new() };
+    let options = TriangulationOptions::default();
+    let mut positions: Vec<(EntityId, Vector3<f64>)> = keyframe
+        .observations
+        .iter()
+        .filter_map(|observation| {
+            let id = observation.landmark;
+            let landmark = map.landmarks().get(&id).filter(|l| l.position.is_none())?;
+            let views: Vec<View> = landmark
+                .observers
+                .iter()
+                .filter_map(|observer| {
+                    let keyframe = map.keyframes().get(observer)?;
+                    view(map, keyframe, keyframe.observation_of(id)?)
+                })
+                .collect();
+            let point = triangulate_views(&views, &options).ok()?.point_in_world;
+            point.iter().all(|v| v.is_finite()).then_some((id, point))
+        })
+        .collect();
+    positions.sort_by_key(|&(id, _)| id);
+    positions
+}
+
+fn view(map: &Map, keyframe: &Keyframe, observation: &Observation) -> Option<View> {
+    Some(View {
+        world_from_camera: keyframe.world_from_camera,
+        camera: map.cameras().get(&keyframe.camera)?.camera,
+        pixel: observation.pixel,
+        sigma_px: observation.sigma_px,
+        depth_m: observation.depth.map(|d| (d.depth_m, d.sigma_m)),
+    })
+}

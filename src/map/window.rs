@@ -1,0 +1,74 @@
+//! Which part of the map a local bundle adjustment works on.
+//!
+//! Free are a keyframe and those that share most landmarks with it, by count, then the more recent,
+//! then the lower id. The window's landmarks are those that the free keyframes see; every other
+//! keyframe that sees one of them is held fixed and so ties the window to the rest of the map.
+//! Where nothing would be fixed, the oldest keyframe is (the gauge); a monocular window then still
+//! has its scale free, which the damping of the solver holds.
+
+use std::cmp::Reverse;
+use std::collections::BTreeSet;
+
+use super::{EntityId, Map, Prior};
+
+/// A part of the map to be optimized; every list is sorted.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Window {
+    /// Keyframes that may move.
+    pub free: Vec<EntityId>,
+    /// Keyframes that are held.
+    pub fixed: Vec<EntityId>,
+    /// Landmarks that may move: with a position, and seen at least twice or with a depth.
+    pub landmarks: Vec<EntityId>,
+}
+
+/// The window around `keyframe`; empty when the map does not hold it.
+#[must_use]
+pub fn choose_window(map: &Map, keyframe: EntityId) -> Window {
+    if !map.keyframes().contains_key(&keyframe) {
+        return Window::default();
+    }
+    let time = |id: EntityId| map.keyframes().get(&id).map_or(i64::MIN, |k| k.capture_time_ns);
+    let mut neighbors: Vec<(EntityId, u32)> = map.covisibility().neighbors(keyframe).collect();
+    neighbors.sort_by_key(|&(id, shared)| (Reverse(shared), Reverse(time(id)), id));
+    neighbors.truncate(map.policy().window_keyframes.saturating_sub(1));
+    let mut free: BTreeSet<EntityId> = neighbors.into_iter().map(|(id, _)| id).collect();
+    free.insert(keyframe);
+
+    let seen: BTreeSet<EntityId> = free
+        .iter()
+        .filter_map(|id| map.keyframes().get(id))
+        .flat_map(|k| k.observations.iter().map(|o| o.landmark))
+        .collect();
+    let landmarks: Vec<EntityId> = seen.into_iter().filter(|&id| is_usable(map, id)).collect();
+    let mut fixed: BTreeSet<EntityId> = landmarks
+        .iter()
+        .filter_map(|id| map.landmarks().get(id))
+        .flat_map(|l| l.observers.iter().copied())
+        .filter(|id| !free.contains(id))
+        .collect();
+    let has_pose_prior = map
+        .priors()
+        .values()
+        .any(|p| matches!(p, Prior::Pose { keyframe, .. } if free.contains(keyframe)));
+    if fixed.is_empty()
+        && !has_pose_prior
+        && let Some(&oldest) = free.iter().min_by_key(|&&id| (time(id), id))
+    {
+        free.remove(&oldest);
+        fixed.insert(oldest);
+    }
+    Window { free: free.into_iter().collect(), fixed: fixed.into_iter().collect(), landmarks }
+}
+
+/// Whether a landmark has a position and enough observations to estimate it.
+pub(super) fn is_usable(map: &Map, id: EntityId) -> bool {
+    let Some(landmark) = map.landmarks().get(&id) else { return false };
+    landmark.position.is_some()
+        && (landmark.observers.len() >= 2
+            || landmark.observers.iter().any(|keyframe| {
+                let keyframe = map.keyframes().get(keyframe);
+                let observation = keyframe.and_then(|k| k.observation_of(id));
+                observation.is_some_and(|o| o.depth.is_some())
+            }))
+}

@@ -1,0 +1,196 @@
+//! The store in memory: every rule of [`Store`], nothing durable.
+//!
+//! One lock guards all maps and is never held across an await. A poisoned lock is taken over: each
+//! call changes the state in one step, so a panic elsewhere leaves no half of one.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use async_trait::async_trait;
+
+use super::{Durability, Epoch, Position, Snapshot, Store, StoreError};
+use crate::map::Event;
+
+/// A store that a restart empties.
+#[derive(Debug, Default)]
+pub struct MemoryStore {
+    maps: Mutex<BTreeMap<String, Journal>>,
+    /// Epochs rise over the store's whole life, so that one of a deleted map fits no later map.
+    last_epoch: Mutex<u64>,
+}
+
+#[derive(Debug)]
+struct Journal {
+    epoch: Epoch,
+    /// The event at index i has sequence `dropped + i + 1`.
+    events: Vec<Arc<Event>>,
+    dropped: u64,
+    snapshot: Option<Snapshot>,
+}
+
+impl Journal {
+    fn last_sequence(&self) -> u64 {
+        self.dropped + self.events.len() as u64
+    }
+
+    fn check_epoch(&self, map: &str, epoch: Epoch) -> Result<(), StoreError> {
+        if epoch == self.epoch {
+            Ok(())
+        } else {
+            Err(StoreError::Fenced { map: map.to_owned(), epoch, newest: self.epoch })
+        }
+    }
+}
+
+impl MemoryStore {
+    /// A store without maps.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    fn next_epoch(&self) -> Epoch {
+        let mut last = self.last_epoch.lock().unwrap_or_else(PoisonError::into_inner);
+        *last += 1;
+        Epoch(*last)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<String, Journal>> {
+        self.maps.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn with<R>(
+        &self,
+        map: &str,
+        action: impl FnOnce(&mut Journal) -> Result<R, StoreError>,
+    ) -> Result<R, StoreError> {
+        match self.lock().get_mut(map) {
+            Some(journal) => action(journal),
+            None => Err(StoreError::UnknownMap { map: map.to_owned() }),
+        }
+    }
+}
+
+#[async_trait]
+impl Store for MemoryStore {
+    async fn list_maps(&self) -> Result<Vec<String>, StoreError> {
+        Ok(self.lock().keys().cloned().collect())
+    }
+
+    async fn create_map(&self, map: &str) -> Result<Epoch, StoreError> {
+        let epoch = self.next_epoch();
+        let mut maps = self.lock();
+        if maps.contains_key(map) {
+            return Err(StoreError::MapExists { map: map.to_owned() });
+        }
+        let journal = Journal { epoch, events: Vec::new(), dropped: 0, snapshot: None };
+        maps.insert(map.to_owned(), journal);
+        Ok(epoch)
+    }
+
+    async fn delete_map(&self, map: &str) -> Result<(), StoreError> {
+        match self.lock().remove(map) {
+            Some(_) => Ok(()),
+            None => Err(StoreError::UnknownMap { map: map.to_owned() }),
+        }
+    }
+
+    async fn acquire(&self, map: &str) -> Result<Epoch, StoreError> {
+        let epoch = self.next_epoch();
+        self.with(map, |journal| {
+            // Two calls may meet here in either order; the newer epoch wins.
+            journal.epoch = journal.epoch.max(epoch);
+            Ok(epoch)
+        })
+    }
+
+    async fn append(
+        &self,
+        map: &str,
+        epoch: Epoch,
+        expected_sequence: u64,
+        batch: Vec<Arc<Event>>,
+    ) -> Result<Position, StoreError> {
+        self.with(map, |journal| {
+            journal.check_epoch(map, epoch)?;
+            let last = journal.last_sequence();
+            let mismatch = |expected, actual| {
+                Err(StoreError::SequenceMismatch { map: map.to_owned(), expected, actual })
+            };
+            if expected_sequence != last {
+                return mismatch(last, expected_sequence);
+            }
+            for (expected, event) in (last + 1..).zip(&batch) {
+                // A negative revision is no sequence at all and reads as 0.
+                let actual = u64::try_from(event.revision).unwrap_or(0);
+                if actual != expected {
+                    return mismatch(expected, actual);
+                }
+            }
+            journal.events.extend(batch);
+            Ok(Position { sequence: journal.last_sequence(), durable: false })
+        })
+    }
+
+    async fn read(&self, map: &str, from: u64) -> Result<Vec<Arc<Event>>, StoreError> {
+        self.with(map, |journal| {
+            let Some(skip) = from.checked_sub(journal.dropped) else {
+                return Err(StoreError::Truncated {
+                    map: map.to_owned(),
+                    through: journal.dropped,
+                });
+            };
+            let skip = usize::try_from(skip).unwrap_or(usize::MAX);
+            Ok(journal.events.iter().skip(skip).cloned().collect())
+        })
+    }
+
+    async fn put_snapshot(
+        &self,
+        map: &str,
+        epoch: Epoch,
+        snapshot: Snapshot,
+    ) -> Result<(), StoreError> {
+        self.with(map, |journal| {
+            journal.check_epoch(map, epoch)?;
+            let last = journal.last_sequence();
+            if snapshot.sequence > last {
+                return Err(StoreError::SequenceMismatch {
+                    map: map.to_owned(),
+                    expected: last,
+                    actual: snapshot.sequence,
+                });
+            }
+            if journal.snapshot.as_ref().is_none_or(|s| s.sequence <= snapshot.sequence) {
+                journal.snapshot = Some(snapshot);
+            }
+            Ok(())
+        })
+    }
+
+    async fn get_snapshot(&self, map: &str) -> Result<Option<Snapshot>, StoreError> {
+        self.with(map, |journal| Ok(journal.snapshot.clone()))
+    }
+
+    async fn truncate(&self, map: &str, epoch: Epoch, before: u64) -> Result<(), StoreError> {
+        self.with(map, |journal| {
+            journal.check_epoch(map, epoch)?;
+            let through = before.saturating_sub(1);
+            if through <= journal.dropped {
+                return Ok(());
+            }
+            if journal.snapshot.as_ref().is_none_or(|s| s.sequence < through) {
+                return Err(StoreError::NoSnapshot { map: map.to_owned(), before });
+            }
+            let count = usize::try_from(through - journal.dropped).unwrap_or(usize::MAX);
+            let count = count.min(journal.events.len());
+            journal.events.drain(..count);
+            journal.dropped += count as u64;
+            Ok(())
+        })
+    }
+
+    fn durability(&self) -> Durability {
+        Durability::Memory
+    }
+}

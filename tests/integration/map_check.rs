@@ -1,0 +1,363 @@
+//! Bad input: every kind is refused with the path of its field, and the map is unchanged.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
+
+use std::sync::Arc;
+
+use covis::map::{
+    Ceilings, Change, ConstraintKind, Depth, EntityRef, Item, ItemLandmark, ItemObservation,
+    MapPolicy, Reason,
+};
+use covis_solvers::geometry::{Camera, Se3, Snavely};
+use nalgebra::{Matrix3, Matrix6, Vector3};
+
+use crate::map_support::{
+    Journal, ROBOT, camera_item, corner, id, landmark, observe, pixel, pose_at, relative_pose,
+    street, street_keyframe,
+};
+
+/// Asserts that `item` is refused for exactly these fields.
+fn check(journal: &Journal, item: &Item, expected: &[(&str, Reason)]) {
+    let rejection = journal.map.check(ROBOT, item).unwrap_err();
+    let found: Vec<_> = rejection.violations.iter().map(|v| (v.field.as_str(), v.reason)).collect();
+    assert_eq!(found, expected, "{rejection}");
+    assert!(rejection.violations.iter().all(|v| !v.description.is_empty()));
+}
+
+/// Keyframe 9 at x = 2 with two good observations, changed by `edit`.
+fn keyframe(
+    edit: impl FnOnce(&mut Se3, &mut Vec<ItemObservation>, &mut Vec<ItemLandmark>),
+) -> Item {
+    let mut pose = pose_at(2.0);
+    let mut observations = vec![observe(20, &pose, &corner(20)), observe(21, &pose, &corner(21))];
+    let mut landmarks = Vec::new();
+    edit(&mut pose, &mut observations, &mut landmarks);
+    Item::Keyframe {
+        id: 9,
+        capture_time_ns: 9,
+        camera: EntityRef::own(0),
+        world_from_camera: pose,
+        observations,
+        landmarks,
+    }
+}
+
+fn elsewhere(id: i64) -> EntityRef {
+    EntityRef { client: Some("ghost".to_owned()), id }
+}
+
+#[test]
+fn a_good_keyframe_becomes_a_change_and_checking_changes_nothing() {
+    let journal = street(3, MapPolicy::default());
+    let before = journal.map.state_hash();
+    let change = journal.map.check(ROBOT, &keyframe(|_, _, _| {})).unwrap();
+    let Change::KeyframeAdded { id: added, camera, observations, .. } = change else {
+        panic!("{change:?}")
+    };
+    assert_eq!((added, camera, observations.len()), (id(9), id(0), 2));
+    assert_eq!(journal.map.state_hash(), before);
+}
+
+#[test]
+fn numbers_that_are_not_finite_are_named() {
+    let journal = street(3, MapPolicy::default());
+    check(
+        &journal,
+        &keyframe(|pose, observations, _| {
+            pose.translation.y = f64::NAN;
+            observations[1].pixel.x = f64::INFINITY;
+            observations[1].sigma_px = f64::NAN;
+        }),
+        &[
+            ("keyframe.world_from_camera.translation.y", Reason::NotFinite),
+            ("keyframe.observations[1].pixel.x", Reason::NotFinite),
+            ("keyframe.observations[1].sigma_px", Reason::NotFinite),
+        ],
+    );
+    check(
+        &journal,
+        &keyframe(|_, _, landmarks| {
+            let position = Some(Vector3::new(0.0, 0.0, f64::NEG_INFINITY));
+            landmarks.push(ItemLandmark { id: 1000, position });
+        }),
+        &[("keyframe.landmarks[0].point_in_world.z", Reason::NotFinite)],
+    );
+    let camera = Camera::Snavely(Snavely { focal: -1.0, k1: f64::NAN, k2: 0.0 });
+    check(
+        &journal,
+        &Item::Camera { id: 4, camera, width_px: 0, height_px: 0 },
+        &[("camera.snavely.focal", Reason::OutOfRange), ("camera.snavely.k1", Reason::NotFinite)],
+    );
+}
+
+#[test]
+fn observations_out_of_range_are_named() {
+    let journal = street(3, MapPolicy::default());
+    check(
+        &journal,
+        &keyframe(|_, observations, _| {
+            observations[0].sigma_px = 0.0;
+            observations[0].depth = Some(Depth { depth_m: -1.0, sigma_m: 0.0 });
+            observations[1].pixel = pixel(5000.0, 100.0);
+        }),
+        &[
+            ("keyframe.observations[0].sigma_px", Reason::OutOfRange),
+            ("keyframe.observations[0].depth_m", Reason::OutOfRange),
+            ("keyframe.observations[0].sigma_depth_m", Reason::OutOfRange),
+            ("keyframe.observations[1].pixel.x", Reason::OutOfRange),
+        ],
+    );
+}
+
+#[test]
+fn dangling_references_are_named() {
+    let journal = street(3, MapPolicy::default());
+    check(
+        &journal,
+        &keyframe(|_, observations, _| {
+            observations[0].landmark = EntityRef::own(777);
+            observations[1].landmark = elsewhere(21);
+        }),
+        &[
+            ("keyframe.observations[0].landmark", Reason::UnknownReference),
+            ("keyframe.observations[1].landmark", Reason::UnknownReference),
+        ],
+    );
+    let Item::Keyframe { capture_time_ns, world_from_camera, observations, landmarks, .. } =
+        keyframe(|_, _, _| {})
+    else {
+        unreachable!()
+    };
+    let camera = EntityRef::own(5);
+    check(
+        &journal,
+        &Item::Keyframe {
+            id: -1,
+            capture_time_ns,
+            camera,
+            world_from_camera,
+            observations,
+            landmarks,
+        },
+        &[("keyframe.id", Reason::OutOfRange), ("keyframe.camera_id", Reason::UnknownReference)],
+    );
+    let observations = vec![observe(0, &pose_at(0.0), &corner(0))];
+    check(
+        &journal,
+        &Item::Observations { keyframe: EntityRef::own(50), observations },
+        &[("observations.keyframe", Reason::UnknownReference)],
+    );
+    check(
+        &journal,
+        &relative_pose(1, ConstraintKind::Odometry, 0, 50, pose_at(1.0)),
+        &[("relative_pose.keyframe_j", Reason::UnknownReference)],
+    );
+}
+
+#[test]
+fn a_landmark_in_the_center_plane_is_refused_and_one_behind_is_accepted() {
+    let mut journal = street(3, MapPolicy::default());
+    let with_point = |point: Vector3<f64>| {
+        keyframe(|_, observations, landmarks| {
+            landmarks.push(ItemLandmark { id: 1000, position: Some(point) });
+            observations[1].landmark = EntityRef::own(1000);
+        })
+    };
+    check(
+        &journal,
+        &with_point(Vector3::new(2.5, 1.0, 0.0)),
+        &[("keyframe.observations[1].landmark", Reason::ProjectionNotFinite)],
+    );
+    journal.send(ROBOT, &with_point(Vector3::new(2.5, 1.0, -3.0))).unwrap();
+    assert_eq!(journal.map.keyframes()[&id(9)].observations.len(), 2);
+}
+
+#[test]
+fn doubles_are_named() {
+    let mut journal = street(3, MapPolicy::default());
+    check(
+        &journal,
+        &keyframe(|_, observations, landmarks| {
+            observations[1].landmark = EntityRef::own(20);
+            landmarks.push(ItemLandmark { id: 1000, position: None });
+            landmarks.push(ItemLandmark { id: 1000, position: None });
+        }),
+        &[
+            ("keyframe.landmarks[1].id", Reason::Duplicate),
+            ("keyframe.observations[1].landmark", Reason::Duplicate),
+        ],
+    );
+    // Known ids: the same start position is accepted, another one is not.
+    journal.send(ROBOT, &keyframe(|_, _, landmarks| landmarks.push(landmark(20)))).unwrap();
+    let moved = ItemLandmark { id: 20, position: Some(corner(21)) };
+    check(
+        &journal,
+        &Item::Landmarks { landmarks: vec![moved] },
+        &[("landmarks.landmarks[0].id", Reason::AlreadyExists)],
+    );
+    let fresh = Journal::new(MapPolicy::default());
+    let Item::Keyframe { camera, world_from_camera, observations, .. } =
+        street_keyframe(0, pose_at(0.0), &fresh.map)
+    else {
+        unreachable!()
+    };
+    let again = Item::Keyframe {
+        id: 0,
+        capture_time_ns: 5,
+        camera,
+        world_from_camera,
+        observations,
+        landmarks: Vec::new(),
+    };
+    check(&journal, &again, &[("keyframe.id", Reason::AlreadyExists)]);
+    let other = Item::Camera { id: 0, camera: camera_of(300.0), width_px: 0, height_px: 0 };
+    check(&journal, &other, &[("camera.id", Reason::AlreadyExists)]);
+    assert!(!journal.map.holds(ROBOT, &other));
+    assert!(journal.map.holds(ROBOT, &camera_item(0)));
+    let seen = vec![observe(20, &pose_at(2.0), &corner(20))];
+    check(
+        &journal,
+        &Item::Observations { keyframe: EntityRef::own(9), observations: seen },
+        &[("observations.observations[0].landmark", Reason::Duplicate)],
+    );
+}
+
+fn camera_of(focal: f64) -> Camera {
+    Camera::Snavely(Snavely { focal, k1: 0.0, k2: 0.0 })
+}
+
+#[test]
+fn constraints_and_priors_are_checked() {
+    let mut journal = street(3, MapPolicy::default());
+    let kind = ConstraintKind::LoopClosure;
+    check(
+        &journal,
+        &relative_pose(-3, kind, 1, 1, pose_at(f64::NAN)),
+        &[
+            ("relative_pose.id", Reason::OutOfRange),
+            ("relative_pose.keyframe_j", Reason::Inconsistent),
+            ("relative_pose.keyframe_i_from_keyframe_j.translation.x", Reason::NotFinite),
+        ],
+    );
+    let with_information = |matrix: Matrix6<f64>| Item::PosePrior {
+        id: 1,
+        keyframe: EntityRef::own(1),
+        world_from_camera: pose_at(1.0),
+        information: matrix,
+    };
+    let mut matrix = Matrix6::identity();
+    matrix[(5, 5)] = 0.0;
+    let expected = |reason| [("pose_prior.information", reason)];
+    check(&journal, &with_information(matrix), &expected(Reason::NotPositiveDefinite));
+    matrix[(5, 5)] = f64::NAN;
+    check(&journal, &with_information(matrix), &expected(Reason::NotFinite));
+    matrix[(5, 5)] = 1.0;
+    matrix[(0, 1)] = 0.5;
+    check(&journal, &with_information(matrix), &expected(Reason::Inconsistent));
+    check(
+        &journal,
+        &Item::PositionPrior {
+            id: 1,
+            keyframe: EntityRef::own(8),
+            position_in_world: Vector3::new(0.0, f64::NAN, 0.0),
+            information: -Matrix3::identity(),
+        },
+        &[
+            ("position_prior.keyframe", Reason::UnknownReference),
+            ("position_prior.point_in_world.y", Reason::NotFinite),
+            ("position_prior.information", Reason::NotPositiveDefinite),
+        ],
+    );
+    // Constraints and priors share one id space.
+    journal.send(ROBOT, &relative_pose(1, kind, 0, 1, pose_at(1.0))).unwrap();
+    let prior = with_information(Matrix6::identity());
+    check(&journal, &prior, &[("pose_prior.id", Reason::AlreadyExists)]);
+    assert!(journal.map.holds(ROBOT, &relative_pose(1, kind, 0, 1, pose_at(1.0))));
+    assert!(!journal.map.holds(ROBOT, &relative_pose(1, kind, 0, 1, pose_at(1.1))));
+}
+
+#[test]
+fn empty_lists_are_missing() {
+    let journal = street(1, MapPolicy::default());
+    let item = Item::Landmarks { landmarks: Vec::new() };
+    check(&journal, &item, &[("landmarks.landmarks", Reason::Missing)]);
+    let item = Item::Observations { keyframe: EntityRef::own(0), observations: Vec::new() };
+    check(&journal, &item, &[("observations.observations", Reason::Missing)]);
+}
+
+#[test]
+fn a_full_map_says_which_ceiling() {
+    let ceilings = |keyframes, landmarks, observations| {
+        let ceilings = Ceilings {
+            max_keyframes: keyframes,
+            max_landmarks: landmarks,
+            max_observations: observations,
+        };
+        street(2, MapPolicy { ceilings, ..MapPolicy::default() })
+    };
+    // The street of two keyframes has 30 landmarks and 20 + 30 observations.
+    let grown = |journal: &Journal| {
+        keyframe(|pose, observations, landmarks| {
+            landmarks.push(landmark(30));
+            observations.push(observe(30, pose, &corner(30)));
+            assert_eq!(journal.map.observation_count(), 50);
+        })
+    };
+    for (journal, field) in [
+        (ceilings(Some(2), None, None), "keyframe"),
+        (ceilings(None, Some(30), None), "keyframe.landmarks"),
+        (ceilings(None, None, Some(52)), "keyframe.observations"),
+    ] {
+        check(&journal, &grown(&journal), &[(field, Reason::Ceiling)]);
+        assert!(journal.map.check(ROBOT, &grown(&journal)).unwrap_err().is_ceiling());
+    }
+    let mut roomy = ceilings(Some(3), Some(31), Some(53));
+    let item = grown(&roomy);
+    roomy.send(ROBOT, &item).unwrap();
+}
+
+#[test]
+fn a_flood_of_violations_is_cut_off() {
+    let journal = street(1, MapPolicy::default());
+    let bad = |k: i64| {
+        let mut observation = observe(0, &pose_at(0.0), &corner(0));
+        observation.landmark = EntityRef::own(10_000 + k);
+        observation
+    };
+    let item = Item::Observations {
+        keyframe: EntityRef::own(0),
+        observations: (0..500).map(bad).collect(),
+    };
+    assert_eq!(journal.map.check(ROBOT, &item).unwrap_err().violations.len(), 32);
+}
+
+#[test]
+fn references_reach_across_clients_and_descriptors_are_kept() {
+    let mut journal = street(1, MapPolicy::default());
+    journal.push(Change::ClientOpened { name: "drone".to_owned(), epoch: 1 });
+    let drone = journal.map.client_named("drone").unwrap();
+    let of_robot = |id| EntityRef { client: Some("robot".to_owned()), id };
+    let mut observation = observe(0, &pose_at(0.5), &corner(0));
+    observation.landmark = of_robot(0);
+    let descriptor = covis::map::Descriptor {
+        kind: covis::map::DescriptorKind::Binary,
+        name: "orb".to_owned(),
+        data: vec![1, 2, 3],
+    };
+    observation.descriptor = Some(Arc::new(descriptor));
+    let item = Item::Keyframe {
+        id: 0,
+        capture_time_ns: 0,
+        camera: of_robot(0),
+        world_from_camera: pose_at(0.5),
+        observations: vec![observation],
+        landmarks: Vec::new(),
+    };
+    journal.send(drone, &item).unwrap();
+    assert_eq!(journal.map.keyframes().len(), 2);
+    assert_eq!(journal.map.landmarks()[&id(0)].observers.len(), 2);
+    let own = journal.map.keyframes().keys().last().copied().unwrap();
+    assert_eq!(own.client, drone);
+    assert!(journal.map.keyframes()[&own].observations[0].descriptor.is_some());
+    assert!(journal.map.holds(drone, &item));
+}

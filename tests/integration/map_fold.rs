@@ -1,0 +1,339 @@
+//! The fold: the same journal gives the same bits, counts stay true, a bad event leaves no trace.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
+
+use std::collections::BTreeMap;
+
+use covis::map::{
+    AppliedSolve, Cause, Change, ClientIndex, ConstraintKind, Covisibility, Depth, EntityId,
+    EntityKind, Event, Item, ItemLandmark, Map, MapError, MapPolicy, Recall, SolveKind,
+    triangulate,
+};
+use covis_solvers::geometry::{LieGroup, Se3};
+use covis_solvers::testing::random::{normal_vector, seeded};
+use nalgebra::{Matrix3, Matrix6, Vector3};
+use rand::RngExt as _;
+
+use crate::map_support::{
+    Journal, ROBOT, camera_item, corner, id, observe, pixel, pose_at, relative_pose, street,
+    street_keyframe,
+};
+
+/// One random, valid step.
+fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
+    let map = &journal.map;
+    let pick = |rng: &mut dyn rand::Rng, ids: Vec<EntityId>| -> Option<EntityId> {
+        if ids.is_empty() { None } else { Some(ids[rng.random_range(0..ids.len())]) }
+    };
+    let keyframe = pick(rng, map.keyframes().keys().copied().collect());
+    let landmark = pick(rng, map.landmarks().keys().copied().collect());
+    match (rng.random_range(0..20), keyframe, landmark) {
+        (0..=6, _, _) | (_, None, _) | (_, _, None) => {
+            let center = rng.random_range(0..12);
+            let tangent = normal_vector::<6>(rng, 0.05);
+            let start = pose_at(center as f64).plus(&tangent);
+            let Item::Keyframe { camera, observations, mut landmarks, .. } =
+                street_keyframe(center, start, map)
+            else {
+                unreachable!()
+            };
+            // Some landmarks come without a position, some observations with a depth.
+            landmarks.iter_mut().filter(|l| l.id % 3 == 0).for_each(|l| l.position = None);
+            let mut observations = observations;
+            for observation in observations.iter_mut().filter(|o| o.landmark.id % 7 == 0) {
+                observation.depth = Some(Depth { depth_m: 6.0, sigma_m: 0.1 });
+            }
+            let item = Item::Keyframe {
+                id: n,
+                capture_time_ns: rng.random_range(0..1000),
+                camera,
+                world_from_camera: start,
+                observations,
+                landmarks,
+            };
+            journal.send(ROBOT, &item).unwrap();
+        }
+        (7, Some(i), _) => {
+            let j = pick(rng, journal.map.keyframes().keys().copied().collect()).unwrap();
+            if i != j {
+                let item =
+                    relative_pose(n, ConstraintKind::Other, i.id, j.id, pose_at(rng.random()));
+                journal.send(ROBOT, &item).unwrap();
+            }
+        }
+        (8, Some(k), _) => {
+            let keyframe = covis::map::EntityRef::own(k.id);
+            let item = if n % 2 == 0 {
+                Item::PosePrior {
+                    id: n,
+                    keyframe,
+                    world_from_camera: pose_at(rng.random()),
+                    information: Matrix6::identity(),
+                }
+            } else {
+                Item::PositionPrior {
+                    id: n,
+                    keyframe,
+                    position_in_world: normal_vector(rng, 1.0),
+                    information: Matrix3::identity(),
+                }
+            };
+            journal.send(ROBOT, &item).unwrap();
+        }
+        (9 | 10, Some(k), _) => {
+            let positions = triangulate(&journal.map, k);
+            journal.push(Change::LandmarksTriangulated { positions });
+        }
+        (11 | 12, Some(k), Some(l)) => {
+            let solve = AppliedSolve {
+                kind: SolveKind::LocalBundle,
+                poses: vec![(k, pose_at(1.0).plus(&normal_vector(rng, 0.1)))],
+                landmarks: vec![(l, normal_vector(rng, 5.0))],
+                cameras: Vec::new(),
+                covered: vec![(ROBOT, n)],
+                initial_cost: 2.0,
+                final_cost: 1.0,
+            };
+            journal.push(Change::SolveApplied { solve });
+        }
+        (13, Some(k), Some(l)) => {
+            let seen = journal.map.keyframes()[&k].observation_of(l).is_some();
+            if seen {
+                journal.push(Change::ObservationsRemoved { observations: vec![(k, l)] });
+            }
+        }
+        (14, _, Some(l)) => {
+            let other = pick(rng, journal.map.landmarks().keys().copied().collect()).unwrap();
+            if other != l {
+                journal.push(Change::LandmarksFused { kept: l, absorbed: vec![other] });
+            }
+        }
+        (15, _, Some(l)) => journal.push(Change::LandmarksRemoved { landmarks: vec![l] }),
+        (16, Some(k), _) => journal.push(Change::KeyframeRemoved { keyframe: k }),
+        (17, _, _) => {
+            let constraints = journal.map.constraints().keys();
+            let ids = constraints.chain(journal.map.priors().keys()).copied().collect();
+            if let Some(id) = pick(rng, ids) {
+                journal.push(Change::ConstraintRevoked { id });
+            }
+        }
+        (18, Some(k), Some(l)) => {
+            let keyframe = &journal.map.keyframes()[&k];
+            if keyframe.observation_of(l).is_none() {
+                let mut sent = observe(l.id, &pose_at(0.0), &corner(0));
+                sent.pixel = pixel(rng.random(), rng.random());
+                let keyframe = covis::map::EntityRef::own(k.id);
+                // The landmark may happen to have no finite projection; that is not at issue here.
+                let _ =
+                    journal.send(ROBOT, &Item::Observations { keyframe, observations: vec![sent] });
+            }
+        }
+        _ => {
+            let policy = MapPolicy { window_keyframes: 5, ..MapPolicy::default() };
+            journal.push(Change::PolicySet { policy });
+        }
+    }
+}
+
+/// Everything that is kept incrementally, from scratch.
+fn assert_consistent(map: &Map) {
+    assert_eq!(map.covisibility(), &Covisibility::product(map.keyframes()));
+    let count: usize = map.keyframes().values().map(|k| k.observations.len()).sum();
+    assert_eq!(map.observation_count(), count as u64);
+    let mut observers: BTreeMap<EntityId, Vec<EntityId>> = BTreeMap::new();
+    for (&keyframe, entity) in map.keyframes() {
+        for observation in entity.observations.iter() {
+            observers.entry(observation.landmark).or_default().push(keyframe);
+        }
+    }
+    for (id, landmark) in map.landmarks() {
+        let expected = observers.remove(id).unwrap_or_default();
+        assert_eq!(landmark.observers, expected, "landmark {id}");
+        assert_eq!(landmark.reference.is_some(), !expected.is_empty(), "landmark {id}");
+        assert!(landmark.reference.is_none_or(|r| expected.contains(&r)), "landmark {id}");
+    }
+    assert!(observers.is_empty(), "observations of removed landmarks: {observers:?}");
+    for constraint in map.constraints().values() {
+        assert!(map.keyframes().contains_key(&constraint.keyframe_i));
+        assert!(map.keyframes().contains_key(&constraint.keyframe_j));
+    }
+}
+
+#[test]
+fn replaying_a_random_journal_gives_the_same_bits() {
+    for seed in 0..12 {
+        let mut rng = seeded(seed);
+        let mut journal = Journal::new(MapPolicy::default());
+        for n in 0..250 {
+            step(&mut journal, &mut rng, n);
+            if n % 25 == 0 {
+                assert_consistent(&journal.map);
+            }
+        }
+        assert_consistent(&journal.map);
+        assert!(!journal.map.keyframes().is_empty(), "seed {seed} tests nothing");
+        let replayed = Map::replay(journal.events.iter()).unwrap();
+        assert_eq!(replayed.state_hash(), journal.map.state_hash(), "seed {seed}");
+        assert_eq!(replayed, journal.map, "seed {seed}");
+    }
+}
+
+#[test]
+fn the_hash_sees_the_last_bit_of_a_pose_and_of_a_landmark() {
+    let journal = street(3, MapPolicy::default());
+    let nudge = |poses: Vec<(EntityId, Se3)>, landmarks: Vec<(EntityId, Vector3<f64>)>| {
+        let mut journal = journal.clone();
+        let (cameras, covered) = (Vec::new(), Vec::new());
+        let kind = SolveKind::Global;
+        let (initial_cost, final_cost) = (0.0, 0.0);
+        journal.push(Change::SolveApplied {
+            solve: AppliedSolve {
+                kind,
+                poses,
+                landmarks,
+                cameras,
+                covered,
+                initial_cost,
+                final_cost,
+            },
+        });
+        journal.map.state_hash()
+    };
+    let unchanged = nudge(Vec::new(), Vec::new());
+    assert_eq!(unchanged, nudge(vec![(id(1), pose_at(1.0))], vec![(id(5), corner(5))]));
+    let next = f64::from_bits(1.0_f64.to_bits() + 1);
+    assert_ne!(unchanged, nudge(vec![(id(1), pose_at(next))], Vec::new()));
+    let mut point = corner(5);
+    point.y = f64::from_bits(point.y.to_bits() + 1);
+    assert_ne!(unchanged, nudge(Vec::new(), vec![(id(5), point)]));
+}
+
+#[test]
+fn an_event_that_does_not_fit_is_refused_and_changes_nothing() {
+    let journal = street(3, MapPolicy::default());
+    let revision = journal.map.revision() + 1;
+    let event = |change| Event { revision, cause: None, change };
+    let solve = |poses, landmarks| AppliedSolve {
+        kind: SolveKind::Global,
+        poses,
+        landmarks,
+        cameras: Vec::new(),
+        covered: Vec::new(),
+        initial_cost: 0.0,
+        final_cost: 0.0,
+    };
+    let triangulated = |id| Change::LandmarksTriangulated { positions: vec![(id, corner(1))] };
+    let nan = Se3::new(pose_at(0.0).rotation, Vector3::new(f64::NAN, 0.0, 0.0));
+    let unknown = |kind, id| MapError::Unknown { revision, kind, id };
+    let repeated = journal.events.iter().find(|e| matches!(e.change, Change::KeyframeAdded { .. }));
+    let repeated = repeated.unwrap().change.clone();
+    let stale = Cause { client: ROBOT, epoch: 2, sequence: 99, digest: [0; 32] };
+    let cases = [
+        (
+            Event { revision: revision + 1, ..event(triangulated(id(1))) },
+            MapError::RevisionGap { expected: revision, actual: revision + 1 },
+        ),
+        (
+            event(Change::Created { policy: MapPolicy::default(), create_time_ns: 0 }),
+            MapError::Creation { revision },
+        ),
+        (event(triangulated(id(9999))), unknown(EntityKind::Landmark, id(9999))),
+        (
+            // The first pose is fine: nothing of a bad event may take effect.
+            event(Change::SolveApplied {
+                solve: solve(vec![(id(0), pose_at(0.5)), (id(77), pose_at(0.0))], Vec::new()),
+            }),
+            unknown(EntityKind::Keyframe, id(77)),
+        ),
+        (
+            event(Change::SolveApplied { solve: solve(vec![(id(0), nan)], Vec::new()) }),
+            MapError::NotFinite { revision, kind: EntityKind::Keyframe, id: id(0) },
+        ),
+        (event(repeated), MapError::Exists { revision, kind: EntityKind::Keyframe, id: id(0) }),
+        (event(Change::ConstraintRevoked { id: id(3) }), unknown(EntityKind::Constraint, id(3))),
+        (
+            event(Change::ClientOpened { name: "robot".to_owned(), epoch: 1 }),
+            MapError::Epoch { revision, newest: 1, actual: 1 },
+        ),
+        (
+            Event { cause: Some(stale), ..event(triangulated(id(1))) },
+            MapError::Epoch { revision, newest: 1, actual: 2 },
+        ),
+        (
+            Event {
+                cause: Some(Cause { epoch: 1, sequence: 1, ..stale }),
+                ..event(triangulated(id(1)))
+            },
+            MapError::SequenceTaken { revision, client: ROBOT, sequence: 1 },
+        ),
+        (
+            Event {
+                cause: Some(Cause { client: ClientIndex(4), ..stale }),
+                ..event(triangulated(id(1)))
+            },
+            MapError::UnknownClient { revision, client: ClientIndex(4) },
+        ),
+    ];
+    for (event, expected) in cases {
+        let mut map = journal.map.clone();
+        assert_eq!(map.apply(&event), Err(expected));
+        assert_eq!(map, journal.map);
+    }
+    assert!(matches!(
+        Map::new().apply(&Event {
+            revision: 1,
+            cause: None,
+            change: Change::ClientOpened { name: "robot".to_owned(), epoch: 1 },
+        }),
+        Err(MapError::Creation { revision: 1 })
+    ));
+}
+
+#[test]
+fn items_are_recalled_by_sequence_and_digest() {
+    let mut journal = street(2, MapPolicy::default());
+    assert_eq!(journal.map.client(ROBOT).unwrap().next_sequence, 4);
+    assert_eq!(journal.map.recall(ROBOT, 2, &[2; 32]), Recall::Duplicate);
+    assert_eq!(journal.map.recall(ROBOT, 2, &[3; 32]), Recall::Conflict);
+    assert_eq!(journal.map.recall(ROBOT, 4, &[4; 32]), Recall::New);
+    // A newer epoch keeps what older ones journaled.
+    journal.push(Change::ClientOpened { name: "robot".to_owned(), epoch: 7 });
+    assert_eq!(journal.map.recall(ROBOT, 2, &[2; 32]), Recall::Duplicate);
+    assert_eq!(journal.map.clients().len(), 1);
+    assert_eq!(journal.map.client(ROBOT).unwrap().epoch, 7);
+    assert_eq!(journal.map.client(ROBOT).unwrap().next_sequence, 4);
+}
+
+#[test]
+fn what_a_client_sent_is_held_past_optimization() {
+    let mut journal = street(2, MapPolicy::default());
+    let fresh = Journal::new(MapPolicy::default());
+    let first = street_keyframe(0, pose_at(0.0), &fresh.map);
+    let solve = AppliedSolve {
+        kind: SolveKind::Global,
+        poses: vec![(id(0), pose_at(0.25))],
+        landmarks: vec![(id(3), Vector3::new(1.0, 2.0, 3.0))],
+        cameras: vec![(
+            id(0),
+            covis_solvers::geometry::Camera::Snavely(covis_solvers::geometry::Snavely {
+                focal: 400.0,
+                k1: 0.0,
+                k2: 0.0,
+            }),
+        )],
+        covered: vec![(ROBOT, 3)],
+        initial_cost: 1.0,
+        final_cost: 0.5,
+    };
+    journal.push(Change::SolveApplied { solve });
+    assert_eq!(journal.map.client(ROBOT).unwrap().optimized_sequence, 3);
+    assert!(journal.map.holds(ROBOT, &first));
+    assert!(journal.map.check(ROBOT, &first).is_err());
+    assert!(journal.map.holds(ROBOT, &camera_item(0)));
+    let landmarks = vec![ItemLandmark { id: 3, position: Some(corner(3)) }];
+    assert!(journal.map.holds(ROBOT, &Item::Landmarks { landmarks }));
+    // The same keyframe from another start pose is another content.
+    let other = street_keyframe(0, pose_at(0.25), &fresh.map);
+    assert!(!journal.map.holds(ROBOT, &other));
+    assert!(!journal.map.holds(ROBOT, &street_keyframe(5, pose_at(5.0), &fresh.map)));
+}

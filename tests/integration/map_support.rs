@@ -1,0 +1,148 @@
+//! What the map tests share: a journal that grows with its map, and a street of keyframes.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
+
+use covis::map::{
+    Cause, Change, ClientIndex, ConstraintKind, EntityId, EntityRef, Event, Item, ItemLandmark,
+    ItemObservation, Map, MapPolicy, Rejection,
+};
+use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3, So3};
+use nalgebra::{Matrix6, Vector2, Vector3};
+
+/// A map and the events that made it.
+#[derive(Clone)]
+pub(crate) struct Journal {
+    pub(crate) map: Map,
+    pub(crate) events: Vec<Event>,
+    sequence: i64,
+}
+
+pub(crate) const ROBOT: ClientIndex = ClientIndex(0);
+
+impl Journal {
+    /// A map with one client, "robot", and its camera 0.
+    pub(crate) fn new(policy: MapPolicy) -> Self {
+        let mut journal = Self { map: Map::new(), events: Vec::new(), sequence: 0 };
+        journal.push(Change::Created { policy, create_time_ns: 1 });
+        journal.push(Change::ClientOpened { name: "robot".to_owned(), epoch: 1 });
+        journal.send(ROBOT, &camera_item(0)).unwrap();
+        journal
+    }
+
+    pub(crate) fn push(&mut self, change: Change) {
+        self.append(change, None);
+    }
+
+    fn append(&mut self, change: Change, cause: Option<Cause>) {
+        let event = Event { revision: self.map.revision() + 1, cause, change };
+        self.map.apply(&event).unwrap();
+        self.events.push(event);
+    }
+
+    pub(crate) fn send(&mut self, client: ClientIndex, item: &Item) -> Result<(), Rejection> {
+        let change = self.map.check(client, item)?;
+        self.sequence += 1;
+        let digest = [self.sequence as u8; 32];
+        let epoch = self.map.client(client).unwrap().epoch;
+        self.append(change, Some(Cause { client, epoch, sequence: self.sequence, digest }));
+        Ok(())
+    }
+}
+
+pub(crate) fn id(id: i64) -> EntityId {
+    EntityId::new(ROBOT, id)
+}
+
+pub(crate) fn pinhole() -> Camera {
+    Camera::Pinhole(PinholeRadialTangential {
+        fx: 500.0,
+        fy: 500.0,
+        cx: 320.0,
+        cy: 240.0,
+        k1: 0.0,
+        k2: 0.0,
+        p1: 0.0,
+        p2: 0.0,
+        k3: 0.0,
+    })
+}
+
+pub(crate) fn camera_item(id: i64) -> Item {
+    Item::Camera { id, camera: pinhole(), width_px: 640, height_px: 480 }
+}
+
+/// A camera at `x` along the street, looking at the houses (z forward).
+pub(crate) fn pose_at(x: f64) -> Se3 {
+    Se3::new(So3::identity(), Vector3::new(x, 0.0, 0.0))
+}
+
+/// A corner of a house: x along the street, the rest by a fixed scramble of the index.
+pub(crate) fn corner(index: i64) -> Vector3<f64> {
+    let scramble = |k: i64| ((index * 7919 + k * 104_729) % 1000) as f64 / 1000.0;
+    Vector3::new(index as f64 * 0.1, scramble(1) * 4.0 - 2.0, 6.0 + 3.0 * scramble(2))
+}
+
+/// The observation of a landmark at `point` from `pose`, exact.
+pub(crate) fn observe(landmark: i64, pose: &Se3, point: &Vector3<f64>) -> ItemObservation {
+    let pixel = pinhole().project(&pose.inverse_transform(point)).unwrap();
+    ItemObservation {
+        landmark: EntityRef::own(landmark),
+        pixel,
+        sigma_px: 1.0,
+        depth: None,
+        descriptor: None,
+    }
+}
+
+pub(crate) fn landmark(id: i64) -> ItemLandmark {
+    ItemLandmark { id, position: Some(corner(id)) }
+}
+
+/// Keyframe `id` at x = `id` meters, seeing corners 10 id − 20 to 10 id + 20 (those from 0 on).
+/// `start` is the pose that the client claims; observations are exact for the true one.
+pub(crate) fn street_keyframe(id: i64, start: Se3, known: &Map) -> Item {
+    let pose = pose_at(id as f64);
+    let seen: Vec<i64> = (10 * id - 20..10 * id + 20).filter(|&k| k >= 0).collect();
+    let landmarks = seen
+        .iter()
+        .filter(|&&k| !known.landmarks().contains_key(&self::id(k)))
+        .map(|&k| landmark(k))
+        .collect();
+    Item::Keyframe {
+        id,
+        capture_time_ns: id * 1_000_000,
+        camera: EntityRef::own(0),
+        world_from_camera: start,
+        observations: seen.iter().map(|&k| observe(k, &pose, &corner(k))).collect(),
+        landmarks,
+    }
+}
+
+/// A street of `count` keyframes at their true poses.
+pub(crate) fn street(count: i64, policy: MapPolicy) -> Journal {
+    let mut journal = Journal::new(policy);
+    for index in 0..count {
+        let item = street_keyframe(index, pose_at(index as f64), &journal.map);
+        journal.send(ROBOT, &item).unwrap();
+    }
+    journal
+}
+
+pub(crate) fn relative_pose(id: i64, kind: ConstraintKind, i: i64, j: i64, measured: Se3) -> Item {
+    Item::RelativePose {
+        id,
+        kind,
+        keyframe_i: EntityRef::own(i),
+        keyframe_j: EntityRef::own(j),
+        keyframe_i_from_keyframe_j: measured,
+        information: Matrix6::identity() * 1e4,
+    }
+}
+
+pub(crate) fn pixel(u: f64, v: f64) -> Vector2<f64> {
+    Vector2::new(u, v)
+}
+
+pub(crate) fn pose_error(a: &Se3, b: &Se3) -> f64 {
+    a.minus(b).norm()
+}
