@@ -10,9 +10,10 @@
 //! | `service` | the engine that owns a map, and the gRPC edge |
 //! | [`wire`] | generated from `proto/` |
 //! | `client` | what a Rust frontend links |
-//! | `evaluation` | trajectory errors as evo defines them |
+//! | [`evaluation`] | trajectory errors as evo defines them |
 //! | `cli` | one file a subcommand |
 
+pub mod evaluation;
 pub mod map;
 pub mod store;
 pub mod wire;
