@@ -7,7 +7,7 @@
 //! |---|---|
 //! | [`map`] | the map and its invariants; no async, no wire |
 //! | [`store`] | journal of a map's events |
-//! | `service` | the engine that owns a map, and the gRPC edge |
+//! | [`service`] | the engine that owns a map, and the gRPC edge |
 //! | [`wire`] | generated from `proto/` |
 //! | `client` | what a Rust frontend links |
 //! | [`evaluation`] | trajectory errors as evo defines them |
@@ -15,5 +15,6 @@
 
 pub mod evaluation;
 pub mod map;
+pub mod service;
 pub mod store;
 pub mod wire;

@@ -4,6 +4,7 @@
 
 #![allow(missing_docs, reason = "the comments stand in the proto files")]
 #![allow(clippy::all, reason = "generated code")]
+#![allow(clippy::allow_attributes_without_reason, reason = "generated code")]
 #![allow(unreachable_pub, reason = "generated code")]
 
 /// Package `covis.v1`.

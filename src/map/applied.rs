@@ -4,13 +4,15 @@
 //! began moves rigidly with its reference keyframe, T_new = ref_new · ref_now⁻¹ · T_now: a keyframe
 //! with the one before it in capture time of the same client (else the one after it, else the one
 //! that it shares most landmarks with), a landmark with its first observer. Landmarks that had no
-//! part in the solve but belong to a keyframe that moved follow it in the same way.
+//! part in the solve but belong to a keyframe that moved follow it in the same way, as do those that
+//! a local solve left behind a camera or without parallax (`placement`).
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use nalgebra::Vector3;
 
+use super::placement::is_well_placed;
 use super::{
     AppliedSolve, ClientIndex, EntityId, GraphProblem, Keyframe, Map, MapProblem, SolveKind,
 };
@@ -96,7 +98,13 @@ pub fn applied<'a>(
     let mut landmarks: BTreeMap<EntityId, Vector3<f64>> = solved
         .landmarks()
         .into_iter()
-        .filter(|(id, _)| map_now.landmarks().contains_key(id))
+        .filter(|(id, position)| {
+            let Some(landmark) = map_now.landmarks().get(id) else { return false };
+            let pose =
+                |k| poses.get(&k).copied().or(keyframes.get(&k).map(|k| k.world_from_camera));
+            // A window that pushed a landmark out of sight knows less of it than what was sent.
+            kind != SolveKind::LocalBundle || is_well_placed(map_now, *id, landmark, position, pose)
+        })
         .collect();
     let followers = followers(map_now, &poses, &landmarks.keys().copied().collect());
     landmarks.extend(followers);

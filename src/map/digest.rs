@@ -40,14 +40,16 @@ pub(super) fn content(change: &Change) -> Digest {
             capture_time_ns,
             camera,
             world_from_camera,
+            odom_from_camera,
             observations,
             landmarks,
         } => {
             hash.tag(1);
             hash.id(*id);
             hash.i64(*capture_time_ns);
-            hash.id(*camera);
+            hash.optional_id(*camera);
             hash.pose(world_from_camera);
+            hash.pose(odom_from_camera);
             hash.observations(observations);
             hash.new_landmarks(landmarks);
         }
@@ -180,6 +182,13 @@ impl Hash {
         self.i64(id.id);
     }
 
+    fn optional_id(&mut self, id: Option<EntityId>) {
+        self.tag(u8::from(id.is_some()));
+        if let Some(id) = id {
+            self.id(id);
+        }
+    }
+
     fn ids(&mut self, ids: &[EntityId]) {
         self.length(ids.len());
         ids.iter().for_each(|&id| self.id(id));
@@ -292,9 +301,9 @@ impl Hash {
 
     fn keyframe(&mut self, keyframe: &Keyframe) {
         self.i64(keyframe.capture_time_ns);
-        self.id(keyframe.camera);
+        self.optional_id(keyframe.camera);
         self.pose(&keyframe.world_from_camera);
-        self.pose(&keyframe.start_world_from_camera);
+        self.pose(&keyframe.odom_from_camera);
         self.observations(&keyframe.observations);
         self.i64(keyframe.added_revision);
     }
@@ -302,10 +311,7 @@ impl Hash {
     fn landmark(&mut self, landmark: &Landmark) {
         self.optional_vector(landmark.position.as_ref());
         self.optional_vector(landmark.sent_position.as_ref());
-        self.tag(u8::from(landmark.reference.is_some()));
-        if let Some(reference) = landmark.reference {
-            self.id(reference);
-        }
+        self.optional_id(landmark.reference);
         self.ids(&landmark.observers);
         self.i64(landmark.added_revision);
         self.i64(landmark.positioned_revision);

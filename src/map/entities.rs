@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use covis_solvers::geometry::{Camera, Se3};
+use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use covis_solvers::information::Information;
 use nalgebra::{Vector2, Vector3};
 
@@ -92,13 +92,13 @@ pub struct Observation {
 pub struct Keyframe {
     /// Middle of the exposure in nanoseconds of the client's clock; orders a client's keyframes.
     pub capture_time_ns: i64,
-    /// The camera that captured it.
-    pub camera: EntityId,
+    /// The camera that captured it; `None` only without observations.
+    pub camera: Option<EntityId>,
     /// Current estimate.
     pub world_from_camera: Se3,
-    /// The estimate with which it arrived; `map_from_odom` is the current estimate times its
-    /// inverse.
-    pub start_world_from_camera: Se3,
+    /// The pose in the client's own odometry frame, which no solve moves; the start estimate where
+    /// the client sent none.
+    pub odom_from_camera: Se3,
     /// Features seen, at most one a landmark, in the order of arrival.
     pub observations: Arc<[Observation]>,
     /// The revision that added it.
@@ -106,6 +106,13 @@ pub struct Keyframe {
 }
 
 impl Keyframe {
+    /// Where the client's odometry frame lies in the world by this keyframe's current estimate:
+    /// `world_from_camera` · `odom_from_camera`⁻¹.
+    #[must_use]
+    pub fn map_from_odom(&self) -> Se3 {
+        self.world_from_camera.compose(&self.odom_from_camera.inverse())
+    }
+
     /// The observation of `landmark`, if there is one; linear in the number of observations.
     #[must_use]
     pub fn observation_of(&self, landmark: EntityId) -> Option<&Observation> {

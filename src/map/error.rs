@@ -86,6 +86,14 @@ pub enum MapError {
         /// Its id.
         id: EntityId,
     },
+    /// The event gives observations to a keyframe without camera.
+    #[error("revision {revision}: keyframe {keyframe} has no camera to observe with")]
+    NoCamera {
+        /// The event's revision.
+        revision: i64,
+        /// The keyframe.
+        keyframe: EntityId,
+    },
     /// The event adds something that the map holds already.
     #[error("revision {revision}: {kind} {id} exists already")]
     Exists {

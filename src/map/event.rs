@@ -103,10 +103,12 @@ pub enum Change {
         id: EntityId,
         /// See [`Keyframe::capture_time_ns`](super::Keyframe::capture_time_ns).
         capture_time_ns: i64,
-        /// The camera that captured it.
-        camera: EntityId,
+        /// The camera that captured it; `None` only without observations.
+        camera: Option<EntityId>,
         /// Start estimate.
         world_from_camera: Se3,
+        /// See [`Keyframe::odom_from_camera`](super::Keyframe::odom_from_camera).
+        odom_from_camera: Se3,
         /// Features seen.
         observations: Vec<Observation>,
         /// Landmarks sent with it.

@@ -72,10 +72,12 @@ pub enum Item {
         id: i64,
         /// Middle of the exposure in nanoseconds by the client's clock.
         capture_time_ns: i64,
-        /// The camera that captured it.
-        camera: EntityRef,
+        /// The camera that captured it; needed where there are observations.
+        camera: Option<EntityRef>,
         /// Start estimate.
         world_from_camera: Se3,
+        /// The pose in the client's own odometry frame; `None` where that is the start estimate.
+        odom_from_camera: Option<Se3>,
         /// Features seen, at most one a landmark.
         observations: Vec<ItemObservation>,
         /// Landmarks that are new with it.

@@ -18,6 +18,7 @@ mod event;
 mod fold;
 mod ids;
 mod item;
+mod placement;
 mod policy;
 pub mod problem;
 mod rejection;

@@ -39,7 +39,7 @@ pub fn triangulate(map: &Map, keyframe: EntityId) -> Vec<(EntityId, Vector3<f64>
 fn view(map: &Map, keyframe: &Keyframe, observation: &Observation) -> Option<View> {
     Some(View {
         world_from_camera: keyframe.world_from_camera,
-        camera: map.cameras().get(&keyframe.camera)?.camera,
+        camera: map.cameras().get(&keyframe.camera?)?.camera,
         pixel: observation.pixel,
         sigma_px: observation.sigma_px,
         depth_m: observation.depth.map(|d| (d.depth_m, d.sigma_m)),

@@ -9,6 +9,7 @@
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
 
+use super::placement::{has_depth, is_well_placed};
 use super::{EntityId, Map, Prior};
 
 /// A part of the map to be optimized; every list is sorted.
@@ -18,7 +19,7 @@ pub struct Window {
     pub free: Vec<EntityId>,
     /// Keyframes that are held.
     pub fixed: Vec<EntityId>,
-    /// Landmarks that may move: with a position, and seen at least twice or with a depth.
+    /// Landmarks that may move: with a position, and seen from far enough apart or with a depth.
     pub landmarks: Vec<EntityId>,
 }
 
@@ -40,7 +41,8 @@ pub fn choose_window(map: &Map, keyframe: EntityId) -> Window {
         .filter_map(|id| map.keyframes().get(id))
         .flat_map(|k| k.observations.iter().map(|o| o.landmark))
         .collect();
-    let landmarks: Vec<EntityId> = seen.into_iter().filter(|&id| is_usable(map, id)).collect();
+    let landmarks: Vec<EntityId> =
+        seen.into_iter().filter(|&id| is_usable(map, id) && is_settled(map, id)).collect();
     let mut fixed: BTreeSet<EntityId> = landmarks
         .iter()
         .filter_map(|id| map.landmarks().get(id))
@@ -64,11 +66,12 @@ pub fn choose_window(map: &Map, keyframe: EntityId) -> Window {
 /// Whether a landmark has a position and enough observations to estimate it.
 pub(super) fn is_usable(map: &Map, id: EntityId) -> bool {
     let Some(landmark) = map.landmarks().get(&id) else { return false };
-    landmark.position.is_some()
-        && (landmark.observers.len() >= 2
-            || landmark.observers.iter().any(|keyframe| {
-                let keyframe = map.keyframes().get(keyframe);
-                let observation = keyframe.and_then(|k| k.observation_of(id));
-                observation.is_some_and(|o| o.depth.is_some())
-            }))
+    landmark.position.is_some() && (landmark.observers.len() >= 2 || has_depth(map, id, landmark))
+}
+
+/// Whether a local solve may move a landmark; see [`super::placement`].
+fn is_settled(map: &Map, id: EntityId) -> bool {
+    let Some(landmark) = map.landmarks().get(&id) else { return false };
+    let pose = |keyframe| map.keyframes().get(&keyframe).map(|k| k.world_from_camera);
+    landmark.position.is_some_and(|position| is_well_placed(map, id, landmark, &position, pose))
 }

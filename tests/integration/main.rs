@@ -3,7 +3,18 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a failed unwrap is a failed test")]
 #![allow(clippy::print_stderr, reason = "a skipped test says so in one line")]
 
+mod common;
+mod engine;
 mod map_check;
 mod map_fold;
 mod map_problem;
 mod map_support;
+mod proto_compat;
+mod rpc_bad_input;
+mod rpc_export;
+mod rpc_ingest;
+mod rpc_maps;
+mod rpc_optimization;
+mod rpc_optimize_map;
+mod rpc_server;
+mod rpc_watch;

@@ -35,8 +35,9 @@ fn keyframe(
     Item::Keyframe {
         id: 9,
         capture_time_ns: 9,
-        camera: EntityRef::own(0),
+        camera: Some(EntityRef::own(0)),
         world_from_camera: pose,
+        odom_from_camera: None,
         observations,
         landmarks,
     }
@@ -54,7 +55,7 @@ fn a_good_keyframe_becomes_a_change_and_checking_changes_nothing() {
     let Change::KeyframeAdded { id: added, camera, observations, .. } = change else {
         panic!("{change:?}")
     };
-    assert_eq!((added, camera, observations.len()), (id(9), id(0), 2));
+    assert_eq!((added, camera, observations.len()), (id(9), Some(id(0)), 2));
     assert_eq!(journal.map.state_hash(), before);
 }
 
@@ -128,7 +129,7 @@ fn dangling_references_are_named() {
     else {
         unreachable!()
     };
-    let camera = EntityRef::own(5);
+    let camera = Some(EntityRef::own(5));
     check(
         &journal,
         &Item::Keyframe {
@@ -136,6 +137,7 @@ fn dangling_references_are_named() {
             capture_time_ns,
             camera,
             world_from_camera,
+            odom_from_camera: None,
             observations,
             landmarks,
         },
@@ -206,6 +208,7 @@ fn doubles_are_named() {
         capture_time_ns: 5,
         camera,
         world_from_camera,
+        odom_from_camera: None,
         observations,
         landmarks: Vec::new(),
     };
@@ -348,8 +351,9 @@ fn references_reach_across_clients_and_descriptors_are_kept() {
     let item = Item::Keyframe {
         id: 0,
         capture_time_ns: 0,
-        camera: of_robot(0),
+        camera: Some(of_robot(0)),
         world_from_camera: pose_at(0.5),
+        odom_from_camera: None,
         observations: vec![observation],
         landmarks: Vec::new(),
     };

@@ -48,6 +48,7 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
                 capture_time_ns: rng.random_range(0..1000),
                 camera,
                 world_from_camera: start,
+                odom_from_camera: None,
                 observations,
                 landmarks,
             };

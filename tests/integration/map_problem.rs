@@ -132,8 +132,9 @@ fn every_piece_of_the_map_gets_a_gauge_and_bare_poses_are_held() {
     let bare = Item::Keyframe {
         id: 50,
         capture_time_ns: 50,
-        camera: EntityRef::own(0),
+        camera: Some(EntityRef::own(0)),
         world_from_camera: pose_at(50.0),
+        odom_from_camera: None,
         observations: Vec::new(),
         landmarks: Vec::new(),
     };
@@ -158,8 +159,9 @@ fn what_arrived_during_a_solve_moves_with_its_reference() {
     let between = Item::Keyframe {
         id: 50,
         capture_time_ns: 1_500_000,
-        camera: EntityRef::own(0),
+        camera: Some(EntityRef::own(0)),
         world_from_camera: pose_at(1.5),
+        odom_from_camera: None,
         observations: Vec::new(),
         landmarks: Vec::new(),
     };
@@ -260,8 +262,9 @@ fn landmarks_without_position_are_triangulated_once_views_allow() {
         Item::Keyframe {
             id: k,
             capture_time_ns: k,
-            camera: EntityRef::own(0),
+            camera: Some(EntityRef::own(0)),
             world_from_camera: pose,
+            odom_from_camera: None,
             observations,
             landmarks: new.iter().map(|&id| ItemLandmark { id, position: None }).collect(),
         }

@@ -111,8 +111,9 @@ pub(crate) fn street_keyframe(id: i64, start: Se3, known: &Map) -> Item {
     Item::Keyframe {
         id,
         capture_time_ns: id * 1_000_000,
-        camera: EntityRef::own(0),
+        camera: Some(EntityRef::own(0)),
         world_from_camera: start,
+        odom_from_camera: None,
         observations: seen.iter().map(|&k| observe(k, &pose, &corner(k))).collect(),
         landmarks,
     }

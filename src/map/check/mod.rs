@@ -176,6 +176,7 @@ impl Check<'_> {
             capture_time_ns,
             camera,
             world_from_camera,
+            odom_from_camera,
             observations,
             landmarks,
         } = item
@@ -189,14 +190,18 @@ impl Check<'_> {
         let keyframes = self.map.keyframes.len() as u64;
         let ceiling = self.map.policy.ceilings.max_keyframes;
         self.fields.ceiling("keyframe", "keyframes", keyframes, 1, ceiling);
-        let camera_id = self.resolve(camera).filter(|c| self.map.cameras.contains_key(c));
-        if camera_id.is_none() {
-            self.unknown("keyframe.camera_id", "camera", camera);
+        let camera_id = self.camera_ref("keyframe.camera_id", camera.as_ref());
+        if camera.is_none() && !observations.is_empty() {
+            let text = "required where there are observations";
+            self.fields.add("keyframe.camera_id", Reason::Missing, text);
         }
         self.fields.pose("keyframe.world_from_camera", world_from_camera);
+        if let Some(pose) = odom_from_camera {
+            self.fields.pose("keyframe.odom_from_camera", pose);
+        }
         let new = self.landmarks("keyframe.landmarks", landmarks);
         let view = self::observations::View {
-            camera: camera_id.and_then(|c| self.map.cameras.get(&c)).copied(),
+            camera: camera_id.flatten().and_then(|c| self.map.cameras.get(&c)).copied(),
             world_from_camera: *world_from_camera,
             new_landmarks: &new,
             present: &[],
@@ -208,6 +213,7 @@ impl Check<'_> {
             capture_time_ns: *capture_time_ns,
             camera: camera_id?,
             world_from_camera: *world_from_camera,
+            odom_from_camera: odom_from_camera.unwrap_or(*world_from_camera),
             observations,
             landmarks: new,
         })
@@ -220,8 +226,12 @@ impl Check<'_> {
         sent: &[super::ItemObservation],
     ) -> Option<Vec<Observation>> {
         let keyframe = self.map.keyframes.get(&keyframe?)?;
+        if keyframe.camera.is_none() {
+            let text = "the keyframe has no camera to observe with";
+            self.fields.add("observations.keyframe", Reason::Inconsistent, text);
+        }
         let view = self::observations::View {
-            camera: self.map.cameras.get(&keyframe.camera).copied(),
+            camera: keyframe.camera.and_then(|c| self.map.cameras.get(&c)).copied(),
             world_from_camera: keyframe.world_from_camera,
             new_landmarks: &[],
             present: &keyframe.observations,
@@ -266,6 +276,20 @@ impl Check<'_> {
         };
         let text = format!("{kind} {}{owner} is not in the map", reference.id);
         self.fields.add(field, Reason::UnknownReference, text);
+    }
+
+    /// The camera that is named, `None` within where none is.
+    fn camera_ref(
+        &mut self,
+        field: &str,
+        reference: Option<&EntityRef>,
+    ) -> Option<Option<EntityId>> {
+        let Some(reference) = reference else { return Some(None) };
+        let id = self.resolve(reference).filter(|id| self.map.cameras.contains_key(id));
+        if id.is_none() {
+            self.unknown(field, "camera", reference);
+        }
+        id.map(Some)
     }
 
     fn keyframe_ref(&mut self, field: &str, reference: &EntityRef) -> Option<EntityId> {

@@ -12,7 +12,7 @@ use super::Check;
 
 /// Where observations are made from.
 pub(super) struct View<'a> {
-    /// `None` where the item's camera is unknown, which is a violation of its own.
+    /// `None` where the camera is unknown or missing, which is a violation of its own.
     pub(super) camera: Option<CameraEntity>,
     pub(super) world_from_camera: Se3,
     /// Landmarks of the same item.

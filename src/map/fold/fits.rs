@@ -70,13 +70,18 @@ impl Fit<'_> {
                 id,
                 camera,
                 world_from_camera,
+                odom_from_camera,
                 observations,
                 landmarks,
                 ..
             } => {
                 self.absent(!self.map.keyframes.contains_key(id), EntityKind::Keyframe, *id)?;
-                self.camera(*camera)?;
+                match camera {
+                    Some(camera) => self.camera(*camera)?,
+                    None => self.sees_nothing(*id, observations)?,
+                }
                 self.pose(*id, world_from_camera)?;
+                self.pose(*id, odom_from_camera)?;
                 self.new_landmarks(landmarks)?;
                 let new: BTreeSet<EntityId> = landmarks.iter().map(|l| l.id).collect();
                 self.observations(observations, &new, &[])
@@ -84,8 +89,12 @@ impl Fit<'_> {
             Change::LandmarksAdded { landmarks } => self.new_landmarks(landmarks),
             Change::ObservationsAdded { keyframe, observations } => {
                 self.keyframe(*keyframe)?;
-                let known = self.map.keyframes.get(keyframe).map(|k| &*k.observations);
-                self.observations(observations, &BTreeSet::new(), known.unwrap_or_default())
+                let known = self.map.keyframes.get(keyframe);
+                if known.is_some_and(|k| k.camera.is_none()) {
+                    self.sees_nothing(*keyframe, observations)?;
+                }
+                let present = known.map(|k| &*k.observations).unwrap_or_default();
+                self.observations(observations, &BTreeSet::new(), present)
             }
             Change::ConstraintAdded { id, constraint } => {
                 self.new_constraint(*id)?;
@@ -169,6 +178,13 @@ impl Fit<'_> {
             self.finite(pixel && observation.sigma_px.is_finite(), EntityKind::Observation, id)?;
         }
         Ok(())
+    }
+
+    /// What a keyframe without camera must.
+    fn sees_nothing(&self, keyframe: EntityId, observations: &[Observation]) -> Outcome {
+        let revision = self.revision;
+        let holds = observations.is_empty();
+        if holds { Ok(()) } else { Err(MapError::NoCamera { revision, keyframe }) }
     }
 
     fn positions(&self, positions: &[(EntityId, Vector3<f64>)]) -> Outcome {

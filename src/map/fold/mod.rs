@@ -9,8 +9,6 @@ mod removal;
 
 use std::sync::Arc;
 
-use covis_solvers::geometry::Se3;
-
 use super::digest::{self, Content};
 use super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, EntityId, Event, Keyframe, Landmark, Map,
@@ -49,12 +47,21 @@ impl Map {
                 capture_time_ns,
                 camera,
                 world_from_camera,
+                odom_from_camera,
                 observations,
                 landmarks,
             } => {
                 self.contents.insert((Content::Keyframe, *id), digest::content(change));
                 self.add_landmarks(landmarks);
-                self.add_keyframe(*id, *capture_time_ns, *camera, world_from_camera);
+                let keyframe = Keyframe {
+                    capture_time_ns: *capture_time_ns,
+                    camera: *camera,
+                    world_from_camera: *world_from_camera,
+                    odom_from_camera: *odom_from_camera,
+                    observations: Arc::from([]),
+                    added_revision: self.revision,
+                };
+                self.keyframes.insert(*id, keyframe);
                 self.add_observations(*id, observations);
             }
             Change::LandmarksAdded { landmarks } => self.add_landmarks(landmarks),
@@ -115,18 +122,6 @@ impl Map {
             client.items.insert(cause.sequence, cause.digest);
             client.next_sequence = client.next_sequence.max(cause.sequence + 1);
         }
-    }
-
-    fn add_keyframe(&mut self, id: EntityId, capture_time_ns: i64, camera: EntityId, pose: &Se3) {
-        let keyframe = Keyframe {
-            capture_time_ns,
-            camera,
-            world_from_camera: *pose,
-            start_world_from_camera: *pose,
-            observations: Arc::from([]),
-            added_revision: self.revision,
-        };
-        self.keyframes.insert(id, keyframe);
     }
 
     fn add_landmarks(&mut self, landmarks: &[NewLandmark]) {

@@ -130,7 +130,8 @@ impl<'a> Builder<'a> {
             .keyframes
             .iter()
             .filter_map(|id| map.keyframes().get(id))
-            .filter_map(|k| map.cameras().get(&k.camera).map(|camera| (k.camera, camera)))
+            .filter_map(|k| map.cameras().get_key_value(&k.camera?))
+            .map(|(&id, camera)| (id, camera))
             .collect();
         let mut camera_of = BTreeMap::new();
         for (&id, entity) in &used {
@@ -139,7 +140,7 @@ impl<'a> Builder<'a> {
         let mut measured = vec![0; self.keyframes.len()];
         for pose in 0..self.keyframes.len() {
             let Some(keyframe) = map.keyframes().get(&self.keyframes[pose]) else { continue };
-            if let Some(&camera) = camera_of.get(&keyframe.camera) {
+            if let Some(&camera) = keyframe.camera.and_then(|id| camera_of.get(&id)) {
                 measured[pose] = self.observations(keyframe, pose, camera);
             }
         }

@@ -1,0 +1,51 @@
+//! What a server is started with.
+
+use std::time::Duration;
+
+use super::engine::EngineConfig;
+use crate::map::Ceilings;
+
+/// Largest message by default, bytes: 4 MiB.
+const DEFAULT_MESSAGE_BYTES: usize = 4 * 1024 * 1024;
+
+/// Settings of a server; each with its default.
+#[derive(Clone, Debug)]
+pub struct ServerConfig {
+    /// Largest message that is taken or sent, in bytes (4 MiB).
+    pub max_message_bytes: usize,
+    /// Streams that one connection may hold at once (64).
+    pub max_concurrent_streams: u32,
+    /// Maps that the server keeps (1000).
+    pub max_maps: usize,
+    /// Ceilings of a map, which its policy can only lower (100,000 keyframes, 20 million landmarks,
+    /// 100 million observations).
+    pub ceilings: Ceilings,
+    /// Threads of the solver pool (one per processor).
+    pub threads: usize,
+    /// How engines run.
+    pub engine: EngineConfig,
+    /// How long a shutdown waits for calls that are still running (10 s).
+    pub drain_budget: Duration,
+    /// For tests only, from `COVIS_TEST_FAULT`: `rpc:NAME` panics in the handler of that RPC, `rpc:*` of any;
+    /// `panic-in-solve`, `panic-in-engine` and `fail-calls` are faults of the engine.
+    pub test_fault: Option<String>,
+}
+
+impl Default for ServerConfig {
+    fn default() -> Self {
+        Self {
+            max_message_bytes: DEFAULT_MESSAGE_BYTES,
+            max_concurrent_streams: 64,
+            max_maps: 1000,
+            ceilings: Ceilings {
+                max_keyframes: Some(100_000),
+                max_landmarks: Some(20_000_000),
+                max_observations: Some(100_000_000),
+            },
+            threads: std::thread::available_parallelism().map_or(1, usize::from),
+            engine: EngineConfig::default(),
+            drain_budget: Duration::from_secs(10),
+            test_fault: None,
+        }
+    }
+}

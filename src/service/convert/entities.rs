@@ -1,0 +1,132 @@
+//! Keyframes, landmarks, constraints and client frames of a map, as readers get them.
+//!
+//! References always name their client; ids of clients are looked up in the map that is read.
+
+use super::camera::to_camera as camera_message;
+use super::count;
+use super::geometry::{to_information3, to_information6, to_rigid_transform, to_vector3};
+use super::ids::{client_name, to_keyframe_ref};
+use super::time::timestamp;
+use crate::map::{
+    CameraEntity, ClientIndex, Constraint, ConstraintKind, EntityId, Keyframe, Landmark, Map, Prior,
+};
+use crate::wire::v1;
+use v1::constraint::Constraint as WireConstraint;
+
+/// A camera.
+pub(in crate::service) fn to_camera(map: &Map, id: EntityId, camera: &CameraEntity) -> v1::Camera {
+    camera_message(client_name(map, id), id.id, camera)
+}
+
+/// The pose of a keyframe.
+pub(in crate::service) fn to_keyframe_pose(
+    map: &Map,
+    id: EntityId,
+    keyframe: &Keyframe,
+) -> v1::KeyframePose {
+    v1::KeyframePose {
+        keyframe: Some(to_keyframe_ref(map, id)),
+        capture_time: Some(timestamp(keyframe.capture_time_ns)),
+        world_from_camera: Some(to_rigid_transform(&keyframe.world_from_camera)),
+        world_from_rig: None,
+    }
+}
+
+/// A landmark, without its descriptor.
+pub(in crate::service) fn to_landmark(
+    map: &Map,
+    id: EntityId,
+    landmark: &Landmark,
+) -> v1::Landmark {
+    let state = match landmark.position {
+        None => v1::LandmarkState::Unpositioned,
+        Some(_) => v1::LandmarkState::Positioned,
+    };
+    v1::Landmark {
+        client_id: client_name(map, id),
+        id: id.id,
+        point_in_world: landmark.position.as_ref().map(to_vector3),
+        descriptor: None,
+        reference_keyframe: landmark.reference.map(|k| to_keyframe_ref(map, k)),
+        observation_count: count(landmark.observers.len()),
+        state: state.into(),
+    }
+}
+
+/// A relative-pose constraint.
+pub(in crate::service) fn to_constraint(
+    map: &Map,
+    id: EntityId,
+    constraint: &Constraint,
+) -> v1::Constraint {
+    let kind = match constraint.kind {
+        ConstraintKind::Odometry => v1::ConstraintKind::Odometry,
+        ConstraintKind::LoopClosure => v1::ConstraintKind::LoopClosure,
+        ConstraintKind::Other => v1::ConstraintKind::Other,
+    };
+    let measured = to_rigid_transform(&constraint.keyframe_i_from_keyframe_j);
+    wire(WireConstraint::RelativePose(v1::RelativePoseConstraint {
+        client_id: client_name(map, id),
+        id: id.id,
+        keyframe_i: Some(to_keyframe_ref(map, constraint.keyframe_i)),
+        keyframe_j: Some(to_keyframe_ref(map, constraint.keyframe_j)),
+        keyframe_i_from_keyframe_j: Some(measured),
+        information: Some(to_information6(constraint.information.matrix())),
+        kind: kind.into(),
+        loss: None,
+    }))
+}
+
+/// A prior on a keyframe.
+pub(in crate::service) fn to_prior(map: &Map, id: EntityId, prior: &Prior) -> v1::Constraint {
+    let client_id = client_name(map, id);
+    let keyframe = Some(to_keyframe_ref(map, prior.keyframe()));
+    match prior {
+        Prior::Pose { world_from_camera, information, .. } => {
+            wire(WireConstraint::PosePrior(v1::PosePrior {
+                client_id,
+                id: id.id,
+                keyframe,
+                world_from_camera: Some(to_rigid_transform(world_from_camera)),
+                information: Some(to_information6(information.matrix())),
+                loss: None,
+            }))
+        }
+        Prior::Position { position_in_world, information, .. } => {
+            wire(WireConstraint::PositionPrior(v1::PositionPrior {
+                client_id,
+                id: id.id,
+                keyframe,
+                point_in_world: Some(to_vector3(position_in_world)),
+                point_in_camera: None,
+                information: Some(to_information3(information.matrix())),
+                loss: None,
+            }))
+        }
+    }
+}
+
+fn wire(constraint: WireConstraint) -> v1::Constraint {
+    v1::Constraint { constraint: Some(constraint) }
+}
+
+/// Where a client's odometry frame lies in the map, from its newest keyframe.
+pub(in crate::service) fn to_client_frame(
+    map: &Map,
+    client: ClientIndex,
+) -> Option<v1::ClientFrame> {
+    let (id, newest) = map.trajectory(client).pop()?;
+    Some(v1::ClientFrame {
+        client_id: client_name(map, id),
+        map_from_odom: Some(to_rigid_transform(&newest.map_from_odom())),
+        keyframe: Some(to_keyframe_ref(map, id)),
+    })
+}
+
+/// The clients of a map sorted by name, the order of every answer.
+pub(in crate::service) fn clients_by_name(map: &Map) -> Vec<(&str, ClientIndex)> {
+    let mut clients: Vec<(&str, ClientIndex)> =
+        (0u32..).zip(map.clients()).map(|(i, c)| (c.name.as_str(), ClientIndex(i))).collect();
+    clients.sort_unstable();
+    clients
+}

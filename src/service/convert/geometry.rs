@@ -1,0 +1,182 @@
+//! Vectors, rotations, rigid transforms and packed symmetric matrices.
+//!
+//! Quaternions travel as (x, y, z, w) and are normalized when their norm is within 1e-3 of 1.
+//! Symmetric matrices travel as their upper triangle, row by row.
+
+use covis_solvers::geometry::{Se2, Se3, So3};
+use covis_solvers::information::Information;
+use nalgebra::{SMatrix, Vector2, Vector3};
+
+use super::{Path, Violations};
+use crate::map::Reason;
+use crate::wire::v1;
+
+/// How far a quaternion's norm may be from 1.
+const UNIT_TOLERANCE: f64 = 1e-3;
+
+/// A required vector in the plane.
+pub(in crate::service) fn vector2(
+    at: Path<'_>,
+    vector: Option<&v1::Vector2>,
+    out: &mut Violations,
+) -> Option<Vector2<f64>> {
+    let vector = out.required(at, vector)?;
+    let x = out.finite(at.field("x"), vector.x);
+    let y = out.finite(at.field("y"), vector.y);
+    Some(Vector2::new(x?, y?))
+}
+
+/// A required vector in space.
+pub(in crate::service) fn vector3(
+    at: Path<'_>,
+    vector: Option<&v1::Vector3>,
+    out: &mut Violations,
+) -> Option<Vector3<f64>> {
+    let vector = out.required(at, vector)?;
+    let x = out.finite(at.field("x"), vector.x);
+    let y = out.finite(at.field("y"), vector.y);
+    let z = out.finite(at.field("z"), vector.z);
+    Some(Vector3::new(x?, y?, z?))
+}
+
+fn rotation(
+    at: Path<'_>,
+    quaternion: Option<&v1::Quaternion>,
+    out: &mut Violations,
+) -> Option<So3> {
+    let q = out.required(at, quaternion)?;
+    let x = out.finite(at.field("x"), q.x);
+    let y = out.finite(at.field("y"), q.y);
+    let z = out.finite(at.field("z"), q.z);
+    let w = out.finite(at.field("w"), q.w);
+    let (x, y, z, w) = (x?, y?, z?, w?);
+    let norm = (x * x + y * y + z * z + w * w).sqrt();
+    if (norm - 1.0).abs() <= UNIT_TOLERANCE
+        && let Some(rotation) = So3::from_quaternion_xyzw(x, y, z, w)
+    {
+        return Some(rotation);
+    }
+    let text = format!("the quaternion's norm is {norm}, not within 1e-3 of 1");
+    out.report(at, Reason::NotNormalized, text)
+}
+
+/// A required rigid transform of space.
+pub(in crate::service) fn rigid_transform(
+    at: Path<'_>,
+    transform: Option<&v1::RigidTransform>,
+    out: &mut Violations,
+) -> Option<Se3> {
+    let transform = out.required(at, transform)?;
+    let translation = vector3(at.field("translation"), transform.translation.as_ref(), out);
+    let rotation = rotation(at.field("rotation"), transform.rotation.as_ref(), out);
+    Some(Se3::new(rotation?, translation?))
+}
+
+/// A required rigid transform of the plane.
+pub(in crate::service) fn rigid_transform2(
+    at: Path<'_>,
+    transform: Option<&v1::RigidTransform2>,
+    out: &mut Violations,
+) -> Option<Se2> {
+    let transform = out.required(at, transform)?;
+    let translation = vector2(at.field("translation"), transform.translation.as_ref(), out);
+    let angle = out.finite(at.field("angle_rad"), transform.angle_rad);
+    let translation = translation?;
+    Some(Se2::from_xy_angle(translation.x, translation.y, angle?))
+}
+
+/// A symmetric positive definite matrix from its upper triangle, row by row.
+fn symmetric<const N: usize>(
+    at: Path<'_>,
+    upper: &[f64],
+    out: &mut Violations,
+) -> Option<SMatrix<f64, N, N>> {
+    let at = at.field("upper_triangle");
+    let expected = N * (N + 1) / 2;
+    if upper.len() != expected {
+        let text = format!("{} values, {expected} are needed", upper.len());
+        return out.report(at, Reason::WrongLength, text);
+    }
+    let mut matrix = SMatrix::<f64, N, N>::zeros();
+    let places = (0..N).flat_map(|row| (row..N).map(move |column| (row, column)));
+    for (index, ((row, column), &entry)) in places.zip(upper).enumerate() {
+        let entry = out.finite(at.index(index), entry)?;
+        matrix[(row, column)] = entry;
+        matrix[(column, row)] = entry;
+    }
+    if Information::new(&matrix).is_err() {
+        let text = "the matrix is not positive definite";
+        return out.report(at, Reason::NotPositiveDefinite, text);
+    }
+    Some(matrix)
+}
+
+/// A required 3 × 3 information matrix.
+pub(in crate::service) fn information3(
+    at: Path<'_>,
+    information: Option<&v1::InformationMatrix3>,
+    out: &mut Violations,
+) -> Option<SMatrix<f64, 3, 3>> {
+    symmetric(at, &out.required(at, information)?.upper_triangle, out)
+}
+
+/// A required 6 × 6 information matrix.
+pub(in crate::service) fn information6(
+    at: Path<'_>,
+    information: Option<&v1::InformationMatrix6>,
+    out: &mut Violations,
+) -> Option<SMatrix<f64, 6, 6>> {
+    symmetric(at, &out.required(at, information)?.upper_triangle, out)
+}
+
+/// The typed matrix of one that was checked already.
+pub(in crate::service) fn typed<const N: usize>(
+    at: Path<'_>,
+    matrix: &SMatrix<f64, N, N>,
+    out: &mut Violations,
+) -> Option<Information<N>> {
+    Information::new(matrix).ok().or_else(|| {
+        out.report(at, Reason::NotPositiveDefinite, "the matrix is not positive definite")
+    })
+}
+
+/// The message of a vector in the plane.
+pub(in crate::service) fn to_vector2(vector: &Vector2<f64>) -> v1::Vector2 {
+    v1::Vector2 { x: vector.x, y: vector.y }
+}
+
+/// The message of a vector in space.
+pub(in crate::service) fn to_vector3(vector: &Vector3<f64>) -> v1::Vector3 {
+    v1::Vector3 { x: vector.x, y: vector.y, z: vector.z }
+}
+
+/// The message of a rigid transform of space.
+pub(in crate::service) fn to_rigid_transform(transform: &Se3) -> v1::RigidTransform {
+    let q = transform.rotation.quaternion();
+    v1::RigidTransform {
+        translation: Some(to_vector3(&transform.translation)),
+        rotation: Some(v1::Quaternion { x: q.i, y: q.j, z: q.k, w: q.w }),
+    }
+}
+
+/// The message of a rigid transform of the plane.
+pub(in crate::service) fn to_rigid_transform2(transform: &Se2) -> v1::RigidTransform2 {
+    v1::RigidTransform2 {
+        translation: Some(to_vector2(&transform.translation)),
+        angle_rad: transform.rotation.angle(),
+    }
+}
+
+fn upper_triangle<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Vec<f64> {
+    (0..N).flat_map(|row| (row..N).map(move |column| matrix[(row, column)])).collect()
+}
+
+/// The message of a 3 × 3 information matrix.
+pub(in crate::service) fn to_information3(matrix: &SMatrix<f64, 3, 3>) -> v1::InformationMatrix3 {
+    v1::InformationMatrix3 { upper_triangle: upper_triangle(matrix) }
+}
+
+/// The message of a 6 × 6 information matrix.
+pub(in crate::service) fn to_information6(matrix: &SMatrix<f64, 6, 6>) -> v1::InformationMatrix6 {
+    v1::InformationMatrix6 { upper_triangle: upper_triangle(matrix) }
+}

@@ -1,0 +1,105 @@
+//! Names of maps and clients, ids of entities, references between them.
+//!
+//! A name has 1 to 63 characters of a-z, 0-9, '_' and '-'; an id is at least 0. In an added entity
+//! `client_id` is empty or the stream's own: nobody adds to another client's entities.
+
+use super::{Path, Violations};
+use crate::map::{EntityId, EntityRef, Map, Reason};
+use crate::wire::v1;
+
+/// Longest name of a map or client.
+const MAX_NAME: usize = 63;
+
+/// A required name of a map or client.
+pub(in crate::service) fn name(at: Path<'_>, name: &str, out: &mut Violations) -> Option<String> {
+    if name.is_empty() {
+        return out.missing(at);
+    }
+    let allowed = |c: u8| c.is_ascii_lowercase() || c.is_ascii_digit() || c == b'_' || c == b'-';
+    if name.len() <= MAX_NAME && name.bytes().all(allowed) {
+        return Some(name.to_owned());
+    }
+    let text = "1 to 63 characters of a-z, 0-9, '_' and '-' are allowed";
+    out.report(at, Reason::OutOfRange, text)
+}
+
+/// A required `map_id` of a request.
+pub(in crate::service) fn map_id(map_id: &str, out: &mut Violations) -> Option<String> {
+    name(Path::root("map_id"), map_id, out)
+}
+
+/// An id of an entity.
+pub(in crate::service) fn id(at: Path<'_>, id: i64, out: &mut Violations) -> Option<i64> {
+    if id >= 0 {
+        return Some(id);
+    }
+    out.report(at, Reason::OutOfRange, format!("{id} is below 0"))
+}
+
+/// The client of an entity that the stream of `sender` adds.
+pub(in crate::service) fn owner(
+    at: Path<'_>,
+    client_id: &str,
+    sender: &str,
+    out: &mut Violations,
+) -> Option<()> {
+    if client_id.is_empty() || client_id == sender {
+        return Some(());
+    }
+    let text = format!("{client_id} is another client; only entities of one's own can be added");
+    out.report(at, Reason::Inconsistent, text)
+}
+
+fn reference(
+    at: Path<'_>,
+    client_id: &str,
+    entity: i64,
+    out: &mut Violations,
+) -> Option<EntityRef> {
+    let client = match client_id {
+        "" => Some(None),
+        other => name(at.field("client_id"), other, out).map(Some),
+    };
+    let id = id(at.field("id"), entity, out);
+    Some(EntityRef { client: client?, id: id? })
+}
+
+/// A required reference to a keyframe.
+pub(in crate::service) fn keyframe_ref(
+    at: Path<'_>,
+    keyframe: Option<&v1::KeyframeRef>,
+    out: &mut Violations,
+) -> Option<EntityRef> {
+    let keyframe = out.required(at, keyframe)?;
+    reference(at, &keyframe.client_id, keyframe.id, out)
+}
+
+/// A required reference to a landmark.
+pub(in crate::service) fn landmark_ref(
+    at: Path<'_>,
+    landmark: Option<&v1::LandmarkRef>,
+    out: &mut Violations,
+) -> Option<EntityRef> {
+    let landmark = out.required(at, landmark)?;
+    reference(at, &landmark.client_id, landmark.id, out)
+}
+
+/// The name of the client that owns an entity.
+pub(in crate::service) fn client_name(map: &Map, id: EntityId) -> String {
+    map.clients().get(id.client.0 as usize).map(|c| c.name.clone()).unwrap_or_default()
+}
+
+/// The message of a reference to a keyframe.
+pub(in crate::service) fn to_keyframe_ref(map: &Map, id: EntityId) -> v1::KeyframeRef {
+    v1::KeyframeRef { client_id: client_name(map, id), id: id.id }
+}
+
+/// The message of a reference to a landmark.
+pub(in crate::service) fn to_landmark_ref(map: &Map, id: EntityId) -> v1::LandmarkRef {
+    v1::LandmarkRef { client_id: client_name(map, id), id: id.id }
+}
+
+/// The message of a reference to a constraint.
+pub(in crate::service) fn to_constraint_ref(map: &Map, id: EntityId) -> v1::ConstraintRef {
+    v1::ConstraintRef { client_id: client_name(map, id), id: id.id }
+}

@@ -1,0 +1,340 @@
+//! Items of an ingest stream, and the digest by which a re-sent one is recognized.
+//!
+//! The digest is SHA-256 over the prost encoding of the item as received, without its sequence.
+//! What needs the map (references, duplicates, projections) is checked by `Map::check`.
+
+use std::sync::Arc;
+
+use sha2::{Digest as _, Sha256};
+
+use super::camera::camera;
+use super::geometry::{information3, information6, rigid_transform, vector2, vector3};
+use super::ids::{id, keyframe_ref, landmark_ref, owner};
+use super::solve::loss;
+use super::time::nanoseconds;
+use super::{Path, Violations, all, convert};
+use crate::map::{
+    ConstraintKind, Depth, Descriptor, DescriptorKind, Digest, EntityRef, Item, ItemLandmark,
+    ItemObservation, Reason, Rejection,
+};
+use crate::wire::v1;
+use v1::ingest_request::Item as WireItem;
+
+/// Longest descriptor of a feature, bytes.
+const MAX_FEATURE_DESCRIPTOR: usize = 4096;
+/// Longest descriptor of a whole image, bytes.
+const MAX_IMAGE_DESCRIPTOR: usize = 65_536;
+/// Longest name of a descriptor, bytes.
+const MAX_DESCRIPTOR_NAME: usize = 64;
+
+/// The digest of an item as received.
+pub(in crate::service) fn digest(item: &WireItem) -> Digest {
+    let mut bytes = Vec::with_capacity(item.encoded_len());
+    item.encode(&mut bytes);
+    Sha256::digest(&bytes).into()
+}
+
+/// The item that the stream of client `sender` brings.
+///
+/// # Errors
+/// Everything that is wrong with its fields.
+pub(in crate::service) fn item(item: &WireItem, sender: &str) -> Result<Item, Rejection> {
+    convert(|out| match item {
+        WireItem::Camera(camera) => camera_item(Path::root("camera"), camera, sender, out),
+        WireItem::Keyframe(keyframe) => keyframe_item(keyframe, sender, out),
+        WireItem::Landmarks(batch) => {
+            let at = Path::root("landmarks");
+            let at = at.field("landmarks");
+            out.not_empty(at, &batch.landmarks);
+            Some(Item::Landmarks { landmarks: landmarks(at, &batch.landmarks, sender, out)? })
+        }
+        WireItem::Observations(batch) => observation_batch(batch, out),
+        WireItem::RelativePose(constraint) => relative_pose(constraint, sender, out),
+        WireItem::PositionPrior(prior) => position_prior(prior, sender, out),
+        WireItem::PosePrior(prior) => pose_prior(prior, sender, out),
+        WireItem::Rig(_) => out.unimplemented(Path::root("rig")),
+        WireItem::RevokeConstraint(_) => out.unimplemented(Path::root("revoke_constraint")),
+        WireItem::RemoveObservations(_) => out.unimplemented(Path::root("remove_observations")),
+        WireItem::FuseLandmarks(_) => out.unimplemented(Path::root("fuse_landmarks")),
+        WireItem::RemoveLandmarks(_) => out.unimplemented(Path::root("remove_landmarks")),
+        WireItem::RemoveKeyframe(_) => out.unimplemented(Path::root("remove_keyframe")),
+        WireItem::SetCamera(_) => out.unimplemented(Path::root("set_camera")),
+        // The stream ends at a second open before it comes here.
+        WireItem::Open(_) => out.report(Path::root("open"), Reason::Duplicate, "open already"),
+    })
+}
+
+fn camera_item(
+    at: Path<'_>,
+    message: &v1::Camera,
+    sender: &str,
+    out: &mut Violations,
+) -> Option<Item> {
+    let owned = owner(at.field("client_id"), &message.client_id, sender, out);
+    let id = id(at.field("id"), message.id, out);
+    let entity = camera(at, message, out)?;
+    owned?;
+    let (width_px, height_px) = (entity.width_px, entity.height_px);
+    Some(Item::Camera { id: id?, camera: entity.camera, width_px, height_px })
+}
+
+fn keyframe_item(message: &v1::Keyframe, sender: &str, out: &mut Violations) -> Option<Item> {
+    let at = Path::root("keyframe");
+    let owned = owner(at.field("client_id"), &message.client_id, sender, out);
+    let id = id(at.field("id"), message.id, out);
+    let time = nanoseconds(at.field("capture_time"), message.capture_time.as_ref(), out);
+    let camera = sensor(at, message, out);
+    if message.world_from_rig.is_some() {
+        let _: Option<()> = out.unimplemented(at.field("world_from_rig"));
+    }
+    let start = at.field("world_from_camera");
+    let pose = rigid_transform(start, message.world_from_camera.as_ref(), out);
+    let odom = match &message.odom_from_camera {
+        None => Some(None),
+        Some(odom) => rigid_transform(at.field("odom_from_camera"), Some(odom), out).map(Some),
+    };
+    let observations = observations(at.field("observations"), &message.observations, out);
+    let landmarks = landmarks(at.field("landmarks"), &message.landmarks, sender, out);
+    let global = descriptor(
+        at.field("global_descriptor"),
+        message.global_descriptor.as_ref(),
+        MAX_IMAGE_DESCRIPTOR,
+        out,
+    );
+    owned?;
+    global?;
+    Some(Item::Keyframe {
+        id: id?,
+        capture_time_ns: time?,
+        camera: camera?.map(EntityRef::own),
+        world_from_camera: pose?,
+        odom_from_camera: odom?,
+        observations: observations?,
+        landmarks: landmarks?,
+    })
+}
+
+/// The camera of a keyframe, `None` within where it names none; whether it needs one is the map's
+/// check.
+fn sensor(at: Path<'_>, message: &v1::Keyframe, out: &mut Violations) -> Option<Option<i64>> {
+    match message.sensor {
+        None => Some(None),
+        Some(v1::keyframe::Sensor::CameraId(camera)) => {
+            id(at.field("camera_id"), camera, out).map(Some)
+        }
+        Some(v1::keyframe::Sensor::RigId(_)) => out.unimplemented(at.field("rig_id")),
+    }
+}
+
+fn observation_batch(batch: &v1::ObservationBatch, out: &mut Violations) -> Option<Item> {
+    let at = Path::root("observations");
+    let keyframe = keyframe_ref(at.field("keyframe"), batch.keyframe.as_ref(), out);
+    let list = at.field("observations");
+    out.not_empty(list, &batch.observations);
+    let observations = observations(list, &batch.observations, out);
+    Some(Item::Observations { keyframe: keyframe?, observations: observations? })
+}
+
+fn observations(
+    at: Path<'_>,
+    messages: &[v1::Observation],
+    out: &mut Violations,
+) -> Option<Vec<ItemObservation>> {
+    all(at, messages, out, observation)
+}
+
+fn observation(
+    at: Path<'_>,
+    message: &v1::Observation,
+    out: &mut Violations,
+) -> Option<ItemObservation> {
+    let landmark = landmark_ref(at.field("landmark"), message.landmark.as_ref(), out);
+    // A keyframe of one camera has no other; rigs are refused before.
+    let camera = out.within(at.field("camera_index"), message.camera_index, 0, 0);
+    let pixel = vector2(at.field("pixel"), message.pixel.as_ref(), out);
+    let sigma = out.positive(at.field("sigma_px"), message.sigma_px.unwrap_or(1.0));
+    let depth = depth(at, message.depth_m, message.sigma_depth_m, out);
+    let kept = descriptor(
+        at.field("descriptor"),
+        message.descriptor.as_ref(),
+        MAX_FEATURE_DESCRIPTOR,
+        out,
+    );
+    camera?;
+    Some(ItemObservation {
+        landmark: landmark?,
+        pixel: pixel?,
+        sigma_px: sigma?,
+        depth: depth?,
+        descriptor: kept?.map(Arc::new),
+    })
+}
+
+/// `depth_m` with `sigma_depth_m`: both or neither.
+pub(super) fn depth(
+    at: Path<'_>,
+    depth_m: Option<f64>,
+    sigma_m: Option<f64>,
+    out: &mut Violations,
+) -> Option<Option<Depth>> {
+    match (depth_m, sigma_m) {
+        (None, None) => Some(None),
+        (Some(depth), Some(sigma)) => {
+            let depth = out.positive(at.field("depth_m"), depth);
+            let sigma = out.positive(at.field("sigma_depth_m"), sigma);
+            Some(Some(Depth { depth_m: depth?, sigma_m: sigma? }))
+        }
+        (Some(_), None) => {
+            out.report(at.field("sigma_depth_m"), Reason::Inconsistent, "required with depth_m")
+        }
+        (None, Some(_)) => {
+            out.report(at.field("sigma_depth_m"), Reason::Inconsistent, "refused without depth_m")
+        }
+    }
+}
+
+fn descriptor(
+    at: Path<'_>,
+    message: Option<&v1::Descriptor>,
+    longest: usize,
+    out: &mut Violations,
+) -> Option<Option<Descriptor>> {
+    let Some(message) = message else { return Some(None) };
+    let kind = match out.known(at.field("kind"), message.kind) {
+        Some(v1::DescriptorKind::Unspecified) => out.missing(at.field("kind")),
+        Some(v1::DescriptorKind::Binary) => Some(DescriptorKind::Binary),
+        Some(v1::DescriptorKind::Float32) => Some(DescriptorKind::Float32),
+        Some(v1::DescriptorKind::Uint8) => Some(DescriptorKind::Uint8),
+        None => None,
+    };
+    for (name, length, limit) in
+        [("name", message.name.len(), MAX_DESCRIPTOR_NAME), ("data", message.data.len(), longest)]
+    {
+        if length > limit {
+            let text = format!("{length} bytes, at most {limit} are taken");
+            let _: Option<()> = out.report(at.field(name), Reason::TooLarge, text);
+        }
+    }
+    Some(Some(Descriptor { kind: kind?, name: message.name.clone(), data: message.data.clone() }))
+}
+
+fn landmarks(
+    at: Path<'_>,
+    messages: &[v1::Landmark],
+    sender: &str,
+    out: &mut Violations,
+) -> Option<Vec<ItemLandmark>> {
+    all(at, messages, out, |at, message, out| {
+        let owned = owner(at.field("client_id"), &message.client_id, sender, out);
+        let id = id(at.field("id"), message.id, out);
+        let place = at.field("point_in_world");
+        let position = match &message.point_in_world {
+            None => Some(None),
+            Some(point) => vector3(place, Some(point), out).map(Some),
+        };
+        let kept = descriptor(
+            at.field("descriptor"),
+            message.descriptor.as_ref(),
+            MAX_FEATURE_DESCRIPTOR,
+            out,
+        );
+        owned?;
+        kept?;
+        Some(ItemLandmark { id: id?, position: position? })
+    })
+}
+
+fn relative_pose(
+    message: &v1::RelativePoseConstraint,
+    sender: &str,
+    out: &mut Violations,
+) -> Option<Item> {
+    let at = Path::root("relative_pose");
+    let owned = owner(at.field("client_id"), &message.client_id, sender, out);
+    let id = id(at.field("id"), message.id, out);
+    let i = keyframe_ref(at.field("keyframe_i"), message.keyframe_i.as_ref(), out);
+    let j = keyframe_ref(at.field("keyframe_j"), message.keyframe_j.as_ref(), out);
+    let measured = rigid_transform(
+        at.field("keyframe_i_from_keyframe_j"),
+        message.keyframe_i_from_keyframe_j.as_ref(),
+        out,
+    );
+    let information = information6(at.field("information"), message.information.as_ref(), out);
+    let kind = match out.known(at.field("kind"), message.kind) {
+        Some(v1::ConstraintKind::Unspecified) => out.missing(at.field("kind")),
+        Some(v1::ConstraintKind::Odometry) => Some(ConstraintKind::Odometry),
+        Some(v1::ConstraintKind::LoopClosure) => Some(ConstraintKind::LoopClosure),
+        Some(v1::ConstraintKind::Other) => Some(ConstraintKind::Other),
+        None => None,
+    };
+    let own_loss = no_own_loss(at, message.loss.as_ref(), false, out);
+    owned?;
+    own_loss?;
+    Some(Item::RelativePose {
+        id: id?,
+        kind: kind?,
+        keyframe_i: i?,
+        keyframe_j: j?,
+        keyframe_i_from_keyframe_j: measured?,
+        information: information?,
+    })
+}
+
+fn position_prior(message: &v1::PositionPrior, sender: &str, out: &mut Violations) -> Option<Item> {
+    let at = Path::root("position_prior");
+    let owned = owner(at.field("client_id"), &message.client_id, sender, out);
+    let id = id(at.field("id"), message.id, out);
+    let keyframe = keyframe_ref(at.field("keyframe"), message.keyframe.as_ref(), out);
+    let point = vector3(at.field("point_in_world"), message.point_in_world.as_ref(), out);
+    if let Some(arm) = &message.point_in_camera {
+        let place = at.field("point_in_camera");
+        if vector3(place, Some(arm), out).is_some_and(|arm| arm.norm() > 0.0) {
+            let _: Option<()> = out.unimplemented(place);
+        }
+    }
+    let information = information3(at.field("information"), message.information.as_ref(), out);
+    let own_loss = no_own_loss(at, message.loss.as_ref(), true, out);
+    owned?;
+    own_loss?;
+    Some(Item::PositionPrior {
+        id: id?,
+        keyframe: keyframe?,
+        position_in_world: point?,
+        information: information?,
+    })
+}
+
+fn pose_prior(message: &v1::PosePrior, sender: &str, out: &mut Violations) -> Option<Item> {
+    let at = Path::root("pose_prior");
+    let owned = owner(at.field("client_id"), &message.client_id, sender, out);
+    let id = id(at.field("id"), message.id, out);
+    let keyframe = keyframe_ref(at.field("keyframe"), message.keyframe.as_ref(), out);
+    let pose =
+        rigid_transform(at.field("world_from_camera"), message.world_from_camera.as_ref(), out);
+    let information = information6(at.field("information"), message.information.as_ref(), out);
+    let own_loss = no_own_loss(at, message.loss.as_ref(), true, out);
+    owned?;
+    own_loss?;
+    Some(Item::PosePrior {
+        id: id?,
+        keyframe: keyframe?,
+        world_from_camera: pose?,
+        information: information?,
+    })
+}
+
+/// A loss of a single constraint: not served yet, unless it is the trivial one and that is what the
+/// constraint has anyway.
+fn no_own_loss(
+    at: Path<'_>,
+    message: Option<&v1::Loss>,
+    trivial_by_default: bool,
+    out: &mut Violations,
+) -> Option<()> {
+    let at = at.field("loss");
+    match loss(at, message, out)? {
+        None => Some(()),
+        Some(covis_solvers::loss::Loss::Trivial) if trivial_by_default => Some(()),
+        Some(_) => out.unimplemented(at),
+    }
+}

@@ -1,0 +1,220 @@
+//! Maps and their policies.
+//!
+//! A policy's absent fields take the server's defaults, its ceilings are never above the server's.
+//! What the map cannot keep yet (a gauge of its own, memory and queue ceilings) is refused with
+//! UNIMPLEMENTED rather than taken and forgotten.
+
+use std::mem::size_of;
+
+use super::entities::{clients_by_name, to_client_frame};
+use super::geometry::to_vector3;
+use super::solve::{loss, to_loss};
+use super::time::timestamp;
+use super::{Path, Violations, count, small};
+use crate::map::{Ceilings, Keyframe, Landmark, Map, MapPolicy, Observation, Reason};
+use crate::service::engine::{MapInfo, MapState};
+use crate::wire::v1;
+
+/// Longest display name, bytes.
+const MAX_DISPLAY_NAME: usize = 256;
+
+/// The ceilings of the server, which a map's can only lower.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::service) struct ServerCeilings {
+    /// What a map may hold.
+    pub map: Ceilings,
+    /// Items of a client that wait for the engine.
+    pub queued_items: usize,
+}
+
+/// A map's free text for people.
+pub(in crate::service) fn display_name(name: &str, out: &mut Violations) -> Option<String> {
+    if name.len() <= MAX_DISPLAY_NAME {
+        return Some(name.to_owned());
+    }
+    let text = format!("{} bytes, at most {MAX_DISPLAY_NAME} are taken", name.len());
+    out.report(Path::root("display_name"), Reason::TooLarge, text)
+}
+
+/// The policy of a new map.
+pub(in crate::service) fn policy(
+    message: Option<&v1::MapPolicy>,
+    server: &ServerCeilings,
+    out: &mut Violations,
+) -> Option<MapPolicy> {
+    let at = Path::root("policy");
+    let absent = v1::MapPolicy::default();
+    let m = message.unwrap_or(&absent);
+    let default = MapPolicy::default();
+    let observation_loss = loss(at.field("observation_loss"), m.observation_loss.as_ref(), out);
+    let constraint_loss = loss(at.field("constraint_loss"), m.constraint_loss.as_ref(), out);
+    let mut number = |name, value: Option<i32>, default: usize, low, high| match value {
+        None => Some(default),
+        Some(value) => out.within(at.field(name), value, low, high),
+    };
+    let window =
+        number("window_keyframe_count", m.window_keyframe_count, default.window_keyframes, 2, 200);
+    let shared = number(
+        "min_shared_landmark_count",
+        m.min_shared_landmark_count,
+        default.min_shared_landmarks,
+        1,
+        1000,
+    );
+    let iterations =
+        number("max_iteration_count", m.max_iteration_count, default.max_local_iterations, 1, 1000);
+    let gauge = match out.known(at.field("gauge"), m.gauge) {
+        Some(v1::Gauge::Unspecified | v1::Gauge::FirstKeyframeFixed) => Some(()),
+        Some(v1::Gauge::Free | v1::Gauge::Priors | v1::Gauge::FixedPoses) => {
+            out.unimplemented(at.field("gauge"))
+        }
+        None => None,
+    };
+    let ceilings = ceilings(at, m.limits.as_ref(), server, out);
+    gauge?;
+    Some(MapPolicy {
+        local_bundle: m.local_bundle_adjustment.unwrap_or(default.local_bundle),
+        loop_closure: m.loop_closure_optimization.unwrap_or(default.loop_closure),
+        window_keyframes: window?,
+        min_shared_landmarks: shared?,
+        observation_loss: observation_loss?.unwrap_or(default.observation_loss),
+        constraint_loss: constraint_loss?.unwrap_or(default.constraint_loss),
+        max_local_iterations: iterations?,
+        ceilings: ceilings?,
+    })
+}
+
+fn ceilings(
+    at: Path<'_>,
+    message: Option<&v1::MapLimits>,
+    server: &ServerCeilings,
+    out: &mut Violations,
+) -> Option<Ceilings> {
+    let at = at.field("limits");
+    let Some(m) = message else { return Some(server.map) };
+    let mut lower = |name, value: Option<i64>, server: Option<u64>| match value {
+        None => Some(server),
+        Some(value) => {
+            let value = out.within(at.field(name), value, 1, i64::MAX)? as u64;
+            Some(Some(server.map_or(value, |s| s.min(value))))
+        }
+    };
+    let keyframes = lower("max_keyframe_count", m.max_keyframe_count, server.map.max_keyframes);
+    let landmarks = lower("max_landmark_count", m.max_landmark_count, server.map.max_landmarks);
+    let observations =
+        lower("max_observation_count", m.max_observation_count, server.map.max_observations);
+    let size = match m.max_size_bytes {
+        None => Some(()),
+        Some(bytes) => {
+            let place = at.field("max_size_bytes");
+            out.within(place, bytes, 1, i64::MAX).and_then(|_| out.unimplemented(place))
+        }
+    };
+    let queue = match m.max_queued_item_count {
+        None => Some(()),
+        Some(items) => {
+            let place = at.field("max_queued_item_count");
+            match out.within(place, items, 1, 65_536) {
+                Some(items) if items < server.queued_items => out.unimplemented(place),
+                Some(_) => Some(()),
+                None => None,
+            }
+        }
+    };
+    size?;
+    queue?;
+    Some(Ceilings {
+        max_keyframes: keyframes?,
+        max_landmarks: landmarks?,
+        max_observations: observations?,
+    })
+}
+
+/// The message of a map's ceilings; absent where there is none.
+pub(in crate::service) fn to_limits(ceilings: &Ceilings, queued_items: usize) -> v1::MapLimits {
+    let limit = |value: Option<u64>| value.map(|v| i64::try_from(v).unwrap_or(i64::MAX));
+    v1::MapLimits {
+        max_keyframe_count: limit(ceilings.max_keyframes),
+        max_landmark_count: limit(ceilings.max_landmarks),
+        max_observation_count: limit(ceilings.max_observations),
+        max_size_bytes: None,
+        max_queued_item_count: Some(small(queued_items)),
+    }
+}
+
+fn to_policy(policy: &MapPolicy, queued_items: usize) -> v1::MapPolicy {
+    v1::MapPolicy {
+        observation_loss: Some(to_loss(&policy.observation_loss)),
+        constraint_loss: Some(to_loss(&policy.constraint_loss)),
+        window_keyframe_count: Some(small(policy.window_keyframes)),
+        min_shared_landmark_count: Some(small(policy.min_shared_landmarks)),
+        gauge: v1::Gauge::FirstKeyframeFixed.into(),
+        local_bundle_adjustment: Some(policy.local_bundle),
+        loop_closure_optimization: Some(policy.loop_closure),
+        max_iteration_count: Some(small(policy.max_local_iterations)),
+        limits: Some(to_limits(&policy.ceilings, queued_items)),
+    }
+}
+
+/// The message of a map's state.
+pub(in crate::service) fn to_state(state: MapState) -> v1::MapState {
+    match state {
+        MapState::Open => v1::MapState::Open,
+        MapState::Poisoned => v1::MapState::Poisoned,
+    }
+}
+
+/// The message of a map.
+pub(in crate::service) fn to_map(info: &MapInfo, queued_items: usize) -> v1::Map {
+    let map = &info.snapshot;
+    v1::Map {
+        map_id: info.name.clone(),
+        display_name: info.display_name.clone(),
+        policy: Some(to_policy(map.policy(), queued_items)),
+        state: to_state(info.state).into(),
+        create_time: Some(timestamp(map.create_time_ns())),
+        update_time: Some(timestamp(info.update_time_ns)),
+        revision: map.revision(),
+        counts: Some(to_counts(map)),
+        landmark_bounds: to_bounds(map),
+        clients: clients_by_name(map).into_iter().map(|(_, c)| to_client(map, c)).collect(),
+        uid: info.uid.clone(),
+    }
+}
+
+fn to_client(map: &Map, index: crate::map::ClientIndex) -> v1::MapClient {
+    let client = map.client(index);
+    v1::MapClient {
+        client_id: client.map(|c| c.name.clone()).unwrap_or_default(),
+        epoch: client.map_or(0, |c| c.epoch),
+        next_sequence: client.map_or(1, |c| c.next_sequence),
+        map_from_odom: to_client_frame(map, index).and_then(|frame| frame.map_from_odom),
+    }
+}
+
+fn to_counts(map: &Map) -> v1::MapCounts {
+    let observations = usize::try_from(map.observation_count()).unwrap_or(usize::MAX);
+    let (keyframes, landmarks) = (map.keyframes().len(), map.landmarks().len());
+    let positioned = map.landmarks().values().filter(|l| l.position.is_some()).count();
+    // Each observation also stands in its landmark's list of observers.
+    let size = keyframes * size_of::<Keyframe>()
+        + landmarks * size_of::<Landmark>()
+        + observations.saturating_mul(size_of::<Observation>() + size_of::<crate::map::EntityId>());
+    v1::MapCounts {
+        camera_count: count(map.cameras().len()),
+        rig_count: 0,
+        keyframe_count: count(keyframes),
+        landmark_count: count(landmarks),
+        positioned_landmark_count: count(positioned),
+        observation_count: count(observations),
+        constraint_count: count(map.constraints().len() + map.priors().len()),
+        size_bytes: count(size),
+    }
+}
+
+fn to_bounds(map: &Map) -> Option<v1::Bounds3> {
+    let mut positions = map.landmarks().values().filter_map(|l| l.position);
+    let first = positions.next()?;
+    let (min, max) = positions.fold((first, first), |(min, max), p| (min.inf(&p), max.sup(&p)));
+    Some(v1::Bounds3 { min: Some(to_vector3(&min)), max: Some(to_vector3(&max)) })
+}

@@ -1,0 +1,216 @@
+//! Wire ↔ domain: the only place that reads or fills generated messages field by field.
+//!
+//! Inward every function takes the field's [`Path`], reports what is wrong into [`Violations`] and
+//! returns `None`; all violations of a message are told, not the first alone. What can be judged
+//! without the map is judged here: presence, finite numbers, ranges, units, lengths, definiteness,
+//! enum values. Outward conversions cannot fail. No maths beyond that, no engine, no status codes.
+
+pub(super) mod camera;
+pub(super) mod certificate;
+pub(super) mod entities;
+pub(super) mod geometry;
+pub(super) mod ids;
+pub(super) mod item;
+pub(super) mod map;
+pub(super) mod problem;
+pub(super) mod refine;
+pub(super) mod solve;
+pub(super) mod time;
+
+#[cfg(test)]
+mod tests;
+
+use std::fmt;
+
+use crate::map::{Reason, Rejection};
+
+/// One step of a field path.
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Field(&'static str),
+    Index(usize),
+}
+
+/// Where a field stands, from the request on; written out only when something is wrong there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Path<'a> {
+    parent: Option<&'a Path<'a>>,
+    step: Step,
+}
+
+impl Path<'static> {
+    /// A field of the request itself.
+    pub(super) const fn root(field: &'static str) -> Self {
+        Self { parent: None, step: Step::Field(field) }
+    }
+}
+
+impl<'a> Path<'a> {
+    /// A field of the message that stands here.
+    pub(super) fn field(&'a self, name: &'static str) -> Path<'a> {
+        Path { parent: Some(self), step: Step::Field(name) }
+    }
+
+    /// An entry of the list that stands here.
+    pub(super) fn index(&'a self, index: usize) -> Path<'a> {
+        Path { parent: Some(self), step: Step::Index(index) }
+    }
+}
+
+impl fmt::Display for Path<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(parent) = self.parent {
+            parent.fmt(f)?;
+        }
+        match self.step {
+            Step::Field(name) if self.parent.is_some() => write!(f, ".{name}"),
+            Step::Field(name) => f.write_str(name),
+            Step::Index(index) => write!(f, "[{index}]"),
+        }
+    }
+}
+
+/// Collects what is wrong with a message.
+#[derive(Debug, Default)]
+pub(super) struct Violations(Rejection);
+
+impl Violations {
+    /// Reports a field and returns `None`, so that a conversion can end with it.
+    pub(super) fn report<T>(
+        &mut self,
+        at: Path<'_>,
+        reason: Reason,
+        description: impl Into<String>,
+    ) -> Option<T> {
+        self.0.push(at.to_string(), reason, description);
+        None
+    }
+
+    /// Reports a required field that is absent or empty.
+    pub(super) fn missing<T>(&mut self, at: Path<'_>) -> Option<T> {
+        self.report(at, Reason::Missing, "required")
+    }
+
+    /// Reports a part of the wire that is not served yet.
+    pub(super) fn unimplemented<T>(&mut self, at: Path<'_>) -> Option<T> {
+        self.report(at, Reason::Unimplemented, "not served yet")
+    }
+
+    /// A message that must be there.
+    pub(super) fn required<'m, T>(
+        &mut self,
+        at: Path<'_>,
+        message: Option<&'m T>,
+    ) -> Option<&'m T> {
+        message.or_else(|| self.missing(at))
+    }
+
+    /// A list that must not be empty.
+    pub(super) fn not_empty<T>(&mut self, at: Path<'_>, list: &[T]) {
+        if list.is_empty() {
+            let _: Option<()> = self.missing(at);
+        }
+    }
+
+    /// A number that must be finite.
+    pub(super) fn finite(&mut self, at: Path<'_>, value: f64) -> Option<f64> {
+        if value.is_finite() {
+            return Some(value);
+        }
+        self.report(at, Reason::NotFinite, format!("{value} is not finite"))
+    }
+
+    /// A number that must be finite and greater than 0.
+    pub(super) fn positive(&mut self, at: Path<'_>, value: f64) -> Option<f64> {
+        let value = self.finite(at, value)?;
+        if value > 0.0 {
+            return Some(value);
+        }
+        self.report(at, Reason::OutOfRange, format!("{value} is not greater than 0"))
+    }
+
+    /// A number that must be finite and at least 0.
+    pub(super) fn not_negative(&mut self, at: Path<'_>, value: f64) -> Option<f64> {
+        let value = self.finite(at, value)?;
+        if value >= 0.0 {
+            return Some(value);
+        }
+        self.report(at, Reason::OutOfRange, format!("{value} is below 0"))
+    }
+
+    /// An integer that must lie in a range, both ends included.
+    pub(super) fn within(
+        &mut self,
+        at: Path<'_>,
+        value: impl Into<i64>,
+        low: i64,
+        high: i64,
+    ) -> Option<usize> {
+        let value = value.into();
+        if (low..=high).contains(&value)
+            && let Ok(value) = usize::try_from(value)
+        {
+            return Some(value);
+        }
+        self.report(at, Reason::OutOfRange, format!("{value} is not in {low} to {high}"))
+    }
+
+    /// A known value of an enum; the unspecified one is handed on for the caller to judge.
+    pub(super) fn known<E: TryFrom<i32>>(&mut self, at: Path<'_>, value: i32) -> Option<E> {
+        E::try_from(value)
+            .ok()
+            .or_else(|| self.report(at, Reason::UnknownValue, format!("unknown value {value}")))
+    }
+
+    /// The converted message, or everything that is wrong with it.
+    pub(super) fn finish<T>(mut self, value: Option<T>) -> Result<T, Rejection> {
+        match value {
+            Some(value) if self.0.is_empty() => Ok(value),
+            _ => {
+                if self.0.is_empty() {
+                    // Cannot happen while every `None` is reported; an empty refusal would tell
+                    // the client nothing.
+                    self.0.push("", Reason::Missing, "the message could not be read");
+                }
+                Err(self.0)
+            }
+        }
+    }
+}
+
+/// Runs a conversion and gathers its violations.
+pub(super) fn convert<T>(
+    conversion: impl FnOnce(&mut Violations) -> Option<T>,
+) -> Result<T, Rejection> {
+    let mut violations = Violations::default();
+    let value = conversion(&mut violations);
+    violations.finish(value)
+}
+
+/// All or nothing of a list, with every entry's violations reported.
+pub(super) fn all<'m, M, T>(
+    at: Path<'_>,
+    messages: &'m [M],
+    out: &mut Violations,
+    mut one: impl FnMut(Path<'_>, &'m M, &mut Violations) -> Option<T>,
+) -> Option<Vec<T>> {
+    let mut values = Vec::with_capacity(messages.len());
+    let mut complete = true;
+    for (index, message) in messages.iter().enumerate() {
+        match one(at.index(index), message, out) {
+            Some(value) => values.push(value),
+            None => complete = false,
+        }
+    }
+    complete.then_some(values)
+}
+
+/// A count as the wire has it.
+pub(super) fn count(value: usize) -> i64 {
+    i64::try_from(value).unwrap_or(i64::MAX)
+}
+
+/// A small count as the wire has it.
+pub(super) fn small(value: usize) -> i32 {
+    i32::try_from(value).unwrap_or(i32::MAX)
+}

@@ -1,0 +1,285 @@
+//! Losses, solver options, iterations and the certificate of a solve.
+//!
+//! Absent options take the defaults that `optimization.proto` states. Costs, residuals and counts
+//! are taken from the solver's summary and the evaluator's reports; nothing is computed here.
+
+use std::time::Duration;
+
+use covis_solvers::bundle_adjustment::LinearSolver;
+use covis_solvers::loss::Loss;
+use covis_solvers::optimizer::{
+    IterationSummary, Method, Options, SolveSummary, Termination, Tolerance,
+};
+
+use super::certificate::add_costs;
+use super::{Path, Violations, count, small};
+use crate::map::Reason;
+use crate::service::engine::{GaugeKind, SolveCertificate, SolverKind};
+use crate::wire::v1;
+
+/// Iterations where the request names none.
+const DEFAULT_ITERATIONS: usize = 50;
+/// Most iterations that a request may ask for.
+const MAX_ITERATIONS: i64 = 10_000;
+
+/// A loss, `None` within where the field is absent.
+pub(in crate::service) fn loss(
+    at: Path<'_>,
+    message: Option<&v1::Loss>,
+    out: &mut Violations,
+) -> Option<Option<Loss>> {
+    let Some(message) = message else { return Some(None) };
+    let kind = out.known::<v1::LossKind>(at.field("kind"), message.kind)?;
+    let with_width: fn(f64) -> Loss = match kind {
+        v1::LossKind::Unspecified => return out.missing(at.field("kind")),
+        v1::LossKind::Trivial => {
+            if message.width.is_some() {
+                let text = "the trivial loss takes no width";
+                return out.report(at.field("width"), Reason::Inconsistent, text);
+            }
+            return Some(Some(Loss::Trivial));
+        }
+        v1::LossKind::Huber => Loss::Huber,
+        v1::LossKind::Cauchy => Loss::Cauchy,
+        v1::LossKind::Tukey => Loss::Tukey,
+        v1::LossKind::GemanMcclure => Loss::GemanMcClure,
+    };
+    let Some(width) = message.width else { return out.missing(at.field("width")) };
+    out.positive(at.field("width"), width).map(|width| Some(with_width(width)))
+}
+
+/// The message of a loss.
+pub(in crate::service) fn to_loss(loss: &Loss) -> v1::Loss {
+    let kind = match loss {
+        Loss::Trivial => v1::LossKind::Trivial,
+        Loss::Huber(_) => v1::LossKind::Huber,
+        Loss::Cauchy(_) => v1::LossKind::Cauchy,
+        Loss::Tukey(_) => v1::LossKind::Tukey,
+        Loss::GemanMcClure(_) => v1::LossKind::GemanMcclure,
+    };
+    v1::Loss { kind: kind.into(), width: loss.width() }
+}
+
+/// Which linear systems a kind of problem can be solved with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::service) enum Systems {
+    /// Bundle adjustment: the Schur solvers.
+    Bundle,
+    /// Pose graphs: sparse Cholesky.
+    PoseGraph,
+    /// One pose: dense Cholesky.
+    SinglePose,
+}
+
+/// Options of a solve in domain terms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::service) struct SolveOptions {
+    /// The loop's options.
+    pub optimizer: Options,
+    /// The reduced system's solver; for bundles only.
+    pub linear_solver: LinearSolver,
+}
+
+/// The options of a solve on a pool of `pool_threads`; `call` is the time that the call still has.
+pub(in crate::service) fn options(
+    message: Option<&v1::SolverOptions>,
+    systems: Systems,
+    pool_threads: usize,
+    call: Option<Duration>,
+    out: &mut Violations,
+) -> Option<SolveOptions> {
+    let at = Path::root("options");
+    let absent = v1::SolverOptions::default();
+    let m = message.unwrap_or(&absent);
+    let iterations = match m.max_iteration_count {
+        None => Some(DEFAULT_ITERATIONS),
+        Some(n) => out.within(at.field("max_iteration_count"), n, 0, MAX_ITERATIONS),
+    };
+    let method = match out.known(at.field("method"), m.method) {
+        Some(v1::SolverMethod::Unspecified | v1::SolverMethod::LevenbergMarquardt) => {
+            Some(Method::LevenbergMarquardt)
+        }
+        Some(v1::SolverMethod::GaussNewton) => Some(Method::GaussNewton),
+        None => None,
+    };
+    let linear_solver = linear_solver(at, m.linear_solver, systems, out);
+    let threads = out.within(at.field("thread_count"), m.thread_count, 0, i64::from(i32::MAX));
+    let tolerance = |name, value: Option<f64>, default, out: &mut Violations| {
+        out.not_negative(at.field(name), value.unwrap_or(default))
+    };
+    let cost = tolerance("function_tolerance", m.function_tolerance, 1e-10, out);
+    let gradient = tolerance("gradient_tolerance", m.gradient_tolerance, 1e-10, out);
+    let step = tolerance("parameter_tolerance", m.parameter_tolerance, 1e-12, out);
+    let own_deadline = match m.deadline_ms {
+        None => Some(None),
+        Some(ms) => out
+            .within(at.field("deadline_ms"), ms, 1, i64::MAX)
+            .and_then(|ms| u64::try_from(ms).ok())
+            .map(|ms| Some(Duration::from_millis(ms))),
+    };
+    let damping = out.positive(at.field("initial_damping"), m.initial_damping.unwrap_or(1e-4));
+    let threads = match threads? {
+        0 => None,
+        n if n >= pool_threads => None,
+        n => Some(n),
+    };
+    let deadline = own_deadline?.into_iter().chain(call).min();
+    let optimizer = Options {
+        method: method?,
+        max_iterations: iterations?,
+        cost_tolerance: cost?,
+        gradient_tolerance: gradient?,
+        step_tolerance: step?,
+        initial_damping: damping?,
+        deadline,
+        threads,
+    };
+    Some(SolveOptions { optimizer, linear_solver: linear_solver? })
+}
+
+fn linear_solver(
+    at: Path<'_>,
+    value: i32,
+    systems: Systems,
+    out: &mut Violations,
+) -> Option<LinearSolver> {
+    use v1::LinearSolver as Wire;
+    let at = at.field("linear_solver");
+    let wanted = out.known::<Wire>(at, value)?;
+    match (wanted, systems) {
+        (Wire::Unspecified | Wire::Auto, _)
+        | (Wire::SparseCholesky, Systems::PoseGraph)
+        | (Wire::DenseCholesky, Systems::SinglePose) => Some(LinearSolver::Auto),
+        (Wire::DenseSchur, Systems::Bundle) => Some(LinearSolver::DenseSchur),
+        (Wire::SparseSchur, Systems::Bundle) => Some(LinearSolver::SparseSchur),
+        (Wire::DenseSchur | Wire::SparseSchur, Systems::PoseGraph | Systems::SinglePose)
+        | (Wire::SparseCholesky, Systems::Bundle | Systems::SinglePose)
+        | (Wire::DenseCholesky, Systems::Bundle | Systems::PoseGraph) => {
+            let text = format!("{} does not fit this problem", wanted.as_str_name());
+            out.report(at, Reason::Inconsistent, text)
+        }
+    }
+}
+
+/// The message of a bundle's linear solver.
+pub(in crate::service) fn to_linear_solver(solver: LinearSolver) -> v1::LinearSolver {
+    match solver {
+        LinearSolver::Auto => v1::LinearSolver::Auto,
+        LinearSolver::DenseSchur => v1::LinearSolver::DenseSchur,
+        LinearSolver::SparseSchur => v1::LinearSolver::SparseSchur,
+    }
+}
+
+/// The message of one row.
+pub(in crate::service) fn to_iteration(row: &IterationSummary) -> v1::IterationSummary {
+    v1::IterationSummary {
+        iteration: small(row.iteration),
+        cost: row.cost,
+        accepted: row.accepted,
+        gradient_max_norm: row.gradient_max_norm,
+        step_norm: row.step_norm,
+        damping: row.damping,
+        step_quality: row.step_quality,
+        elapsed_us: microseconds(row.seconds),
+    }
+}
+
+/// Whole microseconds of a time in seconds.
+fn microseconds(seconds: f64) -> i64 {
+    let duration = Duration::try_from_secs_f64(seconds).unwrap_or_default();
+    i64::try_from(duration.as_micros()).unwrap_or(i64::MAX)
+}
+
+fn to_termination(termination: Termination) -> v1::Termination {
+    match termination {
+        Termination::Converged(Tolerance::Cost) => v1::Termination::ConvergedFunction,
+        Termination::Converged(Tolerance::Gradient) => v1::Termination::ConvergedGradient,
+        Termination::Converged(Tolerance::Step) => v1::Termination::ConvergedParameter,
+        Termination::MaxIterations => v1::Termination::MaxIterations,
+        Termination::Deadline => v1::Termination::Deadline,
+        Termination::Cancelled => v1::Termination::Cancelled,
+        Termination::Stalled => v1::Termination::Stalled,
+        Termination::NumericalFailure => v1::Termination::NumericalFailure,
+    }
+}
+
+/// The part of a certificate that the loop itself knows; the caller fills in the rest.
+pub(in crate::service) fn to_summary(solve: &SolveSummary, method: Method) -> v1::SolveSummary {
+    let rows = solve.iterations.iter().skip(1);
+    let method = match method {
+        Method::LevenbergMarquardt => v1::SolverMethod::LevenbergMarquardt,
+        Method::GaussNewton => v1::SolverMethod::GaussNewton,
+    };
+    v1::SolveSummary {
+        termination: to_termination(solve.termination).into(),
+        description: solve.termination.to_string(),
+        initial_cost: solve.initial_cost,
+        final_cost: solve.final_cost,
+        gradient_max_norm: solve.gradient_max_norm,
+        linear_residual: solve.linear_residual,
+        thread_count: small(solve.threads),
+        iteration_count: small(rows.clone().count()),
+        accepted_iteration_count: small(rows.filter(|row| row.accepted).count()),
+        method: method.into(),
+        solve_duration_us: microseconds(solve.solve_seconds),
+        simd_class: SIMD_CLASS.to_owned(),
+        ..v1::SolveSummary::default()
+    }
+}
+
+/// The instruction set that the solvers are compiled for.
+pub(in crate::service) const SIMD_CLASS: &str = if cfg!(target_feature = "avx512f") {
+    "avx512"
+} else if cfg!(target_feature = "avx2") {
+    "avx2"
+} else {
+    "scalar"
+};
+
+/// The rows of a solve, or none where they were not asked for.
+pub(in crate::service) fn to_iterations(
+    solve: &SolveSummary,
+    wanted: bool,
+) -> Vec<v1::IterationSummary> {
+    if wanted { solve.iterations.iter().map(to_iteration).collect() } else { Vec::new() }
+}
+
+/// The whole certificate of a map's solve.
+pub(in crate::service) fn to_certificate(certificate: &SolveCertificate) -> v1::SolveSummary {
+    let mut summary = to_summary(&certificate.solve, certificate.method);
+    add_costs(&mut summary, &certificate.before, &certificate.after);
+    summary.linear_solver = match certificate.linear_solver {
+        SolverKind::Schur(solver) => to_linear_solver(solver),
+        SolverKind::SparseCholesky => v1::LinearSolver::SparseCholesky,
+    }
+    .into();
+    summary.gauge = match certificate.gauge {
+        GaugeKind::FirstKeyframeFixed => v1::Gauge::FirstKeyframeFixed,
+        GaugeKind::Free => v1::Gauge::Free,
+        GaugeKind::Priors => v1::Gauge::Priors,
+        GaugeKind::FixedPoses => v1::Gauge::FixedPoses,
+    }
+    .into();
+    summary.free_pose_count = count(certificate.free_poses);
+    summary.fixed_pose_count = count(certificate.fixed_poses);
+    summary.free_landmark_count = count(certificate.free_landmarks);
+    summary
+}
+
+/// What `OptimizeMap` is asked to hold; absent is the map's policy, the first keyframe.
+pub(in crate::service) fn gauge(
+    at: Path<'_>,
+    value: i32,
+    out: &mut Violations,
+) -> Option<GaugeKind> {
+    match out.known::<v1::Gauge>(at, value)? {
+        v1::Gauge::Unspecified | v1::Gauge::FirstKeyframeFixed => {
+            Some(GaugeKind::FirstKeyframeFixed)
+        }
+        v1::Gauge::Free => Some(GaugeKind::Free),
+        v1::Gauge::Priors => Some(GaugeKind::Priors),
+        v1::Gauge::FixedPoses => {
+            out.report(at, Reason::Inconsistent, "no keyframe of a map is marked fixed")
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! Conversions there and back, field paths, and that all violations are told.
+
+use covis_solvers::geometry::{Camera, KannalaBrandt, PinholeRadialTangential, Snavely};
+use covis_solvers::loss::Loss;
+use nalgebra::Vector3;
+
+use super::camera::{camera, to_camera};
+use super::geometry::{
+    information6, rigid_transform, rigid_transform2, to_information6, to_rigid_transform,
+    to_rigid_transform2,
+};
+use super::item::{digest, item};
+use super::solve::{Systems, loss, options, to_loss};
+use super::time::{nanoseconds, timestamp};
+use super::{Path, Violations, convert};
+use crate::map::{CameraEntity, Item, Reason};
+use crate::wire::v1;
+use v1::ingest_request::Item as WireItem;
+
+const AT: Path<'static> = Path::root("field");
+
+/// The value of a conversion that must succeed.
+fn good<T>(conversion: impl FnOnce(&mut Violations) -> Option<T>) -> T {
+    convert(conversion).unwrap()
+}
+
+/// Fields and reasons of a conversion that must fail.
+fn bad<T: std::fmt::Debug>(
+    conversion: impl FnOnce(&mut Violations) -> Option<T>,
+) -> Vec<(String, Reason)> {
+    let rejection = convert(conversion).unwrap_err();
+    rejection.violations.into_iter().map(|v| (v.field, v.reason)).collect()
+}
+
+#[test]
+fn paths_are_written_from_the_request_on() {
+    let keyframe = Path::root("keyframe");
+    let list = keyframe.field("observations");
+    let entry = list.index(3);
+    let pixel = entry.field("pixel");
+    assert_eq!(pixel.field("x").to_string(), "keyframe.observations[3].pixel.x");
+}
+
+#[test]
+fn cameras_come_back_to_the_bit() {
+    let models = [
+        Camera::Pinhole(PinholeRadialTangential {
+            fx: 500.1,
+            fy: 499.9,
+            cx: 320.2,
+            cy: -3.0,
+            k1: 0.1,
+            k2: -0.2,
+            p1: 1e-3,
+            p2: -1e-4,
+            k3: 0.01,
+        }),
+        Camera::Fisheye(KannalaBrandt {
+            fx: 300.0,
+            fy: 301.0,
+            cx: 1.0,
+            cy: 2.0,
+            k1: 0.1,
+            k2: 0.2,
+            k3: 0.3,
+            k4: 0.4,
+        }),
+        Camera::Snavely(Snavely { focal: 700.0, k1: -1e-3, k2: 2e-6 }),
+    ];
+    for model in models {
+        let entity = CameraEntity { camera: model, width_px: 640, height_px: 0 };
+        let message = to_camera("robot".to_owned(), 3, &entity);
+        assert_eq!(good(|out| camera(AT, &message, out)), entity);
+    }
+}
+
+#[test]
+fn transforms_and_matrices_come_back() {
+    let message = v1::RigidTransform {
+        translation: Some(v1::Vector3 { x: 1.0, y: -2.0, z: 1e9 }),
+        rotation: Some(v1::Quaternion { x: 0.5, y: -0.5, z: 0.5, w: 0.5 }),
+    };
+    let pose = good(|out| rigid_transform(AT, Some(&message), out));
+    assert_eq!(to_rigid_transform(&pose), message);
+    let flat =
+        v1::RigidTransform2 { translation: Some(v1::Vector2 { x: 3.0, y: 4.0 }), angle_rad: -0.75 };
+    let pose = good(|out| rigid_transform2(AT, Some(&flat), out));
+    assert!((to_rigid_transform2(&pose).angle_rad + 0.75).abs() < 1e-15);
+    let mut upper_triangle = vec![0.0; 21];
+    for (index, place) in [0, 6, 11, 15, 18, 20].into_iter().enumerate() {
+        upper_triangle[place] = 2.0 + index as f64;
+    }
+    upper_triangle[1] = 0.25;
+    let message = v1::InformationMatrix6 { upper_triangle };
+    let matrix = good(|out| information6(AT, Some(&message), out));
+    assert_eq!((matrix[(0, 1)], matrix[(1, 0)], matrix[(5, 5)]), (0.25, 0.25, 7.0));
+    assert_eq!(to_information6(&matrix), message);
+}
+
+#[test]
+fn quaternions_are_normalized_within_a_thousandth_and_refused_past_it() {
+    let with = |w| v1::RigidTransform {
+        translation: Some(v1::Vector3::default()),
+        rotation: Some(v1::Quaternion { w, ..Default::default() }),
+    };
+    for w in [0.9991, 1.0, 1.0009, -1.0] {
+        let pose = good(|out| rigid_transform(AT, Some(&with(w)), out));
+        assert!((pose.rotation.quaternion().norm() - 1.0).abs() < 1e-15);
+        assert_eq!(pose.rotation.rotate(&Vector3::x()), Vector3::x());
+    }
+    for w in [0.0, 0.9989, 1.0011, 1e200] {
+        let found = bad(|out| rigid_transform(AT, Some(&with(w)), out));
+        assert_eq!(found, [("field.rotation".to_owned(), Reason::NotNormalized)], "{w}");
+    }
+}
+
+#[test]
+fn losses_come_back() {
+    for value in [
+        Loss::Trivial,
+        Loss::Huber(1.5),
+        Loss::Cauchy(2.0),
+        Loss::Tukey(4.0),
+        Loss::GemanMcClure(0.5),
+    ] {
+        assert_eq!(good(|out| loss(AT, Some(&to_loss(&value)), out)), Some(value));
+    }
+}
+
+#[test]
+fn times_come_back_also_before_the_epoch() {
+    for time in [0, 1, -1, 1_700_000_000_123_456_789, i64::MIN + 1_000_000_000, i64::MAX] {
+        assert_eq!(good(|out| nanoseconds(AT, Some(&timestamp(time)), out)), time);
+    }
+}
+
+#[test]
+fn absent_options_take_the_defaults_that_the_wire_states() {
+    let options = good(|out| options(None, Systems::Bundle, 2, None, out));
+    let loop_options = options.optimizer;
+    assert_eq!(loop_options.max_iterations, 50);
+    assert_eq!(loop_options.cost_tolerance, 1e-10);
+    assert_eq!(loop_options.gradient_tolerance, 1e-10);
+    assert_eq!(loop_options.step_tolerance, 1e-12);
+    assert_eq!(loop_options.initial_damping, 1e-4);
+    assert_eq!((loop_options.deadline, loop_options.threads), (None, None));
+}
+
+#[test]
+fn a_digest_tells_contents_apart() {
+    let camera = |id| WireItem::Camera(v1::Camera { id, ..Default::default() });
+    assert_eq!(digest(&camera(1)), digest(&camera(1)));
+    assert_ne!(digest(&camera(1)), digest(&camera(2)));
+    // The same bytes in another member of the oneof are another item.
+    let set = WireItem::SetCamera(v1::Camera { id: 1, ..Default::default() });
+    assert_ne!(digest(&camera(1)), digest(&set));
+}
+
+#[test]
+fn one_s_own_name_in_an_item_is_the_same_as_none() {
+    let landmark = |client_id: &str| {
+        let landmark =
+            v1::Landmark { client_id: client_id.to_owned(), id: 4, ..Default::default() };
+        WireItem::Landmarks(v1::LandmarkBatch { landmarks: vec![landmark] })
+    };
+    let read = item(&landmark("robot"), "robot").unwrap();
+    assert_eq!(read, item(&landmark(""), "robot").unwrap());
+    assert!(matches!(read, Item::Landmarks { .. }));
+    let refused = item(&landmark("drone"), "robot").unwrap_err();
+    assert_eq!(refused.violations[0].field, "landmarks.landmarks[0].client_id");
+}

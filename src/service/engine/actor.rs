@@ -1,0 +1,252 @@
+//! The task that owns a map: what it waits for, and what it answers.
+//!
+//! Each step takes one thing: a control message, the end of the running solve, or an item, in this
+//! order of preference. Steps run under `catch_unwind`: a panic poisons the map and nothing else.
+//! In lock-step no item is taken while a solve runs or waits.
+
+use std::hash::{BuildHasher, RandomState};
+use std::panic::AssertUnwindSafe;
+use std::sync::Arc;
+
+use futures_util::FutureExt;
+use tokio::sync::mpsc;
+
+use super::handle::{Control, Reply, Shared};
+use super::optimize::Job;
+use super::pool::panic_message;
+use super::schedule::Schedule;
+use super::solves::Running;
+use super::stream::{ItemSender, Queued};
+use super::streams::Streams;
+use super::watch::Watchers;
+use super::{
+    EngineConfig, EngineError, IngestStream, MapHandle, MapInfo, MapState, Opened, SolverPool,
+    Watch,
+};
+use crate::map::{Change, Map};
+use crate::store::{Durability, Epoch, Store};
+
+/// A map with the one writer that it has.
+pub(super) struct Actor {
+    pub(super) shared: Arc<Shared>,
+    pub(super) config: EngineConfig,
+    pub(super) store: Arc<dyn Store>,
+    pub(super) pool: Arc<SolverPool>,
+    /// The store's epoch, which fences other writers.
+    pub(super) store_epoch: Epoch,
+    pub(super) display_name: String,
+    pub(super) update_time_ns: i64,
+    pub(super) map: Arc<Map>,
+    pub(super) state: MapState,
+    /// The revision before the event that is being applied; a panic then leaves half of one.
+    pub(super) applying: Option<i64>,
+    pub(super) items: mpsc::Receiver<Queued>,
+    pub(super) control: mpsc::Receiver<Control>,
+    pub(super) streams: Streams,
+    pub(super) watchers: Watchers,
+    pub(super) schedule: Schedule,
+    pub(super) running: Option<Running>,
+    /// The optimization that waits or runs.
+    pub(super) job: Option<Job>,
+    pub(super) last_solve_id: i64,
+    /// Whether the queue is closed and empty.
+    pub(super) drained: bool,
+    /// Dropped at the end; not empty once the engine is to stop.
+    pub(super) closing: Vec<Reply<()>>,
+}
+
+/// Whether the task goes on.
+pub(super) enum Flow {
+    Continue,
+    Stop,
+}
+
+impl Actor {
+    /// Runs until the map is deleted or the server shuts down.
+    pub(super) async fn run(mut self) {
+        loop {
+            match AssertUnwindSafe(self.step()).catch_unwind().await {
+                Ok(Flow::Continue) => {}
+                Ok(Flow::Stop) => break,
+                Err(panic) => self.poison(&panic_message(panic.as_ref())).await,
+            }
+            if !self.closing.is_empty() && self.drained && self.is_idle() {
+                break;
+            }
+        }
+        let error = self.shared.ended.get_or_init(|| EngineError::ShuttingDown).clone();
+        self.cancel_solves(&error);
+        self.streams.end_all(&error);
+    }
+
+    /// Whether no solve runs or waits.
+    fn is_idle(&self) -> bool {
+        self.running.is_none() && self.schedule.is_empty() && self.job.is_none()
+    }
+
+    /// Whether items wait for solves.
+    pub(super) fn is_lock_step(&self) -> bool {
+        self.config.lock_step || self.streams.any_lock_step()
+    }
+
+    async fn step(&mut self) -> Flow {
+        let takes_items = !self.drained && (self.is_idle() || !self.is_lock_step());
+        let flow = tokio::select! {
+            biased;
+            control = self.control.recv() => match control {
+                Some(control) => self.answer(control).await,
+                None => Flow::Stop,
+            },
+            outcome = Running::ended(&mut self.running) => {
+                self.solved(outcome).await;
+                Flow::Continue
+            }
+            item = self.items.recv(), if takes_items => {
+                match item {
+                    Some(item) => self.take(item).await,
+                    None => self.drained = true,
+                }
+                Flow::Continue
+            }
+        };
+        self.start_solves();
+        self.streams.close_finished(|client| self.schedule.is_waiting(client));
+        flow
+    }
+
+    async fn answer(&mut self, control: Control) -> Flow {
+        // A caller that went away needs no answer: replies are sent without looking back.
+        match control {
+            Control::Info { reply } => {
+                let _gone = reply.send(self.info());
+            }
+            Control::Open { client, epoch, lock_step, handle, reply } => {
+                let _gone = reply.send(self.open_stream(client, epoch, lock_step, handle).await);
+            }
+            Control::Watch { from_revision, handle, reply } => {
+                let _gone = reply.send(self.watch(from_revision, handle).await);
+            }
+            Control::TakeChange { id, reply } => {
+                self.watchers.take(id, &self.map, self.state);
+                let _gone = reply.send(());
+            }
+            Control::Optimize(job) => self.optimize(*job),
+            Control::Delete { reply } => {
+                let name = &self.shared.name;
+                let deleted = self.store.delete_map(name).await;
+                let stop = deleted.is_ok();
+                if stop {
+                    let map = name.clone();
+                    self.shared.ended.get_or_init(|| EngineError::MapNotFound { map });
+                }
+                let _gone = reply.send(deleted.map_err(EngineError::Store));
+                if stop {
+                    return Flow::Stop;
+                }
+            }
+            Control::Shutdown { reply } => {
+                self.items.close();
+                self.closing.push(reply);
+            }
+        }
+        Flow::Continue
+    }
+
+    fn info(&self) -> MapInfo {
+        MapInfo {
+            name: self.shared.name.clone(),
+            uid: self.shared.uid.clone(),
+            display_name: self.display_name.clone(),
+            snapshot: Arc::clone(&self.map),
+            state: self.state,
+            update_time_ns: self.update_time_ns,
+        }
+    }
+
+    /// Refuses changes to a poisoned or ending map.
+    pub(super) fn check_open(&self) -> Result<(), EngineError> {
+        if !self.closing.is_empty() {
+            return Err(EngineError::ShuttingDown);
+        }
+        match self.state {
+            MapState::Open => Ok(()),
+            MapState::Poisoned => Err(EngineError::Poisoned { map: self.shared.name.clone() }),
+        }
+    }
+
+    async fn open_stream(
+        &mut self,
+        name: String,
+        epoch: i64,
+        lock_step: bool,
+        handle: MapHandle,
+    ) -> Result<IngestStream, EngineError> {
+        self.check_open()?;
+        let known = self.map.client_named(&name);
+        let newest = known.and_then(|c| self.map.client(c)).map_or(0, |c| c.epoch);
+        let fenced = |epoch: i64, newest: i64| EngineError::EpochFenced {
+            map: self.shared.name.clone(),
+            client: name.clone(),
+            epoch,
+            newest,
+        };
+        let next = newest.saturating_add(1);
+        let epoch = if epoch == 0 { next } else { epoch };
+        if epoch <= newest {
+            return Err(fenced(epoch, newest));
+        }
+        let older = |older: i64| fenced(older, epoch);
+        if let Some(client) = known {
+            self.streams.end(client, older);
+        }
+        self.commit(None, Change::ClientOpened { name: name.clone(), epoch }).await?;
+        let Some(client) = self.map.client_named(&name) else {
+            return Err(report_bug("an opened client is not in the map"));
+        };
+        let lock_step = lock_step || self.config.lock_step;
+        let ends = self.streams.open(client, epoch, lock_step, self.config.queue_capacity);
+        let opened = Opened {
+            client,
+            next_sequence: self.map.client(client).map_or(1, |c| c.next_sequence),
+            epoch,
+            revision: self.map.revision(),
+            lock_step,
+        };
+        let sender = ItemSender {
+            queue: handle.items.clone(),
+            handle,
+            client,
+            epoch,
+            durable: self.store.durability() != Durability::Memory,
+            events: ends.sender,
+            ended: ends.ended,
+            finished: false,
+        };
+        Ok(IngestStream { opened, sender, events: ends.events })
+    }
+
+    async fn watch(
+        &mut self,
+        from_revision: Option<i64>,
+        handle: MapHandle,
+    ) -> Result<Watch, EngineError> {
+        let newest = self.map.revision();
+        let missed = match from_revision {
+            None => None,
+            Some(revision) if revision > newest => {
+                let map = self.shared.name.clone();
+                return Err(EngineError::RevisionAhead { map, revision, newest });
+            }
+            Some(revision) => self.events_after(revision).await,
+        };
+        Ok(self.watchers.open(handle, &self.map, self.state, missed.as_deref()))
+    }
+}
+
+/// Logs a bug and returns the error that names the entry.
+pub(super) fn report_bug(details: &str) -> EngineError {
+    // The hasher's keys are random: enough to tell entries apart, also across restarts.
+    let id = format!("{:016x}", RandomState::new().hash_one(details));
+    tracing::error!(%id, details, "bug");
+    EngineError::Bug { id }
+}

@@ -1,0 +1,111 @@
+//! Why the engine refuses or ends something. Bad items are no errors: they are answered in acks.
+//!
+//! One value may end many streams and calls at once, so that the type is `Clone`. Nothing here
+//! knows status codes; the edge turns an error into one.
+
+use covis_solvers::problem::SolveError;
+
+use crate::map::MapError;
+use crate::store::StoreError;
+
+/// A refused call or the end of a stream.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum EngineError {
+    /// There is no such map, or it was deleted meanwhile.
+    #[error("map {map:?} does not exist")]
+    MapNotFound {
+        /// The map.
+        map: String,
+    },
+    /// The name is taken.
+    #[error("map {map:?} exists already")]
+    MapExists {
+        /// The map.
+        map: String,
+    },
+    /// A bug was hit while changing the map: it can be read and exported, not changed.
+    #[error("map {map:?} is poisoned by an earlier bug: it can be read and takes no changes")]
+    Poisoned {
+        /// The map.
+        map: String,
+    },
+    /// A stream with a newer epoch writes for the client.
+    #[error("client {client:?} of map {map:?}: epoch {epoch} is fenced, the newest is {newest}")]
+    EpochFenced {
+        /// The map.
+        map: String,
+        /// The client.
+        client: String,
+        /// The epoch of the refused or ended stream.
+        epoch: i64,
+        /// The client's newest epoch.
+        newest: i64,
+    },
+    /// Another optimization runs on the map.
+    #[error("another optimization runs on map {map:?}")]
+    OptimizationRunning {
+        /// The map.
+        map: String,
+    },
+    /// An item would pass a ceiling of the map; it was not taken and is at no fault.
+    #[error("map {map:?} is full: {limit} is {maximum}")]
+    Ceiling {
+        /// The map.
+        map: String,
+        /// The ceiling, as the wire names it.
+        limit: &'static str,
+        /// Its value.
+        maximum: i64,
+    },
+    /// A watcher asks for changes since a revision that the map has not reached.
+    #[error("map {map:?} is at revision {newest}, {revision} lies ahead of it")]
+    RevisionAhead {
+        /// The map.
+        map: String,
+        /// What was asked for.
+        revision: i64,
+        /// The map's revision.
+        newest: i64,
+    },
+    /// The map's problem cannot be solved as posed.
+    #[error("the problem cannot be solved as posed: {0}")]
+    Solve(#[from] SolveError),
+    /// The map holds no factor or nothing that may move.
+    #[error("map {map:?} holds nothing to solve")]
+    NothingToSolve {
+        /// The map.
+        map: String,
+    },
+    /// The caller went away; nothing was changed.
+    #[error("the caller of map {map:?} went away")]
+    Cancelled {
+        /// The map.
+        map: String,
+    },
+    /// The server takes no more work.
+    #[error("the server is shutting down")]
+    ShuttingDown,
+    /// The journal refused or failed.
+    #[error("the journal: {0}")]
+    Store(#[from] StoreError),
+    /// A journal does not replay.
+    #[error("map {map:?} does not replay: {error}")]
+    Journal {
+        /// The map.
+        map: String,
+        /// The event that does not fit.
+        error: MapError,
+    },
+    /// The solver pool's threads could not be started.
+    #[error("{count} solver threads could not be started")]
+    Threads {
+        /// How many were asked for.
+        count: usize,
+    },
+    /// A bug; the log holds the details under this id.
+    #[error("a bug was hit, see {id} in the log")]
+    Bug {
+        /// Names the entry in the log.
+        id: String,
+    },
+}

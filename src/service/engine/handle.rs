@@ -1,0 +1,228 @@
+//! What callers hold of a map: the handle, and the messages by which it speaks to the engine.
+//!
+//! Control messages have their own channel and overtake queued items, so that a reader never waits
+//! behind a busy stream. Whatever a caller has seen acknowledged, a later snapshot holds.
+
+use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
+
+use covis_solvers::optimizer::IterationSummary;
+use tokio::sync::{mpsc, oneshot};
+
+use super::optimize::Job;
+use super::stream::Queued;
+use super::{EngineError, Fault, IngestStream, OptimizeOptions, OptimizeOutcome, Watch};
+use crate::map::Map;
+
+/// Whether a map takes changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MapState {
+    /// It takes items and optimizations.
+    Open,
+    /// A bug was hit while changing it: reads only.
+    Poisoned,
+}
+
+/// A map as its readers see it.
+#[derive(Clone, Debug)]
+pub struct MapInfo {
+    /// Its name.
+    pub name: String,
+    /// Tells it from a later map of the same name.
+    pub uid: String,
+    /// Free text for people; not journaled yet.
+    pub display_name: String,
+    /// The map.
+    pub snapshot: Arc<Map>,
+    /// Whether it takes changes.
+    pub state: MapState,
+    /// Unix time of the last change in nanoseconds by the server's clock; that of the creation
+    /// after a restart.
+    pub update_time_ns: i64,
+}
+
+/// Answers a control message.
+pub(super) type Reply<T> = oneshot::Sender<T>;
+
+/// What the engine is asked besides items.
+pub(super) enum Control {
+    Info {
+        reply: Reply<MapInfo>,
+    },
+    Open {
+        client: String,
+        epoch: i64,
+        lock_step: bool,
+        handle: MapHandle,
+        reply: Reply<Result<IngestStream, EngineError>>,
+    },
+    Watch {
+        from_revision: Option<i64>,
+        handle: MapHandle,
+        reply: Reply<Result<Watch, EngineError>>,
+    },
+    TakeChange {
+        id: u64,
+        reply: Reply<()>,
+    },
+    Optimize(Box<Job>),
+    Delete {
+        reply: Reply<Result<(), EngineError>>,
+    },
+    /// Answered by dropping the reply when the engine has ended.
+    Shutdown {
+        reply: Reply<()>,
+    },
+}
+
+/// What an engine and all holders of its map share.
+pub(super) struct Shared {
+    pub(super) name: String,
+    pub(super) uid: String,
+    pub(super) fault: Option<Fault>,
+    /// Why the engine ended.
+    pub(super) ended: OnceLock<EngineError>,
+}
+
+/// A map of the server. Cheap to clone; outlives the map, calls then answer an error.
+#[derive(Clone)]
+pub struct MapHandle {
+    pub(super) shared: Arc<Shared>,
+    pub(super) items: mpsc::Sender<Queued>,
+    pub(super) control: mpsc::Sender<Control>,
+}
+
+impl fmt::Debug for MapHandle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("MapHandle").field("name", &self.shared.name).finish_non_exhaustive()
+    }
+}
+
+impl MapHandle {
+    /// The map's name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.shared.name
+    }
+
+    /// Tells the map from a later one of the same name.
+    #[must_use]
+    pub fn uid(&self) -> &str {
+        &self.shared.uid
+    }
+
+    /// The map with its state.
+    ///
+    /// # Errors
+    /// [`EngineError::MapNotFound`] when it was deleted, [`EngineError::ShuttingDown`].
+    pub async fn info(&self) -> Result<MapInfo, EngineError> {
+        self.call(|reply| Control::Info { reply }).await
+    }
+
+    /// The map as it is now.
+    ///
+    /// # Errors
+    /// As [`MapHandle::info`].
+    pub async fn snapshot(&self) -> Result<Arc<Map>, EngineError> {
+        Ok(self.info().await?.snapshot)
+    }
+
+    /// Opens an ingest stream for `client`, fencing its older one. Epoch 0 takes the next one.
+    ///
+    /// # Errors
+    /// [`EngineError::EpochFenced`] when `epoch` is not newer than the client's newest,
+    /// [`EngineError::Poisoned`], and as [`MapHandle::info`].
+    pub async fn open_stream(
+        &self,
+        client: String,
+        epoch: i64,
+        lock_step: bool,
+    ) -> Result<IngestStream, EngineError> {
+        let handle = self.clone();
+        self.call(|reply| Control::Open { client, epoch, lock_step, handle, reply }).await?
+    }
+
+    /// Watches the map, from the full state or from a revision that the caller holds.
+    ///
+    /// # Errors
+    /// [`EngineError::RevisionAhead`] when the map has not reached `from_revision`, and as
+    /// [`MapHandle::info`].
+    pub async fn watch(&self, from_revision: Option<i64>) -> Result<Watch, EngineError> {
+        let handle = self.clone();
+        self.call(|reply| Control::Watch { from_revision, handle, reply }).await?
+    }
+
+    /// Optimizes the whole map; iterations go to `progress` as they come, the result is applied as
+    /// one revision. Dropping the future or the progress' receiver cancels, and nothing is applied.
+    ///
+    /// # Errors
+    /// [`EngineError::OptimizationRunning`], [`EngineError::Poisoned`],
+    /// [`EngineError::NothingToSolve`], [`EngineError::Solve`] when the problem cannot be solved as
+    /// posed, [`EngineError::Cancelled`], [`EngineError::Bug`], and as [`MapHandle::info`].
+    pub async fn optimize(
+        &self,
+        options: OptimizeOptions,
+        progress: mpsc::Sender<IterationSummary>,
+    ) -> Result<OptimizeOutcome, EngineError> {
+        self.check_fault()?;
+        // Unbounded, so that a slow caller cannot hold up the solve: a solve has few iterations.
+        let (rows, mut row) = mpsc::unbounded_channel();
+        let (reply, mut answer) = oneshot::channel();
+        let canceled = CancelOnDrop(Arc::new(AtomicBool::new(false)));
+        let cancel = Arc::clone(&canceled.0);
+        let job = Job { options, rows, cancel, reply };
+        self.send(Control::Optimize(Box::new(job))).await?;
+        loop {
+            tokio::select! {
+                biased;
+                Some(row) = row.recv() => {
+                    if progress.send(row).await.is_err() {
+                        canceled.0.store(true, Ordering::Relaxed);
+                    }
+                }
+                () = progress.closed(), if !canceled.0.load(Ordering::Relaxed) => {
+                    canceled.0.store(true, Ordering::Relaxed);
+                }
+                outcome = &mut answer => {
+                    return outcome.unwrap_or_else(|_lost| Err(self.end_error()));
+                }
+            }
+        }
+    }
+
+    /// Why the engine does not answer.
+    pub(super) fn end_error(&self) -> EngineError {
+        self.shared.ended.get().cloned().unwrap_or(EngineError::ShuttingDown)
+    }
+
+    pub(super) async fn send(&self, control: Control) -> Result<(), EngineError> {
+        self.control.send(control).await.map_err(|_closed| self.end_error())
+    }
+
+    pub(super) async fn call<T>(
+        &self,
+        control: impl FnOnce(Reply<T>) -> Control,
+    ) -> Result<T, EngineError> {
+        self.check_fault()?;
+        let (reply, answer) = oneshot::channel();
+        self.send(control(reply)).await?;
+        answer.await.map_err(|_lost| self.end_error())
+    }
+
+    fn check_fault(&self) -> Result<(), EngineError> {
+        if self.shared.fault == Some(Fault::FailCalls) {
+            return Err(super::actor::report_bug("staged by a test"));
+        }
+        Ok(())
+    }
+}
+
+/// Cancels an optimization whose caller went away.
+struct CancelOnDrop(Arc<AtomicBool>);
+
+impl Drop for CancelOnDrop {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}

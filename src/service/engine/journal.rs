@@ -1,0 +1,124 @@
+//! Committing events, and what remains of a map after a bug.
+//!
+//! An event is journaled before it changes the map, so that nothing is acknowledged that a replay
+//! would not bring back. A panic poisons the map: streams and solves end, reads go on; where the
+//! panic may have left half of an event, the map is replayed from the journal.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use super::actor::{Actor, report_bug};
+use super::{EngineError, Fault, MapState};
+use crate::map::{Cause, Change, Event, Map};
+use crate::store::{Position, StoreError};
+
+impl Actor {
+    /// Journals and applies one change.
+    ///
+    /// # Errors
+    /// [`EngineError::Store`]: nothing was changed. [`EngineError::Bug`]: the event does not fit and
+    /// the map is now poisoned.
+    pub(super) async fn commit(
+        &mut self,
+        cause: Option<Cause>,
+        change: Change,
+    ) -> Result<Position, EngineError> {
+        let revision = self.map.revision();
+        let event = Arc::new(Event { revision: revision + 1, cause, change });
+        if let Err(error) = self.map.fits(&event) {
+            let details = format!("an event does not fit: {error}");
+            return Err(self.poisoned(&details));
+        }
+        let sequence = u64::try_from(revision).unwrap_or(0);
+        let (store, name) = (&self.store, &self.shared.name);
+        let batch = vec![Arc::clone(&event)];
+        let position = store.append(name, self.store_epoch, sequence, batch).await?;
+        self.applying = Some(revision);
+        if self.config.fault == Some(Fault::PanicInEngine) && event.cause.is_some() {
+            std::panic::panic_any("staged by a test");
+        }
+        self.watchers.tell(&event.change, &self.map);
+        if let Err(error) = Arc::make_mut(&mut self.map).apply(&event) {
+            let details = format!("an event that fits was refused: {error}");
+            return Err(self.poisoned(&details));
+        }
+        self.applying = None;
+        self.update_time_ns = unix_time_ns();
+        self.watchers.wake();
+        Ok(position)
+    }
+
+    /// The events after `revision`; `None` where the journal does not reach back that far.
+    pub(super) async fn events_after(&self, revision: i64) -> Option<Vec<Arc<Event>>> {
+        let from = u64::try_from(revision).ok()?;
+        match self.store.read(&self.shared.name, from).await {
+            Ok(mut events) => {
+                // A panic may have left one event that the map does not have.
+                events.retain(|event| event.revision <= self.map.revision());
+                Some(events)
+            }
+            Err(StoreError::Truncated { .. }) => None,
+            Err(error) => {
+                tracing::warn!(%error, "the journal cannot be read");
+                None
+            }
+        }
+    }
+
+    /// Poisons the map after a panic and repairs it where the panic hit the fold.
+    pub(super) async fn poison(&mut self, panic: &str) {
+        self.poisoned(panic);
+        let Some(revision) = self.applying.take() else { return };
+        if let Ok(events) = self.store.read(&self.shared.name, 0).await {
+            let (map, _stopped) =
+                replay(events.iter().map(AsRef::as_ref).filter(|e| e.revision <= revision));
+            if map.revision() == revision {
+                self.map = Arc::new(map);
+            }
+        }
+        self.watchers.wake();
+    }
+
+    /// Poisons the map: ends streams and solves, and returns the bug that was reported.
+    pub(super) fn poisoned(&mut self, details: &str) -> EngineError {
+        let bug = report_bug(details);
+        self.state = MapState::Poisoned;
+        self.cancel_solves(&bug);
+        self.streams.end_all(&bug);
+        self.watchers.wake();
+        bug
+    }
+
+    /// Drops every solve that runs or waits.
+    pub(super) fn cancel_solves(&mut self, error: &EngineError) {
+        if let Some(running) = self.running.take() {
+            running.cancel.store(true, Ordering::Relaxed);
+        }
+        if let Some(job) = self.job.take() {
+            job.answer(Err(error.clone()));
+        }
+        self.schedule.clear();
+    }
+}
+
+/// Applies events one by one until one is refused or panics; says so in the second value.
+pub(super) fn replay<'a>(events: impl Iterator<Item = &'a Event>) -> (Map, Option<String>) {
+    let mut map = Map::new();
+    for event in events {
+        // On a copy only when the fold panics could half an event be left; refusals change nothing.
+        match catch_unwind(AssertUnwindSafe(|| map.apply(event))) {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return (map, Some(error.to_string())),
+            Err(panic) => return (map, Some(super::pool::panic_message(panic.as_ref()))),
+        }
+    }
+    (map, None)
+}
+
+/// Nanoseconds since 1970 by the server's clock; 0 where it stands before that.
+pub(super) fn unix_time_ns() -> i64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
+}

@@ -1,0 +1,261 @@
+//! All maps of a server.
+//!
+//! The store decides which names are taken; the table here holds the engines that run. A map whose
+//! journal does not replay opens poisoned at the last revision that does, so that it can be read
+//! and exported; the others are not held up by it.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+
+use sha2::{Digest as _, Sha256};
+use tokio::sync::mpsc;
+use tracing::Instrument;
+
+use super::actor::{Actor, report_bug};
+use super::handle::{Control, Shared};
+use super::journal::{replay, unix_time_ns};
+use super::schedule::Schedule;
+use super::streams::Streams;
+use super::watch::Watchers;
+use super::{EngineConfig, EngineError, Fault, MapHandle, MapInfo, MapState, SolverPool};
+use crate::map::{Change, Event, Map, MapPolicy};
+use crate::store::{Epoch, Store, StoreError};
+
+/// Control messages that wait; the engine answers them at once.
+const CONTROL_QUEUE: usize = 64;
+
+/// All maps of a server. Cheap to clone.
+#[derive(Clone)]
+pub struct Maps {
+    inner: Arc<Inner>,
+}
+
+struct Inner {
+    store: Arc<dyn Store>,
+    pool: Arc<SolverPool>,
+    config: EngineConfig,
+    table: Mutex<BTreeMap<String, MapHandle>>,
+    closing: AtomicBool,
+    /// Creation times rise strictly, because uids are made of them.
+    last_create_time_ns: AtomicI64,
+}
+
+impl fmt::Debug for Maps {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Maps").field("config", &self.inner.config).finish_non_exhaustive()
+    }
+}
+
+/// What an engine starts from.
+struct Start {
+    name: String,
+    display_name: String,
+    epoch: Epoch,
+    map: Map,
+    state: MapState,
+    solves: i64,
+}
+
+impl Maps {
+    /// Opens every map that the store holds. Needs a tokio runtime, as every call here.
+    ///
+    /// # Errors
+    /// [`EngineError::Store`] when the store cannot be read.
+    pub async fn open(
+        store: Arc<dyn Store>,
+        pool: Arc<SolverPool>,
+        config: EngineConfig,
+    ) -> Result<Self, EngineError> {
+        let inner = Inner {
+            store,
+            pool,
+            config,
+            table: Mutex::new(BTreeMap::new()),
+            closing: AtomicBool::new(false),
+            last_create_time_ns: AtomicI64::new(0),
+        };
+        let maps = Self { inner: Arc::new(inner) };
+        for name in maps.inner.store.list_maps().await? {
+            maps.reopen(name).await?;
+        }
+        Ok(maps)
+    }
+
+    async fn reopen(&self, name: String) -> Result<(), EngineError> {
+        let epoch = self.inner.store.acquire(&name).await?;
+        let events = self.inner.store.read(&name, 0).await?;
+        let (map, stopped) = replay(events.iter().map(AsRef::as_ref));
+        let state = match &stopped {
+            None => MapState::Open,
+            Some(details) => {
+                report_bug(&format!("map {name:?} does not replay: {details}"));
+                MapState::Poisoned
+            }
+        };
+        let is_solve = |e: &&Arc<Event>| matches!(e.change, Change::SolveApplied { .. });
+        let solves = i64::try_from(events.iter().filter(is_solve).count()).unwrap_or(0);
+        let display_name = String::new();
+        let start = Start { name, display_name, epoch, map, state, solves };
+        let handle = self.spawn(start);
+        self.table().insert(handle.name().to_owned(), handle);
+        Ok(())
+    }
+
+    /// Creates a map.
+    ///
+    /// # Errors
+    /// [`EngineError::MapExists`], [`EngineError::ShuttingDown`], [`EngineError::Store`].
+    pub async fn create(
+        &self,
+        name: &str,
+        display_name: &str,
+        policy: MapPolicy,
+    ) -> Result<MapInfo, EngineError> {
+        self.check_fault()?;
+        if self.inner.closing.load(Ordering::Acquire) {
+            return Err(EngineError::ShuttingDown);
+        }
+        let store = &self.inner.store;
+        let epoch = match store.create_map(name).await {
+            Err(StoreError::MapExists { map }) => return Err(EngineError::MapExists { map }),
+            epoch => epoch?,
+        };
+        let change = Change::Created { policy, create_time_ns: self.create_time_ns() };
+        let event = Event { revision: 1, cause: None, change };
+        let mut map = Map::new();
+        if let Err(error) = map.apply(&event) {
+            return Err(EngineError::Journal { map: name.to_owned(), error });
+        }
+        if let Err(error) = store.append(name, epoch, 0, vec![Arc::new(event)]).await {
+            // A map without its first event could never be opened.
+            store.delete_map(name).await?;
+            return Err(error.into());
+        }
+        let (name, display_name) = (name.to_owned(), display_name.to_owned());
+        let start = Start { name, display_name, epoch, map, state: MapState::Open, solves: 0 };
+        let handle = self.spawn(start);
+        self.table().insert(handle.name().to_owned(), handle.clone());
+        tracing::info!(map = handle.name(), "map created");
+        handle.info().await
+    }
+
+    /// The map called `name`.
+    ///
+    /// # Errors
+    /// [`EngineError::MapNotFound`].
+    pub fn get(&self, name: &str) -> Result<MapHandle, EngineError> {
+        self.check_fault()?;
+        let handle = self.table().get(name).cloned();
+        handle.ok_or_else(|| EngineError::MapNotFound { map: name.to_owned() })
+    }
+
+    /// The maps by name.
+    #[must_use]
+    pub fn list(&self) -> Vec<MapHandle> {
+        self.table().values().cloned().collect()
+    }
+
+    /// Deletes a map with its journal; its streams and watchers end.
+    ///
+    /// # Errors
+    /// [`EngineError::MapNotFound`], [`EngineError::Store`].
+    pub async fn delete(&self, name: &str) -> Result<(), EngineError> {
+        let handle = self.get(name)?;
+        handle.call(|reply| Control::Delete { reply }).await??;
+        let mut table = self.table();
+        // A map of the same name may have been created since.
+        if table.get(name).is_some_and(|now| Arc::ptr_eq(&now.shared, &handle.shared)) {
+            table.remove(name);
+        }
+        tracing::info!(map = name, "map deleted");
+        Ok(())
+    }
+
+    /// The threads of the solves.
+    #[must_use]
+    pub fn pool(&self) -> &Arc<SolverPool> {
+        &self.inner.pool
+    }
+
+    /// Finishes queued items and the solves that they start, then stops the engines. Streams end
+    /// with [`EngineError::ShuttingDown`].
+    pub async fn shutdown(&self) {
+        self.inner.closing.store(true, Ordering::Release);
+        let ends = self.list().into_iter().map(|handle| async move {
+            let (reply, ended) = tokio::sync::oneshot::channel();
+            if handle.send(Control::Shutdown { reply }).await.is_ok() {
+                // The engine drops the reply when it has ended.
+                let _ended = ended.await;
+            }
+        });
+        futures_util::future::join_all(ends).await;
+    }
+
+    fn spawn(&self, start: Start) -> MapHandle {
+        let Inner { store, pool, config, .. } = &*self.inner;
+        let (item_queue, items) = mpsc::channel(config.queue_capacity.max(1));
+        let (control_queue, control) = mpsc::channel(CONTROL_QUEUE);
+        let shared = Arc::new(Shared {
+            uid: uid(&start.name, start.map.create_time_ns()),
+            name: start.name,
+            fault: config.fault,
+            ended: OnceLock::new(),
+        });
+        let span = tracing::info_span!("map", name = %shared.name);
+        let actor = Actor {
+            shared: Arc::clone(&shared),
+            config: *config,
+            store: Arc::clone(store),
+            pool: Arc::clone(pool),
+            store_epoch: start.epoch,
+            display_name: start.display_name,
+            update_time_ns: start.map.create_time_ns(),
+            map: Arc::new(start.map),
+            state: start.state,
+            applying: None,
+            items,
+            control,
+            streams: Streams::default(),
+            watchers: Watchers::new(),
+            schedule: Schedule::default(),
+            running: None,
+            job: None,
+            last_solve_id: start.solves,
+            drained: false,
+            closing: Vec::new(),
+        };
+        tokio::spawn(actor.run().instrument(span));
+        MapHandle { shared, items: item_queue, control: control_queue }
+    }
+
+    fn table(&self) -> MutexGuard<'_, BTreeMap<String, MapHandle>> {
+        self.inner.table.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn create_time_ns(&self) -> i64 {
+        let now = unix_time_ns();
+        let last = &self.inner.last_create_time_ns;
+        let later = |last: i64| Some(now.max(last.saturating_add(1)));
+        match last.fetch_update(Ordering::AcqRel, Ordering::Acquire, later) {
+            Ok(last) | Err(last) => now.max(last.saturating_add(1)),
+        }
+    }
+
+    fn check_fault(&self) -> Result<(), EngineError> {
+        match self.inner.config.fault {
+            Some(Fault::FailCalls) => Err(report_bug("staged by a test")),
+            Some(Fault::PanicInSolve | Fault::PanicInEngine) | None => Ok(()),
+        }
+    }
+}
+
+/// Half a SHA-256 of name and creation time, in hex: the same after a restart, another for a map
+/// that was deleted and made again.
+fn uid(name: &str, create_time_ns: i64) -> String {
+    let mut hash = Sha256::new();
+    hash.update(create_time_ns.to_le_bytes());
+    hash.update(name.as_bytes());
+    hash.finalize().iter().take(16).map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,0 +1,72 @@
+//! The engine: one task a map owns it, is its only writer and never waits for a solve.
+//!
+//! A client's item goes check → event → journal → map → `RECEIVED`; solves run beside the task on
+//! the [`SolverPool`], from the values at the revision where they start, and come back as events.
+//! Readers get snapshots ([`std::sync::Arc`] of the map, copied on write). In lock-step the next
+//! item waits for the solve, so that the same items give the same bits. The semantics of acks,
+//! epochs, resume and watching are those of `docs/wire.md`. No tonic, no wire types, no maths here.
+//!
+//! | file | role |
+//! |---|---|
+//! | `maps` | all maps of a server: create, open, delete, shut down |
+//! | `handle`, `stream` | what callers hold |
+//! | `actor`, `journal`, `items` | the task: what it waits for, commits, and does with an item |
+//! | `streams`, `schedule` | open streams with their acks; which items wait for which solve |
+//! | `solves`, `work`, `optimize` | starting, superseding and applying solves; their bodies |
+//! | `watch` | changes for readers, coalesced |
+//! | `pool` | the threads of the solves |
+
+mod acks;
+mod actor;
+mod certificate;
+mod error;
+mod handle;
+mod items;
+mod journal;
+mod maps;
+mod optimize;
+mod pool;
+mod schedule;
+mod solves;
+mod stream;
+mod streams;
+mod watch;
+mod work;
+
+pub use acks::{Ack, AckStatus, SolveReport, StreamEvent};
+pub use certificate::{GaugeKind, SolveCertificate, SolverKind};
+pub use error::EngineError;
+pub use handle::{MapHandle, MapInfo, MapState};
+pub use maps::Maps;
+pub use optimize::{OptimizeCounts, OptimizeOptions, OptimizeOutcome};
+pub use pool::{SolvePanicked, SolverPool};
+pub use stream::{IngestStream, ItemSender, Opened};
+pub use watch::{MapChange, Touched, Watch};
+
+/// How the engines of a server run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EngineConfig {
+    /// Whether every stream is in lock-step (false).
+    pub lock_step: bool,
+    /// Items of a map that wait for its engine, at least 1 (64). A full queue slows streams down.
+    pub queue_capacity: usize,
+    /// A bug to be staged (none); for tests.
+    pub fault: Option<Fault>,
+}
+
+impl Default for EngineConfig {
+    fn default() -> Self {
+        Self { lock_step: false, queue_capacity: 64, fault: None }
+    }
+}
+
+/// A bug that tests stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// Every solve panics.
+    PanicInSolve,
+    /// The engine panics while it applies a client's item.
+    PanicInEngine,
+    /// Every call on a map, and creating and deleting one, answers [`EngineError::Bug`].
+    FailCalls,
+}

@@ -1,0 +1,78 @@
+//! Optimizing a whole map on request: options, outcome, and the job that waits or runs.
+//!
+//! One job a map at a time. It starts when the running solve has ended, covers every trigger that
+//! is open then, and is applied as one event. A canceled job leaves the map as it was.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use covis_solvers::bundle_adjustment::LinearSolver;
+use covis_solvers::loss::Loss;
+use covis_solvers::optimizer::{self, IterationSummary};
+use tokio::sync::mpsc;
+
+use super::handle::Reply;
+use super::{EngineError, GaugeKind, SolveCertificate};
+
+/// How a whole map is optimized.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OptimizeOptions {
+    /// Limits and tolerances.
+    pub optimizer: optimizer::Options,
+    /// The linear system.
+    pub linear_solver: LinearSolver,
+    /// Loss of the observations; `None` takes the policy's.
+    pub observation_loss: Option<Loss>,
+    /// Loss of the constraints; `None` takes the policy's.
+    pub constraint_loss: Option<Loss>,
+    /// What holds the frame. [`GaugeKind::FixedPoses`] holds the first keyframe, as a map marks no
+    /// others.
+    pub gauge: GaugeKind,
+}
+
+/// What an optimization did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OptimizeOutcome {
+    /// The certificate.
+    pub certificate: Arc<SolveCertificate>,
+    /// The revision that holds the result.
+    pub revision: i64,
+    /// The solve's number in the map, from 1.
+    pub solve_id: i64,
+    /// What was in the problem.
+    pub counts: OptimizeCounts,
+}
+
+/// What was in a problem.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OptimizeCounts {
+    /// Cameras.
+    pub cameras: usize,
+    /// Keyframes.
+    pub keyframes: usize,
+    /// Landmarks.
+    pub landmarks: usize,
+    /// Observations.
+    pub observations: usize,
+    /// Constraints and priors.
+    pub constraints: usize,
+}
+
+/// An optimization that waits or runs.
+pub(super) struct Job {
+    pub(super) options: OptimizeOptions,
+    pub(super) rows: mpsc::UnboundedSender<IterationSummary>,
+    pub(super) cancel: Arc<AtomicBool>,
+    pub(super) reply: Reply<Result<OptimizeOutcome, EngineError>>,
+}
+
+impl Job {
+    pub(super) fn is_canceled(&self) -> bool {
+        self.cancel.load(Ordering::Relaxed)
+    }
+
+    /// Tells the caller, if it is still there.
+    pub(super) fn answer(self, outcome: Result<OptimizeOutcome, EngineError>) {
+        let _gone = self.reply.send(outcome);
+    }
+}

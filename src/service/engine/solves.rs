@@ -1,0 +1,216 @@
+//! Starting, superseding and applying solves; one at a time a map.
+//!
+//! Order: loop closures first, then an optimization that was asked for (in lock-step it waits for
+//! the windows), then windows. A loop closure or an optimization supersedes a window that is being
+//! solved: its result is dropped, and the window is solved again from the newer state. Windows are
+//! built here, where the map is at hand, so that a local solve holds no snapshot and costs no copy.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use tokio::sync::oneshot;
+
+use super::actor::Actor;
+use super::optimize::Job;
+use super::pool::{SolvePanicked, answered};
+use super::work::{Outcome, Solution, cancel_flag, solve_loop, solve_map, solve_window};
+use super::{EngineError, Fault, OptimizeOutcome, SolveReport};
+use crate::map::{Change, EntityId, SolveKind, applied, choose_window, local_problem};
+
+/// The solve that runs.
+pub(super) struct Running {
+    id: i64,
+    kind: SolveKind,
+    /// What it covers.
+    triggers: Vec<u64>,
+    superseded: bool,
+    pub(super) cancel: Arc<AtomicBool>,
+    answer: oneshot::Receiver<Result<Outcome, SolvePanicked>>,
+}
+
+impl Running {
+    /// Resolves when the running solve has ended; never without one.
+    pub(super) async fn ended(running: &mut Option<Self>) -> Result<Outcome, SolvePanicked> {
+        match running {
+            Some(running) => answered((&mut running.answer).await),
+            None => std::future::pending().await,
+        }
+    }
+}
+
+impl Actor {
+    /// Starts the next solve, if none runs and one is wanted.
+    pub(super) fn start_solves(&mut self) {
+        while self.running.is_none() {
+            let loops = self.schedule.loops();
+            if !loops.is_empty() {
+                self.start_loop(loops);
+            } else if self.job.is_some() && (!self.is_lock_step() || self.schedule.is_empty()) {
+                self.start_job();
+            } else if let Some(keyframe) = self.schedule.next_window() {
+                self.start_window(keyframe);
+            } else {
+                return;
+            }
+        }
+    }
+
+    fn start_loop(&mut self, triggers: Vec<u64>) {
+        let map = Arc::clone(&self.map);
+        self.launch(SolveKind::PoseGraph, triggers, cancel_flag(), move |cancel| {
+            solve_loop(map, cancel)
+        });
+    }
+
+    fn start_job(&mut self) {
+        if let Some(job) = self.job.take_if(|job| job.is_canceled()) {
+            return job.answer(Err(EngineError::Cancelled { map: self.shared.name.clone() }));
+        }
+        let Some(job) = &self.job else { return };
+        let (options, rows, cancel) = (job.options, job.rows.clone(), Arc::clone(&job.cancel));
+        let map = Arc::clone(&self.map);
+        self.launch(SolveKind::Global, self.schedule.all(), cancel, move |cancel| {
+            solve_map(map, &options, &rows, cancel)
+        });
+    }
+
+    fn start_window(&mut self, keyframe: EntityId) {
+        let window = choose_window(&self.map, keyframe);
+        let triggers = self.schedule.within(keyframe, &window.free);
+        let problem = local_problem(&self.map, &window);
+        if !problem.is_solvable() {
+            return self.acknowledge(&triggers, 0, &SolveReport::Nothing);
+        }
+        let max_iterations = self.map.policy().max_local_iterations;
+        self.launch(SolveKind::LocalBundle, triggers, cancel_flag(), move |cancel| {
+            solve_window(problem, max_iterations, cancel)
+        });
+    }
+
+    fn launch(
+        &mut self,
+        kind: SolveKind,
+        triggers: Vec<u64>,
+        cancel: Arc<AtomicBool>,
+        work: impl FnOnce(&AtomicBool) -> Outcome + Send + 'static,
+    ) {
+        self.last_solve_id += 1;
+        let id = self.last_solve_id;
+        let span = tracing::debug_span!("solve", map = %self.shared.name, id, ?kind);
+        let panics = self.config.fault == Some(Fault::PanicInSolve);
+        let flag = Arc::clone(&cancel);
+        let answer = self.pool.start(move || {
+            let _entered = span.entered();
+            if panics {
+                std::panic::panic_any("staged by a test");
+            }
+            work(&flag)
+        });
+        self.running = Some(Running { id, kind, triggers, superseded: false, cancel, answer });
+    }
+
+    /// Drops the result of a window that is being solved; it is solved again later.
+    pub(super) fn supersede_window(&mut self) {
+        if let Some(running) = &mut self.running
+            && running.kind == SolveKind::LocalBundle
+        {
+            running.superseded = true;
+            running.cancel.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Takes a request to optimize the map.
+    pub(super) fn optimize(&mut self, job: Job) {
+        if let Err(error) = self.check_open() {
+            return job.answer(Err(error));
+        }
+        if self.job.is_some() {
+            let map = self.shared.name.clone();
+            return job.answer(Err(EngineError::OptimizationRunning { map }));
+        }
+        self.job = Some(job);
+        if !self.is_lock_step() {
+            self.supersede_window();
+        }
+    }
+
+    /// Takes the end of the running solve.
+    pub(super) async fn solved(&mut self, outcome: Result<Outcome, SolvePanicked>) {
+        let Some(running) = self.running.take() else { return };
+        let outcome = match outcome {
+            Ok(outcome) => outcome,
+            Err(panicked) => {
+                self.poisoned(&panicked.message);
+                return;
+            }
+        };
+        if running.superseded {
+            return;
+        }
+        if running.kind == SolveKind::Global {
+            return self.job_ended(running, outcome).await;
+        }
+        let report = match outcome {
+            Ok(Some(solution)) => {
+                let Ok(()) = self.apply(&running, &solution).await else { return };
+                SolveReport::Solved(Arc::new(solution.certificate))
+            }
+            Ok(None) => SolveReport::Nothing,
+            Err(error) => SolveReport::Failed { error },
+        };
+        let id = if matches!(report, SolveReport::Nothing) { 0 } else { running.id };
+        self.acknowledge(&running.triggers, id, &report);
+    }
+
+    async fn job_ended(&mut self, running: Running, outcome: Outcome) {
+        let map = self.shared.name.clone();
+        // The job stays in place while its result is applied, so that a bug there answers it.
+        let canceled = self.job.as_ref().is_none_or(Job::is_canceled);
+        let answer = match outcome {
+            _ if canceled => Err(EngineError::Cancelled { map }),
+            Err(error) => Err(EngineError::Solve(error)),
+            Ok(None) => Err(EngineError::NothingToSolve { map }),
+            Ok(Some(solution)) => match self.apply(&running, &solution).await {
+                Err(error) => Err(error),
+                Ok(()) => {
+                    let certificate = Arc::new(solution.certificate);
+                    let report = SolveReport::Solved(Arc::clone(&certificate));
+                    self.acknowledge(&running.triggers, running.id, &report);
+                    let revision = self.map.revision();
+                    let (solve_id, counts) = (running.id, solution.counts);
+                    Ok(OptimizeOutcome { certificate, revision, solve_id, counts })
+                }
+            },
+        };
+        if let Some(job) = self.job.take() {
+            job.answer(answer);
+        }
+    }
+
+    /// Makes a solution the map's newest revision. A failing journal ends the streams.
+    async fn apply(&mut self, running: &Running, solution: &Solution) -> Result<(), EngineError> {
+        let summary = &solution.certificate.solve;
+        if !summary.final_cost.is_finite() {
+            // The estimates stay; the certificate tells of the numerical failure.
+            return Ok(());
+        }
+        let covered = self.schedule.preview(&running.triggers);
+        let costs = (summary.initial_cost, summary.final_cost);
+        let solve = applied(&self.map, solution.moved.solved(), running.kind, covered, costs);
+        let committed = self.commit(None, Change::SolveApplied { solve }).await;
+        if let Err(error) = &committed {
+            tracing::warn!(%error, solve = running.id, "a solve could not be applied");
+            self.streams.end_all(error);
+            self.schedule.clear();
+        }
+        committed.map(|_position| ())
+    }
+
+    /// Closes triggers and sends the OPTIMIZED acks that this completes.
+    fn acknowledge(&mut self, triggers: &[u64], solve_id: i64, report: &SolveReport) {
+        let revision = self.map.revision();
+        for (client, sequence) in self.schedule.close(triggers) {
+            self.streams.optimized(client, sequence, revision, solve_id, report.clone());
+        }
+    }
+}

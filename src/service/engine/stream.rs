@@ -1,0 +1,174 @@
+//! The caller's side of an ingest stream: items in, events out.
+//!
+//! Sending waits while the engine's queue is full or the events are not read: that is the
+//! back-pressure. The order of the items is the caller's; that sequences rise is checked where they
+//! come in, at the edge.
+
+use tokio::sync::{mpsc, watch};
+
+use super::streams::Permit;
+use super::{EngineError, MapHandle, StreamEvent};
+use crate::map::{ClientIndex, ConstraintKind, Digest, Item, Rejection};
+
+/// What an opened stream starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Opened {
+    /// The client in the map.
+    pub client: ClientIndex,
+    /// The last sequence journaled for the client, plus 1.
+    pub next_sequence: i64,
+    /// The stream's epoch.
+    pub epoch: i64,
+    /// The map's revision.
+    pub revision: i64,
+    /// Whether the stream is in lock-step.
+    pub lock_step: bool,
+}
+
+/// An open ingest stream.
+#[derive(Debug)]
+pub struct IngestStream {
+    /// What it starts from.
+    pub opened: Opened,
+    pub(super) sender: ItemSender,
+    pub(super) events: mpsc::Receiver<StreamEvent>,
+}
+
+impl IngestStream {
+    /// The two halves. The receiver ends after [`StreamEvent::End`], or after
+    /// [`ItemSender::finish`] once every ack was sent.
+    #[must_use]
+    pub fn split(self) -> (ItemSender, mpsc::Receiver<StreamEvent>) {
+        (self.sender, self.events)
+    }
+}
+
+/// What waits in the engine's queue.
+pub(super) struct Queued {
+    pub(super) client: ClientIndex,
+    pub(super) epoch: i64,
+    pub(super) body: Body,
+}
+
+pub(super) enum Body {
+    Item(Box<QueuedItem>),
+    /// The edge could not convert it.
+    Rejected {
+        sequence: i64,
+        rejection: Rejection,
+        receipt: Permit,
+    },
+    Finish,
+}
+
+pub(super) struct QueuedItem {
+    pub(super) sequence: i64,
+    pub(super) digest: Digest,
+    pub(super) item: Item,
+    pub(super) receipt: Permit,
+    /// Where the store is durable.
+    pub(super) durable: Option<Permit>,
+    /// Where the item may start a solve.
+    pub(super) optimized: Option<Permit>,
+}
+
+/// Whether items of this kind may be followed by an OPTIMIZED ack.
+pub(super) fn may_start_solve(item: &Item) -> bool {
+    match item {
+        Item::Keyframe { .. } | Item::Observations { .. } => true,
+        Item::RelativePose { kind, .. } => *kind == ConstraintKind::LoopClosure,
+        Item::Camera { .. }
+        | Item::Landmarks { .. }
+        | Item::PosePrior { .. }
+        | Item::PositionPrior { .. } => false,
+    }
+}
+
+/// Sends the items of one stream. Dropping it finishes the stream.
+#[derive(Debug)]
+pub struct ItemSender {
+    pub(super) handle: MapHandle,
+    pub(super) client: ClientIndex,
+    pub(super) epoch: i64,
+    pub(super) durable: bool,
+    pub(super) queue: mpsc::Sender<Queued>,
+    pub(super) events: mpsc::Sender<StreamEvent>,
+    pub(super) ended: watch::Receiver<Option<EngineError>>,
+    pub(super) finished: bool,
+}
+
+impl ItemSender {
+    /// Queues an item; its acks come through the stream's events. `digest` is of the item as
+    /// received.
+    ///
+    /// # Errors
+    /// Why the stream has ended; [`EngineError::Cancelled`] when nobody holds its events any more.
+    pub async fn send(&self, sequence: i64, digest: Digest, item: Item) -> Result<(), EngineError> {
+        let receipt = self.permit().await?;
+        let durable = if self.durable { Some(self.permit().await?) } else { None };
+        let optimized = if may_start_solve(&item) { Some(self.permit().await?) } else { None };
+        let item = QueuedItem { sequence, digest, item, receipt, durable, optimized };
+        self.queue(Body::Item(Box::new(item))).await
+    }
+
+    /// Queues the refusal of an item that could not be converted, so that its ack keeps its place.
+    ///
+    /// # Errors
+    /// As [`ItemSender::send`].
+    pub async fn reject(&self, sequence: i64, rejection: Rejection) -> Result<(), EngineError> {
+        let receipt = self.permit().await?;
+        self.queue(Body::Rejected { sequence, rejection, receipt }).await
+    }
+
+    /// Half-closes the stream: the outstanding acks are sent, those of solves too, then the events
+    /// end.
+    pub async fn finish(mut self) {
+        self.finished = true;
+        // A stream that has ended already has told so.
+        let _ended = self.queue(Body::Finish).await;
+    }
+
+    async fn queue(&self, body: Body) -> Result<(), EngineError> {
+        let queued = Queued { client: self.client, epoch: self.epoch, body };
+        tokio::select! {
+            biased;
+            error = self.end() => Err(error),
+            sent = self.queue.send(queued) => sent.map_err(|_closed| self.handle.end_error()),
+        }
+    }
+
+    async fn permit(&self) -> Result<Permit, EngineError> {
+        tokio::select! {
+            biased;
+            error = self.end() => Err(error),
+            permit = self.events.clone().reserve_owned() => {
+                permit.map_err(|_closed| EngineError::Cancelled { map: self.handle.name().to_owned() })
+            }
+        }
+    }
+
+    /// Resolves when the stream has ended.
+    async fn end(&self) -> EngineError {
+        let mut ended = self.ended.clone();
+        let error = ended.wait_for(Option::is_some).await.ok().and_then(|error| error.clone());
+        error.unwrap_or_else(|| self.handle.end_error())
+    }
+}
+
+impl Drop for ItemSender {
+    fn drop(&mut self) {
+        if self.finished {
+            return;
+        }
+        let finish = Queued { client: self.client, epoch: self.epoch, body: Body::Finish };
+        if let Err(mpsc::error::TrySendError::Full(finish)) = self.queue.try_send(finish)
+            && let Ok(runtime) = tokio::runtime::Handle::try_current()
+        {
+            let queue = self.queue.clone();
+            runtime.spawn(async move {
+                // A closed queue has no streams left to finish.
+                let _closed = queue.send(finish).await;
+            });
+        }
+    }
+}

@@ -1,0 +1,138 @@
+//! The engine's side of ingest streams: who may write, and the room for acks that are to come.
+//!
+//! Every ack goes through a permit that its item reserved in the stream's event channel before it
+//! was queued, so that the engine never waits for a slow reader and no ack is lost; the reader that
+//! does not read runs out of permits and is slowed down. At most one stream a client is open: that
+//! with the newest epoch.
+
+use std::collections::BTreeMap;
+
+use tokio::sync::{mpsc, watch};
+
+use super::{Ack, AckStatus, EngineError, SolveReport, StreamEvent};
+use crate::map::ClientIndex;
+
+/// Room for one event of a stream.
+pub(super) type Permit = mpsc::OwnedPermit<StreamEvent>;
+
+/// Permits for OPTIMIZED acks that are kept; solves coalesce, so that at most this many acks are to
+/// come at any time: of the solve that runs, of those that wait, and of an earlier stream.
+const OPTIMIZED_PERMITS: usize = 4;
+
+/// Events beyond those of queued items: the end, and [`OPTIMIZED_PERMITS`].
+const EXTRA_EVENTS: usize = 1 + OPTIMIZED_PERMITS;
+
+/// Events that one queued item may have: RECEIVED or REJECTED, DURABLE, OPTIMIZED.
+const EVENTS_PER_ITEM: usize = 3;
+
+struct Stream {
+    epoch: i64,
+    lock_step: bool,
+    finishing: bool,
+    end: Option<Permit>,
+    optimized: Vec<Permit>,
+    ended: watch::Sender<Option<EngineError>>,
+}
+
+/// What the caller's side of a stream gets.
+pub(super) struct StreamEnds {
+    pub(super) sender: mpsc::Sender<StreamEvent>,
+    pub(super) events: mpsc::Receiver<StreamEvent>,
+    pub(super) ended: watch::Receiver<Option<EngineError>>,
+}
+
+/// The open streams of a map.
+#[derive(Default)]
+pub(super) struct Streams(BTreeMap<ClientIndex, Stream>);
+
+impl Streams {
+    /// Opens a stream; the caller has ended the client's older one.
+    pub(super) fn open(
+        &mut self,
+        client: ClientIndex,
+        epoch: i64,
+        lock_step: bool,
+        queue_capacity: usize,
+    ) -> StreamEnds {
+        let capacity = queue_capacity.max(1) * EVENTS_PER_ITEM + EXTRA_EVENTS;
+        let (sender, events) = mpsc::channel(capacity);
+        let (ended_sender, ended) = watch::channel(None);
+        let stream = Stream {
+            epoch,
+            lock_step,
+            finishing: false,
+            end: sender.clone().try_reserve_owned().ok(),
+            optimized: sender.clone().try_reserve_owned().ok().into_iter().collect(),
+            ended: ended_sender,
+        };
+        self.0.insert(client, stream);
+        StreamEnds { sender, events, ended }
+    }
+
+    /// Whether the stream may write.
+    pub(super) fn is_current(&self, client: ClientIndex, epoch: i64) -> bool {
+        self.0.get(&client).is_some_and(|s| s.epoch == epoch && !s.finishing)
+    }
+
+    /// Whether one of them is in lock-step.
+    pub(super) fn any_lock_step(&self) -> bool {
+        self.0.values().any(|s| s.lock_step)
+    }
+
+    /// Keeps room for an OPTIMIZED ack.
+    pub(super) fn keep(&mut self, client: ClientIndex, permit: Option<Permit>) {
+        if let (Some(stream), Some(permit)) = (self.0.get_mut(&client), permit)
+            && stream.optimized.len() < OPTIMIZED_PERMITS
+        {
+            stream.optimized.push(permit);
+        }
+    }
+
+    /// Sends an OPTIMIZED ack, if the client has a stream.
+    pub(super) fn optimized(
+        &mut self,
+        client: ClientIndex,
+        sequence: i64,
+        revision: i64,
+        solve_id: i64,
+        outcome: SolveReport,
+    ) {
+        let Some(stream) = self.0.get_mut(&client) else { return };
+        match stream.optimized.pop() {
+            Some(permit) => {
+                let status = AckStatus::Optimized { solve_id, outcome };
+                permit.send(StreamEvent::Ack(Ack { sequence, revision, status }));
+            }
+            None => tracing::warn!(sequence, "no room for an OPTIMIZED ack"),
+        }
+    }
+
+    /// The client sends no more; the stream closes once no ack is to come.
+    pub(super) fn finish(&mut self, client: ClientIndex, epoch: i64) {
+        if let Some(stream) = self.0.get_mut(&client).filter(|s| s.epoch == epoch) {
+            stream.finishing = true;
+        }
+    }
+
+    /// Closes the finished streams whose clients do not wait for acks.
+    pub(super) fn close_finished(&mut self, is_waiting: impl Fn(ClientIndex) -> bool) {
+        self.0.retain(|&client, stream| !stream.finishing || is_waiting(client));
+    }
+
+    /// Ends a client's stream, if there is one.
+    pub(super) fn end(&mut self, client: ClientIndex, error: impl FnOnce(i64) -> EngineError) {
+        if let Some(stream) = self.0.remove(&client) {
+            let error = error(stream.epoch);
+            if let Some(permit) = stream.end {
+                permit.send(StreamEvent::End(error.clone()));
+            }
+            stream.ended.send_replace(Some(error));
+        }
+    }
+
+    /// Ends all streams.
+    pub(super) fn end_all(&mut self, error: &EngineError) {
+        let clients: Vec<ClientIndex> = self.0.keys().copied().collect();
+        clients.into_iter().for_each(|client| self.end(client, |_epoch| error.clone()));
+    }
+}

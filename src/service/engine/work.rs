@@ -1,0 +1,173 @@
+//! The bodies of solves, run on the pool: problem in, moved problem and certificate out.
+//!
+//! Nothing here knows the engine's state; a canceled solve ends at its next iteration and its
+//! result is dropped by the engine. A snapshot is let go as soon as its problem is built, because
+//! the engine copies a map that somebody else still holds.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use covis_solvers::bundle_adjustment::{self, LinearSolver};
+use covis_solvers::evaluation::{bundle_cost, pose_graph_cost};
+use covis_solvers::optimizer::{self, Control, IterationSummary};
+use covis_solvers::pose_graph;
+use covis_solvers::problem::SolveError;
+use tokio::sync::mpsc;
+
+use super::{GaugeKind, OptimizeCounts, OptimizeOptions, SolveCertificate, SolverKind};
+use crate::map::{
+    GlobalOptions, GraphProblem, Map, MapProblem, Solved, global_problem, loop_problem,
+};
+
+/// A problem whose values were moved.
+pub(super) enum Moved {
+    Bundle(Box<MapProblem>),
+    Graph(Box<GraphProblem>),
+}
+
+impl Moved {
+    pub(super) fn solved(&self) -> Solved<'_> {
+        match self {
+            Self::Bundle(problem) => Solved::Bundle(problem),
+            Self::Graph(problem) => Solved::Graph(problem),
+        }
+    }
+}
+
+/// What a solve leaves.
+pub(super) struct Solution {
+    pub(super) moved: Moved,
+    pub(super) certificate: SolveCertificate,
+    pub(super) counts: OptimizeCounts,
+}
+
+/// `Ok(None)` when there was nothing to solve.
+pub(super) type Outcome = Result<Option<Solution>, SolveError>;
+
+/// Bundle adjustment of a window.
+pub(super) fn solve_window(
+    problem: MapProblem,
+    max_iterations: usize,
+    cancel: &AtomicBool,
+) -> Outcome {
+    let optimizer = optimizer::Options { max_iterations, ..optimizer::Options::default() };
+    let options = bundle_adjustment::Options { optimizer, linear_solver: LinearSolver::Auto };
+    let gauge = match () {
+        () if problem.problem.constant_poses.contains(&true) => GaugeKind::FixedPoses,
+        () if !problem.problem.pose_priors.is_empty() => GaugeKind::Priors,
+        () => GaugeKind::Free,
+    };
+    solve_bundle(problem, &options, gauge, &mut |_row| control(cancel))
+}
+
+/// Bundle adjustment of the whole map.
+pub(super) fn solve_map(
+    map: Arc<Map>,
+    options: &OptimizeOptions,
+    rows: &mpsc::UnboundedSender<IterationSummary>,
+    cancel: &AtomicBool,
+) -> Outcome {
+    let fix_first_keyframe = match options.gauge {
+        GaugeKind::FirstKeyframeFixed | GaugeKind::FixedPoses => true,
+        GaugeKind::Free | GaugeKind::Priors => false,
+    };
+    let loss = options.observation_loss.unwrap_or(map.policy().observation_loss);
+    let global = GlobalOptions { loss, fix_intrinsics: true, fix_first_keyframe };
+    let mut problem = global_problem(&map, &global);
+    drop(map);
+    if let Some(loss) = options.constraint_loss {
+        problem.problem.relative_pose_loss = loss;
+    }
+    let bundle = bundle_adjustment::Options {
+        optimizer: options.optimizer,
+        linear_solver: options.linear_solver,
+    };
+    solve_bundle(problem, &bundle, options.gauge, &mut |row| {
+        // Nobody reads when the caller went away; it has then canceled.
+        let _gone = rows.send(*row);
+        control(cancel)
+    })
+}
+
+/// Pose-graph optimization after a loop closure.
+pub(super) fn solve_loop(map: Arc<Map>, cancel: &AtomicBool) -> Outcome {
+    let mut problem = loop_problem(&map);
+    drop(map);
+    if !problem.is_solvable() {
+        return Ok(None);
+    }
+    let options = pose_graph::Options::default();
+    let before = pose_graph_cost(&problem.graph);
+    let solve = match pose_graph::solve(&mut problem.graph, &options, &mut |_row| control(cancel)) {
+        Ok(solve) => solve,
+        Err(SolveError::Empty(_)) => return Ok(None),
+        Err(error) => return Err(error),
+    };
+    let fixed_poses = problem.graph.constant.iter().filter(|&&c| c).count();
+    let certificate = SolveCertificate {
+        solve,
+        method: options.optimizer.method,
+        linear_solver: SolverKind::SparseCholesky,
+        before,
+        after: pose_graph_cost(&problem.graph),
+        gauge: GaugeKind::FirstKeyframeFixed,
+        free_poses: problem.graph.poses.len() - fixed_poses,
+        fixed_poses,
+        free_landmarks: 0,
+    };
+    let counts = OptimizeCounts {
+        keyframes: problem.keyframes.len(),
+        constraints: problem.graph.edges.len(),
+        ..OptimizeCounts::default()
+    };
+    Ok(Some(Solution { moved: Moved::Graph(Box::new(problem)), certificate, counts }))
+}
+
+fn solve_bundle(
+    mut problem: MapProblem,
+    options: &bundle_adjustment::Options,
+    gauge: GaugeKind,
+    observer: &mut optimizer::Observer<'_>,
+) -> Outcome {
+    if !problem.is_solvable() {
+        return Ok(None);
+    }
+    let before = bundle_cost(&problem.problem);
+    let summary = match bundle_adjustment::solve(&mut problem.problem, options, observer) {
+        Ok(summary) => summary,
+        Err(SolveError::Empty(_)) => return Ok(None),
+        Err(error) => return Err(error),
+    };
+    let bundle = &problem.problem;
+    let fixed_poses = bundle.constant_poses.iter().filter(|&&c| c).count();
+    let certificate = SolveCertificate {
+        solve: summary.solve,
+        method: options.optimizer.method,
+        linear_solver: SolverKind::Schur(summary.linear_solver),
+        before,
+        after: bundle_cost(bundle),
+        gauge,
+        free_poses: bundle.poses.len() - fixed_poses,
+        fixed_poses,
+        free_landmarks: bundle.constant_landmarks.iter().filter(|&&c| !c).count(),
+    };
+    let counts = OptimizeCounts {
+        cameras: problem.cameras.len(),
+        keyframes: problem.keyframes.len(),
+        landmarks: problem.landmarks.len(),
+        observations: bundle.observation_count(),
+        constraints: bundle.relative_poses.len()
+            + bundle.pose_priors.len()
+            + bundle.position_priors.len(),
+    };
+    Ok(Some(Solution { moved: Moved::Bundle(Box::new(problem)), certificate, counts }))
+}
+
+fn control(cancel: &AtomicBool) -> Control {
+    if cancel.load(Ordering::Relaxed) { Control::Cancel } else { Control::Continue }
+}
+
+/// A new cancel flag.
+pub(super) fn cancel_flag() -> Arc<AtomicBool> {
+    Arc::new(AtomicBool::new(false))
+}

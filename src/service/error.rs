@@ -1,0 +1,103 @@
+//! Why a call or stream ends early, in the edge's own terms. [`super::status`] gives each its code.
+//! What ends one item of a stream is no error: that is a `Rejection` in its ack.
+
+use covis_solvers::problem::SolveError;
+
+use super::engine::{EngineError, SolvePanicked};
+use crate::map::{Reason, Rejection};
+
+/// The end of a call that has no answer.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum ServiceError {
+    /// Fields of the request are bad, or not served yet.
+    Rejected(Rejection),
+    /// Messages came out of order, or one had no content.
+    Protocol {
+        /// The field at fault.
+        field: &'static str,
+        /// What was expected.
+        description: &'static str,
+    },
+    /// What the engine says.
+    Engine(EngineError),
+    /// The problem in the request cannot be solved as posed.
+    Unsolvable {
+        /// The field that holds the problem.
+        field: &'static str,
+        /// What is wrong with it.
+        error: SolveError,
+    },
+    /// The map has no such client.
+    ClientNotFound {
+        /// The map.
+        map: String,
+        /// The client.
+        client: String,
+    },
+    /// A file format has no place for something in the map.
+    FormatCannotHoldMap {
+        /// The map.
+        map: String,
+        /// What has no place.
+        reason: String,
+    },
+    /// Part of the wire, not served yet.
+    Unserved {
+        /// The call or value.
+        what: &'static str,
+    },
+    /// The server keeps no more of something.
+    ServerLimit {
+        /// The limit's name.
+        limit: &'static str,
+        /// Its value.
+        maximum: i64,
+    },
+    /// The server is shutting down.
+    Draining,
+    /// The call's deadline passed.
+    DeadlineExceeded,
+    /// The caller went away; nobody reads the code.
+    Gone,
+    /// A message that could not be read, with the code that the transport gives it.
+    Transport {
+        /// The transport's code.
+        code: tonic::Code,
+        /// What it says.
+        message: String,
+    },
+    /// A bug in a handler or a solve.
+    Panicked {
+        /// What the panic said, for the log.
+        message: String,
+    },
+}
+
+impl ServiceError {
+    /// One bad field.
+    pub(super) fn field(
+        field: impl Into<String>,
+        reason: Reason,
+        description: impl Into<String>,
+    ) -> Self {
+        Self::Rejected(Rejection::of(field, reason, description))
+    }
+}
+
+impl From<Rejection> for ServiceError {
+    fn from(rejection: Rejection) -> Self {
+        Self::Rejected(rejection)
+    }
+}
+
+impl From<EngineError> for ServiceError {
+    fn from(error: EngineError) -> Self {
+        Self::Engine(error)
+    }
+}
+
+impl From<SolvePanicked> for ServiceError {
+    fn from(panicked: SolvePanicked) -> Self {
+        Self::Panicked { message: panicked.message }
+    }
+}

@@ -1,0 +1,64 @@
+//! `JobService`: part of the wire, not served yet. Every RPC answers UNIMPLEMENTED.
+//! The messages stand in full, so that jobs can come without a break of the wire.
+
+use tonic::{Request, Response, Status};
+
+use super::context::Answers;
+use super::error::ServiceError;
+use crate::wire::v1;
+use v1::job_service_server::JobService;
+
+/// The service.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Jobs;
+
+fn unserved<T>(what: &'static str) -> Result<Response<T>, Status> {
+    Err(ServiceError::Unserved { what }.into())
+}
+
+#[async_trait::async_trait]
+impl JobService for Jobs {
+    async fn create_job(
+        &self,
+        _request: Request<v1::CreateJobRequest>,
+    ) -> Result<Response<v1::CreateJobResponse>, Status> {
+        unserved("CreateJob")
+    }
+
+    async fn get_job(
+        &self,
+        _request: Request<v1::GetJobRequest>,
+    ) -> Result<Response<v1::GetJobResponse>, Status> {
+        unserved("GetJob")
+    }
+
+    async fn list_jobs(
+        &self,
+        _request: Request<v1::ListJobsRequest>,
+    ) -> Result<Response<v1::ListJobsResponse>, Status> {
+        unserved("ListJobs")
+    }
+
+    async fn cancel_job(
+        &self,
+        _request: Request<v1::CancelJobRequest>,
+    ) -> Result<Response<v1::CancelJobResponse>, Status> {
+        unserved("CancelJob")
+    }
+
+    async fn delete_job(
+        &self,
+        _request: Request<v1::DeleteJobRequest>,
+    ) -> Result<Response<v1::DeleteJobResponse>, Status> {
+        unserved("DeleteJob")
+    }
+
+    type WatchJobStream = Answers<v1::WatchJobResponse>;
+
+    async fn watch_job(
+        &self,
+        _request: Request<v1::WatchJobRequest>,
+    ) -> Result<Response<Self::WatchJobStream>, Status> {
+        unserved("WatchJob")
+    }
+}

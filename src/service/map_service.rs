@@ -1,0 +1,266 @@
+//! `MapService`: making, reading, watching and exporting maps.
+//!
+//! Each handler reads its request, asks the engine and converts the answer. A stream reads one
+//! snapshot, however long it takes.
+
+use std::sync::Arc;
+
+use tonic::{Request, Response, Status, Streaming};
+
+use super::context::{Answers, Context};
+use super::convert::map::{display_name, policy, to_map};
+use super::convert::{Path, convert, ids};
+use super::deadline::call_time;
+use super::engine::MapHandle;
+use super::error::ServiceError;
+use super::watch::Wanted;
+use super::{export, listing, watch};
+use crate::map::Reason;
+use crate::wire::v1;
+use v1::export_map_response::Content;
+use v1::map_service_server::MapService;
+
+/// The service.
+#[derive(Clone, Debug)]
+pub(super) struct MapRpcs {
+    context: Arc<Context>,
+}
+
+impl MapRpcs {
+    /// The service over `context`.
+    pub(super) fn new(context: Arc<Context>) -> Self {
+        Self { context }
+    }
+
+    async fn create(
+        &self,
+        request: v1::CreateMapRequest,
+    ) -> Result<v1::CreateMapResponse, ServiceError> {
+        let ceilings = self.context.ceilings();
+        let (map_id, display_name, policy) = convert(|out| {
+            let map_id = ids::map_id(&request.map_id, out);
+            let display_name = display_name(&request.display_name, out);
+            let policy = policy(request.policy.as_ref(), &ceilings, out);
+            Some((map_id?, display_name?, policy?))
+        })?;
+        let maximum = self.context.config.max_maps;
+        let maps = self.context.maps.list();
+        // A taken name is told as such also when the server is full.
+        if maps.len() >= maximum && maps.iter().all(|map| map.name() != map_id) {
+            let maximum = super::convert::count(maximum);
+            return Err(ServiceError::ServerLimit { limit: "max_map_count", maximum });
+        }
+        let info = self.context.maps.create(&map_id, &display_name, policy).await?;
+        Ok(v1::CreateMapResponse { map: Some(to_map(&info, ceilings.queued_items)) })
+    }
+
+    async fn list(
+        &self,
+        request: v1::ListMapsRequest,
+    ) -> Result<v1::ListMapsResponse, ServiceError> {
+        let (size, after) = listing::map_page(&request)?;
+        let queued = self.context.config.engine.queue_capacity;
+        let mut handles = self.context.maps.list();
+        handles.retain(|map| map.name() > after.as_str());
+        let more = handles.len() > size;
+        handles.truncate(size);
+        let last = handles.last().map(|map| map.name().to_owned());
+        let mut maps = Vec::with_capacity(handles.len());
+        for handle in handles {
+            match handle.info().await {
+                Ok(info) => maps.push(to_map(&info, queued)),
+                // Deleted since the list was made.
+                Err(super::engine::EngineError::MapNotFound { .. }) => {}
+                Err(error) => return Err(error.into()),
+            }
+        }
+        let next_page_token = last.filter(|_| more).unwrap_or_default();
+        Ok(v1::ListMapsResponse { maps, next_page_token })
+    }
+
+    fn map(&self, map_id: &str) -> Result<MapHandle, ServiceError> {
+        let map_id = convert(|out| ids::map_id(map_id, out))?;
+        Ok(self.context.maps.get(&map_id)?)
+    }
+}
+
+fn unserved<T>(what: &'static str) -> Result<Response<T>, Status> {
+    Err(ServiceError::Unserved { what }.into())
+}
+
+#[async_trait::async_trait]
+impl MapService for MapRpcs {
+    async fn create_map(
+        &self,
+        request: Request<v1::CreateMapRequest>,
+    ) -> Result<Response<v1::CreateMapResponse>, Status> {
+        self.context.answer("CreateMap", self.create(request.into_inner())).await
+    }
+
+    async fn get_map(
+        &self,
+        request: Request<v1::GetMapRequest>,
+    ) -> Result<Response<v1::GetMapResponse>, Status> {
+        let handler = async {
+            let info = self.map(&request.get_ref().map_id)?.info().await?;
+            let queued = self.context.config.engine.queue_capacity;
+            Ok(v1::GetMapResponse { map: Some(to_map(&info, queued)) })
+        };
+        self.context.answer("GetMap", handler).await
+    }
+
+    async fn update_map(
+        &self,
+        _request: Request<v1::UpdateMapRequest>,
+    ) -> Result<Response<v1::UpdateMapResponse>, Status> {
+        unserved("UpdateMap")
+    }
+
+    async fn list_maps(
+        &self,
+        request: Request<v1::ListMapsRequest>,
+    ) -> Result<Response<v1::ListMapsResponse>, Status> {
+        self.context.answer("ListMaps", self.list(request.into_inner())).await
+    }
+
+    async fn delete_map(
+        &self,
+        request: Request<v1::DeleteMapRequest>,
+    ) -> Result<Response<v1::DeleteMapResponse>, Status> {
+        let handler = async {
+            let map_id = convert(|out| ids::map_id(&request.get_ref().map_id, out))?;
+            self.context.maps.delete(&map_id).await?;
+            Ok(v1::DeleteMapResponse {})
+        };
+        self.context.answer("DeleteMap", handler).await
+    }
+
+    async fn merge_maps(
+        &self,
+        _request: Request<v1::MergeMapsRequest>,
+    ) -> Result<Response<v1::MergeMapsResponse>, Status> {
+        unserved("MergeMaps")
+    }
+
+    type ExportMapStream = Answers<v1::ExportMapResponse>;
+
+    async fn export_map(
+        &self,
+        request: Request<v1::ExportMapRequest>,
+    ) -> Result<Response<Self::ExportMapStream>, Status> {
+        let (rpcs, time) = (self.clone(), call_time(request.metadata()));
+        let request = request.into_inner();
+        self.context.stream("ExportMap", time, |sink| async move {
+            let map = rpcs.map(&request.map_id)?;
+            let format = export::format(request.format)?;
+            let snapshot = map.snapshot().await?;
+            let (map_id, revision) = (request.map_id, snapshot.revision());
+            let name = map_id.clone();
+            let files = Context::blocking(move || export::files(&name, &snapshot, format)).await?;
+            let paths = files.iter().map(|file| file.path.clone()).collect();
+            let header = v1::ExportMapHeader { map_id, revision, format: request.format, paths };
+            let content = Some(Content::Header(header));
+            sink.send(v1::ExportMapResponse { content }).await?;
+            for chunk in files.iter().flat_map(export::chunks) {
+                let content = Some(Content::Chunk(chunk));
+                sink.send(v1::ExportMapResponse { content }).await?;
+            }
+            Ok(())
+        })
+    }
+
+    async fn import_map(
+        &self,
+        _request: Request<Streaming<v1::ImportMapRequest>>,
+    ) -> Result<Response<v1::ImportMapResponse>, Status> {
+        unserved("ImportMap")
+    }
+
+    type GetTrajectoryStream = Answers<v1::GetTrajectoryResponse>;
+
+    async fn get_trajectory(
+        &self,
+        request: Request<v1::GetTrajectoryRequest>,
+    ) -> Result<Response<Self::GetTrajectoryStream>, Status> {
+        let (rpcs, time) = (self.clone(), call_time(request.metadata()));
+        let request = request.into_inner();
+        self.context.stream("GetTrajectory", time, |sink| async move {
+            let wanted = match request.client_id.as_str() {
+                "" => None,
+                id => Some(convert(|out| ids::name(Path::root("client_id"), id, out))?),
+            };
+            let map = rpcs.map(&request.map_id)?.snapshot().await?;
+            let client = match wanted {
+                None => None,
+                Some(client) => {
+                    let map_id = request.map_id;
+                    let found = map.client_named(&client);
+                    Some(found.ok_or(ServiceError::ClientNotFound { map: map_id, client })?)
+                }
+            };
+            listing::trajectory(&map, client, &sink).await
+        })
+    }
+
+    type ListKeyframesStream = Answers<v1::ListKeyframesResponse>;
+
+    async fn list_keyframes(
+        &self,
+        _request: Request<v1::ListKeyframesRequest>,
+    ) -> Result<Response<Self::ListKeyframesStream>, Status> {
+        unserved("ListKeyframes")
+    }
+
+    type ListLandmarksStream = Answers<v1::ListLandmarksResponse>;
+
+    async fn list_landmarks(
+        &self,
+        request: Request<v1::ListLandmarksRequest>,
+    ) -> Result<Response<Self::ListLandmarksStream>, Status> {
+        let (rpcs, time) = (self.clone(), call_time(request.metadata()));
+        let request = request.into_inner();
+        self.context.stream("ListLandmarks", time, |sink| async move {
+            let pages = convert(|out| {
+                let map_id = ids::map_id(&request.map_id, out);
+                let pages = listing::landmark_pages(&request, out);
+                map_id?;
+                pages
+            })?;
+            let map = rpcs.map(&request.map_id)?.snapshot().await?;
+            listing::landmarks(&map, &pages, &sink).await
+        })
+    }
+
+    type ListConstraintsStream = Answers<v1::ListConstraintsResponse>;
+
+    async fn list_constraints(
+        &self,
+        _request: Request<v1::ListConstraintsRequest>,
+    ) -> Result<Response<Self::ListConstraintsStream>, Status> {
+        unserved("ListConstraints")
+    }
+
+    type WatchMapStream = Answers<v1::WatchMapResponse>;
+
+    async fn watch_map(
+        &self,
+        request: Request<v1::WatchMapRequest>,
+    ) -> Result<Response<Self::WatchMapStream>, Status> {
+        let (rpcs, time) = (self.clone(), call_time(request.metadata()));
+        let request = request.into_inner();
+        self.context.stream("WatchMap", time, |sink| async move {
+            let map = rpcs.map(&request.map_id)?;
+            if let Some(revision) = request.from_revision.filter(|&revision| revision < 0) {
+                let text = format!("{revision} is below 0");
+                return Err(ServiceError::field("from_revision", Reason::OutOfRange, text));
+            }
+            let is_other = !request.map_uid.is_empty() && request.map_uid != map.uid();
+            let wanted = Wanted {
+                from_revision: request.from_revision.filter(|_| !is_other),
+                landmarks: !request.omit_landmarks,
+                constraints: !request.omit_constraints,
+            };
+            watch::watch(&rpcs.context, &map, &wanted, &sink).await
+        })
+    }
+}

@@ -1,0 +1,36 @@
+//! The service: engines that own maps, and the gRPC edge before them.
+//!
+//! A request goes wire → convert → engine and back; handlers are short and hold no maths. What
+//! stands where:
+//!
+//! | module | role |
+//! |---|---|
+//! | [`engine`] | one actor a map: journal, fold, solves |
+//! | `convert` | wire ↔ domain, bad fields named |
+//! | `status` | domain error → status code, the only place |
+//! | `context` | how a handler's outcome becomes an answer |
+//! | `*_service` | one file a service of the wire; `watch`, `export`, `listing` serve `MapService` |
+
+pub mod engine;
+
+mod config;
+mod context;
+mod convert;
+mod deadline;
+mod error;
+mod export;
+mod graph_solve;
+mod ingest_service;
+mod job_service;
+mod listing;
+mod map_service;
+mod optimization_service;
+mod random;
+mod refine;
+mod server;
+mod server_service;
+mod status;
+mod watch;
+
+pub use config::ServerConfig;
+pub use server::{RunningServer, Server, ServerError};

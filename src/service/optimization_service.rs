@@ -1,0 +1,221 @@
+//! `OptimizationService`: one pose, a whole map, or a problem that comes with the call.
+//!
+//! Stateless solves run on the solver pool. A call that is dropped stops its solve; a call with a
+//! deadline stops it in time for the best state so far to be answered.
+
+use std::sync::Arc;
+
+use covis_solvers::bundle_adjustment;
+use covis_solvers::evaluation::bundle_cost;
+use covis_solvers::loss::Loss;
+use tokio::sync::mpsc;
+use tonic::{Request, Response, Status};
+
+use super::context::{Answers, Context};
+use super::convert::certificate::add_costs;
+use super::convert::solve::{
+    Systems, gauge, loss, options, to_certificate, to_iteration, to_iterations, to_linear_solver,
+    to_summary,
+};
+use super::convert::{Path, convert, count, ids, problem};
+use super::deadline::{CancelOnDrop, call_time, solve_time};
+use super::engine::{Fault, OptimizeOptions, OptimizeOutcome};
+use super::error::ServiceError;
+use super::{graph_solve, refine};
+use crate::wire::v1;
+use v1::optimization_service_server::OptimizationService;
+use v1::optimize_map_response::Event;
+
+/// The service.
+#[derive(Clone, Debug)]
+pub(super) struct Optimization {
+    context: Arc<Context>,
+}
+
+impl Optimization {
+    /// The service over `context`.
+    pub(super) fn new(context: Arc<Context>) -> Self {
+        Self { context }
+    }
+
+    /// Runs a solve on the pool.
+    async fn solve<R: Send + 'static>(
+        &self,
+        work: impl FnOnce() -> R + Send + 'static,
+    ) -> Result<R, ServiceError> {
+        let faulty = self.context.config.engine.fault == Some(Fault::PanicInSolve);
+        let work = move || {
+            assert!(!faulty, "the fault that a test asked for");
+            work()
+        };
+        Ok(self.context.maps.pool().run(work).await?)
+    }
+
+    async fn refine(
+        &self,
+        request: Request<v1::RefinePoseRequest>,
+    ) -> Result<v1::RefinePoseResponse, ServiceError> {
+        let time = solve_time(request.metadata());
+        let threads = self.context.maps.pool().threads();
+        let input = refine::input(&request.into_inner(), threads, time)?;
+        let cancel = CancelOnDrop::default();
+        let mut observer = cancel.observer();
+        self.solve(move || refine::run(&input, &mut observer)).await?
+    }
+
+    async fn bundle(
+        &self,
+        request: Request<v1::SolveBundleRequest>,
+    ) -> Result<v1::SolveBundleResponse, ServiceError> {
+        let time = solve_time(request.metadata());
+        let request = request.into_inner();
+        let threads = self.context.maps.pool().threads();
+        let (mut bundle, gauge, options) = convert(|out| {
+            let loss = loss(Path::root("loss"), request.loss.as_ref(), out);
+            let options = options(request.options.as_ref(), Systems::Bundle, threads, time, out);
+            let loss = loss?.unwrap_or(Loss::Trivial);
+            let message = request.problem.as_ref();
+            let mut bundle = problem::bundle(message, loss, request.refine_intrinsics, out)?;
+            let gauge = problem::hold_gauge(request.gauge, &mut bundle, out);
+            Some((bundle, gauge?, options?))
+        })?;
+        let cancel = CancelOnDrop::default();
+        let mut observer = cancel.observer();
+        self.solve(move || {
+            let before = bundle_cost(&bundle);
+            let settings = bundle_adjustment::Options {
+                optimizer: options.optimizer,
+                linear_solver: options.linear_solver,
+            };
+            let solved = bundle_adjustment::solve(&mut bundle, &settings, &mut observer)
+                .map_err(|error| ServiceError::Unsolvable { field: "problem", error })?;
+            let mut summary = to_summary(&solved.solve, options.optimizer.method);
+            add_costs(&mut summary, &before, &bundle_cost(&bundle));
+            summary.linear_solver = to_linear_solver(solved.linear_solver).into();
+            summary.gauge = gauge.into();
+            let free = |constant: &[bool]| count(constant.iter().filter(|&&c| !c).count());
+            summary.free_pose_count = free(&bundle.constant_poses);
+            summary.fixed_pose_count = count(bundle.poses.len()) - summary.free_pose_count;
+            summary.free_landmark_count = free(&bundle.constant_landmarks);
+            let iterations = to_iterations(&solved.solve, request.include_iterations);
+            let problem = request.problem.unwrap_or_default();
+            let problem = Some(problem::to_bundle(problem, &bundle));
+            Ok(v1::SolveBundleResponse { problem, summary: Some(summary), iterations })
+        })
+        .await?
+    }
+
+    async fn graph(
+        &self,
+        request: Request<v1::SolvePoseGraphRequest>,
+    ) -> Result<v1::SolvePoseGraphResponse, ServiceError> {
+        let time = solve_time(request.metadata());
+        let threads = self.context.maps.pool().threads();
+        let input = graph_solve::input(request.into_inner(), threads, time)?;
+        let cancel = CancelOnDrop::default();
+        let mut observer = cancel.observer();
+        self.solve(move || graph_solve::run(input, &mut observer)).await?
+    }
+}
+
+fn map_options(
+    request: &v1::OptimizeMapRequest,
+    threads: usize,
+    time: Option<std::time::Duration>,
+) -> Result<(String, OptimizeOptions), ServiceError> {
+    let converted = convert(|out| {
+        let map_id = ids::map_id(&request.map_id, out);
+        let options = options(request.options.as_ref(), Systems::Bundle, threads, time, out);
+        let observation =
+            loss(Path::root("observation_loss"), request.observation_loss.as_ref(), out);
+        let constraint = loss(Path::root("constraint_loss"), request.constraint_loss.as_ref(), out);
+        let gauge = gauge(Path::root("gauge"), request.gauge, out);
+        if request.refine_intrinsics {
+            let _: Option<()> = out.unimplemented(Path::root("refine_intrinsics"));
+        }
+        let at = Path::root("problem");
+        if let v1::MapProblem::PoseGraph = out.known(at, request.problem)? {
+            let _: Option<()> = out.unimplemented(at);
+        }
+        let options = options?;
+        Some((
+            map_id?,
+            OptimizeOptions {
+                optimizer: options.optimizer,
+                linear_solver: options.linear_solver,
+                observation_loss: observation?,
+                constraint_loss: constraint?,
+                gauge: gauge?,
+            },
+        ))
+    })?;
+    Ok(converted)
+}
+
+fn to_result(outcome: &OptimizeOutcome) -> v1::OptimizeMapResult {
+    v1::OptimizeMapResult {
+        summary: Some(to_certificate(&outcome.certificate)),
+        revision: outcome.revision,
+        camera_count: count(outcome.counts.cameras),
+        keyframe_count: count(outcome.counts.keyframes),
+        landmark_count: count(outcome.counts.landmarks),
+        observation_count: count(outcome.counts.observations),
+        constraint_count: count(outcome.counts.constraints),
+    }
+}
+
+#[async_trait::async_trait]
+impl OptimizationService for Optimization {
+    async fn refine_pose(
+        &self,
+        request: Request<v1::RefinePoseRequest>,
+    ) -> Result<Response<v1::RefinePoseResponse>, Status> {
+        self.context.answer("RefinePose", self.refine(request)).await
+    }
+
+    type OptimizeMapStream = Answers<v1::OptimizeMapResponse>;
+
+    async fn optimize_map(
+        &self,
+        request: Request<v1::OptimizeMapRequest>,
+    ) -> Result<Response<Self::OptimizeMapStream>, Status> {
+        let time = call_time(request.metadata());
+        let solve_time = solve_time(request.metadata());
+        let (context, request) = (Arc::clone(&self.context), request.into_inner());
+        self.context.stream("OptimizeMap", time, |sink| async move {
+            let threads = context.maps.pool().threads();
+            let (map_id, options) = map_options(&request, threads, solve_time)?;
+            let map = context.maps.get(&map_id)?;
+            let (progress, mut rows) = mpsc::channel(16);
+            let forwarding = async {
+                while let Some(row) = rows.recv().await {
+                    let event = Some(Event::Iteration(to_iteration(&row)));
+                    sink.send(v1::OptimizeMapResponse { event }).await?;
+                }
+                Ok::<(), ServiceError>(())
+            };
+            let solving = async { Ok(map.optimize(options, progress).await?) };
+            let both = async { tokio::try_join!(solving, forwarding) };
+            let (outcome, ()) = tokio::select! {
+                both = both => both?,
+                () = context.drained() => return Err(ServiceError::Draining),
+            };
+            let event = Some(Event::Result(to_result(&outcome)));
+            sink.send(v1::OptimizeMapResponse { event }).await
+        })
+    }
+
+    async fn solve_bundle(
+        &self,
+        request: Request<v1::SolveBundleRequest>,
+    ) -> Result<Response<v1::SolveBundleResponse>, Status> {
+        self.context.answer("SolveBundle", self.bundle(request)).await
+    }
+
+    async fn solve_pose_graph(
+        &self,
+        request: Request<v1::SolvePoseGraphRequest>,
+    ) -> Result<Response<v1::SolvePoseGraphResponse>, Status> {
+        self.context.answer("SolvePoseGraph", self.graph(request)).await
+    }
+}

@@ -1,0 +1,140 @@
+//! `RefinePose`: from the request to the answer, on a thread of the solver pool.
+//! Solver and evaluator do the maths; here an observation is only compared with its quantile.
+
+use std::time::Duration;
+
+use covis_solvers::evaluation::bundle_cost;
+use covis_solvers::factors::{DepthReprojection, PosePrior};
+use covis_solvers::geometry::{Camera, Se3};
+use covis_solvers::information::Information;
+use covis_solvers::loss::Loss;
+use covis_solvers::optimizer::Observer;
+use covis_solvers::pose_refinement::{self, PointObservation, Prior};
+use covis_solvers::problem::BundleProblem;
+
+use super::convert::camera::camera;
+use super::convert::certificate::add_costs;
+use super::convert::geometry::{rigid_transform, to_information6, to_rigid_transform};
+use super::convert::refine::{observations, prior};
+use super::convert::solve::{Systems, loss, options, to_summary};
+use super::convert::{Path, convert};
+use super::error::ServiceError;
+use crate::wire::v1;
+
+/// Loss where the request names none.
+const DEFAULT_LOSS: Loss = Loss::Huber(2.0);
+/// 95 % quantile of the chi-square distribution with 2 degrees of freedom: a pixel.
+const PIXEL_QUANTILE: f64 = 5.991;
+/// The same with 3: a pixel with its depth.
+const DEPTH_QUANTILE: f64 = 7.815;
+
+/// A request in the solver's terms.
+#[derive(Clone, Debug)]
+pub(super) struct Input {
+    camera: Camera,
+    start: Se3,
+    observations: Vec<PointObservation>,
+    prior: Option<Prior>,
+    options: pose_refinement::Options,
+    include_information: bool,
+}
+
+/// Reads a request.
+pub(super) fn input(
+    request: &v1::RefinePoseRequest,
+    threads: usize,
+    time: Option<Duration>,
+) -> Result<Input, ServiceError> {
+    let input = convert(|out| {
+        let at = Path::root("camera");
+        let camera = out.required(at, request.camera.as_ref()).and_then(|m| camera(at, m, out));
+        let start = request.world_from_camera.as_ref();
+        let start = rigid_transform(Path::root("world_from_camera"), start, out);
+        let observations = observations(&request.observations, out);
+        let loss = loss(Path::root("loss"), request.loss.as_ref(), out);
+        let options = options(request.options.as_ref(), Systems::SinglePose, threads, time, out);
+        let prior = prior(request.prior.as_ref(), out);
+        if request.include_covariance {
+            let _: Option<()> = out.unimplemented(Path::root("include_covariance"));
+        }
+        let loss = loss?.unwrap_or(DEFAULT_LOSS);
+        Some(Input {
+            camera: camera?.camera,
+            start: start?,
+            observations: observations?,
+            prior: prior?,
+            options: pose_refinement::Options { optimizer: options?.optimizer, loss },
+            include_information: request.include_information,
+        })
+    })?;
+    Ok(input)
+}
+
+/// Refines the pose.
+pub(super) fn run(
+    input: &Input,
+    observer: &mut Observer<'_>,
+) -> Result<v1::RefinePoseResponse, ServiceError> {
+    let Input { camera, start, observations, options, .. } = input;
+    let refined = pose_refinement::refine(
+        camera,
+        start,
+        observations,
+        input.prior.as_ref(),
+        options,
+        observer,
+    )
+    .map_err(|error| ServiceError::Unsolvable { field: "observations", error })?;
+    let mut summary = to_summary(&refined.summary, options.optimizer.method);
+    let before = bundle_cost(&as_bundle(input, *start));
+    let after = bundle_cost(&as_bundle(input, refined.world_from_camera));
+    add_costs(&mut summary, &before, &after);
+    summary.linear_solver = v1::LinearSolver::DenseCholesky.into();
+    // Known points hold the frame, for which the wire has no name.
+    let gauge = if input.prior.is_some() { v1::Gauge::Priors } else { v1::Gauge::Unspecified };
+    summary.gauge = gauge.into();
+    summary.free_pose_count = 1;
+    let errors = refined.squared_errors.iter().zip(&refined.behind_camera).zip(observations);
+    let results = errors.map(|((&squared_error, &behind_camera), observation)| {
+        let quantile = if observation.depth_m.is_some() { DEPTH_QUANTILE } else { PIXEL_QUANTILE };
+        let inlier = squared_error <= quantile && !behind_camera;
+        v1::ObservationResult { squared_error, inlier, behind_camera }
+    });
+    // Absent when not positive definite, as the wire says.
+    let information = Information::new(&refined.information).ok();
+    Ok(v1::RefinePoseResponse {
+        world_from_camera: Some(to_rigid_transform(&refined.world_from_camera)),
+        summary: Some(summary),
+        observations: results.collect(),
+        information: information
+            .filter(|_| input.include_information)
+            .map(|information| to_information6(information.matrix())),
+        covariance: None,
+    })
+}
+
+/// The same problem in the evaluator's terms: known points, one pose.
+fn as_bundle(input: &Input, pose: Se3) -> BundleProblem {
+    let mut problem =
+        BundleProblem { observation_loss: input.options.loss, ..BundleProblem::default() };
+    problem.push_pose(pose);
+    problem.push_camera(input.camera, true);
+    for (index, seen) in (0u32..).zip(&input.observations) {
+        problem.push_landmark(seen.point_in_world);
+        let (pixel, sigma_px) = (seen.pixel, seen.sigma_px);
+        match seen.depth_m {
+            None => problem.reprojections.push(0, 0, index, pixel, sigma_px),
+            Some((depth_m, sigma_depth_m)) => {
+                let factor = DepthReprojection { pixel, depth_m, sigma_px, sigma_depth_m };
+                problem.depth_reprojections.push(0, 0, index, factor);
+            }
+        }
+    }
+    problem.pose_priors = input.prior.iter().map(as_factor).collect();
+    problem
+}
+
+fn as_factor(prior: &Prior) -> PosePrior {
+    let Prior { world_from_camera, information } = *prior;
+    PosePrior { pose: 0, world_from_camera, information }
+}

@@ -1,0 +1,200 @@
+//! Starts and stops a server on a bound listener.
+//!
+//! Shutting down: health turns NOT_SERVING, open streams end with UNAVAILABLE once what they took is
+//! answered, running calls finish within the budget, then the engines stop. New calls of a draining
+//! server are refused by the transport.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use tokio::net::TcpListener;
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
+use tokio_stream::wrappers::TcpListenerStream;
+use tonic::server::NamedService;
+use tonic_health::ServingStatus;
+use tonic_health::server::HealthReporter;
+
+use super::config::ServerConfig;
+use super::context::Context;
+use super::engine::{EngineError, Fault, Maps, SolverPool};
+use super::ingest_service::Ingest;
+use super::job_service::Jobs;
+use super::map_service::MapRpcs;
+use super::optimization_service::Optimization;
+use super::random::random_id;
+use super::server_service::ServerInfo;
+use crate::store::MemoryStore;
+use crate::wire::v1::FILE_DESCRIPTOR_SET;
+use crate::wire::v1::ingest_service_server::IngestServiceServer;
+use crate::wire::v1::job_service_server::JobServiceServer;
+use crate::wire::v1::map_service_server::MapServiceServer;
+use crate::wire::v1::optimization_service_server::OptimizationServiceServer;
+use crate::wire::v1::server_service_server::ServerServiceServer;
+
+/// Why a server does not start.
+#[derive(Debug, thiserror::Error)]
+pub enum ServerError {
+    /// The listener has no address.
+    #[error("the listener's address")]
+    Address(#[source] std::io::Error),
+    /// The engines do not start, for instance because a journal does not replay.
+    #[error("the engines")]
+    Engine(#[from] EngineError),
+    /// The descriptors of the wire cannot be served.
+    #[error("server reflection")]
+    Reflection(#[from] tonic_reflection::server::Error),
+    /// A test fault that nobody knows.
+    #[error("unknown test fault {name:?}")]
+    UnknownFault {
+        /// Its name.
+        name: String,
+    },
+}
+
+/// Starts servers.
+#[derive(Clone, Copy, Debug)]
+pub struct Server;
+
+/// A server that takes calls until it is shut down; dropping it ends it at once.
+#[derive(Debug)]
+pub struct RunningServer {
+    address: SocketAddr,
+    context: Arc<Context>,
+    drain: watch::Sender<bool>,
+    health: HealthReporter,
+    task: JoinHandle<Result<(), tonic::transport::Error>>,
+}
+
+impl Server {
+    /// Serves on `listener` in the background.
+    ///
+    /// # Errors
+    /// [`ServerError`] where something does not start.
+    pub async fn start(
+        listener: TcpListener,
+        mut config: ServerConfig,
+    ) -> Result<RunningServer, ServerError> {
+        let address = listener.local_addr().map_err(ServerError::Address)?;
+        apply_test_fault(&mut config)?;
+        let pool = SolverPool::new(config.threads)?;
+        let store = Arc::new(MemoryStore::new());
+        let maps = Maps::open(store, pool, config.engine).await?;
+        let (drain, draining) = watch::channel(false);
+        let instance_id = random_id();
+        let context =
+            Arc::new(Context { maps, config, instance_id, start_time_ns: now_ns(), draining });
+        let (health, task) = serve(listener, Arc::clone(&context)).await?;
+        Ok(RunningServer { address, context, drain, health, task })
+    }
+}
+
+impl RunningServer {
+    /// The address that was bound.
+    #[must_use]
+    pub fn local_addr(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Drains and stops the server; returns when its engines have stopped.
+    pub async fn shutdown(mut self) {
+        for name in SERVICES.into_iter().chain([""]) {
+            self.health.set_service_status(name, ServingStatus::NotServing).await;
+        }
+        self.drain.send_replace(true);
+        let budget = self.context.config.drain_budget;
+        match tokio::time::timeout(budget, &mut self.task).await {
+            Ok(Ok(Ok(()))) => {}
+            Ok(Ok(Err(error))) => tracing::warn!(%error, "the transport ended badly"),
+            Ok(Err(error)) => tracing::warn!(%error, "the transport's task ended badly"),
+            Err(_elapsed) => {
+                tracing::warn!("calls were still running after {budget:?}, they are cut");
+                self.task.abort();
+            }
+        }
+        self.context.maps.shutdown().await;
+    }
+}
+
+impl Drop for RunningServer {
+    fn drop(&mut self) {
+        self.drain.send_replace(true);
+        self.task.abort();
+    }
+}
+
+/// Every service of the wire, by full name.
+const SERVICES: [&str; 5] = [
+    IngestServiceServer::<Ingest>::NAME,
+    MapServiceServer::<MapRpcs>::NAME,
+    OptimizationServiceServer::<Optimization>::NAME,
+    JobServiceServer::<Jobs>::NAME,
+    ServerServiceServer::<ServerInfo>::NAME,
+];
+
+/// Starts the transport with all services.
+async fn serve(
+    listener: TcpListener,
+    context: Arc<Context>,
+) -> Result<(HealthReporter, JoinHandle<Result<(), tonic::transport::Error>>), ServerError> {
+    let bytes = context.config.max_message_bytes;
+    // The generated servers share no trait for their limits.
+    macro_rules! limited {
+        ($service:expr) => {
+            $service.max_decoding_message_size(bytes).max_encoding_message_size(bytes)
+        };
+    }
+    let (health, health_service) = tonic_health::server::health_reporter();
+    for name in SERVICES {
+        health.set_service_status(name, ServingStatus::Serving).await;
+    }
+    let reflection = || {
+        tonic_reflection::server::Builder::configure()
+            .register_encoded_file_descriptor_set(FILE_DESCRIPTOR_SET)
+            .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+    };
+    let maps = MapServiceServer::new(MapRpcs::new(Arc::clone(&context)));
+    let ingest = IngestServiceServer::new(Ingest::new(Arc::clone(&context)));
+    let optimization = OptimizationServiceServer::new(Optimization::new(Arc::clone(&context)));
+    let info = ServerServiceServer::new(ServerInfo::new(Arc::clone(&context)));
+    let router = tonic::transport::Server::builder()
+        .max_concurrent_streams(context.config.max_concurrent_streams)
+        .tcp_nodelay(true)
+        .add_service(limited!(maps))
+        .add_service(limited!(ingest))
+        .add_service(limited!(optimization))
+        .add_service(limited!(JobServiceServer::new(Jobs)))
+        .add_service(limited!(info))
+        .add_service(limited!(health_service))
+        .add_service(limited!(reflection().build_v1()?))
+        .add_service(limited!(reflection().build_v1alpha()?));
+    let incoming = TcpListenerStream::new(listener);
+    let task = tokio::spawn(async move {
+        let drained = context.drained();
+        router.serve_with_incoming_shutdown(incoming, drained).await
+    });
+    Ok((health, task))
+}
+
+/// Hands a fault of the engine to its configuration; faults of handlers stay with the edge.
+fn apply_test_fault(config: &mut ServerConfig) -> Result<(), ServerError> {
+    let Some(name) = &config.test_fault else { return Ok(()) };
+    if name.starts_with("rpc:") {
+        return Ok(());
+    }
+    let fault = match name.as_str() {
+        "panic-in-solve" => Fault::PanicInSolve,
+        "panic-in-engine" => Fault::PanicInEngine,
+        "fail-calls" => Fault::FailCalls,
+        _ => return Err(ServerError::UnknownFault { name: name.clone() }),
+    };
+    config.engine.fault = Some(fault);
+    Ok(())
+}
+
+/// Unix time in nanoseconds.
+fn now_ns() -> i64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
+}

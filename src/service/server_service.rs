@@ -1,0 +1,83 @@
+//! `ServerService`: version, limits, durability, features.
+//! Whether the server is well is told by the health service, not here.
+
+use std::sync::Arc;
+
+use tonic::{Request, Response, Status};
+
+use super::context::Context;
+use super::convert::map::to_limits;
+use super::convert::solve::SIMD_CLASS;
+use super::convert::time::timestamp;
+use super::convert::{count, small};
+use crate::wire::v1;
+use v1::server_service_server::ServerService;
+
+/// What is served, sorted; listed in docs/wire.md.
+const FEATURES: [&str; 17] = [
+    "export.colmap-binary",
+    "export.colmap-text",
+    "export.g2o",
+    "export.ply",
+    "export.tum",
+    "ingest.camera",
+    "ingest.keyframe",
+    "ingest.landmarks",
+    "ingest.observations",
+    "ingest.pose-prior",
+    "ingest.position-prior",
+    "ingest.relative-pose",
+    "map.watch",
+    "optimization.optimize-map",
+    "optimization.refine-pose",
+    "optimization.solve-bundle",
+    "optimization.solve-pose-graph",
+];
+
+/// The service.
+#[derive(Clone, Debug)]
+pub(super) struct ServerInfo {
+    context: Arc<Context>,
+}
+
+impl ServerInfo {
+    /// The service over `context`.
+    pub(super) fn new(context: Arc<Context>) -> Self {
+        Self { context }
+    }
+
+    fn info(&self) -> v1::GetServerInfoResponse {
+        let config = &self.context.config;
+        let bytes = count(config.max_message_bytes);
+        let limits = v1::ServerLimits {
+            max_receive_message_bytes: bytes,
+            max_send_message_bytes: bytes,
+            max_map_count: count(config.max_maps),
+            max_concurrent_stream_count: i32::try_from(config.max_concurrent_streams)
+                .unwrap_or(i32::MAX),
+            map_limits: Some(to_limits(&config.ceilings, config.engine.queue_capacity)),
+        };
+        v1::GetServerInfoResponse {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            wire_packages: vec!["covis.v1".to_owned()],
+            instance_id: self.context.instance_id.clone(),
+            start_time: Some(timestamp(self.context.start_time_ns)),
+            durability: v1::Durability::InMemory.into(),
+            lock_step: config.engine.lock_step,
+            limits: Some(limits),
+            features: FEATURES.into_iter().map(str::to_owned).collect(),
+            solver_thread_count: small(self.context.maps.pool().threads()),
+            simd_class: SIMD_CLASS.to_owned(),
+        }
+    }
+}
+
+#[async_trait::async_trait]
+impl ServerService for ServerInfo {
+    async fn get_server_info(
+        &self,
+        _request: Request<v1::GetServerInfoRequest>,
+    ) -> Result<Response<v1::GetServerInfoResponse>, Status> {
+        self.context.answer("GetServerInfo", async { Ok(self.info()) }).await
+    }
+}

@@ -1,0 +1,274 @@
+//! Domain errors → `tonic::Status`: the one place, matched exhaustively.
+//!
+//! Every status carries an `ErrorInfo` (domain "covis"); bad fields also a `BadRequest`, what may be
+//! tried again later a `RetryInfo`. Codes and reasons are those of docs/wire.md. A bug is answered
+//! with an id under which the log has the details.
+
+use std::collections::HashMap;
+use std::time::Duration;
+
+use covis_solvers::problem::SolveError;
+use tonic::{Code, Status};
+use tonic_types::{ErrorDetails, FieldViolation, StatusExt};
+
+use super::engine::EngineError;
+use super::error::ServiceError;
+use super::random::random_id;
+use crate::map::{Reason, Rejection};
+use crate::store::StoreError;
+use crate::wire::v1::ViolationReason;
+
+/// `ErrorInfo.domain`.
+const DOMAIN: &str = "covis";
+/// When a full map or server may be asked again.
+const RETRY_FULL: Duration = Duration::from_secs(1);
+/// When another server may have taken the place of one that shuts down.
+const RETRY_DRAINING: Duration = Duration::from_secs(2);
+
+/// What a status is built from.
+struct Parts {
+    code: Code,
+    reason: &'static str,
+    message: String,
+    metadata: Vec<(&'static str, String)>,
+    violations: Vec<FieldViolation>,
+    retry: Option<Duration>,
+}
+
+impl Parts {
+    fn new(code: Code, reason: &'static str, message: impl Into<String>) -> Self {
+        let (metadata, violations) = (Vec::new(), Vec::new());
+        Self { code, reason, message: message.into(), metadata, violations, retry: None }
+    }
+
+    fn with(mut self, name: &'static str, value: impl ToString) -> Self {
+        self.metadata.push((name, value.to_string()));
+        self
+    }
+
+    fn violation(mut self, field: &str, reason: &'static str, description: &str) -> Self {
+        let (field, description) = (field.to_owned(), description.to_owned());
+        let reason = reason.to_owned();
+        let violation = FieldViolation { field, description, reason, ..FieldViolation::default() };
+        self.violations.push(violation);
+        self
+    }
+
+    fn retry(mut self, delay: Duration) -> Self {
+        self.retry = Some(delay);
+        self
+    }
+
+    fn status(self) -> Status {
+        let mut details = ErrorDetails::new();
+        let metadata: HashMap<String, String> =
+            self.metadata.into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+        details.set_error_info(self.reason, DOMAIN, metadata);
+        if !self.violations.is_empty() {
+            details.set_bad_request(self.violations);
+        }
+        if self.retry.is_some() {
+            details.set_retry_info(self.retry);
+        }
+        Status::with_error_details(self.code, self.message, details)
+    }
+}
+
+impl From<ServiceError> for Status {
+    fn from(error: ServiceError) -> Self {
+        match error {
+            ServiceError::Rejected(rejection) => rejected(&rejection),
+            ServiceError::Protocol { field, description } => {
+                Parts::new(Code::InvalidArgument, "PROTOCOL", format!("{field}: {description}"))
+                    .violation(field, "PROTOCOL", description)
+            }
+            ServiceError::Engine(error) => engine(error),
+            ServiceError::Unsolvable { field, error } => unsolvable(field, &error),
+            ServiceError::ClientNotFound { map, client } => {
+                let text = format!("map {map:?} has no client {client:?}");
+                Parts::new(Code::NotFound, "CLIENT_NOT_FOUND", text)
+                    .with("map_id", map)
+                    .with("client_id", client)
+            }
+            ServiceError::FormatCannotHoldMap { map, reason } => {
+                Parts::new(Code::FailedPrecondition, "FORMAT_CANNOT_HOLD_MAP", reason)
+                    .with("map_id", map)
+            }
+            ServiceError::Unserved { what } => {
+                let text = format!("{what} is not served yet");
+                Parts::new(Code::Unimplemented, "UNIMPLEMENTED", text)
+            }
+            ServiceError::ServerLimit { limit, maximum } => {
+                let text = format!("the server is full: {limit} is {maximum}");
+                Parts::new(Code::ResourceExhausted, "SERVER_LIMIT", text)
+                    .with("limit", limit)
+                    .retry(RETRY_FULL)
+            }
+            ServiceError::Draining => draining(),
+            ServiceError::DeadlineExceeded => {
+                let text = "the call's deadline passed";
+                Parts::new(Code::DeadlineExceeded, "DEADLINE_EXCEEDED", text)
+            }
+            ServiceError::Gone => Parts::new(Code::Cancelled, "CANCELLED", "the caller canceled"),
+            ServiceError::Transport { code, message } => Parts::new(code, "TRANSPORT", message),
+            ServiceError::Panicked { message } => bug(None, &message),
+        }
+        .status()
+    }
+}
+
+fn rejected(rejection: &Rejection) -> Parts {
+    let first = rejection.violations.first();
+    let reason = first.map_or("MISSING", |v| reason_name(v.reason));
+    let code = match first.map(|v| v.reason) {
+        Some(Reason::Unimplemented) => Code::Unimplemented,
+        _ => Code::InvalidArgument,
+    };
+    let parts = Parts::new(code, reason, rejection.to_string());
+    rejection
+        .violations
+        .iter()
+        .fold(parts, |parts, v| parts.violation(&v.field, reason_name(v.reason), &v.description))
+}
+
+fn engine(error: EngineError) -> Parts {
+    let message = error.to_string();
+    let parts = |code, reason| Parts::new(code, reason, message.clone());
+    match error {
+        EngineError::MapNotFound { map } => {
+            parts(Code::NotFound, "MAP_NOT_FOUND").with("map_id", map)
+        }
+        EngineError::MapExists { map } => {
+            parts(Code::AlreadyExists, "MAP_EXISTS").with("map_id", map)
+        }
+        EngineError::Poisoned { map } => {
+            parts(Code::FailedPrecondition, "MAP_POISONED").with("map_id", map)
+        }
+        EngineError::EpochFenced { map, client, epoch, newest: _ } => {
+            parts(Code::Aborted, "EPOCH_FENCED")
+                .with("map_id", map)
+                .with("client_id", client)
+                .with("epoch", epoch)
+        }
+        EngineError::OptimizationRunning { map } => {
+            parts(Code::Aborted, "OPTIMIZATION_RUNNING").with("map_id", map)
+        }
+        EngineError::Ceiling { map, limit, maximum: _ } => {
+            parts(Code::ResourceExhausted, "MAP_LIMIT")
+                .with("map_id", map)
+                .with("limit", limit)
+                .retry(RETRY_FULL)
+        }
+        EngineError::RevisionAhead { map, revision: _, newest: _ } => {
+            parts(Code::InvalidArgument, "OUT_OF_RANGE")
+                .violation("from_revision", "OUT_OF_RANGE", &message)
+                .with("map_id", map)
+        }
+        EngineError::Solve(SolveError::Threads { .. }) => bug(None, &message),
+        EngineError::Solve(SolveError::Empty(_)) => {
+            parts(Code::FailedPrecondition, "NOTHING_TO_SOLVE")
+        }
+        EngineError::Solve(error) => {
+            parts(Code::FailedPrecondition, wire_name(solve_reason(&error)))
+        }
+        EngineError::NothingToSolve { map } => {
+            parts(Code::FailedPrecondition, "NOTHING_TO_SOLVE").with("map_id", map)
+        }
+        EngineError::Cancelled { map } => parts(Code::Cancelled, "CANCELLED").with("map_id", map),
+        EngineError::ShuttingDown => draining(),
+        EngineError::Store(error) => store(error),
+        EngineError::Journal { map, error: _ } => bug(None, &message).with("map_id", map),
+        EngineError::Threads { count: _ } => bug(None, &message),
+        EngineError::Bug { id } => bug(Some(id), &message),
+    }
+}
+
+fn store(error: StoreError) -> Parts {
+    let message = error.to_string();
+    match error {
+        StoreError::UnknownMap { map } => {
+            Parts::new(Code::NotFound, "MAP_NOT_FOUND", message).with("map_id", map)
+        }
+        StoreError::MapExists { map } => {
+            Parts::new(Code::AlreadyExists, "MAP_EXISTS", message).with("map_id", map)
+        }
+        // The engine is the one writer of a journal: that it lost its place is a bug.
+        StoreError::Fenced { .. }
+        | StoreError::SequenceMismatch { .. }
+        | StoreError::Truncated { .. }
+        | StoreError::NoSnapshot { .. } => bug(None, &message),
+    }
+}
+
+fn unsolvable(field: &str, error: &SolveError) -> Parts {
+    if let SolveError::Threads { .. } = error {
+        return bug(None, &error.to_string());
+    }
+    let reason = wire_name(solve_reason(error));
+    let message = error.to_string();
+    Parts::new(Code::InvalidArgument, reason, message.clone()).violation(field, reason, &message)
+}
+
+fn draining() -> Parts {
+    let text = "the server is shutting down";
+    Parts::new(Code::Unavailable, "DRAINING", text).retry(RETRY_DRAINING)
+}
+
+/// A bug: the message names an entry of the log, which has the details.
+fn bug(id: Option<String>, details: &str) -> Parts {
+    let id = id.unwrap_or_else(|| {
+        let id = random_id();
+        tracing::error!(id, details, "a bug was hit");
+        id
+    });
+    let text = format!("a bug was hit, see {id} in the log");
+    Parts::new(Code::Internal, "BUG", text).with("id", id)
+}
+
+/// The wire's reason for a domain reason.
+pub(super) fn violation_reason(reason: Reason) -> ViolationReason {
+    match reason {
+        Reason::Missing => ViolationReason::Missing,
+        Reason::NotFinite => ViolationReason::NotFinite,
+        Reason::OutOfRange => ViolationReason::OutOfRange,
+        Reason::NotNormalized => ViolationReason::NotUnit,
+        Reason::NotPositiveDefinite => ViolationReason::NotPositiveDefinite,
+        Reason::WrongLength => ViolationReason::WrongLength,
+        Reason::UnknownReference => ViolationReason::UnknownReference,
+        Reason::AlreadyExists => ViolationReason::AlreadyExists,
+        Reason::Duplicate => ViolationReason::Duplicate,
+        Reason::ProjectionNotFinite => ViolationReason::NotProjectable,
+        Reason::Inconsistent => ViolationReason::Inconsistent,
+        Reason::UnknownValue => ViolationReason::UnknownValue,
+        Reason::Unimplemented => ViolationReason::Unimplemented,
+        Reason::TooLarge | Reason::Ceiling => ViolationReason::TooLarge,
+    }
+}
+
+/// The wire's reason for a problem that cannot be solved as posed.
+pub(super) fn solve_reason(error: &SolveError) -> ViolationReason {
+    match error {
+        SolveError::Empty(_) => ViolationReason::Missing,
+        SolveError::IndexOutOfRange { .. } => ViolationReason::UnknownReference,
+        SolveError::LengthMismatch { .. } => ViolationReason::WrongLength,
+        SolveError::NotFinite { .. } => ViolationReason::NotFinite,
+        SolveError::ResidualNotFinite { .. } => ViolationReason::NotProjectable,
+        SolveError::NotPositiveDefinite { .. } => ViolationReason::NotPositiveDefinite,
+        SolveError::Disconnected { .. } => ViolationReason::Disconnected,
+        SolveError::DuplicateId { .. } => ViolationReason::Duplicate,
+        SolveError::TooLarge { .. } => ViolationReason::TooLarge,
+        SolveError::InvalidOption { .. } | SolveError::Threads { .. } => {
+            ViolationReason::OutOfRange
+        }
+    }
+}
+
+fn reason_name(reason: Reason) -> &'static str {
+    wire_name(violation_reason(reason))
+}
+
+/// A reason's name without the enum's prefix.
+fn wire_name(reason: ViolationReason) -> &'static str {
+    let name = reason.as_str_name();
+    name.strip_prefix("VIOLATION_REASON_").unwrap_or(name)
+}

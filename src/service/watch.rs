@@ -1,0 +1,207 @@
+//! `WatchMap`: the steps of a map as deltas in parts of at most about 1 MiB.
+//!
+//! Entities come whole, read from the newest snapshot; what a step touched and the snapshot no longer
+//! holds is told as removed. A part is sent as soon as the next entity does not fit it, so that a
+//! large map is never encoded as a whole.
+
+use prost::Message;
+
+use super::context::{Context, Sink};
+use super::convert::entities::{
+    to_camera, to_client_frame, to_constraint, to_keyframe_pose, to_landmark, to_prior,
+};
+use super::convert::ids::{to_constraint_ref, to_keyframe_ref, to_landmark_ref};
+use super::convert::map::to_state;
+use super::engine::{MapHandle, MapState, Touched};
+use super::error::ServiceError;
+use super::listing::{ENTRY_OVERHEAD, MESSAGE_BYTES};
+use crate::map::{ClientIndex, Map};
+use crate::wire::v1;
+
+/// What a watcher wants.
+#[derive(Clone, Debug)]
+pub(super) struct Wanted {
+    /// The revision that it holds; absent for the full state.
+    pub from_revision: Option<i64>,
+    /// Whether landmarks are told.
+    pub landmarks: bool,
+    /// Whether constraints are told.
+    pub constraints: bool,
+}
+
+/// Sends deltas until the caller leaves, the map is deleted or the server drains.
+pub(super) async fn watch(
+    context: &Context,
+    map: &MapHandle,
+    wanted: &Wanted,
+    sink: &Sink<v1::WatchMapResponse>,
+) -> Result<(), ServiceError> {
+    let mut watch = map.watch(wanted.from_revision).await?;
+    if let Some(snapshot) = watch.reset.take() {
+        let header = Header {
+            reset: true,
+            base_revision: 0,
+            revision: snapshot.revision(),
+            state: watch.state,
+            uid: map.uid(),
+        };
+        send_delta(&header, &snapshot, &everything(&snapshot), wanted, sink).await?;
+    }
+    loop {
+        let change = tokio::select! {
+            change = watch.next() => change?,
+            () = context.drained() => return Err(ServiceError::Draining),
+        };
+        let header = Header {
+            reset: false,
+            base_revision: change.base_revision,
+            revision: change.revision,
+            state: change.state,
+            uid: map.uid(),
+        };
+        send_delta(&header, &change.snapshot, &change.touched, wanted, sink).await?;
+    }
+}
+
+/// What all parts of a delta repeat.
+struct Header<'a> {
+    reset: bool,
+    base_revision: i64,
+    revision: i64,
+    state: MapState,
+    uid: &'a str,
+}
+
+/// All that a map holds.
+fn everything(map: &Map) -> Touched {
+    Touched {
+        cameras: map.cameras().keys().copied().collect(),
+        keyframes: map.keyframes().keys().copied().collect(),
+        landmarks: map.landmarks().keys().copied().collect(),
+        constraints: map.constraints().keys().chain(map.priors().keys()).copied().collect(),
+        clients: (0u32..).zip(map.clients()).map(|(index, _)| ClientIndex(index)).collect(),
+    }
+}
+
+/// The part that is being filled.
+struct Parts<'a> {
+    header: &'a Header<'a>,
+    sink: &'a Sink<v1::WatchMapResponse>,
+    part: v1::MapDelta,
+    bytes: usize,
+    index: i32,
+}
+
+impl<'a> Parts<'a> {
+    fn new(header: &'a Header<'a>, sink: &'a Sink<v1::WatchMapResponse>) -> Self {
+        Self { header, sink, part: v1::MapDelta::default(), bytes: 0, index: 0 }
+    }
+
+    /// Makes room for an entry, sending the part when it is full, and returns where to put it.
+    async fn room(&mut self, entry: &impl Message) -> Result<&mut v1::MapDelta, ServiceError> {
+        let size = entry.encoded_len() + ENTRY_OVERHEAD;
+        if self.bytes > 0 && self.bytes + size > MESSAGE_BYTES {
+            self.send(false).await?;
+        }
+        self.bytes += size;
+        Ok(&mut self.part)
+    }
+
+    async fn send(&mut self, last_part: bool) -> Result<(), ServiceError> {
+        let delta = v1::MapDelta {
+            base_revision: self.header.base_revision,
+            revision: self.header.revision,
+            reset: self.header.reset,
+            part_index: self.index,
+            last_part,
+            state: to_state(self.header.state).into(),
+            map_uid: self.header.uid.to_owned(),
+            ..std::mem::take(&mut self.part)
+        };
+        self.index += 1;
+        self.bytes = 0;
+        self.sink.send(v1::WatchMapResponse { delta: Some(delta) }).await
+    }
+}
+
+async fn send_delta(
+    header: &Header<'_>,
+    map: &Map,
+    touched: &Touched,
+    wanted: &Wanted,
+    sink: &Sink<v1::WatchMapResponse>,
+) -> Result<(), ServiceError> {
+    let mut parts = Parts::new(header, sink);
+    for id in &touched.cameras {
+        if let Some(camera) = map.cameras().get(id) {
+            let camera = to_camera(map, *id, camera);
+            parts.room(&camera).await?.cameras.push(camera);
+        }
+    }
+    for id in &touched.keyframes {
+        match map.keyframes().get(id) {
+            Some(keyframe) => {
+                let pose = to_keyframe_pose(map, *id, keyframe);
+                parts.room(&pose).await?.keyframes.push(pose);
+            }
+            None => {
+                let gone = to_keyframe_ref(map, *id);
+                parts.room(&gone).await?.removed_keyframes.push(gone);
+            }
+        }
+    }
+    if wanted.landmarks {
+        landmarks(&mut parts, map, touched).await?;
+    }
+    if wanted.constraints {
+        constraints(&mut parts, map, touched).await?;
+    }
+    for &client in &touched.clients {
+        if let Some(frame) = to_client_frame(map, client) {
+            parts.room(&frame).await?.client_frames.push(frame);
+        }
+    }
+    parts.send(true).await
+}
+
+async fn landmarks(
+    parts: &mut Parts<'_>,
+    map: &Map,
+    touched: &Touched,
+) -> Result<(), ServiceError> {
+    for id in &touched.landmarks {
+        match map.landmarks().get(id) {
+            Some(landmark) => {
+                let landmark = to_landmark(map, *id, landmark);
+                parts.room(&landmark).await?.landmarks.push(landmark);
+            }
+            None => {
+                let gone = to_landmark_ref(map, *id);
+                parts.room(&gone).await?.removed_landmarks.push(gone);
+            }
+        }
+    }
+    Ok(())
+}
+
+async fn constraints(
+    parts: &mut Parts<'_>,
+    map: &Map,
+    touched: &Touched,
+) -> Result<(), ServiceError> {
+    for id in &touched.constraints {
+        let present = match (map.constraints().get(id), map.priors().get(id)) {
+            (Some(constraint), _) => Some(to_constraint(map, *id, constraint)),
+            (None, Some(prior)) => Some(to_prior(map, *id, prior)),
+            (None, None) => None,
+        };
+        match present {
+            Some(constraint) => parts.room(&constraint).await?.constraints.push(constraint),
+            None => {
+                let gone = to_constraint_ref(map, *id);
+                parts.room(&gone).await?.removed_constraints.push(gone);
+            }
+        }
+    }
+    Ok(())
+}

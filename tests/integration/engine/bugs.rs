@@ -1,0 +1,78 @@
+//! Bugs: a panic costs one map its writes, and nothing else.
+
+use covis::map::MapPolicy;
+use covis::service::engine::{EngineError, Fault, MapState, OptimizeOptions};
+use tokio::sync::mpsc;
+
+use super::{Client, Fixture};
+use crate::map_support::camera_item;
+
+async fn check_poisoned(fixture: &Fixture) {
+    let map = fixture.maps.get("house").unwrap();
+    let poisoned = EngineError::Poisoned { map: "house".to_owned() };
+    let refused = map.open_stream("robot".to_owned(), 0, false).await;
+    assert_eq!(refused.unwrap_err(), poisoned);
+    let (progress, _rows) = mpsc::channel(1);
+    let refused = map.optimize(OptimizeOptions::default(), progress).await;
+    assert_eq!(refused.unwrap_err(), poisoned);
+    let info = map.info().await.unwrap();
+    assert_eq!(info.state, MapState::Poisoned);
+    // Reads go on, watching too, and other maps do not notice.
+    let watch = map.watch(None).await.unwrap();
+    assert_eq!(watch.reset.unwrap().state_hash(), info.snapshot.state_hash());
+    fixture.maps.create("other", "", MapPolicy::default()).await.unwrap();
+    let other = fixture.maps.get("other").unwrap();
+    Client::open(&other).await;
+    fixture.maps.delete("house").await.unwrap();
+}
+
+#[tokio::test]
+async fn a_panic_in_a_solve_poisons_the_map() {
+    let fixture = Fixture::faulty(Fault::PanicInSolve).await;
+    let map = fixture.map(MapPolicy::default()).await;
+    let mut watch = map.watch(None).await.unwrap();
+    let mut client = Client::open(&map).await;
+    client.send_street(0..2).await;
+    assert!(matches!(client.end().await, EngineError::Bug { .. }));
+    let state = loop {
+        let change = watch.next().await.unwrap();
+        if change.state == MapState::Poisoned {
+            break change;
+        }
+    };
+    assert_eq!(state.snapshot.keyframes().len(), 2);
+    check_poisoned(&fixture).await;
+}
+
+#[tokio::test]
+async fn a_panic_in_an_optimization_is_answered_as_a_bug() {
+    let fixture = Fixture::faulty(Fault::PanicInSolve).await;
+    let map = fixture.map(MapPolicy { local_bundle: false, ..MapPolicy::default() }).await;
+    let mut client = Client::open(&map).await;
+    client.send_street(0..2).await;
+    client.finish().await;
+    let (progress, _rows) = mpsc::channel(1);
+    let outcome = map.optimize(OptimizeOptions::default(), progress).await;
+    assert!(matches!(outcome, Err(EngineError::Bug { .. })), "{outcome:?}");
+    check_poisoned(&fixture).await;
+}
+
+#[tokio::test]
+async fn a_panic_while_applying_leaves_the_last_whole_revision() {
+    let fixture = Fixture::faulty(Fault::PanicInEngine).await;
+    let map = fixture.map(MapPolicy::default()).await;
+    let mut client = Client::open(&map).await;
+    let before = map.snapshot().await.unwrap();
+    client.send(camera_item(0)).await;
+    assert!(matches!(client.end().await, EngineError::Bug { .. }));
+    let after = map.snapshot().await.unwrap();
+    assert_eq!(after.state_hash(), before.state_hash());
+    check_poisoned(&fixture).await;
+}
+
+#[tokio::test]
+async fn staged_failures_answer_calls_with_a_bug() {
+    let fixture = Fixture::faulty(Fault::FailCalls).await;
+    let outcome = fixture.maps.create("house", "", MapPolicy::default()).await;
+    assert!(matches!(outcome, Err(EngineError::Bug { .. })));
+}

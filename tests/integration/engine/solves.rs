@@ -1,0 +1,221 @@
+//! Solves beside the stream: coalesced, superseded, in lock-step, on request.
+
+use covis::map::{ConstraintKind, EntityRef, Item, ItemLandmark, Map, MapPolicy, SolveKind};
+use covis::service::engine::{AckStatus, EngineConfig, EngineError, OptimizeOptions, SolveReport};
+use covis_solvers::geometry::{LieGroup, Se3};
+use covis_solvers::optimizer::IterationSummary;
+use futures_util::FutureExt;
+use tokio::sync::mpsc;
+
+use super::{Blocker, Client, Fixture, noisy_keyframe, optimized};
+use crate::map_support::{
+    camera_item, corner, id, observe, pose_at, relative_pose, street_keyframe,
+};
+
+fn closure(item_id: i64, i: i64, j: i64) -> Item {
+    let measured: Se3 = pose_at((j - i) as f64);
+    relative_pose(item_id, ConstraintKind::LoopClosure, i, j, measured)
+}
+
+#[tokio::test]
+async fn windows_that_wait_are_joined() {
+    let fixture = Fixture::plain().await;
+    let map = fixture.map(MapPolicy::default()).await;
+    let mut client = Client::open(&map).await;
+    let blocker = Blocker::new(&fixture.maps).await;
+    client.send_street(0..5).await;
+    // RECEIVED does not wait for solves.
+    let mut acks = Vec::new();
+    while acks.len() < 7 {
+        acks.push(client.ack().await);
+    }
+    // The first keyframe alone is nothing to solve; the second one's window waits for the pool.
+    assert_eq!(optimized(&acks), [(2, 0)]);
+    drop(blocker);
+    assert_eq!(optimized(&client.finish().await), [(3, 1), (6, 2)]);
+    assert_eq!(fixture.solves().await, [SolveKind::LocalBundle; 2]);
+}
+
+#[tokio::test]
+async fn a_loop_closure_supersedes_the_running_window() {
+    let fixture = Fixture::plain().await;
+    let map = fixture.map(MapPolicy::default()).await;
+    let mut client = Client::open(&map).await;
+    let blocker = Blocker::new(&fixture.maps).await;
+    client.send_street(0..4).await;
+    let sequence = client.send(closure(1, 0, 3)).await;
+    client.received(sequence).await;
+    drop(blocker);
+    let acks = client.finish().await;
+    // Solve 1 is dropped, solve 2 the graph; its ack waits for the window, solved again as 3.
+    assert_eq!(optimized(&acks).last(), Some(&(6, 3)));
+    assert!(optimized(&acks).iter().all(|&(_, solve)| solve != 1 && solve != 2));
+    let solves = fixture.solves().await;
+    assert_eq!(solves, [SolveKind::PoseGraph, SolveKind::LocalBundle]);
+    assert_eq!(fixture.replayed().await.state_hash(), map.snapshot().await.unwrap().state_hash());
+}
+
+#[tokio::test]
+async fn a_loop_closure_pulls_the_keyframes_and_is_certified() {
+    let fixture = Fixture::lock_step().await;
+    let policy = MapPolicy { local_bundle: false, ..MapPolicy::default() };
+    let map = fixture.map(policy).await;
+    let mut client = Client::open(&map).await;
+    client.send_street(0..6).await;
+    client.received(7).await;
+    let before = map.snapshot().await.unwrap();
+    let drifted = pose_at(5.2);
+    client.send(relative_pose(1, ConstraintKind::LoopClosure, 0, 5, drifted)).await;
+    let acks = client.finish().await;
+    // Without local bundle adjustment the last keyframe has nothing to wait for.
+    assert_eq!(optimized(&acks), [(7, 0), (8, 1)]);
+    let Some(AckStatus::Optimized { outcome: SolveReport::Solved(certificate), .. }) =
+        acks.last().map(|a| &a.status)
+    else {
+        panic!("{acks:?}")
+    };
+    assert!(certificate.after.total < certificate.before.total);
+    assert_eq!((certificate.free_poses, certificate.fixed_poses), (5, 1));
+    let after = map.snapshot().await.unwrap();
+    let x = |m: &Map, k| m.keyframes()[&id(k)].world_from_camera.translation.x;
+    assert!((x(&after, 5) - 5.2).abs() < (x(&before, 5) - 5.2).abs());
+    // A landmark moves with its first observer.
+    let seen = id(65);
+    let moved = after.landmarks()[&seen].position != before.landmarks()[&seen].position;
+    assert!(moved);
+}
+
+/// The street with a closure and an optimization; the map's hash at the end.
+async fn lock_step_run(threads: usize) -> ([u8; 32], Vec<(i64, i64)>, u64) {
+    let config = EngineConfig { lock_step: true, ..EngineConfig::default() };
+    let fixture = Fixture::new(config, threads).await;
+    let map = fixture.map(MapPolicy::default()).await;
+    let mut client = Client::open(&map).await;
+    client.send_street(0..10).await;
+    client.send(closure(1, 0, 9)).await;
+    client.send(noisy_keyframe(10)).await;
+    let acks = client.finish().await;
+    let (progress, mut rows) = mpsc::channel::<IterationSummary>(4);
+    let reading = tokio::spawn(async move {
+        let mut costs = Vec::new();
+        while let Some(row) = rows.recv().await {
+            costs.push(row.cost);
+        }
+        costs
+    });
+    let outcome = map.optimize(OptimizeOptions::default(), progress).await.unwrap();
+    let costs = reading.await.unwrap();
+    let summary = &outcome.certificate.solve;
+    assert_eq!(costs, summary.iterations.iter().map(|i| i.cost).collect::<Vec<_>>());
+    assert!(summary.final_cost <= summary.initial_cost);
+    assert_eq!((outcome.counts.keyframes, outcome.counts.cameras), (11, 1));
+    let snapshot = map.snapshot().await.unwrap();
+    assert_eq!(snapshot.revision(), outcome.revision);
+    assert_eq!(fixture.replayed().await.state_hash(), snapshot.state_hash());
+    (snapshot.state_hash(), optimized(&acks), summary.final_cost.to_bits())
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn lock_step_gives_the_same_bits_at_any_thread_count() {
+    let one = lock_step_run(1).await;
+    // Each keyframe and the closure has an ack of its own, as nothing is joined.
+    assert_eq!(one.1.len(), 12);
+    assert_eq!(lock_step_run(2).await, one);
+    assert_eq!(lock_step_run(4).await, one);
+}
+
+#[tokio::test]
+async fn landmarks_without_position_are_triangulated() {
+    let fixture = Fixture::lock_step().await;
+    let map = fixture.map(MapPolicy::default()).await;
+    let mut client = Client::open(&map).await;
+    client.send(camera_item(0)).await;
+    for index in 0..2 {
+        let mut item = street_keyframe(index, pose_at(index as f64), &Map::new());
+        if let Item::Keyframe { landmarks, .. } = &mut item {
+            landmarks.iter_mut().for_each(|l| *l = ItemLandmark { id: l.id, position: None });
+        }
+        client.send(item).await;
+    }
+    client.finish().await;
+    let snapshot = map.snapshot().await.unwrap();
+    let landmarks = snapshot.landmarks();
+    let placed = landmarks.values().filter(|l| l.position.is_some()).count();
+    assert!(landmarks[&id(0)].observers.len() == 2 && placed >= 15, "{placed}");
+    let found = landmarks[&id(12)].position.unwrap();
+    assert!((found - corner(12)).norm() < 1e-3);
+}
+
+#[tokio::test]
+async fn more_observations_start_a_solve() {
+    let fixture = Fixture::lock_step().await;
+    let map = fixture.map(MapPolicy::default()).await;
+    let mut client = Client::open(&map).await;
+    client.send_street(0..4).await;
+    // Keyframe 3 begins with landmark 10.
+    let observations = [0, 1].map(|k| observe(k, &pose_at(3.0), &corner(k)));
+    let keyframe = EntityRef::own(3);
+    client.send(Item::Observations { keyframe, observations: observations.to_vec() }).await;
+    assert_eq!(optimized(&client.finish().await).last(), Some(&(6, 4)));
+}
+
+#[tokio::test]
+async fn a_canceled_optimization_leaves_the_map_as_it_was() {
+    let fixture = Fixture::plain().await;
+    let map = fixture.map(MapPolicy::default()).await;
+    let mut client = Client::open(&map).await;
+    client.send_street(0..6).await;
+    client.finish().await;
+    let before = map.snapshot().await.unwrap();
+    let blocker = Blocker::new(&fixture.maps).await;
+    let (progress, rows) = mpsc::channel(1);
+    let mut running = Box::pin(map.optimize(OptimizeOptions::default(), progress));
+    // Polled once, so that its request comes before the second one.
+    assert!((&mut running).now_or_never().is_none());
+    let (progress, _rows) = mpsc::channel(1);
+    let refused = map.optimize(OptimizeOptions::default(), progress).await.unwrap_err();
+    assert_eq!(refused, EngineError::OptimizationRunning { map: "house".to_owned() });
+    drop(rows);
+    drop(blocker);
+    let canceled = running.await.unwrap_err();
+    assert_eq!(canceled, EngineError::Cancelled { map: "house".to_owned() });
+    let after = map.snapshot().await.unwrap();
+    assert_eq!(after.state_hash(), before.state_hash());
+    assert_eq!(after.revision(), before.revision());
+}
+
+#[tokio::test]
+async fn keyframes_that_arrive_during_an_optimization_are_carried_along() {
+    let fixture = Fixture::plain().await;
+    let policy = MapPolicy { local_bundle: false, ..MapPolicy::default() };
+    let map = fixture.map(policy).await;
+    let mut client = Client::open(&map).await;
+    client.send_street(0..4).await;
+    client.received(5).await;
+    let blocker = Blocker::new(&fixture.maps).await;
+    let (progress, mut rows) = mpsc::channel(64);
+    let mut optimizing = Box::pin(map.optimize(OptimizeOptions::default(), progress));
+    assert!((&mut optimizing).now_or_never().is_none());
+    // The engine takes control messages before items.
+    let sequence = client.send(noisy_keyframe(4)).await;
+    client.received(sequence).await;
+    let start = map.snapshot().await.unwrap();
+    drop(blocker);
+    optimizing.await.unwrap();
+    assert!(rows.recv().await.is_some());
+    let after = map.snapshot().await.unwrap();
+    assert_eq!(fixture.solves().await, [SolveKind::Global]);
+    let pose = |m: &Map, k| m.keyframes()[&id(k)].world_from_camera;
+    let relative = |m: &Map| pose(m, 3).inverse().compose(&pose(m, 4));
+    assert_ne!(pose(&start, 4), pose(&after, 4));
+    assert!(relative(&start).minus(&relative(&after)).norm() < 1e-9);
+}
+
+#[tokio::test]
+async fn an_empty_map_holds_nothing_to_solve() {
+    let fixture = Fixture::plain().await;
+    let map = fixture.map(MapPolicy::default()).await;
+    let (progress, _rows) = mpsc::channel(1);
+    let outcome = map.optimize(OptimizeOptions::default(), progress).await;
+    assert_eq!(outcome.unwrap_err(), EngineError::NothingToSolve { map: "house".to_owned() });
+}

@@ -1,0 +1,186 @@
+//! `OptimizeMap`: iterations as they come, one revision, and the ends that its comment lists.
+
+use covis::wire::v1;
+use tonic::{Code, Status, Streaming};
+use v1::ingest_request::Item;
+use v1::optimize_map_response::Event;
+
+use crate::common::{LANDMARKS, Stream, TestServer, camera, check_field, check_status, run};
+
+fn optimize(map_id: &str) -> v1::OptimizeMapRequest {
+    v1::OptimizeMapRequest { map_id: map_id.to_owned(), ..Default::default() }
+}
+
+/// Runs `OptimizeMap` to its end.
+async fn optimized(
+    server: &TestServer,
+    request: v1::OptimizeMapRequest,
+) -> Result<(Vec<v1::IterationSummary>, v1::OptimizeMapResult), Status> {
+    let mut stream = server.optimization().optimize_map(request).await?.into_inner();
+    let mut rows = Vec::new();
+    while let Some(message) = stream.message().await? {
+        match message.event.expect("an event") {
+            Event::Iteration(row) => rows.push(row),
+            Event::Result(result) => {
+                assert!(stream.message().await?.is_none(), "the result comes last, once");
+                return Ok((rows, result));
+            }
+        }
+    }
+    panic!("the stream ended without a result");
+}
+
+#[test]
+fn optimize_map_streams_iterations_and_applies_the_result() {
+    run(async {
+        let server = TestServer::start().await;
+        let policy = v1::MapPolicy { local_bundle_adjustment: Some(false), ..Default::default() };
+        server.create_map_with("room", policy).await;
+        server.build_map("room", 5).await;
+        let request = v1::OptimizeMapRequest {
+            observation_loss: Some(v1::Loss { kind: v1::LossKind::Trivial.into(), width: None }),
+            ..optimize("room")
+        };
+        let (rows, result) = optimized(&server, request).await.unwrap();
+        let summary = result.summary.unwrap();
+        assert_eq!(rows.len() as i32, summary.iteration_count + 1);
+        assert_eq!((rows[0].iteration, rows[0].cost), (0, summary.initial_cost));
+        assert!(summary.final_cost < 1e-3 * summary.initial_cost);
+        assert_eq!((result.camera_count, result.keyframe_count), (1, 5));
+        assert_eq!((result.landmark_count, result.observation_count), (LANDMARKS, 5 * LANDMARKS));
+        let request = v1::GetMapRequest { map_id: "room".to_owned() };
+        let map = server.maps().get_map(request).await.unwrap().into_inner().map.unwrap();
+        assert_eq!(map.revision, result.revision);
+    });
+}
+
+#[test]
+fn optimize_map_refuses_what_it_cannot_solve() {
+    run(async {
+        let server = TestServer::start().await;
+        server.create_map("room").await;
+        let end = async |request| optimized(&server, request).await.unwrap_err();
+        check_status(&end(optimize("room")).await, Code::FailedPrecondition, "NOTHING_TO_SOLVE");
+        check_status(&end(optimize("none")).await, Code::NotFound, "MAP_NOT_FOUND");
+        check_field(&end(optimize("")).await, "map_id", "MISSING");
+        let cases: [(v1::OptimizeMapRequest, &str, &str); 6] = [
+            (
+                v1::OptimizeMapRequest { refine_intrinsics: true, ..optimize("room") },
+                "refine_intrinsics",
+                "UNIMPLEMENTED",
+            ),
+            (
+                v1::OptimizeMapRequest {
+                    problem: v1::MapProblem::PoseGraph.into(),
+                    ..optimize("room")
+                },
+                "problem",
+                "UNIMPLEMENTED",
+            ),
+            (v1::OptimizeMapRequest { problem: 9, ..optimize("room") }, "problem", "UNKNOWN_VALUE"),
+            (v1::OptimizeMapRequest { gauge: 9, ..optimize("room") }, "gauge", "UNKNOWN_VALUE"),
+            (
+                v1::OptimizeMapRequest {
+                    constraint_loss: Some(v1::Loss {
+                        kind: v1::LossKind::Huber.into(),
+                        width: Some(-1.0),
+                    }),
+                    ..optimize("room")
+                },
+                "constraint_loss.width",
+                "OUT_OF_RANGE",
+            ),
+            (
+                v1::OptimizeMapRequest {
+                    options: Some(v1::SolverOptions {
+                        max_iteration_count: Some(-1),
+                        ..Default::default()
+                    }),
+                    ..optimize("room")
+                },
+                "options.max_iteration_count",
+                "OUT_OF_RANGE",
+            ),
+        ];
+        for (request, field, reason) in cases {
+            check_field(&end(request).await, field, reason);
+        }
+    });
+}
+
+/// Takes the pool's one thread with the optimization of another map: what is asked for next waits.
+async fn occupy(server: &TestServer) -> Streaming<v1::OptimizeMapResponse> {
+    let policy = v1::MapPolicy { local_bundle_adjustment: Some(false), ..Default::default() };
+    server.create_map_with("hall", policy).await;
+    server.build_map("hall", 45).await;
+    let options = v1::SolverOptions {
+        max_iteration_count: Some(10_000),
+        function_tolerance: Some(0.0),
+        gradient_tolerance: Some(0.0),
+        parameter_tolerance: Some(0.0),
+        ..Default::default()
+    };
+    let request = v1::OptimizeMapRequest { options: Some(options), ..optimize("hall") };
+    let mut stream = server.optimization().optimize_map(request).await.unwrap().into_inner();
+    assert!(stream.message().await.unwrap().is_some(), "row 0: the solve runs");
+    stream
+}
+
+#[test]
+fn a_second_optimization_of_a_map_is_aborted() {
+    run(async {
+        let server = TestServer::start().await;
+        let policy = v1::MapPolicy { local_bundle_adjustment: Some(false), ..Default::default() };
+        server.create_map_with("room", policy).await;
+        server.build_map("room", 20).await;
+        let mut busy = occupy(&server).await;
+        let both = tokio::join!(
+            optimized(&server, optimize("room")),
+            optimized(&server, optimize("room")),
+        );
+        let errors: Vec<Status> = [both.0.err(), both.1.err()].into_iter().flatten().collect();
+        let [status] = errors.as_slice() else { panic!("one of the two: {errors:?}") };
+        check_status(status, Code::Aborted, "OPTIMIZATION_RUNNING");
+        while busy.message().await.unwrap().is_some() {}
+        // Once it has ended another one may run.
+        optimized(&server, optimize("room")).await.unwrap();
+    });
+}
+
+#[test]
+fn a_bug_in_optimize_map_is_internal_and_poisons_the_map() {
+    run(async {
+        let server = TestServer::with_fault("panic-in-solve").await;
+        let policy = v1::MapPolicy { local_bundle_adjustment: Some(false), ..Default::default() };
+        server.create_map_with("room", policy).await;
+        server.build_map("room", 2).await;
+        let status = optimized(&server, optimize("room")).await.unwrap_err();
+        check_status(&status, Code::Internal, "BUG");
+        let status = optimized(&server, optimize("room")).await.unwrap_err();
+        check_status(&status, Code::FailedPrecondition, "MAP_POISONED");
+    });
+}
+
+#[test]
+fn a_canceled_optimization_leaves_the_map_as_it_was() {
+    run(async {
+        let server = TestServer::start().await;
+        let policy = v1::MapPolicy { local_bundle_adjustment: Some(false), ..Default::default() };
+        server.create_map_with("room", policy).await;
+        server.build_map("room", 5).await;
+        let revision = async || {
+            let request = v1::GetMapRequest { map_id: "room".to_owned() };
+            server.maps().get_map(request).await.unwrap().into_inner().map.unwrap().revision
+        };
+        let before = revision().await;
+        let mut busy = occupy(&server).await;
+        let stream = server.optimization().optimize_map(optimize("room")).await.unwrap();
+        drop(stream);
+        while busy.message().await.unwrap().is_some() {}
+        // A stream of the same map still works, and so does another optimization.
+        let (mut stream, _) = Stream::open(&server, "room", "drone", 0).await;
+        stream.put(1, Item::Camera(camera(0))).await;
+        let after = revision().await;
+        assert_eq!(after, before + 2, "opening and the camera, no solve");
+    });
+}
