@@ -9,10 +9,12 @@
 //! | [`store`] | journal of a map's events |
 //! | [`service`] | the engine that owns a map, and the gRPC edge |
 //! | [`wire`] | generated from `proto/` |
-//! | `client` | what a Rust frontend links |
+//! | [`client`] | what a Rust frontend links |
 //! | [`evaluation`] | trajectory errors as evo defines them |
-//! | `cli` | one file a subcommand |
+//! | [`cli`] | one file a subcommand |
 
+pub mod cli;
+pub mod client;
 pub mod evaluation;
 pub mod map;
 pub mod service;

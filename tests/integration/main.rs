@@ -3,6 +3,10 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a failed unwrap is a failed test")]
 #![allow(clippy::print_stderr, reason = "a skipped test says so in one line")]
 
+mod cli_config;
+mod cli_eval;
+mod cli_solve;
+mod cli_support;
 mod common;
 mod engine;
 mod map_check;

@@ -1,0 +1,93 @@
+//! The `COVIS_*` variables: each setting's name in capitals, and `COVIS_CONFIG`.
+//!
+//! An empty variable counts as absent. `COVIS_TEST_*` belong to the tests and never warn;
+//! `COVIS_TEST_FAULT` reaches the server as [`super::Config::test_fault`].
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use super::{ConfigError, Layer};
+
+const PREFIX: &str = "COVIS_";
+const TEST_PREFIX: &str = "COVIS_TEST_";
+const TEST_FAULT: &str = "COVIS_TEST_FAULT";
+
+/// Variables by name, in order.
+#[derive(Clone, Debug, Default)]
+pub struct Environment {
+    variables: Vec<(String, String)>,
+}
+
+/// What the variables say.
+#[derive(Debug, Default)]
+pub(super) struct Variables {
+    /// The settings.
+    pub(super) layer: Layer,
+    /// `COVIS_CONFIG`.
+    pub(super) config: Option<PathBuf>,
+    /// `COVIS_TEST_FAULT`.
+    pub(super) test_fault: Option<String>,
+    /// One sentence for each variable that is not known.
+    pub(super) warnings: Vec<String>,
+}
+
+impl Environment {
+    /// The process' own variables.
+    #[must_use]
+    pub fn of_process() -> Self {
+        Self::new(std::env::vars_os())
+    }
+
+    /// Keeps those of `variables` whose name begins with `COVIS_` and whose value is not empty.
+    pub fn new(variables: impl IntoIterator<Item = (OsString, OsString)>) -> Self {
+        let text = |s: OsString| s.to_string_lossy().into_owned();
+        let mut variables: Vec<(String, String)> = variables
+            .into_iter()
+            .map(|(name, value)| (text(name), text(value)))
+            .filter(|(name, value)| name.starts_with(PREFIX) && !value.is_empty())
+            .collect();
+        variables.sort();
+        Self { variables }
+    }
+
+    pub(super) fn read(&self) -> Result<Variables, ConfigError> {
+        let mut out = Variables::default();
+        for (name, value) in &self.variables {
+            let layer = &mut out.layer;
+            match name.as_str() {
+                "COVIS_CONFIG" => out.config = Some(PathBuf::from(value)),
+                "COVIS_LISTEN" => layer.listen = Some(value.clone()),
+                "COVIS_SERVER" => layer.server = Some(value.clone()),
+                "COVIS_THREADS" => layer.threads = Some(number(name, value)?),
+                "COVIS_LOCK_STEP" => layer.lock_step = Some(flag(name, value)?),
+                "COVIS_MAX_MESSAGE_BYTES" => layer.max_message_bytes = Some(number(name, value)?),
+                "COVIS_MAX_CONCURRENT_STREAMS" => {
+                    layer.max_concurrent_streams = Some(number(name, value)?);
+                }
+                "COVIS_QUEUE_CAPACITY" => layer.queue_capacity = Some(number(name, value)?),
+                "COVIS_LOG" => layer.log = Some(value.clone()),
+                TEST_FAULT => out.test_fault = Some(value.clone()),
+                _ if name.starts_with(TEST_PREFIX) => {}
+                _ => out.warnings.push(format!("unknown environment variable {name} is ignored")),
+            }
+        }
+        Ok(out)
+    }
+}
+
+fn number<T: FromStr>(variable: &str, value: &str) -> Result<T, ConfigError> {
+    value.trim().parse().map_err(|_error| invalid(variable, value, "a whole number"))
+}
+
+fn flag(variable: &str, value: &str) -> Result<bool, ConfigError> {
+    match value.trim() {
+        "1" | "true" => Ok(true),
+        "0" | "false" => Ok(false),
+        _ => Err(invalid(variable, value, "true or false")),
+    }
+}
+
+fn invalid(variable: &str, value: &str, expected: &'static str) -> ConfigError {
+    ConfigError::Variable { variable: variable.to_owned(), value: value.to_owned(), expected }
+}

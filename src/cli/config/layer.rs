@@ -1,0 +1,116 @@
+//! One source's settings, each of them optional, and how a TOML file becomes them.
+//!
+//! An error names the file, the line and its text; defaults and ranges stand in [`super::Config`].
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+/// Settings of one source; the keys of `covis.toml` have these names.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Layer {
+    /// Address to listen on, `host:port`.
+    pub listen: Option<String>,
+    /// URL of the server that client commands talk to.
+    pub server: Option<String>,
+    /// Worker threads of a solve.
+    pub threads: Option<usize>,
+    /// Whether each solve finishes before the next item is taken.
+    pub lock_step: Option<bool>,
+    /// Largest message in bytes.
+    pub max_message_bytes: Option<usize>,
+    /// Most concurrent streams of one connection.
+    pub max_concurrent_streams: Option<u32>,
+    /// Items that may wait for a map's engine.
+    pub queue_capacity: Option<usize>,
+    /// Log level or directives.
+    pub log: Option<String>,
+}
+
+/// A configuration that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("{}: cannot be read", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is not TOML, holds an unknown key or a value of another type.
+    #[error("{}, line {line}: {reason} (`{text}`)", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong; an unknown key is named.
+        reason: String,
+        /// The line's text.
+        text: String,
+    },
+    /// A variable of the environment cannot be read as its setting.
+    #[error("environment variable {variable}: {expected} is needed, not `{value}`")]
+    Variable {
+        /// Its name.
+        variable: String,
+        /// Its value.
+        value: String,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// A setting is out of its range.
+    #[error("setting {key}: {reason}")]
+    OutOfRange {
+        /// The setting.
+        key: &'static str,
+        /// What it must be.
+        reason: &'static str,
+    },
+}
+
+impl Layer {
+    /// Reads a TOML file.
+    ///
+    /// # Errors
+    /// [`ConfigError::Read`] and [`ConfigError::File`].
+    pub fn read(path: &Path) -> Result<Self, ConfigError> {
+        let text = fs_err::read_to_string(path)
+            .map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        Self::parse(&text, path)
+    }
+
+    /// Parses a TOML text; `path` names it in errors.
+    ///
+    /// # Errors
+    /// [`ConfigError::File`] with the line.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        toml::from_str(text).map_err(|error| {
+            let offset = error.span().map_or(0, |span| span.start.min(text.len()));
+            let line = 1 + text.bytes().take(offset).filter(|&b| b == b'\n').count();
+            ConfigError::File {
+                path: path.to_owned(),
+                line,
+                reason: error.message().to_owned(),
+                text: text.lines().nth(line - 1).unwrap_or_default().trim().to_owned(),
+            }
+        })
+    }
+
+    /// These settings where they are given, else those of `lower`.
+    #[must_use]
+    pub fn over(self, lower: Self) -> Self {
+        Self {
+            listen: self.listen.or(lower.listen),
+            server: self.server.or(lower.server),
+            threads: self.threads.or(lower.threads),
+            lock_step: self.lock_step.or(lower.lock_step),
+            max_message_bytes: self.max_message_bytes.or(lower.max_message_bytes),
+            max_concurrent_streams: self.max_concurrent_streams.or(lower.max_concurrent_streams),
+            queue_capacity: self.queue_capacity.or(lower.queue_capacity),
+            log: self.log.or(lower.log),
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! The configuration: flags over `COVIS_*` environment over `covis.toml` over defaults.
+//!
+//! Each source fills a [`Layer`] of optional settings; [`Config::load`] lays them over one another
+//! and checks the result. `covis.toml` is read from the working folder, or from where `--config` or
+//! `COVIS_CONFIG` says. A key that is not known is an error in the file (with its line), and a
+//! warning in the environment, where a neighbor's variable may stray in.
+
+mod environment;
+mod layer;
+#[cfg(test)]
+mod tests;
+
+use std::path::{Path, PathBuf};
+
+pub use environment::Environment;
+pub use layer::{ConfigError, Layer};
+
+/// The file that is read when no other is named.
+const DEFAULT_FILE: &str = "covis.toml";
+
+/// Smallest message limit: every stream needs room for its control messages.
+const LEAST_MESSAGE_BYTES: usize = 4096;
+
+/// What the program runs with.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Config {
+    /// Address that `serve` listens on, `host:port`; port 0 takes a free one (127.0.0.1:7411).
+    pub listen: String,
+    /// URL of the server that client commands talk to (http://127.0.0.1:7411).
+    pub server: String,
+    /// Worker threads of a solve; at least 1 (one per processor).
+    pub threads: usize,
+    /// Whether each solve finishes before the next item of a stream is taken (no).
+    pub lock_step: bool,
+    /// Largest message in bytes, in and out (4 MiB).
+    pub max_message_bytes: usize,
+    /// Most concurrent streams of one connection (64).
+    pub max_concurrent_streams: u32,
+    /// Items that may wait for a map's engine before a stream is slowed down (64).
+    pub queue_capacity: usize,
+    /// Log level, or directives of `tracing-subscriber` (info).
+    pub log: String,
+    /// Name of a fault that the server is to commit, from `COVIS_TEST_FAULT`; for tests only.
+    pub test_fault: Option<String>,
+}
+
+impl Config {
+    /// Lays `flags` over `environment` over the file over the defaults. `file` is what `--config`
+    /// names. Returns the warnings as well, one sentence each.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the source, the key and, in a file, the line.
+    pub fn load(
+        flags: Layer,
+        file: Option<PathBuf>,
+        environment: Environment,
+    ) -> Result<(Self, Vec<String>), ConfigError> {
+        let variables = environment.read()?;
+        let file = match file.or(variables.config) {
+            Some(path) => Layer::read(&path)?,
+            None if Path::new(DEFAULT_FILE).is_file() => Layer::read(Path::new(DEFAULT_FILE))?,
+            None => Layer::default(),
+        };
+        let layer = flags.over(variables.layer).over(file);
+        let config = Self { test_fault: variables.test_fault, ..Self::from_layer(layer) };
+        config.check()?;
+        Ok((config, variables.warnings))
+    }
+
+    fn from_layer(layer: Layer) -> Self {
+        let processors = || std::thread::available_parallelism().map_or(1, usize::from);
+        Self {
+            listen: layer.listen.unwrap_or_else(|| "127.0.0.1:7411".to_owned()),
+            server: layer.server.unwrap_or_else(|| "http://127.0.0.1:7411".to_owned()),
+            threads: layer.threads.unwrap_or_else(processors),
+            lock_step: layer.lock_step.unwrap_or(false),
+            max_message_bytes: layer.max_message_bytes.unwrap_or(4 * 1024 * 1024),
+            max_concurrent_streams: layer.max_concurrent_streams.unwrap_or(64),
+            queue_capacity: layer.queue_capacity.unwrap_or(64),
+            log: layer.log.unwrap_or_else(|| "info".to_owned()),
+            test_fault: None,
+        }
+    }
+
+    fn check(&self) -> Result<(), ConfigError> {
+        let out_of_range = |key, reason| Err(ConfigError::OutOfRange { key, reason });
+        let port = self.listen.rsplit_once(':').and_then(|(_, port)| port.parse::<u16>().ok());
+        if port.is_none() {
+            return out_of_range("listen", "must be host:port, for instance 127.0.0.1:7411");
+        }
+        if self.threads == 0 {
+            return out_of_range("threads", "must be at least 1");
+        }
+        if self.max_message_bytes < LEAST_MESSAGE_BYTES {
+            return out_of_range("max_message_bytes", "must be at least 4096");
+        }
+        if self.max_concurrent_streams == 0 {
+            return out_of_range("max_concurrent_streams", "must be at least 1");
+        }
+        if self.queue_capacity == 0 {
+            return out_of_range("queue_capacity", "must be at least 1");
+        }
+        // A bare word that is no level would be taken for a module's name and silence everything.
+        let levels = ["off", "error", "warn", "info", "debug", "trace"];
+        let directives = self.log.contains(['=', ',', '[']);
+        if !directives && !levels.contains(&self.log.to_ascii_lowercase().as_str()) {
+            return out_of_range(
+                "log",
+                "must be off, error, warn, info, debug, trace or directives",
+            );
+        }
+        Ok(())
+    }
+}

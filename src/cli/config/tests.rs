@@ -1,0 +1,80 @@
+//! Precedence of the sources and what each of them refuses.
+
+use std::ffi::OsString;
+use std::io::Write;
+use std::path::Path;
+
+use super::{Config, Environment, Layer};
+
+fn environment(variables: &[(&str, &str)]) -> Environment {
+    Environment::new(variables.iter().map(|&(k, v)| (OsString::from(k), OsString::from(v))))
+}
+
+fn file(text: &str) -> tempfile::NamedTempFile {
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    file.write_all(text.as_bytes()).unwrap();
+    file
+}
+
+#[test]
+fn flags_win_over_environment_over_file_over_defaults() {
+    let file = file("listen = \"[::1]:1\"\nthreads = 2\nlog = \"warn\"\nlock_step = true\n");
+    let variables = [("COVIS_THREADS", "3"), ("COVIS_LISTEN", "host:2"), ("COVIS_LOG", "")];
+    let flags = Layer { threads: Some(4), ..Layer::default() };
+    let path = Some(file.path().to_owned());
+    let (config, warnings) = Config::load(flags, path, environment(&variables)).unwrap();
+    assert_eq!((config.threads, config.listen.as_str()), (4, "host:2"));
+    assert_eq!((config.log.as_str(), config.lock_step), ("warn", true));
+    assert_eq!(config.max_message_bytes, 4 * 1024 * 1024);
+    assert_eq!(warnings, Vec::<String>::new());
+}
+
+#[test]
+fn the_environment_may_name_the_file() {
+    let file = file("queue_capacity = 7\n");
+    let path = file.path().to_str().unwrap();
+    let environment = environment(&[("COVIS_CONFIG", path)]);
+    let (config, _) = Config::load(Layer::default(), None, environment).unwrap();
+    assert_eq!(config.queue_capacity, 7);
+}
+
+#[test]
+fn an_unknown_variable_warns_and_a_switch_of_the_tests_does_not() {
+    let variables = [("COVIS_THREDS", "3"), ("COVIS_TEST_DATA", "x"), ("COVIS_TEST_FAULT", "f")];
+    let (config, warnings) = Config::load(Layer::default(), None, environment(&variables)).unwrap();
+    assert_eq!(warnings, ["unknown environment variable COVIS_THREDS is ignored"]);
+    assert_eq!(config.test_fault.as_deref(), Some("f"));
+}
+
+#[test]
+fn a_file_that_cannot_be_used_is_named_with_the_line() {
+    let check = |text: &str, parts: &[&str]| {
+        let message = Layer::parse(text, Path::new("covis.toml")).unwrap_err().to_string();
+        for part in parts {
+            assert!(message.contains(part), "`{part}` in `{message}`");
+        }
+        assert!(!message.contains('\n'), "{message}");
+    };
+    check("threads = 2\n\nthreds = 3\n", &["covis.toml, line 3", "threds"]);
+    check("threads = \"two\"\n", &["line 1", "threads"]);
+    check("threads = 2\nlisten = \n", &["line 2", "listen"]);
+    check("threads = 2\nthreads = 3\n", &["line 2", "threads"]);
+    check("[server]\nurl = 1\n", &["line 1", "server"]);
+}
+
+#[test]
+fn values_out_of_range_name_their_setting() {
+    let check = |variables: &[(&str, &str)], part: &str| {
+        let loaded = Config::load(Layer::default(), None, environment(variables));
+        let message = loaded.unwrap_err().to_string();
+        assert!(message.contains(part), "`{part}` in `{message}`");
+    };
+    check(&[("COVIS_THREADS", "many")], "COVIS_THREADS");
+    check(&[("COVIS_THREADS", "0")], "setting threads");
+    check(&[("COVIS_LOCK_STEP", "perhaps")], "COVIS_LOCK_STEP");
+    check(&[("COVIS_LISTEN", "here")], "setting listen");
+    check(&[("COVIS_LOG", "inof")], "setting log");
+    check(&[("COVIS_MAX_MESSAGE_BYTES", "12")], "setting max_message_bytes");
+    let missing = Config::load(Layer::default(), Some("no/such.toml".into()), environment(&[]));
+    assert!(missing.unwrap_err().to_string().contains("no/such.toml"));
+}

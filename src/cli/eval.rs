@@ -1,0 +1,159 @@
+//! `covis eval`: the errors of a TUM trajectory against the truth, as evo counts them.
+//!
+//! The figures agree with `evo_ape tum … -a` and `evo_rpe tum …`. All mathematics stands in
+//! [`crate::evaluation`].
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::Context;
+use covis_solvers::io::trajectory::Trajectory;
+use serde::Serialize;
+
+use super::output::print;
+use crate::evaluation::{self, Evaluation, Statistics};
+
+/// Arguments of `covis eval`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    #[command(subcommand)]
+    metric: Metric,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Metric {
+    /// Absolute pose error after SE(3) alignment.
+    Ape(Files),
+    /// Relative pose error from one matched pose to the next.
+    Rpe(Files),
+}
+
+#[derive(Debug, clap::Args)]
+struct Files {
+    /// The true trajectory: lines `timestamp tx ty tz qx qy qz qw`.
+    truth: PathBuf,
+    /// The estimated trajectory, in a frame of its own.
+    estimate: PathBuf,
+    /// Timestamps match within this many seconds.
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.01, value_parser = time_difference)]
+    max_time_difference: f64,
+    /// Print one JSON object instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+fn time_difference(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        Ok(_) | Err(_) => Err("must be a number of seconds, finite and not negative".to_owned()),
+    }
+}
+
+/// The object of `--json`. evo's default, the translation, also stands at the top level.
+#[derive(Debug, Serialize)]
+struct Document {
+    metric: &'static str,
+    truth_poses: usize,
+    estimate_poses: usize,
+    pairs: usize,
+    #[serde(flatten)]
+    default: Figures,
+    translation_m: Figures,
+    angle_deg: Figures,
+    rotation_part: Figures,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    alignment: Option<Alignment>,
+}
+
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Figures {
+    values: usize,
+    rmse: f64,
+    mean: f64,
+    median: f64,
+    std: f64,
+    min: f64,
+    max: f64,
+    sse: f64,
+}
+
+/// `truth_from_estimate`.
+#[derive(Debug, Serialize)]
+struct Alignment {
+    rotation: [[f64; 3]; 3],
+    translation: [f64; 3],
+}
+
+impl From<&Statistics> for Figures {
+    fn from(s: &Statistics) -> Self {
+        let Statistics { count, rmse, mean, median, std, min, max, sse } = *s;
+        Self { values: count, rmse, mean, median, std, min, max, sse }
+    }
+}
+
+/// Reads both files, compares, prints.
+pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let (metric, files) = match &args.metric {
+        Metric::Ape(files) => ("ape", files),
+        Metric::Rpe(files) => ("rpe", files),
+    };
+    let truth = Trajectory::read(&files.truth)?;
+    let estimate = Trajectory::read(&files.estimate)?;
+    let compare = if metric == "ape" { evaluation::ape } else { evaluation::rpe };
+    let result = compare(&truth, &estimate, files.max_time_difference)
+        .with_context(|| format!("{} and {}", files.truth.display(), files.estimate.display()))?;
+    let poses = (truth.len(), estimate.len());
+    if files.json {
+        print(serde_json::to_string(&document(metric, poses, &result))?)?;
+    } else {
+        print(table(metric, poses, &result))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn document(metric: &'static str, poses: (usize, usize), result: &Evaluation) -> Document {
+    let motion = &result.truth_from_estimate;
+    let matrix = motion.rotation.matrix();
+    let alignment = Alignment {
+        rotation: [0, 1, 2].map(|row| [0, 1, 2].map(|column| matrix[(row, column)])),
+        translation: motion.translation.into(),
+    };
+    Document {
+        metric,
+        truth_poses: poses.0,
+        estimate_poses: poses.1,
+        pairs: result.pairs,
+        default: (&result.translation_m).into(),
+        translation_m: (&result.translation_m).into(),
+        angle_deg: (&result.angle_deg).into(),
+        rotation_part: (&result.rotation_part).into(),
+        alignment: (metric == "ape").then_some(alignment),
+    }
+}
+
+fn table(metric: &str, poses: (usize, usize), result: &Evaluation) -> String {
+    let title = match metric {
+        "ape" => "absolute pose error, SE(3) aligned",
+        _ => "relative pose error, one matched pose to the next",
+    };
+    let mut text = format!(
+        "{title}\n{} pairs of {} true and {} estimated poses\n\n{:>8}  {:>16}  {:>14}",
+        result.pairs, poses.0, poses.1, "", "translation (m)", "rotation (deg)"
+    );
+    let columns = (Figures::from(&result.translation_m), Figures::from(&result.angle_deg));
+    let rows = |f: Figures| {
+        [
+            ("rmse", f.rmse),
+            ("mean", f.mean),
+            ("median", f.median),
+            ("std", f.std),
+            ("min", f.min),
+            ("max", f.max),
+            ("sse", f.sse),
+        ]
+    };
+    for ((name, translation), (_, angle)) in rows(columns.0).into_iter().zip(rows(columns.1)) {
+        text.push_str(&format!("\n{name:>8}  {translation:>16.6}  {angle:>14.6}"));
+    }
+    text
+}

@@ -1,0 +1,94 @@
+//! The command line: one file a subcommand.
+//!
+//! [`run`] parses the arguments, layers the configuration (flags over `COVIS_*` environment over
+//! `covis.toml` over defaults), starts logging and hands over to the subcommand. Exit codes: 0 for
+//! success, 1 for a failure with one line on standard error, 2 for wrong usage. No mathematics here.
+
+pub mod config;
+pub mod demo;
+mod eval;
+mod logging;
+pub mod map;
+pub mod output;
+pub mod progress;
+pub mod replay;
+mod serve;
+mod solve;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use config::{Config, Environment, Layer};
+
+/// An optimization-centric SLAM backend: keyframes in over gRPC, optimized maps out.
+#[derive(Debug, Parser)]
+#[command(name = "covis", version, about, max_term_width = 100)]
+struct Cli {
+    /// Configuration file instead of ./covis.toml [env: COVIS_CONFIG].
+    #[arg(long, global = true, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Log level (off, error, warn, info, debug, trace) or a list of directives [env: COVIS_LOG].
+    #[arg(long, global = true, value_name = "LEVEL")]
+    log: Option<String>,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Serve maps over gRPC until SIGTERM or ctrl-c.
+    Serve(serve::Args),
+    /// Stream a BAL file or a COLMAP folder to a server, as a frontend would, then optimize the map.
+    Replay(replay::Args),
+    /// Solve a file: bundle adjustment or pose graph.
+    Solve(solve::Args),
+    /// List, show, delete or export the maps of a server.
+    Map(map::Args),
+    /// Compare trajectories: absolute (APE) or relative pose error (RPE).
+    Eval(eval::Args),
+    /// Run a whole session on a synthetic scene, server included.
+    Demo(demo::Args),
+}
+
+impl Command {
+    /// The settings that this command's flags override.
+    fn layer(&self) -> Layer {
+        match self {
+            Self::Serve(args) => args.layer(),
+            Self::Solve(args) => args.layer(),
+            Self::Replay(_) | Self::Map(_) | Self::Eval(_) | Self::Demo(_) => Layer::default(),
+        }
+    }
+}
+
+/// Runs the program with the process' arguments and environment.
+#[must_use]
+pub fn run() -> ExitCode {
+    match Cli::try_parse() {
+        Ok(cli) => output::exit_code(dispatch(cli)),
+        Err(error) => {
+            // Help and version go to standard output and are a success; wrong usage is 2.
+            let _ = error.print();
+            ExitCode::from(u8::try_from(error.exit_code()).unwrap_or(2))
+        }
+    }
+}
+
+fn dispatch(cli: Cli) -> anyhow::Result<ExitCode> {
+    let flags = Layer { log: cli.log, ..cli.command.layer() };
+    let (config, warnings) = Config::load(flags, cli.config, Environment::of_process())?;
+    logging::start(&config.log)?;
+    for warning in warnings {
+        tracing::warn!("{warning}");
+    }
+    match cli.command {
+        Command::Serve(args) => serve::run(args, &config),
+        Command::Replay(args) => replay::run(args, &config),
+        Command::Solve(args) => solve::run(args, &config),
+        Command::Map(args) => map::run(args, &config),
+        Command::Eval(args) => eval::run(&args),
+        Command::Demo(args) => demo::run(args, &config),
+    }
+}

@@ -1,0 +1,70 @@
+//! Standard output for people and scripts, and how the program ends.
+//!
+//! All of the cli's output goes through [`print`], so that a reader that closes the pipe early
+//! (`covis … | head`) ends the program quietly and successfully, and only it: a broken connection
+//! to a server stays an error. Exit codes: 0 success, 1 failure, 2 wrong usage.
+
+use std::fmt::Display;
+use std::io::{self, Write};
+use std::process::ExitCode;
+
+/// The reader of standard output went away; not a failure.
+#[derive(Debug, thiserror::Error)]
+#[error("standard output was closed")]
+pub struct ClosedPipe;
+
+/// Writes one line (or several) to standard output and flushes it.
+///
+/// # Errors
+/// [`ClosedPipe`] where the reader has gone; any other error of the system.
+pub fn print(text: impl Display) -> anyhow::Result<()> {
+    let mut out = io::stdout().lock();
+    match writeln!(out, "{text}").and_then(|()| out.flush()) {
+        Ok(()) => Ok(()),
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Err(ClosedPipe.into()),
+        Err(error) => Err(anyhow::Error::new(error).context("standard output")),
+    }
+}
+
+/// Turns a command's result into an exit code; an error becomes one line on standard error.
+pub(super) fn exit_code(result: anyhow::Result<ExitCode>) -> ExitCode {
+    match result {
+        Ok(code) => code,
+        Err(error) if error.is::<ClosedPipe>() => ExitCode::SUCCESS,
+        Err(error) => {
+            // Nothing can be told when standard error is gone as well.
+            let _ = writeln!(io::stderr(), "error: {}", one_line(&error));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// The chain of causes, outermost first. A cause that its parent's text ends with is not repeated.
+fn one_line(error: &anyhow::Error) -> String {
+    let mut line = String::new();
+    for cause in error.chain() {
+        let text = cause.to_string().replace('\n', " ");
+        if line.is_empty() {
+            line = text;
+        } else if !line.ends_with(&text) {
+            line.push_str(": ");
+            line.push_str(&text);
+        }
+    }
+    line
+}
+
+#[cfg(test)]
+mod tests {
+    use anyhow::anyhow;
+
+    use super::one_line;
+
+    #[test]
+    fn the_chain_of_causes_is_one_line_without_repetitions() {
+        let error = anyhow!("no such file").context("cannot be read: no such file");
+        assert_eq!(one_line(&error), "cannot be read: no such file");
+        let error = anyhow!("line 3:\nbad").context("map.txt");
+        assert_eq!(one_line(&error), "map.txt: line 3: bad");
+    }
+}

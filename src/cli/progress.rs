@@ -1,0 +1,67 @@
+//! Progress of a long command: a bar on a terminal, a log line every tenth otherwise.
+//!
+//! Everything goes to standard error, so that `--json` on standard output stays clean.
+
+use std::io::IsTerminal;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// How many log lines a whole run writes where there is no terminal.
+const LOG_LINES: u64 = 10;
+
+/// A count that goes up to a total.
+#[derive(Debug)]
+pub struct Progress {
+    label: &'static str,
+    total: u64,
+    done: u64,
+    bar: Option<ProgressBar>,
+}
+
+impl Progress {
+    /// Starts at 0 of `total`; `label` says what is counted, for instance `keyframes`.
+    #[must_use]
+    pub fn new(label: &'static str, total: u64) -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::new(total);
+            let template = "{prefix} [{bar:30}] {pos}/{len} {elapsed} {msg}";
+            if let Ok(style) = ProgressStyle::with_template(template) {
+                bar.set_style(style.progress_chars("=> "));
+            }
+            bar.set_prefix(label);
+            bar
+        });
+        Self { label, total, done: 0, bar }
+    }
+
+    /// Counts `count` more.
+    pub fn advance(&mut self, count: u64) {
+        let before = self.done;
+        self.done = self.done.saturating_add(count);
+        match &self.bar {
+            Some(bar) => bar.set_position(self.done),
+            None if self.tenths(before) < self.tenths(self.done) => {
+                tracing::info!("{}: {} of {}", self.label, self.done, self.total);
+            }
+            None => {}
+        }
+    }
+
+    /// Shows a short text beside the bar.
+    pub fn message(&self, text: &str) {
+        if let Some(bar) = &self.bar {
+            bar.set_message(text.to_owned());
+        }
+    }
+
+    /// Ends the display and leaves the line standing.
+    pub fn finish(self) {
+        if let Some(bar) = &self.bar {
+            bar.finish();
+        }
+    }
+
+    fn tenths(&self, done: u64) -> u64 {
+        done.min(self.total).saturating_mul(LOG_LINES) / self.total.max(1)
+    }
+}

@@ -1,0 +1,190 @@
+//! `covis solve bundle`: a BAL file or a COLMAP folder.
+//!
+//! Minimizes ½ Σ ρ(‖predicted − measured‖²) in px² over every observation, also those behind their
+//! camera. The gauge is free, as in Ceres' bundle adjuster: the damping holds it.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::Context;
+use covis_solvers::bundle_adjustment::{self, LinearSolver};
+use covis_solvers::io::IoError;
+use covis_solvers::io::bal::BalFile;
+use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel, ColmapProblem};
+use covis_solvers::optimizer::{self, Termination};
+use serde::Serialize;
+
+use super::Shared;
+use super::report::{Details, Report};
+use crate::cli::config::Config;
+
+/// Arguments of `covis solve bundle`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// A BAL file, or a folder with a COLMAP sparse model (text or binary).
+    #[arg(value_name = "FILE")]
+    input: PathBuf,
+    #[command(flatten)]
+    pub(super) shared: Shared,
+    /// Hold focal lengths, distortion and principal points fixed.
+    #[arg(long)]
+    fix_intrinsics: bool,
+    /// How the reduced camera system is stored and factored.
+    #[arg(long, value_name = "SOLVER", value_enum, default_value_t = SolverName::Auto)]
+    linear_solver: SolverName,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum SolverName {
+    Auto,
+    DenseSchur,
+    SparseSchur,
+}
+
+impl From<SolverName> for LinearSolver {
+    fn from(name: SolverName) -> Self {
+        match name {
+            SolverName::Auto => Self::Auto,
+            SolverName::DenseSchur => Self::DenseSchur,
+            SolverName::SparseSchur => Self::SparseSchur,
+        }
+    }
+}
+
+impl From<LinearSolver> for SolverName {
+    fn from(solver: LinearSolver) -> Self {
+        match solver {
+            LinearSolver::Auto => Self::Auto,
+            LinearSolver::DenseSchur => Self::DenseSchur,
+            LinearSolver::SparseSchur => Self::SparseSchur,
+        }
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct BundleDetails {
+    problem: &'static str,
+    format: &'static str,
+    linear_solver: SolverName,
+    fixed_intrinsics: bool,
+    poses: usize,
+    cameras: usize,
+    landmarks: usize,
+    observations: usize,
+    behind_camera_observations: usize,
+}
+
+impl Details for BundleDetails {
+    fn lines(&self) -> Vec<(&'static str, String)> {
+        let solver = match self.linear_solver {
+            SolverName::Auto => "auto",
+            SolverName::DenseSchur => "dense-schur",
+            SolverName::SparseSchur => "sparse-schur",
+        };
+        let size = format!(
+            "{} poses, {} cameras{}, {} landmarks, {} observations",
+            self.poses,
+            self.cameras,
+            if self.fixed_intrinsics { " (fixed)" } else { "" },
+            self.landmarks,
+            self.observations
+        );
+        vec![
+            ("linear solver", solver.to_owned()),
+            ("problem", size),
+            ("behind camera", format!("{} observations", self.behind_camera_observations)),
+        ]
+    }
+}
+
+/// Reads, solves, writes, reports.
+pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
+    let shared = &args.shared;
+    let mut source = Source::read(&args.input)?;
+    let start = Instant::now();
+    let name = || args.input.display().to_string();
+    let mut solved = source.to_problem().with_context(name)?;
+    let problem = &mut solved.problem;
+    problem.observation_loss = shared.loss;
+    if args.fix_intrinsics {
+        problem.constant_cameras.fill(true);
+    }
+    let options = bundle_adjustment::Options {
+        optimizer: optimizer::Options {
+            max_iterations: shared.max_iterations,
+            threads: Some(config.threads),
+            ..optimizer::Options::default()
+        },
+        linear_solver: args.linear_solver.into(),
+    };
+    let mut report = Report::start(shared.json, start.elapsed())?;
+    let mut observer = |row: &optimizer::IterationSummary| report.observe(row);
+    let summary = bundle_adjustment::solve(problem, &options, &mut observer).with_context(name)?;
+    let details = BundleDetails {
+        problem: "bundle",
+        format: source.format(),
+        linear_solver: summary.linear_solver.into(),
+        fixed_intrinsics: args.fix_intrinsics,
+        poses: problem.poses.len(),
+        cameras: problem.cameras.len(),
+        landmarks: problem.landmarks.len(),
+        observations: problem.observation_count(),
+        behind_camera_observations: summary.behind_camera,
+    };
+    report.check_reader()?;
+    if let Some(out) = &shared.out {
+        source.write(&solved, out)?;
+    }
+    report.finish(&summary.solve, &details)?;
+    Ok(summary.solve.termination)
+}
+
+/// The input's own numbers, so that it can be written back with all that the problem leaves out.
+enum Source {
+    Bal(BalFile),
+    Colmap(ColmapModel, ColmapEncoding),
+}
+
+impl Source {
+    fn read(path: &Path) -> Result<Self, IoError> {
+        if !path.is_dir() {
+            return Ok(Self::Bal(BalFile::read(path)?));
+        }
+        let model = ColmapModel::read(path)?;
+        let binary = path.join(ColmapEncoding::Binary.file_names()[0]).is_file();
+        let encoding = if binary { ColmapEncoding::Binary } else { ColmapEncoding::Text };
+        Ok(Self::Colmap(model, encoding))
+    }
+
+    fn format(&self) -> &'static str {
+        match self {
+            Self::Bal(_) => "bal",
+            Self::Colmap(_, ColmapEncoding::Text) => "colmap-text",
+            Self::Colmap(_, ColmapEncoding::Binary) => "colmap-binary",
+        }
+    }
+
+    /// The problem; a BAL file leaves the ids empty, since they are its indices.
+    fn to_problem(&self) -> Result<ColmapProblem, IoError> {
+        match self {
+            Self::Bal(file) => {
+                Ok(ColmapProblem { problem: file.to_problem(), ..ColmapProblem::default() })
+            }
+            Self::Colmap(model, _) => model.to_problem(),
+        }
+    }
+
+    fn write(&mut self, solved: &ColmapProblem, out: &Path) -> Result<(), IoError> {
+        match self {
+            Self::Bal(file) => {
+                file.update_from(&solved.problem)?;
+                file.write(out)
+            }
+            Self::Colmap(model, encoding) => {
+                model.update_from(solved)?;
+                model.write(out, *encoding)
+            }
+        }
+    }
+}

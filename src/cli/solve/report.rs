@@ -1,0 +1,172 @@
+//! The report of a solve: rows as they come and a summary for a person, or one JSON object.
+//!
+//! Seconds count from where the file's numbers stood in plain arrays and have the resolution of a
+//! microsecond. Row 0 is the unmodified start; a rejected step repeats the cost before it.
+
+use std::time::Duration;
+
+use covis_solvers::optimizer::{Control, IterationSummary, SolveSummary};
+use serde::Serialize;
+
+use crate::cli::output::print;
+
+/// One object of `--json`.
+#[derive(Debug, Serialize)]
+struct Document<'a, D> {
+    initial_cost: f64,
+    final_cost: f64,
+    iterations: Vec<Row>,
+    solve_seconds: f64,
+    termination: String,
+    converged: bool,
+    threads: usize,
+    gradient_max_norm: f64,
+    linear_residual: f64,
+    #[serde(flatten)]
+    details: &'a D,
+}
+
+#[derive(Debug, Serialize)]
+struct Row {
+    iteration: usize,
+    cost: f64,
+    seconds: f64,
+    accepted: bool,
+    damping: f64,
+    gradient_max_norm: f64,
+    step_norm: f64,
+    step_quality: f64,
+}
+
+/// Facts about a problem that only its kind has.
+pub(super) trait Details: Serialize {
+    /// Lines `name value` under the table.
+    fn lines(&self) -> Vec<(&'static str, String)>;
+}
+
+/// Reports one solve, row by row.
+#[derive(Debug)]
+pub(super) struct Report {
+    json: bool,
+    preparation: Duration,
+    last_cost: f64,
+    failure: Option<anyhow::Error>,
+}
+
+impl Report {
+    /// Starts a report; `preparation` is what passed before the solver was called. The table's
+    /// head is written at once.
+    ///
+    /// # Errors
+    /// Where standard output cannot be written to.
+    pub(super) fn start(json: bool, preparation: Duration) -> anyhow::Result<Self> {
+        if !json {
+            print(format_args!(
+                "{:>9}  {:>18}  {:>11}  {:>9}  {:>8}  {:>11}",
+                "iteration", "cost", "decrease", "damping", "quality", "time"
+            ))?;
+        }
+        Ok(Self { json, preparation, last_cost: f64::NAN, failure: None })
+    }
+
+    /// The solver's observer: writes a row of the table. Ends the solve when nobody reads.
+    pub(super) fn observe(&mut self, row: &IterationSummary) -> Control {
+        if self.json {
+            return Control::Continue;
+        }
+        let line = self.line(row);
+        self.last_cost = row.cost;
+        match print(line) {
+            Ok(()) => Control::Continue,
+            Err(error) => {
+                self.failure = Some(error);
+                Control::Cancel
+            }
+        }
+    }
+
+    fn line(&self, row: &IterationSummary) -> String {
+        let time = self.shifted(row.seconds);
+        if row.iteration == 0 {
+            let (iteration, cost, blank) = (row.iteration, row.cost, "");
+            return format!("{iteration:>9}  {cost:>18.10e}  {blank:>33}  {time:>9.4} s");
+        }
+        let decrease = if row.accepted {
+            format!("{:.3e}", self.last_cost - row.cost)
+        } else {
+            "rejected".to_owned()
+        };
+        format!(
+            "{:>9}  {:>18.10e}  {decrease:>11}  {:>9.1e}  {:>8.3}  {time:>9.4} s",
+            row.iteration, row.cost, row.damping, row.step_quality
+        )
+    }
+
+    /// Ends the command where a row could not be written: the solve was then cut short.
+    ///
+    /// # Errors
+    /// What went wrong with standard output.
+    pub(super) fn check_reader(&mut self) -> anyhow::Result<()> {
+        self.failure.take().map_or(Ok(()), Err)
+    }
+
+    /// Writes the summary or the JSON object.
+    ///
+    /// # Errors
+    /// Where standard output cannot be written to.
+    pub(super) fn finish(
+        self,
+        summary: &SolveSummary,
+        details: &impl Details,
+    ) -> anyhow::Result<()> {
+        if self.json {
+            return print(serde_json::to_string(&self.document(summary, details))?);
+        }
+        let count = summary.iterations.len().saturating_sub(1);
+        let accepted = summary.iterations.iter().skip(1).filter(|row| row.accepted).count();
+        let seconds = self.shifted(summary.solve_seconds);
+        let mut lines = vec![
+            ("termination", summary.termination.to_string()),
+            ("cost", format!("{:.10e} -> {:.10e}", summary.initial_cost, summary.final_cost)),
+            ("iterations", format!("{count} ({accepted} accepted)")),
+            ("time", format!("{seconds:.6} s, {} threads", summary.threads)),
+            ("gradient", format!("{:.3e} (largest entry, scaled)", summary.gradient_max_norm)),
+            ("linear residual", format!("{:.3e}", summary.linear_residual)),
+        ];
+        lines.extend(details.lines());
+        for (name, value) in lines {
+            print(format_args!("{name:>17}: {value}"))?;
+        }
+        Ok(())
+    }
+
+    fn document<'a, D>(&self, summary: &SolveSummary, details: &'a D) -> Document<'a, D> {
+        let row = |row: &IterationSummary| Row {
+            iteration: row.iteration,
+            cost: row.cost,
+            seconds: self.shifted(row.seconds),
+            accepted: row.accepted,
+            damping: row.damping,
+            gradient_max_norm: row.gradient_max_norm,
+            step_norm: row.step_norm,
+            step_quality: row.step_quality,
+        };
+        Document {
+            initial_cost: summary.initial_cost,
+            final_cost: summary.final_cost,
+            iterations: summary.iterations.iter().map(row).collect(),
+            solve_seconds: self.shifted(summary.solve_seconds),
+            termination: summary.termination.to_string(),
+            converged: summary.termination.is_converged(),
+            threads: summary.threads,
+            gradient_max_norm: summary.gradient_max_norm,
+            linear_residual: summary.linear_residual,
+            details,
+        }
+    }
+
+    /// Seconds since the clock started, to the microsecond.
+    fn shifted(&self, seconds: f64) -> f64 {
+        ((self.preparation.as_secs_f64() + seconds) * 1e6).round() / 1e6
+    }
+}

@@ -1,0 +1,231 @@
+//! The calls of a client, one method each: maps, trajectories, landmarks, solves.
+//!
+//! Streamed and paged answers are collected here. A call is made once: whether it may be repeated
+//! is the caller's to know ([`ClientError::code`]).
+
+use tonic::Streaming;
+
+use super::{Client, ClientError, MapExport, export};
+use crate::wire::v1;
+use v1::optimize_map_response::Event;
+
+/// Keyframe poses of one revision.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Trajectory {
+    /// The revision that was read.
+    pub revision: i64,
+    /// By client, then capture time, then id.
+    pub poses: Vec<v1::KeyframePose>,
+}
+
+/// Landmarks of one revision.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Landmarks {
+    /// The revision that was read.
+    pub revision: i64,
+    /// By client, then id.
+    pub landmarks: Vec<v1::Landmark>,
+}
+
+impl Client {
+    /// Version, limits, durability and features of the server.
+    ///
+    /// # Errors
+    /// The codes of `GetServerInfo`.
+    pub async fn server_info(&self) -> Result<v1::GetServerInfoResponse, ClientError> {
+        let answer = self.server_service().get_server_info(v1::GetServerInfoRequest {}).await;
+        answer.map(tonic::Response::into_inner).map_err(ClientError::rpc("GetServerInfo"))
+    }
+
+    /// Creates an empty map; an absent policy is the server's.
+    ///
+    /// # Errors
+    /// The codes of `CreateMap`, ALREADY_EXISTS for a `map_id` that is taken.
+    pub async fn create_map(
+        &self,
+        map_id: &str,
+        policy: Option<v1::MapPolicy>,
+    ) -> Result<v1::Map, ClientError> {
+        const RPC: &str = "CreateMap";
+        let map_id = map_id.to_owned();
+        let request = v1::CreateMapRequest { map_id, policy, ..v1::CreateMapRequest::default() };
+        let answer = self.map_service().create_map(request).await.map_err(ClientError::rpc(RPC))?;
+        answer.into_inner().map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })
+    }
+
+    /// One map with its counts.
+    ///
+    /// # Errors
+    /// The codes of `GetMap`.
+    pub async fn get_map(&self, map_id: &str) -> Result<v1::Map, ClientError> {
+        const RPC: &str = "GetMap";
+        let request = v1::GetMapRequest { map_id: map_id.to_owned() };
+        let answer = self.map_service().get_map(request).await.map_err(ClientError::rpc(RPC))?;
+        answer.into_inner().map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })
+    }
+
+    /// As [`Client::get_map`], `None` where there is no such map.
+    ///
+    /// # Errors
+    /// The other codes of `GetMap`.
+    pub async fn find_map(&self, map_id: &str) -> Result<Option<v1::Map>, ClientError> {
+        match self.get_map(map_id).await {
+            Ok(map) => Ok(Some(map)),
+            Err(error) if error.code() == Some(tonic::Code::NotFound) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// All maps by `map_id`.
+    ///
+    /// # Errors
+    /// The codes of `ListMaps`.
+    pub async fn list_maps(&self) -> Result<Vec<v1::Map>, ClientError> {
+        let mut maps = Vec::new();
+        let mut request = v1::ListMapsRequest::default();
+        loop {
+            let page = self.map_service().list_maps(request).await;
+            let page = page.map_err(ClientError::rpc("ListMaps"))?.into_inner();
+            maps.extend(page.maps);
+            if page.next_page_token.is_empty() {
+                return Ok(maps);
+            }
+            request = v1::ListMapsRequest { page_size: 0, page_token: page.next_page_token };
+        }
+    }
+
+    /// Deletes a map with its journal.
+    ///
+    /// # Errors
+    /// The codes of `DeleteMap`.
+    pub async fn delete_map(&self, map_id: &str) -> Result<(), ClientError> {
+        let request = v1::DeleteMapRequest { map_id: map_id.to_owned() };
+        let answer = self.map_service().delete_map(request).await;
+        answer.map(drop).map_err(ClientError::rpc("DeleteMap"))
+    }
+
+    /// The poses of a map's keyframes, of one client or (`None`) of all.
+    ///
+    /// # Errors
+    /// The codes of `GetTrajectory`.
+    pub async fn trajectory(
+        &self,
+        map_id: &str,
+        client_id: Option<&str>,
+    ) -> Result<Trajectory, ClientError> {
+        const RPC: &str = "GetTrajectory";
+        let request = v1::GetTrajectoryRequest {
+            map_id: map_id.to_owned(),
+            client_id: client_id.unwrap_or_default().to_owned(),
+        };
+        let answer = self.map_service().get_trajectory(request).await;
+        let mut stream = answer.map_err(ClientError::rpc(RPC))?.into_inner();
+        let mut trajectory = Trajectory::default();
+        while let Some(part) = next(RPC, &mut stream).await? {
+            trajectory.revision = part.revision;
+            trajectory.poses.extend(part.poses);
+        }
+        Ok(trajectory)
+    }
+
+    /// A map's landmarks, without descriptors.
+    ///
+    /// # Errors
+    /// The codes of `ListLandmarks`.
+    pub async fn landmarks(&self, map_id: &str) -> Result<Landmarks, ClientError> {
+        const RPC: &str = "ListLandmarks";
+        let request = v1::ListLandmarksRequest {
+            map_id: map_id.to_owned(),
+            ..v1::ListLandmarksRequest::default()
+        };
+        let answer = self.map_service().list_landmarks(request).await;
+        let mut stream = answer.map_err(ClientError::rpc(RPC))?.into_inner();
+        let mut landmarks = Landmarks::default();
+        while let Some(part) = next(RPC, &mut stream).await? {
+            landmarks.revision = part.revision;
+            landmarks.landmarks.extend(part.landmarks);
+        }
+        Ok(landmarks)
+    }
+
+    /// Starts an export; its files come chunk by chunk.
+    ///
+    /// # Errors
+    /// The codes of `ExportMap`.
+    pub async fn export_map(
+        &self,
+        map_id: &str,
+        format: v1::MapFormat,
+    ) -> Result<MapExport, ClientError> {
+        let request = v1::ExportMapRequest { map_id: map_id.to_owned(), format: format.into() };
+        let answer = self.map_service().export_map(request).await;
+        MapExport::begin(answer.map_err(ClientError::rpc(export::RPC))?.into_inner()).await
+    }
+
+    /// Optimizes a whole map; `on_iteration` sees each iteration as it comes. Dropping the future
+    /// cancels the solve and leaves the map as it was.
+    ///
+    /// # Errors
+    /// The codes of `OptimizeMap`.
+    pub async fn optimize_map(
+        &self,
+        request: v1::OptimizeMapRequest,
+        mut on_iteration: impl FnMut(&v1::IterationSummary),
+    ) -> Result<v1::OptimizeMapResult, ClientError> {
+        const RPC: &str = "OptimizeMap";
+        let answer = self.optimization_service().optimize_map(request).await;
+        let mut stream = answer.map_err(ClientError::rpc(RPC))?.into_inner();
+        while let Some(part) = next(RPC, &mut stream).await? {
+            match part.event {
+                Some(Event::Iteration(row)) => on_iteration(&row),
+                Some(Event::Result(result)) => return Ok(result),
+                None => {}
+            }
+        }
+        Err(ClientError::Protocol { rpc: RPC, what: "the stream ended without a result" })
+    }
+
+    /// Refines the pose of one camera over known points.
+    ///
+    /// # Errors
+    /// The codes of `RefinePose`.
+    pub async fn refine_pose(
+        &self,
+        request: v1::RefinePoseRequest,
+    ) -> Result<v1::RefinePoseResponse, ClientError> {
+        let answer = self.optimization_service().refine_pose(request).await;
+        answer.map(tonic::Response::into_inner).map_err(ClientError::rpc("RefinePose"))
+    }
+
+    /// Solves a bundle adjustment problem that comes with the call.
+    ///
+    /// # Errors
+    /// The codes of `SolveBundle`.
+    pub async fn solve_bundle(
+        &self,
+        request: v1::SolveBundleRequest,
+    ) -> Result<v1::SolveBundleResponse, ClientError> {
+        let answer = self.optimization_service().solve_bundle(request).await;
+        answer.map(tonic::Response::into_inner).map_err(ClientError::rpc("SolveBundle"))
+    }
+
+    /// Solves a pose graph that comes with the call.
+    ///
+    /// # Errors
+    /// The codes of `SolvePoseGraph`.
+    pub async fn solve_pose_graph(
+        &self,
+        request: v1::SolvePoseGraphRequest,
+    ) -> Result<v1::SolvePoseGraphResponse, ClientError> {
+        let answer = self.optimization_service().solve_pose_graph(request).await;
+        answer.map(tonic::Response::into_inner).map_err(ClientError::rpc("SolvePoseGraph"))
+    }
+}
+
+/// The next message of a streamed answer.
+pub(super) async fn next<T>(
+    rpc: &'static str,
+    stream: &mut Streaming<T>,
+) -> Result<Option<T>, ClientError> {
+    stream.message().await.map_err(ClientError::rpc(rpc))
+}

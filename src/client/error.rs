@@ -1,0 +1,232 @@
+//! What can go wrong between a frontend and its server, and what may be tried again.
+//!
+//! A status that the server built carries an `ErrorInfo` of domain "covis"; one without comes from
+//! the transport, whose codes for a broken link vary (docs/wire.md, "Errors"). Whether a call may be
+//! repeated is decided here and nowhere else.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tonic::{Code, Status};
+use tonic_types::StatusExt;
+
+use crate::wire::v1;
+
+/// `ErrorInfo.domain` of statuses that the server built.
+const DOMAIN: &str = "covis";
+
+/// Why a call or a session failed.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum ClientError {
+    /// The server's address is no URL.
+    #[error("{url:?} is not the URL of a server, such as http://127.0.0.1:7411")]
+    InvalidUrl {
+        /// What was given.
+        url: String,
+    },
+    /// Nobody answers at the server's address.
+    #[error("no server answers at {url}")]
+    Unreachable {
+        /// The address.
+        url: String,
+        /// What the transport said.
+        #[source]
+        source: Arc<tonic::transport::Error>,
+    },
+    /// The server, or the link to it, ended a call.
+    #[error("{rpc}: {}", describe(status))]
+    Rpc {
+        /// The call, for instance `CreateMap`.
+        rpc: &'static str,
+        /// What it ended with.
+        status: Box<Status>,
+    },
+    /// An answer that the wire does not allow.
+    #[error("{rpc}: {what}")]
+    Protocol {
+        /// The call.
+        rpc: &'static str,
+        /// What is wrong with the answer.
+        what: &'static str,
+    },
+    /// An item that the server would not take because of its size; nothing was sent.
+    #[error("the item takes {bytes} bytes, the server takes messages of at most {limit}")]
+    TooLarge {
+        /// The message's size, bytes.
+        bytes: usize,
+        /// The server's limit, bytes.
+        limit: usize,
+    },
+    /// A sequence that is not above the one before; nothing was sent.
+    #[error("sequence {sequence} is not above {last}")]
+    SequenceOrder {
+        /// The sequence.
+        sequence: i64,
+        /// The highest that was used.
+        last: i64,
+    },
+    /// A newer stream of the same client took over.
+    #[error("another stream of client {client_id} on map {map_id} has taken over")]
+    Fenced {
+        /// The map.
+        map_id: String,
+        /// The client.
+        client_id: String,
+    },
+    /// The map was deleted and made again while the session was open.
+    #[error("map {map_id} is another one than before (uid {uid}, was {expected})")]
+    MapReplaced {
+        /// The map.
+        map_id: String,
+        /// The uid that the session began with.
+        expected: String,
+        /// The uid now.
+        uid: String,
+    },
+    /// The server was started anew and no longer has the map: its journal was in memory.
+    #[error("the server was restarted (instance {instance_id}) and has no map {map_id} any more")]
+    ServerRestarted {
+        /// The map.
+        map_id: String,
+        /// The server's instance now.
+        instance_id: String,
+    },
+    /// The server no longer has items that it had acknowledged.
+    #[error(
+        "the server lost items: it goes on at {next_sequence}, {acknowledged} was acknowledged"
+    )]
+    ItemsLost {
+        /// Where the server goes on.
+        next_sequence: i64,
+        /// The last sequence that was acknowledged.
+        acknowledged: i64,
+    },
+    /// The link did not come back within the retries.
+    #[error("gave up after {attempts} attempts")]
+    RetriesExhausted {
+        /// How often it was tried without progress.
+        attempts: u32,
+        /// What the last attempt ended with.
+        #[source]
+        last: Box<ClientError>,
+    },
+    /// The session has ended.
+    #[error("the session has ended")]
+    Closed,
+}
+
+impl ClientError {
+    /// Wraps what `rpc` ended with.
+    pub(super) fn rpc(rpc: &'static str) -> impl Fn(Status) -> Self {
+        move |status| Self::Rpc { rpc, status: Box::new(status) }
+    }
+
+    /// The status code, where a call ended with one.
+    #[must_use]
+    pub fn code(&self) -> Option<Code> {
+        match self {
+            Self::Rpc { status, .. } => Some(status.code()),
+            Self::RetriesExhausted { last, .. } => last.code(),
+            Self::InvalidUrl { .. }
+            | Self::Unreachable { .. }
+            | Self::Protocol { .. }
+            | Self::TooLarge { .. }
+            | Self::SequenceOrder { .. }
+            | Self::Fenced { .. }
+            | Self::MapReplaced { .. }
+            | Self::ServerRestarted { .. }
+            | Self::ItemsLost { .. }
+            | Self::Closed => None,
+        }
+    }
+
+    /// `ErrorInfo.reason` of a status that the server built, for instance `MAP_NOT_FOUND`.
+    #[must_use]
+    pub fn reason(&self) -> Option<String> {
+        match self {
+            Self::Rpc { status, .. } => reason(status),
+            Self::RetriesExhausted { last, .. } => last.reason(),
+            _ => None,
+        }
+    }
+
+    /// Whether trying again may help: the link broke, or the server is full or shutting down.
+    pub(super) fn is_transient(&self) -> bool {
+        match self {
+            Self::Unreachable { .. } => true,
+            Self::Rpc { status, .. } if reason(status).is_some() => {
+                matches!(status.code(), Code::Unavailable | Code::ResourceExhausted)
+            }
+            Self::Rpc { status, .. } => matches!(
+                status.code(),
+                Code::Unavailable | Code::Unknown | Code::Internal | Code::Cancelled
+            ),
+            _ => false,
+        }
+    }
+
+    /// How long the server asks to wait before the next attempt.
+    pub(super) fn retry_delay(&self) -> Option<Duration> {
+        match self {
+            Self::Rpc { status, .. } => status.get_details_retry_info()?.retry_delay,
+            _ => None,
+        }
+    }
+}
+
+/// `ErrorInfo.reason`, where the server built the status.
+fn reason(status: &Status) -> Option<String> {
+    let info = status.get_details_error_info()?;
+    (info.domain == DOMAIN).then_some(info.reason)
+}
+
+/// One line: message, bad fields, code.
+fn describe(status: &Status) -> String {
+    let mut text = match status.message() {
+        "" => status.code().description().to_owned(),
+        message => message.to_owned(),
+    };
+    let bad_fields = status.get_details_bad_request().map(|bad| bad.field_violations);
+    for violation in bad_fields.unwrap_or_default() {
+        if !text.contains(&violation.field) {
+            text.push_str(&format!("; {}: {}", violation.field, violation.description));
+        }
+    }
+    format!("{text} ({:?})", status.code())
+}
+
+/// One line for a refused field: path, description and reason.
+#[must_use]
+pub fn describe_violation(violation: &v1::ItemViolation) -> String {
+    let reason = violation.reason().as_str_name();
+    let reason = reason.strip_prefix("VIOLATION_REASON_").unwrap_or(reason);
+    format!("{}: {} ({reason})", violation.field, violation.description)
+}
+
+#[cfg(test)]
+mod tests {
+    use tonic_types::ErrorDetails;
+
+    use super::*;
+
+    fn error(code: Code, domain: Option<&str>) -> ClientError {
+        let mut details = ErrorDetails::new();
+        if let Some(domain) = domain {
+            details.set_error_info("BUG", domain, std::collections::HashMap::new());
+        }
+        ClientError::rpc("Ingest")(Status::with_error_details(code, "text", details))
+    }
+
+    #[test]
+    fn a_broken_link_may_be_tried_again_and_a_bug_of_the_server_not() {
+        assert!(error(Code::Internal, None).is_transient());
+        assert!(error(Code::Unknown, None).is_transient());
+        assert!(error(Code::Unavailable, Some("covis")).is_transient());
+        assert!(error(Code::ResourceExhausted, Some("covis")).is_transient());
+        assert!(!error(Code::Internal, Some("covis")).is_transient());
+        assert!(!error(Code::InvalidArgument, None).is_transient());
+        assert!(!ClientError::Closed.is_transient());
+        assert_eq!(error(Code::Internal, Some("covis")).reason().as_deref(), Some("BUG"));
+        assert_eq!(error(Code::Internal, Some("other")).reason(), None);
+    }
+}

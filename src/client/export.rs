@@ -1,0 +1,127 @@
+//! An export: the files of a map, chunk by chunk, each checked before it reaches a disk.
+//!
+//! Paths come from the server, so they are taken for what they are worth: relative, without "..",
+//! and among those that the header announced. Chunks must be in order and without gaps. Nothing is
+//! written here.
+
+use tonic::Streaming;
+
+use super::ClientError;
+use super::calls::next;
+use crate::wire::v1;
+use v1::export_map_response::Content;
+
+pub(super) const RPC: &str = "ExportMap";
+
+/// A running export.
+#[derive(Debug)]
+pub struct MapExport {
+    header: v1::ExportMapHeader,
+    stream: Streaming<v1::ExportMapResponse>,
+    order: Order,
+}
+
+impl MapExport {
+    pub(super) async fn begin(
+        mut stream: Streaming<v1::ExportMapResponse>,
+    ) -> Result<Self, ClientError> {
+        let first = next(RPC, &mut stream).await?.and_then(|answer| answer.content);
+        let Some(Content::Header(header)) = first else {
+            return Err(protocol("the export did not begin with a header"));
+        };
+        if !header.paths.iter().all(|path| is_safe(path)) {
+            return Err(protocol("a path leaves the folder of the export"));
+        }
+        let order = Order { paths: header.paths.clone(), file: 0, offset: 0 };
+        Ok(Self { header, stream, order })
+    }
+
+    /// What the export holds: revision and the paths of its files, in order.
+    #[must_use]
+    pub fn header(&self) -> &v1::ExportMapHeader {
+        &self.header
+    }
+
+    /// The next piece of a file; `None` after the last one.
+    ///
+    /// # Errors
+    /// The codes of `ExportMap`; [`ClientError::Protocol`] for chunks out of order or an early end.
+    pub async fn next(&mut self) -> Result<Option<v1::FileChunk>, ClientError> {
+        match next(RPC, &mut self.stream).await?.map(|answer| answer.content) {
+            Some(Some(Content::Chunk(chunk))) => {
+                self.order.check(&chunk)?;
+                Ok(Some(chunk))
+            }
+            Some(_) => Err(protocol("a chunk was expected")),
+            None if self.order.is_done() => Ok(None),
+            None => Err(protocol("the export ended early")),
+        }
+    }
+}
+
+/// Where the next chunk must begin.
+#[derive(Debug)]
+struct Order {
+    paths: Vec<String>,
+    file: usize,
+    offset: i64,
+}
+
+impl Order {
+    fn check(&mut self, chunk: &v1::FileChunk) -> Result<(), ClientError> {
+        let path = self.paths.get(self.file);
+        if path != Some(&chunk.path) || chunk.offset != self.offset {
+            return Err(protocol("a chunk is out of order"));
+        }
+        self.offset += i64::try_from(chunk.data.len()).unwrap_or(i64::MAX);
+        if chunk.last_chunk {
+            (self.file, self.offset) = (self.file + 1, 0);
+        }
+        Ok(())
+    }
+
+    fn is_done(&self) -> bool {
+        self.file == self.paths.len()
+    }
+}
+
+/// Whether a path stays below its folder, on any system.
+fn is_safe(path: &str) -> bool {
+    let is_plain = |part: &str| !matches!(part, "" | "." | "..");
+    !path.contains(['\\', ':', '\0']) && path.split('/').all(is_plain)
+}
+
+fn protocol(what: &'static str) -> ClientError {
+    ClientError::Protocol { rpc: RPC, what }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chunk(path: &str, offset: i64, data: &[u8], last_chunk: bool) -> v1::FileChunk {
+        v1::FileChunk { path: path.to_owned(), offset, data: data.to_vec(), last_chunk }
+    }
+
+    #[test]
+    fn paths_stay_below_their_folder() {
+        assert!(is_safe("map.ply") && is_safe("sparse/0/cameras.bin"));
+        for path in ["", "/etc/passwd", "../x", "a/../b", "a//b", "C:\\x", "a\\..\\b", "./a"] {
+            assert!(!is_safe(path), "{path}");
+        }
+    }
+
+    #[test]
+    fn chunks_come_in_order_and_without_gaps() {
+        let paths = vec!["a".to_owned(), "b".to_owned()];
+        let mut order = Order { paths, file: 0, offset: 0 };
+        assert!(order.check(&chunk("b", 0, b"", true)).is_err());
+        assert!(order.check(&chunk("a", 0, b"xy", false)).is_ok());
+        assert!(order.check(&chunk("a", 3, b"z", true)).is_err());
+        assert!(order.check(&chunk("a", 2, b"z", true)).is_ok());
+        assert!(!order.is_done());
+        assert!(order.check(&chunk("b", 0, b"", true)).is_ok());
+        assert!(order.is_done());
+        assert!(order.check(&chunk("b", 0, b"", true)).is_err());
+    }
+}

@@ -1,0 +1,287 @@
+//! An ingest session: what a frontend holds to send items, whatever happens to the link.
+//!
+//! [`IngestSession::send`] numbers an item, keeps it until the server has answered it and waits
+//! while too many are unanswered: that is the back-pressure. A task of its own (`stream`) moves the
+//! items, reopens a broken stream under a higher epoch and sends the unanswered ones again, which
+//! is harmless (docs/wire.md, "Resume and duplicates"). Dropping a session ends it at once; what was
+//! not answered may then be missing on the server.
+
+use std::fmt;
+use std::sync::Arc;
+
+use prost::Message;
+use tokio::sync::{Semaphore, mpsc, oneshot, watch};
+use tokio::task::JoinHandle;
+
+use super::outbox::{Entry, Outbox};
+use super::retry::{Retries, RetryPolicy};
+use super::stream::{self, Identity, Session};
+use super::{Client, ClientError};
+use crate::wire::v1;
+
+pub use v1::ingest_request::Item;
+
+/// Refused items that a progress report keeps in full.
+pub const KEPT_REJECTIONS: usize = 100;
+
+/// Called with each ack, in order.
+pub type OnAck = Box<dyn FnMut(&v1::IngestAck) + Send>;
+
+/// How a session behaves.
+pub struct SessionOptions {
+    /// Items without an answer after which sending waits (64).
+    pub max_unanswered: usize,
+    /// Each solve finishes before the server takes the next item (no).
+    pub lock_step: bool,
+    /// Acks come without the certificates of solves (no).
+    pub omit_solve_summary: bool,
+    /// When to give a broken link up.
+    pub retry: RetryPolicy,
+    /// See [`SessionOptions::on_ack`] (none).
+    pub on_ack: Option<OnAck>,
+}
+
+impl Default for SessionOptions {
+    fn default() -> Self {
+        Self {
+            max_unanswered: 64,
+            lock_step: false,
+            omit_solve_summary: false,
+            retry: RetryPolicy::default(),
+            on_ack: None,
+        }
+    }
+}
+
+impl SessionOptions {
+    /// Calls `on_ack` with each ack as it comes, also the cumulative ones. It runs in the session's
+    /// task and must not block.
+    #[must_use]
+    pub fn on_ack(mut self, on_ack: impl FnMut(&v1::IngestAck) + Send + 'static) -> Self {
+        self.on_ack = Some(Box::new(on_ack));
+        self
+    }
+}
+
+impl fmt::Debug for SessionOptions {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SessionOptions")
+            .field("max_unanswered", &self.max_unanswered)
+            .field("lock_step", &self.lock_step)
+            .field("omit_solve_summary", &self.omit_solve_summary)
+            .field("retry", &self.retry)
+            .finish_non_exhaustive()
+    }
+}
+
+/// An item that the server refused for good.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RejectedItem {
+    /// Its sequence.
+    pub sequence: i64,
+    /// The fields that are wrong; at least one.
+    pub violations: Vec<v1::ItemViolation>,
+}
+
+/// How far a session has come.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct IngestReport {
+    /// Items that [`IngestSession::send`] took.
+    pub sent: u64,
+    /// Items that the server took.
+    pub acknowledged: u64,
+    /// Those of them that it had already.
+    pub duplicates: u64,
+    /// Items that it refused.
+    pub rejected: u64,
+    /// The first [`KEPT_REJECTIONS`] of them.
+    pub rejections: Vec<RejectedItem>,
+    /// OPTIMIZED acks; one may cover several items.
+    pub optimized: u64,
+    /// The last sequence that solves have covered; 0 before the first.
+    pub optimized_through: i64,
+    /// OPTIMIZED acks that told of a problem that cannot be solved as posed.
+    pub failed_solves: u64,
+    /// The highest revision of the map that an ack named.
+    pub revision: i64,
+    /// Streams opened after the first: how often the link broke.
+    pub reconnects: u64,
+}
+
+impl IngestReport {
+    /// Items without an answer.
+    #[must_use]
+    pub fn unanswered(&self) -> u64 {
+        self.sent.saturating_sub(self.acknowledged + self.rejected)
+    }
+}
+
+/// What the session's task tells its handle.
+#[derive(Clone, Debug, Default)]
+pub(super) struct State {
+    pub(super) report: IngestReport,
+    /// Why the session ended, where it failed.
+    pub(super) failure: Option<ClientError>,
+    /// Whether every ack is there and the stream has ended.
+    pub(super) is_done: bool,
+}
+
+/// An open session of one client on one map.
+#[derive(Debug)]
+pub struct IngestSession {
+    opened: v1::IngestOpened,
+    /// Items handed over.
+    sent: u64,
+    /// The highest sequence of them; 0 before the first.
+    last_sequence: i64,
+    /// Dropped to half-close the stream.
+    items: Option<mpsc::Sender<Entry>>,
+    room: Arc<Semaphore>,
+    state: watch::Receiver<State>,
+    task: JoinHandle<()>,
+}
+
+impl IngestSession {
+    /// Opens the stream; see [`Client::ingest`].
+    pub(super) async fn open(
+        client: &Client,
+        map_id: &str,
+        client_id: &str,
+        options: SessionOptions,
+    ) -> Result<Self, ClientError> {
+        let max_unanswered = options.max_unanswered.max(1);
+        let (items, queue) = mpsc::channel(max_unanswered);
+        let (publish, state) = watch::channel(State::default());
+        let (opened_sender, opened) = oneshot::channel();
+        let identity = Identity {
+            map_id: map_id.to_owned(),
+            client_id: client_id.to_owned(),
+            options: v1::IngestOptions {
+                lock_step: options.lock_step,
+                omit_solve_summary: options.omit_solve_summary,
+            },
+        };
+        let session = Session {
+            client: client.clone(),
+            identity,
+            retries: Retries::new(options.retry),
+            outbox: Outbox::default(),
+            queue,
+            is_closing: false,
+            on_ack: options.on_ack,
+            publish,
+            first: None,
+            instance_id: None,
+            epoch: 0,
+        };
+        let task = tokio::spawn(stream::run(session, opened_sender));
+        let opened = opened.await.map_err(|_ended| ClientError::Closed)??;
+        let room = Arc::new(Semaphore::new(max_unanswered));
+        Ok(Self { opened, sent: 0, last_sequence: 0, items: Some(items), room, state, task })
+    }
+
+    /// The server's answer to the first opening: limits, durability, where it goes on.
+    #[must_use]
+    pub fn opened(&self) -> &v1::IngestOpened {
+        &self.opened
+    }
+
+    /// The sequence that [`IngestSession::send`] gives next.
+    #[must_use]
+    pub fn next_sequence(&self) -> i64 {
+        self.opened.next_sequence.max(self.last_sequence + 1)
+    }
+
+    /// Sends an item and returns its sequence; waits while too many items are unanswered.
+    /// Canceling it before it returns sends nothing.
+    ///
+    /// # Errors
+    /// [`ClientError::TooLarge`], after which the session goes on; else why the session ended.
+    pub async fn send(&mut self, item: impl Into<Item>) -> Result<i64, ClientError> {
+        self.send_as(self.next_sequence(), item).await
+    }
+
+    /// As [`IngestSession::send`] with a sequence of the caller's choice, above all before on this
+    /// session. One below [`IngestSession::next_sequence`] of a fresh session sends an item again
+    /// that an earlier session may have sent: the server compares the two.
+    ///
+    /// # Errors
+    /// [`ClientError::SequenceOrder`] as well.
+    pub async fn send_as(
+        &mut self,
+        sequence: i64,
+        item: impl Into<Item>,
+    ) -> Result<i64, ClientError> {
+        if sequence <= self.last_sequence {
+            return Err(ClientError::SequenceOrder { sequence, last: self.last_sequence });
+        }
+        let request = v1::IngestRequest { sequence, item: Some(item.into()) };
+        let bytes = request.encoded_len();
+        let limit = usize::try_from(self.opened.max_message_bytes).unwrap_or(usize::MAX);
+        if bytes > limit {
+            return Err(ClientError::TooLarge { bytes, limit });
+        }
+        let Some(items) = self.items.clone() else { return Err(ClientError::Closed) };
+        let permit = tokio::select! {
+            permit = Arc::clone(&self.room).acquire_owned() => permit.ok(),
+            () = items.closed() => None,
+        };
+        let entry = Entry { request, permit, is_received: false };
+        if entry.permit.is_none() || items.send(entry).await.is_err() {
+            return Err(self.failure());
+        }
+        (self.sent, self.last_sequence) = (self.sent + 1, sequence);
+        Ok(sequence)
+    }
+
+    /// How far the session has come.
+    #[must_use]
+    pub fn report(&self) -> IngestReport {
+        IngestReport { sent: self.sent, ..self.state.borrow().report.clone() }
+    }
+
+    /// Waits until every item sent so far is answered.
+    ///
+    /// # Errors
+    /// Why the session ended.
+    pub async fn flush(&mut self) -> Result<(), ClientError> {
+        let sent = self.sent;
+        self.wait(move |state| state.report.acknowledged + state.report.rejected >= sent).await
+    }
+
+    /// Waits until solves have covered everything up to `sequence`. Only a keyframe or a loop
+    /// closure is answered with OPTIMIZED: waiting for another item waits for the next of those.
+    ///
+    /// # Errors
+    /// Why the session ended.
+    pub async fn optimized(&mut self, sequence: i64) -> Result<(), ClientError> {
+        self.wait(move |state| state.report.optimized_through >= sequence).await
+    }
+
+    /// Half-closes the stream, waits for all acks, those of pending solves too, and reports.
+    ///
+    /// # Errors
+    /// Why the session ended before that.
+    pub async fn finish(mut self) -> Result<IngestReport, ClientError> {
+        self.items = None;
+        self.wait(|state| state.is_done).await?;
+        Ok(self.report())
+    }
+
+    async fn wait(&mut self, is_met: impl Fn(&State) -> bool) -> Result<(), ClientError> {
+        let waited = self.state.wait_for(|s| is_met(s) || s.failure.is_some()).await;
+        let met = waited.is_ok_and(|state| is_met(&state));
+        if met { Ok(()) } else { Err(self.failure()) }
+    }
+
+    /// Why the session ended.
+    fn failure(&self) -> ClientError {
+        self.state.borrow().failure.clone().unwrap_or(ClientError::Closed)
+    }
+}
+
+impl Drop for IngestSession {
+    fn drop(&mut self) {
+        self.task.abort();
+    }
+}

@@ -1,0 +1,175 @@
+//! A copy of a map on the client's side, which deltas keep up to date.
+//!
+//! Entities come whole, so applying a delta is overwriting; a reset drops all there was. The parts
+//! of a delta are applied together or not at all (docs/wire.md, "Watching a map").
+
+use std::collections::BTreeMap;
+
+use super::ClientError;
+use crate::wire::v1;
+use v1::constraint::Constraint as Kind;
+
+/// An entity's owner and id.
+pub type Key = (String, i64);
+
+/// The map as of one revision.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MapMirror {
+    /// The map's uid; empty before the first delta.
+    pub uid: String,
+    /// The revision that the mirror holds.
+    pub revision: i64,
+    /// A `MapState`.
+    pub state: i32,
+    /// Cameras by owner and id.
+    pub cameras: BTreeMap<Key, v1::Camera>,
+    /// Rigs by owner and id.
+    pub rigs: BTreeMap<Key, v1::Rig>,
+    /// Keyframe poses by owner and id.
+    pub keyframes: BTreeMap<Key, v1::KeyframePose>,
+    /// Landmarks by owner and id.
+    pub landmarks: BTreeMap<Key, v1::Landmark>,
+    /// Constraints by owner and id.
+    pub constraints: BTreeMap<Key, v1::Constraint>,
+    /// Odometry frames by client.
+    pub client_frames: BTreeMap<String, v1::ClientFrame>,
+}
+
+impl MapMirror {
+    /// Where a client's odometry frame lies in the map; absent before its first keyframe.
+    #[must_use]
+    pub fn map_from_odom(&self, client_id: &str) -> Option<&v1::RigidTransform> {
+        self.client_frames.get(client_id)?.map_from_odom.as_ref()
+    }
+
+    /// Applies a whole delta, given as all its parts in order.
+    ///
+    /// # Errors
+    /// [`ClientError::Protocol`] when the parts do not belong together or the delta starts from
+    /// another revision than the mirror's; the mirror is then unchanged.
+    pub fn apply(&mut self, parts: Vec<v1::MapDelta>) -> Result<(), ClientError> {
+        let protocol = |what| Err(ClientError::Protocol { rpc: "WatchMap", what });
+        let Some(first) = parts.first() else { return protocol("a delta without parts") };
+        let (revision, reset, base) = (first.revision, first.reset, first.base_revision);
+        let last = parts.len() - 1;
+        let fits = |(index, part): (usize, &v1::MapDelta)| {
+            part.revision == revision
+                && usize::try_from(part.part_index) == Ok(index)
+                && part.last_part == (index == last)
+        };
+        if !parts.iter().enumerate().all(fits) {
+            return protocol("the parts of a delta do not belong together");
+        }
+        if !reset && (base != self.revision || revision < base) {
+            return protocol("a delta does not start from the revision before it");
+        }
+        if reset {
+            *self = Self::default();
+        }
+        for part in parts {
+            self.apply_part(part);
+        }
+        self.revision = revision;
+        Ok(())
+    }
+
+    fn apply_part(&mut self, part: v1::MapDelta) {
+        self.state = part.state;
+        self.uid = part.map_uid;
+        let key = |client_id: &str, id: i64| (client_id.to_owned(), id);
+        for camera in part.cameras {
+            self.cameras.insert(key(&camera.client_id, camera.id), camera);
+        }
+        for rig in part.rigs {
+            self.rigs.insert(key(&rig.client_id, rig.id), rig);
+        }
+        for pose in part.keyframes {
+            let Some(keyframe) = &pose.keyframe else { continue };
+            self.keyframes.insert(key(&keyframe.client_id, keyframe.id), pose);
+        }
+        for landmark in part.landmarks {
+            self.landmarks.insert(key(&landmark.client_id, landmark.id), landmark);
+        }
+        for constraint in part.constraints {
+            let named = match &constraint.constraint {
+                Some(Kind::RelativePose(c)) => key(&c.client_id, c.id),
+                Some(Kind::PositionPrior(c)) => key(&c.client_id, c.id),
+                Some(Kind::PosePrior(c)) => key(&c.client_id, c.id),
+                // A kind that this client does not know.
+                None => continue,
+            };
+            self.constraints.insert(named, constraint);
+        }
+        for frame in part.client_frames {
+            self.client_frames.insert(frame.client_id.clone(), frame);
+        }
+        for gone in part.removed_keyframes {
+            self.keyframes.remove(&(gone.client_id, gone.id));
+        }
+        for gone in part.removed_landmarks {
+            self.landmarks.remove(&(gone.client_id, gone.id));
+        }
+        for gone in part.removed_constraints {
+            self.constraints.remove(&(gone.client_id, gone.id));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn landmark(id: i64, observation_count: i64) -> v1::Landmark {
+        v1::Landmark { client_id: "a".into(), id, observation_count, ..v1::Landmark::default() }
+    }
+
+    fn part(base: i64, revision: i64, index: i32, last: bool) -> v1::MapDelta {
+        v1::MapDelta {
+            base_revision: base,
+            revision,
+            part_index: index,
+            last_part: last,
+            map_uid: "u".into(),
+            ..v1::MapDelta::default()
+        }
+    }
+
+    #[test]
+    fn deltas_overwrite_remove_and_reset() {
+        let mut mirror = MapMirror::default();
+        let mut start = part(0, 3, 0, false);
+        start.reset = true;
+        start.landmarks = vec![landmark(1, 1)];
+        let mut rest = part(0, 3, 1, true);
+        rest.reset = true;
+        rest.landmarks = vec![landmark(2, 1)];
+        mirror.apply(vec![start, rest]).unwrap();
+        assert_eq!((mirror.revision, mirror.landmarks.len(), mirror.uid.as_str()), (3, 2, "u"));
+
+        let mut delta = part(3, 5, 0, true);
+        delta.landmarks = vec![landmark(1, 4)];
+        delta.removed_landmarks = vec![v1::LandmarkRef { client_id: "a".into(), id: 2 }];
+        mirror.apply(vec![delta]).unwrap();
+        let counts: Vec<i64> = mirror.landmarks.values().map(|l| l.observation_count).collect();
+        assert_eq!((mirror.revision, counts), (5, vec![4]));
+
+        let mut reset = part(0, 9, 0, true);
+        reset.reset = true;
+        mirror.apply(vec![reset]).unwrap();
+        assert_eq!((mirror.revision, mirror.landmarks.len()), (9, 0));
+    }
+
+    #[test]
+    fn a_gap_or_a_missing_part_is_refused_and_changes_nothing() {
+        let mut mirror = MapMirror::default();
+        let mut reset = part(0, 3, 0, true);
+        reset.reset = true;
+        mirror.apply(vec![reset]).unwrap();
+        let before = mirror.clone();
+        assert!(mirror.apply(vec![part(4, 5, 0, true)]).is_err());
+        assert!(mirror.apply(vec![part(3, 5, 0, false)]).is_err());
+        assert!(mirror.apply(vec![part(3, 5, 0, false), part(3, 6, 1, true)]).is_err());
+        assert!(mirror.apply(Vec::new()).is_err());
+        assert_eq!(mirror, before);
+    }
+}

@@ -1,0 +1,130 @@
+//! Following a map: a mirror that is kept up to date over broken links.
+//!
+//! After a break the watch goes on from the revision it holds, naming the map's uid; the server
+//! answers the missing deltas, or a reset where it no longer has them or the map is another one.
+
+use tonic::Streaming;
+
+use super::calls::next;
+use super::retry::{Retries, RetryPolicy};
+use super::{Client, ClientError, MapMirror};
+use crate::wire::v1;
+
+const RPC: &str = "WatchMap";
+
+/// What is watched.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct WatchOptions {
+    /// Leave out landmarks (no).
+    pub omit_landmarks: bool,
+    /// Leave out constraints (no).
+    pub omit_constraints: bool,
+    /// When to give a broken link up.
+    pub retry: RetryPolicy,
+}
+
+/// A map that is being followed.
+#[derive(Debug)]
+pub struct MapWatch {
+    client: Client,
+    map_id: String,
+    options: WatchOptions,
+    retries: Retries,
+    stream: Option<Streaming<v1::WatchMapResponse>>,
+    /// Parts of a delta that is not complete yet.
+    parts: Vec<v1::MapDelta>,
+    mirror: MapMirror,
+}
+
+impl MapWatch {
+    /// Opens the watch; the mirror is empty until the first [`MapWatch::next`].
+    pub(super) async fn open(
+        client: &Client,
+        map_id: &str,
+        options: WatchOptions,
+    ) -> Result<Self, ClientError> {
+        let mut watch = Self {
+            client: client.clone(),
+            map_id: map_id.to_owned(),
+            options,
+            retries: Retries::new(options.retry),
+            stream: None,
+            parts: Vec::new(),
+            mirror: MapMirror::default(),
+        };
+        watch.stream = Some(watch.stream().await?);
+        Ok(watch)
+    }
+
+    /// The map as of the last delta.
+    #[must_use]
+    pub fn mirror(&self) -> &MapMirror {
+        &self.mirror
+    }
+
+    /// Waits for the next delta and applies it. Safe to cancel.
+    ///
+    /// # Errors
+    /// NOT_FOUND when the map was deleted; what a broken link ended with when it did not come back.
+    pub async fn next(&mut self) -> Result<&MapMirror, ClientError> {
+        loop {
+            match self.delta().await {
+                Ok(()) => return Ok(&self.mirror),
+                Err(error) => {
+                    self.stream = None;
+                    self.parts.clear();
+                    self.retries.wait(error).await?;
+                }
+            }
+        }
+    }
+
+    /// Waits until the mirror holds `revision` or a later one. Safe to cancel.
+    ///
+    /// # Errors
+    /// As [`MapWatch::next`].
+    pub async fn reach(&mut self, revision: i64) -> Result<&MapMirror, ClientError> {
+        while self.mirror.uid.is_empty() || self.mirror.revision < revision {
+            self.next().await?;
+        }
+        Ok(&self.mirror)
+    }
+
+    async fn stream(&self) -> Result<Streaming<v1::WatchMapResponse>, ClientError> {
+        let is_fresh = self.mirror.uid.is_empty();
+        let request = v1::WatchMapRequest {
+            map_id: self.map_id.clone(),
+            from_revision: (!is_fresh).then_some(self.mirror.revision),
+            omit_landmarks: self.options.omit_landmarks,
+            omit_constraints: self.options.omit_constraints,
+            map_uid: self.mirror.uid.clone(),
+        };
+        let answer = self.client.map_service().watch_map(request).await;
+        Ok(answer.map_err(ClientError::rpc(RPC))?.into_inner())
+    }
+
+    /// Takes one whole delta.
+    async fn delta(&mut self) -> Result<(), ClientError> {
+        let stream = match &mut self.stream {
+            Some(stream) => stream,
+            None => {
+                let stream = self.stream().await?;
+                self.stream.insert(stream)
+            }
+        };
+        loop {
+            let Some(answer) = next(RPC, stream).await? else {
+                // Watching ends with a status; an end without one is a link that went away.
+                return Err(ClientError::rpc(RPC)(tonic::Status::unavailable("the stream ended")));
+            };
+            let Some(part) = answer.delta else { continue };
+            let is_last = part.last_part;
+            self.parts.push(part);
+            if is_last {
+                self.mirror.apply(std::mem::take(&mut self.parts))?;
+                self.retries.progress();
+                return Ok(());
+            }
+        }
+    }
+}

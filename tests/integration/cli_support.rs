@@ -1,0 +1,127 @@
+//! Runs the real binary and finds the data that tests read.
+//!
+//! Every run starts in an empty folder and with no `COVIS_*` variable but those it is given, so that
+//! neither a developer's `covis.toml` nor the environment leaks into a test.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A folder of its own for one test, gone at the end.
+pub(crate) struct Workspace {
+    folder: TempDir,
+}
+
+/// What a run left.
+pub(crate) struct Ran {
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
+}
+
+impl Workspace {
+    pub(crate) fn new() -> Self {
+        Self { folder: tempfile::tempdir().unwrap() }
+    }
+
+    /// A path in the folder.
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a file in the folder.
+    pub(crate) fn file(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.path(name);
+        fs_err::write(&path, text).unwrap();
+        path
+    }
+
+    /// The binary, ready to run in the folder.
+    pub(crate) fn command(&self) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_covis"));
+        command.current_dir(self.folder.path());
+        for (name, _) in std::env::vars_os() {
+            if name.to_string_lossy().starts_with("COVIS_") {
+                command.env_remove(name);
+            }
+        }
+        command
+    }
+
+    /// Runs the binary with arguments that are separated by spaces; `{}` stands for the next path.
+    pub(crate) fn run(&self, arguments: &str, paths: &[&Path]) -> Ran {
+        let mut paths = paths.iter();
+        let mut command = self.command();
+        for word in arguments.split_whitespace() {
+            if word == "{}" {
+                command.arg(paths.next().unwrap());
+            } else {
+                command.arg(word);
+            }
+        }
+        assert!(paths.next().is_none(), "{arguments}: a path too many");
+        Ran::of(command.output().unwrap())
+    }
+
+    /// Runs, expects success and parses the JSON object on standard output.
+    pub(crate) fn json(&self, arguments: &str, paths: &[&Path]) -> Value {
+        let ran = self.run(arguments, paths);
+        assert_eq!(ran.code, Some(0), "{arguments}: {}", ran.stderr);
+        serde_json::from_str(&ran.stdout).unwrap()
+    }
+}
+
+impl Ran {
+    pub(crate) fn of(output: Output) -> Self {
+        let text = |bytes| String::from_utf8(bytes).unwrap();
+        Self {
+            code: output.status.code(),
+            stdout: text(output.stdout),
+            stderr: text(output.stderr),
+        }
+    }
+
+    /// Expects exit code 1 and one line that begins with `error: ` and holds all `parts`.
+    pub(crate) fn expect_failure(&self, parts: &[&str]) {
+        assert_eq!(self.code, Some(1), "{}", self.stderr);
+        assert_eq!(self.stderr.lines().count(), 1, "{}", self.stderr);
+        assert!(self.stderr.starts_with("error: "), "{}", self.stderr);
+        for part in parts {
+            assert!(self.stderr.contains(part), "`{part}` in `{}`", self.stderr);
+        }
+    }
+}
+
+/// A file under `tests/golden`.
+pub(crate) fn golden(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name)
+}
+
+/// A golden record.
+pub(crate) fn golden_json(name: &str) -> Value {
+    serde_json::from_slice(&fs_err::read(golden(name)).unwrap()).unwrap()
+}
+
+/// A file of the shared data, if there is any; says so once a test otherwise.
+pub(crate) fn data(name: &str) -> Option<PathBuf> {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
+    let root = std::env::var_os("COVIS_TEST_DATA").map_or_else(beside, PathBuf::from);
+    let path = root.join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("skipped: no data ({name})");
+    None
+}
+
+/// A number of a JSON object by its key.
+pub(crate) fn number(object: &Value, key: &str) -> f64 {
+    object[key].as_f64().unwrap_or_else(|| panic!("no number `{key}` in {object}"))
+}
+
+/// Whether `a` and `b` differ by at most `relative` of `b`.
+pub(crate) fn close(a: f64, b: f64, relative: f64) -> bool {
+    (a - b).abs() <= relative * b.abs()
+}
