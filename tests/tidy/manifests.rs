@@ -1,0 +1,114 @@
+//! The manifests: one place for versions, lints for every crate, one binary of integration tests.
+
+use crate::report;
+use crate::source::{File, files};
+
+fn manifests() -> Vec<File> {
+    files().into_iter().filter(|f| f.path.ends_with("Cargo.toml")).collect()
+}
+
+/// Lines of a manifest with their number and section.
+fn entries(manifest: &File) -> Vec<(usize, String, String)> {
+    let mut section = String::new();
+    let mut found = Vec::new();
+    for (number, line) in manifest.text.lines().enumerate() {
+        let line = line.split(" #").next().unwrap_or(line).trim();
+        if line.starts_with('[') {
+            section = line.trim_matches(['[', ']']).to_owned();
+        }
+        if !line.is_empty() && !line.starts_with('#') {
+            found.push((number + 1, section.clone(), line.to_owned()));
+        }
+    }
+    found
+}
+
+#[test]
+fn versions_stand_in_the_root_manifest_only() {
+    let mut offenders = Vec::new();
+    for manifest in manifests() {
+        for (number, section, line) in entries(&manifest) {
+            let place = format!("{}:{number}", manifest.path);
+            let dependencies = section.rsplit('.').next().unwrap_or(&section);
+            let listed =
+                dependencies.ends_with("dependencies") && section != "workspace.dependencies";
+            if section.contains("dependencies.") && line.starts_with('[') {
+                offenders.push(format!("{place}: `{line}`: a dependency takes one line"));
+            } else if listed && !line.starts_with('[') {
+                let inherited = line.contains("workspace = true");
+                let own_path = line.contains("path =") && !line.contains("version");
+                if !inherited && !own_path {
+                    offenders.push(format!("{place}: `{line}`: use `workspace = true`"));
+                }
+            }
+        }
+    }
+    report("Versions stand in [workspace.dependencies] only.", &offenders);
+}
+
+#[test]
+fn no_version_is_listed_in_vain() {
+    let manifests = manifests();
+    let used = |name: &str| {
+        manifests.iter().flat_map(entries).any(|(_, section, line)| {
+            section != "workspace.dependencies"
+                && line.strip_prefix(name).is_some_and(|rest| rest.starts_with(['.', ' ', '=']))
+        })
+    };
+    let mut offenders = Vec::new();
+    for (number, section, line) in
+        manifests.iter().filter(|m| m.path == "Cargo.toml").flat_map(entries)
+    {
+        let name = line.split([' ', '=']).next().unwrap_or(&line);
+        if section == "workspace.dependencies" && !line.starts_with('[') && !used(name) {
+            offenders.push(format!("Cargo.toml:{number}: `{name}` is used by no crate"));
+        }
+    }
+    report("Every listed version is used.", &offenders);
+}
+
+#[test]
+fn the_solver_crate_stands_alone() {
+    let mut offenders = Vec::new();
+    for manifest in manifests().iter().filter(|m| m.path == "solvers/Cargo.toml") {
+        for (number, section, line) in entries(manifest) {
+            let barred = ["tokio", "tonic", "prost", "async", "futures", "covis "];
+            if section.ends_with("dependencies") && barred.iter().any(|b| line.starts_with(b)) {
+                offenders.push(format!("{}:{number}: `{line}`", manifest.path));
+            }
+        }
+    }
+    report("covis-solvers has no tokio, tonic or prost.", &offenders);
+}
+
+#[test]
+fn every_crate_takes_the_workspace_lints() {
+    let lacks = |m: &File| {
+        !entries(m)
+            .iter()
+            .any(|(_, section, line)| section == "lints" && line == "workspace = true")
+    };
+    let offenders: Vec<String> =
+        manifests().into_iter().filter(|m| lacks(m)).map(|m| m.path).collect();
+    report("Every crate has `[lints] workspace = true`.", &offenders);
+}
+
+/// A file beside `main.rs` in a tests folder would be found by cargo as a binary of its own and be
+/// built and run twice; `autotests = false` keeps it a module.
+#[test]
+fn integration_tests_are_one_binary() {
+    let mut offenders = Vec::new();
+    for (folder, manifest) in [("solvers/tests/", "solvers/Cargo.toml"), ("tests/", "Cargo.toml")] {
+        let listed = manifests()
+            .iter()
+            .any(|m| m.path == manifest && m.text.lines().any(|l| l == "autotests = false"));
+        let alone = |path: &str| {
+            let name = path.strip_prefix(folder).filter(|name| !name.contains('/'));
+            name.is_some_and(|n| n.ends_with(".rs") && n != "main.rs" && n != "tidy.rs")
+        };
+        if !listed {
+            offenders.extend(files().into_iter().map(|f| f.path).filter(|path| alone(path)));
+        }
+    }
+    report("Integration tests are modules of one binary.", &offenders);
+}
