@@ -87,6 +87,15 @@ pub struct Observation {
     pub descriptor: Option<Arc<Descriptor>>,
 }
 
+impl Observation {
+    /// What makes an observation of a keyframe unique: the landmark and the bits of its pixel. Two
+    /// features may match one landmark (structure-from-motion models hold such pairs).
+    #[must_use]
+    pub fn key(&self) -> (EntityId, [u64; 2]) {
+        (self.landmark, [self.pixel.x.to_bits(), self.pixel.y.to_bits()])
+    }
+}
+
 /// A captured frame that the map keeps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Keyframe {
@@ -99,7 +108,7 @@ pub struct Keyframe {
     /// The pose in the client's own odometry frame, which no solve moves; the start estimate where
     /// the client sent none.
     pub odom_from_camera: Se3,
-    /// Features seen, at most one a landmark, in the order of arrival.
+    /// Features seen, in the order of arrival; each [`Observation::key`] once.
     pub observations: Arc<[Observation]>,
     /// The revision that added it.
     pub added_revision: i64,
@@ -113,7 +122,7 @@ impl Keyframe {
         self.world_from_camera.compose(&self.odom_from_camera.inverse())
     }
 
-    /// The observation of `landmark`, if there is one; linear in the number of observations.
+    /// The first observation of `landmark`, if there is one; linear in the number of observations.
     #[must_use]
     pub fn observation_of(&self, landmark: EntityId) -> Option<&Observation> {
         self.observations.iter().find(|o| o.landmark == landmark)

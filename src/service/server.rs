@@ -91,6 +91,13 @@ impl Server {
 }
 
 impl RunningServer {
+    /// The pool that runs this server's solves. Work of the caller's own goes in the same queue, so a
+    /// test can hold it and see what waits.
+    #[must_use]
+    pub fn solver_pool(&self) -> Arc<SolverPool> {
+        Arc::clone(self.context.maps.pool())
+    }
+
     /// The address that was bound.
     #[must_use]
     pub fn local_addr(&self) -> SocketAddr {

@@ -175,12 +175,24 @@ fn a_landmark_in_the_center_plane_is_refused_and_one_behind_is_accepted() {
 }
 
 #[test]
+fn two_features_of_a_keyframe_may_match_one_landmark() {
+    let mut journal = street(3, MapPolicy::default());
+    let item = keyframe(|_, observations, _| observations[1].landmark = EntityRef::own(20));
+    let before = journal.map.observation_count();
+    journal.send(ROBOT, &item).unwrap();
+    assert_eq!(journal.map.observation_count(), before + 2);
+    let observers = &journal.map.landmarks()[&id(20)].observers;
+    assert_eq!(observers.iter().filter(|&&o| o == id(9)).count(), 1);
+}
+
+#[test]
 fn doubles_are_named() {
     let mut journal = street(3, MapPolicy::default());
     check(
         &journal,
         &keyframe(|_, observations, landmarks| {
             observations[1].landmark = EntityRef::own(20);
+            observations[1].pixel = observations[0].pixel;
             landmarks.push(ItemLandmark { id: 1000, position: None });
             landmarks.push(ItemLandmark { id: 1000, position: None });
         }),
@@ -364,4 +376,30 @@ fn references_reach_across_clients_and_descriptors_are_kept() {
     assert_eq!(own.client, drone);
     assert!(journal.map.keyframes()[&own].observations[0].descriptor.is_some());
     assert!(journal.map.holds(drone, &item));
+}
+
+#[test]
+fn a_keyframe_without_camera_takes_no_observations() {
+    let mut journal = street(3, MapPolicy::default());
+    let at_two = |camera, observations| Item::Keyframe {
+        id: 9,
+        capture_time_ns: 9,
+        camera,
+        world_from_camera: pose_at(2.0),
+        odom_from_camera: None,
+        observations,
+        landmarks: Vec::new(),
+    };
+    let seen = vec![observe(20, &pose_at(2.0), &corner(20))];
+    check(&journal, &at_two(None, seen.clone()), &[("keyframe.camera_id", Reason::Missing)]);
+    journal.send(ROBOT, &at_two(None, Vec::new())).unwrap();
+    assert!(journal.map.holds(ROBOT, &at_two(None, Vec::new())));
+    check(
+        &journal,
+        &Item::Observations { keyframe: EntityRef::own(9), observations: seen },
+        &[("observations.keyframe", Reason::Inconsistent)],
+    );
+    // A camera that is not there is no camera left out.
+    let unknown = at_two(Some(EntityRef::own(5)), Vec::new());
+    assert!(!journal.map.holds(ROBOT, &unknown));
 }

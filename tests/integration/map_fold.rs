@@ -210,6 +210,39 @@ fn the_hash_sees_the_last_bit_of_a_pose_and_of_a_landmark() {
 }
 
 #[test]
+fn the_odometry_pose_is_kept_and_hashed_and_no_solve_moves_it() {
+    let with = |odom: Option<Se3>| {
+        let mut journal = Journal::new(MapPolicy::default());
+        let mut item = street_keyframe(1, pose_at(1.0), &journal.map);
+        let Item::Keyframe { odom_from_camera, .. } = &mut item else { unreachable!() };
+        *odom_from_camera = odom;
+        journal.send(ROBOT, &item).unwrap();
+        (journal, item)
+    };
+    let (bare, bare_item) = with(None);
+    let (written, written_item) = with(Some(pose_at(1.0)));
+    assert_eq!(bare.map.state_hash(), written.map.state_hash(), "the default, written out");
+    assert!(bare.map.holds(ROBOT, &written_item));
+    let (mut apart, _) = with(Some(pose_at(5.0)));
+    assert_ne!(bare.map.state_hash(), apart.map.state_hash());
+    assert!(!apart.map.holds(ROBOT, &bare_item));
+    assert_eq!(apart.map.keyframes()[&id(1)].map_from_odom(), pose_at(-4.0));
+    let solve = AppliedSolve {
+        kind: SolveKind::Global,
+        poses: vec![(id(1), pose_at(1.5))],
+        landmarks: Vec::new(),
+        cameras: Vec::new(),
+        covered: Vec::new(),
+        initial_cost: 1.0,
+        final_cost: 0.5,
+    };
+    apart.push(Change::SolveApplied { solve });
+    let keyframe = &apart.map.keyframes()[&id(1)];
+    assert_eq!(keyframe.odom_from_camera, pose_at(5.0));
+    assert_eq!(keyframe.map_from_odom(), pose_at(-3.5));
+}
+
+#[test]
 fn an_event_that_does_not_fit_is_refused_and_changes_nothing() {
     let journal = street(3, MapPolicy::default());
     let revision = journal.map.revision() + 1;
@@ -228,6 +261,14 @@ fn an_event_that_does_not_fit_is_refused_and_changes_nothing() {
     let unknown = |kind, id| MapError::Unknown { revision, kind, id };
     let repeated = journal.events.iter().find(|e| matches!(e.change, Change::KeyframeAdded { .. }));
     let repeated = repeated.unwrap().change.clone();
+    let mut blind = repeated.clone();
+    if let Change::KeyframeAdded { id: new, camera, .. } = &mut blind {
+        (*new, *camera) = (id(8), None);
+    }
+    let mut astray = repeated.clone();
+    if let Change::KeyframeAdded { id: new, odom_from_camera, .. } = &mut astray {
+        (*new, odom_from_camera.translation.x) = (id(8), f64::NAN);
+    }
     let stale = Cause { client: ROBOT, epoch: 2, sequence: 99, digest: [0; 32] };
     let cases = [
         (
@@ -250,6 +291,8 @@ fn an_event_that_does_not_fit_is_refused_and_changes_nothing() {
             event(Change::SolveApplied { solve: solve(vec![(id(0), nan)], Vec::new()) }),
             MapError::NotFinite { revision, kind: EntityKind::Keyframe, id: id(0) },
         ),
+        (event(blind), MapError::NoCamera { revision, keyframe: id(8) }),
+        (event(astray), MapError::NotFinite { revision, kind: EntityKind::Keyframe, id: id(8) }),
         (event(repeated), MapError::Exists { revision, kind: EntityKind::Keyframe, id: id(0) }),
         (event(Change::ConstraintRevoked { id: id(3) }), unknown(EntityKind::Constraint, id(3))),
         (

@@ -117,6 +117,11 @@ fn numbers_that_are_not_finite_are_named() {
             Reason::NotFinite,
         ),
         (
+            bad_keyframe(|k| k.odom_from_camera = Some(shift([nan, 0.0, 0.0]))),
+            "keyframe.odom_from_camera.translation.x",
+            Reason::NotFinite,
+        ),
+        (
             bad_keyframe(|k| rotation(k).w = nan),
             "keyframe.world_from_camera.rotation.w",
             Reason::NotFinite,
@@ -165,6 +170,14 @@ fn rotations_that_are_not_unit_are_refused_and_almost_unit_ones_normalized() {
         (
             bad_keyframe(|k| rotation(k).w = 1.002),
             "keyframe.world_from_camera.rotation",
+            Reason::NotUnit,
+        ),
+        (
+            bad_keyframe(|k| {
+                k.odom_from_camera = Some(shift([0.0; 3]));
+                k.odom_from_camera.as_mut().unwrap().rotation.as_mut().unwrap().w = 0.99;
+            }),
+            "keyframe.odom_from_camera.rotation",
             Reason::NotUnit,
         ),
         (
@@ -385,6 +398,7 @@ fn ranges_ids_and_contradictions() {
 #[test]
 fn what_is_not_served_yet_is_refused_as_such() {
     let unserved = |item, field| (item, field, Reason::Unimplemented);
+    let huber = || Some(v1::Loss { kind: v1::LossKind::Huber.into(), width: Some(1.0) });
     check(vec![
         unserved(Item::Rig(v1::Rig::default()), "rig"),
         unserved(Item::RevokeConstraint(v1::RevokeConstraint::default()), "revoke_constraint"),
@@ -408,6 +422,9 @@ fn what_is_not_served_yet_is_refused_as_such() {
             bad_camera(|c| c.rolling_shutter_readout_ms = 20.0),
             "camera.rolling_shutter_readout_ms",
         ),
+        unserved(bad_constraint(|c| c.loss = huber()), "relative_pose.loss"),
+        unserved(position_prior(|p| p.loss = huber()), "position_prior.loss"),
+        unserved(pose_prior(|p| p.loss = huber()), "pose_prior.loss"),
         unserved(
             position_prior(|p| p.point_in_camera = Some(vector3([0.1, 0.0, 0.0]))),
             "position_prior.point_in_camera",

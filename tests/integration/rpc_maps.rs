@@ -130,6 +130,34 @@ fn create_map_refuses_bad_fields_and_taken_names() {
 }
 
 #[test]
+fn create_map_tells_which_policies_are_not_served_yet() {
+    run(async {
+        let server = TestServer::start().await;
+        let mut maps = server.maps();
+        let limited = |limits| v1::MapPolicy { limits: Some(limits), ..Default::default() };
+        let policy = |gauge: v1::Gauge| v1::MapPolicy { gauge: gauge.into(), ..Default::default() };
+        let size = v1::MapLimits { max_size_bytes: Some(1 << 30), ..Default::default() };
+        let queue = |n| v1::MapLimits { max_queued_item_count: Some(n), ..Default::default() };
+        for (policy, field) in [
+            (policy(v1::Gauge::Free), "policy.gauge"),
+            (policy(v1::Gauge::Priors), "policy.gauge"),
+            (policy(v1::Gauge::FixedPoses), "policy.gauge"),
+            (limited(size), "policy.limits.max_size_bytes"),
+            (limited(queue(1)), "policy.limits.max_queued_item_count"),
+        ] {
+            let request = v1::CreateMapRequest { policy: Some(policy), ..create("room") };
+            let status = maps.create_map(request).await.unwrap_err();
+            check_field(&status, field, "UNIMPLEMENTED");
+        }
+        // What the server does anyway may be said.
+        let said =
+            v1::MapPolicy { limits: Some(queue(65_536)), ..policy(v1::Gauge::FirstKeyframeFixed) };
+        let map = server.create_map_with("room", said).await;
+        assert_eq!(map.policy.unwrap().gauge(), v1::Gauge::FirstKeyframeFixed);
+    });
+}
+
+#[test]
 fn get_map_counts_what_was_sent() {
     run(async {
         let server = TestServer::start().await;

@@ -384,6 +384,15 @@ fn solve_pose_graph_refuses_bad_graphs_and_names_pieces() {
         let request = v1::SolvePoseGraphRequest::default();
         let status = server.optimization().solve_pose_graph(request).await.unwrap_err();
         check_field(&status, "graph", "MISSING");
+        // A loss of one edge alone, unless it is that of all.
+        let mut graph = square();
+        graph.edges[1].loss = loss(v1::LossKind::Huber, 1.0);
+        check_field(&solve(graph.clone()).await, "se3.edges[1].loss", "UNIMPLEMENTED");
+        let same = v1::SolvePoseGraphRequest {
+            loss: loss(v1::LossKind::Huber, 1.0),
+            ..graph_request(graph)
+        };
+        server.optimization().solve_pose_graph(same).await.unwrap();
         let mut graph = square();
         graph.vertices[1].world_from_vertex = None;
         let request = v1::SolvePoseGraphRequest {

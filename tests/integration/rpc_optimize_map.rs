@@ -63,7 +63,12 @@ fn optimize_map_refuses_what_it_cannot_solve() {
         check_status(&end(optimize("room")).await, Code::FailedPrecondition, "NOTHING_TO_SOLVE");
         check_status(&end(optimize("none")).await, Code::NotFound, "MAP_NOT_FOUND");
         check_field(&end(optimize("")).await, "map_id", "MISSING");
-        let cases: [(v1::OptimizeMapRequest, &str, &str); 6] = [
+        let cases: [(v1::OptimizeMapRequest, &str, &str); 7] = [
+            (
+                v1::OptimizeMapRequest { gauge: v1::Gauge::FixedPoses.into(), ..optimize("room") },
+                "gauge",
+                "INCONSISTENT",
+            ),
             (
                 v1::OptimizeMapRequest { refine_intrinsics: true, ..optimize("room") },
                 "refine_intrinsics",
@@ -108,22 +113,28 @@ fn optimize_map_refuses_what_it_cannot_solve() {
     });
 }
 
-/// Takes the pool's one thread with the optimization of another map: what is asked for next waits.
-async fn occupy(server: &TestServer) -> Streaming<v1::OptimizeMapResponse> {
-    let policy = v1::MapPolicy { local_bundle_adjustment: Some(false), ..Default::default() };
-    server.create_map_with("hall", policy).await;
-    server.build_map("hall", 45).await;
-    let options = v1::SolverOptions {
-        max_iteration_count: Some(10_000),
-        function_tolerance: Some(0.0),
-        gradient_tolerance: Some(0.0),
-        parameter_tolerance: Some(0.0),
-        ..Default::default()
+/// Holds the pool's one thread until the answer is dropped: what is asked for next waits.
+async fn occupy(server: &TestServer) -> std::sync::mpsc::Sender<()> {
+    let (release, released) = std::sync::mpsc::channel();
+    let (begun, began) = tokio::sync::oneshot::channel();
+    let pool = server.running.solver_pool();
+    let hold = move || begun.send(()).is_ok() && released.recv().is_ok();
+    tokio::spawn(async move { pool.run(hold).await });
+    began.await.unwrap();
+    release
+}
+
+/// Asks for two optimizations of one map, of which one is refused; returns the other.
+async fn one_of_two(server: &TestServer, map_id: &str) -> Streaming<v1::OptimizeMapResponse> {
+    let mut client = server.optimization();
+    let mut one = client.optimize_map(optimize(map_id)).await.unwrap().into_inner();
+    let mut two = client.optimize_map(optimize(map_id)).await.unwrap().into_inner();
+    let (refused, waiting) = tokio::select! {
+        refused = one.message() => (refused, two),
+        refused = two.message() => (refused, one),
     };
-    let request = v1::OptimizeMapRequest { options: Some(options), ..optimize("hall") };
-    let mut stream = server.optimization().optimize_map(request).await.unwrap().into_inner();
-    assert!(stream.message().await.unwrap().is_some(), "row 0: the solve runs");
-    stream
+    check_status(&refused.unwrap_err(), Code::Aborted, "OPTIMIZATION_RUNNING");
+    waiting
 }
 
 #[test]
@@ -133,17 +144,29 @@ fn a_second_optimization_of_a_map_is_aborted() {
         let policy = v1::MapPolicy { local_bundle_adjustment: Some(false), ..Default::default() };
         server.create_map_with("room", policy).await;
         server.build_map("room", 20).await;
-        let mut busy = occupy(&server).await;
-        let both = tokio::join!(
-            optimized(&server, optimize("room")),
-            optimized(&server, optimize("room")),
-        );
-        let errors: Vec<Status> = [both.0.err(), both.1.err()].into_iter().flatten().collect();
-        let [status] = errors.as_slice() else { panic!("one of the two: {errors:?}") };
-        check_status(status, Code::Aborted, "OPTIMIZATION_RUNNING");
-        while busy.message().await.unwrap().is_some() {}
+        let busy = occupy(&server).await;
+        let mut running = one_of_two(&server, "room").await;
+        drop(busy);
+        while running.message().await.unwrap().is_some() {}
         // Once it has ended another one may run.
         optimized(&server, optimize("room")).await.unwrap();
+    });
+}
+
+#[test]
+fn deleting_a_map_ends_its_optimization_with_not_found() {
+    run(async {
+        let server = TestServer::start().await;
+        let policy = v1::MapPolicy { local_bundle_adjustment: Some(false), ..Default::default() };
+        server.create_map_with("room", policy).await;
+        server.build_map("room", 3).await;
+        // The pool is taken: one of two waits in the map, which the refusal of the other proves.
+        let busy = occupy(&server).await;
+        let mut waiting = one_of_two(&server, "room").await;
+        let delete = v1::DeleteMapRequest { map_id: "room".to_owned() };
+        server.maps().delete_map(delete).await.unwrap();
+        check_status(&waiting.message().await.unwrap_err(), Code::NotFound, "MAP_NOT_FOUND");
+        drop(busy);
     });
 }
 
@@ -172,12 +195,22 @@ fn a_canceled_optimization_leaves_the_map_as_it_was() {
             let request = v1::GetMapRequest { map_id: "room".to_owned() };
             server.maps().get_map(request).await.unwrap().into_inner().map.unwrap().revision
         };
+        // The cancellation travels: it may come too late, but not every time.
+        let mut stopped = false;
+        for _ in 0..50 {
+            let before = revision().await;
+            let busy = occupy(&server).await;
+            let stream = server.optimization().optimize_map(optimize("room")).await.unwrap();
+            drop(stream);
+            // An answer on the same connection comes behind the cancellation.
+            revision().await;
+            drop(busy);
+            // The pool's queue is in order: once this runs, the optimization has.
+            drop(occupy(&server).await);
+            stopped |= revision().await == before;
+        }
+        assert!(stopped, "no optimization was stopped");
         let before = revision().await;
-        let mut busy = occupy(&server).await;
-        let stream = server.optimization().optimize_map(optimize("room")).await.unwrap();
-        drop(stream);
-        while busy.message().await.unwrap().is_some() {}
-        // A stream of the same map still works, and so does another optimization.
         let (mut stream, _) = Stream::open(&server, "room", "drone", 0).await;
         stream.put(1, Item::Camera(camera(0))).await;
         let after = revision().await;

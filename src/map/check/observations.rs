@@ -34,7 +34,7 @@ impl Check<'_> {
         self.fields.ceiling(path, "observations", present, added, ceiling);
         let new: BTreeMap<EntityId, Option<Vector3<f64>>> =
             view.new_landmarks.iter().map(|l| (l.id, l.position)).collect();
-        let mut seen: BTreeSet<EntityId> = view.present.iter().map(|o| o.landmark).collect();
+        let mut seen: BTreeSet<_> = view.present.iter().map(Observation::key).collect();
         let mut observations = Vec::with_capacity(sent.len());
         for (index, sent) in sent.iter().enumerate() {
             let at = format!("{path}[{index}]");
@@ -54,20 +54,21 @@ impl Check<'_> {
                     }
                 },
             };
-            if !seen.insert(landmark) {
-                let text = format!("landmark {} is observed twice", landmark.id);
-                self.fields.add(format!("{at}.landmark"), Reason::Duplicate, text);
-            }
             if let Some(position) = &position {
                 self.projection(&at, landmark, position, view);
             }
-            observations.push(Observation {
+            let observation = Observation {
                 landmark,
                 pixel: sent.pixel,
                 sigma_px: sent.sigma_px,
                 depth: sent.depth,
                 descriptor: sent.descriptor.clone(),
-            });
+            };
+            if !seen.insert(observation.key()) {
+                let text = format!("landmark {} is observed twice at this pixel", landmark.id);
+                self.fields.add(format!("{at}.landmark"), Reason::Duplicate, text);
+            }
+            observations.push(observation);
         }
         observations
     }

@@ -168,12 +168,12 @@ impl Fit<'_> {
         new: &BTreeSet<EntityId>,
         present: &[Observation],
     ) -> Outcome {
-        let mut seen: BTreeSet<EntityId> = present.iter().map(|o| o.landmark).collect();
+        let mut seen: BTreeSet<_> = present.iter().map(Observation::key).collect();
         for observation in observations {
             let id = observation.landmark;
             let known = new.contains(&id) || self.map.landmarks.contains_key(&id);
             self.present(known, EntityKind::Landmark, id)?;
-            self.absent(seen.insert(id), EntityKind::Observation, id)?;
+            self.absent(seen.insert(observation.key()), EntityKind::Observation, id)?;
             let pixel = observation.pixel.x.is_finite() && observation.pixel.y.is_finite();
             self.finite(pixel && observation.sigma_px.is_finite(), EntityKind::Observation, id)?;
         }

@@ -144,8 +144,11 @@ impl Map {
         self.observation_count += added.len() as u64;
         for observation in added {
             let Some(landmark) = self.landmarks.get_mut(&observation.landmark) else { continue };
-            self.covisibility.add(keyframe_id, &landmark.observers);
-            insert_sorted(&mut landmark.observers, keyframe_id);
+            // A second feature on the same landmark adds no covisibility.
+            if let Err(place) = landmark.observers.binary_search(&keyframe_id) {
+                self.covisibility.add(keyframe_id, &landmark.observers);
+                landmark.observers.insert(place, keyframe_id);
+            }
             landmark.reference.get_or_insert(keyframe_id);
         }
     }

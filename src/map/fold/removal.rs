@@ -15,8 +15,9 @@ impl Map {
         let before = keyframe.observations.len();
         keyframe.observations =
             keyframe.observations.iter().filter(|o| o.landmark != landmark_id).cloned().collect();
-        if keyframe.observations.len() < before {
-            self.observation_count -= 1;
+        let removed = before - keyframe.observations.len();
+        if removed > 0 {
+            self.observation_count -= removed as u64;
             self.forget_observer(landmark_id, keyframe_id);
         }
     }
@@ -92,7 +93,8 @@ impl Map {
 
     fn forget_observer(&mut self, landmark_id: EntityId, keyframe: EntityId) {
         let Some(landmark) = self.landmarks.get_mut(&landmark_id) else { return };
-        landmark.observers.retain(|&o| o != keyframe);
+        let Ok(place) = landmark.observers.binary_search(&keyframe) else { return };
+        landmark.observers.remove(place);
         self.covisibility.remove(keyframe, &landmark.observers);
         if landmark.reference == Some(keyframe) {
             landmark.reference = landmark.observers.first().copied();

@@ -115,6 +115,41 @@ fn quaternions_are_normalized_within_a_thousandth_and_refused_past_it() {
 }
 
 #[test]
+fn the_odometry_pose_of_a_keyframe_is_read_and_named_when_bad() {
+    let pose = |x, w| v1::RigidTransform {
+        translation: Some(v1::Vector3 { x, ..Default::default() }),
+        rotation: Some(v1::Quaternion { w, ..Default::default() }),
+    };
+    let read = |odom_from_camera| {
+        let keyframe = v1::Keyframe {
+            capture_time: Some(timestamp(5)),
+            world_from_camera: Some(pose(1.0, 1.0)),
+            odom_from_camera,
+            ..Default::default()
+        };
+        item(&WireItem::Keyframe(keyframe), "robot")
+    };
+    let odometry = |odom| {
+        let Item::Keyframe { camera: None, odom_from_camera, .. } = read(odom).unwrap() else {
+            panic!("a keyframe without camera was sent");
+        };
+        odom_from_camera
+    };
+    assert_eq!(odometry(None), None);
+    assert_eq!(odometry(Some(pose(7.0, 1.0))).unwrap().translation, Vector3::new(7.0, 0.0, 0.0));
+    let without_rotation = v1::RigidTransform { rotation: None, ..pose(0.0, 1.0) };
+    for (odom, field, reason) in [
+        (pose(f64::NAN, 1.0), "keyframe.odom_from_camera.translation.x", Reason::NotFinite),
+        (pose(0.0, f64::INFINITY), "keyframe.odom_from_camera.rotation.w", Reason::NotFinite),
+        (pose(0.0, 0.9), "keyframe.odom_from_camera.rotation", Reason::NotNormalized),
+        (without_rotation, "keyframe.odom_from_camera.rotation", Reason::Missing),
+    ] {
+        let found = read(Some(odom)).unwrap_err().violations;
+        assert_eq!((found[0].field.as_str(), found[0].reason, found.len()), (field, reason, 1));
+    }
+}
+
+#[test]
 fn losses_come_back() {
     for value in [
         Loss::Trivial,
