@@ -50,7 +50,7 @@ enum Action {
         /// What to write.
         #[arg(long)]
         format: Format,
-        /// The file, or the folder for the three files of COLMAP and for TUM (a file a client).
+        /// The file; a folder where there are several (COLMAP's three, TUM with several clients).
         #[arg(long, value_name = "PATH")]
         out: PathBuf,
     },
@@ -267,7 +267,7 @@ fn details(map: &Document) -> String {
         ("landmarks", format!("{} ({} with a position)", map.landmarks, map.positioned_landmarks)),
         ("observations", map.observations.to_string()),
         ("constraints", map.constraints.to_string()),
-        ("memory", format!("{:.1} MiB", map.size_bytes as f64 / (1024.0 * 1024.0))),
+        ("memory", format!("{} KiB", map.size_bytes.div_euclid(1024))),
     ];
     if let Some([min, max]) = map.landmark_bounds {
         let corner = |c: [f64; 3]| format!("({:.3}, {:.3}, {:.3})", c[0], c[1], c[2]);

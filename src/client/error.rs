@@ -65,6 +65,14 @@ pub enum ClientError {
         /// The highest that was used.
         last: i64,
     },
+    /// An item that was waited for, and that the server refused for good. The session goes on.
+    #[error("item {sequence} was rejected: {}", describe_violations(violations))]
+    Rejected {
+        /// Its sequence.
+        sequence: i64,
+        /// The fields that are wrong; empty when too many items were refused to keep them all.
+        violations: Vec<v1::ItemViolation>,
+    },
     /// A newer stream of the same client took over.
     #[error("another stream of client {client_id} on map {map_id} has taken over")]
     Fenced {
@@ -121,56 +129,41 @@ impl ClientError {
         move |status| Self::Rpc { rpc, status: Box::new(status) }
     }
 
+    /// What a call ended with.
+    fn status(&self) -> Option<&Status> {
+        if let Self::Rpc { status, .. } = self { Some(status) } else { None }
+    }
+
+    /// The error that the last attempt ended with, or this one.
+    fn cause(&self) -> &Self {
+        if let Self::RetriesExhausted { last, .. } = self { last } else { self }
+    }
+
     /// The status code, where a call ended with one.
     #[must_use]
     pub fn code(&self) -> Option<Code> {
-        match self {
-            Self::Rpc { status, .. } => Some(status.code()),
-            Self::RetriesExhausted { last, .. } => last.code(),
-            Self::InvalidUrl { .. }
-            | Self::Unreachable { .. }
-            | Self::Protocol { .. }
-            | Self::TooLarge { .. }
-            | Self::SequenceOrder { .. }
-            | Self::Fenced { .. }
-            | Self::MapReplaced { .. }
-            | Self::ServerRestarted { .. }
-            | Self::ItemsLost { .. }
-            | Self::Closed => None,
-        }
+        self.cause().status().map(Status::code)
     }
 
     /// `ErrorInfo.reason` of a status that the server built, for instance `MAP_NOT_FOUND`.
     #[must_use]
     pub fn reason(&self) -> Option<String> {
-        match self {
-            Self::Rpc { status, .. } => reason(status),
-            Self::RetriesExhausted { last, .. } => last.reason(),
-            _ => None,
-        }
+        reason(self.cause().status()?)
     }
 
     /// Whether trying again may help: the link broke, or the server is full or shutting down.
     pub(super) fn is_transient(&self) -> bool {
-        match self {
-            Self::Unreachable { .. } => true,
-            Self::Rpc { status, .. } if reason(status).is_some() => {
-                matches!(status.code(), Code::Unavailable | Code::ResourceExhausted)
-            }
-            Self::Rpc { status, .. } => matches!(
-                status.code(),
-                Code::Unavailable | Code::Unknown | Code::Internal | Code::Cancelled
-            ),
-            _ => false,
+        let Some(status) = self.status() else { return matches!(self, Self::Unreachable { .. }) };
+        let code = status.code();
+        if reason(status).is_some() {
+            return matches!(code, Code::Unavailable | Code::ResourceExhausted);
         }
+        matches!(code, Code::Unavailable | Code::Unknown | Code::Internal | Code::Cancelled)
     }
 
     /// How long the server asks to wait before the next attempt.
     pub(super) fn retry_delay(&self) -> Option<Duration> {
-        match self {
-            Self::Rpc { status, .. } => status.get_details_retry_info()?.retry_delay,
-            _ => None,
-        }
+        self.status()?.get_details_retry_info()?.retry_delay
     }
 }
 
@@ -201,6 +194,10 @@ pub fn describe_violation(violation: &v1::ItemViolation) -> String {
     let reason = violation.reason().as_str_name();
     let reason = reason.strip_prefix("VIOLATION_REASON_").unwrap_or(reason);
     format!("{}: {} ({reason})", violation.field, violation.description)
+}
+
+fn describe_violations(violations: &[v1::ItemViolation]) -> String {
+    violations.iter().map(describe_violation).collect::<Vec<_>>().join("; ")
 }
 
 #[cfg(test)]

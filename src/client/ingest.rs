@@ -120,6 +120,8 @@ impl IngestReport {
 #[derive(Clone, Debug, Default)]
 pub(super) struct State {
     pub(super) report: IngestReport,
+    /// Sequences of all refused items, rising.
+    pub(super) rejected: Vec<i64>,
     /// Why the session ended, where it failed.
     pub(super) failure: Option<ClientError>,
     /// Whether every ack is there and the stream has ended.
@@ -253,9 +255,18 @@ impl IngestSession {
     /// closure is answered with OPTIMIZED: waiting for another item waits for the next of those.
     ///
     /// # Errors
-    /// Why the session ended.
+    /// [`ClientError::Rejected`] where the item was refused; else why the session ended.
     pub async fn optimized(&mut self, sequence: i64) -> Result<(), ClientError> {
-        self.wait(move |state| state.report.optimized_through >= sequence).await
+        let is_rejected = |state: &State| state.rejected.binary_search(&sequence).is_ok();
+        let is_met = |state: &State| state.report.optimized_through >= sequence;
+        self.wait(|state| is_met(state) || is_rejected(state)).await?;
+        let state = self.state.borrow();
+        if !is_rejected(&state) {
+            return Ok(());
+        }
+        let kept = state.report.rejections.iter().find(|item| item.sequence == sequence);
+        let violations = kept.map(|item| item.violations.clone()).unwrap_or_default();
+        Err(ClientError::Rejected { sequence, violations })
     }
 
     /// Half-closes the stream, waits for all acks, those of pending solves too, and reports.

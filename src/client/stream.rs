@@ -8,7 +8,7 @@ use tokio::sync::{mpsc, oneshot, watch};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Streaming};
 
-use super::ingest::{IngestReport, KEPT_REJECTIONS, OnAck, RejectedItem, State};
+use super::ingest::{KEPT_REJECTIONS, OnAck, RejectedItem, State};
 use super::outbox::{Answer, Entry, Outbox};
 use super::retry::Retries;
 use super::{Client, ClientError};
@@ -81,9 +81,9 @@ impl Session {
             self.instance_id = Some(self.client.server_info().await?.instance_id);
         }
         let (outbound, mut inbound) = self.open().await?;
-        let answer = match inbound.message().await.map_err(ClientError::rpc(RPC))? {
-            Some(v1::IngestResponse { event: Some(Event::Opened(answer)) }) => answer,
-            Some(_) | None => return Err(protocol("the stream did not begin with opened")),
+        let first = inbound.message().await.map_err(ClientError::rpc(RPC))?;
+        let Some(v1::IngestResponse { event: Some(Event::Opened(answer)) }) = first else {
+            return Err(protocol("the stream did not begin with opened"));
         };
         self.check_resumed(&answer)?;
         self.epoch = self.epoch.max(answer.epoch);
@@ -207,7 +207,7 @@ impl Session {
         }
         self.retries.progress();
         if answer == Answer::First {
-            self.publish.send_modify(|state| count(&mut state.report, ack));
+            self.publish.send_modify(|state| count(state, ack));
         }
         if let Some(on_ack) = &mut self.on_ack {
             on_ack(ack);
@@ -241,7 +241,8 @@ async fn send_next(outbound: Option<&mpsc::Sender<v1::IngestRequest>>, outbox: &
 }
 
 /// Adds an ack that was not counted yet.
-fn count(report: &mut IngestReport, ack: &v1::IngestAck) {
+fn count(state: &mut State, ack: &v1::IngestAck) {
+    let report = &mut state.report;
     report.revision = report.revision.max(ack.revision);
     match ack.status() {
         v1::AckStatus::Received => {
@@ -250,6 +251,7 @@ fn count(report: &mut IngestReport, ack: &v1::IngestAck) {
         }
         v1::AckStatus::Rejected => {
             report.rejected += 1;
+            state.rejected.push(ack.sequence);
             if report.rejections.len() < KEPT_REJECTIONS {
                 let (sequence, violations) = (ack.sequence, ack.violations.clone());
                 report.rejections.push(RejectedItem { sequence, violations });

@@ -72,7 +72,7 @@ async fn replay(args: &Args, config: &Config, recording: &Recording) -> anyhow::
     let map_id = args.map.clone().unwrap_or_else(|| stem.clone());
     if recording.repeated > 0 {
         let count = recording.repeated;
-        tracing::warn!("{count} observations see a landmark twice in one keyframe: left out");
+        tracing::warn!("{count} observations stand twice in the file: left out once");
     }
     let client = Client::connect(args.server.as_ref().unwrap_or(&config.server)).await?;
     prepare_map(&client, &map_id, args).await?;

@@ -25,7 +25,7 @@ pub(super) struct Recording {
     pub(super) landmark_ids: Vec<i64>,
     /// The observations of each pose as indices into the problem's batch, in file order.
     pub(super) observations: Vec<Vec<usize>>,
-    /// Observations left out because their keyframe sees the landmark a second time.
+    /// Observations left out because they stand twice: same keyframe, landmark and pixel.
     pub(super) repeated: usize,
 }
 
@@ -63,12 +63,12 @@ impl Recording {
         landmark_ids: Vec<i64>,
     ) -> Self {
         let mut observations = vec![Vec::new(); problem.poses.len()];
-        // The last pose that saw each landmark: batches come pose by pose or in any order.
         let mut seen = std::collections::BTreeSet::new();
         let mut repeated = 0;
         let batch = &problem.reprojections;
         for (index, (&pose, &landmark)) in batch.poses.iter().zip(&batch.landmarks).enumerate() {
-            if seen.insert((pose, landmark)) {
+            let pixel = &batch.pixels[index];
+            if seen.insert((pose, landmark, pixel.x.to_bits(), pixel.y.to_bits())) {
                 observations[pose as usize].push(index);
             } else {
                 repeated += 1;

@@ -1,4 +1,6 @@
 //! What `covis replay` prints: one JSON object, or lines for people.
+//!
+//! Figures are the server's own, from the certificate of `OptimizeMap`; nothing is computed here.
 
 use serde::Serialize;
 
