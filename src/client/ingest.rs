@@ -228,8 +228,10 @@ impl IngestSession {
             permit = Arc::clone(&self.room).acquire_owned() => permit.ok(),
             () = items.closed() => None,
         };
+        // A session that has failed may still hold the queue open for a moment.
+        let has_failed = self.state.borrow().failure.is_some();
         let entry = Entry { request, permit, is_received: false };
-        if entry.permit.is_none() || items.send(entry).await.is_err() {
+        if has_failed || entry.permit.is_none() || items.send(entry).await.is_err() {
             return Err(self.failure());
         }
         (self.sent, self.last_sequence) = (self.sent + 1, sequence);

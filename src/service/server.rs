@@ -11,8 +11,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
-use tokio_stream::wrappers::TcpListenerStream;
 use tonic::server::NamedService;
+use tonic::transport::server::TcpIncoming;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
@@ -167,7 +167,6 @@ async fn serve(
     let info = ServerServiceServer::new(ServerInfo::new(Arc::clone(&context)));
     let router = tonic::transport::Server::builder()
         .max_concurrent_streams(context.config.max_concurrent_streams)
-        .tcp_nodelay(true)
         .add_service(limited!(maps))
         .add_service(limited!(ingest))
         .add_service(limited!(optimization))
@@ -176,7 +175,9 @@ async fn serve(
         .add_service(limited!(health_service))
         .add_service(limited!(reflection().build_v1()?))
         .add_service(limited!(reflection().build_v1alpha()?));
-    let incoming = TcpListenerStream::new(listener);
+    // The builder's own switch does not reach a listener that was bound outside; without it each
+    // small answer waits some 40 ms for the peer's delayed acknowledgment.
+    let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
     let task = tokio::spawn(async move {
         let drained = context.drained();
         router.serve_with_incoming_shutdown(incoming, drained).await
