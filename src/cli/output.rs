@@ -1,6 +1,6 @@
 //! Standard output for people and scripts, and how the program ends.
 //!
-//! All of the cli's output goes through [`print`], so that a reader that closes the pipe early
+//! All of the cli's output goes through [`print()`], so that a reader that closes the pipe early
 //! (`covis … | head`) ends the program quietly and successfully, and only it: a broken connection
 //! to a server stays an error. Exit codes: 0 success, 1 failure, 2 wrong usage.
 
