@@ -5,6 +5,7 @@
 //!
 //! | floor | modules |
 //! |---|---|
+//! | 0 | `simd`: eight lanes of f64 for each instruction set |
 //! | 1 | [`geometry`]: groups with their Jacobians, camera models |
 //! | 2 | [`information`], [`loss`] |
 //! | 3 | [`factors`] |
@@ -32,5 +33,6 @@ pub mod optimizer;
 pub mod pose_graph;
 pub mod pose_refinement;
 pub mod problem;
+mod simd;
 #[cfg(feature = "testing")]
 pub mod testing;

@@ -249,6 +249,7 @@ impl System for PoseSystem<'_> {
             norm,
             state_norm: self.pose.translation.norm() + 1.0,
             linear_residual: residual / self.gradient.norm().max(f64::MIN_POSITIVE),
+            is_inexact: false,
         })
     }
 

@@ -4,6 +4,7 @@
 #![allow(clippy::print_stdout, reason = "a skipped test says so in one line")]
 
 mod bundle_adjustment;
+mod bundle_kernels;
 mod evaluation;
 mod factors;
 mod geometry;

@@ -86,6 +86,7 @@ impl Optimization {
             let settings = bundle_adjustment::Options {
                 optimizer: options.optimizer,
                 linear_solver: options.linear_solver,
+                ..bundle_adjustment::Options::default()
             };
             let solved = bundle_adjustment::solve(&mut bundle, &settings, &mut observer)
                 .map_err(|error| ServiceError::Unsolvable { field: "problem", error })?;

@@ -3,11 +3,11 @@
 
 use std::sync::Arc;
 
+use covis_solvers::bundle_adjustment::Class;
 use tonic::{Request, Response, Status};
 
 use super::context::Context;
 use super::convert::map::to_limits;
-use super::convert::solve::SIMD_CLASS;
 use super::convert::time::timestamp;
 use super::convert::{count, small};
 use crate::wire::v1;
@@ -67,7 +67,7 @@ impl ServerInfo {
             limits: Some(limits),
             features: FEATURES.into_iter().map(str::to_owned).collect(),
             solver_thread_count: small(self.context.maps.pool().threads()),
-            simd_class: SIMD_CLASS.to_owned(),
+            simd_class: Class::detect().to_string(),
         }
     }
 }

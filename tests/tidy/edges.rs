@@ -4,7 +4,8 @@ use crate::report;
 use crate::source::rust_files;
 
 /// The modules of `solvers/src`, lowest floor first. A file uses its own module and lower floors.
-const FLOORS: [&[&str]; 11] = [
+const FLOORS: [&[&str]; 12] = [
+    &["simd"],
     &["geometry"],
     &["information", "loss"],
     &["factors"],

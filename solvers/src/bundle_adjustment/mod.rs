@@ -5,18 +5,26 @@
 //! and block-sparse past that (Triggs et al., "Bundle adjustment: a modern synthesis", 2000, §6).
 //! The gauge is the caller's: constant poses. Without any, the damping holds it.
 
-mod landmarks;
+mod accumulate;
+mod back_substitute;
+mod covisible;
 mod layout;
+mod models;
+mod observe;
 mod pose_factors;
-mod schur;
+mod reduce;
+mod reduced_solver;
 mod system;
 
 use std::time::Instant;
 
+use crate::geometry::Camera;
 use crate::optimizer::{self, Observer, SolveSummary, minimize, with_threads};
 use crate::problem::{BundleProblem, SolveError};
+pub use crate::simd::Class;
 
 use layout::Layout;
+use models::{AnyLanes, LaneModel, PinholeLanes, SnavelyLanes};
 use system::BundleSystem;
 
 /// How the reduced camera system is stored and factored.
@@ -29,6 +37,9 @@ pub enum LinearSolver {
     DenseSchur,
     /// Blocks of covisible poses only, sparse supernodal Cholesky.
     SparseSchur,
+    /// Blocks of covisible poses only, conjugate gradients preconditioned by the diagonal blocks
+    /// (Schur-Jacobi); steps are inexact.
+    IterativeSchur,
 }
 
 /// Options of [`solve`].
@@ -38,6 +49,8 @@ pub struct Options {
     pub optimizer: optimizer::Options,
     /// The reduced system's solver.
     pub linear_solver: LinearSolver,
+    /// The instruction set of the kernels; `None` takes the widest of this processor.
+    pub class: Option<Class>,
 }
 
 /// The outcome of [`solve`].
@@ -50,6 +63,8 @@ pub struct BundleSummary {
     /// Observations whose landmark is at or behind the camera's center plane in the result; they
     /// count in the cost.
     pub behind_camera: usize,
+    /// The instruction set that was used.
+    pub class: Class,
 }
 
 /// Minimizes the cost of `problem` in place, from the values that it holds.
@@ -69,26 +84,53 @@ pub fn solve(
     problem.validate()?;
     with_threads(options.optimizer.threads, || {
         let layout = Layout::new(problem)?;
-        // The width of a view's Jacobian is a constant of the inner loops: 6 with known intrinsics,
-        // 9 with Snavely's three, 15 with any model.
-        match layout.camera_parameters {
-            0 => run::<6>(problem, layout, options, start, observer),
-            1..=3 => run::<9>(problem, layout, options, start, observer),
-            _ => run::<15>(problem, layout, options, start, observer),
-        }
+        dispatch(problem, &layout, options, start, observer)
     })?
 }
 
-fn run<const D: usize>(
+/// Picks the kernels: how many columns a view has, how many rows an observation, which model.
+fn dispatch(
     problem: &mut BundleProblem,
-    layout: Layout,
+    layout: &Layout,
     options: &Options,
     start: Instant,
     observer: &mut Observer<'_>,
 ) -> Result<BundleSummary, SolveError> {
-    let mut system = BundleSystem::<D>::new(problem, layout, options.linear_solver)?;
+    let all = |is: fn(&Camera) -> bool| problem.cameras.iter().all(is);
+    let snavely = all(|c| matches!(c, Camera::Snavely(_)));
+    let pinhole = all(|c| matches!(c, Camera::Pinhole(_)));
+    let depth = !problem.depth_reprojections.is_empty();
+    let known = layout.camera_parameters == 0;
+    let run = (layout, options, start);
+    if snavely && !depth && known {
+        solve_with::<_, 6, 1, 2>(problem, run, SnavelyLanes, observer)
+    } else if snavely && !depth {
+        solve_with::<_, 9, 2, 2>(problem, run, SnavelyLanes, observer)
+    } else if pinhole && known && !depth {
+        solve_with::<_, 6, 1, 2>(problem, run, PinholeLanes, observer)
+    } else if pinhole && known {
+        solve_with::<_, 6, 1, 3>(problem, run, PinholeLanes, observer)
+    } else {
+        let view_cameras: Vec<u32> = layout.views.iter().map(|v| v.camera).collect();
+        let model = AnyLanes { view_cameras: &view_cameras };
+        if known {
+            solve_with::<_, 6, 1, 3>(problem, run, model, observer)
+        } else {
+            solve_with::<_, 15, 2, 3>(problem, run, model, observer)
+        }
+    }
+}
+
+fn solve_with<M: LaneModel, const D: usize, const Q: usize, const R: usize>(
+    problem: &mut BundleProblem,
+    (layout, options, start): (&Layout, &Options, Instant),
+    model: M,
+    observer: &mut Observer<'_>,
+) -> Result<BundleSummary, SolveError> {
+    let choice = (options.linear_solver, options.class.unwrap_or_else(Class::detect));
+    let mut system = BundleSystem::<M, D, Q, R>::new(problem, layout, model, choice)?;
     let linear_solver = system.linear_solver();
     let solve = minimize(&mut system, &options.optimizer, start, observer);
     let behind_camera = problem.behind_camera_count();
-    Ok(BundleSummary { solve, linear_solver, behind_camera })
+    Ok(BundleSummary { solve, linear_solver, behind_camera, class: choice.1 })
 }

@@ -24,6 +24,13 @@ pub(super) fn block_pairs(problem: &BundleProblem, layout: &Layout) -> Vec<(usiz
         .collect()
 }
 
+/// Whether there is any.
+pub(super) fn has_any(problem: &BundleProblem) -> bool {
+    !(problem.relative_poses.is_empty()
+        && problem.pose_priors.is_empty()
+        && problem.position_priors.is_empty())
+}
+
 /// ½ Σ ρ over all pose factors.
 pub(super) fn cost(problem: &BundleProblem) -> f64 {
     let poses = &problem.poses;

@@ -1,51 +1,54 @@
 //! Bundle adjustment as the trust-region loop sees it.
 //!
-//! Keeps the linearization (H_ll, g_l, W, H_vv, g_v) so that another damping only eliminates again.
+//! One fused pass linearizes and eliminates for a damping at once; another damping at the same state
+//! runs it again, since nothing of the size of the observations is kept.
 
-use std::sync::Arc;
-
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{SVector, Vector3};
 use rayon::prelude::*;
 
 use super::LinearSolver;
-use super::landmarks::{self, ChunkOutput, LandmarkBlock, ViewBlock};
+use super::accumulate::{Accumulate, ChunkSums, Column, LandmarkRecord, damping_scale};
+use super::back_substitute::{BackSubstitute, Cost, StepSums};
+use super::covisible::{ChunkPairs, covisible_pairs};
 use super::layout::{Layout, NO_BLOCK};
+use super::models::LaneModel;
+use super::observe::{Inputs, ViewRecord, view_record};
 use super::pose_factors;
-use super::schur::{Eliminated, Elimination, damping_scale};
+use super::reduce::{ReducedVectors, Reduction};
+use super::reduced_solver::{ReducedSolver, Solved, choose};
 use crate::geometry::{Camera, LieGroup, Se3};
-use crate::linear::{BlockMatrix, BlockPattern, Cholesky};
+use crate::linear::BlockMatrix;
 use crate::optimizer::{Gradient, Step, StepFailure, System};
 use crate::problem::{BundleProblem, SolveError};
+use crate::simd::{Class, WIDTH};
 
-/// Reduced systems of at most so many unknowns are dense: their factorization is cheap anyway.
-const DENSE_DIMENSION: usize = 300;
-
-/// Fuller reduced systems than this are dense whatever their size.
-const DENSE_FILL: f64 = 0.4;
-
-pub(super) struct BundleSystem<'a, const D: usize> {
+/// D columns a view in Q vectors, R rows an observation, camera model M.
+pub(super) struct BundleSystem<'a, M, const D: usize, const Q: usize, const R: usize> {
     problem: &'a mut BundleProblem,
-    layout: Layout,
-    offsets: Vec<usize>,
+    layout: &'a Layout,
+    model: M,
+    class: Class,
     linear_solver: LinearSolver,
-    // The linearization.
-    landmarks: Vec<LandmarkBlock>,
-    cross: Vec<SMatrix<f64, D, 3>>,
-    chunk_views: Vec<Vec<ViewBlock<D>>>,
-    hessian: BlockMatrix,
-    gradient: Vec<f64>,
-    scale: Vec<f64>,
-    // The elimination for the last damping, and its step.
-    eliminated: Vec<Eliminated>,
-    whitened: Vec<SMatrix<f64, D, 3>>,
+    offsets: Vec<usize>,
+    pairs: Vec<ChunkPairs>,
+    reduction: Reduction,
+    view_records: Vec<ViewRecord>,
+    // The elimination for `eliminated_for`.
+    sums: Vec<ChunkSums<D, Q>>,
+    records: Vec<LandmarkRecord>,
     reduced: BlockMatrix,
-    cholesky: Cholesky,
+    vectors: ReducedVectors,
+    eliminated_for: Option<f64>,
+    // The step.
+    solver: ReducedSolver,
     step: Vec<f64>,
+    view_steps: Vec<Column<Q>>,
     landmark_steps: Vec<Vector3<f64>>,
-    backup: Option<Values>,
+    backup: Values,
 }
 
 /// The variables before a trial step.
+#[derive(Default)]
 struct Values {
     poses: Vec<Se3>,
     cameras: Vec<Camera>,
@@ -63,62 +66,37 @@ fn split<T>(mut values: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<&
     pieces
 }
 
-impl<'a, const D: usize> BundleSystem<'a, D> {
+impl<'a, M: LaneModel, const D: usize, const Q: usize, const R: usize>
+    BundleSystem<'a, M, D, Q, R>
+{
     pub(super) fn new(
         problem: &'a mut BundleProblem,
-        layout: Layout,
-        linear_solver: LinearSolver,
+        layout: &'a Layout,
+        model: M,
+        (wish, class): (LinearSolver, Class),
     ) -> Result<Self, SolveError> {
-        let sizes = layout.block_sizes.clone();
-        let dimension: usize = sizes.iter().sum();
-        let sparse = || {
-            let mut pairs = pose_factors::block_pairs(problem, &layout);
-            push_covisible_pairs(&layout, &problem.constant_landmarks, &mut pairs);
-            BlockPattern::new(sizes.clone(), pairs)
-        };
-        let (linear_solver, pattern) = match linear_solver {
-            LinearSolver::DenseSchur => (LinearSolver::DenseSchur, BlockPattern::full(sizes)),
-            LinearSolver::SparseSchur => (LinearSolver::SparseSchur, sparse()),
-            LinearSolver::Auto if dimension <= DENSE_DIMENSION => {
-                (LinearSolver::DenseSchur, BlockPattern::full(sizes))
-            }
-            LinearSolver::Auto => {
-                let pattern = sparse();
-                if pattern.density() > DENSE_FILL {
-                    (LinearSolver::DenseSchur, BlockPattern::full(sizes))
-                } else {
-                    (LinearSolver::SparseSchur, pattern)
-                }
-            }
-        };
-        let pattern = Arc::new(pattern);
-        let cholesky = match linear_solver {
-            LinearSolver::SparseSchur => Cholesky::sparse(Arc::clone(&pattern)),
-            LinearSolver::DenseSchur | LinearSolver::Auto => Cholesky::dense(Arc::clone(&pattern)),
-        }
-        .map_err(|_error| SolveError::Empty("the reduced camera system could not be ordered"))?;
-        let observations = layout.observations.len();
+        let pairs = covisible_pairs(layout, &problem.constant_landmarks);
+        let (linear_solver, pattern, solver) = choose(problem, layout, &pairs, wish)?;
+        let dimension = pattern.dimension();
         let count = problem.landmarks.len();
         Ok(Self {
-            offsets: (0..pattern.block_count()).map(|b| pattern.offset(b)).collect(),
+            model,
+            class,
             linear_solver,
-            landmarks: vec![LandmarkBlock::ZERO; count],
-            cross: vec![SMatrix::zeros(); observations],
-            chunk_views: layout
-                .chunks
-                .iter()
-                .map(|_| vec![ViewBlock::zero(); layout.views.len()])
-                .collect(),
-            hessian: BlockMatrix::new(Arc::clone(&pattern)),
-            gradient: vec![0.0; dimension],
-            scale: vec![0.0; dimension],
-            eliminated: vec![Eliminated::NONE; count],
-            whitened: vec![SMatrix::zeros(); observations],
+            offsets: (0..pattern.block_count()).map(|b| pattern.offset(b)).collect(),
+            reduction: Reduction::new(layout, &pairs, &pattern),
+            view_records: Vec::new(),
+            sums: pairs.par_iter().map(|p| ChunkSums::new(layout, p)).collect(),
+            records: vec![LandmarkRecord::default(); count],
             reduced: BlockMatrix::new(pattern),
-            cholesky,
+            vectors: ReducedVectors::new(dimension),
+            eliminated_for: None,
+            solver,
             step: vec![0.0; dimension],
+            view_steps: vec![[[0.0; WIDTH]; Q]; layout.views.len()],
             landmark_steps: vec![Vector3::zeros(); count],
-            backup: None,
+            backup: Values::default(),
+            pairs,
             problem,
             layout,
         })
@@ -128,88 +106,111 @@ impl<'a, const D: usize> BundleSystem<'a, D> {
         self.linear_solver
     }
 
-    /// H_vv and g_v from the chunks' view blocks, summed in chunk order, and the pose factors.
-    fn assemble_views(&mut self) {
-        self.hessian.set_zero();
-        self.gradient.fill(0.0);
-        for (index, view) in self.layout.views.iter().enumerate() {
-            let mut sum = ViewBlock::<D>::zero();
-            for chunk in &self.chunk_views {
-                sum.hessian += chunk[index].hessian;
-                sum.gradient += chunk[index].gradient;
-            }
-            for row in &view.parts {
-                let offset = self.offsets[row.block as usize];
-                for r in 0..row.size {
-                    self.gradient[offset + r] += sum.gradient[row.column + r];
-                }
-                let stride = self.layout.block_sizes[row.block as usize];
-                for column in view.parts.iter().filter(|c| c.block <= row.block) {
-                    let block = self.hessian.block_mut(row.block as usize, column.block as usize);
-                    let Some(block) = block else { continue };
-                    for c in 0..column.size {
-                        for r in 0..row.size {
-                            block[c * stride + r] +=
-                                sum.hessian[(row.column + r, column.column + c)];
-                        }
-                    }
-                }
-            }
-        }
-        pose_factors::linearize(self.problem, &self.layout, &mut self.hessian, &mut self.gradient);
-        for (scale, diagonal) in self.scale.iter_mut().zip(self.hessian.diagonal()) {
-            *scale = damping_scale(diagonal);
+    fn fill_view_records(&mut self) {
+        let (poses, cameras) = (&self.problem.poses, &self.problem.cameras);
+        let record = |v: &super::layout::View| {
+            view_record(&poses[v.pose as usize], &cameras[v.camera as usize])
+        };
+        self.view_records.clear();
+        self.view_records.extend(self.layout.views.iter().map(record));
+    }
+
+    fn inputs(&self) -> Inputs<'_, M> {
+        Inputs {
+            sorted: &self.layout.sorted,
+            records: &self.view_records,
+            cameras: &self.problem.cameras,
+            landmarks: &self.problem.landmarks,
+            loss: self.problem.observation_loss,
+            model: self.model,
         }
     }
 
-    /// Eliminates every landmark for `damping`; `None` where one has no positive-definite block.
-    fn eliminate(&mut self, damping: f64) -> Option<()> {
-        let layout = &self.layout;
-        let eliminated = split(&mut self.eliminated, layout.chunks.iter().map(|c| c.len()));
-        let observations = layout.chunks.iter().map(|c| layout.tracks(c).len());
-        let whitened = split(&mut self.whitened, observations);
-        let (landmarks, cross) = (&self.landmarks, &self.cross);
+    /// The fused pass over all chunks and the reduced system, for `damping`.
+    fn eliminate(&mut self, damping: f64) {
+        self.fill_view_records();
+        let mut sums = std::mem::take(&mut self.sums);
+        let mut records = std::mem::take(&mut self.records);
+        let inputs = self.inputs();
+        let (layout, class) = (self.layout, self.class);
         let constant = &self.problem.constant_landmarks;
-        let done: Vec<Option<()>> = layout
+        let pieces = split(&mut records, layout.chunks.iter().map(|c| c.landmarks.len()));
+        layout.chunks.par_iter().zip(&self.pairs).zip(&mut sums).zip(pieces).for_each(
+            |(((chunk, pairs), sums), records)| {
+                class.run(Accumulate::<M, D, Q, R> {
+                    inputs,
+                    layout,
+                    constant,
+                    chunk,
+                    pairs,
+                    damping,
+                    sums,
+                    records,
+                });
+            },
+        );
+        self.reduction.sum(layout, &sums, &mut self.reduced, &mut self.vectors);
+        self.sums = sums;
+        self.records = records;
+        let diagonal_before = pose_factors::has_any(self.problem).then(|| self.reduced.diagonal());
+        if let Some(before) = diagonal_before {
+            let gradient = &mut self.vectors.gradient;
+            pose_factors::linearize(self.problem, layout, &mut self.reduced, gradient);
+            let after = self.reduced.diagonal();
+            for (entry, (b, a)) in self.vectors.diagonal.iter_mut().zip(before.iter().zip(after)) {
+                *entry += a - b;
+            }
+        }
+        self.eliminated_for = Some(damping);
+    }
+
+    fn backup_values(&mut self) {
+        self.backup.poses.clone_from(&self.problem.poses);
+        self.backup.cameras.clone_from(&self.problem.cameras);
+        self.backup.landmarks.clone_from(&self.problem.landmarks);
+    }
+
+    /// Landmark steps for the reduced step, and what they add to the step's figures.
+    fn back_substitute(&mut self, damping: f64) -> StepSums {
+        for (view, delta) in self.layout.views.iter().zip(&mut self.view_steps) {
+            let flat = delta.as_flattened_mut();
+            flat.fill(0.0);
+            for part in &view.parts {
+                let offset = self.offsets[part.block as usize];
+                let source = &self.step[offset..offset + part.size];
+                flat[part.column..part.column + part.size].copy_from_slice(source);
+            }
+        }
+        let mut steps = std::mem::take(&mut self.landmark_steps);
+        let inputs = self.inputs();
+        let (layout, class) = (self.layout, self.class);
+        let lengths = || layout.chunks.iter().map(|c| c.landmarks.len());
+        let pieces = split(&mut steps, lengths());
+        let view_steps = &self.view_steps;
+        let constant = &self.problem.constant_landmarks;
+        let sums: Vec<StepSums> = layout
             .chunks
             .par_iter()
-            .zip(eliminated)
-            .zip(whitened)
-            .map(|((chunk, eliminated), whitened)| {
-                let first = layout.tracks(chunk).start;
-                for landmark in chunk.clone() {
-                    let track = layout.track(landmark);
-                    if constant[landmark] || track.is_empty() {
-                        continue;
-                    }
-                    let one = Eliminated::new(&landmarks[landmark], damping)?;
-                    for index in track {
-                        whitened[index - first] = one.whiten(&cross[index]);
-                    }
-                    eliminated[landmark - chunk.start] = one;
-                }
-                Some(())
+            .zip(pieces)
+            .map(|(chunk, steps)| {
+                let records = &self.records[chunk.landmarks.clone()];
+                class.run(BackSubstitute::<M, D, Q, R> {
+                    inputs,
+                    layout,
+                    constant,
+                    chunk,
+                    damping,
+                    view_steps,
+                    records,
+                    steps,
+                })
             })
             .collect();
-        done.into_iter().collect()
-    }
-
-    /// ½ δᵀ(λDδ − g) and ‖δ‖² over poses, cameras and landmarks.
-    fn predicted_decrease(&self, damping: f64) -> (f64, f64) {
-        let mut decrease = 0.0;
-        let mut squared = 0.0;
-        for ((&delta, &scale), &gradient) in self.step.iter().zip(&self.scale).zip(&self.gradient) {
-            decrease += delta * (damping * scale * delta - gradient);
-            squared += delta * delta;
-        }
-        for (delta, block) in self.landmark_steps.iter().zip(&self.landmarks) {
-            for i in 0..3 {
-                let scale = damping_scale(block.hessian[(i, i)]);
-                decrease += delta[i] * (damping * scale * delta[i] - block.gradient[i]);
-            }
-            squared += delta.norm_squared();
-        }
-        (0.5 * decrease, squared)
+        self.landmark_steps = steps;
+        sums.iter().fold(StepSums::default(), |a, b| StepSums {
+            decrease: a.decrease + b.decrease,
+            squared: a.squared + b.squared,
+        })
     }
 
     /// The norm that a step is measured against: positions of poses and landmarks.
@@ -221,117 +222,68 @@ impl<'a, const D: usize> BundleSystem<'a, D> {
     }
 }
 
-/// Pairs of blocks that see a common free landmark or stand in one view.
-fn push_covisible_pairs(layout: &Layout, constant: &[bool], pairs: &mut Vec<(usize, usize)>) {
-    let mut seen = std::collections::BTreeSet::new();
-    let mut blocks: Vec<u32> = Vec::new();
-    let mut insert_all = |blocks: &[u32]| {
-        for (k, &a) in blocks.iter().enumerate() {
-            seen.extend(blocks[..k].iter().map(|&b| (a.max(b), a.min(b))));
-        }
-    };
-    for view in &layout.views {
-        blocks.clear();
-        blocks.extend(view.parts.iter().map(|p| p.block));
-        insert_all(&blocks);
-    }
-    for landmark in (0..constant.len()).filter(|&l| !constant[l]) {
-        blocks.clear();
-        for index in layout.track(landmark) {
-            let view = &layout.views[layout.observations[index].view as usize];
-            blocks.extend(view.parts.iter().map(|p| p.block));
-        }
-        blocks.sort_unstable();
-        blocks.dedup();
-        insert_all(&blocks);
-    }
-    pairs.extend(seen.into_iter().map(|(a, b)| (a as usize, b as usize)));
-}
-
-impl<const D: usize> System for BundleSystem<'_, D> {
+impl<M: LaneModel, const D: usize, const Q: usize, const R: usize> System
+    for BundleSystem<'_, M, D, Q, R>
+{
     fn cost(&mut self) -> f64 {
-        let (problem, layout) = (&*self.problem, &self.layout);
+        self.fill_view_records();
+        let inputs = self.inputs();
+        let class = self.class;
+        let chunks = self.layout.chunks.par_iter();
         let sums: Vec<f64> =
-            layout.chunks.par_iter().map(|c| landmarks::cost(problem, layout, c)).collect();
-        sums.iter().sum::<f64>() + pose_factors::cost(problem)
+            chunks.map(|chunk| class.run(Cost::<M, R> { inputs, chunk })).collect();
+        sums.iter().sum::<f64>() + pose_factors::cost(self.problem)
     }
 
-    fn linearize(&mut self, _damping: f64) -> Gradient {
-        let (problem, layout) = (&*self.problem, &self.layout);
-        let blocks = split(&mut self.landmarks, layout.chunks.iter().map(|c| c.len()));
-        let observations = layout.chunks.iter().map(|c| layout.tracks(c).len());
-        let cross = split(&mut self.cross, observations);
-        layout.chunks.par_iter().zip(blocks).zip(cross).zip(&mut self.chunk_views).for_each(
-            |(((chunk, landmarks), cross), views)| {
-                let mut output = ChunkOutput { landmarks, cross, views };
-                landmarks::linearize(problem, layout, chunk, &mut output);
-            },
-        );
-        self.assemble_views();
-        let mut max_norm: f64 = 0.0;
-        for (gradient, scale) in self.gradient.iter().zip(&self.scale) {
-            max_norm = max_norm.max(gradient.abs() / scale.sqrt());
-        }
-        for (landmark, block) in self.landmarks.iter_mut().enumerate() {
-            if self.problem.constant_landmarks[landmark] {
-                *block = LandmarkBlock::ZERO;
-                continue;
-            }
-            for i in 0..3 {
-                let scale = damping_scale(block.hessian[(i, i)]);
-                max_norm = max_norm.max(block.gradient[i].abs() / scale.sqrt());
-            }
+    fn linearize(&mut self, damping: f64) -> Gradient {
+        self.eliminate(damping);
+        let mut max_norm = self.sums.iter().map(|s| s.gradient_max_norm).fold(0.0, f64::max);
+        for (gradient, diagonal) in self.vectors.gradient.iter().zip(&self.vectors.diagonal) {
+            max_norm = f64::max(max_norm, gradient.abs() / damping_scale(*diagonal).sqrt());
         }
         Gradient { max_norm }
     }
 
     fn solve(&mut self, damping: f64) -> Result<Step, StepFailure> {
-        self.eliminate(damping).ok_or(StepFailure)?;
-        let elimination = Elimination {
-            layout: &self.layout,
-            constant_landmarks: &self.problem.constant_landmarks,
-            eliminated: &self.eliminated,
-            whitened: &self.whitened,
-        };
-        let mut right = self.gradient.clone();
-        self.reduced.values_mut().copy_from_slice(self.hessian.values());
-        elimination.subtract(&mut self.reduced, &mut right);
-        let added: Vec<f64> = self.scale.iter().map(|s| damping * s).collect();
-        right.iter_mut().for_each(|g| *g = -*g);
-        let mut linear_residual = 0.0;
-        if !right.is_empty() {
-            self.cholesky.factor(&self.reduced, &added).map_err(|_error| StepFailure)?;
-            linear_residual =
-                self.cholesky.solve_checked(&self.reduced, &added, &right, &mut self.step);
+        if self.eliminated_for != Some(damping) {
+            self.eliminate(damping);
         }
-        let (step, offsets, constant) =
-            (&self.step, &self.offsets, &self.problem.constant_landmarks);
-        let eliminated = &self.eliminated;
-        self.landmark_steps.par_iter_mut().enumerate().with_min_len(256).for_each(
-            |(landmark, delta)| {
-                let still = constant[landmark] || elimination.layout.track(landmark).is_empty();
-                *delta = if still {
-                    Vector3::zeros()
-                } else {
-                    eliminated[landmark].step(&elimination.project(landmark, step, offsets))
-                };
-            },
-        );
-        let (predicted_decrease, squared) = self.predicted_decrease(damping);
-        if !(predicted_decrease.is_finite() && squared.is_finite() && linear_residual.is_finite()) {
+        if self.sums.iter().any(|s| !s.positive_definite) {
             return Err(StepFailure);
         }
-        let (norm, state_norm) = (squared.sqrt(), self.state_norm());
-        Ok(Step { predicted_decrease, norm, state_norm, linear_residual })
+        let vectors = &self.vectors;
+        let added: Vec<f64> =
+            vectors.diagonal.iter().map(|d| damping * damping_scale(*d)).collect();
+        let right: Vec<f64> =
+            vectors.gradient.iter().zip(&vectors.eliminated).map(|(g, e)| e - g).collect();
+        let mut solved = Solved { linear_residual: 0.0, is_inexact: false };
+        if !right.is_empty() {
+            solved = self
+                .solver
+                .solve(&self.reduced, &added, &right, &mut self.step)
+                .map_err(|_error| StepFailure)?;
+        }
+        let mut sums = self.back_substitute(damping);
+        for ((delta, added), gradient) in self.step.iter().zip(&added).zip(&self.vectors.gradient) {
+            sums.decrease += delta * (added * delta - gradient);
+            sums.squared += delta * delta;
+        }
+        let figures = [sums.decrease, sums.squared, solved.linear_residual];
+        if !figures.iter().all(|x| x.is_finite()) {
+            return Err(StepFailure);
+        }
+        Ok(Step {
+            predicted_decrease: 0.5 * sums.decrease,
+            norm: sums.squared.sqrt(),
+            state_norm: self.state_norm(),
+            linear_residual: solved.linear_residual,
+            is_inexact: solved.is_inexact,
+        })
     }
 
     fn apply(&mut self) -> f64 {
+        self.backup_values();
         let problem = &mut *self.problem;
-        self.backup = Some(Values {
-            poses: problem.poses.clone(),
-            cameras: problem.cameras.clone(),
-            landmarks: problem.landmarks.clone(),
-        });
         for (pose, &block) in problem.poses.iter_mut().zip(&self.layout.pose_block) {
             if block != NO_BLOCK {
                 let offset = self.offsets[block as usize];
@@ -345,17 +297,17 @@ impl<const D: usize> System for BundleSystem<'_, D> {
                 camera.plus_parameters(&self.step[offset..offset + camera.parameter_count()]);
             }
         }
-        for (landmark, delta) in problem.landmarks.iter_mut().zip(&self.landmark_steps) {
-            *landmark += delta;
+        for (&landmark, delta) in self.layout.order.iter().zip(&self.landmark_steps) {
+            problem.landmarks[landmark as usize] += delta;
         }
+        self.eliminated_for = None;
         self.cost()
     }
 
     fn restore(&mut self) {
-        if let Some(values) = self.backup.take() {
-            self.problem.poses = values.poses;
-            self.problem.cameras = values.cameras;
-            self.problem.landmarks = values.landmarks;
-        }
+        std::mem::swap(&mut self.problem.poses, &mut self.backup.poses);
+        std::mem::swap(&mut self.problem.cameras, &mut self.backup.cameras);
+        std::mem::swap(&mut self.problem.landmarks, &mut self.backup.landmarks);
+        self.eliminated_for = None;
     }
 }

@@ -7,6 +7,7 @@
 //! - [`pattern`]: which blocks are stored; [`matrix`]: their values.
 //! - [`ordering`]: elimination orders of the block graph and what they cost.
 //! - [`dense`], [`sparse`]: the two factorizations; [`cholesky`]: the choice between them.
+//! - [`pcg`]: conjugate gradients, for systems whose factor would be too large.
 //!
 //! This floor knows nothing of poses, factors or losses. Every factorization runs on the calling
 //! thread and gives the same bits each time.
@@ -17,6 +18,7 @@ pub mod error;
 pub mod matrix;
 pub mod ordering;
 pub mod pattern;
+pub mod pcg;
 pub mod sparse;
 #[cfg(test)]
 mod tests;
@@ -27,4 +29,5 @@ pub use error::LinearError;
 pub use matrix::{BlockMatrix, BlockRowMut};
 pub use ordering::{BlockOrdering, OrderingMethod, block_order, cheapest_ordering};
 pub use pattern::BlockPattern;
+pub use pcg::{Pcg, PcgOutcome};
 pub use sparse::SparseCholesky;

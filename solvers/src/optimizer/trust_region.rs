@@ -33,6 +33,8 @@ pub struct Step {
     pub state_norm: f64,
     /// ‖(H + λD) δ + g‖ / ‖g‖.
     pub linear_residual: f64,
+    /// Whether the linear system was solved inexactly on purpose, so that the residual is large.
+    pub is_inexact: bool,
 }
 
 /// The linear system had no solution at this damping.
@@ -135,7 +137,9 @@ impl<'a> Run<'a> {
                 return Termination::MaxIterations;
             }
             let step = match system.solve(self.damping) {
-                Ok(step) if step.linear_residual <= LINEAR_RESIDUAL_LIMIT => step,
+                Ok(step) if step.is_inexact || step.linear_residual <= LINEAR_RESIDUAL_LIMIT => {
+                    step
+                }
                 Ok(_) | Err(StepFailure) => {
                     if let Some(end) = self.reject(iteration, None, observer) {
                         return end;

@@ -134,6 +134,7 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
             norm: norm_squared.sqrt(),
             state_norm: self.state_norm,
             linear_residual,
+            is_inexact: false,
         })
     }
 

@@ -40,6 +40,7 @@ enum SolverName {
     Auto,
     DenseSchur,
     SparseSchur,
+    IterativeSchur,
 }
 
 impl From<SolverName> for LinearSolver {
@@ -48,6 +49,7 @@ impl From<SolverName> for LinearSolver {
             SolverName::Auto => Self::Auto,
             SolverName::DenseSchur => Self::DenseSchur,
             SolverName::SparseSchur => Self::SparseSchur,
+            SolverName::IterativeSchur => Self::IterativeSchur,
         }
     }
 }
@@ -58,6 +60,7 @@ impl From<LinearSolver> for SolverName {
             LinearSolver::Auto => Self::Auto,
             LinearSolver::DenseSchur => Self::DenseSchur,
             LinearSolver::SparseSchur => Self::SparseSchur,
+            LinearSolver::IterativeSchur => Self::IterativeSchur,
         }
     }
 }
@@ -117,6 +120,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
             ..optimizer::Options::default()
         },
         linear_solver: args.linear_solver.into(),
+        ..bundle_adjustment::Options::default()
     };
     let mut report = Report::start(shared.json, start.elapsed())?;
     let mut observer = |row: &optimizer::IterationSummary| report.observe(row);

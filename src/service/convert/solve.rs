@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use covis_solvers::bundle_adjustment::LinearSolver;
+use covis_solvers::bundle_adjustment::{Class, LinearSolver};
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{
     IterationSummary, Method, Options, SolveSummary, Termination, Tolerance,
@@ -152,7 +152,11 @@ fn linear_solver(
         | (Wire::DenseCholesky, Systems::SinglePose) => Some(LinearSolver::Auto),
         (Wire::DenseSchur, Systems::Bundle) => Some(LinearSolver::DenseSchur),
         (Wire::SparseSchur, Systems::Bundle) => Some(LinearSolver::SparseSchur),
-        (Wire::DenseSchur | Wire::SparseSchur, Systems::PoseGraph | Systems::SinglePose)
+        (Wire::IterativeSchur, Systems::Bundle) => Some(LinearSolver::IterativeSchur),
+        (
+            Wire::DenseSchur | Wire::SparseSchur | Wire::IterativeSchur,
+            Systems::PoseGraph | Systems::SinglePose,
+        )
         | (Wire::SparseCholesky, Systems::Bundle | Systems::SinglePose)
         | (Wire::DenseCholesky, Systems::Bundle | Systems::PoseGraph) => {
             let text = format!("{} does not fit this problem", wanted.as_str_name());
@@ -167,6 +171,7 @@ pub(in crate::service) fn to_linear_solver(solver: LinearSolver) -> v1::LinearSo
         LinearSolver::Auto => v1::LinearSolver::Auto,
         LinearSolver::DenseSchur => v1::LinearSolver::DenseSchur,
         LinearSolver::SparseSchur => v1::LinearSolver::SparseSchur,
+        LinearSolver::IterativeSchur => v1::LinearSolver::IterativeSchur,
     }
 }
 
@@ -222,19 +227,10 @@ pub(in crate::service) fn to_summary(solve: &SolveSummary, method: Method) -> v1
         accepted_iteration_count: small(rows.filter(|row| row.accepted).count()),
         method: method.into(),
         solve_duration_us: microseconds(solve.solve_seconds),
-        simd_class: SIMD_CLASS.to_owned(),
+        simd_class: Class::detect().to_string(),
         ..v1::SolveSummary::default()
     }
 }
-
-/// The instruction set that the solvers are compiled for.
-pub(in crate::service) const SIMD_CLASS: &str = if cfg!(target_feature = "avx512f") {
-    "avx512"
-} else if cfg!(target_feature = "avx2") {
-    "avx2"
-} else {
-    "scalar"
-};
 
 /// The rows of a solve, or none where they were not asked for.
 pub(in crate::service) fn to_iterations(

@@ -51,7 +51,11 @@ pub(super) fn solve_window(
     cancel: &AtomicBool,
 ) -> Outcome {
     let optimizer = optimizer::Options { max_iterations, ..optimizer::Options::default() };
-    let options = bundle_adjustment::Options { optimizer, linear_solver: LinearSolver::Auto };
+    let options = bundle_adjustment::Options {
+        optimizer,
+        linear_solver: LinearSolver::Auto,
+        ..bundle_adjustment::Options::default()
+    };
     let gauge = match () {
         () if problem.problem.constant_poses.contains(&true) => GaugeKind::FixedPoses,
         () if !problem.problem.pose_priors.is_empty() => GaugeKind::Priors,
@@ -81,6 +85,7 @@ pub(super) fn solve_map(
     let bundle = bundle_adjustment::Options {
         optimizer: options.optimizer,
         linear_solver: options.linear_solver,
+        ..bundle_adjustment::Options::default()
     };
     solve_bundle(problem, &bundle, options.gauge, &mut |row| {
         // Nobody reads when the caller went away; it has then canceled.

@@ -1,0 +1,212 @@
+//! Camera models with a lane an observation.
+//!
+//! Snavely's and the pinhole model are written out; every other model, and mixtures, go through the
+//! geometry floor lane by lane. Points behind the camera project like any other, as in that floor.
+
+use crate::geometry::Camera;
+use crate::simd::{Lanes, WIDTH};
+
+use super::observe::PARAMETERS;
+
+/// Pixels and Jacobians of eight points.
+pub(super) struct LaneProjection<L: Lanes> {
+    pub(super) pixel: [L::V; 2],
+    pub(super) d_point: [[L::V; 3]; 2],
+    pub(super) d_parameters: [[L::V; PARAMETERS]; 2],
+}
+
+/// A camera model over lanes.
+pub(super) trait LaneModel: Copy + Send + Sync {
+    /// How many camera parameters it reads from the view record.
+    const PARAMETERS: usize;
+
+    /// Projects eight points in their cameras' frames.
+    fn project<L: Lanes>(
+        &self,
+        l: L,
+        cameras: &[Camera],
+        views: &[u32; WIDTH],
+        point: &[L::V; 3],
+        parameters: &[L::V; PARAMETERS],
+    ) -> LaneProjection<L>;
+}
+
+/// Every camera is [`Camera::Snavely`]: pixel = f (1 + k1 n + k2 n²) (x, y), n = x² + y².
+#[derive(Clone, Copy)]
+pub(super) struct SnavelyLanes;
+
+impl LaneModel for SnavelyLanes {
+    const PARAMETERS: usize = 3;
+
+    #[inline(always)]
+    fn project<L: Lanes>(
+        &self,
+        l: L,
+        _cameras: &[Camera],
+        _views: &[u32; WIDTH],
+        point: &[L::V; 3],
+        parameters: &[L::V; PARAMETERS],
+    ) -> LaneProjection<L> {
+        let [f, k1, k2] = [parameters[0], parameters[1], parameters[2]];
+        let zero = l.splat(0.0);
+        let inverse_depth = l.div(l.splat(1.0), point[2]);
+        let (x, y) = (l.mul(point[0], inverse_depth), l.mul(point[1], inverse_depth));
+        let n = l.fma(x, x, l.mul(y, y));
+        let radial = l.fma(n, l.fma(n, k2, k1), l.splat(1.0));
+        // 2 ∂radial/∂n.
+        let slope = l.mul(l.splat(2.0), l.fma(l.add(n, n), k2, k1));
+        let scale = l.mul(f, radial);
+        let (slope_x, slope_y) = (l.mul(l.mul(f, slope), x), l.mul(l.mul(f, slope), y));
+        let uu = l.fma(slope_x, x, scale);
+        let uv = l.mul(slope_x, y);
+        let vv = l.fma(slope_y, y, scale);
+        let row = |a: L::V, b: L::V| {
+            let down = l.fma(a, x, l.mul(b, y));
+            [
+                l.mul(a, inverse_depth),
+                l.mul(b, inverse_depth),
+                l.mul(l.sub(zero, down), inverse_depth),
+            ]
+        };
+        let mut d_parameters = [[zero; PARAMETERS]; 2];
+        for (row, along) in d_parameters.iter_mut().zip([x, y]) {
+            row[0] = l.mul(radial, along);
+            row[1] = l.mul(l.mul(f, n), along);
+            row[2] = l.mul(l.mul(l.mul(f, n), n), along);
+        }
+        LaneProjection {
+            pixel: [l.mul(scale, x), l.mul(scale, y)],
+            d_point: [row(uu, uv), row(uv, vv)],
+            d_parameters,
+        }
+    }
+}
+
+/// Every camera is [`Camera::Pinhole`] and known; parameters fx fy cx cy k1 k2 p1 p2 k3.
+#[derive(Clone, Copy)]
+pub(super) struct PinholeLanes;
+
+impl LaneModel for PinholeLanes {
+    const PARAMETERS: usize = 9;
+
+    #[inline(always)]
+    fn project<L: Lanes>(
+        &self,
+        l: L,
+        _cameras: &[Camera],
+        _views: &[u32; WIDTH],
+        point: &[L::V; 3],
+        parameters: &[L::V; PARAMETERS],
+    ) -> LaneProjection<L> {
+        let [fx, fy, cx, cy, k1, k2, p1, p2, k3] = *parameters;
+        let zero = l.splat(0.0);
+        let one = l.splat(1.0);
+        let two = l.splat(2.0);
+        let inverse_depth = l.div(one, point[2]);
+        let (x, y) = (l.mul(point[0], inverse_depth), l.mul(point[1], inverse_depth));
+        let n = l.fma(x, x, l.mul(y, y));
+        let radial = l.fma(n, l.fma(n, l.fma(n, k3, k2), k1), one);
+        // ∂radial/∂n = k1 + 2 k2 n + 3 k3 n².
+        let slope = l.fma(n, l.fma(l.mul(l.splat(3.0), n), k3, l.mul(two, k2)), k1);
+        let xy2 = l.mul(l.mul(two, x), y);
+        let xx2 = l.fma(l.mul(two, x), x, n);
+        let yy2 = l.fma(l.mul(two, y), y, n);
+        let u = l.fma(p2, xx2, l.fma(p1, xy2, l.mul(x, radial)));
+        let v = l.fma(p2, xy2, l.fma(p1, yy2, l.mul(y, radial)));
+        let (p1x, p1y) = (l.mul(l.mul(two, p1), x), l.mul(l.mul(two, p1), y));
+        let (p2x, p2y) = (l.mul(l.mul(two, p2), x), l.mul(l.mul(two, p2), y));
+        let slope2 = l.mul(two, slope);
+        let cross = l.fma(l.mul(slope2, x), y, l.add(p1x, p2y));
+        let three = l.splat(3.0);
+        let uu = l.add(l.fma(l.mul(slope2, x), x, radial), l.fma(three, p2x, p1y));
+        let vv = l.add(l.fma(l.mul(slope2, y), y, radial), l.fma(three, p1y, p2x));
+        let row = |a: L::V, b: L::V| {
+            let down = l.fma(a, x, l.mul(b, y));
+            [
+                l.mul(a, inverse_depth),
+                l.mul(b, inverse_depth),
+                l.mul(l.sub(zero, down), inverse_depth),
+            ]
+        };
+        LaneProjection {
+            pixel: [l.fma(fx, u, cx), l.fma(fy, v, cy)],
+            d_point: [row(l.mul(fx, uu), l.mul(fx, cross)), row(l.mul(fy, cross), l.mul(fy, vv))],
+            d_parameters: [[zero; PARAMETERS]; 2],
+        }
+    }
+}
+
+/// Any camera in any lane, through the geometry floor. `view_cameras[v]` is the camera of view v.
+#[derive(Clone, Copy)]
+pub(super) struct AnyLanes<'a> {
+    pub(super) view_cameras: &'a [u32],
+}
+
+impl LaneModel for AnyLanes<'_> {
+    const PARAMETERS: usize = 0;
+
+    #[inline(always)]
+    fn project<L: Lanes>(
+        &self,
+        l: L,
+        cameras: &[Camera],
+        views: &[u32; WIDTH],
+        point: &[L::V; 3],
+        _parameters: &[L::V; PARAMETERS],
+    ) -> LaneProjection<L> {
+        let mut points = [[0.0; WIDTH]; 3];
+        for (row, v) in points.iter_mut().zip(point) {
+            l.store(*v, row);
+        }
+        let out = self.each(cameras, views, &points);
+        let mut d_parameters = [[l.splat(0.0); PARAMETERS]; 2];
+        let mut d_point = [[l.splat(0.0); 3]; 2];
+        for r in 0..2 {
+            for c in 0..3 {
+                d_point[r][c] = l.load(&out.d_point[r][c]);
+            }
+            for c in 0..PARAMETERS {
+                d_parameters[r][c] = l.load(&out.d_parameters[r][c]);
+            }
+        }
+        LaneProjection {
+            pixel: [l.load(&out.pixel[0]), l.load(&out.pixel[1])],
+            d_point,
+            d_parameters,
+        }
+    }
+}
+
+/// [`LaneProjection`] in memory.
+struct Stored {
+    pixel: [[f64; WIDTH]; 2],
+    d_point: [[[f64; WIDTH]; 3]; 2],
+    d_parameters: [[[f64; WIDTH]; PARAMETERS]; 2],
+}
+
+impl AnyLanes<'_> {
+    /// A projection that is not finite becomes NaN, which makes the cost infinite.
+    #[inline(never)]
+    fn each(&self, cameras: &[Camera], views: &[u32; WIDTH], points: &[[f64; WIDTH]; 3]) -> Stored {
+        let mut out = Stored {
+            pixel: [[f64::NAN; WIDTH]; 2],
+            d_point: [[[0.0; WIDTH]; 3]; 2],
+            d_parameters: [[[0.0; WIDTH]; PARAMETERS]; 2],
+        };
+        for lane in 0..WIDTH {
+            let camera = &cameras[self.view_cameras[views[lane] as usize] as usize];
+            let point = nalgebra::Vector3::new(points[0][lane], points[1][lane], points[2][lane]);
+            let Some(projection) = camera.project_with_jacobians(&point) else { continue };
+            for r in 0..2 {
+                out.pixel[r][lane] = projection.pixel[r];
+                for c in 0..3 {
+                    out.d_point[r][c][lane] = projection.d_point[(r, c)];
+                }
+                for c in 0..PARAMETERS {
+                    out.d_parameters[r][c][lane] = projection.d_parameters[(r, c)];
+                }
+            }
+        }
+        out
+    }
+}

@@ -1,0 +1,215 @@
+//! Eight observations at a time: residuals and Jacobians with a lane an observation.
+//!
+//! p = R (X − c) with R = `camera_from_world` and c the camera's center. With J = ∂π/∂p whitened by
+//! the sigmas, the rows are ∂r/∂t = −J, ∂r/∂φ = J p^ and ∂r/∂X = J R. Depth observations add the row
+//! (p_z − d)/σ_d. Robust weights are folded in as √ρ'. Landmarks and views do not matter here: lanes
+//! are neighbors in the sorted order, whatever they see.
+
+use nalgebra::Vector3;
+
+use super::layout::Sorted;
+use super::models::LaneModel;
+use crate::geometry::{Camera, Se3};
+use crate::loss::Loss;
+use crate::simd::{Lanes, Row, WIDTH};
+
+/// Most parameters of a camera model.
+pub(super) const PARAMETERS: usize = 9;
+
+/// A view as the kernels read it: R by rows (9), c (3), camera parameters (9), padding.
+pub(super) type ViewRecord = [Row; 3];
+
+/// Fills the record of a view.
+pub(super) fn view_record(pose: &Se3, camera: &Camera) -> ViewRecord {
+    let mut flat = [0.0; 3 * WIDTH];
+    let world_from_camera = pose.rotation.matrix();
+    for row in 0..3 {
+        for column in 0..3 {
+            flat[3 * row + column] = world_from_camera[(column, row)];
+        }
+        flat[9 + row] = pose.translation[row];
+    }
+    let parameters = camera.parameters();
+    flat[12..12 + parameters.len()].copy_from_slice(&parameters);
+    let mut record = [[0.0; WIDTH]; 3];
+    for (target, source) in record.iter_mut().zip(flat.chunks_exact(WIDTH)) {
+        target.copy_from_slice(source);
+    }
+    record
+}
+
+/// What all kernels read.
+#[derive(Clone, Copy)]
+pub(super) struct Inputs<'a, M> {
+    pub(super) sorted: &'a Sorted,
+    pub(super) records: &'a [ViewRecord],
+    pub(super) cameras: &'a [Camera],
+    pub(super) landmarks: &'a [Vector3<f64>],
+    pub(super) loss: Loss,
+    pub(super) model: M,
+}
+
+/// The Jacobians of eight observations, R rows each.
+pub(super) struct Linearized<L: Lanes, const R: usize> {
+    pub(super) residual: [L::V; R],
+    /// ∂r/∂(t, φ).
+    pub(super) pose: [[L::V; 6]; R],
+    /// ∂r/∂ camera parameters.
+    pub(super) camera: [[L::V; PARAMETERS]; R],
+    /// ∂r/∂X.
+    pub(super) landmark: [[L::V; 3]; R],
+}
+
+/// A lane a view record: the first 8·N numbers of the views of eight observations.
+#[inline(always)]
+fn gather<L: Lanes>(l: L, records: &[ViewRecord], views: &[u32; WIDTH], row: usize) -> [L::V; 8] {
+    let load = |i: usize| l.load(&records[views[i] as usize][row]);
+    l.transpose([load(0), load(1), load(2), load(3), load(4), load(5), load(6), load(7)])
+}
+
+/// Eight consecutive numbers of a padded array.
+#[inline(always)]
+pub(super) fn eight(values: &[f64], first: usize) -> &Row {
+    // The arrays are padded by eight, so that the fallback is never taken.
+    values[first..].first_chunk().unwrap_or(&[0.0; WIDTH])
+}
+
+/// Where the eight observations stand and what they see.
+struct Seen<L: Lanes> {
+    rotation: [L::V; 9],
+    point: [L::V; 3],
+    parameters: [L::V; PARAMETERS],
+    views: [u32; WIDTH],
+}
+
+#[inline(always)]
+fn look<L: Lanes, M: LaneModel>(l: L, inputs: &Inputs<'_, M>, first: usize) -> Seen<L> {
+    let sorted = inputs.sorted;
+    let views: &[u32; WIDTH] = sorted.views[first..].first_chunk().unwrap_or(&[0; WIDTH]);
+    let a = gather(l, inputs.records, views, 0);
+    let b = gather(l, inputs.records, views, 1);
+    let (mut x, mut y, mut z) = ([0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH]);
+    for lane in 0..WIDTH {
+        let point = &inputs.landmarks[sorted.landmarks[first + lane] as usize];
+        (x[lane], y[lane], z[lane]) = (point.x, point.y, point.z);
+    }
+    let offset = [l.sub(l.load(&x), b[1]), l.sub(l.load(&y), b[2]), l.sub(l.load(&z), b[3])];
+    let rotation = [a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], b[0]];
+    let along = |r: usize| {
+        let part = l.mul(rotation[3 * r], offset[0]);
+        l.fma(rotation[3 * r + 2], offset[2], l.fma(rotation[3 * r + 1], offset[1], part))
+    };
+    let mut parameters = [l.splat(0.0); PARAMETERS];
+    parameters[..4].copy_from_slice(&b[4..8]);
+    if M::PARAMETERS > 4 {
+        let c = gather(l, inputs.records, views, 2);
+        parameters[4..].copy_from_slice(&c[..5]);
+    }
+    Seen { rotation, point: [along(0), along(1), along(2)], parameters, views: *views }
+}
+
+/// Σ of squared whitened residuals of eight observations, before the loss.
+#[inline(always)]
+pub(super) fn squared_errors<L: Lanes, M: LaneModel, const R: usize>(
+    l: L,
+    inputs: &Inputs<'_, M>,
+    first: usize,
+) -> L::V {
+    let seen = look(l, inputs, first);
+    let projection =
+        inputs.model.project(l, inputs.cameras, &seen.views, &seen.point, &seen.parameters);
+    let residual = whitened::<L, M, R>(l, inputs, first, &projection.pixel, seen.point[2]);
+    let mut sum = l.mul(residual[0], residual[0]);
+    for r in &residual[1..] {
+        sum = l.fma(*r, *r, sum);
+    }
+    sum
+}
+
+#[inline(always)]
+fn whitened<L: Lanes, M: LaneModel, const R: usize>(
+    l: L,
+    inputs: &Inputs<'_, M>,
+    first: usize,
+    pixel: &[L::V; 2],
+    depth: L::V,
+) -> [L::V; R] {
+    let sorted = inputs.sorted;
+    let weight = l.load(eight(&sorted.weights, first));
+    let u = l.mul(l.sub(pixel[0], l.load(eight(&sorted.u, first))), weight);
+    let v = l.mul(l.sub(pixel[1], l.load(eight(&sorted.v, first))), weight);
+    let mut residual = [u; R];
+    residual[1] = v;
+    if R > 2 {
+        let difference = l.sub(depth, l.load(eight(&sorted.depths, first)));
+        residual[2] = l.mul(difference, l.load(eight(&sorted.depth_weights, first)));
+    }
+    residual
+}
+
+/// Residuals and Jacobians of eight observations, weighted by √ρ'.
+#[inline(always)]
+pub(super) fn linearize<L: Lanes, M: LaneModel, const R: usize>(
+    l: L,
+    inputs: &Inputs<'_, M>,
+    first: usize,
+) -> Linearized<L, R> {
+    let seen = look(l, inputs, first);
+    let projection =
+        inputs.model.project(l, inputs.cameras, &seen.views, &seen.point, &seen.parameters);
+    let mut residual = whitened::<L, M, R>(l, inputs, first, &projection.pixel, seen.point[2]);
+    let mut weight = l.load(eight(&inputs.sorted.weights, first));
+    let mut depth_weight = l.load(eight(&inputs.sorted.depth_weights, first));
+    if inputs.loss != Loss::Trivial {
+        let mut sum = l.mul(residual[0], residual[0]);
+        for r in &residual[1..] {
+            sum = l.fma(*r, *r, sum);
+        }
+        let mut roots = [0.0; WIDTH];
+        l.store(sum, &mut roots);
+        for root in &mut roots {
+            *root = inputs.loss.evaluate(*root).weight.sqrt();
+        }
+        let root = l.load(&roots);
+        weight = l.mul(weight, root);
+        depth_weight = l.mul(depth_weight, root);
+        for r in &mut residual {
+            *r = l.mul(*r, root);
+        }
+    }
+    let zero = l.splat(0.0);
+    let mut out = Linearized {
+        residual,
+        pose: [[zero; 6]; R],
+        camera: [[zero; PARAMETERS]; R],
+        landmark: [[zero; 3]; R],
+    };
+    let [px, py, pz] = seen.point;
+    for r in 0..R {
+        let j = if r < 2 {
+            let d = &projection.d_point[r];
+            [l.mul(d[0], weight), l.mul(d[1], weight), l.mul(d[2], weight)]
+        } else {
+            [zero, zero, depth_weight]
+        };
+        out.pose[r] = [
+            l.sub(zero, j[0]),
+            l.sub(zero, j[1]),
+            l.sub(zero, j[2]),
+            l.fnma(j[2], py, l.mul(j[1], pz)),
+            l.fnma(j[0], pz, l.mul(j[2], px)),
+            l.fnma(j[1], px, l.mul(j[0], py)),
+        ];
+        for c in 0..3 {
+            let m = &seen.rotation;
+            let part = l.mul(j[0], m[c]);
+            out.landmark[r][c] = l.fma(j[2], m[6 + c], l.fma(j[1], m[3 + c], part));
+        }
+        if r < 2 {
+            for c in 0..PARAMETERS {
+                out.camera[r][c] = l.mul(projection.d_parameters[r][c], weight);
+            }
+        }
+    }
+    out
+}

@@ -1,0 +1,53 @@
+//! Eight lanes in an array: the class that every processor has, and the twin that tests hold the
+//! others against. Products round before they are added.
+
+use super::{Lanes, Row, WIDTH};
+
+/// Needs nothing of the processor.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scalar;
+
+impl Lanes for Scalar {
+    type V = Row;
+
+    #[inline(always)]
+    fn splat(self, x: f64) -> Row {
+        [x; WIDTH]
+    }
+    #[inline(always)]
+    fn load(self, x: &Row) -> Row {
+        *x
+    }
+    #[inline(always)]
+    fn store(self, v: Row, x: &mut Row) {
+        *x = v;
+    }
+    #[inline(always)]
+    fn add(self, a: Row, b: Row) -> Row {
+        std::array::from_fn(|i| a[i] + b[i])
+    }
+    #[inline(always)]
+    fn sub(self, a: Row, b: Row) -> Row {
+        std::array::from_fn(|i| a[i] - b[i])
+    }
+    #[inline(always)]
+    fn mul(self, a: Row, b: Row) -> Row {
+        std::array::from_fn(|i| a[i] * b[i])
+    }
+    #[inline(always)]
+    fn div(self, a: Row, b: Row) -> Row {
+        std::array::from_fn(|i| a[i] / b[i])
+    }
+    #[inline(always)]
+    fn fma(self, a: Row, b: Row, c: Row) -> Row {
+        std::array::from_fn(|i| a[i] * b[i] + c[i])
+    }
+    #[inline(always)]
+    fn fnma(self, a: Row, b: Row, c: Row) -> Row {
+        std::array::from_fn(|i| c[i] - a[i] * b[i])
+    }
+    #[inline(always)]
+    fn transpose(self, rows: [Row; WIDTH]) -> [Row; WIDTH] {
+        std::array::from_fn(|i| std::array::from_fn(|j| rows[j][i]))
+    }
+}
