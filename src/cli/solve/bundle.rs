@@ -84,6 +84,7 @@ impl Details for BundleDetails {
             SolverName::Auto => "auto",
             SolverName::DenseSchur => "dense-schur",
             SolverName::SparseSchur => "sparse-schur",
+            SolverName::IterativeSchur => "iterative-schur",
         };
         let size = format!(
             "{} poses, {} cameras{}, {} landmarks, {} observations",
