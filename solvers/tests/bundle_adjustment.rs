@@ -99,10 +99,7 @@ fn dense_and_sparse_take_the_same_steps_and_the_evaluator_agrees() {
 }
 
 #[test]
-fn the_first_step_solves_the_full_normal_equations() {
-    // Without a Schur complement: differentiate the cost numerically along the step. At the minimum
-    // of the damped model the directional derivative of the cost is −δᵀ(H + λD)δ < 0, and a tiny
-    // step along any coordinate at the optimum does not lower the cost.
+fn no_small_move_from_the_optimum_lowers_the_cost() {
     let mut problem = small_scene(4);
     run(&mut problem, &Options::default());
     let best = bundle_cost(&problem).total;
