@@ -31,6 +31,18 @@ pub(super) trait LaneModel: Copy + Send + Sync {
     ) -> LaneProjection<L>;
 }
 
+/// A row ∂(u or v)/∂(x, y) taken to ∂/∂p, with (x, y) = (p_x, p_y) / p_z.
+#[inline(always)]
+fn through_division<L: Lanes>(
+    l: L,
+    [a, b]: [L::V; 2],
+    [x, y]: [L::V; 2],
+    inverse_depth: L::V,
+) -> [L::V; 3] {
+    let down = l.sub(l.splat(0.0), l.fma(a, x, l.mul(b, y)));
+    [l.mul(a, inverse_depth), l.mul(b, inverse_depth), l.mul(down, inverse_depth)]
+}
+
 /// Every camera is [`Camera::Snavely`]: pixel = f (1 + k1 n + k2 n²) (x, y), n = x² + y².
 #[derive(Clone, Copy)]
 pub(super) struct SnavelyLanes;
@@ -60,14 +72,7 @@ impl LaneModel for SnavelyLanes {
         let uu = l.fma(slope_x, x, scale);
         let uv = l.mul(slope_x, y);
         let vv = l.fma(slope_y, y, scale);
-        let row = |a: L::V, b: L::V| {
-            let down = l.fma(a, x, l.mul(b, y));
-            [
-                l.mul(a, inverse_depth),
-                l.mul(b, inverse_depth),
-                l.mul(l.sub(zero, down), inverse_depth),
-            ]
-        };
+        let row = |a: L::V, b: L::V| through_division(l, [a, b], [x, y], inverse_depth);
         let mut d_parameters = [[zero; PARAMETERS]; 2];
         for (row, along) in d_parameters.iter_mut().zip([x, y]) {
             row[0] = l.mul(radial, along);
@@ -120,14 +125,7 @@ impl LaneModel for PinholeLanes {
         let three = l.splat(3.0);
         let uu = l.add(l.fma(l.mul(slope2, x), x, radial), l.fma(three, p2x, p1y));
         let vv = l.add(l.fma(l.mul(slope2, y), y, radial), l.fma(three, p1y, p2x));
-        let row = |a: L::V, b: L::V| {
-            let down = l.fma(a, x, l.mul(b, y));
-            [
-                l.mul(a, inverse_depth),
-                l.mul(b, inverse_depth),
-                l.mul(l.sub(zero, down), inverse_depth),
-            ]
-        };
+        let row = |a: L::V, b: L::V| through_division(l, [a, b], [x, y], inverse_depth);
         LaneProjection {
             pixel: [l.fma(fx, u, cx), l.fma(fy, v, cy)],
             d_point: [row(l.mul(fx, uu), l.mul(fx, cross)), row(l.mul(fy, cross), l.mul(fy, vv))],
