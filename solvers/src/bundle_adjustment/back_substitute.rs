@@ -3,15 +3,15 @@
 //! δ_l = −(L Lᵀ)⁻¹ (g_l + Σ J_lᵀ J_v δ_v) with the Jacobians of the linearization point computed anew,
 //! which is cheaper than reading them back from memory.
 
-use nalgebra::Vector3;
-
 use crate::loss::Loss;
-use crate::simd::{Kernel, Lanes, Row, WIDTH};
+use crate::simd::{Kernel, Lanes, WIDTH};
 
-use super::accumulate::{Column, LandmarkRecord};
-use super::layout::{Chunk, Layout};
+use super::blocks::ViewVector;
+use super::landmarks::{LandmarkGroup, Rows};
+use super::layout::Layout;
 use super::models::LaneModel;
-use super::observe::{Inputs, PARAMETERS, linearize, squared_errors};
+use super::observe::{Inputs, Linearized, eight_indices, linearize, squared_errors};
+use super::sorted::{Chunk, GROUPS};
 
 /// What the landmark steps of a chunk add to the step's figures.
 #[derive(Clone, Copy, Debug, Default)]
@@ -22,118 +22,117 @@ pub(super) struct StepSums {
     pub(super) squared: f64,
 }
 
+/// J_v δ_v of eight observations, for vectors `of` by view in `views`' numbering.
+#[inline(always)]
+pub(super) fn along<L: Lanes, const D: usize, const V: usize, const T: usize, const R: usize>(
+    l: L,
+    lin: &Linearized<L, R>,
+    of: &[ViewVector<V, T>],
+    views: &[u32; WIDTH],
+) -> [L::V; R] {
+    let mut along = [l.splat(0.0); R];
+    for v in 0..V {
+        let mut rows = [l.splat(0.0); WIDTH];
+        for (row, &view) in rows.iter_mut().zip(views) {
+            *row = l.load(&of[view as usize].rows[v]);
+        }
+        for (i, delta) in l.transpose(rows).into_iter().enumerate() {
+            let column = v * WIDTH + i;
+            if column < D {
+                for (r, sum) in along.iter_mut().enumerate() {
+                    *sum = l.fma(lin.column(l, r, column, D), delta, *sum);
+                }
+            }
+        }
+    }
+    for t in 0..T {
+        let mut rows = [l.splat(0.0); WIDTH];
+        for (row, &view) in rows.iter_mut().zip(views) {
+            *row = l.load(&of[view as usize].tail[t]);
+        }
+        // The places after the first are not wanted: their shuffles are never made.
+        let [delta, ..] = l.transpose(rows);
+        for (r, sum) in along.iter_mut().enumerate() {
+            *sum = l.fma(lin.column(l, r, V * WIDTH + t, D), delta, *sum);
+        }
+    }
+    along
+}
+
 /// Landmark steps of one chunk.
-pub(super) struct BackSubstitute<'a, M, const D: usize, const Q: usize, const R: usize> {
+pub(super) struct BackSubstitute<
+    'a,
+    M,
+    const D: usize,
+    const V: usize,
+    const T: usize,
+    const R: usize,
+> {
     pub(super) inputs: Inputs<'a, M>,
     pub(super) layout: &'a Layout,
-    pub(super) constant: &'a [bool],
     pub(super) chunk: &'a Chunk,
     pub(super) damping: f64,
     /// δ_v of each view, zero where constant.
-    pub(super) view_steps: &'a [Column<Q>],
-    pub(super) records: &'a [LandmarkRecord],
-    /// One for each landmark of the chunk, in sorted order.
-    pub(super) steps: &'a mut [Vector3<f64>],
+    pub(super) view_steps: &'a [ViewVector<V, T>],
+    /// [`GROUPS`] for each tile of the chunk.
+    pub(super) groups: &'a [LandmarkGroup],
+    /// Four numbers for each landmark of the chunk, in sorted order; the last is zero.
+    pub(super) steps: &'a mut [f64],
 }
 
-impl<M: LaneModel, const D: usize, const Q: usize, const R: usize> Kernel
-    for BackSubstitute<'_, M, D, Q, R>
+impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize> Kernel
+    for BackSubstitute<'_, M, D, V, T, R>
 {
     type Output = StepSums;
 
     #[inline(always)]
     fn run<L: Lanes>(self, l: L) -> StepSums {
-        let first_landmark = self.chunk.landmarks.start;
-        for step in self.steps.iter_mut() {
-            *step = Vector3::zeros();
-        }
-        // Σ J_lᵀ J_v δ_v, gathered in the steps.
-        let mut position = first_landmark;
-        for first in self.chunk.observations.clone().step_by(WIDTH) {
-            let products = self.products(l, first);
-            let lanes = (self.chunk.observations.end - first).min(WIDTH);
-            for lane in 0..lanes {
-                while self.layout.starts[position + 1] as usize <= first + lane {
-                    position += 1;
+        let sorted = self.inputs.sorted;
+        let mut rows = Rows::<1>::new(sorted.longest_tile + 2 * WIDTH);
+        let zero = l.splat(0.0);
+        let (mut decrease, mut squared) = (zero, zero);
+        for (t, tile) in self.layout.tiles(self.chunk) {
+            let first = tile.observations.start;
+            for o in tile.observations.clone().step_by(WIDTH) {
+                let lin = linearize::<L, M, R>(l, &self.inputs, o);
+                let views = eight_indices(&sorted.views, o);
+                let along = along::<L, D, V, T, R>(l, &lin, self.view_steps, views);
+                rows.put(l, o - first, 0, lin.onto_landmark(l, along));
+            }
+            rows.sum(l, sorted, &tile);
+            let groups = (t - self.chunk.tiles.start) * GROUPS;
+            for (g, group) in self.groups[groups..groups + GROUPS].iter().enumerate() {
+                if g * WIDTH >= tile.landmarks.len() {
+                    break;
                 }
-                let step = &mut self.steps[position - first_landmark];
-                step.x += products[0][lane];
-                step.y += products[1][lane];
-                step.z += products[2][lane];
-            }
-        }
-        let mut sums = StepSums::default();
-        for (i, (step, record)) in self.steps.iter_mut().zip(self.records).enumerate() {
-            let k = first_landmark + i;
-            if self.constant[self.layout.order[k] as usize] || self.layout.track(k).is_empty() {
-                *step = Vector3::zeros();
-                continue;
-            }
-            *step = landmark_step(record, step);
-            for c in 0..3 {
-                let delta = step[c];
-                let damped = self.damping * record.scale[c] * delta;
-                sums.decrease += delta * (damped - record.gradient[c]);
-                sums.squared += delta * delta;
-            }
-        }
-        sums
-    }
-}
-
-impl<M: LaneModel, const D: usize, const Q: usize, const R: usize> BackSubstitute<'_, M, D, Q, R> {
-    /// J_lᵀ J_v δ_v of eight observations.
-    #[inline(always)]
-    fn products<L: Lanes>(&self, l: L, first: usize) -> [Row; 3] {
-        let lin = linearize::<L, M, R>(l, &self.inputs, first);
-        let views: &[u32; WIDTH] =
-            self.inputs.sorted.views[first..].first_chunk().unwrap_or(&[0; WIDTH]);
-        let mut along = [l.splat(0.0); R];
-        for q in 0..Q {
-            let load = |i: usize| l.load(&self.view_steps[views[i] as usize][q]);
-            let delta = l.transpose([
-                load(0),
-                load(1),
-                load(2),
-                load(3),
-                load(4),
-                load(5),
-                load(6),
-                load(7),
-            ]);
-            for (r, sum) in along.iter_mut().enumerate() {
-                for (i, delta) in delta.iter().enumerate() {
-                    let column = q * WIDTH + i;
-                    if column < 6 {
-                        *sum = l.fma(lin.pose[r][column], *delta, *sum);
-                    } else if column < D && column - 6 < PARAMETERS {
-                        *sum = l.fma(lin.camera[r][column - 6], *delta, *sum);
-                    }
+                let [x, y, z, ..] = rows.lanes(l, g, 0);
+                let (mut gradient, mut right) = ([zero; 3], [x, y, z]);
+                for c in 0..3 {
+                    gradient[c] = l.load(&group.gradient[c]);
+                    right[c] = l.sub(zero, l.add(gradient[c], right[c]));
                 }
+                let step = group.solve(l, right);
+                for c in 0..3 {
+                    let scaled = l.mul(l.splat(self.damping), l.load(&group.scale[c]));
+                    let damped = l.fma(scaled, step[c], l.sub(zero, gradient[c]));
+                    decrease = l.fma(step[c], damped, decrease);
+                    squared = l.fma(step[c], step[c], squared);
+                }
+                let [x, y, z] = step;
+                rows.set_lanes(l, g, 0, [x, y, z, zero, zero, zero, zero, zero]);
+            }
+            let begin = tile.landmarks.start - self.chunk.landmarks.start;
+            for (step, row) in self.steps[4 * begin..].chunks_exact_mut(4).zip(rows.of(&tile)) {
+                step.copy_from_slice(&row[0][..4]);
             }
         }
-        let mut products = [[0.0; WIDTH]; 3];
-        for (c, product) in products.iter_mut().enumerate() {
-            let mut sum = l.mul(lin.landmark[0][c], along[0]);
-            for r in 1..R {
-                sum = l.fma(lin.landmark[r][c], along[r], sum);
-            }
-            l.store(sum, product);
-        }
-        products
+        let total = |v: L::V| {
+            let mut row = [0.0; WIDTH];
+            l.store(v, &mut row);
+            row.iter().sum()
+        };
+        StepSums { decrease: total(decrease), squared: total(squared) }
     }
-}
-
-/// −(L Lᵀ)⁻¹ (g + q).
-fn landmark_step(record: &LandmarkRecord, q: &Vector3<f64>) -> Vector3<f64> {
-    let [i00, l10, i11, l20, l21, i22] = record.factor;
-    let a = (record.gradient[0] + q.x) * i00;
-    let b = (record.gradient[1] + q.y - l10 * a) * i11;
-    let c = (record.gradient[2] + q.z - l20 * a - l21 * b) * i22;
-    let z = c * i22;
-    let y = (b - l21 * z) * i11;
-    let x = (a - l10 * y - l20 * z) * i00;
-    -Vector3::new(x, y, z)
 }
 
 /// ½ Σ ρ of one chunk; infinite where an observation has no finite residual.

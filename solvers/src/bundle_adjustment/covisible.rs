@@ -6,7 +6,8 @@
 
 use rayon::prelude::*;
 
-use super::layout::{Chunk, Layout};
+use super::layout::Layout;
+use super::sorted::Chunk;
 
 /// Marks a pair of observations that has no block: a view that is constant.
 pub(super) const NO_SLOT: u32 = u32::MAX;
@@ -22,21 +23,22 @@ pub(super) struct ChunkPairs {
     pub(super) slot_of: Vec<u32>,
 }
 
-/// The pairs of every chunk. `constant` has a flag for each landmark of the problem.
-pub(super) fn covisible_pairs(layout: &Layout, constant: &[bool]) -> Vec<ChunkPairs> {
-    layout.chunks.par_iter().map(|chunk| chunk_pairs(layout, constant, chunk)).collect()
+/// The pairs of every chunk.
+pub(super) fn covisible_pairs(layout: &Layout) -> Vec<ChunkPairs> {
+    layout.chunks().par_iter().map(|chunk| chunk_pairs(layout, chunk)).collect()
 }
 
-fn chunk_pairs(layout: &Layout, constant: &[bool], chunk: &Chunk) -> ChunkPairs {
+fn chunk_pairs(layout: &Layout, chunk: &Chunk) -> ChunkPairs {
     let mut pairs = ChunkPairs::default();
     let first = chunk.observations.start;
-    let views = &layout.sorted.views;
+    let locals = &layout.sorted.locals;
+    let active: Vec<bool> = chunk.views.iter().map(|&view| layout.active[view as usize]).collect();
     let mut total = 0;
     // Position in the track and first pair of the row, for each observation of the chunk.
     let mut rows = vec![(0_u32, 0_u32); chunk.observations.len()];
     for k in chunk.landmarks.clone() {
         pairs.starts.push(total);
-        if constant[layout.order[k] as usize] {
+        if layout.sorted.constant[k] {
             continue;
         }
         for (i, o) in layout.track(k).enumerate() {
@@ -46,36 +48,36 @@ fn chunk_pairs(layout: &Layout, constant: &[bool], chunk: &Chunk) -> ChunkPairs 
     }
     pairs.slot_of = vec![NO_SLOT; total as usize];
     // Observations by view, so that one stamp a view tells whether a pair was met.
-    let count = layout.views.len();
+    let count = chunk.views.len();
     let mut next = vec![0_u32; count + 1];
-    for &view in &views[chunk.observations.clone()] {
-        next[view as usize + 1] += 1;
+    for &local in &locals[chunk.observations.clone()] {
+        next[local as usize + 1] += 1;
     }
     for v in 0..count {
         next[v + 1] += next[v];
     }
     let mut by_view = vec![0_u32; chunk.observations.len()];
     for o in chunk.observations.clone() {
-        let slot = &mut next[views[o] as usize];
+        let slot = &mut next[locals[o] as usize];
         by_view[*slot as usize] = (o - first) as u32;
         *slot += 1;
     }
     let mut stamp = vec![(u32::MAX, 0_u32); count];
     for &o in &by_view {
-        let view = views[first + o as usize];
-        if !layout.is_active(view) {
+        let local = locals[first + o as usize];
+        if !active[local as usize] {
             continue;
         }
         let (length, row) = rows[o as usize];
         for j in 0..length {
-            let other = views[first + (o - length + j) as usize];
-            if !layout.is_active(other) {
+            let other = locals[first + (o - length + j) as usize];
+            if !active[other as usize] {
                 continue;
             }
             let (owner, slot) = &mut stamp[other as usize];
-            if *owner != view {
-                (*owner, *slot) = (view, pairs.slots.len() as u32);
-                pairs.slots.push((view, other));
+            if *owner != local {
+                (*owner, *slot) = (local, pairs.slots.len() as u32);
+                pairs.slots.push((chunk.views[local as usize], chunk.views[other as usize]));
             }
             pairs.slot_of[(row + j) as usize] = *slot;
         }

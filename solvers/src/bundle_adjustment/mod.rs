@@ -7,13 +7,18 @@
 
 mod accumulate;
 mod back_substitute;
+mod blocks;
 mod covisible;
+mod iterative;
+mod landmarks;
 mod layout;
 mod models;
 mod observe;
 mod pose_factors;
+mod product;
 mod reduce;
 mod reduced_solver;
+mod sorted;
 mod system;
 
 use std::time::Instant;
@@ -37,8 +42,8 @@ pub enum LinearSolver {
     DenseSchur,
     /// Blocks of covisible poses only, sparse supernodal Cholesky.
     SparseSchur,
-    /// Blocks of covisible poses only, conjugate gradients preconditioned by the diagonal blocks
-    /// (Schur-Jacobi); steps are inexact.
+    /// No blocks but the diagonal ones, which precondition conjugate gradients (Schur-Jacobi);
+    /// steps are inexact.
     IterativeSchur,
 }
 
@@ -103,34 +108,36 @@ fn dispatch(
     let known = layout.camera_parameters == 0;
     let run = (layout, options, start);
     if snavely && !depth && known {
-        solve_with::<_, 6, 1, 2>(problem, run, SnavelyLanes, observer)
+        solve_with::<_, 6, 1, 0, 2>(problem, run, SnavelyLanes, observer)
     } else if snavely && !depth {
-        solve_with::<_, 9, 2, 2>(problem, run, SnavelyLanes, observer)
+        solve_with::<_, 9, 1, 1, 2>(problem, run, SnavelyLanes, observer)
     } else if pinhole && known && !depth {
-        solve_with::<_, 6, 1, 2>(problem, run, PinholeLanes, observer)
+        solve_with::<_, 6, 1, 0, 2>(problem, run, PinholeLanes, observer)
     } else if pinhole && known {
-        solve_with::<_, 6, 1, 3>(problem, run, PinholeLanes, observer)
+        solve_with::<_, 6, 1, 0, 3>(problem, run, PinholeLanes, observer)
     } else {
         let view_cameras: Vec<u32> = layout.views.iter().map(|v| v.camera).collect();
         let model = AnyLanes { view_cameras: &view_cameras };
-        if known {
-            solve_with::<_, 6, 1, 3>(problem, run, model, observer)
-        } else {
-            solve_with::<_, 15, 2, 3>(problem, run, model, observer)
+        match (known, depth) {
+            (true, false) => solve_with::<_, 6, 1, 0, 2>(problem, run, model, observer),
+            (true, true) => solve_with::<_, 6, 1, 0, 3>(problem, run, model, observer),
+            (false, false) => solve_with::<_, 15, 2, 0, 2>(problem, run, model, observer),
+            (false, true) => solve_with::<_, 15, 2, 0, 3>(problem, run, model, observer),
         }
     }
 }
 
-fn solve_with<M: LaneModel, const D: usize, const Q: usize, const R: usize>(
+fn solve_with<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize>(
     problem: &mut BundleProblem,
     (layout, options, start): (&Layout, &Options, Instant),
     model: M,
     observer: &mut Observer<'_>,
 ) -> Result<BundleSummary, SolveError> {
     let choice = (options.linear_solver, options.class.unwrap_or_else(Class::detect));
-    let mut system = BundleSystem::<M, D, Q, R>::new(problem, layout, model, choice)?;
+    let mut system = BundleSystem::<M, D, V, T, R>::new(problem, layout, model, choice)?;
     let linear_solver = system.linear_solver();
     let solve = minimize(&mut system, &options.optimizer, start, observer);
+    system.finish();
     let behind_camera = problem.behind_camera_count();
     Ok(BundleSummary { solve, linear_solver, behind_camera, class: choice.1 })
 }

@@ -5,10 +5,8 @@
 //! (p_z − d)/σ_d. Robust weights are folded in as √ρ'. Landmarks and views do not matter here: lanes
 //! are neighbors in the sorted order, whatever they see.
 
-use nalgebra::Vector3;
-
-use super::layout::Sorted;
 use super::models::LaneModel;
+use super::sorted::Sorted;
 use crate::geometry::{Camera, Se3};
 use crate::loss::Loss;
 use crate::simd::{Lanes, Row, WIDTH};
@@ -44,7 +42,8 @@ pub(super) struct Inputs<'a, M> {
     pub(super) sorted: &'a Sorted,
     pub(super) records: &'a [ViewRecord],
     pub(super) cameras: &'a [Camera],
-    pub(super) landmarks: &'a [Vector3<f64>],
+    /// Four numbers a landmark, in sorted order: x, y, z and one that is not read; padded by four.
+    pub(super) points: &'a [f64],
     pub(super) loss: Loss,
     pub(super) model: M,
 }
@@ -60,11 +59,38 @@ pub(super) struct Linearized<L: Lanes, const R: usize> {
     pub(super) landmark: [[L::V; 3]; R],
 }
 
+impl<L: Lanes, const R: usize> Linearized<L, R> {
+    /// Column `i` of row `r` of ∂r/∂(pose, camera); zero from column `end` on.
+    #[inline(always)]
+    pub(super) fn column(&self, l: L, r: usize, i: usize, end: usize) -> L::V {
+        match i.checked_sub(6) {
+            None => self.pose[r][i],
+            Some(c) if i < end && c < PARAMETERS => self.camera[r][c],
+            Some(_) => l.splat(0.0),
+        }
+    }
+
+    /// J_lᵀ x in the first three, zeros after.
+    #[inline(always)]
+    pub(super) fn onto_landmark(&self, l: L, x: [L::V; R]) -> [L::V; WIDTH] {
+        let mut sums = [l.splat(0.0); WIDTH];
+        for r in 0..R {
+            for c in 0..3 {
+                sums[c] = l.fma(self.landmark[r][c], x[r], sums[c]);
+            }
+        }
+        sums
+    }
+}
+
 /// A lane a view record: the first 8·N numbers of the views of eight observations.
 #[inline(always)]
 fn gather<L: Lanes>(l: L, records: &[ViewRecord], views: &[u32; WIDTH], row: usize) -> [L::V; 8] {
-    let load = |i: usize| l.load(&records[views[i] as usize][row]);
-    l.transpose([load(0), load(1), load(2), load(3), load(4), load(5), load(6), load(7)])
+    let mut rows = [l.splat(0.0); WIDTH];
+    for (target, &view) in rows.iter_mut().zip(views) {
+        *target = l.load(&records[view as usize][row]);
+    }
+    l.transpose(rows)
 }
 
 /// Eight consecutive numbers of a padded array.
@@ -72,6 +98,12 @@ fn gather<L: Lanes>(l: L, records: &[ViewRecord], views: &[u32; WIDTH], row: usi
 pub(super) fn eight(values: &[f64], first: usize) -> &Row {
     // The arrays are padded by eight, so that the fallback is never taken.
     values[first..].first_chunk().unwrap_or(&[0.0; WIDTH])
+}
+
+/// Eight consecutive indices of a padded array.
+#[inline(always)]
+pub(super) fn eight_indices(indices: &[u32], first: usize) -> &[u32; WIDTH] {
+    indices[first..].first_chunk().unwrap_or(&[0; WIDTH])
 }
 
 /// Where the eight observations stand and what they see.
@@ -85,27 +117,30 @@ struct Seen<L: Lanes> {
 #[inline(always)]
 fn look<L: Lanes, M: LaneModel>(l: L, inputs: &Inputs<'_, M>, first: usize) -> Seen<L> {
     let sorted = inputs.sorted;
-    let views: &[u32; WIDTH] = sorted.views[first..].first_chunk().unwrap_or(&[0; WIDTH]);
+    let views = eight_indices(&sorted.views, first);
     let a = gather(l, inputs.records, views, 0);
     let b = gather(l, inputs.records, views, 1);
-    let (mut x, mut y, mut z) = ([0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH]);
-    for lane in 0..WIDTH {
-        let point = &inputs.landmarks[sorted.landmarks[first + lane] as usize];
-        (x[lane], y[lane], z[lane]) = (point.x, point.y, point.z);
+    let positions = eight_indices(&sorted.positions, first);
+    let mut rows = [l.splat(0.0); WIDTH];
+    for (row, &position) in rows.iter_mut().zip(positions) {
+        *row = l.load(eight(inputs.points, 4 * position as usize));
     }
-    let offset = [l.sub(l.load(&x), b[1]), l.sub(l.load(&y), b[2]), l.sub(l.load(&z), b[3])];
+    let [x, y, z, ..] = l.transpose(rows);
+    let offset = [l.sub(x, b[1]), l.sub(y, b[2]), l.sub(z, b[3])];
     let rotation = [a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], b[0]];
-    let along = |r: usize| {
+    let mut point = offset;
+    for r in 0..3 {
         let part = l.mul(rotation[3 * r], offset[0]);
-        l.fma(rotation[3 * r + 2], offset[2], l.fma(rotation[3 * r + 1], offset[1], part))
-    };
+        let part = l.fma(rotation[3 * r + 1], offset[1], part);
+        point[r] = l.fma(rotation[3 * r + 2], offset[2], part);
+    }
     let mut parameters = [l.splat(0.0); PARAMETERS];
     parameters[..4].copy_from_slice(&b[4..8]);
     if M::PARAMETERS > 4 {
         let c = gather(l, inputs.records, views, 2);
         parameters[4..].copy_from_slice(&c[..5]);
     }
-    Seen { rotation, point: [along(0), along(1), along(2)], parameters, views: *views }
+    Seen { rotation, point, parameters, views: *views }
 }
 
 /// Σ of squared whitened residuals of eight observations, before the loss.
@@ -159,7 +194,10 @@ pub(super) fn linearize<L: Lanes, M: LaneModel, const R: usize>(
         inputs.model.project(l, inputs.cameras, &seen.views, &seen.point, &seen.parameters);
     let mut residual = whitened::<L, M, R>(l, inputs, first, &projection.pixel, seen.point[2]);
     let mut weight = l.load(eight(&inputs.sorted.weights, first));
-    let mut depth_weight = l.load(eight(&inputs.sorted.depth_weights, first));
+    let mut depth_weight = weight;
+    if R > 2 {
+        depth_weight = l.load(eight(&inputs.sorted.depth_weights, first));
+    }
     if inputs.loss != Loss::Trivial {
         let mut sum = l.mul(residual[0], residual[0]);
         for r in &residual[1..] {

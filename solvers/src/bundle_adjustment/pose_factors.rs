@@ -3,13 +3,15 @@
 //! They enter the reduced camera system directly. There are few of them, so they are summed in
 //! order on one thread.
 
+use std::sync::Arc;
+
 use nalgebra::{SMatrix, SVector};
 
 use super::layout::{Layout, NO_BLOCK};
 use crate::factors::RelativePose;
 use crate::geometry::Se3;
 use crate::information::Information;
-use crate::linear::BlockMatrix;
+use crate::linear::{BlockMatrix, BlockPattern};
 use crate::problem::BundleProblem;
 
 /// Pairs of blocks that a relative-pose factor ties together.
@@ -51,13 +53,19 @@ pub(super) fn cost(problem: &BundleProblem) -> f64 {
     0.5 * sum
 }
 
-/// Adds H and g of all pose factors.
+/// A matrix for H of all pose factors: its diagonal and the blocks that `pairs` names.
+pub(super) fn hessian(layout: &Layout, pairs: Vec<(usize, usize)>) -> BlockMatrix {
+    BlockMatrix::new(Arc::new(BlockPattern::new(layout.block_sizes.clone(), pairs)))
+}
+
+/// H of all pose factors, set, and their gradient, added.
 pub(super) fn linearize(
     problem: &BundleProblem,
     layout: &Layout,
     hessian: &mut BlockMatrix,
     gradient: &mut [f64],
 ) {
+    hessian.set_zero();
     let mut sink = Sink { layout, hessian, gradient };
     for factor in &problem.relative_poses {
         sink.relative_pose(problem, factor);

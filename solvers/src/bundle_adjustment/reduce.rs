@@ -7,18 +7,17 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use crate::linear::{BlockMatrix, BlockPattern, BlockRowMut};
-use crate::simd::WIDTH;
-
-use super::accumulate::{ChunkSums, Column};
+use super::accumulate::ChunkSums;
+use super::blocks::Block;
 use super::covisible::ChunkPairs;
 use super::layout::{Layout, Part};
+use crate::linear::{BlockMatrix, BlockPattern, BlockRowMut};
 
 /// One sub-block of a view's or a pair's sum and where it lands in its block row.
 #[derive(Clone, Copy, Debug)]
 struct Source {
     chunk: u32,
-    /// A view, or a pair slot where `pair` is set.
+    /// The chunk's number of a view, or of a pair where `pair` is set.
     index: u32,
     pair: bool,
     /// Whether rows of the target are columns of the sum.
@@ -37,8 +36,8 @@ struct Source {
 pub(super) struct Reduction {
     /// Sources of each block row, in chunk order.
     rows: Vec<Vec<Source>>,
-    /// Views and their part in each block.
-    views: Vec<Vec<(u32, Part)>>,
+    /// Chunk, its number of a view, and the view's part in each block.
+    views: Vec<Vec<(u32, u32, Part)>>,
 }
 
 /// Pairs of blocks that a chunk's pairs, or a view's two parts, tie together.
@@ -67,20 +66,20 @@ impl Reduction {
         let blocks = layout.block_sizes.len();
         let mut reduction =
             Self { rows: vec![Vec::new(); blocks], views: vec![Vec::new(); blocks] };
-        for (index, view) in layout.views.iter().enumerate() {
-            for part in &view.parts {
-                reduction.views[part.block as usize].push((index as u32, *part));
+        for (chunk, found) in layout.chunks().iter().enumerate() {
+            for (local, &view) in found.views.iter().enumerate() {
+                let (chunk, local) = (chunk as u32, local as u32);
+                let parts = &layout.views[view as usize].parts;
+                for p in parts {
+                    reduction.views[p.block as usize].push((chunk, local, *p));
+                    for q in parts.iter().filter(|q| q.block <= p.block) {
+                        reduction.push(pattern, (chunk, local, false), (p, q), false);
+                    }
+                }
             }
         }
         for (chunk, pairs) in pairs.iter().enumerate() {
             let chunk = chunk as u32;
-            for (index, view) in layout.views.iter().enumerate() {
-                for p in &view.parts {
-                    for q in view.parts.iter().filter(|q| q.block <= p.block) {
-                        reduction.push(pattern, (chunk, index as u32, false), (p, q), false);
-                    }
-                }
-            }
             for (index, &(a, b)) in pairs.slots.iter().enumerate() {
                 let source = (chunk, index as u32, true);
                 for p in &layout.views[a as usize].parts {
@@ -121,11 +120,11 @@ impl Reduction {
         });
     }
 
-    /// Sums the chunks: `reduced` (without pose factors), gradient, diagonal of H_vv, and E y.
-    pub(super) fn sum<const D: usize, const Q: usize>(
+    /// Sums the chunks: `reduced`, gradients, and the diagonal of H_vv.
+    pub(super) fn sum<const D: usize, const V: usize, const T: usize, const R: usize>(
         &self,
         layout: &Layout,
-        chunks: &[ChunkSums<D, Q>],
+        chunks: &[ChunkSums<D, V, T, R>],
         reduced: &mut BlockMatrix,
         vectors: &mut ReducedVectors,
     ) {
@@ -140,16 +139,14 @@ impl Reduction {
         });
         vectors.clear();
         let mut offset = 0;
-        for (block, &size) in sizes.iter().enumerate() {
-            for (view, part) in &self.views[block] {
-                for chunk in chunks {
-                    let sum = &chunk.views[*view as usize];
-                    for i in 0..part.size {
-                        let (q, k) = ((part.column + i) / WIDTH, (part.column + i) % WIDTH);
-                        vectors.gradient[offset + i] += sum.gradient[q][k];
-                        vectors.diagonal[offset + i] += sum.diagonal[q][k];
-                        vectors.eliminated[offset + i] += sum.eliminated[q][k];
-                    }
+        for (views, &size) in self.views.iter().zip(sizes) {
+            for (chunk, local, part) in views {
+                let sum = &chunks[*chunk as usize].views[*local as usize];
+                for i in 0..part.size {
+                    let column = part.column + i;
+                    vectors.gradient[offset + i] += sum.gradient.get(column);
+                    vectors.diagonal[offset + i] += sum.diagonal.get(column);
+                    vectors.reduced_gradient[offset + i] += sum.reduced_gradient.get(column);
                 }
             }
             offset += size;
@@ -164,31 +161,31 @@ pub(super) struct ReducedVectors {
     pub(super) gradient: Vec<f64>,
     /// Diagonal of H_vv.
     pub(super) diagonal: Vec<f64>,
-    /// Σ E y.
-    pub(super) eliminated: Vec<f64>,
+    /// g_v − Σ E y.
+    pub(super) reduced_gradient: Vec<f64>,
 }
 
 impl ReducedVectors {
     pub(super) fn new(dimension: usize) -> Self {
         let zero = vec![0.0; dimension];
-        Self { gradient: zero.clone(), diagonal: zero.clone(), eliminated: zero }
+        Self { gradient: zero.clone(), diagonal: zero.clone(), reduced_gradient: zero }
     }
 
     fn clear(&mut self) {
         self.gradient.fill(0.0);
         self.diagonal.fill(0.0);
-        self.eliminated.fill(0.0);
+        self.reduced_gradient.fill(0.0);
     }
 }
 
-fn add_source<const D: usize, const Q: usize>(
+fn add_source<const D: usize, const V: usize, const T: usize, const R: usize>(
     row: &mut BlockRowMut<'_>,
     stride: usize,
     source: &Source,
-    chunks: &[ChunkSums<D, Q>],
+    chunks: &[ChunkSums<D, V, T, R>],
 ) {
     let chunk = &chunks[source.chunk as usize];
-    let columns: &[Column<Q>; D] = if source.pair {
+    let block: &Block<D, V, T> = if source.pair {
         &chunk.pairs[source.index as usize]
     } else {
         &chunk.views[source.index as usize].reduced
@@ -196,9 +193,8 @@ fn add_source<const D: usize, const Q: usize>(
     let target = row.slot_mut(source.slot as usize);
     let (first_row, first_column) = (source.row as usize, source.column as usize);
     for c in 0..source.columns as usize {
-        let column = columns[first_column + c].as_flattened();
         for r in 0..source.rows as usize {
-            let value = column[first_row + r];
+            let value = block.get(first_row + r, first_column + c);
             let place = if source.transposed { r * stride + c } else { c * stride + r };
             target[place] += value;
         }

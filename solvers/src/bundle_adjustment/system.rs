@@ -1,50 +1,76 @@
 //! Bundle adjustment as the trust-region loop sees it.
 //!
 //! One fused pass linearizes and eliminates for a damping at once; another damping at the same state
-//! runs it again, since nothing of the size of the observations is kept.
+//! runs it again, since nothing of the size of the observations is kept. Landmarks live here in the
+//! kernels' order and go back to the problem at the end.
 
 use nalgebra::{SVector, Vector3};
 use rayon::prelude::*;
 
 use super::LinearSolver;
-use super::accumulate::{Accumulate, ChunkSums, Column, LandmarkRecord, damping_scale};
+use super::accumulate::{Accumulate, ChunkSums};
 use super::back_substitute::{BackSubstitute, Cost, StepSums};
-use super::covisible::{ChunkPairs, covisible_pairs};
+use super::blocks::ViewVector;
+use super::covisible::ChunkPairs;
+use super::iterative::{Iterative, Linearization, gather, split_groups};
+use super::landmarks::{LandmarkGroup, damping_scale};
 use super::layout::{Layout, NO_BLOCK};
 use super::models::LaneModel;
 use super::observe::{Inputs, ViewRecord, view_record};
 use super::pose_factors;
 use super::reduce::{ReducedVectors, Reduction};
-use super::reduced_solver::{ReducedSolver, Solved, choose};
+use super::reduced_solver::{Choice, choose};
+use super::sorted::{GROUPS, split};
 use crate::geometry::{Camera, LieGroup, Se3};
-use crate::linear::BlockMatrix;
+use crate::linear::{BlockMatrix, Cholesky, LinearError};
 use crate::optimizer::{Gradient, Step, StepFailure, System};
 use crate::problem::{BundleProblem, SolveError};
-use crate::simd::{Class, WIDTH};
+use crate::simd::Class;
 
-/// D columns a view in Q vectors, R rows an observation, camera model M.
-pub(super) struct BundleSystem<'a, M, const D: usize, const Q: usize, const R: usize> {
+/// Numbers of a landmark in the kernels' order: x, y, z and one of padding.
+const POINT: usize = 4;
+
+/// D columns a view in V vectors and T tails, R rows an observation, camera model M.
+pub(super) struct BundleSystem<
+    'a,
+    M,
+    const D: usize,
+    const V: usize,
+    const T: usize,
+    const R: usize,
+> {
     problem: &'a mut BundleProblem,
     layout: &'a Layout,
     model: M,
     class: Class,
     linear_solver: LinearSolver,
     offsets: Vec<usize>,
-    pairs: Vec<ChunkPairs>,
+    /// None where the reduced system is not formed.
+    pairs: Option<Vec<ChunkPairs>>,
     reduction: Reduction,
     view_records: Vec<ViewRecord>,
+    points: Vec<f64>,
     // The elimination for `eliminated_for`.
-    sums: Vec<ChunkSums<D, Q>>,
-    records: Vec<LandmarkRecord>,
+    sums: Vec<ChunkSums<D, V, T, R>>,
+    groups: Vec<LandmarkGroup>,
     reduced: BlockMatrix,
+    pose_hessian: Option<BlockMatrix>,
     vectors: ReducedVectors,
     eliminated_for: Option<f64>,
     // The step.
-    solver: ReducedSolver,
+    solver: Solver<D, V, T, R>,
     step: Vec<f64>,
-    view_steps: Vec<Column<Q>>,
-    landmark_steps: Vec<Vector3<f64>>,
+    view_steps: Vec<ViewVector<V, T>>,
+    point_steps: Vec<f64>,
     backup: Values,
+}
+
+/// How the reduced system is solved.
+enum Solver<const D: usize, const V: usize, const T: usize, const R: usize> {
+    /// Exactly.
+    Cholesky(Box<Cholesky>),
+    /// Inexactly.
+    Iterative(Box<Iterative<D, V, T, R>>),
 }
 
 /// The variables before a trial step.
@@ -52,22 +78,11 @@ pub(super) struct BundleSystem<'a, M, const D: usize, const Q: usize, const R: u
 struct Values {
     poses: Vec<Se3>,
     cameras: Vec<Camera>,
-    landmarks: Vec<Vector3<f64>>,
+    points: Vec<f64>,
 }
 
-/// Cuts `values` into consecutive pieces of the given lengths.
-fn split<T>(mut values: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
-    let mut pieces = Vec::new();
-    for length in lengths {
-        let (head, tail) = values.split_at_mut(length);
-        pieces.push(head);
-        values = tail;
-    }
-    pieces
-}
-
-impl<'a, M: LaneModel, const D: usize, const Q: usize, const R: usize>
-    BundleSystem<'a, M, D, Q, R>
+impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize>
+    BundleSystem<'a, M, D, V, T, R>
 {
     pub(super) fn new(
         problem: &'a mut BundleProblem,
@@ -75,26 +90,42 @@ impl<'a, M: LaneModel, const D: usize, const Q: usize, const R: usize>
         model: M,
         (wish, class): (LinearSolver, Class),
     ) -> Result<Self, SolveError> {
-        let pairs = covisible_pairs(layout, &problem.constant_landmarks);
-        let (linear_solver, pattern, solver) = choose(problem, layout, &pairs, wish)?;
+        let Choice { linear_solver, pattern, direct } = choose(problem, layout, wish)?;
+        let (solver, pairs) = match direct {
+            Some((cholesky, pairs)) => (Solver::Cholesky(cholesky), Some(pairs)),
+            None => (Solver::Iterative(Box::new(Iterative::new(layout))), None),
+        };
         let dimension = pattern.dimension();
-        let count = problem.landmarks.len();
+        let sorted = &layout.sorted;
+        // One landmark more: the kernels read eight numbers from any landmark on.
+        let mut points = Vec::with_capacity((sorted.order.len() + 1) * POINT);
+        for &landmark in &sorted.order {
+            let p = &problem.landmarks[landmark as usize];
+            points.extend([p.x, p.y, p.z, 0.0]);
+        }
+        points.extend([0.0; POINT]);
+        let chunk_pairs = |i: usize| pairs.as_ref().map(|pairs| &pairs[i]);
+        let chunks = layout.chunks().par_iter().enumerate();
+        let pose_pairs = || pose_factors::block_pairs(problem, layout);
         Ok(Self {
             model,
             class,
             linear_solver,
             offsets: (0..pattern.block_count()).map(|b| pattern.offset(b)).collect(),
-            reduction: Reduction::new(layout, &pairs, &pattern),
+            reduction: Reduction::new(layout, pairs.as_deref().unwrap_or(&[]), &pattern),
             view_records: Vec::new(),
-            sums: pairs.par_iter().map(|p| ChunkSums::new(layout, p)).collect(),
-            records: vec![LandmarkRecord::default(); count],
+            sums: chunks.map(|(i, c)| ChunkSums::new(layout, c, chunk_pairs(i))).collect(),
+            groups: vec![LandmarkGroup::ZERO; sorted.tile_count() * GROUPS],
+            pose_hessian: pose_factors::has_any(problem)
+                .then(|| pose_factors::hessian(layout, pose_pairs())),
             reduced: BlockMatrix::new(pattern),
             vectors: ReducedVectors::new(dimension),
             eliminated_for: None,
             solver,
             step: vec![0.0; dimension],
-            view_steps: vec![[[0.0; WIDTH]; Q]; layout.views.len()],
-            landmark_steps: vec![Vector3::zeros(); count],
+            view_steps: vec![ViewVector::ZERO; layout.views.len()],
+            point_steps: vec![0.0; points.len()],
+            points,
             backup: Values::default(),
             pairs,
             problem,
@@ -104,6 +135,13 @@ impl<'a, M: LaneModel, const D: usize, const Q: usize, const R: usize>
 
     pub(super) fn linear_solver(&self) -> LinearSolver {
         self.linear_solver
+    }
+
+    /// Puts the landmarks back into the problem.
+    pub(super) fn finish(self) {
+        for (&landmark, point) in self.layout.sorted.order.iter().zip(self.points.chunks(POINT)) {
+            self.problem.landmarks[landmark as usize] = Vector3::new(point[0], point[1], point[2]);
+        }
     }
 
     fn fill_view_records(&mut self) {
@@ -120,7 +158,7 @@ impl<'a, M: LaneModel, const D: usize, const Q: usize, const R: usize>
             sorted: &self.layout.sorted,
             records: &self.view_records,
             cameras: &self.problem.cameras,
-            landmarks: &self.problem.landmarks,
+            points: &self.points,
             loss: self.problem.observation_loss,
             model: self.model,
         }
@@ -130,83 +168,99 @@ impl<'a, M: LaneModel, const D: usize, const Q: usize, const R: usize>
     fn eliminate(&mut self, damping: f64) {
         self.fill_view_records();
         let mut sums = std::mem::take(&mut self.sums);
-        let mut records = std::mem::take(&mut self.records);
+        let mut groups = std::mem::take(&mut self.groups);
         let inputs = self.inputs();
-        let (layout, class) = (self.layout, self.class);
-        let constant = &self.problem.constant_landmarks;
-        let pieces = split(&mut records, layout.chunks.iter().map(|c| c.landmarks.len()));
-        layout.chunks.par_iter().zip(&self.pairs).zip(&mut sums).zip(pieces).for_each(
-            |(((chunk, pairs), sums), records)| {
-                class.run(Accumulate::<M, D, Q, R> {
-                    inputs,
-                    layout,
-                    constant,
-                    chunk,
-                    pairs,
-                    damping,
-                    sums,
-                    records,
-                });
-            },
-        );
+        let (layout, class, pairs) = (self.layout, self.class, self.pairs.as_ref());
+        let pieces = split_groups(layout, &mut groups);
+        let chunks = layout.chunks().par_iter().enumerate();
+        chunks.zip(&mut sums).zip(pieces).for_each(|(((i, chunk), sums), groups)| {
+            let pairs = pairs.map(|pairs| &pairs[i]);
+            class.run(Accumulate::<M, D, V, T, R> {
+                inputs,
+                layout,
+                chunk,
+                pairs,
+                damping,
+                sums,
+                groups,
+            });
+        });
         self.reduction.sum(layout, &sums, &mut self.reduced, &mut self.vectors);
         self.sums = sums;
-        self.records = records;
-        let diagonal_before = pose_factors::has_any(self.problem).then(|| self.reduced.diagonal());
-        if let Some(before) = diagonal_before {
-            let gradient = &mut self.vectors.gradient;
-            pose_factors::linearize(self.problem, layout, &mut self.reduced, gradient);
-            let after = self.reduced.diagonal();
-            for (entry, (b, a)) in self.vectors.diagonal.iter_mut().zip(before.iter().zip(after)) {
-                *entry += a - b;
+        self.groups = groups;
+        if let Some(hessian) = &mut self.pose_hessian {
+            let mut gradient = vec![0.0; self.step.len()];
+            pose_factors::linearize(self.problem, layout, hessian, &mut gradient);
+            self.reduced.add(hessian);
+            let vectors = &mut self.vectors;
+            for (i, (g, d)) in gradient.iter().zip(hessian.diagonal()).enumerate() {
+                vectors.gradient[i] += g;
+                vectors.reduced_gradient[i] += g;
+                vectors.diagonal[i] += d;
             }
         }
         self.eliminated_for = Some(damping);
     }
 
-    fn backup_values(&mut self) {
-        self.backup.poses.clone_from(&self.problem.poses);
-        self.backup.cameras.clone_from(&self.problem.cameras);
-        self.backup.landmarks.clone_from(&self.problem.landmarks);
+    /// Solves the reduced system for the step; returns the relative residual.
+    fn solve_reduced(&mut self, added: &[f64]) -> Result<f64, LinearError> {
+        let right: Vec<f64> = self.vectors.reduced_gradient.iter().map(|g| -g).collect();
+        if right.is_empty() {
+            return Ok(0.0);
+        }
+        match &mut self.solver {
+            Solver::Cholesky(cholesky) => {
+                cholesky.factor(&self.reduced, added)?;
+                Ok(cholesky.solve_checked(&self.reduced, added, &right, &mut self.step))
+            }
+            Solver::Iterative(iterative) => {
+                let linearization = Linearization {
+                    inputs: Inputs {
+                        sorted: &self.layout.sorted,
+                        records: &self.view_records,
+                        cameras: &self.problem.cameras,
+                        points: &self.points,
+                        loss: self.problem.observation_loss,
+                        model: self.model,
+                    },
+                    layout: self.layout,
+                    class: self.class,
+                    offsets: &self.offsets,
+                    groups: &self.groups,
+                    pose_hessian: self.pose_hessian.as_ref(),
+                    added,
+                };
+                iterative.solve(&linearization, &self.reduced, &right, &mut self.step)
+            }
+        }
     }
 
     /// Landmark steps for the reduced step, and what they add to the step's figures.
     fn back_substitute(&mut self, damping: f64) -> StepSums {
-        for (view, delta) in self.layout.views.iter().zip(&mut self.view_steps) {
-            let flat = delta.as_flattened_mut();
-            flat.fill(0.0);
-            for part in &view.parts {
-                let offset = self.offsets[part.block as usize];
-                let source = &self.step[offset..offset + part.size];
-                flat[part.column..part.column + part.size].copy_from_slice(source);
-            }
-        }
-        let mut steps = std::mem::take(&mut self.landmark_steps);
+        gather(self.layout, &self.offsets, &self.step, &mut self.view_steps);
+        let mut steps = std::mem::take(&mut self.point_steps);
         let inputs = self.inputs();
         let (layout, class) = (self.layout, self.class);
-        let lengths = || layout.chunks.iter().map(|c| c.landmarks.len());
-        let pieces = split(&mut steps, lengths());
+        let pieces = split(&mut steps, layout.chunks().iter().map(|c| c.landmarks.len() * POINT));
         let view_steps = &self.view_steps;
-        let constant = &self.problem.constant_landmarks;
         let sums: Vec<StepSums> = layout
-            .chunks
+            .chunks()
             .par_iter()
             .zip(pieces)
             .map(|(chunk, steps)| {
-                let records = &self.records[chunk.landmarks.clone()];
-                class.run(BackSubstitute::<M, D, Q, R> {
+                let groups = &self.groups[chunk.tiles.start * GROUPS..chunk.tiles.end * GROUPS];
+                class.run(BackSubstitute::<M, D, V, T, R> {
                     inputs,
                     layout,
-                    constant,
                     chunk,
                     damping,
                     view_steps,
-                    records,
+                    groups,
                     steps,
                 })
             })
             .collect();
-        self.landmark_steps = steps;
+        self.point_steps = steps;
         sums.iter().fold(StepSums::default(), |a, b| StepSums {
             decrease: a.decrease + b.decrease,
             squared: a.squared + b.squared,
@@ -217,19 +271,19 @@ impl<'a, M: LaneModel, const D: usize, const Q: usize, const R: usize>
     fn state_norm(&self) -> f64 {
         let poses: f64 =
             self.problem.poses.iter().map(|p| p.translation.norm_squared() + 1.0).sum();
-        let landmarks: f64 = self.problem.landmarks.iter().map(|l| l.norm_squared()).sum();
+        let landmarks: f64 = self.points.iter().map(|x| x * x).sum();
         (poses + landmarks).sqrt()
     }
 }
 
-impl<M: LaneModel, const D: usize, const Q: usize, const R: usize> System
-    for BundleSystem<'_, M, D, Q, R>
+impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize> System
+    for BundleSystem<'_, M, D, V, T, R>
 {
     fn cost(&mut self) -> f64 {
         self.fill_view_records();
         let inputs = self.inputs();
         let class = self.class;
-        let chunks = self.layout.chunks.par_iter();
+        let chunks = self.layout.chunks().par_iter();
         let sums: Vec<f64> =
             chunks.map(|chunk| class.run(Cost::<M, R> { inputs, chunk })).collect();
         sums.iter().sum::<f64>() + pose_factors::cost(self.problem)
@@ -251,24 +305,15 @@ impl<M: LaneModel, const D: usize, const Q: usize, const R: usize> System
         if self.sums.iter().any(|s| !s.positive_definite) {
             return Err(StepFailure);
         }
-        let vectors = &self.vectors;
-        let added: Vec<f64> =
-            vectors.diagonal.iter().map(|d| damping * damping_scale(*d)).collect();
-        let right: Vec<f64> =
-            vectors.gradient.iter().zip(&vectors.eliminated).map(|(g, e)| e - g).collect();
-        let mut solved = Solved { linear_residual: 0.0, is_inexact: false };
-        if !right.is_empty() {
-            solved = self
-                .solver
-                .solve(&self.reduced, &added, &right, &mut self.step)
-                .map_err(|_error| StepFailure)?;
-        }
+        let diagonal = self.vectors.diagonal.iter();
+        let added: Vec<f64> = diagonal.map(|d| damping * damping_scale(*d)).collect();
+        let linear_residual = self.solve_reduced(&added).map_err(|_error| StepFailure)?;
         let mut sums = self.back_substitute(damping);
         for ((delta, added), gradient) in self.step.iter().zip(&added).zip(&self.vectors.gradient) {
             sums.decrease += delta * (added * delta - gradient);
             sums.squared += delta * delta;
         }
-        let figures = [sums.decrease, sums.squared, solved.linear_residual];
+        let figures = [sums.decrease, sums.squared, linear_residual];
         if !figures.iter().all(|x| x.is_finite()) {
             return Err(StepFailure);
         }
@@ -276,14 +321,16 @@ impl<M: LaneModel, const D: usize, const Q: usize, const R: usize> System
             predicted_decrease: 0.5 * sums.decrease,
             norm: sums.squared.sqrt(),
             state_norm: self.state_norm(),
-            linear_residual: solved.linear_residual,
-            is_inexact: solved.is_inexact,
+            linear_residual,
+            is_inexact: matches!(self.solver, Solver::Iterative(_)),
         })
     }
 
     fn apply(&mut self) -> f64 {
-        self.backup_values();
         let problem = &mut *self.problem;
+        self.backup.poses.clone_from(&problem.poses);
+        self.backup.cameras.clone_from(&problem.cameras);
+        self.backup.points.clone_from(&self.points);
         for (pose, &block) in problem.poses.iter_mut().zip(&self.layout.pose_block) {
             if block != NO_BLOCK {
                 let offset = self.offsets[block as usize];
@@ -297,8 +344,8 @@ impl<M: LaneModel, const D: usize, const Q: usize, const R: usize> System
                 camera.plus_parameters(&self.step[offset..offset + camera.parameter_count()]);
             }
         }
-        for (&landmark, delta) in self.layout.order.iter().zip(&self.landmark_steps) {
-            problem.landmarks[landmark as usize] += delta;
+        for (x, delta) in self.points.iter_mut().zip(&self.point_steps) {
+            *x += delta;
         }
         self.eliminated_for = None;
         self.cost()
@@ -307,7 +354,7 @@ impl<M: LaneModel, const D: usize, const Q: usize, const R: usize> System
     fn restore(&mut self) {
         std::mem::swap(&mut self.problem.poses, &mut self.backup.poses);
         std::mem::swap(&mut self.problem.cameras, &mut self.backup.cameras);
-        std::mem::swap(&mut self.problem.landmarks, &mut self.backup.landmarks);
+        std::mem::swap(&mut self.points, &mut self.backup.points);
         self.eliminated_for = None;
     }
 }

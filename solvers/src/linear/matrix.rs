@@ -35,6 +35,18 @@ impl BlockMatrix {
         self.values.fill(0.0);
     }
 
+    /// Adds the blocks of `other` that are stored here too; both have the same block sizes.
+    pub fn add(&mut self, other: &Self) {
+        for i in 0..other.pattern.block_count() {
+            for (block, &j) in other.pattern.row_range(i).zip(other.pattern.row(i)) {
+                if let Some(target) = self.block_mut(i, j as usize) {
+                    let source = &other.values[other.pattern.value_range(block)];
+                    target.iter_mut().zip(source).for_each(|(t, s)| *t += s);
+                }
+            }
+        }
+    }
+
     /// All values, laid out as [`BlockPattern::value_range`] says.
     pub fn values(&self) -> &[f64] {
         &self.values

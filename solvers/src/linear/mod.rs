@@ -29,5 +29,5 @@ pub use error::LinearError;
 pub use matrix::{BlockMatrix, BlockRowMut};
 pub use ordering::{BlockOrdering, OrderingMethod, block_order, cheapest_ordering};
 pub use pattern::BlockPattern;
-pub use pcg::{Pcg, PcgOutcome};
+pub use pcg::{BlockJacobi, Pcg, PcgOutcome};
 pub use sparse::SparseCholesky;

@@ -1,42 +1,27 @@
-//! Conjugate gradients on a block-sparse matrix, preconditioned by its diagonal blocks.
+//! Preconditioned conjugate gradients on whatever can be multiplied, and block Jacobi.
 //!
-//! Solves (H + D) x = g inexactly (Hestenes and Stiefel 1952; block Jacobi). It ends by the rule of
-//! Nash and Sofer (1990): once k (Q_k − Q_{k−1}) / Q_k < η with the quadratic Q = ½ xᵀAx − gᵀx, more
-//! steps would not make the outer step better. From x = 0 every iterate satisfies xᵀ(Ax − g) = 0,
-//! which is what the trust region's predicted decrease needs. Each row of a product is computed by
-//! one task, so that bits do not depend on the number of threads.
-
-use std::sync::Arc;
+//! Solves A x = g inexactly (Hestenes and Stiefel 1952). It ends by the rule of Nash and Sofer
+//! (1990): once k (Q_k − Q_{k−1}) / Q_k < η with the quadratic Q = ½ xᵀAx − gᵀx, more steps would not
+//! make the outer step better. From x = 0 every iterate satisfies xᵀ(Ax − g) = 0, which is what the
+//! trust region's predicted decrease needs. It knows no threads: products are the caller's.
 
 use rayon::prelude::*;
 
 use super::error::LinearError;
 use super::matrix::BlockMatrix;
-use super::pattern::BlockPattern;
-use crate::simd::{Class, Kernel, Lanes};
-
-/// Rows of a task: fixed, so that partial sums are always the same.
-const ROWS: usize = 16;
 
 /// How a solve ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PcgOutcome {
     /// Products with the matrix.
     pub iterations: usize,
-    /// ‖(H + D) x − g‖ / ‖g‖, recurred.
+    /// ‖A x − g‖ / ‖g‖, recurred.
     pub relative_residual: f64,
 }
 
-/// Preconditioned conjugate gradients on one pattern; memory is allocated once.
-#[derive(Debug)]
+/// Conjugate gradients; memory is allocated once.
+#[derive(Clone, Debug, Default)]
 pub struct Pcg {
-    pattern: Arc<BlockPattern>,
-    class: Class,
-    /// Blocks below the diagonal of each column: (row, block number).
-    below: Vec<Vec<(u32, u32)>>,
-    /// Cholesky factors of the diagonal blocks, lower, column-major, diagonal inverted.
-    factors: Vec<f64>,
-    factor_starts: Vec<usize>,
     r: Vec<f64>,
     z: Vec<f64>,
     p: Vec<f64>,
@@ -44,49 +29,25 @@ pub struct Pcg {
 }
 
 impl Pcg {
-    /// Plans for `pattern`.
-    pub fn new(pattern: Arc<BlockPattern>) -> Self {
-        let blocks = pattern.block_count();
-        let mut below = vec![Vec::new(); blocks];
-        let mut factor_starts = vec![0; blocks + 1];
-        for row in 0..blocks {
-            for (slot, &column) in pattern.row_range(row).zip(pattern.row(row)) {
-                if (column as usize) < row {
-                    below[column as usize].push((row as u32, slot as u32));
-                }
-            }
-            let size = pattern.sizes()[row];
-            factor_starts[row + 1] = factor_starts[row] + size * size;
-        }
-        let zero = vec![0.0; pattern.dimension()];
-        Self {
-            class: Class::detect(),
-            below,
-            factors: vec![0.0; factor_starts[blocks]],
-            factor_starts,
-            r: zero.clone(),
-            z: zero.clone(),
-            p: zero.clone(),
-            q: zero,
-            pattern,
-        }
-    }
-
-    /// Solves (H + D) x = g from x = 0, in at most `max_iterations` products.
+    /// Solves A x = g from x = 0, in at most `max_iterations` products; `multiply(p, q)` sets
+    /// q = A p.
     ///
     /// # Errors
-    /// Not positive definite, seen in a diagonal block or a direction; then `x` is not a solution.
+    /// Not positive definite, seen in a direction; then `x` is not a solution.
     pub fn solve(
         &mut self,
-        matrix: &BlockMatrix,
-        added_diagonal: &[f64],
+        mut multiply: impl FnMut(&[f64], &mut [f64]),
+        preconditioner: &BlockJacobi,
         g: &[f64],
         x: &mut [f64],
         (tolerance, max_iterations): (f64, usize),
     ) -> Result<PcgOutcome, LinearError> {
-        self.factor_diagonal(matrix, added_diagonal)?;
+        for vector in [&mut self.z, &mut self.p, &mut self.q] {
+            vector.resize(g.len(), 0.0);
+        }
         x.fill(0.0);
-        self.r.copy_from_slice(g);
+        self.r.clear();
+        self.r.extend_from_slice(g);
         let norm = dot(g, g).sqrt();
         let mut outcome = PcgOutcome { iterations: 0, relative_residual: 0.0 };
         if norm == 0.0 {
@@ -95,7 +56,7 @@ impl Pcg {
         let mut rho = 0.0;
         let mut quadratic = 0.0;
         for k in 1..=max_iterations {
-            self.precondition();
+            preconditioner.apply(&self.r, &mut self.z);
             let before = rho;
             rho = dot(&self.r, &self.z);
             if k == 1 {
@@ -104,7 +65,7 @@ impl Pcg {
                 let beta = rho / before;
                 self.p.iter_mut().zip(&self.z).for_each(|(p, z)| *p = z + beta * *p);
             }
-            self.multiply(matrix, added_diagonal);
+            multiply(&self.p, &mut self.q);
             let curvature = dot(&self.p, &self.q);
             if !(curvature > 0.0 && curvature.is_finite()) {
                 return Err(LinearError::NotPositiveDefinite { block: 0, scalar: 0 });
@@ -127,134 +88,87 @@ impl Pcg {
         }
         Ok(outcome)
     }
+}
 
-    /// Factors the diagonal blocks of H + D.
-    fn factor_diagonal(&mut self, matrix: &BlockMatrix, added: &[f64]) -> Result<(), LinearError> {
-        for block in 0..self.pattern.block_count() {
-            let size = self.pattern.sizes()[block];
-            let offset = self.pattern.offset(block);
-            let range = self.factor_starts[block]..self.factor_starts[block + 1];
-            let target = &mut self.factors[range];
-            let Some(source) = matrix.block(block, block) else { continue };
-            target.copy_from_slice(source);
-            for i in 0..size {
-                target[i * size + i] += added.get(offset + i).copied().unwrap_or(0.0);
-            }
-            if !factor_in_place(target, size) {
-                return Err(LinearError::NotPositiveDefinite { block, scalar: offset });
-            }
+/// The inverses of the diagonal blocks of a matrix.
+#[derive(Clone, Debug, Default)]
+pub struct BlockJacobi {
+    sizes: Vec<usize>,
+    /// Inverse blocks one after the other, full and column-major.
+    inverses: Vec<f64>,
+}
+
+impl BlockJacobi {
+    /// Inverts the diagonal blocks of H + D, of which only lower triangles are read.
+    ///
+    /// # Errors
+    /// [`LinearError::NotPositiveDefinite`] names the first block that is not.
+    pub fn factor(&mut self, matrix: &BlockMatrix, added: &[f64]) -> Result<(), LinearError> {
+        let pattern = matrix.pattern();
+        self.sizes.clear();
+        self.sizes.extend_from_slice(pattern.sizes());
+        self.inverses.resize(self.sizes.iter().map(|n| n * n).sum(), 0.0);
+        let mut rest = self.inverses.as_mut_slice();
+        let mut blocks = Vec::with_capacity(self.sizes.len());
+        for (block, &size) in self.sizes.iter().enumerate() {
+            let (inverse, tail) = rest.split_at_mut(size * size);
+            rest = tail;
+            blocks.push((block, size, inverse));
         }
-        Ok(())
+        let failed =
+            blocks.into_par_iter().with_min_len(64).filter_map(|(block, size, inverse)| {
+                let offset = pattern.offset(block);
+                let mut factor = matrix.block(block, block)?.to_vec();
+                for i in 0..size {
+                    factor[i * size + i] += added.get(offset + i).copied().unwrap_or(0.0);
+                }
+                let fine = factor_in_place(&mut factor, size);
+                if fine {
+                    invert(&factor, size, inverse);
+                }
+                (!fine).then_some((block, offset))
+            });
+        match failed.min() {
+            None => Ok(()),
+            Some((block, scalar)) => Err(LinearError::NotPositiveDefinite { block, scalar }),
+        }
     }
 
     /// z = M⁻¹ r.
-    fn precondition(&mut self) {
-        for block in 0..self.pattern.block_count() {
-            let size = self.pattern.sizes()[block];
-            let offset = self.pattern.offset(block);
-            let l = &self.factors[self.factor_starts[block]..self.factor_starts[block + 1]];
-            let z = &mut self.z[offset..offset + size];
-            z.copy_from_slice(&self.r[offset..offset + size]);
-            for i in 0..size {
-                z[i] *= l[i * size + i];
-                for k in i + 1..size {
-                    z[k] -= l[i * size + k] * z[i];
+    pub fn apply(&self, r: &[f64], z: &mut [f64]) {
+        let (mut offset, mut start) = (0, 0);
+        for &size in &self.sizes {
+            let z = &mut z[offset..offset + size];
+            z.fill(0.0);
+            let inverse = &self.inverses[start..start + size * size];
+            for (column, r) in inverse.chunks_exact(size.max(1)).zip(&r[offset..offset + size]) {
+                for (z, entry) in z.iter_mut().zip(column) {
+                    *z += entry * r;
                 }
             }
-            for i in (0..size).rev() {
-                for k in i + 1..size {
-                    z[i] -= l[i * size + k] * z[k];
-                }
-                z[i] *= l[i * size + i];
-            }
-        }
-    }
-
-    /// q = (H + D) p.
-    fn multiply(&mut self, matrix: &BlockMatrix, added: &[f64]) {
-        let (pattern, below, p, class) = (&self.pattern, &self.below, &self.p, self.class);
-        let blocks = pattern.block_count();
-        let mut rest = self.q.as_mut_slice();
-        let mut tasks = Vec::with_capacity(blocks / ROWS + 1);
-        for begin in (0..blocks).step_by(ROWS) {
-            let end = (begin + ROWS).min(blocks);
-            let (q, tail) = rest.split_at_mut(pattern.offset(end) - pattern.offset(begin));
-            rest = tail;
-            tasks.push((begin..end, q));
-        }
-        tasks.into_par_iter().for_each(|(rows, q)| {
-            class.run(Multiply { pattern, below, matrix, added, p, rows, q });
-        });
-    }
-}
-
-struct Multiply<'a> {
-    pattern: &'a BlockPattern,
-    below: &'a [Vec<(u32, u32)>],
-    matrix: &'a BlockMatrix,
-    added: &'a [f64],
-    p: &'a [f64],
-    rows: std::ops::Range<usize>,
-    q: &'a mut [f64],
-}
-
-impl Kernel for Multiply<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<L: Lanes>(self, _lanes: L) {
-        let (pattern, values) = (self.pattern, self.matrix.values());
-        let base = pattern.offset(self.rows.start);
-        for row in self.rows {
-            let (size, offset) = (pattern.sizes()[row], pattern.offset(row));
-            let q = &mut self.q[offset - base..offset - base + size];
-            let own = &self.p[offset..offset + size];
-            for (i, q) in q.iter_mut().enumerate() {
-                *q = self.added.get(offset + i).copied().unwrap_or(0.0) * own[i];
-            }
-            for (slot, &column) in pattern.row_range(row).zip(pattern.row(row)) {
-                let column = column as usize;
-                let block = &values[pattern.value_range(slot)];
-                if column == row {
-                    // Only the lower triangle of a diagonal block is defined.
-                    for c in 0..size {
-                        let x = own[c];
-                        q[c] += block[c * size + c] * x;
-                        for r in c + 1..size {
-                            let entry = block[c * size + r];
-                            q[r] += entry * x;
-                            q[c] += entry * own[r];
-                        }
-                    }
-                } else {
-                    let start = pattern.offset(column);
-                    add_product(q, block, &self.p[start..start + pattern.sizes()[column]]);
-                }
-            }
-            for &(below, slot) in &self.below[row] {
-                let start = pattern.offset(below as usize);
-                let x = &self.p[start..start + pattern.sizes()[below as usize]];
-                add_transposed(q, &values[pattern.value_range(slot as usize)], x);
-            }
+            offset += size;
+            start += size * size;
         }
     }
 }
 
-/// q += B x for a column-major block.
-#[inline(always)]
-fn add_product(q: &mut [f64], block: &[f64], x: &[f64]) {
-    for (column, x) in block.chunks_exact(q.len()).zip(x) {
-        for (q, entry) in q.iter_mut().zip(column) {
-            *q += entry * x;
+/// (L Lᵀ)⁻¹, column by column, for a factor with inverted diagonal.
+fn invert(l: &[f64], size: usize, inverse: &mut [f64]) {
+    inverse.fill(0.0);
+    for (c, z) in inverse.chunks_exact_mut(size.max(1)).enumerate() {
+        z[c] = 1.0;
+        for i in c..size {
+            z[i] *= l[i * size + i];
+            for k in i + 1..size {
+                z[k] -= l[i * size + k] * z[i];
+            }
         }
-    }
-}
-
-/// q += Bᵀ x for a column-major block.
-#[inline(always)]
-fn add_transposed(q: &mut [f64], block: &[f64], x: &[f64]) {
-    for (column, q) in block.chunks_exact(x.len()).zip(q) {
-        *q += column.iter().zip(x).map(|(entry, x)| entry * x).sum::<f64>();
+        for i in (0..size).rev() {
+            for k in i + 1..size {
+                z[i] -= l[i * size + k] * z[k];
+            }
+            z[i] *= l[i * size + i];
+        }
     }
 }
 

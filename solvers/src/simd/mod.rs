@@ -5,6 +5,7 @@
 //! operations is the same everywhere; the classes with fused multiply-add give the same bits, the
 //! scalar one rounds products on their own. Nothing here knows what the numbers mean.
 
+mod line;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 mod scalar;
@@ -14,6 +15,7 @@ mod x86;
 use std::fmt;
 use std::sync::atomic::{AtomicU8, Ordering};
 
+pub(crate) use line::Line;
 pub(crate) use scalar::Scalar;
 
 /// How many lanes a vector has, in every class.
@@ -41,6 +43,14 @@ pub(crate) trait Lanes: Copy {
     fn mul(self, a: Self::V, b: Self::V) -> Self::V;
     /// a / b.
     fn div(self, a: Self::V, b: Self::V) -> Self::V;
+    /// √a.
+    fn sqrt(self, a: Self::V) -> Self::V;
+    /// The larger one; b where either is not a number.
+    fn max(self, a: Self::V, b: Self::V) -> Self::V;
+    /// The smaller one; b where either is not a number.
+    fn min(self, a: Self::V, b: Self::V) -> Self::V;
+    /// `yes` where `mask` is positive, `no` elsewhere.
+    fn select(self, mask: Self::V, yes: Self::V, no: Self::V) -> Self::V;
     /// a · b + c, fused where the class can.
     fn fma(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
     /// c − a · b, fused where the class can.

@@ -50,6 +50,22 @@ impl Lanes for Neon {
         std::array::from_fn(|i| unsafe { vdivq_f64(a[i], b[i]) })
     }
     #[inline(always)]
+    fn sqrt(self, a: Four) -> Four {
+        std::array::from_fn(|i| unsafe { vsqrtq_f64(a[i]) })
+    }
+    #[inline(always)]
+    fn max(self, a: Four, b: Four) -> Four {
+        std::array::from_fn(|i| unsafe { vbslq_f64(vcgtq_f64(a[i], b[i]), a[i], b[i]) })
+    }
+    #[inline(always)]
+    fn min(self, a: Four, b: Four) -> Four {
+        std::array::from_fn(|i| unsafe { vbslq_f64(vcltq_f64(a[i], b[i]), a[i], b[i]) })
+    }
+    #[inline(always)]
+    fn select(self, mask: Four, yes: Four, no: Four) -> Four {
+        std::array::from_fn(|i| unsafe { vbslq_f64(vcgtzq_f64(mask[i]), yes[i], no[i]) })
+    }
+    #[inline(always)]
     fn fma(self, a: Four, b: Four, c: Four) -> Four {
         std::array::from_fn(|i| unsafe { vfmaq_f64(c[i], a[i], b[i]) })
     }

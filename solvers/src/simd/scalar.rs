@@ -39,6 +39,22 @@ impl Lanes for Scalar {
         std::array::from_fn(|i| a[i] / b[i])
     }
     #[inline(always)]
+    fn sqrt(self, a: Row) -> Row {
+        a.map(f64::sqrt)
+    }
+    #[inline(always)]
+    fn max(self, a: Row, b: Row) -> Row {
+        std::array::from_fn(|i| if a[i] > b[i] { a[i] } else { b[i] })
+    }
+    #[inline(always)]
+    fn min(self, a: Row, b: Row) -> Row {
+        std::array::from_fn(|i| if a[i] < b[i] { a[i] } else { b[i] })
+    }
+    #[inline(always)]
+    fn select(self, mask: Row, yes: Row, no: Row) -> Row {
+        std::array::from_fn(|i| if mask[i] > 0.0 { yes[i] } else { no[i] })
+    }
+    #[inline(always)]
     fn fma(self, a: Row, b: Row, c: Row) -> Row {
         std::array::from_fn(|i| a[i] * b[i] + c[i])
     }

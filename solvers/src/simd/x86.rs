@@ -89,6 +89,25 @@ impl Lanes for Avx512 {
         unsafe { _mm512_div_pd(a, b) }
     }
     #[inline(always)]
+    fn sqrt(self, a: __m512d) -> __m512d {
+        unsafe { _mm512_sqrt_pd(a) }
+    }
+    #[inline(always)]
+    fn max(self, a: __m512d, b: __m512d) -> __m512d {
+        unsafe { _mm512_max_pd(a, b) }
+    }
+    #[inline(always)]
+    fn min(self, a: __m512d, b: __m512d) -> __m512d {
+        unsafe { _mm512_min_pd(a, b) }
+    }
+    #[inline(always)]
+    fn select(self, mask: __m512d, yes: __m512d, no: __m512d) -> __m512d {
+        unsafe {
+            let positive = _mm512_cmp_pd_mask::<_CMP_GT_OQ>(mask, _mm512_setzero_pd());
+            _mm512_mask_blend_pd(positive, no, yes)
+        }
+    }
+    #[inline(always)]
     fn fma(self, a: __m512d, b: __m512d, c: __m512d) -> __m512d {
         unsafe { _mm512_fmadd_pd(a, b, c) }
     }
@@ -183,6 +202,28 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn div(self, a: Pair, b: Pair) -> Pair {
         unsafe { [_mm256_div_pd(a[0], b[0]), _mm256_div_pd(a[1], b[1])] }
+    }
+    #[inline(always)]
+    fn sqrt(self, a: Pair) -> Pair {
+        unsafe { [_mm256_sqrt_pd(a[0]), _mm256_sqrt_pd(a[1])] }
+    }
+    #[inline(always)]
+    fn max(self, a: Pair, b: Pair) -> Pair {
+        unsafe { [_mm256_max_pd(a[0], b[0]), _mm256_max_pd(a[1], b[1])] }
+    }
+    #[inline(always)]
+    fn min(self, a: Pair, b: Pair) -> Pair {
+        unsafe { [_mm256_min_pd(a[0], b[0]), _mm256_min_pd(a[1], b[1])] }
+    }
+    #[inline(always)]
+    fn select(self, mask: Pair, yes: Pair, no: Pair) -> Pair {
+        unsafe {
+            let zero = _mm256_setzero_pd();
+            [
+                _mm256_blendv_pd(no[0], yes[0], _mm256_cmp_pd::<_CMP_GT_OQ>(mask[0], zero)),
+                _mm256_blendv_pd(no[1], yes[1], _mm256_cmp_pd::<_CMP_GT_OQ>(mask[1], zero)),
+            ]
+        }
     }
     #[inline(always)]
     fn fma(self, a: Pair, b: Pair, c: Pair) -> Pair {

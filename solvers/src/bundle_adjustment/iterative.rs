@@ -1,0 +1,143 @@
+//! Conjugate gradients on the reduced camera system without its matrix.
+//!
+//! Products come from [`Product`](super::product) over the chunks, pose factors and the damping are
+//! added; the preconditioner is the inverse of the system's diagonal blocks (Schur-Jacobi). Steps
+//! are inexact on purpose.
+
+use rayon::prelude::*;
+
+use crate::linear::{BlockJacobi, BlockMatrix, LinearError, Pcg};
+use crate::simd::Class;
+
+use super::blocks::ViewVector;
+use super::landmarks::LandmarkGroup;
+use super::layout::Layout;
+use super::models::LaneModel;
+use super::observe::Inputs;
+use super::product::{Product, ProductSums};
+use super::sorted::{GROUPS, split};
+
+/// Nash and Sofer's η: below it, further inner steps do not make the outer step better.
+const FORCING: f64 = 0.1;
+
+/// At most so many inner steps.
+const MAX_PRODUCTS: usize = 500;
+
+/// The linearization that is multiplied with.
+pub(super) struct Linearization<'a, M> {
+    pub(super) inputs: Inputs<'a, M>,
+    pub(super) layout: &'a Layout,
+    pub(super) class: Class,
+    /// First unknown of each block.
+    pub(super) offsets: &'a [usize],
+    pub(super) groups: &'a [LandmarkGroup],
+    /// H of the pose factors, where there are any.
+    pub(super) pose_hessian: Option<&'a BlockMatrix>,
+    /// λD.
+    pub(super) added: &'a [f64],
+}
+
+/// The solver's memory.
+#[derive(Debug)]
+pub(super) struct Iterative<const D: usize, const V: usize, const T: usize, const R: usize> {
+    pcg: Pcg,
+    jacobi: BlockJacobi,
+    sums: Vec<ProductSums<D, V, T, R>>,
+    vectors: Vec<ViewVector<V, T>>,
+    pose_product: Vec<f64>,
+}
+
+impl<const D: usize, const V: usize, const T: usize, const R: usize> Iterative<D, V, T, R> {
+    pub(super) fn new(layout: &Layout) -> Self {
+        Self {
+            pcg: Pcg::default(),
+            jacobi: BlockJacobi::default(),
+            sums: layout.chunks().iter().map(|c| ProductSums::new(layout, c)).collect(),
+            vectors: vec![ViewVector::ZERO; layout.views.len()],
+            pose_product: Vec::new(),
+        }
+    }
+
+    /// Solves (S + λD) x = g; returns the relative residual.
+    pub(super) fn solve<M: LaneModel>(
+        &mut self,
+        linearization: &Linearization<'_, M>,
+        diagonal: &BlockMatrix,
+        g: &[f64],
+        x: &mut [f64],
+    ) -> Result<f64, LinearError> {
+        self.jacobi.factor(diagonal, linearization.added)?;
+        let Self { pcg, jacobi, sums, vectors, pose_product } = self;
+        let multiply = |p: &[f64], q: &mut [f64]| {
+            linearization.multiply::<D, V, T, R>(p, q, (vectors, sums, pose_product));
+        };
+        let outcome = pcg.solve(multiply, jacobi, g, x, (FORCING, MAX_PRODUCTS))?;
+        Ok(outcome.relative_residual)
+    }
+}
+
+/// Each view's part of a vector over the unknowns.
+pub(super) fn gather<const V: usize, const T: usize>(
+    layout: &Layout,
+    offsets: &[usize],
+    x: &[f64],
+    vectors: &mut [ViewVector<V, T>],
+) {
+    for (view, vector) in layout.views.iter().zip(vectors) {
+        *vector = ViewVector::ZERO;
+        for part in &view.parts {
+            let offset = offsets[part.block as usize];
+            for i in 0..part.size {
+                *vector.get_mut(part.column + i) = x[offset + i];
+            }
+        }
+    }
+}
+
+impl<M: LaneModel> Linearization<'_, M> {
+    fn multiply<const D: usize, const V: usize, const T: usize, const R: usize>(
+        &self,
+        p: &[f64],
+        q: &mut [f64],
+        (vectors, sums, pose_product): (
+            &mut Vec<ViewVector<V, T>>,
+            &mut Vec<ProductSums<D, V, T, R>>,
+            &mut Vec<f64>,
+        ),
+    ) {
+        let Self { inputs, layout, class, offsets, groups, .. } = *self;
+        gather(layout, offsets, p, vectors);
+        let vectors = vectors.as_slice();
+        layout.chunks().par_iter().zip(sums.par_iter_mut()).for_each(|(chunk, sums)| {
+            let groups = &groups[chunk.tiles.start * GROUPS..chunk.tiles.end * GROUPS];
+            let product = Product::<M, D, V, T, R> { inputs, layout, chunk, groups, vectors, sums };
+            class.run(product);
+        });
+        for ((q, p), added) in q.iter_mut().zip(p).zip(self.added) {
+            *q = added * p;
+        }
+        for (chunk, sums) in layout.chunks().iter().zip(sums.iter()) {
+            for (&view, sum) in chunk.views.iter().zip(&sums.views) {
+                for part in &layout.views[view as usize].parts {
+                    let offset = offsets[part.block as usize];
+                    for i in 0..part.size {
+                        q[offset + i] += sum.get(part.column + i);
+                    }
+                }
+            }
+        }
+        if let Some(hessian) = self.pose_hessian {
+            pose_product.resize(p.len(), 0.0);
+            hessian.symmetric_multiply(p, pose_product);
+            q.iter_mut().zip(pose_product.iter()).for_each(|(q, x)| *q += x);
+        }
+    }
+}
+
+/// The groups of each chunk.
+pub(super) fn split_groups<'a>(
+    layout: &Layout,
+    groups: &'a mut [LandmarkGroup],
+) -> Vec<&'a mut [LandmarkGroup]> {
+    split(groups, layout.chunks().iter().map(|c| c.tiles.len() * GROUPS))
+}
