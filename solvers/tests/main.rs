@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a failed unwrap is a failed test")]
 #![allow(clippy::print_stdout, reason = "a skipped test says so in one line")]
 
+mod behind_camera;
 mod bundle_adjustment;
 mod bundle_kernels;
 mod evaluation;

@@ -5,7 +5,7 @@
 
 use nalgebra::{RowVector3, SMatrix, SVector, Vector2, Vector3};
 
-use super::reprojection::{CAMERA_PARAMETERS, Linearization, Reprojection};
+use super::reprojection::{CAMERA_PARAMETERS, Linearization, Reprojection, retain_flagged};
 use crate::geometry::{Camera, Se3, hat};
 
 /// One observation (u, v, depth).
@@ -111,6 +111,18 @@ impl DepthReprojectionBatch {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.pixels.is_empty()
+    }
+
+    /// Keeps the observations `k` for which `keep(k)`, in their order; asks once for each.
+    pub fn retain(&mut self, keep: impl FnMut(usize) -> bool) {
+        let kept: Vec<bool> = (0..self.len()).map(keep).collect();
+        retain_flagged(&mut self.poses, &kept);
+        retain_flagged(&mut self.cameras, &kept);
+        retain_flagged(&mut self.landmarks, &kept);
+        retain_flagged(&mut self.pixels, &kept);
+        retain_flagged(&mut self.depths_m, &kept);
+        retain_flagged(&mut self.sigmas_px, &kept);
+        retain_flagged(&mut self.sigmas_depth_m, &kept);
     }
 
     /// Observation `k` without its indices.

@@ -113,9 +113,25 @@ impl ReprojectionBatch {
         self.pixels.is_empty()
     }
 
+    /// Keeps the observations `k` for which `keep(k)`, in their order; asks once for each.
+    pub fn retain(&mut self, keep: impl FnMut(usize) -> bool) {
+        let kept: Vec<bool> = (0..self.len()).map(keep).collect();
+        retain_flagged(&mut self.poses, &kept);
+        retain_flagged(&mut self.cameras, &kept);
+        retain_flagged(&mut self.landmarks, &kept);
+        retain_flagged(&mut self.pixels, &kept);
+        retain_flagged(&mut self.sigmas_px, &kept);
+    }
+
     /// Observation `k` without its indices.
     #[must_use]
     pub fn factor(&self, k: usize) -> Reprojection {
         Reprojection { pixel: self.pixels[k], sigma_px: self.sigmas_px[k] }
     }
+}
+
+/// Keeps the entries whose flag is set, in their order; entries past the flags stay.
+pub(super) fn retain_flagged<T>(values: &mut Vec<T>, kept: &[bool]) {
+    let mut flags = kept.iter();
+    values.retain(|_| flags.next().is_none_or(|&flag| flag));
 }

@@ -75,16 +75,42 @@ impl BundleProblem {
     /// Observations whose landmark is at or behind the camera's center plane (z ≤ 0).
     #[must_use]
     pub fn behind_camera_count(&self) -> usize {
-        let behind = |pose: u32, landmark: u32| {
-            let point = &self.landmarks[landmark as usize];
-            self.poses[pose as usize].inverse_transform(point).z <= 0.0
+        let (plain, depth) = self.behind_camera();
+        plain.iter().chain(&depth).filter(|&&behind| behind).count()
+    }
+
+    /// Removes the observations whose landmark is at or behind the camera's center plane (z ≤ 0, as
+    /// [`Self::behind_camera_count`] has it) at the current values, and returns how many they were.
+    ///
+    /// The other observations keep their order and every variable stays, also one that is left
+    /// without observations. The choice is made here and once: what is left is a problem like any
+    /// other, in which a landmark that comes to lie behind its camera later counts.
+    pub fn drop_behind_camera(&mut self) -> usize {
+        let before = self.observation_count();
+        let (plain, depth) = self.behind_camera();
+        self.reprojections.retain(|k| !plain[k]);
+        self.depth_reprojections.retain(|k| !depth[k]);
+        before - self.observation_count()
+    }
+
+    /// For each observation (u, v), then (u, v, depth), whether its landmark is behind its camera;
+    /// false where an index has no variable, which is for [`Self::validate`] to tell.
+    fn behind_camera(&self) -> (Vec<bool>, Vec<bool>) {
+        let flags = |poses: &[u32], landmarks: &[u32], count: usize| {
+            let mut flags = vec![false; count];
+            for (flag, (&pose, &landmark)) in flags.iter_mut().zip(poses.iter().zip(landmarks)) {
+                let pose = self.poses.get(pose as usize);
+                let point = self.landmarks.get(landmark as usize);
+                let in_camera = pose.zip(point).map(|(pose, point)| pose.inverse_transform(point));
+                *flag = in_camera.is_some_and(|p| p.z <= 0.0);
+            }
+            flags
         };
-        let plain = &self.reprojections;
-        let depth = &self.depth_reprojections;
-        let count = |poses: &[u32], landmarks: &[u32]| {
-            poses.iter().zip(landmarks).filter(|&(&p, &l)| behind(p, l)).count()
-        };
-        count(&plain.poses, &plain.landmarks) + count(&depth.poses, &depth.landmarks)
+        let (plain, depth) = (&self.reprojections, &self.depth_reprojections);
+        (
+            flags(&plain.poses, &plain.landmarks, plain.len()),
+            flags(&depth.poses, &depth.landmarks, depth.len()),
+        )
     }
 
     /// Checks that lengths and indices agree and that every number is finite.
