@@ -1,7 +1,8 @@
 //! `covis solve bundle`: a BAL file or a COLMAP folder.
 //!
 //! Minimizes ½ Σ ρ(‖predicted − measured‖²) in px² over every observation, also those behind their
-//! camera. The gauge is free, as in Ceres' bundle adjuster: the damping holds it.
+//! camera, or over those that start in front of it (`--behind-camera drop`). The gauge is free, as in
+//! Ceres' bundle adjuster: the damping holds it.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -32,6 +33,19 @@ pub(super) struct Args {
     /// How the reduced camera system is stored and factored.
     #[arg(long, value_name = "SOLVER", value_enum, default_value_t = SolverName::Auto)]
     linear_solver: SolverName,
+    /// What becomes of observations whose landmark starts at or behind the camera's center plane.
+    #[arg(long, value_name = "MODE", value_enum, default_value_t = BehindCamera::Count)]
+    behind_camera: BehindCamera,
+}
+
+/// Observations that start behind their camera.
+#[derive(Clone, Copy, Debug, clap::ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum BehindCamera {
+    /// They count like all others.
+    Count,
+    /// They are left out of the solve; the written file keeps them.
+    Drop,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum, Serialize)]
@@ -74,7 +88,12 @@ struct BundleDetails {
     poses: usize,
     cameras: usize,
     landmarks: usize,
+    /// Those that were solved for.
     observations: usize,
+    behind_camera: BehindCamera,
+    behind_camera_at_start: usize,
+    dropped_observations: usize,
+    /// Of `observations`, at the end.
     behind_camera_observations: usize,
 }
 
@@ -94,11 +113,16 @@ impl Details for BundleDetails {
             self.landmarks,
             self.observations
         );
-        vec![
-            ("linear solver", solver.to_owned()),
-            ("problem", size),
-            ("behind camera", format!("{} observations", self.behind_camera_observations)),
-        ]
+        let behind = format!(
+            "{} observations at the start{}, {} at the end",
+            self.behind_camera_at_start,
+            match self.behind_camera {
+                BehindCamera::Count => "",
+                BehindCamera::Drop => " (dropped)",
+            },
+            self.behind_camera_observations
+        );
+        vec![("linear solver", solver.to_owned()), ("problem", size), ("behind camera", behind)]
     }
 }
 
@@ -114,6 +138,11 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
     if args.fix_intrinsics {
         problem.constant_cameras.fill(true);
     }
+    let behind_camera_at_start = problem.behind_camera_count();
+    let dropped_observations = match args.behind_camera {
+        BehindCamera::Count => 0,
+        BehindCamera::Drop => problem.drop_behind_camera(),
+    };
     let options = bundle_adjustment::Options {
         optimizer: optimizer::Options {
             max_iterations: shared.max_iterations,
@@ -135,6 +164,9 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
         cameras: problem.cameras.len(),
         landmarks: problem.landmarks.len(),
         observations: problem.observation_count(),
+        behind_camera: args.behind_camera,
+        behind_camera_at_start,
+        dropped_observations,
         behind_camera_observations: summary.behind_camera,
     };
     report.check_reader()?;
