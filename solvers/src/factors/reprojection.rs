@@ -85,6 +85,15 @@ pub struct ReprojectionBatch {
 }
 
 impl ReprojectionBatch {
+    /// Makes room for `additional` observations.
+    pub fn reserve(&mut self, additional: usize) {
+        self.poses.reserve(additional);
+        self.cameras.reserve(additional);
+        self.landmarks.reserve(additional);
+        self.pixels.reserve(additional);
+        self.sigmas_px.reserve(additional);
+    }
+
     /// Appends an observation.
     pub fn push(
         &mut self,

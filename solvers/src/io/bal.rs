@@ -128,6 +128,7 @@ impl BalFile {
         for &[x, y, z] in &self.points {
             problem.push_landmark(Vector3::new(x, y, z));
         }
+        problem.reprojections.reserve(self.observations.len());
         for o in &self.observations {
             let pixel = Vector2::new(o.u, -o.v);
             problem.reprojections.push(o.camera, o.camera, o.point, pixel, 1.0);

@@ -126,8 +126,13 @@ impl Details for BundleDetails {
     }
 }
 
-/// Reads, solves, writes, reports.
+/// Reads, solves, writes, reports, all on the worker threads: they are there before the clock of
+/// the solve begins.
 pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
+    optimizer::with_threads(Some(config.threads), || run_on_threads(args))?
+}
+
+fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
     let shared = &args.shared;
     let mut source = Source::read(&args.input)?;
     let start = Instant::now();
@@ -146,7 +151,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
     let options = bundle_adjustment::Options {
         optimizer: optimizer::Options {
             max_iterations: shared.max_iterations,
-            threads: Some(config.threads),
+            threads: None,
             ..optimizer::Options::default()
         },
         linear_solver: args.linear_solver.into(),
