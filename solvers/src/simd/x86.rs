@@ -235,9 +235,11 @@ impl Lanes for Avx2 {
     }
     #[inline(always)]
     fn transpose(self, r: [Pair; WIDTH]) -> [Pair; WIDTH] {
-        let quarter =
-            |i: usize, j: usize| self.transpose4([r[i][j], r[i + 1][j], r[i + 2][j], r[i + 3][j]]);
-        let (a, b, c, d) = (quarter(0, 0), quarter(4, 0), quarter(0, 1), quarter(4, 1));
+        // Written out: a closure that is called four times is not compiled for the class.
+        let a = self.transpose4([r[0][0], r[1][0], r[2][0], r[3][0]]);
+        let b = self.transpose4([r[4][0], r[5][0], r[6][0], r[7][0]]);
+        let c = self.transpose4([r[0][1], r[1][1], r[2][1], r[3][1]]);
+        let d = self.transpose4([r[4][1], r[5][1], r[6][1], r[7][1]]);
         [
             [a[0], b[0]],
             [a[1], b[1]],
