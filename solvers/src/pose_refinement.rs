@@ -12,7 +12,7 @@ use crate::geometry::{Camera, LieGroup, Se3};
 use crate::information::Information;
 use crate::loss::Loss;
 use crate::optimizer::{
-    self, Gradient, Observer, SolveSummary, Step, StepFailure, System, minimize,
+    self, Gradient, Observer, SolveSummary, Step, StepFailure, System, damping_scale, minimize,
 };
 use crate::problem::SolveError;
 
@@ -187,7 +187,7 @@ impl PoseSystem<'_> {
     }
 
     fn scale(&self, i: usize) -> f64 {
-        self.hessian[(i, i)].clamp(1e-6, 1e32)
+        damping_scale(self.hessian[(i, i)])
     }
 }
 

@@ -6,21 +6,14 @@
 
 use std::ops::Range;
 
+use crate::optimizer::SCALE_RANGE;
 use crate::simd::{Lanes, Line, WIDTH};
 
 use super::observe::{Linearized, eight_indices};
 use super::sorted::{GROUPS, Sorted, Tile};
 
-/// Diagonal entries of D are kept in this range, so that directions without information are damped.
-const DIAGONAL_RANGE: (f64, f64) = (1e-6, 1e32);
-
 /// Most landmarks of a tile.
 const LANDMARKS: usize = GROUPS * WIDTH;
-
-/// Marquardt's scale of a diagonal entry of H.
-pub(super) fn damping_scale(diagonal: f64) -> f64 {
-    diagonal.clamp(DIAGONAL_RANGE.0, DIAGONAL_RANGE.1)
-}
 
 /// What eight landmarks leave behind for the step. Where a landmark is held fixed, or a lane has
 /// none, the inverted diagonal is zero, and so is every step.
@@ -228,7 +221,7 @@ impl TileLandmarks {
         let mask = l.load(&moves);
         let [h00, h10, h11, h20, h21, h22, g0, g1] = self.rows.lanes(l, group, 0);
         let [g2, ..] = self.rows.lanes(l, group, 1);
-        let (low, high) = (l.splat(DIAGONAL_RANGE.0), l.splat(DIAGONAL_RANGE.1));
+        let (low, high) = (l.splat(SCALE_RANGE.0), l.splat(SCALE_RANGE.1));
         let mut scale = [h00, h11, h22];
         for scale in &mut scale {
             *scale = l.max(l.min(*scale, high), low);

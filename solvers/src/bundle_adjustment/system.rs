@@ -13,7 +13,7 @@ use super::back_substitute::{BackSubstitute, Cost, StepSums};
 use super::blocks::ViewVector;
 use super::covisible::ChunkPairs;
 use super::iterative::{Iterative, Linearization, gather, split_groups};
-use super::landmarks::{LandmarkGroup, damping_scale};
+use super::landmarks::LandmarkGroup;
 use super::layout::{Layout, NO_BLOCK};
 use super::models::LaneModel;
 use super::observe::{Inputs, ViewRecord, view_record};
@@ -23,7 +23,7 @@ use super::reduced_solver::{Choice, choose};
 use super::sorted::{GROUPS, split};
 use crate::geometry::{Camera, LieGroup, Se3};
 use crate::linear::{BlockMatrix, Cholesky, LinearError};
-use crate::optimizer::{Gradient, Step, StepFailure, System};
+use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale};
 use crate::problem::{BundleProblem, SolveError};
 use crate::simd::Class;
 

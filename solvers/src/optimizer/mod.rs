@@ -4,11 +4,13 @@
 //! restores a step; the loop decides. Every run ends in a [`SolveSummary`] with an honest
 //! [`Termination`], and the system is left at the best state that was found.
 
+mod damping;
 mod options;
 mod summary;
 mod threads;
 mod trust_region;
 
+pub(crate) use damping::{SCALE_RANGE, damping_scale};
 pub use options::{Method, Options};
 pub use summary::{
     Control, IterationSummary, Observer, SolveSummary, Termination, Tolerance, ignore_iterations,

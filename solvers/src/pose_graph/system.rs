@@ -1,7 +1,7 @@
 //! A pose graph as the trust-region loop sees it.
 //!
 //! State: the poses that are not constant. Steps solve (H + λD) δ = −g with Marquardt's scaling
-//! D = diag(H), kept within [1e-6, 1e32], and move X ← X · Exp(δ). The symbolic factorization is
+//! D = diag(H), kept within bounds, and move X ← X · Exp(δ). The symbolic factorization is
 //! made once. Which pose holds the gauge is decided by the caller.
 
 use std::sync::Arc;
@@ -12,11 +12,8 @@ use rayon::prelude::*;
 use super::assembly::{EdgeBlocks, Incidences, cost, edge_rho, linearize_edges};
 use crate::geometry::LieGroup;
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky};
-use crate::optimizer::{Gradient, Step, StepFailure, System};
+use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale};
 use crate::problem::{PoseGraph, SolveError};
-
-/// Bounds of the scaling D.
-const SCALING_RANGE: (f64, f64) = (1e-6, 1e32);
 
 /// Poses a task moves at least.
 const MIN_POSES_PER_TASK: usize = 128;
@@ -100,7 +97,7 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
         self.incidences.assemble(&self.edge_blocks, &mut self.hessian, &mut self.gradient);
         let mut max_norm = 0.0_f64;
         for (k, h) in self.hessian.diagonal().into_iter().enumerate() {
-            self.scaling[k] = h.clamp(SCALING_RANGE.0, SCALING_RANGE.1);
+            self.scaling[k] = damping_scale(h);
             self.descent[k] = -self.gradient[k];
             let scaled = self.gradient[k].abs() / self.scaling[k].sqrt();
             // A NaN compares false with everything and must win.
