@@ -6,13 +6,13 @@
 //! landmarks for L, and entries of a block for the products. Jacobians live in a tile and are never
 //! written out; a landmark leaves only L, g_l and D behind.
 
+use crate::lanes::models::LaneModel;
 use crate::simd::{Kernel, Lanes, Line, WIDTH};
 
 use super::blocks::{Block, ViewVector};
 use super::covisible::{ChunkPairs, NO_SLOT};
 use super::landmarks::{LandmarkGroup, TileLandmarks};
 use super::layout::Layout;
-use super::models::LaneModel;
 use super::observe::{Inputs, linearize};
 use super::sorted::{Chunk, GROUPS, Tile};
 

@@ -3,13 +3,13 @@
 //! δ_l = −(L Lᵀ)⁻¹ (g_l + Σ J_lᵀ J_v δ_v) with the Jacobians of the linearization point computed anew,
 //! which is cheaper than reading them back from memory.
 
+use crate::lanes::models::LaneModel;
 use crate::loss::Loss;
 use crate::simd::{Kernel, Lanes, WIDTH};
 
 use super::blocks::ViewVector;
 use super::landmarks::{LandmarkGroup, Rows};
 use super::layout::Layout;
-use super::models::LaneModel;
 use super::observe::{Inputs, Linearized, eight_indices, linearize, squared_errors};
 use super::sorted::{Chunk, GROUPS};
 

@@ -6,13 +6,13 @@
 
 use rayon::prelude::*;
 
+use crate::lanes::models::LaneModel;
 use crate::linear::{BlockJacobi, BlockMatrix, LinearError, Pcg};
 use crate::simd::Class;
 
 use super::blocks::ViewVector;
 use super::landmarks::LandmarkGroup;
 use super::layout::Layout;
-use super::models::LaneModel;
 use super::observe::Inputs;
 use super::product::{Product, ProductSums};
 use super::sorted::{GROUPS, split};

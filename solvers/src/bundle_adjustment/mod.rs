@@ -12,7 +12,6 @@ mod covisible;
 mod iterative;
 mod landmarks;
 mod layout;
-mod models;
 mod observe;
 mod pose_factors;
 mod product;
@@ -24,12 +23,12 @@ mod system;
 use std::time::Instant;
 
 use crate::geometry::Camera;
+use crate::lanes::models::{AnyLanes, LaneModel, PinholeLanes, SnavelyLanes};
 use crate::optimizer::{self, Observer, SolveSummary, minimize, with_threads};
 use crate::problem::{BundleProblem, SolveError};
 pub use crate::simd::Class;
 
 use layout::Layout;
-use models::{AnyLanes, LaneModel, PinholeLanes, SnavelyLanes};
 use system::BundleSystem;
 
 /// How the reduced camera system is stored and factored.

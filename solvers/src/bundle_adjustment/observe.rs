@@ -5,14 +5,11 @@
 //! (p_z − d)/σ_d. Robust weights are folded in as √ρ'. Landmarks and views do not matter here: lanes
 //! are neighbors in the sorted order, whatever they see.
 
-use super::models::LaneModel;
 use super::sorted::Sorted;
 use crate::geometry::{Camera, Se3};
+use crate::lanes::models::{LaneModel, PARAMETERS};
 use crate::loss::Loss;
 use crate::simd::{Lanes, Row, WIDTH};
-
-/// Most parameters of a camera model.
-pub(super) const PARAMETERS: usize = 9;
 
 /// A view as the kernels read it: R by rows (9), c (3), camera parameters (9), padding.
 pub(super) type ViewRecord = [Row; 3];

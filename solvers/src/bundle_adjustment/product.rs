@@ -5,13 +5,13 @@
 //! the pairs of views need never be known (Agarwal et al., "Bundle adjustment in the large", 2010).
 //! A chunk sums into its own views; the sums are added in the chunks' order.
 
+use crate::lanes::models::LaneModel;
 use crate::simd::{Kernel, Lanes, Line, WIDTH};
 
 use super::back_substitute::along;
 use super::blocks::ViewVector;
 use super::landmarks::{LandmarkGroup, Rows};
 use super::layout::Layout;
-use super::models::LaneModel;
 use super::observe::{Inputs, Linearized, eight_indices, linearize};
 use super::sorted::{Chunk, GROUPS};
 

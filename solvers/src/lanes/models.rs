@@ -6,17 +6,18 @@
 use crate::geometry::Camera;
 use crate::simd::{Lanes, WIDTH};
 
-use super::observe::PARAMETERS;
+/// Most parameters of a camera model.
+pub(crate) const PARAMETERS: usize = 9;
 
 /// Pixels and Jacobians of eight points.
-pub(super) struct LaneProjection<L: Lanes> {
-    pub(super) pixel: [L::V; 2],
-    pub(super) d_point: [[L::V; 3]; 2],
-    pub(super) d_parameters: [[L::V; PARAMETERS]; 2],
+pub(crate) struct LaneProjection<L: Lanes> {
+    pub(crate) pixel: [L::V; 2],
+    pub(crate) d_point: [[L::V; 3]; 2],
+    pub(crate) d_parameters: [[L::V; PARAMETERS]; 2],
 }
 
 /// A camera model over lanes.
-pub(super) trait LaneModel: Copy + Send + Sync {
+pub(crate) trait LaneModel: Copy + Send + Sync {
     /// How many camera parameters it reads from the view record.
     const PARAMETERS: usize;
 
@@ -45,7 +46,7 @@ fn through_division<L: Lanes>(
 
 /// Every camera is [`Camera::Snavely`]: pixel = f (1 + k1 n + k2 n²) (x, y), n = x² + y².
 #[derive(Clone, Copy)]
-pub(super) struct SnavelyLanes;
+pub(crate) struct SnavelyLanes;
 
 impl LaneModel for SnavelyLanes {
     const PARAMETERS: usize = 3;
@@ -72,7 +73,6 @@ impl LaneModel for SnavelyLanes {
         let uu = l.fma(slope_x, x, scale);
         let uv = l.mul(slope_x, y);
         let vv = l.fma(slope_y, y, scale);
-        let row = |a: L::V, b: L::V| through_division(l, [a, b], [x, y], inverse_depth);
         let mut d_parameters = [[zero; PARAMETERS]; 2];
         for (row, along) in d_parameters.iter_mut().zip([x, y]) {
             row[0] = l.mul(radial, along);
@@ -81,7 +81,10 @@ impl LaneModel for SnavelyLanes {
         }
         LaneProjection {
             pixel: [l.mul(scale, x), l.mul(scale, y)],
-            d_point: [row(uu, uv), row(uv, vv)],
+            d_point: [
+                through_division(l, [uu, uv], [x, y], inverse_depth),
+                through_division(l, [uv, vv], [x, y], inverse_depth),
+            ],
             d_parameters,
         }
     }
@@ -89,7 +92,7 @@ impl LaneModel for SnavelyLanes {
 
 /// Every camera is [`Camera::Pinhole`] and known; parameters fx fy cx cy k1 k2 p1 p2 k3.
 #[derive(Clone, Copy)]
-pub(super) struct PinholeLanes;
+pub(crate) struct PinholeLanes;
 
 impl LaneModel for PinholeLanes {
     const PARAMETERS: usize = 9;
@@ -125,10 +128,12 @@ impl LaneModel for PinholeLanes {
         let three = l.splat(3.0);
         let uu = l.add(l.fma(l.mul(slope2, x), x, radial), l.fma(three, p2x, p1y));
         let vv = l.add(l.fma(l.mul(slope2, y), y, radial), l.fma(three, p1y, p2x));
-        let row = |a: L::V, b: L::V| through_division(l, [a, b], [x, y], inverse_depth);
         LaneProjection {
             pixel: [l.fma(fx, u, cx), l.fma(fy, v, cy)],
-            d_point: [row(l.mul(fx, uu), l.mul(fx, cross)), row(l.mul(fy, cross), l.mul(fy, vv))],
+            d_point: [
+                through_division(l, [l.mul(fx, uu), l.mul(fx, cross)], [x, y], inverse_depth),
+                through_division(l, [l.mul(fy, cross), l.mul(fy, vv)], [x, y], inverse_depth),
+            ],
             d_parameters: [[zero; PARAMETERS]; 2],
         }
     }
@@ -136,8 +141,8 @@ impl LaneModel for PinholeLanes {
 
 /// Any camera in any lane, through the geometry floor. `view_cameras[v]` is the camera of view v.
 #[derive(Clone, Copy)]
-pub(super) struct AnyLanes<'a> {
-    pub(super) view_cameras: &'a [u32],
+pub(crate) struct AnyLanes<'a> {
+    pub(crate) view_cameras: &'a [u32],
 }
 
 impl LaneModel for AnyLanes<'_> {
