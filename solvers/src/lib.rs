@@ -8,7 +8,7 @@
 //! | 0 | `simd`: eight lanes of f64 for each instruction set |
 //! | 1 | [`geometry`]: groups with their Jacobians, camera models |
 //! | 2 | [`information`], [`loss`] |
-//! | 3 | [`factors`]; `lanes`: camera models, eight observations at a time |
+//! | 3 | [`factors`]; `lanes`: camera models and losses, eight observations at a time |
 //! | 4 | [`problem`]: variables, factor batches, gauge, validation |
 //! | 5 | [`linear`]: block-sparse matrices, orderings, Cholesky |
 //! | 6 | [`optimizer`]: the trust-region loop |

@@ -63,7 +63,7 @@ pub(super) fn input(
             start: start?,
             observations: observations?,
             prior: prior?,
-            options: pose_refinement::Options { optimizer: options?.optimizer, loss },
+            options: pose_refinement::Options { optimizer: options?.optimizer, loss, class: None },
             include_information: request.include_information,
         })
     })?;

@@ -139,6 +139,35 @@ impl LaneModel for PinholeLanes {
     }
 }
 
+/// Every camera is [`Camera::Pinhole`], known and without distortion; parameters fx fy cx cy.
+#[derive(Clone, Copy)]
+pub(crate) struct UndistortedLanes;
+
+impl LaneModel for UndistortedLanes {
+    const PARAMETERS: usize = 4;
+
+    #[inline(always)]
+    fn project<L: Lanes>(
+        &self,
+        l: L,
+        _cameras: &[Camera],
+        _views: &[u32; WIDTH],
+        point: &[L::V; 3],
+        parameters: &[L::V; PARAMETERS],
+    ) -> LaneProjection<L> {
+        let [fx, fy, cx, cy] = [parameters[0], parameters[1], parameters[2], parameters[3]];
+        let zero = l.splat(0.0);
+        let inverse_depth = l.div(l.splat(1.0), point[2]);
+        let (x, y) = (l.mul(point[0], inverse_depth), l.mul(point[1], inverse_depth));
+        let (du, dv) = (l.mul(fx, inverse_depth), l.mul(fy, inverse_depth));
+        LaneProjection {
+            pixel: [l.fma(fx, x, cx), l.fma(fy, y, cy)],
+            d_point: [[du, zero, l.fnma(du, x, zero)], [zero, dv, l.fnma(dv, y, zero)]],
+            d_parameters: [[zero; PARAMETERS]; 2],
+        }
+    }
+}
+
 /// Any camera in any lane, through the geometry floor. `view_cameras[v]` is the camera of view v.
 #[derive(Clone, Copy)]
 pub(crate) struct AnyLanes<'a> {

@@ -45,6 +45,12 @@ impl PinholeRadialTangential {
         Self { fx, fy, cx, cy, k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 }
     }
 
+    /// Whether every distortion coefficient is zero.
+    #[inline]
+    pub fn is_undistorted(&self) -> bool {
+        [self.k1, self.k2, self.p1, self.p2, self.k3] == [0.0; 5]
+    }
+
     /// The distorted point of a normalized one.
     #[inline]
     fn distort(&self, a: f64, b: f64) -> Vector2<f64> {
