@@ -1,5 +1,8 @@
 //! Motion-only refinement: recovery, robustness, prior, bad input, instruction sets, batches.
 
+mod cross_checks;
+mod ends;
+
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
