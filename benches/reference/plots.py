@@ -1,0 +1,83 @@
+"""Pictures of what compare.py and growth.py measured. Needs: matplotlib (pip)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt  # noqa: E402
+
+# The relative decrease at which the solvers stop: a smaller gap says nothing.
+SMALLEST_GAP = 1e-9
+STYLES = ("-", "--", ":", "-.")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+
+
+def colors(solvers: list[str]) -> dict[str, str]:
+    """covis in black, each twin in a color of its own."""
+    others = [solver for solver in solvers if solver != "covis"]
+    return {"covis": "black"} | {solver: f"C{k}" for k, solver in enumerate(others)}
+
+
+def unique(values) -> list:
+    """The different values in the order of their first."""
+    return list(dict.fromkeys(values))
+
+
+def draw_traces(entry: dict, folder: str, kind: str) -> Path:
+    """Relative gap to the best cost against seconds, both logarithmic; returns the file.
+
+    Of each solver and thread count the run with the median time is shown.
+    """
+    good = [(run["solver"], run["threads"], run) for run in entry["runs"] if not run["error"]]
+    best = min((row["cost"] for _, _, run in good for row in run["rows"]), default=1.0)
+    color = colors(unique(solver for solver, _, _ in good))
+    style = dict(zip(unique(threads for _, threads, _ in good), STYLES * 8))
+    figure, axes = plt.subplots(figsize=(8.0, 5.0), layout="constrained")
+    for solver, threads in unique((solver, threads) for solver, threads, _ in good):
+        mine = [run for s, t, run in good if (s, t) == (solver, threads)]
+        mine.sort(key=lambda run: run["rows"][-1]["seconds"])
+        rows = mine[(len(mine) - 1) // 2]["rows"]
+        seconds = [max(row["seconds"], 1e-6) for row in rows]
+        gaps = [max(row["cost"] / best - 1.0, SMALLEST_GAP) for row in rows]
+        label = f"{solver}, {threads} thread{'s' if threads > 1 else ''}"
+        axes.step(seconds, gaps, where="post", color=color[solver], linestyle=style[threads], label=label,
+                  linewidth=2.0 if solver == "covis" else 1.2)
+        axes.plot(seconds[-1:], gaps[-1:], marker="o", color=color[solver], markersize=4)
+    axes.axhline(1e-3, color="gray", linewidth=0.6)
+    axes.set(xscale="log", yscale="log", xlabel="seconds", ylabel="cost / best cost - 1")
+    name = Path(entry["file"]).stem
+    axes.set_title(f"{name}: {entry['cameras']} cameras, {entry['points']} points, {entry['observations']} observations")
+    axes.legend(fontsize="small")
+    return save(figure, folder, f"{name}.{kind}")
+
+
+def draw_growth(rows: list[dict], folder: str, kind: str) -> Path:
+    """Milliseconds an iteration and nanoseconds an observation against observations; returns the file."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.5), layout="constrained")
+    color = colors(unique(row["solver"] for row in rows))
+    cases = unique((row["solver"], row["threads"]) for row in rows)
+    style = dict(zip(unique(threads for _, threads in cases), STYLES * 8))
+    for k, (solver, threads) in enumerate(cases):
+        mine = [row for row in rows if (row["solver"], row["threads"]) == (solver, threads)]
+        count = [row["observations"] for row in mine]
+        label = f"{solver}, {threads} thread{'s' if threads > 1 else ''}"
+        look = {"color": color[solver], "linestyle": style[threads], "marker": MARKERS[k % len(MARKERS)], "label": label}
+        left.plot(count, [row["ms_an_iteration"] for row in mine], **look)
+        right.plot(count, [row["ns_an_observation"] for row in mine], **look)
+    left.set(xscale="log", yscale="log", xlabel="observations", ylabel="ms an iteration")
+    right.set(xscale="log", xlabel="observations", ylabel="ns an iteration and observation")
+    right.set_ylim(bottom=0.0)
+    left.legend(fontsize="small")
+    return save(figure, folder, f"growth.{kind}")
+
+
+def save(figure, folder: str, name: str) -> Path:
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    path = Path(folder) / name
+    figure.savefig(path, dpi=150)
+    plt.close(figure)
+    return path
