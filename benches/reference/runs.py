@@ -57,6 +57,7 @@ class Run:
     document: dict = field(default_factory=dict)  # without the rows
     wall_seconds: float = 0.0
     peak_memory_mb: float = 0.0
+    blas_core: str = ""  # whose kernels OpenBLAS took, where the solver has it
     error: str = ""
 
     @property
@@ -107,17 +108,26 @@ def command(solver: str, file: str, threads: int, out: str, settings: Settings) 
     return [sys.executable, "-B", str(HERE / "gtsam/bundle.py"), file, *ordering, *common]
 
 
+def environment(threads: int) -> dict[str, str]:
+    """What a solver runs in: a BLAS below it has as many threads as it, and its own choice of kernels.
+
+    Whatever else is set here for OpenBLAS or OpenMP stays behind. A forced core type, say, would give
+    a twin the kernels of another processor.
+    """
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("OPENBLAS_", "OMP_"))}
+    # Verbose: it names the core type on stderr.
+    return kept | {"OPENBLAS_NUM_THREADS": str(threads), "OMP_NUM_THREADS": str(threads), "OPENBLAS_VERBOSE": "2"}
+
+
 def run(solver: str, file: str, threads: int, out: str, settings: Settings) -> Run:
     """Runs once; whatever goes wrong is told in the result."""
     result = Run(solver, threads)
     Path(out).unlink(missing_ok=True)
-    # A BLAS below a solver may not use more threads than it.
-    environment = dict(os.environ, OPENBLAS_NUM_THREADS=str(threads), OMP_NUM_THREADS=str(threads))
     with tempfile.TemporaryFile("w+") as stdout, tempfile.TemporaryFile("w+") as stderr:
         begin = time.perf_counter()
         try:
             line = command(solver, file, threads, out, settings)
-            process = subprocess.Popen(line, stdout=stdout, stderr=stderr, env=environment)
+            process = subprocess.Popen(line, stdout=stdout, stderr=stderr, env=environment(threads))
         except OSError as error:
             result.error = f"{error.strerror}: {error.filename}"
             return result
@@ -132,8 +142,11 @@ def run(solver: str, file: str, threads: int, out: str, settings: Settings) -> R
         process.returncode = os.waitstatus_to_exitcode(status)
         stdout.seek(0)
         stderr.seek(0)
+        told = stderr.read().strip().splitlines()
+        result.blas_core = next((line[6:] for line in told if line.startswith("Core: ")), "")
+        told = [line for line in told if not line.startswith("Core: ")]
         if process.returncode != 0:
-            last = (stderr.read().strip().splitlines() or [f"exit code {process.returncode}"])[-1]
+            last = (told or [f"exit code {process.returncode}"])[-1]
             result.error = last[:100] if in_time else f"no end after {settings.timeout_s:.0f} s"
             return result
         read_document(result, stdout.read())
@@ -179,7 +192,7 @@ def machine() -> dict:
             model = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "")
     except OSError:
         pass
-    names = ("OPENBLAS_", "OMP_", "RAYON_", "MKL_", "GOTO_")
+    names = ("RAYON_", "MKL_", "GOTO_")
     return {
         "processor": model or platform.processor(),
         "processors": len(os.sched_getaffinity(0)),
