@@ -4,6 +4,7 @@
 Every round runs each solver once, another one first each time. T is the median over the rounds of
 the seconds until the cost is at most 1.001 times the best final cost of any solver on that file.
 "ratio" is T over the best T of a twin with as many threads; below 1 is faster than every twin.
+"peak" is the largest resident memory of the process, reading the file included.
 
 Nothing is taken on trust: a solver's start and final cost must be what bal.py finds in the file and
 in the file that it wrote, to 1e-6, and its clock must lie within the wall's. A run that fails this
@@ -26,7 +27,7 @@ import runs
 
 DEFAULT_SOLVERS = "covis,ceres:dense-schur,ceres:sparse-schur,ceres:iterative-schur,gtsam"
 TOLERANCE = 1e-6
-HEAD = "| file | solver | threads | start | final | steps | ms a step | T (s) | peak (MB) | ratio |"
+HEAD = "| file | solver | threads | start cost | final cost | iterations | ms/iteration | T (s) | ratio | peak (MB) |"
 
 
 def arguments() -> argparse.Namespace:
@@ -43,7 +44,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--covis", default=runs.Programs.covis, metavar="BINARY")
     parser.add_argument("--ceres", default=runs.Programs.ceres, metavar="BINARY")
     parser.add_argument("--json", metavar="PATH", help="write every trace here")
-    parser.add_argument("--plot", metavar="FOLDER", help="draw cost against time, one picture a file")
+    parser.add_argument("--plot", default="target/reference/plots", metavar="FOLDER",
+                        help="where a picture a file goes, of cost against seconds (default: target/reference/plots)")
+    parser.add_argument("--no-plot", dest="plot", action="store_const", const="")
     parser.add_argument("--format", choices=["png", "svg"], default="png", help="of the pictures")
     options = parser.parse_args()
     options.solvers = options.solvers.split(",")
@@ -137,7 +140,7 @@ def line(summary: dict, floor_mb: float) -> str:
     ratio = f"{summary['ratio']:.3f}" if math.isfinite(summary["ratio"]) else ""
     cells = [
         f"{summary['start']:.6e}", f"{summary['final']:.9e}", str(summary["steps"]),
-        f"{summary['ms_a_step']:.2f}", seconds, shown, ratio,
+        f"{summary['ms_a_step']:.2f}", seconds, ratio, shown,
     ]
     return f"{head} {' | '.join(cells)} |"
 
@@ -168,14 +171,27 @@ def main() -> int:
         record["files"].append({**size, "summaries": summaries, "runs": traces})
     if options.json:
         Path(options.json).write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    cores = sorted({run["blas_core"] for entry in record["files"] for run in entry["runs"]
+                    if run["solver"].startswith("ceres") and run["blas_core"]})
+    if cores:
+        print(f"\nOpenBLAS below Ceres: kernels for {', '.join(cores)}")
     if options.plot:
+        draw(record["files"], options)
+    return 1 if failed else 0
+
+
+def draw(entries: list[dict], options: argparse.Namespace) -> None:
+    """A picture for each file that a solver solved, or a line that says why there is none."""
+    try:
         # Only now: matplotlib would make the parent large, and with it every child.
         import plots
-
-        for entry in record["files"]:
-            print(f"\n{plots.draw_traces(entry, options.plot, options.format)}", end="")
-        print()
-    return 1 if failed else 0
+    except ImportError as error:
+        print(f"\nno pictures: {error}")
+        return
+    print()
+    for entry in entries:
+        if any(not run["error"] for run in entry["runs"]):
+            print(plots.draw_traces(entry, options.plot, options.format))
 
 
 if __name__ == "__main__":

@@ -44,7 +44,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--covis", default=runs.Programs.covis, metavar="BINARY")
     parser.add_argument("--ceres", default=runs.Programs.ceres, metavar="BINARY")
     parser.add_argument("--json", metavar="PATH", help="write the rows here")
-    parser.add_argument("--plot", metavar="FOLDER")
+    parser.add_argument("--plot", default="target/reference/plots", metavar="FOLDER",
+                        help="where the picture goes (default: target/reference/plots)")
+    parser.add_argument("--no-plot", dest="plot", action="store_const", const="")
     parser.add_argument("--format", choices=["png", "svg"], default="png", help="of the picture")
     options = parser.parse_args()
     options.solvers = options.solvers.split(",")
@@ -139,11 +141,19 @@ def main() -> int:
         record = {"machine": machine, "options": vars(options), "rows": rows}
         Path(options.json).write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     if options.plot and rows:
+        draw(rows, options)
+    return 1 if failed else 0
+
+
+def draw(rows: list[dict], options: argparse.Namespace) -> None:
+    """The picture, or a line that says why there is none."""
+    try:
         # Only now: matplotlib would make the parent large, and with it every child.
         import plots
-
-        print(f"\n{plots.draw_growth(rows, options.plot, options.format)}")
-    return 1 if failed else 0
+    except ImportError as error:
+        print(f"\nno picture: {error}")
+        return
+    print(f"\n{plots.draw_growth(rows, options.plot, options.format)}")
 
 
 if __name__ == "__main__":
