@@ -50,7 +50,8 @@ def draw_traces(entry: dict, folder: str, kind: str) -> Path:
     axes.axhline(1e-3, color="gray", linewidth=0.6)
     axes.set(xscale="log", yscale="log", xlabel="seconds", ylabel="cost / best cost - 1")
     name = Path(entry["file"]).stem
-    axes.set_title(f"{name}: {entry['cameras']} cameras, {entry['points']} points, {entry['observations']} observations")
+    sizes = ", ".join(f"{entry[what]} {what}" for what in ("cameras", "points", "observations"))
+    axes.set_title(f"{name}: {sizes}")
     axes.legend(fontsize="small")
     return save(figure, folder, f"{name}.{kind}")
 
@@ -65,7 +66,8 @@ def draw_growth(rows: list[dict], folder: str, kind: str) -> Path:
         mine = [row for row in rows if (row["solver"], row["threads"]) == (solver, threads)]
         count = [row["observations"] for row in mine]
         label = f"{solver}, {threads} thread{'s' if threads > 1 else ''}"
-        look = {"color": color[solver], "linestyle": style[threads], "marker": MARKERS[k % len(MARKERS)], "label": label}
+        look = {"color": color[solver], "linestyle": style[threads], "label": label}
+        look["marker"] = MARKERS[k % len(MARKERS)]
         left.plot(count, [row["ms_an_iteration"] for row in mine], **look)
         right.plot(count, [row["ns_an_observation"] for row in mine], **look)
     left.set(xscale="log", yscale="log", xlabel="observations", ylabel="ms an iteration")

@@ -157,9 +157,8 @@ def read_document(result: Run, text: str) -> None:
     """Takes rows and facts from what a solver printed."""
     try:
         document = json.loads(text)
-        rows = [
-            {key: row[key] for key in ("iteration", "cost", "seconds", "accepted")} for row in document.pop("iterations")
-        ]
+        keys = ("iteration", "cost", "seconds", "accepted")
+        rows = [{key: row[key] for key in keys} for row in document.pop("iterations")]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         result.error = f"no JSON document of a solve ({error})"
         return
