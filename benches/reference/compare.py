@@ -99,8 +99,14 @@ def measure(file: str, start: float, options: argparse.Namespace, settings: runs
     return [done[case] for case in cases]
 
 
+def finite(x: float) -> float | None:
+    """`x`, or None, which JSON has a word for, where it is infinite or no number."""
+    return x if math.isfinite(x) else None
+
+
 def summarize(file: str, measured: list[list[runs.Run]], within: float) -> list[dict]:
-    """One summary a thread count and solver."""
+    """One summary a thread count and solver; T is None where the cost is never reached, ratio where
+    there is nothing to compare."""
     finals = [run.final for rounds in measured for run in rounds if not rounds[0].error]
     target = (1.0 + within) * min(finals, default=math.nan)
     summaries = []
@@ -113,15 +119,16 @@ def summarize(file: str, measured: list[list[runs.Run]], within: float) -> list[
                 "final": first.final,
                 "steps": first.steps,
                 "ms_a_step": statistics.median(run.ms_a_step() for run in rounds),
-                "T": statistics.median(run.seconds_to(target) for run in rounds),
+                "T": finite(statistics.median(run.seconds_to(target) for run in rounds)),
                 "peak_memory_mb": max(run.peak_memory_mb for run in rounds),
             }
         summaries.append(summary)
     for summary in summaries:
-        peers = [s.get("T", math.inf) for s in summaries if s["threads"] == summary["threads"] and not is_covis(s)]
-        best = min(peers, default=math.inf)
+        twins = [s for s in summaries if s["threads"] == summary["threads"] and not is_covis(s)]
+        times = [s["T"] for s in twins if s.get("T") is not None]
         if not summary["error"]:
-            summary["ratio"] = summary["T"] / best if math.isfinite(best) else math.nan
+            comparable = times and summary["T"] is not None
+            summary["ratio"] = summary["T"] / min(times) if comparable else None
     return summaries
 
 
@@ -136,8 +143,8 @@ def line(summary: dict, floor_mb: float) -> str:
         return f"{head} | | | | | | {summary['error']} |"
     memory = summary["peak_memory_mb"]
     shown = f"{memory:.0f}" if memory > 1.05 * floor_mb else f"<= {floor_mb:.0f}"
-    seconds = f"{summary['T']:.4f}" if math.isfinite(summary["T"]) else "never"
-    ratio = f"{summary['ratio']:.3f}" if math.isfinite(summary["ratio"]) else ""
+    seconds = "never" if summary["T"] is None else f"{summary['T']:.4f}"
+    ratio = "" if summary["ratio"] is None else f"{summary['ratio']:.3f}"
     cells = [
         f"{summary['start']:.6e}", f"{summary['final']:.9e}", str(summary["steps"]),
         f"{summary['ms_a_step']:.2f}", seconds, ratio, shown,
