@@ -18,6 +18,7 @@ mod map_problem;
 mod map_support;
 mod proto_compat;
 mod proxy;
+mod reference;
 mod replay;
 mod rpc_bad_input;
 mod rpc_export;
