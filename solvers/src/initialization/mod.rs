@@ -5,5 +5,6 @@ mod triangulation;
 
 pub use spanning_tree::spanning_tree;
 pub use triangulation::{
-    Triangulated, TriangulationError, TriangulationOptions, View, triangulate,
+    LeastWorstError, Triangulated, TriangulationError, TriangulationOptions, View,
+    least_worst_error, triangulate,
 };

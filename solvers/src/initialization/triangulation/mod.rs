@@ -2,14 +2,19 @@
 //!
 //! A linear start (`linear`) is refined on the whitened reprojection error (`refinement`) and must
 //! pass two checks: enough parallax between the rays, and in front of every camera (cheirality).
+//! `worst_error` stands beside it: the point whose worst error is least, by cone programs over `ratios`.
 
+mod cone;
 mod linear;
+mod ratios;
 mod refinement;
+mod worst_error;
 
 use nalgebra::{Vector2, Vector3};
 
 use self::linear::{Ray, largest_angle, nearest_point};
 use self::refinement::{refine, squared_error};
+pub use self::worst_error::{LeastWorstError, least_worst_error};
 use crate::geometry::{Camera, Se3};
 
 /// One observation of the landmark.

@@ -1,5 +1,7 @@
 //! Triangulation: recovers points, and says why where it cannot.
 
+mod worst_error;
+
 use covis_solvers::geometry::{Camera, PinholeRadialTangential, Se3, So3};
 use covis_solvers::initialization::{TriangulationError, TriangulationOptions, View, triangulate};
 use covis_solvers::testing::random::{normal_vector, seeded};
