@@ -1,5 +1,7 @@
 //! Triangulation: recovers points, and says why where it cannot.
 
+mod hard;
+mod robustness;
 mod worst_error;
 
 use covis_solvers::geometry::{Camera, PinholeRadialTangential, Se3, So3};
@@ -86,11 +88,26 @@ fn says_why_there_is_no_position() {
     assert!(matches!(triangulate(&near, &options), Err(TriangulationError::SmallParallax { .. })));
     let mut wrong = views(&point, 4, 0.3, 0.0, 1);
     wrong[2].pixel.y += 90.0;
-    assert!(matches!(triangulate(&wrong, &options), Err(TriangulationError::Inconsistent { .. })));
+    assert!(matches!(triangulate(&wrong, &options), Err(TriangulationError::Contradiction { .. })));
     // Rays that diverge meet behind the cameras.
-    let mut behind = views(&point, 2, 0.3, 0.0, 1);
-    behind[0].pixel.x -= 200.0;
-    behind[1].pixel.x += 200.0;
-    let error = triangulate(&behind, &options).unwrap_err();
+    let mut diverging = views(&point, 2, 0.3, 0.0, 1);
+    diverging[0].pixel.x -= 200.0;
+    diverging[1].pixel.x += 200.0;
+    let error = triangulate(&diverging, &options).unwrap_err();
+    assert!(matches!(error, TriangulationError::Contradiction { .. }), "{error:?}");
+    // So wide that they agree only on a point at infinity.
+    let wide = TriangulationOptions { max_whitened_error: 1e3, ..options };
+    let error = triangulate(&diverging, &wide).unwrap_err();
+    assert!(matches!(error, TriangulationError::Inconsistent { .. }), "{error:?}");
+    diverging.iter_mut().for_each(|view| view.sigma_px = 50.0);
+    let error = triangulate(&diverging, &options).unwrap_err();
+    assert!(matches!(error, TriangulationError::SmallParallax { .. }), "{error:?}");
+    // No point lies in front of cameras that stand back to back.
+    let mut apart = views(&point, 2, 0.3, 0.0, 1);
+    apart[1].world_from_camera = Se3::new(
+        So3::from_quaternion_xyzw(0.0, 1.0, 0.0, 0.0).unwrap(),
+        Vector3::new(0.3, 0.0, -1.0),
+    );
+    let error = triangulate(&apart, &options).unwrap_err();
     assert!(matches!(error, TriangulationError::BehindCamera { .. }), "{error:?}");
 }

@@ -9,8 +9,9 @@ use super::View;
 
 /// A viewing ray in the world.
 pub(super) struct Ray {
-    center: Vector3<f64>,
-    direction: Vector3<f64>,
+    pub(super) center: Vector3<f64>,
+    /// Of unit length.
+    pub(super) direction: Vector3<f64>,
     /// The direction in the camera's frame, not normalized.
     in_camera: Vector3<f64>,
 }
@@ -31,13 +32,12 @@ impl Ray {
     }
 }
 
-/// The largest angle between two of `rays`, in radians.
-pub(super) fn largest_angle(rays: &[Ray]) -> f64 {
+/// The largest angle between two of `directions`, in radians.
+pub(super) fn largest_angle(directions: impl Iterator<Item = Vector3<f64>> + Clone) -> f64 {
     let mut largest: f64 = 0.0;
-    for (index, a) in rays.iter().enumerate() {
-        for b in &rays[..index] {
-            let (d, e) = (&a.direction, &b.direction);
-            largest = largest.max(d.cross(e).norm().atan2(d.dot(e)));
+    for (index, d) in directions.clone().enumerate() {
+        for e in directions.clone().take(index) {
+            largest = largest.max(d.cross(&e).norm().atan2(d.dot(&e)));
         }
     }
     largest

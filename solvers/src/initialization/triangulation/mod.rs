@@ -1,8 +1,10 @@
 //! Triangulation: a landmark's position from the views that observe it.
 //!
 //! A linear start (`linear`) is refined on the whitened reprojection error (`refinement`) and must
-//! pass two checks: enough parallax between the rays, and in front of every camera (cheirality).
-//! `worst_error` stands beside it: the point whose worst error is least, by cone programs over `ratios`.
+//! pass the checks: enough parallax between the rays, in front of every camera (cheirality), small
+//! residuals. Where it does not, the point whose worst error is least (`worst_error`, a sequence of cone
+//! programs over `ratios`) is the start, or the proof that there is no such point. Views that pass at
+//! once never pay for that.
 
 mod cone;
 mod linear;
@@ -10,10 +12,13 @@ mod ratios;
 mod refinement;
 mod worst_error;
 
+use std::f64::consts::SQRT_2;
+
 use nalgebra::{Vector2, Vector3};
 
 use self::linear::{Ray, largest_angle, nearest_point};
 use self::refinement::{refine, squared_error};
+use self::worst_error::least_worst_error_within;
 pub use self::worst_error::{LeastWorstError, least_worst_error};
 use crate::geometry::{Camera, Se3};
 
@@ -39,11 +44,19 @@ pub struct TriangulationOptions {
     pub min_parallax_rad: f64,
     /// Largest root mean square of the whitened reprojection errors (4).
     pub max_whitened_rms: f64,
+    /// Views contradict each other where every point leaves some view with a whitened error longer
+    /// than this (4 √2: normal noise is so long in one view of 9·10⁶, and a point that leaves less in
+    /// all views has a root mean square below 4).
+    pub max_whitened_error: f64,
 }
 
 impl Default for TriangulationOptions {
     fn default() -> Self {
-        Self { min_parallax_rad: 1.0_f64.to_radians(), max_whitened_rms: 4.0 }
+        Self {
+            min_parallax_rad: 1.0_f64.to_radians(),
+            max_whitened_rms: 4.0,
+            max_whitened_error: 4.0 * SQRT_2,
+        }
     }
 }
 
@@ -73,10 +86,10 @@ pub enum TriangulationError {
         /// Its position in the list, from 0.
         view: usize,
     },
-    /// The rays are too nearly parallel.
+    /// The rays are too nearly parallel, or their best point is too far away.
     #[error("parallax of {parallax_rad} rad is too small")]
     SmallParallax {
-        /// The largest angle between two rays.
+        /// The largest angle between two rays, or as seen from the best point.
         parallax_rad: f64,
     },
     /// The point is at or behind a camera's center plane.
@@ -85,11 +98,18 @@ pub enum TriangulationError {
         /// The first such view, from 0.
         view: usize,
     },
-    /// The views contradict each other.
+    /// The point found leaves residuals that are too large.
     #[error("whitened residual of {whitened_rms} is too large")]
     Inconsistent {
         /// Root mean square of the whitened residuals.
         whitened_rms: f64,
+    },
+    /// The views contradict each other, whatever the point.
+    #[error("no point explains all views within {max_whitened_error} sigma")]
+    Contradiction {
+        /// What every point in front of all cameras exceeds in some view, in standard deviations; how
+        /// far, [`least_worst_error`] tells.
+        max_whitened_error: f64,
     },
 }
 
@@ -106,27 +126,69 @@ pub fn triangulate(
         rays.push(Ray::new(view).ok_or(TriangulationError::NoRay { view: index })?);
     }
     let with_depth = views.iter().zip(&rays).find_map(|(view, ray)| ray.at_depth(view));
-    let parallax_rad = largest_angle(&rays);
+    let parallax_rad = largest_angle(rays.iter().map(|ray| ray.direction));
     let start = match with_depth {
-        Some(point) => point,
+        Some(point) => Some(point),
         None if views.len() < 2 => {
             return Err(TriangulationError::TooFewViews { views: views.len() });
         }
         None if parallax_rad < options.min_parallax_rad => {
             return Err(TriangulationError::SmallParallax { parallax_rad });
         }
-        None => nearest_point(&rays).ok_or(TriangulationError::SmallParallax { parallax_rad })?,
+        None => nearest_point(&rays),
     };
-    let point_in_world = refine(views, start);
+    let from_start = start
+        .ok_or(TriangulationError::SmallParallax { parallax_rad })
+        .and_then(|start| check(views, &refine(views, start), options));
+    let (point_in_world, whitened_rms) = from_start.or_else(|error| {
+        let checked = from_worst_error(views, options)?.ok_or(error)?;
+        // Rays that hardly meet can have an angle and their best point still be too far away.
+        let parallax_rad = largest_angle(rays.iter().map(|ray| checked.0 - ray.center));
+        if with_depth.is_none() && parallax_rad < options.min_parallax_rad {
+            return Err(TriangulationError::SmallParallax { parallax_rad });
+        }
+        Ok(checked)
+    })?;
+    Ok(Triangulated { point_in_world, parallax_rad, whitened_rms })
+}
+
+/// A point that passed [`check`], with its whitened root mean square error.
+type Checked = (Vector3<f64>, f64);
+
+/// The position of views that the linear start served badly, or the proof that there is none; `None`
+/// where the least worst error cannot be found.
+fn from_worst_error(
+    views: &[View],
+    options: &TriangulationOptions,
+) -> Result<Option<Checked>, TriangulationError> {
+    let max_whitened_error = options.max_whitened_error;
+    let Some(best) = least_worst_error_within(views, max_whitened_error) else { return Ok(None) };
+    if best.lower_bound >= max_whitened_error {
+        return Err(TriangulationError::Contradiction { max_whitened_error });
+    }
+    // Refinement knows nothing of cheirality and may leave the front of a camera: the start did not.
+    let start = best.point_in_world;
+    check(views, &refine(views, start), options)
+        .or_else(|_| check(views, &start, options))
+        .map(Some)
+}
+
+/// `point` with its error, where it is in front of every camera and the error is small enough.
+fn check(
+    views: &[View],
+    point: &Vector3<f64>,
+    options: &TriangulationOptions,
+) -> Result<Checked, TriangulationError> {
     if let Some(view) =
-        views.iter().position(|v| v.world_from_camera.inverse_transform(&point_in_world).z <= 0.0)
+        views.iter().position(|v| v.world_from_camera.inverse_transform(point).z <= 0.0)
     {
         return Err(TriangulationError::BehindCamera { view });
     }
-    let (squared, residuals) = squared_error(views, &point_in_world);
+    let (squared, residuals) = squared_error(views, point);
     let whitened_rms = (squared / residuals as f64).sqrt();
-    if whitened_rms.is_nan() || whitened_rms > options.max_whitened_rms {
-        return Err(TriangulationError::Inconsistent { whitened_rms });
+    if whitened_rms <= options.max_whitened_rms {
+        return Ok((*point, whitened_rms));
     }
-    Ok(Triangulated { point_in_world, parallax_rad, whitened_rms })
+    let whitened_rms = if whitened_rms.is_nan() { f64::INFINITY } else { whitened_rms };
+    Err(TriangulationError::Inconsistent { whitened_rms })
 }
