@@ -2,7 +2,9 @@
 //!
 //! Every keyframe that sees the landmark is a view; the solver crate finds the point and refuses it
 //! for too little parallax, for lying behind a camera or for views that contradict each other. A
-//! measured depth places a landmark from one view. Landmarks with a position are never touched.
+//! refused landmark has no part in a solve: a wrong match cannot pull at the poses. Its observations
+//! stay, and it is tried again with the next keyframe that sees it, from the poses as they are then.
+//! A measured depth places a landmark from one view. Landmarks with a position are never touched.
 
 use covis_solvers::initialization::{TriangulationOptions, View, triangulate as triangulate_views};
 use nalgebra::Vector3;

@@ -3,9 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
 
 use covis::map::{
-    Change, ConstraintKind, Depth, EntityRef, GlobalOptions, Item, ItemLandmark, MapPolicy,
-    SolveKind, Window, applied, choose_window, global_problem, local_problem, loop_problem,
-    triangulate,
+    Change, ConstraintKind, Depth, EntityId, EntityRef, GlobalOptions, Item, ItemLandmark,
+    ItemObservation, MapPolicy, SolveKind, Window, applied, choose_window, global_problem,
+    local_problem, loop_problem, triangulate,
 };
 use covis_solvers::evaluation::bundle_cost;
 use covis_solvers::geometry::LieGroup;
@@ -249,30 +249,35 @@ fn an_estimated_edge_gives_way_to_a_loop_closure() {
     assert_eq!(edges(&journal), 4);
 }
 
+/// Keyframe `k` of the street, which sees corners `seen`; landmarks `new` have no position.
+fn bare(k: i64, seen: &[i64], new: &[i64]) -> Item {
+    let pose = pose_at(k as f64);
+    Item::Keyframe {
+        id: k,
+        capture_time_ns: k,
+        camera: Some(EntityRef::own(0)),
+        world_from_camera: pose,
+        odom_from_camera: None,
+        observations: seen.iter().map(|&l| observe(l, &pose, &corner(l))).collect(),
+        landmarks: new.iter().map(|&id| ItemLandmark { id, position: None }).collect(),
+    }
+}
+
+/// Changes the last observation of a keyframe.
+fn with_last(mut item: Item, change: impl FnOnce(&mut ItemObservation)) -> Item {
+    let Item::Keyframe { observations, .. } = &mut item else { panic!("a keyframe") };
+    change(observations.last_mut().unwrap());
+    item
+}
+
 #[test]
 fn landmarks_without_position_are_triangulated_once_views_allow() {
     let mut journal = Journal::new(MapPolicy::default());
-    let bare = |k: i64, seen: &[i64], new: &[i64], depth: Option<Depth>| {
-        let pose = pose_at(k as f64);
-        let mut observations: Vec<_> =
-            seen.iter().map(|&l| observe(l, &pose, &corner(l))).collect();
-        if let Some(observation) = observations.last_mut() {
-            observation.depth = depth;
-        }
-        Item::Keyframe {
-            id: k,
-            capture_time_ns: k,
-            camera: Some(EntityRef::own(0)),
-            world_from_camera: pose,
-            odom_from_camera: None,
-            observations,
-            landmarks: new.iter().map(|&id| ItemLandmark { id, position: None }).collect(),
-        }
-    };
-    journal.send(ROBOT, &bare(0, &[1, 2, 3], &[1, 2, 3], None)).unwrap();
+    journal.send(ROBOT, &bare(0, &[1, 2, 3], &[1, 2, 3])).unwrap();
     assert!(triangulate(&journal.map, id(0)).is_empty(), "one view without depth");
     let depth = Depth { depth_m: corner(4).z, sigma_m: 0.05 };
-    journal.send(ROBOT, &bare(1, &[1, 2, 4], &[4], Some(depth))).unwrap();
+    let item = with_last(bare(1, &[1, 2, 4], &[4]), |seen| seen.depth = Some(depth));
+    journal.send(ROBOT, &item).unwrap();
     let positions = triangulate(&journal.map, id(1));
     let ids: Vec<_> = positions.iter().map(|&(id, _)| id).collect();
     assert_eq!(ids, [id(1), id(2), id(4)]);
@@ -284,4 +289,25 @@ fn landmarks_without_position_are_triangulated_once_views_allow() {
     assert_eq!(journal.map.landmarks()[&id(1)].positioned_revision, journal.map.revision());
     assert!(triangulate(&journal.map, id(1)).is_empty(), "all have a position now");
     assert!(choose_window(&journal.map, id(1)).landmarks.contains(&id(4)), "by its depth");
+}
+
+#[test]
+fn a_landmark_that_no_point_explains_stays_without_position_and_hinders_no_other() {
+    let mut journal = Journal::new(MapPolicy::default());
+    journal.send(ROBOT, &bare(0, &[1, 2, 3], &[1, 2, 3])).unwrap();
+    // A wrong match: off the epipolar line by far.
+    let wrong = with_last(bare(1, &[1, 2, 3], &[]), |seen| seen.pixel.y += 60.0);
+    journal.send(ROBOT, &wrong).unwrap();
+    let placed = |positions: &[(EntityId, Vector3<f64>)]| -> Vec<_> {
+        positions.iter().map(|&(id, _)| id).collect()
+    };
+    let positions = triangulate(&journal.map, id(1));
+    assert_eq!(placed(&positions), [id(1), id(2)]);
+    journal.push(Change::LandmarksTriangulated { positions });
+    // One more good view does not make the wrong one fit.
+    journal.send(ROBOT, &bare(2, &[1, 2, 3, 4], &[4])).unwrap();
+    assert_eq!(triangulate(&journal.map, id(2)), []);
+    assert_eq!(journal.map.landmarks()[&id(3)].observers.len(), 3, "its observations stay");
+    let window = choose_window(&journal.map, id(2));
+    assert!(window.landmarks.contains(&id(1)) && !window.landmarks.contains(&id(3)));
 }
