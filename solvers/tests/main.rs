@@ -5,7 +5,9 @@
 
 mod behind_camera;
 mod bundle_adjustment;
+mod bundle_hard;
 mod bundle_kernels;
+mod bundle_tracks;
 mod evaluation;
 mod factors;
 mod geometry;

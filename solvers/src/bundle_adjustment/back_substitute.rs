@@ -159,7 +159,8 @@ impl<M: LaneModel, const R: usize> Kernel for Cost<'_, M, R> {
             }
             l.store(squared, &mut row);
             for s in &row[..lanes.min(WIDTH)] {
-                rest += loss.evaluate(*s).rho;
+                // A bounded loss must not hide that there is no residual.
+                rest += if s.is_finite() { loss.evaluate(*s).rho } else { f64::INFINITY };
             }
         }
         l.store(total, &mut row);

@@ -23,11 +23,13 @@ pub struct Options {
     pub method: Method,
     /// At most so many steps, rejected ones included (100).
     pub max_iterations: usize,
-    /// Converged once an accepted step lowers the cost by less than this share of it (1e-9).
+    /// Converged once an accepted step lowers the cost by less than this share of it, and neither the
+    /// model nor the gradient says that there is more to gain (1e-9).
     pub cost_tolerance: f64,
     /// Converged once no entry of the gradient is larger, scaled by the root of its diagonal (1e-10).
     pub gradient_tolerance: f64,
-    /// Converged once the step is shorter than this share of the state's norm (1e-12).
+    /// Converged once the step is shorter than this share of the state's norm, and the gradient says
+    /// that there is next to nothing to gain (1e-12).
     pub step_tolerance: f64,
     /// λ of the first step (1e-4).
     pub initial_damping: f64,

@@ -15,6 +15,9 @@ const DAMPING_RANGE: (f64, f64) = (1e-16, 1e32);
 /// A linear residual above this makes a step untrustworthy: it is rejected like one that fails.
 const LINEAR_RESIDUAL_LIMIT: f64 = 1e-3;
 
+/// A short step proves a minimum only where no more than this share of the cost is left to gain.
+const COST_RESOLUTION: f64 = 1e-12;
+
 /// What a linearization tells the loop.
 #[derive(Clone, Copy, Debug)]
 pub struct Gradient {
@@ -124,6 +127,7 @@ impl<'a> Run<'a> {
         if let Some(end) = self.record(0, true, None, observer) {
             return end;
         }
+        let tolerance = self.options.cost_tolerance;
         let mut iteration = 0;
         loop {
             if !self.gradient_max_norm.is_finite() {
@@ -153,7 +157,7 @@ impl<'a> Run<'a> {
             let decrease = self.cost - trial;
             let quality = decrease / step.predicted_decrease;
             if trial.is_finite() && decrease >= 0.0 && quality > 0.0 {
-                let small = decrease <= self.options.cost_tolerance * self.cost;
+                let small = decrease <= tolerance * self.cost;
                 self.cost = trial;
                 let damping_used = self.damping;
                 self.accept(quality);
@@ -162,33 +166,43 @@ impl<'a> Run<'a> {
                 if let Some(end) = self.record(iteration, true, stats, observer) {
                     return end;
                 }
-                // A small decrease proves a minimum only where the model agrees with the cost:
-                // under heavy damping every step is small.
-                if small && step.predicted_decrease <= 4.0 * self.options.cost_tolerance * self.cost
-                {
+                // A small decrease proves a minimum only where the model agrees with the cost.
+                let gain = step.predicted_decrease;
+                if small && gain <= 4.0 * tolerance * self.cost && self.is_flat(tolerance) {
                     return Termination::Converged(Tolerance::Cost);
                 }
-                if tiny {
+                if tiny && self.is_flat(COST_RESOLUTION) {
                     return Termination::Converged(Tolerance::Step);
                 }
             } else {
                 system.restore();
-                if tiny || step.predicted_decrease <= 1e-3 * self.options.cost_tolerance * self.cost
-                {
+                let spent = step.predicted_decrease <= 1e-3 * tolerance * self.cost;
+                let met = if tiny && self.is_flat(COST_RESOLUTION) {
+                    Some(Tolerance::Step)
+                } else {
+                    (spent && self.is_flat(tolerance)).then_some(Tolerance::Cost)
+                };
+                if let Some(met) = met {
                     // The model sees nothing left to gain that the cost could resolve.
                     let stats = Some((step, quality, self.damping));
                     let end = self.record(iteration, false, stats, observer);
-                    return end.unwrap_or(Termination::Converged(if tiny {
-                        Tolerance::Step
-                    } else {
-                        Tolerance::Cost
-                    }));
+                    return end.unwrap_or(Termination::Converged(met));
                 }
                 if let Some(end) = self.reject(iteration, Some((step, quality)), observer) {
                     return end;
                 }
             }
         }
+    }
+
+    /// Whether the gradient allows that no more than `share` of the cost is left to gain.
+    ///
+    /// Where the undamped model falls by Δ, gᵀH⁻¹g = 2Δ and so g_i² ≤ 2Δ H_ii for every i. A larger
+    /// gradient tells a step that is short for its damping from one that is short of a minimum, and a
+    /// state whose norm is that of a landmark at infinity from one where the step is lost in it.
+    fn is_flat(&self, share: f64) -> bool {
+        // Up to four times the share is granted to the model, as above.
+        self.gradient_max_norm.powi(2) <= 8.0 * share * self.cost
     }
 
     fn accept(&mut self, quality: f64) {
