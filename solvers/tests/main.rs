@@ -15,4 +15,5 @@ mod io;
 mod linear;
 mod pose_graph;
 mod pose_refinement;
+mod sparse_cholesky;
 mod triangulation;

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use super::dense::DenseCholesky;
 use super::error::LinearError;
 use super::matrix::BlockMatrix;
-use super::ordering::cheapest_ordering;
+use super::ordering::cheapest;
 use super::pattern::BlockPattern;
 use super::sparse::SparseCholesky;
 
@@ -42,12 +42,12 @@ impl Cholesky {
         if dimension <= ALWAYS_DENSE {
             return Self::dense(pattern);
         }
-        let ordering = cheapest_ordering(&pattern);
+        let (ordering, elimination) = cheapest(&pattern);
         let dense_flops = (dimension as f64).powi(3) / 3.0;
         if dense_flops <= DENSE_ADVANTAGE * ordering.flops {
             return Self::dense(pattern);
         }
-        Ok(Self::Sparse(Box::new(SparseCholesky::with_ordering(pattern, ordering)?)))
+        Ok(Self::Sparse(Box::new(SparseCholesky::planned(pattern, ordering, &elimination)?)))
     }
 
     /// Plans a dense factorization.

@@ -9,8 +9,8 @@
 //! - [`dense`], [`sparse`]: the two factorizations; [`cholesky`]: the choice between them.
 //! - [`pcg`]: conjugate gradients, for systems whose factor would be too large.
 //!
-//! This floor knows nothing of poses, factors or losses. Every factorization runs on the calling
-//! thread and gives the same bits each time.
+//! This floor knows nothing of poses, factors or losses. The sparse factorization uses the rayon
+//! pool that it is called on; all give the same bits each time, on any number of threads.
 
 pub mod cholesky;
 pub mod dense;
@@ -23,6 +23,7 @@ pub mod sparse;
 #[cfg(test)]
 mod tests;
 
+pub use crate::simd::Class;
 pub use cholesky::Cholesky;
 pub use dense::DenseCholesky;
 pub use error::LinearError;

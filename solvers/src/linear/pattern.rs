@@ -146,16 +146,6 @@ impl BlockPattern {
         &self.value_starts
     }
 
-    /// Start of each row in the list of stored blocks (compressed form of the pattern).
-    pub(crate) fn row_starts(&self) -> &[usize] {
-        &self.row_starts
-    }
-
-    /// Block column of every stored block, row after row.
-    pub(crate) fn columns(&self) -> &[u32] {
-        &self.columns
-    }
-
     /// The block that scalar row `scalar` belongs to.
     pub(crate) fn block_of(&self, scalar: usize) -> usize {
         self.offsets.partition_point(|&offset| offset <= scalar).saturating_sub(1)

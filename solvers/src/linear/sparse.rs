@@ -1,51 +1,48 @@
 //! Sparse supernodal Cholesky of a block matrix in a fill-reducing order.
 //!
-//! P (H + D) Pᵀ = L Lᵀ, with P from the block graph ([`super::ordering`]) expanded to scalars.
-//! faer does the symbolic and numeric work: always its supernodal form, since blocks make
-//! supernodes at least as wide as themselves (its automatic choice is simplicial at sizes where
-//! supernodal is four times faster), and always on one thread. Planning takes all memory and
-//! a scatter map from blocks to compressed columns; factoring and solving take none.
+//! P (H + D) Pᵀ = L Lᵀ, with P from the block graph ([`super::ordering`]). Planning joins columns to
+//! supernodes, lays out the factor and takes all memory; factoring (multifrontal, in parallel over
+//! the elimination tree on the rayon pool of the caller) and solving take none. Kernels are compiled for each
+//! instruction set; the classes with fused multiply-add give the same bits, and so does any number
+//! of threads.
 
 use std::fmt;
 use std::sync::Arc;
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::{LltError as PivotError, LltRegularization};
-use faer::sparse::linalg::SymbolicSupernodalParams;
-use faer::sparse::linalg::cholesky::supernodal::{
-    self, SupernodalLltRef, SymbolicSupernodalCholesky,
-};
-use faer::sparse::{FaerError, SparseColMatRef, SymbolicSparseColMat};
-use faer::{Conj, MatMut, Par};
-
 use super::cholesky::{check_finite, check_pattern, not_positive_definite, solve_checked};
 use super::error::LinearError;
 use super::matrix::{BlockMatrix, check_added_diagonal};
-use super::ordering::{BlockOrdering, cheapest_ordering, inverse_permutation};
+use super::ordering::{BlockOrdering, Elimination, cheapest, postordered};
 use super::pattern::BlockPattern;
+use crate::simd::{Class, WIDTH};
 
+mod branch;
+mod front;
+mod kernels;
+mod numeric;
 mod plan;
+mod supernodes;
+mod sweep;
+mod triangular;
 
-use plan::{Placement, Plan};
+use numeric::Numeric;
+use plan::Plan;
+use triangular::Triangular;
 
 /// A sparse factorization, planned once and renewed for each set of values.
 pub struct SparseCholesky {
     pattern: Arc<BlockPattern>,
     ordering: BlockOrdering,
-    /// `scalars[k]` is the caller's scalar row that is eliminated k-th.
-    scalars: Vec<u32>,
-    /// Where each stored block goes among `values`.
-    placements: Vec<Placement>,
-    /// Where each of the caller's diagonal scalars stands among `values`.
-    diagonal: Vec<usize>,
-    columns: SymbolicSparseColMat<u32>,
-    values: Vec<f64>,
-    symbolic: SymbolicSupernodalCholesky<u32>,
-    factor: Vec<f64>,
-    factored: bool,
+    plan: Plan,
+    factor: Aligned,
+    /// Update matrices.
+    space: Aligned,
     /// A permuted right-hand side.
-    permuted: Vec<f64>,
-    memory: MemBuffer,
+    permuted: Aligned,
+    /// One column of a front.
+    front: Aligned,
+    class: Class,
+    factored: bool,
 }
 
 impl fmt::Debug for SparseCholesky {
@@ -54,6 +51,7 @@ impl fmt::Debug for SparseCholesky {
             .field("dimension", &self.pattern.dimension())
             .field("method", &self.ordering.method)
             .field("flops", &self.ordering.flops)
+            .field("supernodes", &self.plan.nodes.len())
             .field("factored", &self.factored)
             .finish_non_exhaustive()
     }
@@ -63,69 +61,54 @@ impl SparseCholesky {
     /// Orders `pattern` by the cheapest candidate and plans for it.
     ///
     /// # Errors
-    /// Too large for 32-bit indices, or no memory.
+    /// Too large to index, or no memory.
     pub fn new(pattern: Arc<BlockPattern>) -> Result<Self, LinearError> {
-        let ordering = cheapest_ordering(&pattern);
-        Self::with_ordering(pattern, ordering)
+        let (ordering, elimination) = cheapest(&pattern);
+        Self::planned(pattern, ordering, &elimination)
     }
 
     /// Plans for `pattern` in a given order.
     ///
     /// # Errors
-    /// Too large for 32-bit indices, or no memory; [`LinearError::PatternMismatch`] where the
-    /// order is not a permutation of the pattern's blocks.
+    /// Too large to index, or no memory; [`LinearError::PatternMismatch`] where the order is not a
+    /// permutation of the pattern's blocks.
     pub fn with_ordering(
         pattern: Arc<BlockPattern>,
         ordering: BlockOrdering,
     ) -> Result<Self, LinearError> {
+        let Some((order, elimination)) = postordered(&pattern, &ordering.order) else {
+            let (expected, found) = (pattern.block_count(), ordering.order.len());
+            return Err(LinearError::PatternMismatch { expected, found });
+        };
+        Self::planned(pattern, BlockOrdering { order, ..ordering }, &elimination)
+    }
+
+    /// Plans for a postordered order with its elimination.
+    pub(super) fn planned(
+        pattern: Arc<BlockPattern>,
+        ordering: BlockOrdering,
+        elimination: &Elimination,
+    ) -> Result<Self, LinearError> {
         let dimension = pattern.dimension();
-        let expected = pattern.block_count();
-        let Some(position) = inverse_permutation(&ordering.order, expected) else {
-            return Err(LinearError::PatternMismatch { expected, found: ordering.order.len() });
-        };
-        // faer counts entries in 31 bits; ours are at most those of the factor.
-        let limit = i32::MAX as usize;
-        if pattern.value_count() > limit / 2 || ordering.factor_entries > limit as f64 {
-            return Err(LinearError::TooLarge { dimension });
-        }
-        let Plan { scalars, placements, diagonal, columns, symbolic } =
-            Plan::new(&pattern, &ordering.order, &position).map_err(|error| {
-                if error == FaerError::OutOfMemory {
-                    LinearError::OutOfMemory { dimension }
-                } else {
-                    LinearError::TooLarge { dimension }
-                }
-            })?;
-        let scratch = supernodal::factorize_supernodal_numeric_llt_scratch::<u32, f64>(
-            &symbolic,
-            Par::Seq,
-            faer::Spec::default(),
-        )
-        .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
-        let Ok(memory) = MemBuffer::try_new(scratch) else {
-            return Err(LinearError::OutOfMemory { dimension });
-        };
-        let mut factor = Vec::new();
-        if factor.try_reserve_exact(symbolic.len_val()).is_err() {
-            return Err(LinearError::OutOfMemory { dimension });
-        }
-        factor.resize(symbolic.len_val(), 0.0);
-        let values = vec![0.0; columns.row_idx().len()];
-        let permuted = vec![0.0; dimension];
+        let plan = Plan::new(&pattern, &ordering.order, elimination)?;
+        let memory = |length| Aligned::new(length).ok_or(LinearError::OutOfMemory { dimension });
         Ok(Self {
+            factor: memory(plan.factor_size)?,
+            space: memory(plan.space)?,
+            permuted: memory(dimension)?,
+            front: memory(plan.longest)?,
+            class: Class::detect(),
+            factored: false,
             pattern,
             ordering,
-            scalars,
-            placements,
-            diagonal,
-            columns,
-            values,
-            symbolic,
-            factor,
-            factored: false,
-            permuted,
-            memory,
+            plan,
         })
+    }
+
+    /// Uses the kernels of another instruction set, or the scalar ones where the processor lacks it.
+    pub fn set_class(&mut self, class: Class) {
+        self.class = class;
+        self.factored = false;
     }
 
     /// Factors H + D; `added_diagonal` is D, or empty for zero.
@@ -141,66 +124,24 @@ impl SparseCholesky {
         check_pattern(&self.pattern, matrix)?;
         check_added_diagonal(self.pattern.dimension(), added_diagonal)?;
         check_finite(matrix, added_diagonal)?;
-        self.scatter(matrix);
-        for (&place, added) in self.diagonal.iter().zip(added_diagonal) {
-            self.values[place] += added;
-        }
-        let outcome = supernodal::factorize_supernodal_numeric_llt(
-            &mut self.factor,
-            SparseColMatRef::new(self.columns.as_ref(), &self.values),
-            LltRegularization::default(),
-            &self.symbolic,
-            Par::Seq,
-            MemStack::new(&mut self.memory),
-            faer::Spec::default(),
-        );
-        let failing = match outcome {
-            Ok(_) => self.first_bad_pivot(),
-            Err(PivotError::NonPositivePivot { index }) => {
-                let scalar = self.scalars[index] as usize;
-                return Err(not_positive_definite(&self.pattern, scalar));
-            }
+        let (plan, values) = (&self.plan, matrix.values());
+        let numeric = Numeric {
+            plan,
+            values,
+            added: added_diagonal,
+            class: self.class,
+            is_parallel: rayon::current_num_threads() > 1,
         };
-        if let Some(k) = failing {
-            let block = self.pattern.block_of(self.scalars[k] as usize);
-            return Err(LinearError::NonFinite { block });
-        }
+        numeric.run(self.factor.slice_mut(), self.space.slice_mut()).map_err(|bad| {
+            let scalar = self.plan.scalars[bad.column] as usize;
+            if bad.is_finite {
+                not_positive_definite(&self.pattern, scalar)
+            } else {
+                LinearError::NonFinite { block: self.pattern.block_of(scalar) }
+            }
+        })?;
         self.factored = true;
         Ok(())
-    }
-
-    /// The first column of the factor whose diagonal is not finite, in elimination order.
-    fn first_bad_pivot(&self) -> Option<usize> {
-        let factor = SupernodalLltRef::new(&self.symbolic, &self.factor);
-        (0..self.symbolic.n_supernodes()).find_map(|s| {
-            let node = factor.supernode(s);
-            let values = node.val();
-            (0..values.ncols()).find(|&k| !values[(k, k)].is_finite()).map(|k| node.start() + k)
-        })
-    }
-
-    fn scatter(&mut self, matrix: &BlockMatrix) {
-        let pattern = self.pattern.as_ref();
-        for i in 0..pattern.block_count() {
-            let rows = pattern.sizes()[i];
-            if rows == 0 {
-                continue;
-            }
-            for block in pattern.row_range(i) {
-                let source = &matrix.values()[pattern.value_range(block)];
-                let Placement { start, stride, transposed } = self.placements[block];
-                for (c, column) in source.chunks_exact(rows).enumerate() {
-                    if transposed {
-                        for (r, value) in column.iter().enumerate() {
-                            self.values[start + c + r * stride] = *value;
-                        }
-                    } else {
-                        let target = start + c * stride;
-                        self.values[target..target + rows].copy_from_slice(column);
-                    }
-                }
-            }
-        }
     }
 
     /// Solves in place with the last factor; without one, or with a vector of another length,
@@ -212,16 +153,17 @@ impl SparseCholesky {
             rhs.fill(f64::NAN);
             return;
         }
-        for (value, &scalar) in self.permuted.iter_mut().zip(&self.scalars) {
+        let permuted = self.permuted.slice_mut();
+        for (value, &scalar) in permuted.iter_mut().zip(&self.plan.scalars) {
             *value = rhs[scalar as usize];
         }
-        SupernodalLltRef::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(&mut self.permuted, dimension, 1),
-            Par::Seq,
-            MemStack::new(&mut self.memory),
-        );
-        for (value, &scalar) in self.permuted.iter().zip(&self.scalars) {
+        self.class.run(Triangular {
+            plan: &self.plan,
+            factor: self.factor.slice(),
+            x: permuted,
+            front: self.front.slice_mut(),
+        });
+        for (value, &scalar) in permuted.iter().zip(&self.plan.scalars) {
             rhs[scalar as usize] = *value;
         }
     }
@@ -242,7 +184,7 @@ impl SparseCholesky {
         self.ordering.flops
     }
 
-    /// The elimination order in use.
+    /// The elimination order chosen, before columns of joined supernodes were put side by side.
     pub fn ordering(&self) -> &BlockOrdering {
         &self.ordering
     }
@@ -250,5 +192,33 @@ impl SparseCholesky {
     /// The pattern planned for.
     pub fn pattern(&self) -> &Arc<BlockPattern> {
         &self.pattern
+    }
+}
+
+/// Zeros that begin on a cache line, as long as they are not moved to another allocation.
+struct Aligned {
+    values: Vec<f64>,
+    skipped: usize,
+    length: usize,
+}
+
+impl Aligned {
+    /// `None` where there is no memory.
+    fn new(length: usize) -> Option<Self> {
+        let whole = length.checked_add(WIDTH)?;
+        // Asked for and given back: unlike a vector filled here, one made of zeros gets its pages
+        // from the system as they are used, by the threads that use them.
+        Vec::<f64>::new().try_reserve_exact(whole).ok()?;
+        let values = vec![0.0; whole];
+        let skipped = values.as_ptr().align_offset(size_of::<f64>() * WIDTH).min(WIDTH);
+        Some(Self { values, skipped, length })
+    }
+
+    fn slice(&self) -> &[f64] {
+        &self.values[self.skipped..self.skipped + self.length]
+    }
+
+    fn slice_mut(&mut self) -> &mut [f64] {
+        &mut self.values[self.skipped..self.skipped + self.length]
     }
 }

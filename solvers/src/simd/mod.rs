@@ -28,6 +28,8 @@ pub(crate) type Row = [f64; WIDTH];
 pub(crate) trait Lanes: Copy {
     /// A vector in registers.
     type V: Copy;
+    /// Whether 24 vectors and a few operands stay in registers at a time.
+    const MANY_REGISTERS: bool = false;
 
     /// `x` in every lane.
     fn splat(self, x: f64) -> Self::V;
@@ -55,6 +57,8 @@ pub(crate) trait Lanes: Copy {
     fn fma(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
     /// c − a · b, fused where the class can.
     fn fnma(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
+    /// c − a · b of single numbers, rounded as in [`Self::fnma`].
+    fn fnma_one(self, a: f64, b: f64, c: f64) -> f64;
     /// The 8 × 8 matrix with `rows` as columns.
     fn transpose(self, rows: [Self::V; WIDTH]) -> [Self::V; WIDTH];
 }

@@ -74,6 +74,10 @@ impl Lanes for Neon {
         std::array::from_fn(|i| unsafe { vfmsq_f64(c[i], a[i], b[i]) })
     }
     #[inline(always)]
+    fn fnma_one(self, a: f64, b: f64, c: f64) -> f64 {
+        (-a).mul_add(b, c)
+    }
+    #[inline(always)]
     fn transpose(self, r: [Four; WIDTH]) -> [Four; WIDTH] {
         std::array::from_fn(|i| {
             std::array::from_fn(|j| unsafe {

@@ -63,6 +63,10 @@ impl Lanes for Scalar {
         std::array::from_fn(|i| c[i] - a[i] * b[i])
     }
     #[inline(always)]
+    fn fnma_one(self, a: f64, b: f64, c: f64) -> f64 {
+        c - a * b
+    }
+    #[inline(always)]
     fn transpose(self, rows: [Row; WIDTH]) -> [Row; WIDTH] {
         std::array::from_fn(|i| std::array::from_fn(|j| rows[j][i]))
     }

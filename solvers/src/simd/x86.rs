@@ -59,6 +59,7 @@ impl Avx2 {
 // references to eight f64.
 impl Lanes for Avx512 {
     type V = __m512d;
+    const MANY_REGISTERS: bool = true;
 
     #[inline(always)]
     fn splat(self, x: f64) -> __m512d {
@@ -114,6 +115,10 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn fnma(self, a: __m512d, b: __m512d, c: __m512d) -> __m512d {
         unsafe { _mm512_fnmadd_pd(a, b, c) }
+    }
+    #[inline(always)]
+    fn fnma_one(self, a: f64, b: f64, c: f64) -> f64 {
+        (-a).mul_add(b, c)
     }
     #[inline(always)]
     fn transpose(self, r: [__m512d; WIDTH]) -> [__m512d; WIDTH] {
@@ -232,6 +237,10 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn fnma(self, a: Pair, b: Pair, c: Pair) -> Pair {
         unsafe { [_mm256_fnmadd_pd(a[0], b[0], c[0]), _mm256_fnmadd_pd(a[1], b[1], c[1])] }
+    }
+    #[inline(always)]
+    fn fnma_one(self, a: f64, b: f64, c: f64) -> f64 {
+        (-a).mul_add(b, c)
     }
     #[inline(always)]
     fn transpose(self, r: [Pair; WIDTH]) -> [Pair; WIDTH] {

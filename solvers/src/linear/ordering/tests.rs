@@ -99,3 +99,18 @@ fn wrong_orders_are_refused_and_nothing_is_an_order_of_nothing() {
     assert_eq!(elimination_flops(&pattern, &[0, 1, 2, 4]), None);
     assert!(block_order(&BlockPattern::new(Vec::new(), [])).is_empty());
 }
+
+#[test]
+fn chains_are_eliminated_without_fill() {
+    // Two junctions joined by three chains: everything but a triangle goes by the reduction.
+    let mut pairs = Vec::new();
+    for path in 0..3 {
+        let first = 2 + 20 * path;
+        pairs.extend((first + 1..first + 20).map(|i| (i, i - 1)));
+        pairs.extend([(0, first), (1, first + 19)]);
+    }
+    let pattern = BlockPattern::new(vec![3; 62], pairs);
+    let found = cheapest_ordering(&pattern);
+    // Each of the 60 in a chain has two later neighbors at most.
+    assert!(found.factor_entries <= 62.0 * 6.0 + 60.0 * 18.0 + 9.0, "{}", found.factor_entries);
+}

@@ -1,0 +1,125 @@
+//! Approximate minimum degree on the block graph, by faer, behind an exact reduction.
+//!
+//! Vertices of at most two neighbors are eliminated first, as minimum degree would: that takes the
+//! chains of a trajectory away in linear time. Removing a vertex of two neighbors joins them, so a
+//! neighbor's list never grows and everything happens in place.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::sparse::SymbolicSparseColMatRef;
+use faer::sparse::linalg::amd;
+
+use super::graph::Graph;
+
+/// The order, or `None` for want of memory or of index range.
+pub(super) fn minimum_degree(graph: &Graph) -> Option<Vec<u32>> {
+    reduced(graph, approximate)
+}
+
+/// The reduction, then `order_core` on what is left.
+fn reduced(graph: &Graph, order_core: impl FnOnce(&Graph) -> Option<Vec<u32>>) -> Option<Vec<u32>> {
+    let count = graph.count();
+    let mut order = Vec::with_capacity(count);
+    let mut lists = graph.neighbors.clone();
+    let mut degrees: Vec<u32> = (0..count).map(|v| graph.of(v).len() as u32).collect();
+    let mut is_eliminated = vec![false; count];
+    let mut pending = Vec::new();
+    // Leaves first: a junction that has two neighbors left is then no longer one with leaves.
+    for (most, start) in (1..=2).flat_map(|most| (0..count as u32).map(move |v| (most, v))) {
+        pending.push(start);
+        while let Some(v) = pending.pop() {
+            let v = v as usize;
+            if is_eliminated[v] || degrees[v] > most {
+                continue;
+            }
+            is_eliminated[v] = true;
+            order.push(v as u32);
+            let first = graph.starts[v] as usize;
+            match *lists.get(first..first + degrees[v] as usize)? {
+                [a] => {
+                    replace(graph, &mut lists, &mut degrees, a, v as u32, None);
+                    pending.push(a);
+                }
+                [a, b] => {
+                    replace(graph, &mut lists, &mut degrees, a, v as u32, Some(b));
+                    replace(graph, &mut lists, &mut degrees, b, v as u32, Some(a));
+                    pending.extend([a, b]);
+                }
+                _ => {}
+            }
+        }
+    }
+    if order.len() < count {
+        let (kept, core) = remaining(graph, &lists, &degrees, &is_eliminated);
+        order.extend(order_core(&core)?.into_iter().map(|k| kept[k as usize]));
+    }
+    Some(order)
+}
+
+/// Puts `new` in the place of `old` among the neighbors of `v`, or takes `old` out where `new` is
+/// there already or nobody.
+fn replace(
+    graph: &Graph,
+    lists: &mut [u32],
+    degrees: &mut [u32],
+    v: u32,
+    old: u32,
+    new: Option<u32>,
+) {
+    let first = graph.starts[v as usize] as usize;
+    let degree = &mut degrees[v as usize];
+    let list = &mut lists[first..first + *degree as usize];
+    let Some(at) = list.iter().position(|&w| w == old) else { return };
+    match new.filter(|new| !list.contains(new)) {
+        Some(new) => list[at] = new,
+        None => {
+            list[at] = list[list.len() - 1];
+            *degree -= 1;
+        }
+    }
+}
+
+/// The vertices that are left, ascending, and their graph.
+fn remaining(
+    graph: &Graph,
+    lists: &[u32],
+    degrees: &[u32],
+    is_eliminated: &[bool],
+) -> (Vec<u32>, Graph) {
+    let count = graph.count();
+    let mut number = vec![0u32; count];
+    let mut kept = Vec::new();
+    for v in 0..count {
+        if !is_eliminated[v] {
+            number[v] = kept.len() as u32;
+            kept.push(v as u32);
+        }
+    }
+    let mut core = Graph { starts: vec![0], neighbors: Vec::with_capacity(lists.len()) };
+    for &v in &kept {
+        let first = graph.starts[v as usize] as usize;
+        let begin = core.neighbors.len();
+        let list = &lists[first..first + degrees[v as usize] as usize];
+        core.neighbors.extend(list.iter().map(|&w| number[w as usize]));
+        core.neighbors[begin..].sort_unstable();
+        core.starts.push(core.neighbors.len() as u32);
+    }
+    (kept, core)
+}
+
+/// AMD by faer.
+fn approximate(graph: &Graph) -> Option<Vec<u32>> {
+    let count = graph.count();
+    // Lower neighbors by column are the upper triangle.
+    let (mut starts, mut rows) = (Vec::with_capacity(count + 1), Vec::new());
+    starts.push(0u32);
+    for v in 0..count {
+        rows.extend(graph.of(v).iter().filter(|&&w| (w as usize) < v));
+        starts.push(rows.len() as u32);
+    }
+    let upper = SymbolicSparseColMatRef::new_checked(count, count, &starts, None, &rows);
+    let (mut order, mut position) = (vec![0u32; count], vec![0u32; count]);
+    let mut memory = MemBuffer::try_new(amd::order_scratch::<u32>(count, rows.len())).ok()?;
+    let control = amd::Control::default();
+    amd::order(&mut order, &mut position, upper, control, MemStack::new(&mut memory)).ok()?;
+    Some(order)
+}

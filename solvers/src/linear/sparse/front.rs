@@ -1,0 +1,232 @@
+//! Filling a front: the matrix's own blocks, and the update matrices of its children.
+//!
+//! Blocks of 2, 3, 6, 7, 9 and 15 scalars have loops of fixed length. Squares on the diagonal are
+//! taken whole where that is simpler: what lands above the diagonal is never read.
+//! Children are added in order, each element by one task, so that sums keep their order.
+
+use super::kernels::Target;
+use super::numeric::Numeric;
+use super::plan::{Entry, Node, Run};
+use crate::simd::{Kernel, Lanes, WIDTH};
+
+/// Columns of a diagonal square that are added at a time.
+const DIAGONAL: usize = 8;
+
+/// The panel with the matrix's own values.
+pub(super) fn fill(numeric: &Numeric<'_>, node: &Node, panel: &mut [f64]) {
+    let plan = numeric.plan;
+    panel.fill(0.0);
+    let entries = &plan.entries[node.entries.start as usize..node.entries.end as usize];
+    scatter(entries, numeric.values, panel, node.stride);
+    if !numeric.added.is_empty() {
+        let scalars = &plan.scalars[node.first..node.first + node.pivots];
+        for (k, &scalar) in scalars.iter().enumerate() {
+            panel[k * (node.stride + 1)] += numeric.added[scalar as usize];
+        }
+    }
+}
+
+pub(super) fn whole_panel<'a>(node: &Node, columns: &'a mut [f64]) -> Target<'a> {
+    Target { columns, stride: node.stride, first_row: 0, first_column: 0 }
+}
+
+pub(super) fn whole_update<'a>(node: &Node, columns: &'a mut [f64]) -> Target<'a> {
+    Target {
+        columns,
+        stride: node.update_stride(),
+        first_row: node.update_row(),
+        first_column: node.pivots,
+    }
+}
+
+/// Copies stored blocks into a panel of the given stride.
+#[inline(always)]
+fn scatter(entries: &[Entry], values: &[f64], panel: &mut [f64], stride: usize) {
+    for entry in entries {
+        let (rows, columns) = (usize::from(entry.rows), usize::from(entry.columns));
+        let Some(source) =
+            values.get(entry.source as usize..).and_then(|v| v.get(..rows * columns))
+        else {
+            continue;
+        };
+        let Some(target) = panel.get_mut(entry.target as usize..) else { continue };
+        match (rows, columns) {
+            (3, 3) => scatter_block::<3>(source, target, stride, entry.is_transposed),
+            (6, 6) => scatter_block::<6>(source, target, stride, entry.is_transposed),
+            (7, 7) => scatter_block::<7>(source, target, stride, entry.is_transposed),
+            (9, 9) => scatter_block::<9>(source, target, stride, entry.is_transposed),
+            _ if rows == 0 => {}
+            _ => {
+                for (c, column) in source.chunks_exact(rows).enumerate() {
+                    for (r, &value) in column.iter().enumerate() {
+                        let at = if entry.is_transposed { c + r * stride } else { r + c * stride };
+                        if let Some(slot) = target.get_mut(at) {
+                            *slot = value;
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A square block of fixed size.
+#[inline(always)]
+fn scatter_block<const N: usize>(
+    source: &[f64],
+    target: &mut [f64],
+    stride: usize,
+    is_transposed: bool,
+) {
+    let (columns, _) = source.as_chunks::<N>();
+    let Some(columns) = columns.first_chunk::<N>() else { return };
+    for c in 0..N {
+        let column = if is_transposed {
+            let mut row = [0.0; N];
+            for r in 0..N {
+                row[r] = columns[r][c];
+            }
+            row
+        } else {
+            columns[c]
+        };
+        if let Some(slot) = target.get_mut(c * stride..).and_then(|tail| tail.first_chunk_mut()) {
+            *slot = column;
+        }
+    }
+}
+
+/// Adds a child's update matrix to those columns of the parent's front that `target` holds.
+pub(super) struct Lift<'a> {
+    pub(super) child: &'a Node,
+    pub(super) update: &'a [f64],
+    pub(super) runs: &'a [Run],
+    pub(super) target: Target<'a>,
+}
+
+impl Kernel for Lift<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { child, update, runs, target } = self;
+        let stride = child.update_stride();
+        let top = child.pivots - child.update_row();
+        let first = target.first_column;
+        let end = first + target.columns.len() / target.stride.max(1);
+        for (index, run) in runs.iter().enumerate() {
+            let (to, length) = (run.to as usize, run.length as usize);
+            // The columns of this run that the target holds.
+            let from = first.saturating_sub(to).min(length);
+            let until = end.saturating_sub(to).min(length);
+            if from >= until {
+                if to >= end {
+                    return;
+                }
+                continue;
+            }
+            let source_column = (run.from as usize + from) * stride;
+            let target_column = (to + from - first) * target.stride;
+            let place = |row: usize, run: &Run| {
+                (
+                    source_column + top + run.from as usize + row,
+                    target_column + run.to as usize + row - target.first_row,
+                )
+            };
+            // The run's own square from its diagonal down, in steps.
+            let mut column = from;
+            while column < until {
+                let width = DIAGONAL.min(until - column);
+                let (source_at, target_at) = place(column, run);
+                let skipped = column - from;
+                add(
+                    lanes,
+                    (update, source_at + skipped * stride, stride),
+                    (target.columns, target_at + skipped * target.stride, target.stride),
+                    (length - column, width),
+                );
+                column += width;
+            }
+            for below in &runs[index + 1..] {
+                let (source_at, target_at) = place(0, below);
+                add(
+                    lanes,
+                    (update, source_at, stride),
+                    (target.columns, target_at, target.stride),
+                    (below.length as usize, until - from),
+                );
+            }
+        }
+    }
+}
+
+/// target += source for a block of `rows` × `columns` elements.
+#[inline(always)]
+fn add<L: Lanes>(
+    lanes: L,
+    (source, source_at, source_stride): (&[f64], usize, usize),
+    (target, target_at, target_stride): (&mut [f64], usize, usize),
+    (rows, columns): (usize, usize),
+) {
+    macro_rules! fixed {
+        ($($rows:literal),*) => {
+            match rows {
+                $($rows => {
+                    for c in 0..columns {
+                        let (s, t) = (source_at + c * source_stride, target_at + c * target_stride);
+                        add_fixed::<$rows>(source, s, target, t);
+                    }
+                })*
+                _ => {
+                    for c in 0..columns {
+                        let (s, t) = (source_at + c * source_stride, target_at + c * target_stride);
+                        let (Some(source), Some(target)) =
+                            (source.get(s..s + rows), target.get_mut(t..t + rows))
+                        else {
+                            return;
+                        };
+                        add_rows(lanes, source, target);
+                    }
+                }
+            }
+        };
+    }
+    fixed!(2, 3, 6, 7, 9, 12);
+}
+
+/// target += source for `N` rows of a column.
+#[inline(always)]
+fn add_fixed<const N: usize>(source: &[f64], s: usize, target: &mut [f64], t: usize) {
+    let source = source.get(s..).and_then(|tail| tail.first_chunk::<N>());
+    let target = target.get_mut(t..).and_then(|tail| tail.first_chunk_mut::<N>());
+    if let (Some(source), Some(target)) = (source, target) {
+        // Sums of copies: nothing overlaps, so they become vectors.
+        let (a, mut b) = (*source, *target);
+        for r in 0..N {
+            b[r] += a[r];
+        }
+        *target = b;
+    }
+}
+
+/// target += source for the rows of a column.
+#[inline(always)]
+fn add_rows<L: Lanes>(lanes: L, source: &[f64], target: &mut [f64]) {
+    let (vectors, rest) = source.as_chunks::<WIDTH>();
+    let (targets, target_rest) = target.as_chunks_mut::<WIDTH>();
+    for (t, s) in targets.iter_mut().zip(vectors) {
+        lanes.store(lanes.add(lanes.load(t), lanes.load(s)), t);
+    }
+    let mut at = 0;
+    if rest.len() & 4 > 0 {
+        add_fixed::<4>(rest, at, target_rest, at);
+        at += 4;
+    }
+    if rest.len() & 2 > 0 {
+        add_fixed::<2>(rest, at, target_rest, at);
+        at += 2;
+    }
+    if rest.len() & 1 > 0 {
+        add_fixed::<1>(rest, at, target_rest, at);
+    }
+}

@@ -1,0 +1,70 @@
+//! A subtree in one task: node after node, update matrices on two stacks.
+//! It knows nothing of other subtrees; what it leaves is its panels and its root's update matrix.
+
+use super::front::{Lift, fill, whole_panel, whole_update};
+use super::kernels::{BadPivot, Downdate, Factor, PANEL, Source, Start, Target};
+use super::numeric::Numeric;
+use super::plan::Node;
+
+impl Numeric<'_> {
+    /// The subtree under `root` with its part of the factor and of the space.
+    pub(super) fn sweep(
+        &self,
+        root: u32,
+        factor: &mut [f64],
+        space: &mut [f64],
+    ) -> Result<(), BadPivot> {
+        let root_node = self.node(root);
+        let base = self.node(root_node.first_node).panel;
+        let (mut own, mut other) = space.split_at_mut(root_node.space[0]);
+        let mut is_odd = root_node.is_odd;
+        for node in &self.plan.nodes[root_node.first_node as usize..=root as usize] {
+            if node.is_odd != is_odd {
+                std::mem::swap(&mut own, &mut other);
+                is_odd = node.is_odd;
+            }
+            let panel = &mut factor[node.panel - base..][..node.panel_size()];
+            let rest = &mut own[node.update..][..node.update_size()];
+            fill(self, node, panel);
+            let lift = |target: Target<'_>| {
+                let Target { columns, stride, first_row, first_column } = target;
+                for &child in self.plan.children_of(node) {
+                    let child = self.node(child);
+                    let update = &other[child.update..][..child.update_size()];
+                    let target = Target { columns: &mut *columns, stride, first_row, first_column };
+                    self.class.run(Lift { child, update, runs: self.lifts(child), target });
+                }
+            };
+            lift(whole_panel(node, panel));
+            self.factor_panel(node, panel)?;
+            if !rest.is_empty() {
+                let source = Source { columns: panel, stride: node.stride };
+                let target = whole_update(node, rest);
+                self.class.run(Downdate { source, start: Start::Zero, target });
+                lift(whole_update(node, rest));
+            }
+        }
+        Ok(())
+    }
+
+    /// Cholesky of a panel.
+    fn factor_panel(&self, node: &Node, panel: &mut [f64]) -> Result<(), BadPivot> {
+        let stride = node.stride;
+        let mut first = 0;
+        while first < node.pivots {
+            let end = (first + PANEL).min(node.pivots);
+            let (head, rest) = panel.split_at_mut(end * stride);
+            let columns = &mut head[first * stride..];
+            self.class
+                .run(Factor { columns: &mut *columns, stride, first })
+                .map_err(|bad| BadPivot { column: node.first + bad.column, ..bad })?;
+            if !rest.is_empty() {
+                let source = Source { columns, stride };
+                let target = Target { columns: rest, stride, first_row: 0, first_column: end };
+                self.class.run(Downdate { source, start: Start::Target, target });
+            }
+            first = end;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,182 @@
+//! Solves with the factor: L y = b up the tree, Lᵀ x = y down again.
+//!
+//! A node works on a short dense vector, its pivots followed by its rows. Eight columns are applied
+//! at a time, so that the vector is read and written once for each eight of them. The factor is
+//! streamed once in each direction. Nothing is allocated.
+
+use super::plan::{Node, Plan, Run};
+use crate::simd::{Kernel, Lanes, Row, WIDTH};
+
+/// Solves in place, in elimination order.
+pub(super) struct Triangular<'a> {
+    pub(super) plan: &'a Plan,
+    pub(super) factor: &'a [f64],
+    pub(super) x: &'a mut [f64],
+    /// At least as long as the longest column of a front.
+    pub(super) front: &'a mut [f64],
+}
+
+impl Kernel for Triangular<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { plan, factor, x, front } = self;
+        for node in &plan.nodes {
+            let panel = &factor[node.panel..][..node.panel_size()];
+            let front = &mut front[..node.stride];
+            let (pivots, rows) = front.split_at_mut(node.pivots);
+            pivots.copy_from_slice(&x[node.first..][..node.pivots]);
+            rows.fill(0.0);
+            forward(lanes, panel, node, front);
+            x[node.first..][..node.pivots].copy_from_slice(&front[..node.pivots]);
+            for run in runs(plan, node) {
+                let target = &mut x[run.to as usize..][..run.length as usize];
+                let source = &front[run.from as usize..][..run.length as usize];
+                for (t, s) in target.iter_mut().zip(source) {
+                    *t += s;
+                }
+            }
+        }
+        for node in plan.nodes.iter().rev() {
+            let panel = &factor[node.panel..][..node.panel_size()];
+            let front = &mut front[..node.stride];
+            front[..node.pivots].copy_from_slice(&x[node.first..][..node.pivots]);
+            for run in runs(plan, node) {
+                front[run.from as usize..][..run.length as usize]
+                    .copy_from_slice(&x[run.to as usize..][..run.length as usize]);
+            }
+            front[node.rows..].fill(0.0);
+            backward(lanes, panel, node, front);
+            x[node.first..][..node.pivots].copy_from_slice(&front[..node.pivots]);
+        }
+    }
+}
+
+#[inline(always)]
+fn runs<'a>(plan: &'a Plan, node: &Node) -> &'a [Run] {
+    &plan.rows[node.row_runs.start as usize..node.row_runs.end as usize]
+}
+
+/// Rows `row..row + 8`; the lengths agree by construction.
+#[inline(always)]
+fn rows_at(column: &[f64], row: usize) -> &Row {
+    column.get(row..).and_then(|tail| tail.first_chunk()).unwrap_or(&[0.0; WIDTH])
+}
+
+/// front ← (L₁₁⁻¹ b, −L₂₁ L₁₁⁻¹ b).
+#[inline(always)]
+fn forward<L: Lanes>(lanes: L, panel: &[f64], node: &Node, front: &mut [f64]) {
+    let stride = node.stride;
+    let mut first = 0;
+    while first < node.pivots {
+        let width = (node.pivots - first).min(WIDTH);
+        let columns = &panel[first * stride..(first + width) * stride];
+        let (groups, _) = front[first..].as_chunks_mut::<WIDTH>();
+        match width {
+            8 => forward_strip::<L, 8>(lanes, columns, stride, first, groups),
+            7 => forward_strip::<L, 7>(lanes, columns, stride, first, groups),
+            6 => forward_strip::<L, 6>(lanes, columns, stride, first, groups),
+            5 => forward_strip::<L, 5>(lanes, columns, stride, first, groups),
+            4 => forward_strip::<L, 4>(lanes, columns, stride, first, groups),
+            3 => forward_strip::<L, 3>(lanes, columns, stride, first, groups),
+            2 => forward_strip::<L, 2>(lanes, columns, stride, first, groups),
+            _ => forward_strip::<L, 1>(lanes, columns, stride, first, groups),
+        }
+        first += width;
+    }
+}
+
+/// `W` columns of [`forward`], whose diagonal begins at row `first`.
+#[inline(always)]
+fn forward_strip<L: Lanes, const W: usize>(
+    lanes: L,
+    columns: &[f64],
+    stride: usize,
+    first: usize,
+    groups: &mut [Row],
+) {
+    let mut lines: [&[f64]; W] = [&[]; W];
+    for w in 0..W {
+        lines[w] = &columns[w * stride + first..(w + 1) * stride];
+    }
+    let Some((diagonal, groups)) = groups.split_first_mut() else { return };
+    let mut solved = [0.0; W];
+    let mut v = lanes.load(diagonal);
+    for w in 0..W {
+        lanes.store(v, diagonal);
+        solved[w] = diagonal[w] * lines[w][w];
+        v = lanes.fnma(lanes.load(rows_at(lines[w], 0)), lanes.splat(solved[w]), v);
+    }
+    lanes.store(v, diagonal);
+    diagonal[..W].copy_from_slice(&solved);
+    for (group, rows) in groups.iter_mut().enumerate() {
+        let row = (group + 1) * WIDTH;
+        let mut v = lanes.load(rows);
+        for w in 0..W {
+            v = lanes.fnma(lanes.load(rows_at(lines[w], row)), lanes.splat(solved[w]), v);
+        }
+        lanes.store(v, rows);
+    }
+}
+
+/// The pivots of front ← L₁₁⁻ᵀ (b − L₂₁ᵀ x₂).
+#[inline(always)]
+fn backward<L: Lanes>(lanes: L, panel: &[f64], node: &Node, front: &mut [f64]) {
+    let stride = node.stride;
+    let mut end = node.pivots;
+    while end > 0 {
+        let first = (end - 1) & !(WIDTH - 1);
+        let columns = &panel[first * stride..end * stride];
+        let (groups, _) = front[first..].as_chunks_mut::<WIDTH>();
+        match end - first {
+            8 => backward_strip::<L, 8>(lanes, columns, stride, first, groups),
+            7 => backward_strip::<L, 7>(lanes, columns, stride, first, groups),
+            6 => backward_strip::<L, 6>(lanes, columns, stride, first, groups),
+            5 => backward_strip::<L, 5>(lanes, columns, stride, first, groups),
+            4 => backward_strip::<L, 4>(lanes, columns, stride, first, groups),
+            3 => backward_strip::<L, 3>(lanes, columns, stride, first, groups),
+            2 => backward_strip::<L, 2>(lanes, columns, stride, first, groups),
+            _ => backward_strip::<L, 1>(lanes, columns, stride, first, groups),
+        }
+        end = first;
+    }
+}
+
+/// `W` columns of [`backward`], whose diagonal begins at row `first`.
+#[inline(always)]
+fn backward_strip<L: Lanes, const W: usize>(
+    lanes: L,
+    columns: &[f64],
+    stride: usize,
+    first: usize,
+    groups: &mut [Row],
+) {
+    let mut lines: [&[f64]; W] = [&[]; W];
+    for w in 0..W {
+        lines[w] = &columns[w * stride + first..(w + 1) * stride];
+    }
+    let Some((diagonal, groups)) = groups.split_first_mut() else { return };
+    let mut sums = [lanes.splat(0.0); WIDTH];
+    for (group, rows) in groups.iter().enumerate() {
+        let row = (group + 1) * WIDTH;
+        let v = lanes.load(rows);
+        for w in 0..W {
+            sums[w] = lanes.fma(lanes.load(rows_at(lines[w], row)), v, sums[w]);
+        }
+    }
+    let parts = lanes.transpose(sums);
+    let mut total = parts[0];
+    for part in 1..WIDTH {
+        total = lanes.add(total, parts[part]);
+    }
+    let mut totals = [0.0; WIDTH];
+    lanes.store(total, &mut totals);
+    for w in (0..W).rev() {
+        let mut value = diagonal[w] - totals[w];
+        for r in w + 1..WIDTH {
+            value -= lines[w][r] * diagonal[r];
+        }
+        diagonal[w] = value * lines[w][w];
+    }
+}
