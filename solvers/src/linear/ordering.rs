@@ -4,33 +4,46 @@
 //! b³/3 + b²h + bh² flops (with equal blocks and c = h/b: b³(1/3 + c + c²)). Candidates are tried in
 //! turn and the cheapest is kept; counting stops as soon as a candidate is seen to lose.
 //!
-//! - `minimum_degree`: AMD behind an exact reduction; `elimination`: tree and fill of an order.
+//! - `minimum_degree`: AMD behind an exact reduction; `dissection`, `multilevel`,
+//!   `refinement`: nested dissection; `elimination`: tree and fill of an order.
 //!
 //! The result is always postordered, which keeps fill and cost and brings supernodes together.
 //! Nothing here looks at values.
 
+mod dissection;
 mod elimination;
 mod graph;
 mod minimum_degree;
+mod multilevel;
+mod refinement;
 
 use super::pattern::BlockPattern;
 
+use dissection::nested_dissection;
 use elimination::{Bound, eliminate};
 pub(super) use elimination::{Elimination, NO_PARENT, earlier_neighbors};
 use graph::Graph;
-use minimum_degree::minimum_degree;
+use minimum_degree::{minimum_degree, reduced};
 
 /// Which algorithm made an elimination order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OrderingMethod {
     /// Approximate minimum degree on the block graph.
     MinimumDegree,
+    /// Nested dissection of the block graph.
+    NestedDissection,
     /// The caller's order.
     Natural,
 }
 
 /// Candidates, most promising first, since the first ones bound the counting of the later.
-const CANDIDATES: [OrderingMethod; 2] = [OrderingMethod::MinimumDegree, OrderingMethod::Natural];
+const CANDIDATES: [OrderingMethod; 3] =
+    [OrderingMethod::MinimumDegree, OrderingMethod::NestedDissection, OrderingMethod::Natural];
+
+/// Dissection costs a few microseconds a block: it is tried where what it may save over the
+/// factorizations of a solve is more, and where there is something to cut.
+const DISSECTION_FLOPS: f64 = 2e5;
+const DENSE: f64 = 0.3;
 
 /// The caller's order is a candidate for so many blocks.
 const NATURAL: usize = 256;
@@ -76,10 +89,14 @@ pub(super) fn cheapest(pattern: &BlockPattern) -> (BlockOrdering, Elimination) {
     let graph = Graph::new(pattern);
     let mut best: Option<(OrderingMethod, Vec<u32>, Elimination)> = None;
     for method in CANDIDATES {
+        let flops = best.as_ref().map_or(f64::INFINITY, |(_, _, elimination)| elimination.flops);
         let order = match method {
             // Where every block is stored there is nothing to choose.
             OrderingMethod::MinimumDegree if pattern.density() >= 1.0 => None,
             OrderingMethod::MinimumDegree => minimum_degree(&graph),
+            OrderingMethod::NestedDissection if flops < DISSECTION_FLOPS * count as f64 => None,
+            OrderingMethod::NestedDissection if pattern.density() > DENSE => None,
+            OrderingMethod::NestedDissection => reduced(&graph, nested_dissection),
             OrderingMethod::Natural if best.is_some() && count > NATURAL => None,
             OrderingMethod::Natural => Some(natural()),
         };

@@ -16,7 +16,10 @@ pub(super) fn minimum_degree(graph: &Graph) -> Option<Vec<u32>> {
 }
 
 /// The reduction, then `order_core` on what is left.
-fn reduced(graph: &Graph, order_core: impl FnOnce(&Graph) -> Option<Vec<u32>>) -> Option<Vec<u32>> {
+pub(super) fn reduced(
+    graph: &Graph,
+    order_core: impl FnOnce(&Graph) -> Option<Vec<u32>>,
+) -> Option<Vec<u32>> {
     let count = graph.count();
     let mut order = Vec::with_capacity(count);
     let mut lists = graph.neighbors.clone();
@@ -107,7 +110,7 @@ fn remaining(
 }
 
 /// AMD by faer.
-fn approximate(graph: &Graph) -> Option<Vec<u32>> {
+pub(super) fn approximate(graph: &Graph) -> Option<Vec<u32>> {
     let count = graph.count();
     // Lower neighbors by column are the upper triangle.
     let (mut starts, mut rows) = (Vec::with_capacity(count + 1), Vec::new());

@@ -1,5 +1,6 @@
 //! Orders are permutations, flop counts are those of known graphs, fill is counted exactly.
 
+use super::multilevel::{Level, SEPARATOR, separate};
 use super::*;
 
 fn chain(count: usize, size: usize) -> BlockPattern {
@@ -100,6 +101,57 @@ fn wrong_orders_are_refused_and_nothing_is_an_order_of_nothing() {
     assert!(block_order(&BlockPattern::new(Vec::new(), [])).is_empty());
 }
 
+/// Random pairs over a grid: no good separator.
+fn tangle(side: usize) -> BlockPattern {
+    let count = side * side;
+    let mut state = 1u64;
+    let mut random = || {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (state >> 33) as usize % count
+    };
+    let closures: Vec<_> = (0..count).map(|_| (random(), random())).collect();
+    let chain = (1..count).map(|i| (i, i - 1));
+    BlockPattern::new(vec![3; count], chain.chain(closures))
+}
+
+#[test]
+fn a_separator_separates_and_is_small_on_a_grid() {
+    for (pattern, most) in [(grid(40, 3), 44), (tangle(25), 300)] {
+        let graph = Graph::new(&pattern);
+        let sides = separate(&Level::of(graph.clone()));
+        for v in 0..graph.count() {
+            let crosses = |&w: &u32| sides[v] + sides[w as usize] == 1;
+            assert!(sides[v] == SEPARATOR || !graph.of(v).iter().any(crosses));
+        }
+        let weight = |side| sides.iter().filter(|&&found| found == side).count();
+        assert!(weight(SEPARATOR) <= most, "{}", weight(SEPARATOR));
+        assert!(weight(0).min(weight(1)) * 5 > graph.count() - most, "{}", weight(0));
+    }
+}
+
+#[test]
+fn dissection_is_a_permutation_that_beats_the_callers_order() {
+    let scattered = BlockPattern::new(vec![3; 900], (0..450).map(|i| (2 * i, 2 * i + 1)));
+    for pattern in [grid(40, 3), tangle(25), scattered, chain(500, 6), grid(1, 2), chain(0, 1)] {
+        let graph = Graph::new(&pattern);
+        for order in [nested_dissection(&graph), reduced(&graph, nested_dissection)] {
+            let order = order.unwrap();
+            let flops = elimination_flops(&pattern, &order).expect("a permutation");
+            let natural: Vec<u32> = (0..order.len() as u32).collect();
+            // A chain has no fill in its own order; dissected, a vertex has two later neighbors.
+            assert!(flops <= 3.0 * elimination_flops(&pattern, &natural).unwrap());
+            if order.len() == 1600 {
+                assert!(flops < 0.5 * elimination_flops(&pattern, &natural).unwrap());
+            }
+            let threads = |count| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap();
+                pool.install(|| nested_dissection(&graph))
+            };
+            assert_eq!(threads(1), threads(3));
+        }
+    }
+}
+
 #[test]
 fn chains_are_eliminated_without_fill() {
     // Two junctions joined by three chains: everything but a triangle goes by the reduction.
@@ -113,4 +165,12 @@ fn chains_are_eliminated_without_fill() {
     let found = cheapest_ordering(&pattern);
     // Each of the 60 in a chain has two later neighbors at most.
     assert!(found.factor_entries <= 62.0 * 6.0 + 60.0 * 18.0 + 9.0, "{}", found.factor_entries);
+}
+
+#[test]
+fn large_grids_are_dissected() {
+    let found = cheapest_ordering(&grid(110, 6));
+    let again = cheapest_ordering(&grid(110, 6));
+    assert_eq!(found, again);
+    assert!(inverse_permutation(&found.order, 110 * 110).is_some());
 }

@@ -1,0 +1,83 @@
+//! Nested dissection (George, "Nested dissection of a regular finite element mesh", 1973).
+//!
+//! A graph is cut by a small set of vertices, which is eliminated after both sides; the sides are
+//! cut in turn, and small ones are ordered by minimum degree. Good where separators are small
+//! against the whole (grids, tori, long corridors), and the two sides can be eliminated side by
+//! side. METIS would serve, but draws from the process-wide `rand` and brings a regex library under
+//! the LGPL. Everything here is deterministic on any number of threads.
+
+use super::graph::Graph;
+use super::minimum_degree::approximate;
+use super::multilevel::{Level, SEPARATOR, separate};
+
+/// Graphs of at most so many vertices are not cut.
+const LEAF: usize = 100;
+
+/// Graphs of at least so many vertices are worth a task of their own.
+const TASK: usize = 600;
+
+/// The order, or `None` for want of memory or of index range.
+pub(super) fn nested_dissection(graph: &Graph) -> Option<Vec<u32>> {
+    let count = graph.count();
+    let mut order = vec![0u32; count];
+    dissect(graph.clone(), (0..count as u32).collect(), &mut order).then_some(order)
+}
+
+/// Writes the order of `graph`, whose vertices are called `names`, to `order`.
+fn dissect(graph: Graph, names: Vec<u32>, order: &mut [u32]) -> bool {
+    let count = graph.count();
+    if count > LEAF {
+        let level = Level::of(graph);
+        let sides = separate(&level);
+        let [left, right, separator] =
+            [0, 1, SEPARATOR].map(|side| sides.iter().filter(|&&found| found == side).count());
+        if left > 0 && right > 0 {
+            let (left_order, rest) = order.split_at_mut(left);
+            let (right_order, last) = rest.split_at_mut(right);
+            debug_assert_eq!(last.len(), separator);
+            let cut = sides.iter().zip(&names).filter(|&(&side, _)| side == SEPARATOR);
+            for (slot, (_, &name)) in last.iter_mut().zip(cut) {
+                *slot = name;
+            }
+            let (left, left_names) = part(&level.graph, &names, &sides, 0);
+            let (right, right_names) = part(&level.graph, &names, &sides, 1);
+            drop((level, sides, names));
+            let first = || dissect(left, left_names, left_order);
+            let second = || dissect(right, right_names, right_order);
+            let (first, second) =
+                if count >= TASK { rayon::join(first, second) } else { (first(), second()) };
+            return first && second;
+        }
+        return leaf(&level.graph, &names, order);
+    }
+    leaf(&graph, &names, order)
+}
+
+/// Minimum degree.
+fn leaf(graph: &Graph, names: &[u32], order: &mut [u32]) -> bool {
+    let Some(found) = approximate(graph) else { return false };
+    for (slot, k) in order.iter_mut().zip(found) {
+        *slot = names[k as usize];
+    }
+    true
+}
+
+/// The graph on one side of a cut, with the names of its vertices.
+fn part(graph: &Graph, names: &[u32], sides: &[u8], side: u8) -> (Graph, Vec<u32>) {
+    let mut number = vec![0u32; sides.len()];
+    let mut kept = Vec::new();
+    for (v, &found) in sides.iter().enumerate() {
+        if found == side {
+            number[v] = kept.len() as u32;
+            kept.push(v as u32);
+        }
+    }
+    let mut part = Graph { starts: Vec::with_capacity(kept.len() + 1), neighbors: Vec::new() };
+    part.starts.push(0);
+    for &v in &kept {
+        let inside = graph.of(v as usize).iter().filter(|&&w| sides[w as usize] == side);
+        part.neighbors.extend(inside.map(|&w| number[w as usize]));
+        part.starts.push(part.neighbors.len() as u32);
+    }
+    (part, kept.iter().map(|&v| names[v as usize]).collect())
+}
