@@ -4,8 +4,8 @@
 use std::time::Duration;
 
 use covis_solvers::evaluation::{ReferencePose, pose_graph_cost};
-use covis_solvers::geometry::{Se2, Se3};
-use covis_solvers::initialization::spanning_tree;
+use covis_solvers::geometry::{RigidMotion, Se2, Se3};
+use covis_solvers::initialization::initialize;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{Observer, Options};
 use covis_solvers::pose_graph;
@@ -96,7 +96,7 @@ fn vertices<G, const N: usize>(graph: &PoseGraph<G, N>) -> impl Iterator<Item = 
     vertices.map(|((&id, pose), &fixed)| (id, pose, fixed))
 }
 
-fn solve<G: ReferencePose<N>, const N: usize>(
+fn solve<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize>(
     field: &'static str,
     input: GraphToSolve<G, N>,
     optimizer: Options,
@@ -109,9 +109,7 @@ fn solve<G: ReferencePose<N>, const N: usize>(
     if !marked {
         graph.fix_lowest_id();
     }
-    if input.spanning_tree {
-        spanning_tree(&mut graph).map_err(unsolvable)?;
-    }
+    initialize(&mut graph, input.start, input.has_poses).map_err(unsolvable)?;
     let before = pose_graph_cost(&graph);
     let options = pose_graph::Options { optimizer };
     let solved = pose_graph::solve(&mut graph, &options, observer).map_err(unsolvable)?;

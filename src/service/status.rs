@@ -253,7 +253,9 @@ pub(super) fn solve_reason(error: &SolveError) -> ViolationReason {
         SolveError::LengthMismatch { .. } => ViolationReason::WrongLength,
         SolveError::NotFinite { .. } => ViolationReason::NotFinite,
         SolveError::ResidualNotFinite { .. } => ViolationReason::NotProjectable,
-        SolveError::NotPositiveDefinite { .. } => ViolationReason::NotPositiveDefinite,
+        SolveError::NotPositiveDefinite { .. } | SolveError::Singular { .. } => {
+            ViolationReason::NotPositiveDefinite
+        }
         SolveError::Disconnected { .. } => ViolationReason::Disconnected,
         SolveError::DuplicateId { .. } => ViolationReason::Duplicate,
         SolveError::TooLarge { .. } => ViolationReason::TooLarge,

@@ -8,6 +8,7 @@ pub mod camera;
 mod coefficients;
 mod lie_group;
 mod operators;
+mod rigid_motion;
 mod scale_integral;
 mod se2;
 mod se3;
@@ -19,6 +20,7 @@ pub use camera::{
     Camera, CameraModel, KannalaBrandt, ParameterVec, PinholeRadialTangential, Projection, Snavely,
 };
 pub use lie_group::LieGroup;
+pub use rigid_motion::RigidMotion;
 pub use se2::Se2;
 pub use se3::Se3;
 pub use sim3::Sim3;

@@ -1,9 +1,13 @@
 //! Start values where a problem comes without them.
 
+mod chordal;
 mod spanning_tree;
+mod start;
 mod triangulation;
 
-pub use spanning_tree::spanning_tree;
+pub use chordal::{IsotropicPrecision, chordal};
+pub use spanning_tree::{odometry, spanning_tree};
+pub use start::{Start, initialize};
 pub use triangulation::{
     LeastWorstError, Triangulated, TriangulationError, TriangulationOptions, View,
     least_worst_error, triangulate,

@@ -1,11 +1,9 @@
-//! Start values of a pose graph along a spanning tree of its edges.
+//! Start values of a pose graph along a spanning tree of its edges, breadth-first or odometry first.
 //!
 //! Each pose is its tree neighbor's pose times one measurement: X_j = X_i · Z. The tree is
 //! breadth-first, so a pose is as few measurements from a root as the graph allows and little
-//! error adds up; loop closures are used as soon as they shorten the way. On the public graphs
-//! this start needs no more iterations than a tree along the odometry or one of most information
-//! (4 against 7 on city10000), and on torus3D it leads to the global optimum, where a start along
-//! the odometry ends in a local one. A false closure enters the start, too: no robustness here.
+//! error adds up; loop closures are used as soon as they shorten the way, and a false one enters
+//! the start. Where closures are not to be trusted, the tree follows the odometry.
 //! It must not look at the start values of poses other than its roots.
 
 use std::cmp::Reverse;
@@ -14,7 +12,7 @@ use std::collections::BinaryHeap;
 use crate::geometry::LieGroup;
 use crate::problem::{PoseGraph, SolveError};
 
-/// Replaces every pose that is not constant by its value along a spanning tree.
+/// Replaces every pose that is not constant by its value along a breadth-first spanning tree.
 ///
 /// The roots are the constant poses; without one, the pose with the lowest id, which stays where
 /// it is. Among edges of poses as near to a root, the one between the nearest ids is used, then the
@@ -25,16 +23,39 @@ use crate::problem::{PoseGraph, SolveError};
 pub fn spanning_tree<G: LieGroup<N>, const N: usize>(
     graph: &mut PoseGraph<G, N>,
 ) -> Result<(), SolveError> {
+    span(graph, |_gap| false)
+}
+
+/// Replaces every pose that is not constant by its value along the odometry.
+///
+/// As [`spanning_tree`], but an edge between ids that are not consecutive is used only to reach what
+/// the others do not: no loop closure, true or false, enters the start.
+///
+/// # Errors
+/// As [`spanning_tree`].
+pub fn odometry<G: LieGroup<N>, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+) -> Result<(), SolveError> {
+    span(graph, |gap| gap > 1)
+}
+
+/// Grows the tree; an edge over a gap of ids that `is_costly` counts before any number of others.
+fn span<G: LieGroup<N>, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    is_costly: impl Fn(u64) -> bool,
+) -> Result<(), SolveError> {
     graph.validate()?;
     let neighbors = neighbors(graph);
     let mut reached = vec![false; graph.poses.len()];
     let mut frontier = BinaryHeap::new();
     for root in roots(graph) {
         reached[root] = true;
-        frontier
-            .extend(neighbors[root].iter().map(|link| candidate(1, link, graph.ids[root], root)));
+        let way = |link: &Link| (usize::from(is_costly(link.gap)), 1);
+        frontier.extend(
+            neighbors[root].iter().map(|link| candidate(way(link), link, graph.ids[root], root)),
+        );
     }
-    while let Some(Reverse((depth, _, _, edge, from))) = frontier.pop() {
+    while let Some(Reverse(((costly, depth), _, _, edge, from))) = frontier.pop() {
         let factor = &graph.edges[edge];
         let (to, from_to) = if factor.i == from {
             (factor.j, factor.i_from_j)
@@ -46,8 +67,9 @@ pub fn spanning_tree<G: LieGroup<N>, const N: usize>(
         }
         reached[to] = true;
         graph.poses[to] = graph.poses[from].compose(&from_to);
+        let way = |link: &Link| (costly + usize::from(is_costly(link.gap)), depth + 1);
         frontier
-            .extend(neighbors[to].iter().map(|link| candidate(depth + 1, link, graph.ids[to], to)));
+            .extend(neighbors[to].iter().map(|link| candidate(way(link), link, graph.ids[to], to)));
     }
     Ok(())
 }
@@ -58,12 +80,15 @@ struct Link {
     edge: usize,
 }
 
-/// A way to a pose: its depth, the gap of ids, the id it comes from, the edge, the pose it comes
-/// from. The smallest is taken first.
-type Candidate = (usize, u64, i64, usize, usize);
+/// Costly edges on the way to a pose, and all edges on it.
+type Way = (usize, usize);
 
-fn candidate(depth: usize, link: &Link, from_id: i64, from: usize) -> Reverse<Candidate> {
-    Reverse((depth, link.gap, from_id, link.edge, from))
+/// A way to a pose, the gap of ids, the id it comes from, the edge, the pose it comes from. The
+/// smallest is taken first.
+type Candidate = (Way, u64, i64, usize, usize);
+
+fn candidate(way: Way, link: &Link, from_id: i64, from: usize) -> Reverse<Candidate> {
+    Reverse((way, link.gap, from_id, link.edge, from))
 }
 
 /// The edges at each pose, in edge order.

@@ -59,6 +59,14 @@ pub enum SolveError {
         /// Its position in its batch, from 0.
         index: usize,
     },
+    /// The factors leave a variable open: a system that must have one solution has none or many.
+    #[error("the {what} {id} is not determined by the factors")]
+    Singular {
+        /// What is open, with the kind of variable: "rotation of pose".
+        what: &'static str,
+        /// The variable's id.
+        id: i64,
+    },
     /// A pose graph is in several pieces that no factor ties together.
     #[error("the graph is in {} pieces: {}", .pieces.len(), Piece::describe(.pieces))]
     Disconnected {

@@ -4,6 +4,7 @@
 
 mod graphs;
 
+mod chordal;
 mod files;
 mod gauge_and_errors;
 mod jacobians;

@@ -3,7 +3,7 @@
 use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{LieGroup, Se2, Se3, Sim3};
 use covis_solvers::information::Information;
-use covis_solvers::initialization::spanning_tree;
+use covis_solvers::initialization::{Start, initialize, odometry, spanning_tree};
 use covis_solvers::io::g2o::G2oGraph;
 use covis_solvers::problem::{PoseGraph, SolveError};
 
@@ -91,4 +91,28 @@ fn refuses_a_graph_in_two_pieces() {
     };
     assert_eq!(pieces.len(), 2);
     assert_eq!(graph, before);
+}
+
+#[test]
+fn odometry_leaves_closures_out_where_it_reaches() {
+    // The closure 0-3 is shorter, but false; pose 9 hangs on a closure alone.
+    let edges = [(0, 3, 50.0), (0, 1, 1.0), (1, 2, 1.0), (2, 3, 1.0), (1, 4, 7.0)];
+    let mut graph = line(&[0, 1, 2, 3, 9], &edges);
+    odometry(&mut graph).unwrap();
+    let x: Vec<f64> = graph.poses.iter().map(|pose| pose.translation.x).collect();
+    assert_eq!(x, [0.0, 1.0, 2.0, 3.0, 8.0]);
+}
+
+#[test]
+fn auto_takes_the_start_of_lower_cost_and_says_which() {
+    let recipe = Recipe { measurement_sigma: 0.02, ..NOISELESS };
+    let (mut graph, _) = make::<Se3, 6>(recipe);
+    assert_eq!(initialize(&mut graph, Start::Auto, true).unwrap(), Start::Chordal);
+    optimize(&mut graph);
+    let optimum = graph.poses.clone();
+    assert_eq!(initialize(&mut graph, Start::Auto, true).unwrap(), Start::Given);
+    assert_eq!(graph.poses, optimum);
+    assert_eq!(initialize(&mut graph, Start::Auto, false).unwrap(), Start::Chordal);
+    let error = initialize(&mut graph, Start::Given, false).unwrap_err();
+    assert!(matches!(error, SolveError::InvalidOption { field: "init", .. }), "{error}");
 }

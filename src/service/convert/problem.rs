@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use covis_solvers::factors::{DepthReprojection, RelativePose};
 use covis_solvers::geometry::{LieGroup, Se2, Se3};
 use covis_solvers::information::Information;
+use covis_solvers::initialization::Start;
 use covis_solvers::loss::Loss;
 use covis_solvers::problem::{BundleProblem, PoseGraph};
 
@@ -178,10 +179,12 @@ struct Edge<G, const N: usize> {
 
 /// A graph and the start that it asks for.
 pub(in crate::service) struct GraphToSolve<G, const N: usize> {
-    /// The graph; free poses are the identity where a spanning tree is to be laid.
+    /// The graph; poses that the request left out are the identity.
     pub graph: PoseGraph<G, N>,
-    /// Whether poses are to be chained along a spanning tree first.
-    pub spanning_tree: bool,
+    /// Where the solve is to start.
+    pub start: Start,
+    /// Whether every vertex came with a pose.
+    pub has_poses: bool,
 }
 
 /// A pose graph in space.
@@ -278,17 +281,21 @@ fn assemble<G: LieGroup<N>, const N: usize>(
     out: &mut Violations,
 ) -> Option<GraphToSolve<G, N>> {
     let start = out.known::<v1::PoseGraphStart>(Path::root("start"), start)?;
-    let spanning_tree = match start {
-        v1::PoseGraphStart::Unspecified => vertices.iter().any(|v| v.world_from_vertex.is_none()),
-        v1::PoseGraphStart::Vertices => false,
-        v1::PoseGraphStart::SpanningTree => true,
+    let has_poses = vertices.iter().all(|v| v.world_from_vertex.is_some());
+    let start = match start {
+        v1::PoseGraphStart::Unspecified if !has_poses => Start::SpanningTree,
+        v1::PoseGraphStart::Unspecified | v1::PoseGraphStart::Vertices => Start::Given,
+        v1::PoseGraphStart::SpanningTree => Start::SpanningTree,
+        v1::PoseGraphStart::Odometry => Start::Odometry,
+        v1::PoseGraphStart::Chordal => Start::Chordal,
+        v1::PoseGraphStart::Auto => Start::Auto,
     };
     let list = at.field("vertices");
     let mut graph = PoseGraph { loss: graph_loss, ..PoseGraph::new() };
     let mut index_of = BTreeMap::new();
     for (k, vertex) in vertices.into_iter().enumerate() {
         let at = list.index(k);
-        if !spanning_tree && vertex.world_from_vertex.is_none() {
+        if start == Start::Given && vertex.world_from_vertex.is_none() {
             let _: Option<()> = out.missing(at.field("world_from_vertex"));
         }
         if index_of.insert(vertex.id, k).is_some() {
@@ -319,5 +326,5 @@ fn assemble<G: LieGroup<N>, const N: usize>(
             graph.edges.push(RelativePose { i, j, i_from_j, information });
         }
     }
-    Some(GraphToSolve { graph, spanning_tree })
+    Some(GraphToSolve { graph, start, has_poses })
 }

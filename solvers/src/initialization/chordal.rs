@@ -1,0 +1,235 @@
+//! Start values of a pose graph from its relaxed rotations.
+//!
+//! Rotations as free matrices make the chordal cost Σ κ ‖R_j − R_i Z‖² linear: each row of every R
+//! is a least-squares problem with the same matrix (Martinec and Pajdla 2007; Carlone et al.,
+//! "Initialization techniques for 3D SLAM", 2015). The solution is projected onto the rotations;
+//! with these held, translations are linear least squares with the edges' own information. Both
+//! systems have one block a pose on one pattern, so that one plan serves two factorizations. It
+//! must not look at the start values of poses that may move.
+
+use std::sync::Arc;
+
+use nalgebra::{SMatrix, SVector};
+
+use crate::factors::RelativePose;
+use crate::geometry::RigidMotion;
+use crate::information::Information;
+use crate::linear::{BlockMatrix, BlockPattern, Cholesky, LinearError};
+use crate::problem::{PoseGraph, SolveError};
+
+/// The isotropic precisions that are fitted to a factor's information matrix.
+///
+/// As SE-Sync fits them (Rosen et al. 2019): in space τ = 3/tr Ω_t⁻¹ and κ = 3/(2 tr Ω_R⁻¹); in the
+/// plane τ = 2/tr Ω_t⁻¹ and κ = Ω_θθ.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct IsotropicPrecision {
+    /// τ, of the translation, 1/m².
+    pub translation: f64,
+    /// κ, of the rotation, concentration of a Langevin distribution.
+    pub rotation: f64,
+}
+
+impl IsotropicPrecision {
+    /// Fits to an information matrix over a tangent of D translations, then rotations.
+    #[must_use]
+    pub fn of<const D: usize, const N: usize>(information: &Information<N>) -> Self {
+        let omega = information.matrix();
+        let inverse_trace = |first: usize| {
+            let block = SMatrix::<f64, D, D>::from_fn(|r, c| omega[(first + r, first + c)]);
+            // A principal block of a positive definite matrix is positive definite.
+            block.cholesky().map_or(f64::INFINITY, |factor| factor.inverse().trace())
+        };
+        let translation = D as f64 / inverse_trace(0);
+        let rotation = match N - D {
+            1 => omega[(D, D)],
+            // In space there are as many angles as directions.
+            _ => D as f64 / (2.0 * inverse_trace(D)),
+        };
+        Self { translation, rotation }
+    }
+}
+
+/// Replaces every pose that is not constant by its chordal start.
+///
+/// Constant poses hold the gauge; without one, the pose with the lowest id, which stays where it
+/// is. The result depends on the factors and the gauge only. `graph` is untouched after an error.
+///
+/// # Errors
+/// Those of [`PoseGraph::validate`], [`SolveError::Singular`] where measurements leave a rotation
+/// or a position open to rounding.
+pub fn chordal<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+) -> Result<(), SolveError> {
+    graph.validate()?;
+    let rows = Rows::new(graph);
+    if rows.poses.is_empty() {
+        return Ok(());
+    }
+    let pairs = graph.edges.iter().filter_map(|edge| rows.pair(edge));
+    let pattern = Arc::new(BlockPattern::new(vec![D; rows.poses.len()], pairs));
+    let mut system = Linear::<D>::new(Arc::clone(&pattern), &rows.poses)?;
+
+    let rotations = relaxed_rotations(graph, &rows, &mut system)?;
+    let mut poses = graph.poses.clone();
+    for (&pose, matrix) in rows.poses.iter().zip(&rotations) {
+        let unknown = || SolveError::Singular { what: "rotation of pose", id: graph.ids[pose] };
+        poses[pose] = G::from_matrix(matrix, &SVector::zeros()).ok_or_else(unknown)?;
+    }
+    let translations = translations(graph, &rows, &poses, &mut system)?;
+    for (&pose, t) in rows.poses.iter().zip(&translations) {
+        let unknown = || SolveError::Singular { what: "position of pose", id: graph.ids[pose] };
+        let rotation = poses[pose].rotation_matrix();
+        poses[pose] = G::from_matrix(&rotation, t).ok_or_else(unknown)?;
+    }
+    graph.poses = poses;
+    Ok(())
+}
+
+/// Which poses move, and their block rows.
+struct Rows {
+    /// Poses in row order.
+    poses: Vec<usize>,
+    /// Block row of each pose, `None` where it is held.
+    of: Vec<Option<usize>>,
+}
+
+impl Rows {
+    fn new<G: RigidMotion<D, N>, const D: usize, const N: usize>(graph: &PoseGraph<G, N>) -> Self {
+        let gauge = match graph.constant.contains(&true) {
+            true => None,
+            false => (0..graph.ids.len()).min_by_key(|&i| graph.ids[i]),
+        };
+        let moves = |&i: &usize| !graph.constant[i] && Some(i) != gauge;
+        let poses: Vec<usize> = (0..graph.poses.len()).filter(moves).collect();
+        let mut of = vec![None; graph.poses.len()];
+        for (row, &pose) in poses.iter().enumerate() {
+            of[pose] = Some(row);
+        }
+        Self { poses, of }
+    }
+
+    /// The rows of an edge between two poses that move.
+    fn pair<G, const N: usize>(&self, edge: &RelativePose<G, N>) -> Option<(usize, usize)> {
+        Some((self.of[edge.i]?, self.of[edge.j]?)).filter(|(i, j)| i != j)
+    }
+}
+
+/// A block-sparse system with D rows a pose.
+struct Linear<'a, const D: usize> {
+    matrix: BlockMatrix,
+    factor: Cholesky,
+    /// Which pose each row is, for errors.
+    poses: &'a [usize],
+}
+
+impl<'a, const D: usize> Linear<'a, D> {
+    fn new(pattern: Arc<BlockPattern>, poses: &'a [usize]) -> Result<Self, SolveError> {
+        let dimension = pattern.dimension();
+        let factor = Cholesky::new(Arc::clone(&pattern))
+            .map_err(|_too_large| SolveError::TooLarge { dimension })?;
+        Ok(Self { matrix: BlockMatrix::new(pattern), factor, poses })
+    }
+
+    /// Adds `block` to block (i, j) of the symmetric matrix.
+    fn add(&mut self, i: usize, j: usize, block: &SMatrix<f64, D, D>) {
+        let (row, column, block) = if i >= j { (i, j, *block) } else { (j, i, block.transpose()) };
+        if let Some(values) = self.matrix.block_mut(row, column) {
+            for (value, added) in values.iter_mut().zip(block.iter()) {
+                *value += added;
+            }
+        }
+    }
+
+    fn factor(&mut self, ids: &[i64], what: &'static str) -> Result<(), SolveError> {
+        // The matrix is on the pattern planned for, so that only its values can be at fault.
+        self.factor.factor(&self.matrix, &[]).map_err(|error| match error {
+            LinearError::NotPositiveDefinite { block, .. } | LinearError::NonFinite { block } => {
+                SolveError::Singular { what, id: ids[self.poses[block]] }
+            }
+            LinearError::DimensionMismatch { .. }
+            | LinearError::PatternMismatch { .. }
+            | LinearError::TooLarge { .. }
+            | LinearError::OutOfMemory { .. } => {
+                SolveError::TooLarge { dimension: D * self.poses.len() }
+            }
+        })
+    }
+}
+
+/// Matrices near the rotations of the poses that move, in row order.
+fn relaxed_rotations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &PoseGraph<G, N>,
+    rows: &Rows,
+    system: &mut Linear<'_, D>,
+) -> Result<Vec<SMatrix<f64, D, D>>, SolveError> {
+    system.matrix.set_zero();
+    // Row r of each rotation, transposed, is unknown x: the factor is √κ (x_j − Zᵀ x_i).
+    let mut right = vec![vec![0.0; D * rows.poses.len()]; D];
+    let mut add = |row: usize, fixed: &SMatrix<f64, D, D>, z: &SMatrix<f64, D, D>, kappa: f64| {
+        // x_row is drawn to z times the row of the rotation that is held.
+        for (r, right) in right.iter_mut().enumerate() {
+            let pull = z * fixed.row(r).transpose() * kappa;
+            for (value, pull) in right[D * row..].iter_mut().zip(pull.iter()) {
+                *value += pull;
+            }
+        }
+    };
+    for edge in graph.edges.iter().filter(|edge| edge.i != edge.j) {
+        let kappa = IsotropicPrecision::of::<D, N>(&edge.information).rotation;
+        let z = edge.i_from_j.rotation_matrix();
+        let (i, j) = (rows.of[edge.i], rows.of[edge.j]);
+        for row in [i, j].into_iter().flatten() {
+            system.add(row, row, &(SMatrix::identity() * kappa));
+        }
+        match (i, j) {
+            (Some(i), Some(j)) => system.add(i, j, &(z * -kappa)),
+            (Some(i), None) => add(i, &graph.poses[edge.j].rotation_matrix(), &z, kappa),
+            (None, Some(j)) => {
+                add(j, &graph.poses[edge.i].rotation_matrix(), &z.transpose(), kappa);
+            }
+            (None, None) => {}
+        }
+    }
+    system.factor(&graph.ids, "rotation of pose")?;
+    right.iter_mut().for_each(|right| system.factor.solve(right));
+    let matrix = |row: usize| SMatrix::from_fn(|r, c| right[r][D * row + c]);
+    Ok((0..rows.poses.len()).map(matrix).collect())
+}
+
+/// Positions of the poses that move, in row order, given the rotations of `poses`.
+fn translations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &PoseGraph<G, N>,
+    rows: &Rows,
+    poses: &[G],
+    system: &mut Linear<'_, D>,
+) -> Result<Vec<SVector<f64, D>>, SolveError> {
+    system.matrix.set_zero();
+    let mut right = vec![0.0; D * rows.poses.len()];
+    for edge in graph.edges.iter().filter(|edge| edge.i != edge.j) {
+        let rotation = poses[edge.i].rotation_matrix();
+        let omega = edge.information.matrix();
+        let omega = SMatrix::<f64, D, D>::from_fn(|r, c| omega[(r, c)]);
+        let weight = rotation * omega * rotation.transpose();
+        // t_j − t_i should be R_i t_Z.
+        let measured = rotation * edge.i_from_j.translation();
+        let (i, j) = (rows.of[edge.i], rows.of[edge.j]);
+        let held = |pose: usize, row: Option<usize>| match row {
+            None => graph.poses[pose].translation(),
+            Some(_) => SVector::zeros(),
+        };
+        let pull = weight * (measured + held(edge.i, i) - held(edge.j, j));
+        for (row, sign) in [(i, -1.0), (j, 1.0)] {
+            let Some(row) = row else { continue };
+            system.add(row, row, &weight);
+            for (value, pull) in right[D * row..].iter_mut().zip(pull.iter()) {
+                *value += sign * pull;
+            }
+        }
+        if let (Some(i), Some(j)) = (i, j) {
+            system.add(i, j, &-weight);
+        }
+    }
+    system.factor(&graph.ids, "position of pose")?;
+    system.factor.solve(&mut right);
+    Ok(right.chunks_exact(D).map(SVector::from_column_slice).collect())
+}

@@ -1,0 +1,84 @@
+//! Which start a pose graph is solved from.
+//!
+//! The chordal start leads to the lowest known optimum of every public graph, one or two steps away,
+//! and costs less than one step: [`Start::Auto`] leaves it only where the given poses are better
+//! still, as in a graph that was solved before. It weighs all closures alike: where some may be
+//! false, start from the odometry.
+
+use super::{chordal, odometry, spanning_tree};
+use crate::geometry::RigidMotion;
+use crate::problem::{PoseGraph, SolveError};
+
+/// Where the poses come from that a solve starts with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Start {
+    /// The poses as they are.
+    Given,
+    /// Measurements strung together, between consecutive ids as far as they reach.
+    Odometry,
+    /// Measurements strung together, as few as possible to each pose.
+    SpanningTree,
+    /// Relaxed rotations, then positions.
+    Chordal,
+    /// The given poses or the chordal start, whichever has the lower cost.
+    #[default]
+    Auto,
+}
+
+/// Brings the poses of `graph` that are not constant to `start`; returns the start taken, never
+/// [`Start::Auto`].
+///
+/// `has_poses` is whether the graph came with poses: without, [`Start::Auto`] does not look at them,
+/// and falls back to the spanning tree where rounding defeats the chordal start.
+///
+/// # Errors
+/// Those of [`PoseGraph::validate`]; [`SolveError::Singular`] from [`Start::Chordal`];
+/// [`SolveError::InvalidOption`] for [`Start::Given`] without poses.
+pub fn initialize<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    start: Start,
+    has_poses: bool,
+) -> Result<Start, SolveError> {
+    match start {
+        Start::Given if !has_poses => {
+            let reason = "the graph has edges only, a start must be made";
+            return Err(SolveError::InvalidOption { field: "init", reason });
+        }
+        Start::Given => graph.validate()?,
+        Start::Odometry => odometry(graph)?,
+        Start::SpanningTree => spanning_tree(graph)?,
+        Start::Chordal => chordal(graph)?,
+        Start::Auto => return automatic(graph, has_poses),
+    }
+    Ok(start)
+}
+
+fn automatic<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    has_poses: bool,
+) -> Result<Start, SolveError> {
+    let given = has_poses.then(|| (cost(graph), graph.poses.clone()));
+    match (chordal(graph), given) {
+        (Ok(()), None) => Ok(Start::Chordal),
+        // A cost that is no number never wins.
+        (Ok(()), Some((before, _))) if !(before <= cost(graph)) => Ok(Start::Chordal),
+        (Ok(()) | Err(SolveError::Singular { .. }), Some((_, poses))) => {
+            graph.poses = poses;
+            Ok(Start::Given)
+        }
+        (Err(SolveError::Singular { .. }), None) => {
+            spanning_tree(graph)?;
+            Ok(Start::SpanningTree)
+        }
+        (Err(error), _) => Err(error),
+    }
+}
+
+/// ½ Σ ρ(rᵀΩr) at the poses of `graph`.
+fn cost<G: RigidMotion<D, N>, const D: usize, const N: usize>(graph: &PoseGraph<G, N>) -> f64 {
+    let rho = |edge: &crate::factors::RelativePose<G, N>| {
+        let residual = edge.residual(&graph.poses[edge.i], &graph.poses[edge.j]);
+        graph.loss.evaluate(edge.information.squared_norm(&residual)).rho
+    };
+    0.5 * graph.edges.iter().map(rho).sum::<f64>()
+}
