@@ -100,6 +100,13 @@ impl<const N: usize> Information<N> {
         residual.dot(&(self.0 * residual))
     }
 
+    /// w Ω, the information of a factor that counts w times; w is finite and positive.
+    #[must_use]
+    pub fn scaled(&self, weight: f64) -> Self {
+        debug_assert!(weight.is_finite() && weight > 0.0, "a weight of {weight}");
+        Self(self.0 * weight)
+    }
+
     /// The upper-triangular square root.
     ///
     /// # Errors

@@ -14,8 +14,9 @@
 //! | 6 | [`optimizer`]: the trust-region loop |
 //! | 7 | [`initialization`]: triangulation, spanning tree |
 //! | 8 | [`bundle_adjustment`], [`pose_graph`], [`pose_refinement`] |
-//! | 9 | [`evaluation`]: every cost again, independent of the fast paths |
-//! | 10 | [`io`]: BAL, g2o, COLMAP, TUM files |
+//! | 9 | [`robust`]: pose graphs with false loop closures |
+//! | 10 | [`evaluation`]: every cost again, independent of the fast paths |
+//! | 11 | [`io`]: BAL, g2o, COLMAP, TUM files |
 //!
 //! The crate is synchronous and knows nothing of servers, maps or the wire.
 //! Conventions (frames, tangent order, units) are those of `docs/conventions.md`.
@@ -34,6 +35,7 @@ pub mod optimizer;
 pub mod pose_graph;
 pub mod pose_refinement;
 pub mod problem;
+pub mod robust;
 mod simd;
 #[cfg(feature = "testing")]
 pub mod testing;

@@ -15,5 +15,6 @@ mod io;
 mod linear;
 mod pose_graph;
 mod pose_refinement;
+mod robust;
 mod sparse_cholesky;
 mod triangulation;

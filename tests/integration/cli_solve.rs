@@ -133,6 +133,33 @@ fn the_report_says_what_was_solved() {
 }
 
 #[test]
+fn robust_solves_name_the_closures_that_they_switch_off() {
+    let workspace = Workspace::new();
+    let grid = std::fs::read_to_string(golden("twins/grid-200.g2o")).unwrap();
+    let information = "500 0 0 500 0 500";
+    let edges = grid.lines().filter(|line| line.starts_with("EDGE")).count();
+    let input = workspace.path("false.g2o");
+    let text = format!("{}\nEDGE_SE2 3 150 40 -40 2 {information}\n", grid.trim_end());
+    std::fs::write(&input, text).unwrap();
+    let off = |report: &Value| -> Vec<(u64, i64)> {
+        let list = report["robust"]["switched_off"].as_array().unwrap();
+        list.iter().map(|o| (o["edge"].as_u64().unwrap(), o["i"].as_i64().unwrap())).collect()
+    };
+    for kernel in ["gnc-tls", "gnc-gm"] {
+        let arguments = format!("solve pose-graph {{}} --json --robust {kernel}");
+        let clean = workspace.json(&arguments, &[&golden("twins/grid-200.g2o")]);
+        let report = workspace.json(&arguments, &[&input]);
+        let mut expected = off(&clean);
+        expected.push((edges as u64, 3));
+        assert_eq!(off(&report), expected, "{kernel}");
+        if kernel == "gnc-tls" {
+            let (cost, clean) = (number(&report, "final_cost"), number(&clean, "final_cost"));
+            assert!(close(cost, clean, 1e-7), "{cost} {clean}");
+        }
+    }
+}
+
+#[test]
 fn losses_lower_the_cost_and_are_evaluated_alike() {
     let (window, grid) = (golden("twins/window-6-80.txt"), golden("twins/grid-200.g2o"));
     for (text, loss) in [("huber:0.5", Loss::Huber(0.5)), ("cauchy:0.5", Loss::Cauchy(0.5))] {

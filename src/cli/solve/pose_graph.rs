@@ -1,7 +1,8 @@
 //! `covis solve pose-graph`: a g2o file in SE(2) or SE(3).
 //!
 //! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), with the lowest id fixed, or the `FIX` lines
-//! of the file where it has some. The time that the start takes is counted.
+//! of the file where it has some. The time that the start takes is counted. With `--robust` the cost
+//! is that of odometry and the loop closures at their weights, and the rows are those of the last solve.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -14,6 +15,7 @@ use covis_solvers::io::g2o::G2oGraph;
 use covis_solvers::optimizer::{self, Method, SolveSummary, Termination};
 use covis_solvers::pose_graph::{self, Options};
 use covis_solvers::problem::PoseGraph;
+use covis_solvers::robust::{self, Kernel, RobustSummary};
 use serde::Serialize;
 
 use super::Shared;
@@ -34,6 +36,21 @@ pub(super) struct Args {
     /// Where the poses come from that the solve starts with.
     #[arg(long, value_enum, default_value_t = Init::Auto)]
     init: Init,
+    /// Find false loop closures (edges between ids that are not consecutive) and leave them out:
+    /// graduated non-convexity to truncated least squares or to Geman-McClure.
+    #[arg(long, value_enum, default_value_t = RobustName::None)]
+    robust: RobustName,
+    /// Largest χ² of a true closure [default: the 99 % quantile, 11.3 in SE2 and 16.8 in SE3].
+    #[arg(long, value_name = "CHI2")]
+    robust_threshold: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, clap::ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum RobustName {
+    None,
+    GncTls,
+    GncGm,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum, Serialize)]
@@ -87,9 +104,34 @@ struct GraphDetails {
     group: &'static str,
     method: MethodName,
     init: Init,
-    init_seconds: f64,
+    /// Absent with `--robust`, which looks for its start itself.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    init_seconds: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    robust: Option<RobustDetails>,
     vertices: usize,
     edges: usize,
+}
+
+/// What `--robust` found.
+#[derive(Debug, Serialize)]
+struct RobustDetails {
+    kernel: RobustName,
+    threshold: f64,
+    closures: usize,
+    solves: usize,
+    switched_off: Vec<SwitchedOff>,
+}
+
+/// A closure that was found false.
+#[derive(Debug, Serialize)]
+struct SwitchedOff {
+    /// Position among the file's edges, from 0.
+    edge: usize,
+    i: i64,
+    j: i64,
+    chi2: f64,
+    weight: f64,
 }
 
 impl Details for GraphDetails {
@@ -97,8 +139,18 @@ impl Details for GraphDetails {
         let size = format!("{}, {} vertices, {} edges", self.group, self.vertices, self.edges);
         let init = self.init.to_possible_value();
         let name = init.as_ref().map_or("", |value| value.get_name());
-        let start = format!("{name}, {:.6} s", self.init_seconds);
-        vec![("start", start), ("problem", size)]
+        let seconds = self.init_seconds.map(|seconds| format!(", {seconds:.6} s"));
+        let start = format!("{name}{}", seconds.unwrap_or_default());
+        let mut lines = vec![("start", start), ("problem", size)];
+        if let Some(robust) = &self.robust {
+            let off = robust.switched_off.len();
+            let text = format!(
+                "{} of {} switched off (χ² above {:.1}), {} solves; --json lists them",
+                off, robust.closures, robust.threshold, robust.solves
+            );
+            lines.push(("closures", text));
+        }
+        lines
     }
 }
 
@@ -163,9 +215,6 @@ impl Run<'_> {
         if !graph.constant.contains(&true) {
             graph.fix_lowest_id();
         }
-        let before = self.start.elapsed();
-        let init = initialize(graph, self.args.init.into(), self.from_file).with_context(name)?;
-        let init_seconds = (self.start.elapsed() - before).as_secs_f64();
         let mut options = Options::default();
         options.optimizer.max_iterations = shared.max_iterations;
         options.optimizer.threads = None;
@@ -173,18 +222,66 @@ impl Run<'_> {
             MethodName::Lm => Method::LevenbergMarquardt,
             MethodName::Gn => Method::GaussNewton,
         };
-        let mut report = Report::start(shared.json, self.start.elapsed())?;
-        let mut observer = |row: &optimizer::IterationSummary| report.observe(row);
-        let summary = pose_graph::solve(graph, &options, &mut observer).with_context(name)?;
-        let details = GraphDetails {
+        let mut details = GraphDetails {
             problem: "pose-graph",
             group: self.group,
             method: self.args.method,
-            init: taken(init),
-            init_seconds,
+            init: self.args.init,
+            init_seconds: None,
+            robust: None,
             vertices: graph.poses.len(),
             edges: graph.edges.len(),
         };
+        let kernel = match self.args.robust {
+            RobustName::None => None,
+            RobustName::GncTls => Some(Kernel::TruncatedLeastSquares),
+            RobustName::GncGm => Some(Kernel::GemanMcClure),
+        };
+        let start = Start::from(self.args.init);
+        let (mut report, summary);
+        if let Some(kernel) = kernel {
+            report = Report::start(shared.json, self.start.elapsed())?;
+            let mut observer = |row: &optimizer::IterationSummary| report.observe(row);
+            let threshold = self.args.robust_threshold;
+            let options = robust::Options {
+                threshold,
+                start,
+                pose_graph: options,
+                ..robust::Options::new(kernel)
+            };
+            let solved = robust::solve(graph, self.from_file, &options, &mut observer);
+            let solved = solved.with_context(name)?;
+            details.init = taken(solved.start);
+            details.robust = Some(robust_details(graph, self.args.robust, &solved));
+            summary = solved.solve;
+        } else {
+            let before = self.start.elapsed();
+            details.init = taken(initialize(graph, start, self.from_file).with_context(name)?);
+            details.init_seconds = Some((self.start.elapsed() - before).as_secs_f64());
+            report = Report::start(shared.json, self.start.elapsed())?;
+            let mut observer = |row: &optimizer::IterationSummary| report.observe(row);
+            summary = pose_graph::solve(graph, &options, &mut observer).with_context(name)?;
+        }
         Ok(Outcome { report, summary, details })
+    }
+}
+
+fn robust_details<G, const N: usize>(
+    graph: &PoseGraph<G, N>,
+    kernel: RobustName,
+    solved: &RobustSummary,
+) -> RobustDetails {
+    let off = solved.closures.iter().filter(|verdict| verdict.is_switched_off);
+    let switched_off = off.map(|verdict| {
+        let edge = &graph.edges[verdict.edge];
+        let (i, j) = (graph.ids[edge.i], graph.ids[edge.j]);
+        SwitchedOff { edge: verdict.edge, i, j, chi2: verdict.chi2, weight: verdict.weight }
+    });
+    RobustDetails {
+        kernel,
+        threshold: solved.threshold,
+        closures: solved.closures.len(),
+        solves: solved.solves,
+        switched_off: switched_off.collect(),
     }
 }
