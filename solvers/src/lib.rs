@@ -14,7 +14,7 @@
 //! | 6 | [`optimizer`]: the trust-region loop |
 //! | 7 | [`initialization`]: triangulation, spanning tree |
 //! | 8 | [`bundle_adjustment`], [`pose_graph`], [`pose_refinement`] |
-//! | 9 | [`robust`]: pose graphs with false loop closures |
+//! | 9 | [`robust`]: pose graphs with false loop closures; [`certificate`]: a proven global optimum |
 //! | 10 | [`evaluation`]: every cost again, independent of the fast paths |
 //! | 11 | [`io`]: BAL, g2o, COLMAP, TUM files |
 //!
@@ -22,6 +22,7 @@
 //! Conventions (frames, tangent order, units) are those of `docs/conventions.md`.
 
 pub mod bundle_adjustment;
+pub mod certificate;
 pub mod evaluation;
 pub mod factors;
 pub mod geometry;

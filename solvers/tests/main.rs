@@ -8,6 +8,7 @@ mod bundle_adjustment;
 mod bundle_hard;
 mod bundle_kernels;
 mod bundle_tracks;
+mod certificate;
 mod evaluation;
 mod factors;
 mod geometry;

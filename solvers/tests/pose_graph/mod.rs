@@ -2,7 +2,7 @@
 //!
 //! `graphs` makes the synthetic graphs; the other modules hold the tests, one subject each.
 
-mod graphs;
+pub(crate) mod graphs;
 
 mod chordal;
 mod files;
