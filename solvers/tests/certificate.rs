@@ -33,7 +33,8 @@ fn run<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     chordal(&mut graph).unwrap();
     let certificate = certify(&mut graph).unwrap();
     let found = cost(&graph);
-    assert!((certificate.cost / found - 1.0).abs() < 1e-9, "{} {found}", certificate.cost);
+    // The quadratic form subtracts large numbers: parking-garage loses nine digits.
+    assert!((certificate.cost / found - 1.0).abs() < 1e-6, "{} {found}", certificate.cost);
     certificate
 }
 
