@@ -103,7 +103,7 @@ fn row(count: usize, camera: Camera, depth: Depth, intrinsics: Intrinsics) -> Bu
                 let (camera, pose) = ((pose % cameras) as u32, pose as u32);
                 let with_depth = match depth {
                     Depth::None => false,
-                    Depth::Some => (i + pose as usize) % 2 == 0,
+                    Depth::Some => (i + pose as usize).is_multiple_of(2),
                     Depth::All => true,
                 };
                 if with_depth {

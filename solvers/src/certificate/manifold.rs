@@ -118,7 +118,7 @@ impl<'a> Problem<'a> {
             let before = rz;
             rz = residual.dot(&z);
             // Superlinear near the optimum.
-            if rz <= first * (first / (1.0 + first)).min(1e-2) || !(rz > 0.0) {
+            if rz <= first * (first / (1.0 + first)).min(1e-2) || rz <= 0.0 || rz.is_nan() {
                 break;
             }
             direction.scale(rz / before);

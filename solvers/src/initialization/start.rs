@@ -61,7 +61,9 @@ fn automatic<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     match (chordal(graph), given) {
         (Ok(()), None) => Ok(Start::Chordal),
         // A cost that is no number never wins.
-        (Ok(()), Some((before, _))) if !(before <= cost(graph)) => Ok(Start::Chordal),
+        (Ok(()), Some((before, _))) if before.is_nan() || before > cost(graph) => {
+            Ok(Start::Chordal)
+        }
         (Ok(()) | Err(SolveError::Singular { .. }), Some((_, poses))) => {
             graph.poses = poses;
             Ok(Start::Given)

@@ -288,7 +288,7 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
             chi2: chi2[k],
             weight: self.weights[k],
             is_supported: self.is_supported[k],
-            is_switched_off: !(chi2[k] <= self.threshold),
+            is_switched_off: chi2[k] > self.threshold || chi2[k].is_nan(),
         };
         self.closures.iter().enumerate().map(verdict).collect()
     }
