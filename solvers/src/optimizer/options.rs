@@ -28,8 +28,8 @@ pub struct Options {
     pub cost_tolerance: f64,
     /// Converged once no entry of the gradient is larger, scaled by the root of its diagonal (1e-10).
     pub gradient_tolerance: f64,
-    /// Converged once the step is shorter than this share of the state's norm, and the gradient says
-    /// that there is next to nothing to gain (1e-12).
+    /// Converged once the step is shorter than this share of the state's norm, and its damping is not
+    /// what makes it short (1e-12).
     pub step_tolerance: f64,
     /// λ of the first step (1e-4).
     pub initial_damping: f64,

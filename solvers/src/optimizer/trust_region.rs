@@ -15,7 +15,7 @@ const DAMPING_RANGE: (f64, f64) = (1e-16, 1e32);
 /// A linear residual above this makes a step untrustworthy: it is rejected like one that fails.
 const LINEAR_RESIDUAL_LIMIT: f64 = 1e-3;
 
-/// A short step proves a minimum only where no more than this share of the cost is left to gain.
+/// A short damped step proves a minimum only where no more than this share of the cost is left to gain.
 const COST_RESOLUTION: f64 = 1e-12;
 
 /// What a linearization tells the loop.
@@ -152,7 +152,10 @@ impl<'a> Run<'a> {
                 }
             };
             self.linear_residual = step.linear_residual;
-            let tiny = step.norm <= self.options.step_tolerance * step.state_norm;
+            // Under heavy damping every step is short: then it proves a minimum only where the gradient
+            // agrees. A light one that is short has reached what rounding leaves of the state.
+            let short = step.norm <= self.options.step_tolerance * step.state_norm;
+            let light = self.damping <= self.options.initial_damping;
             let trial = system.apply();
             let decrease = self.cost - trial;
             let quality = decrease / step.predicted_decrease;
@@ -171,13 +174,13 @@ impl<'a> Run<'a> {
                 if small && gain <= 4.0 * tolerance * self.cost && self.is_flat(tolerance) {
                     return Termination::Converged(Tolerance::Cost);
                 }
-                if tiny && self.is_flat(COST_RESOLUTION) {
+                if short && (light || self.is_flat(COST_RESOLUTION)) {
                     return Termination::Converged(Tolerance::Step);
                 }
             } else {
                 system.restore();
                 let spent = step.predicted_decrease <= 1e-3 * tolerance * self.cost;
-                let met = if tiny && self.is_flat(COST_RESOLUTION) {
+                let met = if short && (light || self.is_flat(COST_RESOLUTION)) {
                     Some(Tolerance::Step)
                 } else {
                     (spent && self.is_flat(tolerance)).then_some(Tolerance::Cost)
@@ -198,8 +201,7 @@ impl<'a> Run<'a> {
     /// Whether the gradient allows that no more than `share` of the cost is left to gain.
     ///
     /// Where the undamped model falls by Δ, gᵀH⁻¹g = 2Δ and so g_i² ≤ 2Δ H_ii for every i. A larger
-    /// gradient tells a step that is short for its damping from one that is short of a minimum, and a
-    /// state whose norm is that of a landmark at infinity from one where the step is lost in it.
+    /// gradient tells a step that is short for its damping from one that is at a minimum.
     fn is_flat(&self, share: f64) -> bool {
         // Up to four times the share is granted to the model, as above.
         self.gradient_max_norm.powi(2) <= 8.0 * share * self.cost

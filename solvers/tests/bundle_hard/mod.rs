@@ -30,10 +30,12 @@ const MINIMUM: f64 = 1e-6;
 /// gradient's tolerance of 1e-10 is told in the same unit.
 const ZERO: f64 = 1e-18;
 
+fn window() -> SceneOptions {
+    SceneOptions { keyframes: 8, laps: 0.12, landmarks: 400, seed: 21, ..Default::default() }
+}
+
 fn scene() -> Scene {
-    let options =
-        SceneOptions { keyframes: 8, laps: 0.12, landmarks: 400, seed: 21, ..Default::default() };
-    Scene::generate(&options)
+    Scene::generate(&window())
 }
 
 /// Eight keyframes with depth, the first one constant.

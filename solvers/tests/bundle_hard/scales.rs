@@ -1,9 +1,11 @@
 //! Units and weights that are very large or very small.
 
+use covis_solvers::bundle_adjustment::Options;
 use covis_solvers::problem::BundleProblem;
+use covis_solvers::testing::scene::{Scene, SceneOptions};
 use nalgebra::Vector3;
 
-use super::{Outcome, scale, solve_honestly, windows};
+use super::{Outcome, SOLVERS, run, scale, solve_honestly, window, windows};
 
 /// Multiplies every standard deviation with `factor`.
 fn scale_sigmas(problem: &mut BundleProblem, factor: f64) {
@@ -101,6 +103,24 @@ fn large_scenes_with_weak_measurements() {
             scale(&mut problem, length);
             scale_sigmas(&mut problem, sigma);
             solve_honestly(&format!("{name}, {length:e} m, sigmas times {sigma:e}"), &problem);
+        }
+    }
+}
+
+#[test]
+fn exact_measurements_converge_however_sharp_they_are() {
+    // What is left are residuals of rounding: large in units of sigma, and with no way down.
+    let exact = SceneOptions { sigma_px: 1e-12, sigma_depth_m: 1e-15, ..window() };
+    let mut problem = Scene::generate(&exact).to_problem();
+    for sigma in [1.0, 1e-3, 1e-6, 1e-9] {
+        problem.depth_reprojections.sigmas_px.fill(sigma);
+        problem.depth_reprojections.sigmas_depth_m.fill(1e-2 * sigma);
+        for linear_solver in SOLVERS {
+            let outcome = run(&problem, &Options { linear_solver, ..Options::default() });
+            let summary = &outcome.summary.solve;
+            let case = format!("{sigma:e} px, {linear_solver:?}: {}", summary.termination);
+            assert!(outcome.is_converged() && summary.iterations.len() < 40, "{case}");
+            assert!(outcome.cost() * sigma * sigma < 1e-18, "{case}: {:e}", outcome.cost());
         }
     }
 }
