@@ -31,4 +31,4 @@ pub use matrix::{BlockMatrix, BlockRowMut};
 pub use ordering::{BlockOrdering, OrderingMethod, block_order, cheapest_ordering};
 pub use pattern::BlockPattern;
 pub use pcg::{BlockJacobi, Pcg, PcgOutcome};
-pub use sparse::SparseCholesky;
+pub use sparse::{GrowingCholesky, PairTerm, SparseCholesky, Updated};

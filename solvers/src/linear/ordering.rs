@@ -82,6 +82,18 @@ pub(super) fn postordered(
     Some((order, elimination.renumbered(&postorder)))
 }
 
+/// A minimum-degree order in which the blocks marked in `is_last` come after all others, postordered,
+/// with its elimination.
+pub(super) fn ordered_with_last(
+    pattern: &BlockPattern,
+    is_last: &[bool],
+) -> (Vec<u32>, Elimination) {
+    let natural = || (0..pattern.block_count() as u32).collect();
+    let mut order = minimum_degree(&Graph::new(pattern)).unwrap_or_else(natural);
+    order.sort_by_key(|&block| is_last[block as usize]);
+    postordered(pattern, &order).unwrap_or_default()
+}
+
 /// [`cheapest_ordering`] with its elimination tree.
 pub(super) fn cheapest(pattern: &BlockPattern) -> (BlockOrdering, Elimination) {
     let count = pattern.block_count();

@@ -18,6 +18,7 @@ use crate::simd::{Class, WIDTH};
 
 mod branch;
 mod front;
+mod growing;
 mod kernels;
 mod numeric;
 mod plan;
@@ -25,6 +26,7 @@ mod supernodes;
 mod sweep;
 mod triangular;
 
+pub use growing::{GrowingCholesky, PairTerm, Updated};
 use numeric::Numeric;
 use plan::Plan;
 use triangular::Triangular;
@@ -195,7 +197,9 @@ impl SparseCholesky {
     }
 }
 
-/// Zeros that begin on a cache line, as long as they are not moved to another allocation.
+/// Numbers, zero at first, that begin on a cache line as long as they are not moved to another
+/// allocation.
+#[derive(Debug)]
 struct Aligned {
     values: Vec<f64>,
     skipped: usize,
@@ -212,6 +216,10 @@ impl Aligned {
         let values = vec![0.0; whole];
         let skipped = values.as_ptr().align_offset(size_of::<f64>() * WIDTH).min(WIDTH);
         Some(Self { values, skipped, length })
+    }
+
+    fn len(&self) -> usize {
+        self.length
     }
 
     fn slice(&self) -> &[f64] {

@@ -211,7 +211,7 @@ fn add_fixed<const N: usize>(source: &[f64], s: usize, target: &mut [f64], t: us
 
 /// target += source for the rows of a column.
 #[inline(always)]
-fn add_rows<L: Lanes>(lanes: L, source: &[f64], target: &mut [f64]) {
+pub(super) fn add_rows<L: Lanes>(lanes: L, source: &[f64], target: &mut [f64]) {
     let (vectors, rest) = source.as_chunks::<WIDTH>();
     let (targets, target_rest) = target.as_chunks_mut::<WIDTH>();
     for (t, s) in targets.iter_mut().zip(vectors) {

@@ -384,7 +384,7 @@ fn children(parents: &[u32]) -> (Vec<u32>, Vec<usize>, Vec<u32>) {
 
 /// Blocks below the pivots of each node: a block is a row of every node on the paths from the
 /// nodes of its earlier neighbors up to its own.
-fn row_structure(
+pub(super) fn row_structure(
     pattern: &BlockPattern,
     position: &[u32],
     node_of: &[u32],

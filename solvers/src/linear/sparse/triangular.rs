@@ -47,7 +47,7 @@ impl Kernel for Triangular<'_> {
                     .copy_from_slice(&x[run.to as usize..][..run.length as usize]);
             }
             front[node.rows..].fill(0.0);
-            backward(lanes, panel, node, front);
+            backward(lanes, panel, (node.stride, node.pivots), front);
             x[node.first..][..node.pivots].copy_from_slice(&front[..node.pivots]);
         }
     }
@@ -122,9 +122,13 @@ fn forward_strip<L: Lanes, const W: usize>(
 
 /// The pivots of front ← L₁₁⁻ᵀ (b − L₂₁ᵀ x₂).
 #[inline(always)]
-fn backward<L: Lanes>(lanes: L, panel: &[f64], node: &Node, front: &mut [f64]) {
-    let stride = node.stride;
-    let mut end = node.pivots;
+pub(super) fn backward<L: Lanes>(
+    lanes: L,
+    panel: &[f64],
+    (stride, pivots): (usize, usize),
+    front: &mut [f64],
+) {
+    let mut end = pivots;
     while end > 0 {
         let first = (end - 1) & !(WIDTH - 1);
         let columns = &panel[first * stride..end * stride];

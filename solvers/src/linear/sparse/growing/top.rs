@@ -1,0 +1,147 @@
+//! Which nodes are made anew, from which blocks, in which order.
+//!
+//! The top holds the blocks whose terms changed, new ones included, and all that is eliminated after
+//! them. Its graph has an edge for each term between two of its blocks, and all pairs among the rows
+//! of a subtree that stays (an orphan), since its update matrix ties them. This decides structure
+//! only; no value is seen.
+
+use super::terms::Terms;
+use super::tree::{NONE, Node, Tree};
+use crate::linear::ordering::{NO_PARENT, ordered_with_last};
+use crate::linear::pattern::BlockPattern;
+use crate::linear::sparse::plan::row_structure;
+use crate::linear::sparse::supernodes::amalgamate;
+
+/// The part of a tree that is to be made, blocks numbered as the system numbers them.
+#[derive(Debug)]
+pub(super) struct Top {
+    /// Its blocks, in the order of elimination.
+    pub(super) blocks: Vec<u32>,
+    /// Its nodes, children before parents.
+    pub(super) nodes: Vec<Planned>,
+}
+
+/// A node to be made.
+#[derive(Debug)]
+pub(super) struct Planned {
+    pub(super) pivots: Vec<u32>,
+    pub(super) rows: Vec<u32>,
+    /// Among the planned nodes, or [`NONE`].
+    pub(super) parent: u32,
+    /// Subtrees that stay and hang here.
+    pub(super) orphans: Vec<u32>,
+}
+
+impl Top {
+    /// Takes the nodes above `touched` out of the tree and plans others for their blocks.
+    pub(super) fn of<const N: usize>(
+        terms: &Terms<N>,
+        tree: &mut Tree,
+        touched: &[u32],
+        last: &[usize],
+    ) -> Self {
+        let mut blocks = Vec::new();
+        let mut orphans = Vec::new();
+        let mut removed: Vec<Node> = Vec::new();
+        for &block in touched {
+            if tree.node_of[block as usize] == NONE {
+                // Marked as taken by its number in the top.
+                if tree.local[block as usize] == NONE {
+                    tree.local[block as usize] = blocks.len() as u32;
+                    blocks.push(block);
+                }
+                continue;
+            }
+            let mut number = tree.node_of[block as usize];
+            while let Some(node) = tree.remove(number) {
+                for &pivot in &node.pivots {
+                    tree.node_of[pivot as usize] = NONE;
+                    tree.local[pivot as usize] = blocks.len() as u32;
+                    blocks.push(pivot);
+                }
+                orphans.extend_from_slice(&node.children);
+                number = node.parent;
+                removed.push(node);
+            }
+        }
+        orphans.retain(|&orphan| tree.node(orphan).is_some());
+        let mut roots = std::mem::take(&mut tree.roots);
+        roots.retain(|&root| tree.node(root).is_some());
+        tree.roots = roots;
+        for node in removed {
+            tree.give_back(node);
+        }
+        let top = plan::<N>(terms, tree, blocks, &orphans, last);
+        for &block in &top.blocks {
+            tree.local[block as usize] = NONE;
+        }
+        top
+    }
+}
+
+/// Plans for `blocks`, whose places in this list `tree.local` holds.
+fn plan<const N: usize>(
+    terms: &Terms<N>,
+    tree: &Tree,
+    blocks: Vec<u32>,
+    orphans: &[u32],
+    last: &[usize],
+) -> Top {
+    let local = |block: u32| tree.local.get(block as usize).copied().unwrap_or(NONE);
+    let mut pairs = Vec::new();
+    for (k, &block) in blocks.iter().enumerate() {
+        for (_, other, _) in terms.incident(block) {
+            let other = local(other) as usize;
+            if other < k {
+                pairs.push((k, other));
+            }
+        }
+    }
+    for node in orphans.iter().filter_map(|&orphan| tree.node(orphan)) {
+        for (a, &row) in node.rows.iter().enumerate() {
+            pairs.extend(node.rows[..a].iter().map(|&b| (local(row) as usize, local(b) as usize)));
+        }
+    }
+    let pattern = BlockPattern::new(vec![N; blocks.len()], pairs);
+    let mut is_last = vec![false; blocks.len()];
+    for &block in last {
+        if let Some(is_last) = is_last.get_mut(local(block as u32) as usize) {
+            *is_last = true;
+        }
+    }
+    let (order, elimination) = ordered_with_last(&pattern, &is_last);
+    let supernodes = amalgamate(pattern.sizes(), &elimination);
+    let order: Vec<u32> = supernodes.order.iter().map(|&k| order[k as usize]).collect();
+    let mut position = vec![0u32; order.len()];
+    for (k, &block) in order.iter().enumerate() {
+        position[block as usize] = k as u32;
+    }
+    let mut node_of = vec![0u32; order.len()];
+    for (s, range) in supernodes.blocks.iter().enumerate() {
+        node_of[range.clone()].fill(s as u32);
+    }
+    let (starts, rows) = row_structure(&pattern, &position, &node_of, &supernodes.parents);
+    let block_at = |k: u32| blocks[order[k as usize] as usize];
+    let mut nodes: Vec<Planned> = supernodes
+        .blocks
+        .iter()
+        .enumerate()
+        .map(|(s, range)| Planned {
+            pivots: range.clone().map(|k| block_at(k as u32)).collect(),
+            rows: rows[starts[s]..starts[s + 1]].iter().map(|&k| block_at(k)).collect(),
+            parent: match supernodes.parents[s] {
+                NO_PARENT => NONE,
+                parent => parent,
+            },
+            orphans: Vec::new(),
+        })
+        .collect();
+    for &orphan in orphans {
+        let Some(node) = tree.node(orphan) else { continue };
+        let first = node.rows.iter().map(|&row| position[local(row) as usize]).min();
+        if let Some(first) = first {
+            nodes[node_of[first as usize] as usize].orphans.push(orphan);
+        }
+    }
+    Top { blocks: (0..order.len() as u32).map(block_at).collect(), nodes }
+}

@@ -1,0 +1,182 @@
+//! The elimination tree of a growing system: nodes, who hangs on whom, and their memory.
+//!
+//! A node holds its front after elimination: pivot columns (the panel, with the right-hand side as
+//! the row below all others) and the update matrix that its parent takes. Memory of nodes that are
+//! gone is used again.
+
+use crate::linear::sparse::Aligned;
+use crate::simd::WIDTH;
+
+/// No block, no node.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// A node.
+#[derive(Debug)]
+pub(super) struct Node {
+    /// Blocks eliminated here, in order.
+    pub(super) pivots: Vec<u32>,
+    /// Blocks below them; all of them are eliminated above.
+    pub(super) rows: Vec<u32>,
+    pub(super) parent: u32,
+    pub(super) children: Vec<u32>,
+    pub(super) panel: Aligned,
+    pub(super) update: Aligned,
+    /// Whether back substitution has not been here since the front was made.
+    pub(super) is_new: bool,
+    /// ½ yᵀy over its pivots, L y = −g: what they lower the cost by.
+    pub(super) decrease: f64,
+}
+
+/// Measures of a front, in scalars.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape {
+    pub(super) pivots: usize,
+    /// Pivots and rows; the right-hand side's row is the one after.
+    pub(super) rows: usize,
+    pub(super) stride: usize,
+}
+
+impl Shape {
+    pub(super) fn new(pivots: usize, below: usize) -> Self {
+        let rows = pivots + below;
+        // A stride of many whole pages would put all columns into the same cache sets.
+        let mut stride = (rows + 1).next_multiple_of(WIDTH);
+        if stride.is_multiple_of(64) && stride >= 128 {
+            stride += WIDTH;
+        }
+        Self { pivots, rows, stride }
+    }
+
+    /// The front's row that stands first in the update matrix.
+    pub(super) fn update_row(&self) -> usize {
+        self.pivots & !(WIDTH - 1)
+    }
+
+    pub(super) fn update_stride(&self) -> usize {
+        self.stride - self.update_row()
+    }
+
+    pub(super) fn panel_size(&self) -> usize {
+        self.stride * self.pivots
+    }
+
+    pub(super) fn update_size(&self) -> usize {
+        self.update_stride() * (self.rows - self.pivots)
+    }
+}
+
+impl Node {
+    pub(super) fn shape<const N: usize>(&self) -> Shape {
+        Shape::new(self.pivots.len() * N, self.rows.len() * N)
+    }
+}
+
+/// The forest with what is needed to walk it.
+#[derive(Debug, Default)]
+pub(super) struct Tree {
+    nodes: Vec<Option<Node>>,
+    free: Vec<u32>,
+    pub(super) roots: Vec<u32>,
+    /// The node where each block is eliminated, or [`NONE`].
+    pub(super) node_of: Vec<u32>,
+    /// Over all nodes.
+    pub(super) decrease: f64,
+    memory: Memory,
+    /// Scratch by block; what it means is known while one front is made.
+    pub(super) local: Vec<u32>,
+}
+
+impl Tree {
+    pub(super) fn push_block(&mut self) {
+        self.node_of.push(NONE);
+        self.local.push(NONE);
+    }
+
+    pub(super) fn node(&self, number: u32) -> Option<&Node> {
+        self.nodes.get(number as usize)?.as_ref()
+    }
+
+    pub(super) fn node_mut(&mut self, number: u32) -> Option<&mut Node> {
+        self.nodes.get_mut(number as usize)?.as_mut()
+    }
+
+    /// Takes a node out; whoever hung on it hangs on nothing.
+    pub(super) fn remove(&mut self, number: u32) -> Option<Node> {
+        let node = self.nodes.get_mut(number as usize)?.take()?;
+        self.free.push(number);
+        self.decrease -= node.decrease;
+        Some(node)
+    }
+
+    pub(super) fn insert(&mut self, node: Node) -> u32 {
+        self.decrease += node.decrease;
+        if let Some(number) = self.free.pop() {
+            self.nodes[number as usize] = Some(node);
+            return number;
+        }
+        self.nodes.push(Some(node));
+        self.nodes.len() as u32 - 1
+    }
+
+    /// Memory for so many numbers, which are not zero.
+    pub(super) fn take(&mut self, length: usize) -> Option<Aligned> {
+        self.memory.take(length)
+    }
+
+    /// Gives a node's memory back.
+    pub(super) fn give_back(&mut self, node: Node) {
+        self.memory.give_back(node.panel);
+        self.memory.give_back(node.update);
+    }
+
+    /// Forgets all nodes.
+    pub(super) fn clear(&mut self) {
+        self.nodes.clear();
+        self.free.clear();
+        self.decrease = 0.0;
+        self.roots.clear();
+        self.node_of.fill(NONE);
+    }
+}
+
+/// Memory to be used again, by size: the exponent of two, and a quarter between.
+#[derive(Debug, Default)]
+struct Memory {
+    shelves: Vec<Vec<Aligned>>,
+}
+
+/// The least length, so that small fronts share a shelf.
+const SMALLEST: usize = 64;
+
+/// The shelf for a length, and the length that its pieces have.
+fn shelf(length: usize) -> (usize, usize) {
+    let length = length.max(SMALLEST);
+    let quarter = 1 << (length.ilog2() - 2);
+    let whole = length.next_multiple_of(quarter);
+    let exponent = whole.ilog2() as usize;
+    (4 * exponent + (whole >> (exponent - 2)) - 4, whole)
+}
+
+impl Memory {
+    fn take(&mut self, length: usize) -> Option<Aligned> {
+        if length == 0 {
+            return Aligned::new(0);
+        }
+        let (shelf, whole) = shelf(length);
+        match self.shelves.get_mut(shelf).and_then(Vec::pop) {
+            Some(piece) => Some(piece),
+            None => Aligned::new(whole),
+        }
+    }
+
+    fn give_back(&mut self, piece: Aligned) {
+        if piece.len() == 0 {
+            return;
+        }
+        let (shelf, _) = shelf(piece.len());
+        if self.shelves.len() <= shelf {
+            self.shelves.resize_with(shelf + 1, Vec::new);
+        }
+        self.shelves[shelf].push(piece);
+    }
+}
