@@ -10,48 +10,30 @@ use rayon::prelude::*;
 
 use crate::factors::RelativePose;
 use crate::geometry::LieGroup;
-use crate::linear::{BlockMatrix, BlockPattern, BlockRowMut};
+use crate::linear::{BlockMatrix, BlockPattern, BlockRowMut, PairTerm};
 use crate::loss::Loss;
 
 /// Edges a task handles at a time; part of the definition of every sum over edges.
 const EDGES_PER_CHUNK: usize = 128;
 
-/// The contribution of one edge to H and g.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct EdgeBlocks<const N: usize> {
-    /// w J_iᵀ Ω J_i.
-    pub(super) h_ii: SMatrix<f64, N, N>,
-    /// w J_iᵀ Ω J_j.
-    pub(super) h_ij: SMatrix<f64, N, N>,
-    /// w J_jᵀ Ω J_j.
-    pub(super) h_jj: SMatrix<f64, N, N>,
-    /// w J_iᵀ Ω r.
-    pub(super) g_i: SVector<f64, N>,
-    /// w J_jᵀ Ω r.
-    pub(super) g_j: SVector<f64, N>,
-}
-
-impl<const N: usize> EdgeBlocks<N> {
-    /// All zero.
-    pub(super) fn zeros() -> Self {
-        let (h, g) = (SMatrix::zeros(), SVector::zeros());
-        Self { h_ii: h, h_ij: h, h_jj: h, g_i: g, g_j: g }
-    }
-
-    /// The blocks of `edge` at `poses`.
-    fn of<G: LieGroup<N>>(edge: &RelativePose<G, N>, poses: &[G], loss: Loss) -> Self {
-        let pair = edge.linearize(&poses[edge.i], &poses[edge.j]);
-        let omega = edge.information.matrix();
-        let weight = loss.evaluate(edge.information.squared_norm(&pair.residual)).weight;
-        let omega_d_i = omega * pair.d_i * weight;
-        let omega_d_j = omega * pair.d_j * weight;
-        Self {
-            h_ii: pair.d_i.tr_mul(&omega_d_i),
-            h_ij: pair.d_i.tr_mul(&omega_d_j),
-            h_jj: pair.d_j.tr_mul(&omega_d_j),
-            g_i: omega_d_i.tr_mul(&pair.residual),
-            g_j: omega_d_j.tr_mul(&pair.residual),
-        }
+/// What `edge` adds to H and g at the two poses.
+pub(super) fn pair_term<G: LieGroup<N>, const N: usize>(
+    edge: &RelativePose<G, N>,
+    (world_from_i, world_from_j): (&G, &G),
+    loss: Loss,
+) -> PairTerm<N> {
+    let pair = edge.linearize(world_from_i, world_from_j);
+    let omega = edge.information.matrix();
+    let loss = loss.evaluate(edge.information.squared_norm(&pair.residual));
+    let omega_d_i = omega * pair.d_i * loss.weight;
+    let omega_d_j = omega * pair.d_j * loss.weight;
+    PairTerm {
+        cost: 0.5 * loss.rho,
+        h_ii: pair.d_i.tr_mul(&omega_d_i),
+        h_ij: pair.d_i.tr_mul(&omega_d_j),
+        h_jj: pair.d_j.tr_mul(&omega_d_j),
+        g_i: omega_d_i.tr_mul(&pair.residual),
+        g_j: omega_d_j.tr_mul(&pair.residual),
     }
 }
 
@@ -60,12 +42,12 @@ pub(super) fn linearize_edges<G: LieGroup<N>, const N: usize>(
     edges: &[RelativePose<G, N>],
     poses: &[G],
     loss: Loss,
-    blocks: &mut [EdgeBlocks<N>],
+    blocks: &mut [PairTerm<N>],
 ) {
     blocks.par_chunks_mut(EDGES_PER_CHUNK).zip(edges.par_chunks(EDGES_PER_CHUNK)).for_each(
         |(blocks, edges)| {
             for (block, edge) in blocks.iter_mut().zip(edges) {
-                *block = EdgeBlocks::of(edge, poses, loss);
+                *block = pair_term(edge, (&poses[edge.i], &poses[edge.j]), loss);
             }
         },
     );
@@ -155,7 +137,7 @@ impl Incidences {
     /// Sums `blocks`, one an edge, into H and g.
     pub(super) fn assemble<const N: usize>(
         &self,
-        blocks: &[EdgeBlocks<N>],
+        blocks: &[PairTerm<N>],
         hessian: &mut BlockMatrix,
         gradient: &mut [f64],
     ) {
@@ -169,7 +151,7 @@ impl Incidences {
 
     fn assemble_row<const N: usize>(
         &self,
-        blocks: &[EdgeBlocks<N>],
+        blocks: &[PairTerm<N>],
         mut row: BlockRowMut<'_>,
         gradient: &mut [f64],
     ) {

@@ -6,10 +6,12 @@
 //! [`crate::evaluation`] computes the same cost without anything from here.
 
 mod assembly;
+mod growing;
 mod system;
 
 use std::time::Instant;
 
+pub use growing::{GrowingPoseGraph, Growth};
 use system::PoseGraphSystem;
 
 use crate::geometry::LieGroup;

@@ -9,9 +9,9 @@ use std::sync::Arc;
 use nalgebra::SVector;
 use rayon::prelude::*;
 
-use super::assembly::{EdgeBlocks, Incidences, cost, edge_rho, linearize_edges};
+use super::assembly::{Incidences, cost, edge_rho, linearize_edges};
 use crate::geometry::LieGroup;
-use crate::linear::{BlockMatrix, BlockPattern, Cholesky};
+use crate::linear::{BlockMatrix, BlockPattern, Cholesky, PairTerm};
 use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale};
 use crate::problem::{PoseGraph, SolveError};
 
@@ -24,7 +24,7 @@ pub(super) struct PoseGraphSystem<'a, G, const N: usize> {
     backup: Vec<G>,
     /// Block row of each pose, `None` for constant ones.
     row_of: Vec<Option<usize>>,
-    edge_blocks: Vec<EdgeBlocks<N>>,
+    edge_blocks: Vec<PairTerm<N>>,
     incidences: Incidences,
     hessian: BlockMatrix,
     factor: Cholesky,
@@ -70,7 +70,7 @@ impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
         let norm_squared: f64 = graph.poses.iter().map(|pose| pose.log().norm_squared()).sum();
         Ok(Self {
             backup: graph.poses.clone(),
-            edge_blocks: vec![EdgeBlocks::zeros(); graph.edges.len()],
+            edge_blocks: vec![PairTerm::zeros(); graph.edges.len()],
             row_of,
             incidences,
             hessian: BlockMatrix::new(pattern),

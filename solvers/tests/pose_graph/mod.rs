@@ -7,6 +7,7 @@ pub(crate) mod graphs;
 mod chordal;
 mod files;
 mod gauge_and_errors;
+mod growing;
 mod jacobians;
 mod recovery;
 mod start;

@@ -1,0 +1,148 @@
+//! The terms of a growing graph's linear system: made where poses stood, made anew where they went.
+//!
+//! The bound on the error of a prediction is an inequality for each edge, from the poses where it was
+//! linearized and where they are: cheap beside an elimination.
+
+use super::{Block, GrowingPoseGraph, Term};
+use crate::factors::RelativePose;
+use crate::geometry::RigidMotion;
+use crate::loss::Loss;
+use crate::pose_graph::assembly::pair_term;
+
+/// Poses are linearized anew once the linear prediction of some residual may be off by this share of
+/// the root mean square of all residuals; then, to be done with it, all whose prediction may be off
+/// by the share [`ON_THE_WAY`] of that. The bound is loose: the cost stays within 1.01 of the optimum.
+const NONLINEARITY: f64 = 0.7;
+const ON_THE_WAY: f64 = 0.1;
+
+/// Changes are not handed on where they count less than this share of it, counted in standard
+/// deviations of a pose were all others fixed.
+const CHANGE: f64 = 0.05;
+
+/// Residuals of a ten-thousandth of their standard deviation are as good as zero.
+const LEAST_RESIDUAL: f64 = 1e-4;
+
+impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D, N> {
+    /// The edge as a term of the linear system.
+    pub(super) fn push_term(&mut self, number: usize) {
+        let edge = self.graph.edges[number];
+        let term = pair_term(&edge, self.linearized(&edge), Loss::Trivial);
+        let (i, j) = (self.block_of(edge.i), self.block_of(edge.j));
+        self.system.push_term(i, j, term);
+        let omega = edge.information.matrix().diagonal();
+        let stiffness = [omega.rows_range(..D).sum().sqrt(), omega.rows_range(D..).sum().sqrt()];
+        self.terms.push(Term { edge: number, stiffness, checked_in: 0 });
+    }
+
+    /// Where the ends of an edge are linearized.
+    pub(super) fn linearized(&self, edge: &RelativePose<G, N>) -> (&G, &G) {
+        let at = |pose: usize| match self.block_of(pose) {
+            Some(block) => &self.blocks[block].world_from_pose,
+            None => &self.graph.poses[pose],
+        };
+        (at(edge.i), at(edge.j))
+    }
+
+    /// One solve: poses that changed are moved. Where an edge left the range of its linearization,
+    /// the blocks of all edges that are on their way out are returned.
+    pub(super) fn step(&mut self) -> (Vec<usize>, f64) {
+        let scalars = (N * self.system.term_count()) as f64;
+        let mean_square = 2.0 * self.system.predicted_cost() / scalars;
+        let residual = mean_square.max(LEAST_RESIDUAL * LEAST_RESIDUAL).sqrt();
+        // The solver's list is its own: blocks are few, and copied.
+        let changed = self.system.solve(CHANGE * residual).to_vec();
+        for &block in &changed {
+            let delta = self.system.delta(block as usize);
+            let Block { pose, world_from_pose, .. } = self.blocks[block as usize];
+            // Translation first: then it is as linear as the prediction.
+            let (mut shift, mut turn) = (delta, delta);
+            shift.rows_range_mut(D..).fill(0.0);
+            turn.rows_range_mut(..D).fill(0.0);
+            self.graph.poses[pose] = world_from_pose.plus(&shift).plus(&turn);
+        }
+        let limit = NONLINEARITY * residual;
+        let mut left = Vec::new();
+        let mut exceeds = false;
+        self.checks += 1;
+        for &block in &changed {
+            for &term in self.system.terms_of(block as usize) {
+                let term = term as usize;
+                if self.terms[term].checked_in == self.checks {
+                    continue;
+                }
+                self.terms[term].checked_in = self.checks;
+                let error = self.nonlinearity(term);
+                exceeds |= error > limit || !error.is_finite();
+                if error > ON_THE_WAY * limit || !error.is_finite() {
+                    let edge = &self.graph.edges[self.terms[term].edge];
+                    left.extend(
+                        [edge.i, edge.j].into_iter().filter_map(|pose| self.block_of(pose)),
+                    );
+                }
+            }
+        }
+        if !exceeds {
+            left.clear();
+        }
+        left.sort_unstable();
+        left.dedup();
+        (left, limit)
+    }
+
+    /// At most how far a term's residual is from its linear prediction, in standard deviations.
+    ///
+    /// With d = t_j − t_i and φ the turn of pose i, Exp(−φ) d is predicted by d̄ + (d − d̄) − φ × d̄:
+    /// off by at most ½ |φ|² |d| + |φ| |d − d̄|. Rotations in the plane are linear; in space their
+    /// second-order term is at most half the product of the turns.
+    pub(super) fn nonlinearity(&self, term: usize) -> f64 {
+        let Term { edge, stiffness, .. } = self.terms[term];
+        let edge = &self.graph.edges[edge];
+        let (i, j) = self.linearized(edge);
+        let before = j.translation() - i.translation();
+        let (i, j) = (&self.graph.poses[edge.i], &self.graph.poses[edge.j]);
+        let between = j.translation() - i.translation();
+        let turn =
+            |pose: usize| self.block_of(pose).map_or(0.0, |block| self.system.turn::<D>(block));
+        let (turn_i, turn_j) = (turn(edge.i), turn(edge.j));
+        let shift = 0.5 * turn_i * turn_i * between.norm() + turn_i * (between - before).norm();
+        let rotation = if D > 2 { 0.5 * turn_i.max(turn_j) * turn_i.max(turn_j) } else { 0.0 };
+        stiffness[0] * shift + stiffness[1] * rotation
+    }
+
+    /// Linearizes blocks anew where their poses stand now, and those at the other ends of edges that
+    /// this would tear apart: what moved together is linearized together.
+    pub(super) fn relinearize(&mut self, blocks: &mut Vec<usize>, limit: f64) {
+        self.checks += 1;
+        for &block in blocks.iter() {
+            self.blocks[block].checked_in = self.checks;
+        }
+        let mut terms: Vec<u32> = Vec::new();
+        let mut next = 0;
+        while let Some(&block) = blocks.get(next) {
+            next += 1;
+            let pose = self.blocks[block].pose;
+            self.blocks[block].world_from_pose = self.graph.poses[pose];
+            self.system.rebase(block);
+            for k in 0..self.system.terms_of(block).len() {
+                let term = self.system.terms_of(block)[k];
+                terms.push(term);
+                let edge = &self.graph.edges[self.terms[term as usize].edge];
+                let other = if edge.i == pose { edge.j } else { edge.i };
+                let Some(other) = self.block_of(other) else { continue };
+                if self.blocks[other].checked_in != self.checks
+                    && self.nonlinearity(term as usize) > limit
+                {
+                    self.blocks[other].checked_in = self.checks;
+                    blocks.push(other);
+                }
+            }
+        }
+        terms.sort_unstable();
+        terms.dedup();
+        for term in terms {
+            let edge = self.graph.edges[self.terms[term as usize].edge];
+            let made = pair_term(&edge, self.linearized(&edge), Loss::Trivial);
+            self.system.set_term(term as usize, made);
+        }
+    }
+}

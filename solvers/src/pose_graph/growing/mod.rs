@@ -1,0 +1,240 @@
+//! A pose graph that grows while it is solved: each update pays for what is new, not for the graph.
+//!
+//! The optimum of ½ Σ rᵀΩr is kept after every update, as [`super::solve`] would find it from the
+//! estimate so far: Gauss-Newton on a [`GrowingCholesky`]. Each pose is linearized where it last
+//! stood, and again only once its rotation has turned so far that the linear prediction of a
+//! residual may be wrong by a share of its standard deviation (after Kaess et al., "iSAM2", 2012).
+//! A pose that one edge ties to the others hangs there and costs nothing until a second edge comes.
+//! `places`: which poses are in the linear system; `linearized`: its terms, where they are made and
+//! when they are made anew. It knows no files, and one thread does everything.
+
+mod linearized;
+mod places;
+
+use std::collections::BTreeMap;
+
+use super::assembly::cost;
+use super::{Options, solve};
+use crate::factors::RelativePose;
+use crate::geometry::RigidMotion;
+use crate::linear::GrowingCholesky;
+use crate::loss::Loss;
+use crate::optimizer::ignore_iterations;
+use crate::problem::{PoseGraph, SolveError};
+
+/// Gauss-Newton steps of an update before the damped batch solver takes over.
+const MAX_STEPS: usize = 12;
+
+/// Where a pose stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Place {
+    /// No edges tie it to the held pose yet.
+    Waiting,
+    /// The gauge.
+    Held,
+    /// Tied by one edge, whose residual is zero.
+    Hanging(usize),
+    /// A block of the linear system.
+    Block(usize),
+}
+
+/// A pose graph with its optimum, kept while poses and edges are added.
+#[derive(Debug)]
+pub struct GrowingPoseGraph<G, const D: usize, const N: usize> {
+    graph: PoseGraph<G, N>,
+    index_of: BTreeMap<i64, usize>,
+    places: Vec<Place>,
+    edges_of: Vec<Vec<usize>>,
+    /// Edges that came since the last update.
+    fresh: Vec<usize>,
+    /// Edges between poses that both wait, by edge.
+    is_parked: Vec<bool>,
+    /// Hanging poses; each after the one that it hangs on.
+    hanging: Vec<usize>,
+    system: GrowingCholesky<N>,
+    blocks: Vec<Block<G>>,
+    terms: Vec<Term>,
+    /// Counts the passes over terms.
+    checks: u32,
+}
+
+/// A pose in the linear system.
+#[derive(Clone, Copy, Debug)]
+struct Block<G> {
+    pose: usize,
+    /// Where its terms were made.
+    world_from_pose: G,
+    checked_in: u32,
+}
+
+/// An edge in the linear system.
+#[derive(Clone, Copy, Debug)]
+struct Term {
+    edge: usize,
+    /// √tr Ω of translation and rotation: what an error of the residual counts at most.
+    stiffness: [f64; 2],
+    checked_in: u32,
+}
+
+/// What an update did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Growth {
+    /// Gauss-Newton steps taken.
+    pub steps: usize,
+    /// Poses that were linearized anew, counted each time.
+    pub relinearized: usize,
+    /// Poses that were eliminated anew, counted each time.
+    pub eliminated: usize,
+    /// Whether the steps did not settle and the batch solver was called.
+    pub is_batch: bool,
+}
+
+impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D, N> {
+    /// A graph of one pose, which is held fixed.
+    #[must_use]
+    pub fn new(id: i64, world_from_pose: G) -> Self {
+        let mut graph = PoseGraph::new();
+        graph.push_pose(id, world_from_pose);
+        graph.constant[0] = true;
+        Self {
+            graph,
+            index_of: BTreeMap::from([(id, 0)]),
+            places: vec![Place::Held],
+            edges_of: vec![Vec::new()],
+            fresh: Vec::new(),
+            is_parked: Vec::new(),
+            hanging: Vec::new(),
+            system: GrowingCholesky::new(),
+            blocks: Vec::new(),
+            terms: Vec::new(),
+            checks: 0,
+        }
+    }
+
+    /// Appends a pose and returns its index. Where it stands follows from its edges; until some tie
+    /// it to the held pose it is the identity and not part of the cost.
+    ///
+    /// # Errors
+    /// [`SolveError::DuplicateId`].
+    pub fn push_pose(&mut self, id: i64) -> Result<usize, SolveError> {
+        if self.index_of.insert(id, self.places.len()).is_some() {
+            return Err(SolveError::DuplicateId { what: "pose", id });
+        }
+        self.places.push(Place::Waiting);
+        self.edges_of.push(Vec::new());
+        Ok(self.graph.push_pose(id, G::identity()))
+    }
+
+    /// Appends an edge between two poses that are there.
+    ///
+    /// # Errors
+    /// [`SolveError::IndexOutOfRange`], [`SolveError::NotFinite`].
+    pub fn push_edge(&mut self, edge: RelativePose<G, N>) -> Result<(), SolveError> {
+        let (index, count) = (self.graph.edges.len(), self.places.len());
+        for value in [edge.i, edge.j] {
+            if value >= count {
+                let (factor, variable) = ("edge", "pose");
+                return Err(SolveError::IndexOutOfRange { factor, index, variable, value, count });
+            }
+        }
+        if !edge.i_from_j.is_finite() {
+            return Err(SolveError::NotFinite { what: "edge", index: index as i64 });
+        }
+        self.edges_of[edge.i].push(index);
+        if edge.i != edge.j {
+            self.edges_of[edge.j].push(index);
+            self.fresh.push(index);
+        }
+        self.graph.edges.push(edge);
+        self.is_parked.push(false);
+        Ok(())
+    }
+
+    /// The poses at their optimum as of the last update, with all edges.
+    #[must_use]
+    pub fn graph(&self) -> &PoseGraph<G, N> {
+        &self.graph
+    }
+
+    /// The graph, with the estimate.
+    #[must_use]
+    pub fn into_graph(self) -> PoseGraph<G, N> {
+        self.graph
+    }
+
+    /// The index of a pose.
+    #[must_use]
+    pub fn index_of(&self, id: i64) -> Option<usize> {
+        self.index_of.get(&id).copied()
+    }
+
+    /// Whether edges tie the pose to the held one.
+    #[must_use]
+    pub fn is_placed(&self, pose: usize) -> bool {
+        self.places.get(pose).is_some_and(|&place| place != Place::Waiting)
+    }
+
+    /// ½ Σ rᵀΩr over the edges between placed poses, at the estimate.
+    #[must_use]
+    pub fn cost(&self) -> f64 {
+        if !self.places.contains(&Place::Waiting) {
+            return cost(&self.graph.edges, &self.graph.poses, Loss::Trivial);
+        }
+        let placed = |edge: &&RelativePose<G, N>| self.is_placed(edge.i);
+        let edges: Vec<_> = self.graph.edges.iter().filter(placed).copied().collect();
+        cost(&edges, &self.graph.poses, Loss::Trivial)
+    }
+
+    /// Takes in what was added since the last update and moves the estimate to the new optimum.
+    ///
+    /// # Errors
+    /// Those of [`super::solve`], where the steps do not settle and it is called.
+    pub fn update(&mut self) -> Result<Growth, SolveError> {
+        let last = self.place();
+        let mut growth = Growth::default();
+        if last.is_empty() {
+            return Ok(growth);
+        }
+        let mut is_settled = false;
+        while !is_settled && growth.steps < MAX_STEPS {
+            growth.steps += 1;
+            let Ok(updated) = self.system.update(&last) else { break };
+            growth.eliminated += updated.blocks;
+            let (mut moved, limit) = self.step();
+            is_settled = moved.is_empty();
+            self.relinearize(&mut moved, limit);
+            growth.relinearized += moved.len();
+        }
+        if !is_settled {
+            growth.is_batch = true;
+            self.solve_batch()?;
+        }
+        self.carry_hanging();
+        Ok(growth)
+    }
+
+    /// The damped solver over all blocks, from where they stand.
+    fn solve_batch(&mut self) -> Result<(), SolveError> {
+        let mut batch = PoseGraph::<G, N>::new();
+        let mut number = vec![usize::MAX; self.places.len()];
+        for (pose, place) in self.places.iter().enumerate() {
+            if matches!(place, Place::Held | Place::Block(_)) {
+                number[pose] = batch.push_pose(self.graph.ids[pose], self.graph.poses[pose]);
+                batch.constant[number[pose]] = *place == Place::Held;
+            }
+        }
+        batch.edges = self
+            .terms
+            .iter()
+            .map(|term| self.graph.edges[term.edge])
+            .map(|edge| RelativePose { i: number[edge.i], j: number[edge.j], ..edge })
+            .collect();
+        solve(&mut batch, &Options::default(), &mut ignore_iterations)?;
+        for block in &self.blocks {
+            self.graph.poses[block.pose] = batch.poses[number[block.pose]];
+        }
+        let mut all: Vec<usize> = (0..self.blocks.len()).collect();
+        self.relinearize(&mut all, f64::INFINITY);
+        Ok(())
+    }
+}

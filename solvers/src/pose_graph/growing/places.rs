@@ -1,0 +1,108 @@
+//! Which poses of a growing graph are in its linear system.
+//!
+//! A new pose waits until an edge ties it to the others, hangs on that edge, and enters the linear
+//! system, with those that it hangs on, once a second edge ties it. Hanging costs nothing and is
+//! exact: the one residual is zero.
+
+use super::{Block, GrowingPoseGraph, Place};
+use crate::geometry::RigidMotion;
+
+/// Neighbors in time of the poses that new edges touch, to each side: the next edges will touch them.
+const SOON: usize = 3;
+
+impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D, N> {
+    /// Finds a place for what fresh edges tie; the blocks that got new terms and their neighbors in
+    /// time.
+    pub(super) fn place(&mut self) -> Vec<usize> {
+        let mut queue = std::mem::take(&mut self.fresh);
+        // The start of a new pose is best read off its nearest predecessor.
+        let distance = |&edge: &usize| {
+            let edge = &self.graph.edges[edge];
+            self.graph.ids[edge.i].abs_diff(self.graph.ids[edge.j])
+        };
+        queue.sort_by_key(distance);
+        let mut touched = Vec::new();
+        let mut next = 0;
+        while next < queue.len() {
+            let number = queue[next];
+            next += 1;
+            let (i, j) = (self.graph.edges[number].i, self.graph.edges[number].j);
+            match (self.places[i], self.places[j]) {
+                (Place::Waiting, Place::Waiting) => self.is_parked[number] = true,
+                (Place::Waiting, _) => self.hang(i, number, &mut queue),
+                (_, Place::Waiting) => self.hang(j, number, &mut queue),
+                _ => {
+                    self.enter(i);
+                    self.enter(j);
+                    self.push_term(number);
+                    touched.extend([i, j]);
+                }
+            }
+        }
+        let blocks = touched.iter().filter_map(|&pose| self.block_of(pose));
+        let around = |block: usize| block.saturating_sub(SOON)..=block + SOON;
+        let mut around: Vec<usize> = blocks.flat_map(around).collect();
+        around.sort_unstable();
+        around.dedup();
+        around.retain(|&block| block < self.blocks.len());
+        around
+    }
+
+    pub(super) fn block_of(&self, pose: usize) -> Option<usize> {
+        match self.places[pose] {
+            Place::Block(block) => Some(block),
+            Place::Waiting | Place::Held | Place::Hanging(_) => None,
+        }
+    }
+
+    /// Hangs a waiting pose on an edge; its edges that were parked come into the queue.
+    fn hang(&mut self, pose: usize, edge: usize, queue: &mut Vec<usize>) {
+        self.places[pose] = Place::Hanging(edge);
+        self.hanging.push(pose);
+        self.graph.poses[pose] = self.hung(pose, edge);
+        let parked = self.edges_of[pose].iter().copied();
+        queue.extend(parked.filter(|&edge| std::mem::take(&mut self.is_parked[edge])));
+    }
+
+    /// Where an edge says that a pose stands.
+    fn hung(&self, pose: usize, edge: usize) -> G {
+        let edge = &self.graph.edges[edge];
+        if pose == edge.j {
+            self.graph.poses[edge.i].compose(&edge.i_from_j)
+        } else {
+            self.graph.poses[edge.j].compose(&edge.i_from_j.inverse())
+        }
+    }
+
+    /// Makes a hanging pose a block, with those that it hangs on.
+    fn enter(&mut self, pose: usize) {
+        let mut chain = Vec::new();
+        let mut at = pose;
+        while let Place::Hanging(edge) = self.places[at] {
+            chain.push((at, edge));
+            let edge = &self.graph.edges[edge];
+            at = if edge.i == at { edge.j } else { edge.i };
+        }
+        if chain.is_empty() {
+            return;
+        }
+        for &(pose, edge) in chain.iter().rev() {
+            let block = self.system.push_block();
+            self.places[pose] = Place::Block(block);
+            let world_from_pose = self.graph.poses[pose];
+            self.blocks.push(Block { pose, world_from_pose, checked_in: 0 });
+            self.push_term(edge);
+        }
+        self.hanging.retain(|&pose| matches!(self.places[pose], Place::Hanging(_)));
+    }
+
+    /// Moves the hanging poses along with what they hang on.
+    pub(super) fn carry_hanging(&mut self) {
+        for k in 0..self.hanging.len() {
+            let pose = self.hanging[k];
+            if let Place::Hanging(edge) = self.places[pose] {
+                self.graph.poses[pose] = self.hung(pose, edge);
+            }
+        }
+    }
+}
