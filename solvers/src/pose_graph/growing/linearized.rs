@@ -17,7 +17,7 @@ const ON_THE_WAY: f64 = 0.1;
 
 /// Changes are not handed on where they count less than this share of it, counted in standard
 /// deviations of a pose were all others fixed.
-const CHANGE: f64 = 0.05;
+const CHANGE: f64 = 0.2;
 
 /// Residuals of a ten-thousandth of their standard deviation are as good as zero.
 const LEAST_RESIDUAL: f64 = 1e-4;
