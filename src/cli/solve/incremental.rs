@@ -1,0 +1,175 @@
+//! `covis solve pose-graph --incremental`: a file's vertices one by one, as a robot would bring them.
+//!
+//! Step k appends the k-th vertex in id order with all its edges to lower ids, and is over once the
+//! estimate of every vertex so far stands at its optimum. The vertices' own numbers are not used but
+//! the first's, which is held. Rows are taken between steps, outside of the time of any.
+
+use std::time::Instant;
+
+use covis_solvers::factors::RelativePose;
+use covis_solvers::geometry::RigidMotion;
+use covis_solvers::pose_graph::GrowingPoseGraph;
+use covis_solvers::problem::PoseGraph;
+use serde::Serialize;
+
+use crate::cli::output::print;
+use crate::cli::progress::Progress;
+
+/// A row every so many steps.
+const ROW_EVERY: usize = 100;
+
+/// What `--incremental` reports: the JSON object, or what the table and the lines under it say.
+#[derive(Debug, Serialize)]
+pub(super) struct Incremental {
+    problem: &'static str,
+    group: &'static str,
+    vertices: usize,
+    edges: usize,
+    final_cost: f64,
+    solve_seconds: f64,
+    iterations: Vec<Row>,
+    incremental: Steps,
+}
+
+/// The estimate between two steps.
+#[derive(Debug, Serialize)]
+struct Row {
+    /// Vertices so far.
+    iteration: usize,
+    cost: f64,
+    /// The steps' time so far.
+    seconds: f64,
+}
+
+/// The times of the steps; the first vertex is a step too.
+#[derive(Debug, Serialize)]
+struct Steps {
+    steps: usize,
+    median_ms: f64,
+    p99_ms: f64,
+    max_ms: f64,
+    final_cost: f64,
+    /// Poses linearized anew, counted each time.
+    relinearized: usize,
+    /// Steps in which the batch solver was called.
+    batch_steps: usize,
+}
+
+/// Feeds `graph` vertex by vertex and leaves the last estimate in it.
+///
+/// # Errors
+/// An invalid or disconnected graph, one that holds another vertex than the one with the lowest id
+/// fixed, and a loss, which the growing solver does not have.
+pub(super) fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    group: &'static str,
+) -> anyhow::Result<Incremental> {
+    graph.validate()?;
+    let mut order: Vec<usize> = (0..graph.ids.len()).collect();
+    order.sort_by_key(|&pose| graph.ids[pose]);
+    let mut rank = vec![0; order.len()];
+    for (k, &pose) in order.iter().enumerate() {
+        rank[pose] = k;
+    }
+    if let Some(&pose) = order.iter().skip(1).find(|&&pose| graph.constant[pose]) {
+        anyhow::bail!(
+            "--incremental holds vertex {} fixed, not vertex {}, as FIX says",
+            graph.ids[order[0]],
+            graph.ids[pose]
+        );
+    }
+    let mut due: Vec<Vec<RelativePose<G, N>>> = vec![Vec::new(); order.len()];
+    for edge in &graph.edges {
+        let (i, j) = (rank[edge.i], rank[edge.j]);
+        due[i.max(j)].push(RelativePose { i, j, ..*edge });
+    }
+    let mut progress = Progress::new("vertices", order.len() as u64);
+    let (mut growing, mut milliseconds, mut rows) = (None, Vec::new(), Vec::new());
+    let (mut relinearized, mut batch_steps, mut seconds) = (0, 0, 0.0);
+    for (k, &pose) in order.iter().enumerate() {
+        let id = graph.ids[pose];
+        let start = Instant::now();
+        let growing = growing.get_or_insert_with(|| GrowingPoseGraph::new(id, graph.poses[pose]));
+        if k > 0 {
+            growing.push_pose(id)?;
+        }
+        for edge in due[k].drain(..) {
+            growing.push_edge(edge)?;
+        }
+        let growth = growing.update()?;
+        let elapsed = start.elapsed().as_secs_f64();
+        milliseconds.push(1e3 * elapsed);
+        seconds += elapsed;
+        relinearized += growth.relinearized;
+        batch_steps += usize::from(growth.is_batch);
+        if (k + 1).is_multiple_of(ROW_EVERY) || k + 1 == order.len() {
+            rows.push(Row { iteration: k + 1, cost: growing.cost(), seconds });
+        }
+        progress.advance(1);
+    }
+    progress.finish();
+    let solved = growing.map(GrowingPoseGraph::into_graph);
+    for (solved, &pose) in solved.iter().flat_map(|solved| &solved.poses).zip(&order) {
+        graph.poses[pose] = *solved;
+    }
+    milliseconds.sort_by(f64::total_cmp);
+    let at = |share: f64| {
+        let index = (share * milliseconds.len().saturating_sub(1) as f64).round();
+        milliseconds.get(index as usize).copied().unwrap_or(0.0)
+    };
+    let final_cost = rows.last().map_or(0.0, |row: &Row| row.cost);
+    Ok(Incremental {
+        problem: "pose-graph",
+        group,
+        vertices: graph.poses.len(),
+        edges: graph.edges.len(),
+        final_cost,
+        solve_seconds: seconds,
+        iterations: rows,
+        incremental: Steps {
+            steps: milliseconds.len(),
+            median_ms: at(0.5),
+            p99_ms: at(0.99),
+            max_ms: at(1.0),
+            final_cost,
+            relinearized,
+            batch_steps,
+        },
+    })
+}
+
+impl Incremental {
+    /// Writes the table and its lines, or the JSON object.
+    ///
+    /// # Errors
+    /// Where standard output cannot be written to.
+    pub(super) fn print(&self, json: bool) -> anyhow::Result<()> {
+        if json {
+            return print(serde_json::to_string(self)?);
+        }
+        print(format_args!("{:>9}  {:>18}  {:>11}", "vertices", "cost", "time"))?;
+        for Row { iteration, cost, seconds } in &self.iterations {
+            print(format_args!("{iteration:>9}  {cost:>18.10e}  {seconds:>9.4} s"))?;
+        }
+        let Steps { steps, median_ms, p99_ms, max_ms, batch_steps, .. } = self.incremental;
+        let lines = [
+            ("cost", format!("{:.10e}", self.final_cost)),
+            (
+                "steps",
+                format!(
+                    "{steps}: median {median_ms:.3} ms, p99 {p99_ms:.3} ms, longest {max_ms:.3} ms"
+                ),
+            ),
+            ("batch solves", batch_steps.to_string()),
+            ("time", format!("{:.6} s", self.solve_seconds)),
+            (
+                "problem",
+                format!("{}, {} vertices, {} edges", self.group, self.vertices, self.edges),
+            ),
+        ];
+        for (name, value) in lines {
+            print(format_args!("{name:>17}: {value}"))?;
+        }
+        Ok(())
+    }
+}
