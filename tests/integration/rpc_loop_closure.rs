@@ -174,7 +174,7 @@ fn watchers_hear_of_a_closure_that_goes_off_and_comes_back() {
         // A measurement that is trusted says the same.
         let (stream, opened) = Stream::open(&server, "room", "robot", 0).await;
         let other = v1::ConstraintKind::Other;
-        stream.send(opened.next_sequence, closure(100, 5, 5 + LAP, 5.0, other)).await;
+        stream.send(opened.next_sequence, closure(100, 4, 4 + LAP, 5.0, other)).await;
         stream.finish().await.unwrap();
         let (result, rows) = optimized(&server, request_of("room", false)).await;
         assert!(result.switched_off_constraints.is_empty(), "{result:?}");

@@ -79,7 +79,8 @@ fn false_closures_are_named_and_trusted_ones_are_not_judged() {
             assert!(why.chi2 > 1000.0 && why.weight < 0.01, "{why:?}");
             assert!(apart(&vertices(&answer), &vertices(&clean)) < 0.02);
             let summary = answer.summary.unwrap();
-            assert_eq!(summary.factor_costs[0].final_cost, summary.final_cost);
+            let evaluated = summary.factor_costs[0].final_cost;
+            assert!((evaluated / summary.final_cost - 1.0).abs() < 1e-9, "{summary:?}");
         }
         let plain = solved(&server, request(laps(), v1::RobustKernel::Unspecified)).await;
         assert!(off(&plain).is_empty());
