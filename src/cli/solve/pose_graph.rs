@@ -211,7 +211,11 @@ impl Run<'_> {
         let start = match self.args.init {
             // What is to be proved is best started near itself.
             Init::Auto if self.args.certify => Start::Chordal,
-            init => Start::from(init),
+            init @ (Init::Given
+            | Init::Odometry
+            | Init::SpanningTree
+            | Init::Chordal
+            | Init::Auto) => Start::from(init),
         };
         let start = initialize(graph, start, self.from_file).with_context(|| self.name())?;
         details.init = taken(start);
