@@ -17,5 +17,6 @@ mod linear;
 mod pose_graph;
 mod pose_refinement;
 mod robust;
+mod robust_live;
 mod sparse_cholesky;
 mod triangulation;

@@ -96,6 +96,7 @@ struct Document {
     positioned_landmarks: i64,
     observations: i64,
     constraints: i64,
+    switched_off_constraints: i64,
     size_bytes: i64,
     clients: Vec<ClientDocument>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -224,6 +225,7 @@ impl From<v1::Map> for Document {
             positioned_landmarks: counts.positioned_landmark_count,
             observations: counts.observation_count,
             constraints: counts.constraint_count,
+            switched_off_constraints: counts.switched_off_constraint_count,
             size_bytes: counts.size_bytes,
             clients: map
                 .clients
@@ -258,6 +260,10 @@ fn table(maps: &[Document]) -> String {
 }
 
 fn details(map: &Document) -> String {
+    let constraints = match map.switched_off_constraints {
+        0 => map.constraints.to_string(),
+        off => format!("{} ({off} found false)", map.constraints),
+    };
     let mut rows = vec![
         ("map", map.map.clone()),
         ("state", map.state.to_owned()),
@@ -266,7 +272,7 @@ fn details(map: &Document) -> String {
         ("keyframes", map.keyframes.to_string()),
         ("landmarks", format!("{} ({} with a position)", map.landmarks, map.positioned_landmarks)),
         ("observations", map.observations.to_string()),
-        ("constraints", map.constraints.to_string()),
+        ("constraints", constraints),
         ("memory", format!("{} KiB", map.size_bytes.div_euclid(1024))),
     ];
     if let Some([min, max]) = map.landmark_bounds {

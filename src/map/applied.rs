@@ -15,6 +15,7 @@ use nalgebra::Vector3;
 use super::placement::is_well_placed;
 use super::{
     AppliedSolve, ClientIndex, EntityId, GraphProblem, Keyframe, Map, MapProblem, SolveKind,
+    SwitchedOff,
 };
 
 /// A problem whose values a solver has moved.
@@ -77,6 +78,24 @@ impl Solved<'_> {
     }
 }
 
+/// Which closures a solve switched off and which on again; what is gone meanwhile is left out.
+type Verdicts = (Vec<(EntityId, SwitchedOff)>, Vec<EntityId>);
+
+fn verdicts(map: &Map, solved: Solved<'_>) -> Verdicts {
+    let Solved::Graph(problem) = solved else { return Verdicts::default() };
+    let (mut off, mut on) = Verdicts::default();
+    for closure in &problem.closures {
+        let id = closure.constraint;
+        match closure.switched_off {
+            _ if !map.constraints().contains_key(&id) => {}
+            Some(verdict) => off.push((id, verdict)),
+            None if map.switched_off().contains_key(&id) => on.push(id),
+            None => {}
+        }
+    }
+    (off, on)
+}
+
 /// The change that a solved problem makes to the map as it is now.
 ///
 /// `covered` names the sequences that the solve covers; `costs` are ½ Σ ρ before and after it.
@@ -110,11 +129,14 @@ pub fn applied<'a>(
     landmarks.extend(followers);
 
     let cameras = solved.cameras();
+    let (switched_off, switched_on) = verdicts(map_now, solved);
     AppliedSolve {
         kind,
         poses: poses.into_iter().collect(),
         landmarks: landmarks.into_iter().collect(),
         cameras: cameras.into_iter().filter(|(id, _)| map_now.cameras().contains_key(id)).collect(),
+        switched_off,
+        switched_on,
         covered,
         initial_cost: costs.0,
         final_cost: costs.1,

@@ -7,12 +7,14 @@
 use covis_solvers::geometry::{Camera, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
+use covis_solvers::robust::Kernel;
 use nalgebra::Vector3;
 use sha2::{Digest as _, Sha256};
 
 use super::{
-    CameraEntity, Change, Constraint, ConstraintKind, Depth, DescriptorKind, Digest, EntityId,
-    Keyframe, Landmark, Map, MapPolicy, NewLandmark, Observation, Prior,
+    CameraEntity, Change, ClosureRobustness, Constraint, ConstraintKind, Depth, DescriptorKind,
+    Digest, EntityId, Keyframe, Landmark, Map, MapPolicy, NewLandmark, Observation, Prior,
+    SwitchedOff,
 };
 
 /// The kinds of entity whose content as sent is remembered.
@@ -120,6 +122,12 @@ impl Map {
         for (&id, constraint) in &self.constraints {
             hash.id(id);
             hash.constraint(constraint);
+        }
+        hash.length(self.switched_off.len());
+        for (&id, SwitchedOff { chi2, weight }) in &self.switched_off {
+            hash.id(id);
+            hash.f64(*chi2);
+            hash.f64(*weight);
         }
         hash.length(self.priors.len());
         for (&id, prior) in &self.priors {
@@ -230,6 +238,7 @@ impl Hash {
         let MapPolicy {
             local_bundle,
             loop_closure,
+            loop_closure_robustness,
             window_keyframes,
             min_shared_landmarks,
             observation_loss,
@@ -239,6 +248,14 @@ impl Hash {
         } = policy;
         self.tag(u8::from(*local_bundle));
         self.tag(u8::from(*loop_closure));
+        let ClosureRobustness { kernel, threshold } = loop_closure_robustness;
+        self.tag(match kernel {
+            None => 0,
+            Some(Kernel::TruncatedLeastSquares) => 1,
+            Some(Kernel::GemanMcClure) => 2,
+        });
+        self.tag(u8::from(threshold.is_some()));
+        self.f64(threshold.unwrap_or(0.0));
         self.length(*window_keyframes);
         self.length(*min_shared_landmarks);
         self.loss(observation_loss);

@@ -172,6 +172,16 @@ pub struct Constraint {
     pub information: Information<6>,
 }
 
+/// Why a loop closure does not count: the pose graph found it false. It stays in the map, since a
+/// later solve may find that it fits after all.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SwitchedOff {
+    /// χ² = rᵀΩr at the solution that it was judged at.
+    pub chi2: f64,
+    /// Its weight there, from 0 to 1.
+    pub weight: f64,
+}
+
 /// A measurement of one keyframe in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant, reason = "a map has few priors, and plain values stay Copy")]

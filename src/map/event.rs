@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 
 use super::{
     CameraEntity, ClientIndex, Constraint, Digest, EntityId, MapPolicy, Observation, Prior,
+    SwitchedOff,
 };
 
 /// One step of a map.
@@ -65,6 +66,10 @@ pub struct AppliedSolve {
     pub landmarks: Vec<(EntityId, Vector3<f64>)>,
     /// New intrinsics.
     pub cameras: Vec<(EntityId, Camera)>,
+    /// Loop closures that it found false, those too that were switched off before.
+    pub switched_off: Vec<(EntityId, SwitchedOff)>,
+    /// Loop closures that count again.
+    pub switched_on: Vec<EntityId>,
     /// Per client the last sequence whose items are covered.
     pub covered: Vec<(ClientIndex, i64)>,
     /// ½ Σ ρ at the start.

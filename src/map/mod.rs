@@ -29,15 +29,16 @@ pub use applied::{Solved, applied};
 pub use covisibility::Covisibility;
 pub use entities::{
     CameraEntity, Client, Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, Digest,
-    Keyframe, Landmark, Observation, Prior,
+    Keyframe, Landmark, Observation, Prior, SwitchedOff,
 };
 pub use error::{EntityKind, MapError};
 pub use event::{AppliedSolve, Cause, Change, Event, NewLandmark, SolveKind};
 pub use ids::{ClientIndex, EntityId};
 pub use item::{EntityRef, Item, ItemLandmark, ItemObservation};
-pub use policy::{Ceilings, MapPolicy};
+pub use policy::{Ceilings, ClosureRobustness, MapPolicy};
 pub use problem::{
-    GlobalOptions, GraphProblem, MapProblem, global_problem, local_problem, loop_problem,
+    ClosureEdge, GlobalOptions, GraphProblem, MapProblem, global_problem, local_problem,
+    loop_problem,
 };
 pub use rejection::{FieldViolation, Reason, Rejection};
 pub use triangulation::triangulate;
@@ -65,6 +66,8 @@ pub struct Map {
     keyframes: BTreeMap<EntityId, Keyframe>,
     landmarks: BTreeMap<EntityId, Landmark>,
     constraints: BTreeMap<EntityId, Constraint>,
+    /// Those of the constraints that do not count.
+    switched_off: BTreeMap<EntityId, SwitchedOff>,
     priors: BTreeMap<EntityId, Prior>,
     covisibility: Covisibility,
     observation_count: u64,
@@ -134,10 +137,22 @@ impl Map {
         &self.landmarks
     }
 
-    /// The relative-pose constraints.
+    /// The relative-pose constraints, those that are switched off too.
     #[must_use]
     pub fn constraints(&self) -> &BTreeMap<EntityId, Constraint> {
         &self.constraints
+    }
+
+    /// The loop closures that do not count.
+    #[must_use]
+    pub fn switched_off(&self) -> &BTreeMap<EntityId, SwitchedOff> {
+        &self.switched_off
+    }
+
+    /// The relative-pose constraints that count.
+    pub fn active_constraints(&self) -> impl Iterator<Item = (EntityId, &Constraint)> {
+        let active = self.constraints.iter().filter(|(id, _)| !self.switched_off.contains_key(id));
+        active.map(|(&id, constraint)| (id, constraint))
     }
 
     /// The priors.

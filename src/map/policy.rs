@@ -4,6 +4,7 @@
 //! needs no configuration. Nothing here checks a policy that came over the wire; the edge does.
 
 use covis_solvers::loss::Loss;
+use covis_solvers::robust::{Kernel, default_threshold};
 
 /// Limits of what a map holds; `None` is unlimited.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -16,6 +17,26 @@ pub struct Ceilings {
     pub max_observations: Option<u64>,
 }
 
+/// How false loop closures are told from true ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClosureRobustness {
+    /// How weights follow from residuals; `None` takes every closure for true.
+    pub kernel: Option<Kernel>,
+    /// The largest χ² of a true closure; `None` takes the 99 % quantile for its dimension.
+    pub threshold: Option<f64>,
+}
+
+impl ClosureRobustness {
+    /// Every closure is taken for true.
+    pub const NONE: Self = Self { kernel: None, threshold: None };
+
+    /// The threshold that holds for residuals of `dimension` numbers.
+    #[must_use]
+    pub fn threshold_of_dimension(&self, dimension: usize) -> f64 {
+        self.threshold.unwrap_or_else(|| default_threshold(dimension))
+    }
+}
+
 /// How a map is kept and optimized.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MapPolicy {
@@ -25,6 +46,10 @@ pub struct MapPolicy {
     pub loop_closure: bool,
     /// Keyframes that local bundle adjustment frees (20).
     pub window_keyframes: usize,
+    /// How loop-closure constraints are judged (truncated least squares, 99 % quantile). What a
+    /// frontend proposes is sometimes false, and one false closure that is believed bends a map for
+    /// good: the estimates carry the bend from then on.
+    pub loop_closure_robustness: ClosureRobustness,
     /// Landmarks that two keyframes must share to be tied in the pose graph (15).
     pub min_shared_landmarks: usize,
     /// Loss of reprojection factors in local bundle adjustment (Huber, width 2).
@@ -42,6 +67,10 @@ impl Default for MapPolicy {
         Self {
             local_bundle: true,
             loop_closure: true,
+            loop_closure_robustness: ClosureRobustness {
+                kernel: Some(Kernel::TruncatedLeastSquares),
+                threshold: None,
+            },
             window_keyframes: 20,
             min_shared_landmarks: 15,
             observation_loss: Loss::Huber(2.0),

@@ -155,7 +155,8 @@ fn g2o(map: &Map) -> Result<Vec<u8>, String> {
     for (id, keyframe) in map.keyframes() {
         graph.push_pose(id.id, keyframe.world_from_camera);
     }
-    for constraint in map.constraints().values() {
+    // A file cannot mark what is switched off, and its reader would be bent by it.
+    for (_, constraint) in map.active_constraints() {
         let ends = (index.get(&constraint.keyframe_i), index.get(&constraint.keyframe_j));
         if let (Some(&i), Some(&j)) = ends {
             let i_from_j = constraint.keyframe_i_from_keyframe_j;

@@ -1,22 +1,27 @@
 //! `SolvePoseGraph`: from the request to the answer, on a thread of the solver pool.
-//! Without a marked vertex the one with the lowest id is held; costs come from the evaluator.
+//! Without a marked vertex the one with the lowest id is held; costs come from the evaluator. With
+//! `robust` they are those of the edges at their weights.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use covis_solvers::evaluation::{ReferencePose, pose_graph_cost};
+use covis_solvers::certificate::certify;
+use covis_solvers::evaluation::{CostReport, FactorCost, ReferencePose, pose_graph_cost};
 use covis_solvers::geometry::{RigidMotion, Se2, Se3};
-use covis_solvers::initialization::initialize;
+use covis_solvers::initialization::{Start, initialize};
 use covis_solvers::loss::Loss;
-use covis_solvers::optimizer::{Observer, Options};
+use covis_solvers::optimizer::{Observer, Options, SolveSummary};
 use covis_solvers::pose_graph;
-use covis_solvers::problem::PoseGraph;
+use covis_solvers::problem::{PoseGraph, SolveError};
+use covis_solvers::robust::{self, Kernel, Verdict};
 
 use super::convert::certificate::add_costs;
 use super::convert::geometry::{to_rigid_transform, to_rigid_transform2};
 use super::convert::problem::{GraphToSolve, graph_se2, graph_se3};
+use super::convert::robust::{robustness, to_chordal_certificate};
 use super::convert::solve::{Systems, loss, options, to_iterations, to_summary};
-use super::convert::{Path, convert, count};
+use super::convert::{Path, Violations, convert, count, small};
 use super::error::ServiceError;
+use crate::map::{ClosureRobustness, Reason};
 use crate::wire::v1;
 use v1::solve_pose_graph_request::Graph as WireGraph;
 use v1::solve_pose_graph_response::Graph as SolvedGraph;
@@ -24,7 +29,15 @@ use v1::solve_pose_graph_response::Graph as SolvedGraph;
 /// A request in the solver's terms.
 pub(super) struct Input {
     graph: AnyGraph,
+    settings: Settings,
+}
+
+/// How a graph is solved.
+#[derive(Clone, Copy)]
+struct Settings {
     options: Options,
+    robust: ClosureRobustness,
+    certify: bool,
     include_iterations: bool,
 }
 
@@ -43,20 +56,48 @@ pub(super) fn input(
     let input = convert(|out| {
         let graph_loss = loss(Path::root("loss"), request.loss.as_ref(), out);
         let options = options(request.options.as_ref(), Systems::PoseGraph, threads, time, out);
+        let at = Path::root("robust");
+        let robust = robustness(at, request.robust.as_ref(), ClosureRobustness::NONE, out);
         let graph_loss = graph_loss?.unwrap_or(Loss::Trivial);
+        let robust = robust?;
         let graph = match &request.graph {
             None => out.missing(Path::root("graph")),
             Some(WireGraph::Se3(graph)) => {
-                graph_se3(graph, graph_loss, request.start, out).map(AnyGraph::Se3)
+                let graph = graph_se3(graph, graph_loss, request.start, out);
+                graph.map(|graph| AnyGraph::Se3(adapted(graph, &request, robust.kernel, out)))
             }
             Some(WireGraph::Se2(graph)) => {
-                graph_se2(graph, graph_loss, request.start, out).map(AnyGraph::Se2)
+                let graph = graph_se2(graph, graph_loss, request.start, out);
+                graph.map(|graph| AnyGraph::Se2(adapted(graph, &request, robust.kernel, out)))
             }
         };
+        let (certify, include_iterations) = (request.certify, request.include_iterations);
         let options = options?.optimizer;
-        Some(Input { graph: graph?, options, include_iterations: request.include_iterations })
+        let settings = Settings { options, robust, certify, include_iterations };
+        Some(Input { graph: graph?, settings })
     })?;
     Ok(input)
+}
+
+/// The graph with the start that the rest of the request makes the default.
+fn adapted<G, const N: usize>(
+    mut input: GraphToSolve<G, N>,
+    request: &v1::SolvePoseGraphRequest,
+    kernel: Option<Kernel>,
+    out: &mut Violations,
+) -> GraphToSolve<G, N> {
+    if request.certify && input.graph.constant.iter().filter(|&&constant| constant).count() > 1 {
+        let text = "a graph with several fixed vertices cannot be certified";
+        let _: Option<()> = out.report(Path::root("certify"), Reason::Inconsistent, text);
+    }
+    if request.start == i32::from(v1::PoseGraphStart::Unspecified) {
+        match kernel {
+            Some(_) => input.start = Start::Auto,
+            None if request.certify => input.start = Start::Chordal,
+            None => {}
+        }
+    }
+    input
 }
 
 /// Solves the graph.
@@ -64,10 +105,10 @@ pub(super) fn run(
     input: Input,
     observer: &mut Observer<'_>,
 ) -> Result<v1::SolvePoseGraphResponse, ServiceError> {
-    let Input { graph, options, include_iterations } = input;
+    let Input { graph, settings } = input;
     let (graph, mut answer) = match graph {
         AnyGraph::Se3(graph) => {
-            let (graph, answer) = solve("se3", graph, options, include_iterations, observer)?;
+            let (graph, answer) = answer("se3", graph, &settings, observer)?;
             let vertices = vertices(&graph).map(|(id, pose, fixed)| v1::PoseGraphVertexSe3 {
                 id,
                 world_from_vertex: Some(to_rigid_transform(pose)),
@@ -77,7 +118,7 @@ pub(super) fn run(
             (SolvedGraph::Se3(v1::PoseGraphSe3 { vertices, edges: Vec::new() }), answer)
         }
         AnyGraph::Se2(graph) => {
-            let (graph, answer) = solve("se2", graph, options, include_iterations, observer)?;
+            let (graph, answer) = answer("se2", graph, &settings, observer)?;
             let vertices = vertices(&graph).map(|(id, pose, fixed)| v1::PoseGraphVertexSe2 {
                 id,
                 world_from_vertex: Some(to_rigid_transform2(pose)),
@@ -96,32 +137,129 @@ fn vertices<G, const N: usize>(graph: &PoseGraph<G, N>) -> impl Iterator<Item = 
     vertices.map(|((&id, pose), &fixed)| (id, pose, fixed))
 }
 
-fn solve<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize>(
+fn answer<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize>(
     field: &'static str,
     input: GraphToSolve<G, N>,
-    optimizer: Options,
-    include_iterations: bool,
+    settings: &Settings,
     observer: &mut Observer<'_>,
 ) -> Result<(PoseGraph<G, N>, v1::SolvePoseGraphResponse), ServiceError> {
-    let unsolvable = |error| ServiceError::Unsolvable { field, error };
-    let mut graph = input.graph;
+    let (mut graph, start) = (input.graph, (input.start, input.has_poses));
     let marked = graph.constant.contains(&true);
     if !marked {
         graph.fix_lowest_id();
     }
-    initialize(&mut graph, input.start, input.has_poses).map_err(unsolvable)?;
-    let before = pose_graph_cost(&graph);
-    let options = pose_graph::Options { optimizer };
-    let solved = pose_graph::solve(&mut graph, &options, observer).map_err(unsolvable)?;
-    let mut summary = to_summary(&solved, optimizer.method);
-    add_costs(&mut summary, &before, &pose_graph_cost(&graph));
+    let solved = match settings.robust.kernel {
+        None => plain(&mut graph, start, settings, observer),
+        Some(kernel) => {
+            let options = robust::Options {
+                threshold: settings.robust.threshold,
+                start: input.start,
+                trusted: input.trusted,
+                pose_graph: pose_graph::Options { optimizer: settings.options },
+                ..robust::Options::new(kernel)
+            };
+            judged(&mut graph, input.has_poses, &options, settings.certify, observer)
+        }
+    };
+    let solved = solved.map_err(|error| ServiceError::Unsolvable { field, error })?;
+    let mut summary = to_summary(&solved.summary, settings.options.method);
+    add_costs(&mut summary, &solved.before, &solved.after);
     summary.linear_solver = v1::LinearSolver::SparseCholesky.into();
     let gauge = if marked { v1::Gauge::FixedPoses } else { v1::Gauge::FirstKeyframeFixed };
     summary.gauge = gauge.into();
     let free = graph.constant.iter().filter(|&&constant| !constant).count();
     summary.free_pose_count = count(free);
     summary.fixed_pose_count = count(graph.constant.len() - free);
-    let iterations = to_iterations(&solved, include_iterations);
-    let answer = v1::SolvePoseGraphResponse { graph: None, summary: Some(summary), iterations };
+    let off = solved.closures.iter().filter(|verdict| verdict.is_switched_off);
+    let off = off.map(|verdict| {
+        // At the poses that are answered, which the chordal start may have moved since the verdict.
+        let edge = &graph.edges[verdict.edge];
+        let chi2 = edge.chi2(&graph.poses[edge.i], &graph.poses[edge.j]);
+        let switched_off = Some(v1::SwitchedOff { chi2, weight: verdict.weight });
+        v1::SwitchedOffEdge { edge_index: small(verdict.edge), switched_off }
+    });
+    let answer = v1::SolvePoseGraphResponse {
+        graph: None,
+        summary: Some(summary),
+        iterations: to_iterations(&solved.summary, settings.include_iterations),
+        switched_off_edges: off.collect(),
+        chordal_certificate: solved.certificate,
+    };
     Ok((graph, answer))
+}
+
+/// What a solve leaves besides the poses.
+struct Solved {
+    summary: SolveSummary,
+    before: CostReport,
+    after: CostReport,
+    closures: Vec<Verdict>,
+    certificate: Option<v1::ChordalCertificate>,
+}
+
+fn plain<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    (start, has_poses): (Start, bool),
+    settings: &Settings,
+    observer: &mut Observer<'_>,
+) -> Result<Solved, SolveError> {
+    let begin = Instant::now();
+    initialize(graph, start, has_poses)?;
+    let certificate = settings.certify.then(|| certified(graph)).transpose()?;
+    last(graph, settings.options, begin, certificate, observer)
+}
+
+fn judged<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    has_poses: bool,
+    options: &robust::Options,
+    certify: bool,
+    observer: &mut Observer<'_>,
+) -> Result<Solved, SolveError> {
+    let begin = Instant::now();
+    let solved = robust::solve(graph, has_poses, options, observer)?;
+    let mut kept = robust::weighted(graph, &solved.closures);
+    let mut last = if certify {
+        let certificate = Some(certified(&mut kept)?);
+        let last = last(&mut kept, options.pose_graph.optimizer, begin, certificate, observer)?;
+        graph.poses = kept.poses;
+        last
+    } else {
+        let after = pose_graph_cost(&kept);
+        let initial = solved.solve.initial_cost;
+        // Its start is gone, but its cost is known, and it is of one kind.
+        let relative_pose = FactorCost { cost: initial, ..after.relative_pose };
+        let before = CostReport { total: initial, relative_pose, ..after };
+        Solved { summary: solved.solve, before, after, closures: Vec::new(), certificate: None }
+    };
+    last.closures = solved.closures;
+    Ok(last)
+}
+
+/// Moves the poses to the chordal optimum.
+fn certified<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+) -> Result<v1::ChordalCertificate, SolveError> {
+    let begin = Instant::now();
+    let certificate = certify(graph)?;
+    Ok(to_chordal_certificate(&certificate, begin.elapsed().as_secs_f64()))
+}
+
+/// The last solve; its clock is set to `begin`, and what is left of the deadline is its own.
+fn last<G: ReferencePose<N>, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    options: Options,
+    begin: Instant,
+    certificate: Option<v1::ChordalCertificate>,
+    observer: &mut Observer<'_>,
+) -> Result<Solved, SolveError> {
+    let before = pose_graph_cost(graph);
+    let passed = begin.elapsed();
+    let deadline = options.deadline.map(|deadline| deadline.saturating_sub(passed));
+    let options = pose_graph::Options { optimizer: Options { deadline, ..options } };
+    let mut summary = pose_graph::solve(graph, &options, observer)?;
+    summary.solve_seconds += passed.as_secs_f64();
+    summary.iterations.iter_mut().for_each(|row| row.seconds += passed.as_secs_f64());
+    let after = pose_graph_cost(graph);
+    Ok(Solved { summary, before, after, closures: Vec::new(), certificate })
 }

@@ -13,15 +13,18 @@ use tonic::{Request, Response, Status};
 
 use super::context::{Answers, Context};
 use super::convert::certificate::add_costs;
+use super::convert::entities::to_switched_off;
+use super::convert::robust::to_chordal_certificate;
 use super::convert::solve::{
     Systems, gauge, loss, options, to_certificate, to_iteration, to_iterations, to_linear_solver,
     to_summary,
 };
 use super::convert::{Path, convert, count, ids, problem};
 use super::deadline::{CancelOnDrop, call_time, solve_time};
-use super::engine::{Fault, OptimizeOptions, OptimizeOutcome};
+use super::engine::{Fault, GaugeKind, OptimizeOptions, OptimizeOutcome, OptimizeProblem};
 use super::error::ServiceError;
 use super::{graph_solve, refine};
+use crate::map::Reason;
 use crate::wire::v1;
 use v1::optimization_service_server::OptimizationService;
 use v1::optimize_map_response::Event;
@@ -126,7 +129,15 @@ fn map_options(
 ) -> Result<(String, OptimizeOptions), ServiceError> {
     let converted = convert(|out| {
         let map_id = ids::map_id(&request.map_id, out);
-        let options = options(request.options.as_ref(), Systems::Bundle, threads, time, out);
+        let problem = match out.known(Path::root("problem"), request.problem)? {
+            v1::MapProblem::Unspecified | v1::MapProblem::Full => OptimizeProblem::Full,
+            v1::MapProblem::PoseGraph => OptimizeProblem::PoseGraph { certify: request.certify },
+        };
+        let systems = match problem {
+            OptimizeProblem::Full => Systems::Bundle,
+            OptimizeProblem::PoseGraph { .. } => Systems::PoseGraph,
+        };
+        let options = options(request.options.as_ref(), systems, threads, time, out);
         let observation =
             loss(Path::root("observation_loss"), request.observation_loss.as_ref(), out);
         let constraint = loss(Path::root("constraint_loss"), request.constraint_loss.as_ref(), out);
@@ -134,9 +145,12 @@ fn map_options(
         if request.refine_intrinsics {
             let _: Option<()> = out.unimplemented(Path::root("refine_intrinsics"));
         }
-        let at = Path::root("problem");
-        if let v1::MapProblem::PoseGraph = out.known(at, request.problem)? {
-            let _: Option<()> = out.unimplemented(at);
+        if problem == OptimizeProblem::Full && request.certify {
+            let text = "only a pose graph can be certified";
+            let _: Option<()> = out.report(Path::root("certify"), Reason::Inconsistent, text);
+        }
+        if problem != OptimizeProblem::Full && gauge? != GaugeKind::FirstKeyframeFixed {
+            let _: Option<()> = out.unimplemented(Path::root("gauge"));
         }
         let options = options?;
         Some((
@@ -146,6 +160,7 @@ fn map_options(
                 linear_solver: options.linear_solver,
                 observation_loss: observation?,
                 constraint_loss: constraint?,
+                problem,
                 gauge: gauge?,
             },
         ))
@@ -154,6 +169,11 @@ fn map_options(
 }
 
 fn to_result(outcome: &OptimizeOutcome) -> v1::OptimizeMapResult {
+    let off = outcome.switched_off.iter().map(|(client, id, off)| v1::SwitchedOffConstraint {
+        constraint: Some(v1::ConstraintRef { client_id: client.clone(), id: *id }),
+        switched_off: Some(to_switched_off(off)),
+    });
+    let proof = outcome.proof.map(|p| to_chordal_certificate(&p.certificate, p.seconds));
     v1::OptimizeMapResult {
         summary: Some(to_certificate(&outcome.certificate)),
         revision: outcome.revision,
@@ -162,6 +182,8 @@ fn to_result(outcome: &OptimizeOutcome) -> v1::OptimizeMapResult {
         landmark_count: count(outcome.counts.landmarks),
         observation_count: count(outcome.counts.observations),
         constraint_count: count(outcome.counts.constraints),
+        switched_off_constraints: off.collect(),
+        chordal_certificate: proof,
     }
 }
 

@@ -14,7 +14,7 @@ use crate::wire::v1;
 use v1::server_service_server::ServerService;
 
 /// What is served, sorted; listed in docs/wire.md.
-const FEATURES: [&str; 17] = [
+const FEATURES: [&str; 20] = [
     "export.colmap-binary",
     "export.colmap-text",
     "export.g2o",
@@ -28,8 +28,11 @@ const FEATURES: [&str; 17] = [
     "ingest.position-prior",
     "ingest.relative-pose",
     "map.watch",
+    "optimization.certify",
     "optimization.optimize-map",
+    "optimization.optimize-pose-graph",
     "optimization.refine-pose",
+    "optimization.robust-closures",
     "optimization.solve-bundle",
     "optimization.solve-pose-graph",
 ];

@@ -160,6 +160,109 @@ fn robust_solves_name_the_closures_that_they_switch_off() {
 }
 
 #[test]
+fn a_trusted_closure_is_never_switched_off() {
+    let workspace = Workspace::new();
+    let grid = std::fs::read_to_string(golden("twins/grid-200.g2o")).unwrap();
+    let false_edge = "EDGE_SE2 3 150 40 -40 2 500 0 0 500 0 500\n";
+    let input = workspace.file("false.g2o", &format!("{}\n{false_edge}", grid.trim_end()));
+    let off = |options: &str| -> Vec<i64> {
+        let arguments = format!("solve pose-graph {{}} --json --robust gnc-tls {options}");
+        let report = workspace.json(&arguments, &[&input]);
+        let list = report["robust"]["switched_off"].as_array().unwrap();
+        list.iter().map(|closure| closure["i"].as_i64().unwrap()).collect()
+    };
+    assert!(off("").contains(&3));
+    assert!(!off("--trusted 150,3").contains(&3), "in either direction");
+    let ran = workspace.run("solve pose-graph {} --robust gnc-tls --trusted 3,151", &[&input]);
+    ran.expect_failure(&["false.g2o", "--trusted 3,151", "no edge"]);
+}
+
+#[test]
+fn a_certificate_is_of_the_chordal_optimum_and_the_log_cost_stands_beside_it() {
+    let check = |input: &Path, options: &str, chordal: Option<(f64, f64)>, cost: Option<f64>| {
+        let report = solve("pose-graph", input, options, Loss::Trivial);
+        let certificate = &report["certificate"];
+        assert_eq!(certificate["objective"], "chordal", "{input:?}");
+        assert_eq!(certificate["certified"], true, "{input:?}: {certificate}");
+        assert_eq!(certificate["ignores_loss"], false);
+        let found = number(certificate, "cost");
+        assert!(number(certificate, "gap") <= 1e-5 * found, "{certificate}");
+        assert!(number(certificate, "min_eigenvalue") > -1e-6, "{certificate}");
+        if let Some((expected, digits)) = chordal {
+            assert!((found - expected).abs() <= digits, "{input:?}: {certificate}");
+        }
+        if let Some(cost) = cost {
+            let found = number(&report, "final_cost");
+            assert!(found <= cost * (1.0 + 1e-7), "{input:?}: {found}");
+        }
+        // Its time counts: row 0 is after it.
+        let before = number(&report, "init_seconds") + number(certificate, "seconds");
+        assert!(number(&report["iterations"][0], "seconds") >= before - 2e-6);
+        report
+    };
+    let grid = golden("twins/grid-200.g2o");
+    let gtsam = number(&golden_json("gtsam/grid-200-file-start.json"), "final_cost");
+    assert_eq!(check(&grid, "--certify", None, Some(gtsam))["init"], "chordal");
+    let given = check(&grid, "--certify --init given", None, Some(gtsam));
+    assert_eq!(given["init"], "given");
+    for (name, expected, digits, record) in [
+        ("sphere2500", 1687.0, 0.5, "ceres/sphere2500-file-start.json"),
+        ("CSAIL", 31.70, 5e-3, "gtsam/CSAIL-odometry-start.json"),
+        ("intel", 52.35, 5e-3, "gtsam/intel-file-start.json"),
+    ] {
+        if let Some(input) = data(&format!("pose_graph/{name}.g2o")) {
+            let cost = number(&golden_json(record), "final_cost");
+            check(&input, "--certify", Some((expected, digits)), Some(cost));
+        }
+    }
+}
+
+#[test]
+fn certificates_say_what_they_leave_out_and_where_there_is_none() {
+    let workspace = Workspace::new();
+    let grid = golden("twins/grid-200.g2o");
+    let plain = workspace.json("solve pose-graph {} --json", &[&grid]);
+    assert!(plain.get("certificate").is_none());
+    let arguments = "solve pose-graph {} --json --certify --loss huber:0.5";
+    let report = workspace.json(arguments, &[&grid]);
+    assert_eq!(report["certificate"]["ignores_loss"], true);
+    let arguments = "solve pose-graph {} --certify --loss huber:0.5";
+    let text = workspace.run(arguments, &[&grid]).stdout;
+    let line = text.lines().find(|line| line.contains("certificate: ")).unwrap();
+    for part in ["the chordal optimum", "is certified", "loss ignored", "another objective's"] {
+        assert!(line.contains(part), "{line}");
+    }
+    // Two gauges are one more than the chordal objective has.
+    let fixed = std::fs::read_to_string(&grid).unwrap() + "FIX 0\nFIX 1\n";
+    let fixed = workspace.file("fixed.g2o", &fixed);
+    let ran = workspace.run("solve pose-graph {} --certify", &[&fixed]);
+    ran.expect_failure(&["fixed.g2o", "certify", "several constant poses"]);
+}
+
+#[test]
+fn the_closures_that_are_kept_are_certified() {
+    let workspace = Workspace::new();
+    let grid = golden("twins/grid-200.g2o");
+    let false_edge = "EDGE_SE2 3 150 40 -40 2 500 0 0 500 0 500\n";
+    let text = std::fs::read_to_string(&grid).unwrap();
+    let input = workspace.file("false.g2o", &format!("{}\n{false_edge}", text.trim_end()));
+    let run = |options: &str| {
+        let arguments = format!("solve pose-graph {{}} --json --robust gnc-tls {options}");
+        workspace.json(&arguments, &[&input])
+    };
+    let (robust, both) = (run(""), run("--certify"));
+    assert_eq!(both["certificate"]["certified"], true, "{}", both["certificate"]);
+    let (plain, certified) = (number(&robust, "final_cost"), number(&both, "final_cost"));
+    assert!(close(certified, plain, 1e-7), "{certified} {plain}");
+    let off = |report: &Value| -> Vec<u64> {
+        let list = report["robust"]["switched_off"].as_array().unwrap();
+        list.iter().map(|closure| closure["edge"].as_u64().unwrap()).collect()
+    };
+    assert_eq!(off(&both), off(&robust));
+    assert!(!off(&both).is_empty());
+}
+
+#[test]
 fn losses_lower_the_cost_and_are_evaluated_alike() {
     let (window, grid) = (golden("twins/window-6-80.txt"), golden("twins/grid-200.g2o"));
     for (text, loss) in [("huber:0.5", Loss::Huber(0.5)), ("cauchy:0.5", Loss::Cauchy(0.5))] {
@@ -322,6 +425,8 @@ fn wrong_usage_is_exit_code_2() {
         "solve bundle x --linear-solver cg",
         "solve bundle x --behind-camera keep",
         "solve pose-graph x --method newton",
+        "solve pose-graph x --trusted 3,150",
+        "solve pose-graph x --robust gnc-tls --trusted 3-150",
         "solve bundle x --threads many",
         "frobnicate",
     ] {

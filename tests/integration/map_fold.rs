@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 
 use covis::map::{
     AppliedSolve, Cause, Change, ClientIndex, ConstraintKind, Covisibility, Depth, EntityId,
-    EntityKind, Event, Item, ItemLandmark, Map, MapError, MapPolicy, Recall, SolveKind,
-    triangulate,
+    EntityKind, Event, GlobalOptions, Item, ItemLandmark, Map, MapError, MapPolicy, Recall,
+    SolveKind, SwitchedOff, global_problem, loop_problem, triangulate,
 };
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::testing::random::{normal_vector, seeded};
@@ -91,6 +91,8 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
                 poses: vec![(k, pose_at(1.0).plus(&normal_vector(rng, 0.1)))],
                 landmarks: vec![(l, normal_vector(rng, 5.0))],
                 cameras: Vec::new(),
+                switched_off: Vec::new(),
+                switched_on: Vec::new(),
                 covered: vec![(ROBOT, n)],
                 initial_cost: 2.0,
                 final_cost: 1.0,
@@ -193,6 +195,8 @@ fn the_hash_sees_the_last_bit_of_a_pose_and_of_a_landmark() {
                 poses,
                 landmarks,
                 cameras,
+                switched_off: Vec::new(),
+                switched_on: Vec::new(),
                 covered,
                 initial_cost,
                 final_cost,
@@ -232,6 +236,8 @@ fn the_odometry_pose_is_kept_and_hashed_and_no_solve_moves_it() {
         poses: vec![(id(1), pose_at(1.5))],
         landmarks: Vec::new(),
         cameras: Vec::new(),
+        switched_off: Vec::new(),
+        switched_on: Vec::new(),
         covered: Vec::new(),
         initial_cost: 1.0,
         final_cost: 0.5,
@@ -252,6 +258,8 @@ fn an_event_that_does_not_fit_is_refused_and_changes_nothing() {
         poses,
         landmarks,
         cameras: Vec::new(),
+        switched_off: Vec::new(),
+        switched_on: Vec::new(),
         covered: Vec::new(),
         initial_cost: 0.0,
         final_cost: 0.0,
@@ -365,6 +373,8 @@ fn what_a_client_sent_is_held_past_optimization() {
                 k2: 0.0,
             }),
         )],
+        switched_off: Vec::new(),
+        switched_on: Vec::new(),
         covered: vec![(ROBOT, 3)],
         initial_cost: 1.0,
         final_cost: 0.5,
@@ -380,4 +390,59 @@ fn what_a_client_sent_is_held_past_optimization() {
     let other = street_keyframe(0, pose_at(0.25), &fresh.map);
     assert!(!journal.map.holds(ROBOT, &other));
     assert!(!journal.map.holds(ROBOT, &street_keyframe(5, pose_at(5.0), &fresh.map)));
+}
+
+/// An event that switches constraint 7 off or on.
+fn verdict(off: Option<SwitchedOff>) -> Change {
+    let solve = AppliedSolve {
+        kind: SolveKind::PoseGraph,
+        poses: Vec::new(),
+        landmarks: Vec::new(),
+        cameras: Vec::new(),
+        switched_off: off.map(|off| (id(7), off)).into_iter().collect(),
+        switched_on: if off.is_none() { vec![id(7)] } else { Vec::new() },
+        covered: Vec::new(),
+        initial_cost: 1.0,
+        final_cost: 0.5,
+    };
+    Change::SolveApplied { solve }
+}
+
+#[test]
+fn a_switched_off_closure_is_state_and_takes_part_in_no_bundle() {
+    let mut journal = street(3, MapPolicy::default());
+    let closure = relative_pose(7, ConstraintKind::LoopClosure, 0, 2, pose_at(9.0));
+    journal.send(ROBOT, &closure).unwrap();
+    let factors = |journal: &Journal| {
+        let problem = global_problem(&journal.map, &GlobalOptions::default());
+        problem.problem.relative_poses.len()
+    };
+    assert_eq!(factors(&journal), 1);
+    let off = SwitchedOff { chi2: 900.0, weight: 0.0 };
+    let hash = |off| {
+        let mut journal = journal.clone();
+        journal.push(verdict(off));
+        journal.map.state_hash()
+    };
+    assert_ne!(hash(Some(off)), hash(None));
+    assert_ne!(hash(Some(off)), hash(Some(SwitchedOff { chi2: 901.0, ..off })));
+    journal.push(verdict(Some(off)));
+    assert_eq!(journal.map.switched_off().get(&id(7)), Some(&off));
+    assert_eq!((factors(&journal), journal.map.active_constraints().count()), (0, 0));
+    // What was sent is unchanged, and the graph keeps the edge for a later verdict.
+    assert!(journal.map.holds(ROBOT, &closure));
+    let problem = loop_problem(&journal.map);
+    assert_eq!(problem.closures.len(), 1);
+    assert_eq!(problem.closures[0].switched_off, Some(off));
+    assert_eq!(problem.trusted().len() + 1, problem.graph.edges.len());
+    let replayed = Map::replay(journal.events.iter()).unwrap();
+    assert_eq!(replayed.state_hash(), journal.map.state_hash());
+    let mut on = journal.clone();
+    on.push(verdict(None));
+    assert!(on.map.switched_off().is_empty());
+    journal.push(Change::KeyframeRemoved { keyframe: id(2) });
+    assert!(journal.map.switched_off().is_empty(), "it went with its keyframe");
+    // A verdict on nothing fits no map.
+    let event = Event { revision: journal.map.revision() + 1, cause: None, change: verdict(None) };
+    assert!(matches!(journal.map.apply(&event), Err(MapError::Unknown { .. })));
 }

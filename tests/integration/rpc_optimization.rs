@@ -263,7 +263,7 @@ fn square() -> v1::PoseGraphSe3 {
             vertex_j: j as i64,
             vertex_i_from_vertex_j: Some(shift([b[0] - a[0], b[1] - a[1], 0.0])),
             information: Some(information6(10.0)),
-            loss: None,
+            ..Default::default()
         }
     };
     let vertex = |id: usize| v1::PoseGraphVertexSe3 {
@@ -324,7 +324,7 @@ fn solve_pose_graph_starts_from_vertices_or_a_tree() {
                 angle_rad: 0.5,
             }),
             information: Some(information3(1.0)),
-            loss: None,
+            ..Default::default()
         };
         let graph =
             v1::PoseGraphSe2 { vertices: vec![vertex(1, 0.0), vertex(2, 1.0)], edges: vec![edge] };

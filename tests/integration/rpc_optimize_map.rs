@@ -77,9 +77,10 @@ fn optimize_map_refuses_what_it_cannot_solve() {
             (
                 v1::OptimizeMapRequest {
                     problem: v1::MapProblem::PoseGraph.into(),
+                    gauge: v1::Gauge::Free.into(),
                     ..optimize("room")
                 },
-                "problem",
+                "gauge",
                 "UNIMPLEMENTED",
             ),
             (v1::OptimizeMapRequest { problem: 9, ..optimize("room") }, "problem", "UNKNOWN_VALUE"),

@@ -40,6 +40,12 @@ impl<G: LieGroup<N>, const N: usize> RelativePose<G, N> {
         self.i_from_j.inverse().compose(&i_from_j).log()
     }
 
+    /// χ² = rᵀΩr.
+    #[must_use]
+    pub fn chi2(&self, world_from_i: &G, world_from_j: &G) -> f64 {
+        self.information.squared_norm(&self.residual(world_from_i, world_from_j))
+    }
+
     /// The residual with its Jacobians, not whitened.
     #[must_use]
     pub fn linearize(&self, world_from_i: &G, world_from_j: &G) -> PairLinearization<N> {

@@ -5,19 +5,22 @@
 //! looked for (`screening`, after Mangelson et al. 2018); graduated non-convexity weighs those
 //! (`graduated`, after Yang et al. 2020); then every closure, supported or not, is judged by its χ²
 //! at the solution, and the graph is solved again with those that pass, until none changes. This
-//! file holds the stages. It solves through [`crate::pose_graph`] and must not weigh odometry.
+//! file holds the stages; `live` takes them where a map that is solved already gets a closure more.
+//! It solves through [`crate::pose_graph`] and must not weigh odometry.
 
 mod graduated;
+mod live;
 mod screening;
 
 use std::time::Instant;
 
 pub use graduated::Kernel;
+pub use live::update;
 
 use crate::factors::RelativePose;
 use crate::geometry::{LieGroup, RigidMotion};
 use crate::initialization::{Start, initialize};
-use crate::optimizer::{self, Observer, SolveSummary, ignore_iterations, with_threads};
+use crate::optimizer::{self, Observer, SolveSummary, Termination, with_threads};
 use crate::pose_graph;
 use crate::problem::{PoseGraph, SolveError};
 
@@ -38,7 +41,7 @@ pub struct Options {
     pub start: Start,
     /// Edges that are trusted although their ids are not consecutive, rising.
     pub trusted: Vec<usize>,
-    /// Options of each solve within.
+    /// Options of each solve within; the deadline is that of all together.
     pub pose_graph: pose_graph::Options,
 }
 
@@ -89,7 +92,7 @@ pub struct RobustSummary {
 /// Optimizes `graph` in place over odometry and the closures that are found true.
 ///
 /// The graph's own loss holds for every edge on top. Gauge and determinism are those of
-/// [`pose_graph::solve`]; `observer` sees the last solve.
+/// [`pose_graph::solve`]; `observer` sees the rows of every solve.
 ///
 /// # Errors
 /// Those of [`pose_graph::solve`] and [`initialize`]; [`SolveError::InvalidOption`] for a threshold
@@ -101,8 +104,24 @@ pub fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     observer: &mut Observer<'_>,
 ) -> Result<RobustSummary, SolveError> {
     let begin = Instant::now();
+    let threshold = prepare(graph, options)?;
+    with_threads(options.pose_graph.optimizer.threads, || {
+        let mut weighted = Weighted::new(graph, options, threshold, begin);
+        let start = weighted.start(options.start, has_poses)?;
+        weighted.graduate(observer)?;
+        weighted.judge(observer)?;
+        let last = weighted.solve(&options.pose_graph, observer)?;
+        Ok(weighted.summary(last, start))
+    })?
+}
+
+/// Checks graph and options, holds the gauge, and returns the threshold.
+fn prepare<G: LieGroup<N>, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    options: &Options,
+) -> Result<f64, SolveError> {
     graph.validate()?;
-    let threshold = options.threshold.unwrap_or_else(|| chi2_99(N));
+    let threshold = options.threshold.unwrap_or_else(|| default_threshold(N));
     if !(threshold.is_finite() && threshold > 0.0) {
         let reason = "must be finite and positive";
         return Err(SolveError::InvalidOption { field: "threshold", reason });
@@ -110,23 +129,57 @@ pub fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     if !graph.constant.contains(&true) {
         graph.fix_lowest_id();
     }
-    with_threads(options.pose_graph.optimizer.threads, || {
-        let mut weighted = Weighted::new(graph, options, threshold);
-        let start = weighted.start(options.start, has_poses)?;
-        weighted.graduate(options.kernel)?;
-        let (mut solve, solves) = weighted.judge(options.kernel, observer)?;
-        let before = begin.elapsed().as_secs_f64() - solve.solve_seconds;
-        solve.solve_seconds += before;
-        solve.iterations.iter_mut().for_each(|row| row.seconds += before);
-        let closures = weighted.verdicts();
-        Ok(RobustSummary { solve, start, closures, threshold, solves })
-    })?
+    Ok(threshold)
+}
+
+/// What [`solve`] minimized at its end: the edges of `graph` with `closures` at their weights, in one
+/// piece. A switched-off closure that alone ties two parts together keeps a millionth of its weight.
+#[must_use]
+pub fn weighted<G: LieGroup<N>, const N: usize>(
+    graph: &PoseGraph<G, N>,
+    closures: &[Verdict],
+) -> PoseGraph<G, N> {
+    at_weights(graph, closures.iter().map(|verdict| (verdict.edge, verdict.weight)))
+}
+
+fn at_weights<G: LieGroup<N>, const N: usize>(
+    graph: &PoseGraph<G, N>,
+    closures: impl Iterator<Item = (usize, f64)>,
+) -> PoseGraph<G, N> {
+    let mut weights = vec![1.0; graph.edges.len()];
+    for (edge, weight) in closures {
+        if let Some(of_edge) = weights.get_mut(edge) {
+            *of_edge = weight;
+        }
+    }
+    let mut copy = PoseGraph {
+        ids: graph.ids.clone(),
+        poses: graph.poses.clone(),
+        constant: graph.constant.clone(),
+        edges: Vec::with_capacity(graph.edges.len()),
+        loss: graph.loss,
+    };
+    let mut pieces = Pieces::new(&copy.constant);
+    for (edge, &weight) in graph.edges.iter().zip(&weights) {
+        if weight > 0.0 {
+            pieces.join(edge.i, edge.j);
+            let information = edge.information.scaled(weight);
+            copy.edges.push(RelativePose { information, ..*edge });
+        }
+    }
+    for (edge, &weight) in graph.edges.iter().zip(&weights) {
+        if weight <= 0.0 && pieces.join(edge.i, edge.j) {
+            let information = edge.information.scaled(BRIDGE_WEIGHT);
+            copy.edges.push(RelativePose { information, ..*edge });
+        }
+    }
+    copy
 }
 
 /// A graph whose closures have weights.
 struct Weighted<'a, G, const N: usize> {
     graph: &'a mut PoseGraph<G, N>,
-    options: pose_graph::Options,
+    kernel: Kernel,
     threshold: f64,
     /// Indices of the closures, rising.
     closures: Vec<usize>,
@@ -134,52 +187,51 @@ struct Weighted<'a, G, const N: usize> {
     /// One a closure.
     weights: Vec<f64>,
     solves: usize,
+    begin: Instant,
+    /// Whether a solve was canceled or ran out of time: the stages end then.
+    is_stopped: bool,
+    options: pose_graph::Options,
 }
 
 impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
-    fn new(graph: &'a mut PoseGraph<G, N>, options: &Options, threshold: f64) -> Self {
+    fn new(
+        graph: &'a mut PoseGraph<G, N>,
+        options: &Options,
+        threshold: f64,
+        begin: Instant,
+    ) -> Self {
         let is_closure = |&edge: &usize| {
             let RelativePose { i, j, .. } = graph.edges[edge];
             graph.ids[i].abs_diff(graph.ids[j]) > 1 && options.trusted.binary_search(&edge).is_err()
         };
         let closures: Vec<usize> = (0..graph.edges.len()).filter(is_closure).collect();
         let is_supported = screening::supported(graph, &closures, threshold);
-        let any = is_supported.contains(&true);
-        // Without a single supported closure there is nothing to tell them apart by.
-        let weights = is_supported.iter().map(|&s| if s || !any { 1.0 } else { 0.0 }).collect();
-        let mut inner = options.pose_graph;
-        inner.optimizer.threads = None;
-        Self { graph, options: inner, threshold, closures, is_supported, weights, solves: 0 }
+        let mut weighted = Self {
+            graph,
+            kernel: options.kernel,
+            threshold,
+            weights: vec![1.0; closures.len()],
+            closures,
+            is_supported,
+            solves: 0,
+            begin,
+            is_stopped: false,
+            options: options.pose_graph,
+        };
+        weighted.weigh_by_support();
+        weighted
     }
 
-    /// The edges at their weights, as a graph of its own in one piece.
+    /// Begins with the supported closures; without a single one there is nothing to tell them apart
+    /// by, and all count.
+    fn weigh_by_support(&mut self) {
+        let any = self.is_supported.contains(&true);
+        let weight = |&supported: &bool| f64::from(u8::from(supported || !any));
+        self.weights = self.is_supported.iter().map(weight).collect();
+    }
+
     fn weighted_graph(&self) -> PoseGraph<G, N> {
-        let mut weights = vec![1.0; self.graph.edges.len()];
-        for (&edge, &weight) in self.closures.iter().zip(&self.weights) {
-            weights[edge] = weight;
-        }
-        let mut copy = PoseGraph {
-            ids: self.graph.ids.clone(),
-            poses: self.graph.poses.clone(),
-            constant: self.graph.constant.clone(),
-            edges: Vec::with_capacity(self.graph.edges.len()),
-            loss: self.graph.loss,
-        };
-        let mut pieces = Pieces::new(&copy.constant);
-        for (edge, &weight) in self.graph.edges.iter().zip(&weights) {
-            if weight > 0.0 {
-                pieces.join(edge.i, edge.j);
-                copy.edges
-                    .push(RelativePose { information: edge.information.scaled(weight), ..*edge });
-            }
-        }
-        for (edge, &weight) in self.graph.edges.iter().zip(&weights) {
-            if weight <= 0.0 && pieces.join(edge.i, edge.j) {
-                let information = edge.information.scaled(BRIDGE_WEIGHT);
-                copy.edges.push(RelativePose { information, ..*edge });
-            }
-        }
-        copy
+        at_weights(self.graph, self.closures.iter().copied().zip(self.weights.iter().copied()))
     }
 
     fn start<const D: usize>(&mut self, start: Start, has_poses: bool) -> Result<Start, SolveError>
@@ -200,14 +252,15 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         Ok(taken)
     }
 
+    /// χ² of an edge at the poses.
+    fn chi2_of(&self, edge: usize) -> f64 {
+        let edge = &self.graph.edges[edge];
+        edge.chi2(&self.graph.poses[edge.i], &self.graph.poses[edge.j])
+    }
+
     /// χ² of each closure at the poses.
     fn chi2(&self) -> Vec<f64> {
-        let chi2 = |&edge: &usize| {
-            let edge = &self.graph.edges[edge];
-            let residual = edge.residual(&self.graph.poses[edge.i], &self.graph.poses[edge.j]);
-            edge.information.squared_norm(&residual)
-        };
-        self.closures.iter().map(chi2).collect()
+        self.closures.iter().map(|&edge| self.chi2_of(edge)).collect()
     }
 
     fn solve(
@@ -216,14 +269,18 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         observer: &mut Observer<'_>,
     ) -> Result<SolveSummary, SolveError> {
         let mut copy = self.weighted_graph();
-        let summary = pose_graph::solve(&mut copy, options, observer)?;
+        let deadline = options.optimizer.deadline.map(|d| d.saturating_sub(self.begin.elapsed()));
+        let optimizer = optimizer::Options { deadline, threads: None, ..options.optimizer };
+        let summary = pose_graph::solve(&mut copy, &pose_graph::Options { optimizer }, observer)?;
         self.graph.poses = copy.poses;
         self.solves += 1;
+        self.is_stopped |=
+            matches!(summary.termination, Termination::Cancelled | Termination::Deadline);
         Ok(summary)
     }
 
     /// Weighs the supported closures, from a convex cost to the kernel.
-    fn graduate(&mut self, kernel: Kernel) -> Result<(), SolveError> {
+    fn graduate(&mut self, observer: &mut Observer<'_>) -> Result<(), SolveError> {
         let active: Vec<usize> =
             (0..self.weights.len()).filter(|&k| self.weights[k] > 0.0).collect();
         let options = pose_graph::Options {
@@ -233,13 +290,13 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
                 ..self.options.optimizer
             },
         };
-        self.solve(&options, &mut ignore_iterations)?;
+        self.solve(&options, observer)?;
         let largest = |chi2: &[f64]| active.iter().map(|&k| chi2[k]).fold(0.0, f64::max);
         let mut chi2 = self.chi2();
-        let Some(mut schedule) = kernel.schedule(largest(&chi2), self.threshold) else {
+        let Some(mut schedule) = self.kernel.schedule(largest(&chi2), self.threshold) else {
             return Ok(());
         };
-        loop {
+        while !self.is_stopped {
             let mut change = 0.0_f64;
             for &k in &active {
                 let weight = schedule.weight(chi2[k]);
@@ -247,38 +304,44 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
                 self.weights[k] = weight;
             }
             if change > 0.0 {
-                self.solve(&options, &mut ignore_iterations)?;
+                self.solve(&options, observer)?;
                 chi2 = self.chi2();
             }
             let is_settled = self.weights.iter().all(|w| *w == 0.0 || *w == 1.0);
-            if !schedule.advance() || (is_settled && kernel.is_binary()) {
-                return Ok(());
+            if !schedule.advance() || (is_settled && self.kernel.is_binary()) {
+                break;
             }
         }
+        Ok(())
     }
 
-    /// Judges every closure at the solution until no verdict changes; returns the last solve.
-    fn judge(
-        &mut self,
-        kernel: Kernel,
-        observer: &mut Observer<'_>,
-    ) -> Result<(SolveSummary, usize), SolveError> {
+    /// Judges every closure at the poses and solves, until no verdict changes; the weights are then
+    /// those of the last verdicts.
+    fn judge(&mut self, observer: &mut Observer<'_>) -> Result<(), SolveError> {
         let options = self.options;
         let mut before: Vec<Vec<bool>> = Vec::new();
         for _ in 0..MAX_JUDGMENTS {
             let chi2 = self.chi2();
             let kept: Vec<bool> = chi2.iter().map(|&chi2| chi2 <= self.threshold).collect();
             for (weight, &chi2) in self.weights.iter_mut().zip(&chi2) {
-                *weight = kernel.final_weight(chi2, self.threshold);
+                *weight = self.kernel.final_weight(chi2, self.threshold);
             }
-            if before.contains(&kept) {
+            if before.contains(&kept) || self.is_stopped {
                 break;
             }
             before.push(kept);
-            self.solve(&options, &mut ignore_iterations)?;
+            self.solve(&options, observer)?;
         }
-        let summary = self.solve(&options, observer)?;
-        Ok((summary, self.solves))
+        Ok(())
+    }
+
+    /// The outcome, `solve` the last one; its clock is set to the beginning of all.
+    fn summary(&self, mut solve: SolveSummary, start: Start) -> RobustSummary {
+        let before = self.begin.elapsed().as_secs_f64() - solve.solve_seconds;
+        solve.solve_seconds += before;
+        solve.iterations.iter_mut().for_each(|row| row.seconds += before);
+        let closures = self.verdicts();
+        RobustSummary { solve, start, closures, threshold: self.threshold, solves: self.solves }
     }
 
     fn verdicts(&self) -> Vec<Verdict> {
@@ -326,8 +389,10 @@ impl Pieces {
     }
 }
 
-/// The 99 % quantile of χ² with `dimension` degrees of freedom, by Wilson and Hilferty's cube.
-fn chi2_99(dimension: usize) -> f64 {
+/// The threshold where none is given: the 99 % quantile of χ² with `dimension` degrees of freedom, by
+/// Wilson and Hilferty's cube.
+#[must_use]
+pub fn default_threshold(dimension: usize) -> f64 {
     let n = dimension as f64;
     let spread = 2.0 / (9.0 * n);
     n * (1.0 - spread + 2.326_347_874 * spread.sqrt()).powi(3)
@@ -338,7 +403,7 @@ mod tests {
     #[test]
     fn the_quantile_is_that_of_tables() {
         for (dimension, table) in [(3, 11.345), (6, 16.812), (7, 18.475)] {
-            assert!((super::chi2_99(dimension) / table - 1.0).abs() < 3e-3);
+            assert!((super::default_threshold(dimension) / table - 1.0).abs() < 3e-3);
         }
     }
 }

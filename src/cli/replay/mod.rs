@@ -175,6 +175,7 @@ async fn optimize(client: &Client, map_id: &str) -> anyhow::Result<v1::OptimizeM
         gauge: v1::Gauge::FirstKeyframeFixed.into(),
         refine_intrinsics: false,
         problem: v1::MapProblem::Full.into(),
+        certify: false,
     };
     tracing::info!("optimizing the whole map");
     let result = client.optimize_map(request, |row| {

@@ -5,6 +5,7 @@
 //! call; [`report::Report`] adds what came before.
 
 mod bundle;
+mod graph_details;
 mod loss;
 mod pose_graph;
 mod report;

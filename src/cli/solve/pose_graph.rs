@@ -3,23 +3,28 @@
 //! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), with the lowest id fixed, or the `FIX` lines
 //! of the file where it has some. The time that the start takes is counted. With `--robust` the cost
 //! is that of odometry and the loop closures at their weights, and the rows are those of the last solve.
+//! With `--certify` that solve starts from the optimum of the chordal objective, which is what the
+//! certificate is of: the cost told is still that of the Log objective and has no proof.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::Context;
-use clap::ValueEnum;
+use covis_solvers::certificate::certify;
+use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::RigidMotion;
 use covis_solvers::initialization::{Start, initialize};
 use covis_solvers::io::g2o::G2oGraph;
-use covis_solvers::optimizer::{self, Method, SolveSummary, Termination};
+use covis_solvers::optimizer::{self, Method, SolveSummary, Termination, ignore_iterations};
 use covis_solvers::pose_graph::{self, Options};
 use covis_solvers::problem::PoseGraph;
-use covis_solvers::robust::{self, Kernel, RobustSummary};
+use covis_solvers::robust::{self, Kernel};
 use serde::Serialize;
 
 use super::Shared;
-use super::report::{Details, Report};
+use super::graph_details::{CertificateDetails, GraphDetails, RobustDetails};
+use super::report::Report;
 use crate::cli::config::Config;
 
 /// Arguments of `covis solve pose-graph`.
@@ -43,11 +48,18 @@ pub(super) struct Args {
     /// Largest χ² of a true closure [default: the 99 % quantile, 11.3 in SE2 and 16.8 in SE3].
     #[arg(long, value_name = "CHI2")]
     robust_threshold: Option<f64>,
+    /// A loop closure that `--robust` takes for true, by the ids of its ends; may be repeated.
+    #[arg(long, value_name = "FROM,TO", value_parser = ends, requires = "robust")]
+    trusted: Vec<(i64, i64)>,
+    /// Start from the optimum of the chordal objective (SE-Sync's; no loss, isotropic weights) and
+    /// prove that it is the global one. The cost that is then reached is not proved to be.
+    #[arg(long)]
+    certify: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, clap::ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
-enum RobustName {
+pub(super) enum RobustName {
     None,
     GncTls,
     GncGm,
@@ -55,14 +67,14 @@ enum RobustName {
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
-enum MethodName {
+pub(super) enum MethodName {
     Lm,
     Gn,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum, Serialize)]
 #[serde(rename_all = "kebab-case")]
-enum Init {
+pub(super) enum Init {
     /// The vertices of the file.
     Given,
     /// Measurements strung together between consecutive ids; closures only where those end.
@@ -95,62 +107,6 @@ fn taken(start: Start) -> Init {
         Start::SpanningTree => Init::SpanningTree,
         Start::Chordal => Init::Chordal,
         Start::Auto => Init::Auto,
-    }
-}
-
-#[derive(Debug, Serialize)]
-struct GraphDetails {
-    problem: &'static str,
-    group: &'static str,
-    method: MethodName,
-    init: Init,
-    /// Absent with `--robust`, which looks for its start itself.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    init_seconds: Option<f64>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    robust: Option<RobustDetails>,
-    vertices: usize,
-    edges: usize,
-}
-
-/// What `--robust` found.
-#[derive(Debug, Serialize)]
-struct RobustDetails {
-    kernel: RobustName,
-    threshold: f64,
-    closures: usize,
-    solves: usize,
-    switched_off: Vec<SwitchedOff>,
-}
-
-/// A closure that was found false.
-#[derive(Debug, Serialize)]
-struct SwitchedOff {
-    /// Position among the file's edges, from 0.
-    edge: usize,
-    i: i64,
-    j: i64,
-    chi2: f64,
-    weight: f64,
-}
-
-impl Details for GraphDetails {
-    fn lines(&self) -> Vec<(&'static str, String)> {
-        let size = format!("{}, {} vertices, {} edges", self.group, self.vertices, self.edges);
-        let init = self.init.to_possible_value();
-        let name = init.as_ref().map_or("", |value| value.get_name());
-        let seconds = self.init_seconds.map(|seconds| format!(", {seconds:.6} s"));
-        let start = format!("{name}{}", seconds.unwrap_or_default());
-        let mut lines = vec![("start", start), ("problem", size)];
-        if let Some(robust) = &self.robust {
-            let off = robust.switched_off.len();
-            let text = format!(
-                "{} of {} switched off (χ² above {:.1}), {} solves; --json lists them",
-                off, robust.closures, robust.threshold, robust.solves
-            );
-            lines.push(("closures", text));
-        }
-        lines
     }
 }
 
@@ -210,7 +166,6 @@ impl Run<'_> {
         graph: &mut PoseGraph<G, N>,
     ) -> anyhow::Result<Outcome> {
         let shared = &self.args.shared;
-        let name = || self.args.input.display().to_string();
         graph.loss = shared.loss;
         if !graph.constant.contains(&true) {
             graph.fix_lowest_id();
@@ -229,6 +184,7 @@ impl Run<'_> {
             init: self.args.init,
             init_seconds: None,
             robust: None,
+            certificate: None,
             vertices: graph.poses.len(),
             edges: graph.edges.len(),
         };
@@ -237,51 +193,124 @@ impl Run<'_> {
             RobustName::GncTls => Some(Kernel::TruncatedLeastSquares),
             RobustName::GncGm => Some(Kernel::GemanMcClure),
         };
-        let start = Start::from(self.args.init);
-        let (mut report, summary);
-        if let Some(kernel) = kernel {
-            report = Report::start(shared.json, self.start.elapsed())?;
-            let mut observer = |row: &optimizer::IterationSummary| report.observe(row);
-            let threshold = self.args.robust_threshold;
-            let options = robust::Options {
-                threshold,
-                start,
-                pose_graph: options,
-                ..robust::Options::new(kernel)
-            };
-            let solved = robust::solve(graph, self.from_file, &options, &mut observer);
-            let solved = solved.with_context(name)?;
-            details.init = taken(solved.start);
-            details.robust = Some(robust_details(graph, self.args.robust, &solved));
-            summary = solved.solve;
-        } else {
-            let before = self.start.elapsed();
-            details.init = taken(initialize(graph, start, self.from_file).with_context(name)?);
-            details.init_seconds = Some((self.start.elapsed() - before).as_secs_f64());
-            report = Report::start(shared.json, self.start.elapsed())?;
-            let mut observer = |row: &optimizer::IterationSummary| report.observe(row);
-            summary = pose_graph::solve(graph, &options, &mut observer).with_context(name)?;
-        }
+        let (report, summary) = match kernel {
+            Some(kernel) => self.robust(graph, kernel, &options, &mut details)?,
+            None => self.plain(graph, &options, &mut details)?,
+        };
         Ok(Outcome { report, summary, details })
+    }
+
+    /// A start, and the solve from it.
+    fn plain<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+        &self,
+        graph: &mut PoseGraph<G, N>,
+        options: &Options,
+        details: &mut GraphDetails,
+    ) -> anyhow::Result<(Report, SolveSummary)> {
+        let before = self.start.elapsed();
+        let start = match self.args.init {
+            // What is to be proved is best started near itself.
+            Init::Auto if self.args.certify => Start::Chordal,
+            init @ (Init::Given
+            | Init::Odometry
+            | Init::SpanningTree
+            | Init::Chordal
+            | Init::Auto) => Start::from(init),
+        };
+        let start = initialize(graph, start, self.from_file).with_context(|| self.name())?;
+        details.init = taken(start);
+        details.init_seconds = Some((self.start.elapsed() - before).as_secs_f64());
+        if self.args.certify {
+            details.certificate = Some(self.certify(graph)?);
+        }
+        self.report(graph, options)
+    }
+
+    /// Closures judged; then, to certify, those that are kept once more from the chordal optimum.
+    fn robust<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+        &self,
+        graph: &mut PoseGraph<G, N>,
+        kernel: Kernel,
+        options: &Options,
+        details: &mut GraphDetails,
+    ) -> anyhow::Result<(Report, SolveSummary)> {
+        let robust = robust::Options {
+            threshold: self.args.robust_threshold,
+            start: Start::from(self.args.init),
+            trusted: trusted(graph, &self.args.trusted).with_context(|| self.name())?,
+            pose_graph: *options,
+            ..robust::Options::new(kernel)
+        };
+        let before = self.start.elapsed();
+        let solved = robust::solve(graph, self.from_file, &robust, &mut ignore_iterations)
+            .with_context(|| self.name())?;
+        let told = if self.args.certify {
+            let mut kept = robust::weighted(graph, &solved.closures);
+            details.certificate = Some(self.certify(&mut kept)?);
+            let told = self.report(&mut kept, options)?;
+            graph.poses = kept.poses;
+            told
+        } else {
+            let mut report = Report::start(self.args.shared.json, before)?;
+            for row in &solved.solve.iterations {
+                report.observe(row);
+            }
+            (report, solved.solve.clone())
+        };
+        details.init = taken(solved.start);
+        details.robust = Some(RobustDetails::new(graph, self.args.robust, &solved));
+        Ok(told)
+    }
+
+    /// The solve that the rows are of.
+    fn report<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+        &self,
+        graph: &mut PoseGraph<G, N>,
+        options: &Options,
+    ) -> anyhow::Result<(Report, SolveSummary)> {
+        let mut report = Report::start(self.args.shared.json, self.start.elapsed())?;
+        let solved = pose_graph::solve(graph, options, &mut |row| report.observe(row));
+        Ok((report, solved.with_context(|| self.name())?))
+    }
+
+    fn name(&self) -> String {
+        self.args.input.display().to_string()
+    }
+
+    fn certify<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+        &self,
+        graph: &mut PoseGraph<G, N>,
+    ) -> anyhow::Result<CertificateDetails> {
+        let before = Instant::now();
+        let certificate = certify(graph).with_context(|| self.name())?;
+        let seconds = before.elapsed().as_secs_f64();
+        Ok(CertificateDetails::new(&certificate, graph.loss, seconds))
     }
 }
 
-fn robust_details<G, const N: usize>(
+/// Reads `FROM,TO`.
+fn ends(text: &str) -> Result<(i64, i64), String> {
+    let ends = text
+        .split_once(',')
+        .and_then(|(from, to)| Some((from.trim().parse().ok()?, to.trim().parse().ok()?)));
+    ends.ok_or_else(|| format!("`{text}` is not two ids with a comma between them"))
+}
+
+/// The edges between the given ids, in either direction.
+fn trusted<G, const N: usize>(
     graph: &PoseGraph<G, N>,
-    kernel: RobustName,
-    solved: &RobustSummary,
-) -> RobustDetails {
-    let off = solved.closures.iter().filter(|verdict| verdict.is_switched_off);
-    let switched_off = off.map(|verdict| {
-        let edge = &graph.edges[verdict.edge];
-        let (i, j) = (graph.ids[edge.i], graph.ids[edge.j]);
-        SwitchedOff { edge: verdict.edge, i, j, chi2: verdict.chi2, weight: verdict.weight }
-    });
-    RobustDetails {
-        kernel,
-        threshold: solved.threshold,
-        closures: solved.closures.len(),
-        solves: solved.solves,
-        switched_off: switched_off.collect(),
+    pairs: &[(i64, i64)],
+) -> anyhow::Result<Vec<usize>> {
+    let mut trusted = BTreeSet::new();
+    for &(from, to) in pairs {
+        let ties = |(_, edge): &(usize, &RelativePose<G, N>)| {
+            let ids = (graph.ids[edge.i], graph.ids[edge.j]);
+            ids == (from, to) || ids == (to, from)
+        };
+        let found: Vec<usize> =
+            graph.edges.iter().enumerate().filter(ties).map(|(index, _)| index).collect();
+        anyhow::ensure!(!found.is_empty(), "--trusted {from},{to}: no edge ties these two");
+        trusted.extend(found);
     }
+    Ok(trusted.into_iter().collect())
 }

@@ -205,6 +205,14 @@ impl Fit<'_> {
             self.camera(*id)?;
             self.finite(camera.is_finite(), EntityKind::Camera, *id)?;
         }
+        for (id, off) in &solve.switched_off {
+            self.constraint(*id)?;
+            let is_finite = off.chi2.is_finite() && off.weight.is_finite();
+            self.finite(is_finite, EntityKind::Constraint, *id)?;
+        }
+        for id in &solve.switched_on {
+            self.constraint(*id)?;
+        }
         for &(client, _) in &solve.covered {
             if self.map.client(client).is_none() {
                 return Err(MapError::UnknownClient { revision: self.revision, client });
@@ -227,6 +235,10 @@ impl Fit<'_> {
 
     fn landmark(&self, id: EntityId) -> Outcome {
         self.present(self.map.landmarks.contains_key(&id), EntityKind::Landmark, id)
+    }
+
+    fn constraint(&self, id: EntityId) -> Outcome {
+        self.present(self.map.constraints.contains_key(&id), EntityKind::Constraint, id)
     }
 
     fn new_constraint(&self, id: EntityId) -> Outcome {

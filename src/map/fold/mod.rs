@@ -97,6 +97,7 @@ impl Map {
             Change::KeyframeRemoved { keyframe } => self.remove_keyframe(*keyframe),
             Change::ConstraintRevoked { id } => {
                 self.constraints.remove(id);
+                self.switched_off.remove(id);
                 self.priors.remove(id);
                 self.contents.remove(&(Content::Constraint, *id));
             }
@@ -168,6 +169,10 @@ impl Map {
             if let Some(entity) = self.cameras.get_mut(id) {
                 entity.camera = *camera;
             }
+        }
+        self.switched_off.extend(solve.switched_off.iter().copied());
+        for id in &solve.switched_on {
+            self.switched_off.remove(id);
         }
         for &(client, sequence) in &solve.covered {
             if let Some(client) = self.clients.get_mut(client.0 as usize) {

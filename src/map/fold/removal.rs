@@ -36,12 +36,13 @@ impl Map {
         for observation in keyframe.observations.iter() {
             self.forget_observer(observation.landmark, id);
         }
-        let Self { constraints, priors, contents, .. } = self;
+        let Self { constraints, switched_off, priors, contents, .. } = self;
         contents.remove(&(Content::Keyframe, id));
         constraints.retain(|&constraint_id, c| {
             let keep = c.keyframe_i != id && c.keyframe_j != id;
             if !keep {
                 contents.remove(&(Content::Constraint, constraint_id));
+                switched_off.remove(&constraint_id);
             }
             keep
         });

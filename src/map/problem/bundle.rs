@@ -2,7 +2,7 @@
 //!
 //! Keyframes of a window come first in the problem, then the fixed ones, each group by id; cameras
 //! and landmarks by id. Relative-pose constraints enter when both keyframes are in the problem and
-//! one of them may move, priors when theirs may move. A pose that too few measurements hold stays
+//! one of them may move (those that are switched off never), priors when theirs may move. A pose that too few measurements hold stays
 //! where it is, and an observation without finite projection at the current estimates is left out:
 //! neither may stop the whole solve.
 
@@ -101,7 +101,7 @@ impl<'a> Builder<'a> {
                 self.join(&mut pieces, pair[0], pair[1]);
             }
         }
-        for constraint in self.map.constraints().values() {
+        for (_, constraint) in self.map.active_constraints() {
             self.join(&mut pieces, constraint.keyframe_i, constraint.keyframe_j);
         }
         let mut is_placed = vec![false; self.keyframes.len()];
@@ -187,7 +187,7 @@ impl<'a> Builder<'a> {
     /// Adds constraints and priors; a pose that one of them ties fully counts as measured.
     fn pose_factors(&mut self, measured: &mut [usize]) {
         let constant = self.problem.constant_poses.clone();
-        for constraint in self.map.constraints().values() {
+        for (_, constraint) in self.map.active_constraints() {
             let i = self.pose_of.get(&constraint.keyframe_i).copied();
             let j = self.pose_of.get(&constraint.keyframe_j).copied();
             let (Some(i), Some(j)) = (i, j) else { continue };

@@ -8,7 +8,8 @@
 //!
 //! with distance d, angle θ, the median distance d̄ of consecutive keyframes (which carries the
 //! map's unknown scale), n shared landmarks and m the policy's `min_shared_landmarks`. A pair that
-//! a loop closure ties gets no estimated edge: the estimate is what the closure corrects.
+//! a loop closure ties gets no estimated edge: the estimate is what the closure corrects. A closure
+//! that is switched off is an edge still, for it may be judged anew, and its pair has both.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,8 +19,8 @@ use covis_solvers::information::Information;
 use covis_solvers::problem::PoseGraph;
 use nalgebra::Vector6;
 
-use super::GraphProblem;
 use super::pieces::Pieces;
+use super::{ClosureEdge, GraphProblem};
 use crate::map::{ClientIndex, ConstraintKind, EntityId, Map};
 
 /// Translation error over distance.
@@ -37,9 +38,11 @@ pub fn loop_problem(map: &Map) -> GraphProblem {
     let mut graph = PoseGraph::new();
     graph.loss = map.policy().constraint_loss;
     let keyframes: Vec<EntityId> = map.keyframes().keys().copied().collect();
+    let numbers = numbers(map);
     let mut index_of = BTreeMap::new();
-    for (id, (&keyframe, entity)) in (0..).zip(map.keyframes()) {
-        index_of.insert(keyframe, graph.push_pose(id, entity.world_from_camera));
+    for (keyframe, entity) in map.keyframes() {
+        let number = numbers.get(keyframe).copied().unwrap_or_default();
+        index_of.insert(*keyframe, graph.push_pose(number, entity.world_from_camera));
     }
     for (a, b, information) in estimated_edges(map) {
         if let (Some(&i), Some(&j)) = (index_of.get(&a), index_of.get(&b)) {
@@ -47,11 +50,20 @@ pub fn loop_problem(map: &Map) -> GraphProblem {
             graph.edges.push(RelativePose { i, j, i_from_j, information });
         }
     }
-    for constraint in map.constraints().values() {
+    let mut closures = Vec::new();
+    for (&id, constraint) in map.constraints() {
         let i = index_of.get(&constraint.keyframe_i);
         if let (Some(&i), Some(&j)) = (i, index_of.get(&constraint.keyframe_j)) {
             let i_from_j = constraint.keyframe_i_from_keyframe_j;
             let information = constraint.information;
+            if constraint.kind == ConstraintKind::LoopClosure {
+                let switched_off = map.switched_off().get(&id).copied();
+                closures.push(ClosureEdge {
+                    edge: graph.edges.len(),
+                    constraint: id,
+                    switched_off,
+                });
+            }
             graph.edges.push(RelativePose { i, j, i_from_j, information });
         }
     }
@@ -60,17 +72,31 @@ pub fn loop_problem(map: &Map) -> GraphProblem {
     for root in pieces.roots() {
         graph.constant[root] = true;
     }
-    GraphProblem { graph, keyframes, start_revision: map.revision() }
+    GraphProblem { graph, keyframes, closures, start_revision: map.revision() }
+}
+
+/// A number for each keyframe: consecutive ones of a client in capture order have consecutive
+/// numbers, no others.
+fn numbers(map: &Map) -> BTreeMap<EntityId, i64> {
+    let mut numbers = BTreeMap::new();
+    let mut next = 0;
+    for index in (0..).take(map.clients().len()) {
+        for (id, _) in map.trajectory(ClientIndex(index)) {
+            numbers.insert(id, next);
+            next += 1;
+        }
+        next += 1;
+    }
+    numbers
 }
 
 /// The pairs that are tied at their current estimates, with the information of the tie.
 fn estimated_edges(map: &Map) -> Vec<(EntityId, EntityId, Information<6>)> {
     let consecutive = consecutive_pairs(map);
     let closed: BTreeSet<(EntityId, EntityId)> = map
-        .constraints()
-        .values()
-        .filter(|c| c.kind == ConstraintKind::LoopClosure)
-        .map(|c| ordered(c.keyframe_i, c.keyframe_j))
+        .active_constraints()
+        .filter(|(_, c)| c.kind == ConstraintKind::LoopClosure)
+        .map(|(_, c)| ordered(c.keyframe_i, c.keyframe_j))
         .collect();
     let covisibility = map.covisibility();
     let threshold = u32::try_from(map.policy().min_shared_landmarks.max(1)).unwrap_or(u32::MAX);

@@ -11,8 +11,9 @@ mod pieces;
 use covis_solvers::geometry::Se3;
 use covis_solvers::loss::Loss;
 use covis_solvers::problem::{BundleProblem, PoseGraph};
+use covis_solvers::robust::{Verdict, weighted};
 
-use super::EntityId;
+use super::{EntityId, SwitchedOff};
 
 pub use bundle::{global_problem, local_problem};
 pub use graph::loop_problem;
@@ -66,15 +67,42 @@ impl Default for GlobalOptions {
 /// A pose graph with the names of its poses.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GraphProblem {
-    /// The graph; ids are positions in `keyframes`, and a solve moves its poses in place.
+    /// The graph; a solve moves its poses in place. Ids count the keyframes client by client in
+    /// capture order, with a gap between clients: consecutive keyframes have consecutive ids.
     pub graph: PoseGraph<Se3, 6>,
     /// The keyframe of each pose, sorted.
     pub keyframes: Vec<EntityId>,
+    /// The edges that are loop closures, rising; a solve leaves its verdicts here.
+    pub closures: Vec<ClosureEdge>,
     /// The map's revision that it was built from.
     pub start_revision: i64,
 }
 
+/// An edge of a pose graph that is a loop closure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClosureEdge {
+    /// Its position among the edges.
+    pub edge: usize,
+    /// The constraint that it came from.
+    pub constraint: EntityId,
+    /// Present where it does not count.
+    pub switched_off: Option<SwitchedOff>,
+}
+
 impl GraphProblem {
+    /// The edges that are no loop closures, rising.
+    #[must_use]
+    pub fn trusted(&self) -> Vec<usize> {
+        let is_closure = |edge| self.closures.binary_search_by_key(&edge, |c| c.edge).is_ok();
+        (0..self.graph.edges.len()).filter(|&edge| !is_closure(edge)).collect()
+    }
+
+    /// The problem with its closures at their weights in `closures`, as a solver judged them.
+    #[must_use]
+    pub fn weighted(&self, closures: &[Verdict]) -> Self {
+        Self { graph: weighted(&self.graph, closures), closures: Vec::new(), ..self.clone() }
+    }
+
     /// Whether there is an edge and a pose that may move.
     #[must_use]
     pub fn is_solvable(&self) -> bool {

@@ -8,7 +8,8 @@ use super::geometry::{to_information3, to_information6, to_rigid_transform, to_v
 use super::ids::{client_name, to_keyframe_ref};
 use super::time::timestamp;
 use crate::map::{
-    CameraEntity, ClientIndex, Constraint, ConstraintKind, EntityId, Keyframe, Landmark, Map, Prior,
+    CameraEntity, ClientIndex, Constraint, ConstraintKind, EntityId, Keyframe, Landmark, Map,
+    Prior, SwitchedOff,
 };
 use crate::wire::v1;
 use v1::constraint::Constraint as WireConstraint;
@@ -74,7 +75,13 @@ pub(in crate::service) fn to_constraint(
         information: Some(to_information6(constraint.information.matrix())),
         kind: kind.into(),
         loss: None,
+        switched_off: map.switched_off().get(&id).map(to_switched_off),
     }))
+}
+
+/// Why a constraint does not count.
+pub(in crate::service) fn to_switched_off(off: &SwitchedOff) -> v1::SwitchedOff {
+    v1::SwitchedOff { chi2: off.chi2, weight: off.weight }
 }
 
 /// A prior on a keyframe.

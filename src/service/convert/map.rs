@@ -8,6 +8,7 @@ use std::mem::size_of;
 
 use super::entities::{clients_by_name, to_client_frame};
 use super::geometry::to_vector3;
+use super::robust::{robustness, to_robustness};
 use super::solve::{loss, to_loss};
 use super::time::timestamp;
 use super::{Path, Violations, count, small};
@@ -71,10 +72,14 @@ pub(in crate::service) fn policy(
         None => None,
     };
     let ceilings = ceilings(at, m.limits.as_ref(), server, out);
+    let closures = at.field("loop_closure_robustness");
+    let wanted = m.loop_closure_robustness.as_ref();
+    let closures = robustness(closures, wanted, default.loop_closure_robustness, out);
     gauge?;
     Some(MapPolicy {
         local_bundle: m.local_bundle_adjustment.unwrap_or(default.local_bundle),
         loop_closure: m.loop_closure_optimization.unwrap_or(default.loop_closure),
+        loop_closure_robustness: closures?,
         window_keyframes: window?,
         min_shared_landmarks: shared?,
         observation_loss: observation_loss?.unwrap_or(default.observation_loss),
@@ -153,6 +158,7 @@ fn to_policy(policy: &MapPolicy, queued_items: usize) -> v1::MapPolicy {
         loop_closure_optimization: Some(policy.loop_closure),
         max_iteration_count: Some(small(policy.max_local_iterations)),
         limits: Some(to_limits(&policy.ceilings, queued_items)),
+        loop_closure_robustness: Some(to_robustness(&policy.loop_closure_robustness)),
     }
 }
 
@@ -209,6 +215,7 @@ fn to_counts(map: &Map) -> v1::MapCounts {
         observation_count: count(observations),
         constraint_count: count(map.constraints().len() + map.priors().len()),
         size_bytes: count(size),
+        switched_off_constraint_count: count(map.switched_off().len()),
     }
 }
 

@@ -14,6 +14,7 @@ pub(super) mod item;
 pub(super) mod map;
 pub(super) mod problem;
 pub(super) mod refine;
+pub(super) mod robust;
 pub(super) mod solve;
 pub(super) mod time;
 

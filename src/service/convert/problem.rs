@@ -175,6 +175,7 @@ struct Edge<G, const N: usize> {
     vertices: (i64, i64),
     i_from_j: G,
     information: Information<N>,
+    trusted: bool,
 }
 
 /// A graph and the start that it asks for.
@@ -185,6 +186,8 @@ pub(in crate::service) struct GraphToSolve<G, const N: usize> {
     pub start: Start,
     /// Whether every vertex came with a pose.
     pub has_poses: bool,
+    /// The edges that are never switched off, rising.
+    pub trusted: Vec<usize>,
 }
 
 /// A pose graph in space.
@@ -208,7 +211,8 @@ pub(in crate::service) fn graph_se3(
         let information = information6(place, m.information.as_ref(), out);
         edge_loss(at, m.loss.as_ref(), graph_loss, out)?;
         let information = typed(place, &information?, out)?;
-        Some(Edge { vertices: (m.vertex_i, m.vertex_j), i_from_j: measured?, information })
+        let (vertices, i_from_j) = ((m.vertex_i, m.vertex_j), measured?);
+        Some(Edge { vertices, i_from_j, information, trusted: m.trusted })
     });
     out.not_empty(at.field("edges"), &message.edges);
     assemble(at, vertices?, edges?, graph_loss, start, out)
@@ -235,7 +239,8 @@ pub(in crate::service) fn graph_se2(
         let information = information3(place, m.information.as_ref(), out);
         edge_loss(at, m.loss.as_ref(), graph_loss, out)?;
         let information = typed(place, &information?, out)?;
-        Some(Edge { vertices: (m.vertex_i, m.vertex_j), i_from_j: measured?, information })
+        let (vertices, i_from_j) = ((m.vertex_i, m.vertex_j), measured?);
+        Some(Edge { vertices, i_from_j, information, trusted: m.trusted })
     });
     out.not_empty(at.field("edges"), &message.edges);
     assemble(at, vertices?, edges?, graph_loss, start, out)
@@ -306,6 +311,8 @@ fn assemble<G: LieGroup<N>, const N: usize>(
         graph.constant[k] = vertex.fixed;
     }
     let list = at.field("edges");
+    let trusted = edges.iter().enumerate().filter(|(_, edge)| edge.trusted).map(|(k, _)| k);
+    let trusted = trusted.collect();
     for (k, edge) in edges.into_iter().enumerate() {
         let at = list.index(k);
         let (i, j) = edge.vertices;
@@ -326,5 +333,5 @@ fn assemble<G: LieGroup<N>, const N: usize>(
             graph.edges.push(RelativePose { i, j, i_from_j, information });
         }
     }
-    Some(GraphToSolve { graph, start, has_poses })
+    Some(GraphToSolve { graph, start, has_poses, trusted })
 }

@@ -190,7 +190,7 @@ pub(in crate::service) fn to_iteration(row: &IterationSummary) -> v1::IterationS
 }
 
 /// Whole microseconds of a time in seconds.
-fn microseconds(seconds: f64) -> i64 {
+pub(super) fn microseconds(seconds: f64) -> i64 {
     let duration = Duration::try_from_secs_f64(seconds).unwrap_or_default();
     i64::try_from(duration.as_micros()).unwrap_or(i64::MAX)
 }

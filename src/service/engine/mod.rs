@@ -12,7 +12,7 @@
 //! | `handle`, `stream` | what callers hold |
 //! | `actor`, `journal`, `items` | the task: what it waits for, commits, and does with an item |
 //! | `streams`, `schedule` | open streams with their acks; which items wait for which solve |
-//! | `solves`, `work`, `optimize` | starting, superseding and applying solves; their bodies |
+//! | `solves`, `work`, `pose_graph`, `optimize` | starting, superseding and applying solves; their bodies |
 //! | `watch` | changes for readers, coalesced |
 //! | `pool` | the threads of the solves |
 
@@ -26,6 +26,7 @@ mod journal;
 mod maps;
 mod optimize;
 mod pool;
+mod pose_graph;
 mod schedule;
 mod solves;
 mod stream;
@@ -38,8 +39,9 @@ pub use certificate::{GaugeKind, SolveCertificate, SolverKind};
 pub use error::EngineError;
 pub use handle::{MapHandle, MapInfo, MapState};
 pub use maps::Maps;
-pub use optimize::{OptimizeCounts, OptimizeOptions, OptimizeOutcome};
+pub use optimize::{OptimizeCounts, OptimizeOptions, OptimizeOutcome, OptimizeProblem};
 pub use pool::{SolvePanicked, SolverPool};
+pub use pose_graph::ChordalProof;
 pub use stream::{IngestStream, ItemSender, Opened};
 pub use watch::{MapChange, Touched, Watch};
 

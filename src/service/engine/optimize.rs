@@ -12,7 +12,21 @@ use covis_solvers::optimizer::{self, IterationSummary};
 use tokio::sync::mpsc;
 
 use super::handle::Reply;
-use super::{EngineError, GaugeKind, SolveCertificate};
+use super::{ChordalProof, EngineError, GaugeKind, SolveCertificate};
+use crate::map::SwitchedOff;
+
+/// What of a map is optimized.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OptimizeProblem {
+    /// Poses and landmarks over all factors.
+    #[default]
+    Full,
+    /// Poses over the graph of a loop closure; landmarks follow.
+    PoseGraph {
+        /// Whether the chordal optimum is proved, and the last solve starts there.
+        certify: bool,
+    },
+}
 
 /// How a whole map is optimized.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -25,7 +39,9 @@ pub struct OptimizeOptions {
     pub observation_loss: Option<Loss>,
     /// Loss of the constraints; `None` takes the policy's.
     pub constraint_loss: Option<Loss>,
-    /// What holds the frame. [`GaugeKind::FixedPoses`] holds the first keyframe, as a map marks no
+    /// What is optimized.
+    pub problem: OptimizeProblem,
+    /// What holds the frame; a pose graph holds the first keyframe of each piece. [`GaugeKind::FixedPoses`] holds the first keyframe, as a map marks no
     /// others.
     pub gauge: GaugeKind,
 }
@@ -41,6 +57,10 @@ pub struct OptimizeOutcome {
     pub solve_id: i64,
     /// What was in the problem.
     pub counts: OptimizeCounts,
+    /// What is proved of the chordal cost where the last solve started; where it was asked for.
+    pub proof: Option<ChordalProof>,
+    /// Every constraint of the map that is switched off after it, by client name, then id.
+    pub switched_off: Vec<(String, i64, SwitchedOff)>,
 }
 
 /// What was in a problem.

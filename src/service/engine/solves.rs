@@ -13,14 +13,20 @@ use tokio::sync::oneshot;
 use super::actor::Actor;
 use super::optimize::Job;
 use super::pool::{SolvePanicked, answered};
-use super::work::{Outcome, Solution, cancel_flag, solve_loop, solve_map, solve_window};
-use super::{EngineError, Fault, OptimizeOutcome, SolveReport};
-use crate::map::{Change, EntityId, SolveKind, applied, choose_window, local_problem};
+use super::work::{
+    Outcome, Solution, cancel_flag, solve_loop, solve_map, solve_map_graph, solve_window,
+};
+use super::{EngineError, Fault, OptimizeOutcome, OptimizeProblem, SolveReport};
+use crate::map::{
+    Change, EntityId, Map, SolveKind, SwitchedOff, applied, choose_window, local_problem,
+};
 
 /// The solve that runs.
 pub(super) struct Running {
     id: i64,
     kind: SolveKind,
+    /// Whether somebody asked for it.
+    is_job: bool,
     /// What it covers.
     triggers: Vec<u64>,
     superseded: bool,
@@ -69,9 +75,23 @@ impl Actor {
         let Some(job) = &self.job else { return };
         let (options, rows, cancel) = (job.options, job.rows.clone(), Arc::clone(&job.cancel));
         let map = Arc::clone(&self.map);
-        self.launch(SolveKind::Global, self.schedule.all(), cancel, move |cancel| {
-            solve_map(map, &options, &rows, cancel)
-        });
+        match options.problem {
+            OptimizeProblem::Full => {
+                self.launch(SolveKind::Global, self.schedule.all(), cancel, move |cancel| {
+                    solve_map(map, &options, &rows, cancel)
+                });
+            }
+            OptimizeProblem::PoseGraph { certify } => {
+                // Windows are still to be solved: this moves no landmark against its keyframes.
+                let loops = self.schedule.loops();
+                self.launch(SolveKind::PoseGraph, loops, cancel, move |cancel| {
+                    solve_map_graph(map, &options, certify, &rows, cancel)
+                });
+            }
+        }
+        if let Some(running) = &mut self.running {
+            running.is_job = true;
+        }
     }
 
     fn start_window(&mut self, keyframe: EntityId) {
@@ -106,7 +126,8 @@ impl Actor {
             }
             work(&flag)
         });
-        self.running = Some(Running { id, kind, triggers, superseded: false, cancel, answer });
+        let (is_job, superseded) = (false, false);
+        self.running = Some(Running { id, kind, is_job, triggers, superseded, cancel, answer });
     }
 
     /// Drops the result of a window that is being solved; it is solved again later.
@@ -147,7 +168,7 @@ impl Actor {
         if running.superseded {
             return;
         }
-        if running.kind == SolveKind::Global {
+        if running.is_job {
             return self.job_ended(running, outcome).await;
         }
         let report = match outcome {
@@ -177,8 +198,14 @@ impl Actor {
                     let report = SolveReport::Solved(Arc::clone(&certificate));
                     self.acknowledge(&running.triggers, running.id, &report);
                     let revision = self.map.revision();
-                    let (solve_id, counts) = (running.id, solution.counts);
-                    Ok(OptimizeOutcome { certificate, revision, solve_id, counts })
+                    Ok(OptimizeOutcome {
+                        certificate,
+                        revision,
+                        solve_id: running.id,
+                        counts: solution.counts,
+                        proof: solution.proof,
+                        switched_off: switched_off(&self.map),
+                    })
                 }
             },
         };
@@ -213,4 +240,15 @@ impl Actor {
             self.streams.optimized(client, sequence, revision, solve_id, report.clone());
         }
     }
+}
+
+/// The constraints that do not count, by client name, then id.
+fn switched_off(map: &Map) -> Vec<(String, i64, SwitchedOff)> {
+    let named = map.switched_off().iter().map(|(id, &off)| {
+        let client = map.client(id.client).map(|client| client.name.clone());
+        (client.unwrap_or_default(), id.id, off)
+    });
+    let mut named: Vec<_> = named.collect();
+    named.sort_by(|a, b| (&a.0, a.1).cmp(&(&b.0, b.1)));
+    named
 }

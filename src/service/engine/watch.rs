@@ -22,7 +22,7 @@ pub struct Touched {
     pub keyframes: BTreeSet<EntityId>,
     /// Landmarks that are new, changed or gone.
     pub landmarks: BTreeSet<EntityId>,
-    /// Constraints and priors that are new or gone.
+    /// Constraints and priors that are new, switched off or on, or gone.
     pub constraints: BTreeSet<EntityId>,
     /// Clients that are new or whose keyframes changed.
     pub clients: BTreeSet<ClientIndex>,
@@ -63,6 +63,8 @@ impl Touched {
                 solve.poses.iter().for_each(|&(id, _)| self.keyframe(id));
                 self.landmarks.extend(solve.landmarks.iter().map(|&(id, _)| id));
                 self.cameras.extend(solve.cameras.iter().map(|&(id, _)| id));
+                self.constraints.extend(solve.switched_off.iter().map(|&(id, _)| id));
+                self.constraints.extend(&solve.switched_on);
             }
             Change::ObservationsRemoved { observations } => {
                 self.landmarks.extend(observations.iter().map(|&(_, landmark)| landmark));

@@ -8,16 +8,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use covis_solvers::bundle_adjustment::{self, LinearSolver};
-use covis_solvers::evaluation::{bundle_cost, pose_graph_cost};
+use covis_solvers::evaluation::bundle_cost;
 use covis_solvers::optimizer::{self, Control, IterationSummary};
-use covis_solvers::pose_graph;
 use covis_solvers::problem::SolveError;
 use tokio::sync::mpsc;
 
+use super::pose_graph::{ChordalProof, GraphSettings, solve_graph};
 use super::{GaugeKind, OptimizeCounts, OptimizeOptions, SolveCertificate, SolverKind};
-use crate::map::{
-    GlobalOptions, GraphProblem, Map, MapProblem, Solved, global_problem, loop_problem,
-};
+use crate::map::{GlobalOptions, GraphProblem, Map, MapProblem, Solved, global_problem};
 
 /// A problem whose values were moved.
 pub(super) enum Moved {
@@ -39,6 +37,7 @@ pub(super) struct Solution {
     pub(super) moved: Moved,
     pub(super) certificate: SolveCertificate,
     pub(super) counts: OptimizeCounts,
+    pub(super) proof: Option<ChordalProof>,
 }
 
 /// `Ok(None)` when there was nothing to solve.
@@ -96,36 +95,26 @@ pub(super) fn solve_map(
 
 /// Pose-graph optimization after a loop closure.
 pub(super) fn solve_loop(map: Arc<Map>, cancel: &AtomicBool) -> Outcome {
-    let mut problem = loop_problem(&map);
-    drop(map);
-    if !problem.is_solvable() {
-        return Ok(None);
+    solve_graph(map, &GraphSettings::default(), &mut |_row| control(cancel))
+}
+
+/// Pose-graph optimization on request; `rows` gets those of the last solve.
+pub(super) fn solve_map_graph(
+    map: Arc<Map>,
+    options: &OptimizeOptions,
+    certify: bool,
+    rows: &mpsc::UnboundedSender<IterationSummary>,
+    cancel: &AtomicBool,
+) -> Outcome {
+    let OptimizeOptions { optimizer, constraint_loss, .. } = *options;
+    let settings = GraphSettings { optimizer, constraint_loss, certify };
+    let outcome = solve_graph(map, &settings, &mut |_row| control(cancel));
+    if let Ok(Some(solution)) = &outcome {
+        for row in &solution.certificate.solve.iterations {
+            let _gone = rows.send(*row);
+        }
     }
-    let options = pose_graph::Options::default();
-    let before = pose_graph_cost(&problem.graph);
-    let solve = match pose_graph::solve(&mut problem.graph, &options, &mut |_row| control(cancel)) {
-        Ok(solve) => solve,
-        Err(SolveError::Empty(_)) => return Ok(None),
-        Err(error) => return Err(error),
-    };
-    let fixed_poses = problem.graph.constant.iter().filter(|&&c| c).count();
-    let certificate = SolveCertificate {
-        solve,
-        method: options.optimizer.method,
-        linear_solver: SolverKind::SparseCholesky,
-        before,
-        after: pose_graph_cost(&problem.graph),
-        gauge: GaugeKind::FirstKeyframeFixed,
-        free_poses: problem.graph.poses.len() - fixed_poses,
-        fixed_poses,
-        free_landmarks: 0,
-    };
-    let counts = OptimizeCounts {
-        keyframes: problem.keyframes.len(),
-        constraints: problem.graph.edges.len(),
-        ..OptimizeCounts::default()
-    };
-    Ok(Some(Solution { moved: Moved::Graph(Box::new(problem)), certificate, counts }))
+    outcome
 }
 
 fn solve_bundle(
@@ -165,7 +154,8 @@ fn solve_bundle(
             + bundle.pose_priors.len()
             + bundle.position_priors.len(),
     };
-    Ok(Some(Solution { moved: Moved::Bundle(Box::new(problem)), certificate, counts }))
+    let moved = Moved::Bundle(Box::new(problem));
+    Ok(Some(Solution { moved, certificate, counts, proof: None }))
 }
 
 fn control(cancel: &AtomicBool) -> Control {

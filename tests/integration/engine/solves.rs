@@ -85,6 +85,30 @@ async fn a_loop_closure_pulls_the_keyframes_and_is_certified() {
     assert!(moved);
 }
 
+#[tokio::test]
+async fn a_false_closure_is_switched_off_and_replay_gives_the_same_bits() {
+    let fixture = Fixture::lock_step().await;
+    let map = fixture.map(MapPolicy::default()).await;
+    let mut client = Client::open(&map).await;
+    client.send_street(0..12).await;
+    client.send(closure(1, 0, 8)).await;
+    client.send(relative_pose(2, ConstraintKind::LoopClosure, 2, 11, pose_at(3.0))).await;
+    client.send(closure(3, 1, 9)).await;
+    client.finish().await;
+    let snapshot = map.snapshot().await.unwrap();
+    let off = snapshot.switched_off();
+    assert_eq!(off.keys().copied().collect::<Vec<_>>(), [id(2)]);
+    assert!(off[&id(2)].chi2 > 1000.0 && off[&id(2)].weight == 0.0, "{off:?}");
+    for k in 0..12 {
+        let x = snapshot.keyframes()[&id(k)].world_from_camera.translation.x;
+        assert!((x - k as f64).abs() < 0.05, "keyframe {k} at {x}");
+    }
+    // The verdicts are in the events: nothing is judged again.
+    let replayed = fixture.replayed().await;
+    assert_eq!(replayed.switched_off(), off);
+    assert_eq!(replayed.state_hash(), snapshot.state_hash());
+}
+
 /// The street with a closure and an optimization; the map's hash at the end.
 async fn lock_step_run(threads: usize) -> ([u8; 32], Vec<(i64, i64)>, u64) {
     let config = EngineConfig { lock_step: true, ..EngineConfig::default() };
