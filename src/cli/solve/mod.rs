@@ -5,6 +5,7 @@
 //! call; [`report::Report`] adds what came before.
 
 mod bundle;
+mod diagnosis;
 mod loss;
 mod pose_graph;
 mod report;

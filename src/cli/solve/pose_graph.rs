@@ -1,7 +1,8 @@
 //! `covis solve pose-graph`: a g2o file in SE(2) or SE(3).
 //!
 //! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), with the lowest id fixed, or the `FIX` lines
-//! of the file where it has some. The time that the start takes is counted. With `--robust` the cost
+//! of the file where it has some. With `--repair-information` Ω is the nearest positive semi-definite
+//! matrix, and that is what `--out` writes. The time that the start takes is counted. With `--robust` the cost
 //! is that of odometry and the loop closures at their weights, and the rows are those of the last solve.
 
 use std::path::PathBuf;
@@ -19,6 +20,7 @@ use covis_solvers::robust::{self, Kernel, RobustSummary};
 use serde::Serialize;
 
 use super::Shared;
+use super::diagnosis::{self, Diagnosis};
 use super::report::{Details, Report};
 use crate::cli::config::Config;
 
@@ -43,6 +45,10 @@ pub(super) struct Args {
     /// Largest χ² of a true closure [default: the 99 % quantile, 11.3 in SE2 and 16.8 in SE3].
     #[arg(long, value_name = "CHI2")]
     robust_threshold: Option<f64>,
+    /// Take the nearest positive semi-definite matrix for each information matrix that has negative
+    /// eigenvalues, which is an error otherwise; --out writes them so.
+    #[arg(long)]
+    repair_information: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, clap::ValueEnum, Serialize)]
@@ -111,6 +117,8 @@ struct GraphDetails {
     robust: Option<RobustDetails>,
     vertices: usize,
     edges: usize,
+    #[serde(flatten)]
+    diagnosis: Diagnosis,
 }
 
 /// What `--robust` found.
@@ -150,6 +158,7 @@ impl Details for GraphDetails {
             );
             lines.push(("closures", text));
         }
+        lines.extend(self.diagnosis.lines());
         lines
     }
 }
@@ -161,7 +170,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
 }
 
 fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
-    let mut file = G2oGraph::read(&args.input)?;
+    let (mut file, diagnosis) = diagnosis::read(&args.input, args.repair_information)?;
     let start = Instant::now();
     let from_file = file.has_vertices();
     let name = || args.input.display().to_string();
@@ -169,14 +178,14 @@ fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
         G2oGraph::Se2(file) => {
             let mut graph = file.to_pose_graph().with_context(name)?;
             let run = Run { args, start, from_file, group: "SE2" };
-            let outcome = run.solve(&mut graph)?;
+            let outcome = run.solve(&mut graph, diagnosis)?;
             file.update_from(&graph)?;
             outcome
         }
         G2oGraph::Se3(file) => {
             let mut graph = file.to_pose_graph().with_context(name)?;
             let run = Run { args, start, from_file, group: "SE3" };
-            let outcome = run.solve(&mut graph)?;
+            let outcome = run.solve(&mut graph, diagnosis)?;
             file.update_from(&graph)?;
             outcome
         }
@@ -208,6 +217,7 @@ impl Run<'_> {
     fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         &self,
         graph: &mut PoseGraph<G, N>,
+        diagnosis: Diagnosis,
     ) -> anyhow::Result<Outcome> {
         let shared = &self.args.shared;
         let name = || self.args.input.display().to_string();
@@ -231,6 +241,7 @@ impl Run<'_> {
             robust: None,
             vertices: graph.poses.len(),
             edges: graph.edges.len(),
+            diagnosis,
         };
         let kernel = match self.args.robust {
             RobustName::None => None,
@@ -262,6 +273,7 @@ impl Run<'_> {
             let mut observer = |row: &optimizer::IterationSummary| report.observe(row);
             summary = pose_graph::solve(graph, &options, &mut observer).with_context(name)?;
         }
+        details.diagnosis.of_solution(graph).with_context(name)?;
         Ok(Outcome { report, summary, details })
     }
 }
