@@ -1,11 +1,15 @@
 //! Information, square-root information and covariance as distinct types.
 //!
 //! Ω = Σ⁻¹ = RᵀR with R upper triangular; a whitened residual is R r. Conversions are explicit and
-//! checked, so that nobody passes a covariance where an information matrix belongs.
+//! checked, so that nobody passes a covariance where an information matrix belongs. Ω may be
+//! singular where a caller asks for that: a direction that was not measured has no information.
 
-use nalgebra::{Cholesky, SMatrix, SVector};
+use nalgebra::{Cholesky, DMatrix, SMatrix, SVector};
 
-/// A symmetric positive-definite information matrix Ω.
+/// Relative to the largest eigenvalue, a negative one above this is zero with its rounding.
+const ROUNDING: f64 = 1e-12;
+
+/// A symmetric positive semi-definite information matrix Ω; most ways to one ask for a definite one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Information<const N: usize>(SMatrix<f64, N, N>);
 
@@ -18,7 +22,7 @@ pub struct SqrtInformation<const N: usize>(SMatrix<f64, N, N>);
 pub struct Covariance<const N: usize>(SMatrix<f64, N, N>);
 
 /// Why a matrix is not an information or covariance matrix.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum InformationError {
     /// An entry is NaN or infinite.
     #[error("entry ({row}, {column}) is not finite")]
@@ -39,6 +43,12 @@ pub enum InformationError {
     /// The Cholesky factorization meets a pivot that is not positive.
     #[error("not positive definite")]
     NotPositiveDefinite,
+    /// An eigenvalue is negative by more than 1e-12 of the largest one.
+    #[error("indefinite: the smallest eigenvalue is {smallest_eigenvalue:e}")]
+    Indefinite {
+        /// The smallest eigenvalue.
+        smallest_eigenvalue: f64,
+    },
 }
 
 /// Checks finiteness and symmetry, and returns the exactly symmetric matrix.
@@ -63,6 +73,23 @@ fn symmetric<const N: usize>(
     Ok((matrix + matrix.transpose()) * 0.5)
 }
 
+/// The smallest eigenvalue, the largest in magnitude, and the nearest matrix without negative ones
+/// (in the Frobenius norm: Higham, "Computing a nearest symmetric positive semidefinite matrix", 1988).
+fn clipped<const N: usize>(matrix: &SMatrix<f64, N, N>) -> (f64, f64, SMatrix<f64, N, N>) {
+    // Products of entries must not overflow.
+    let scale = if matrix.amax() > 0.0 { matrix.amax() } else { 1.0 };
+    let scaled = DMatrix::from_fn(N, N, |r, c| matrix[(r, c)] / scale);
+    let mut eigen = scaled.symmetric_eigen();
+    let (smallest, largest) = (eigen.eigenvalues.min() * scale, eigen.eigenvalues.amax() * scale);
+    // As S Sᵀ: rounding is then relative to the diagonal and leaves no negative entry on it.
+    for (mut column, value) in eigen.eigenvectors.column_iter_mut().zip(eigen.eigenvalues.iter()) {
+        column *= value.max(0.0).sqrt();
+    }
+    let root = SMatrix::<f64, N, N>::from_fn(|r, c| eigen.eigenvectors[(r, c)]);
+    let nearest = root * root.transpose() * scale;
+    (smallest, largest, (nearest + nearest.transpose()) * 0.5)
+}
+
 impl<const N: usize> Information<N> {
     /// Checks that `matrix` is finite, symmetric and positive definite.
     ///
@@ -72,6 +99,55 @@ impl<const N: usize> Information<N> {
         let matrix = symmetric(matrix)?;
         Cholesky::new(matrix).ok_or(InformationError::NotPositiveDefinite)?;
         Ok(Self(matrix))
+    }
+
+    /// Checks that `matrix` is finite, symmetric and positive semi-definite: directions may have no
+    /// information. Eigenvalues that are negative by rounding (1e-12 of the largest) become zero.
+    ///
+    /// # Errors
+    /// [`InformationError`] says which of the three fails.
+    pub fn semidefinite(matrix: &SMatrix<f64, N, N>) -> Result<Self, InformationError> {
+        let matrix = symmetric(matrix)?;
+        if Cholesky::new(matrix).is_some() {
+            return Ok(Self(matrix));
+        }
+        let (smallest_eigenvalue, largest, nearest) = clipped(&matrix);
+        if smallest_eigenvalue >= 0.0 {
+            Ok(Self(matrix))
+        } else if smallest_eigenvalue >= -ROUNDING * largest {
+            Ok(Self(nearest))
+        } else {
+            Err(InformationError::Indefinite { smallest_eigenvalue })
+        }
+    }
+
+    /// The positive semi-definite matrix that is nearest to `matrix` in the Frobenius norm:
+    /// negative eigenvalues become zero.
+    ///
+    /// # Errors
+    /// [`InformationError`] where `matrix` is not finite or not symmetric.
+    pub fn nearest(matrix: &SMatrix<f64, N, N>) -> Result<Self, InformationError> {
+        Self::semidefinite(matrix).or_else(|error| match error {
+            InformationError::Indefinite { .. } => Ok(Self(clipped(&symmetric(matrix)?).2)),
+            InformationError::NotFinite { .. }
+            | InformationError::NotSymmetric { .. }
+            | InformationError::NotPositiveDefinite => Err(error),
+        })
+    }
+
+    /// Whether every direction has information: with the diagonal scaled to ones, so that units of
+    /// the tangent do not matter, no eigenvalue is below 1e-12, where rounding could have made it.
+    #[must_use]
+    pub fn is_definite(&self) -> bool {
+        Cholesky::new(self.0).is_some_and(|factor| {
+            let l = factor.l_dirty();
+            let diagonal = self.0.diagonal();
+            // With a trace of N, an eigenvalue is at least the determinant over e.
+            let determinant: f64 = (0..N).map(|k| l[(k, k)] * l[(k, k)] / diagonal[k]).product();
+            // And at least one over the trace of the inverse.
+            determinant > 3.0 * ROUNDING
+                || factor.inverse().diagonal().dot(&diagonal) < 1.0 / ROUNDING
+        })
     }
 
     /// Diagonal information from standard deviations.
@@ -94,10 +170,12 @@ impl<const N: usize> Information<N> {
         &self.0
     }
 
-    /// rᵀΩr.
+    /// rᵀΩr, never negative: not by rounding either, where r has no information.
     #[must_use]
     pub fn squared_norm(&self, residual: &SVector<f64, N>) -> f64 {
-        residual.dot(&(self.0 * residual))
+        let squared = residual.dot(&(self.0 * residual));
+        // NaN stays NaN.
+        if squared < 0.0 { 0.0 } else { squared }
     }
 
     /// w Ω, the information of a factor that counts w times; w is finite and positive.
@@ -110,7 +188,7 @@ impl<const N: usize> Information<N> {
     /// The upper-triangular square root.
     ///
     /// # Errors
-    /// [`InformationError::NotPositiveDefinite`] only where rounding spoiled a matrix at the edge.
+    /// [`InformationError::NotPositiveDefinite`] for a singular matrix.
     pub fn sqrt(&self) -> Result<SqrtInformation<N>, InformationError> {
         let factor = Cholesky::new(self.0).ok_or(InformationError::NotPositiveDefinite)?;
         Ok(SqrtInformation(factor.l().transpose()))
@@ -205,5 +283,53 @@ mod tests {
         );
         assert_eq!(check(Matrix2::new(1.0, 2.0, 2.0, 1.0)), InformationError::NotPositiveDefinite);
         assert!(Covariance::new(&Matrix2::new(0.0, 0.0, 0.0, 1.0)).is_err());
+    }
+
+    #[test]
+    fn a_direction_may_have_no_information_where_the_caller_allows_it() {
+        let direction = Vector3::new(0.6, -0.3, 0.2);
+        for scale in [1e-200, 1.0, 1e200] {
+            let rank_one = direction * direction.transpose() * scale;
+            let information = Information::semidefinite(&rank_one).unwrap();
+            assert!((information.matrix() - rank_one).amax() <= 1e-15 * rank_one.amax());
+            assert!(!information.is_definite() && information.sqrt().is_err());
+            assert!(information.squared_norm(&Vector3::new(0.3, 0.6, 0.0)) >= 0.0);
+            // By rounding and by more than rounding.
+            let lowered = |by: f64| rank_one - Matrix3::identity() * (by * scale);
+            let clipped = Information::semidefinite(&lowered(1e-13)).unwrap();
+            assert!((clipped.matrix() - rank_one).amax() < 1e-12 * scale);
+            let error = Information::semidefinite(&lowered(1e-9)).unwrap_err();
+            let InformationError::Indefinite { smallest_eigenvalue } = error else {
+                panic!("{error}")
+            };
+            assert!((smallest_eigenvalue / (-1e-9 * scale) - 1.0).abs() < 1e-5, "{error}");
+        }
+        assert!(Information::semidefinite(&Matrix3::<f64>::zeros()).is_ok());
+        // Whatever axis is factored last: its pivot is rounding over the square of the null vector.
+        for axis in 0..3 {
+            for share in [1.0, 1e-1, 1e-2, 1e-3] {
+                let mut null = Vector3::new(0.6, -0.3, 0.2);
+                null[axis] *= share;
+                let rank_two = Matrix3::identity() - null * null.transpose() / null.norm_squared();
+                let units = Matrix3::from_diagonal(&Vector3::new(1e-3, 1.0, 1e4));
+                let information = Information::semidefinite(&(units * rank_two * units)).unwrap();
+                assert!(!information.is_definite(), "{axis} {share}");
+            }
+        }
+        // Units of a kilometer beside units of a microradian are no lack of information.
+        let units = Matrix3::from_diagonal(&Vector3::new(1e-6, 1.0, 1e12));
+        assert!(Information::new(&units).unwrap().is_definite());
+    }
+
+    #[test]
+    fn the_nearest_matrix_keeps_what_is_positive() {
+        // Eigenvalues 3 along (1, 1) and −1 along (1, −1).
+        let nearest = Information::nearest(&Matrix2::new(1.0, 2.0, 2.0, 1.0)).unwrap();
+        assert!((nearest.matrix() - Matrix2::repeat(1.5)).amax() < 1e-15);
+        let again = Information::semidefinite(nearest.matrix()).unwrap();
+        assert!((again.matrix() - nearest.matrix()).amax() < 1e-15);
+        let negative = Information::nearest(&-Matrix2::<f64>::identity()).unwrap();
+        assert_eq!(*negative.matrix(), Matrix2::zeros());
+        assert!(Information::nearest(&Matrix2::repeat(f64::NAN)).is_err());
     }
 }

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Runs Ceres, GTSAM and evo over every problem that the tests know and writes one JSON file a run beside this file.
 
-usage, from the project's root: python3 tests/golden/record.py [ceres|gtsam|evo|table …]     (default: all)
+usage, from the project's root: python3 tests/golden/record.py [ceres|gtsam|graphs|evo|table …]     (default: all)
+`graphs` is the part of `gtsam` that solves pose graphs.
 Needs: numpy, gtsam and evo (pip); the Ceres harness built into target/ceres, see ../shared/peers/README.md.
 `table` only prints README.md's table from what is there. Costs are printed with 13 digits by the peers;
 `evaluated_cost` is the independent evaluator's, with 17 digits, for the solution that the peer wrote, where it can write one.
@@ -76,7 +77,8 @@ def solve(peer, file, variant, objective, command, out=False, **more):
         gap = abs(record["evaluated_cost"] - record["final_cost"]) / record["final_cost"]
         if gap > 1e-9:
             sys.exit(f"{command}: says {record['final_cost']}, its file costs {record['evaluated_cost']}")
-    record.update(more)
+    # What is read from the peer's solution is read now.
+    record.update({key: value() if callable(value) else value for key, value in more.items()})
     write(peer.split()[0].lower(), f"{stem}-{variant}", record)
 
 
@@ -97,13 +99,26 @@ def ceres():
         solve(peer, file, "file-start", GRAPH, f"target/ceres/pose_graph {file} 1 500 {OUT}", True)
 
 
-def gtsam():
+def some_poses(path):
+    """First vertex, quarters and last of a solution, by id: x y theta, or x y z qx qy qz qw."""
+    vertices = [l.split() for l in open(os.path.join(root, path)) if l.startswith("VERTEX")]
+    count = len(vertices)
+    return {vertices[k][1]: [float(x) for x in vertices[k][2:]]
+            for k in (0, count // 4, count // 2, 3 * count // 4, count - 1)}
+
+
+def graphs():
     peer = "GTSAM " + importlib.metadata.version("gtsam")
     for file in GRAPHS_3D + GRAPHS_2D:
         edges_only = not any(l.startswith("VERTEX") for l in open(os.path.join(root, file)))
         start = "chordal" if "torus3D" in file else "odometry" if edges_only else "file"
         command = f"python3 {PEERS}/gtsam_pose_graph.py {file} 100 gn --start {start} --out {OUT}"
-        solve(peer, file, f"{start}-start", GRAPH, command, True)
+        solve(peer, file, f"{start}-start", GRAPH, command, True, poses=lambda: some_poses(OUT))
+
+
+def gtsam():
+    graphs()
+    peer = "GTSAM " + importlib.metadata.version("gtsam")
     for file in BAL:
         lines, _ = run(f"python3 {PEERS}/gtsam_bal.py {file} 1")
         start = evaluate(file)
@@ -143,4 +158,4 @@ def table():
 if __name__ == "__main__":
     sys.path.insert(0, here)
     for what in sys.argv[1:] or ["ceres", "gtsam", "evo", "table"]:
-        {"ceres": ceres, "gtsam": gtsam, "evo": evo, "table": table}[what]()
+        {"ceres": ceres, "gtsam": gtsam, "graphs": graphs, "evo": evo, "table": table}[what]()

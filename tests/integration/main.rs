@@ -5,6 +5,7 @@
 
 mod cli_config;
 mod cli_eval;
+mod cli_pose_graph;
 mod cli_solve;
 mod cli_support;
 mod client;

@@ -36,7 +36,7 @@ impl IsotropicPrecision {
         let omega = information.matrix();
         let inverse_trace = |first: usize| {
             let block = SMatrix::<f64, D, D>::from_fn(|r, c| omega[(first + r, first + c)]);
-            // A principal block of a positive definite matrix is positive definite.
+            // A block without information in some direction has no bound to its inverse: precision 0.
             block.cholesky().map_or(f64::INFINITY, |factor| factor.inverse().trace())
         };
         let translation = D as f64 / inverse_trace(0);

@@ -190,11 +190,20 @@ pub enum IoError {
         /// Its norm.
         norm: f64,
     },
-    /// Information matrices are not positive definite.
-    #[error("{first}: the information matrix is not positive definite ({count} such in the file)")]
-    NotPositiveDefinite {
+    /// Information matrices have negative eigenvalues.
+    #[error(
+        "{first}: the information matrix of edge {i} to {j} is indefinite, its smallest eigenvalue \
+         is {smallest_eigenvalue:.3e} ({count} such in the file)"
+    )]
+    IndefiniteInformation {
         /// The first one's place.
         first: Place,
+        /// Its vertex i.
+        i: i64,
+        /// Its vertex j.
+        j: i64,
+        /// The first one's smallest eigenvalue.
+        smallest_eigenvalue: f64,
         /// How many there are.
         count: usize,
     },

@@ -12,7 +12,8 @@ pub enum Method {
     /// Damped steps (H + λ D) δ = −g with Marquardt scaling D and Nielsen's update of λ.
     #[default]
     LevenbergMarquardt,
-    /// Full steps H δ = −g; ends as stalled at the first step that does not lower the cost.
+    /// Full steps H δ = −g, damped from where H is singular; ends as stalled at the first step that
+    /// does not lower the cost.
     GaussNewton,
 }
 
@@ -31,7 +32,7 @@ pub struct Options {
     /// Converged once the step is shorter than this share of the state's norm, and its damping is not
     /// what makes it short (1e-12).
     pub step_tolerance: f64,
-    /// λ of the first step (1e-4).
+    /// λ of the first step, or of Gauss-Newton's first step that must be damped (1e-4).
     pub initial_damping: f64,
     /// Ends after this much time, checked between steps (none).
     pub deadline: Option<Duration>,

@@ -66,7 +66,7 @@ pub struct IterationSummary {
     pub seconds: f64,
     /// Whether the step was accepted; true in row 0.
     pub accepted: bool,
-    /// λ of the step; 0 in row 0 and in Gauss-Newton.
+    /// λ of the step; 0 in row 0, and in Gauss-Newton where H is not singular.
     pub damping: f64,
     /// Largest scaled gradient entry where the step started.
     pub gradient_max_norm: f64,

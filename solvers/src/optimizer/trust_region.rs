@@ -229,10 +229,14 @@ impl<'a> Run<'a> {
         }
         let failure =
             if step.is_none() { Termination::NumericalFailure } else { Termination::Stalled };
-        if self.options.method == Method::GaussNewton {
-            return Some(failure);
-        }
         self.damping *= self.damping_growth;
+        if self.options.method == Method::GaussNewton {
+            // A singular matrix has no full step, but damped ones.
+            if step.is_some() {
+                return Some(failure);
+            }
+            self.damping = self.damping.max(self.options.initial_damping);
+        }
         self.damping_growth *= 2.0;
         (self.damping > DAMPING_RANGE.1).then_some(failure)
     }

@@ -8,11 +8,13 @@
 mod assembly;
 mod growing;
 mod system;
+mod undetermined;
 
 use std::time::Instant;
 
 pub use growing::{GrowingPoseGraph, Growth};
 use system::PoseGraphSystem;
+pub use undetermined::{Undetermined, undetermined};
 
 use crate::geometry::LieGroup;
 use crate::optimizer::{self, Observer, SolveSummary, minimize, with_threads};
@@ -41,7 +43,8 @@ impl Default for Options {
 ///
 /// Gauge: where no pose is constant, the one with the lowest id is held fixed and stays marked in
 /// [`PoseGraph::constant`], so that the caller can see it. The graph is left at the best state
-/// found, whatever the termination. The result has the same bits at any number of threads.
+/// found, whatever the termination; a pose that the edges do not determine stays near its start in the
+/// directions that [`undetermined`] names. The result has the same bits at any number of threads.
 /// `observer` sees each iteration and may cancel; seconds count from the call.
 ///
 /// # Errors

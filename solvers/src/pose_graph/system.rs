@@ -1,7 +1,8 @@
 //! A pose graph as the trust-region loop sees it.
 //!
 //! State: the poses that are not constant. Steps solve (H + λD) δ = −g with Marquardt's scaling
-//! D = diag(H), kept within bounds, and move X ← X · Exp(δ). The symbolic factorization is
+//! D = diag(H), kept within bounds, and move X ← X · Exp(δ). Where edges may leave a direction open,
+//! λ and D have a floor, so that a pose stays where nothing moves it. The symbolic factorization is
 //! made once. Which pose holds the gauge is decided by the caller.
 
 use std::sync::Arc;
@@ -14,6 +15,14 @@ use crate::geometry::LieGroup;
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky, PairTerm};
 use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale};
 use crate::problem::{PoseGraph, SolveError};
+
+/// Least damping of a graph whose edges may leave a direction of a pose open: far above the
+/// rounding that could pass for information in H, far below the information of any measurement.
+const LEAST_DAMPING: f64 = 1e-10;
+
+/// In such a graph D is at least this share of the largest entry of its pose: where H has no
+/// information, its diagonal is rounding, of either sign.
+const LEAST_SCALE: f64 = 1e-3;
 
 /// Poses a task moves at least.
 const MIN_POSES_PER_TASK: usize = 128;
@@ -37,6 +46,8 @@ pub(super) struct PoseGraphSystem<'a, G, const N: usize> {
     descent: Vec<f64>,
     /// δ.
     step: Vec<f64>,
+    /// Whether the edges determine every pose for certain.
+    is_rigid: bool,
     /// Norm of the start's logarithms, at least that of one unit a pose.
     state_norm: f64,
 }
@@ -80,6 +91,7 @@ impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
             added_diagonal: vec![0.0; scalars],
             descent: vec![0.0; scalars],
             step: vec![0.0; scalars],
+            is_rigid: graph.is_rigid(),
             state_norm: norm_squared.max(graph.poses.len() as f64).sqrt(),
             graph,
         })
@@ -95,9 +107,17 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
         let graph = &*self.graph;
         linearize_edges(&graph.edges, &graph.poses, graph.loss, &mut self.edge_blocks);
         self.incidences.assemble(&self.edge_blocks, &mut self.hessian, &mut self.gradient);
+        for (scaling, h) in self.scaling.iter_mut().zip(self.hessian.diagonal()) {
+            *scaling = damping_scale(h);
+        }
+        if !self.is_rigid {
+            for scaling in self.scaling.as_chunks_mut::<N>().0 {
+                let largest = scaling.iter().fold(0.0_f64, |max, &scale| max.max(scale));
+                *scaling = scaling.map(|scale| scale.max(LEAST_SCALE * largest));
+            }
+        }
         let mut max_norm = 0.0_f64;
-        for (k, h) in self.hessian.diagonal().into_iter().enumerate() {
-            self.scaling[k] = damping_scale(h);
+        for k in 0..self.gradient.len() {
             self.descent[k] = -self.gradient[k];
             let scaled = self.gradient[k].abs() / self.scaling[k].sqrt();
             // A NaN compares false with everything and must win.
@@ -109,6 +129,7 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
     }
 
     fn solve(&mut self, damping: f64) -> Result<Step, StepFailure> {
+        let damping = if self.is_rigid { damping } else { damping.max(LEAST_DAMPING) };
         for (added, scaling) in self.added_diagonal.iter_mut().zip(&self.scaling) {
             *added = damping * scaling;
         }

@@ -136,6 +136,34 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
         Ok(())
     }
 
+    /// Whether edges with information in every direction tie all poses together (constant ones
+    /// hang together by themselves). Then each pose is determined, but for the gauge; where not,
+    /// other edges may determine it or may leave a direction open.
+    #[must_use]
+    pub fn is_rigid(&self) -> bool {
+        let mut parent: Vec<usize> = (0..self.poses.len()).collect();
+        let mut pieces = self.poses.len();
+        let mut constant = (0..self.poses.len()).filter(|&pose| self.constant[pose]);
+        if let Some(first) = constant.next() {
+            for pose in constant {
+                parent[pose] = first;
+                pieces -= 1;
+            }
+        }
+        for edge in &self.edges {
+            if pieces <= 1 {
+                break;
+            }
+            let (i, j) = (root(&mut parent, edge.i), root(&mut parent, edge.j));
+            // Only an edge that would join two pieces is looked at: a spanning tree of them.
+            if i != j && edge.information.is_definite() {
+                parent[i.max(j)] = i.min(j);
+                pieces -= 1;
+            }
+        }
+        pieces <= 1
+    }
+
     /// The connected components, the one with the lowest id first. Constant poses hang together.
     #[must_use]
     pub fn pieces(&self) -> Vec<Piece> {

@@ -117,7 +117,10 @@ fn bad_lines_are_refused_by_line_and_field() {
     let edge = "EDGE_SE2 7 3 1.1 0.4 0.2 2 0.1 0 3 0 4";
     let with = |new: &str| SE2.replace(edge, new);
     let quaternion = |q: &str| format!("VERTEX_SE3:QUAT 0 0 0 0 {q}\n");
-    let two_bad = format!("{SE2}EDGE_SE2 3 7 0 0 0 1 2 0 1 0 1\nEDGE_SE2 3 7 0 0 0 0 0 0 1 0 1\n");
+    let two_bad = format!(
+        "{SE2}EDGE_SE2 3 7 0 0 0 1 2 0 1 0 1\nEDGE_SE2 3 7 0 0 0 0 0 0 1 0 1\n\
+         EDGE_SE2 3 7 0 0 0 -1 0 0 1 0 1\n"
+    );
     let table: &[(String, &[&str])] = &[
         (String::new(), &["graph.g2o", "no vertex or edge"]),
         ("VERTEX_XY 1 2 3\n".into(), &["line 1", "unknown tag `VERTEX_XY`"]),
@@ -133,7 +136,7 @@ fn bad_lines_are_refused_by_line_and_field() {
         (with("EDGE_SE2 7 3 1 0 0 1 0 0 1 0"), &["line 6", "information[5] is missing"]),
         (with("EDGE_SE2 7 3 1 0 inf 1 0 0 1 0 1"), &["line 6", "measurement[2] is not finite"]),
         (with(SE3.lines().next().unwrap()), &["line 6", "VERTEX_SE3:QUAT", "2D"]),
-        (two_bad, &["line 7", "not positive definite", "2 such"]),
+        (two_bad, &["line 7", "edge 3 to 7", "indefinite", "-1.000e0", "2 such"]),
         (quaternion("0 0 0 0"), &["line 1", "norm 0"]),
         (quaternion("0 0 0 1.002"), &["line 1", "norm 1.002"]),
         (quaternion("1e200 0 0 0"), &["line 1", "norm inf"]),
@@ -151,10 +154,49 @@ fn a_graph_filled_by_hand_is_checked_too() {
     refused(file.to_pose_graph(), &["edge", "record 0", "norm 0"]);
     let mut file = se2();
     file.edges[0].information[0] = -1.0;
-    refused(file.to_pose_graph(), &["edge", "not positive definite"]);
+    refused(file.to_pose_graph(), &["record 0", "edge 7 to 3", "indefinite", "-1.0", "1 such"]);
+    let mut file = se2();
+    file.edges[0].information[0] = f64::NAN;
+    refused(file.to_pose_graph(), &["record 0", "information is not finite"]);
     let mut file = se2();
     file.edges[0].j = 99;
     refused(file.to_pose_graph(), &["vertex 99 does not exist"]);
     let pose: Se3 = se3().to_pose_graph().unwrap().poses[1];
     assert!(pose.is_finite());
+}
+
+#[test]
+fn singular_information_matrices_are_read_as_they_stand() {
+    for information in ["0 0 0 0 0 0", "4 2 0 1 0 0", "1 0 0 1 0 -1e-13", "9 3 6 1 2 4"] {
+        let text = format!("EDGE_SE2 0 1 1 0 0 {information}\n");
+        let (graph, repaired) =
+            G2oGraph::parse_repaired(text.as_bytes(), Path::new("graph.g2o")).unwrap();
+        assert_eq!((parse(&text).unwrap(), None), (graph.clone(), repaired), "{information}");
+        let G2oGraph::Se2(file) = graph else { panic!("read as 3D") };
+        let numbers: Vec<f64> = information.split(' ').map(|n| n.parse().unwrap()).collect();
+        assert_eq!(file.edges[0].information[..], numbers);
+        let matrix = *file.to_pose_graph().unwrap().edges[0].information.matrix();
+        let far = (matrix[(0, 1)] - numbers[1]).abs() + (matrix[(1, 2)] - numbers[4]).abs();
+        assert!(far < 1e-13 && matrix[(2, 2)] >= 0.0, "{matrix}");
+    }
+}
+
+#[test]
+fn indefinite_information_matrices_are_repaired_where_asked() {
+    let bad = format!("{SE2}EDGE_SE2 3 7 0 0 0 1 2 0 1 0 5\nEDGE_SE2 7 3 0 0 0 2 0 0 -3 0 1\n");
+    let (graph, repaired) =
+        G2oGraph::parse_repaired(bad.as_bytes(), Path::new("graph.g2o")).unwrap();
+    let repaired = repaired.unwrap();
+    assert_eq!((repaired.count, repaired.first_line, repaired.i, repaired.j), (2, 7, 3, 7));
+    assert!((repaired.smallest_eigenvalue + 1.0).abs() < 1e-14);
+    let G2oGraph::Se2(file) = &graph else { panic!("read as 3D") };
+    assert_eq!(file.edges[0], se2().edges[0], "what is right stays");
+    for (edge, expected) in
+        [(1, [1.5, 1.5, 0.0, 1.5, 0.0, 5.0]), (2, [2.0, 0.0, 0.0, 0.0, 0.0, 1.0])]
+    {
+        let far = file.edges[edge].information.iter().zip(&expected).map(|(a, b)| (a - b).abs());
+        assert!(far.sum::<f64>() < 1e-14, "{:?}", file.edges[edge]);
+    }
+    // Written and read again, there is nothing left to repair.
+    assert_eq!(G2oGraph::parse(&graph.to_bytes(), Path::new("copy")).unwrap(), graph);
 }

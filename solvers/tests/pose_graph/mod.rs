@@ -4,10 +4,12 @@
 
 pub(crate) mod graphs;
 
+mod bad_input;
 mod chordal;
 mod files;
 mod gauge_and_errors;
 mod growing;
 mod jacobians;
 mod recovery;
+mod similarity;
 mod start;

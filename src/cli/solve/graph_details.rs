@@ -9,6 +9,7 @@ use covis_solvers::problem::PoseGraph;
 use covis_solvers::robust::RobustSummary;
 use serde::Serialize;
 
+use super::diagnosis::Diagnosis;
 use super::pose_graph::{Init, MethodName, RobustName};
 use super::report::Details;
 
@@ -28,6 +29,8 @@ pub(super) struct GraphDetails {
     pub(super) certificate: Option<CertificateDetails>,
     pub(super) vertices: usize,
     pub(super) edges: usize,
+    #[serde(flatten)]
+    pub(super) diagnosis: Diagnosis,
 }
 
 /// What `--certify` proved.
@@ -85,6 +88,7 @@ impl Details for GraphDetails {
         if let Some(certificate) = &self.certificate {
             lines.push(("certificate", certificate.line()));
         }
+        lines.extend(self.diagnosis.lines());
         lines
     }
 }

@@ -12,6 +12,7 @@ use covis_solvers::pose_graph::GrowingPoseGraph;
 use covis_solvers::problem::PoseGraph;
 use serde::Serialize;
 
+use super::diagnosis::Diagnosis;
 use crate::cli::output::print;
 use crate::cli::progress::Progress;
 
@@ -29,6 +30,8 @@ pub(super) struct Incremental {
     solve_seconds: f64,
     iterations: Vec<Row>,
     incremental: Steps,
+    #[serde(flatten)]
+    diagnosis: Diagnosis,
 }
 
 /// The estimate between two steps.
@@ -58,11 +61,12 @@ struct Steps {
 /// Feeds `graph` vertex by vertex and leaves the last estimate in it.
 ///
 /// # Errors
-/// An invalid or disconnected graph, one that holds another vertex than the one with the lowest id
-/// fixed, and a loss, which the growing solver does not have.
+/// An invalid or disconnected graph, and one that holds another vertex fixed than the one with the
+/// lowest id.
 pub(super) fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     group: &'static str,
+    mut diagnosis: Diagnosis,
 ) -> anyhow::Result<Incremental> {
     graph.validate()?;
     let mut order: Vec<usize> = (0..graph.ids.len()).collect();
@@ -112,6 +116,7 @@ pub(super) fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     for (solved, &pose) in solved.iter().flat_map(|solved| &solved.poses).zip(&order) {
         graph.poses[pose] = *solved;
     }
+    diagnosis.of_solution(graph)?;
     milliseconds.sort_by(f64::total_cmp);
     let at = |share: f64| {
         let index = (share * milliseconds.len().saturating_sub(1) as f64).round();
@@ -135,6 +140,7 @@ pub(super) fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
             relinearized,
             batch_steps,
         },
+        diagnosis,
     })
 }
 
@@ -152,7 +158,7 @@ impl Incremental {
             print(format_args!("{iteration:>9}  {cost:>18.10e}  {seconds:>9.4} s"))?;
         }
         let Steps { steps, median_ms, p99_ms, max_ms, batch_steps, .. } = self.incremental;
-        let lines = [
+        let mut lines = vec![
             ("cost", format!("{:.10e}", self.final_cost)),
             (
                 "steps",
@@ -167,6 +173,7 @@ impl Incremental {
                 format!("{}, {} vertices, {} edges", self.group, self.vertices, self.edges),
             ),
         ];
+        lines.extend(self.diagnosis.lines());
         for (name, value) in lines {
             print(format_args!("{name:>17}: {value}"))?;
         }

@@ -5,7 +5,9 @@
 //! call; [`report::Report`] adds what came before.
 
 mod bundle;
+mod diagnosis;
 mod graph_details;
+mod incremental;
 mod loss;
 mod pose_graph;
 mod report;

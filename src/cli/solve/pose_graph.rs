@@ -1,7 +1,8 @@
 //! `covis solve pose-graph`: a g2o file in SE(2) or SE(3).
 //!
 //! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), with the lowest id fixed, or the `FIX` lines
-//! of the file where it has some. The time that the start takes is counted. With `--robust` the cost
+//! of the file where it has some. With `--repair-information` Ω is the nearest positive semi-definite
+//! matrix, and that is what `--out` writes. The time that the start takes is counted. With `--robust` the cost
 //! is that of odometry and the loop closures at their weights, and the rows are those of the last solve.
 //! With `--certify` that solve starts from the optimum of the chordal objective, which is what the
 //! certificate is of: the cost told is still that of the Log objective and has no proof.
@@ -16,14 +17,18 @@ use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::RigidMotion;
 use covis_solvers::initialization::{Start, initialize};
 use covis_solvers::io::g2o::G2oGraph;
-use covis_solvers::optimizer::{self, Method, SolveSummary, Termination, ignore_iterations};
+use covis_solvers::optimizer::{
+    self, Method, SolveSummary, Termination, Tolerance, ignore_iterations,
+};
 use covis_solvers::pose_graph::{self, Options};
 use covis_solvers::problem::PoseGraph;
 use covis_solvers::robust::{self, Kernel};
 use serde::Serialize;
 
 use super::Shared;
+use super::diagnosis::{self, Diagnosis};
 use super::graph_details::{CertificateDetails, GraphDetails, RobustDetails};
+use super::incremental::{self, Incremental};
 use super::report::Report;
 use crate::cli::config::Config;
 
@@ -55,6 +60,14 @@ pub(super) struct Args {
     /// prove that it is the global one. The cost that is then reached is not proved to be.
     #[arg(long)]
     certify: bool,
+    /// Take the nearest positive semi-definite matrix for each information matrix that has negative
+    /// eigenvalues, which is an error otherwise; --out writes them so.
+    #[arg(long)]
+    repair_information: bool,
+    /// Take the vertices one by one in id order, each with its edges to lower ids, and keep the
+    /// estimate at its optimum after each; tells how long a step takes.
+    #[arg(long, conflicts_with_all = ["robust", "certify", "init", "method", "loss"])]
+    incremental: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, clap::ValueEnum, Serialize)]
@@ -117,7 +130,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
 }
 
 fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
-    let mut file = G2oGraph::read(&args.input)?;
+    let (mut file, diagnosis) = diagnosis::read(&args.input, args.repair_information)?;
     let start = Instant::now();
     let from_file = file.has_vertices();
     let name = || args.input.display().to_string();
@@ -125,25 +138,36 @@ fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
         G2oGraph::Se2(file) => {
             let mut graph = file.to_pose_graph().with_context(name)?;
             let run = Run { args, start, from_file, group: "SE2" };
-            let outcome = run.solve(&mut graph)?;
+            let outcome = run.solve(&mut graph, diagnosis)?;
             file.update_from(&graph)?;
             outcome
         }
         G2oGraph::Se3(file) => {
             let mut graph = file.to_pose_graph().with_context(name)?;
             let run = Run { args, start, from_file, group: "SE3" };
-            let outcome = run.solve(&mut graph)?;
+            let outcome = run.solve(&mut graph, diagnosis)?;
             file.update_from(&graph)?;
             outcome
         }
     };
-    let Outcome { mut report, summary, details } = outcome;
-    report.check_reader()?;
-    if let Some(out) = &args.shared.out {
-        file.write(out)?;
+    let write = |file: &G2oGraph| match &args.shared.out {
+        Some(out) => Ok(file.write(out)?),
+        None => anyhow::Ok(()),
+    };
+    match outcome {
+        Outcome::Whole(outcome) => {
+            let Whole { mut report, summary, details } = *outcome;
+            report.check_reader()?;
+            write(&file)?;
+            report.finish(&summary, &details)?;
+            Ok(summary.termination)
+        }
+        Outcome::Incremental(incremental) => {
+            write(&file)?;
+            incremental.print(args.shared.json)?;
+            Ok(Termination::Converged(Tolerance::Cost))
+        }
     }
-    report.finish(&summary, &details)?;
-    Ok(summary.termination)
 }
 
 /// A solve of either group.
@@ -154,7 +178,13 @@ struct Run<'a> {
     group: &'static str,
 }
 
-struct Outcome {
+enum Outcome {
+    Whole(Box<Whole>),
+    Incremental(Incremental),
+}
+
+/// A solve of the whole graph at once.
+struct Whole {
     report: Report,
     summary: SolveSummary,
     details: GraphDetails,
@@ -164,11 +194,16 @@ impl Run<'_> {
     fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         &self,
         graph: &mut PoseGraph<G, N>,
+        diagnosis: Diagnosis,
     ) -> anyhow::Result<Outcome> {
         let shared = &self.args.shared;
         graph.loss = shared.loss;
         if !graph.constant.contains(&true) {
             graph.fix_lowest_id();
+        }
+        if self.args.incremental {
+            let incremental = incremental::solve(graph, self.group, diagnosis);
+            return Ok(Outcome::Incremental(incremental.with_context(|| self.name())?));
         }
         let mut options = Options::default();
         options.optimizer.max_iterations = shared.max_iterations;
@@ -187,6 +222,7 @@ impl Run<'_> {
             certificate: None,
             vertices: graph.poses.len(),
             edges: graph.edges.len(),
+            diagnosis,
         };
         let kernel = match self.args.robust {
             RobustName::None => None,
@@ -197,7 +233,8 @@ impl Run<'_> {
             Some(kernel) => self.robust(graph, kernel, &options, &mut details)?,
             None => self.plain(graph, &options, &mut details)?,
         };
-        Ok(Outcome { report, summary, details })
+        details.diagnosis.of_solution(graph).with_context(|| self.name())?;
+        Ok(Outcome::Whole(Box::new(Whole { report, summary, details })))
     }
 
     /// A start, and the solve from it.

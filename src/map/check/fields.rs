@@ -81,7 +81,9 @@ impl Fields {
         let reason = match error {
             InformationError::NotFinite { .. } => Reason::NotFinite,
             InformationError::NotSymmetric { .. } => Reason::Inconsistent,
-            InformationError::NotPositiveDefinite => Reason::NotPositiveDefinite,
+            InformationError::NotPositiveDefinite | InformationError::Indefinite { .. } => {
+                Reason::NotPositiveDefinite
+            }
         };
         self.add(path, reason, error.to_string());
     }

@@ -13,7 +13,7 @@ use super::super::{IoError, Place};
 use super::{G2oEdge, G2oFile, G2oSe2, G2oSe3, G2oVertex};
 use crate::factors::RelativePose;
 use crate::geometry::{LieGroup, Se2, Se3};
-use crate::information::Information;
+use crate::information::{Information, InformationError};
 use crate::problem::PoseGraph;
 
 /// A group whose elements a g2o file writes with `P` numbers.
@@ -47,22 +47,21 @@ impl G2oPose<6, 7> for Se3 {
     }
 }
 
-/// The matrix of an upper triangle, row by row; `None` where it is not positive definite.
-pub(super) fn information<const N: usize>(upper: &[f64]) -> Option<Information<N>> {
+/// The symmetric matrix of an upper triangle, row by row.
+pub(super) fn symmetric<const N: usize, const U: usize>(upper: &[f64; U]) -> SMatrix<f64, N, N> {
     let mut matrix = SMatrix::<f64, N, N>::zeros();
-    let mut entries = upper.iter();
-    for row in 0..N {
-        for column in row..N {
-            let &entry = entries.next()?;
-            matrix[(row, column)] = entry;
-            matrix[(column, row)] = entry;
-        }
+    let places = (0..N).flat_map(|row| (row..N).map(move |column| (row, column)));
+    for ((row, column), &entry) in places.zip(upper) {
+        matrix[(row, column)] = entry;
+        matrix[(column, row)] = entry;
     }
-    Information::new(&matrix).ok()
+    matrix
 }
 
 /// The upper triangle of a matrix, row by row.
-fn upper_triangle<const N: usize, const U: usize>(information: &Information<N>) -> [f64; U] {
+pub(super) fn upper_triangle<const N: usize, const U: usize>(
+    information: &Information<N>,
+) -> [f64; U] {
     let mut upper = [0.0; U];
     let pairs = (0..N).flat_map(|row| (row..N).map(move |column| (row, column)));
     for (entry, place) in upper.iter_mut().zip(pairs) {
@@ -163,11 +162,32 @@ fn to_pose_graph<G: G2oPose<N, P>, const N: usize, const P: usize, const U: usiz
             return Err(IoError::SelfEdge { place: place("edge", k), id: edge.i });
         }
         let i_from_j = element(&edge.i_from_j, "edge", k)?;
-        let information = information(&edge.information)
-            .ok_or_else(|| IoError::NotPositiveDefinite { first: place("edge", k), count: 1 })?;
+        let matrix = symmetric(&edge.information);
+        let information = Information::semidefinite(&matrix)
+            .map_err(|error| refused(error, place("edge", k), (edge.i, edge.j), 1))?;
         graph.edges.push(RelativePose { i, j, i_from_j, information });
     }
     Ok(graph)
+}
+
+/// The refusal of the first of `count` information matrices, that of edge (i, j).
+pub(super) fn refused(
+    error: InformationError,
+    first: Place,
+    (i, j): (i64, i64),
+    count: usize,
+) -> IoError {
+    match error {
+        InformationError::Indefinite { smallest_eigenvalue } => {
+            IoError::IndefiniteInformation { first, i, j, smallest_eigenvalue, count }
+        }
+        // A triangle is symmetric.
+        InformationError::NotFinite { .. }
+        | InformationError::NotSymmetric { .. }
+        | InformationError::NotPositiveDefinite => {
+            IoError::NotFinite { place: first, field: "information".to_owned() }
+        }
+    }
 }
 
 fn from_pose_graph<G: G2oPose<N, P>, const N: usize, const P: usize, const U: usize>(

@@ -3,7 +3,8 @@
 //! A vertex is world_from_pose, an edge i_from_j with the upper triangle of its information matrix,
 //! row by row, translation first (covis' own order). The file's numbers are kept as they stand, so
 //! that writing gives the same objective back; only the conversion to a pose graph normalizes
-//! quaternions. A file may have edges only: its ids then come from the edges, its poses are the
+//! quaternions. Information matrices may be singular; negative eigenvalues are refused, or repaired
+//! in the file's numbers where the caller asks for it. A file may have edges only: its ids then come from the edges, its poses are the
 //! identity and the start must be made elsewhere.
 
 mod convert;
@@ -11,6 +12,8 @@ mod parse;
 mod write;
 
 use std::path::Path;
+
+use parse::Indefinite;
 
 use super::{IoError, files};
 
@@ -49,6 +52,21 @@ pub struct G2oFile<const P: usize, const U: usize> {
     pub fixed: Vec<i64>,
 }
 
+/// Edges whose information matrix had negative eigenvalues before it was repaired.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RepairedEdges {
+    /// How many there were.
+    pub count: usize,
+    /// Line of the first, from 1.
+    pub first_line: u64,
+    /// Id of its vertex i.
+    pub i: i64,
+    /// Id of its vertex j.
+    pub j: i64,
+    /// Its smallest eigenvalue, before.
+    pub smallest_eigenvalue: f64,
+}
+
 /// A 2D graph.
 pub type G2oSe2 = G2oFile<3, 6>;
 
@@ -79,10 +97,30 @@ impl G2oGraph {
     /// With its line: an unknown tag, 2D and 3D in one file, a field that is missing, malformed or
     /// not finite, a word too many, a quaternion whose norm is off by more than 1e-3, a vertex id
     /// that stands twice, an edge or `FIX` of a vertex that the file does not hold, an edge from a
-    /// vertex to itself, information matrices that are not positive definite. And a file without
-    /// edges and vertices.
+    /// vertex to itself, information matrices with an eigenvalue that is negative by more than
+    /// 1e-12 of the largest. And a file without edges and vertices.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, IoError> {
-        parse::parse(bytes, path)
+        parse::parse(bytes, path, Indefinite::Refuse).map(|(graph, _)| graph)
+    }
+
+    /// Reads a file and puts the nearest positive semi-definite matrix (in the Frobenius norm) in the
+    /// place of each information matrix that has a negative eigenvalue; tells of these, if any.
+    ///
+    /// # Errors
+    /// Those of [`G2oGraph::read`], but for what was repaired.
+    pub fn read_repaired(path: &Path) -> Result<(Self, Option<RepairedEdges>), IoError> {
+        Self::parse_repaired(&files::read(path)?, path)
+    }
+
+    /// As [`G2oGraph::read_repaired`], of a file's bytes; `path` names them in errors.
+    ///
+    /// # Errors
+    /// Those of [`G2oGraph::parse`], but for what was repaired.
+    pub fn parse_repaired(
+        bytes: &[u8],
+        path: &Path,
+    ) -> Result<(Self, Option<RepairedEdges>), IoError> {
+        parse::parse(bytes, path, Indefinite::Repair)
     }
 
     /// Writes the file with 17 significant digits: reading it gives the same numbers.

@@ -9,8 +9,18 @@ use super::super::error::excerpt;
 use super::super::rotation::check_norm;
 use super::super::text::{Line, Text};
 use super::super::{IoError, Place};
-use super::convert::information;
-use super::{G2oEdge, G2oFile, G2oGraph, G2oVertex};
+use super::convert::{refused, symmetric, upper_triangle};
+use super::{G2oEdge, G2oFile, G2oGraph, G2oVertex, RepairedEdges};
+use crate::information::{Information, InformationError};
+
+/// What becomes of information matrices with negative eigenvalues.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Indefinite {
+    /// The file is refused.
+    Refuse,
+    /// The nearest positive semi-definite matrix takes their place.
+    Repair,
+}
 
 /// What a line holds.
 enum Tag {
@@ -26,7 +36,12 @@ struct Builder<const P: usize, const U: usize> {
     ids: BTreeSet<i64>,
 }
 
-pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<G2oGraph, IoError> {
+/// The file, and what was repaired in it.
+pub(super) fn parse(
+    bytes: &[u8],
+    path: &Path,
+    indefinite: Indefinite,
+) -> Result<(G2oGraph, Option<RepairedEdges>), IoError> {
     let mut se2 = Builder::<3, 6>::new();
     let mut se3 = Builder::<7, 21>::new();
     let mut fixed: Vec<(i64, u64)> = Vec::new();
@@ -57,9 +72,11 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<G2oGraph, IoError> {
         }
     }
     if !se2.is_empty() {
-        Ok(G2oGraph::Se2(se2.finish::<3>(fixed, path)?))
+        let (file, repaired) = se2.finish::<3>(fixed, path, indefinite)?;
+        Ok((G2oGraph::Se2(file), repaired))
     } else if !se3.is_empty() {
-        Ok(G2oGraph::Se3(se3.finish::<6>(fixed, path)?))
+        let (file, repaired) = se3.finish::<6>(fixed, path, indefinite)?;
+        Ok((G2oGraph::Se3(file), repaired))
     } else {
         Err(IoError::Empty { path: path.to_owned(), what: "vertex or edge" })
     }
@@ -112,7 +129,8 @@ impl<const P: usize, const U: usize> Builder<P, U> {
         mut self,
         fixed: Vec<(i64, u64)>,
         path: &Path,
-    ) -> Result<G2oFile<P, U>, IoError> {
+        indefinite: Indefinite,
+    ) -> Result<(G2oFile<P, U>, Option<RepairedEdges>), IoError> {
         let edges = &self.file.edges;
         if !self.file.has_vertices() {
             self.ids.extend(edges.iter().flat_map(|e| [e.i, e.j]));
@@ -125,13 +143,40 @@ impl<const P: usize, const U: usize> Builder<P, U> {
                 return Err(IoError::UnknownId { place, field: "vertex", id });
             }
         }
-        let mut bad = lines().filter(|(e, _)| information::<N>(&e.information).is_none());
-        if let Some((_, &line)) = bad.next() {
-            let first = Place::line(path, line);
-            return Err(IoError::NotPositiveDefinite { first, count: 1 + bad.count() });
-        }
+        let repaired = self.check_information::<N>(path, indefinite)?;
         self.file.fixed = fixed.into_iter().map(|(id, _)| id).collect();
-        Ok(self.file)
+        Ok((self.file, repaired))
+    }
+
+    /// Refuses or repairs information matrices with negative eigenvalues.
+    fn check_information<const N: usize>(
+        &mut self,
+        path: &Path,
+        indefinite: Indefinite,
+    ) -> Result<Option<RepairedEdges>, IoError> {
+        let mut first = None;
+        let mut count = 0;
+        for (edge, &line) in self.file.edges.iter_mut().zip(&self.edge_lines) {
+            let matrix = symmetric::<N, U>(&edge.information);
+            let Err(error) = Information::semidefinite(&matrix) else { continue };
+            count += 1;
+            first.get_or_insert((error, line, (edge.i, edge.j)));
+            if indefinite == Indefinite::Repair {
+                let nearest = Information::nearest(&matrix);
+                let refuse = |error| refused(error, Place::line(path, line), (edge.i, edge.j), 1);
+                edge.information = upper_triangle(&nearest.map_err(refuse)?);
+            }
+        }
+        match (first, indefinite) {
+            (None, _) => Ok(None),
+            (
+                Some((InformationError::Indefinite { smallest_eigenvalue }, first_line, (i, j))),
+                Indefinite::Repair,
+            ) => Ok(Some(RepairedEdges { count, first_line, i, j, smallest_eigenvalue })),
+            (Some((error, line, edge)), _) => {
+                Err(refused(error, Place::line(path, line), edge, count))
+            }
+        }
     }
 }
 

@@ -1,0 +1,59 @@
+//! `covis solve pose-graph` on graphs that are not in order: repaired, or named for what they lack.
+//!
+//! The solver's own tests hold what is right; these hold what a user is told, in text and in JSON.
+
+use crate::cli_support::{Workspace, close, number};
+
+const TRIANGLE: &str = "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nVERTEX_SE2 2 1 1 0\n\
+    EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\nEDGE_SE2 1 2 0 1 0 1 2 0 1 0 5\n\
+    EDGE_SE2 0 2 1 1.1 0 2 0 0 -3 0 1\n";
+
+#[test]
+fn indefinite_information_is_refused_or_repaired_and_told() {
+    let workspace = Workspace::new();
+    let input = workspace.file("graph.g2o", TRIANGLE);
+    let refused = workspace.run("solve pose-graph {}", &[&input]);
+    refused.expect_failure(&["graph.g2o, line 5", "edge 1 to 2", "2 such", "--repair-information"]);
+
+    let out = workspace.path("out.g2o");
+    let arguments = "solve pose-graph {} --repair-information --json --out {}";
+    let report = workspace.json(arguments, &[&input, &out]);
+    let repaired = &report["repaired"];
+    assert_eq!((&repaired["edges"], &repaired["first_line"]), (&2.into(), &5.into()));
+    assert_eq!((&repaired["i"], &repaired["j"]), (&1.into(), &2.into()));
+    assert!(close(number(repaired, "smallest_eigenvalue"), -1.0, 1e-12));
+    // The written file is the repaired problem at its solution: there is nothing left to do.
+    let again = workspace.json("solve pose-graph {} --json --init given", &[&out]);
+    assert!(again.get("repaired").is_none());
+    let (first, second) = (number(&report, "final_cost"), number(&again, "initial_cost"));
+    assert!((first - second).abs() < 1e-12, "{first} {second}");
+
+    let text = workspace.run("solve pose-graph {} --repair-information", &[&input]).stdout;
+    for part in ["gauge: vertex 0 fixed", "repaired: 2 information matrices, the first in line 5"] {
+        assert!(text.contains(part), "`{part}` in {text}");
+    }
+    let sound = workspace.json("solve pose-graph {} --repair-information --json", &[&out]);
+    assert_eq!(sound["repaired"], serde_json::json!({ "edges": 0 }));
+}
+
+#[test]
+fn vertices_without_information_are_named() {
+    let workspace = Workspace::new();
+    let edges = "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\nEDGE_SE2 1 2 0 1 0 1 0 0 1 0 0\n";
+    let input = workspace.file("leaf.g2o", edges);
+    for options in ["", "--method gn", "--init spanning-tree", "--loss huber:1"] {
+        let arguments = format!("solve pose-graph {{}} --json {options}");
+        let report = workspace.json(&arguments, &[&input]);
+        let open = serde_json::json!([{ "id": 2, "directions": [[0.0, 0.0, 1.0]] }]);
+        assert_eq!(
+            (&report["undetermined"], &report["converged"]),
+            (&open, &true.into()),
+            "{options}"
+        );
+    }
+    let text = workspace.run("solve pose-graph {}", &[&input]).stdout;
+    assert!(text.contains("undetermined: vertex 2 (rotation)\n"), "{text}");
+    let skew = "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\nEDGE_SE2 1 2 0 1 0 1 2 0 4 0 1\n";
+    let text = workspace.run("solve pose-graph {}", &[&workspace.file("skew.g2o", skew)]).stdout;
+    assert!(text.contains("undetermined: vertex 2 ([0.894, -0.447, 0.000])"), "{text}");
+}
