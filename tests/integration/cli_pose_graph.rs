@@ -2,7 +2,13 @@
 //!
 //! The solver's own tests hold what is right; these hold what a user is told, in text and in JSON.
 
-use crate::cli_support::{Workspace, close, number};
+use std::path::PathBuf;
+
+use crate::cli_support::{Workspace, close, golden, number};
+
+fn twin(name: &str) -> PathBuf {
+    golden("twins").join(format!("{name}.g2o"))
+}
 
 const TRIANGLE: &str = "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nVERTEX_SE2 2 1 1 0\n\
     EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\nEDGE_SE2 1 2 0 1 0 1 2 0 1 0 5\n\
@@ -56,4 +62,44 @@ fn vertices_without_information_are_named() {
     let skew = "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\nEDGE_SE2 1 2 0 1 0 1 2 0 4 0 1\n";
     let text = workspace.run("solve pose-graph {}", &[&workspace.file("skew.g2o", skew)]).stdout;
     assert!(text.contains("undetermined: vertex 2 ([0.894, -0.447, 0.000])"), "{text}");
+}
+
+#[test]
+fn a_graph_fed_vertex_by_vertex_ends_at_the_optimum() {
+    let workspace = Workspace::new();
+    for name in ["sphere-200", "grid-200", "grid-100-edges"] {
+        let input = twin(name);
+        let out = workspace.path("out.g2o");
+        let report =
+            workspace.json("solve pose-graph {} --incremental --json --out {}", &[&input, &out]);
+        let incremental = &report["incremental"];
+        assert_eq!(incremental["steps"], report["vertices"], "{name}");
+        let cost = number(incremental, "final_cost");
+        let times = ["median_ms", "p99_ms", "max_ms"].map(|key| number(incremental, key));
+        assert!(times.is_sorted() && times[0] > 0.0, "{name}: {times:?}");
+        let batch = workspace.json("solve pose-graph {} --json", &[&input]);
+        let best = number(&batch, "final_cost");
+        assert!(cost >= best * (1.0 - 1e-9) && cost <= 1.01 * best, "{name}: {cost} {best}");
+        // The written file is the estimate.
+        let written = workspace.json("solve pose-graph {} --init given --json", &[&out]);
+        assert!(close(number(&written, "initial_cost"), cost, 1e-9), "{name}");
+    }
+    let text = workspace.run("solve pose-graph {} --incremental", &[&twin("grid-200")]).stdout;
+    for part in ["vertices", "steps: 200: median", "gauge: vertex 0 fixed"] {
+        assert!(text.contains(part), "`{part}` in {text}");
+    }
+}
+
+#[test]
+fn what_incremental_does_not_do_is_refused() {
+    let workspace = Workspace::new();
+    for options in ["--robust gnc-tls", "--certify", "--init given", "--loss huber:1"] {
+        let arguments = format!("solve pose-graph {{}} --incremental {options}");
+        let ran = workspace.run(&arguments, &[&twin("grid-200")]);
+        assert_eq!(ran.code, Some(2), "{options}: {}", ran.stderr);
+    }
+    let fixed = format!("{TRIANGLE}FIX 2\n").replace("-3", "3");
+    let input = workspace.file("fixed.g2o", &fixed);
+    let ran = workspace.run("solve pose-graph {} --incremental", &[&input]);
+    ran.expect_failure(&["fixed.g2o", "vertex 2", "FIX"]);
 }

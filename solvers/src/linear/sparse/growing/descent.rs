@@ -1,4 +1,7 @@
 //! Back substitution from the roots down, only where something changed.
+//!
+//! A block hands its change on only once it counts; what was not handed on is remembered, so that
+//! small changes do not add up unseen.
 
 use super::GrowingCholesky;
 use super::tree::Node;

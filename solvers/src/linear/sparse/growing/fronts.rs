@@ -1,4 +1,7 @@
-//! The numbers of a front that grows: terms, children, elimination.
+//! The numbers of a growing system's fronts: terms, children's update matrices, elimination.
+//!
+//! A child's rows may stand in another order than here: its update matrix is added block by block,
+//! transposed where need be. The kernels are those of the factorization that does not grow.
 
 use super::terms::Terms;
 use super::top::{Planned, Top};
