@@ -180,7 +180,7 @@ struct Run<'a> {
 
 enum Outcome {
     Whole(Box<Whole>),
-    Incremental(Incremental),
+    Incremental(Box<Incremental>),
 }
 
 /// A solve of the whole graph at once.
@@ -203,7 +203,7 @@ impl Run<'_> {
         }
         if self.args.incremental {
             let incremental = incremental::solve(graph, self.group, diagnosis);
-            return Ok(Outcome::Incremental(incremental.with_context(|| self.name())?));
+            return Ok(Outcome::Incremental(Box::new(incremental.with_context(|| self.name())?)));
         }
         let mut options = Options::default();
         options.optimizer.max_iterations = shared.max_iterations;

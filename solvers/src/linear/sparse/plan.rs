@@ -13,7 +13,7 @@ use std::ops::Range;
 use super::super::error::LinearError;
 use super::super::ordering::{Elimination, NO_PARENT, earlier_neighbors};
 use super::super::pattern::BlockPattern;
-use super::supernodes::{Supernodes, amalgamate};
+use super::supernodes::{FRONT, Supernodes, amalgamate};
 use crate::simd::WIDTH;
 
 /// A subtree is a branch if it has at least this share of all flops, and at least so many.
@@ -145,7 +145,7 @@ impl Plan {
             return Err(too_large);
         }
         let sizes: Vec<usize> = order.iter().map(|&b| pattern.sizes()[b as usize]).collect();
-        let supernodes = amalgamate(&sizes, elimination);
+        let supernodes = amalgamate(&sizes, elimination, FRONT);
         let builder = Builder::new(pattern, order, &supernodes);
         builder.build(pattern, &supernodes).ok_or(too_large)
     }

@@ -13,7 +13,7 @@ use crate::simd::WIDTH;
 
 /// The model of time, in units of one vector operation of eight multiplications and additions:
 /// a front, a vector of it that is assembled, and one that is added to the parent.
-const FRONT: f64 = 250.0;
+pub(super) const FRONT: f64 = 250.0;
 const PANEL_VECTOR: f64 = 1.5;
 const LIFT_VECTOR: f64 = 4.0;
 
@@ -28,20 +28,21 @@ pub(super) struct Supernodes {
     pub(super) parents: Vec<u32>,
 }
 
-/// What a front of `k` pivots and `m` further rows costs.
-fn cost(k: f64, m: f64) -> f64 {
+/// What a front of `k` pivots and `m` further rows costs, `front` by itself.
+fn cost(k: f64, m: f64, front: f64) -> f64 {
     let width = WIDTH as f64;
     let rows = ((k + m) / width).ceil();
     let below = m / width + 0.5;
-    FRONT
+    front
         + PANEL_VECTOR * k * rows
         + LIFT_VECTOR * m * below
         + k * k * rows / 2.0
         + k * m * below / 2.0
 }
 
-/// Supernodes of a postordered elimination over blocks of the given sizes.
-pub(super) fn amalgamate(sizes: &[usize], elimination: &Elimination) -> Supernodes {
+/// Supernodes of a postordered elimination over blocks of the given sizes; a front costs `front` by
+/// itself.
+pub(super) fn amalgamate(sizes: &[usize], elimination: &Elimination, front: f64) -> Supernodes {
     let maximal = maximal(sizes, elimination);
     let count = maximal.len();
     let mut node_of = vec![0u32; sizes.len()];
@@ -66,8 +67,8 @@ pub(super) fn amalgamate(sizes: &[usize], elimination: &Elimination) -> Supernod
             continue;
         }
         let p = parent as usize;
-        let apart = cost(pivots[s], below[s]) + cost(pivots[p], below[p]);
-        if cost(pivots[s] + pivots[p], below[p]) <= apart {
+        let apart = cost(pivots[s], below[s], front) + cost(pivots[p], below[p], front);
+        if cost(pivots[s] + pivots[p], below[p], front) <= apart {
             merged[s] = true;
             pivots[p] += pivots[s];
         }

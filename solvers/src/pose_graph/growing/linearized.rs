@@ -3,21 +3,32 @@
 //! The bound on the error of a prediction is an inequality for each edge, from the poses where it was
 //! linearized and where they are: cheap beside an elimination.
 
-use super::{Block, GrowingPoseGraph, Term};
+use nalgebra::SVector;
+
+use super::{Block, GrowingPoseGraph, Motion, Term};
 use crate::factors::RelativePose;
 use crate::geometry::RigidMotion;
+use crate::linear::Updated;
 use crate::loss::Loss;
 use crate::pose_graph::assembly::pair_term;
 
 /// Poses are linearized anew once the linear prediction of some residual may be off by this share of
 /// the root mean square of all residuals; then, to be done with it, all whose prediction may be off
 /// by the share [`ON_THE_WAY`] of that. The bound is loose: the cost stays within 1.01 of the optimum.
-const NONLINEARITY: f64 = 0.7;
+const NONLINEARITY: f64 = 0.2;
 const ON_THE_WAY: f64 = 0.1;
 
 /// Changes are not handed on where they count less than this share of it, counted in standard
 /// deviations of a pose were all others fixed.
-const CHANGE: f64 = 0.2;
+const CHANGE: f64 = 0.07;
+
+/// Where the elimination took so many flops for each number of the factor, it took longer than a whole
+/// back substitution, and small changes are handed on too.
+const FLOPS_AN_ENTRY: f64 = 20.0;
+const FINE_CHANGE: f64 = 0.017;
+
+/// The edges of a pose are checked again once it changed by so many of it.
+const RECHECK: f64 = 1.0;
 
 /// Residuals of a ten-thousandth of their standard deviation are as good as zero.
 const LEAST_RESIDUAL: f64 = 1e-4;
@@ -31,7 +42,8 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
         self.system.push_term(i, j, term);
         let omega = edge.information.matrix().diagonal();
         let stiffness = [omega.rows_range(..D).sum().sqrt(), omega.rows_range(D..).sum().sqrt()];
-        self.terms.push(Term { edge: number, stiffness, checked_in: 0 });
+        let ends = [i, j].map(|block| block.map(|block| block as u32));
+        self.terms.push(Term { edge: number, ends, stiffness, checked_in: 0 });
     }
 
     /// Where the ends of an edge are linearized.
@@ -45,12 +57,16 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
 
     /// One solve: poses that changed are moved. Where an edge left the range of its linearization,
     /// the blocks of all edges that are on their way out are returned.
-    pub(super) fn step(&mut self) -> (Vec<usize>, f64) {
+    pub(super) fn step(&mut self, updated: &Updated) -> (Vec<usize>, f64) {
         let scalars = (N * self.system.term_count()) as f64;
         let mean_square = 2.0 * self.system.predicted_cost() / scalars;
         let residual = mean_square.max(LEAST_RESIDUAL * LEAST_RESIDUAL).sqrt();
+        let is_cheap = updated.flops > FLOPS_AN_ENTRY * self.system.factor_entries() as f64;
+        let change = if is_cheap { FINE_CHANGE } else { CHANGE };
         // The solver's list is its own: blocks are few, and copied.
-        let changed = self.system.solve(CHANGE * residual).to_vec();
+        let changed = self.system.solve(change * residual).to_vec();
+        let recheck = RECHECK * residual;
+        let mut far = Vec::new();
         for &block in &changed {
             let delta = self.system.delta(block as usize);
             let Block { pose, world_from_pose, .. } = self.blocks[block as usize];
@@ -58,14 +74,26 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
             let (mut shift, mut turn) = (delta, delta);
             shift.rows_range_mut(D..).fill(0.0);
             turn.rows_range_mut(..D).fill(0.0);
-            self.graph.poses[pose] = world_from_pose.plus(&shift).plus(&turn);
+            let moved = world_from_pose.plus(&shift).plus(&turn);
+            self.graph.poses[pose] = moved;
+            let position = moved.translation();
+            self.motions[block as usize] = Motion {
+                position,
+                shift: position - world_from_pose.translation(),
+                turn: turn.norm(),
+            };
+            let since = delta - self.checked[block as usize];
+            if self.system.counts(block as usize, &since) > recheck {
+                self.checked[block as usize] = delta;
+                far.push(block as usize);
+            }
         }
         let limit = NONLINEARITY * residual;
         let mut left = Vec::new();
         let mut exceeds = false;
         self.checks += 1;
-        for &block in &changed {
-            for &term in self.system.terms_of(block as usize) {
+        for &block in &far {
+            for &term in self.system.terms_of(block) {
                 let term = term as usize;
                 if self.terms[term].checked_in == self.checks {
                     continue;
@@ -74,10 +102,8 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
                 let error = self.nonlinearity(term);
                 exceeds |= error > limit || !error.is_finite();
                 if error > ON_THE_WAY * limit || !error.is_finite() {
-                    let edge = &self.graph.edges[self.terms[term].edge];
-                    left.extend(
-                        [edge.i, edge.j].into_iter().filter_map(|pose| self.block_of(pose)),
-                    );
+                    let ends = self.terms[term].ends.into_iter().flatten();
+                    left.extend(ends.map(|block| block as usize));
                 }
             }
         }
@@ -95,17 +121,13 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
     /// off by at most ½ |φ|² |d| + |φ| |d − d̄|. Rotations in the plane are linear; in space their
     /// second-order term is at most half the product of the turns.
     pub(super) fn nonlinearity(&self, term: usize) -> f64 {
-        let Term { edge, stiffness, .. } = self.terms[term];
-        let edge = &self.graph.edges[edge];
-        let (i, j) = self.linearized(edge);
-        let before = j.translation() - i.translation();
-        let (i, j) = (&self.graph.poses[edge.i], &self.graph.poses[edge.j]);
-        let between = j.translation() - i.translation();
-        let turn =
-            |pose: usize| self.block_of(pose).map_or(0.0, |block| self.system.turn::<D>(block));
-        let (turn_i, turn_j) = (turn(edge.i), turn(edge.j));
-        let shift = 0.5 * turn_i * turn_i * between.norm() + turn_i * (between - before).norm();
-        let rotation = if D > 2 { 0.5 * turn_i.max(turn_j) * turn_i.max(turn_j) } else { 0.0 };
+        let Term { ends, stiffness, .. } = self.terms[term];
+        let held = || Motion::none(&self.graph.poses[0]);
+        let [i, j] = ends.map(|end| end.map_or_else(held, |block| self.motions[block as usize]));
+        let (between, change) = (j.position - i.position, j.shift - i.shift);
+        let shift = 0.5 * i.turn * i.turn * between.norm() + i.turn * change.norm();
+        let turn = i.turn.max(j.turn);
+        let rotation = if D > 2 { 0.5 * turn * turn } else { 0.0 };
         stiffness[0] * shift + stiffness[1] * rotation
     }
 
@@ -122,13 +144,14 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
             next += 1;
             let pose = self.blocks[block].pose;
             self.blocks[block].world_from_pose = self.graph.poses[pose];
+            self.motions[block] = Motion::none(&self.graph.poses[pose]);
+            self.checked[block] = SVector::zeros();
             self.system.rebase(block);
             for k in 0..self.system.terms_of(block).len() {
                 let term = self.system.terms_of(block)[k];
                 terms.push(term);
-                let edge = &self.graph.edges[self.terms[term as usize].edge];
-                let other = if edge.i == pose { edge.j } else { edge.i };
-                let Some(other) = self.block_of(other) else { continue };
+                let [i, j] = self.terms[term as usize].ends.map(|end| end.map(|end| end as usize));
+                let Some(other) = (if i == Some(block) { j } else { i }) else { continue };
                 if self.blocks[other].checked_in != self.checks
                     && self.nonlinearity(term as usize) > limit
                 {
@@ -144,5 +167,12 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
             let made = pair_term(&edge, self.linearized(&edge), Loss::Trivial);
             self.system.set_term(term as usize, made);
         }
+    }
+}
+
+impl<const D: usize> Motion<D> {
+    /// That of a block at its linearization.
+    pub(super) fn none<G: RigidMotion<D, N>, const N: usize>(world_from_pose: &G) -> Self {
+        Self { position: world_from_pose.translation(), shift: SVector::zeros(), turn: 0.0 }
     }
 }

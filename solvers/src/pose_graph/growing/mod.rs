@@ -6,12 +6,14 @@
 //! residual may be wrong by a share of its standard deviation (after Kaess et al., "iSAM2", 2012).
 //! A pose that one edge ties to the others hangs there and costs nothing until a second edge comes.
 //! `places`: which poses are in the linear system; `linearized`: its terms, where they are made and
-//! when they are made anew. It knows no files, and one thread does everything.
+//! when they are made anew. It knows no files, and large eliminations use the rayon pool of the caller.
 
 mod linearized;
 mod places;
 
 use std::collections::BTreeMap;
+
+use nalgebra::SVector;
 
 use super::assembly::cost;
 use super::{Options, solve};
@@ -53,6 +55,10 @@ pub struct GrowingPoseGraph<G, const D: usize, const N: usize> {
     hanging: Vec<usize>,
     system: GrowingCholesky<N>,
     blocks: Vec<Block<G>>,
+    /// By block.
+    motions: Vec<Motion<D>>,
+    /// δ of each block as its edges were last checked.
+    checked: Vec<SVector<f64, N>>,
     terms: Vec<Term>,
     /// Counts the passes over terms.
     checks: u32,
@@ -71,9 +77,22 @@ struct Block<G> {
 #[derive(Clone, Copy, Debug)]
 struct Term {
     edge: usize,
+    /// The blocks of its poses i and j; the held pose has none.
+    ends: [Option<u32>; 2],
     /// √tr Ω of translation and rotation: what an error of the residual counts at most.
     stiffness: [f64; 2],
     checked_in: u32,
+}
+
+/// A block's way from where its terms were made.
+#[derive(Clone, Copy, Debug)]
+struct Motion<const D: usize> {
+    /// Where it is, in the world.
+    position: SVector<f64, D>,
+    /// How far it went, in the world.
+    shift: SVector<f64, D>,
+    /// The angle by which it turned.
+    turn: f64,
 }
 
 /// What an update did.
@@ -106,6 +125,8 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
             hanging: Vec::new(),
             system: GrowingCholesky::new(),
             blocks: Vec::new(),
+            motions: Vec::new(),
+            checked: Vec::new(),
             terms: Vec::new(),
             checks: 0,
         }
@@ -200,7 +221,7 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
             growth.steps += 1;
             let Ok(updated) = self.system.update(&last) else { break };
             growth.eliminated += updated.blocks;
-            let (mut moved, limit) = self.step();
+            let (mut moved, limit) = self.step(&updated);
             is_settled = moved.is_empty();
             self.relinearize(&mut moved, limit);
             growth.relinearized += moved.len();

@@ -4,7 +4,9 @@
 //! system, with those that it hangs on, once a second edge ties it. Hanging costs nothing and is
 //! exact: the one residual is zero.
 
-use super::{Block, GrowingPoseGraph, Place};
+use nalgebra::SVector;
+
+use super::{Block, GrowingPoseGraph, Motion, Place};
 use crate::geometry::RigidMotion;
 
 /// Neighbors in time of the poses that new edges touch, to each side: the next edges will touch them.
@@ -91,6 +93,8 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
             self.places[pose] = Place::Block(block);
             let world_from_pose = self.graph.poses[pose];
             self.blocks.push(Block { pose, world_from_pose, checked_in: 0 });
+            self.motions.push(Motion::none(&world_from_pose));
+            self.checked.push(SVector::zeros());
             self.push_term(edge);
         }
         self.hanging.retain(|&pose| matches!(self.places[pose], Place::Hanging(_)));

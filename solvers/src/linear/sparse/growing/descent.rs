@@ -16,14 +16,15 @@ impl<const N: usize> GrowingCholesky<N> {
         while let Some(number) = stack.pop() {
             let Some(node) = self.tree.node_mut(number) else { continue };
             let is_changed = |&row: &u32| self.changed_in[row as usize] == self.solves;
-            if !std::mem::take(&mut node.is_new) && !node.rows.iter().any(is_changed) {
+            if !std::mem::take(&mut node.is_new) && !node.rows().iter().any(is_changed) {
                 continue;
             }
-            stack.extend_from_slice(&node.children);
+            let Some(node) = self.tree.node(number) else { continue };
+            stack.extend(self.tree.children(node));
             front.clear();
             front.resize(node.shape::<N>().stride, 0.0);
             self.class.run(Pivots::<N> { node, delta: &self.delta, front: &mut front });
-            for (k, &pivot) in node.pivots.iter().enumerate() {
+            for (k, &pivot) in node.pivots().iter().enumerate() {
                 let range = pivot as usize * N..(pivot as usize + 1) * N;
                 let delta = &mut self.delta[range.clone()];
                 delta.copy_from_slice(&front[k * N..(k + 1) * N]);
@@ -60,7 +61,7 @@ impl<const N: usize> Kernel for Pivots<'_, N> {
         for (c, column) in panel.chunks_exact(shape.stride).enumerate() {
             front[c] = column[shape.rows];
         }
-        for (k, &row) in node.rows.iter().enumerate() {
+        for (k, &row) in node.rows().iter().enumerate() {
             front[shape.pivots + k * N..][..N].copy_from_slice(&delta[row as usize * N..][..N]);
         }
         backward(lanes, panel, (shape.stride, shape.pivots), front);

@@ -8,11 +8,13 @@
 //! Dellaert, "iSAM2", 2012, on supernodes; the right-hand side is one more row of each front.)
 //!
 //! - `terms`: what is summed; `tree`: nodes and their memory; `top`: which nodes are made anew, in
-//!   which order; `fronts`: their numbers; `descent`: back substitution.
+//!   which order; `fronts` and `front`: their numbers; `descent`: back substitution.
 //!
-//! One thread does everything. It knows nothing of poses.
+//! Large tops are eliminated on the rayon pool of the caller; the bits do not depend on it. It knows
+//! nothing of poses.
 
 mod descent;
+mod front;
 mod fronts;
 mod terms;
 #[cfg(test)]
@@ -25,6 +27,7 @@ use nalgebra::SVector;
 use crate::linear::LinearError;
 use crate::simd::Class;
 
+use fronts::eliminate;
 pub use terms::PairTerm;
 use terms::Terms;
 use top::Top;
@@ -51,12 +54,14 @@ pub struct GrowingCholesky<const N: usize> {
 }
 
 /// What an update did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Updated {
     /// Blocks that were eliminated anew.
     pub blocks: usize,
     /// Nodes that they became.
     pub nodes: usize,
+    /// Flops of their elimination.
+    pub flops: f64,
 }
 
 impl<const N: usize> GrowingCholesky<N> {
@@ -120,10 +125,15 @@ impl<const N: usize> GrowingCholesky<N> {
         SVector::from_column_slice(&self.delta[block * N..][..N])
     }
 
-    /// The norm of what follows the first `D` scalars of a block's δ.
+    /// What a change of a block's δ counts: its largest entry, in standard deviations were all other
+    /// scalars held fixed.
     #[must_use]
-    pub fn turn<const D: usize>(&self, block: usize) -> f64 {
-        self.delta[block * N + D..(block + 1) * N].iter().map(|x| x * x).sum::<f64>().sqrt()
+    pub fn counts(&self, block: usize, change: &SVector<f64, N>) -> f64 {
+        let weights = &self.weight[block * N..][..N];
+        change
+            .iter()
+            .zip(weights)
+            .fold(0.0, |most, (change, weight)| most.max(change.abs() * weight))
     }
 
     /// Says that a block's δ was taken into what its terms are made at: it begins at zero again.
@@ -137,6 +147,12 @@ impl<const N: usize> GrowingCholesky<N> {
     #[must_use]
     pub fn term_count(&self) -> usize {
         self.terms.count()
+    }
+
+    /// Numbers in the factor: what a whole back substitution reads.
+    #[must_use]
+    pub fn factor_entries(&self) -> usize {
+        self.tree.entries
     }
 
     /// The cost at δ that the last update predicts: that of the terms less ½ gᵀH⁻¹g.
@@ -159,13 +175,13 @@ impl<const N: usize> GrowingCholesky<N> {
     pub fn update(&mut self, last: &[usize]) -> Result<Updated, LinearError> {
         let top = Top::of(&self.terms, &mut self.tree, &self.touched, last);
         self.touched.clear();
-        let updated = Updated { blocks: top.blocks.len(), nodes: top.nodes.len() };
-        let outcome = self.tree.eliminate(&self.terms, top, self.class, &mut self.weight);
+        let (blocks, nodes) = (top.blocks.len(), top.nodes.len());
+        let outcome = eliminate(&mut self.tree, &self.terms, top, self.class, &mut self.weight);
         if outcome.is_err() {
             self.tree.clear();
             self.touched.extend(0..self.block_count() as u32);
         }
-        outcome.map(|()| updated)
+        outcome.map(|flops| Updated { blocks, nodes, flops })
     }
 
     /// Solves for δ with the last factor, and returns the blocks whose δ changed.

@@ -6,26 +6,31 @@
 //! only; no value is seen.
 
 use super::terms::Terms;
-use super::tree::{NONE, Node, Tree};
+use super::tree::{NONE, Tree};
 use crate::linear::ordering::{NO_PARENT, ordered_with_last};
 use crate::linear::pattern::BlockPattern;
 use crate::linear::sparse::plan::row_structure;
 use crate::linear::sparse::supernodes::amalgamate;
 
+/// What a front costs by itself, as [`amalgamate`] counts: besides its elimination, every back
+/// substitution comes by.
+const FRONT: f64 = 800.0;
+
 /// The part of a tree that is to be made, blocks numbered as the system numbers them.
 #[derive(Debug)]
 pub(super) struct Top {
-    /// Its blocks, in the order of elimination.
+    /// Its blocks; the tree's `local` has their places here.
     pub(super) blocks: Vec<u32>,
-    /// Its nodes, children before parents.
+    /// Its nodes in postorder.
     pub(super) nodes: Vec<Planned>,
 }
 
 /// A node to be made.
 #[derive(Debug)]
 pub(super) struct Planned {
-    pub(super) pivots: Vec<u32>,
-    pub(super) rows: Vec<u32>,
+    /// Its pivots, in order, and the rows below them.
+    pub(super) blocks: Vec<u32>,
+    pub(super) pivots: usize,
     /// Among the planned nodes, or [`NONE`].
     pub(super) parent: u32,
     /// Subtrees that stay and hang here.
@@ -41,41 +46,37 @@ impl Top {
         last: &[usize],
     ) -> Self {
         let mut blocks = Vec::new();
-        let mut orphans = Vec::new();
-        let mut removed: Vec<Node> = Vec::new();
+        let mut marked = Vec::new();
         for &block in touched {
-            if tree.node_of[block as usize] == NONE {
-                // Marked as taken by its number in the top.
-                if tree.local[block as usize] == NONE {
-                    tree.local[block as usize] = blocks.len() as u32;
-                    blocks.push(block);
-                }
-                continue;
-            }
             let mut number = tree.node_of[block as usize];
-            while let Some(node) = tree.remove(number) {
-                for &pivot in &node.pivots {
-                    tree.node_of[pivot as usize] = NONE;
-                    tree.local[pivot as usize] = blocks.len() as u32;
-                    blocks.push(pivot);
-                }
-                orphans.extend_from_slice(&node.children);
+            if number == NONE && tree.local[block as usize] == NONE {
+                tree.local[block as usize] = blocks.len() as u32;
+                blocks.push(block);
+            }
+            while let Some(node) = tree.node_mut(number).filter(|node| !node.is_marked) {
+                node.is_marked = true;
+                marked.push(number);
                 number = node.parent;
-                removed.push(node);
             }
         }
-        orphans.retain(|&orphan| tree.node(orphan).is_some());
+        let mut orphans = Vec::new();
+        for node in marked.iter().filter_map(|&number| tree.node(number)) {
+            let stays = |&child: &u32| tree.node(child).is_some_and(|child| !child.is_marked);
+            orphans.extend(tree.children(node).filter(stays));
+        }
+        for number in marked {
+            let Some(node) = tree.remove(number) else { continue };
+            for &pivot in node.pivots() {
+                tree.node_of[pivot as usize] = NONE;
+                tree.local[pivot as usize] = blocks.len() as u32;
+                blocks.push(pivot);
+            }
+            tree.give_back(node);
+        }
         let mut roots = std::mem::take(&mut tree.roots);
         roots.retain(|&root| tree.node(root).is_some());
         tree.roots = roots;
-        for node in removed {
-            tree.give_back(node);
-        }
-        let top = plan::<N>(terms, tree, blocks, &orphans, last);
-        for &block in &top.blocks {
-            tree.local[block as usize] = NONE;
-        }
-        top
+        plan::<N>(terms, tree, blocks, &orphans, last)
     }
 }
 
@@ -98,8 +99,9 @@ fn plan<const N: usize>(
         }
     }
     for node in orphans.iter().filter_map(|&orphan| tree.node(orphan)) {
-        for (a, &row) in node.rows.iter().enumerate() {
-            pairs.extend(node.rows[..a].iter().map(|&b| (local(row) as usize, local(b) as usize)));
+        for (a, &row) in node.rows().iter().enumerate() {
+            pairs
+                .extend(node.rows()[..a].iter().map(|&b| (local(row) as usize, local(b) as usize)));
         }
     }
     let pattern = BlockPattern::new(vec![N; blocks.len()], pairs);
@@ -110,7 +112,7 @@ fn plan<const N: usize>(
         }
     }
     let (order, elimination) = ordered_with_last(&pattern, &is_last);
-    let supernodes = amalgamate(pattern.sizes(), &elimination);
+    let supernodes = amalgamate(pattern.sizes(), &elimination, FRONT);
     let order: Vec<u32> = supernodes.order.iter().map(|&k| order[k as usize]).collect();
     let mut position = vec![0u32; order.len()];
     for (k, &block) in order.iter().enumerate() {
@@ -127,8 +129,11 @@ fn plan<const N: usize>(
         .iter()
         .enumerate()
         .map(|(s, range)| Planned {
-            pivots: range.clone().map(|k| block_at(k as u32)).collect(),
-            rows: rows[starts[s]..starts[s + 1]].iter().map(|&k| block_at(k)).collect(),
+            pivots: range.len(),
+            blocks: (range.start as u32..range.end as u32)
+                .chain(rows[starts[s]..starts[s + 1]].iter().copied())
+                .map(block_at)
+                .collect(),
             parent: match supernodes.parents[s] {
                 NO_PARENT => NONE,
                 parent => parent,
@@ -138,10 +143,10 @@ fn plan<const N: usize>(
         .collect();
     for &orphan in orphans {
         let Some(node) = tree.node(orphan) else { continue };
-        let first = node.rows.iter().map(|&row| position[local(row) as usize]).min();
+        let first = node.rows().iter().map(|&row| position[local(row) as usize]).min();
         if let Some(first) = first {
             nodes[node_of[first as usize] as usize].orphans.push(orphan);
         }
     }
-    Top { blocks: (0..order.len() as u32).map(block_at).collect(), nodes }
+    Top { blocks, nodes }
 }

@@ -13,14 +13,16 @@ pub(super) const NONE: u32 = u32::MAX;
 /// A node.
 #[derive(Debug)]
 pub(super) struct Node {
-    /// Blocks eliminated here, in order.
-    pub(super) pivots: Vec<u32>,
-    /// Blocks below them; all of them are eliminated above.
-    pub(super) rows: Vec<u32>,
+    /// Blocks eliminated here, in order, and after them those below, which are eliminated above.
+    blocks: Vec<u32>,
+    pivots: usize,
     pub(super) parent: u32,
-    pub(super) children: Vec<u32>,
+    first_child: u32,
+    next_sibling: u32,
     pub(super) panel: Aligned,
     pub(super) update: Aligned,
+    /// Whether it is about to be made anew.
+    pub(super) is_marked: bool,
     /// Whether back substitution has not been here since the front was made.
     pub(super) is_new: bool,
     /// ½ yᵀy over its pivots, L y = −g: what they lower the cost by.
@@ -60,14 +62,49 @@ impl Shape {
         self.stride * self.pivots
     }
 
+    /// Flops of the front.
+    pub(super) fn flops(&self) -> f64 {
+        let (k, m) = (self.pivots as f64, (self.rows - self.pivots) as f64);
+        k * (k * k / 3.0 + k * m + m * m)
+    }
+
     pub(super) fn update_size(&self) -> usize {
         self.update_stride() * (self.rows - self.pivots)
     }
 }
 
 impl Node {
+    /// A node that hangs nowhere and has no children; `blocks` are the pivots and the rows.
+    pub(super) fn new(
+        blocks: Vec<u32>,
+        pivots: usize,
+        [panel, update]: [Aligned; 2],
+        decrease: f64,
+    ) -> Self {
+        Self {
+            blocks,
+            pivots,
+            parent: NONE,
+            first_child: NONE,
+            next_sibling: NONE,
+            panel,
+            update,
+            is_marked: false,
+            is_new: true,
+            decrease,
+        }
+    }
+
+    pub(super) fn pivots(&self) -> &[u32] {
+        &self.blocks[..self.pivots]
+    }
+
+    pub(super) fn rows(&self) -> &[u32] {
+        &self.blocks[self.pivots..]
+    }
+
     pub(super) fn shape<const N: usize>(&self) -> Shape {
-        Shape::new(self.pivots.len() * N, self.rows.len() * N)
+        Shape::new(self.pivots * N, (self.blocks.len() - self.pivots) * N)
     }
 }
 
@@ -81,8 +118,10 @@ pub(super) struct Tree {
     pub(super) node_of: Vec<u32>,
     /// Over all nodes.
     pub(super) decrease: f64,
+    /// Numbers in all panels.
+    pub(super) entries: usize,
     memory: Memory,
-    /// Scratch by block; what it means is known while one front is made.
+    /// The number of each block in the top while one is made, or [`NONE`].
     pub(super) local: Vec<u32>,
 }
 
@@ -100,16 +139,42 @@ impl Tree {
         self.nodes.get_mut(number as usize)?.as_mut()
     }
 
+    /// A node's children.
+    pub(super) fn children(&self, node: &Node) -> impl Iterator<Item = u32> {
+        let mut next = node.first_child;
+        std::iter::from_fn(move || {
+            let child = next;
+            next = self.node(child)?.next_sibling;
+            Some(child)
+        })
+    }
+
+    /// Hangs a node on another one.
+    pub(super) fn hang(&mut self, child: u32, parent: u32) {
+        let Some(node) = self.node_mut(parent) else { return };
+        let next = std::mem::replace(&mut node.first_child, child);
+        if let Some(child) = self.node_mut(child) {
+            (child.parent, child.next_sibling) = (parent, next);
+        }
+    }
+
     /// Takes a node out; whoever hung on it hangs on nothing.
     pub(super) fn remove(&mut self, number: u32) -> Option<Node> {
         let node = self.nodes.get_mut(number as usize)?.take()?;
         self.free.push(number);
         self.decrease -= node.decrease;
+        self.entries -= node.panel.len();
         Some(node)
     }
 
+    /// Takes a new node in, with its pivots.
     pub(super) fn insert(&mut self, node: Node) -> u32 {
         self.decrease += node.decrease;
+        self.entries += node.panel.len();
+        let number = self.free.last().map_or(self.nodes.len() as u32, |&number| number);
+        for &pivot in node.pivots() {
+            self.node_of[pivot as usize] = number;
+        }
         if let Some(number) = self.free.pop() {
             self.nodes[number as usize] = Some(node);
             return number;
@@ -134,6 +199,7 @@ impl Tree {
         self.nodes.clear();
         self.free.clear();
         self.decrease = 0.0;
+        self.entries = 0;
         self.roots.clear();
         self.node_of.fill(NONE);
     }
