@@ -155,7 +155,7 @@ def read(path: str) -> Graph:
     with open(path, encoding="ascii") as lines:
         for number, line in enumerate(lines, 1):
             words = line.split()
-            if not words or words[0] == "FIX":
+            if not words:
                 continue
             kind, _, tag = words[0].partition("_")
             group = {"SE2": Se2, "SE3:QUAT": Se3}.get(tag)
@@ -185,7 +185,8 @@ def assemble(group: type, vertices: dict, edges: list, path: str) -> Graph:
     if missing is not None:
         raise ValueError(f"{path}: an edge names vertex {missing}, which is not there")
     poses = np.array([vertices[k] for k in ids.tolist()]) if vertices else np.tile(group.IDENTITY, (len(ids), 1))
-    numbers = np.array([numbers for _, _, numbers in edges]).reshape(len(edges), -1)
+    columns = group.SIZE + group.TANGENT * (group.TANGENT + 1) // 2
+    numbers = np.array([numbers for _, _, numbers in edges]).reshape(-1, columns)
     measured, triangle = numbers[:, : group.SIZE].copy(), numbers[:, group.SIZE :]
     if group is Se3:
         for array in (poses, measured):
