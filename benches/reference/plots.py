@@ -1,4 +1,4 @@
-"""Pictures of what compare.py and growth.py measured. Needs: matplotlib (pip)."""
+"""Pictures of what compare.py, pose_graphs.py and growth.py measured. Needs: matplotlib (pip)."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import matplotlib.pyplot as plt  # noqa: E402
 # The relative decrease at which the solvers stop: a smaller gap says nothing.
 SMALLEST_GAP = 1e-9
 STYLES = ("-", "--", ":", "-.")
+SIZES = ("cameras", "points", "observations", "vertices", "edges")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 
@@ -50,7 +51,7 @@ def draw_traces(entry: dict, folder: str, kind: str) -> Path:
     axes.axhline(1e-3, color="gray", linewidth=0.6)
     axes.set(xscale="log", yscale="log", xlabel="seconds", ylabel="cost / best cost - 1")
     name = Path(entry["file"]).stem
-    sizes = ", ".join(f"{entry[what]} {what}" for what in ("cameras", "points", "observations"))
+    sizes = ", ".join(f"{entry[what]} {what}" for what in SIZES if what in entry)
     axes.set_title(f"{name}: {sizes}")
     axes.legend(fontsize="small")
     return save(figure, folder, f"{name}.{kind}")
