@@ -118,7 +118,7 @@ def rule(head: str) -> str:
     return "|---" * head.count(" | ") + "|---|"
 
 
-def draw(entries: list[dict], folder: str, kind: str) -> None:
+def draw(entries: list[dict], folder: str, kind: str, incremental: bool = False) -> None:
     """A picture for each file that a solver solved, or a line that says why there is none."""
     try:
         # Only now: matplotlib would make the parent large, and with it every child.
@@ -129,7 +129,7 @@ def draw(entries: list[dict], folder: str, kind: str) -> None:
     print()
     for entry in entries:
         if any(not run["error"] for run in entry["runs"]):
-            print(plots.draw_traces(entry, folder, kind))
+            print((plots.draw_incremental if incremental else plots.draw_traces)(entry, folder, kind))
 
 
 def print_blas(entries: list[dict]) -> None:
