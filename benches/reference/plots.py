@@ -63,7 +63,8 @@ def title(entry: dict) -> str:
 def draw_incremental(entry: dict, folder: str, kind: str) -> Path:
     """Seconds so far, and the excess over the lowest cost of all, against vertices; returns the file.
 
-    Of each solver and thread count the first run is shown, costs with the fewest threads only.
+    Of each solver and thread count the first run is shown; costs with the fewest threads only, and
+    where there are closures enough to cost more than a hundredth of the last.
     """
     good = [run for run in entry["runs"] if not run["error"]]
     lowest: dict[int, float] = {}
@@ -78,7 +79,7 @@ def draw_incremental(entry: dict, folder: str, kind: str) -> Path:
         look = {"color": color[solver], "linestyle": style[threads]}
         look["label"] = f"{solver}, {threads} thread{'s' if threads > 1 else ''}"
         left.plot([row["iteration"] for row in rows], [row["seconds"] for row in rows], **look)
-        rows = [row for row in rows if lowest[row["iteration"]] > 0.0]
+        rows = [row for row in rows if lowest[row["iteration"]] > 1e-2 * lowest[max(lowest)]]
         if threads == min(style):
             gaps = [max(row["cost"] / lowest[row["iteration"]] - 1.0, SMALLEST_GAP) for row in rows]
             right.plot([row["iteration"] for row in rows], gaps, **look)

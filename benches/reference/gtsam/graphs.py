@@ -95,3 +95,11 @@ def chordal(graph: g2o.Graph, problem: gtsam.NonlinearFactorGraph) -> gtsam.Valu
     for key in graph.ids.tolist():
         kept.insert(key, found.atPose2(key))
     return kept
+
+
+def run(main) -> None:
+    """Runs a twin; what GTSAM throws becomes one line."""
+    try:
+        main()
+    except (OSError, RuntimeError, ValueError) as error:
+        sys.exit(f"error: {' '.join(str(error).split('.')[0].split())}")

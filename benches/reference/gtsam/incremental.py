@@ -15,9 +15,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import resource
 import time
+
+import threads
 
 ROW_EVERY = 100
 
@@ -34,12 +35,10 @@ def arguments() -> argparse.Namespace:
 
 
 options = arguments()
-if options.threads:
-    # Before the import: GTSAM's thread pool counts the processors when it is loaded.
-    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: options.threads])
+with threads.bound(options.threads):
+    import gtsam
 
 import graphs  # noqa: E402
-import gtsam  # noqa: E402
 import numpy as np  # noqa: E402
 
 from graphs import g2o  # noqa: E402
@@ -106,7 +105,7 @@ def main() -> None:
     print(json.dumps({
         "solver": "GTSAM iSAM2",
         "group": graph.group.TAG.partition(":")[0],
-        "threads": options.threads or len(os.sched_getaffinity(0)),
+        "threads": threads.used(),
         "final_cost": rows[-1]["cost"],
         "solve_seconds": rows[-1]["seconds"],
         "iterations": rows,
@@ -122,4 +121,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    graphs.run(main)

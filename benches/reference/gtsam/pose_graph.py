@@ -10,7 +10,7 @@ Prints one JSON document in the words of `covis solve pose-graph --json`; a row 
 Seconds count the chordal start and then from the construction of the optimizer; building the graph
 and its values is told apart, as build_seconds. The tree is numpy's work and not counted.
 
-GTSAM has no option for threads: --threads binds the process to so many processors (Linux).
+GTSAM has no option for threads: --threads binds it to so many processors where it has a pool (Linux).
 Needs: numpy and gtsam (pip).
 """
 
@@ -18,9 +18,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import resource
 import time
+
+import threads
 
 
 def arguments() -> argparse.Namespace:
@@ -35,13 +36,10 @@ def arguments() -> argparse.Namespace:
 
 
 options = arguments()
-if options.threads:
-    # Before the import: GTSAM's thread pool counts the processors when it is loaded.
-    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: options.threads])
+with threads.bound(options.threads):
+    import gtsam
 
 import graphs  # noqa: E402
-import gtsam  # noqa: E402
-
 from graphs import g2o  # noqa: E402
 
 
@@ -95,7 +93,7 @@ def main() -> None:
         "method": options.method,
         "init": options.start,
         "init_seconds": round(start_seconds, 6),
-        "threads": options.threads or len(os.sched_getaffinity(0)),
+        "threads": threads.used(),
         "initial_cost": costs[0],
         "final_cost": costs[-1],
         "iterations": rows,
@@ -108,4 +106,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    graphs.run(main)
