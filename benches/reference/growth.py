@@ -19,6 +19,7 @@ import tempfile
 from pathlib import Path
 
 import runs
+import solvers
 
 SIZES = "10000,30000,100000,300000,1000000,1500000"
 # Landmarks a keyframe passes, and about how many observations it makes of them.
@@ -29,7 +30,7 @@ COLUMNS = ("solver", "threads", "observations", "cameras", "points", "track", "l
 
 
 def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=f"{__doc__}\nsolvers:\n{runs.SOLVERS}",
+    parser = argparse.ArgumentParser(description=f"{__doc__}\nsolvers:\n{solvers.BUNDLE}",
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--observations", default=SIZES, help=f"about so many each (default: {SIZES})")
     parser.add_argument("--solvers", default="covis")
@@ -41,8 +42,9 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--fix-intrinsics", action="store_true", help="6 unknowns a camera instead of 9")
     parser.add_argument("--timeout", type=float, default=600.0, help="seconds a run may take")
     parser.add_argument("--work", default="target/reference/scenes", metavar="FOLDER")
-    parser.add_argument("--covis", default=runs.Programs.covis, metavar="BINARY")
-    parser.add_argument("--ceres", default=runs.Programs.ceres, metavar="BINARY")
+    parser.add_argument("--covis", default=solvers.Programs.covis, metavar="BINARY")
+    parser.add_argument("--ceres", default=solvers.Programs.ceres, metavar="FOLDER",
+                        help=f"where its twins are (default: {solvers.Programs.ceres})")
     parser.add_argument("--json", metavar="PATH", help="write the rows here")
     parser.add_argument("--plot", default="target/reference/plots", metavar="FOLDER",
                         help="where the picture goes (default: target/reference/plots)")
@@ -54,7 +56,7 @@ def arguments() -> argparse.Namespace:
         options.observations = [int(count) for count in options.observations.split(",")]
         options.threads = [int(count) for count in options.threads.split(",")]
         for solver in options.solvers:
-            runs.check(solver)
+            solvers.check_bundle(solver)
     except ValueError as error:
         parser.error(str(error))
     return options
@@ -110,8 +112,8 @@ def cells(facts: dict) -> list[str]:
 
 def main() -> int:
     options = arguments()
-    programs = runs.Programs(options.covis, options.ceres)
-    settings = runs.Settings(programs, options.iterations, options.fix_intrinsics, options.timeout)
+    programs = solvers.Programs(options.covis, options.ceres)
+    settings = solvers.Settings(programs, options.iterations, options.fix_intrinsics, options.timeout)
     machine = runs.machine()
     print(f"{runs.describe(machine)}.\n{6 if options.fix_intrinsics else 9} unknowns a camera, "
           f"median of {options.iterations} iterations in {options.rounds} rounds.\n")
@@ -120,12 +122,14 @@ def main() -> int:
     cases = [(solver, threads) for solver in options.solvers for threads in options.threads]
     for count in options.observations:
         file = scene(count, options)
-        size = runs.facts(file)
+        size = runs.facts("bal.py", file)
         done: dict[tuple[str, int], list[runs.Run]] = {case: [] for case in cases}
         with tempfile.TemporaryDirectory() as scratch:
             for number in range(options.rounds):
                 for solver, threads in runs.rotated(cases, number):
-                    run = runs.run(solver, file, threads, f"{scratch}/solved.txt", settings)
+                    out = f"{scratch}/solved.txt"
+                    command = solvers.bundle(solver, file, threads, out, settings)
+                    run = runs.run(solver, threads, command, out, settings.timeout_s)
                     if not run.error and run.steps == 0:
                         run.error = "no step was made"
                     done[solver, threads].append(run)

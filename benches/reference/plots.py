@@ -1,4 +1,4 @@
-"""Pictures of what compare.py and growth.py measured. Needs: matplotlib (pip)."""
+"""Pictures of what compare.py, pose_graphs.py and growth.py measured. Needs: matplotlib (pip)."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import matplotlib.pyplot as plt  # noqa: E402
 # The relative decrease at which the solvers stop: a smaller gap says nothing.
 SMALLEST_GAP = 1e-9
 STYLES = ("-", "--", ":", "-.")
+SIZES = ("cameras", "points", "observations", "vertices", "edges")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 
@@ -49,11 +50,44 @@ def draw_traces(entry: dict, folder: str, kind: str) -> Path:
         axes.plot(seconds[-1:], gaps[-1:], marker="o", color=color[solver], markersize=4)
     axes.axhline(1e-3, color="gray", linewidth=0.6)
     axes.set(xscale="log", yscale="log", xlabel="seconds", ylabel="cost / best cost - 1")
-    name = Path(entry["file"]).stem
-    sizes = ", ".join(f"{entry[what]} {what}" for what in ("cameras", "points", "observations"))
-    axes.set_title(f"{name}: {sizes}")
+    axes.set_title(title(entry))
     axes.legend(fontsize="small")
-    return save(figure, folder, f"{name}.{kind}")
+    return save(figure, folder, f"{Path(entry['file']).stem}.{kind}")
+
+
+def title(entry: dict) -> str:
+    sizes = ", ".join(f"{entry[what]} {what}" for what in SIZES if what in entry)
+    return f"{Path(entry['file']).stem}: {sizes}"
+
+
+def draw_incremental(entry: dict, folder: str, kind: str) -> Path:
+    """Seconds so far, and the excess over the lowest cost of all, against vertices; returns the file.
+
+    Of each solver and thread count the first run is shown; costs with the fewest threads only, and
+    where there are closures enough to cost more than a hundredth of the last.
+    """
+    good = [run for run in entry["runs"] if not run["error"]]
+    lowest: dict[int, float] = {}
+    for run in good:
+        for row in run["rows"]:
+            lowest[row["iteration"]] = min(row["cost"], lowest.get(row["iteration"], float("inf")))
+    color = colors(unique(run["solver"] for run in good))
+    style = dict(zip(unique(run["threads"] for run in good), STYLES * 8))
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10.0, 4.5), layout="constrained")
+    for solver, threads in unique((run["solver"], run["threads"]) for run in good):
+        rows = next(run["rows"] for run in good if (run["solver"], run["threads"]) == (solver, threads))
+        look = {"color": color[solver], "linestyle": style[threads]}
+        look["label"] = f"{solver}, {threads} thread{'s' if threads > 1 else ''}"
+        left.plot([row["iteration"] for row in rows], [row["seconds"] for row in rows], **look)
+        rows = [row for row in rows if lowest[row["iteration"]] > 1e-2 * lowest[max(lowest)]]
+        if threads == min(style):
+            gaps = [max(row["cost"] / lowest[row["iteration"]] - 1.0, SMALLEST_GAP) for row in rows]
+            right.plot([row["iteration"] for row in rows], gaps, **look)
+    left.set(yscale="log", xlabel="vertices", ylabel="seconds so far")
+    right.set(yscale="log", xlabel="vertices", ylabel="cost / lowest cost - 1")
+    left.legend(fontsize="small")
+    figure.suptitle(title(entry))
+    return save(figure, folder, f"{Path(entry['file']).stem}-incremental.{kind}")
 
 
 def draw_growth(rows: list[dict], folder: str, kind: str) -> Path:

@@ -19,32 +19,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-LINEAR_SOLVERS = ("dense-schur", "sparse-schur", "iterative-schur")
-SOLVERS = """\
-covis                    covis, its own choice of linear solver
-covis:LINEAR             covis with dense-schur, sparse-schur or iterative-schur
-ceres:LINEAR             the Ceres twin with one of these
-ceres:LINEAR:analytic    the same with derivatives by hand
-gtsam                    the GTSAM twin, points eliminated first
-gtsam:colamd             the same in the order that COLAMD finds"""
-
-
-@dataclass
-class Programs:
-    """Where the solvers are."""
-
-    covis: str = "target/release/covis"
-    ceres: str = "target/reference/ceres/bundle"
-
-
-@dataclass
-class Settings:
-    """What holds for every run."""
-
-    programs: Programs
-    max_iterations: int = 100
-    fix_intrinsics: bool = False
-    timeout_s: float = 600.0
 
 
 @dataclass
@@ -53,7 +27,7 @@ class Run:
 
     solver: str
     threads: int
-    rows: list[dict] = field(default_factory=list)  # of the document: iteration, cost, seconds, accepted
+    rows: list[dict] = field(default_factory=list)  # of the document: iteration, cost, seconds
     document: dict = field(default_factory=dict)  # without the rows
     wall_seconds: float = 0.0
     peak_memory_mb: float = 0.0
@@ -81,33 +55,6 @@ class Run:
         return min((row["seconds"] for row in self.rows if row["cost"] <= cost), default=float("inf"))
 
 
-def check(solver: str) -> None:
-    """ValueError where the name is none of SOLVERS."""
-    name, *words = solver.split(":")
-    known = {
-        "covis": lambda: len(words) <= 1 and all(w in LINEAR_SOLVERS for w in words),
-        "ceres": lambda: len(words) in (1, 2) and words[0] in LINEAR_SOLVERS and words[1:] in ([], ["analytic"]),
-        "gtsam": lambda: words in ([], ["colamd"], ["metis"]),
-    }
-    if name not in known or not known[name]():
-        raise ValueError(f"no solver is called {solver}; there are\n{SOLVERS}")
-
-
-def command(solver: str, file: str, threads: int, out: str, settings: Settings) -> list[str]:
-    """The command line of one run that writes the solved file to `out`."""
-    name, *words = solver.split(":")
-    linear = ["--linear-solver", words[0]] if words else []
-    common = ["--threads", str(threads), "--max-iterations", str(settings.max_iterations), "--out", out]
-    if settings.fix_intrinsics:
-        common.append("--fix-intrinsics")
-    if name == "covis":
-        return [settings.programs.covis, "solve", "bundle", file, "--json", *linear, *common]
-    if name == "ceres":
-        return [settings.programs.ceres, file, *linear, *(f"--{word}" for word in words[1:]), *common]
-    ordering = ["--ordering", words[0]] if words else []
-    return [sys.executable, "-B", str(HERE / "gtsam/bundle.py"), file, *ordering, *common]
-
-
 def environment(threads: int) -> dict[str, str]:
     """What a solver runs in: a BLAS below it has as many threads as it, and its own choice of kernels.
 
@@ -119,19 +66,18 @@ def environment(threads: int) -> dict[str, str]:
     return kept | {"OPENBLAS_NUM_THREADS": str(threads), "OMP_NUM_THREADS": str(threads), "OPENBLAS_VERBOSE": "2"}
 
 
-def run(solver: str, file: str, threads: int, out: str, settings: Settings) -> Run:
-    """Runs once; whatever goes wrong is told in the result."""
+def run(solver: str, threads: int, command: list[str], out: str, timeout_s: float) -> Run:
+    """Runs the command line `command`, which writes `out`, once; whatever goes wrong is told in the result."""
     result = Run(solver, threads)
     Path(out).unlink(missing_ok=True)
     with tempfile.TemporaryFile("w+") as stdout, tempfile.TemporaryFile("w+") as stderr:
         begin = time.perf_counter()
         try:
-            line = command(solver, file, threads, out, settings)
-            process = subprocess.Popen(line, stdout=stdout, stderr=stderr, env=environment(threads))
+            process = subprocess.Popen(command, stdout=stdout, stderr=stderr, env=environment(threads))
         except OSError as error:
             result.error = f"{error.strerror}: {error.filename}"
             return result
-        timer = threading.Timer(settings.timeout_s, process.kill)
+        timer = threading.Timer(timeout_s, process.kill)
         timer.start()
         _, status, usage = os.wait4(process.pid, 0)
         in_time = timer.is_alive()
@@ -147,7 +93,7 @@ def run(solver: str, file: str, threads: int, out: str, settings: Settings) -> R
         told = [line for line in told if not line.startswith("Core: ")]
         if process.returncode != 0:
             last = (told or [f"exit code {process.returncode}"])[-1]
-            result.error = last[:100] if in_time else f"no end after {settings.timeout_s:.0f} s"
+            result.error = last[:100] if in_time else f"no end after {timeout_s:.0f} s"
             return result
         read_document(result, stdout.read())
     return result
@@ -157,7 +103,7 @@ def read_document(result: Run, text: str) -> None:
     """Takes rows and facts from what a solver printed."""
     try:
         document = json.loads(text)
-        keys = ("iteration", "cost", "seconds", "accepted")
+        keys = ("iteration", "cost", "seconds")
         rows = [{key: row[key] for key in keys} for row in document.pop("iterations")]
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         result.error = f"no JSON document of a solve ({error})"
@@ -170,11 +116,11 @@ def read_document(result: Run, text: str) -> None:
         result.rows, result.document = rows, document
 
 
-def facts(file: str) -> dict:
-    """Cost and size of a BAL file by bal.py, in a process of its own; ValueError with what it said."""
-    done = subprocess.run([sys.executable, "-B", str(HERE / "bal.py"), file], capture_output=True, text=True)
+def facts(script: str, *arguments: str) -> dict:
+    """Cost and size of a file by bal.py or g2o.py, in a process of its own; ValueError with what it said."""
+    done = subprocess.run([sys.executable, "-B", str(HERE / script), *arguments], capture_output=True, text=True)
     if done.returncode != 0:
-        raise ValueError((done.stderr.strip().splitlines() or ["bal.py failed"])[-1])
+        raise ValueError((done.stderr.strip().splitlines() or [f"{script} failed"])[-1])
     return json.loads(done.stdout)
 
 

@@ -1,52 +1,15 @@
-// Reads a file at once and walks over its numbers; iostreams would take seconds for a large one.
+// BAL files: three counts, the observations, then the numbers of cameras and points.
 
 #include "bal.h"
 
 #include <cstddef>
 #include <cstdio>
-#include <cstdlib>
-#include <fstream>
-#include <iterator>
 #include <stdexcept>
 
-namespace {
-
-// Walks over the numbers of a text.
-class Numbers {
- public:
-  explicit Numbers(const std::string& text) : next_(text.c_str()) {}
-
-  double Real() {
-    char* end = nullptr;
-    const double x = std::strtod(next_, &end);
-    AdvanceTo(end);
-    return x;
-  }
-
-  // A whole number from 0 to bound, bound excluded.
-  int Index(std::size_t bound) {
-    char* end = nullptr;
-    const long k = std::strtol(next_, &end, 10);
-    AdvanceTo(end);
-    if (k < 0 || static_cast<std::size_t>(k) >= bound) throw std::runtime_error("index out of range");
-    return static_cast<int>(k);
-  }
-
- private:
-  void AdvanceTo(const char* end) {
-    if (end == next_) throw std::runtime_error("a number is missing or malformed");
-    next_ = end;
-  }
-
-  const char* next_;
-};
-
-}  // namespace
+#include "text.h"
 
 BalFile ReadBal(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw std::runtime_error("cannot be read");
-  const std::string text((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+  const std::string text = ReadFile(path);
   Numbers numbers(text);
   constexpr std::size_t kMost = 1u << 30;
   BalFile file;

@@ -6,48 +6,21 @@
 //
 // Prints one JSON document in the words of `covis solve bundle --json`. Seconds count from the call
 // of ceres::Solve, so Ceres' preprocessing is in them; what it takes to add the residual blocks
-// before is told apart, as build_seconds. A rejected step repeats the cost before it.
+// before is told apart, as build_seconds.
 
-#include <sys/resource.h>
-
-#include <chrono>
-#include <cstddef>
 #include <cstdio>
 #include <iostream>
 #include <stdexcept>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include <ceres/ceres.h>
 
 #include "bal.h"
 #include "residuals.h"
+#include "trace.h"
 
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double SecondsSince(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
-
-struct Row {
-  double cost, seconds;
-  bool accepted;
-};
-
-class Recorder : public ceres::IterationCallback {
- public:
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
-    const bool accepted = rows.empty() || summary.step_is_successful;
-    rows.push_back({accepted ? summary.cost : rows.back().cost, SecondsSince(start), accepted});
-    return ceres::SOLVER_CONTINUE;
-  }
-
-  Clock::time_point start;
-  std::vector<Row> rows;
-};
 
 struct Arguments {
   std::string file, out, linear_solver = "sparse-schur";
@@ -99,37 +72,8 @@ ceres::Solver::Options MakeOptions(const Arguments& arguments) {
     options.dense_linear_algebra_library_type = ceres::LAPACK;
   options.num_threads = arguments.threads;
   options.max_num_iterations = arguments.max_iterations;
-  // covis' own tolerances: a relative decrease of 1e-9 ends a solve, the others hardly ever do.
-  options.function_tolerance = 1e-9;
-  options.gradient_tolerance = 1e-10;
-  options.parameter_tolerance = 1e-12;
-  options.logging_type = ceres::SILENT;
+  SetTolerances(options);
   return options;
-}
-
-void Print(const Arguments& arguments, const Recorder& recorder, const ceres::Solver::Summary& summary,
-           double build_seconds, double solve_seconds) {
-  const char* word = arguments.fix_intrinsics ? "true" : "false";
-  std::printf("{\"solver\":\"Ceres %s\",\"derivatives\":\"%s\",\"linear_solver\":\"%s\",\"threads\":%d,",
-              CERES_VERSION_STRING, arguments.analytic ? "analytic" : "automatic",
-              arguments.linear_solver.c_str(), summary.num_threads_used);
-  std::printf("\"fixed_intrinsics\":%s,\"initial_cost\":%.17g,\"final_cost\":%.17g,\"iterations\":[", word,
-              summary.initial_cost, summary.final_cost);
-  for (std::size_t k = 0; k < recorder.rows.size(); ++k) {
-    const Row& row = recorder.rows[k];
-    std::printf("%s{\"iteration\":%zu,\"cost\":%.17g,\"seconds\":%.6f,\"accepted\":%s}", k == 0 ? "" : ",", k,
-                row.cost, row.seconds, row.accepted ? "true" : "false");
-  }
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  std::printf("],\"build_seconds\":%.6f,\"solve_seconds\":%.6f,\"peak_memory_mb\":%.1f,", build_seconds,
-              solve_seconds, static_cast<double>(usage.ru_maxrss) / 1024.0);
-  std::printf("\"linear_solver_seconds\":%.6f,\"residual_seconds\":%.6f,\"jacobian_seconds\":%.6f,",
-              summary.linear_solver_time_in_seconds, summary.residual_evaluation_time_in_seconds,
-              summary.jacobian_evaluation_time_in_seconds);
-  std::printf("\"termination\":\"%s\",\"converged\":%s}\n",
-              ceres::TerminationTypeToString(summary.termination_type),
-              summary.termination_type == ceres::CONVERGENCE ? "true" : "false");
 }
 
 void Run(const Arguments& arguments) {
@@ -162,7 +106,10 @@ void Run(const Arguments& arguments) {
   const double solve_seconds = SecondsSince(recorder.start);
   if (!summary.IsSolutionUsable()) throw std::runtime_error(summary.message);
   if (!arguments.out.empty()) WriteBal(file, arguments.out);
-  Print(arguments, recorder, summary, build_seconds, solve_seconds);
+  std::printf("{\"derivatives\":\"%s\",\"linear_solver\":\"%s\",\"fixed_intrinsics\":%s,",
+              arguments.analytic ? "analytic" : "automatic", arguments.linear_solver.c_str(),
+              arguments.fix_intrinsics ? "true" : "false");
+  PrintSolve(recorder, summary, build_seconds, solve_seconds);
 }
 
 }  // namespace

@@ -10,7 +10,7 @@ is told apart, as build_seconds.
 GTSAM leaves an observation out while its point is behind its camera: the objective is covis' only
 where none is, as `same_objective` says for the start. With --out the end can be checked too.
 
-GTSAM has no option for threads: --threads binds the process to so many processors (Linux).
+GTSAM has no option for threads: --threads binds it to so many processors where it has a pool (Linux).
 Needs: numpy and gtsam (pip).
 """
 
@@ -18,11 +18,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import resource
 import sys
 import time
 from pathlib import Path
+
+import threads
 
 
 def arguments() -> argparse.Namespace:
@@ -38,14 +39,12 @@ def arguments() -> argparse.Namespace:
 
 
 options = arguments()
-if options.threads:
-    # Before the import: GTSAM's thread pool counts the processors when it is loaded.
-    os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: options.threads])
-
 # This folder's name is that of the package, so the folder above goes to the end of the path.
 sys.path.append(str(Path(__file__).resolve().parent.parent))
 
-import gtsam  # noqa: E402
+with threads.bound(options.threads):
+    import gtsam
+
 import numpy as np  # noqa: E402
 
 import bal  # noqa: E402
@@ -158,7 +157,7 @@ def main() -> None:
     print(json.dumps({
         "solver": "GTSAM",
         "linear_solver": f"multifrontal-cholesky, {options.ordering} ordering",
-        "threads": options.threads or len(os.sched_getaffinity(0)),
+        "threads": threads.used(),
         "fixed_intrinsics": options.fix_intrinsics,
         "initial_cost": costs[0],
         "final_cost": costs[-1],
