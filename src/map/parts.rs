@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use super::{
     CameraEntity, Client, Constraint, Content, Covisibility, Digest, EntityId, EntityKind,
-    Keyframe, Landmark, Map, MapError, MapPolicy, Prior,
+    Keyframe, Landmark, Map, MapError, MapPolicy, Prior, SwitchedOff,
 };
 
 /// What a map consists of. [`Landmark::observers`] is not read: it follows from the keyframes.
@@ -33,6 +33,8 @@ pub struct MapParts {
     pub landmarks: BTreeMap<EntityId, Landmark>,
     /// See [`Map::constraints`].
     pub constraints: BTreeMap<EntityId, Constraint>,
+    /// See [`Map::switched_off`].
+    pub switched_off: BTreeMap<EntityId, SwitchedOff>,
     /// See [`Map::priors`].
     pub priors: BTreeMap<EntityId, Prior>,
     /// See [`Map::contents`].
@@ -67,6 +69,7 @@ impl Map {
             keyframes,
             mut landmarks,
             constraints,
+            switched_off,
             priors,
             contents,
         } = parts;
@@ -96,6 +99,9 @@ impl Map {
                 return Err(unknown(EntityKind::Keyframe, id));
             }
         }
+        if let Some(&id) = switched_off.keys().find(|id| !constraints.contains_key(id)) {
+            return Err(unknown(EntityKind::Constraint, id));
+        }
         let covisibility = Covisibility::product(&keyframes);
         Ok(Self {
             revision,
@@ -106,6 +112,7 @@ impl Map {
             keyframes,
             landmarks,
             constraints,
+            switched_off,
             priors,
             covisibility,
             observation_count,

@@ -4,9 +4,9 @@
 
 use super::entities::{
     decode_camera_set, decode_constraint, decode_id, decode_new_landmarks, decode_observations,
-    decode_policy, decode_pose, decode_prior, decode_vector, encode_camera_set, encode_constraint,
-    encode_id, encode_new_landmarks, encode_observations, encode_policy, encode_pose, encode_prior,
-    encode_vector, required_id,
+    decode_policy, decode_pose, decode_prior, decode_switched_off, decode_vector,
+    encode_camera_set, encode_constraint, encode_id, encode_new_landmarks, encode_observations,
+    encode_policy, encode_pose, encode_prior, encode_switched_off, encode_vector, required_id,
 };
 use super::v1::event::Change as Wire;
 use super::{EncodingError, required, v1};
@@ -162,7 +162,17 @@ fn decode_positions(points: Vec<v1::Point>) -> Decoded<Vec<(EntityId, Vector3<f6
 }
 
 fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
-    let AppliedSolve { kind, poses, landmarks, cameras, covered, initial_cost, final_cost } = solve;
+    let AppliedSolve {
+        kind,
+        poses,
+        landmarks,
+        cameras,
+        switched_off,
+        switched_on,
+        covered,
+        initial_cost,
+        final_cost,
+    } = solve;
     let kind = match kind {
         SolveKind::LocalBundle => 1,
         SolveKind::PoseGraph => 2,
@@ -186,6 +196,8 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
         covered: covered.iter().map(covered_by).collect(),
         initial_cost: initial_cost.to_bits(),
         final_cost: final_cost.to_bits(),
+        switched_off: switched_off.iter().map(|(id, off)| encode_switched_off(*id, off)).collect(),
+        switched_on: switched_on.iter().copied().map(encode_id).collect(),
     }
 }
 
@@ -206,6 +218,12 @@ fn decode_solve(solve: v1::SolveApplied) -> Decoded<AppliedSolve> {
         poses: solve.poses.into_iter().map(pose).collect::<Decoded<_>>()?,
         landmarks: decode_positions(solve.landmarks)?,
         cameras: solve.cameras.into_iter().map(camera).collect::<Decoded<_>>()?,
+        switched_off: solve
+            .switched_off
+            .into_iter()
+            .map(decode_switched_off)
+            .collect::<Decoded<_>>()?,
+        switched_on: solve.switched_on.into_iter().map(decode_id).collect(),
         covered: solve.covered.into_iter().map(covered).collect(),
         initial_cost: f64::from_bits(solve.initial_cost),
         final_cost: f64::from_bits(solve.final_cost),

@@ -8,12 +8,13 @@ use std::sync::Arc;
 use covis_solvers::geometry::{Camera, KannalaBrandt, PinholeRadialTangential, Se3, Snavely, So3};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
+use covis_solvers::robust::Kernel;
 use nalgebra::{Quaternion, SMatrix, UnitQuaternion, Vector2, Vector3};
 
 use super::{EncodingError, required, v1};
 use crate::map::{
-    CameraEntity, Ceilings, ClientIndex, Constraint, ConstraintKind, Depth, Descriptor,
-    DescriptorKind, EntityId, MapPolicy, NewLandmark, Observation, Prior,
+    CameraEntity, Ceilings, ClientIndex, ClosureRobustness, Constraint, ConstraintKind, Depth,
+    Descriptor, DescriptorKind, EntityId, MapPolicy, NewLandmark, Observation, Prior, SwitchedOff,
 };
 
 type Decoded<T> = Result<T, EncodingError>;
@@ -102,6 +103,7 @@ pub(super) fn encode_policy(policy: &MapPolicy) -> v1::Policy {
     let MapPolicy {
         local_bundle,
         loop_closure,
+        loop_closure_robustness: ClosureRobustness { kernel, threshold },
         window_keyframes,
         min_shared_landmarks,
         observation_loss,
@@ -120,6 +122,12 @@ pub(super) fn encode_policy(policy: &MapPolicy) -> v1::Policy {
         max_keyframes: *max_keyframes,
         max_landmarks: *max_landmarks,
         max_observations: *max_observations,
+        closure_kernel: match kernel {
+            None => 0,
+            Some(Kernel::TruncatedLeastSquares) => 1,
+            Some(Kernel::GemanMcClure) => 2,
+        },
+        closure_threshold: threshold.map(f64::to_bits),
     }
 }
 
@@ -128,9 +136,17 @@ pub(super) fn decode_policy(policy: Option<v1::Policy>) -> Decoded<MapPolicy> {
     let count = |value: u64| {
         usize::try_from(value).map_err(|_large| EncodingError::Invalid("a number of a policy"))
     };
+    let kernel = match policy.closure_kernel {
+        0 => None,
+        1 => Some(Kernel::TruncatedLeastSquares),
+        2 => Some(Kernel::GemanMcClure),
+        _ => return Err(EncodingError::Invalid("the kernel of loop closures")),
+    };
+    let threshold = policy.closure_threshold.map(f64::from_bits);
     Ok(MapPolicy {
         local_bundle: policy.local_bundle,
         loop_closure: policy.loop_closure,
+        loop_closure_robustness: ClosureRobustness { kernel, threshold },
         window_keyframes: count(policy.window_keyframes)?,
         min_shared_landmarks: count(policy.min_shared_landmarks)?,
         observation_loss: decode_loss(policy.observation_loss)?,
@@ -293,6 +309,17 @@ pub(super) fn decode_constraint(message: v1::Constraint) -> Decoded<(EntityId, C
         information: decode_information(&message.information)?,
     };
     Ok((required_id(message.id, "a constraint's id")?, constraint))
+}
+
+pub(super) fn encode_switched_off(id: EntityId, off: &SwitchedOff) -> v1::SwitchedOff {
+    let SwitchedOff { chi2, weight } = off;
+    v1::SwitchedOff { id: Some(encode_id(id)), chi2: chi2.to_bits(), weight: weight.to_bits() }
+}
+
+pub(super) fn decode_switched_off(message: v1::SwitchedOff) -> Decoded<(EntityId, SwitchedOff)> {
+    let v1::SwitchedOff { id, chi2, weight } = message;
+    let off = SwitchedOff { chi2: f64::from_bits(chi2), weight: f64::from_bits(weight) };
+    Ok((required_id(id, "a constraint")?, off))
 }
 
 pub(super) fn encode_prior(id: EntityId, prior: &Prior) -> v1::Prior {

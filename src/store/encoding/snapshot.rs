@@ -10,8 +10,9 @@ use prost::Message;
 
 use super::entities::{
     decode_camera_set, decode_constraint, decode_id, decode_observations, decode_policy,
-    decode_pose, decode_prior, decode_vector, encode_camera_set, encode_constraint, encode_id,
-    encode_observations, encode_policy, encode_pose, encode_prior, encode_vector, required_id,
+    decode_pose, decode_prior, decode_switched_off, decode_vector, encode_camera_set,
+    encode_constraint, encode_id, encode_observations, encode_policy, encode_pose, encode_prior,
+    encode_switched_off, encode_vector, required_id,
 };
 use super::event::decode_digest;
 use super::{EncodingError, decode, required, v1};
@@ -74,6 +75,10 @@ pub(in crate::store) fn encode_map(map: &Map, out: &mut dyn Write) -> Result<(),
         let constraints =
             constraints.into_iter().map(|(&id, c)| encode_constraint(id, c)).collect();
         put(&v1::MapPart { constraints, ..v1::MapPart::default() })?;
+    }
+    for off in chunks(map.switched_off().iter(), PART) {
+        let switched_off = off.into_iter().map(|(&id, off)| encode_switched_off(id, off)).collect();
+        put(&v1::MapPart { switched_off, ..v1::MapPart::default() })?;
     }
     for priors in chunks(map.priors().iter(), PART) {
         let priors = priors.into_iter().map(|(&id, p)| encode_prior(id, p)).collect();
@@ -177,6 +182,10 @@ fn take_part(parts: &mut MapParts, part: v1::MapPart) -> Result<(), EncodingErro
     for constraint in part.constraints {
         let (id, constraint) = decode_constraint(constraint)?;
         parts.constraints.insert(id, constraint);
+    }
+    for off in part.switched_off {
+        let (id, off) = decode_switched_off(off)?;
+        parts.switched_off.insert(id, off);
     }
     for prior in part.priors {
         let (id, prior) = decode_prior(prior)?;

@@ -7,14 +7,15 @@ use covis_solvers::geometry::{
 };
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
+use covis_solvers::robust::Kernel;
 use nalgebra::{Matrix3, Matrix6, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 
 use super::{EncodingError, decode_event, decode_map, encode_event, encode_map};
 use crate::map::{
-    AppliedSolve, CameraEntity, Cause, Ceilings, Change, ClientIndex, Constraint, ConstraintKind,
-    Depth, Descriptor, DescriptorKind, EntityId, Event, Map, MapPolicy, NewLandmark, Observation,
-    Prior, SolveKind,
+    AppliedSolve, CameraEntity, Cause, Ceilings, Change, ClientIndex, ClosureRobustness,
+    Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, EntityId, Event, Map, MapPolicy,
+    NewLandmark, Observation, Prior, SolveKind, SwitchedOff,
 };
 
 fn id(id: i64) -> EntityId {
@@ -61,6 +62,10 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
         observation_loss: Loss::Cauchy(1.5),
         constraint_loss: Loss::Tukey(4.25),
         max_local_iterations: 3,
+        loop_closure_robustness: ClosureRobustness {
+            kernel: Some(Kernel::GemanMcClure),
+            threshold: Some(-0.0),
+        },
         ceilings: Ceilings {
             max_keyframes: Some(0),
             max_landmarks: None,
@@ -68,6 +73,7 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
         },
     };
     let other = MapPolicy {
+        loop_closure_robustness: ClosureRobustness::NONE,
         observation_loss: Loss::GemanMcClure(0.1),
         constraint_loss: Loss::Trivial,
         ..policy
@@ -120,6 +126,8 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
             poses: vec![(id(10), pose(0.123))],
             landmarks: vec![(id(1), Vector3::new(-0.0, 1e300, 0.1))],
             cameras: vec![(id(1), cameras[1])],
+            switched_off: vec![(id(1), SwitchedOff { chi2: 1e9, weight: -0.0 })],
+            switched_on: vec![id(2)],
             covered: vec![(ClientIndex(0), 3)],
             initial_cost: 1e9,
             final_cost: -0.0,

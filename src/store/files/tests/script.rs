@@ -44,6 +44,8 @@ pub(super) fn event(revision: i64, kind: i64) -> Arc<Event> {
                 poses: vec![(id(revision - 1), pose(revision * 3))],
                 landmarks: vec![(id(10 * (revision - 1)), at(revision * 5))],
                 cameras: Vec::new(),
+                switched_off: Vec::new(),
+                switched_on: Vec::new(),
                 covered: vec![(ClientIndex(0), sequence - 1)],
                 initial_cost: 2.0,
                 final_cost: 0.1 + 0.2,
