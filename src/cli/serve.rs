@@ -1,10 +1,12 @@
 //! `covis serve`: the server in the foreground until SIGTERM or ctrl-c.
 //!
-//! Standard output gets one line, `listening on http://ADDRESS`, once connections are accepted; with
-//! port 0 it tells the port that was taken. The first signal drains the server, a second one ends
+//! Standard output gets two lines once every map is open: `listening on http://ADDRESS`, with port 0
+//! the port that was taken, and where maps are kept. The first signal drains the server, a second one ends
 //! the process at once.
 
+use std::ffi::OsString;
 use std::io;
+use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context;
@@ -27,6 +29,12 @@ pub(super) struct Args {
     /// Finish each solve before the next item of a stream is taken [env: COVIS_LOCK_STEP].
     #[arg(long)]
     lock_step: bool,
+    /// Folder to keep maps in [default: the platform's folder for data] [env: COVIS_DATA_DIR].
+    #[arg(long, value_name = "DIR", conflicts_with = "in_memory")]
+    data_dir: Option<PathBuf>,
+    /// Keep maps in memory only: they are gone at the end [env: COVIS_IN_MEMORY].
+    #[arg(long)]
+    in_memory: bool,
 }
 
 impl Args {
@@ -36,6 +44,8 @@ impl Args {
             listen: self.listen.clone(),
             threads: self.threads,
             lock_step: self.lock_step.then_some(true),
+            data_dir: self.data_dir.clone(),
+            in_memory: self.in_memory.then_some(true),
             ..Layer::default()
         }
     }
@@ -53,8 +63,18 @@ async fn serve(config: &Config) -> anyhow::Result<ExitCode> {
     let listener = TcpListener::bind(&config.listen)
         .await
         .with_context(|| format!("cannot listen on {}", config.listen))?;
-    let server = Server::start(listener, server_config(config)).await?;
-    match print(format_args!("listening on http://{}", server.local_addr())) {
+    let data_dir = data_dir(config, |name| std::env::var_os(name), std::env::home_dir())?;
+    let kept = match &data_dir {
+        Some(directory) => format!("maps are kept in {}", directory.display()),
+        None => "maps are kept in memory, and gone at the end".to_owned(),
+    };
+    let start = Server::start(listener, ServerConfig { data_dir, ..server_config(config) });
+    let server = tokio::select! {
+        server = start => server?,
+        // What was opened so far needs no more than to be dropped.
+        signal = signals.next() => anyhow::bail!("{signal} while starting"),
+    };
+    match print(format_args!("listening on http://{}\n{kept}", server.local_addr())) {
         // Nobody needs to read the address for the server to be of use.
         Err(error) if !error.is::<ClosedPipe>() => return Err(error),
         Ok(()) | Err(_) => {}
@@ -67,7 +87,32 @@ async fn serve(config: &Config) -> anyhow::Result<ExitCode> {
     }
 }
 
-/// The settings of the configuration that a server takes.
+/// Where maps are kept; `None` is in memory. Without a setting it is where the platform keeps data
+/// of programs.
+fn data_dir(
+    config: &Config,
+    variable: impl Fn(&str) -> Option<OsString>,
+    home: Option<PathBuf>,
+) -> anyhow::Result<Option<PathBuf>> {
+    if config.in_memory {
+        return Ok(None);
+    }
+    if let Some(directory) = &config.data_dir {
+        return Ok(Some(directory.clone()));
+    }
+    let from = |name| variable(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    let data = if cfg!(windows) {
+        from("LOCALAPPDATA")
+    } else if cfg!(target_os = "macos") {
+        home.map(|home| home.join("Library/Application Support"))
+    } else {
+        from("XDG_DATA_HOME").or_else(|| home.map(|home| home.join(".local/share")))
+    };
+    let data = data.context("no home folder is known: name one with --data-dir, or --in-memory")?;
+    Ok(Some(data.join("covis")))
+}
+
+/// The settings of the configuration that a server takes; where maps are kept is not among them.
 pub(super) fn server_config(config: &Config) -> ServerConfig {
     let engine = EngineConfig {
         lock_step: config.lock_step,

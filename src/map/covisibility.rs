@@ -5,7 +5,7 @@
 //! [`Covisibility::product`] forms the product itself, for building from scratch and as the oracle
 //! in tests. Nothing here decides how many shared landmarks make neighbors.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use sprs::{CsMat, TriMat};
@@ -51,10 +51,10 @@ impl Covisibility {
         }
         let mut triplets = TriMat::new((landmarks.len(), ids.len()));
         for (column, keyframe) in keyframes.values().enumerate() {
-            for observation in keyframe.observations.iter() {
-                if let Some(&row) = landmarks.get(&observation.landmark) {
-                    triplets.add_triplet(row, column, 1_u32);
-                }
+            // Once each: triplets of one place add up, and two features may match one landmark.
+            let seen = keyframe.observations.iter().filter_map(|o| landmarks.get(&o.landmark));
+            for row in seen.copied().collect::<BTreeSet<usize>>() {
+                triplets.add_triplet(row, column, 1_u32);
             }
         }
         let a: CsMat<u32> = triplets.to_csc();

@@ -19,7 +19,7 @@ use super::{
 
 /// The kinds of entity whose content as sent is remembered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Content {
+pub enum Content {
     /// Cameras.
     Camera,
     /// Keyframes.

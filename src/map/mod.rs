@@ -18,6 +18,7 @@ mod event;
 mod fold;
 mod ids;
 mod item;
+mod parts;
 mod placement;
 mod policy;
 pub mod problem;
@@ -27,6 +28,7 @@ mod window;
 
 pub use applied::{Solved, applied};
 pub use covisibility::Covisibility;
+pub use digest::Content;
 pub use entities::{
     CameraEntity, Client, Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, Digest,
     Keyframe, Landmark, Observation, Prior, SwitchedOff,
@@ -35,6 +37,7 @@ pub use error::{EntityKind, MapError};
 pub use event::{AppliedSolve, Cause, Change, Event, NewLandmark, SolveKind};
 pub use ids::{ClientIndex, EntityId};
 pub use item::{EntityRef, Item, ItemLandmark, ItemObservation};
+pub use parts::MapParts;
 pub use policy::{Ceilings, ClosureRobustness, MapPolicy};
 pub use problem::{
     ClosureEdge, GlobalOptions, GraphProblem, MapProblem, global_problem, local_problem,
@@ -71,6 +74,8 @@ pub struct Map {
     priors: BTreeMap<EntityId, Prior>,
     covisibility: Covisibility,
     observation_count: u64,
+    /// Solves that were applied.
+    solve_count: i64,
     /// Digests of cameras and keyframes as they were sent; solves change the entities, not these.
     contents: BTreeMap<(digest::Content, EntityId), Digest>,
 }

@@ -1,5 +1,6 @@
 //! What a server is started with.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use super::engine::EngineConfig;
@@ -20,6 +21,8 @@ pub struct ServerConfig {
     /// Ceilings of a map, which its policy can only lower (100,000 keyframes, 20 million landmarks,
     /// 100 million observations).
     pub ceilings: Ceilings,
+    /// Where maps are kept (nowhere: in memory, and gone at the end).
+    pub data_dir: Option<PathBuf>,
     /// Threads of the solver pool (one per processor).
     pub threads: usize,
     /// How engines run.
@@ -42,6 +45,7 @@ impl Default for ServerConfig {
                 max_landmarks: Some(20_000_000),
                 max_observations: Some(100_000_000),
             },
+            data_dir: None,
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             engine: EngineConfig::default(),
             drain_budget: Duration::from_secs(10),

@@ -7,6 +7,7 @@
 use std::future::Future;
 use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use futures_util::FutureExt;
@@ -33,6 +34,8 @@ pub(super) struct Context {
     pub instance_id: String,
     /// Start of the server, nanoseconds of Unix time.
     pub start_time_ns: i64,
+    /// Whether all maps are open; until then every call is refused.
+    pub ready: AtomicBool,
     /// Turns true when the server shuts down.
     pub draining: watch::Receiver<bool>,
 }
@@ -118,12 +121,15 @@ impl Context {
         Ok(Response::new(ReceiverStream::new(receiver)))
     }
 
-    /// Catches a panic of the handler.
+    /// Refuses while maps are still opened, and catches a panic of the handler.
     async fn guarded<T>(
         &self,
         rpc: &'static str,
         handler: impl Future<Output = Result<T, ServiceError>>,
     ) -> Result<T, ServiceError> {
+        if !self.ready.load(Ordering::Acquire) {
+            return Err(ServiceError::Starting);
+        }
         let faulty = self.config.test_fault.as_deref().and_then(|f| f.strip_prefix("rpc:"));
         let faulty = faulty.is_some_and(|name| name == rpc || name == "*");
         let handler = AssertUnwindSafe(async {

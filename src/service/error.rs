@@ -53,6 +53,8 @@ pub(super) enum ServiceError {
         /// Its value.
         maximum: i64,
     },
+    /// The server still opens its maps.
+    Starting,
     /// The server is shutting down.
     Draining,
     /// The call's deadline passed.

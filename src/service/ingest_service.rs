@@ -10,7 +10,7 @@ use tokio::sync::mpsc;
 use tonic::{Code, Request, Response, Status, Streaming};
 
 use super::context::{Answers, Context, Sink};
-use super::convert::map::to_limits;
+use super::convert::map::{to_durability, to_limits};
 use super::convert::solve::to_certificate;
 use super::convert::{Path, convert, count, ids, item};
 use super::engine::{Ack, AckStatus, ItemSender, MapHandle, Opened, SolveReport, StreamEvent};
@@ -117,7 +117,7 @@ async fn opened(
     Ok(v1::IngestOpened {
         next_sequence: opened.next_sequence,
         epoch: opened.epoch,
-        durability: v1::Durability::InMemory.into(),
+        durability: to_durability(context.maps.durability()).into(),
         revision: opened.revision,
         max_message_bytes: count(context.config.max_message_bytes),
         limits: Some(to_limits(&snapshot.policy().ceilings, queued)),

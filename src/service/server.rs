@@ -1,11 +1,15 @@
 //! Starts and stops a server on a bound listener.
 //!
+//! Starting: the transport answers at once, health with NOT_SERVING and calls with UNAVAILABLE, until
+//! every map is open.
+//!
 //! Shutting down: health turns NOT_SERVING, open streams end with UNAVAILABLE once what they took is
 //! answered, running calls finish within the budget, then the engines stop. New calls of a draining
 //! server are refused by the transport.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use tokio::net::TcpListener;
@@ -25,7 +29,7 @@ use super::map_service::MapRpcs;
 use super::optimization_service::Optimization;
 use super::random::random_id;
 use super::server_service::ServerInfo;
-use crate::store::MemoryStore;
+use crate::store::{FileStore, FileStoreOptions, MemoryStore, Store};
 use crate::wire::v1::FILE_DESCRIPTOR_SET;
 use crate::wire::v1::ingest_service_server::IngestServiceServer;
 use crate::wire::v1::job_service_server::JobServiceServer;
@@ -68,7 +72,7 @@ pub struct RunningServer {
 }
 
 impl Server {
-    /// Serves on `listener` in the background.
+    /// Serves on `listener` in the background; returns when every map is open.
     ///
     /// # Errors
     /// [`ServerError`] where something does not start.
@@ -79,14 +83,26 @@ impl Server {
         let address = listener.local_addr().map_err(ServerError::Address)?;
         apply_test_fault(&mut config)?;
         let pool = SolverPool::new(config.threads)?;
-        let store = Arc::new(MemoryStore::new());
-        let maps = Maps::open(store, pool, config.engine).await?;
+        let store: Arc<dyn Store> = match &config.data_dir {
+            None => Arc::new(MemoryStore::new()),
+            Some(directory) => {
+                let opened = FileStore::open(directory, FileStoreOptions::default()).await;
+                Arc::new(opened.map_err(EngineError::Store)?)
+            }
+        };
+        let maps = Maps::new(store, pool, config.engine);
         let (drain, draining) = watch::channel(false);
         let instance_id = random_id();
+        let (start_time_ns, ready) = (now_ns(), AtomicBool::new(false));
         let context =
-            Arc::new(Context { maps, config, instance_id, start_time_ns: now_ns(), draining });
+            Arc::new(Context { maps, config, instance_id, start_time_ns, ready, draining });
         let (health, task) = serve(listener, Arc::clone(&context)).await?;
-        Ok(RunningServer { address, context, drain, health, task })
+        // From here on dropping it ends the transport.
+        let server = RunningServer { address, context, drain, health, task };
+        server.context.maps.load().await?;
+        server.context.ready.store(true, Ordering::Release);
+        server.tell_health(ServingStatus::Serving).await;
+        Ok(server)
     }
 }
 
@@ -104,11 +120,15 @@ impl RunningServer {
         self.address
     }
 
+    async fn tell_health(&self, status: ServingStatus) {
+        for name in SERVICES.into_iter().chain([""]) {
+            self.health.set_service_status(name, status).await;
+        }
+    }
+
     /// Drains and stops the server; returns when its engines have stopped.
     pub async fn shutdown(mut self) {
-        for name in SERVICES.into_iter().chain([""]) {
-            self.health.set_service_status(name, ServingStatus::NotServing).await;
-        }
+        self.tell_health(ServingStatus::NotServing).await;
         self.drain.send_replace(true);
         let budget = self.context.config.drain_budget;
         match tokio::time::timeout(budget, &mut self.task).await {
@@ -153,8 +173,8 @@ async fn serve(
         };
     }
     let (health, health_service) = tonic_health::server::health_reporter();
-    for name in SERVICES {
-        health.set_service_status(name, ServingStatus::Serving).await;
+    for name in SERVICES.into_iter().chain([""]) {
+        health.set_service_status(name, ServingStatus::NotServing).await;
     }
     let reflection = || {
         tonic_reflection::server::Builder::configure()

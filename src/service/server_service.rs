@@ -7,7 +7,7 @@ use covis_solvers::bundle_adjustment::Class;
 use tonic::{Request, Response, Status};
 
 use super::context::Context;
-use super::convert::map::to_limits;
+use super::convert::map::{to_durability, to_limits};
 use super::convert::time::timestamp;
 use super::convert::{count, small};
 use crate::wire::v1;
@@ -65,7 +65,7 @@ impl ServerInfo {
             wire_packages: vec!["covis.v1".to_owned()],
             instance_id: self.context.instance_id.clone(),
             start_time: Some(timestamp(self.context.start_time_ns)),
-            durability: v1::Durability::InMemory.into(),
+            durability: to_durability(self.context.maps.durability()).into(),
             lock_step: config.engine.lock_step,
             limits: Some(limits),
             features: FEATURES.into_iter().map(str::to_owned).collect(),

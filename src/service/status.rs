@@ -22,6 +22,8 @@ use crate::wire::v1::ViolationReason;
 const DOMAIN: &str = "covis";
 /// When a full map or server may be asked again.
 const RETRY_FULL: Duration = Duration::from_secs(1);
+/// When a server that starts may have opened its maps.
+const RETRY_STARTING: Duration = Duration::from_secs(1);
 /// When another server may have taken the place of one that shuts down.
 const RETRY_DRAINING: Duration = Duration::from_secs(2);
 
@@ -103,6 +105,10 @@ impl From<ServiceError> for Status {
                 Parts::new(Code::ResourceExhausted, "SERVER_LIMIT", text)
                     .with("limit", limit)
                     .retry(RETRY_FULL)
+            }
+            ServiceError::Starting => {
+                let text = "the server still opens its maps";
+                Parts::new(Code::Unavailable, "STARTING", text).retry(RETRY_STARTING)
             }
             ServiceError::Draining => draining(),
             ServiceError::DeadlineExceeded => {
@@ -192,11 +198,19 @@ fn store(error: StoreError) -> Parts {
         StoreError::MapExists { map } => {
             Parts::new(Code::AlreadyExists, "MAP_EXISTS", message).with("map_id", map)
         }
+        // The map can be read, and takes changes again once the disk was looked after.
+        StoreError::Stopped { ref map, .. } | StoreError::Damaged { ref map, .. } => {
+            let map = map.clone();
+            Parts::new(Code::FailedPrecondition, "MAP_POISONED", message).with("map_id", map)
+        }
         // The engine is the one writer of a journal: that it lost its place is a bug.
         StoreError::Fenced { .. }
         | StoreError::SequenceMismatch { .. }
         | StoreError::Truncated { .. }
-        | StoreError::NoSnapshot { .. } => bug(None, &message),
+        | StoreError::NoSnapshot { .. }
+        | StoreError::File { .. }
+        | StoreError::Content { .. }
+        | StoreError::InUse { .. } => bug(None, &message),
     }
 }
 

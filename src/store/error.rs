@@ -1,6 +1,7 @@
-//! What can go wrong in a store.
+//! What can go wrong in a store. Causes are kept as text: one failure ends many streams and calls,
+//! so that an error is `Clone`, which those of the system are not.
 
-use super::Epoch;
+use super::{Damage, Epoch};
 
 /// A refused or failed call; the journal is as it was.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -52,5 +53,50 @@ pub enum StoreError {
         map: String,
         /// The first sequence that would stay.
         before: u64,
+    },
+    /// A file of the store could not be read or written.
+    #[error("{action} {path}: {message}")]
+    File {
+        /// What was tried.
+        action: &'static str,
+        /// The file or folder.
+        path: String,
+        /// What the system said.
+        message: String,
+    },
+    /// A file does not hold what it should.
+    #[error("{path}: {message}")]
+    Content {
+        /// The file.
+        path: String,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// Another process keeps its maps in the directory.
+    #[error("{path} is in use by another server (process {holder})")]
+    InUse {
+        /// The directory.
+        path: String,
+        /// Its process id, as far as it is known.
+        holder: String,
+    },
+    /// A write or fsync failed: what it left on disk is not known, so nothing more is acknowledged
+    /// until the store is opened again and has looked.
+    #[error("the journal of map {map:?} stopped at sequence {durable}: {cause}")]
+    Stopped {
+        /// The map.
+        map: String,
+        /// The last sequence that is on disk for certain.
+        durable: u64,
+        /// What failed.
+        cause: String,
+    },
+    /// Acknowledged events are lost; what is left can be read.
+    #[error("map {map:?} takes no changes: {damage}")]
+    Damaged {
+        /// The map.
+        map: String,
+        /// Where, and what is missing.
+        damage: Damage,
     },
 }

@@ -7,9 +7,10 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use async_trait::async_trait;
+use tokio::sync::watch;
 
-use super::{Durability, Epoch, Position, Snapshot, Store, StoreError};
-use crate::map::Event;
+use super::{Damage, Durability, Epoch, Flushed, Position, Store, StoreError, sequence_of};
+use crate::map::{Event, Map};
 
 /// A store that a restart empties.
 #[derive(Debug, Default)]
@@ -25,7 +26,7 @@ struct Journal {
     /// The event at index i has sequence `dropped + i + 1`.
     events: Vec<Arc<Event>>,
     dropped: u64,
-    snapshot: Option<Snapshot>,
+    snapshot: Option<Arc<Map>>,
 }
 
 impl Journal {
@@ -121,15 +122,19 @@ impl Store for MemoryStore {
                 return mismatch(last, expected_sequence);
             }
             for (expected, event) in (last + 1..).zip(&batch) {
-                // A negative revision is no sequence at all and reads as 0.
-                let actual = u64::try_from(event.revision).unwrap_or(0);
+                let actual = sequence_of(event.revision);
                 if actual != expected {
                     return mismatch(expected, actual);
                 }
             }
             journal.events.extend(batch);
-            Ok(Position { sequence: journal.last_sequence(), durable: false })
+            let sequence = journal.last_sequence();
+            Ok(Position { sequence, durable: false, snapshot_due: false })
         })
+    }
+
+    async fn follow(&self, map: &str) -> Result<watch::Receiver<Flushed>, StoreError> {
+        self.with(map, |_journal| Ok(watch::channel(Flushed::default()).1))
     }
 
     async fn read(&self, map: &str, from: u64) -> Result<Vec<Arc<Event>>, StoreError> {
@@ -149,27 +154,32 @@ impl Store for MemoryStore {
         &self,
         map: &str,
         epoch: Epoch,
-        snapshot: Snapshot,
+        snapshot: Arc<Map>,
     ) -> Result<(), StoreError> {
         self.with(map, |journal| {
             journal.check_epoch(map, epoch)?;
             let last = journal.last_sequence();
-            if snapshot.sequence > last {
+            let sequence = sequence_of(snapshot.revision());
+            if sequence > last {
                 return Err(StoreError::SequenceMismatch {
                     map: map.to_owned(),
                     expected: last,
-                    actual: snapshot.sequence,
+                    actual: sequence,
                 });
             }
-            if journal.snapshot.as_ref().is_none_or(|s| s.sequence <= snapshot.sequence) {
+            if journal.snapshot.as_ref().is_none_or(|s| s.revision() <= snapshot.revision()) {
                 journal.snapshot = Some(snapshot);
             }
             Ok(())
         })
     }
 
-    async fn get_snapshot(&self, map: &str) -> Result<Option<Snapshot>, StoreError> {
+    async fn get_snapshot(&self, map: &str) -> Result<Option<Arc<Map>>, StoreError> {
         self.with(map, |journal| Ok(journal.snapshot.clone()))
+    }
+
+    async fn damage(&self, map: &str) -> Result<Vec<Damage>, StoreError> {
+        self.with(map, |_journal| Ok(Vec::new()))
     }
 
     async fn truncate(&self, map: &str, epoch: Epoch, before: u64) -> Result<(), StoreError> {
@@ -179,7 +189,7 @@ impl Store for MemoryStore {
             if through <= journal.dropped {
                 return Ok(());
             }
-            if journal.snapshot.as_ref().is_none_or(|s| s.sequence < through) {
+            if journal.snapshot.as_ref().is_none_or(|s| sequence_of(s.revision()) < through) {
                 return Err(StoreError::NoSnapshot { map: map.to_owned(), before });
             }
             let count = usize::try_from(through - journal.dropped).unwrap_or(usize::MAX);
@@ -189,6 +199,8 @@ impl Store for MemoryStore {
             Ok(())
         })
     }
+
+    async fn close(&self) {}
 
     fn durability(&self) -> Durability {
         Durability::Memory

@@ -2,24 +2,38 @@
 //!
 //! A writer acquires a map and gets an [`Epoch`]; from then on writes of earlier epochs are refused.
 //! Event number n of a map has sequence n, which is its revision; an append says how far the writer
-//! believes the journal to be, so that two writers can never interleave. No type of a particular
-//! database shows through.
+//! believes the journal to be, so that two writers can never interleave. An append is accepted in
+//! order and at once; [`Store::follow`] tells when it has become durable, so that a writer need not
+//! wait for one fsync an event. No type of a particular database shows through.
+//!
+//! | module | role |
+//! |---|---|
+//! | `memory` | every rule, nothing durable |
+//! | `files` | journals and snapshots as files ([decision 0011](../../docs/decisions/0011-journal.md)) |
+//! | `encoding` | events and maps as bytes |
 
 use std::fmt;
 use std::sync::Arc;
 
 use async_trait::async_trait;
+use tokio::sync::watch;
 
-use crate::map::Event;
+use crate::map::{Event, Map};
 
+mod damage;
+mod encoding;
 mod error;
+mod files;
 mod memory;
 
+pub use damage::Damage;
+pub use encoding::EncodingError;
 pub use error::StoreError;
+pub use files::{FileStore, FileStoreOptions};
 pub use memory::MemoryStore;
 
 /// Counts the writers that a map has had; a newer one fences the older ones.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Epoch(pub u64);
 
 impl fmt::Display for Epoch {
@@ -33,7 +47,7 @@ impl fmt::Display for Epoch {
 pub enum Durability {
     /// Nothing: a restart loses it.
     Memory,
-    /// Loss of power, once an append has returned a durable position.
+    /// Loss of power, once an append is durable.
     Disk,
 }
 
@@ -42,17 +56,25 @@ pub enum Durability {
 pub struct Position {
     /// The sequence of the last event.
     pub sequence: u64,
-    /// Whether the events survive what [`Durability`] promises.
+    /// Whether the events survive what [`Durability`] promises already; else [`Store::follow`]
+    /// tells when they do.
     pub durable: bool,
+    /// Whether the journal has grown so much since the last snapshot that another one would pay.
+    pub snapshot_due: bool,
 }
 
-/// A map's state at one sequence, in the caller's encoding.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Snapshot {
-    /// The last event that it holds.
-    pub sequence: u64,
-    /// Opaque to the store.
-    pub data: Arc<[u8]>,
+/// How far a journal is durable.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Flushed {
+    /// The last durable sequence; never falls.
+    pub through: u64,
+    /// Why nothing more will become durable.
+    pub failed: Option<StoreError>,
+}
+
+/// The sequence of a revision; a negative revision is no sequence at all and reads as 0.
+fn sequence_of(revision: i64) -> u64 {
+    u64::try_from(revision).unwrap_or(0)
 }
 
 /// Keeps the journals and snapshots of many maps.
@@ -82,13 +104,14 @@ pub trait Store: Send + Sync + 'static {
     /// [`StoreError::UnknownMap`].
     async fn acquire(&self, map: &str) -> Result<Epoch, StoreError>;
 
-    /// Appends events behind `expected_sequence`, the sequence of the journal's last event (0 for an
-    /// empty journal): all of them or none.
+    /// Accepts events behind `expected_sequence`, the sequence of the journal's last event (0 for an
+    /// empty journal): all of them or none, in order. They become durable in order too.
     ///
     /// # Errors
     /// [`StoreError::UnknownMap`], [`StoreError::Fenced`] after a newer writer acquired the map,
     /// [`StoreError::SequenceMismatch`] when the journal does not end at `expected_sequence` or an
-    /// event's revision is not its sequence.
+    /// event's revision is not its sequence, [`StoreError::Stopped`] after a failed write,
+    /// [`StoreError::Damaged`] where the map can only be read.
     async fn append(
         &self,
         map: &str,
@@ -97,13 +120,21 @@ pub trait Store: Send + Sync + 'static {
         batch: Vec<Arc<Event>>,
     ) -> Result<Position, StoreError>;
 
-    /// The events with sequence greater than `from`; 0 reads from the first.
+    /// Follows how far the map's journal is durable. The channel is closed where nothing ever is.
+    ///
+    /// # Errors
+    /// [`StoreError::UnknownMap`].
+    async fn follow(&self, map: &str) -> Result<watch::Receiver<Flushed>, StoreError>;
+
+    /// The events with sequence greater than `from`; 0 reads from the first. Of a damaged journal,
+    /// those up to the damage.
     ///
     /// # Errors
     /// [`StoreError::UnknownMap`], [`StoreError::Truncated`] when some of them are gone.
     async fn read(&self, map: &str, from: u64) -> Result<Vec<Arc<Event>>, StoreError>;
 
-    /// Keeps a snapshot, unless a later one is kept already.
+    /// Keeps the map as a snapshot at its revision, unless a later one is kept already. The one
+    /// before it stays as well. Returns once it is on disk and was read back.
     ///
     /// # Errors
     /// [`StoreError::UnknownMap`], [`StoreError::Fenced`], and [`StoreError::SequenceMismatch`] when
@@ -112,14 +143,20 @@ pub trait Store: Send + Sync + 'static {
         &self,
         map: &str,
         epoch: Epoch,
-        snapshot: Snapshot,
+        snapshot: Arc<Map>,
     ) -> Result<(), StoreError>;
 
-    /// The latest snapshot.
+    /// The latest snapshot that can be read.
     ///
     /// # Errors
     /// [`StoreError::UnknownMap`].
-    async fn get_snapshot(&self, map: &str) -> Result<Option<Snapshot>, StoreError>;
+    async fn get_snapshot(&self, map: &str) -> Result<Option<Arc<Map>>, StoreError>;
+
+    /// What is damaged in the map's files; a map with lost events takes no appends.
+    ///
+    /// # Errors
+    /// [`StoreError::UnknownMap`].
+    async fn damage(&self, map: &str) -> Result<Vec<Damage>, StoreError>;
 
     /// Drops the events with sequence below `before`, which a snapshot must hold.
     ///
@@ -127,6 +164,10 @@ pub trait Store: Send + Sync + 'static {
     /// [`StoreError::UnknownMap`], [`StoreError::Fenced`], and [`StoreError::NoSnapshot`] when no
     /// snapshot holds the last of them.
     async fn truncate(&self, map: &str, epoch: Epoch, before: u64) -> Result<(), StoreError>;
+
+    /// Waits until all that was accepted is durable, and lets go of what another process may need.
+    /// Nothing is accepted afterwards.
+    async fn close(&self);
 
     /// What the store withstands.
     fn durability(&self) -> Durability;

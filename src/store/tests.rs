@@ -2,12 +2,16 @@
 
 use std::sync::Arc;
 
-use super::{Durability, Epoch, MemoryStore, Position, Snapshot, Store, StoreError};
-use crate::map::{Change, Event, MapPolicy};
+use super::{Durability, Epoch, MemoryStore, Position, Store, StoreError};
+use crate::map::{Change, Event, Map, MapParts, MapPolicy};
 
 fn event(revision: i64) -> Arc<Event> {
     let change = Change::PolicySet { policy: MapPolicy::default() };
     Arc::new(Event { revision, cause: None, change })
+}
+
+fn snapshot(revision: i64) -> Arc<Map> {
+    Arc::new(Map::from_parts(MapParts { revision, ..MapParts::default() }).unwrap())
 }
 
 fn events(revisions: std::ops::RangeInclusive<i64>) -> Vec<Arc<Event>> {
@@ -23,7 +27,8 @@ async fn a_journal_keeps_its_order_and_refuses_gaps() {
     let store = MemoryStore::new();
     let epoch = store.create_map("a").await.unwrap();
     let position = store.append("a", epoch, 0, events(1..=3)).await.unwrap();
-    assert_eq!(position, Position { sequence: 3, durable: false });
+    assert_eq!(position, Position { sequence: 3, durable: false, snapshot_due: false });
+    assert!(store.follow("a").await.unwrap().changed().await.is_err(), "nothing ever is durable");
     assert_eq!(store.durability(), Durability::Memory);
     let mismatch = |expected, actual| {
         Err(StoreError::SequenceMismatch { map: "a".to_owned(), expected, actual })
@@ -47,8 +52,7 @@ async fn a_newer_writer_fences_the_older_one() {
     let fenced = StoreError::Fenced { map: "a".to_owned(), epoch: first, newest: second };
     assert_eq!(store.append("a", first, 0, events(1..=1)).await, Err(fenced.clone()));
     assert_eq!(store.truncate("a", first, 1).await, Err(fenced.clone()));
-    let snapshot = Snapshot { sequence: 0, data: Arc::from([1_u8]) };
-    assert_eq!(store.put_snapshot("a", first, snapshot).await, Err(fenced));
+    assert_eq!(store.put_snapshot("a", first, snapshot(0)).await, Err(fenced));
     store.append("a", second, 0, events(1..=1)).await.unwrap();
     // A map made anew under the old name does not know the old writer.
     store.delete_map("a").await.unwrap();
@@ -80,7 +84,6 @@ async fn events_are_dropped_only_behind_a_snapshot() {
     let map = "a".to_owned();
     let refused = store.truncate("a", epoch, 5).await;
     assert_eq!(refused, Err(StoreError::NoSnapshot { map: map.clone(), before: 5 }));
-    let snapshot = |sequence| Snapshot { sequence, data: Arc::from([7_u8, 8]) };
     let past = store.put_snapshot("a", epoch, snapshot(7)).await;
     assert!(matches!(past, Err(StoreError::SequenceMismatch { expected: 6, actual: 7, .. })));
     store.put_snapshot("a", epoch, snapshot(4)).await.unwrap();

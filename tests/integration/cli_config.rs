@@ -97,11 +97,11 @@ fn serve(command: &mut Command) -> (Running, String) {
 fn serve_tells_its_address_and_takes_connections() {
     let workspace = Workspace::new();
     workspace.file("covis.toml", "listen = \"127.0.0.1:0\"\n");
-    let (_running, address) = serve(workspace.command().arg("serve"));
+    let (_running, address) = serve(workspace.command().args(["serve", "--in-memory"]));
     assert!(address.starts_with("127.0.0.1:") && !address.ends_with(":0"), "{address}");
     std::net::TcpStream::connect(&address).unwrap();
     // The address is taken now: a second server says so.
-    let ran = workspace.run(&format!("serve --listen {address}"), &[]);
+    let ran = workspace.run(&format!("serve --in-memory --listen {address}"), &[]);
     ran.expect_failure(&["cannot listen on", &address]);
 }
 
@@ -111,7 +111,7 @@ fn both_signals_end_the_server_with_success() {
     for signal in ["TERM", "INT"] {
         let workspace = Workspace::new();
         let (mut running, _) =
-            serve(workspace.command().args(["serve", "--listen", "127.0.0.1:0"]));
+            serve(workspace.command().args(["serve", "--in-memory", "--listen", "127.0.0.1:0"]));
         let id = running.0.id().to_string();
         assert!(Command::new("kill").args(["-s", signal, &id]).status().unwrap().success());
         assert_eq!(running.0.wait().unwrap().code(), Some(0), "{signal}");

@@ -11,6 +11,7 @@ mod cli_support;
 mod client;
 mod common;
 mod demo;
+mod durable;
 mod engine;
 mod map_check;
 mod map_fold;

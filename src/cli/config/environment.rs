@@ -67,6 +67,8 @@ impl Environment {
                 }
                 "COVIS_QUEUE_CAPACITY" => layer.queue_capacity = Some(number(name, value)?),
                 "COVIS_LOG" => layer.log = Some(value.clone()),
+                "COVIS_DATA_DIR" => layer.data_dir = Some(PathBuf::from(value)),
+                "COVIS_IN_MEMORY" => layer.in_memory = Some(flag(name, value)?),
                 TEST_FAULT => out.test_fault = Some(value.clone()),
                 _ if name.starts_with(TEST_PREFIX) => {}
                 _ => out.warnings.push(format!("unknown environment variable {name} is ignored")),

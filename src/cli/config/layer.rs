@@ -26,6 +26,10 @@ pub struct Layer {
     pub queue_capacity: Option<usize>,
     /// Log level or directives.
     pub log: Option<String>,
+    /// Folder that a server keeps its maps in.
+    pub data_dir: Option<PathBuf>,
+    /// Whether a server keeps its maps in memory only.
+    pub in_memory: Option<bool>,
 }
 
 /// A configuration that cannot be used.
@@ -102,6 +106,13 @@ impl Layer {
     /// These settings where they are given, else those of `lower`.
     #[must_use]
     pub fn over(self, lower: Self) -> Self {
+        // One setting in two keys: who says where maps are kept says all of it.
+        let decided = self.data_dir.is_some() || self.in_memory.is_some();
+        let storage = if decided {
+            (self.data_dir, self.in_memory)
+        } else {
+            (lower.data_dir, lower.in_memory)
+        };
         Self {
             listen: self.listen.or(lower.listen),
             server: self.server.or(lower.server),
@@ -111,6 +122,8 @@ impl Layer {
             max_concurrent_streams: self.max_concurrent_streams.or(lower.max_concurrent_streams),
             queue_capacity: self.queue_capacity.or(lower.queue_capacity),
             log: self.log.or(lower.log),
+            data_dir: storage.0,
+            in_memory: storage.1,
         }
     }
 }

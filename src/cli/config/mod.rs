@@ -38,6 +38,10 @@ pub struct Config {
     pub max_concurrent_streams: u32,
     /// Items that may wait for a map's engine before a stream is slowed down (64).
     pub queue_capacity: usize,
+    /// Folder that a server keeps its maps in (the platform's folder for data of programs).
+    pub data_dir: Option<PathBuf>,
+    /// Whether a server keeps its maps in memory only (no).
+    pub in_memory: bool,
     /// Log level, or directives of `tracing-subscriber` (info).
     pub log: String,
     /// Name of a fault that the server is to commit, from `COVIS_TEST_FAULT`; for tests only.
@@ -77,6 +81,8 @@ impl Config {
             max_message_bytes: layer.max_message_bytes.unwrap_or(4 * 1024 * 1024),
             max_concurrent_streams: layer.max_concurrent_streams.unwrap_or(64),
             queue_capacity: layer.queue_capacity.unwrap_or(64),
+            data_dir: layer.data_dir,
+            in_memory: layer.in_memory.unwrap_or(false),
             log: layer.log.unwrap_or_else(|| "info".to_owned()),
             test_fault: None,
         }
@@ -96,6 +102,9 @@ impl Config {
         }
         if self.max_concurrent_streams == 0 {
             return out_of_range("max_concurrent_streams", "must be at least 1");
+        }
+        if self.in_memory && self.data_dir.is_some() {
+            return out_of_range("in_memory", "excludes data_dir: maps are kept here or there");
         }
         if self.queue_capacity == 0 {
             return out_of_range("queue_capacity", "must be at least 1");

@@ -155,6 +155,7 @@ impl Map {
     }
 
     fn take_solve(&mut self, solve: &AppliedSolve) {
+        self.solve_count += 1;
         for (id, pose) in &solve.poses {
             if let Some(keyframe) = self.keyframes.get_mut(id) {
                 keyframe.world_from_camera = *pose;

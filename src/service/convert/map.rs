@@ -14,6 +14,7 @@ use super::time::timestamp;
 use super::{Path, Violations, count, small};
 use crate::map::{Ceilings, Keyframe, Landmark, Map, MapPolicy, Observation, Reason};
 use crate::service::engine::{MapInfo, MapState};
+use crate::store::Durability;
 use crate::wire::v1;
 
 /// Longest display name, bytes.
@@ -26,6 +27,14 @@ pub(in crate::service) struct ServerCeilings {
     pub map: Ceilings,
     /// Items of a client that wait for the engine.
     pub queued_items: usize,
+}
+
+/// What acknowledged items withstand.
+pub(in crate::service) fn to_durability(durability: Durability) -> v1::Durability {
+    match durability {
+        Durability::Memory => v1::Durability::InMemory,
+        Durability::Disk => v1::Durability::Disk,
+    }
 }
 
 /// A map's free text for people.

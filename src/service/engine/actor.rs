@@ -1,7 +1,7 @@
 //! The task that owns a map: what it waits for, and what it answers.
 //!
-//! Each step takes one thing: a control message, the end of the running solve, or an item, in this
-//! order of preference. Steps run under `catch_unwind`: a panic poisons the map and nothing else.
+//! Each step takes one thing: a control message, the end of the running solve, progress of the
+//! journal, or an item, in this order of preference. Steps run under `catch_unwind`: a panic poisons the map and nothing else.
 //! In lock-step no item is taken while a solve runs or waits.
 
 use std::hash::{BuildHasher, RandomState};
@@ -11,6 +11,7 @@ use std::sync::Arc;
 use futures_util::FutureExt;
 use tokio::sync::mpsc;
 
+use super::durable::{DurableAcks, Snapshots};
 use super::handle::{Control, Reply, Shared};
 use super::optimize::Job;
 use super::pool::panic_message;
@@ -38,6 +39,10 @@ pub(super) struct Actor {
     pub(super) update_time_ns: i64,
     pub(super) map: Arc<Map>,
     pub(super) state: MapState,
+    /// Why the map takes no changes, where that is not a bug.
+    pub(super) refusal: Option<EngineError>,
+    pub(super) durable: DurableAcks,
+    pub(super) snapshots: Snapshots,
     /// The revision before the event that is being applied; a panic then leaves half of one.
     pub(super) applying: Option<i64>,
     pub(super) items: mpsc::Receiver<Queued>,
@@ -70,7 +75,7 @@ impl Actor {
                 Ok(Flow::Stop) => break,
                 Err(panic) => self.poison(&panic_message(panic.as_ref())).await,
             }
-            if !self.closing.is_empty() && self.drained && self.is_idle() {
+            if !self.closing.is_empty() && self.drained && self.is_settled() {
                 break;
             }
         }
@@ -82,6 +87,11 @@ impl Actor {
     /// Whether no solve runs or waits.
     fn is_idle(&self) -> bool {
         self.running.is_none() && self.schedule.is_empty() && self.job.is_none()
+    }
+
+    /// Whether nothing is to come any more, DURABLE acks included.
+    fn is_settled(&self) -> bool {
+        self.is_idle() && self.durable.is_empty()
     }
 
     /// Whether items wait for solves.
@@ -99,6 +109,10 @@ impl Actor {
             },
             outcome = Running::ended(&mut self.running) => {
                 self.solved(outcome).await;
+                Flow::Continue
+            }
+            () = self.durable.progress() => {
+                self.flushed();
                 Flow::Continue
             }
             item = self.items.recv(), if takes_items => {
@@ -170,7 +184,10 @@ impl Actor {
         }
         match self.state {
             MapState::Open => Ok(()),
-            MapState::Poisoned => Err(EngineError::Poisoned { map: self.shared.name.clone() }),
+            MapState::Poisoned => Err(self
+                .refusal
+                .clone()
+                .unwrap_or_else(|| EngineError::Poisoned { map: self.shared.name.clone() })),
         }
     }
 

@@ -8,19 +8,21 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use covis_solvers::optimizer::IterationSummary;
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::{mpsc, oneshot, watch};
 
 use super::optimize::Job;
 use super::stream::Queued;
 use super::{EngineError, Fault, IngestStream, OptimizeOptions, OptimizeOutcome, Watch};
 use crate::map::Map;
+use crate::store::Flushed;
 
 /// Whether a map takes changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MapState {
     /// It takes items and optimizations.
     Open,
-    /// A bug was hit while changing it: reads only.
+    /// A bug was hit while changing it, its journal failed, or acknowledged events are lost: reads
+    /// only.
     Poisoned,
 }
 
@@ -81,6 +83,8 @@ pub(super) struct Shared {
     pub(super) name: String,
     pub(super) uid: String,
     pub(super) fault: Option<Fault>,
+    /// How far the journal is durable.
+    pub(super) flushed: watch::Receiver<Flushed>,
     /// Why the engine ended.
     pub(super) ended: OnceLock<EngineError>,
 }
@@ -150,7 +154,29 @@ impl MapHandle {
     /// [`MapHandle::info`].
     pub async fn watch(&self, from_revision: Option<i64>) -> Result<Watch, EngineError> {
         let handle = self.clone();
-        self.call(|reply| Control::Watch { from_revision, handle, reply }).await?
+        let watch = self.call(|reply| Control::Watch { from_revision, handle, reply }).await??;
+        if let Some(map) = &watch.reset {
+            self.durable(map.revision()).await?;
+        }
+        Ok(watch)
+    }
+
+    /// Waits until the journal is durable up to `revision`, so that no crash takes back what a
+    /// reader is told; at once where nothing ever is durable.
+    pub(super) async fn durable(&self, revision: i64) -> Result<(), EngineError> {
+        let sequence = u64::try_from(revision).unwrap_or(0);
+        let mut flushed = self.shared.flushed.clone();
+        let ended = |f: &Flushed| f.through >= sequence || f.failed.is_some();
+        match flushed.wait_for(ended).await {
+            Ok(reached) if reached.through < sequence => match &reached.failed {
+                Some(error) => {
+                    let ended = self.shared.ended.get().cloned();
+                    Err(ended.unwrap_or_else(|| EngineError::Store(error.clone())))
+                }
+                None => Ok(()),
+            },
+            Ok(_) | Err(_) => Ok(()),
+        }
     }
 
     /// Optimizes the whole map; iterations go to `progress` as they come, the result is applied as

@@ -45,7 +45,12 @@ impl Actor {
         let ack = |revision, status| StreamEvent::Ack(Ack { sequence, revision, status });
         match self.judge(client, sequence, &digest, &item) {
             Verdict::Duplicate => {
-                receipt.send(ack(self.map.revision(), AckStatus::Received { duplicate: true }));
+                let revision = self.map.revision();
+                receipt.send(ack(revision, AckStatus::Received { duplicate: true }));
+                if let Some(durable) = durable {
+                    // It stands at this revision or before it.
+                    self.durable.wait(client, sequence, revision, durable);
+                }
                 if optimized.is_some() {
                     self.streams.keep(client, optimized);
                     self.acknowledge_unsolved(client, sequence);
@@ -64,8 +69,12 @@ impl Actor {
                 };
                 let revision = self.map.revision();
                 receipt.send(ack(revision, AckStatus::Received { duplicate: false }));
-                if let Some(durable) = durable.filter(|_| position.durable) {
-                    durable.send(ack(revision, AckStatus::Durable));
+                match durable {
+                    Some(durable) if position.durable => {
+                        durable.send(ack(revision, AckStatus::Durable));
+                    }
+                    Some(durable) => self.durable.wait(client, sequence, revision, durable),
+                    None => {}
                 }
                 self.streams.keep(client, optimized);
                 self.start(client, sequence, added).await;

@@ -1,7 +1,7 @@
 //! Committing events, and what remains of a map after a bug.
 //!
-//! An event is journaled before it changes the map, so that nothing is acknowledged that a replay
-//! would not bring back. A panic poisons the map: streams and solves end, reads go on; where the
+//! An event is accepted by the journal before it changes the map, and becomes durable while the
+//! engine goes on (`durable.rs`). A panic poisons the map: streams and solves end, reads go on; where the
 //! panic may have left half of an event, the map is replayed from the journal.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -12,7 +12,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 use super::actor::{Actor, report_bug};
 use super::{EngineError, Fault, MapState};
 use crate::map::{Cause, Change, Event, Map};
-use crate::store::{Position, StoreError};
+use crate::store::{Position, Store, StoreError};
 
 impl Actor {
     /// Journals and applies one change.
@@ -35,6 +35,7 @@ impl Actor {
         let (store, name) = (&self.store, &self.shared.name);
         let batch = vec![Arc::clone(&event)];
         let position = store.append(name, self.store_epoch, sequence, batch).await?;
+        let snapshot_due = position.snapshot_due;
         self.applying = Some(revision);
         if self.config.fault == Some(Fault::PanicInEngine) && event.cause.is_some() {
             std::panic::panic_any("staged by a test");
@@ -47,6 +48,9 @@ impl Actor {
         self.applying = None;
         self.update_time_ns = unix_time_ns();
         self.watchers.wake();
+        if snapshot_due {
+            self.take_snapshot();
+        }
         Ok(position)
     }
 
@@ -71,9 +75,11 @@ impl Actor {
     pub(super) async fn poison(&mut self, panic: &str) {
         self.poisoned(panic);
         let Some(revision) = self.applying.take() else { return };
-        if let Ok(events) = self.store.read(&self.shared.name, 0).await {
-            let (map, _stopped) =
-                replay(events.iter().map(AsRef::as_ref).filter(|e| e.revision <= revision));
+        if let Ok((map, events)) = stored(&*self.store, &self.shared.name).await
+            && map.revision() <= revision
+        {
+            let events = events.iter().map(AsRef::as_ref).filter(|e| e.revision <= revision);
+            let (map, _stopped) = replay(map, events);
             if map.revision() == revision {
                 self.map = Arc::new(map);
             }
@@ -103,9 +109,25 @@ impl Actor {
     }
 }
 
+/// The newest snapshot of a map, or an empty map, and the events behind it.
+///
+/// # Errors
+/// [`StoreError`].
+pub(super) async fn stored(
+    store: &dyn Store,
+    name: &str,
+) -> Result<(Map, Vec<Arc<Event>>), StoreError> {
+    let snapshot = store.get_snapshot(name).await?;
+    let map = snapshot.map(Arc::unwrap_or_clone).unwrap_or_default();
+    let events = store.read(name, u64::try_from(map.revision()).unwrap_or(0)).await?;
+    Ok((map, events))
+}
+
 /// Applies events one by one until one is refused or panics; says so in the second value.
-pub(super) fn replay<'a>(events: impl Iterator<Item = &'a Event>) -> (Map, Option<String>) {
-    let mut map = Map::new();
+pub(super) fn replay<'a>(
+    mut map: Map,
+    events: impl Iterator<Item = &'a Event>,
+) -> (Map, Option<String>) {
     for event in events {
         // On a copy only when the fold panics could half an event be left; refusals change nothing.
         match catch_unwind(AssertUnwindSafe(|| map.apply(event))) {

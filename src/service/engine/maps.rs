@@ -1,8 +1,8 @@
 //! All maps of a server.
 //!
 //! The store decides which names are taken; the table here holds the engines that run. A map whose
-//! journal does not replay opens poisoned at the last revision that does, so that it can be read
-//! and exported; the others are not held up by it.
+//! journal is damaged or does not replay opens poisoned at the last revision that does, so that it
+//! can be read and exported; the others are not held up by it.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -10,18 +10,19 @@ use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use sha2::{Digest as _, Sha256};
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use tracing::Instrument;
 
 use super::actor::{Actor, report_bug};
+use super::durable::{DurableAcks, Snapshots};
 use super::handle::{Control, Shared};
-use super::journal::{replay, unix_time_ns};
+use super::journal::{replay, stored, unix_time_ns};
 use super::schedule::Schedule;
 use super::streams::Streams;
 use super::watch::Watchers;
 use super::{EngineConfig, EngineError, Fault, MapHandle, MapInfo, MapState, SolverPool};
 use crate::map::{Change, Event, Map, MapPolicy};
-use crate::store::{Epoch, Store, StoreError};
+use crate::store::{Durability, Epoch, Flushed, Store, StoreError};
 
 /// Control messages that wait; the engine answers them at once.
 const CONTROL_QUEUE: usize = 64;
@@ -55,19 +56,16 @@ struct Start {
     epoch: Epoch,
     map: Map,
     state: MapState,
-    solves: i64,
+    refusal: Option<EngineError>,
+    /// Revision of the snapshot that it was made from.
+    snapshot: i64,
+    flushed: watch::Receiver<Flushed>,
 }
 
 impl Maps {
-    /// Opens every map that the store holds. Needs a tokio runtime, as every call here.
-    ///
-    /// # Errors
-    /// [`EngineError::Store`] when the store cannot be read.
-    pub async fn open(
-        store: Arc<dyn Store>,
-        pool: Arc<SolverPool>,
-        config: EngineConfig,
-    ) -> Result<Self, EngineError> {
+    /// The maps of a store, none of them open yet.
+    #[must_use]
+    pub fn new(store: Arc<dyn Store>, pool: Arc<SolverPool>, config: EngineConfig) -> Self {
         let inner = Inner {
             store,
             pool,
@@ -76,31 +74,102 @@ impl Maps {
             closing: AtomicBool::new(false),
             last_create_time_ns: AtomicI64::new(0),
         };
-        let maps = Self { inner: Arc::new(inner) };
-        for name in maps.inner.store.list_maps().await? {
-            maps.reopen(name).await?;
-        }
+        Self { inner: Arc::new(inner) }
+    }
+
+    /// The maps of a store, open.
+    ///
+    /// # Errors
+    /// As [`Maps::load`].
+    pub async fn open(
+        store: Arc<dyn Store>,
+        pool: Arc<SolverPool>,
+        config: EngineConfig,
+    ) -> Result<Self, EngineError> {
+        let maps = Self::new(store, pool, config);
+        maps.load().await?;
         Ok(maps)
     }
 
-    async fn reopen(&self, name: String) -> Result<(), EngineError> {
-        let epoch = self.inner.store.acquire(&name).await?;
-        let events = self.inner.store.read(&name, 0).await?;
-        let (map, stopped) = replay(events.iter().map(AsRef::as_ref));
+    /// Opens every map that the store holds. Needs a tokio runtime, as every call here. A map that
+    /// cannot be opened is poisoned and holds up no other.
+    ///
+    /// # Errors
+    /// [`EngineError::Store`] when the store cannot be read.
+    pub async fn load(&self) -> Result<(), EngineError> {
+        for name in self.inner.store.list_maps().await? {
+            self.reopen(name).await;
+        }
+        Ok(())
+    }
+
+    async fn reopen(&self, name: String) {
+        let start = match self.load_map(&name).await {
+            Ok(Some(start)) => start,
+            Ok(None) => return,
+            Err(error) => {
+                tracing::error!(map = name, %error, "a map cannot be opened");
+                Start {
+                    name,
+                    display_name: String::new(),
+                    epoch: Epoch::default(),
+                    map: Map::new(),
+                    state: MapState::Poisoned,
+                    refusal: Some(EngineError::Store(error)),
+                    snapshot: 0,
+                    flushed: watch::channel(Flushed::default()).1,
+                }
+            }
+        };
+        let handle = self.spawn(start);
+        self.table().insert(handle.name().to_owned(), handle);
+    }
+
+    /// Brings a map back; `None` for one whose creation was never answered.
+    async fn load_map(&self, name: &str) -> Result<Option<Start>, StoreError> {
+        let store = &self.inner.store;
+        let epoch = store.acquire(name).await?;
+        let (map, events) = stored(&**store, name).await?;
+        let damage = store.damage(name).await?;
+        let snapshot = map.revision();
+        if snapshot == 0 && events.is_empty() && damage.is_empty() {
+            tracing::warn!(map = name, "a map without events is removed");
+            store.delete_map(name).await?;
+            return Ok(None);
+        }
+        let (map, stopped) = replay(map, events.iter().map(AsRef::as_ref));
+        for damage in &damage {
+            tracing::error!(map = name, %damage, "damage on disk");
+        }
+        let flushed = store.follow(name).await?;
+        let lost = damage.into_iter().find(|damage| damage.lost.is_some());
+        let reached = u64::try_from(map.revision()).unwrap_or(0);
+        let through = flushed.borrow().through;
+        let is_short = store.durability() != Durability::Memory && reached != through;
+        let refusal = lost
+            .map(|damage| EngineError::Store(StoreError::Damaged { map: name.to_owned(), damage }));
         let state = match &stopped {
-            None => MapState::Open,
             Some(details) => {
                 report_bug(&format!("map {name:?} does not replay: {details}"));
                 MapState::Poisoned
             }
+            None if is_short => {
+                report_bug(&format!("map {name:?} replays to {reached} of {through} events"));
+                MapState::Poisoned
+            }
+            None if refusal.is_some() => MapState::Poisoned,
+            None => MapState::Open,
         };
-        let is_solve = |e: &&Arc<Event>| matches!(e.change, Change::SolveApplied { .. });
-        let solves = i64::try_from(events.iter().filter(is_solve).count()).unwrap_or(0);
-        let display_name = String::new();
-        let start = Start { name, display_name, epoch, map, state, solves };
-        let handle = self.spawn(start);
-        self.table().insert(handle.name().to_owned(), handle);
-        Ok(())
+        Ok(Some(Start {
+            name: name.to_owned(),
+            display_name: String::new(),
+            epoch,
+            map,
+            state,
+            refusal,
+            snapshot,
+            flushed,
+        }))
     }
 
     /// Creates a map.
@@ -134,8 +203,20 @@ impl Maps {
             return Err(error.into());
         }
         let (name, display_name) = (name.to_owned(), display_name.to_owned());
-        let start = Start { name, display_name, epoch, map, state: MapState::Open, solves: 0 };
+        let flushed = store.follow(&name).await?;
+        let start = Start {
+            name,
+            display_name,
+            epoch,
+            map,
+            state: MapState::Open,
+            refusal: None,
+            snapshot: 0,
+            flushed,
+        };
         let handle = self.spawn(start);
+        // A map is answered only when no crash takes it back.
+        handle.durable(1).await?;
         self.table().insert(handle.name().to_owned(), handle.clone());
         tracing::info!(map = handle.name(), "map created");
         handle.info().await
@@ -173,14 +254,20 @@ impl Maps {
         Ok(())
     }
 
+    /// What acknowledged items withstand.
+    #[must_use]
+    pub fn durability(&self) -> Durability {
+        self.inner.store.durability()
+    }
+
     /// The threads of the solves.
     #[must_use]
     pub fn pool(&self) -> &Arc<SolverPool> {
         &self.inner.pool
     }
 
-    /// Finishes queued items and the solves that they start, then stops the engines. Streams end
-    /// with [`EngineError::ShuttingDown`].
+    /// Finishes queued items and the solves that they start, then stops the engines and closes the
+    /// store. Streams end with [`EngineError::ShuttingDown`].
     pub async fn shutdown(&self) {
         self.inner.closing.store(true, Ordering::Release);
         let ends = self.list().into_iter().map(|handle| async move {
@@ -191,6 +278,7 @@ impl Maps {
             }
         });
         futures_util::future::join_all(ends).await;
+        self.inner.store.close().await;
     }
 
     fn spawn(&self, start: Start) -> MapHandle {
@@ -201,6 +289,7 @@ impl Maps {
             uid: uid(&start.name, start.map.create_time_ns()),
             name: start.name,
             fault: config.fault,
+            flushed: start.flushed.clone(),
             ended: OnceLock::new(),
         });
         let span = tracing::info_span!("map", name = %shared.name);
@@ -212,8 +301,12 @@ impl Maps {
             store_epoch: start.epoch,
             display_name: start.display_name,
             update_time_ns: start.map.create_time_ns(),
+            last_solve_id: start.map.solve_count(),
             map: Arc::new(start.map),
             state: start.state,
+            refusal: start.refusal,
+            durable: DurableAcks::new(start.flushed),
+            snapshots: Snapshots::new(start.snapshot),
             applying: None,
             items,
             control,
@@ -222,7 +315,6 @@ impl Maps {
             schedule: Schedule::default(),
             running: None,
             job: None,
-            last_solve_id: start.solves,
             drained: false,
             closing: Vec::new(),
         };

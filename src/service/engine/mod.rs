@@ -11,6 +11,7 @@
 //! | `maps` | all maps of a server: create, open, delete, shut down |
 //! | `handle`, `stream` | what callers hold |
 //! | `actor`, `journal`, `items` | the task: what it waits for, commits, and does with an item |
+//! | `durable` | DURABLE acks, snapshots, a failing journal |
 //! | `streams`, `schedule` | open streams with their acks; which items wait for which solve |
 //! | `solves`, `work`, `pose_graph`, `optimize` | starting, superseding and applying solves; their bodies |
 //! | `watch` | changes for readers, coalesced |
@@ -19,6 +20,7 @@
 mod acks;
 mod actor;
 mod certificate;
+mod durable;
 mod error;
 mod handle;
 mod items;

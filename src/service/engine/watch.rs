@@ -134,6 +134,8 @@ pub struct Watch {
     pub(super) id: u64,
     pub(super) slot: Arc<Slot>,
     pub(super) signal: watch::Receiver<()>,
+    /// Taken out of the slot, and not durable yet.
+    pub(super) taken: Option<MapChange>,
 }
 
 impl Watch {
@@ -144,17 +146,32 @@ impl Watch {
     /// Why watching ended: [`EngineError::MapNotFound`] when the map was deleted,
     /// [`EngineError::ShuttingDown`].
     pub async fn next(&mut self) -> Result<MapChange, EngineError> {
+        if let Some(change) = self.told().await? {
+            return Ok(change);
+        }
         loop {
             self.signal.borrow_and_update();
             let id = self.id;
             self.handle.call(|reply| Control::TakeChange { id, reply }).await?;
-            if let Some(change) = self.slot.lock().unwrap_or_else(PoisonError::into_inner).take() {
+            let left = self.slot.lock().unwrap_or_else(PoisonError::into_inner).take();
+            self.taken = left;
+            if let Some(change) = self.told().await? {
                 return Ok(change);
             }
             if self.signal.changed().await.is_err() {
                 return Err(self.handle.end_error());
             }
         }
+    }
+}
+
+impl Watch {
+    /// What was taken, once no crash can take it back.
+    async fn told(&mut self) -> Result<Option<MapChange>, EngineError> {
+        if let Some(change) = &self.taken {
+            self.handle.durable(change.revision).await?;
+        }
+        Ok(self.taken.take())
     }
 }
 
@@ -203,7 +220,7 @@ impl Watchers {
         });
         let reset = missed.is_none().then(|| Arc::clone(map));
         let (id, signal) = (self.next_id, self.signal.subscribe());
-        Watch { reset, base_revision, state, handle, id, slot, signal }
+        Watch { reset, base_revision, state, handle, id, slot, signal, taken: None }
     }
 
     /// Tells the watchers of an event that is about to change `map`.

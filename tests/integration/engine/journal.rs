@@ -4,18 +4,21 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use async_trait::async_trait;
-use covis::map::{Event, MapPolicy};
+use covis::map::{Event, Map, MapPolicy};
 use covis::service::engine::{
     AckStatus, EngineConfig, EngineError, MapHandle, MapState, Maps, SolverPool,
 };
-use covis::store::{Durability, Epoch, MemoryStore, Position, Snapshot, Store, StoreError};
+use covis::store::{Damage, Durability, Epoch, Flushed, MemoryStore, Position, Store, StoreError};
+use tokio::sync::watch;
 
 use super::Client;
 
-/// A store in memory that claims to be durable and refuses events past `last`.
+/// A store in memory that claims to be durable and refuses events past `last`. What it accepts is
+/// durable at once, or when `flushed` says so.
 struct DiskStore {
     memory: MemoryStore,
     last: AtomicU64,
+    flushed: Option<watch::Sender<Flushed>>,
 }
 
 #[async_trait]
@@ -47,7 +50,18 @@ impl Store for DiskStore {
             return Err(StoreError::UnknownMap { map: map.to_owned() });
         }
         let position = self.memory.append(map, epoch, expected_sequence, batch).await?;
-        Ok(Position { durable: true, ..position })
+        Ok(Position { durable: self.flushed.is_none(), ..position })
+    }
+
+    async fn follow(&self, map: &str) -> Result<watch::Receiver<Flushed>, StoreError> {
+        match &self.flushed {
+            Some(flushed) => Ok(flushed.subscribe()),
+            None => self.memory.follow(map).await,
+        }
+    }
+
+    async fn damage(&self, map: &str) -> Result<Vec<Damage>, StoreError> {
+        self.memory.damage(map).await
     }
 
     async fn read(&self, map: &str, from: u64) -> Result<Vec<Arc<Event>>, StoreError> {
@@ -58,17 +72,21 @@ impl Store for DiskStore {
         &self,
         map: &str,
         epoch: Epoch,
-        snapshot: Snapshot,
+        snapshot: Arc<Map>,
     ) -> Result<(), StoreError> {
         self.memory.put_snapshot(map, epoch, snapshot).await
     }
 
-    async fn get_snapshot(&self, map: &str) -> Result<Option<Snapshot>, StoreError> {
+    async fn get_snapshot(&self, map: &str) -> Result<Option<Arc<Map>>, StoreError> {
         self.memory.get_snapshot(map).await
     }
 
     async fn truncate(&self, map: &str, epoch: Epoch, before: u64) -> Result<(), StoreError> {
         self.memory.truncate(map, epoch, before).await
+    }
+
+    async fn close(&self) {
+        self.memory.close().await;
     }
 
     fn durability(&self) -> Durability {
@@ -77,7 +95,15 @@ impl Store for DiskStore {
 }
 
 async fn open(last: u64) -> (Arc<DiskStore>, MapHandle) {
-    let store = Arc::new(DiskStore { memory: MemoryStore::new(), last: AtomicU64::new(last) });
+    open_store(last, None).await
+}
+
+async fn open_store(
+    last: u64,
+    flushed: Option<watch::Sender<Flushed>>,
+) -> (Arc<DiskStore>, MapHandle) {
+    let last = AtomicU64::new(last);
+    let store = Arc::new(DiskStore { memory: MemoryStore::new(), last, flushed });
     let shared: Arc<dyn Store> = Arc::<DiskStore>::clone(&store);
     let pool = SolverPool::new(1).unwrap();
     let maps = Maps::open(shared, pool, EngineConfig::default()).await.unwrap();
@@ -121,4 +147,39 @@ async fn a_failing_journal_ends_the_stream_and_changes_nothing() {
     client.send(super::noisy_keyframe(1)).await;
     client.finish().await;
     assert_eq!(map.snapshot().await.unwrap().keyframes().len(), 2);
+}
+
+#[tokio::test]
+async fn durable_is_told_when_the_journal_says_so_and_a_failure_ends_it() {
+    // The creation is on disk.
+    let flushed = watch::Sender::new(Flushed { through: 1, failed: None });
+    let (store, map) = open_store(u64::MAX, Some(flushed)).await;
+    let flushed = store.flushed.as_ref().unwrap();
+    let mut client = Client::open(&map).await;
+    client.send(crate::map_support::camera_item(0)).await;
+    client.send(crate::map_support::camera_item(1)).await;
+    for sequence in [1, 2] {
+        let ack = client.ack().await;
+        assert_eq!(ack.sequence, sequence);
+        assert!(matches!(ack.status, AckStatus::Received { duplicate: false }), "{ack:?}");
+    }
+    // The opening and both items, at once: one ack covers both.
+    flushed.send_replace(Flushed { through: 4, failed: None });
+    let ack = client.ack().await;
+    assert!(ack.sequence == 2 && matches!(ack.status, AckStatus::Durable), "{ack:?}");
+    // A watcher is told what is durable.
+    assert_eq!(map.watch(None).await.unwrap().reset.unwrap().revision(), 4);
+    client.send(crate::map_support::camera_item(2)).await;
+    assert_eq!(client.ack().await.sequence, 3);
+    let watching = map.watch(None);
+    let (name, cause) = ("house".to_owned(), "staged by a test".to_owned());
+    let stopped = StoreError::Stopped { map: name, durable: 4, cause };
+    flushed.send_replace(Flushed { through: 4, failed: Some(stopped.clone()) });
+    let stopped = EngineError::Store(stopped);
+    assert_eq!(watching.await.unwrap_err(), stopped);
+    assert_eq!(client.end().await, stopped);
+    let acks = client.seen.iter().filter(|ack| matches!(ack.status, AckStatus::Durable));
+    assert!(acks.count() <= 1, "{:?}", client.seen);
+    assert_eq!(map.info().await.unwrap().state, MapState::Poisoned);
+    assert_eq!(map.open_stream("robot".to_owned(), 0, false).await.unwrap_err(), stopped);
 }

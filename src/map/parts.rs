@@ -1,0 +1,123 @@
+//! A map taken apart and put together again, for snapshots.
+//!
+//! [`MapParts`] holds what events cannot be asked for again; what follows from it (observers of
+//! landmarks, covisibility, the number of observations) is computed anew. Putting together checks
+//! that the parts fit each other, so that a damaged snapshot never becomes a damaged map. How parts
+//! are encoded is the store's business.
+
+use std::collections::BTreeMap;
+
+use super::{
+    CameraEntity, Client, Constraint, Content, Covisibility, Digest, EntityId, EntityKind,
+    Keyframe, Landmark, Map, MapError, MapPolicy, Prior, SwitchedOff,
+};
+
+/// What a map consists of. [`Landmark::observers`] is not read: it follows from the keyframes.
+#[derive(Clone, Debug, Default)]
+pub struct MapParts {
+    /// See [`Map::revision`].
+    pub revision: i64,
+    /// See [`Map::create_time_ns`].
+    pub create_time_ns: i64,
+    /// See [`Map::policy`].
+    pub policy: MapPolicy,
+    /// See [`Map::solve_count`].
+    pub solve_count: i64,
+    /// See [`Map::clients`].
+    pub clients: Vec<Client>,
+    /// See [`Map::cameras`].
+    pub cameras: BTreeMap<EntityId, CameraEntity>,
+    /// See [`Map::keyframes`].
+    pub keyframes: BTreeMap<EntityId, Keyframe>,
+    /// See [`Map::landmarks`].
+    pub landmarks: BTreeMap<EntityId, Landmark>,
+    /// See [`Map::constraints`].
+    pub constraints: BTreeMap<EntityId, Constraint>,
+    /// See [`Map::switched_off`].
+    pub switched_off: BTreeMap<EntityId, SwitchedOff>,
+    /// See [`Map::priors`].
+    pub priors: BTreeMap<EntityId, Prior>,
+    /// See [`Map::contents`].
+    pub contents: BTreeMap<(Content, EntityId), Digest>,
+}
+
+impl Map {
+    /// How many solves were applied.
+    #[must_use]
+    pub fn solve_count(&self) -> i64 {
+        self.solve_count
+    }
+
+    /// The digests of cameras, keyframes and constraints as they were sent.
+    #[must_use]
+    pub fn contents(&self) -> &BTreeMap<(Content, EntityId), Digest> {
+        &self.contents
+    }
+
+    /// Puts a map together.
+    ///
+    /// # Errors
+    /// [`MapError::Unknown`] where a part refers to something that is in none of them.
+    pub fn from_parts(parts: MapParts) -> Result<Self, MapError> {
+        let MapParts {
+            revision,
+            create_time_ns,
+            policy,
+            solve_count,
+            clients,
+            cameras,
+            keyframes,
+            mut landmarks,
+            constraints,
+            switched_off,
+            priors,
+            contents,
+        } = parts;
+        let unknown = |kind, id| MapError::Unknown { revision, kind, id };
+        landmarks.values_mut().for_each(|landmark| landmark.observers.clear());
+        let mut observation_count = 0;
+        // By rising id, so that each list of observers comes out sorted.
+        for (&id, keyframe) in &keyframes {
+            if let Some(camera) = keyframe.camera.filter(|camera| !cameras.contains_key(camera)) {
+                return Err(unknown(EntityKind::Camera, camera));
+            }
+            observation_count += keyframe.observations.len() as u64;
+            for observation in keyframe.observations.iter() {
+                let seen = observation.landmark;
+                let landmark = landmarks.get_mut(&seen);
+                let landmark = landmark.ok_or_else(|| unknown(EntityKind::Landmark, seen))?;
+                if landmark.observers.last() != Some(&id) {
+                    landmark.observers.push(id);
+                }
+            }
+        }
+        let references = landmarks.values().filter_map(|landmark| landmark.reference);
+        let ends = constraints.values().flat_map(|c| [c.keyframe_i, c.keyframe_j]);
+        let measured = priors.values().map(Prior::keyframe);
+        for id in references.chain(ends).chain(measured) {
+            if !keyframes.contains_key(&id) {
+                return Err(unknown(EntityKind::Keyframe, id));
+            }
+        }
+        if let Some(&id) = switched_off.keys().find(|id| !constraints.contains_key(id)) {
+            return Err(unknown(EntityKind::Constraint, id));
+        }
+        let covisibility = Covisibility::product(&keyframes);
+        Ok(Self {
+            revision,
+            create_time_ns,
+            policy,
+            clients,
+            cameras,
+            keyframes,
+            landmarks,
+            constraints,
+            switched_off,
+            priors,
+            covisibility,
+            observation_count,
+            solve_count,
+            contents,
+        })
+    }
+}

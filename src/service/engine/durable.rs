@@ -1,0 +1,150 @@
+//! DURABLE acks, snapshots, and what becomes of a map whose journal fails.
+//!
+//! The engine does not wait for fsync: an event is accepted, applied and answered with RECEIVED, and
+//! its DURABLE ack waits here until the journal tells how far it is on disk. Nothing that a crash
+//! could still take back is told to watchers (`handle.rs`). A journal that fails ends the streams:
+//! what was applied and not durable is not acknowledged, and the map takes no changes any more.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+
+use futures_util::FutureExt;
+use tokio::sync::watch;
+use tokio::task::JoinHandle;
+
+use super::actor::Actor;
+use super::streams::Permit;
+use super::{Ack, AckStatus, EngineError, MapState, StreamEvent};
+use crate::map::ClientIndex;
+use crate::store::{Flushed, StoreError};
+
+/// Events after which a snapshot that failed is tried again.
+const RETRY_EVENTS: i64 = 1000;
+
+/// DURABLE acks that are to come.
+pub(super) struct DurableAcks {
+    flushed: watch::Receiver<Flushed>,
+    /// Whether the journal tells no more; nothing ever becomes durable then.
+    closed: bool,
+    waiting: VecDeque<(ClientIndex, Ack, Permit)>,
+}
+
+impl DurableAcks {
+    pub(super) fn new(flushed: watch::Receiver<Flushed>) -> Self {
+        Self { flushed, closed: false, waiting: VecDeque::new() }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.waiting.is_empty()
+    }
+
+    /// Acknowledges an item once the journal is durable up to `revision`.
+    pub(super) fn wait(
+        &mut self,
+        client: ClientIndex,
+        sequence: i64,
+        revision: i64,
+        permit: Permit,
+    ) {
+        let ack = Ack { sequence, revision, status: AckStatus::Durable };
+        if self.flushed.borrow().through >= u64::try_from(revision).unwrap_or(0) {
+            permit.send(StreamEvent::Ack(ack));
+        } else if !self.closed {
+            self.waiting.push_back((client, ack, permit));
+        }
+    }
+
+    /// Resolves when the journal has gone on or failed.
+    pub(super) async fn progress(&mut self) {
+        if self.closed {
+            return std::future::pending().await;
+        }
+        if self.flushed.changed().await.is_err() {
+            self.closed = true;
+            self.waiting.clear();
+        }
+    }
+
+    /// Sends what is due, the last of each client for all before it; returns why no more will be.
+    fn send(&mut self) -> Option<StoreError> {
+        let Flushed { through, failed } = self.flushed.borrow_and_update().clone();
+        let mut last = BTreeMap::new();
+        while let Some((_, ack, _)) = self.waiting.front()
+            && u64::try_from(ack.revision).unwrap_or(0) <= through
+            && let Some((client, ack, permit)) = self.waiting.pop_front()
+        {
+            last.insert(client, (ack, permit));
+        }
+        for (ack, permit) in last.into_values() {
+            permit.send(StreamEvent::Ack(ack));
+        }
+        failed
+    }
+}
+
+/// The snapshots of a map, one at a time in the background.
+#[derive(Default)]
+pub(super) struct Snapshots {
+    /// Revision of the last one that stands; 0 without one.
+    kept: i64,
+    /// Answers the revision of the last one that stands then.
+    running: Option<JoinHandle<i64>>,
+    not_before: i64,
+}
+
+impl Snapshots {
+    pub(super) fn new(kept: i64) -> Self {
+        Self { kept, ..Self::default() }
+    }
+}
+
+impl Actor {
+    /// Acknowledges what has become durable.
+    pub(super) fn flushed(&mut self) {
+        if let Some(error) = self.durable.send() {
+            self.durable.waiting.clear();
+            let error = EngineError::Store(error);
+            tracing::error!(%error, "the map takes no changes any more");
+            self.refusal.get_or_insert(error.clone());
+            self.state = MapState::Poisoned;
+            self.cancel_solves(&error);
+            self.streams.end_all(&error);
+            self.watchers.wake();
+        }
+    }
+
+    /// Starts a snapshot of the map as it is, unless one is being written.
+    pub(super) fn take_snapshot(&mut self) {
+        let revision = self.map.revision();
+        let snapshots = &mut self.snapshots;
+        match &mut snapshots.running {
+            Some(running) if !running.is_finished() => return,
+            Some(running) => {
+                if let Some(Ok(kept)) = running.now_or_never() {
+                    snapshots.kept = kept;
+                }
+                snapshots.running = None;
+            }
+            None => {}
+        }
+        if revision < snapshots.not_before {
+            return;
+        }
+        snapshots.not_before = revision.saturating_add(RETRY_EVENTS);
+        let (store, shared) = (Arc::clone(&self.store), Arc::clone(&self.shared));
+        let (epoch, map, kept) = (self.store_epoch, Arc::clone(&self.map), snapshots.kept);
+        snapshots.running = Some(tokio::spawn(async move {
+            if let Err(error) = store.put_snapshot(&shared.name, epoch, map).await {
+                tracing::warn!(%error, "no snapshot was written, the journal grows on");
+                return kept;
+            }
+            // The snapshot before stays, with all events behind it.
+            let before = u64::try_from(kept).unwrap_or(0) + 1;
+            if let Err(error) = store.truncate(&shared.name, epoch, before).await {
+                tracing::warn!(%error, "the journal was not truncated");
+            }
+            tracing::debug!(revision, "snapshot written");
+            revision
+        }));
+    }
+}

@@ -1,0 +1,231 @@
+//! What an event changes, as a message and back.
+//!
+//! Both matches name every variant: a new kind of change does not compile until it has its message.
+
+use super::entities::{
+    decode_camera_set, decode_constraint, decode_id, decode_new_landmarks, decode_observations,
+    decode_policy, decode_pose, decode_prior, decode_switched_off, decode_vector,
+    encode_camera_set, encode_constraint, encode_id, encode_new_landmarks, encode_observations,
+    encode_policy, encode_pose, encode_prior, encode_switched_off, encode_vector, required_id,
+};
+use super::v1::event::Change as Wire;
+use super::{EncodingError, required, v1};
+use crate::map::{AppliedSolve, Change, ClientIndex, EntityId, SolveKind};
+use nalgebra::Vector3;
+
+type Decoded<T> = Result<T, EncodingError>;
+
+pub(super) fn encode_change(change: &Change) -> Wire {
+    match change {
+        Change::Created { policy, create_time_ns } => Wire::Created(v1::Created {
+            policy: Some(encode_policy(policy)),
+            create_time_ns: *create_time_ns,
+        }),
+        Change::ClientOpened { name, epoch } => {
+            Wire::ClientOpened(v1::ClientOpened { name: name.clone(), epoch: *epoch })
+        }
+        Change::CameraSet { id, camera } => Wire::CameraSet(encode_camera_set(*id, camera)),
+        Change::KeyframeAdded {
+            id,
+            capture_time_ns,
+            camera,
+            world_from_camera,
+            odom_from_camera,
+            observations,
+            landmarks,
+        } => Wire::KeyframeAdded(v1::KeyframeAdded {
+            id: Some(encode_id(*id)),
+            capture_time_ns: *capture_time_ns,
+            camera: camera.map(encode_id),
+            world_from_camera: Some(encode_pose(world_from_camera)),
+            odom_from_camera: Some(encode_pose(odom_from_camera)),
+            observations: encode_observations(observations),
+            landmarks: encode_new_landmarks(landmarks),
+        }),
+        Change::LandmarksAdded { landmarks } => {
+            Wire::LandmarksAdded(v1::LandmarksAdded { landmarks: encode_new_landmarks(landmarks) })
+        }
+        Change::ObservationsAdded { keyframe, observations } => {
+            Wire::ObservationsAdded(v1::ObservationsAdded {
+                keyframe: Some(encode_id(*keyframe)),
+                observations: encode_observations(observations),
+            })
+        }
+        Change::ConstraintAdded { id, constraint } => {
+            Wire::ConstraintAdded(encode_constraint(*id, constraint))
+        }
+        Change::PriorAdded { id, prior } => Wire::PriorAdded(encode_prior(*id, prior)),
+        Change::LandmarksTriangulated { positions } => {
+            let positions = encode_positions(positions);
+            Wire::LandmarksTriangulated(v1::LandmarksTriangulated { positions })
+        }
+        Change::SolveApplied { solve } => Wire::SolveApplied(encode_solve(solve)),
+        Change::ObservationsRemoved { observations } => {
+            let sighting = |&(keyframe, landmark): &(EntityId, EntityId)| v1::Sighting {
+                keyframe: Some(encode_id(keyframe)),
+                landmark: Some(encode_id(landmark)),
+            };
+            let observations = observations.iter().map(sighting).collect();
+            Wire::ObservationsRemoved(v1::ObservationsRemoved { observations })
+        }
+        Change::LandmarksFused { kept, absorbed } => Wire::LandmarksFused(v1::LandmarksFused {
+            kept: Some(encode_id(*kept)),
+            absorbed: absorbed.iter().copied().map(encode_id).collect(),
+        }),
+        Change::LandmarksRemoved { landmarks } => {
+            let landmarks = landmarks.iter().copied().map(encode_id).collect();
+            Wire::LandmarksRemoved(v1::LandmarksRemoved { landmarks })
+        }
+        Change::KeyframeRemoved { keyframe } => Wire::KeyframeRemoved(encode_id(*keyframe)),
+        Change::ConstraintRevoked { id } => Wire::ConstraintRevoked(encode_id(*id)),
+        Change::PolicySet { policy } => Wire::PolicySet(encode_policy(policy)),
+    }
+}
+
+pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
+    Ok(match change {
+        Wire::Created(v1::Created { policy, create_time_ns }) => {
+            Change::Created { policy: decode_policy(policy)?, create_time_ns }
+        }
+        Wire::ClientOpened(v1::ClientOpened { name, epoch }) => {
+            Change::ClientOpened { name, epoch }
+        }
+        Wire::CameraSet(set) => {
+            let (id, camera) = decode_camera_set(set)?;
+            Change::CameraSet { id, camera }
+        }
+        Wire::KeyframeAdded(added) => Change::KeyframeAdded {
+            id: required_id(added.id, "a keyframe's id")?,
+            capture_time_ns: added.capture_time_ns,
+            camera: added.camera.map(decode_id),
+            world_from_camera: decode_pose(added.world_from_camera, "world_from_camera")?,
+            odom_from_camera: decode_pose(added.odom_from_camera, "odom_from_camera")?,
+            observations: decode_observations(added.observations)?,
+            landmarks: decode_new_landmarks(added.landmarks),
+        },
+        Wire::LandmarksAdded(v1::LandmarksAdded { landmarks }) => {
+            Change::LandmarksAdded { landmarks: decode_new_landmarks(landmarks) }
+        }
+        Wire::ObservationsAdded(v1::ObservationsAdded { keyframe, observations }) => {
+            Change::ObservationsAdded {
+                keyframe: required_id(keyframe, "a keyframe")?,
+                observations: decode_observations(observations)?,
+            }
+        }
+        Wire::ConstraintAdded(message) => {
+            let (id, constraint) = decode_constraint(message)?;
+            Change::ConstraintAdded { id, constraint }
+        }
+        Wire::PriorAdded(message) => {
+            let (id, prior) = decode_prior(message)?;
+            Change::PriorAdded { id, prior }
+        }
+        Wire::LandmarksTriangulated(v1::LandmarksTriangulated { positions }) => {
+            Change::LandmarksTriangulated { positions: decode_positions(positions)? }
+        }
+        Wire::SolveApplied(solve) => Change::SolveApplied { solve: decode_solve(solve)? },
+        Wire::ObservationsRemoved(v1::ObservationsRemoved { observations }) => {
+            let sighting = |v1::Sighting { keyframe, landmark }| {
+                Ok((required_id(keyframe, "a keyframe")?, required_id(landmark, "a landmark")?))
+            };
+            let observations = observations.into_iter().map(sighting).collect::<Decoded<_>>()?;
+            Change::ObservationsRemoved { observations }
+        }
+        Wire::LandmarksFused(v1::LandmarksFused { kept, absorbed }) => Change::LandmarksFused {
+            kept: required_id(kept, "a landmark")?,
+            absorbed: absorbed.into_iter().map(decode_id).collect(),
+        },
+        Wire::LandmarksRemoved(v1::LandmarksRemoved { landmarks }) => {
+            Change::LandmarksRemoved { landmarks: landmarks.into_iter().map(decode_id).collect() }
+        }
+        Wire::KeyframeRemoved(id) => Change::KeyframeRemoved { keyframe: decode_id(id) },
+        Wire::ConstraintRevoked(id) => Change::ConstraintRevoked { id: decode_id(id) },
+        Wire::PolicySet(policy) => Change::PolicySet { policy: decode_policy(Some(policy))? },
+    })
+}
+
+fn encode_positions(positions: &[(EntityId, Vector3<f64>)]) -> Vec<v1::Point> {
+    let point = |(id, position): &(EntityId, Vector3<f64>)| v1::Point {
+        client: id.client.0,
+        id: id.id,
+        position: Some(encode_vector(position)),
+    };
+    positions.iter().map(point).collect()
+}
+
+fn decode_positions(points: Vec<v1::Point>) -> Decoded<Vec<(EntityId, Vector3<f64>)>> {
+    let position = |v1::Point { client, id, position }| {
+        let position = decode_vector(required(position, "a position")?);
+        Ok((EntityId::new(ClientIndex(client), id), position))
+    };
+    points.into_iter().map(position).collect()
+}
+
+fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
+    let AppliedSolve {
+        kind,
+        poses,
+        landmarks,
+        cameras,
+        switched_off,
+        switched_on,
+        covered,
+        initial_cost,
+        final_cost,
+    } = solve;
+    let kind = match kind {
+        SolveKind::LocalBundle => 1,
+        SolveKind::PoseGraph => 2,
+        SolveKind::Global => 3,
+    };
+    let pose = |(id, pose): &(EntityId, _)| v1::NewPose {
+        id: Some(encode_id(*id)),
+        world_from_camera: Some(encode_pose(pose)),
+    };
+    let camera = |&(id, camera): &(EntityId, _)| {
+        let entity = crate::map::CameraEntity { camera, width_px: 0, height_px: 0 };
+        encode_camera_set(id, &entity)
+    };
+    let covered_by =
+        |&(client, sequence): &(ClientIndex, i64)| v1::Covered { client: client.0, sequence };
+    v1::SolveApplied {
+        kind,
+        poses: poses.iter().map(pose).collect(),
+        landmarks: encode_positions(landmarks),
+        cameras: cameras.iter().map(camera).collect(),
+        covered: covered.iter().map(covered_by).collect(),
+        initial_cost: initial_cost.to_bits(),
+        final_cost: final_cost.to_bits(),
+        switched_off: switched_off.iter().map(|(id, off)| encode_switched_off(*id, off)).collect(),
+        switched_on: switched_on.iter().copied().map(encode_id).collect(),
+    }
+}
+
+fn decode_solve(solve: v1::SolveApplied) -> Decoded<AppliedSolve> {
+    let kind = match solve.kind {
+        1 => SolveKind::LocalBundle,
+        2 => SolveKind::PoseGraph,
+        3 => SolveKind::Global,
+        _ => return Err(EncodingError::Invalid("a solve's kind")),
+    };
+    let pose = |v1::NewPose { id, world_from_camera }| {
+        Ok((required_id(id, "a keyframe")?, decode_pose(world_from_camera, "a new pose")?))
+    };
+    let camera = |set| decode_camera_set(set).map(|(id, entity)| (id, entity.camera));
+    let covered = |v1::Covered { client, sequence }| (ClientIndex(client), sequence);
+    Ok(AppliedSolve {
+        kind,
+        poses: solve.poses.into_iter().map(pose).collect::<Decoded<_>>()?,
+        landmarks: decode_positions(solve.landmarks)?,
+        cameras: solve.cameras.into_iter().map(camera).collect::<Decoded<_>>()?,
+        switched_off: solve
+            .switched_off
+            .into_iter()
+            .map(decode_switched_off)
+            .collect::<Decoded<_>>()?,
+        switched_on: solve.switched_on.into_iter().map(decode_id).collect(),
+        covered: solve.covered.into_iter().map(covered).collect(),
+        initial_cost: f64::from_bits(solve.initial_cost),
+        final_cost: f64::from_bits(solve.final_cost),
+    })
+}

@@ -1,0 +1,360 @@
+//! What events and maps have in common: ids, poses, cameras, observations, constraints, policies.
+//!
+//! Encoding takes every struct apart by name, so that a field that is added to one of them does not
+//! compile until it is encoded here.
+
+use std::sync::Arc;
+
+use covis_solvers::geometry::{Camera, KannalaBrandt, PinholeRadialTangential, Se3, Snavely, So3};
+use covis_solvers::information::Information;
+use covis_solvers::loss::Loss;
+use covis_solvers::robust::Kernel;
+use nalgebra::{Quaternion, SMatrix, UnitQuaternion, Vector2, Vector3};
+
+use super::{EncodingError, required, v1};
+use crate::map::{
+    CameraEntity, Ceilings, ClientIndex, ClosureRobustness, Constraint, ConstraintKind, Depth,
+    Descriptor, DescriptorKind, EntityId, MapPolicy, NewLandmark, Observation, Prior, SwitchedOff,
+};
+
+type Decoded<T> = Result<T, EncodingError>;
+
+pub(super) fn encode_id(id: EntityId) -> v1::Id {
+    v1::Id { client: id.client.0, id: id.id }
+}
+
+pub(super) fn decode_id(id: v1::Id) -> EntityId {
+    EntityId::new(ClientIndex(id.client), id.id)
+}
+
+/// An id that must be there.
+pub(super) fn required_id(id: Option<v1::Id>, name: &'static str) -> Decoded<EntityId> {
+    required(id, name).map(decode_id)
+}
+
+pub(super) fn encode_vector(vector: &Vector3<f64>) -> v1::Vector3 {
+    v1::Vector3 { x: vector.x.to_bits(), y: vector.y.to_bits(), z: vector.z.to_bits() }
+}
+
+pub(super) fn decode_vector(vector: v1::Vector3) -> Vector3<f64> {
+    Vector3::new(vector.x, vector.y, vector.z).map(f64::from_bits)
+}
+
+pub(super) fn encode_pose(pose: &Se3) -> v1::Pose {
+    let (q, t) = (pose.rotation.quaternion().coords, pose.translation);
+    v1::Pose {
+        qx: q.x.to_bits(),
+        qy: q.y.to_bits(),
+        qz: q.z.to_bits(),
+        qw: q.w.to_bits(),
+        tx: t.x.to_bits(),
+        ty: t.y.to_bits(),
+        tz: t.z.to_bits(),
+    }
+}
+
+pub(super) fn decode_pose(pose: Option<v1::Pose>, name: &'static str) -> Decoded<Se3> {
+    let v1::Pose { qx, qy, qz, qw, tx, ty, tz } = required(pose, name)?;
+    let [x, y, z, w] = [qx, qy, qz, qw].map(f64::from_bits);
+    // As it was: normalizing again could change its last bits.
+    let quaternion = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
+    let translation = Vector3::new(tx, ty, tz).map(f64::from_bits);
+    Ok(Se3::new(So3::from_unit_quaternion(quaternion), translation))
+}
+
+fn encode_information<const N: usize>(information: &Information<N>) -> Vec<f64> {
+    information.matrix().as_slice().to_vec()
+}
+
+fn decode_information<const N: usize>(entries: &[f64]) -> Decoded<Information<N>> {
+    let invalid = EncodingError::Invalid("an information matrix");
+    if entries.len() != N * N {
+        return Err(invalid);
+    }
+    // An exactly symmetric matrix keeps its bits.
+    Information::new(&SMatrix::<f64, N, N>::from_column_slice(entries)).map_err(|_bad| invalid)
+}
+
+fn encode_loss(loss: &Loss) -> v1::Loss {
+    let (kind, width) = match *loss {
+        Loss::Trivial => (1, 0.0),
+        Loss::Huber(width) => (2, width),
+        Loss::Cauchy(width) => (3, width),
+        Loss::Tukey(width) => (4, width),
+        Loss::GemanMcClure(width) => (5, width),
+    };
+    v1::Loss { kind, width: f64::to_bits(width) }
+}
+
+fn decode_loss(loss: Option<v1::Loss>) -> Decoded<Loss> {
+    let v1::Loss { kind, width } = required(loss, "a loss")?;
+    let width = f64::from_bits(width);
+    match kind {
+        1 => Ok(Loss::Trivial),
+        2 => Ok(Loss::Huber(width)),
+        3 => Ok(Loss::Cauchy(width)),
+        4 => Ok(Loss::Tukey(width)),
+        5 => Ok(Loss::GemanMcClure(width)),
+        _ => Err(EncodingError::Invalid("a loss")),
+    }
+}
+
+pub(super) fn encode_policy(policy: &MapPolicy) -> v1::Policy {
+    let MapPolicy {
+        local_bundle,
+        loop_closure,
+        loop_closure_robustness: ClosureRobustness { kernel, threshold },
+        window_keyframes,
+        min_shared_landmarks,
+        observation_loss,
+        constraint_loss,
+        max_local_iterations,
+        ceilings: Ceilings { max_keyframes, max_landmarks, max_observations },
+    } = policy;
+    v1::Policy {
+        local_bundle: *local_bundle,
+        loop_closure: *loop_closure,
+        window_keyframes: *window_keyframes as u64,
+        min_shared_landmarks: *min_shared_landmarks as u64,
+        observation_loss: Some(encode_loss(observation_loss)),
+        constraint_loss: Some(encode_loss(constraint_loss)),
+        max_local_iterations: *max_local_iterations as u64,
+        max_keyframes: *max_keyframes,
+        max_landmarks: *max_landmarks,
+        max_observations: *max_observations,
+        closure_kernel: match kernel {
+            None => 0,
+            Some(Kernel::TruncatedLeastSquares) => 1,
+            Some(Kernel::GemanMcClure) => 2,
+        },
+        closure_threshold: threshold.map(f64::to_bits),
+    }
+}
+
+pub(super) fn decode_policy(policy: Option<v1::Policy>) -> Decoded<MapPolicy> {
+    let policy = required(policy, "a policy")?;
+    let count = |value: u64| {
+        usize::try_from(value).map_err(|_large| EncodingError::Invalid("a number of a policy"))
+    };
+    let kernel = match policy.closure_kernel {
+        0 => None,
+        1 => Some(Kernel::TruncatedLeastSquares),
+        2 => Some(Kernel::GemanMcClure),
+        _ => return Err(EncodingError::Invalid("the kernel of loop closures")),
+    };
+    let threshold = policy.closure_threshold.map(f64::from_bits);
+    Ok(MapPolicy {
+        local_bundle: policy.local_bundle,
+        loop_closure: policy.loop_closure,
+        loop_closure_robustness: ClosureRobustness { kernel, threshold },
+        window_keyframes: count(policy.window_keyframes)?,
+        min_shared_landmarks: count(policy.min_shared_landmarks)?,
+        observation_loss: decode_loss(policy.observation_loss)?,
+        constraint_loss: decode_loss(policy.constraint_loss)?,
+        max_local_iterations: count(policy.max_local_iterations)?,
+        ceilings: Ceilings {
+            max_keyframes: policy.max_keyframes,
+            max_landmarks: policy.max_landmarks,
+            max_observations: policy.max_observations,
+        },
+    })
+}
+
+fn encode_projection(camera: &Camera) -> (u32, Vec<f64>) {
+    match *camera {
+        Camera::Pinhole(PinholeRadialTangential { fx, fy, cx, cy, k1, k2, p1, p2, k3 }) => {
+            (1, vec![fx, fy, cx, cy, k1, k2, p1, p2, k3])
+        }
+        Camera::Fisheye(KannalaBrandt { fx, fy, cx, cy, k1, k2, k3, k4 }) => {
+            (2, vec![fx, fy, cx, cy, k1, k2, k3, k4])
+        }
+        Camera::Snavely(Snavely { focal, k1, k2 }) => (3, vec![focal, k1, k2]),
+    }
+}
+
+fn decode_projection(model: u32, parameters: &[f64]) -> Decoded<Camera> {
+    match (model, parameters) {
+        (1, &[fx, fy, cx, cy, k1, k2, p1, p2, k3]) => {
+            let pinhole = PinholeRadialTangential { fx, fy, cx, cy, k1, k2, p1, p2, k3 };
+            Ok(Camera::Pinhole(pinhole))
+        }
+        (2, &[fx, fy, cx, cy, k1, k2, k3, k4]) => {
+            Ok(Camera::Fisheye(KannalaBrandt { fx, fy, cx, cy, k1, k2, k3, k4 }))
+        }
+        (3, &[focal, k1, k2]) => Ok(Camera::Snavely(Snavely { focal, k1, k2 })),
+        _ => Err(EncodingError::Invalid("a camera model")),
+    }
+}
+
+pub(super) fn encode_camera_set(id: EntityId, camera: &CameraEntity) -> v1::CameraSet {
+    let CameraEntity { camera, width_px, height_px } = *camera;
+    let (model, parameters) = encode_projection(&camera);
+    let camera = v1::Camera { model, parameters, width_px, height_px };
+    v1::CameraSet { id: Some(encode_id(id)), camera: Some(camera) }
+}
+
+pub(super) fn decode_camera_set(set: v1::CameraSet) -> Decoded<(EntityId, CameraEntity)> {
+    let id = required_id(set.id, "a camera's id")?;
+    let v1::Camera { model, parameters, width_px, height_px } = required(set.camera, "a camera")?;
+    let camera = decode_projection(model, &parameters)?;
+    Ok((id, CameraEntity { camera, width_px, height_px }))
+}
+
+pub(super) fn encode_observations(observations: &[Observation]) -> Vec<v1::Observation> {
+    observations.iter().map(encode_observation).collect()
+}
+
+pub(super) fn decode_observations(rows: Vec<v1::Observation>) -> Decoded<Vec<Observation>> {
+    rows.into_iter().map(decode_observation).collect()
+}
+
+fn encode_observation(observation: &Observation) -> v1::Observation {
+    let Observation { landmark, pixel, sigma_px, depth, descriptor } = observation;
+    let depth = depth.map(|Depth { depth_m, sigma_m }| v1::Depth {
+        depth_m: depth_m.to_bits(),
+        sigma_m: sigma_m.to_bits(),
+    });
+    let descriptor = descriptor.as_ref().map(|descriptor| {
+        let Descriptor { kind, name, data } = &**descriptor;
+        let kind = match kind {
+            DescriptorKind::Binary => 1,
+            DescriptorKind::Float32 => 2,
+            DescriptorKind::Uint8 => 3,
+        };
+        v1::Descriptor { kind, name: name.clone(), data: data.clone() }
+    });
+    v1::Observation {
+        client: landmark.client.0,
+        landmark: landmark.id,
+        u: pixel.x.to_bits(),
+        v: pixel.y.to_bits(),
+        sigma_px: sigma_px.to_bits(),
+        depth,
+        descriptor,
+    }
+}
+
+fn decode_observation(row: v1::Observation) -> Decoded<Observation> {
+    let v1::Observation { client, landmark, u, v, sigma_px, depth, descriptor } = row;
+    let depth = depth.map(|depth| Depth {
+        depth_m: f64::from_bits(depth.depth_m),
+        sigma_m: f64::from_bits(depth.sigma_m),
+    });
+    let descriptor = descriptor.map(|v1::Descriptor { kind, name, data }| {
+        let kind = match kind {
+            1 => DescriptorKind::Binary,
+            2 => DescriptorKind::Float32,
+            3 => DescriptorKind::Uint8,
+            _ => return Err(EncodingError::Invalid("a descriptor's kind")),
+        };
+        Ok(Arc::new(Descriptor { kind, name, data }))
+    });
+    Ok(Observation {
+        landmark: EntityId::new(ClientIndex(client), landmark),
+        pixel: Vector2::new(f64::from_bits(u), f64::from_bits(v)),
+        sigma_px: f64::from_bits(sigma_px),
+        depth,
+        descriptor: descriptor.transpose()?,
+    })
+}
+
+pub(super) fn encode_new_landmarks(landmarks: &[NewLandmark]) -> Vec<v1::Point> {
+    let point = |&NewLandmark { id, position }: &NewLandmark| v1::Point {
+        client: id.client.0,
+        id: id.id,
+        position: position.as_ref().map(encode_vector),
+    };
+    landmarks.iter().map(point).collect()
+}
+
+pub(super) fn decode_new_landmarks(points: Vec<v1::Point>) -> Vec<NewLandmark> {
+    let landmark = |v1::Point { client, id, position }: v1::Point| NewLandmark {
+        id: EntityId::new(ClientIndex(client), id),
+        position: position.map(decode_vector),
+    };
+    points.into_iter().map(landmark).collect()
+}
+
+pub(super) fn encode_constraint(id: EntityId, constraint: &Constraint) -> v1::Constraint {
+    let Constraint { kind, keyframe_i, keyframe_j, keyframe_i_from_keyframe_j, information } =
+        constraint;
+    let kind = match kind {
+        ConstraintKind::Odometry => 1,
+        ConstraintKind::LoopClosure => 2,
+        ConstraintKind::Other => 3,
+    };
+    v1::Constraint {
+        id: Some(encode_id(id)),
+        kind,
+        keyframe_i: Some(encode_id(*keyframe_i)),
+        keyframe_j: Some(encode_id(*keyframe_j)),
+        keyframe_i_from_keyframe_j: Some(encode_pose(keyframe_i_from_keyframe_j)),
+        information: encode_information(information),
+    }
+}
+
+pub(super) fn decode_constraint(message: v1::Constraint) -> Decoded<(EntityId, Constraint)> {
+    let kind = match message.kind {
+        1 => ConstraintKind::Odometry,
+        2 => ConstraintKind::LoopClosure,
+        3 => ConstraintKind::Other,
+        _ => return Err(EncodingError::Invalid("a constraint's kind")),
+    };
+    let measured = message.keyframe_i_from_keyframe_j;
+    let constraint = Constraint {
+        kind,
+        keyframe_i: required_id(message.keyframe_i, "keyframe_i")?,
+        keyframe_j: required_id(message.keyframe_j, "keyframe_j")?,
+        keyframe_i_from_keyframe_j: decode_pose(measured, "a constraint's pose")?,
+        information: decode_information(&message.information)?,
+    };
+    Ok((required_id(message.id, "a constraint's id")?, constraint))
+}
+
+pub(super) fn encode_switched_off(id: EntityId, off: &SwitchedOff) -> v1::SwitchedOff {
+    let SwitchedOff { chi2, weight } = off;
+    v1::SwitchedOff { id: Some(encode_id(id)), chi2: chi2.to_bits(), weight: weight.to_bits() }
+}
+
+pub(super) fn decode_switched_off(message: v1::SwitchedOff) -> Decoded<(EntityId, SwitchedOff)> {
+    let v1::SwitchedOff { id, chi2, weight } = message;
+    let off = SwitchedOff { chi2: f64::from_bits(chi2), weight: f64::from_bits(weight) };
+    Ok((required_id(id, "a constraint")?, off))
+}
+
+pub(super) fn encode_prior(id: EntityId, prior: &Prior) -> v1::Prior {
+    let (pose, position, information) = match prior {
+        Prior::Pose { keyframe: _, world_from_camera, information } => {
+            (Some(encode_pose(world_from_camera)), None, encode_information(information))
+        }
+        Prior::Position { keyframe: _, position_in_world, information } => {
+            (None, Some(encode_vector(position_in_world)), encode_information(information))
+        }
+    };
+    v1::Prior {
+        id: Some(encode_id(id)),
+        keyframe: Some(encode_id(prior.keyframe())),
+        world_from_camera: pose,
+        position_in_world: position,
+        information,
+    }
+}
+
+pub(super) fn decode_prior(message: v1::Prior) -> Decoded<(EntityId, Prior)> {
+    let id = required_id(message.id, "a prior's id")?;
+    let keyframe = required_id(message.keyframe, "a prior's keyframe")?;
+    let prior = match (message.world_from_camera, message.position_in_world) {
+        (pose @ Some(_), None) => Prior::Pose {
+            keyframe,
+            world_from_camera: decode_pose(pose, "a prior's pose")?,
+            information: decode_information(&message.information)?,
+        },
+        (None, Some(position)) => Prior::Position {
+            keyframe,
+            position_in_world: decode_vector(position),
+            information: decode_information(&message.information)?,
+        },
+        _ => return Err(EncodingError::Invalid("a prior's measurement")),
+    };
+    Ok((id, prior))
+}

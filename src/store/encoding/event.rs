@@ -1,0 +1,40 @@
+//! One event as bytes.
+//! The change itself is in `change.rs`; here are the revision and the cause.
+
+use prost::Message;
+
+use super::change::{decode_change, encode_change};
+use super::{EncodingError, decode, required, v1};
+use crate::map::{Cause, ClientIndex, Digest, Event};
+
+/// Appends the bytes of an event to `out`.
+pub(in crate::store) fn encode_event(event: &Event, out: &mut Vec<u8>) {
+    let Event { revision, cause, change } = event;
+    let cause = cause.map(|Cause { client, epoch, sequence, digest }| v1::Cause {
+        client: client.0,
+        epoch,
+        sequence,
+        digest: digest.to_vec(),
+    });
+    let message = v1::Event { revision: *revision, cause, change: Some(encode_change(change)) };
+    out.extend_from_slice(&message.encode_to_vec());
+}
+
+/// The event of `bytes`.
+///
+/// # Errors
+/// [`EncodingError`] where they are no event, or one of a later version.
+pub(in crate::store) fn decode_event(bytes: &[u8]) -> Result<Event, EncodingError> {
+    let v1::Event { revision, cause, change } = decode(bytes)?;
+    let cause = cause.map(decode_cause).transpose()?;
+    Ok(Event { revision, cause, change: decode_change(required(change, "the change")?)? })
+}
+
+fn decode_cause(cause: v1::Cause) -> Result<Cause, EncodingError> {
+    let v1::Cause { client, epoch, sequence, digest } = cause;
+    Ok(Cause { client: ClientIndex(client), epoch, sequence, digest: decode_digest(&digest)? })
+}
+
+pub(super) fn decode_digest(bytes: &[u8]) -> Result<Digest, EncodingError> {
+    Digest::try_from(bytes).map_err(|_length| EncodingError::Invalid("a digest"))
+}

@@ -1,0 +1,287 @@
+//! A whole map as a stream of parts, and back to the same bits.
+//!
+//! Each part is a `MapPart` behind its length, small enough that neither side holds the map twice.
+//! The head carries the state hash; a reader that does not arrive at it refuses what it read.
+
+use std::io::{Read, Write};
+use std::sync::Arc;
+
+use prost::Message;
+
+use super::entities::{
+    decode_camera_set, decode_constraint, decode_id, decode_observations, decode_policy,
+    decode_pose, decode_prior, decode_switched_off, decode_vector, encode_camera_set,
+    encode_constraint, encode_id, encode_observations, encode_policy, encode_pose, encode_prior,
+    encode_switched_off, encode_vector, required_id,
+};
+use super::event::decode_digest;
+use super::{EncodingError, decode, required, v1};
+use crate::map::{Client, ClientIndex, Content, EntityId, Keyframe, Landmark, Map, MapParts};
+
+/// Entries of one kind in one part.
+const PART: usize = 4096;
+/// Keyframes in one part: each holds hundreds of observations.
+const KEYFRAMES: usize = 64;
+/// A longer part is damage, not a map.
+const LONGEST_PART: u64 = 1 << 30;
+
+fn stream(error: std::io::Error) -> EncodingError {
+    EncodingError::Stream(error.to_string())
+}
+
+/// Writes the parts of a map.
+///
+/// # Errors
+/// [`EncodingError::Stream`] where `out` fails.
+pub(in crate::store) fn encode_map(map: &Map, out: &mut dyn Write) -> Result<(), EncodingError> {
+    let mut put = |part: &v1::MapPart| {
+        let buffer = part.encode_to_vec();
+        out.write_all(&(buffer.len() as u64).to_le_bytes()).map_err(stream)?;
+        out.write_all(&buffer).map_err(stream)
+    };
+    let head = v1::MapHead {
+        revision: map.revision(),
+        create_time_ns: map.create_time_ns(),
+        policy: Some(encode_policy(map.policy())),
+        solve_count: map.solve_count(),
+        state_hash: map.state_hash().to_vec(),
+    };
+    put(&v1::MapPart { head: Some(head), ..v1::MapPart::default() })?;
+    let clients = map.clients().iter().map(encode_client).collect();
+    put(&v1::MapPart { clients, ..v1::MapPart::default() })?;
+    for (client, index) in map.clients().iter().zip(0..) {
+        for items in chunks(client.items.iter(), PART) {
+            let items = v1::ClientItems {
+                client: index,
+                sequences: items.iter().map(|&(&sequence, _)| sequence).collect(),
+                digests: items.iter().flat_map(|&(_, digest)| *digest).collect(),
+            };
+            put(&v1::MapPart { items: vec![items], ..v1::MapPart::default() })?;
+        }
+    }
+    for cameras in chunks(map.cameras().iter(), PART) {
+        let cameras = cameras.into_iter().map(|(&id, c)| encode_camera_set(id, c)).collect();
+        put(&v1::MapPart { cameras, ..v1::MapPart::default() })?;
+    }
+    for landmarks in chunks(map.landmarks().iter(), PART) {
+        let landmarks = landmarks.into_iter().map(|(&id, l)| encode_landmark(id, l)).collect();
+        put(&v1::MapPart { landmarks, ..v1::MapPart::default() })?;
+    }
+    for keyframes in chunks(map.keyframes().iter(), KEYFRAMES) {
+        let keyframes = keyframes.into_iter().map(|(&id, k)| encode_keyframe(id, k)).collect();
+        put(&v1::MapPart { keyframes, ..v1::MapPart::default() })?;
+    }
+    for constraints in chunks(map.constraints().iter(), PART) {
+        let constraints =
+            constraints.into_iter().map(|(&id, c)| encode_constraint(id, c)).collect();
+        put(&v1::MapPart { constraints, ..v1::MapPart::default() })?;
+    }
+    for off in chunks(map.switched_off().iter(), PART) {
+        let switched_off = off.into_iter().map(|(&id, off)| encode_switched_off(id, off)).collect();
+        put(&v1::MapPart { switched_off, ..v1::MapPart::default() })?;
+    }
+    for priors in chunks(map.priors().iter(), PART) {
+        let priors = priors.into_iter().map(|(&id, p)| encode_prior(id, p)).collect();
+        put(&v1::MapPart { priors, ..v1::MapPart::default() })?;
+    }
+    for contents in chunks(map.contents().iter(), PART) {
+        let content = |(&(kind, id), digest): (&(Content, EntityId), &[u8; 32])| v1::Content {
+            kind: match kind {
+                Content::Camera => 1,
+                Content::Keyframe => 2,
+                Content::Constraint => 3,
+            },
+            id: Some(encode_id(id)),
+            digest: digest.to_vec(),
+        };
+        let contents = contents.into_iter().map(content).collect();
+        put(&v1::MapPart { contents, ..v1::MapPart::default() })?;
+    }
+    Ok(())
+}
+
+/// The items in lists of at most `count`.
+fn chunks<T>(mut items: impl Iterator<Item = T>, count: usize) -> impl Iterator<Item = Vec<T>> {
+    std::iter::from_fn(move || {
+        let chunk: Vec<T> = items.by_ref().take(count).collect();
+        (!chunk.is_empty()).then_some(chunk)
+    })
+}
+
+/// Reads the parts of a map and puts it together.
+///
+/// # Errors
+/// [`EncodingError`] where the parts are damaged, of a later version, or another map than was
+/// written.
+pub(in crate::store) fn decode_map(input: &mut dyn Read) -> Result<Map, EncodingError> {
+    let mut parts = MapParts::default();
+    let mut state_hash = None;
+    let mut buffer = Vec::new();
+    while let Some(length) = read_length(input)? {
+        if length > LONGEST_PART {
+            return Err(EncodingError::Invalid("the length of a part"));
+        }
+        buffer.clear();
+        // Grows with what is really there, whatever the length says.
+        let read = input.take(length).read_to_end(&mut buffer).map_err(stream)?;
+        if read as u64 != length {
+            return Err(EncodingError::Stream("a part is cut off".to_owned()));
+        }
+        let part: v1::MapPart = decode(&buffer)?;
+        if let Some(head) = &part.head {
+            state_hash = Some(decode_digest(&head.state_hash)?);
+        }
+        take_part(&mut parts, part)?;
+    }
+    let state_hash = required(state_hash, "the map's head")?;
+    let map = Map::from_parts(parts)?;
+    if map.state_hash() == state_hash { Ok(map) } else { Err(EncodingError::Hash) }
+}
+
+/// The length of the next part; `None` at the end.
+fn read_length(input: &mut dyn Read) -> Result<Option<u64>, EncodingError> {
+    let mut bytes = Vec::with_capacity(8);
+    input.take(8).read_to_end(&mut bytes).map_err(stream)?;
+    match <[u8; 8]>::try_from(&bytes[..]) {
+        Ok(length) => Ok(Some(u64::from_le_bytes(length))),
+        Err(_) if bytes.is_empty() => Ok(None),
+        Err(_) => Err(EncodingError::Stream("a part's length is cut off".to_owned())),
+    }
+}
+
+fn take_part(parts: &mut MapParts, part: v1::MapPart) -> Result<(), EncodingError> {
+    if let Some(head) = part.head {
+        parts.revision = head.revision;
+        parts.create_time_ns = head.create_time_ns;
+        parts.policy = decode_policy(head.policy)?;
+        parts.solve_count = head.solve_count;
+    }
+    parts.clients.extend(part.clients.into_iter().map(decode_client));
+    for items in part.items {
+        let client = parts.clients.get_mut(items.client as usize);
+        let client = required(client, "a client")?;
+        if items.digests.len() != 32 * items.sequences.len() {
+            return Err(EncodingError::Invalid("digests of items"));
+        }
+        for (sequence, digest) in items.sequences.into_iter().zip(items.digests.chunks(32)) {
+            client.items.insert(sequence, decode_digest(digest)?);
+        }
+    }
+    for camera in part.cameras {
+        let (id, camera) = decode_camera_set(camera)?;
+        parts.cameras.insert(id, camera);
+    }
+    for landmark in part.landmarks {
+        let (id, landmark) = decode_landmark(landmark);
+        parts.landmarks.insert(id, landmark);
+    }
+    for keyframe in part.keyframes {
+        let (id, keyframe) = decode_keyframe(keyframe)?;
+        parts.keyframes.insert(id, keyframe);
+    }
+    for constraint in part.constraints {
+        let (id, constraint) = decode_constraint(constraint)?;
+        parts.constraints.insert(id, constraint);
+    }
+    for off in part.switched_off {
+        let (id, off) = decode_switched_off(off)?;
+        parts.switched_off.insert(id, off);
+    }
+    for prior in part.priors {
+        let (id, prior) = decode_prior(prior)?;
+        parts.priors.insert(id, prior);
+    }
+    for v1::Content { kind, id, digest } in part.contents {
+        let kind = match kind {
+            1 => Content::Camera,
+            2 => Content::Keyframe,
+            3 => Content::Constraint,
+            _ => return Err(EncodingError::Invalid("the kind of a content")),
+        };
+        let id = required_id(id, "an entity's id")?;
+        parts.contents.insert((kind, id), decode_digest(&digest)?);
+    }
+    Ok(())
+}
+
+fn encode_client(client: &Client) -> v1::Client {
+    // The items are parts of their own.
+    let Client { name, epoch, next_sequence, optimized_sequence, items: _ } = client;
+    v1::Client {
+        name: name.clone(),
+        epoch: *epoch,
+        next_sequence: *next_sequence,
+        optimized_sequence: *optimized_sequence,
+    }
+}
+
+fn decode_client(client: v1::Client) -> Client {
+    let v1::Client { name, epoch, next_sequence, optimized_sequence } = client;
+    Client { name, epoch, next_sequence, optimized_sequence, items: Default::default() }
+}
+
+fn encode_landmark(id: EntityId, landmark: &Landmark) -> v1::Landmark {
+    let Landmark {
+        position,
+        sent_position,
+        reference,
+        observers: _,
+        added_revision,
+        positioned_revision,
+    } = landmark;
+    v1::Landmark {
+        client: id.client.0,
+        id: id.id,
+        position: position.as_ref().map(encode_vector),
+        sent_position: sent_position.as_ref().map(encode_vector),
+        reference: reference.map(encode_id),
+        added_revision: *added_revision,
+        positioned_revision: *positioned_revision,
+    }
+}
+
+fn decode_landmark(landmark: v1::Landmark) -> (EntityId, Landmark) {
+    let id = EntityId::new(ClientIndex(landmark.client), landmark.id);
+    let landmark = Landmark {
+        position: landmark.position.map(decode_vector),
+        sent_position: landmark.sent_position.map(decode_vector),
+        reference: landmark.reference.map(decode_id),
+        observers: Vec::new(),
+        added_revision: landmark.added_revision,
+        positioned_revision: landmark.positioned_revision,
+    };
+    (id, landmark)
+}
+
+fn encode_keyframe(id: EntityId, keyframe: &Keyframe) -> v1::Keyframe {
+    let Keyframe {
+        capture_time_ns,
+        camera,
+        world_from_camera,
+        odom_from_camera,
+        observations,
+        added_revision,
+    } = keyframe;
+    v1::Keyframe {
+        id: Some(encode_id(id)),
+        capture_time_ns: *capture_time_ns,
+        camera: camera.map(encode_id),
+        world_from_camera: Some(encode_pose(world_from_camera)),
+        odom_from_camera: Some(encode_pose(odom_from_camera)),
+        observations: encode_observations(observations),
+        added_revision: *added_revision,
+    }
+}
+
+fn decode_keyframe(keyframe: v1::Keyframe) -> Result<(EntityId, Keyframe), EncodingError> {
+    let id = required_id(keyframe.id, "a keyframe's id")?;
+    let keyframe = Keyframe {
+        capture_time_ns: keyframe.capture_time_ns,
+        camera: keyframe.camera.map(decode_id),
+        world_from_camera: decode_pose(keyframe.world_from_camera, "world_from_camera")?,
+        odom_from_camera: decode_pose(keyframe.odom_from_camera, "odom_from_camera")?,
+        observations: Arc::from(decode_observations(keyframe.observations)?),
+        added_revision: keyframe.added_revision,
+    };
+    Ok((id, keyframe))
+}

@@ -1,0 +1,229 @@
+//! What is found in a map's folder when it is opened.
+//!
+//! The journal must reach, without a gap, from the newest snapshot whose checksum fits. Three things
+//! may stand in the way, and they are told apart by the `durable` that every record carries and by
+//! the mark beside the journal:
+//!
+//! - A bad place behind which nothing was ever acknowledged is what a crash leaves: it is cut off.
+//! - Lost events that a snapshot holds are told and cost nothing.
+//! - Lost events that were acknowledged freeze the map: it opens with what is contiguous, takes no
+//!   changes, and its files stay as they are.
+
+use std::path::Path;
+
+use super::disk::{Disk, DiskFile};
+use super::record::{HEADER, Header, Uid, read_header, read_mark, scan};
+use super::sealed::{Kind, unseal};
+use super::{MARK, file_error, journal_name, sequence_in};
+use crate::store::{Damage, StoreError};
+
+/// A map's files as they are after opening.
+#[derive(Debug, Default)]
+pub(super) struct Found {
+    /// The first sequence of each journal file, rising.
+    pub(super) segments: Vec<u64>,
+    /// Snapshots whose checksum fits, rising.
+    pub(super) snapshots: Vec<u64>,
+    /// The last sequence that can be read.
+    pub(super) last: u64,
+    /// The last file and its length, where it can be written on.
+    pub(super) tail: Option<(Box<dyn DiskFile>, u64)>,
+    /// Bytes of the journal behind the newest snapshot, about.
+    pub(super) bytes_since_snapshot: u64,
+    /// What is damaged.
+    pub(super) damage: Vec<Damage>,
+    /// The damage that freezes the map.
+    pub(super) frozen: Option<Damage>,
+}
+
+/// One journal file.
+struct Segment {
+    first: u64,
+    length: u64,
+    /// Whole and contiguous from its first record to this sequence (`first` - 1 where none is).
+    clean_last: u64,
+    /// First and last sequence of each piece without a gap.
+    runs: Vec<(u64, u64)>,
+    bad: Option<u64>,
+    durable: u64,
+}
+
+/// Reads a map's folder, and mends what a crash leaves.
+///
+/// # Errors
+/// [`StoreError::File`] where the disk fails, [`StoreError::Content`] for files of a later version.
+pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, StoreError> {
+    let mut found = Found::default();
+    let names = disk.list(folder).map_err(|e| file_error("cannot list", folder, &e))?;
+    for name in names.iter().filter(|name| name.ends_with(".tmp")) {
+        let path = folder.join(name);
+        disk.remove(&path).map_err(|e| file_error("cannot remove", &path, &e))?;
+    }
+    for (sequence, name) in names.iter().filter_map(|n| Some((sequence_in(n, ".snap")?, n))) {
+        take_snapshot(disk, &folder.join(name), uid, sequence, &mut found)?;
+    }
+    let mut segments = Vec::new();
+    for first in names.iter().filter_map(|name| sequence_in(name, ".log")) {
+        segments.push(read_segment(disk, &folder.join(journal_name(first)), uid, first)?);
+    }
+    let base = found.snapshots.last().copied().unwrap_or(0);
+    found.last = base;
+    for &(first, last) in segments.iter().flat_map(|segment| &segment.runs) {
+        if first <= found.last + 1 {
+            found.last = found.last.max(last);
+        }
+    }
+    let mark = if names.iter().any(|name| name == MARK) {
+        let path = folder.join(MARK);
+        let bytes = disk.read(&path).map_err(|e| file_error("cannot read", &path, &e))?;
+        // Half a mark is what a crash leaves, and proves nothing.
+        read_mark(&bytes, uid).unwrap_or(0)
+    } else {
+        0
+    };
+    judge(folder, &segments, mark, &mut found);
+    found.segments = segments.iter().map(|segment| segment.first).collect();
+    let behind = segments.iter().filter(|s| s.runs.last().is_some_and(|&(_, last)| last > base));
+    found.bytes_since_snapshot = behind.map(|segment| segment.length).sum();
+    if found.frozen.is_none() {
+        mend(disk, folder, segments.last(), &mut found)?;
+    }
+    Ok(found)
+}
+
+fn take_snapshot(
+    disk: &dyn Disk,
+    path: &Path,
+    uid: &Uid,
+    sequence: u64,
+    found: &mut Found,
+) -> Result<(), StoreError> {
+    let bytes = disk.read(path).map_err(|e| file_error("cannot read", path, &e))?;
+    match unseal(Kind::Snapshot, &bytes) {
+        Ok((owner, at, _)) if owner == *uid && at == sequence => found.snapshots.push(sequence),
+        Ok(_) => set_aside(disk, path, "it belongs elsewhere", found)?,
+        Err(reason) => set_aside(disk, path, &reason, found)?,
+    }
+    Ok(())
+}
+
+/// Renames a snapshot that does not open, so that nobody takes it for one.
+pub(super) fn set_aside(
+    disk: &dyn Disk,
+    path: &Path,
+    reason: &str,
+    found: &mut Found,
+) -> Result<(), StoreError> {
+    tracing::error!(file = %path.display(), reason, "a snapshot does not open and is set aside");
+    let aside = path.with_extension("bad");
+    disk.rename(path, &aside).map_err(|e| file_error("cannot rename", path, &e))?;
+    found.damage.push(Damage { file: aside.display().to_string(), offset: 0, lost: None });
+    Ok(())
+}
+
+fn read_segment(
+    disk: &dyn Disk,
+    path: &Path,
+    uid: &Uid,
+    first: u64,
+) -> Result<Segment, StoreError> {
+    let bytes = disk.read(path).map_err(|e| file_error("cannot read", path, &e))?;
+    if let Header::Later(version) = read_header(&bytes, uid) {
+        let message = format!("it has version {version}, which is not known here");
+        return Err(StoreError::Content { path: path.display().to_string(), message });
+    }
+    let scan = scan(&bytes, uid, first);
+    let mut runs: Vec<(u64, u64)> = Vec::new();
+    for (index, record) in scan.records.iter().enumerate() {
+        match runs.last_mut() {
+            Some((_, last)) if *last + 1 == record.sequence && index != scan.clean => {
+                *last = record.sequence;
+            }
+            _ => runs.push((record.sequence, record.sequence)),
+        }
+    }
+    let clean = scan.records[..scan.clean].last();
+    Ok(Segment {
+        first,
+        length: bytes.len() as u64,
+        clean_last: clean.map_or(first.saturating_sub(1), |record| record.sequence),
+        runs,
+        bad: scan.bad.map(|offset| offset as u64),
+        durable: scan.durable,
+    })
+}
+
+/// Finds out what is damaged, and whether anything is lost by it.
+fn judge(folder: &Path, segments: &[Segment], mark: u64, found: &mut Found) {
+    let last_index = segments.len().saturating_sub(1);
+    // Every file but the last was synced whole before the next one was made.
+    let whole = segments.iter().take(last_index).filter_map(|s| s.runs.last()).map(|&(_, l)| l);
+    let before = segments.iter().skip(1).map(|segment| segment.first.saturating_sub(1));
+    let known = segments.iter().map(|segment| segment.durable);
+    let acknowledged = known.chain(whole).chain(before).chain([mark]).max().unwrap_or(0);
+    let runs = segments.iter().flat_map(|segment| &segment.runs);
+    let next = runs.map(|&(first, _)| first).filter(|&first| first > found.last).min();
+    let lost = (acknowledged > found.last).then(|| {
+        let through = next.map_or(acknowledged, |next| next - 1).min(acknowledged);
+        (found.last + 1, through.max(found.last + 1))
+    });
+    for (index, segment) in segments.iter().enumerate() {
+        let Some(offset) = segment.bad else { continue };
+        let torn = index == last_index && acknowledged <= segment.clean_last;
+        if !torn {
+            let file = folder.join(journal_name(segment.first)).display().to_string();
+            found.damage.push(Damage { file, offset, lost: None });
+        }
+    }
+    if let Some(lost) = lost {
+        // The file in which the first lost event should be.
+        let home = segments.iter().rfind(|s| s.first <= lost.0).or(segments.first());
+        let file = home.map_or_else(|| folder.to_owned(), |s| folder.join(journal_name(s.first)));
+        let file = file.display().to_string();
+        let damage = match found.damage.iter_mut().find(|damage| damage.file == file) {
+            Some(damage) => {
+                damage.lost = Some(lost);
+                damage.clone()
+            }
+            None => {
+                // Nothing is wrong with what is there: it ends too early.
+                let offset = home.map_or(0, |segment| segment.length);
+                let damage = Damage { file, offset, lost: Some(lost) };
+                found.damage.push(damage.clone());
+                damage
+            }
+        };
+        found.frozen = Some(damage);
+    }
+}
+
+/// Cuts off what a crash left, so that the last file can be written on.
+fn mend(
+    disk: &dyn Disk,
+    folder: &Path,
+    last: Option<&Segment>,
+    found: &mut Found,
+) -> Result<(), StoreError> {
+    let Some(segment) = last else { return Ok(()) };
+    let path = folder.join(journal_name(segment.first));
+    let failed = |error| file_error("cannot mend", &path, &error);
+    if segment.clean_last != found.last {
+        // A snapshot reaches further, or what is used lies behind a bad place: a new file follows.
+        return Ok(());
+    }
+    let good = segment.bad.unwrap_or(segment.length);
+    let cut = segment.length - good;
+    if good < HEADER as u64 {
+        tracing::warn!(file = %path.display(), bytes = cut, "a file that was never used is removed");
+        disk.remove(&path).and_then(|()| disk.sync_folder(folder)).map_err(failed)?;
+        found.segments.pop();
+        return Ok(());
+    }
+    let mut file = disk.open(&path).map_err(failed)?;
+    if cut > 0 {
+        tracing::warn!(file = %path.display(), offset = good, bytes = cut, "an unfinished write is cut off");
+        file.truncate(good).and_then(|()| file.sync()).map_err(failed)?;
+    }
+    found.tail = Some((file, good));
+    Ok(())
+}

@@ -1,0 +1,94 @@
+//! Reading events and snapshots of a map, and writing a snapshot that is known to read back.
+//! Everything here blocks.
+
+use std::sync::Arc;
+
+use super::journal::Journal;
+use super::record::scan;
+use super::sealed::{seal_map, unseal_map, write};
+use super::{file_error, journal_name, snapshot_name};
+use crate::map::{Event, Map};
+use crate::store::encoding::decode_event;
+use crate::store::{Damage, StoreError, sequence_of};
+
+/// Snapshots that are kept: where the newest does not open, the one before it and the journal behind
+/// it still make the whole map.
+const KEPT_SNAPSHOTS: usize = 2;
+
+/// The events after `from` up to `last`, as far as they are contiguous.
+///
+/// # Errors
+/// [`StoreError::File`]; [`StoreError::Content`] for an event that cannot be decoded.
+pub(super) fn events(
+    journal: &Journal,
+    from: u64,
+    last: u64,
+) -> Result<Vec<Arc<Event>>, StoreError> {
+    let segments = journal.segments();
+    let mut events = Vec::new();
+    let mut next = from + 1;
+    // The file that holds `next`, and those after it.
+    let start = segments.iter().rposition(|&first| first <= next).unwrap_or(0);
+    for &first in &segments[start.min(segments.len())..] {
+        let path = journal.folder.join(journal_name(first));
+        let bytes = journal.disk.read(&path).map_err(|e| file_error("cannot read", &path, &e))?;
+        for record in scan(&bytes, &journal.uid, first).records {
+            if record.sequence != next || next > last {
+                continue;
+            }
+            let event = decode_event(&bytes[record.payload]).map_err(|error| {
+                let message = format!("event {next}: {error}");
+                StoreError::Content { path: path.display().to_string(), message }
+            })?;
+            events.push(Arc::new(event));
+            next += 1;
+        }
+    }
+    Ok(events)
+}
+
+/// The newest snapshot that opens; those that do not are set aside.
+///
+/// # Errors
+/// [`StoreError::File`].
+pub(super) fn newest_snapshot(journal: &Journal) -> Result<Option<Arc<Map>>, StoreError> {
+    loop {
+        let newest = journal.state().snapshots.last().copied();
+        let Some(sequence) = newest else { return Ok(None) };
+        let path = journal.folder.join(snapshot_name(sequence));
+        let bytes = journal.disk.read(&path).map_err(|e| file_error("cannot read", &path, &e))?;
+        match unseal_map(&bytes) {
+            Ok(map) => return Ok(Some(map)),
+            Err(reason) => {
+                tracing::error!(file = %path.display(), reason, "a snapshot does not open");
+                let file = path.display().to_string();
+                let mut state = journal.state();
+                state.snapshots.pop();
+                state.damage.push(Damage { file, offset: 0, lost: None });
+            }
+        }
+    }
+}
+
+/// Writes a snapshot, reads it back, and removes all but the newest ones.
+///
+/// # Errors
+/// [`StoreError::File`]; [`StoreError::Content`] where it does not read back, and is removed.
+pub(super) fn put_snapshot(journal: &Journal, map: &Map) -> Result<(), StoreError> {
+    let sequence = sequence_of(map.revision());
+    let path = journal.folder.join(snapshot_name(sequence));
+    write(&*journal.disk, &path, &seal_map(&journal.uid, map)?)?;
+    let bytes = journal.disk.read(&path).map_err(|e| file_error("cannot read", &path, &e))?;
+    if let Err(message) = unseal_map(&bytes) {
+        journal.disk.remove(&path).map_err(|e| file_error("cannot remove", &path, &e))?;
+        return Err(StoreError::Content { path: path.display().to_string(), message });
+    }
+    let mut snapshots = journal.state().snapshots.clone();
+    snapshots.push(sequence);
+    while snapshots.len() > KEPT_SNAPSHOTS {
+        let old = journal.folder.join(snapshot_name(snapshots.remove(0)));
+        journal.disk.remove(&old).map_err(|e| file_error("cannot remove", &old, &e))?;
+    }
+    journal.snapshot_taken(sequence, snapshots);
+    Ok(())
+}

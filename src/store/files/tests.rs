@@ -1,0 +1,10 @@
+//! The file store against crashes, faults and damage, on a disk that is made for it.
+
+mod crash;
+mod damage;
+mod fault;
+mod faulty;
+mod golden;
+mod record;
+mod rules;
+mod script;

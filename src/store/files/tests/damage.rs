@@ -1,0 +1,107 @@
+//! Flipped bits and lost files: found, named, confined to their map, never a wrong map.
+
+use super::faulty::{FaultyDisk, Survives};
+use super::script::{Model, event, fold, open, session, stored};
+use crate::store::{Store, StoreError};
+
+/// A closed session, with the last revision of each map.
+async fn closed() -> FaultyDisk {
+    let disk = FaultyDisk::new();
+    let mut model = Model::default();
+    session(&disk, &mut model).await.unwrap();
+    // The last marks are written after the acknowledgment.
+    let marks = || {
+        let files = disk.files().into_iter().filter(|(path, _)| path.ends_with("/durable"));
+        let mut last: Vec<u8> = files.map(|(_, bytes)| bytes[8]).collect();
+        last.sort_unstable();
+        last
+    };
+    while marks() != [2, 20] {
+        tokio::task::yield_now().await;
+    }
+    disk.after(Survives::Everything)
+}
+
+#[tokio::test]
+async fn a_flipped_bit_anywhere_is_found_and_named() {
+    let disk = closed().await;
+    let (mut frozen, mut mended) = (0, 0);
+    for (path, bytes) in disk.files() {
+        // Every byte of a head, and some of the rest.
+        let places = (0..bytes.len()).filter(|&at| at < 160 || at % 7 == 0);
+        for at in places {
+            let disk = disk.with_file(&path, |bytes| bytes[at] ^= 1 << (at % 8));
+            let what = format!("{path} at {at}");
+            let store = open(&disk).unwrap_or_else(|error| panic!("{what}: {error}"));
+            let names = store.list_maps().await.unwrap();
+            let lost_name = path.ends_with("/map") && names.len() == 1;
+            assert!(lost_name || names == ["a", "b"], "{what}: {names:?}");
+            let mut hurt = 0;
+            for name in names {
+                let (kind, last) = if name == "a" { (1, 20) } else { (3, 2) };
+                let map = match stored(&store, &name).await {
+                    Ok(map) => map,
+                    // A version that is not known: nobody touches it.
+                    Err(StoreError::Content { .. }) => {
+                        hurt += 1;
+                        continue;
+                    }
+                    Err(error) => panic!("{what}: {error}"),
+                };
+                let revision = map.revision();
+                assert_eq!(map.state_hash(), fold(revision, kind).state_hash(), "{what}");
+                let damage = store.damage(&name).await.unwrap();
+                hurt += usize::from(!damage.is_empty());
+                if revision == last {
+                    mended += usize::from(!damage.is_empty());
+                    continue;
+                }
+                // What is missing is told, and nothing is written over it.
+                let lost = damage.iter().find_map(|damage| damage.lost);
+                let first = u64::try_from(revision).unwrap() + 1;
+                let through = u64::try_from(last).unwrap();
+                let told = lost.is_some_and(|(from, to)| from == first && to <= through);
+                assert!(told, "{what}: at {revision} of {last}, told {damage:?}");
+                let epoch = store.acquire(&name).await.unwrap();
+                let next = vec![event(revision + 1, kind)];
+                let refused = store.append(&name, epoch, first - 1, next).await;
+                assert!(matches!(refused, Err(StoreError::Damaged { .. })), "{what}: {refused:?}");
+                frozen += 1;
+            }
+            assert!(hurt <= 1, "{what}: damage in one file hurts one map");
+        }
+    }
+    assert!(frozen > 20 && mended > 20, "{frozen} frozen, {mended} mended");
+}
+
+#[tokio::test]
+async fn a_lost_file_is_named() {
+    let whole = closed().await;
+    let mut logs: Vec<String> = whole.files().into_iter().map(|(path, _)| path).collect();
+    logs.retain(|path| path.ends_with(".log"));
+    for path in logs {
+        let disk = whole.with_file(&path, Vec::clear);
+        let store = open(&disk).unwrap();
+        for (name, kind, last) in [("a", 1, 20), ("b", 3, 2)] {
+            let map = stored(&store, name).await.unwrap();
+            assert_eq!(map.state_hash(), fold(map.revision(), kind).state_hash(), "{path}");
+            let damage = store.damage(name).await.unwrap();
+            let told = damage.iter().any(|damage| damage.lost.is_some());
+            assert_eq!(told, map.revision() < last, "{path}: {damage:?}");
+        }
+    }
+}
+
+#[tokio::test]
+async fn both_snapshots_gone_is_told() {
+    let disk = closed().await;
+    let mut hurt = disk.clone();
+    for (path, _) in disk.files().iter().filter(|(path, _)| path.ends_with(".snap")) {
+        hurt = hurt.with_file(path, |bytes| bytes.truncate(bytes.len() / 2));
+    }
+    let store = open(&hurt).unwrap();
+    store.acquire("a").await.unwrap();
+    let damage = store.damage("a").await.unwrap();
+    assert!(damage.iter().any(|damage| damage.lost.is_some_and(|(first, _)| first == 1)));
+    assert!(store.get_snapshot("a").await.unwrap().is_none());
+}
