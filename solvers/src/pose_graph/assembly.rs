@@ -37,20 +37,15 @@ pub(super) fn pair_term<G: LieGroup<N>, const N: usize>(
     }
 }
 
-/// Linearizes every edge into `blocks`, which has one entry an edge.
+/// Linearizes every edge into `blocks`, which has one entry an edge afterwards.
 pub(super) fn linearize_edges<G: LieGroup<N>, const N: usize>(
     edges: &[RelativePose<G, N>],
     poses: &[G],
     loss: Loss,
-    blocks: &mut [PairTerm<N>],
+    blocks: &mut Vec<PairTerm<N>>,
 ) {
-    blocks.par_chunks_mut(EDGES_PER_CHUNK).zip(edges.par_chunks(EDGES_PER_CHUNK)).for_each(
-        |(blocks, edges)| {
-            for (block, edge) in blocks.iter_mut().zip(edges) {
-                *block = pair_term(edge, (&poses[edge.i], &poses[edge.j]), loss);
-            }
-        },
-    );
+    let term = |edge: &RelativePose<G, N>| pair_term(edge, (&poses[edge.i], &poses[edge.j]), loss);
+    edges.par_iter().with_min_len(EDGES_PER_CHUNK).map(term).collect_into_vec(blocks);
 }
 
 /// ½ Σ ρ, summed within chunks in parallel, then over chunks in order.

@@ -55,8 +55,11 @@ pub(super) struct PoseGraphSystem<'a, G, const N: usize> {
 impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
     /// The system at the graph's poses; `graph` is valid and has a pose that may move.
     pub(super) fn new(graph: &'a mut PoseGraph<G, N>) -> Result<Self, SolveError> {
+        // Only a cost that is not finite is worth a search for the edge behind it.
         let not_finite = |edge| !edge_rho(edge, &graph.poses, graph.loss).is_finite();
-        if let Some(index) = graph.edges.iter().position(not_finite) {
+        if !cost(&graph.edges, &graph.poses, graph.loss).is_finite()
+            && let Some(index) = graph.edges.iter().position(not_finite)
+        {
             return Err(SolveError::ResidualNotFinite { factor: "edge", index });
         }
         let mut rows = 0;
@@ -81,7 +84,8 @@ impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
         let norm_squared: f64 = graph.poses.iter().map(|pose| pose.log().norm_squared()).sum();
         Ok(Self {
             backup: graph.poses.clone(),
-            edge_blocks: vec![PairTerm::zeros(); graph.edges.len()],
+            // Filled by the first linearization: the threads that use the memory touch it first.
+            edge_blocks: Vec::new(),
             row_of,
             incidences,
             hessian: BlockMatrix::new(pattern),
