@@ -131,6 +131,10 @@ fn lanczos<const D: usize>(factor: &mut Cholesky, x: &Lifted) -> (f64, Vec<f64>)
     for (b, &share) in basis.iter().zip(eigen.eigenvectors.column(top).iter()) {
         direction.iter_mut().zip(b).for_each(|(d, b)| *d += share * b);
     }
+    // Orthogonality holds for rotations alone and lets positions drift: once more, the best ones for
+    // these rotations.
+    direction.iter_mut().skip(D).step_by(D + 1).for_each(|position| *position = 0.0);
+    factor.solve(&mut direction);
     (eigen.eigenvalues[top], direction)
 }
 
