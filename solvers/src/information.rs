@@ -55,6 +55,11 @@ pub enum InformationError {
 fn symmetric<const N: usize>(
     matrix: &SMatrix<f64, N, N>,
 ) -> Result<SMatrix<f64, N, N>, InformationError> {
+    // Most are exactly symmetric; a number that is not finite makes the sum so.
+    let pairs = (0..N).all(|row| (0..row).all(|c| matrix[(row, c)] == matrix[(c, row)]));
+    if pairs && matrix.iter().map(|x| x.abs()).sum::<f64>().is_finite() {
+        return Ok(*matrix);
+    }
     for row in 0..N {
         for column in 0..N {
             if !matrix[(row, column)].is_finite() {
@@ -71,6 +76,14 @@ fn symmetric<const N: usize>(
         }
     }
     Ok((matrix + matrix.transpose()) * 0.5)
+}
+
+/// Whether a symmetric matrix is positive definite: its diagonal dominates, as in most files, or it has
+/// a Cholesky factor.
+fn is_definite<const N: usize>(matrix: &SMatrix<f64, N, N>) -> bool {
+    let dominates =
+        |c: usize| 2.0 * matrix[(c, c)] > matrix.column(c).iter().map(|x| x.abs()).sum::<f64>();
+    (0..N).all(dominates) || Cholesky::new(*matrix).is_some()
 }
 
 /// The smallest eigenvalue, the largest in magnitude, and the nearest matrix without negative ones
@@ -97,8 +110,11 @@ impl<const N: usize> Information<N> {
     /// [`InformationError`] says which of the three fails.
     pub fn new(matrix: &SMatrix<f64, N, N>) -> Result<Self, InformationError> {
         let matrix = symmetric(matrix)?;
-        Cholesky::new(matrix).ok_or(InformationError::NotPositiveDefinite)?;
-        Ok(Self(matrix))
+        if is_definite(&matrix) {
+            Ok(Self(matrix))
+        } else {
+            Err(InformationError::NotPositiveDefinite)
+        }
     }
 
     /// Checks that `matrix` is finite, symmetric and positive semi-definite: directions may have no
@@ -108,7 +124,7 @@ impl<const N: usize> Information<N> {
     /// [`InformationError`] says which of the three fails.
     pub fn semidefinite(matrix: &SMatrix<f64, N, N>) -> Result<Self, InformationError> {
         let matrix = symmetric(matrix)?;
-        if Cholesky::new(matrix).is_some() {
+        if is_definite(&matrix) {
             return Ok(Self(matrix));
         }
         let (smallest_eigenvalue, largest, nearest) = clipped(&matrix);

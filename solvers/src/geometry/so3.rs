@@ -10,6 +10,9 @@ use nalgebra::{Matrix3, Matrix4, Quaternion, SymmetricEigen, UnitQuaternion, Vec
 use super::LieGroup;
 use super::coefficients::RotationCoefficients;
 
+/// A matrix whose columns are orthonormal to this is a rotation, or mirrors.
+const ORTHONORMAL: f64 = 1e-14;
+
 /// θ² below which Exp takes sin(θ/2)/θ from its series; the term left out is below 3e-20.
 const EXP_SERIES_LIMIT: f64 = 1e-8;
 /// |v|² below which Log takes 2 atan(|v|/w)/|v| from its series; the term left out is below 1e-20.
@@ -79,6 +82,15 @@ impl So3 {
         };
         if !k.iter().all(|v| v.is_finite()) {
             return nan;
+        }
+        let is_rotation = (m.tr_mul(m) - Matrix3::identity()).amax() < ORTHONORMAL;
+        if is_rotation && m.determinant() > 0.0 {
+            // Then K + I = 4 q qᵀ, and its longest column is along q.
+            let longest = k.diagonal().imax();
+            k[(longest, longest)] += 1.0;
+            let q = k.column(longest);
+            let q = if q.w < 0.0 { -q } else { q.into_owned() };
+            return Self::from_quaternion_xyzw(q.x, q.y, q.z, q.w).unwrap_or(nan);
         }
         let Some(eigen) = SymmetricEigen::try_new(k, f64::EPSILON, MAX_EIGEN_SWEEPS) else {
             return nan;

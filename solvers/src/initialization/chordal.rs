@@ -10,12 +10,16 @@
 use std::sync::Arc;
 
 use nalgebra::{SMatrix, SVector};
+use rayon::prelude::*;
 
 use crate::factors::RelativePose;
 use crate::geometry::RigidMotion;
 use crate::information::Information;
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky, LinearError};
 use crate::problem::{PoseGraph, SolveError};
+
+/// Edges that a task looks at at least.
+const MIN_EDGES: usize = 256;
 
 /// The isotropic precisions that are fitted to a factor's information matrix.
 ///
@@ -35,9 +39,7 @@ impl IsotropicPrecision {
     pub fn of<const D: usize, const N: usize>(information: &Information<N>) -> Self {
         let omega = information.matrix();
         let inverse_trace = |first: usize| {
-            let block = SMatrix::<f64, D, D>::from_fn(|r, c| omega[(first + r, first + c)]);
-            // A block without information in some direction has no bound to its inverse: precision 0.
-            block.cholesky().map_or(f64::INFINITY, |factor| factor.inverse().trace())
+            inverse_trace(&SMatrix::<f64, D, D>::from_fn(|r, c| omega[(first + r, first + c)]))
         };
         let translation = D as f64 / inverse_trace(0);
         let rotation = match N - D {
@@ -47,6 +49,26 @@ impl IsotropicPrecision {
         };
         Self { translation, rotation }
     }
+}
+
+/// tr Ω⁻¹; infinite for a block without information in some direction: its inverse has no bound.
+fn inverse_trace<const D: usize>(omega: &SMatrix<f64, D, D>) -> f64 {
+    let minor = |i: usize, j: usize| omega[(i, i)] * omega[(j, j)] - omega[(i, j)] * omega[(j, i)];
+    // The sum of the principal minors of one order less, over the determinant.
+    let (sum, determinant, is_definite) = match D {
+        2 => (omega.trace(), minor(0, 1), omega[(0, 0)] > 0.0),
+        3 => {
+            let cofactor = |c: usize| {
+                let (a, b) = ((c + 1) % 3, (c + 2) % 3);
+                omega[(1, a)] * omega[(2, b)] - omega[(1, b)] * omega[(2, a)]
+            };
+            let determinant: f64 = (0..3).map(|c| omega[(0, c)] * cofactor(c)).sum();
+            let is_definite = omega[(0, 0)] > 0.0 && minor(0, 1) > 0.0;
+            (minor(0, 1) + minor(1, 2) + minor(0, 2), determinant, is_definite)
+        }
+        _ => return omega.cholesky().map_or(f64::INFINITY, |factor| factor.inverse().trace()),
+    };
+    if is_definite && determinant > 0.0 { sum / determinant } else { f64::INFINITY }
 }
 
 /// Replaces every pose that is not constant by its chordal start.
@@ -174,9 +196,15 @@ fn relaxed_rotations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
             }
         }
     };
-    for edge in graph.edges.iter().filter(|edge| edge.i != edge.j) {
+    let factor = |edge: &RelativePose<G, N>| {
         let kappa = IsotropicPrecision::of::<D, N>(&edge.information).rotation;
-        let z = edge.i_from_j.rotation_matrix();
+        (kappa, edge.i_from_j.rotation_matrix())
+    };
+    let factors: Vec<_> = graph.edges.par_iter().with_min_len(MIN_EDGES).map(factor).collect();
+    for (edge, &(kappa, z)) in graph.edges.iter().zip(&factors) {
+        if edge.i == edge.j {
+            continue;
+        }
         let (i, j) = (rows.of[edge.i], rows.of[edge.j]);
         for row in [i, j].into_iter().flatten() {
             system.add(row, row, &(SMatrix::identity() * kappa));
@@ -205,13 +233,18 @@ fn translations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
 ) -> Result<Vec<SVector<f64, D>>, SolveError> {
     system.matrix.set_zero();
     let mut right = vec![0.0; D * rows.poses.len()];
-    for edge in graph.edges.iter().filter(|edge| edge.i != edge.j) {
+    let factor = |edge: &RelativePose<G, N>| {
         let rotation = poses[edge.i].rotation_matrix();
         let omega = edge.information.matrix();
         let omega = SMatrix::<f64, D, D>::from_fn(|r, c| omega[(r, c)]);
-        let weight = rotation * omega * rotation.transpose();
         // t_j − t_i should be R_i t_Z.
-        let measured = rotation * edge.i_from_j.translation();
+        (rotation * omega * rotation.transpose(), rotation * edge.i_from_j.translation())
+    };
+    let factors: Vec<_> = graph.edges.par_iter().with_min_len(MIN_EDGES).map(factor).collect();
+    for (edge, &(weight, measured)) in graph.edges.iter().zip(&factors) {
+        if edge.i == edge.j {
+            continue;
+        }
         let (i, j) = (rows.of[edge.i], rows.of[edge.j]);
         let held = |pose: usize, row: Option<usize>| match row {
             None => graph.poses[pose].translation(),

@@ -5,9 +5,15 @@
 //! still, as in a graph that was solved before. It weighs all closures alike: where some may be
 //! false, start from the odometry.
 
+use rayon::prelude::*;
+
 use super::{chordal, odometry, spanning_tree};
+use crate::factors::RelativePose;
 use crate::geometry::RigidMotion;
 use crate::problem::{PoseGraph, SolveError};
+
+/// Edges that a task sums at a time; part of the definition of the cost.
+const EDGES_PER_CHUNK: usize = 128;
 
 /// Where the poses come from that a solve starts with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -76,11 +82,13 @@ fn automatic<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     }
 }
 
-/// ½ Σ ρ(rᵀΩr) at the poses of `graph`.
+/// ½ Σ ρ(rᵀΩr) at the poses of `graph`, summed within fixed chunks, then over them.
 fn cost<G: RigidMotion<D, N>, const D: usize, const N: usize>(graph: &PoseGraph<G, N>) -> f64 {
-    let rho = |edge: &crate::factors::RelativePose<G, N>| {
+    let rho = |edge: &RelativePose<G, N>| {
         let residual = edge.residual(&graph.poses[edge.i], &graph.poses[edge.j]);
         graph.loss.evaluate(edge.information.squared_norm(&residual)).rho
     };
-    0.5 * graph.edges.iter().map(rho).sum::<f64>()
+    let chunks = graph.edges.par_chunks(EDGES_PER_CHUNK);
+    let sums: Vec<f64> = chunks.map(|edges| edges.iter().map(rho).sum()).collect();
+    0.5 * sums.iter().sum::<f64>()
 }
