@@ -55,7 +55,7 @@ fn a_durable_server_says_so_and_brings_its_maps_back() {
         let durable: Vec<i64> = durable.map(|ack| ack.sequence).collect();
         assert_eq!(durable.last(), Some(&7), "{durable:?}");
         assert!(durable.is_sorted(), "{durable:?}");
-        let get = v1::GetMapRequest { map_id: "house".to_owned() };
+        let get = v1::GetMapRequest { map_id: "house".to_owned(), ..Default::default() };
         let before = server.maps().get_map(get.clone()).await.unwrap().into_inner().map.unwrap();
         let second = covis::service::ServerConfig {
             data_dir: Some(path.clone()),

@@ -56,7 +56,10 @@ fn a_replayed_file_ends_where_ceres_ends() {
         let rmse = (2.0 * after / number(&json, "observations")).sqrt();
         assert!(close(number(&json, "rmse_px_after"), rmse, 1e-9));
         let mut maps = server.maps();
-        let map = maps.get_map(covis::wire::v1::GetMapRequest { map_id: "twin".into() });
+        let map = maps.get_map(covis::wire::v1::GetMapRequest {
+            map_id: "twin".into(),
+            ..Default::default()
+        });
         let counts = map.await.unwrap().into_inner().map.unwrap().counts.unwrap();
         assert_eq!((counts.keyframe_count, counts.landmark_count), (6, 80));
     });
