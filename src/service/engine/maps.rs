@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::Duration;
 
 use sha2::{Digest as _, Sha256};
 use tokio::sync::{mpsc, watch};
@@ -16,6 +17,7 @@ use tracing::Instrument;
 use super::actor::{Actor, report_bug};
 use super::durable::{DurableAcks, Snapshots};
 use super::handle::{Control, Shared};
+use super::items::{Unsolved, unsolved};
 use super::journal::{replay, stored, unix_time_ns};
 use super::schedule::Schedule;
 use super::streams::Streams;
@@ -59,6 +61,7 @@ struct Start {
     refusal: Option<EngineError>,
     /// Revision of the snapshot that it was made from.
     snapshot: i64,
+    unsolved: Vec<Unsolved>,
     flushed: watch::Receiver<Flushed>,
 }
 
@@ -117,6 +120,7 @@ impl Maps {
                     state: MapState::Poisoned,
                     refusal: Some(EngineError::Store(error)),
                     snapshot: 0,
+                    unsolved: Vec::new(),
                     flushed: watch::channel(Flushed::default()).1,
                 }
             }
@@ -160,6 +164,10 @@ impl Maps {
             None if refusal.is_some() => MapState::Poisoned,
             None => MapState::Open,
         };
+        let unsolved = match state {
+            MapState::Open => unsolved(&map, &events),
+            MapState::Poisoned => Vec::new(),
+        };
         Ok(Some(Start {
             name: name.to_owned(),
             display_name: String::new(),
@@ -168,6 +176,7 @@ impl Maps {
             state,
             refusal,
             snapshot,
+            unsolved,
             flushed,
         }))
     }
@@ -212,6 +221,7 @@ impl Maps {
             state: MapState::Open,
             refusal: None,
             snapshot: 0,
+            unsolved: Vec::new(),
             flushed,
         };
         let handle = self.spawn(start);
@@ -267,8 +277,9 @@ impl Maps {
     }
 
     /// Finishes queued items and the solves that they start, then stops the engines and closes the
-    /// store. Streams end with [`EngineError::ShuttingDown`].
-    pub async fn shutdown(&self) {
+    /// store. Streams end with [`EngineError::ShuttingDown`]. What is not finished within `budget` is
+    /// dropped; what was accepted by then is made durable in any case.
+    pub async fn shutdown(&self, budget: Duration) {
         self.inner.closing.store(true, Ordering::Release);
         let ends = self.list().into_iter().map(|handle| async move {
             let (reply, ended) = tokio::sync::oneshot::channel();
@@ -277,7 +288,10 @@ impl Maps {
                 let _ended = ended.await;
             }
         });
-        futures_util::future::join_all(ends).await;
+        let ends = futures_util::future::join_all(ends);
+        if tokio::time::timeout(budget, ends).await.is_err() {
+            tracing::warn!("solves were still running, their results are dropped");
+        }
         self.inner.store.close().await;
     }
 
@@ -315,6 +329,7 @@ impl Maps {
             schedule: Schedule::default(),
             running: None,
             job: None,
+            unsolved: start.unsolved,
             drained: false,
             closing: Vec::new(),
         };
