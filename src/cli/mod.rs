@@ -13,6 +13,7 @@ pub mod output;
 pub mod progress;
 pub mod replay;
 mod serve;
+mod signals;
 mod solve;
 
 use std::path::PathBuf;

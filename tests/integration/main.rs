@@ -22,6 +22,7 @@ mod proto_compat;
 mod proxy;
 mod reference;
 mod replay;
+mod replay_broken;
 mod rpc_bad_input;
 mod rpc_export;
 mod rpc_ingest;
