@@ -11,6 +11,7 @@ mod cli_support;
 mod client;
 mod common;
 mod demo;
+mod doctor;
 mod durable;
 mod engine;
 mod map_check;
