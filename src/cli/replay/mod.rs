@@ -176,7 +176,7 @@ async fn create_map(
     policy: Option<v1::MapPolicy>,
     retry: RetryPolicy,
 ) -> anyhow::Result<()> {
-    match retry.run(|| client.create_map(map_id, policy.clone())).await {
+    match retry.run(|| client.create_map(map_id, policy)).await {
         // An attempt whose answer was lost has made it.
         Err(error) if error.code() == Some(Code::AlreadyExists) => Ok(()),
         created => Ok(created.map(drop)?),

@@ -173,7 +173,7 @@ pub(super) fn unsolved(map: &Map, events: &[Arc<Event>]) -> Vec<Unsolved> {
         let Some(Cause { client, sequence, .. }) = event.cause else { continue };
         match added(&event.change) {
             Added::Other => {}
-            added => {
+            added @ (Added::Views(_) | Added::Loop) => {
                 last.insert(client, Unsolved { client, sequence, added });
             }
         }
