@@ -84,7 +84,7 @@ pub(super) fn content(change: &Change) -> Digest {
 impl Map {
     /// SHA-256 over the whole state, bit exact.
     ///
-    /// Only the creation time is left out, so that two runs on the same input compare equal; the
+    /// Times and the display name are left out, so that two runs on the same input compare equal; the
     /// covisibility counts are left out because the observations determine them.
     #[must_use]
     pub fn state_hash(&self) -> [u8; 32] {

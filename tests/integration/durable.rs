@@ -42,7 +42,12 @@ fn a_durable_server_says_so_and_brings_its_maps_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().to_owned();
         let server = TestServer::with(|config| config.data_dir = Some(path.clone())).await;
-        server.create_map("house").await;
+        let create = v1::CreateMapRequest {
+            map_id: "house".to_owned(),
+            display_name: "Our house".to_owned(),
+            policy: None,
+        };
+        server.maps().create_map(create).await.unwrap();
         let (stream, opened) = Stream::open(&server, "house", "robot", 0).await;
         assert_eq!(opened.durability(), v1::Durability::Disk);
         stream.send(1, Item::Camera(camera(0))).await;
@@ -73,6 +78,8 @@ fn a_durable_server_says_so_and_brings_its_maps_back() {
             (&after.uid, after.revision, &after.counts),
             (&before.uid, before.revision, &before.counts)
         );
+        assert_eq!((&*after.display_name, after.update_time), ("Our house", before.update_time));
+        assert_ne!(after.update_time, after.create_time);
         // A re-sent item is durable already, and told so.
         let (stream, opened) = Stream::open(&server, "house", "robot", 0).await;
         assert_eq!(opened.next_sequence, 8);

@@ -36,8 +36,6 @@ pub(super) struct Actor {
     pub(super) pool: Arc<SolverPool>,
     /// The store's epoch, which fences other writers.
     pub(super) store_epoch: Epoch,
-    pub(super) display_name: String,
-    pub(super) update_time_ns: i64,
     pub(super) map: Arc<Map>,
     pub(super) state: MapState,
     /// Why the map takes no changes, where that is not a bug.
@@ -177,10 +175,8 @@ impl Actor {
         MapInfo {
             name: self.shared.name.clone(),
             uid: self.shared.uid.clone(),
-            display_name: self.display_name.clone(),
             snapshot: Arc::clone(&self.map),
             state: self.state,
-            update_time_ns: self.update_time_ns,
         }
     }
 

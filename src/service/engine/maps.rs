@@ -54,7 +54,6 @@ impl fmt::Debug for Maps {
 /// What an engine starts from.
 struct Start {
     name: String,
-    display_name: String,
     epoch: Epoch,
     map: Map,
     state: MapState,
@@ -114,7 +113,6 @@ impl Maps {
                 tracing::error!(map = name, %error, "a map cannot be opened");
                 Start {
                     name,
-                    display_name: String::new(),
                     epoch: Epoch::default(),
                     map: Map::new(),
                     state: MapState::Poisoned,
@@ -170,7 +168,6 @@ impl Maps {
         };
         Ok(Some(Start {
             name: name.to_owned(),
-            display_name: String::new(),
             epoch,
             map,
             state,
@@ -200,8 +197,10 @@ impl Maps {
             Err(StoreError::MapExists { map }) => return Err(EngineError::MapExists { map }),
             epoch => epoch?,
         };
-        let change = Change::Created { policy, create_time_ns: self.create_time_ns() };
-        let event = Event { revision: 1, cause: None, change };
+        let create_time_ns = self.create_time_ns();
+        let display_name = display_name.to_owned();
+        let change = Change::Created { policy, create_time_ns, display_name };
+        let event = Event { revision: 1, time_ns: create_time_ns, cause: None, change };
         let mut map = Map::new();
         if let Err(error) = map.apply(&event) {
             return Err(EngineError::Journal { map: name.to_owned(), error });
@@ -211,11 +210,10 @@ impl Maps {
             store.delete_map(name).await?;
             return Err(error.into());
         }
-        let (name, display_name) = (name.to_owned(), display_name.to_owned());
+        let name = name.to_owned();
         let flushed = store.follow(&name).await?;
         let start = Start {
             name,
-            display_name,
             epoch,
             map,
             state: MapState::Open,
@@ -313,8 +311,6 @@ impl Maps {
             store: Arc::clone(store),
             pool: Arc::clone(pool),
             store_epoch: start.epoch,
-            display_name: start.display_name,
-            update_time_ns: start.map.create_time_ns(),
             last_solve_id: start.map.solve_count(),
             map: Arc::new(start.map),
             state: start.state,
