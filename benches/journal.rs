@@ -123,8 +123,12 @@ async fn snapshot(folder: &Path) -> Result<String, Failure> {
 fn event(revision: i64) -> Event {
     let id = |id| EntityId::new(ClientIndex(0), id);
     if revision == 1 {
-        let change = Change::Created { policy: MapPolicy::default(), create_time_ns: 1 };
-        return Event { revision, cause: None, change };
+        let change = Change::Created {
+            policy: MapPolicy::default(),
+            create_time_ns: 1,
+            display_name: String::new(),
+        };
+        return Event { revision, time_ns: 0, cause: None, change };
     }
     let observations = (0..200).map(|k| Observation {
         landmark: id(revision * 50 + k),
@@ -142,7 +146,7 @@ fn event(revision: i64) -> Event {
         observations: observations.collect(),
         landmarks: Vec::new(),
     };
-    Event { revision, cause: None, change }
+    Event { revision, time_ns: 0, cause: None, change }
 }
 
 async fn appends(folder: &Path, maps: usize, each: usize, in_flight: u64) -> Result<f64, Failure> {

@@ -101,6 +101,15 @@ struct Document {
     clients: Vec<ClientDocument>,
     #[serde(skip_serializing_if = "Option::is_none")]
     landmark_bounds: Option<[[f64; 3]; 2]>,
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    digests: Option<Digests>,
+}
+
+/// What `show` adds: SHA-256 in hex, as `GetMapResponse` describes them.
+#[derive(Debug, Serialize)]
+struct Digests {
+    keyframe_ids_digest: String,
+    state_hash: String,
 }
 
 #[derive(Debug, Serialize)]
@@ -137,7 +146,12 @@ async fn act(args: Args, config: &Config) -> anyhow::Result<ExitCode> {
             print(text)?;
         }
         Action::Show { name } => {
-            let map = Document::from(client.get_map(&name).await?);
+            let (map, digests) = client.get_map_digests(&name).await?;
+            let digests = Some(Digests {
+                keyframe_ids_digest: hex(&digests.keyframe_ids_digest),
+                state_hash: hex(&digests.state_hash),
+            });
+            let map = Document { digests, ..Document::from(map) };
             let text = if args.json { serde_json::to_string(&map)? } else { details(&map) };
             print(text)?;
         }
@@ -237,8 +251,13 @@ impl From<v1::Map> for Document {
                 })
                 .collect(),
             landmark_bounds: bounds.and_then(|b| Some([corner(b.min)?, corner(b.max)?])),
+            digests: None,
         }
     }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn table(maps: &[Document]) -> String {
@@ -278,6 +297,9 @@ fn details(map: &Document) -> String {
     if let Some([min, max]) = map.landmark_bounds {
         let corner = |c: [f64; 3]| format!("({:.3}, {:.3}, {:.3})", c[0], c[1], c[2]);
         rows.push(("bounds (m)", format!("{} to {}", corner(min), corner(max))));
+    }
+    if let Some(digests) = &map.digests {
+        rows.push(("state hash", digests.state_hash.clone()));
     }
     for c in &map.clients {
         let text = format!("{}, epoch {}, goes on at {}", c.client, c.epoch, c.next_sequence);

@@ -6,6 +6,7 @@
 
 pub mod config;
 pub mod demo;
+mod doctor;
 mod eval;
 mod logging;
 pub mod map;
@@ -13,6 +14,7 @@ pub mod output;
 pub mod progress;
 pub mod replay;
 mod serve;
+mod signals;
 mod solve;
 
 use std::path::PathBuf;
@@ -46,6 +48,8 @@ enum Command {
     Solve(solve::Args),
     /// List, show, delete or export the maps of a server.
     Map(map::Args),
+    /// Look at a data directory without a server: verify, report, repair.
+    Doctor(doctor::Args),
     /// Compare trajectories: absolute (APE) or relative pose error (RPE).
     Eval(eval::Args),
     /// Run a whole session on a synthetic scene, server included.
@@ -58,7 +62,9 @@ impl Command {
         match self {
             Self::Serve(args) => args.layer(),
             Self::Solve(args) => args.layer(),
-            Self::Replay(_) | Self::Map(_) | Self::Eval(_) | Self::Demo(_) => Layer::default(),
+            Self::Replay(_) | Self::Map(_) | Self::Doctor(_) | Self::Eval(_) | Self::Demo(_) => {
+                Layer::default()
+            }
         }
     }
 }
@@ -88,6 +94,7 @@ fn dispatch(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Replay(args) => replay::run(args, &config),
         Command::Solve(args) => solve::run(args, &config),
         Command::Map(args) => map::run(args, &config),
+        Command::Doctor(args) => doctor::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Demo(args) => demo::run(args, &config),
     }

@@ -5,7 +5,6 @@
 //! the process at once.
 
 use std::ffi::OsString;
-use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -14,6 +13,7 @@ use tokio::net::TcpListener;
 
 use super::config::{Config, Layer};
 use super::output::{ClosedPipe, print};
+use super::signals::Signals;
 use crate::service::engine::EngineConfig;
 use crate::service::{Server, ServerConfig};
 
@@ -126,48 +126,5 @@ pub(super) fn server_config(config: &Config) -> ServerConfig {
         engine,
         test_fault: config.test_fault.clone(),
         ..ServerConfig::default()
-    }
-}
-
-/// Interrupts and, on Unix, SIGTERM.
-#[cfg(unix)]
-struct Signals {
-    interrupt: tokio::signal::unix::Signal,
-    terminate: tokio::signal::unix::Signal,
-}
-
-#[cfg(unix)]
-impl Signals {
-    fn new() -> io::Result<Self> {
-        use tokio::signal::unix::{SignalKind, signal};
-        let interrupt = signal(SignalKind::interrupt())?;
-        Ok(Self { interrupt, terminate: signal(SignalKind::terminate())? })
-    }
-
-    /// Waits for the next signal and names it.
-    async fn next(&mut self) -> &'static str {
-        tokio::select! {
-            _ = self.interrupt.recv() => "interrupt",
-            _ = self.terminate.recv() => "SIGTERM",
-        }
-    }
-}
-
-/// Interrupts.
-#[cfg(not(unix))]
-struct Signals;
-
-#[cfg(not(unix))]
-impl Signals {
-    fn new() -> io::Result<Self> {
-        Ok(Self)
-    }
-
-    /// Waits for the next interrupt.
-    async fn next(&mut self) -> &'static str {
-        if tokio::signal::ctrl_c().await.is_err() {
-            std::future::pending::<()>().await;
-        }
-        "interrupt"
     }
 }

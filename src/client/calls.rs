@@ -27,6 +27,15 @@ pub struct Landmarks {
     pub landmarks: Vec<v1::Landmark>,
 }
 
+/// Digests of one revision of a map; what goes into them is in `map_service.proto`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MapDigests {
+    /// SHA-256 over all that the map holds.
+    pub state_hash: Vec<u8>,
+    /// SHA-256 over the ids of its keyframes.
+    pub keyframe_ids_digest: Vec<u8>,
+}
+
 impl Client {
     /// Version, limits, durability and features of the server.
     ///
@@ -58,10 +67,31 @@ impl Client {
     /// # Errors
     /// The codes of `GetMap`.
     pub async fn get_map(&self, map_id: &str) -> Result<v1::Map, ClientError> {
+        Ok(self.get_map_answer(map_id, false).await?.0)
+    }
+
+    /// As [`Client::get_map`], with digests by which maps of servers of one version are compared.
+    ///
+    /// # Errors
+    /// The codes of `GetMap`.
+    pub async fn get_map_digests(
+        &self,
+        map_id: &str,
+    ) -> Result<(v1::Map, MapDigests), ClientError> {
+        self.get_map_answer(map_id, true).await
+    }
+
+    async fn get_map_answer(
+        &self,
+        map_id: &str,
+        include_digests: bool,
+    ) -> Result<(v1::Map, MapDigests), ClientError> {
         const RPC: &str = "GetMap";
-        let request = v1::GetMapRequest { map_id: map_id.to_owned() };
+        let request = v1::GetMapRequest { map_id: map_id.to_owned(), include_digests };
         let answer = self.map_service().get_map(request).await.map_err(ClientError::rpc(RPC))?;
-        answer.into_inner().map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })
+        let v1::GetMapResponse { map, state_hash, keyframe_ids_digest } = answer.into_inner();
+        let map = map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })?;
+        Ok((map, MapDigests { state_hash, keyframe_ids_digest }))
     }
 
     /// As [`Client::get_map`], `None` where there is no such map.

@@ -34,7 +34,7 @@ use v1::map_service_client::MapServiceClient;
 use v1::optimization_service_client::OptimizationServiceClient;
 use v1::server_service_client::ServerServiceClient;
 
-pub use calls::{Landmarks, Trajectory};
+pub use calls::{Landmarks, MapDigests, Trajectory};
 pub use error::{ClientError, describe_violation};
 pub use export::MapExport;
 pub use ingest::{

@@ -2,10 +2,13 @@
 //!
 //! Attempt k waits min(first · 2^k, longest), shortened at random by up to a half so that many
 //! robots do not come back in one instant; never less than what the server asked for. Attempts are
-//! counted since the last progress, so that a long session survives many short outages.
+//! counted since the last progress, so that a long session survives many short outages; the time is
+//! counted since the link broke.
 
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::time::Duration;
+
+use tokio::time::Instant;
 
 use super::ClientError;
 
@@ -18,6 +21,8 @@ pub struct RetryPolicy {
     pub first_delay: Duration,
     /// Longest wait (5 s).
     pub longest_delay: Duration,
+    /// How long a link may be broken before a session fails (no limit).
+    pub give_up_after: Option<Duration>,
 }
 
 impl Default for RetryPolicy {
@@ -26,6 +31,27 @@ impl Default for RetryPolicy {
             max_attempts: 8,
             first_delay: Duration::from_millis(100),
             longest_delay: Duration::from_secs(5),
+            give_up_after: None,
+        }
+    }
+}
+
+impl RetryPolicy {
+    /// Makes a call, and again while it fails for a reason that may pass. The call must be one that
+    /// may be made twice.
+    ///
+    /// # Errors
+    /// What the call ended with; [`ClientError::RetriesExhausted`].
+    pub async fn run<T, F>(self, mut call: impl FnMut() -> F) -> Result<T, ClientError>
+    where
+        F: Future<Output = Result<T, ClientError>>,
+    {
+        let mut retries = Retries::new(self);
+        loop {
+            match call().await {
+                Ok(answer) => return Ok(answer),
+                Err(error) => retries.wait(error).await?,
+            }
         }
     }
 }
@@ -35,11 +61,18 @@ impl Default for RetryPolicy {
 pub(super) struct Retries {
     policy: RetryPolicy,
     failed: u32,
+    /// When the link broke; `None` while it stands.
+    broken_since: Option<Instant>,
 }
 
 impl Retries {
     pub(super) fn new(policy: RetryPolicy) -> Self {
-        Self { policy, failed: 0 }
+        Self { policy, failed: 0, broken_since: None }
+    }
+
+    /// The link stands again. The attempts still count: it may break at once.
+    pub(super) fn opened(&mut self) {
+        self.broken_since = None;
     }
 
     /// Forgets the failures so far.
@@ -53,11 +86,14 @@ impl Retries {
             return Err(error);
         }
         self.failed += 1;
-        if self.failed >= self.policy.max_attempts {
+        let since = *self.broken_since.get_or_insert_with(Instant::now);
+        let left = self.policy.give_up_after.map(|limit| limit.saturating_sub(since.elapsed()));
+        if self.failed >= self.policy.max_attempts || left == Some(Duration::ZERO) {
             let (attempts, last) = (self.failed, Box::new(error));
             return Err(ClientError::RetriesExhausted { attempts, last });
         }
         let delay = self.delay(jitter()).max(error.retry_delay().unwrap_or_default());
+        let delay = left.map_or(delay, |left| delay.min(left));
         tracing::debug!(%error, ?delay, attempt = self.failed, "trying again");
         tokio::time::sleep(delay).await;
         Ok(())
@@ -101,6 +137,7 @@ mod tests {
             max_attempts: 2,
             first_delay: Duration::ZERO,
             longest_delay: Duration::ZERO,
+            give_up_after: None,
         };
         let broken = || ClientError::rpc("Ingest")(tonic::Status::unavailable("gone"));
         let mut retries = Retries::new(policy);
@@ -110,5 +147,16 @@ mod tests {
         let error = retries.wait(broken()).await.unwrap_err();
         assert!(matches!(error, ClientError::RetriesExhausted { attempts: 2, .. }), "{error}");
         assert!(matches!(retries.wait(ClientError::Closed).await, Err(ClientError::Closed)));
+        let policy = RetryPolicy { give_up_after: Some(Duration::ZERO), ..RetryPolicy::default() };
+        let mut calls = 0;
+        let answer: Result<(), _> = policy
+            .run(|| {
+                calls += 1;
+                std::future::ready(Err(broken()))
+            })
+            .await;
+        let error = answer.unwrap_err();
+        assert!(matches!(error, ClientError::RetriesExhausted { attempts: 1, .. }), "{error}");
+        assert_eq!(calls, 1);
     }
 }

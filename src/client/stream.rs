@@ -86,6 +86,7 @@ impl Session {
             return Err(protocol("the stream did not begin with opened"));
         };
         self.check_resumed(&answer)?;
+        self.retries.opened();
         self.epoch = self.epoch.max(answer.epoch);
         self.outbox.rewind(answer.durability() != v1::Durability::InMemory);
         if self.first.is_some() {

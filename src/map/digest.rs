@@ -84,7 +84,7 @@ pub(super) fn content(change: &Change) -> Digest {
 impl Map {
     /// SHA-256 over the whole state, bit exact.
     ///
-    /// Only the creation time is left out, so that two runs on the same input compare equal; the
+    /// Times and the display name are left out, so that two runs on the same input compare equal; the
     /// covisibility counts are left out because the observations determine them.
     #[must_use]
     pub fn state_hash(&self) -> [u8; 32] {
@@ -118,6 +118,61 @@ impl Map {
             hash.id(id);
             hash.landmark(landmark);
         }
+        self.hash_constraints(&mut hash);
+        hash.length(self.contents.len());
+        for (&(kind, id), digest) in &self.contents {
+            hash.tag(kind as u8);
+            hash.id(id);
+            hash.0.update(digest);
+        }
+        hash.finish()
+    }
+
+    /// SHA-256 over what the map holds, bit exact, whatever way led there: clients by name, cameras,
+    /// keyframes, landmarks, constraints, those that are switched off, priors.
+    ///
+    /// Revisions, epochs and sequences are left out, so that a stream that broke and was resumed
+    /// compares equal to one that did not.
+    #[must_use]
+    pub fn content_hash(&self) -> [u8; 32] {
+        let mut hash = Hash::new();
+        hash.length(self.clients.len());
+        self.clients.iter().for_each(|client| hash.text(&client.name));
+        hash.length(self.cameras.len());
+        for (&id, camera) in &self.cameras {
+            hash.id(id);
+            hash.camera_entity(camera);
+        }
+        hash.length(self.keyframes.len());
+        for (&id, keyframe) in &self.keyframes {
+            hash.id(id);
+            hash.keyframe_content(keyframe);
+        }
+        hash.length(self.landmarks.len());
+        for (&id, landmark) in &self.landmarks {
+            hash.id(id);
+            hash.landmark_content(landmark);
+        }
+        self.hash_constraints(&mut hash);
+        hash.finish()
+    }
+
+    /// SHA-256 over the ids of all keyframes by client name, then id: the name as text, the id as
+    /// eight bytes.
+    #[must_use]
+    pub fn keyframe_ids_digest(&self) -> [u8; 32] {
+        let name = |id: &EntityId| self.client(id.client).map_or("", |client| &client.name);
+        let mut ids: Vec<(&str, i64)> = self.keyframes.keys().map(|id| (name(id), id.id)).collect();
+        ids.sort_unstable();
+        let mut hash = Hash::new();
+        for (client, id) in ids {
+            hash.text(client);
+            hash.i64(id);
+        }
+        hash.finish()
+    }
+
+    fn hash_constraints(&self, hash: &mut Hash) {
         hash.length(self.constraints.len());
         for (&id, constraint) in &self.constraints {
             hash.id(id);
@@ -134,13 +189,6 @@ impl Map {
             hash.id(id);
             hash.prior(prior);
         }
-        hash.length(self.contents.len());
-        for (&(kind, id), digest) in &self.contents {
-            hash.tag(kind as u8);
-            hash.id(id);
-            hash.0.update(digest);
-        }
-        hash.finish()
     }
 }
 
@@ -317,21 +365,29 @@ impl Hash {
     }
 
     fn keyframe(&mut self, keyframe: &Keyframe) {
+        self.keyframe_content(keyframe);
+        self.i64(keyframe.added_revision);
+    }
+
+    fn keyframe_content(&mut self, keyframe: &Keyframe) {
         self.i64(keyframe.capture_time_ns);
         self.optional_id(keyframe.camera);
         self.pose(&keyframe.world_from_camera);
         self.pose(&keyframe.odom_from_camera);
         self.observations(&keyframe.observations);
-        self.i64(keyframe.added_revision);
     }
 
     fn landmark(&mut self, landmark: &Landmark) {
+        self.landmark_content(landmark);
+        self.i64(landmark.added_revision);
+        self.i64(landmark.positioned_revision);
+    }
+
+    fn landmark_content(&mut self, landmark: &Landmark) {
         self.optional_vector(landmark.position.as_ref());
         self.optional_vector(landmark.sent_position.as_ref());
         self.optional_id(landmark.reference);
         self.ids(&landmark.observers);
-        self.i64(landmark.added_revision);
-        self.i64(landmark.positioned_revision);
     }
 
     fn constraint(&mut self, constraint: &Constraint) {

@@ -16,6 +16,8 @@ use super::{
 pub struct Event {
     /// The map's revision after the event: 1 for the first, one more with each.
     pub revision: i64,
+    /// Unix time in nanoseconds by the server's clock; 0 where it was not recorded.
+    pub time_ns: i64,
     /// The client item that caused it; `None` for the server's own events.
     pub cause: Option<Cause>,
     /// What changed.
@@ -87,6 +89,8 @@ pub enum Change {
         policy: MapPolicy,
         /// Unix time in nanoseconds by the server's clock.
         create_time_ns: i64,
+        /// Free text for people.
+        display_name: String,
     },
     /// A client opened a stream, for the first time or with a newer epoch.
     ClientOpened {

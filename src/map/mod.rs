@@ -63,6 +63,8 @@ pub enum Recall {
 pub struct Map {
     revision: i64,
     create_time_ns: i64,
+    update_time_ns: i64,
+    display_name: String,
     policy: MapPolicy,
     clients: Vec<Client>,
     cameras: BTreeMap<EntityId, CameraEntity>,
@@ -97,6 +99,18 @@ impl Map {
     #[must_use]
     pub fn create_time_ns(&self) -> i64 {
         self.create_time_ns
+    }
+
+    /// Unix time of the last event in nanoseconds, by the server's clock.
+    #[must_use]
+    pub fn update_time_ns(&self) -> i64 {
+        self.update_time_ns
+    }
+
+    /// Free text for people.
+    #[must_use]
+    pub fn display_name(&self) -> &str {
+        &self.display_name
     }
 
     /// How the map is kept.

@@ -19,6 +19,10 @@ pub struct MapParts {
     pub revision: i64,
     /// See [`Map::create_time_ns`].
     pub create_time_ns: i64,
+    /// See [`Map::update_time_ns`].
+    pub update_time_ns: i64,
+    /// See [`Map::display_name`].
+    pub display_name: String,
     /// See [`Map::policy`].
     pub policy: MapPolicy,
     /// See [`Map::solve_count`].
@@ -62,6 +66,8 @@ impl Map {
         let MapParts {
             revision,
             create_time_ns,
+            update_time_ns,
+            display_name,
             policy,
             solve_count,
             clients,
@@ -106,6 +112,8 @@ impl Map {
         Ok(Self {
             revision,
             create_time_ns,
+            update_time_ns,
+            display_name,
             policy,
             clients,
             cameras,

@@ -104,7 +104,16 @@ impl MapService for MapRpcs {
         let handler = async {
             let info = self.map(&request.get_ref().map_id)?.info().await?;
             let queued = self.context.config.engine.queue_capacity;
-            Ok(v1::GetMapResponse { map: Some(to_map(&info, queued)) })
+            let map = Some(to_map(&info, queued));
+            let mut answer = v1::GetMapResponse { map, ..v1::GetMapResponse::default() };
+            if request.get_ref().include_digests {
+                let snapshot = info.snapshot;
+                let digests = move || Ok((snapshot.content_hash(), snapshot.keyframe_ids_digest()));
+                let (state, ids) = Context::blocking(digests).await?;
+                answer.state_hash = state.to_vec();
+                answer.keyframe_ids_digest = ids.to_vec();
+            }
+            Ok(answer)
         };
         self.context.answer("GetMap", handler).await
     }

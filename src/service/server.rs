@@ -4,13 +4,14 @@
 //! every map is open.
 //!
 //! Shutting down: health turns NOT_SERVING, open streams end with UNAVAILABLE once what they took is
-//! answered, running calls finish within the budget, then the engines stop. New calls of a draining
+//! answered, running calls and solves finish within the budget, then the engines stop and the store
+//! is closed: nothing that was acknowledged is lost, also where the budget was too short. New calls of a draining
 //! server are refused by the transport.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use tokio::net::TcpListener;
 use tokio::sync::watch;
@@ -126,8 +127,10 @@ impl RunningServer {
         }
     }
 
-    /// Drains and stops the server; returns when its engines have stopped.
+    /// Drains and stops the server within its budget; returns when its engines have stopped and what
+    /// they accepted is durable.
     pub async fn shutdown(mut self) {
+        let start = Instant::now();
         self.tell_health(ServingStatus::NotServing).await;
         self.drain.send_replace(true);
         let budget = self.context.config.drain_budget;
@@ -140,7 +143,9 @@ impl RunningServer {
                 self.task.abort();
             }
         }
-        self.context.maps.shutdown().await;
+        // Engines without work need a moment all the same.
+        let left = budget.saturating_sub(start.elapsed()).max(budget / 10);
+        self.context.maps.shutdown(left).await;
     }
 }
 

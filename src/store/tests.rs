@@ -7,7 +7,7 @@ use crate::map::{Change, Event, Map, MapParts, MapPolicy};
 
 fn event(revision: i64) -> Arc<Event> {
     let change = Change::PolicySet { policy: MapPolicy::default() };
-    Arc::new(Event { revision, cause: None, change })
+    Arc::new(Event { revision, time_ns: 0, cause: None, change })
 }
 
 fn snapshot(revision: i64) -> Arc<Map> {

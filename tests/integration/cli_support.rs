@@ -3,8 +3,9 @@
 //! Every run starts in an empty folder and with no `COVIS_*` variable but those it is given, so that
 //! neither a developer's `covis.toml` nor the environment leaks into a test.
 
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output, Stdio};
 
 use serde_json::Value;
 use tempfile::TempDir;
@@ -91,6 +92,50 @@ impl Ran {
         for part in parts {
             assert!(self.stderr.contains(part), "`{part}` in `{}`", self.stderr);
         }
+    }
+}
+
+/// A server of its own process, with its maps in a folder.
+pub(crate) struct Running {
+    pub(crate) child: Child,
+    pub(crate) url: String,
+}
+
+impl Running {
+    /// A server on a free port.
+    pub(crate) fn start(workspace: &Workspace, folder: &Path) -> Self {
+        Self::listen(workspace, folder, "127.0.0.1:0")
+    }
+
+    /// A server on the port of one that has ended.
+    pub(crate) fn again(&self, workspace: &Workspace, folder: &Path) -> Self {
+        Self::listen(workspace, folder, self.url.strip_prefix("http://").unwrap())
+    }
+
+    fn listen(workspace: &Workspace, folder: &Path, address: &str) -> Self {
+        let mut command = workspace.command();
+        command.args(["serve", "--listen", address, "--threads", "1", "--data-dir"]);
+        let mut child =
+            command.arg(folder).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let line = lines.next().unwrap().unwrap();
+        let kept = lines.next().unwrap().unwrap();
+        assert_eq!(kept, format!("maps are kept in {}", folder.display()));
+        let url = line.strip_prefix("listening on ").unwrap().to_owned();
+        Self { child, url }
+    }
+
+    /// SIGKILL: no handler runs.
+    pub(crate) fn kill(&mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }
 

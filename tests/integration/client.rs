@@ -15,7 +15,8 @@ use crate::proxy::Proxy;
 
 /// Retries without waiting.
 fn at_once(max_attempts: u32) -> RetryPolicy {
-    RetryPolicy { max_attempts, first_delay: Duration::ZERO, longest_delay: Duration::ZERO }
+    let first_delay = Duration::ZERO;
+    RetryPolicy { max_attempts, first_delay, longest_delay: first_delay, give_up_after: None }
 }
 
 /// A server with an empty map "room", a link to it and a client on the link.

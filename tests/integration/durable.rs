@@ -1,13 +1,12 @@
 //! Maps on disk, through the server and through the real binary: what is acknowledged as DURABLE is
 //! there after a restart, and after kill -9 at any moment.
 
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 
-use covis::client::{Client, SessionOptions};
+use covis::client::{Client, RetryPolicy, SessionOptions};
 use covis::map::Map;
 use covis::store::{FileStore, FileStoreOptions, Store};
 use covis::wire::v1;
@@ -16,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 use tokio::sync::Notify;
 use v1::ingest_request::Item;
 
-use crate::cli_support::Workspace;
+use crate::cli_support::{Running, Workspace};
 use crate::common::{Stream, TestServer, camera, keyframe, run};
 
 /// The map of a data directory that no server uses, replayed twice.
@@ -43,7 +42,12 @@ fn a_durable_server_says_so_and_brings_its_maps_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().to_owned();
         let server = TestServer::with(|config| config.data_dir = Some(path.clone())).await;
-        server.create_map("house").await;
+        let create = v1::CreateMapRequest {
+            map_id: "house".to_owned(),
+            display_name: "Our house".to_owned(),
+            policy: None,
+        };
+        server.maps().create_map(create).await.unwrap();
         let (stream, opened) = Stream::open(&server, "house", "robot", 0).await;
         assert_eq!(opened.durability(), v1::Durability::Disk);
         stream.send(1, Item::Camera(camera(0))).await;
@@ -55,7 +59,7 @@ fn a_durable_server_says_so_and_brings_its_maps_back() {
         let durable: Vec<i64> = durable.map(|ack| ack.sequence).collect();
         assert_eq!(durable.last(), Some(&7), "{durable:?}");
         assert!(durable.is_sorted(), "{durable:?}");
-        let get = v1::GetMapRequest { map_id: "house".to_owned() };
+        let get = v1::GetMapRequest { map_id: "house".to_owned(), ..Default::default() };
         let before = server.maps().get_map(get.clone()).await.unwrap().into_inner().map.unwrap();
         let second = covis::service::ServerConfig {
             data_dir: Some(path.clone()),
@@ -74,6 +78,8 @@ fn a_durable_server_says_so_and_brings_its_maps_back() {
             (&after.uid, after.revision, &after.counts),
             (&before.uid, before.revision, &before.counts)
         );
+        assert_eq!((&*after.display_name, after.update_time), ("Our house", before.update_time));
+        assert_ne!(after.update_time, after.create_time);
         // A re-sent item is durable already, and told so.
         let (stream, opened) = Stream::open(&server, "house", "robot", 0).await;
         assert_eq!(opened.next_sequence, 8);
@@ -85,40 +91,6 @@ fn a_durable_server_says_so_and_brings_its_maps_back() {
         // The opening of a stream is an event; the rest of the state is as it was.
         assert_ne!(on_disk(&path, "house").await.state_hash(), hash);
     });
-}
-
-/// A server of its own process.
-struct Running {
-    child: Child,
-    url: String,
-}
-
-impl Running {
-    fn start(workspace: &Workspace, folder: &Path) -> Self {
-        let mut command = workspace.command();
-        command.args(["serve", "--listen", "127.0.0.1:0", "--threads", "1", "--data-dir"]);
-        let mut child =
-            command.arg(folder).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        let line = lines.next().unwrap().unwrap();
-        let kept = lines.next().unwrap().unwrap();
-        assert_eq!(kept, format!("maps are kept in {}", folder.display()));
-        let url = line.strip_prefix("listening on ").unwrap().to_owned();
-        Self { child, url }
-    }
-
-    /// SIGKILL: no handler runs.
-    fn kill(&mut self) {
-        self.child.kill().unwrap();
-        self.child.wait().unwrap();
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
 }
 
 /// Keyframe `id` far down the street: an item of some kilobytes whose values tell its id.
@@ -225,4 +197,49 @@ fn two_servers_on_one_directory_are_refused_with_a_clear_message() {
     ran.expect_failure(&["in use by another server", &server.child.id().to_string()]);
     let ran = workspace.run("serve --in-memory --data-dir x", &[]);
     assert_eq!(ran.code, Some(2), "{}", ran.stderr);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_drained_server_keeps_all_that_it_acknowledged() {
+    let workspace = Workspace::new();
+    let folder = workspace.path("maps");
+    let mut server = Running::start(&workspace, &folder);
+    let received = Arc::new(AtomicI64::new(0));
+    run(async {
+        let client = Client::connect(&server.url).await.unwrap();
+        client.create_map("house", None).await.unwrap();
+        let (seen, enough) = (Arc::clone(&received), Arc::new(Notify::new()));
+        let notify = Arc::clone(&enough);
+        let retry = RetryPolicy { max_attempts: 1, ..RetryPolicy::default() };
+        let options = SessionOptions { retry, ..SessionOptions::default() }.on_ack(move |ack| {
+            if ack.status() == v1::AckStatus::Received {
+                seen.fetch_max(ack.sequence, Ordering::Relaxed);
+            }
+            if ack.sequence >= 20 {
+                notify.notify_one();
+            }
+        });
+        let mut session = client.ingest("house", "robot", options).await.unwrap();
+        let id = server.child.id().to_string();
+        let terminating = async {
+            enough.notified().await;
+            assert!(Command::new("kill").args(["-s", "TERM", &id]).status().unwrap().success());
+        };
+        let sending = async {
+            session.send(camera(0)).await.unwrap();
+            for id in 0.. {
+                if session.send_as(id + 2, long_keyframe(id)).await.is_err() {
+                    break;
+                }
+            }
+        };
+        tokio::join!(terminating, sending);
+    });
+    assert_eq!(server.child.wait().unwrap().code(), Some(0));
+    let received = received.load(Ordering::Relaxed);
+    run(async {
+        let next = on_disk(&folder, "house").await.clients()[0].next_sequence;
+        assert!(received >= 20 && next > received, "{received} received, goes on at {next}");
+    });
 }

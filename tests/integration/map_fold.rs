@@ -252,7 +252,7 @@ fn the_odometry_pose_is_kept_and_hashed_and_no_solve_moves_it() {
 fn an_event_that_does_not_fit_is_refused_and_changes_nothing() {
     let journal = street(3, MapPolicy::default());
     let revision = journal.map.revision() + 1;
-    let event = |change| Event { revision, cause: None, change };
+    let event = |change| Event { revision, time_ns: 0, cause: None, change };
     let solve = |poses, landmarks| AppliedSolve {
         kind: SolveKind::Global,
         poses,
@@ -284,7 +284,11 @@ fn an_event_that_does_not_fit_is_refused_and_changes_nothing() {
             MapError::RevisionGap { expected: revision, actual: revision + 1 },
         ),
         (
-            event(Change::Created { policy: MapPolicy::default(), create_time_ns: 0 }),
+            event(Change::Created {
+                policy: MapPolicy::default(),
+                create_time_ns: 0,
+                display_name: String::new(),
+            }),
             MapError::Creation { revision },
         ),
         (event(triangulated(id(9999))), unknown(EntityKind::Landmark, id(9999))),
@@ -334,6 +338,7 @@ fn an_event_that_does_not_fit_is_refused_and_changes_nothing() {
     assert!(matches!(
         Map::new().apply(&Event {
             revision: 1,
+            time_ns: 0,
             cause: None,
             change: Change::ClientOpened { name: "robot".to_owned(), epoch: 1 },
         }),
@@ -443,6 +448,11 @@ fn a_switched_off_closure_is_state_and_takes_part_in_no_bundle() {
     journal.push(Change::KeyframeRemoved { keyframe: id(2) });
     assert!(journal.map.switched_off().is_empty(), "it went with its keyframe");
     // A verdict on nothing fits no map.
-    let event = Event { revision: journal.map.revision() + 1, cause: None, change: verdict(None) };
+    let event = Event {
+        revision: journal.map.revision() + 1,
+        time_ns: 0,
+        cause: None,
+        change: verdict(None),
+    };
     assert!(matches!(journal.map.apply(&event), Err(MapError::Unknown { .. })));
 }

@@ -23,7 +23,7 @@ impl Journal {
     /// A map with one client, "robot", and its camera 0.
     pub(crate) fn new(policy: MapPolicy) -> Self {
         let mut journal = Self { map: Map::new(), events: Vec::new(), sequence: 0 };
-        journal.push(Change::Created { policy, create_time_ns: 1 });
+        journal.push(Change::Created { policy, create_time_ns: 1, display_name: String::new() });
         journal.push(Change::ClientOpened { name: "robot".to_owned(), epoch: 1 });
         journal.send(ROBOT, &camera_item(0)).unwrap();
         journal
@@ -34,7 +34,7 @@ impl Journal {
     }
 
     fn append(&mut self, change: Change, cause: Option<Cause>) {
-        let event = Event { revision: self.map.revision() + 1, cause, change };
+        let event = Event { revision: self.map.revision() + 1, time_ns: 0, cause, change };
         self.map.apply(&event).unwrap();
         self.events.push(event);
     }

@@ -40,6 +40,9 @@ fn a_replayed_file_ends_where_ceres_ends() {
             "sent",
             "acknowledged",
             "rejected",
+            "received",
+            "durable",
+            "optimized",
             "cost_before",
             "cost_after",
             "rmse_px_before",
@@ -50,13 +53,18 @@ fn a_replayed_file_ends_where_ceres_ends() {
         assert_eq!((&json["map"], &json["cameras"]), (&"twin".into(), &6.into()));
         assert_eq!((&json["landmarks"], &json["rejected"]), (&80.into(), &0.into()));
         assert_eq!((&json["sent"], &json["acknowledged"]), (&12.into(), &12.into()));
+        assert_eq!((&json["received"], &json["optimized"]), (&6.into(), &6.into()));
+        assert_eq!(json["durable"], 0, "this server keeps its maps in memory");
         let ceres = golden_json("ceres/window-6-80-fixed-intrinsics.json");
         let (after, limit) = (number(&json, "cost_after"), number(&ceres, "final_cost"));
         assert!(after <= limit * 1.0001, "{after} against {limit}");
         let rmse = (2.0 * after / number(&json, "observations")).sqrt();
         assert!(close(number(&json, "rmse_px_after"), rmse, 1e-9));
         let mut maps = server.maps();
-        let map = maps.get_map(covis::wire::v1::GetMapRequest { map_id: "twin".into() });
+        let map = maps.get_map(covis::wire::v1::GetMapRequest {
+            map_id: "twin".into(),
+            ..Default::default()
+        });
         let counts = map.await.unwrap().into_inner().map.unwrap().counts.unwrap();
         assert_eq!((counts.keyframe_count, counts.landmark_count), (6, 80));
     });

@@ -71,7 +71,7 @@ fn check(cases: Vec<(Item, &str, Reason)>) {
         server.create_map("room").await;
         server.build_map("room", 2).await;
         let revision = async || {
-            let request = v1::GetMapRequest { map_id: "room".to_owned() };
+            let request = v1::GetMapRequest { map_id: "room".to_owned(), ..Default::default() };
             server.maps().get_map(request).await.unwrap().into_inner().map.unwrap().revision
         };
         let (mut stream, _) = Stream::open(&server, "room", "robot", 0).await;

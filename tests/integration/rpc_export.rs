@@ -170,7 +170,7 @@ fn a_poisoned_map_can_still_be_exported() {
             stream.send(id + 2, Item::Keyframe(keyframe(id))).await;
         }
         check_status(&stream.end().await, Code::Internal, "BUG");
-        let request = v1::GetMapRequest { map_id: "room".to_owned() };
+        let request = v1::GetMapRequest { map_id: "room".to_owned(), ..Default::default() };
         let map = server.maps().get_map(request).await.unwrap().into_inner().map.unwrap();
         assert_eq!(map.state(), v1::MapState::Poisoned);
         let (_, files) = export(&server, "room", v1::MapFormat::ColmapText).await.unwrap();

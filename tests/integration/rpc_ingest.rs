@@ -235,7 +235,7 @@ fn observations_and_landmarks_can_follow_their_keyframe() {
             stream.send(id + 4, Item::Keyframe(keyframe(id))).await;
         }
         stream.finish().await.unwrap();
-        let request = v1::GetMapRequest { map_id: "room".to_owned() };
+        let request = v1::GetMapRequest { map_id: "room".to_owned(), ..Default::default() };
         let map = server.maps().get_map(request).await.unwrap().into_inner().map.unwrap();
         let counts = map.counts.unwrap();
         assert_eq!(counts.observation_count, 6 * LANDMARKS);

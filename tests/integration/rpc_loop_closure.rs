@@ -80,7 +80,7 @@ async fn build(
     for ack in stream.finish().await.unwrap() {
         assert!(ack.violations.is_empty(), "{ack:?}");
     }
-    let request = v1::GetMapRequest { map_id: map_id.to_owned() };
+    let request = v1::GetMapRequest { map_id: map_id.to_owned(), ..Default::default() };
     server.maps().get_map(request).await.unwrap().into_inner().map.unwrap()
 }
 

@@ -163,7 +163,7 @@ fn get_map_counts_what_was_sent() {
         let server = TestServer::start().await;
         server.create_map("room").await;
         server.build_map("room", 3).await;
-        let request = v1::GetMapRequest { map_id: "room".to_owned() };
+        let request = v1::GetMapRequest { map_id: "room".to_owned(), ..Default::default() };
         let map = server.maps().get_map(request).await.unwrap().into_inner().map.unwrap();
         let counts = map.counts.unwrap();
         assert_eq!((counts.camera_count, counts.keyframe_count), (1, 3));
@@ -182,10 +182,10 @@ fn get_map_counts_what_was_sent() {
         );
         assert!(client.map_from_odom.is_some());
 
-        let request = v1::GetMapRequest { map_id: "none".to_owned() };
+        let request = v1::GetMapRequest { map_id: "none".to_owned(), ..Default::default() };
         let status = server.maps().get_map(request).await.unwrap_err();
         check_status(&status, Code::NotFound, "MAP_NOT_FOUND");
-        let request = v1::GetMapRequest { map_id: "/".to_owned() };
+        let request = v1::GetMapRequest { map_id: "/".to_owned(), ..Default::default() };
         check_field(&server.maps().get_map(request).await.unwrap_err(), "map_id", "OUT_OF_RANGE");
     });
 }

@@ -47,7 +47,7 @@ async fn poses(server: &TestServer) -> Vec<(i64, Se3)> {
 }
 
 async fn map(server: &TestServer) -> v1::Map {
-    let request = v1::GetMapRequest { map_id: "room".to_owned() };
+    let request = v1::GetMapRequest { map_id: "room".to_owned(), ..Default::default() };
     server.maps().get_map(request).await.unwrap().into_inner().map.unwrap()
 }
 

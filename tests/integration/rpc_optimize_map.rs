@@ -48,7 +48,7 @@ fn optimize_map_streams_iterations_and_applies_the_result() {
         assert!(summary.final_cost < 1e-3 * summary.initial_cost);
         assert_eq!((result.camera_count, result.keyframe_count), (1, 5));
         assert_eq!((result.landmark_count, result.observation_count), (LANDMARKS, 5 * LANDMARKS));
-        let request = v1::GetMapRequest { map_id: "room".to_owned() };
+        let request = v1::GetMapRequest { map_id: "room".to_owned(), ..Default::default() };
         let map = server.maps().get_map(request).await.unwrap().into_inner().map.unwrap();
         assert_eq!(map.revision, result.revision);
     });
@@ -193,7 +193,7 @@ fn a_canceled_optimization_leaves_the_map_as_it_was() {
         server.create_map_with("room", policy).await;
         server.build_map("room", 5).await;
         let revision = async || {
-            let request = v1::GetMapRequest { map_id: "room".to_owned() };
+            let request = v1::GetMapRequest { map_id: "room".to_owned(), ..Default::default() };
             server.maps().get_map(request).await.unwrap().into_inner().map.unwrap().revision
         };
         // The cancellation travels: it may come too late, but not every time.

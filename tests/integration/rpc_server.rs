@@ -143,7 +143,11 @@ fn a_message_past_the_limit_is_out_of_range() {
     run(async {
         let server = TestServer::with(|config| config.max_message_bytes = 4096).await;
         let map_id = "x".repeat(5000);
-        let status = server.maps().get_map(v1::GetMapRequest { map_id }).await.unwrap_err();
+        let status = server
+            .maps()
+            .get_map(v1::GetMapRequest { map_id, ..Default::default() })
+            .await
+            .unwrap_err();
         assert_eq!(status.code(), Code::OutOfRange, "{status:?}");
 
         // On a stream: what came before is answered, and the map goes on living.

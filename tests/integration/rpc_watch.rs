@@ -94,7 +94,7 @@ fn applying_deltas_gives_the_map() {
         server.build_map("room", 4).await;
         let (mut stream, _) = Stream::open(&server, "room", "robot", 0).await;
         stream.put(10, Item::RelativePose(relative_pose(0, 0, 1))).await;
-        let request = v1::GetMapRequest { map_id: "room".to_owned() };
+        let request = v1::GetMapRequest { map_id: "room".to_owned(), ..Default::default() };
         let revision = maps.get_map(request).await.unwrap().into_inner().map.unwrap().revision;
         while copy.revision < revision {
             copy.apply(next(&mut watch).await.0);
@@ -159,7 +159,7 @@ fn a_slow_reader_gets_joined_revisions() {
         let mut copy = Copy::default();
         // Nothing is read while the map is built.
         server.build_map("room", 12).await;
-        let request = v1::GetMapRequest { map_id: "room".to_owned() };
+        let request = v1::GetMapRequest { map_id: "room".to_owned(), ..Default::default() };
         let revision = maps.get_map(request).await.unwrap().into_inner().map.unwrap().revision;
         while copy.revision < revision {
             copy.apply(next(&mut watch).await.0);

@@ -2,32 +2,46 @@
 //!
 //! Keyframe by keyframe, each with its observations and the file's start values, so that the server
 //! does all that it does for a robot: checks, acks, local bundle adjustment. Then the whole map is
-//! optimized (trivial loss, intrinsics and first keyframe fixed). RMSE = √(Σ‖r‖² / N). Reads files
-//! and speaks through [`crate::client`]; no mathematics here.
+//! optimized (trivial loss, intrinsics and first keyframe fixed). RMSE = √(Σ‖r‖² / N). A link that
+//! breaks is made again and the stream resumed, for `--reconnect-for` seconds. Reads files and speaks
+//! through [`crate::client`]; no mathematics here.
 
 pub(crate) mod encode;
 mod items;
+mod levels;
 mod recording;
 mod report;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
+use tokio::time::Instant;
+use tonic::Code;
 
 use super::config::Config;
 use super::output::print;
 use super::progress::Progress;
-use crate::client::{Client, IngestReport, SessionOptions, describe_violation};
+use super::signals::Signals;
+use crate::client::{
+    Client, ClientError, IngestReport, Item, RetryPolicy, SessionOptions, describe_violation,
+};
 use crate::wire::v1;
 use items::Items;
+use levels::Levels;
 use recording::Recording;
 
 /// Iterations after which the final optimization stops.
 const MAX_ITERATIONS: i32 = 500;
 /// It has converged when the cost falls by less than this, relative to itself.
 const FUNCTION_TOLERANCE: f64 = 1e-12;
+/// Attempts without an ack between them after which a stream that breaks is given up, however soon
+/// it can be opened again.
+const MAX_ATTEMPTS: u32 = 1000;
+/// Longest wait before the server is tried again.
+const LONGEST_DELAY: Duration = Duration::from_secs(1);
 /// Refused items that are shown.
 const SHOWN_REJECTIONS: usize = 5;
 
@@ -51,7 +65,13 @@ pub struct Args {
     /// Let solves run beside the stream: sooner done, but no longer the same bits every time.
     #[arg(long)]
     no_lock_step: bool,
-    /// Print one JSON object instead of a table.
+    /// Send so many keyframes a second [default: as fast as the server takes them].
+    #[arg(long, value_name = "HZ", value_parser = rate)]
+    rate: Option<f64>,
+    /// How long to try to reach a server again that went away before giving up.
+    #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = seconds)]
+    reconnect_for: Duration,
+    /// Print one JSON object instead of a table; also after a failure and on SIGTERM.
     #[arg(long)]
     json: bool,
 }
@@ -60,7 +80,8 @@ pub struct Args {
 ///
 /// # Errors
 /// A file that cannot be read, a server that is not there, a map that is not empty, a solve that is
-/// refused. Refused items are no error: they are shown and make the exit code 1.
+/// refused, a server that stays away, a signal. Refused items are no error: they are shown and make
+/// the exit code 1.
 pub fn run(args: Args, config: &Config) -> anyhow::Result<ExitCode> {
     let recording = Recording::read(&args.file)?;
     let runtime = tokio::runtime::Runtime::new().context("the async runtime")?;
@@ -68,41 +89,76 @@ pub fn run(args: Args, config: &Config) -> anyhow::Result<ExitCode> {
 }
 
 async fn replay(args: &Args, config: &Config, recording: &Recording) -> anyhow::Result<ExitCode> {
+    let mut signals = Signals::new().context("signal handlers")?;
     let stem = legal_id(&args.file.file_stem().unwrap_or_default().to_string_lossy());
     let map_id = args.map.clone().unwrap_or_else(|| stem.clone());
     if recording.repeated > 0 {
         let count = recording.repeated;
         tracing::warn!("{count} observations stand twice in the file: left out once");
     }
-    let client = Client::connect(args.server.as_ref().unwrap_or(&config.server)).await?;
-    prepare_map(&client, &map_id, args).await?;
-    let report = stream(&client, &map_id, &stem, recording, !args.no_lock_step).await?;
-    for rejected in report.rejections.iter().take(SHOWN_REJECTIONS) {
-        let violations: Vec<String> = rejected.violations.iter().map(describe_violation).collect();
-        tracing::error!("item {} was rejected: {}", rejected.sequence, violations.join("; "));
-    }
-    let result = optimize(&client, &map_id).await?;
+    let retry = RetryPolicy {
+        max_attempts: MAX_ATTEMPTS,
+        longest_delay: LONGEST_DELAY,
+        give_up_after: Some(args.reconnect_for),
+        ..RetryPolicy::default()
+    };
+    let levels = Arc::new(Mutex::new(Levels::default()));
+    let work = async {
+        let client = Client::connect(args.server.as_ref().unwrap_or(&config.server)).await?;
+        prepare_map(&client, &map_id, args, retry).await?;
+        let target = Target { map_id: &map_id, client_id: &stem, retry };
+        let report = stream(&client, &target, recording, args, &levels).await?;
+        for rejected in report.rejections.iter().take(SHOWN_REJECTIONS) {
+            let violations: Vec<String> =
+                rejected.violations.iter().map(describe_violation).collect();
+            tracing::error!("item {} was rejected: {}", rejected.sequence, violations.join("; "));
+        }
+        let result = retry.run(|| optimize(&client, &map_id)).await?;
+        Ok((report, result))
+    };
+    let outcome = tokio::select! {
+        outcome = work => outcome,
+        signal = signals.next() => Err(anyhow!("{signal}")),
+    };
+    let levels = lock(&levels).clone();
+    let (report, result) = match outcome {
+        Ok(done) => done,
+        Err(error) => {
+            if args.json {
+                print(report::json(&map_id, &levels, None)?)?;
+            }
+            return Err(error);
+        }
+    };
     let Some(summary) = &result.summary else { bail!("OptimizeMap answered without a summary") };
     if args.json {
-        print(report::json(&map_id, &report, &result, summary)?)?;
+        print(report::json(&map_id, &levels, Some((&result, summary)))?)?;
     } else {
-        print(report::table(&map_id, &report, &result, summary))?;
+        print(report::table(&map_id, &report, &levels, &result, summary))?;
     }
     let is_good = report.rejected == 0 && report.unanswered() == 0;
     Ok(if is_good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
 }
 
 /// Makes the map, or sees that the one that is there may be used.
-async fn prepare_map(client: &Client, map_id: &str, args: &Args) -> anyhow::Result<()> {
-    let Some(map) = client.find_map(map_id).await? else {
-        client.create_map(map_id, None).await?;
-        return Ok(());
+async fn prepare_map(
+    client: &Client,
+    map_id: &str,
+    args: &Args,
+    retry: RetryPolicy,
+) -> anyhow::Result<()> {
+    let Some(map) = retry.run(|| client.find_map(map_id)).await? else {
+        return create_map(client, map_id, None, retry).await;
     };
     let counts = map.counts.unwrap_or_default();
     let entities = counts.camera_count + counts.keyframe_count + counts.landmark_count;
     if args.replace {
-        client.delete_map(map_id).await?;
-        client.create_map(map_id, Some(map.policy.unwrap_or_default())).await?;
+        match retry.run(|| client.delete_map(map_id)).await {
+            // An attempt whose answer was lost has deleted it.
+            Err(error) if error.code() == Some(Code::NotFound) => {}
+            deleted => deleted?,
+        }
+        create_map(client, map_id, Some(map.policy.unwrap_or_default()), retry).await?;
     } else if entities > 0 && !args.append {
         bail!(
             "map {map_id} is not empty ({} keyframes, {} landmarks): --append adds to it, \
@@ -114,42 +170,67 @@ async fn prepare_map(client: &Client, map_id: &str, args: &Args) -> anyhow::Resu
     Ok(())
 }
 
+async fn create_map(
+    client: &Client,
+    map_id: &str,
+    policy: Option<v1::MapPolicy>,
+    retry: RetryPolicy,
+) -> anyhow::Result<()> {
+    match retry.run(|| client.create_map(map_id, policy)).await {
+        // An attempt whose answer was lost has made it.
+        Err(error) if error.code() == Some(Code::AlreadyExists) => Ok(()),
+        created => Ok(created.map(drop)?),
+    }
+}
+
+/// Where items go.
+struct Target<'a> {
+    map_id: &'a str,
+    client_id: &'a str,
+    retry: RetryPolicy,
+}
+
 /// Sends all items and waits for every ack.
 async fn stream(
     client: &Client,
-    map_id: &str,
-    client_id: &str,
+    target: &Target<'_>,
     recording: &Recording,
-    lock_step: bool,
+    args: &Args,
+    levels: &Arc<Mutex<Levels>>,
 ) -> anyhow::Result<IngestReport> {
     let count = recording.keyframe_ids.len();
     let progress = Arc::new(Mutex::new(Progress::new("keyframes", count as u64)));
-    // Acks name sequences: those of the keyframes that are on their way, oldest first.
-    let pending = Arc::new(Mutex::new(std::collections::VecDeque::<i64>::new()));
+    let options = SessionOptions {
+        lock_step: !args.no_lock_step,
+        omit_solve_summary: true,
+        retry: target.retry,
+        ..SessionOptions::default()
+    };
     let options = {
-        let (progress, pending) = (Arc::clone(&progress), Arc::clone(&pending));
-        let options = SessionOptions { lock_step, omit_solve_summary: true, ..Default::default() };
+        let (progress, levels) = (Arc::clone(&progress), Arc::clone(levels));
         options.on_ack(move |ack| {
-            if !matches!(ack.status(), v1::AckStatus::Received | v1::AckStatus::Rejected) {
-                return;
-            }
-            let mut pending = pending.lock().unwrap_or_else(PoisonError::into_inner);
-            while pending.front().is_some_and(|&sequence| sequence <= ack.sequence) {
-                pending.pop_front();
-                progress.lock().unwrap_or_else(PoisonError::into_inner).advance(1);
-            }
+            let mut levels = lock(&levels);
+            let before = levels.keyframes().received;
+            levels.take(ack);
+            let more = levels.keyframes().received.saturating_sub(before);
+            lock(&progress).advance(more as u64);
         })
     };
-    let mut session = client.ingest(map_id, client_id, options).await?;
+    let mut session = client.ingest(target.map_id, target.client_id, options).await?;
     let limit = usize::try_from(session.opened().max_message_bytes).unwrap_or(usize::MAX);
     let mut items = Items::new(recording, limit);
-    let mut sequence = 0;
+    let (mut sequence, start) = (0, Instant::now());
     for index in 0..count {
-        let of_keyframe = items.of_keyframe(index);
-        let last = sequence + of_keyframe.len() as i64;
-        pending.lock().unwrap_or_else(PoisonError::into_inner).push_back(last);
-        for item in of_keyframe {
+        if let Some(rate) = args.rate {
+            // Counted from the start: what a broken link delayed is caught up with.
+            let due = Duration::try_from_secs_f64(index as f64 / rate).unwrap_or(Duration::MAX);
+            if let Some(due) = start.checked_add(due) {
+                tokio::time::sleep_until(due).await;
+            }
+        }
+        for item in items.of_keyframe(index) {
             sequence += 1;
+            lock(levels).send(sequence, matches!(item, Item::Keyframe(_)));
             session.send_as(sequence, item).await?;
         }
     }
@@ -160,8 +241,12 @@ async fn stream(
     Ok(report)
 }
 
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// Optimizes the whole map.
-async fn optimize(client: &Client, map_id: &str) -> anyhow::Result<v1::OptimizeMapResult> {
+async fn optimize(client: &Client, map_id: &str) -> Result<v1::OptimizeMapResult, ClientError> {
     let trivial = v1::Loss { kind: v1::LossKind::Trivial.into(), width: None };
     let request = v1::OptimizeMapRequest {
         map_id: map_id.to_owned(),
@@ -181,7 +266,21 @@ async fn optimize(client: &Client, map_id: &str) -> anyhow::Result<v1::OptimizeM
     let result = client.optimize_map(request, |row| {
         tracing::debug!(iteration = row.iteration, cost = row.cost, accepted = row.accepted);
     });
-    Ok(result.await?)
+    result.await
+}
+
+/// Keyframes a second: above 0.
+fn rate(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(rate) if rate > 0.0 && f64::is_finite(rate) => Ok(rate),
+        _ => Err("it must be a number above 0".to_owned()),
+    }
+}
+
+/// Seconds, at least 0.
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().and_then(|s| Duration::try_from_secs_f64(s).ok());
+    seconds.ok_or_else(|| "it must be a number of seconds, at least 0".to_owned())
 }
 
 /// A map's or client's id from any name: 1 to 63 characters of a-z, 0-9, '_' and '-'.

@@ -4,20 +4,29 @@
 
 use serde::Serialize;
 
+use super::levels::{Keyframes, Levels};
 use crate::client::IngestReport;
 use crate::wire::v1;
 
-/// The object of `--json`. Counts are those of the optimized problem, sent to rejected those of the
-/// items.
+/// The object of `--json`. Sent to rejected are numbers of items, received to optimized of keyframes;
+/// the rest is of the optimized problem and missing where it did not come to that.
 #[derive(Debug, Serialize)]
 struct Document<'a> {
     map: &'a str,
-    cameras: i64,
-    landmarks: i64,
-    observations: i64,
     sent: u64,
     acknowledged: u64,
     rejected: u64,
+    #[serde(flatten)]
+    keyframes: Keyframes,
+    #[serde(flatten)]
+    solved: Option<Solved>,
+}
+
+#[derive(Debug, Serialize)]
+struct Solved {
+    cameras: i64,
+    landmarks: i64,
+    observations: i64,
     cost_before: f64,
     cost_after: f64,
     rmse_px_before: f64,
@@ -27,24 +36,24 @@ struct Document<'a> {
 /// The JSON object.
 pub(super) fn json(
     map: &str,
-    report: &IngestReport,
-    result: &v1::OptimizeMapResult,
-    summary: &v1::SolveSummary,
+    levels: &Levels,
+    solved: Option<(&v1::OptimizeMapResult, &v1::SolveSummary)>,
 ) -> anyhow::Result<String> {
-    let rmse = summary.reprojection.unwrap_or_default();
-    let document = Document {
-        map,
-        cameras: result.camera_count,
-        landmarks: result.landmark_count,
-        observations: result.observation_count,
-        sent: report.sent,
-        acknowledged: report.acknowledged,
-        rejected: report.rejected,
-        cost_before: summary.initial_cost,
-        cost_after: summary.final_cost,
-        rmse_px_before: rmse.initial_rmse_px,
-        rmse_px_after: rmse.final_rmse_px,
-    };
+    let [sent, acknowledged, rejected] = levels.items();
+    let solved = solved.map(|(result, summary)| {
+        let rmse = summary.reprojection.unwrap_or_default();
+        Solved {
+            cameras: result.camera_count,
+            landmarks: result.landmark_count,
+            observations: result.observation_count,
+            cost_before: summary.initial_cost,
+            cost_after: summary.final_cost,
+            rmse_px_before: rmse.initial_rmse_px,
+            rmse_px_after: rmse.final_rmse_px,
+        }
+    });
+    let keyframes = levels.keyframes();
+    let document = Document { map, sent, acknowledged, rejected, keyframes, solved };
     Ok(serde_json::to_string(&document)?)
 }
 
@@ -52,6 +61,7 @@ pub(super) fn json(
 pub(super) fn table(
     map: &str,
     report: &IngestReport,
+    levels: &Levels,
     result: &v1::OptimizeMapResult,
     summary: &v1::SolveSummary,
 ) -> String {
@@ -69,6 +79,8 @@ pub(super) fn table(
             report.sent, report.acknowledged, report.duplicates, report.rejected
         ),
     ];
+    let Keyframes { received, durable, optimized } = levels.keyframes();
+    lines.push(format!("keyframes: {received} received, {durable} durable, {optimized} optimized"));
     if report.reconnects > 0 {
         lines.push(format!("the link broke {} times and was resumed", report.reconnects));
     }

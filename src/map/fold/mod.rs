@@ -24,6 +24,8 @@ impl Map {
     pub fn apply(&mut self, event: &Event) -> Result<(), MapError> {
         self.fits(event)?;
         self.revision = event.revision;
+        // An event of a journal that did not record it is no older than the one before.
+        self.update_time_ns = self.update_time_ns.max(event.time_ns);
         self.change(&event.change);
         if let Some(cause) = &event.cause {
             self.remember(cause);
@@ -33,9 +35,11 @@ impl Map {
 
     fn change(&mut self, change: &Change) {
         match change {
-            Change::Created { policy, create_time_ns } => {
+            Change::Created { policy, create_time_ns, display_name } => {
                 self.policy = *policy;
                 self.create_time_ns = *create_time_ns;
+                self.update_time_ns = self.update_time_ns.max(*create_time_ns);
+                self.display_name.clone_from(display_name);
             }
             Change::ClientOpened { name, epoch } => self.open(name, *epoch),
             Change::CameraSet { id, camera } => {

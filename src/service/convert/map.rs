@@ -184,11 +184,11 @@ pub(in crate::service) fn to_map(info: &MapInfo, queued_items: usize) -> v1::Map
     let map = &info.snapshot;
     v1::Map {
         map_id: info.name.clone(),
-        display_name: info.display_name.clone(),
+        display_name: map.display_name().to_owned(),
         policy: Some(to_policy(map.policy(), queued_items)),
         state: to_state(info.state).into(),
         create_time: Some(timestamp(map.create_time_ns())),
-        update_time: Some(timestamp(info.update_time_ns)),
+        update_time: Some(timestamp(map.update_time_ns())),
         revision: map.revision(),
         counts: Some(to_counts(map)),
         landmark_bounds: to_bounds(map),

@@ -13,6 +13,7 @@ use tokio::sync::mpsc;
 
 use super::durable::{DurableAcks, Snapshots};
 use super::handle::{Control, Reply, Shared};
+use super::items::Unsolved;
 use super::optimize::Job;
 use super::pool::panic_message;
 use super::schedule::Schedule;
@@ -35,8 +36,6 @@ pub(super) struct Actor {
     pub(super) pool: Arc<SolverPool>,
     /// The store's epoch, which fences other writers.
     pub(super) store_epoch: Epoch,
-    pub(super) display_name: String,
-    pub(super) update_time_ns: i64,
     pub(super) map: Arc<Map>,
     pub(super) state: MapState,
     /// Why the map takes no changes, where that is not a bug.
@@ -54,6 +53,8 @@ pub(super) struct Actor {
     /// The optimization that waits or runs.
     pub(super) job: Option<Job>,
     pub(super) last_solve_id: i64,
+    /// What a restart cut off.
+    pub(super) unsolved: Vec<Unsolved>,
     /// Whether the queue is closed and empty.
     pub(super) drained: bool,
     /// Dropped at the end; not empty once the engine is to stop.
@@ -100,6 +101,10 @@ impl Actor {
     }
 
     async fn step(&mut self) -> Flow {
+        if !self.unsolved.is_empty() {
+            self.start_unsolved().await;
+            self.start_solves();
+        }
         let takes_items = !self.drained && (self.is_idle() || !self.is_lock_step());
         let flow = tokio::select! {
             biased;
@@ -170,10 +175,8 @@ impl Actor {
         MapInfo {
             name: self.shared.name.clone(),
             uid: self.shared.uid.clone(),
-            display_name: self.display_name.clone(),
             snapshot: Arc::clone(&self.map),
             state: self.state,
-            update_time_ns: self.update_time_ns,
         }
     }
 

@@ -33,15 +33,10 @@ pub struct MapInfo {
     pub name: String,
     /// Tells it from a later map of the same name.
     pub uid: String,
-    /// Free text for people; not journaled yet.
-    pub display_name: String,
     /// The map.
     pub snapshot: Arc<Map>,
     /// Whether it takes changes.
     pub state: MapState,
-    /// Unix time of the last change in nanoseconds by the server's clock; that of the creation
-    /// after a restart.
-    pub update_time_ns: i64,
 }
 
 /// Answers a control message.

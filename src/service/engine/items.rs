@@ -2,9 +2,12 @@
 //!
 //! Bad items are answered and the stream lives; a ceiling, a failing journal or a bug ends it.
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
 use crate::map::{
-    Cause, Change, ClientIndex, ConstraintKind, EntityId, Item, Map, Reason, Recall, Rejection,
-    triangulate,
+    Cause, Change, ClientIndex, ConstraintKind, EntityId, Event, Item, Map, Reason, Recall,
+    Rejection, triangulate,
 };
 
 use super::actor::Actor;
@@ -111,6 +114,13 @@ impl Actor {
         }
     }
 
+    /// Starts again what a restart cut off.
+    pub(super) async fn start_unsolved(&mut self) {
+        for Unsolved { client, sequence, added } in std::mem::take(&mut self.unsolved) {
+            self.start(client, sequence, added).await;
+        }
+    }
+
     /// Starts what a taken item starts.
     async fn start(&mut self, client: ClientIndex, sequence: i64, added: Added) {
         match added {
@@ -145,6 +155,31 @@ impl Actor {
             self.streams.optimized(client, mark, revision, 0, SolveReport::Nothing);
         }
     }
+}
+
+/// An item that was taken before a restart and whose solve was not applied.
+pub(super) struct Unsolved {
+    client: ClientIndex,
+    sequence: i64,
+    added: Added,
+}
+
+/// Each client's last item among `events`, those that led to `map`, that started a solve of which
+/// the map has no result. In lock-step there can be no other; else its solve covers most of what
+/// waited with it.
+pub(super) fn unsolved(map: &Map, events: &[Arc<Event>]) -> Vec<Unsolved> {
+    let mut last = BTreeMap::new();
+    for event in events {
+        let Some(Cause { client, sequence, .. }) = event.cause else { continue };
+        match added(&event.change) {
+            Added::Other => {}
+            added @ (Added::Views(_) | Added::Loop) => {
+                last.insert(client, Unsolved { client, sequence, added });
+            }
+        }
+    }
+    let covered = |client| map.client(client).map_or(0, |c| c.optimized_sequence);
+    last.into_values().filter(|u| u.sequence > covered(u.client)).collect()
 }
 
 /// What a change adds, as far as solves go.

@@ -26,7 +26,8 @@ impl Actor {
         change: Change,
     ) -> Result<Position, EngineError> {
         let revision = self.map.revision();
-        let event = Arc::new(Event { revision: revision + 1, cause, change });
+        let event =
+            Arc::new(Event { revision: revision + 1, time_ns: unix_time_ns(), cause, change });
         if let Err(error) = self.map.fits(&event) {
             let details = format!("an event does not fit: {error}");
             return Err(self.poisoned(&details));
@@ -46,7 +47,6 @@ impl Actor {
             return Err(self.poisoned(&details));
         }
         self.applying = None;
-        self.update_time_ns = unix_time_ns();
         self.watchers.wake();
         if snapshot_due {
             self.take_snapshot();

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::Duration;
 
 use sha2::{Digest as _, Sha256};
 use tokio::sync::{mpsc, watch};
@@ -16,6 +17,7 @@ use tracing::Instrument;
 use super::actor::{Actor, report_bug};
 use super::durable::{DurableAcks, Snapshots};
 use super::handle::{Control, Shared};
+use super::items::{Unsolved, unsolved};
 use super::journal::{replay, stored, unix_time_ns};
 use super::schedule::Schedule;
 use super::streams::Streams;
@@ -52,13 +54,13 @@ impl fmt::Debug for Maps {
 /// What an engine starts from.
 struct Start {
     name: String,
-    display_name: String,
     epoch: Epoch,
     map: Map,
     state: MapState,
     refusal: Option<EngineError>,
     /// Revision of the snapshot that it was made from.
     snapshot: i64,
+    unsolved: Vec<Unsolved>,
     flushed: watch::Receiver<Flushed>,
 }
 
@@ -111,12 +113,12 @@ impl Maps {
                 tracing::error!(map = name, %error, "a map cannot be opened");
                 Start {
                     name,
-                    display_name: String::new(),
                     epoch: Epoch::default(),
                     map: Map::new(),
                     state: MapState::Poisoned,
                     refusal: Some(EngineError::Store(error)),
                     snapshot: 0,
+                    unsolved: Vec::new(),
                     flushed: watch::channel(Flushed::default()).1,
                 }
             }
@@ -160,14 +162,18 @@ impl Maps {
             None if refusal.is_some() => MapState::Poisoned,
             None => MapState::Open,
         };
+        let unsolved = match state {
+            MapState::Open => unsolved(&map, &events),
+            MapState::Poisoned => Vec::new(),
+        };
         Ok(Some(Start {
             name: name.to_owned(),
-            display_name: String::new(),
             epoch,
             map,
             state,
             refusal,
             snapshot,
+            unsolved,
             flushed,
         }))
     }
@@ -191,8 +197,10 @@ impl Maps {
             Err(StoreError::MapExists { map }) => return Err(EngineError::MapExists { map }),
             epoch => epoch?,
         };
-        let change = Change::Created { policy, create_time_ns: self.create_time_ns() };
-        let event = Event { revision: 1, cause: None, change };
+        let create_time_ns = self.create_time_ns();
+        let display_name = display_name.to_owned();
+        let change = Change::Created { policy, create_time_ns, display_name };
+        let event = Event { revision: 1, time_ns: create_time_ns, cause: None, change };
         let mut map = Map::new();
         if let Err(error) = map.apply(&event) {
             return Err(EngineError::Journal { map: name.to_owned(), error });
@@ -202,16 +210,16 @@ impl Maps {
             store.delete_map(name).await?;
             return Err(error.into());
         }
-        let (name, display_name) = (name.to_owned(), display_name.to_owned());
+        let name = name.to_owned();
         let flushed = store.follow(&name).await?;
         let start = Start {
             name,
-            display_name,
             epoch,
             map,
             state: MapState::Open,
             refusal: None,
             snapshot: 0,
+            unsolved: Vec::new(),
             flushed,
         };
         let handle = self.spawn(start);
@@ -267,8 +275,9 @@ impl Maps {
     }
 
     /// Finishes queued items and the solves that they start, then stops the engines and closes the
-    /// store. Streams end with [`EngineError::ShuttingDown`].
-    pub async fn shutdown(&self) {
+    /// store. Streams end with [`EngineError::ShuttingDown`]. What is not finished within `budget` is
+    /// dropped; what was accepted by then is made durable in any case.
+    pub async fn shutdown(&self, budget: Duration) {
         self.inner.closing.store(true, Ordering::Release);
         let ends = self.list().into_iter().map(|handle| async move {
             let (reply, ended) = tokio::sync::oneshot::channel();
@@ -277,7 +286,10 @@ impl Maps {
                 let _ended = ended.await;
             }
         });
-        futures_util::future::join_all(ends).await;
+        let ends = futures_util::future::join_all(ends);
+        if tokio::time::timeout(budget, ends).await.is_err() {
+            tracing::warn!("solves were still running, their results are dropped");
+        }
         self.inner.store.close().await;
     }
 
@@ -299,8 +311,6 @@ impl Maps {
             store: Arc::clone(store),
             pool: Arc::clone(pool),
             store_epoch: start.epoch,
-            display_name: start.display_name,
-            update_time_ns: start.map.create_time_ns(),
             last_solve_id: start.map.solve_count(),
             map: Arc::new(start.map),
             state: start.state,
@@ -315,6 +325,7 @@ impl Maps {
             schedule: Schedule::default(),
             running: None,
             job: None,
+            unsolved: start.unsolved,
             drained: false,
             closing: Vec::new(),
         };

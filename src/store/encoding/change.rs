@@ -17,9 +17,10 @@ type Decoded<T> = Result<T, EncodingError>;
 
 pub(super) fn encode_change(change: &Change) -> Wire {
     match change {
-        Change::Created { policy, create_time_ns } => Wire::Created(v1::Created {
+        Change::Created { policy, create_time_ns, display_name } => Wire::Created(v1::Created {
             policy: Some(encode_policy(policy)),
             create_time_ns: *create_time_ns,
+            display_name: display_name.clone(),
         }),
         Change::ClientOpened { name, epoch } => {
             Wire::ClientOpened(v1::ClientOpened { name: name.clone(), epoch: *epoch })
@@ -84,8 +85,8 @@ pub(super) fn encode_change(change: &Change) -> Wire {
 
 pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
     Ok(match change {
-        Wire::Created(v1::Created { policy, create_time_ns }) => {
-            Change::Created { policy: decode_policy(policy)?, create_time_ns }
+        Wire::Created(v1::Created { policy, create_time_ns, display_name }) => {
+            Change::Created { policy: decode_policy(policy)?, create_time_ns, display_name }
         }
         Wire::ClientOpened(v1::ClientOpened { name, epoch }) => {
             Change::ClientOpened { name, epoch }

@@ -9,14 +9,15 @@ use crate::map::{Cause, ClientIndex, Digest, Event};
 
 /// Appends the bytes of an event to `out`.
 pub(in crate::store) fn encode_event(event: &Event, out: &mut Vec<u8>) {
-    let Event { revision, cause, change } = event;
+    let Event { revision, time_ns, cause, change } = event;
     let cause = cause.map(|Cause { client, epoch, sequence, digest }| v1::Cause {
         client: client.0,
         epoch,
         sequence,
         digest: digest.to_vec(),
     });
-    let message = v1::Event { revision: *revision, cause, change: Some(encode_change(change)) };
+    let change = Some(encode_change(change));
+    let message = v1::Event { revision: *revision, cause, time_ns: *time_ns, change };
     out.extend_from_slice(&message.encode_to_vec());
 }
 
@@ -25,9 +26,10 @@ pub(in crate::store) fn encode_event(event: &Event, out: &mut Vec<u8>) {
 /// # Errors
 /// [`EncodingError`] where they are no event, or one of a later version.
 pub(in crate::store) fn decode_event(bytes: &[u8]) -> Result<Event, EncodingError> {
-    let v1::Event { revision, cause, change } = decode(bytes)?;
+    let v1::Event { revision, cause, time_ns, change } = decode(bytes)?;
     let cause = cause.map(decode_cause).transpose()?;
-    Ok(Event { revision, cause, change: decode_change(required(change, "the change")?)? })
+    let change = decode_change(required(change, "the change")?)?;
+    Ok(Event { revision, time_ns, cause, change })
 }
 
 fn decode_cause(cause: v1::Cause) -> Result<Cause, EncodingError> {

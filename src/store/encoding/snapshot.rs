@@ -42,6 +42,8 @@ pub(in crate::store) fn encode_map(map: &Map, out: &mut dyn Write) -> Result<(),
     let head = v1::MapHead {
         revision: map.revision(),
         create_time_ns: map.create_time_ns(),
+        update_time_ns: map.update_time_ns(),
+        display_name: map.display_name().to_owned(),
         policy: Some(encode_policy(map.policy())),
         solve_count: map.solve_count(),
         state_hash: map.state_hash().to_vec(),
@@ -153,6 +155,8 @@ fn take_part(parts: &mut MapParts, part: v1::MapPart) -> Result<(), EncodingErro
     if let Some(head) = part.head {
         parts.revision = head.revision;
         parts.create_time_ns = head.create_time_ns;
+        parts.update_time_ns = head.update_time_ns.max(head.create_time_ns);
+        parts.display_name = head.display_name;
         parts.policy = decode_policy(head.policy)?;
         parts.solve_count = head.solve_count;
     }

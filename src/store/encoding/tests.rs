@@ -136,7 +136,7 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
     let position = Information::new(&Matrix3::identity()).unwrap();
     let unplaced = NewLandmark { id: id(4), position: None };
     let changes = vec![
-        Change::Created { policy, create_time_ns: -5 },
+        Change::Created { policy, create_time_ns: -5, display_name: "Haus".to_owned() },
         Change::ClientOpened { name: "röbot".to_owned(), epoch: 3 },
         camera(0),
         camera(1),
@@ -185,7 +185,10 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
     };
     (1..)
         .zip(changes)
-        .map(|(revision, change)| Event { revision, cause: cause(revision, &change), change })
+        .map(|(revision, change)| {
+            let cause = cause(revision, &change);
+            Event { revision, time_ns: 7 * revision, cause, change }
+        })
         .collect()
 }
 

@@ -6,7 +6,8 @@
 //! DIR/maps/UID/SEQUENCE.log     journal, from this sequence on
 //! DIR/maps/UID/SEQUENCE.snap    the map at this sequence; the newest two are kept
 //! DIR/maps/UID/durable          how far the journal was synced when it was idle last
-//! DIR/maps/UID/*.bad            snapshots that did not open, kept for people
+//! DIR/maps/UID/*.bad            damaged files that were set aside, kept for people
+//! DIR/set-aside/UID.bad         maps of which nothing could be brought back
 //! ```
 //!
 //! Each map has its own files, so that damage stays in one map. Blocking work runs on tokio's
@@ -19,14 +20,18 @@
 //! | `record`, `sealed` | the bytes of journals, and of files that are written once |
 //! | `load`, `read` | opening a map's folder, reading events and snapshots |
 //! | `journal` | a map's writer: groups, the mark, failures |
+//! | `doctor` | looking at a directory without a server, repairing it |
 
 mod disk;
+mod doctor;
 mod journal;
 mod load;
 mod lock;
 mod read;
 mod record;
 mod sealed;
+
+pub use self::doctor::{MapCheckup, check_up};
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -2,6 +2,7 @@
 
 mod crash;
 mod damage;
+mod doctor;
 mod fault;
 mod faulty;
 mod golden;

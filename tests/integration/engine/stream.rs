@@ -173,7 +173,7 @@ async fn shutdown_finishes_what_was_queued() {
     let map = fixture.map(MapPolicy::default()).await;
     let mut client = Client::open(&map).await;
     client.send_street(0..8).await;
-    fixture.maps.shutdown().await;
+    fixture.maps.shutdown(std::time::Duration::from_secs(60)).await;
     let mut acks = Vec::new();
     let end = loop {
         match client.event().await {
@@ -200,7 +200,7 @@ async fn a_restart_on_the_same_store_brings_the_map_back() {
     client.finish().await;
     let before = map.snapshot().await.unwrap();
     assert_eq!(fixture.replayed().await.state_hash(), before.state_hash());
-    fixture.maps.shutdown().await;
+    fixture.maps.shutdown(std::time::Duration::from_secs(60)).await;
     let maps = open(&fixture.store, EngineConfig::default(), 1).await;
     let again = maps.get("house").unwrap();
     assert_eq!(again.uid(), map.uid());

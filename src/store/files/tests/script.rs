@@ -30,7 +30,11 @@ pub(super) fn event(revision: i64, kind: i64) -> Arc<Event> {
     let pose = |k: i64| Se3::new(So3::identity(), at(k));
     let sequence = revision - 2;
     let change = match revision {
-        1 => Change::Created { policy: MapPolicy::default(), create_time_ns: kind },
+        1 => Change::Created {
+            policy: MapPolicy::default(),
+            create_time_ns: kind,
+            display_name: String::new(),
+        },
         2 => Change::ClientOpened { name: "robot".to_owned(), epoch: 1 },
         3 => {
             let pinhole = PinholeRadialTangential::undistorted(500.0, 500.0, 320.0, -0.0);
@@ -76,7 +80,7 @@ pub(super) fn event(revision: i64, kind: i64) -> Arc<Event> {
     let digest = [u8::try_from(revision % 251).unwrap(); 32];
     let client = ClientIndex(0);
     let cause = cause.then_some(Cause { client, epoch: 1, sequence, digest });
-    Arc::new(Event { revision, cause, change })
+    Arc::new(Event { revision, time_ns: 1000 * revision, cause, change })
 }
 
 pub(super) fn fold(last: i64, kind: i64) -> Map {

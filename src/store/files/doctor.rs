@@ -1,0 +1,251 @@
+//! Looks at a data directory that no server uses: reads every byte that a server would, replays every
+//! event, compares the result with the snapshots, and tells what is damaged.
+//!
+//! Looking changes nothing. Repairing never deletes: a damaged file gets another name, and a snapshot
+//! of what could be brought back takes the place of the journal. Everything here blocks.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::disk::{Disk, ReadOnly, RealDisk};
+use super::journal::Journal;
+use super::load::load;
+use super::lock::DirectoryLock;
+use super::record::Uid;
+use super::sealed::{Kind, seal, seal_map, unseal, unseal_map, write};
+use super::{FileStoreOptions, MARK, file_error, journal_name, read, snapshot_name};
+use crate::map::Map;
+use crate::store::encoding::{decode_identity, encode_identity};
+use crate::store::{Damage, StoreError, sequence_of};
+
+/// What the files of a map are like.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MapCheckup {
+    /// The map's name; `None` where it is lost.
+    pub map: Option<String>,
+    /// Its folder.
+    pub folder: PathBuf,
+    /// The last revision that can be brought back.
+    pub revision: u64,
+    /// The names of its journal files, in order.
+    pub segments: Vec<String>,
+    /// Revision of the newest snapshot that opens.
+    pub snapshot: Option<u64>,
+    /// What is damaged; the last byte of what can be read, and which events are lost.
+    pub damage: Vec<Damage>,
+    /// Why it could not be looked at or repaired, if so.
+    pub failure: Option<String>,
+    /// What a repair has set aside, under the new name.
+    pub set_aside: Vec<PathBuf>,
+}
+
+impl MapCheckup {
+    /// Whether there is anything wrong.
+    #[must_use]
+    pub fn is_damaged(&self) -> bool {
+        !self.damage.is_empty() || self.failure.is_some()
+    }
+}
+
+/// Looks at every map of a data directory, in the order of the folders' names, and repairs those that
+/// are damaged where `repair` says so. Blocks.
+///
+/// # Errors
+/// [`StoreError::InUse`] where a server uses it, [`StoreError::File`] where it is no data directory
+/// or cannot be read.
+pub fn check_up(directory: &Path, repair: bool) -> Result<Vec<MapCheckup>, StoreError> {
+    let maps = directory.join("maps");
+    let folders = RealDisk.list(&maps).map_err(|e| file_error("cannot list", &maps, &e))?;
+    let _lock = DirectoryLock::take(directory)?;
+    let mut checkups = Vec::new();
+    for folder in folders {
+        let folder = maps.join(folder);
+        let names = RealDisk.list(&folder).map_err(|e| file_error("cannot list", &folder, &e))?;
+        // What an unfinished creation or deletion left: it goes when a server starts.
+        if folder.extension().is_some() || names.iter().all(|name| name.ends_with(".tmp")) {
+            continue;
+        }
+        let mut checkup = MapCheckup { folder, ..MapCheckup::default() };
+        let looked = look(&mut checkup).and_then(|found| {
+            if repair && !checkup.damage.is_empty() {
+                mend(directory, &mut checkup, &found)
+            } else {
+                Ok(())
+            }
+        });
+        checkup.failure = looked.err().map(|error| error.to_string());
+        checkups.push(checkup);
+    }
+    Ok(checkups)
+}
+
+/// What a repair needs to know of a map.
+struct Found {
+    uid: Uid,
+    /// The map at the last revision that can be brought back.
+    map: Map,
+    /// Revisions of the snapshots that open.
+    snapshots: Vec<u64>,
+}
+
+/// Reads all files of a map.
+fn look(checkup: &mut MapCheckup) -> Result<Found, StoreError> {
+    let folder = checkup.folder.clone();
+    let uid = identity(checkup)?;
+    let found = load(&ReadOnly, &folder, &uid)?;
+    checkup.segments = found.segments.iter().map(|&first| journal_name(first)).collect();
+    let (last, kept, damage) = (found.last, found.snapshots.clone(), found.damage.clone());
+    for mut damage in damage {
+        // Nothing was renamed.
+        let path = Path::new(&damage.file);
+        if path.extension().is_some_and(|extension| extension == "bad") {
+            damage.file = path.with_extension("snap").display().to_string();
+        }
+        checkup.damage.push(damage);
+    }
+    let mut snapshots = Vec::new();
+    for sequence in kept {
+        let path = folder.join(snapshot_name(sequence));
+        let bytes = RealDisk.read(&path).map_err(|e| file_error("cannot read", &path, &e))?;
+        match unseal_map(&bytes) {
+            Ok(map) => snapshots.push(map),
+            Err(_reason) => checkup.damage.push(whole_file(&path)),
+        }
+    }
+    let name = checkup.map.clone().unwrap_or_default();
+    let options = FileStoreOptions::default();
+    let journal = Journal::new(&name, uid, folder.clone(), Arc::new(ReadOnly), options);
+    journal.loaded(found);
+    let map = replay(&journal, last, &snapshots, checkup)?;
+    checkup.revision = sequence_of(map.revision());
+    checkup.snapshot = snapshots.last().map(|map| sequence_of(map.revision()));
+    let is_told = checkup.damage.iter().any(|damage| damage.lost.is_some());
+    if checkup.revision < last && !is_told {
+        let home = journal.segments().into_iter().rfind(|&first| first <= checkup.revision + 1);
+        let file = home.map_or_else(|| folder.clone(), |first| folder.join(journal_name(first)));
+        let lost = Some((checkup.revision + 1, last));
+        checkup.damage.push(Damage { lost, ..whole_file(&file) });
+    }
+    let snapshots = snapshots.iter().map(|map| sequence_of(map.revision())).collect();
+    Ok(Found { uid, map, snapshots })
+}
+
+/// The map's uid, by its file or else by its folder.
+fn identity(checkup: &mut MapCheckup) -> Result<Uid, StoreError> {
+    let path = checkup.folder.join("map");
+    let bytes = RealDisk.read(&path).unwrap_or_default();
+    if let Ok((uid, _, body)) = unseal(Kind::Identity, &bytes)
+        && let Ok(name) = decode_identity(body)
+    {
+        checkup.map = Some(name);
+        return Ok(uid);
+    }
+    checkup.damage.push(whole_file(&path));
+    let name = checkup.folder.file_name().unwrap_or_default().to_string_lossy();
+    let mut uid = Uid::default();
+    let is_hex = name.len() == 2 * uid.len() && name.bytes().all(|b| b.is_ascii_hexdigit());
+    for (index, byte) in uid.iter_mut().enumerate().filter(|_| is_hex) {
+        *byte = u8::from_str_radix(&name[2 * index..2 * index + 2], 16).unwrap_or(0);
+    }
+    let message = "neither its name nor its folder's tells which map it is".to_owned();
+    let path = path.display().to_string();
+    if is_hex { Ok(uid) } else { Err(StoreError::Content { path, message }) }
+}
+
+/// The map at the last revision that can be brought back: from the first event on, past gaps by
+/// means of snapshots, each of which must be what its events make.
+fn replay(
+    journal: &Journal,
+    last: u64,
+    snapshots: &[Arc<Map>],
+    checkup: &mut MapCheckup,
+) -> Result<Map, StoreError> {
+    let mut map = Map::new();
+    let mut later = snapshots.iter().peekable();
+    loop {
+        for event in read::events(journal, sequence_of(map.revision()), last)? {
+            if map.apply(&event).is_err() {
+                break;
+            }
+            let Some(snapshot) = later.next_if(|next| next.revision() == map.revision()) else {
+                continue;
+            };
+            if snapshot.state_hash() != map.state_hash() {
+                let name = snapshot_name(sequence_of(map.revision()));
+                checkup.damage.push(whole_file(&journal.folder.join(name)));
+            }
+        }
+        let Some(snapshot) = later.find(|next| next.revision() > map.revision()) else {
+            return Ok(map);
+        };
+        map = (**snapshot).clone();
+    }
+}
+
+/// Sets damaged files aside and leaves a map that opens where anything could be brought back.
+fn mend(directory: &Path, checkup: &mut MapCheckup, found: &Found) -> Result<(), StoreError> {
+    let folder = checkup.folder.clone();
+    if checkup.revision == 0 {
+        let aside = directory.join("set-aside");
+        RealDisk.create_folder(&aside).map_err(|e| file_error("cannot create", &aside, &e))?;
+        let to = set_aside(&folder, &aside)?;
+        let maps = directory.join("maps");
+        RealDisk.sync_folder(&maps).map_err(|e| file_error("cannot sync", &maps, &e))?;
+        checkup.set_aside.push(to);
+        return Ok(());
+    }
+    let mut aside: Vec<PathBuf> = checkup.damage.iter().map(|d| PathBuf::from(&d.file)).collect();
+    let is_log = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "log");
+    let lost = checkup.damage.iter().any(|damage| damage.lost.is_some());
+    aside.retain(|path| *path != folder && !is_log(path));
+    aside.sort_unstable();
+    aside.dedup();
+    for path in aside.iter().filter(|path| RealDisk.read(path).is_ok()) {
+        checkup.set_aside.push(set_aside(path, &folder)?);
+    }
+    if checkup.map.is_none() {
+        let uid: String = found.uid.iter().take(4).map(|byte| format!("{byte:02x}")).collect();
+        let name = format!("recovered-{uid}");
+        let identity = seal(Kind::Identity, &found.uid, 0, &encode_identity(&name));
+        write(&RealDisk, &folder.join("map"), &identity)?;
+        checkup.map = Some(name);
+    }
+    if lost || checkup.damage.iter().any(|damage| is_log(&PathBuf::from(&damage.file))) {
+        // From here on the snapshot has everything; a journal with a gap would not read as one.
+        let path = folder.join(snapshot_name(checkup.revision));
+        if !found.snapshots.contains(&checkup.revision) || aside.contains(&path) {
+            write(&RealDisk, &path, &seal_map(&found.uid, &found.map)?)?;
+        }
+        let mut journal = checkup.segments.clone();
+        journal.push(MARK.to_owned());
+        for name in journal {
+            let path = folder.join(name);
+            if RealDisk.read(&path).is_ok() {
+                checkup.set_aside.push(set_aside(&path, &folder)?);
+            }
+        }
+    }
+    RealDisk.sync_folder(&folder).map_err(|e| file_error("cannot sync", &folder, &e))
+}
+
+/// Gives a file or folder a name in `folder` that nothing has and no server looks at.
+fn set_aside(path: &Path, folder: &Path) -> Result<PathBuf, StoreError> {
+    let failed = |error| file_error("cannot rename", path, &error);
+    let taken = RealDisk.list(folder).map_err(failed)?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let mut free = format!("{name}.bad");
+    let mut count = 1;
+    while taken.contains(&free) {
+        count += 1;
+        free = format!("{name}.{count}.bad");
+    }
+    let to = folder.join(free);
+    RealDisk.rename(path, &to).map_err(failed)?;
+    RealDisk.sync_folder(folder).map_err(failed)?;
+    Ok(to)
+}
+
+/// A file of which nothing can be used.
+fn whole_file(path: &Path) -> Damage {
+    Damage { file: path.display().to_string(), offset: 0, lost: None }
+}
