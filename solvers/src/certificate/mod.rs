@@ -77,8 +77,11 @@ pub fn certify<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     let margin = |cost: f64| (0.1 * CERTIFIED_GAP * cost / (D * count) as f64).max(rounding);
     let mut lifts = 0;
     let mut proof = dual::<D>(&matrix, &x, margin(cost)).map_err(failed)?;
+    // The margins tried are a tenth of the largest that will do, then ten times that: give or take
+    // its rounding.
+    let largest = (1.0 + 1e-9) * CERTIFIED_GAP;
     let is_proved = |cost: f64, margin: f64| {
-        margin * (D * count) as f64 <= CERTIFIED_GAP * cost || margin <= 10.0 * rounding
+        margin * (D * count) as f64 <= largest * cost || margin <= 10.0 * rounding
     };
     while !is_proved(cost, proof.margin) && lifts < MAX_LIFTS && proof.min_eigenvalue < 0.0 {
         lifts += 1;
