@@ -16,7 +16,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use anyhow::{Context, bail};
 
-use super::config::Config;
+use super::config::{Config, Layer};
+use super::connect::{Connection, connect};
 use super::output::print;
 use super::progress::Progress;
 use crate::client::{Client, IngestReport, SessionOptions, describe_violation};
@@ -36,9 +37,8 @@ const SHOWN_REJECTIONS: usize = 5;
 pub struct Args {
     /// A BAL file, or the folder of a COLMAP sparse model (text or binary).
     file: PathBuf,
-    /// The server's URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER].
-    #[arg(long, value_name = "URL")]
-    server: Option<String>,
+    #[command(flatten)]
+    connection: Connection,
     /// The map; made when it does not exist [default: the file's name].
     #[arg(long, value_name = "NAME")]
     map: Option<String>,
@@ -54,6 +54,13 @@ pub struct Args {
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
+}
+
+impl Args {
+    /// The settings that flags override.
+    pub(super) fn layer(&self) -> Layer {
+        self.connection.layer()
+    }
 }
 
 /// Streams a BAL file or a COLMAP folder to a server.
@@ -74,7 +81,7 @@ async fn replay(args: &Args, config: &Config, recording: &Recording) -> anyhow::
         let count = recording.repeated;
         tracing::warn!("{count} observations stand twice in the file: left out once");
     }
-    let client = Client::connect(args.server.as_ref().unwrap_or(&config.server)).await?;
+    let client = connect(config).await?;
     prepare_map(&client, &map_id, args).await?;
     let report = stream(&client, &map_id, &stem, recording, !args.no_lock_step).await?;
     for rejected in report.rejections.iter().take(SHOWN_REJECTIONS) {
