@@ -1,6 +1,7 @@
 //! Log lines on standard error, filtered by the configuration's `log`.
 //!
-//! Standard output belongs to results and stays free of them.
+//! Standard output belongs to results and stays free of them. Deletions are told at every level,
+//! unless the filter itself says otherwise of their target `audit`.
 
 use std::io::IsTerminal;
 
@@ -12,7 +13,8 @@ use tracing_subscriber::EnvFilter;
 /// # Errors
 /// Where `filter` is not a list of directives.
 pub(super) fn start(filter: &str) -> anyhow::Result<()> {
-    let filter = EnvFilter::try_new(filter).with_context(|| anyhow!("log filter `{filter}`"))?;
+    let filter = EnvFilter::try_new(format!("audit=info,{filter}"))
+        .with_context(|| anyhow!("log filter `{filter}`"))?;
     let logger = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_writer(std::io::stderr)

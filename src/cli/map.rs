@@ -11,9 +11,10 @@ use anyhow::{Context, bail};
 use fs_err as fs;
 use serde::Serialize;
 
-use super::config::Config;
+use super::config::{Config, Layer};
+use super::connect::{Connection, connect};
 use super::output::print;
-use crate::client::{Client, MapExport};
+use crate::client::MapExport;
 use crate::wire::v1;
 
 /// Lists, shows, deletes and exports the maps of a server.
@@ -21,12 +22,18 @@ use crate::wire::v1;
 pub struct Args {
     #[command(subcommand)]
     action: Action,
-    /// The server's URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER].
-    #[arg(long, global = true, value_name = "URL")]
-    server: Option<String>,
+    #[command(flatten)]
+    connection: Connection,
     /// Print JSON instead of text.
     #[arg(long, global = true)]
     json: bool,
+}
+
+impl Args {
+    /// The settings that flags override.
+    pub(super) fn layer(&self) -> Layer {
+        self.connection.layer()
+    }
 }
 
 #[derive(Debug, clap::Subcommand)]
@@ -137,7 +144,7 @@ pub fn run(args: Args, config: &Config) -> anyhow::Result<ExitCode> {
 }
 
 async fn act(args: Args, config: &Config) -> anyhow::Result<ExitCode> {
-    let client = Client::connect(args.server.as_ref().unwrap_or(&config.server)).await?;
+    let client = connect(config).await?;
     match args.action {
         Action::List => {
             let maps: Vec<Document> =

@@ -5,6 +5,7 @@
 //! success, 1 for a failure with one line on standard error, 2 for wrong usage. No mathematics here.
 
 pub mod config;
+mod connect;
 pub mod demo;
 mod doctor;
 mod eval;
@@ -62,9 +63,9 @@ impl Command {
         match self {
             Self::Serve(args) => args.layer(),
             Self::Solve(args) => args.layer(),
-            Self::Replay(_) | Self::Map(_) | Self::Doctor(_) | Self::Eval(_) | Self::Demo(_) => {
-                Layer::default()
-            }
+            Self::Replay(args) => args.layer(),
+            Self::Map(args) => args.layer(),
+            Self::Doctor(_) | Self::Eval(_) | Self::Demo(_) => Layer::default(),
         }
     }
 }

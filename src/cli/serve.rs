@@ -1,10 +1,11 @@
 //! `covis serve`: the server in the foreground until SIGTERM or ctrl-c.
 //!
-//! Standard output gets two lines once every map is open: `listening on http://ADDRESS`, with port 0
+//! Standard output gets two lines once every map is open: `listening on http://ADDRESS` (`https` with TLS), with port 0
 //! the port that was taken, and where maps are kept. The first signal drains the server, a second one ends
-//! the process at once.
+//! the process at once. SIGHUP has certificates and tokens read again, where there are any.
 
 use std::ffi::OsString;
+use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -15,7 +16,7 @@ use super::config::{Config, Layer};
 use super::output::{ClosedPipe, print};
 use super::signals::Signals;
 use crate::service::engine::EngineConfig;
-use crate::service::{Server, ServerConfig};
+use crate::service::{Server, ServerConfig, TlsFiles};
 
 /// Arguments of `covis serve`.
 #[derive(Debug, clap::Args)]
@@ -23,6 +24,22 @@ pub(super) struct Args {
     /// Address to listen on; port 0 takes a free one [default: 127.0.0.1:7411] [env: COVIS_LISTEN].
     #[arg(long, value_name = "ADDR")]
     listen: Option<String>,
+    /// The server's certificate (PEM); with it TLS is spoken [env: COVIS_TLS_CERT].
+    #[arg(long, value_name = "FILE")]
+    tls_cert: Option<PathBuf>,
+    /// The private key of --tls-cert (PEM) [env: COVIS_TLS_KEY].
+    #[arg(long, value_name = "FILE")]
+    tls_key: Option<PathBuf>,
+    /// Take only clients whose certificate these authorities (PEM) signed [env: COVIS_TLS_CLIENT_CA].
+    #[arg(long, value_name = "FILE")]
+    tls_client_ca: Option<PathBuf>,
+    /// Take only calls with a bearer token of this file (TOML) [env: COVIS_TOKENS].
+    #[arg(long, value_name = "FILE")]
+    tokens: Option<PathBuf>,
+    /// Speak plain text also beyond loopback: others on the network can read and change all of it
+    /// [env: COVIS_INSECURE_PLAIN_TEXT].
+    #[arg(long)]
+    insecure_plain_text: bool,
     /// Worker threads of the solvers [default: one per processor] [env: COVIS_THREADS].
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
@@ -42,6 +59,11 @@ impl Args {
     pub(super) fn layer(&self) -> Layer {
         Layer {
             listen: self.listen.clone(),
+            tls_cert: self.tls_cert.clone(),
+            tls_key: self.tls_key.clone(),
+            tls_client_ca: self.tls_client_ca.clone(),
+            tokens: self.tokens.clone(),
+            insecure_plain_text: self.insecure_plain_text.then_some(true),
             threads: self.threads,
             lock_step: self.lock_step.then_some(true),
             data_dir: self.data_dir.clone(),
@@ -60,6 +82,7 @@ pub(super) fn run(_args: Args, config: &Config) -> anyhow::Result<ExitCode> {
 async fn serve(config: &Config) -> anyhow::Result<ExitCode> {
     // Signals are caught before the address is told: a script may stop the server at once.
     let mut signals = Signals::new().context("signal handlers")?;
+    let mut reloads = Reloads::new(config).context("signal handlers")?;
     let listener = TcpListener::bind(&config.listen)
         .await
         .with_context(|| format!("cannot listen on {}", config.listen))?;
@@ -68,18 +91,29 @@ async fn serve(config: &Config) -> anyhow::Result<ExitCode> {
         Some(directory) => format!("maps are kept in {}", directory.display()),
         None => "maps are kept in memory, and gone at the end".to_owned(),
     };
-    let start = Server::start(listener, ServerConfig { data_dir, ..server_config(config) });
+    let start = Server::start(listener, ServerConfig { data_dir, ..guarded(config) });
     let server = tokio::select! {
         server = start => server?,
         // What was opened so far needs no more than to be dropped.
         signal = signals.next() => anyhow::bail!("{signal} while starting"),
     };
-    match print(format_args!("listening on http://{}\n{kept}", server.local_addr())) {
+    let scheme = if config.tls_cert.is_some() { "https" } else { "http" };
+    match print(format_args!("listening on {scheme}://{}\n{kept}", server.local_addr())) {
         // Nobody needs to read the address for the server to be of use.
         Err(error) if !error.is::<ClosedPipe>() => return Err(error),
         Ok(()) | Err(_) => {}
     }
-    let signal = signals.next().await;
+    let signal = loop {
+        tokio::select! {
+            signal = signals.next() => break signal,
+            () = reloads.next() => {
+                if let Err(error) = server.reload() {
+                    let error = anyhow::Error::from(error);
+                    tracing::error!("nothing was reloaded, all is as it was: {error:#}");
+                }
+            }
+        }
+    };
     tracing::info!("{signal}: shutting down");
     tokio::select! {
         () = server.shutdown() => Ok(ExitCode::SUCCESS),
@@ -112,7 +146,22 @@ fn data_dir(
     Ok(Some(data.join("covis")))
 }
 
-/// The settings of the configuration that a server takes; where maps are kept is not among them.
+/// The settings of a server that others may reach: those of [`server_config`], and who may come in.
+fn guarded(config: &Config) -> ServerConfig {
+    let files = config.tls_cert.clone().zip(config.tls_key.clone());
+    let tls = files.map(|(certificate, key)| {
+        let client_ca = config.tls_client_ca.clone();
+        TlsFiles { certificate, key, client_ca }
+    });
+    ServerConfig {
+        tls,
+        tokens: config.tokens.clone(),
+        insecure_plain_text: config.insecure_plain_text,
+        ..server_config(config)
+    }
+}
+
+/// The settings of the configuration that a server takes; where maps are kept and who may come in are not among them.
 pub(super) fn server_config(config: &Config) -> ServerConfig {
     let engine = EngineConfig {
         lock_step: config.lock_step,
@@ -126,5 +175,35 @@ pub(super) fn server_config(config: &Config) -> ServerConfig {
         engine,
         test_fault: config.test_fault.clone(),
         ..ServerConfig::default()
+    }
+}
+
+/// SIGHUP, where there is something to read again; elsewhere it ends the process as it always does.
+struct Reloads {
+    #[cfg(unix)]
+    hangup: Option<tokio::signal::unix::Signal>,
+}
+
+impl Reloads {
+    #[cfg(unix)]
+    fn new(config: &Config) -> io::Result<Self> {
+        use tokio::signal::unix::{SignalKind, signal};
+        let is_wanted = config.tls_cert.is_some() || config.tokens.is_some();
+        Ok(Self { hangup: is_wanted.then(|| signal(SignalKind::hangup())).transpose()? })
+    }
+
+    #[cfg(not(unix))]
+    fn new(_config: &Config) -> io::Result<Self> {
+        Ok(Self {})
+    }
+
+    /// Waits until the files are to be read again.
+    async fn next(&mut self) {
+        #[cfg(unix)]
+        if let Some(hangup) = &mut self.hangup {
+            hangup.recv().await;
+            return;
+        }
+        std::future::pending().await
     }
 }

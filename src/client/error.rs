@@ -33,6 +33,24 @@ pub enum ClientError {
         #[source]
         source: Arc<tonic::transport::Error>,
     },
+    /// Certificates or a key that cannot be used.
+    #[error("certificates for {url}")]
+    Tls {
+        /// The address.
+        url: String,
+        /// What the transport said.
+        #[source]
+        source: Arc<tonic::transport::Error>,
+    },
+    /// A token that is empty or does not fit a header. It is not shown.
+    #[error("the token is empty or not one line of ASCII")]
+    InvalidToken,
+    /// A token that others on the network could read along; nothing was sent.
+    #[error("a token is not sent in plain text to {url}: take https")]
+    TokenInPlainText {
+        /// The address.
+        url: String,
+    },
     /// The server, or the link to it, ended a call.
     #[error("{rpc}: {}", describe(status))]
     Rpc {

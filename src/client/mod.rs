@@ -6,6 +6,7 @@
 //! | module | role |
 //! |---|---|
 //! | [`Client`] | one call a method |
+//! | `credentials` | [`Credentials`]: token, certificates, trust |
 //! | `ingest` | [`IngestSession`]: send with back-pressure, acks, finish |
 //! | `stream` | the task behind a session: reconnects and resumes |
 //! | `outbox` | the items that the server has not answered yet |
@@ -13,6 +14,7 @@
 //! | `retry`, `error` | what is tried again, and when to give up |
 
 mod calls;
+mod credentials;
 mod error;
 mod export;
 mod ingest;
@@ -26,6 +28,7 @@ mod watch;
 use std::sync::Arc;
 use std::time::Duration;
 
+use tonic::codegen::InterceptedService;
 use tonic::transport::{Channel, Endpoint};
 
 use crate::wire::v1;
@@ -34,7 +37,10 @@ use v1::map_service_client::MapServiceClient;
 use v1::optimization_service_client::OptimizationServiceClient;
 use v1::server_service_client::ServerServiceClient;
 
+use credentials::Bearer;
+
 pub use calls::{Landmarks, MapDigests, Trajectory};
+pub use credentials::{Credentials, Token};
 pub use error::{ClientError, describe_violation};
 pub use export::MapExport;
 pub use ingest::{
@@ -52,27 +58,42 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 /// went away without a word is found.
 const KEEP_ALIVE: Duration = Duration::from_secs(10);
 
+/// A channel whose calls carry the token.
+type Link = InterceptedService<Channel, Bearer>;
+
 /// A connection to a server; cheap to clone, clones share it. A broken connection is made again by
 /// the next call.
 #[derive(Clone, Debug)]
 pub struct Client {
-    channel: Channel,
+    channel: Link,
     url: Arc<str>,
 }
 
 impl Client {
-    /// Connects to a server, for instance `http://127.0.0.1:7411`.
+    /// Connects to a server without credentials, for instance `http://127.0.0.1:7411`.
     ///
     /// # Errors
-    /// [`ClientError::InvalidUrl`], [`ClientError::Unreachable`].
+    /// As [`Client::connect_with`].
     pub async fn connect(url: &str) -> Result<Self, ClientError> {
+        Self::connect_with(url, &Credentials::default()).await
+    }
+
+    /// Connects to a server, for instance `https://maps.example:7411`. An `https` URL takes TLS; its
+    /// host must stand in the server's certificate.
+    ///
+    /// # Errors
+    /// [`ClientError::InvalidUrl`], [`ClientError::Unreachable`]; for credentials that cannot be used
+    /// [`ClientError::Tls`], [`ClientError::InvalidToken`], [`ClientError::TokenInPlainText`].
+    pub async fn connect_with(url: &str, credentials: &Credentials) -> Result<Self, ClientError> {
         let invalid = || ClientError::InvalidUrl { url: url.to_owned() };
         let endpoint = Endpoint::from_shared(url.to_owned()).map_err(|_invalid| invalid())?;
         let is_http = matches!(endpoint.uri().scheme_str(), Some("http" | "https"));
         if !is_http || endpoint.uri().host().is_none() {
             return Err(invalid());
         }
-        let connected = endpoint
+        let bearer = credentials.bearer(&endpoint)?;
+        let connected = credentials
+            .secure(endpoint)?
             .connect_timeout(CONNECT_TIMEOUT)
             .tcp_nodelay(true)
             .http2_keep_alive_interval(KEEP_ALIVE)
@@ -84,7 +105,7 @@ impl Client {
             url: url.to_owned(),
             source: Arc::new(source),
         })?;
-        Ok(Self { channel, url: url.into() })
+        Ok(Self { channel: InterceptedService::new(channel, bearer), url: url.into() })
     }
 
     /// The server's address as it was given.
@@ -119,20 +140,20 @@ impl Client {
         MapWatch::open(self, map_id, options).await
     }
 
-    fn ingest_service(&self) -> IngestServiceClient<Channel> {
+    fn ingest_service(&self) -> IngestServiceClient<Link> {
         IngestServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_ANSWER_BYTES)
     }
 
-    fn map_service(&self) -> MapServiceClient<Channel> {
+    fn map_service(&self) -> MapServiceClient<Link> {
         MapServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_ANSWER_BYTES)
     }
 
-    fn optimization_service(&self) -> OptimizationServiceClient<Channel> {
+    fn optimization_service(&self) -> OptimizationServiceClient<Link> {
         OptimizationServiceClient::new(self.channel.clone())
             .max_decoding_message_size(MAX_ANSWER_BYTES)
     }
 
-    fn server_service(&self) -> ServerServiceClient<Channel> {
+    fn server_service(&self) -> ServerServiceClient<Link> {
         ServerServiceClient::new(self.channel.clone())
     }
 }

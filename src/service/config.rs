@@ -1,9 +1,11 @@
-//! What a server is started with.
+//! What a server is started with. Who may come in stands in files, which can be read again while it
+//! runs; all else holds until the end.
 
 use std::path::PathBuf;
 use std::time::Duration;
 
 use super::engine::EngineConfig;
+use super::tls::TlsFiles;
 use crate::map::Ceilings;
 
 /// Largest message by default, bytes: 4 MiB.
@@ -23,6 +25,12 @@ pub struct ServerConfig {
     pub ceilings: Ceilings,
     /// Where maps are kept (nowhere: in memory, and gone at the end).
     pub data_dir: Option<PathBuf>,
+    /// Certificate and key of the listener (none: plain text).
+    pub tls: Option<TlsFiles>,
+    /// The file of tokens (none: everybody may do everything).
+    pub tokens: Option<PathBuf>,
+    /// Whether plain text is served beyond the loopback interface (no).
+    pub insecure_plain_text: bool,
     /// Threads of the solver pool (one per processor).
     pub threads: usize,
     /// How engines run.
@@ -46,6 +54,9 @@ impl Default for ServerConfig {
                 max_observations: Some(100_000_000),
             },
             data_dir: None,
+            tls: None,
+            tokens: None,
+            insecure_plain_text: false,
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             engine: EngineConfig::default(),
             drain_budget: Duration::from_secs(10),

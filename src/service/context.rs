@@ -15,6 +15,7 @@ use tokio::sync::{mpsc, watch};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Response, Status};
 
+use super::access::Access;
 use super::config::ServerConfig;
 use super::convert::map::ServerCeilings;
 use super::engine::{EngineError, Maps};
@@ -30,6 +31,8 @@ pub(super) struct Context {
     pub maps: Maps,
     /// The settings.
     pub config: ServerConfig,
+    /// Who may call what.
+    pub access: Arc<Access>,
     /// Random for each start.
     pub instance_id: String,
     /// Start of the server, nanoseconds of Unix time.

@@ -3,6 +3,7 @@
 
 use covis_solvers::problem::SolveError;
 
+use super::access::hide_tenant;
 use super::engine::{EngineError, SolvePanicked};
 use crate::map::{Reason, Rejection};
 
@@ -53,6 +54,16 @@ pub(super) enum ServiceError {
         /// Its value.
         maximum: i64,
     },
+    /// The caller does not say who it is, or nobody knows it.
+    Unauthenticated {
+        /// What is wrong.
+        what: &'static str,
+    },
+    /// The caller's role does not cover the call.
+    RoleTooLow {
+        /// The role that does.
+        needed: &'static str,
+    },
     /// The server still opens its maps.
     Starting,
     /// The server is shutting down.
@@ -94,7 +105,7 @@ impl From<Rejection> for ServiceError {
 
 impl From<EngineError> for ServiceError {
     fn from(error: EngineError) -> Self {
-        Self::Engine(error)
+        Self::Engine(hide_tenant(error))
     }
 }
 

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use tokio::sync::mpsc;
 use tonic::{Code, Request, Response, Status, Streaming};
 
+use super::access::Caller;
 use super::context::{Answers, Context, Sink};
 use super::convert::map::{to_durability, to_limits};
 use super::convert::solve::to_certificate;
@@ -44,8 +45,9 @@ impl IngestService for Ingest {
         request: Request<Streaming<v1::IngestRequest>>,
     ) -> Result<Response<Self::IngestStream>, Status> {
         let context = Arc::clone(&self.context);
+        let caller = Caller::of(&request)?;
         let inbound = request.into_inner();
-        self.context.stream("Ingest", None, |sink| session(context, inbound, sink))
+        self.context.stream("Ingest", None, |sink| session(context, caller, inbound, sink))
     }
 }
 
@@ -60,6 +62,7 @@ struct Open {
 
 async fn session(
     context: Arc<Context>,
+    caller: Caller,
     mut inbound: Streaming<v1::IngestRequest>,
     sink: Sink<v1::IngestResponse>,
 ) -> Result<(), ServiceError> {
@@ -67,7 +70,7 @@ async fn session(
         open = read_open(&mut inbound) => open?,
         () = context.drained() => return Err(ServiceError::Draining),
     };
-    let map = context.maps.get(&open.map)?;
+    let map = context.maps.get(&caller.engine_name(&open.map))?;
     let stream = map.open_stream(open.client.clone(), open.epoch, open.lock_step).await?;
     let opened = opened(&context, &map, stream.opened).await?;
     sink.send(v1::IngestResponse { event: Some(Event::Opened(opened)) }).await?;

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use tonic::{Request, Response, Status, Streaming};
 
+use super::access::{Caller, deletion, shown};
 use super::context::{Answers, Context};
 use super::convert::map::{display_name, policy, to_map};
 use super::convert::{Path, convert, ids};
@@ -34,8 +35,9 @@ impl MapRpcs {
 
     async fn create(
         &self,
-        request: v1::CreateMapRequest,
+        request: Request<v1::CreateMapRequest>,
     ) -> Result<v1::CreateMapResponse, ServiceError> {
+        let (caller, request) = (Caller::of(&request)?, request.into_inner());
         let ceilings = self.context.ceilings();
         let (map_id, display_name, policy) = convert(|out| {
             let map_id = ids::map_id(&request.map_id, out);
@@ -43,28 +45,30 @@ impl MapRpcs {
             let policy = policy(request.policy.as_ref(), &ceilings, out);
             Some((map_id?, display_name?, policy?))
         })?;
+        let name = caller.engine_name(&map_id);
         let maximum = self.context.config.max_maps;
         let maps = self.context.maps.list();
         // A taken name is told as such also when the server is full.
-        if maps.len() >= maximum && maps.iter().all(|map| map.name() != map_id) {
+        if maps.len() >= maximum && maps.iter().all(|map| map.name() != name) {
             let maximum = super::convert::count(maximum);
             return Err(ServiceError::ServerLimit { limit: "max_map_count", maximum });
         }
-        let info = self.context.maps.create(&map_id, &display_name, policy).await?;
+        let info = self.context.maps.create(&name, &display_name, policy).await?;
         Ok(v1::CreateMapResponse { map: Some(to_map(&info, ceilings.queued_items)) })
     }
 
     async fn list(
         &self,
-        request: v1::ListMapsRequest,
+        request: Request<v1::ListMapsRequest>,
     ) -> Result<v1::ListMapsResponse, ServiceError> {
-        let (size, after) = listing::map_page(&request)?;
+        let caller = Caller::of(&request)?;
+        let (size, after) = listing::map_page(request.get_ref())?;
         let queued = self.context.config.engine.queue_capacity;
         let mut handles = self.context.maps.list();
-        handles.retain(|map| map.name() > after.as_str());
+        handles.retain(|map| caller.owns(map.name()) && shown(map.name()) > after.as_str());
         let more = handles.len() > size;
         handles.truncate(size);
-        let last = handles.last().map(|map| map.name().to_owned());
+        let last = handles.last().map(|map| shown(map.name()).to_owned());
         let mut maps = Vec::with_capacity(handles.len());
         for handle in handles {
             match handle.info().await {
@@ -78,9 +82,13 @@ impl MapRpcs {
         Ok(v1::ListMapsResponse { maps, next_page_token })
     }
 
-    fn map(&self, map_id: &str) -> Result<MapHandle, ServiceError> {
+    async fn delete(&self, name: &str) -> Result<(), ServiceError> {
+        Ok(self.context.maps.delete(name).await?)
+    }
+
+    fn map(&self, caller: &Caller, map_id: &str) -> Result<MapHandle, ServiceError> {
         let map_id = convert(|out| ids::map_id(map_id, out))?;
-        Ok(self.context.maps.get(&map_id)?)
+        Ok(self.context.maps.get(&caller.engine_name(&map_id))?)
     }
 }
 
@@ -94,7 +102,7 @@ impl MapService for MapRpcs {
         &self,
         request: Request<v1::CreateMapRequest>,
     ) -> Result<Response<v1::CreateMapResponse>, Status> {
-        self.context.answer("CreateMap", self.create(request.into_inner())).await
+        self.context.answer("CreateMap", self.create(request)).await
     }
 
     async fn get_map(
@@ -102,7 +110,8 @@ impl MapService for MapRpcs {
         request: Request<v1::GetMapRequest>,
     ) -> Result<Response<v1::GetMapResponse>, Status> {
         let handler = async {
-            let info = self.map(&request.get_ref().map_id)?.info().await?;
+            let caller = Caller::of(&request)?;
+            let info = self.map(&caller, &request.get_ref().map_id)?.info().await?;
             let queued = self.context.config.engine.queue_capacity;
             let map = Some(to_map(&info, queued));
             let mut answer = v1::GetMapResponse { map, ..v1::GetMapResponse::default() };
@@ -129,7 +138,7 @@ impl MapService for MapRpcs {
         &self,
         request: Request<v1::ListMapsRequest>,
     ) -> Result<Response<v1::ListMapsResponse>, Status> {
-        self.context.answer("ListMaps", self.list(request.into_inner())).await
+        self.context.answer("ListMaps", self.list(request)).await
     }
 
     async fn delete_map(
@@ -137,9 +146,11 @@ impl MapService for MapRpcs {
         request: Request<v1::DeleteMapRequest>,
     ) -> Result<Response<v1::DeleteMapResponse>, Status> {
         let handler = async {
+            let caller = Caller::of(&request)?;
             let map_id = convert(|out| ids::map_id(&request.get_ref().map_id, out))?;
-            self.context.maps.delete(&map_id).await?;
-            Ok(v1::DeleteMapResponse {})
+            let deleted = self.delete(&caller.engine_name(&map_id)).await;
+            deletion(&caller, request.remote_addr(), &map_id, &deleted);
+            deleted.map(|()| v1::DeleteMapResponse {})
         };
         self.context.answer("DeleteMap", handler).await
     }
@@ -158,9 +169,9 @@ impl MapService for MapRpcs {
         request: Request<v1::ExportMapRequest>,
     ) -> Result<Response<Self::ExportMapStream>, Status> {
         let (rpcs, time) = (self.clone(), call_time(request.metadata()));
-        let request = request.into_inner();
+        let (caller, request) = (Caller::of(&request), request.into_inner());
         self.context.stream("ExportMap", time, |sink| async move {
-            let map = rpcs.map(&request.map_id)?;
+            let map = rpcs.map(&caller?, &request.map_id)?;
             let format = export::format(request.format)?;
             let snapshot = map.snapshot().await?;
             let (map_id, revision) = (request.map_id, snapshot.revision());
@@ -192,13 +203,13 @@ impl MapService for MapRpcs {
         request: Request<v1::GetTrajectoryRequest>,
     ) -> Result<Response<Self::GetTrajectoryStream>, Status> {
         let (rpcs, time) = (self.clone(), call_time(request.metadata()));
-        let request = request.into_inner();
+        let (caller, request) = (Caller::of(&request), request.into_inner());
         self.context.stream("GetTrajectory", time, |sink| async move {
             let wanted = match request.client_id.as_str() {
                 "" => None,
                 id => Some(convert(|out| ids::name(Path::root("client_id"), id, out))?),
             };
-            let map = rpcs.map(&request.map_id)?.snapshot().await?;
+            let map = rpcs.map(&caller?, &request.map_id)?.snapshot().await?;
             let client = match wanted {
                 None => None,
                 Some(client) => {
@@ -227,7 +238,7 @@ impl MapService for MapRpcs {
         request: Request<v1::ListLandmarksRequest>,
     ) -> Result<Response<Self::ListLandmarksStream>, Status> {
         let (rpcs, time) = (self.clone(), call_time(request.metadata()));
-        let request = request.into_inner();
+        let (caller, request) = (Caller::of(&request), request.into_inner());
         self.context.stream("ListLandmarks", time, |sink| async move {
             let pages = convert(|out| {
                 let map_id = ids::map_id(&request.map_id, out);
@@ -235,7 +246,7 @@ impl MapService for MapRpcs {
                 map_id?;
                 pages
             })?;
-            let map = rpcs.map(&request.map_id)?.snapshot().await?;
+            let map = rpcs.map(&caller?, &request.map_id)?.snapshot().await?;
             listing::landmarks(&map, &pages, &sink).await
         })
     }
@@ -256,9 +267,9 @@ impl MapService for MapRpcs {
         request: Request<v1::WatchMapRequest>,
     ) -> Result<Response<Self::WatchMapStream>, Status> {
         let (rpcs, time) = (self.clone(), call_time(request.metadata()));
-        let request = request.into_inner();
+        let (caller, request) = (Caller::of(&request), request.into_inner());
         self.context.stream("WatchMap", time, |sink| async move {
-            let map = rpcs.map(&request.map_id)?;
+            let map = rpcs.map(&caller?, &request.map_id)?;
             if let Some(revision) = request.from_revision.filter(|&revision| revision < 0) {
                 let text = format!("{revision} is below 0");
                 return Err(ServiceError::field("from_revision", Reason::OutOfRange, text));

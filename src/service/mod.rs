@@ -9,10 +9,13 @@
 //! | `convert` | wire ↔ domain, bad fields named |
 //! | `status` | domain error → status code, the only place |
 //! | `context` | how a handler's outcome becomes an answer |
+//! | `access` | tokens, roles and tenants: who may call what |
+//! | `tls` | certificates of the listener |
 //! | `*_service` | one file a service of the wire; `watch`, `export`, `listing` serve `MapService` |
 
 pub mod engine;
 
+mod access;
 mod config;
 mod context;
 mod convert;
@@ -30,7 +33,10 @@ mod refine;
 mod server;
 mod server_service;
 mod status;
+mod tls;
 mod watch;
 
+pub use access::AccessError;
 pub use config::ServerConfig;
 pub use server::{RunningServer, Server, ServerError};
+pub use tls::{TlsError, TlsFiles};

@@ -11,6 +11,7 @@ use covis_solvers::loss::Loss;
 use tokio::sync::mpsc;
 use tonic::{Request, Response, Status};
 
+use super::access::Caller;
 use super::context::{Answers, Context};
 use super::convert::certificate::add_costs;
 use super::convert::entities::to_switched_off;
@@ -204,11 +205,12 @@ impl OptimizationService for Optimization {
     ) -> Result<Response<Self::OptimizeMapStream>, Status> {
         let time = call_time(request.metadata());
         let solve_time = solve_time(request.metadata());
+        let caller = Caller::of(&request);
         let (context, request) = (Arc::clone(&self.context), request.into_inner());
         self.context.stream("OptimizeMap", time, |sink| async move {
             let threads = context.maps.pool().threads();
             let (map_id, options) = map_options(&request, threads, solve_time)?;
-            let map = context.maps.get(&map_id)?;
+            let map = context.maps.get(&caller?.engine_name(&map_id))?;
             let (progress, mut rows) = mpsc::channel(16);
             let forwarding = async {
                 while let Some(row) = rows.recv().await {

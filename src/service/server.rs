@@ -1,5 +1,7 @@
 //! Starts and stops a server on a bound listener.
 //!
+//! Plain text leaves the loopback interface only where the configuration says so.
+//!
 //! Starting: the transport answers at once, health with NOT_SERVING and calls with UNAVAILABLE, until
 //! every map is open.
 //!
@@ -21,6 +23,7 @@ use tonic::transport::server::TcpIncoming;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
+use super::access::{Access, AccessError, Guarded};
 use super::config::ServerConfig;
 use super::context::Context;
 use super::engine::{EngineError, Fault, Maps, SolverPool};
@@ -30,6 +33,7 @@ use super::map_service::MapRpcs;
 use super::optimization_service::Optimization;
 use super::random::random_id;
 use super::server_service::ServerInfo;
+use super::tls::{self, Tls, TlsError};
 use crate::store::{FileStore, FileStoreOptions, MemoryStore, Store};
 use crate::wire::v1::FILE_DESCRIPTOR_SET;
 use crate::wire::v1::ingest_service_server::IngestServiceServer;
@@ -47,6 +51,21 @@ pub enum ServerError {
     /// The engines do not start, for instance because a journal does not replay.
     #[error("the engines")]
     Engine(#[from] EngineError),
+    /// The file of tokens cannot be used.
+    #[error("who may come in")]
+    Access(#[from] AccessError),
+    /// Certificates or keys cannot be used.
+    #[error("TLS")]
+    Tls(#[from] TlsError),
+    /// Others on the network could read along.
+    #[error(
+        "plain text is served on loopback only, not on {address}: give a certificate and a key, \
+         or allow it by name"
+    )]
+    PlainText {
+        /// Where the listener is bound.
+        address: SocketAddr,
+    },
     /// The descriptors of the wire cannot be served.
     #[error("server reflection")]
     Reflection(#[from] tonic_reflection::server::Error),
@@ -67,6 +86,7 @@ pub struct Server;
 pub struct RunningServer {
     address: SocketAddr,
     context: Arc<Context>,
+    tls: Option<Arc<Tls>>,
     drain: watch::Sender<bool>,
     health: HealthReporter,
     task: JoinHandle<Result<(), tonic::transport::Error>>,
@@ -83,6 +103,15 @@ impl Server {
     ) -> Result<RunningServer, ServerError> {
         let address = listener.local_addr().map_err(ServerError::Address)?;
         apply_test_fault(&mut config)?;
+        let tls = config.tls.clone().map(Tls::new).transpose()?.map(Arc::new);
+        let access = Arc::new(Access::new(config.tokens.as_deref())?);
+        let is_open = !address.ip().is_loopback();
+        if tls.is_none() && is_open && !config.insecure_plain_text {
+            return Err(ServerError::PlainText { address });
+        }
+        if is_open && !access.is_guarded() {
+            tracing::warn!("without a file of tokens, whoever reaches {address} may do everything");
+        }
         let pool = SolverPool::new(config.threads)?;
         let store: Arc<dyn Store> = match &config.data_dir {
             None => Arc::new(MemoryStore::new()),
@@ -96,10 +125,10 @@ impl Server {
         let instance_id = random_id();
         let (start_time_ns, ready) = (now_ns(), AtomicBool::new(false));
         let context =
-            Arc::new(Context { maps, config, instance_id, start_time_ns, ready, draining });
-        let (health, task) = serve(listener, Arc::clone(&context)).await?;
+            Arc::new(Context { maps, config, access, instance_id, start_time_ns, ready, draining });
+        let (health, task) = serve(listener, tls.clone(), Arc::clone(&context)).await?;
         // From here on dropping it ends the transport.
-        let server = RunningServer { address, context, drain, health, task };
+        let server = RunningServer { address, context, tls, drain, health, task };
         server.context.maps.load().await?;
         server.context.ready.store(true, Ordering::Release);
         server.tell_health(ServingStatus::Serving).await;
@@ -119,6 +148,22 @@ impl RunningServer {
     #[must_use]
     pub fn local_addr(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Reads certificates, keys and tokens again. New connections get the certificate, new calls
+    /// need a token that is known now; streams that are open go on.
+    ///
+    /// # Errors
+    /// [`ServerError::Tls`], [`ServerError::Access`]; then all is as it was.
+    pub fn reload(&self) -> Result<(), ServerError> {
+        let acceptor = self.tls.as_ref().map(|tls| tls.read()).transpose()?;
+        let tokens = self.context.access.read()?;
+        if let (Some(tls), Some(acceptor)) = (&self.tls, acceptor) {
+            tls.put(acceptor);
+        }
+        self.context.access.put(tokens);
+        tracing::info!("certificates and tokens were read again");
+        Ok(())
     }
 
     async fn tell_health(&self, status: ServingStatus) {
@@ -168,6 +213,7 @@ const SERVICES: [&str; 5] = [
 /// Starts the transport with all services.
 async fn serve(
     listener: TcpListener,
+    tls: Option<Arc<Tls>>,
     context: Arc<Context>,
 ) -> Result<(HealthReporter, JoinHandle<Result<(), tonic::transport::Error>>), ServerError> {
     let bytes = context.config.max_message_bytes;
@@ -186,26 +232,38 @@ async fn serve(
             .register_encoded_file_descriptor_set(FILE_DESCRIPTOR_SET)
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
     };
+    // Health stays open: whoever watches over servers has no token.
+    macro_rules! guarded {
+        ($service:expr) => {
+            Guarded::new(limited!($service), &context.access)
+        };
+    }
     let maps = MapServiceServer::new(MapRpcs::new(Arc::clone(&context)));
     let ingest = IngestServiceServer::new(Ingest::new(Arc::clone(&context)));
     let optimization = OptimizationServiceServer::new(Optimization::new(Arc::clone(&context)));
     let info = ServerServiceServer::new(ServerInfo::new(Arc::clone(&context)));
     let router = tonic::transport::Server::builder()
         .max_concurrent_streams(context.config.max_concurrent_streams)
-        .add_service(limited!(maps))
-        .add_service(limited!(ingest))
-        .add_service(limited!(optimization))
-        .add_service(limited!(JobServiceServer::new(Jobs)))
-        .add_service(limited!(info))
+        .add_service(guarded!(maps))
+        .add_service(guarded!(ingest))
+        .add_service(guarded!(optimization))
+        .add_service(guarded!(JobServiceServer::new(Jobs)))
+        .add_service(guarded!(info))
         .add_service(limited!(health_service))
-        .add_service(limited!(reflection().build_v1()?))
-        .add_service(limited!(reflection().build_v1alpha()?));
+        .add_service(guarded!(reflection().build_v1()?))
+        .add_service(guarded!(reflection().build_v1alpha()?));
     // The builder's own switch does not reach a listener that was bound outside; without it each
     // small answer waits some 40 ms for the peer's delayed acknowledgment.
     let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
     let task = tokio::spawn(async move {
         let drained = context.drained();
-        router.serve_with_incoming_shutdown(incoming, drained).await
+        match tls {
+            None => router.serve_with_incoming_shutdown(incoming, drained).await,
+            Some(tls) => {
+                let incoming = tls::handshakes(incoming, tls);
+                router.serve_with_incoming_shutdown(incoming, drained).await
+            }
+        }
     });
     Ok((health, task))
 }

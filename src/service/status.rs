@@ -106,6 +106,13 @@ impl From<ServiceError> for Status {
                     .with("limit", limit)
                     .retry(RETRY_FULL)
             }
+            ServiceError::Unauthenticated { what } => {
+                Parts::new(Code::Unauthenticated, "UNAUTHENTICATED", what)
+            }
+            ServiceError::RoleTooLow { needed } => {
+                let text = format!("the token's role does not cover this call: it takes {needed}");
+                Parts::new(Code::PermissionDenied, "ROLE_TOO_LOW", text).with("role", needed)
+            }
             ServiceError::Starting => {
                 let text = "the server still opens its maps";
                 Parts::new(Code::Unavailable, "STARTING", text).retry(RETRY_STARTING)

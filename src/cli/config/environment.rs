@@ -4,19 +4,28 @@
 //! `COVIS_TEST_FAULT` reaches the server as [`super::Config::test_fault`].
 
 use std::ffi::OsString;
+use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
 use super::{ConfigError, Layer};
+use crate::client::Token;
 
 const PREFIX: &str = "COVIS_";
 const TEST_PREFIX: &str = "COVIS_TEST_";
 const TEST_FAULT: &str = "COVIS_TEST_FAULT";
 
 /// Variables by name, in order.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Default)]
 pub struct Environment {
     variables: Vec<(String, String)>,
+}
+
+/// Names only: a value may be a token.
+impl fmt::Debug for Environment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(self.variables.iter().map(|(name, _)| name)).finish()
+    }
 }
 
 /// What the variables say.
@@ -26,6 +35,8 @@ pub(super) struct Variables {
     pub(super) layer: Layer,
     /// `COVIS_CONFIG`.
     pub(super) config: Option<PathBuf>,
+    /// `COVIS_TOKEN`.
+    pub(super) token: Option<Token>,
     /// `COVIS_TEST_FAULT`.
     pub(super) test_fault: Option<String>,
     /// One sentence for each variable that is not known.
@@ -69,6 +80,18 @@ impl Environment {
                 "COVIS_LOG" => layer.log = Some(value.clone()),
                 "COVIS_DATA_DIR" => layer.data_dir = Some(PathBuf::from(value)),
                 "COVIS_IN_MEMORY" => layer.in_memory = Some(flag(name, value)?),
+                "COVIS_CA" => layer.ca = Some(PathBuf::from(value)),
+                "COVIS_CERT" => layer.cert = Some(PathBuf::from(value)),
+                "COVIS_KEY" => layer.key = Some(PathBuf::from(value)),
+                "COVIS_TOKEN_FILE" => layer.token_file = Some(PathBuf::from(value)),
+                "COVIS_TOKEN" => out.token = Some(Token::new(value)),
+                "COVIS_TLS_CERT" => layer.tls_cert = Some(PathBuf::from(value)),
+                "COVIS_TLS_KEY" => layer.tls_key = Some(PathBuf::from(value)),
+                "COVIS_TLS_CLIENT_CA" => layer.tls_client_ca = Some(PathBuf::from(value)),
+                "COVIS_TOKENS" => layer.tokens = Some(PathBuf::from(value)),
+                "COVIS_INSECURE_PLAIN_TEXT" => {
+                    layer.insecure_plain_text = Some(flag(name, value)?);
+                }
                 TEST_FAULT => out.test_fault = Some(value.clone()),
                 _ if name.starts_with(TEST_PREFIX) => {}
                 _ => out.warnings.push(format!("unknown environment variable {name} is ignored")),

@@ -14,6 +14,24 @@ pub struct Layer {
     pub listen: Option<String>,
     /// URL of the server that client commands talk to.
     pub server: Option<String>,
+    /// Certificates of the authorities that client commands trust, PEM.
+    pub ca: Option<PathBuf>,
+    /// The certificate that client commands show, PEM.
+    pub cert: Option<PathBuf>,
+    /// Its private key, PEM.
+    pub key: Option<PathBuf>,
+    /// File that holds the token of client commands.
+    pub token_file: Option<PathBuf>,
+    /// The certificate that a server shows, PEM.
+    pub tls_cert: Option<PathBuf>,
+    /// Its private key, PEM.
+    pub tls_key: Option<PathBuf>,
+    /// Certificates of the authorities that must have signed the clients' certificates, PEM.
+    pub tls_client_ca: Option<PathBuf>,
+    /// File of the tokens that a server knows.
+    pub tokens: Option<PathBuf>,
+    /// Whether a server speaks plain text beyond loopback.
+    pub insecure_plain_text: Option<bool>,
     /// Worker threads of a solve.
     pub threads: Option<usize>,
     /// Whether each solve finishes before the next item is taken.
@@ -94,11 +112,15 @@ impl Layer {
         toml::from_str(text).map_err(|error| {
             let offset = error.span().map_or(0, |span| span.start.min(text.len()));
             let line = 1 + text.bytes().take(offset).filter(|&b| b == b'\n').count();
+            let shown = text.lines().nth(line - 1).unwrap_or_default().trim();
+            // A token does not belong here, and no less into a log.
+            let key = shown.split('=').next().unwrap_or_default().trim();
+            let shown = if key == "token" { "token = ..." } else { shown };
             ConfigError::File {
                 path: path.to_owned(),
                 line,
                 reason: error.message().to_owned(),
-                text: text.lines().nth(line - 1).unwrap_or_default().trim().to_owned(),
+                text: shown.to_owned(),
             }
         })
     }
@@ -116,6 +138,15 @@ impl Layer {
         Self {
             listen: self.listen.or(lower.listen),
             server: self.server.or(lower.server),
+            ca: self.ca.or(lower.ca),
+            cert: self.cert.or(lower.cert),
+            key: self.key.or(lower.key),
+            token_file: self.token_file.or(lower.token_file),
+            tls_cert: self.tls_cert.or(lower.tls_cert),
+            tls_key: self.tls_key.or(lower.tls_key),
+            tls_client_ca: self.tls_client_ca.or(lower.tls_client_ca),
+            tokens: self.tokens.or(lower.tokens),
+            insecure_plain_text: self.insecure_plain_text.or(lower.insecure_plain_text),
             threads: self.threads.or(lower.threads),
             lock_step: self.lock_step.or(lower.lock_step),
             max_message_bytes: self.max_message_bytes.or(lower.max_message_bytes),

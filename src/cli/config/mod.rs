@@ -12,6 +12,8 @@ mod tests;
 
 use std::path::{Path, PathBuf};
 
+use crate::client::Token;
+
 pub use environment::Environment;
 pub use layer::{ConfigError, Layer};
 
@@ -28,6 +30,27 @@ pub struct Config {
     pub listen: String,
     /// URL of the server that client commands talk to (http://127.0.0.1:7411).
     pub server: String,
+    /// Certificates of the authorities that client commands trust, PEM (the system's).
+    pub ca: Option<PathBuf>,
+    /// The certificate that client commands show, PEM (none).
+    pub cert: Option<PathBuf>,
+    /// Its private key, PEM (none).
+    pub key: Option<PathBuf>,
+    /// File that holds the token of client commands (none).
+    pub token_file: Option<PathBuf>,
+    /// The token of client commands, from `COVIS_TOKEN` only (none).
+    pub token: Option<Token>,
+    /// The certificate that a server shows, PEM (none: plain text).
+    pub tls_cert: Option<PathBuf>,
+    /// Its private key, PEM; with `tls_cert` only.
+    pub tls_key: Option<PathBuf>,
+    /// Certificates of the authorities that must have signed the clients' certificates, PEM (none:
+    /// clients need no certificate).
+    pub tls_client_ca: Option<PathBuf>,
+    /// File of the tokens that a server knows (none: everybody may do everything).
+    pub tokens: Option<PathBuf>,
+    /// Whether a server speaks plain text beyond loopback (no).
+    pub insecure_plain_text: bool,
     /// Worker threads of a solve; at least 1 (one per processor).
     pub threads: usize,
     /// Whether each solve finishes before the next item of a stream is taken (no).
@@ -66,7 +89,8 @@ impl Config {
             None => Layer::default(),
         };
         let layer = flags.over(variables.layer).over(file);
-        let config = Self { test_fault: variables.test_fault, ..Self::from_layer(layer) };
+        let (test_fault, token) = (variables.test_fault, variables.token);
+        let config = Self { test_fault, token, ..Self::from_layer(layer) };
         config.check()?;
         Ok((config, variables.warnings))
     }
@@ -76,6 +100,16 @@ impl Config {
         Self {
             listen: layer.listen.unwrap_or_else(|| "127.0.0.1:7411".to_owned()),
             server: layer.server.unwrap_or_else(|| "http://127.0.0.1:7411".to_owned()),
+            ca: layer.ca,
+            cert: layer.cert,
+            key: layer.key,
+            token_file: layer.token_file,
+            token: None,
+            tls_cert: layer.tls_cert,
+            tls_key: layer.tls_key,
+            tls_client_ca: layer.tls_client_ca,
+            tokens: layer.tokens,
+            insecure_plain_text: layer.insecure_plain_text.unwrap_or(false),
             threads: layer.threads.unwrap_or_else(processors),
             lock_step: layer.lock_step.unwrap_or(false),
             max_message_bytes: layer.max_message_bytes.unwrap_or(4 * 1024 * 1024),
@@ -96,6 +130,12 @@ impl Config {
         }
         if self.threads == 0 {
             return out_of_range("threads", "must be at least 1");
+        }
+        if self.tls_cert.is_some() != self.tls_key.is_some() {
+            return out_of_range("tls_cert", "belongs with tls_key: one of them is missing");
+        }
+        if self.tls_client_ca.is_some() && self.tls_cert.is_none() {
+            return out_of_range("tls_client_ca", "needs tls_cert and tls_key");
         }
         if self.max_message_bytes < LEAST_MESSAGE_BYTES {
             return out_of_range("max_message_bytes", "must be at least 4096");

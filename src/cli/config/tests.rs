@@ -78,3 +78,25 @@ fn values_out_of_range_name_their_setting() {
     let missing = Config::load(Layer::default(), Some("no/such.toml".into()), environment(&[]));
     assert!(missing.unwrap_err().to_string().contains("no/such.toml"));
 }
+
+#[test]
+fn certificates_come_with_keys_and_a_token_is_never_shown() {
+    let check = |variables: &[(&str, &str)], part: &str| {
+        let loaded = Config::load(Layer::default(), None, environment(variables));
+        let message = loaded.unwrap_err().to_string();
+        assert!(message.contains(part), "`{part}` in `{message}`");
+    };
+    check(&[("COVIS_TLS_CERT", "a.pem")], "setting tls_cert");
+    check(&[("COVIS_TLS_KEY", "a.key")], "setting tls_cert");
+    check(&[("COVIS_TLS_CLIENT_CA", "a.pem")], "setting tls_client_ca");
+    let variables = environment(&[("COVIS_TOKEN", "secret")]);
+    assert!(!format!("{variables:?}").contains("secret"));
+    let (config, warnings) = Config::load(Layer::default(), None, variables).unwrap();
+    assert!(config.token.is_some());
+    assert_eq!(warnings, Vec::<String>::new());
+    assert!(!format!("{config:?}").contains("secret"));
+    // A file would be copied about: it may name the token's file only.
+    let message = Layer::parse("token = 'secret'\n", Path::new("covis.toml")).unwrap_err();
+    let message = message.to_string();
+    assert!(message.contains("token") && !message.contains("secret"), "{message}");
+}

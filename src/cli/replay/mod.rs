@@ -21,7 +21,8 @@ use anyhow::{Context, anyhow, bail};
 use tokio::time::Instant;
 use tonic::Code;
 
-use super::config::Config;
+use super::config::{Config, Layer};
+use super::connect::{Connection, connect};
 use super::output::print;
 use super::progress::Progress;
 use super::signals::Signals;
@@ -50,9 +51,8 @@ const SHOWN_REJECTIONS: usize = 5;
 pub struct Args {
     /// A BAL file, or the folder of a COLMAP sparse model (text or binary).
     file: PathBuf,
-    /// The server's URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER].
-    #[arg(long, value_name = "URL")]
-    server: Option<String>,
+    #[command(flatten)]
+    connection: Connection,
     /// The map; made when it does not exist [default: the file's name].
     #[arg(long, value_name = "NAME")]
     map: Option<String>,
@@ -74,6 +74,13 @@ pub struct Args {
     /// Print one JSON object instead of a table; also after a failure and on SIGTERM.
     #[arg(long)]
     json: bool,
+}
+
+impl Args {
+    /// The settings that flags override.
+    pub(super) fn layer(&self) -> Layer {
+        self.connection.layer()
+    }
 }
 
 /// Streams a BAL file or a COLMAP folder to a server.
@@ -104,7 +111,7 @@ async fn replay(args: &Args, config: &Config, recording: &Recording) -> anyhow::
     };
     let levels = Arc::new(Mutex::new(Levels::default()));
     let work = async {
-        let client = Client::connect(args.server.as_ref().unwrap_or(&config.server)).await?;
+        let client = connect(config).await?;
         prepare_map(&client, &map_id, args, retry).await?;
         let target = Target { map_id: &map_id, client_id: &stem, retry };
         let report = stream(&client, &target, recording, args, &levels).await?;

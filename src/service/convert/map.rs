@@ -13,6 +13,7 @@ use super::solve::{loss, to_loss};
 use super::time::timestamp;
 use super::{Path, Violations, count, small};
 use crate::map::{Ceilings, Keyframe, Landmark, Map, MapPolicy, Observation, Reason};
+use crate::service::access::shown;
 use crate::service::engine::{MapInfo, MapState};
 use crate::store::Durability;
 use crate::wire::v1;
@@ -183,7 +184,7 @@ pub(in crate::service) fn to_state(state: MapState) -> v1::MapState {
 pub(in crate::service) fn to_map(info: &MapInfo, queued_items: usize) -> v1::Map {
     let map = &info.snapshot;
     v1::Map {
-        map_id: info.name.clone(),
+        map_id: shown(&info.name).to_owned(),
         display_name: map.display_name().to_owned(),
         policy: Some(to_policy(map.policy(), queued_items)),
         state: to_state(info.state).into(),

@@ -1,0 +1,26 @@
+//! The record of deletions: log lines with target `audit`, which `COVIS_LOG` filters like any other
+//! but which the command line keeps on by default. They name the token's owner, never the token.
+
+use std::net::SocketAddr;
+
+use super::{Caller, Role};
+use crate::service::error::ServiceError;
+
+/// Who deleted which map, and whether it worked.
+pub(in crate::service) fn deletion(
+    caller: &Caller,
+    peer: Option<SocketAddr>,
+    map: &str,
+    result: &Result<(), ServiceError>,
+) {
+    let outcome = if result.is_ok() { "deleted" } else { "failed" };
+    let peer = peer.map(|peer| peer.to_string()).unwrap_or_default();
+    let (token, tenant) = (caller.token(), caller.tenant());
+    tracing::info!(target: "audit", action = "DeleteMap", map, tenant, token, peer, outcome);
+}
+
+/// A known caller asked for more than its role allows.
+pub(super) fn refusal(caller: &Caller, path: &str, needed: Role) {
+    let (token, tenant, needed) = (caller.token(), caller.tenant(), needed.name());
+    tracing::info!(target: "audit", action = path, tenant, token, needed, outcome = "refused");
+}

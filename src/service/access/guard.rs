@@ -1,0 +1,57 @@
+//! The guard before a service: who is not admitted reaches no handler.
+//!
+//! It looks at the path and the headers only and never reads the body.
+
+use std::future::{Ready, ready};
+use std::sync::Arc;
+use std::task::{Context, Poll};
+
+use futures_util::future::Either;
+use tonic::Status;
+use tonic::body::Body;
+use tonic::codegen::Service;
+use tonic::codegen::http::{Request, Response};
+use tonic::server::NamedService;
+
+use super::Access;
+
+/// A service that serves those whom [`Access`] admits.
+#[derive(Clone, Debug)]
+pub(in crate::service) struct Guarded<S> {
+    service: S,
+    access: Arc<Access>,
+}
+
+impl<S> Guarded<S> {
+    /// Stands before `service`.
+    pub(in crate::service) fn new(service: S, access: &Arc<Access>) -> Self {
+        Self { service, access: Arc::clone(access) }
+    }
+}
+
+impl<S: NamedService> NamedService for Guarded<S> {
+    const NAME: &'static str = S::NAME;
+}
+
+impl<S> Service<Request<Body>> for Guarded<S>
+where
+    S: Service<Request<Body>, Response = Response<Body>>,
+{
+    type Response = Response<Body>;
+    type Error = S::Error;
+    type Future = Either<Ready<Result<Response<Body>, S::Error>>, S::Future>;
+
+    fn poll_ready(&mut self, cx: &mut Context<'_>) -> Poll<Result<(), S::Error>> {
+        self.service.poll_ready(cx)
+    }
+
+    fn call(&mut self, mut request: Request<Body>) -> Self::Future {
+        match self.access.admit(request.uri().path(), request.headers()) {
+            Ok(caller) => {
+                request.extensions_mut().insert(caller);
+                Either::Right(self.service.call(request))
+            }
+            Err(error) => Either::Left(ready(Ok(Status::from(error).into_http()))),
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! Callers and their tenants. A tenant sees its own maps only, under names of its own choice.
+//!
+//! The engine knows a map as `tenant.name`; neither part can hold a dot, and the maps of the default
+//! tenant have the bare name. The tenant stays inside the server: it is in no answer and no error.
+
+use std::sync::Arc;
+
+use super::Role;
+use crate::service::engine::EngineError;
+use crate::store::StoreError;
+
+/// Between tenant and name.
+const SEPARATOR: char = '.';
+
+/// Who makes a call.
+#[derive(Clone, Debug)]
+pub(in crate::service) struct Caller {
+    token: Arc<str>,
+    tenant: Arc<str>,
+    role: Role,
+}
+
+impl Caller {
+    /// The owner of the token called `token`; the default tenant's name is empty.
+    pub(super) fn new(token: &str, tenant: &str, role: Role) -> Self {
+        Self { token: token.into(), tenant: tenant.into(), role }
+    }
+
+    /// Who calls a server that knows no tokens.
+    pub(super) fn everybody() -> Self {
+        Self::new("", "", Role::Admin)
+    }
+
+    /// The name of its token.
+    pub(super) fn token(&self) -> &str {
+        &self.token
+    }
+
+    /// Its tenant.
+    pub(super) fn tenant(&self) -> &str {
+        &self.tenant
+    }
+
+    /// What it may do.
+    pub(super) fn role(&self) -> Role {
+        self.role
+    }
+
+    /// What the engine calls this caller's map.
+    pub(in crate::service) fn engine_name(&self, map_id: &str) -> String {
+        match &*self.tenant {
+            "" => map_id.to_owned(),
+            tenant => format!("{tenant}{SEPARATOR}{map_id}"),
+        }
+    }
+
+    /// Whether a map is of this caller's tenant, by the engine's name of it.
+    pub(in crate::service) fn owns(&self, engine_name: &str) -> bool {
+        engine_name.split_once(SEPARATOR).map_or("", |(tenant, _)| tenant) == &*self.tenant
+    }
+}
+
+/// The name of a map as its tenant knows it.
+pub(in crate::service) fn shown(engine_name: &str) -> &str {
+    engine_name.split_once(SEPARATOR).map_or(engine_name, |(_, name)| name)
+}
+
+/// The error as the map's tenant may read it.
+pub(in crate::service) fn hide_tenant(mut error: EngineError) -> EngineError {
+    if let Some(map) = map_of(&mut error) {
+        *map = shown(map).to_owned();
+    }
+    error
+}
+
+/// The map that an error names.
+fn map_of(error: &mut EngineError) -> Option<&mut String> {
+    match error {
+        EngineError::MapNotFound { map }
+        | EngineError::MapExists { map }
+        | EngineError::Poisoned { map }
+        | EngineError::EpochFenced { map, .. }
+        | EngineError::OptimizationRunning { map }
+        | EngineError::Ceiling { map, .. }
+        | EngineError::RevisionAhead { map, .. }
+        | EngineError::NothingToSolve { map }
+        | EngineError::Cancelled { map }
+        | EngineError::Journal { map, .. }
+        | EngineError::Store(
+            StoreError::UnknownMap { map }
+            | StoreError::MapExists { map }
+            | StoreError::Fenced { map, .. }
+            | StoreError::SequenceMismatch { map, .. }
+            | StoreError::Truncated { map, .. }
+            | StoreError::NoSnapshot { map, .. }
+            | StoreError::Stopped { map, .. }
+            | StoreError::Damaged { map, .. },
+        ) => Some(map),
+        EngineError::Store(
+            StoreError::File { .. } | StoreError::Content { .. } | StoreError::InUse { .. },
+        )
+        | EngineError::Solve(_)
+        | EngineError::ShuttingDown
+        | EngineError::Threads { .. }
+        | EngineError::Bug { .. } => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Caller, hide_tenant, shown};
+    use crate::service::access::Role;
+    use crate::service::engine::EngineError;
+
+    #[test]
+    fn tenants_share_no_names() {
+        let check = |tenant: &str, name: &str, engine_name: &str| {
+            let caller = Caller::new("t", tenant, Role::Read);
+            assert_eq!(caller.engine_name(name), engine_name);
+            assert_eq!(shown(engine_name), name);
+            assert!(caller.owns(engine_name));
+            assert!(!caller.owns(&format!("other.{name}")));
+        };
+        check("", "house", "house");
+        check("acme", "house", "acme.house");
+        assert!(!Caller::everybody().owns("acme.house"));
+        assert!(!Caller::new("t", "acme", Role::Admin).owns("house"));
+    }
+
+    #[test]
+    fn an_error_does_not_tell_the_tenant() {
+        let error = hide_tenant(EngineError::MapNotFound { map: "acme.house".to_owned() });
+        assert_eq!(error.to_string(), "map \"house\" does not exist");
+    }
+}

@@ -1,0 +1,172 @@
+//! The file of tokens: who may come in, known by the SHA-256 of the token.
+//!
+//! ```toml
+//! [[token]]
+//! name = "robot-7"       # for the log
+//! sha256 = "9f86d081…"   # of the token, 64 hexadecimal digits
+//! tenant = "acme"        # left out for the default tenant
+//! role = "write"         # read, write or admin
+//! ```
+//!
+//! A plain hash serves because tokens are long and random: there is no list of likely ones to try.
+//! Tokens are found by their digest, whose timing tells nothing that helps to guess a token.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use sha2::{Digest, Sha256};
+
+use super::{Caller, Role};
+
+/// A file of tokens that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum AccessError {
+    /// The file cannot be read.
+    #[error("the file of tokens")]
+    Read(#[source] std::io::Error),
+    /// The file is not TOML of the right shape. Its text is not shown.
+    #[error("{}, line {line}: {reason}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+        /// What is wrong.
+        reason: String,
+    },
+    /// An entry has a bad field. Its value is not shown: it could be the token itself.
+    #[error("{}: token {number}: {field} must be {expected}", path.display())]
+    Entry {
+        /// The file.
+        path: PathBuf,
+        /// Which entry, from 1.
+        number: usize,
+        /// The field.
+        field: &'static str,
+        /// What it must be.
+        expected: &'static str,
+    },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    #[serde(default)]
+    token: Vec<Entry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    name: String,
+    sha256: String,
+    #[serde(default)]
+    tenant: String,
+    role: Role,
+}
+
+/// Callers by the digest of their token.
+#[derive(Debug, Default)]
+pub(in crate::service) struct Tokens(BTreeMap<[u8; 32], Caller>);
+
+impl Tokens {
+    /// Reads a file.
+    pub(super) fn read(path: &Path) -> Result<Self, AccessError> {
+        Self::parse(&fs_err::read_to_string(path).map_err(AccessError::Read)?, path)
+    }
+
+    fn parse(text: &str, path: &Path) -> Result<Self, AccessError> {
+        let file: File = toml::from_str(text).map_err(|error| {
+            let offset = error.span().map_or(0, |span| span.start.min(text.len()));
+            let line = 1 + text.bytes().take(offset).filter(|&b| b == b'\n').count();
+            AccessError::File { path: path.to_owned(), line, reason: error.message().to_owned() }
+        })?;
+        let (mut tokens, mut names) = (BTreeMap::new(), BTreeSet::new());
+        for (number, entry) in (1..).zip(file.token) {
+            let bad = |field, expected| {
+                let path = path.to_owned();
+                Err(AccessError::Entry { path, number, field, expected })
+            };
+            if !is_name(&entry.name) || !names.insert(entry.name.clone()) {
+                return bad("name", "another one: 1 to 63 characters of a-z, 0-9, '_' and '-'");
+            }
+            if !entry.tenant.is_empty() && !is_name(&entry.tenant) {
+                return bad("tenant", "1 to 63 characters of a-z, 0-9, '_' and '-'");
+            }
+            let Some(digest) = digest_of_hex(&entry.sha256) else {
+                return bad("sha256", "64 hexadecimal digits");
+            };
+            let caller = Caller::new(&entry.name, &entry.tenant, entry.role);
+            if tokens.insert(digest, caller).is_some() {
+                return bad("sha256", "of a token that no other entry has");
+            }
+        }
+        Ok(Self(tokens))
+    }
+
+    /// Whose token it is.
+    pub(super) fn caller(&self, token: &str) -> Option<Caller> {
+        let digest: [u8; 32] = Sha256::digest(token.as_bytes()).into();
+        self.0.get(&digest).cloned()
+    }
+}
+
+fn is_name(text: &str) -> bool {
+    let allowed = |c: u8| c.is_ascii_lowercase() || c.is_ascii_digit() || c == b'_' || c == b'-';
+    (1..=63).contains(&text.len()) && text.bytes().all(allowed)
+}
+
+fn digest_of_hex(text: &str) -> Option<[u8; 32]> {
+    let mut digest = [0; 32];
+    if text.len() != 64 || !text.bytes().all(|c| c.is_ascii_hexdigit()) {
+        return None;
+    }
+    for (index, byte) in digest.iter_mut().enumerate() {
+        *byte = u8::from_str_radix(text.get(2 * index..2 * index + 2)?, 16).ok()?;
+    }
+    Some(digest)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::Tokens;
+    use crate::service::access::Role;
+
+    /// The SHA-256 of "test".
+    const TEST: &str = "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08";
+
+    fn parse(text: &str) -> Result<Tokens, String> {
+        Tokens::parse(text, Path::new("tokens.toml")).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn a_token_is_known_by_its_digest() {
+        let text = format!("[[token]]\nname = 'r'\nsha256 = '{TEST}'\nrole = 'write'\n");
+        let tokens = parse(&text).unwrap();
+        let caller = tokens.caller("test").unwrap();
+        assert_eq!((caller.token(), caller.tenant(), caller.role()), ("r", "", Role::Write));
+        assert!(tokens.caller("tesT").is_none());
+        assert!(tokens.caller(TEST).is_none(), "the digest is no token");
+        assert!(parse("").unwrap().caller("").is_none());
+    }
+
+    #[test]
+    fn a_bad_file_is_refused_without_telling_what_it_holds() {
+        let check = |name: &str, sha256: &str, rest: &str, part: &str| {
+            let text = format!("[[token]]\nname = '{name}'\nsha256 = '{sha256}'\n{rest}\n");
+            let message = parse(&text).unwrap_err();
+            assert!(message.contains(part), "`{part}` in `{message}`");
+            assert!(!message.contains(sha256), "{message}");
+        };
+        check("r", "my-secret", "role = 'read'", "token 1: sha256");
+        check("r", TEST, "role = 'root'", "line 4");
+        check("r", TEST, "role = 'read'\nrights = 1", "line 5");
+        check("R", TEST, "role = 'read'", "token 1: name");
+        check("r", TEST, "role = 'read'\ntenant = 'a.b'", "token 1: tenant");
+        let other = format!("role = 'read'\n[[token]]\nname='s'\nsha256='{TEST}'\nrole='read'");
+        check("r", TEST, &other, "token 2: sha256");
+    }
+}

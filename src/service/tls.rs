@@ -1,0 +1,174 @@
+//! TLS of the listener: certificate, key, and which authority signs the clients' certificates.
+//!
+//! rustls is driven here and not through tonic, whose acceptor keeps its certificate for good: a
+//! handshake takes what was read last. Handshakes run side by side, bounded in number and time, so
+//! that a peer that says nothing keeps nobody out. Keys are never logged.
+
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, PoisonError, RwLock};
+use std::time::Duration;
+
+use tokio::net::TcpStream;
+use tokio::sync::mpsc;
+use tokio::task::JoinSet;
+use tokio_rustls::TlsAcceptor;
+use tokio_rustls::rustls::crypto::ring::default_provider;
+use tokio_rustls::rustls::pki_types::pem::PemObject;
+use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use tokio_rustls::rustls::server::{VerifierBuilderError, WebPkiClientVerifier};
+use tokio_rustls::rustls::{self, RootCertStore};
+use tokio_rustls::server::TlsStream;
+use tokio_stream::StreamExt;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::server::TcpIncoming;
+
+/// Handshakes that run at once; further connections wait in the system's queue.
+const MAX_HANDSHAKES: usize = 256;
+/// How long a handshake may take.
+const HANDSHAKE_TIME: Duration = Duration::from_secs(10);
+
+/// Where certificates and keys are; all in PEM.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TlsFiles {
+    /// The server's certificate, followed by those between it and the authority.
+    pub certificate: PathBuf,
+    /// Its private key.
+    pub key: PathBuf,
+    /// Certificates of the authorities that sign the clients' (mutual TLS); without it clients need
+    /// no certificate.
+    pub client_ca: Option<PathBuf>,
+}
+
+/// Certificates or keys that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum TlsError {
+    /// A file cannot be read.
+    #[error("certificates and keys")]
+    Read(#[from] io::Error),
+    /// A file holds nothing of what it should.
+    #[error("{}: holds no {what} in PEM", path.display())]
+    Pem {
+        /// The file.
+        path: PathBuf,
+        /// What it should hold.
+        what: &'static str,
+    },
+    /// The certificate is none, or the key is not its own.
+    #[error("certificate and key")]
+    Refused(#[from] rustls::Error),
+    /// The authorities that sign the clients' certificates.
+    #[error("the authorities of clients")]
+    ClientCa(#[from] VerifierBuilderError),
+}
+
+/// The listener's side of TLS, as it was read last.
+pub(super) struct Tls {
+    files: TlsFiles,
+    acceptor: RwLock<TlsAcceptor>,
+}
+
+impl fmt::Debug for Tls {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Tls").field("files", &self.files).finish_non_exhaustive()
+    }
+}
+
+impl Tls {
+    /// Reads the files.
+    pub(super) fn new(files: TlsFiles) -> Result<Self, TlsError> {
+        let acceptor = RwLock::new(acceptor(&files)?);
+        Ok(Self { files, acceptor })
+    }
+
+    /// Reads the files again; nothing changes before [`Tls::put`].
+    pub(super) fn read(&self) -> Result<TlsAcceptor, TlsError> {
+        acceptor(&self.files)
+    }
+
+    /// From now on handshakes are made with `acceptor`.
+    pub(super) fn put(&self, acceptor: TlsAcceptor) {
+        *self.acceptor.write().unwrap_or_else(PoisonError::into_inner) = acceptor;
+    }
+
+    fn current(&self) -> TlsAcceptor {
+        self.acceptor.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+fn acceptor(files: &TlsFiles) -> Result<TlsAcceptor, TlsError> {
+    let provider = Arc::new(default_provider());
+    let builder = rustls::ServerConfig::builder_with_provider(Arc::clone(&provider))
+        .with_safe_default_protocol_versions()?;
+    let builder = match &files.client_ca {
+        None => builder.with_no_client_auth(),
+        Some(path) => {
+            let mut authorities = RootCertStore::empty();
+            for authority in certificates(path)? {
+                authorities.add(authority)?;
+            }
+            let authorities = Arc::new(authorities);
+            let verifier = WebPkiClientVerifier::builder_with_provider(authorities, provider);
+            builder.with_client_cert_verifier(verifier.build()?)
+        }
+    };
+    let mut config =
+        builder.with_single_cert(certificates(&files.certificate)?, key(&files.key)?)?;
+    config.alpn_protocols = vec![b"h2".to_vec()];
+    Ok(TlsAcceptor::from(Arc::new(config)))
+}
+
+fn certificates(path: &Path) -> Result<Vec<CertificateDer<'static>>, TlsError> {
+    let pem = fs_err::read(path)?;
+    let found: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(&pem).collect();
+    let found = found.ok().filter(|certificates| !certificates.is_empty());
+    found.ok_or_else(|| TlsError::Pem { path: path.to_owned(), what: "certificate" })
+}
+
+fn key(path: &Path) -> Result<PrivateKeyDer<'static>, TlsError> {
+    let found = PrivateKeyDer::from_pem_slice(&fs_err::read(path)?).ok();
+    found.ok_or_else(|| TlsError::Pem { path: path.to_owned(), what: "private key" })
+}
+
+/// The connections of `incoming` whose handshake succeeds.
+pub(super) fn handshakes(
+    mut incoming: TcpIncoming,
+    tls: Arc<Tls>,
+) -> ReceiverStream<io::Result<TlsStream<TcpStream>>> {
+    let (sender, receiver) = mpsc::channel(1);
+    tokio::spawn(async move {
+        let mut running = JoinSet::new();
+        loop {
+            tokio::select! {
+                next = incoming.next(), if running.len() < MAX_HANDSHAKES => match next {
+                    Some(Ok(stream)) => {
+                        running.spawn(handshake(tls.current(), stream, sender.clone()));
+                    }
+                    Some(Err(error)) => {
+                        // The transport decides which errors end the server.
+                        let _gone = sender.send(Err(error)).await;
+                    }
+                    None => return,
+                },
+                Some(_ended) = running.join_next(), if !running.is_empty() => {}
+                () = sender.closed() => return,
+            }
+        }
+    });
+    ReceiverStream::new(receiver)
+}
+
+async fn handshake(
+    acceptor: TlsAcceptor,
+    stream: TcpStream,
+    sender: mpsc::Sender<io::Result<TlsStream<TcpStream>>>,
+) {
+    match tokio::time::timeout(HANDSHAKE_TIME, acceptor.accept(stream)).await {
+        Ok(Ok(stream)) => {
+            let _gone = sender.send(Ok(stream)).await;
+        }
+        Ok(Err(error)) => tracing::debug!(%error, "a TLS handshake failed"),
+        Err(_elapsed) => tracing::debug!("a TLS handshake took too long"),
+    }
+}
