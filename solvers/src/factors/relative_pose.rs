@@ -4,9 +4,11 @@
 //! ∂r/∂δ_i = −J_r⁻¹(r) · Ad(X_j⁻¹ X_i), exact for residuals of any size.
 
 use nalgebra::{SMatrix, SVector};
+use rayon::prelude::*;
 
 use crate::geometry::LieGroup;
 use crate::information::Information;
+use crate::loss::Loss;
 
 /// A measured relative pose between poses `i` and `j` of group `G` with `N` tangent dimensions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,6 +48,11 @@ impl<G: LieGroup<N>, const N: usize> RelativePose<G, N> {
         self.information.squared_norm(&self.residual(world_from_i, world_from_j))
     }
 
+    /// ρ(rᵀΩr) at the poses that its indices name.
+    pub(crate) fn rho(&self, poses: &[G], loss: Loss) -> f64 {
+        loss.evaluate(self.chi2(&poses[self.i], &poses[self.j])).rho
+    }
+
     /// The residual with its Jacobians, not whitened.
     #[must_use]
     pub fn linearize(&self, world_from_i: &G, world_from_j: &G) -> PairLinearization<N> {
@@ -55,4 +62,19 @@ impl<G: LieGroup<N>, const N: usize> RelativePose<G, N> {
         let d_i = -d_j * i_from_j.inverse().adjoint();
         PairLinearization { residual, d_i, d_j }
     }
+}
+
+/// Factors that a task handles at a time; part of the definition of every sum over them.
+pub(crate) const FACTORS_PER_CHUNK: usize = 128;
+
+/// ½ Σ ρ(rᵀΩr), summed within chunks in parallel, then over chunks in order.
+pub(crate) fn cost<G: LieGroup<N>, const N: usize>(
+    factors: &[RelativePose<G, N>],
+    poses: &[G],
+    loss: Loss,
+) -> f64 {
+    let chunks = factors.par_chunks(FACTORS_PER_CHUNK);
+    let half = |factor: &RelativePose<G, N>| 0.5 * factor.rho(poses, loss);
+    let partial: Vec<f64> = chunks.map(|chunk| chunk.iter().map(half).sum()).collect();
+    partial.iter().sum()
 }

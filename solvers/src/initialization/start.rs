@@ -5,15 +5,10 @@
 //! still, as in a graph that was solved before. It weighs all closures alike: where some may be
 //! false, start from the odometry.
 
-use rayon::prelude::*;
-
 use super::{chordal, odometry, spanning_tree};
-use crate::factors::RelativePose;
+use crate::factors::cost;
 use crate::geometry::RigidMotion;
 use crate::problem::{PoseGraph, SolveError};
-
-/// Edges that a task sums at a time; part of the definition of the cost.
-const EDGES_PER_CHUNK: usize = 128;
 
 /// Where the poses come from that a solve starts with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -63,6 +58,7 @@ fn automatic<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     has_poses: bool,
 ) -> Result<Start, SolveError> {
+    let cost = |graph: &PoseGraph<G, N>| cost(&graph.edges, &graph.poses, graph.loss);
     let given = has_poses.then(|| (cost(graph), graph.poses.clone()));
     match (chordal(graph), given) {
         (Ok(()), None) => Ok(Start::Chordal),
@@ -80,15 +76,4 @@ fn automatic<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         }
         (Err(error), _) => Err(error),
     }
-}
-
-/// ½ Σ ρ(rᵀΩr) at the poses of `graph`, summed within fixed chunks, then over them.
-fn cost<G: RigidMotion<D, N>, const D: usize, const N: usize>(graph: &PoseGraph<G, N>) -> f64 {
-    let rho = |edge: &RelativePose<G, N>| {
-        let residual = edge.residual(&graph.poses[edge.i], &graph.poses[edge.j]);
-        graph.loss.evaluate(edge.information.squared_norm(&residual)).rho
-    };
-    let chunks = graph.edges.par_chunks(EDGES_PER_CHUNK);
-    let sums: Vec<f64> = chunks.map(|edges| edges.iter().map(rho).sum()).collect();
-    0.5 * sums.iter().sum::<f64>()
 }

@@ -17,11 +17,13 @@ use super::pattern::BlockPattern;
 use crate::simd::{Class, WIDTH};
 
 mod branch;
+mod columns;
 mod front;
 mod growing;
 mod kernels;
 mod numeric;
 mod plan;
+mod shape;
 mod supernodes;
 mod sweep;
 mod triangular;

@@ -8,13 +8,10 @@
 use nalgebra::{SMatrix, SMatrixViewMut, SVector};
 use rayon::prelude::*;
 
-use crate::factors::RelativePose;
+use crate::factors::{FACTORS_PER_CHUNK, RelativePose};
 use crate::geometry::LieGroup;
 use crate::linear::{BlockMatrix, BlockPattern, BlockRowMut, PairTerm};
 use crate::loss::Loss;
-
-/// Edges a task handles at a time; part of the definition of every sum over edges.
-const EDGES_PER_CHUNK: usize = 128;
 
 /// What `edge` adds to H and g at the two poses.
 pub(super) fn pair_term<G: LieGroup<N>, const N: usize>(
@@ -45,30 +42,7 @@ pub(super) fn linearize_edges<G: LieGroup<N>, const N: usize>(
     blocks: &mut Vec<PairTerm<N>>,
 ) {
     let term = |edge: &RelativePose<G, N>| pair_term(edge, (&poses[edge.i], &poses[edge.j]), loss);
-    edges.par_iter().with_min_len(EDGES_PER_CHUNK).map(term).collect_into_vec(blocks);
-}
-
-/// ½ Σ ρ, summed within chunks in parallel, then over chunks in order.
-pub(super) fn cost<G: LieGroup<N>, const N: usize>(
-    edges: &[RelativePose<G, N>],
-    poses: &[G],
-    loss: Loss,
-) -> f64 {
-    let partial: Vec<f64> = edges
-        .par_chunks(EDGES_PER_CHUNK)
-        .map(|edges| edges.iter().map(|edge| 0.5 * edge_rho(edge, poses, loss)).sum())
-        .collect();
-    partial.iter().sum()
-}
-
-/// ρ(rᵀΩr) of one edge.
-pub(super) fn edge_rho<G: LieGroup<N>, const N: usize>(
-    edge: &RelativePose<G, N>,
-    poses: &[G],
-    loss: Loss,
-) -> f64 {
-    let residual = edge.residual(&poses[edge.i], &poses[edge.j]);
-    loss.evaluate(edge.information.squared_norm(&residual)).rho
+    edges.par_iter().with_min_len(FACTORS_PER_CHUNK).map(term).collect_into_vec(blocks);
 }
 
 /// An edge as the row of one of its poses sees it.

@@ -10,7 +10,8 @@ use std::sync::Arc;
 use nalgebra::SVector;
 use rayon::prelude::*;
 
-use super::assembly::{Incidences, cost, edge_rho, linearize_edges};
+use super::assembly::{Incidences, linearize_edges};
+use crate::factors::{RelativePose, cost};
 use crate::geometry::LieGroup;
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky, PairTerm};
 use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale};
@@ -56,7 +57,8 @@ impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
     /// The system at the graph's poses; `graph` is valid and has a pose that may move.
     pub(super) fn new(graph: &'a mut PoseGraph<G, N>) -> Result<Self, SolveError> {
         // Only a cost that is not finite is worth a search for the edge behind it.
-        let not_finite = |edge| !edge_rho(edge, &graph.poses, graph.loss).is_finite();
+        let not_finite =
+            |edge: &RelativePose<G, N>| !edge.rho(&graph.poses, graph.loss).is_finite();
         if !cost(&graph.edges, &graph.poses, graph.loss).is_finite()
             && let Some(index) = graph.edges.iter().position(not_finite)
         {

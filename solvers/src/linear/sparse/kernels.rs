@@ -22,6 +22,13 @@ pub(super) struct BadPivot {
     pub(super) is_finite: bool,
 }
 
+impl BadPivot {
+    /// The same pivot where `first` columns stand before.
+    pub(super) fn after(self, first: usize) -> Self {
+        Self { column: first + self.column, ..self }
+    }
+}
+
 /// Rows `row..row + 8` of a column.
 #[inline(always)]
 fn rows_at(column: &[f64], row: usize) -> &Row {

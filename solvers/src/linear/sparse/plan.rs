@@ -13,8 +13,8 @@ use std::ops::Range;
 use super::super::error::LinearError;
 use super::super::ordering::{Elimination, NO_PARENT, earlier_neighbors};
 use super::super::pattern::BlockPattern;
-use super::supernodes::{FRONT, Supernodes, amalgamate};
-use crate::simd::WIDTH;
+use super::shape::Shape;
+use super::supernodes::{FRONT, Placed, Supernodes, amalgamate};
 
 /// A subtree is a branch if it has at least this share of all flops, and at least so many.
 const BRANCH_SHARE: f64 = 1.0 / 32.0;
@@ -51,7 +51,7 @@ pub(super) struct Node {
     pub(super) pivots: usize,
     /// Pivots and rows below them.
     pub(super) rows: usize,
-    /// From one column of the panel to the next: rows, rounded up to whole vectors.
+    /// From one column of the panel to the next.
     pub(super) stride: usize,
     /// Where the panel begins in the factor.
     pub(super) panel: usize,
@@ -76,25 +76,20 @@ pub(super) struct Node {
 }
 
 impl Node {
-    /// The front's row that stands first in the update matrix: whole vectors of pivots are left out.
+    pub(super) fn shape(&self) -> Shape {
+        Shape { pivots: self.pivots, rows: self.rows, stride: self.stride }
+    }
+
     pub(super) fn update_row(&self) -> usize {
-        self.pivots & !(WIDTH - 1)
+        self.shape().update_row()
     }
 
-    /// From one column of the update matrix to the next.
     pub(super) fn update_stride(&self) -> usize {
-        self.stride - self.update_row()
+        self.shape().update_stride()
     }
 
-    /// Flops of the front.
-    pub(super) fn own_flops(&self) -> f64 {
-        let (k, m) = (self.pivots as f64, (self.rows - self.pivots) as f64);
-        k * (k * k / 3.0 + k * m + m * m)
-    }
-
-    /// Elements of the update matrix.
     pub(super) fn update_size(&self) -> usize {
-        self.update_stride() * (self.rows - self.pivots)
+        self.shape().update_size()
     }
 
     /// Elements of the memory for update matrices of the subtree.
@@ -102,9 +97,8 @@ impl Node {
         self.space.iter().sum()
     }
 
-    /// Elements of the panel.
     pub(super) fn panel_size(&self) -> usize {
-        self.stride * self.pivots
+        self.shape().panel_size()
     }
 }
 
@@ -166,12 +160,8 @@ struct Builder {
 
 impl Builder {
     fn new(pattern: &BlockPattern, order: &[u32], supernodes: &Supernodes) -> Self {
+        let Placed { order, position, node_of } = supernodes.placed(order);
         let count = order.len();
-        let order: Vec<u32> = supernodes.order.iter().map(|&k| order[k as usize]).collect();
-        let mut position = vec![0u32; count];
-        for (k, &block) in order.iter().enumerate() {
-            position[block as usize] = k as u32;
-        }
         let sizes: Vec<usize> = order.iter().map(|&b| pattern.sizes()[b as usize]).collect();
         let mut offsets = Vec::with_capacity(count + 1);
         offsets.push(0);
@@ -180,10 +170,6 @@ impl Builder {
             let start = pattern.offset(block as usize) as u32;
             scalars.extend(start..start + sizes[k] as u32);
             offsets.push(scalars.len());
-        }
-        let mut node_of = vec![0u32; count];
-        for (s, range) in supernodes.blocks.iter().enumerate() {
-            node_of[range.clone()].fill(s as u32);
         }
         let (row_starts, row_blocks) =
             row_structure(pattern, &position, &node_of, &supernodes.parents);
@@ -228,11 +214,7 @@ impl Builder {
                 push_run(&mut plan.rows, row_runs, rows, self.offsets[block as usize], size);
                 rows += size;
             }
-            // A stride of many whole pages would put all columns into the same cache sets.
-            let mut stride = rows.next_multiple_of(WIDTH);
-            if stride.is_multiple_of(64) && stride >= 128 {
-                stride += WIDTH;
-            }
+            let stride = Shape::new(pivots, rows, 0).stride;
             u32::try_from(stride.checked_mul(rows)?).ok()?;
             for block in &mut stored[entry_starts[s]..entry_starts[s + 1]] {
                 let (r, c) = (local[block.row as usize], local[block.column as usize]);
@@ -271,7 +253,7 @@ impl Builder {
                 row_runs: range(row_runs, plan.rows.len()),
                 lifts: 0..0,
             };
-            node.flops = node.own_flops();
+            node.flops = node.shape().flops();
             for &child in &plan.children[child_nodes] {
                 let child = &plan.nodes[child as usize];
                 node.flops += child.flops;

@@ -28,6 +28,32 @@ pub(super) struct Supernodes {
     pub(super) parents: Vec<u32>,
 }
 
+/// Where blocks stand once those of joined supernodes are side by side.
+pub(super) struct Placed {
+    /// The block that is k-th.
+    pub(super) order: Vec<u32>,
+    /// The place of each block.
+    pub(super) position: Vec<u32>,
+    /// The supernode of each place.
+    pub(super) node_of: Vec<u32>,
+}
+
+impl Supernodes {
+    /// The places of blocks that were given in `order`.
+    pub(super) fn placed(&self, order: &[u32]) -> Placed {
+        let order: Vec<u32> = self.order.iter().map(|&k| order[k as usize]).collect();
+        let mut position = vec![0; order.len()];
+        for (k, &block) in order.iter().enumerate() {
+            position[block as usize] = k as u32;
+        }
+        let mut node_of = vec![0; order.len()];
+        for (s, range) in self.blocks.iter().enumerate() {
+            node_of[range.clone()].fill(s as u32);
+        }
+        Placed { order, position, node_of }
+    }
+}
+
 /// What a front of `k` pivots and `m` further rows costs, `front` by itself.
 fn cost(k: f64, m: f64, front: f64) -> f64 {
     let width = WIDTH as f64;

@@ -1,10 +1,10 @@
 //! A subtree in one task: node after node, update matrices on two stacks.
 //! It knows nothing of other subtrees; what it leaves is its panels and its root's update matrix.
 
+use super::columns::cholesky;
 use super::front::{Lift, fill, whole_panel, whole_update};
-use super::kernels::{BadPivot, Downdate, Factor, PANEL, Source, Start, Target};
+use super::kernels::{BadPivot, Downdate, Source, Start, Target};
 use super::numeric::Numeric;
-use super::plan::Node;
 
 impl Numeric<'_> {
     /// The subtree under `root` with its part of the factor and of the space.
@@ -36,34 +36,14 @@ impl Numeric<'_> {
                 }
             };
             lift(whole_panel(node, panel));
-            self.factor_panel(node, panel)?;
+            cholesky(self.class, panel, (node.stride, node.pivots), false)
+                .map_err(|bad| bad.after(node.first))?;
             if !rest.is_empty() {
                 let source = Source { columns: panel, stride: node.stride };
                 let target = whole_update(node, rest);
                 self.class.run(Downdate { source, start: Start::Zero, target });
                 lift(whole_update(node, rest));
             }
-        }
-        Ok(())
-    }
-
-    /// Cholesky of a panel.
-    fn factor_panel(&self, node: &Node, panel: &mut [f64]) -> Result<(), BadPivot> {
-        let stride = node.stride;
-        let mut first = 0;
-        while first < node.pivots {
-            let end = (first + PANEL).min(node.pivots);
-            let (head, rest) = panel.split_at_mut(end * stride);
-            let columns = &mut head[first * stride..];
-            self.class
-                .run(Factor { columns: &mut *columns, stride, first })
-                .map_err(|bad| BadPivot { column: node.first + bad.column, ..bad })?;
-            if !rest.is_empty() {
-                let source = Source { columns, stride };
-                let target = Target { columns: rest, stride, first_row: 0, first_column: end };
-                self.class.run(Downdate { source, start: Start::Target, target });
-            }
-            first = end;
         }
         Ok(())
     }

@@ -64,6 +64,22 @@ fn rows_at(column: &[f64], row: usize) -> &Row {
     column.get(row..).and_then(|tail| tail.first_chunk()).unwrap_or(&[0.0; WIDTH])
 }
 
+/// Calls `$strip::<L, W>` for the width W at hand, at most eight.
+macro_rules! strip {
+    ($width:expr, $strip:ident($($argument:expr),*)) => {
+        match $width {
+            8 => $strip::<L, 8>($($argument),*),
+            7 => $strip::<L, 7>($($argument),*),
+            6 => $strip::<L, 6>($($argument),*),
+            5 => $strip::<L, 5>($($argument),*),
+            4 => $strip::<L, 4>($($argument),*),
+            3 => $strip::<L, 3>($($argument),*),
+            2 => $strip::<L, 2>($($argument),*),
+            _ => $strip::<L, 1>($($argument),*),
+        }
+    };
+}
+
 /// front ← (L₁₁⁻¹ b, −L₂₁ L₁₁⁻¹ b).
 #[inline(always)]
 fn forward<L: Lanes>(lanes: L, panel: &[f64], node: &Node, front: &mut [f64]) {
@@ -73,16 +89,7 @@ fn forward<L: Lanes>(lanes: L, panel: &[f64], node: &Node, front: &mut [f64]) {
         let width = (node.pivots - first).min(WIDTH);
         let columns = &panel[first * stride..(first + width) * stride];
         let (groups, _) = front[first..].as_chunks_mut::<WIDTH>();
-        match width {
-            8 => forward_strip::<L, 8>(lanes, columns, stride, first, groups),
-            7 => forward_strip::<L, 7>(lanes, columns, stride, first, groups),
-            6 => forward_strip::<L, 6>(lanes, columns, stride, first, groups),
-            5 => forward_strip::<L, 5>(lanes, columns, stride, first, groups),
-            4 => forward_strip::<L, 4>(lanes, columns, stride, first, groups),
-            3 => forward_strip::<L, 3>(lanes, columns, stride, first, groups),
-            2 => forward_strip::<L, 2>(lanes, columns, stride, first, groups),
-            _ => forward_strip::<L, 1>(lanes, columns, stride, first, groups),
-        }
+        strip!(width, forward_strip(lanes, columns, stride, first, groups));
         first += width;
     }
 }
@@ -133,16 +140,7 @@ pub(super) fn backward<L: Lanes>(
         let first = (end - 1) & !(WIDTH - 1);
         let columns = &panel[first * stride..end * stride];
         let (groups, _) = front[first..].as_chunks_mut::<WIDTH>();
-        match end - first {
-            8 => backward_strip::<L, 8>(lanes, columns, stride, first, groups),
-            7 => backward_strip::<L, 7>(lanes, columns, stride, first, groups),
-            6 => backward_strip::<L, 6>(lanes, columns, stride, first, groups),
-            5 => backward_strip::<L, 5>(lanes, columns, stride, first, groups),
-            4 => backward_strip::<L, 4>(lanes, columns, stride, first, groups),
-            3 => backward_strip::<L, 3>(lanes, columns, stride, first, groups),
-            2 => backward_strip::<L, 2>(lanes, columns, stride, first, groups),
-            _ => backward_strip::<L, 1>(lanes, columns, stride, first, groups),
-        }
+        strip!(end - first, backward_strip(lanes, columns, stride, first, groups));
         end = first;
     }
 }

@@ -47,7 +47,7 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
     }
 
     /// Where the ends of an edge are linearized.
-    pub(super) fn linearized(&self, edge: &RelativePose<G, N>) -> (&G, &G) {
+    fn linearized(&self, edge: &RelativePose<G, N>) -> (&G, &G) {
         let at = |pose: usize| match self.block_of(pose) {
             Some(block) => &self.blocks[block].world_from_pose,
             None => &self.graph.poses[pose],
@@ -56,20 +56,27 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
     }
 
     /// One solve: poses that changed are moved. Where an edge left the range of its linearization,
-    /// the blocks of all edges that are on their way out are returned.
+    /// the blocks of all edges that are on their way out are returned, and the limit of the range.
     pub(super) fn step(&mut self, updated: &Updated) -> (Vec<usize>, f64) {
         let scalars = (N * self.system.term_count()) as f64;
         let mean_square = 2.0 * self.system.predicted_cost() / scalars;
         let residual = mean_square.max(LEAST_RESIDUAL * LEAST_RESIDUAL).sqrt();
         let is_cheap = updated.flops > FLOPS_AN_ENTRY * self.system.factor_entries() as f64;
         let change = if is_cheap { FINE_CHANGE } else { CHANGE };
-        // The solver's list is its own: blocks are few, and copied.
-        let changed = self.system.solve(change * residual).to_vec();
-        let recheck = RECHECK * residual;
+        let far = self.move_poses(change * residual, RECHECK * residual);
+        let limit = NONLINEARITY * residual;
+        (self.left_range(&far, limit), limit)
+    }
+
+    /// Solves and moves the poses whose change counts more than `change`; the blocks that by now
+    /// moved more than `recheck` since their edges were checked.
+    fn move_poses(&mut self, change: f64, recheck: f64) -> Vec<usize> {
+        // A copy: the list is the solver's own, and the solver is asked for each block.
+        let changed = self.system.solve(change).to_vec();
         let mut far = Vec::new();
-        for &block in &changed {
-            let delta = self.system.delta(block as usize);
-            let Block { pose, world_from_pose, .. } = self.blocks[block as usize];
+        for block in changed.into_iter().map(|block| block as usize) {
+            let delta = self.system.delta(block);
+            let Block { pose, world_from_pose, .. } = self.blocks[block];
             // Translation first: then it is as linear as the prediction.
             let (mut shift, mut turn) = (delta, delta);
             shift.rows_range_mut(D..).fill(0.0);
@@ -77,22 +84,23 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
             let moved = world_from_pose.plus(&shift).plus(&turn);
             self.graph.poses[pose] = moved;
             let position = moved.translation();
-            self.motions[block as usize] = Motion {
-                position,
-                shift: position - world_from_pose.translation(),
-                turn: turn.norm(),
-            };
-            let since = delta - self.checked[block as usize];
-            if self.system.counts(block as usize, &since) > recheck {
-                self.checked[block as usize] = delta;
-                far.push(block as usize);
+            let shift = position - world_from_pose.translation();
+            self.motions[block] = Motion { position, shift, turn: turn.norm() };
+            if self.system.counts(block, &(delta - self.checked[block])) > recheck {
+                self.checked[block] = delta;
+                far.push(block);
             }
         }
-        let limit = NONLINEARITY * residual;
+        far
+    }
+
+    /// Checks the edges of `far` blocks. If one may be off by more than `limit`, the blocks of all that
+    /// may be off by a share of it.
+    fn left_range(&mut self, far: &[usize], limit: f64) -> Vec<usize> {
         let mut left = Vec::new();
         let mut exceeds = false;
         self.checks += 1;
-        for &block in &far {
+        for &block in far {
             for &term in self.system.terms_of(block) {
                 let term = term as usize;
                 if self.terms[term].checked_in == self.checks {
@@ -112,7 +120,7 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
         }
         left.sort_unstable();
         left.dedup();
-        (left, limit)
+        left
     }
 
     /// At most how far a term's residual is from its linear prediction, in standard deviations.
@@ -120,7 +128,7 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
     /// With d = t_j − t_i and φ the turn of pose i, Exp(−φ) d is predicted by d̄ + (d − d̄) − φ × d̄:
     /// off by at most ½ |φ|² |d| + |φ| |d − d̄|. Rotations in the plane are linear; in space their
     /// second-order term is at most half the product of the turns.
-    pub(super) fn nonlinearity(&self, term: usize) -> f64 {
+    fn nonlinearity(&self, term: usize) -> f64 {
         let Term { ends, stiffness, .. } = self.terms[term];
         let held = || Motion::none(&self.graph.poses[0]);
         let [i, j] = ends.map(|end| end.map_or_else(held, |block| self.motions[block as usize]));

@@ -15,9 +15,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::SVector;
 
-use super::assembly::cost;
 use super::{Options, solve};
-use crate::factors::RelativePose;
+use crate::factors::{RelativePose, cost};
 use crate::geometry::RigidMotion;
 use crate::linear::GrowingCholesky;
 use crate::loss::Loss;

@@ -3,8 +3,8 @@
 //! A block hands its change on only once it counts; what was not handed on is remembered, so that
 //! small changes do not add up unseen.
 
-use super::GrowingCholesky;
 use super::tree::Node;
+use super::{GrowingCholesky, counted};
 use crate::linear::sparse::triangular::backward;
 use crate::simd::{Kernel, Lanes};
 
@@ -29,11 +29,8 @@ impl<const N: usize> GrowingCholesky<N> {
                 let delta = &mut self.delta[range.clone()];
                 delta.copy_from_slice(&front[k * N..(k + 1) * N]);
                 let seen = &mut self.seen[range.clone()];
-                let counts = |k: usize| {
-                    let change = (delta[k] - seen[k]).abs() * self.weight[range.start + k];
-                    change > tolerance
-                };
-                if (0..N).any(counts) {
+                let change = delta.iter().zip(&*seen).map(|(delta, seen)| delta - seen);
+                if counted(change, &self.weight[range]) > tolerance {
                     seen.copy_from_slice(delta);
                     self.changed_in[pivot as usize] = self.solves;
                     self.changed.push(pivot);

@@ -4,15 +4,15 @@
 //! transposed where need be. The kernels are those of the factorization that does not grow.
 
 use super::terms::Terms;
-use super::tree::{NONE, Node, Shape, Tree};
+use super::tree::{NONE, Node, Tree};
 use crate::linear::LinearError;
 use crate::linear::sparse::Aligned;
+use crate::linear::sparse::columns::{COLUMNS_PER_TASK, cholesky, strips};
 use crate::linear::sparse::front::add_rows;
-use crate::linear::sparse::kernels::{Downdate, Factor, PANEL, Source, Start, Target};
+use crate::linear::sparse::kernels::{BadPivot, Downdate, Source, Start, Target};
+use crate::linear::sparse::numeric::PARALLEL_FLOPS;
+use crate::linear::sparse::shape::Shape;
 use crate::simd::{Class, Kernel, Lanes};
-
-/// Work of fewer flops is not dealt out.
-const STRIP_FLOPS: f64 = 1.5e6;
 
 /// A front that is to be made.
 pub(super) struct Work {
@@ -101,7 +101,9 @@ impl<const N: usize> Shared<'_, N> {
             }
         };
         lift(0, &mut *panel);
-        let outcome = factor(self.class, shape, panel, is_dealt).map_err(|(column, is_finite)| {
+        let is_dealt = is_dealt && shape.flops() > PARALLEL_FLOPS;
+        let outcome = cholesky(self.class, panel, (shape.stride, shape.pivots), is_dealt);
+        let outcome = outcome.map_err(|BadPivot { column, is_finite }| {
             let block = pivots[column / N] as usize;
             if is_finite {
                 LinearError::NotPositiveDefinite { block, scalar: block * N + column % N }
@@ -111,18 +113,19 @@ impl<const N: usize> Shared<'_, N> {
         });
         if outcome.is_ok() && !update.is_empty() {
             let source = Source { columns: panel, stride: shape.stride };
-            let strip = |first_column: usize, columns: &mut [f64]| {
+            // Columns of a block stay together.
+            let strip = is_dealt.then_some(COLUMNS_PER_TASK / N * N);
+            let stride = shape.update_stride();
+            strips((stride, shape.pivots), update, strip, |first_column, columns| {
                 let target = Target {
                     columns: &mut *columns,
-                    stride: shape.update_stride(),
+                    stride,
                     first_row: shape.update_row(),
                     first_column,
                 };
                 self.class.run(Downdate { source, start: Start::Zero, target });
                 lift(first_column, columns);
-            };
-            let columns = Strip { first: shape.pivots, stride: shape.update_stride(), align: N };
-            columns.deal(update, shape, is_dealt, &strip);
+            });
         }
         let solved = panel.chunks_exact(shape.stride).map(|column| column[shape.rows]);
         work.decrease = solved.map(|y| 0.5 * y * y).sum();
@@ -186,74 +189,6 @@ fn fill<const N: usize>(
         weights.extend(diagonal.map(|h| h.max(0.0).sqrt()));
     }
     weights
-}
-
-/// Cholesky of a panel; an error is the column and whether its pivot is finite.
-fn factor(
-    class: Class,
-    shape: Shape,
-    panel: &mut [f64],
-    is_dealt: bool,
-) -> Result<(), (usize, bool)> {
-    let stride = shape.stride;
-    let mut first = 0;
-    while first < shape.pivots {
-        let end = (first + PANEL).min(shape.pivots);
-        let (head, rest) = panel.split_at_mut(end * stride);
-        let columns = &mut head[first * stride..];
-        class
-            .run(Factor { columns: &mut *columns, stride, first })
-            .map_err(|bad| (bad.column, bad.is_finite))?;
-        let source = Source { columns, stride };
-        let strip = |first_column: usize, columns: &mut [f64]| {
-            let target = Target { columns, stride, first_row: 0, first_column };
-            class.run(Downdate { source, start: Start::Target, target });
-        };
-        let pivots = Shape { pivots: end - first, ..shape };
-        Strip { first: end, stride, align: 1 }.deal(rest, pivots, is_dealt, &strip);
-        first = end;
-    }
-    Ok(())
-}
-
-/// Columns of a front that may be dealt out.
-#[derive(Clone, Copy)]
-struct Strip {
-    first: usize,
-    stride: usize,
-    /// Columns that stay together.
-    align: usize,
-}
-
-impl Strip {
-    /// Calls `work` on all columns, in halves side by side where there is enough to do.
-    fn deal(
-        self,
-        columns: &mut [f64],
-        shape: Shape,
-        is_dealt: bool,
-        work: &(impl Fn(usize, &mut [f64]) + Sync),
-    ) {
-        let count = columns.len() / self.stride.max(1);
-        if count == 0 {
-            return;
-        }
-        // Columns are shorter the later they begin.
-        let (from, to) = (shape.rows - self.first, shape.rows - self.first - count);
-        let area = 0.5 * ((from * from) as f64 - (to * to) as f64);
-        if !is_dealt || 2.0 * area * (shape.pivots as f64) < STRIP_FLOPS || count < 4 * self.align {
-            return work(self.first, columns);
-        }
-        let half = ((to * to) as f64 + area).sqrt();
-        let left = (from - half.round() as usize).next_multiple_of(self.align);
-        let left = left.clamp(self.align, count - self.align);
-        let (head, tail) = columns.split_at_mut(left * self.stride);
-        let later = Self { first: self.first + left, ..self };
-        rayon::join(
-            || self.deal(head, shape, is_dealt, work),
-            || later.deal(tail, shape, is_dealt, work),
-        );
-    }
 }
 
 /// A child's update matrix.

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::front::{Shared, Work};
 use super::terms::Terms;
 use super::top::Top;
-use super::tree::{NONE, Node, Shape, Tree};
+use super::tree::{NONE, Node, Tree, shape};
 use crate::linear::LinearError;
 use crate::simd::Class;
 
@@ -31,11 +31,11 @@ pub(super) fn eliminate<const N: usize>(
     let mut works: Vec<Work> = Vec::with_capacity(count);
     let mut parents = Vec::with_capacity(count);
     for (s, node) in planned.into_iter().enumerate() {
-        let shape = Shape::new(node.pivots * N, (node.blocks.len() - node.pivots) * N);
+        let measures = shape(node.pivots * N, (node.blocks.len() - node.pivots) * N);
         let memory = LinearError::OutOfMemory { dimension };
-        let panel = tree.take(shape.panel_size()).ok_or_else(|| memory.clone())?;
-        let update = tree.take(shape.update_size()).ok_or(memory)?;
-        works.push(Work::new(node.blocks, node.pivots, shape, [panel, update], node.orphans));
+        let panel = tree.take(measures.panel_size()).ok_or_else(|| memory.clone())?;
+        let update = tree.take(measures.update_size()).ok_or(memory)?;
+        works.push(Work::new(node.blocks, node.pivots, measures, [panel, update], node.orphans));
         parents.push(node.parent);
         works[s].first = s;
     }

@@ -129,11 +129,7 @@ impl<const N: usize> GrowingCholesky<N> {
     /// scalars held fixed.
     #[must_use]
     pub fn counts(&self, block: usize, change: &SVector<f64, N>) -> f64 {
-        let weights = &self.weight[block * N..][..N];
-        change
-            .iter()
-            .zip(weights)
-            .fold(0.0, |most, (change, weight)| most.max(change.abs() * weight))
+        counted(change.iter().copied(), &self.weight[block * N..][..N])
     }
 
     /// Says that a block's δ was taken into what its terms are made at: it begins at zero again.
@@ -200,6 +196,11 @@ impl<const N: usize> Default for GrowingCholesky<N> {
     fn default() -> Self {
         Self::new()
     }
+}
+
+/// The largest change, each by its weight.
+fn counted(change: impl Iterator<Item = f64>, weights: &[f64]) -> f64 {
+    change.zip(weights).fold(0.0, |most, (change, weight)| most.max(change.abs() * weight))
 }
 
 fn index(block: Option<usize>) -> u32 {

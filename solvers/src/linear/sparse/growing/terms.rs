@@ -1,6 +1,6 @@
 //! What a growing system is the sum of: terms over pairs of blocks, and which block has which.
 //!
-//! Lists by block are linked through the terms, so that a block costs nothing before it has some.
+//! It sums nothing but the cost; a front sums the terms of its pivots when it is made.
 
 use nalgebra::{SMatrix, SVector};
 

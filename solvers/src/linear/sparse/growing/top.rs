@@ -10,7 +10,7 @@ use super::tree::{NONE, Tree};
 use crate::linear::ordering::{NO_PARENT, ordered_with_last};
 use crate::linear::pattern::BlockPattern;
 use crate::linear::sparse::plan::row_structure;
-use crate::linear::sparse::supernodes::amalgamate;
+use crate::linear::sparse::supernodes::{Placed, amalgamate};
 
 /// What a front costs by itself, as [`amalgamate`] counts: besides its elimination, every back
 /// substitution comes by.
@@ -113,15 +113,7 @@ fn plan<const N: usize>(
     }
     let (order, elimination) = ordered_with_last(&pattern, &is_last);
     let supernodes = amalgamate(pattern.sizes(), &elimination, FRONT);
-    let order: Vec<u32> = supernodes.order.iter().map(|&k| order[k as usize]).collect();
-    let mut position = vec![0u32; order.len()];
-    for (k, &block) in order.iter().enumerate() {
-        position[block as usize] = k as u32;
-    }
-    let mut node_of = vec![0u32; order.len()];
-    for (s, range) in supernodes.blocks.iter().enumerate() {
-        node_of[range.clone()].fill(s as u32);
-    }
+    let Placed { order, position, node_of } = supernodes.placed(&order);
     let (starts, rows) = row_structure(&pattern, &position, &node_of, &supernodes.parents);
     let block_at = |k: u32| blocks[order[k as usize] as usize];
     let mut nodes: Vec<Planned> = supernodes

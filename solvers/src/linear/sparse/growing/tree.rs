@@ -5,7 +5,7 @@
 //! gone is used again.
 
 use crate::linear::sparse::Aligned;
-use crate::simd::WIDTH;
+use crate::linear::sparse::shape::Shape;
 
 /// No block, no node.
 pub(super) const NONE: u32 = u32::MAX;
@@ -29,48 +29,9 @@ pub(super) struct Node {
     pub(super) decrease: f64,
 }
 
-/// Measures of a front, in scalars.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Shape {
-    pub(super) pivots: usize,
-    /// Pivots and rows; the right-hand side's row is the one after.
-    pub(super) rows: usize,
-    pub(super) stride: usize,
-}
-
-impl Shape {
-    pub(super) fn new(pivots: usize, below: usize) -> Self {
-        let rows = pivots + below;
-        // A stride of many whole pages would put all columns into the same cache sets.
-        let mut stride = (rows + 1).next_multiple_of(WIDTH);
-        if stride.is_multiple_of(64) && stride >= 128 {
-            stride += WIDTH;
-        }
-        Self { pivots, rows, stride }
-    }
-
-    /// The front's row that stands first in the update matrix.
-    pub(super) fn update_row(&self) -> usize {
-        self.pivots & !(WIDTH - 1)
-    }
-
-    pub(super) fn update_stride(&self) -> usize {
-        self.stride - self.update_row()
-    }
-
-    pub(super) fn panel_size(&self) -> usize {
-        self.stride * self.pivots
-    }
-
-    /// Flops of the front.
-    pub(super) fn flops(&self) -> f64 {
-        let (k, m) = (self.pivots as f64, (self.rows - self.pivots) as f64);
-        k * (k * k / 3.0 + k * m + m * m)
-    }
-
-    pub(super) fn update_size(&self) -> usize {
-        self.update_stride() * (self.rows - self.pivots)
-    }
+/// The measures of a front with the right-hand side's row below all others.
+pub(super) fn shape(pivots: usize, below: usize) -> Shape {
+    Shape::new(pivots, pivots + below, 1)
 }
 
 impl Node {
@@ -104,7 +65,7 @@ impl Node {
     }
 
     pub(super) fn shape<const N: usize>(&self) -> Shape {
-        Shape::new(self.pivots * N, (self.blocks.len() - self.pivots) * N)
+        shape(self.pivots * N, (self.blocks.len() - self.pivots) * N)
     }
 }
 
@@ -202,6 +163,7 @@ impl Tree {
         self.entries = 0;
         self.roots.clear();
         self.node_of.fill(NONE);
+        self.local.fill(NONE);
     }
 }
 
