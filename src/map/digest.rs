@@ -103,22 +103,7 @@ impl Map {
                 hash.0.update(digest);
             }
         }
-        hash.length(self.cameras.len());
-        for (&id, camera) in &self.cameras {
-            hash.id(id);
-            hash.camera_entity(camera);
-        }
-        hash.length(self.keyframes.len());
-        for (&id, keyframe) in &self.keyframes {
-            hash.id(id);
-            hash.keyframe(keyframe);
-        }
-        hash.length(self.landmarks.len());
-        for (&id, landmark) in &self.landmarks {
-            hash.id(id);
-            hash.landmark(landmark);
-        }
-        self.hash_constraints(&mut hash);
+        self.hash_entities(&mut hash, Hash::keyframe, Hash::landmark);
         hash.length(self.contents.len());
         for (&(kind, id), digest) in &self.contents {
             hash.tag(kind as u8);
@@ -138,23 +123,33 @@ impl Map {
         let mut hash = Hash::new();
         hash.length(self.clients.len());
         self.clients.iter().for_each(|client| hash.text(&client.name));
+        self.hash_entities(&mut hash, Hash::keyframe_content, Hash::landmark_content);
+        hash.finish()
+    }
+
+    /// Cameras, keyframes, landmarks and constraints, in the order of their ids.
+    fn hash_entities(
+        &self,
+        hash: &mut Hash,
+        keyframe: fn(&mut Hash, &Keyframe),
+        landmark: fn(&mut Hash, &Landmark),
+    ) {
         hash.length(self.cameras.len());
         for (&id, camera) in &self.cameras {
             hash.id(id);
             hash.camera_entity(camera);
         }
         hash.length(self.keyframes.len());
-        for (&id, keyframe) in &self.keyframes {
+        for (&id, value) in &self.keyframes {
             hash.id(id);
-            hash.keyframe_content(keyframe);
+            keyframe(hash, value);
         }
         hash.length(self.landmarks.len());
-        for (&id, landmark) in &self.landmarks {
+        for (&id, value) in &self.landmarks {
             hash.id(id);
-            hash.landmark_content(landmark);
+            landmark(hash, value);
         }
-        self.hash_constraints(&mut hash);
-        hash.finish()
+        self.hash_constraints(hash);
     }
 
     /// SHA-256 over the ids of all keyframes by client name, then id: the name as text, the id as
