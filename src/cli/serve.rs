@@ -168,13 +168,16 @@ pub(super) fn server_config(config: &Config) -> ServerConfig {
         queue_capacity: config.queue_capacity,
         ..EngineConfig::default()
     };
+    let default = ServerConfig::default();
     ServerConfig {
         threads: config.threads,
+        ceilings: config.map_limits.over(default.ceilings),
+        tenant_ceilings: config.tenant_limits.into(),
         max_message_bytes: config.max_message_bytes,
         max_concurrent_streams: config.max_concurrent_streams,
         engine,
         test_fault: config.test_fault.clone(),
-        ..ServerConfig::default()
+        ..default
     }
 }
 

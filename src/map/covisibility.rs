@@ -17,6 +17,8 @@ use super::{EntityId, Keyframe};
 pub struct Covisibility {
     /// Rows are shared with the snapshots that readers hold and copied on write.
     rows: BTreeMap<EntityId, Arc<BTreeMap<EntityId, u32>>>,
+    /// Entries of all rows.
+    entry_count: u64,
 }
 
 impl Covisibility {
@@ -29,6 +31,12 @@ impl Covisibility {
     /// The keyframes that share landmarks with `keyframe`, with the counts, by id.
     pub fn neighbors(&self, keyframe: EntityId) -> impl Iterator<Item = (EntityId, u32)> + '_ {
         self.rows.get(&keyframe).into_iter().flat_map(|row| row.iter().map(|(&id, &n)| (id, n)))
+    }
+
+    /// How many counts are kept: two a pair.
+    #[must_use]
+    pub fn entry_count(&self) -> u64 {
+        self.entry_count
     }
 
     /// Every pair (a, b, count) with a < b, in order.
@@ -65,6 +73,7 @@ impl Covisibility {
             if i != j && count > 0 {
                 let row = covisibility.rows.entry(ids[i]).or_default();
                 Arc::make_mut(row).insert(ids[j], count);
+                covisibility.entry_count += 1;
             }
         }
         covisibility
@@ -75,7 +84,9 @@ impl Covisibility {
         for &other in observers.iter().filter(|&&o| o != keyframe) {
             for (a, b) in [(keyframe, other), (other, keyframe)] {
                 let row = self.rows.entry(a).or_default();
-                *Arc::make_mut(row).entry(b).or_insert(0) += 1;
+                let count = Arc::make_mut(row).entry(b).or_insert(0);
+                *count += 1;
+                self.entry_count += u64::from(*count == 1);
             }
         }
     }
@@ -95,6 +106,7 @@ impl Covisibility {
             *count -= 1;
             if *count == 0 {
                 row_mut.remove(&b);
+                self.entry_count -= 1;
             }
         }
         if row.is_empty() {

@@ -14,7 +14,7 @@ use sha2::{Digest as _, Sha256};
 use super::{
     CameraEntity, Change, ClosureRobustness, Constraint, ConstraintKind, Depth, DescriptorKind,
     Digest, EntityId, Keyframe, Landmark, Map, MapPolicy, NewLandmark, Observation, Prior,
-    SwitchedOff,
+    SwitchedOff, WhenFull,
 };
 
 /// The kinds of entity whose content as sent is remembered.
@@ -75,6 +75,7 @@ pub(super) fn content(change: &Change) -> Digest {
         | Change::LandmarksFused { .. }
         | Change::LandmarksRemoved { .. }
         | Change::KeyframeRemoved { .. }
+        | Change::KeyframeRetired { .. }
         | Change::ConstraintRevoked { .. }
         | Change::PolicySet { .. } => hash.tag(255),
     }
@@ -288,6 +289,8 @@ impl Hash {
             constraint_loss,
             max_local_iterations,
             ceilings,
+            when_full,
+            max_queued_items,
         } = policy;
         self.tag(u8::from(*local_bundle));
         self.tag(u8::from(*loop_closure));
@@ -307,6 +310,21 @@ impl Hash {
         for ceiling in [ceilings.max_keyframes, ceilings.max_landmarks, ceilings.max_observations] {
             self.tag(u8::from(ceiling.is_some()));
             self.u64(ceiling.unwrap_or(0));
+        }
+        // Later settings have a name and are left out where they are absent, so that maps without
+        // them keep the hash that they always had.
+        if let Some(bytes) = ceilings.max_bytes {
+            self.text("max_bytes");
+            self.u64(bytes);
+        }
+        match when_full {
+            WhenFull::Reject => {}
+            WhenFull::Marginalize => self.text("marginalize"),
+            WhenFull::Sparsify => self.text("sparsify"),
+        }
+        if let Some(items) = max_queued_items {
+            self.text("max_queued_items");
+            self.u64(u64::from(*items));
         }
     }
 
@@ -390,6 +408,7 @@ impl Hash {
             ConstraintKind::Odometry => 0,
             ConstraintKind::LoopClosure => 1,
             ConstraintKind::Other => 2,
+            ConstraintKind::Marginal => 3,
         });
         self.id(constraint.keyframe_i);
         self.id(constraint.keyframe_j);

@@ -26,7 +26,7 @@ pub struct Client {
     pub next_sequence: i64,
     /// Solves have covered its items up to this sequence; 0 before the first.
     pub optimized_sequence: i64,
-    /// The digest of every journaled item by its sequence, kept past optimization.
+    /// The digests of the last 65,536 journaled items by sequence, kept past optimization.
     pub items: BTreeMap<i64, Digest>,
 }
 
@@ -155,6 +155,8 @@ pub enum ConstraintKind {
     LoopClosure,
     /// Anything else.
     Other,
+    /// What a keyframe that made room told of two others; the server's own, its ids are negative.
+    Marginal,
 }
 
 /// A measured relative pose between two keyframes.

@@ -80,6 +80,29 @@ pub struct AppliedSolve {
     pub final_cost: f64,
 }
 
+/// A keyframe that made room.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Retired {
+    /// It goes with its observations, constraints and priors.
+    pub keyframe: EntityId,
+    /// Landmarks that go too: nobody sees them any more.
+    pub landmarks: Vec<EntityId>,
+    /// Constraints and priors that new ones take the place of.
+    pub revoked: Vec<EntityId>,
+    /// What it told of its neighbors, [`ConstraintKind::Marginal`](super::ConstraintKind::Marginal).
+    pub constraints: Vec<(EntityId, Constraint)>,
+    /// What it told of where the neighbors are in the world.
+    pub priors: Vec<(EntityId, Prior)>,
+}
+
+impl Change {
+    /// Whether a keyframe leaves the map.
+    #[must_use]
+    pub fn removes_keyframe(&self) -> bool {
+        matches!(self, Self::KeyframeRemoved { .. } | Self::KeyframeRetired { .. })
+    }
+}
+
 /// What an event changes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Change {
@@ -180,6 +203,11 @@ pub enum Change {
     KeyframeRemoved {
         /// Which.
         keyframe: EntityId,
+    },
+    /// A full map made room: a keyframe went, and what it told of others stays.
+    KeyframeRetired {
+        /// What went and what stays for it.
+        retired: Retired,
     },
     /// A constraint or prior was taken back.
     ConstraintRevoked {

@@ -6,9 +6,10 @@
 //! what a solve leaves into a change. No solve runs here and nothing here waits: no tokio, tonic or
 //! prost.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 mod applied;
+mod ceilings;
 mod check;
 mod covisibility;
 mod digest;
@@ -23,10 +24,12 @@ mod placement;
 mod policy;
 pub mod problem;
 mod rejection;
+mod retirement;
 mod triangulation;
 mod window;
 
 pub use applied::{Solved, applied};
+pub use ceilings::{Ceilings, Passed, Resource, Usage};
 pub use covisibility::Covisibility;
 pub use digest::Content;
 pub use entities::{
@@ -34,16 +37,17 @@ pub use entities::{
     Keyframe, Landmark, Observation, Prior, SwitchedOff,
 };
 pub use error::{EntityKind, MapError};
-pub use event::{AppliedSolve, Cause, Change, Event, NewLandmark, SolveKind};
+pub use event::{AppliedSolve, Cause, Change, Event, NewLandmark, Retired, SolveKind};
 pub use ids::{ClientIndex, EntityId};
 pub use item::{EntityRef, Item, ItemLandmark, ItemObservation};
 pub use parts::MapParts;
-pub use policy::{Ceilings, ClosureRobustness, MapPolicy};
+pub use policy::{ClosureRobustness, MapPolicy, WhenFull};
 pub use problem::{
     ClosureEdge, GlobalOptions, GraphProblem, MapProblem, global_problem, local_problem,
     loop_problem,
 };
 pub use rejection::{FieldViolation, Reason, Rejection};
+pub use retirement::retire;
 pub use triangulation::triangulate;
 pub use window::{Window, choose_window};
 
@@ -76,6 +80,12 @@ pub struct Map {
     priors: BTreeMap<EntityId, Prior>,
     covisibility: Covisibility,
     observation_count: u64,
+    /// Memory of the observations' descriptors.
+    descriptor_bytes: u64,
+    /// The keyframes by the revision that added them.
+    by_age: BTreeMap<i64, EntityId>,
+    /// The landmarks that no keyframe sees, by the revision that added them.
+    unseen: BTreeSet<(i64, EntityId)>,
     /// Solves that were applied.
     solve_count: i64,
     /// Digests of cameras and keyframes as they were sent; solves change the entities, not these.

@@ -82,12 +82,16 @@ impl Map {
         let unknown = |kind, id| MapError::Unknown { revision, kind, id };
         landmarks.values_mut().for_each(|landmark| landmark.observers.clear());
         let mut observation_count = 0;
+        let mut descriptor_bytes = 0;
+        let mut by_age = BTreeMap::new();
         // By rising id, so that each list of observers comes out sorted.
         for (&id, keyframe) in &keyframes {
             if let Some(camera) = keyframe.camera.filter(|camera| !cameras.contains_key(camera)) {
                 return Err(unknown(EntityKind::Camera, camera));
             }
             observation_count += keyframe.observations.len() as u64;
+            descriptor_bytes += super::ceilings::descriptor_bytes(&keyframe.observations);
+            by_age.insert(keyframe.added_revision, id);
             for observation in keyframe.observations.iter() {
                 let seen = observation.landmark;
                 let landmark = landmarks.get_mut(&seen);
@@ -108,6 +112,8 @@ impl Map {
         if let Some(&id) = switched_off.keys().find(|id| !constraints.contains_key(id)) {
             return Err(unknown(EntityKind::Constraint, id));
         }
+        let unseen = landmarks.iter().filter(|(_, landmark)| landmark.observers.is_empty());
+        let unseen = unseen.map(|(&id, landmark)| (landmark.added_revision, id)).collect();
         let covisibility = Covisibility::product(&keyframes);
         Ok(Self {
             revision,
@@ -124,6 +130,9 @@ impl Map {
             priors,
             covisibility,
             observation_count,
+            descriptor_bytes,
+            by_age,
+            unseen,
             solve_count,
             contents,
         })

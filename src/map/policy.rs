@@ -6,15 +6,20 @@
 use covis_solvers::loss::Loss;
 use covis_solvers::robust::{Kernel, default_threshold};
 
-/// Limits of what a map holds; `None` is unlimited.
+use super::Ceilings;
+
+/// What is done with an item that a full map has no room for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Ceilings {
-    /// Keyframes.
-    pub max_keyframes: Option<u64>,
-    /// Landmarks.
-    pub max_landmarks: Option<u64>,
-    /// Observations.
-    pub max_observations: Option<u64>,
+pub enum WhenFull {
+    /// It is refused; its stream ends.
+    #[default]
+    Reject,
+    /// The oldest keyframe is marginalized: what it tells of its neighbors becomes constraints
+    /// between them.
+    Marginalize,
+    /// Of the oldest keyframes the one goes whose landmarks others see best; what it tells of its
+    /// neighbors becomes constraints as well.
+    Sparsify,
 }
 
 /// How false loop closures are told from true ones.
@@ -60,6 +65,10 @@ pub struct MapPolicy {
     pub max_local_iterations: usize,
     /// Limits of what the map holds (none).
     pub ceilings: Ceilings,
+    /// What happens at a limit (refuse).
+    pub when_full: WhenFull,
+    /// Items of a client that may wait for the engine (the server's).
+    pub max_queued_items: Option<u32>,
 }
 
 impl Default for MapPolicy {
@@ -77,6 +86,8 @@ impl Default for MapPolicy {
             constraint_loss: Loss::Trivial,
             max_local_iterations: 10,
             ceilings: Ceilings::default(),
+            when_full: WhenFull::default(),
+            max_queued_items: None,
         }
     }
 }

@@ -39,8 +39,6 @@ pub enum Reason {
     Unimplemented,
     /// More than the server takes in one item.
     TooLarge,
-    /// The map is full.
-    Ceiling,
 }
 
 /// What is wrong with one field.
@@ -86,12 +84,6 @@ impl Rejection {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.violations.is_empty()
-    }
-
-    /// Whether the map is full, which ends a stream rather than one item.
-    #[must_use]
-    pub fn is_ceiling(&self) -> bool {
-        self.violations.iter().any(|v| v.reason == Reason::Ceiling)
     }
 }
 

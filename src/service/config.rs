@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use super::engine::EngineConfig;
+use super::engine::{EngineConfig, TenantCeilings};
 use super::tls::TlsFiles;
 use crate::map::Ceilings;
 
@@ -23,6 +23,8 @@ pub struct ServerConfig {
     /// Ceilings of a map, which its policy can only lower (100,000 keyframes, 20 million landmarks,
     /// 100 million observations).
     pub ceilings: Ceilings,
+    /// Ceilings of a tenant that has none of its own in the file of tokens (none).
+    pub tenant_ceilings: TenantCeilings,
     /// Where maps are kept (nowhere: in memory, and gone at the end).
     pub data_dir: Option<PathBuf>,
     /// Certificate and key of the listener (none: plain text).
@@ -52,7 +54,9 @@ impl Default for ServerConfig {
                 max_keyframes: Some(100_000),
                 max_landmarks: Some(20_000_000),
                 max_observations: Some(100_000_000),
+                max_bytes: None,
             },
+            tenant_ceilings: TenantCeilings::default(),
             data_dir: None,
             tls: None,
             tokens: None,

@@ -4,7 +4,7 @@
 use covis_solvers::problem::SolveError;
 
 use super::access::hide_tenant;
-use super::engine::{EngineError, SolvePanicked};
+use super::engine::{EngineError, PoolError};
 use crate::map::{Reason, Rejection};
 
 /// The end of a call that has no answer.
@@ -109,8 +109,11 @@ impl From<EngineError> for ServiceError {
     }
 }
 
-impl From<SolvePanicked> for ServiceError {
-    fn from(panicked: SolvePanicked) -> Self {
-        Self::Panicked { message: panicked.message }
+impl From<PoolError> for ServiceError {
+    fn from(error: PoolError) -> Self {
+        match error {
+            PoolError::Panicked(panicked) => Self::Panicked { message: panicked.message },
+            PoolError::Full(error) => Self::Engine(error),
+        }
     }
 }

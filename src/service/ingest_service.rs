@@ -11,7 +11,7 @@ use tonic::{Code, Request, Response, Status, Streaming};
 
 use super::access::Caller;
 use super::context::{Answers, Context, Sink};
-use super::convert::map::{to_durability, to_limits};
+use super::convert::map::{queued, to_durability, to_limits};
 use super::convert::solve::to_certificate;
 use super::convert::{Path, convert, count, ids, item};
 use super::engine::{Ack, AckStatus, ItemSender, MapHandle, Opened, SolveReport, StreamEvent};
@@ -116,14 +116,14 @@ async fn opened(
     opened: Opened,
 ) -> Result<v1::IngestOpened, ServiceError> {
     let snapshot = map.snapshot().await?;
-    let queued = context.config.engine.queue_capacity;
+    let waiting = context.config.engine.queue_capacity;
     Ok(v1::IngestOpened {
         next_sequence: opened.next_sequence,
         epoch: opened.epoch,
         durability: to_durability(context.maps.durability()).into(),
         revision: opened.revision,
         max_message_bytes: count(context.config.max_message_bytes),
-        limits: Some(to_limits(&snapshot.policy().ceilings, queued)),
+        limits: Some(to_limits(&snapshot.policy().ceilings, queued(snapshot.policy(), waiting))),
         lock_step: opened.lock_step,
         map_uid: map.uid().to_owned(),
     })

@@ -25,6 +25,7 @@ mod export;
 mod graph_solve;
 mod ingest_service;
 mod job_service;
+mod limits;
 mod listing;
 mod map_service;
 mod optimization_service;
@@ -38,5 +39,6 @@ mod watch;
 
 pub use access::AccessError;
 pub use config::ServerConfig;
+pub use limits::{MapLimits, TenantLimits};
 pub use server::{RunningServer, Server, ServerError};
 pub use tls::{TlsError, TlsFiles};

@@ -45,6 +45,7 @@ impl Optimization {
     /// Runs a solve on the pool.
     async fn solve<R: Send + 'static>(
         &self,
+        caller: &Caller,
         work: impl FnOnce() -> R + Send + 'static,
     ) -> Result<R, ServiceError> {
         let faulty = self.context.config.engine.fault == Some(Fault::PanicInSolve);
@@ -52,26 +53,27 @@ impl Optimization {
             assert!(!faulty, "the fault that a test asked for");
             work()
         };
-        Ok(self.context.maps.pool().run(work).await?)
+        let pool = self.context.maps.pool();
+        Ok(pool.run(&pool.tenants().get(caller.tenant()), work).await?)
     }
 
     async fn refine(
         &self,
         request: Request<v1::RefinePoseRequest>,
     ) -> Result<v1::RefinePoseResponse, ServiceError> {
-        let time = solve_time(request.metadata());
+        let (caller, time) = (Caller::of(&request)?, solve_time(request.metadata()));
         let threads = self.context.maps.pool().threads();
         let input = refine::input(&request.into_inner(), threads, time)?;
         let cancel = CancelOnDrop::default();
         let mut observer = cancel.observer();
-        self.solve(move || refine::run(&input, &mut observer)).await?
+        self.solve(&caller, move || refine::run(&input, &mut observer)).await?
     }
 
     async fn bundle(
         &self,
         request: Request<v1::SolveBundleRequest>,
     ) -> Result<v1::SolveBundleResponse, ServiceError> {
-        let time = solve_time(request.metadata());
+        let (caller, time) = (Caller::of(&request)?, solve_time(request.metadata()));
         let request = request.into_inner();
         let threads = self.context.maps.pool().threads();
         let (mut bundle, gauge, options) = convert(|out| {
@@ -85,7 +87,7 @@ impl Optimization {
         })?;
         let cancel = CancelOnDrop::default();
         let mut observer = cancel.observer();
-        self.solve(move || {
+        self.solve(&caller, move || {
             let before = bundle_cost(&bundle);
             let settings = bundle_adjustment::Options {
                 optimizer: options.optimizer,
@@ -114,12 +116,12 @@ impl Optimization {
         &self,
         request: Request<v1::SolvePoseGraphRequest>,
     ) -> Result<v1::SolvePoseGraphResponse, ServiceError> {
-        let time = solve_time(request.metadata());
+        let (caller, time) = (Caller::of(&request)?, solve_time(request.metadata()));
         let threads = self.context.maps.pool().threads();
         let input = graph_solve::input(request.into_inner(), threads, time)?;
         let cancel = CancelOnDrop::default();
         let mut observer = cancel.observer();
-        self.solve(move || graph_solve::run(input, &mut observer)).await?
+        self.solve(&caller, move || graph_solve::run(input, &mut observer)).await?
     }
 }
 

@@ -26,7 +26,7 @@ use tonic_health::server::HealthReporter;
 use super::access::{Access, AccessError, Guarded};
 use super::config::ServerConfig;
 use super::context::Context;
-use super::engine::{EngineError, Fault, Maps, SolverPool};
+use super::engine::{EngineError, Fault, Maps, SolverPool, Tenants};
 use super::ingest_service::Ingest;
 use super::job_service::Jobs;
 use super::map_service::MapRpcs;
@@ -112,7 +112,8 @@ impl Server {
         if is_open && !access.is_guarded() {
             tracing::warn!("without a file of tokens, whoever reaches {address} may do everything");
         }
-        let pool = SolverPool::new(config.threads)?;
+        let tenants = Tenants::new(config.tenant_ceilings, access.tenant_ceilings());
+        let pool = SolverPool::shared_by(tenants, config.threads)?;
         let store: Arc<dyn Store> = match &config.data_dir {
             None => Arc::new(MemoryStore::new()),
             Some(directory) => {
@@ -162,6 +163,7 @@ impl RunningServer {
             tls.put(acceptor);
         }
         self.context.access.put(tokens);
+        self.solver_pool().tenants().set(self.context.access.tenant_ceilings());
         tracing::info!("certificates and tokens were read again");
         Ok(())
     }

@@ -172,6 +172,12 @@ fn engine(error: EngineError) -> Parts {
                 .with("limit", limit)
                 .retry(RETRY_FULL)
         }
+        EngineError::TenantCeiling { limit, maximum } => {
+            parts(Code::ResourceExhausted, "TENANT_LIMIT")
+                .with("limit", limit)
+                .with("maximum", maximum)
+                .retry(RETRY_FULL)
+        }
         EngineError::RevisionAhead { map, revision: _, newest: _ } => {
             parts(Code::InvalidArgument, "OUT_OF_RANGE")
                 .violation("from_revision", "OUT_OF_RANGE", &message)
@@ -262,7 +268,7 @@ pub(super) fn violation_reason(reason: Reason) -> ViolationReason {
         Reason::Inconsistent => ViolationReason::Inconsistent,
         Reason::UnknownValue => ViolationReason::UnknownValue,
         Reason::Unimplemented => ViolationReason::Unimplemented,
-        Reason::TooLarge | Reason::Ceiling => ViolationReason::TooLarge,
+        Reason::TooLarge => ViolationReason::TooLarge,
     }
 }
 

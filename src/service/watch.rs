@@ -53,13 +53,15 @@ pub(super) async fn watch(
             () = context.drained() => return Err(ServiceError::Draining),
         };
         let header = Header {
-            reset: false,
-            base_revision: change.base_revision,
+            reset: change.reset,
+            base_revision: if change.reset { 0 } else { change.base_revision },
             revision: change.revision,
             state: change.state,
             uid: map.uid(),
         };
-        send_delta(&header, &change.snapshot, &change.touched, wanted, sink).await?;
+        let all = change.reset.then(|| everything(&change.snapshot));
+        let touched = all.as_ref().unwrap_or(&change.touched);
+        send_delta(&header, &change.snapshot, touched, wanted, sink).await?;
     }
 }
 

@@ -1,6 +1,7 @@
 //! The engine through its handles: acks, epochs, solves beside the stream, lock-step, bugs.
 
 mod bugs;
+mod ceilings;
 mod journal;
 mod solves;
 mod stream;
@@ -203,7 +204,8 @@ impl Blocker {
         let (started, starts) = tokio::sync::oneshot::channel();
         let pool = Arc::clone(maps.pool());
         tokio::spawn(async move {
-            pool.run(move || {
+            let tenant = pool.tenants().get("");
+            pool.run(&tenant, move || {
                 started.send(()).unwrap();
                 // Ends when the sender is dropped.
                 released.recv().unwrap_err();

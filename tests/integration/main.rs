@@ -18,6 +18,7 @@ mod map_check;
 mod map_fold;
 mod map_placement;
 mod map_problem;
+mod map_retirement;
 mod map_support;
 mod proto_compat;
 mod proxy;

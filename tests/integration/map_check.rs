@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use covis::map::{
     Ceilings, Change, ConstraintKind, Depth, EntityRef, Item, ItemLandmark, ItemObservation,
-    MapPolicy, Reason,
+    MapPolicy, Passed, Reason, Resource, Usage,
 };
 use covis_solvers::geometry::{Camera, Se3, Snavely};
 use nalgebra::{Matrix3, Matrix6, Vector3};
@@ -301,34 +301,44 @@ fn empty_lists_are_missing() {
 }
 
 #[test]
-fn a_full_map_says_which_ceiling() {
-    let ceilings = |keyframes, landmarks, observations| {
-        let ceilings = Ceilings {
-            max_keyframes: keyframes,
-            max_landmarks: landmarks,
-            max_observations: observations,
-        };
-        street(2, MapPolicy { ceilings, ..MapPolicy::default() })
-    };
+fn what_an_item_adds_is_counted_before_it_is_taken() {
+    let mut journal = street(2, MapPolicy::default());
     // The street of two keyframes has 30 landmarks and 20 + 30 observations.
-    let grown = |journal: &Journal| {
-        keyframe(|pose, observations, landmarks| {
-            landmarks.push(landmark(30));
-            observations.push(observe(30, pose, &corner(30)));
-            assert_eq!(journal.map.observation_count(), 50);
-        })
-    };
-    for (journal, field) in [
-        (ceilings(Some(2), None, None), "keyframe"),
-        (ceilings(None, Some(30), None), "keyframe.landmarks"),
-        (ceilings(None, None, Some(52)), "keyframe.observations"),
-    ] {
-        check(&journal, &grown(&journal), &[(field, Reason::Ceiling)]);
-        assert!(journal.map.check(ROBOT, &grown(&journal)).unwrap_err().is_ceiling());
+    let item = keyframe(|pose, observations, landmarks| {
+        landmarks.push(landmark(30));
+        observations.push(observe(30, pose, &corner(30)));
+    });
+    let change = journal.map.check(ROBOT, &item).unwrap();
+    let (usage, growth) = (journal.map.usage(), journal.map.growth(&change));
+    assert_eq!((usage.keyframes, usage.landmarks, usage.observations), (2, 30, 50));
+    assert_eq!((growth.keyframes, growth.landmarks, growth.observations), (1, 1, 3));
+    let none = Ceilings::default();
+    let cases = [
+        (Resource::Keyframes, 2, Ceilings { max_keyframes: Some(2), ..none }),
+        (Resource::Landmarks, 30, Ceilings { max_landmarks: Some(30), ..none }),
+        (Resource::Observations, 52, Ceilings { max_observations: Some(52), ..none }),
+        (Resource::Bytes, usage.bytes, Ceilings { max_bytes: Some(usage.bytes), ..none }),
+    ];
+    for (resource, maximum, ceilings) in cases {
+        assert_eq!(ceilings.passed(usage, growth), Some(Passed { resource, maximum }));
     }
-    let mut roomy = ceilings(Some(3), Some(31), Some(53));
-    let item = grown(&roomy);
-    roomy.send(ROBOT, &item).unwrap();
+    let roomy = Ceilings {
+        max_keyframes: Some(3),
+        max_landmarks: Some(31),
+        max_observations: Some(53),
+        max_bytes: Some(usage.bytes + growth.bytes),
+    };
+    assert_eq!(roomy.passed(usage, growth), None);
+    assert_eq!(roomy.passed(roomy_usage(), Usage::default()), None, "what adds nothing has room");
+    journal.send(ROBOT, &item).unwrap();
+    let now = journal.map.usage();
+    assert_eq!((now.keyframes, now.landmarks, now.observations), (3, 31, 53));
+    // The covisibility that the new keyframe adds is known afterwards only.
+    assert!(now.bytes >= usage.bytes + growth.bytes, "{now:?}");
+}
+
+fn roomy_usage() -> Usage {
+    Usage { keyframes: 9, landmarks: 99, observations: 999, bytes: u64::MAX }
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use covis::map::{
     AppliedSolve, Cause, Change, ClientIndex, ConstraintKind, Covisibility, Depth, EntityId,
     EntityKind, Event, GlobalOptions, Item, ItemLandmark, Map, MapError, MapPolicy, Recall,
-    SolveKind, SwitchedOff, global_problem, loop_problem, triangulate,
+    SolveKind, SwitchedOff, WhenFull, global_problem, loop_problem, retire, triangulate,
 };
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::testing::random::{normal_vector, seeded};
@@ -27,7 +27,7 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
     };
     let keyframe = pick(rng, map.keyframes().keys().copied().collect());
     let landmark = pick(rng, map.landmarks().keys().copied().collect());
-    match (rng.random_range(0..20), keyframe, landmark) {
+    match (rng.random_range(0..21), keyframe, landmark) {
         (0..=6, _, _) | (_, None, _) | (_, _, None) => {
             let center = rng.random_range(0..12);
             let tangent = normal_vector::<6>(rng, 0.05);
@@ -131,8 +131,14 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
                     journal.send(ROBOT, &Item::Observations { keyframe, observations: vec![sent] });
             }
         }
+        (19, _, _) => {
+            if let Some(retired) = retire(&journal.map) {
+                journal.push(Change::KeyframeRetired { retired });
+            }
+        }
         _ => {
-            let policy = MapPolicy { window_keyframes: 5, ..MapPolicy::default() };
+            let when_full = WhenFull::Marginalize;
+            let policy = MapPolicy { window_keyframes: 5, when_full, ..MapPolicy::default() };
             journal.push(Change::PolicySet { policy });
         }
     }

@@ -134,26 +134,60 @@ fn create_map_tells_which_policies_are_not_served_yet() {
     run(async {
         let server = TestServer::start().await;
         let mut maps = server.maps();
-        let limited = |limits| v1::MapPolicy { limits: Some(limits), ..Default::default() };
         let policy = |gauge: v1::Gauge| v1::MapPolicy { gauge: gauge.into(), ..Default::default() };
-        let size = v1::MapLimits { max_size_bytes: Some(1 << 30), ..Default::default() };
-        let queue = |n| v1::MapLimits { max_queued_item_count: Some(n), ..Default::default() };
         for (policy, field) in [
             (policy(v1::Gauge::Free), "policy.gauge"),
             (policy(v1::Gauge::Priors), "policy.gauge"),
             (policy(v1::Gauge::FixedPoses), "policy.gauge"),
-            (limited(size), "policy.limits.max_size_bytes"),
-            (limited(queue(1)), "policy.limits.max_queued_item_count"),
         ] {
             let request = v1::CreateMapRequest { policy: Some(policy), ..create("room") };
             let status = maps.create_map(request).await.unwrap_err();
             check_field(&status, field, "UNIMPLEMENTED");
         }
         // What the server does anyway may be said.
-        let said =
-            v1::MapPolicy { limits: Some(queue(65_536)), ..policy(v1::Gauge::FirstKeyframeFixed) };
-        let map = server.create_map_with("room", said).await;
+        let map = server.create_map_with("room", policy(v1::Gauge::FirstKeyframeFixed)).await;
         assert_eq!(map.policy.unwrap().gauge(), v1::Gauge::FirstKeyframeFixed);
+    });
+}
+
+#[test]
+fn a_map_tells_its_limits_and_what_happens_there() {
+    run(async {
+        let server = TestServer::start().await;
+        let limits = |bytes, queued| v1::MapLimits {
+            max_size_bytes: Some(bytes),
+            max_queued_item_count: Some(queued),
+            ..Default::default()
+        };
+        for (when_full, told) in [
+            (v1::WhenFull::Unspecified, v1::WhenFull::Reject),
+            (v1::WhenFull::Reject, v1::WhenFull::Reject),
+            (v1::WhenFull::Marginalize, v1::WhenFull::Marginalize),
+            (v1::WhenFull::Sparsify, v1::WhenFull::Sparsify),
+        ] {
+            let wanted = v1::MapPolicy {
+                limits: Some(limits(1 << 30, 3)),
+                when_full: when_full.into(),
+                ..Default::default()
+            };
+            let name = format!("room-{}", i32::from(when_full));
+            let policy = server.create_map_with(&name, wanted).await.policy.unwrap();
+            assert_eq!(policy.when_full(), told);
+            let limits = policy.limits.unwrap();
+            assert_eq!(
+                (limits.max_size_bytes, limits.max_queued_item_count),
+                (Some(1 << 30), Some(3))
+            );
+            assert!(limits.max_keyframe_count.is_some(), "the server's own");
+        }
+        let many = v1::MapPolicy { limits: Some(limits(1, 65_536)), ..Default::default() };
+        let map = server.create_map_with("many", many).await;
+        let queued = map.policy.unwrap().limits.unwrap().max_queued_item_count;
+        assert_eq!(queued, Some(64), "never above the server's");
+        let bad = v1::MapPolicy { when_full: 77, ..Default::default() };
+        let request = v1::CreateMapRequest { policy: Some(bad), ..create("bad") };
+        let status = server.maps().create_map(request).await.unwrap_err();
+        check_field(&status, "policy.when_full", "UNKNOWN_VALUE");
     });
 }
 

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use crate::service::{MapLimits, TenantLimits};
+
 /// Settings of one source; the keys of `covis.toml` have these names.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -42,6 +44,10 @@ pub struct Layer {
     pub max_concurrent_streams: Option<u32>,
     /// Items that may wait for a map's engine.
     pub queue_capacity: Option<usize>,
+    /// Ceilings of a map, which its policy can only lower.
+    pub map_limits: Option<MapLimits>,
+    /// Ceilings of a tenant that has none of its own in the file of tokens.
+    pub tenant_limits: Option<TenantLimits>,
     /// Log level or directives.
     pub log: Option<String>,
     /// Folder that a server keeps its maps in.
@@ -152,6 +158,8 @@ impl Layer {
             max_message_bytes: self.max_message_bytes.or(lower.max_message_bytes),
             max_concurrent_streams: self.max_concurrent_streams.or(lower.max_concurrent_streams),
             queue_capacity: self.queue_capacity.or(lower.queue_capacity),
+            map_limits: self.map_limits.or(lower.map_limits),
+            tenant_limits: self.tenant_limits.or(lower.tenant_limits),
             log: self.log.or(lower.log),
             data_dir: storage.0,
             in_memory: storage.1,

@@ -13,6 +13,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use crate::client::Token;
+use crate::service::{MapLimits, TenantLimits};
 
 pub use environment::Environment;
 pub use layer::{ConfigError, Layer};
@@ -61,6 +62,11 @@ pub struct Config {
     pub max_concurrent_streams: u32,
     /// Items that may wait for a map's engine before a stream is slowed down (64).
     pub queue_capacity: usize,
+    /// Ceilings of a map, over those of [`ServerConfig`](crate::service::ServerConfig); in the file
+    /// only (none).
+    pub map_limits: MapLimits,
+    /// Ceilings of a tenant without its own; in the file only (none).
+    pub tenant_limits: TenantLimits,
     /// Folder that a server keeps its maps in (the platform's folder for data of programs).
     pub data_dir: Option<PathBuf>,
     /// Whether a server keeps its maps in memory only (no).
@@ -115,6 +121,8 @@ impl Config {
             max_message_bytes: layer.max_message_bytes.unwrap_or(4 * 1024 * 1024),
             max_concurrent_streams: layer.max_concurrent_streams.unwrap_or(64),
             queue_capacity: layer.queue_capacity.unwrap_or(64),
+            map_limits: layer.map_limits.unwrap_or_default(),
+            tenant_limits: layer.tenant_limits.unwrap_or_default(),
             data_dir: layer.data_dir,
             in_memory: layer.in_memory.unwrap_or(false),
             log: layer.log.unwrap_or_else(|| "info".to_owned()),

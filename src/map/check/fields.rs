@@ -59,24 +59,6 @@ impl Fields {
         }
     }
 
-    pub(super) fn ceiling(
-        &mut self,
-        path: &str,
-        what: &str,
-        present: u64,
-        added: u64,
-        ceiling: Option<u64>,
-    ) {
-        if let Some(ceiling) = ceiling
-            && added > 0
-            && present.saturating_add(added) > ceiling
-        {
-            let text =
-                format!("the map has {present} {what}, {added} more would pass its {ceiling}");
-            self.add(path, Reason::Ceiling, text);
-        }
-    }
-
     pub(super) fn information(&mut self, path: &str, error: &InformationError) {
         let reason = match error {
             InformationError::NotFinite { .. } => Reason::NotFinite,

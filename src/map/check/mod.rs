@@ -26,8 +26,8 @@ impl Map {
     /// [`Map::holds`] first to tell the two apart.
     ///
     /// # Errors
-    /// [`Rejection`] with the path and reason of each bad field; [`Rejection::is_ceiling`] tells
-    /// that the map is full.
+    /// [`Rejection`] with the path and reason of each bad field. Whether the map has room for the
+    /// change is another question: [`Map::growth`].
     pub fn check(&self, client: ClientIndex, item: &Item) -> Result<Change, Rejection> {
         let mut check = Check { map: self, client, fields: Fields::default() };
         if self.client(client).is_none() {
@@ -187,9 +187,6 @@ impl Check<'_> {
         if self.map.keyframes.contains_key(&id) {
             self.taken("keyframe.id", "keyframe", id);
         }
-        let keyframes = self.map.keyframes.len() as u64;
-        let ceiling = self.map.policy.ceilings.max_keyframes;
-        self.fields.ceiling("keyframe", "keyframes", keyframes, 1, ceiling);
         let camera_id = self.camera_ref("keyframe.camera_id", camera.as_ref());
         if camera.is_none() && !observations.is_empty() {
             let text = "required where there are observations";
@@ -316,7 +313,6 @@ impl Check<'_> {
 
     fn landmarks(&mut self, path: &str, sent: &[super::ItemLandmark]) -> Vec<NewLandmark> {
         let mut seen = std::collections::BTreeSet::new();
-        let mut added = 0;
         for (index, landmark) in sent.iter().enumerate() {
             let field = |name: &str| format!("{path}[{index}].{name}");
             let id = self.own(&field("id"), landmark.id);
@@ -327,17 +323,11 @@ impl Check<'_> {
             if let Some(position) = &landmark.position {
                 self.fields.vector(&field("point_in_world"), position);
             }
-            match self.map.landmarks.get(&id) {
-                Some(known) if known.sent_position != landmark.position => {
-                    self.taken(&field("id"), "landmark", id);
-                }
-                Some(_) => {}
-                None => added += 1,
+            let known = self.map.landmarks.get(&id);
+            if known.is_some_and(|known| known.sent_position != landmark.position) {
+                self.taken(&field("id"), "landmark", id);
             }
         }
-        let (present, ceiling) =
-            (self.map.landmarks.len() as u64, self.map.policy.ceilings.max_landmarks);
-        self.fields.ceiling(path, "landmarks", present, added, ceiling);
         sent.iter()
             .map(|l| NewLandmark { id: EntityId::new(self.client, l.id), position: l.position })
             .collect()

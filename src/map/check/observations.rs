@@ -29,9 +29,6 @@ impl Check<'_> {
         sent: &[ItemObservation],
         view: &View<'_>,
     ) -> Vec<Observation> {
-        let ceiling = self.map.policy.ceilings.max_observations;
-        let (present, added) = (self.map.observation_count, sent.len() as u64);
-        self.fields.ceiling(path, "observations", present, added, ceiling);
         let new: BTreeMap<EntityId, Option<Vector3<f64>>> =
             view.new_landmarks.iter().map(|l| (l.id, l.position)).collect();
         let mut seen: BTreeSet<_> = view.present.iter().map(Observation::key).collect();

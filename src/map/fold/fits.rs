@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 
 use super::super::{
     AppliedSolve, Cause, Change, EntityId, EntityKind, Event, Map, MapError, NewLandmark,
-    Observation, Prior,
+    Observation, Prior, Retired,
 };
 
 fn finite(vector: &Vector3<f64>) -> bool {
@@ -106,11 +106,7 @@ impl Fit<'_> {
             Change::PriorAdded { id, prior } => {
                 self.new_constraint(*id)?;
                 self.keyframe(prior.keyframe())?;
-                let measured = match prior {
-                    Prior::Pose { world_from_camera, .. } => world_from_camera.is_finite(),
-                    Prior::Position { position_in_world, .. } => finite(position_in_world),
-                };
-                self.finite(measured, EntityKind::Constraint, *id)
+                self.measured(*id, prior)
             }
             Change::LandmarksTriangulated { positions } => self.positions(positions),
             Change::SolveApplied { solve } => self.solve(solve),
@@ -130,12 +126,51 @@ impl Fit<'_> {
                 landmarks.iter().try_for_each(|&id| self.landmark(id))
             }
             Change::KeyframeRemoved { keyframe } => self.keyframe(*keyframe),
+            Change::KeyframeRetired { retired } => self.retired(retired),
             Change::ConstraintRevoked { id } => {
                 let map = self.map;
                 let known = map.constraints.contains_key(id) || map.priors.contains_key(id);
                 self.present(known, EntityKind::Constraint, *id)
             }
         }
+    }
+
+    fn retired(&self, retired: &Retired) -> Outcome {
+        self.keyframe(retired.keyframe)?;
+        retired.landmarks.iter().try_for_each(|&id| self.landmark(id))?;
+        for &id in &retired.revoked {
+            let map = self.map;
+            let known = map.constraints.contains_key(&id) || map.priors.contains_key(&id);
+            self.present(known, EntityKind::Constraint, id)?;
+        }
+        let mut new = BTreeSet::new();
+        let stays = |id| {
+            self.absent(id != retired.keyframe, EntityKind::Keyframe, id)?;
+            self.keyframe(id)
+        };
+        for (id, constraint) in &retired.constraints {
+            self.new_constraint(*id)?;
+            self.absent(new.insert(*id), EntityKind::Constraint, *id)?;
+            stays(constraint.keyframe_i)?;
+            stays(constraint.keyframe_j)?;
+            let measured = constraint.keyframe_i_from_keyframe_j.is_finite();
+            self.finite(measured, EntityKind::Constraint, *id)?;
+        }
+        for (id, prior) in &retired.priors {
+            self.new_constraint(*id)?;
+            self.absent(new.insert(*id), EntityKind::Constraint, *id)?;
+            stays(prior.keyframe())?;
+            self.measured(*id, prior)?;
+        }
+        Ok(())
+    }
+
+    fn measured(&self, id: EntityId, prior: &Prior) -> Outcome {
+        let is_finite = match prior {
+            Prior::Pose { world_from_camera, .. } => world_from_camera.is_finite(),
+            Prior::Position { position_in_world, .. } => finite(position_in_world),
+        };
+        self.finite(is_finite, EntityKind::Constraint, id)
     }
 
     fn opening(&self, name: &str, epoch: i64) -> Outcome {

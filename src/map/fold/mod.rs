@@ -9,11 +9,16 @@ mod removal;
 
 use std::sync::Arc;
 
+use super::ceilings::descriptor_bytes;
 use super::digest::{self, Content};
 use super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, EntityId, Event, Keyframe, Landmark, Map,
     MapError, NewLandmark, Observation,
 };
+
+/// Items of a client whose digests are kept. Nobody sends an item again that lies further back:
+/// a client keeps what is not durable, and that is far less.
+const REMEMBERED_ITEMS: usize = 1 << 16;
 
 impl Map {
     /// Applies one event.
@@ -66,6 +71,7 @@ impl Map {
                     added_revision: self.revision,
                 };
                 self.keyframes.insert(*id, keyframe);
+                self.by_age.insert(self.revision, *id);
                 self.add_observations(*id, observations);
             }
             Change::LandmarksAdded { landmarks } => self.add_landmarks(landmarks),
@@ -99,12 +105,8 @@ impl Map {
                 landmarks.iter().for_each(|&id| self.remove_landmark(id));
             }
             Change::KeyframeRemoved { keyframe } => self.remove_keyframe(*keyframe),
-            Change::ConstraintRevoked { id } => {
-                self.constraints.remove(id);
-                self.switched_off.remove(id);
-                self.priors.remove(id);
-                self.contents.remove(&(Content::Constraint, *id));
-            }
+            Change::KeyframeRetired { retired } => self.retire(retired),
+            Change::ConstraintRevoked { id } => self.revoke(*id),
             Change::PolicySet { policy } => self.policy = *policy,
         }
     }
@@ -125,6 +127,9 @@ impl Map {
     fn remember(&mut self, cause: &Cause) {
         if let Some(client) = self.clients.get_mut(cause.client.0 as usize) {
             client.items.insert(cause.sequence, cause.digest);
+            if client.items.len() > REMEMBERED_ITEMS {
+                client.items.pop_first();
+            }
             client.next_sequence = client.next_sequence.max(cause.sequence + 1);
         }
     }
@@ -132,13 +137,17 @@ impl Map {
     fn add_landmarks(&mut self, landmarks: &[NewLandmark]) {
         let revision = self.revision;
         for new in landmarks {
-            self.landmarks.entry(new.id).or_insert_with(|| Landmark {
-                position: new.position,
-                sent_position: new.position,
-                reference: None,
-                observers: Vec::new(),
-                added_revision: revision,
-                positioned_revision: if new.position.is_some() { revision } else { 0 },
+            let unseen = &mut self.unseen;
+            self.landmarks.entry(new.id).or_insert_with(|| {
+                unseen.insert((revision, new.id));
+                Landmark {
+                    position: new.position,
+                    sent_position: new.position,
+                    reference: None,
+                    observers: Vec::new(),
+                    added_revision: revision,
+                    positioned_revision: if new.position.is_some() { revision } else { 0 },
+                }
             });
         }
     }
@@ -146,11 +155,15 @@ impl Map {
     fn add_observations(&mut self, keyframe_id: EntityId, added: &[Observation]) {
         let Some(keyframe) = self.keyframes.get_mut(&keyframe_id) else { return };
         keyframe.observations = keyframe.observations.iter().chain(added).cloned().collect();
+        self.descriptor_bytes += descriptor_bytes(added);
         self.observation_count += added.len() as u64;
         for observation in added {
             let Some(landmark) = self.landmarks.get_mut(&observation.landmark) else { continue };
             // A second feature on the same landmark adds no covisibility.
             if let Err(place) = landmark.observers.binary_search(&keyframe_id) {
+                if landmark.observers.is_empty() {
+                    self.unseen.remove(&(landmark.added_revision, observation.landmark));
+                }
                 self.covisibility.add(keyframe_id, &landmark.observers);
                 landmark.observers.insert(place, keyframe_id);
             }

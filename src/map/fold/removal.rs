@@ -5,17 +5,20 @@
 
 use std::sync::Arc;
 
+use super::super::ceilings::descriptor_bytes;
 use super::super::digest::Content;
-use super::super::{EntityId, Map};
+use super::super::{EntityId, Map, Retired};
 use super::insert_sorted;
 
 impl Map {
     pub(super) fn remove_observation(&mut self, keyframe_id: EntityId, landmark_id: EntityId) {
         let Some(keyframe) = self.keyframes.get_mut(&keyframe_id) else { return };
         let before = keyframe.observations.len();
+        let described = descriptor_bytes(&keyframe.observations);
         keyframe.observations =
             keyframe.observations.iter().filter(|o| o.landmark != landmark_id).cloned().collect();
         let removed = before - keyframe.observations.len();
+        self.descriptor_bytes -= described - descriptor_bytes(&keyframe.observations);
         if removed > 0 {
             self.observation_count -= removed as u64;
             self.forget_observer(landmark_id, keyframe_id);
@@ -27,12 +30,21 @@ impl Map {
         for keyframe in observers {
             self.remove_observation(keyframe, id);
         }
-        self.landmarks.remove(&id);
+        self.drop_landmark(id);
+    }
+
+    /// Takes out a landmark that nobody sees.
+    fn drop_landmark(&mut self, id: EntityId) {
+        if let Some(landmark) = self.landmarks.remove(&id) {
+            self.unseen.remove(&(landmark.added_revision, id));
+        }
     }
 
     pub(super) fn remove_keyframe(&mut self, id: EntityId) {
         let Some(keyframe) = self.keyframes.remove(&id) else { return };
         self.observation_count -= keyframe.observations.len() as u64;
+        self.descriptor_bytes -= descriptor_bytes(&keyframe.observations);
+        self.by_age.remove(&keyframe.added_revision);
         for observation in keyframe.observations.iter() {
             self.forget_observer(observation.landmark, id);
         }
@@ -55,6 +67,21 @@ impl Map {
         });
     }
 
+    pub(super) fn revoke(&mut self, id: EntityId) {
+        self.constraints.remove(&id);
+        self.switched_off.remove(&id);
+        self.priors.remove(&id);
+        self.contents.remove(&(Content::Constraint, id));
+    }
+
+    pub(super) fn retire(&mut self, retired: &Retired) {
+        self.remove_keyframe(retired.keyframe);
+        retired.landmarks.iter().for_each(|&id| self.remove_landmark(id));
+        retired.revoked.iter().for_each(|&id| self.revoke(id));
+        self.constraints.extend(retired.constraints.iter().copied());
+        self.priors.extend(retired.priors.iter().copied());
+    }
+
     /// `kept` takes over the observations of `absorbed`; where a keyframe sees both, that of `kept`
     /// stays. A landmark without position takes the first one that an absorbed landmark has.
     pub(super) fn fuse(&mut self, kept: EntityId, absorbed: &[EntityId]) {
@@ -64,7 +91,7 @@ impl Map {
             for keyframe in observers {
                 self.rename_observation(keyframe, from, kept);
             }
-            self.landmarks.remove(&from);
+            self.drop_landmark(from);
             let revision = self.revision;
             if let (Some(landmark), Some(position)) = (self.landmarks.get_mut(&kept), position)
                 && landmark.position.is_none()
@@ -87,6 +114,7 @@ impl Map {
         self.forget_observer(from, keyframe_id);
         if let Some(landmark) = self.landmarks.get_mut(&to) {
             self.covisibility.add(keyframe_id, &landmark.observers);
+            self.unseen.remove(&(landmark.added_revision, to));
             insert_sorted(&mut landmark.observers, keyframe_id);
             landmark.reference.get_or_insert(keyframe_id);
         }
@@ -97,6 +125,9 @@ impl Map {
         let Ok(place) = landmark.observers.binary_search(&keyframe) else { return };
         landmark.observers.remove(place);
         self.covisibility.remove(keyframe, &landmark.observers);
+        if landmark.observers.is_empty() {
+            self.unseen.insert((landmark.added_revision, landmark_id));
+        }
         if landmark.reference == Some(keyframe) {
             landmark.reference = landmark.observers.first().copied();
         }

@@ -48,7 +48,7 @@ pub fn global_problem(map: &Map, options: &GlobalOptions) -> MapProblem {
     builder.finish(options.fix_intrinsics)
 }
 
-struct Builder<'a> {
+pub(super) struct Builder<'a> {
     map: &'a Map,
     problem: BundleProblem,
     keyframes: Vec<EntityId>,
@@ -58,7 +58,7 @@ struct Builder<'a> {
 }
 
 impl<'a> Builder<'a> {
-    fn new(map: &'a Map, observation_loss: Loss) -> Self {
+    pub(super) fn new(map: &'a Map, observation_loss: Loss) -> Self {
         let problem = BundleProblem {
             observation_loss,
             relative_pose_loss: map.policy().constraint_loss,
@@ -74,7 +74,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn keyframe(&mut self, id: EntityId, constant: bool) {
+    pub(super) fn keyframe(&mut self, id: EntityId, constant: bool) {
         let Some(keyframe) = self.map.keyframes().get(&id) else { return };
         let index = self.problem.push_pose(keyframe.world_from_camera);
         self.problem.constant_poses[index] = constant;
@@ -82,7 +82,7 @@ impl<'a> Builder<'a> {
         self.pose_of.insert(id, index);
     }
 
-    fn landmark(&mut self, id: EntityId) {
+    pub(super) fn landmark(&mut self, id: EntityId) {
         let Some(position) = self.map.landmarks().get(&id).and_then(|l| l.position) else { return };
         let index = self.problem.push_landmark(position);
         // The solver's batches index by u32; a map that large does not fit memory.
@@ -124,7 +124,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Adds cameras and every factor between the variables so far.
-    fn finish(mut self, fix_intrinsics: bool) -> MapProblem {
+    pub(super) fn finish(mut self, fix_intrinsics: bool) -> MapProblem {
         let map = self.map;
         let used: BTreeMap<EntityId, _> = self
             .keyframes

@@ -7,6 +7,7 @@
 mod bundle;
 mod graph;
 mod pieces;
+mod retirement;
 
 use covis_solvers::geometry::Se3;
 use covis_solvers::loss::Loss;
@@ -17,6 +18,7 @@ use super::{EntityId, SwitchedOff};
 
 pub use bundle::{global_problem, local_problem};
 pub use graph::loop_problem;
+pub use retirement::retirement_problem;
 
 /// A bundle adjustment problem with the names of its variables.
 #[derive(Clone, Debug, PartialEq)]

@@ -11,12 +11,14 @@ mod roles;
 mod tenants;
 mod tokens;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{PoisonError, RwLock};
 
 use tonic::Request;
 use tonic::codegen::http::HeaderMap;
 
+use super::engine::TenantCeilings;
 use super::error::ServiceError;
 use tokens::Tokens;
 
@@ -46,6 +48,12 @@ impl Access {
     /// Whether only those with a token are admitted.
     pub(super) fn is_guarded(&self) -> bool {
         self.known.is_some()
+    }
+
+    /// Ceilings of the tenants that have their own.
+    pub(super) fn tenant_ceilings(&self) -> BTreeMap<String, TenantCeilings> {
+        let Some((_, known)) = &self.known else { return BTreeMap::new() };
+        known.read().unwrap_or_else(PoisonError::into_inner).tenant_ceilings()
     }
 
     /// Reads the file again; nothing changes before [`Access::put`].

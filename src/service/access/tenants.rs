@@ -37,7 +37,7 @@ impl Caller {
     }
 
     /// Its tenant.
-    pub(super) fn tenant(&self) -> &str {
+    pub(in crate::service) fn tenant(&self) -> &str {
         &self.tenant
     }
 
@@ -101,6 +101,7 @@ fn map_of(error: &mut EngineError) -> Option<&mut String> {
         )
         | EngineError::Solve(_)
         | EngineError::ShuttingDown
+        | EngineError::TenantCeiling { .. }
         | EngineError::Threads { .. }
         | EngineError::Bug { .. } => None,
     }

@@ -6,6 +6,10 @@
 //! sha256 = "9f86d081…"   # of the token, 64 hexadecimal digits
 //! tenant = "acme"        # left out for the default tenant
 //! role = "write"         # read, write or admin
+//!
+//! [[tenant]]             # ceilings of its own, see `TenantLimits`
+//! name = "acme"
+//! limits = { max_maps = 20, max_keyframes = 1_000_000, max_streams = 50 }
 //! ```
 //!
 //! A plain hash serves because tokens are long and random: there is no list of likely ones to try.
@@ -18,6 +22,8 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
 use super::{Caller, Role};
+use crate::service::engine::TenantCeilings;
+use crate::service::limits::TenantLimits;
 
 /// A file of tokens that cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -47,6 +53,18 @@ pub enum AccessError {
         /// What it must be.
         expected: &'static str,
     },
+    /// A tenant's entry has a bad field.
+    #[error("{}: tenant {number}: {field} must be {expected}", path.display())]
+    Tenant {
+        /// The file.
+        path: PathBuf,
+        /// Which entry, from 1.
+        number: usize,
+        /// The field.
+        field: &'static str,
+        /// What it must be.
+        expected: &'static str,
+    },
 }
 
 #[derive(Deserialize)]
@@ -54,6 +72,15 @@ pub enum AccessError {
 struct File {
     #[serde(default)]
     token: Vec<Entry>,
+    #[serde(default)]
+    tenant: Vec<TenantEntry>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TenantEntry {
+    name: String,
+    limits: TenantLimits,
 }
 
 #[derive(Deserialize)]
@@ -66,9 +93,13 @@ struct Entry {
     role: Role,
 }
 
-/// Callers by the digest of their token.
+/// Who is known, and the ceilings of tenants.
 #[derive(Debug, Default)]
-pub(in crate::service) struct Tokens(BTreeMap<[u8; 32], Caller>);
+pub(in crate::service) struct Tokens {
+    /// Callers by the digest of their token.
+    callers: BTreeMap<[u8; 32], Caller>,
+    tenants: BTreeMap<String, TenantCeilings>,
+}
 
 impl Tokens {
     /// Reads a file.
@@ -102,13 +133,31 @@ impl Tokens {
                 return bad("sha256", "of a token that no other entry has");
             }
         }
-        Ok(Self(tokens))
+        let mut tenants = BTreeMap::new();
+        for (number, TenantEntry { name, limits }) in (1..).zip(file.tenant) {
+            let bad = |expected| {
+                let (path, field) = (path.to_owned(), "name");
+                Err(AccessError::Tenant { path, number, field, expected })
+            };
+            if !name.is_empty() && !is_name(&name) {
+                return bad("1 to 63 characters of a-z, 0-9, '_' and '-', or empty");
+            }
+            if tenants.insert(name, limits.into()).is_some() {
+                return bad("another one: this tenant has its ceilings already");
+            }
+        }
+        Ok(Self { callers: tokens, tenants })
     }
 
     /// Whose token it is.
     pub(super) fn caller(&self, token: &str) -> Option<Caller> {
         let digest: [u8; 32] = Sha256::digest(token.as_bytes()).into();
-        self.0.get(&digest).cloned()
+        self.callers.get(&digest).cloned()
+    }
+
+    /// The tenants that have ceilings of their own.
+    pub(super) fn tenant_ceilings(&self) -> BTreeMap<String, TenantCeilings> {
+        self.tenants.clone()
     }
 }
 

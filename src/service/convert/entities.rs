@@ -64,6 +64,7 @@ pub(in crate::service) fn to_constraint(
         ConstraintKind::Odometry => v1::ConstraintKind::Odometry,
         ConstraintKind::LoopClosure => v1::ConstraintKind::LoopClosure,
         ConstraintKind::Other => v1::ConstraintKind::Other,
+        ConstraintKind::Marginal => v1::ConstraintKind::Marginal,
     };
     let measured = to_rigid_transform(&constraint.keyframe_i_from_keyframe_j);
     wire(WireConstraint::RelativePose(v1::RelativePoseConstraint {

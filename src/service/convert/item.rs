@@ -265,6 +265,11 @@ fn relative_pose(
         Some(v1::ConstraintKind::Odometry) => Some(ConstraintKind::Odometry),
         Some(v1::ConstraintKind::LoopClosure) => Some(ConstraintKind::LoopClosure),
         Some(v1::ConstraintKind::Other) => Some(ConstraintKind::Other),
+        Some(v1::ConstraintKind::Marginal) => out.report(
+            at.field("kind"),
+            Reason::OutOfRange,
+            "marginal constraints are the server's own",
+        ),
         None => None,
     };
     let own_loss = no_own_loss(at, message.loss.as_ref(), false, out);

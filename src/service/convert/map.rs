@@ -1,10 +1,8 @@
 //! Maps and their policies.
 //!
 //! A policy's absent fields take the server's defaults, its ceilings are never above the server's.
-//! What the map cannot keep yet (a gauge of its own, memory and queue ceilings) is refused with
-//! UNIMPLEMENTED rather than taken and forgotten.
-
-use std::mem::size_of;
+//! What the map cannot keep yet (a gauge of its own) is refused with UNIMPLEMENTED rather than taken
+//! and forgotten.
 
 use super::entities::{clients_by_name, to_client_frame};
 use super::geometry::to_vector3;
@@ -12,7 +10,7 @@ use super::robust::{robustness, to_robustness};
 use super::solve::{loss, to_loss};
 use super::time::timestamp;
 use super::{Path, Violations, count, small};
-use crate::map::{Ceilings, Keyframe, Landmark, Map, MapPolicy, Observation, Reason};
+use crate::map::{Ceilings, Map, MapPolicy, Reason, WhenFull};
 use crate::service::access::shown;
 use crate::service::engine::{MapInfo, MapState};
 use crate::store::Durability;
@@ -82,6 +80,13 @@ pub(in crate::service) fn policy(
         None => None,
     };
     let ceilings = ceilings(at, m.limits.as_ref(), server, out);
+    let queued_items = queued_items(at, m.limits.as_ref(), out);
+    let when_full = match out.known(at.field("when_full"), m.when_full) {
+        Some(v1::WhenFull::Unspecified | v1::WhenFull::Reject) => Some(WhenFull::Reject),
+        Some(v1::WhenFull::Marginalize) => Some(WhenFull::Marginalize),
+        Some(v1::WhenFull::Sparsify) => Some(WhenFull::Sparsify),
+        None => None,
+    };
     let closures = at.field("loop_closure_robustness");
     let wanted = m.loop_closure_robustness.as_ref();
     let closures = robustness(closures, wanted, default.loop_closure_robustness, out);
@@ -96,6 +101,8 @@ pub(in crate::service) fn policy(
         constraint_loss: constraint_loss?.unwrap_or(default.constraint_loss),
         max_local_iterations: iterations?,
         ceilings: ceilings?,
+        when_full: when_full?,
+        max_queued_items: queued_items?,
     })
 }
 
@@ -118,31 +125,29 @@ fn ceilings(
     let landmarks = lower("max_landmark_count", m.max_landmark_count, server.map.max_landmarks);
     let observations =
         lower("max_observation_count", m.max_observation_count, server.map.max_observations);
-    let size = match m.max_size_bytes {
-        None => Some(()),
-        Some(bytes) => {
-            let place = at.field("max_size_bytes");
-            out.within(place, bytes, 1, i64::MAX).and_then(|_| out.unimplemented(place))
-        }
-    };
-    let queue = match m.max_queued_item_count {
-        None => Some(()),
-        Some(items) => {
-            let place = at.field("max_queued_item_count");
-            match out.within(place, items, 1, 65_536) {
-                Some(items) if items < server.queued_items => out.unimplemented(place),
-                Some(_) => Some(()),
-                None => None,
-            }
-        }
-    };
-    size?;
-    queue?;
+    let bytes = lower("max_size_bytes", m.max_size_bytes, server.map.max_bytes);
     Some(Ceilings {
         max_keyframes: keyframes?,
         max_landmarks: landmarks?,
         max_observations: observations?,
+        max_bytes: bytes?,
     })
+}
+
+/// Items of a client that may wait, where that is fewer than the server has.
+fn queued_items(
+    at: Path<'_>,
+    message: Option<&v1::MapLimits>,
+    out: &mut Violations,
+) -> Option<Option<u32>> {
+    match message.and_then(|m| m.max_queued_item_count) {
+        None => Some(None),
+        Some(items) => {
+            let limits = at.field("limits");
+            let place = limits.field("max_queued_item_count");
+            out.within(place, items, 1, 65_536).map(|items: usize| u32::try_from(items).ok())
+        }
+    }
 }
 
 /// The message of a map's ceilings; absent where there is none.
@@ -152,7 +157,7 @@ pub(in crate::service) fn to_limits(ceilings: &Ceilings, queued_items: usize) ->
         max_keyframe_count: limit(ceilings.max_keyframes),
         max_landmark_count: limit(ceilings.max_landmarks),
         max_observation_count: limit(ceilings.max_observations),
-        max_size_bytes: None,
+        max_size_bytes: limit(ceilings.max_bytes),
         max_queued_item_count: Some(small(queued_items)),
     }
 }
@@ -167,9 +172,20 @@ fn to_policy(policy: &MapPolicy, queued_items: usize) -> v1::MapPolicy {
         local_bundle_adjustment: Some(policy.local_bundle),
         loop_closure_optimization: Some(policy.loop_closure),
         max_iteration_count: Some(small(policy.max_local_iterations)),
-        limits: Some(to_limits(&policy.ceilings, queued_items)),
+        limits: Some(to_limits(&policy.ceilings, queued(policy, queued_items))),
         loop_closure_robustness: Some(to_robustness(&policy.loop_closure_robustness)),
+        when_full: match policy.when_full {
+            WhenFull::Reject => v1::WhenFull::Reject,
+            WhenFull::Marginalize => v1::WhenFull::Marginalize,
+            WhenFull::Sparsify => v1::WhenFull::Sparsify,
+        }
+        .into(),
     }
+}
+
+/// Items of a client that may wait: the map's number, never above the server's.
+pub(in crate::service) fn queued(policy: &MapPolicy, server: usize) -> usize {
+    policy.max_queued_items.map_or(server, |items| server.min(items as usize))
 }
 
 /// The message of a map's state.
@@ -212,10 +228,6 @@ fn to_counts(map: &Map) -> v1::MapCounts {
     let observations = usize::try_from(map.observation_count()).unwrap_or(usize::MAX);
     let (keyframes, landmarks) = (map.keyframes().len(), map.landmarks().len());
     let positioned = map.landmarks().values().filter(|l| l.position.is_some()).count();
-    // Each observation also stands in its landmark's list of observers.
-    let size = keyframes * size_of::<Keyframe>()
-        + landmarks * size_of::<Landmark>()
-        + observations.saturating_mul(size_of::<Observation>() + size_of::<crate::map::EntityId>());
     v1::MapCounts {
         camera_count: count(map.cameras().len()),
         rig_count: 0,
@@ -224,7 +236,7 @@ fn to_counts(map: &Map) -> v1::MapCounts {
         positioned_landmark_count: count(positioned),
         observation_count: count(observations),
         constraint_count: count(map.constraints().len() + map.priors().len()),
-        size_bytes: count(size),
+        size_bytes: i64::try_from(map.usage().bytes).unwrap_or(i64::MAX),
         switched_off_constraint_count: count(map.switched_off().len()),
     }
 }

@@ -22,10 +22,10 @@ use super::stream::{ItemSender, Queued};
 use super::streams::Streams;
 use super::watch::Watchers;
 use super::{
-    EngineConfig, EngineError, IngestStream, MapHandle, MapInfo, MapState, Opened, SolverPool,
-    Watch,
+    Booked, EngineConfig, EngineError, IngestStream, MapHandle, MapInfo, MapState, Opened,
+    SolverPool, Tenant, Watch,
 };
-use crate::map::{Change, Map};
+use crate::map::{Change, Map, Usage};
 use crate::store::{Durability, Epoch, Store};
 
 /// A map with the one writer that it has.
@@ -34,6 +34,11 @@ pub(super) struct Actor {
     pub(super) config: EngineConfig,
     pub(super) store: Arc<dyn Store>,
     pub(super) pool: Arc<SolverPool>,
+    pub(super) tenant: Arc<Tenant>,
+    /// Gives the map's place back.
+    pub(super) _place: Booked,
+    /// What the tenant's books have of this map.
+    pub(super) booked: Usage,
     /// The store's epoch, which fences other writers.
     pub(super) store_epoch: Epoch,
     pub(super) map: Arc<Map>,
@@ -80,6 +85,7 @@ impl Actor {
                 break;
             }
         }
+        self.tenant.book(self.booked, Usage::default());
         let error = self.shared.ended.get_or_init(|| EngineError::ShuttingDown).clone();
         self.cancel_solves(&error);
         self.streams.end_all(&error);
@@ -202,6 +208,7 @@ impl Actor {
         handle: MapHandle,
     ) -> Result<IngestStream, EngineError> {
         self.check_open()?;
+        let place = self.tenant.book_stream()?;
         let known = self.map.client_named(&name);
         let newest = known.and_then(|c| self.map.client(c)).map_or(0, |c| c.epoch);
         let fenced = |epoch: i64, newest: i64| EngineError::EpochFenced {
@@ -224,7 +231,9 @@ impl Actor {
             return Err(report_bug("an opened client is not in the map"));
         };
         let lock_step = lock_step || self.config.lock_step;
-        let ends = self.streams.open(client, epoch, lock_step, self.config.queue_capacity);
+        let most = self.map.policy().max_queued_items.map_or(usize::MAX, |most| most as usize);
+        let queued_items = self.config.queue_capacity.min(most);
+        let ends = self.streams.open(client, epoch, lock_step, queued_items, place);
         let opened = Opened {
             client,
             next_sequence: self.map.client(client).map_or(1, |c| c.next_sequence),
@@ -250,6 +259,7 @@ impl Actor {
         from_revision: Option<i64>,
         handle: MapHandle,
     ) -> Result<Watch, EngineError> {
+        let place = self.tenant.book_stream()?;
         let newest = self.map.revision();
         let missed = match from_revision {
             None => None,
@@ -257,9 +267,13 @@ impl Actor {
                 let map = self.shared.name.clone();
                 return Err(EngineError::RevisionAhead { map, revision, newest });
             }
-            Some(revision) => self.events_after(revision).await,
+            // What went with a keyframe cannot be told from the map without it.
+            Some(revision) => self
+                .events_after(revision)
+                .await
+                .filter(|events| !events.iter().any(|event| event.change.removes_keyframe())),
         };
-        Ok(self.watchers.open(handle, &self.map, self.state, missed.as_deref()))
+        Ok(self.watchers.open(handle, &self.map, self.state, missed.as_deref(), place))
     }
 }
 

@@ -57,6 +57,14 @@ pub enum EngineError {
         /// Its value.
         maximum: i64,
     },
+    /// A tenant would pass a ceiling of its own; what was asked for was not done and is at no fault.
+    #[error("the tenant is full: {limit} is {maximum}")]
+    TenantCeiling {
+        /// The ceiling.
+        limit: &'static str,
+        /// Its value.
+        maximum: i64,
+    },
     /// A watcher asks for changes since a revision that the map has not reached.
     #[error("map {map:?} is at revision {newest}, {revision} lies ahead of it")]
     RevisionAhead {

@@ -6,14 +6,24 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::map::{
-    Cause, Change, ClientIndex, ConstraintKind, EntityId, Event, Item, Map, Reason, Recall,
-    Rejection, triangulate,
+    Cause, Change, ClientIndex, ConstraintKind, EntityId, Event, Item, Map, Passed, Reason, Recall,
+    Rejection, Resource, Usage, retire, triangulate,
 };
 
 use super::actor::Actor;
 use super::schedule::Task;
 use super::stream::{Body, Queued, QueuedItem};
 use super::{Ack, AckStatus, EngineError, SolveReport, StreamEvent};
+
+/// An item of which this many would fill the map has no keyframe retired for it.
+const LARGEST_SHARE: u64 = 4;
+
+/// Whether the map has room.
+enum Room {
+    There,
+    Made,
+    None(EngineError),
+}
 
 /// What becomes of an item.
 enum Verdict {
@@ -46,7 +56,18 @@ impl Actor {
     async fn ingest(&mut self, client: ClientIndex, epoch: i64, queued: QueuedItem) {
         let QueuedItem { sequence, digest, item, receipt, durable, optimized } = queued;
         let ack = |revision, status| StreamEvent::Ack(Ack { sequence, revision, status });
-        match self.judge(client, sequence, &digest, &item) {
+        let verdict = loop {
+            match self.judge(client, sequence, &digest, &item) {
+                Verdict::Take(change) => match self.make_room(&change).await {
+                    Room::There => break Verdict::Take(change),
+                    // What the item refers to may be what has gone.
+                    Room::Made => {}
+                    Room::None(error) => break Verdict::Full(error),
+                },
+                verdict => break verdict,
+            }
+        };
+        match verdict {
             Verdict::Duplicate => {
                 let revision = self.map.revision();
                 receipt.send(ack(revision, AckStatus::Received { duplicate: true }));
@@ -96,7 +117,9 @@ impl Actor {
         }
         let next = self.map.client(client).map_or(1, |c| c.next_sequence);
         if sequence < next {
-            let text = format!("sequence {sequence} was passed over; the next is {next}");
+            let text = format!(
+                "sequence {sequence} was passed over or lies too far back; the next is {next}"
+            );
             return Verdict::Reject(Rejection::of("sequence", Reason::OutOfRange, text));
         }
         if self.map.holds(client, item) {
@@ -104,13 +127,40 @@ impl Actor {
         }
         match self.map.check(client, item) {
             Ok(change) => Verdict::Take(Box::new(change)),
-            Err(mut rejection) => {
-                if rejection.violations.iter().all(|v| v.reason == Reason::Ceiling) {
-                    return Verdict::Full(ceiling(&self.shared.name, &self.map, &rejection));
-                }
-                rejection.violations.retain(|v| v.reason != Reason::Ceiling);
-                Verdict::Reject(rejection)
-            }
+            Err(rejection) => Verdict::Reject(rejection),
+        }
+    }
+
+    /// Sees whether there is room for a change; where there is none and the policy says so, one
+    /// keyframe goes.
+    async fn make_room(&mut self, change: &Change) -> Room {
+        let growth = self.map.growth(change);
+        if let Some(Passed { resource, maximum }) = self.tenant.passed(growth) {
+            let maximum = i64::try_from(maximum).unwrap_or(i64::MAX);
+            let limit = match resource {
+                Resource::Keyframes => "tenant_max_keyframe_count",
+                Resource::Landmarks => "tenant_max_landmark_count",
+                Resource::Observations => "tenant_max_observation_count",
+                Resource::Bytes => "tenant_max_size_bytes",
+            };
+            return Room::None(EngineError::TenantCeiling { limit, maximum });
+        }
+        let policy = self.map.policy();
+        let Some(passed) = policy.ceilings.passed(self.map.usage(), growth) else {
+            return Room::There;
+        };
+        // What would push out a good part of the map is refused: it could only be a mistake.
+        let alone = Usage { keyframes: 0, ..growth };
+        let is_huge = policy.ceilings.passed(alone * (LARGEST_SHARE - 1), alone).is_some();
+        if is_huge {
+            return Room::None(ceiling(&self.shared.name, passed));
+        }
+        let Some(retired) = retire(&self.map) else {
+            return Room::None(ceiling(&self.shared.name, passed));
+        };
+        match self.commit(None, Change::KeyframeRetired { retired }).await {
+            Ok(_position) => Room::Made,
+            Err(error) => Room::None(error),
         }
     }
 
@@ -196,7 +246,9 @@ fn added(change: &Change) -> Added {
         Change::ObservationsAdded { keyframe, .. } => Added::Views(*keyframe),
         Change::ConstraintAdded { constraint, .. } => match constraint.kind {
             ConstraintKind::LoopClosure => Added::Loop,
-            ConstraintKind::Odometry | ConstraintKind::Other => Added::Other,
+            ConstraintKind::Odometry | ConstraintKind::Other | ConstraintKind::Marginal => {
+                Added::Other
+            }
         },
         Change::Created { .. }
         | Change::ClientOpened { .. }
@@ -209,20 +261,20 @@ fn added(change: &Change) -> Added {
         | Change::LandmarksFused { .. }
         | Change::LandmarksRemoved { .. }
         | Change::KeyframeRemoved { .. }
+        | Change::KeyframeRetired { .. }
         | Change::ConstraintRevoked { .. }
         | Change::PolicySet { .. } => Added::Other,
     }
 }
 
-/// Which ceiling a rejection is about, by the field that would pass it.
-fn ceiling(map_name: &str, map: &Map, rejection: &Rejection) -> EngineError {
-    let ceilings = map.policy().ceilings;
-    let field = rejection.violations.first().map_or("", |v| v.field.as_str());
-    let (limit, maximum) = match field.rsplit('.').next() {
-        Some("landmarks") => ("max_landmark_count", ceilings.max_landmarks),
-        Some("observations") => ("max_observation_count", ceilings.max_observations),
-        _ => ("max_keyframe_count", ceilings.max_keyframes),
+/// The end of a stream whose map is full.
+fn ceiling(map: &str, Passed { resource, maximum }: Passed) -> EngineError {
+    let limit = match resource {
+        Resource::Keyframes => "max_keyframe_count",
+        Resource::Landmarks => "max_landmark_count",
+        Resource::Observations => "max_observation_count",
+        Resource::Bytes => "max_size_bytes",
     };
-    let maximum = i64::try_from(maximum.unwrap_or(u64::MAX)).unwrap_or(i64::MAX);
-    EngineError::Ceiling { map: map_name.to_owned(), limit, maximum }
+    let maximum = i64::try_from(maximum).unwrap_or(i64::MAX);
+    EngineError::Ceiling { map: map.to_owned(), limit, maximum }
 }

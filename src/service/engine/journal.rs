@@ -47,6 +47,8 @@ impl Actor {
             return Err(self.poisoned(&details));
         }
         self.applying = None;
+        let held = self.map.usage();
+        self.tenant.book(std::mem::replace(&mut self.booked, held), held);
         self.watchers.wake();
         if snapshot_due {
             self.take_snapshot();

@@ -22,8 +22,8 @@ use super::journal::{replay, stored, unix_time_ns};
 use super::schedule::Schedule;
 use super::streams::Streams;
 use super::watch::Watchers;
-use super::{EngineConfig, EngineError, Fault, MapHandle, MapInfo, MapState, SolverPool};
-use crate::map::{Change, Event, Map, MapPolicy};
+use super::{Booked, EngineConfig, EngineError, Fault, MapHandle, MapInfo, MapState, SolverPool};
+use crate::map::{Change, Event, Map, MapPolicy, Usage};
 use crate::store::{Durability, Epoch, Flushed, Store, StoreError};
 
 /// Control messages that wait; the engine answers them at once.
@@ -123,7 +123,9 @@ impl Maps {
                 }
             }
         };
-        let handle = self.spawn(start);
+        // Ceilings close no map that exists.
+        let place = self.inner.pool.tenants().of_map(&start.name).book_existing_map();
+        let handle = self.spawn(start, place);
         self.table().insert(handle.name().to_owned(), handle);
     }
 
@@ -193,6 +195,10 @@ impl Maps {
             return Err(EngineError::ShuttingDown);
         }
         let store = &self.inner.store;
+        if self.table().contains_key(name) {
+            return Err(EngineError::MapExists { map: name.to_owned() });
+        }
+        let place = self.inner.pool.tenants().of_map(name).book_map()?;
         let epoch = match store.create_map(name).await {
             Err(StoreError::MapExists { map }) => return Err(EngineError::MapExists { map }),
             epoch => epoch?,
@@ -222,7 +228,7 @@ impl Maps {
             unsolved: Vec::new(),
             flushed,
         };
-        let handle = self.spawn(start);
+        let handle = self.spawn(start, place);
         // A map is answered only when no crash takes it back.
         handle.durable(1).await?;
         self.table().insert(handle.name().to_owned(), handle.clone());
@@ -293,7 +299,7 @@ impl Maps {
         self.inner.store.close().await;
     }
 
-    fn spawn(&self, start: Start) -> MapHandle {
+    fn spawn(&self, start: Start, place: Booked) -> MapHandle {
         let Inner { store, pool, config, .. } = &*self.inner;
         let (item_queue, items) = mpsc::channel(config.queue_capacity.max(1));
         let (control_queue, control) = mpsc::channel(CONTROL_QUEUE);
@@ -305,11 +311,17 @@ impl Maps {
             ended: OnceLock::new(),
         });
         let span = tracing::info_span!("map", name = %shared.name);
+        let tenant = pool.tenants().of_map(&shared.name);
+        let booked = start.map.usage();
+        tenant.book(Usage::default(), booked);
         let actor = Actor {
             shared: Arc::clone(&shared),
             config: *config,
             store: Arc::clone(store),
             pool: Arc::clone(pool),
+            tenant,
+            _place: place,
+            booked,
             store_epoch: start.epoch,
             last_solve_id: start.map.solve_count(),
             map: Arc::new(start.map),

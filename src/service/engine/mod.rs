@@ -15,7 +15,8 @@
 //! | `streams`, `schedule` | open streams with their acks; which items wait for which solve |
 //! | `solves`, `work`, `pose_graph`, `optimize` | starting, superseding and applying solves; their bodies |
 //! | `watch` | changes for readers, coalesced |
-//! | `pool` | the threads of the solves |
+//! | `pool`, `turns` | the threads of the solves, and whose solve is next |
+//! | `tenants` | what all maps of a tenant hold together |
 
 mod acks;
 mod actor;
@@ -33,6 +34,8 @@ mod schedule;
 mod solves;
 mod stream;
 mod streams;
+mod tenants;
+mod turns;
 mod watch;
 mod work;
 
@@ -42,9 +45,10 @@ pub use error::EngineError;
 pub use handle::{MapHandle, MapInfo, MapState};
 pub use maps::Maps;
 pub use optimize::{OptimizeCounts, OptimizeOptions, OptimizeOutcome, OptimizeProblem};
-pub use pool::{SolvePanicked, SolverPool};
+pub use pool::{PoolError, SolvePanicked, SolverPool};
 pub use pose_graph::ChordalProof;
 pub use stream::{IngestStream, ItemSender, Opened};
+pub use tenants::{Booked, Tenant, TenantCeilings, Tenants};
 pub use watch::{MapChange, Touched, Watch};
 
 /// How the engines of a server run.

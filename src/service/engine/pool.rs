@@ -1,15 +1,20 @@
-//! The solver pool: one set of rayon threads for all solves of a server.
+//! The solver pool: one set of rayon threads for all solves of a server, with turns among tenants.
 //!
-//! Work runs under `catch_unwind`, so that a panic costs one solve and no thread. A solve that is
+//! As many solves run at once as there are threads; what waits is given its turn by [`Turns`]. Work
+//! runs under `catch_unwind`, so that a panic costs one solve and no thread. A solve that is
 //! parallel inside spreads over the same pool. Nothing async runs here and nothing waits here.
 
 use std::any::Any;
+use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
 use tokio::sync::oneshot;
 
-use super::EngineError;
+use super::tenants::Tenant;
+use super::turns::{Turn, Turns};
+use super::{EngineError, Tenants};
 
 /// Work that panicked.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -19,10 +24,30 @@ pub struct SolvePanicked {
     pub message: String,
 }
 
+/// Why work has no result.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PoolError {
+    /// It panicked.
+    #[error(transparent)]
+    Panicked(#[from] SolvePanicked),
+    /// Too much work of its tenant waits already; it was not begun.
+    #[error(transparent)]
+    Full(EngineError),
+}
+
+type Work = Box<dyn FnOnce() + Send>;
+
 /// Threads for solves.
-#[derive(Debug)]
 pub struct SolverPool {
-    pool: rayon::ThreadPool,
+    threads: rayon::ThreadPool,
+    turns: Mutex<Turns<Work>>,
+    tenants: Tenants,
+}
+
+impl fmt::Debug for SolverPool {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SolverPool").field("threads", &self.threads()).finish_non_exhaustive()
+    }
 }
 
 impl SolverPool {
@@ -31,45 +56,95 @@ impl SolverPool {
     /// # Errors
     /// [`EngineError::Threads`] where the system refuses.
     pub fn new(threads: usize) -> Result<Arc<Self>, EngineError> {
+        Self::shared_by(Tenants::default(), threads)
+    }
+
+    /// The same, with the ceilings of `tenants`.
+    ///
+    /// # Errors
+    /// As [`SolverPool::new`].
+    pub fn shared_by(tenants: Tenants, threads: usize) -> Result<Arc<Self>, EngineError> {
         let count = threads.max(1);
-        rayon::ThreadPoolBuilder::new()
+        let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(count)
             .thread_name(|index| format!("covis-solver-{index}"))
-            .build()
-            .map(|pool| Arc::new(Self { pool }))
-            .map_err(|_error| EngineError::Threads { count })
+            .build();
+        let threads = pool.map_err(|_error| EngineError::Threads { count })?;
+        Ok(Arc::new(Self { threads, turns: Mutex::new(Turns::new(count)), tenants }))
     }
 
     /// How many threads there are.
     #[must_use]
     pub fn threads(&self) -> usize {
-        self.pool.current_num_threads()
+        self.threads.current_num_threads()
     }
 
-    /// Starts `work` now and answers through the receiver; dropping the receiver does not stop it.
+    /// The tenants that share the pool.
+    #[must_use]
+    pub fn tenants(&self) -> &Tenants {
+        &self.tenants
+    }
+
+    /// Has `work` done when its tenant's turn comes and answers through the receiver; dropping the
+    /// receiver does not stop it.
     pub(super) fn start<R: Send + 'static>(
-        &self,
+        self: &Arc<Self>,
+        tenant: &Tenant,
         work: impl FnOnce() -> R + Send + 'static,
     ) -> oneshot::Receiver<Result<R, SolvePanicked>> {
         let (reply, answer) = oneshot::channel();
-        self.pool.spawn(move || {
+        let work = Box::new(move || {
             let result = catch_unwind(AssertUnwindSafe(work))
                 .map_err(|panic| SolvePanicked { message: panic_message(panic.as_ref()) });
             // Nobody waits for the result of work that was superseded.
             let _unread = reply.send(result);
         });
+        self.lock().push(&Arc::from(tenant.name()), work);
+        self.begin();
         answer
     }
 
-    /// Runs `work` on the pool.
+    /// Runs `work` of a tenant on the pool.
     ///
     /// # Errors
-    /// [`SolvePanicked`] when it panicked.
+    /// [`PoolError`].
     pub async fn run<R: Send + 'static>(
-        &self,
+        self: &Arc<Self>,
+        tenant: &Tenant,
         work: impl FnOnce() -> R + Send + 'static,
-    ) -> Result<R, SolvePanicked> {
-        answered(self.start(work).await)
+    ) -> Result<R, PoolError> {
+        let waiting = self.lock().waiting(tenant.name()) as u64;
+        if let Some(most) = tenant.ceilings().max_waiting_solves.filter(|&most| waiting >= most) {
+            let maximum = i64::try_from(most).unwrap_or(i64::MAX);
+            let limit = "tenant_max_waiting_solve_count";
+            return Err(PoolError::Full(EngineError::TenantCeiling { limit, maximum }));
+        }
+        Ok(answered(self.start(tenant, work).await)?)
+    }
+
+    /// Begins what may run now.
+    fn begin(self: &Arc<Self>) {
+        let most = |tenant: &str| self.tenants.get(tenant).ceilings().max_solves;
+        loop {
+            let next = self.lock().next(most);
+            let Some((turn, work)) = next else { return };
+            let pool = Arc::clone(self);
+            self.threads.spawn(move || {
+                let begin = Instant::now();
+                work();
+                pool.ended(&turn, begin);
+            });
+        }
+    }
+
+    fn ended(self: &Arc<Self>, turn: &Turn, begin: Instant) {
+        let took_ns = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        self.lock().ended(turn, took_ns);
+        self.begin();
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Turns<Work>> {
+        self.turns.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

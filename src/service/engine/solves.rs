@@ -119,7 +119,7 @@ impl Actor {
         let span = tracing::debug_span!("solve", map = %self.shared.name, id, ?kind);
         let panics = self.config.fault == Some(Fault::PanicInSolve);
         let flag = Arc::clone(&cancel);
-        let answer = self.pool.start(move || {
+        let answer = self.pool.start(&self.tenant, move || {
             let _entered = span.entered();
             if panics {
                 std::panic::panic_any("staged by a test");

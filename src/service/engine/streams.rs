@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use tokio::sync::{mpsc, watch};
 
-use super::{Ack, AckStatus, EngineError, SolveReport, StreamEvent};
+use super::{Ack, AckStatus, Booked, EngineError, SolveReport, StreamEvent};
 use crate::map::ClientIndex;
 
 /// Room for one event of a stream.
@@ -32,6 +32,7 @@ struct Stream {
     end: Option<Permit>,
     optimized: Vec<Permit>,
     ended: watch::Sender<Option<EngineError>>,
+    _place: Booked,
 }
 
 /// What the caller's side of a stream gets.
@@ -52,9 +53,10 @@ impl Streams {
         client: ClientIndex,
         epoch: i64,
         lock_step: bool,
-        queue_capacity: usize,
+        queued_items: usize,
+        place: Booked,
     ) -> StreamEnds {
-        let capacity = queue_capacity.max(1) * EVENTS_PER_ITEM + EXTRA_EVENTS;
+        let capacity = queued_items.max(1) * EVENTS_PER_ITEM + EXTRA_EVENTS;
         let (sender, events) = mpsc::channel(capacity);
         let (ended_sender, ended) = watch::channel(None);
         let stream = Stream {
@@ -64,6 +66,7 @@ impl Streams {
             end: sender.clone().try_reserve_owned().ok(),
             optimized: sender.clone().try_reserve_owned().ok().into_iter().collect(),
             ended: ended_sender,
+            _place: place,
         };
         self.0.insert(client, stream);
         StreamEnds { sender, events, ended }

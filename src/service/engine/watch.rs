@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use tokio::sync::watch;
 
 use super::handle::Control;
-use super::{EngineError, MapHandle, MapState};
+use super::{Booked, EngineError, MapHandle, MapState};
 use crate::map::{Change, ClientIndex, EntityId, Event, Map};
 
 /// What events touched. An id that the snapshot does not hold was removed.
@@ -74,19 +74,37 @@ impl Touched {
                 self.landmarks.extend(absorbed);
             }
             Change::LandmarksRemoved { landmarks } => self.landmarks.extend(landmarks),
-            Change::KeyframeRemoved { keyframe } => {
-                self.keyframe(*keyframe);
-                if let Some(entity) = map.keyframes().get(keyframe) {
-                    self.landmarks.extend(entity.observations.iter().map(|o| o.landmark));
-                }
-                let constraints = map.constraints().iter();
-                let gone = constraints
-                    .filter(|(_, c)| c.keyframe_i == *keyframe || c.keyframe_j == *keyframe);
-                self.constraints.extend(gone.map(|(&id, _)| id));
-                let gone = map.priors().iter().filter(|(_, p)| p.keyframe() == *keyframe);
-                self.constraints.extend(gone.map(|(&id, _)| id));
+            Change::KeyframeRemoved { keyframe } => self.removed(*keyframe, map),
+            Change::KeyframeRetired { retired } => {
+                self.removed(retired.keyframe, map);
+                self.landmarks.extend(&retired.landmarks);
+                self.constraints.extend(&retired.revoked);
+                self.constraints.extend(retired.constraints.iter().map(|&(id, _)| id));
+                self.constraints.extend(retired.priors.iter().map(|&(id, _)| id));
             }
         }
+    }
+
+    /// A keyframe goes, with its constraints and priors.
+    fn removed(&mut self, keyframe: EntityId, map: &Map) {
+        self.keyframe(keyframe);
+        if let Some(entity) = map.keyframes().get(&keyframe) {
+            self.landmarks.extend(entity.observations.iter().map(|o| o.landmark));
+        }
+        let constraints = map.constraints().iter();
+        let gone =
+            constraints.filter(|(_, c)| c.keyframe_i == keyframe || c.keyframe_j == keyframe);
+        self.constraints.extend(gone.map(|(&id, _)| id));
+        let gone = map.priors().iter().filter(|(_, p)| p.keyframe() == keyframe);
+        self.constraints.extend(gone.map(|(&id, _)| id));
+    }
+
+    fn len(&self) -> usize {
+        self.cameras.len()
+            + self.keyframes.len()
+            + self.landmarks.len()
+            + self.constraints.len()
+            + self.clients.len()
     }
 
     fn keyframe(&mut self, id: EntityId) {
@@ -103,9 +121,15 @@ impl Touched {
     }
 }
 
+/// More ids than this and than the map has entities are not kept: the reader gets the full state.
+const LEAST_TOUCHED: usize = 10_000;
+
 /// A step of a watched map.
 #[derive(Clone, Debug)]
 pub struct MapChange {
+    /// Whether the reader drops what it holds, because too much was touched to be told: then
+    /// `touched` is of no use, and the snapshot is the full state.
+    pub reset: bool,
     /// What the reader held.
     pub base_revision: i64,
     /// What it holds after the step.
@@ -136,6 +160,7 @@ pub struct Watch {
     pub(super) signal: watch::Receiver<()>,
     /// Taken out of the slot, and not durable yet.
     pub(super) taken: Option<MapChange>,
+    pub(super) _place: Booked,
 }
 
 impl Watch {
@@ -181,6 +206,7 @@ struct Watcher {
     base_revision: i64,
     state: MapState,
     touched: Touched,
+    reset: bool,
 }
 
 /// The engine's side: all watchers of a map.
@@ -202,6 +228,7 @@ impl Watchers {
         map: &Arc<Map>,
         state: MapState,
         missed: Option<&[Arc<Event>]>,
+        place: Booked,
     ) -> Watch {
         self.next_id += 1;
         let slot = Arc::new(Slot::default());
@@ -217,17 +244,23 @@ impl Watchers {
             base_revision,
             state,
             touched,
+            reset: false,
         });
         let reset = missed.is_none().then(|| Arc::clone(map));
         let (id, signal) = (self.next_id, self.signal.subscribe());
-        Watch { reset, base_revision, state, handle, id, slot, signal, taken: None }
+        Watch { reset, base_revision, state, handle, id, slot, signal, taken: None, _place: place }
     }
 
     /// Tells the watchers of an event that is about to change `map`.
     pub(super) fn tell(&mut self, change: &Change, map: &Map) {
         self.watchers.retain(|watcher| watcher.slot.strong_count() > 0);
-        for watcher in &mut self.watchers {
+        let most = LEAST_TOUCHED.max(map.keyframes().len() + map.landmarks().len());
+        for watcher in self.watchers.iter_mut().filter(|watcher| !watcher.reset) {
             watcher.touched.add(change, map);
+            if watcher.touched.len() > most {
+                watcher.touched = Touched::default();
+                watcher.reset = true;
+            }
         }
     }
 
@@ -244,6 +277,7 @@ impl Watchers {
             return;
         }
         let mut change = MapChange {
+            reset: std::mem::take(&mut watcher.reset),
             base_revision: watcher.base_revision,
             revision: map.revision(),
             state,
@@ -255,6 +289,7 @@ impl Watchers {
         if let Some(earlier) = slot.take() {
             change.base_revision = earlier.base_revision;
             change.touched.join(earlier.touched);
+            change.reset |= earlier.reset;
         }
         *slot = Some(change);
     }

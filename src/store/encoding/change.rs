@@ -10,7 +10,7 @@ use super::entities::{
 };
 use super::v1::event::Change as Wire;
 use super::{EncodingError, required, v1};
-use crate::map::{AppliedSolve, Change, ClientIndex, EntityId, SolveKind};
+use crate::map::{AppliedSolve, Change, ClientIndex, EntityId, Retired, SolveKind};
 use nalgebra::Vector3;
 
 type Decoded<T> = Result<T, EncodingError>;
@@ -78,6 +78,7 @@ pub(super) fn encode_change(change: &Change) -> Wire {
             Wire::LandmarksRemoved(v1::LandmarksRemoved { landmarks })
         }
         Change::KeyframeRemoved { keyframe } => Wire::KeyframeRemoved(encode_id(*keyframe)),
+        Change::KeyframeRetired { retired } => Wire::KeyframeRetired(encode_retired(retired)),
         Change::ConstraintRevoked { id } => Wire::ConstraintRevoked(encode_id(*id)),
         Change::PolicySet { policy } => Wire::PolicySet(encode_policy(policy)),
     }
@@ -140,8 +141,33 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
             Change::LandmarksRemoved { landmarks: landmarks.into_iter().map(decode_id).collect() }
         }
         Wire::KeyframeRemoved(id) => Change::KeyframeRemoved { keyframe: decode_id(id) },
+        Wire::KeyframeRetired(retired) => {
+            Change::KeyframeRetired { retired: decode_retired(retired)? }
+        }
         Wire::ConstraintRevoked(id) => Change::ConstraintRevoked { id: decode_id(id) },
         Wire::PolicySet(policy) => Change::PolicySet { policy: decode_policy(Some(policy))? },
+    })
+}
+
+fn encode_retired(retired: &Retired) -> v1::KeyframeRetired {
+    let Retired { keyframe, landmarks, revoked, constraints, priors } = retired;
+    v1::KeyframeRetired {
+        keyframe: Some(encode_id(*keyframe)),
+        landmarks: landmarks.iter().copied().map(encode_id).collect(),
+        revoked: revoked.iter().copied().map(encode_id).collect(),
+        constraints: constraints.iter().map(|(id, c)| encode_constraint(*id, c)).collect(),
+        priors: priors.iter().map(|(id, prior)| encode_prior(*id, prior)).collect(),
+    }
+}
+
+fn decode_retired(message: v1::KeyframeRetired) -> Decoded<Retired> {
+    let v1::KeyframeRetired { keyframe, landmarks, revoked, constraints, priors } = message;
+    Ok(Retired {
+        keyframe: required_id(keyframe, "a keyframe")?,
+        landmarks: landmarks.into_iter().map(decode_id).collect(),
+        revoked: revoked.into_iter().map(decode_id).collect(),
+        constraints: constraints.into_iter().map(decode_constraint).collect::<Decoded<_>>()?,
+        priors: priors.into_iter().map(decode_prior).collect::<Decoded<_>>()?,
     })
 }
 

@@ -15,6 +15,7 @@ use super::{EncodingError, required, v1};
 use crate::map::{
     CameraEntity, Ceilings, ClientIndex, ClosureRobustness, Constraint, ConstraintKind, Depth,
     Descriptor, DescriptorKind, EntityId, MapPolicy, NewLandmark, Observation, Prior, SwitchedOff,
+    WhenFull,
 };
 
 type Decoded<T> = Result<T, EncodingError>;
@@ -109,7 +110,9 @@ pub(super) fn encode_policy(policy: &MapPolicy) -> v1::Policy {
         observation_loss,
         constraint_loss,
         max_local_iterations,
-        ceilings: Ceilings { max_keyframes, max_landmarks, max_observations },
+        ceilings: Ceilings { max_keyframes, max_landmarks, max_observations, max_bytes },
+        when_full,
+        max_queued_items,
     } = policy;
     v1::Policy {
         local_bundle: *local_bundle,
@@ -128,6 +131,13 @@ pub(super) fn encode_policy(policy: &MapPolicy) -> v1::Policy {
             Some(Kernel::GemanMcClure) => 2,
         },
         closure_threshold: threshold.map(f64::to_bits),
+        max_bytes: *max_bytes,
+        when_full: match when_full {
+            WhenFull::Reject => 0,
+            WhenFull::Marginalize => 1,
+            WhenFull::Sparsify => 2,
+        },
+        max_queued_items: *max_queued_items,
     }
 }
 
@@ -156,7 +166,15 @@ pub(super) fn decode_policy(policy: Option<v1::Policy>) -> Decoded<MapPolicy> {
             max_keyframes: policy.max_keyframes,
             max_landmarks: policy.max_landmarks,
             max_observations: policy.max_observations,
+            max_bytes: policy.max_bytes,
         },
+        when_full: match policy.when_full {
+            0 => WhenFull::Reject,
+            1 => WhenFull::Marginalize,
+            2 => WhenFull::Sparsify,
+            _ => return Err(EncodingError::Invalid("what is done when the map is full")),
+        },
+        max_queued_items: policy.max_queued_items,
     })
 }
 
@@ -282,6 +300,7 @@ pub(super) fn encode_constraint(id: EntityId, constraint: &Constraint) -> v1::Co
         ConstraintKind::Odometry => 1,
         ConstraintKind::LoopClosure => 2,
         ConstraintKind::Other => 3,
+        ConstraintKind::Marginal => 4,
     };
     v1::Constraint {
         id: Some(encode_id(id)),
@@ -298,6 +317,7 @@ pub(super) fn decode_constraint(message: v1::Constraint) -> Decoded<(EntityId, C
         1 => ConstraintKind::Odometry,
         2 => ConstraintKind::LoopClosure,
         3 => ConstraintKind::Other,
+        4 => ConstraintKind::Marginal,
         _ => return Err(EncodingError::Invalid("a constraint's kind")),
     };
     let measured = message.keyframe_i_from_keyframe_j;

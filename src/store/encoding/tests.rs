@@ -15,7 +15,7 @@ use super::{EncodingError, decode_event, decode_map, encode_event, encode_map};
 use crate::map::{
     AppliedSolve, CameraEntity, Cause, Ceilings, Change, ClientIndex, ClosureRobustness,
     Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, EntityId, Event, Map, MapPolicy,
-    NewLandmark, Observation, Prior, SolveKind, SwitchedOff,
+    NewLandmark, Observation, Prior, Retired, SolveKind, SwitchedOff, WhenFull,
 };
 
 fn id(id: i64) -> EntityId {
@@ -70,12 +70,17 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
             max_keyframes: Some(0),
             max_landmarks: None,
             max_observations: Some(9),
+            max_bytes: Some(1 << 40),
         },
+        when_full: WhenFull::Sparsify,
+        max_queued_items: Some(3),
     };
     let other = MapPolicy {
         loop_closure_robustness: ClosureRobustness::NONE,
         observation_loss: Loss::GemanMcClure(0.1),
         constraint_loss: Loss::Trivial,
+        when_full: WhenFull::Marginalize,
+        max_queued_items: None,
         ..policy
     };
     let pinhole = PinholeRadialTangential {
@@ -171,6 +176,29 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
         Change::ConstraintRevoked { id: id(1) },
         keyframe(12, Vec::new(), Vec::new()),
         Change::KeyframeRemoved { keyframe: id(12) },
+        keyframe(14, Vec::new(), Vec::new()),
+        keyframe(15, Vec::new(), Vec::new()),
+        Change::KeyframeRetired {
+            retired: Retired {
+                keyframe: id(14),
+                landmarks: vec![id(21)],
+                revoked: vec![id(2)],
+                constraints: vec![(
+                    id(-4096),
+                    Constraint {
+                        kind: ConstraintKind::Marginal,
+                        keyframe_i: id(10),
+                        keyframe_j: id(15),
+                        keyframe_i_from_keyframe_j: pose(0.5),
+                        information,
+                    },
+                )],
+                priors: vec![(
+                    id(-4095),
+                    Prior::Pose { keyframe: id(15), world_from_camera: pose(2.0), information },
+                )],
+            },
+        },
         Change::PolicySet { policy: other },
     ];
     let cause = |revision: i64, change: &Change| {
@@ -213,7 +241,7 @@ fn every_change_comes_back_bit_for_bit() {
     }
     let kinds: std::collections::HashSet<_> =
         every_change().iter().map(|event| std::mem::discriminant(&event.change)).collect();
-    assert_eq!(kinds.len(), 16, "each kind of change is in the list");
+    assert_eq!(kinds.len(), 17, "each kind of change is in the list");
     let decoded =
         every_change().iter().map(|e| decode_event(&bytes_of(e)).unwrap()).collect::<Vec<_>>();
     assert_eq!(Map::replay(decoded.iter()).unwrap().state_hash(), replayed().state_hash());

@@ -1,0 +1,492 @@
+//! What docs/reliability.md promises in numbers: durable ingest, many maps at once, restart, memory.
+//!
+//! `cargo bench --bench reliability -- ingest|maps|restart|memory [OPTIONS] [--folder DIR]`
+//!
+//! The server is the `covis` program in a process of its own, on a loopback port, with its data
+//! below DIR (the system's temporary folder by default: name one on the disk that is to be measured).
+//! A robot walks a street at 0.3 m a keyframe and sees each landmark in consecutive keyframes;
+//! poses and pixels carry noise. Robots and server share the machine.
+
+#![allow(clippy::print_stdout, reason = "a bench shows what it measured")]
+
+use std::collections::VecDeque;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use clap::{Parser, Subcommand};
+use covis::client::{Client, ClientError, IngestSession, SessionOptions, WatchOptions};
+use covis::wire::v1;
+
+/// Measures a durable server.
+#[derive(Parser)]
+struct Args {
+    #[command(subcommand)]
+    what: What,
+    /// Where the server keeps its data.
+    #[arg(long, global = true, value_name = "DIR")]
+    folder: Option<PathBuf>,
+    /// Observations a keyframe.
+    #[arg(long, global = true, default_value_t = 200)]
+    observations: usize,
+    /// Given by cargo.
+    #[arg(long, hide = true, global = true)]
+    bench: bool,
+}
+
+#[derive(Clone, Subcommand)]
+enum What {
+    /// Durable keyframes a second of one client, local bundle adjustment off.
+    Ingest {
+        #[arg(long, default_value_t = 20_000)]
+        keyframes: i64,
+    },
+    /// Waits of several robots at a fixed rate, local bundle adjustment on.
+    Maps {
+        #[arg(long, default_value_t = 16)]
+        maps: usize,
+        #[arg(long, default_value_t = 2.0)]
+        hz: f64,
+        #[arg(long, default_value_t = 120)]
+        keyframes: i64,
+    },
+    /// From the start of the program to SERVING, the server before it killed.
+    Restart {
+        #[arg(long, default_value_t = 10_000)]
+        keyframes: i64,
+        /// Landmarks that a keyframe sees first.
+        #[arg(long, default_value_t = 100)]
+        fresh: usize,
+    },
+    /// Resident memory while a bounded map takes keyframe after keyframe.
+    Memory {
+        #[arg(long, default_value_t = 1_000_000)]
+        keyframes: i64,
+        /// Keyframes that the map may hold.
+        #[arg(long, default_value_t = 1_000)]
+        most: i64,
+    },
+}
+
+#[tokio::main]
+async fn main() -> anyhow::Result<()> {
+    let args = Args::parse();
+    let folder = args.folder.clone().unwrap_or_else(std::env::temp_dir);
+    let folder = tempfile::Builder::new().prefix("covis-reliability-").tempdir_in(folder)?;
+    let (data, observations) = (folder.path(), args.observations);
+    match args.what {
+        What::Ingest { keyframes } => ingest(data, keyframes, observations).await,
+        What::Maps { maps, hz, keyframes } => many(data, maps, hz, keyframes, observations).await,
+        What::Restart { keyframes, fresh } => restart(data, keyframes, fresh, observations).await,
+        What::Memory { keyframes, most } => memory(data, keyframes, most, observations).await,
+    }
+}
+
+/// A server process; dropped, it is killed.
+struct Server {
+    process: Child,
+    url: String,
+}
+
+impl Server {
+    /// Starts a server over `data` and waits until it serves.
+    fn start(data: &Path) -> anyhow::Result<Self> {
+        let mut process = Command::new(env!("CARGO_BIN_EXE_covis"))
+            .args(["serve", "--listen", "127.0.0.1:0", "--data-dir"])
+            .arg(data)
+            .stdout(Stdio::piped())
+            .spawn()?;
+        let output = process.stdout.take().context("the server's output")?;
+        let mut line = String::new();
+        BufReader::new(output).read_line(&mut line)?;
+        let url = line.trim().strip_prefix("listening on ").context("the server's address")?;
+        Ok(Self { url: url.to_owned(), process })
+    }
+
+    /// Resident memory in bytes.
+    fn resident(&self) -> anyhow::Result<u64> {
+        let status = fs_err::read_to_string(format!("/proc/{}/status", self.process.id()))?;
+        let line = status.lines().find(|line| line.starts_with("VmRSS:")).context("VmRSS")?;
+        let kib = line.split_whitespace().nth(1).context("VmRSS")?;
+        Ok(kib.parse::<u64>()? * 1024)
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        // What is still running has nothing to finish: the data are thrown away.
+        let _ended = self.process.kill();
+        let _ended = self.process.wait();
+    }
+}
+
+async fn ingest(data: &Path, keyframes: i64, observations: usize) -> anyhow::Result<()> {
+    let server = Server::start(data)?;
+    let client = Client::connect(&server.url).await?;
+    let policy = v1::MapPolicy { local_bundle_adjustment: Some(false), ..Default::default() };
+    let street = Street::new(observations, observations / 10);
+    let waits = Arc::new(Mutex::new(Waits::default()));
+    let mut session = street.open(&client, "map", policy, 1024, &waits).await?;
+    let start = Instant::now();
+    for k in 0..keyframes {
+        send(&mut session, &waits, street.keyframe(k)).await?;
+    }
+    session.finish().await?;
+    let seconds = start.elapsed().as_secs_f64();
+    let rate = keyframes as f64 / seconds;
+    println!(
+        "{keyframes} keyframes of {observations} observations, all durable: {rate:.0} a second"
+    );
+    print_row("send to DURABLE", &mut lock(&waits).durable_s);
+    println!("server's memory {} MB", server.resident()? >> 20);
+    Ok(())
+}
+
+async fn many(
+    data: &Path,
+    maps: usize,
+    hz: f64,
+    keyframes: i64,
+    observations: usize,
+) -> anyhow::Result<()> {
+    let server = Server::start(data)?;
+    let mut robots = Vec::new();
+    for robot in 0..maps {
+        let url = server.url.clone();
+        let offset = robot as f64 / maps as f64;
+        robots.push(tokio::spawn(async move {
+            let client = Client::connect(&url).await?;
+            let street = Street::new(observations, observations / 10);
+            let waits = Arc::new(Mutex::new(Waits::default()));
+            let name = format!("map-{robot}");
+            let mut session =
+                street.open(&client, &name, v1::MapPolicy::default(), 64, &waits).await?;
+            let watching = tokio::spawn(watch(client.clone(), name, Arc::clone(&waits)));
+            let period = Duration::from_secs_f64(1.0 / hz);
+            let first = tokio::time::Instant::now() + period.mul_f64(1.0 + offset);
+            let mut clock = tokio::time::interval_at(first, period);
+            for k in 0..keyframes {
+                clock.tick().await;
+                send(&mut session, &waits, street.keyframe(k)).await?;
+            }
+            let report = session.finish().await?;
+            anyhow::ensure!(report.rejected == 0, "{:?}", report.rejections);
+            // What was optimized is also told to watchers, a moment later.
+            while !lock(&waits).told.is_empty() {
+                tokio::time::sleep(Duration::from_millis(1)).await;
+            }
+            watching.abort();
+            let waits = std::mem::take(&mut *lock(&waits));
+            anyhow::Ok(waits)
+        }));
+    }
+    let mut all = Waits::default();
+    for robot in robots {
+        let waits = robot.await??;
+        all.durable_s.extend(waits.durable_s);
+        all.optimized_s.extend(waits.optimized_s);
+        all.corrected_s.extend(waits.corrected_s);
+    }
+    println!("{maps} maps, {hz} keyframes a second each, {observations} observations a keyframe");
+    print_row("send to DURABLE", &mut all.durable_s);
+    print_row("send to OPTIMIZED", &mut all.optimized_s);
+    print_row("send to correction", &mut all.corrected_s);
+    Ok(())
+}
+
+async fn restart(
+    data: &Path,
+    keyframes: i64,
+    fresh: usize,
+    observations: usize,
+) -> anyhow::Result<()> {
+    let mut server = Server::start(data)?;
+    let client = Client::connect(&server.url).await?;
+    let policy = v1::MapPolicy { local_bundle_adjustment: Some(false), ..Default::default() };
+    let street = Street::new(observations, fresh);
+    let waits = Arc::new(Mutex::new(Waits::default()));
+    let mut session = street.open(&client, "map", policy, 1024, &waits).await?;
+    for k in 0..keyframes {
+        send(&mut session, &waits, street.keyframe(k)).await?;
+    }
+    session.finish().await?;
+    let digests = client.get_map_digests("map").await?;
+    server.process.kill()?;
+    server.process.wait()?;
+    let bytes: u64 = walk(data)?;
+    let start = Instant::now();
+    let server = Server::start(data)?;
+    let seconds = start.elapsed().as_secs_f64();
+    let client = Client::connect(&server.url).await?;
+    let again = client.get_map_digests("map").await?;
+    anyhow::ensure!(digests == again, "{digests:?} became {again:?}");
+    let counts = client.get_map("map").await?.counts.unwrap_or_default();
+    println!(
+        "{} keyframes, {} landmarks, {} observations, {} MB on disk: serving after {seconds:.2} s, \
+         the same map",
+        counts.keyframe_count,
+        counts.landmark_count,
+        counts.observation_count,
+        bytes >> 20
+    );
+    println!(
+        "server's memory {} MB, its own estimate of the map {} MB",
+        server.resident()? >> 20,
+        counts.size_bytes >> 20
+    );
+    Ok(())
+}
+
+async fn memory(data: &Path, keyframes: i64, most: i64, observations: usize) -> anyhow::Result<()> {
+    let server = Server::start(data)?;
+    let client = Client::connect(&server.url).await?;
+    let limits = v1::MapLimits { max_keyframe_count: Some(most), ..Default::default() };
+    let policy = v1::MapPolicy {
+        local_bundle_adjustment: Some(false),
+        limits: Some(limits),
+        when_full: v1::WhenFull::Marginalize.into(),
+        ..Default::default()
+    };
+    let street = Street::new(observations, observations / 10);
+    let waits = Arc::new(Mutex::new(Waits::default()));
+    let mut session = street.open(&client, "map", policy, 1024, &waits).await?;
+    let start = Instant::now();
+    println!("{:>10} {:>10} {:>10} {:>8}", "keyframes", "memory MB", "disk MB", "seconds");
+    // The items whose digests are remembered are the last ceiling to be reached.
+    let settled = 100_000.min(keyframes / 4);
+    let mut resident = Vec::new();
+    for k in 0..keyframes {
+        send(&mut session, &waits, street.keyframe(k)).await?;
+        lock(&waits).durable_s.clear();
+        if (k + 1) % (keyframes / 40).max(1) == 0 {
+            let now = server.resident()?;
+            if k >= settled {
+                resident.push(now);
+            }
+            let (disk, seconds) = (walk(data)? >> 20, start.elapsed().as_secs());
+            println!("{:>10} {:>10.1} {disk:>10} {seconds:>8}", k + 1, now as f64 / 1e6);
+        }
+    }
+    session.finish().await?;
+    let (low, high) = (resident.iter().min(), resident.iter().max());
+    if let (Some(&low), Some(&high)) = (low, high) {
+        let spread = 100.0 * (high - low) as f64 / low as f64;
+        println!("after {settled} keyframes memory stays within {spread:.1} %");
+    }
+    let counts = client.get_map("map").await?.counts.unwrap_or_default();
+    println!("{counts:?}");
+    Ok(())
+}
+
+/// Bytes of all files below a folder.
+fn walk(folder: &Path) -> anyhow::Result<u64> {
+    let mut bytes = 0;
+    for entry in fs_err::read_dir(folder)? {
+        let entry = entry?;
+        // A file may go while we look.
+        let Ok(found) = entry.metadata() else { continue };
+        bytes += if found.is_dir() { walk(&entry.path())? } else { found.len() };
+    }
+    Ok(bytes)
+}
+
+/// How long keyframes of a session waited, in seconds.
+#[derive(Default)]
+struct Waits {
+    /// On the way to DURABLE and to OPTIMIZED: sequence and when they were sent.
+    undurable: VecDeque<(i64, Instant)>,
+    unoptimized: VecDeque<(i64, Instant)>,
+    /// Optimized at a revision that watchers have not been told yet.
+    told: VecDeque<(i64, Instant)>,
+    watched: i64,
+    durable_s: Vec<f64>,
+    optimized_s: Vec<f64>,
+    corrected_s: Vec<f64>,
+}
+
+impl Waits {
+    fn take(&mut self, ack: &v1::IngestAck) {
+        let reached = |queue: &mut VecDeque<(i64, Instant)>| {
+            let count = queue.iter().take_while(|&&(sequence, _)| sequence <= ack.sequence).count();
+            queue.drain(..count).map(|(_, sent)| sent).collect::<Vec<_>>()
+        };
+        let seconds = |sent: &Instant| sent.elapsed().as_secs_f64();
+        match ack.status() {
+            v1::AckStatus::Durable => {
+                self.durable_s.extend(reached(&mut self.undurable).iter().map(seconds));
+            }
+            v1::AckStatus::Optimized => {
+                let sent = reached(&mut self.unoptimized);
+                self.optimized_s.extend(sent.iter().map(seconds));
+                self.told.extend(sent.into_iter().map(|sent| (ack.revision, sent)));
+                self.tell(self.watched);
+            }
+            v1::AckStatus::Unspecified | v1::AckStatus::Received | v1::AckStatus::Rejected => {}
+        }
+    }
+
+    /// A watcher holds `revision`.
+    fn tell(&mut self, revision: i64) {
+        self.watched = self.watched.max(revision);
+        while let Some(&(needed, sent)) = self.told.front()
+            && needed <= self.watched
+        {
+            self.told.pop_front();
+            self.corrected_s.push(sent.elapsed().as_secs_f64());
+        }
+    }
+}
+
+async fn watch(client: Client, map: String, waits: Arc<Mutex<Waits>>) -> Result<(), ClientError> {
+    let mut watch = client.watch(&map, WatchOptions::default()).await?;
+    loop {
+        let revision = watch.next().await?.revision;
+        lock(&waits).tell(revision);
+    }
+}
+
+fn lock(waits: &Mutex<Waits>) -> MutexGuard<'_, Waits> {
+    waits.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+async fn send(
+    session: &mut IngestSession,
+    waits: &Mutex<Waits>,
+    keyframe: v1::Keyframe,
+) -> Result<(), ClientError> {
+    let (sequence, now) = (session.next_sequence(), Instant::now());
+    {
+        let mut waits = lock(waits);
+        waits.undurable.push_back((sequence, now));
+        waits.unoptimized.push_back((sequence, now));
+    }
+    session.send_as(sequence, keyframe).await.map(|_sequence| ())
+}
+
+fn print_row(name: &str, seconds: &mut [f64]) {
+    seconds.sort_by(f64::total_cmp);
+    let at = |share: f64| {
+        let place = (share * seconds.len().saturating_sub(1) as f64).round() as usize;
+        seconds.get(place).map_or(f64::NAN, |s| s * 1e3)
+    };
+    let (p50, p99, max) = (at(0.5), at(0.99), at(1.0));
+    let count = seconds.len();
+    println!("{name:>20}: {count} times, p50 {p50:.2} ms, p99 {p99:.2} ms, max {max:.2} ms");
+}
+
+/// A walk along a street whose houses carry the landmarks.
+#[derive(Clone, Copy)]
+struct Street {
+    /// Landmarks that a keyframe sees first.
+    fresh: usize,
+    /// Keyframes that see a landmark.
+    span: i64,
+}
+
+const FOCAL_PX: f64 = 500.0;
+const CENTER_PX: (f64, f64) = (320.0, 240.0);
+
+impl Street {
+    fn new(observations: usize, fresh: usize) -> Self {
+        let fresh = fresh.clamp(1, observations.max(1));
+        Self { fresh, span: (observations / fresh).max(1) as i64 }
+    }
+
+    /// Creates the map and opens a session with the camera sent.
+    async fn open(
+        &self,
+        client: &Client,
+        map: &str,
+        policy: v1::MapPolicy,
+        max_unanswered: usize,
+        waits: &Arc<Mutex<Waits>>,
+    ) -> anyhow::Result<IngestSession> {
+        client.create_map(map, Some(policy)).await?;
+        let seen = Arc::clone(waits);
+        let options = SessionOptions {
+            max_unanswered,
+            omit_solve_summary: true,
+            ..SessionOptions::default()
+        };
+        let options = options.on_ack(move |ack| lock(&seen).take(ack));
+        let mut session = client.ingest(map, "robot", options).await?;
+        let (cx, cy) = CENTER_PX;
+        let model = v1::PinholeRadialTangential {
+            fx: FOCAL_PX,
+            fy: FOCAL_PX,
+            cx,
+            cy,
+            ..Default::default()
+        };
+        let camera = v1::Camera {
+            id: 0,
+            width_px: 640,
+            height_px: 480,
+            model: Some(v1::camera::Model::PinholeRadialTangential(model)),
+            ..Default::default()
+        };
+        session.send(camera).await?;
+        Ok(session)
+    }
+
+    /// Where landmark `index` of those that keyframe `first` sees first is.
+    fn landmark(&self, first: i64, index: usize) -> [f64; 3] {
+        let middle = 0.3 * (first as f64 + 0.5 * self.span as f64);
+        let seed = first * 4096 + index as i64;
+        [middle + scatter(seed, 1), 1.5 * scatter(seed, 2), 6.5 + 1.5 * scatter(seed, 3)]
+    }
+
+    fn keyframe(&self, k: i64) -> v1::Keyframe {
+        let noise = |axis| 0.01 * scatter(k, axis) * f64::from(k > 0);
+        let position = [0.3 * k as f64, 0.0, 0.0];
+        let claimed = v1::Vector3 { x: position[0] + noise(10), y: noise(11), z: noise(12) };
+        let pose = v1::RigidTransform {
+            translation: Some(claimed),
+            rotation: Some(v1::Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
+        };
+        let mut keyframe = v1::Keyframe {
+            id: k,
+            capture_time: Some(prost_types::Timestamp { seconds: k, nanos: 0 }),
+            sensor: Some(v1::keyframe::Sensor::CameraId(0)),
+            world_from_camera: Some(pose),
+            odom_from_camera: Some(pose),
+            ..Default::default()
+        };
+        for first in (k - self.span + 1).max(0)..=k {
+            for index in 0..self.fresh {
+                let id = first * self.fresh as i64 + index as i64;
+                let [x, y, z] = self.landmark(first, index);
+                let seed = k * 7919 + id;
+                let pixel = v1::Vector2 {
+                    x: CENTER_PX.0 + FOCAL_PX * (x - position[0]) / z + 0.5 * scatter(seed, 20),
+                    y: CENTER_PX.1 + FOCAL_PX * (y - position[1]) / z + 0.5 * scatter(seed, 21),
+                };
+                if first == k {
+                    keyframe.landmarks.push(v1::Landmark {
+                        id,
+                        point_in_world: Some(v1::Vector3 { x: x + noise(10), y, z }),
+                        ..Default::default()
+                    });
+                }
+                keyframe.observations.push(v1::Observation {
+                    landmark: Some(v1::LandmarkRef { id, ..Default::default() }),
+                    pixel: Some(pixel),
+                    sigma_px: Some(0.5),
+                    ..Default::default()
+                });
+            }
+        }
+        keyframe
+    }
+}
+
+/// From −1 to 1, the same for the same numbers (SplitMix64).
+fn scatter(seed: i64, axis: u64) -> f64 {
+    let mut z = (seed as u64).wrapping_add(axis.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+}

@@ -1,0 +1,38 @@
+//! What a keyframe that is about to go tells of its neighbors.
+//!
+//! The problem holds the keyframe first, then those that share most landmarks with it and those
+//! that a constraint ties to it, and every landmark that it sees. Nothing is held: what is asked
+//! for is information, not a solution.
+
+use std::cmp::Reverse;
+use std::collections::BTreeSet;
+
+use super::MapProblem;
+use super::bundle::Builder;
+use crate::map::{EntityId, Map};
+
+/// Neighbors by shared landmarks, at most. The others hear little from the keyframe.
+const NEIGHBORS: usize = 20;
+
+/// The problem around `keyframe`, which is pose 0.
+#[must_use]
+pub fn retirement_problem(map: &Map, keyframe: EntityId) -> MapProblem {
+    let mut near: Vec<(EntityId, u32)> = map.covisibility().neighbors(keyframe).collect();
+    near.sort_by_key(|&(id, shared)| (Reverse(shared), id));
+    near.truncate(NEIGHBORS);
+    let tied = map.active_constraints().filter_map(|(_, c)| match keyframe {
+        id if id == c.keyframe_i => Some(c.keyframe_j),
+        id if id == c.keyframe_j => Some(c.keyframe_i),
+        _ => None,
+    });
+    let neighbors: BTreeSet<EntityId> = near.into_iter().map(|(id, _)| id).chain(tied).collect();
+    let mut builder = Builder::new(map, map.policy().observation_loss);
+    builder.keyframe(keyframe, false);
+    neighbors.into_iter().for_each(|id| builder.keyframe(id, false));
+    let seen = map.keyframes().get(&keyframe).map(|k| &*k.observations).unwrap_or_default();
+    let seen: BTreeSet<EntityId> = seen.iter().map(|o| o.landmark).collect();
+    seen.into_iter().for_each(|id| builder.landmark(id));
+    let mut problem = builder.finish(true);
+    problem.problem.constant_poses.fill(false);
+    problem
+}

@@ -1,0 +1,166 @@
+//! Making room in a full map: which keyframe goes, and what stays of what it told.
+//!
+//! The keyframe's observations and constraints are marginalized into relative-pose constraints
+//! between its neighbors (`covis_solvers::marginalization`). A new constraint between a pair takes
+//! the place of the one that an earlier keyframe left there: Ω = Ω₁ + Ω₂,
+//! Z = Z₁ · Exp(Ω⁻¹ Ω₂ Log(Z₁⁻¹ Z₂)). Landmarks that nobody sees any more go with the keyframe, and
+//! so do those that are older than it and that nobody ever saw.
+
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+
+use covis_solvers::factors::RelativePose;
+use covis_solvers::geometry::{LieGroup, Se3};
+use covis_solvers::information::Information;
+use covis_solvers::marginalization::{Marginal, marginalize_pose};
+
+use super::problem::{MapProblem, retirement_problem};
+use super::{Constraint, ConstraintKind, EntityId, Keyframe, Map, Prior, Retired, WhenFull};
+
+/// The newest keyframes of each client, which never go: their client is still adding to them.
+const PROTECTED: usize = 2;
+
+/// Keyframes among which the best seen one is looked for: the oldest ones.
+const CANDIDATES: usize = 32;
+
+/// Observers besides a keyframe that make one of its landmarks well seen.
+const OTHER_OBSERVERS: usize = 3;
+
+/// Landmarks that nobody ever saw and that go with one keyframe, at most.
+const UNSEEN: usize = 4096;
+
+/// Ids of the server's own constraints: so many for each revision, below zero.
+const IDS_PER_REVISION: i64 = 4096;
+
+/// The keyframe that makes room by the map's policy, with what stays of it; `None` where none may go.
+#[must_use]
+pub fn retire(map: &Map) -> Option<Retired> {
+    let keyframe = match map.policy().when_full {
+        WhenFull::Reject => return None,
+        WhenFull::Marginalize => candidates(map).next()?,
+        WhenFull::Sparsify => {
+            let oldest = (0..CANDIDATES).zip(candidates(map));
+            // The share of well seen landmarks in 1/1000, then age.
+            let best = oldest.max_by_key(|&(age, id)| (well_seen(map, id), Reverse(age)));
+            best.map(|(_age, id)| id)?
+        }
+    };
+    let entity = map.keyframes().get(&keyframe)?;
+    let mut retired = Retired {
+        keyframe,
+        landmarks: orphans(map, keyframe, entity),
+        revoked: Vec::new(),
+        constraints: Vec::new(),
+        priors: Vec::new(),
+    };
+    let problem = retirement_problem(map, keyframe);
+    match marginalize_pose(&problem.problem, 0) {
+        Ok(marginal) => keep(map, &problem, marginal, &mut retired),
+        // What cannot be linearized tells nothing; the keyframe goes all the same.
+        Err(error) => tracing::debug!(?keyframe, %error, "nothing stays of a keyframe"),
+    }
+    Some(retired)
+}
+
+/// The keyframes that may go, oldest first.
+fn candidates(map: &Map) -> impl Iterator<Item = EntityId> + '_ {
+    let mut gone: BTreeMap<_, usize> = BTreeMap::new();
+    map.by_age.values().copied().filter(move |id| {
+        let gone = gone.entry(id.client).or_default();
+        let all = EntityId::new(id.client, i64::MIN)..=EntityId::new(id.client, i64::MAX);
+        let needed = PROTECTED + *gone + 1;
+        let may_go = map.keyframes.range(all).take(needed).count() == needed;
+        *gone += usize::from(may_go);
+        may_go
+    })
+}
+
+/// How many of the keyframe's landmarks enough others see, in 1/1000.
+fn well_seen(map: &Map, id: EntityId) -> usize {
+    let Some(keyframe) = map.keyframes().get(&id) else { return 0 };
+    let observers = |id| map.landmarks().get(&id).map_or(0, |l| l.observers.len());
+    let seen = keyframe.observations.iter().map(|o| observers(o.landmark));
+    let well = seen.filter(|&observers| observers > OTHER_OBSERVERS).count();
+    1000 * well / keyframe.observations.len().max(1)
+}
+
+/// The landmarks that go with a keyframe, sorted.
+fn orphans(map: &Map, id: EntityId, keyframe: &Keyframe) -> Vec<EntityId> {
+    let only = |landmark: &EntityId| {
+        map.landmarks().get(landmark).is_some_and(|l| l.observers.as_slice() == [id])
+    };
+    let seen = keyframe.observations.iter().map(|o| o.landmark).filter(only);
+    let unseen = map.unseen.iter().take(UNSEEN);
+    let unseen = unseen.take_while(|&&(added, _)| added < keyframe.added_revision);
+    let mut orphans: Vec<EntityId> = seen.chain(unseen.map(|&(_, id)| id)).collect();
+    orphans.sort_unstable();
+    orphans.dedup();
+    orphans
+}
+
+/// Turns what stays into entities of the map.
+fn keep(map: &Map, problem: &MapProblem, marginal: Marginal, retired: &mut Retired) {
+    let first = (map.revision() + 1).saturating_mul(-IDS_PER_REVISION);
+    let mut ids = (first..).take(IDS_PER_REVISION as usize);
+    let earlier = earlier(map, problem);
+    for edge in marginal.relative_poses {
+        let (i, j) = (problem.keyframes[edge.i], problem.keyframes[edge.j]);
+        let Some(id) = ids.next() else { return };
+        let mut constraint = Constraint {
+            kind: ConstraintKind::Marginal,
+            keyframe_i: i,
+            keyframe_j: j,
+            keyframe_i_from_keyframe_j: edge.i_from_j,
+            information: edge.information,
+        };
+        if let Some(&before) = earlier.get(&(i.min(j), i.max(j)))
+            && let Some(known) = map.constraints().get(&before)
+            && let Some(joined) = joined(known, &edge, (i, j))
+        {
+            retired.revoked.push(before);
+            constraint = joined;
+        }
+        retired.constraints.push((EntityId::new(i.client, id), constraint));
+    }
+    for prior in marginal.pose_priors {
+        let keyframe = problem.keyframes[prior.pose];
+        let Some(id) = ids.next() else { return };
+        let prior = Prior::Pose {
+            keyframe,
+            world_from_camera: prior.world_from_camera,
+            information: prior.information,
+        };
+        retired.priors.push((EntityId::new(keyframe.client, id), prior));
+    }
+}
+
+/// What earlier keyframes left between the keyframes of the problem, by pair.
+fn earlier(map: &Map, problem: &MapProblem) -> BTreeMap<(EntityId, EntityId), EntityId> {
+    let held = |id: &EntityId| problem.keyframes.contains(id);
+    let marginal = map.constraints().iter().filter(|(_, c)| c.kind == ConstraintKind::Marginal);
+    let between = marginal.filter(|(_, c)| held(&c.keyframe_i) && held(&c.keyframe_j));
+    between
+        .map(|(&id, c)| ((c.keyframe_i.min(c.keyframe_j), c.keyframe_i.max(c.keyframe_j)), id))
+        .collect()
+}
+
+/// Both measurements of one pair as one, in the direction of the one that is known.
+fn joined(
+    known: &Constraint,
+    edge: &RelativePose<Se3, 6>,
+    (i, j): (EntityId, EntityId),
+) -> Option<Constraint> {
+    if (known.keyframe_i, known.keyframe_j) != (i, j) {
+        // The new one in the other direction would need its information turned; two constraints
+        // of one pair are as good, and there are two directions at most.
+        return None;
+    }
+    let sum = known.information.matrix() + edge.information.matrix();
+    let apart = known.keyframe_i_from_keyframe_j.inverse().compose(&edge.i_from_j).log();
+    let step = sum.cholesky()?.solve(&(edge.information.matrix() * apart));
+    Some(Constraint {
+        keyframe_i_from_keyframe_j: known.keyframe_i_from_keyframe_j.compose(&Se3::exp(&step)),
+        information: Information::new(&sum).ok()?,
+        ..*known
+    })
+}

@@ -1,0 +1,188 @@
+//! Whose solve runs next: turns among tenants, so that none starves another.
+//!
+//! Start-time fair queueing: each tenant has a clock that its solves move on by the time they took;
+//! the waiting tenant whose clock is behind all others is next. A tenant that comes back does not
+//! keep what it left unused: its clock starts where the last turn was given. Within a tenant, solves
+//! run in the order of their arrival, of which a map has one at a time. Plain state: no threads.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+
+/// A solve counts this much when it begins, until its time is known, nanoseconds: several that
+/// begin at once are not all given to the same tenant.
+const FIRST_GUESS_NS: u64 = 1_000_000;
+
+/// Who waits for what.
+#[derive(Debug)]
+pub(super) struct Turns<T> {
+    lanes: BTreeMap<Arc<str>, Lane<T>>,
+    /// The clock of the tenant that had the last turn.
+    now_ns: u64,
+    running: usize,
+    slots: usize,
+}
+
+#[derive(Debug)]
+struct Lane<T> {
+    waiting: VecDeque<T>,
+    running: usize,
+    clock_ns: u64,
+    /// What its last solve took.
+    guess_ns: u64,
+}
+
+/// A turn that was given, to be handed back at its end.
+#[derive(Clone, Debug)]
+pub(super) struct Turn {
+    tenant: Arc<str>,
+    guess_ns: u64,
+}
+
+impl<T> Turns<T> {
+    /// At most `slots` run at once.
+    pub(super) fn new(slots: usize) -> Self {
+        Self { lanes: BTreeMap::new(), now_ns: 0, running: 0, slots: slots.max(1) }
+    }
+
+    /// How many wait, and how many run, of a tenant.
+    pub(super) fn waiting(&self, tenant: &str) -> usize {
+        self.lanes.get(tenant).map_or(0, |lane| lane.waiting.len())
+    }
+
+    /// Adds work of a tenant behind what it has waiting.
+    pub(super) fn push(&mut self, tenant: &Arc<str>, work: T) {
+        let now_ns = self.now_ns;
+        let lane = self.lanes.entry(Arc::clone(tenant)).or_insert_with(|| Lane {
+            waiting: VecDeque::new(),
+            running: 0,
+            clock_ns: now_ns,
+            guess_ns: FIRST_GUESS_NS,
+        });
+        if lane.waiting.is_empty() && lane.running == 0 {
+            lane.clock_ns = lane.clock_ns.max(now_ns);
+        }
+        lane.waiting.push_back(work);
+    }
+
+    /// The next work, if a slot is free; `most` says how many of a tenant may run at once.
+    pub(super) fn next(&mut self, most: impl Fn(&str) -> Option<u64>) -> Option<(Turn, T)> {
+        if self.running >= self.slots {
+            return None;
+        }
+        let may_run = |name: &str, lane: &Lane<T>| {
+            !lane.waiting.is_empty() && most(name).is_none_or(|most| (lane.running as u64) < most)
+        };
+        let waiting = self.lanes.iter_mut().filter(|(name, lane)| may_run(name, lane));
+        let (name, lane) = waiting.min_by_key(|(_, lane)| lane.clock_ns)?;
+        let work = lane.waiting.pop_front()?;
+        self.now_ns = self.now_ns.max(lane.clock_ns);
+        let turn = Turn { tenant: Arc::clone(name), guess_ns: lane.guess_ns };
+        lane.clock_ns = lane.clock_ns.saturating_add(turn.guess_ns);
+        lane.running += 1;
+        self.running += 1;
+        Some((turn, work))
+    }
+
+    /// A turn is over after `took_ns`.
+    pub(super) fn ended(&mut self, turn: &Turn, took_ns: u64) {
+        self.running = self.running.saturating_sub(1);
+        let Some(lane) = self.lanes.get_mut(&turn.tenant) else { return };
+        lane.running = lane.running.saturating_sub(1);
+        lane.clock_ns = lane.clock_ns.saturating_sub(turn.guess_ns).saturating_add(took_ns);
+        lane.guess_ns = took_ns.max(1);
+        // An idle tenant that is not ahead of the others begins anew as well as it would go on.
+        if lane.running == 0 && lane.waiting.is_empty() && lane.clock_ns <= self.now_ns {
+            self.lanes.remove(&turn.tenant);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const UNLIMITED: fn(&str) -> Option<u64> = |_| None;
+
+    fn name(text: &str) -> Arc<str> {
+        Arc::from(text)
+    }
+
+    #[test]
+    fn a_flood_of_one_tenant_leaves_every_second_turn_to_another() {
+        let mut turns = Turns::new(1);
+        let (flood, quiet) = (name("flood"), name("quiet"));
+        (0..100).for_each(|_| turns.push(&flood, "flood"));
+        let mut order = Vec::new();
+        for step in 0..20 {
+            if step >= 4 {
+                turns.push(&quiet, "quiet");
+            }
+            let (turn, work) = turns.next(UNLIMITED).unwrap();
+            assert!(turns.next(UNLIMITED).is_none(), "one slot");
+            order.push(work);
+            turns.ended(&turn, 5_000_000);
+        }
+        assert!(order[..4].iter().all(|&work| work == "flood"));
+        let quiet = order[4..].iter().filter(|&&work| work == "quiet").count();
+        assert_eq!(quiet, 8, "{order:?}");
+    }
+
+    #[test]
+    fn time_is_shared_and_not_the_number_of_solves() {
+        let mut turns = Turns::new(1);
+        for (tenant, count) in [("long", 100), ("short", 1000)] {
+            (0..count).for_each(|_| turns.push(&name(tenant), tenant));
+        }
+        let (mut long_ns, mut short_ns) = (0_u64, 0);
+        for _ in 0..200 {
+            let (turn, work) = turns.next(UNLIMITED).unwrap();
+            let (sum, took) = if work == "long" {
+                (&mut long_ns, 10_000_000)
+            } else {
+                (&mut short_ns, 1_000_000)
+            };
+            *sum += took;
+            turns.ended(&turn, took);
+        }
+        assert!(long_ns.abs_diff(short_ns) <= 20_000_000, "{long_ns} and {short_ns}");
+    }
+
+    #[test]
+    fn who_was_idle_has_saved_nothing_up() {
+        let mut turns = Turns::new(1);
+        let (a, b) = (name("a"), name("b"));
+        turns.push(&b, "b");
+        let (turn, _) = turns.next(UNLIMITED).unwrap();
+        turns.ended(&turn, 1_000_000);
+        for _ in 0..50 {
+            turns.push(&a, "a");
+            let (turn, _) = turns.next(UNLIMITED).unwrap();
+            turns.ended(&turn, 1_000_000);
+        }
+        (0..10).for_each(|_| turns.push(&a, "a"));
+        (0..10).for_each(|_| turns.push(&b, "b"));
+        let mut order = Vec::new();
+        for _ in 0..10 {
+            let (turn, work) = turns.next(UNLIMITED).unwrap();
+            order.push(work);
+            turns.ended(&turn, 1_000_000);
+        }
+        let b = order.iter().filter(|&&work| work == "b").count();
+        assert!((4..=6).contains(&b), "{order:?}");
+    }
+
+    #[test]
+    fn a_tenant_runs_no_more_at_once_than_it_may() {
+        let mut turns = Turns::new(4);
+        (0..4).for_each(|_| turns.push(&name("a"), "a"));
+        turns.push(&name("b"), "b");
+        let most = |name: &str| (name == "a").then_some(2);
+        let mut begun: Vec<&str> = Vec::new();
+        while let Some((_turn, work)) = turns.next(most) {
+            begun.push(work);
+        }
+        begun.sort_unstable();
+        assert_eq!(begun, ["a", "a", "b"]);
+        assert_eq!(turns.waiting("a"), 2);
+    }
+}

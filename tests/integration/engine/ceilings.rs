@@ -1,0 +1,195 @@
+//! Full maps and full tenants: what is refused, what makes room, who goes on undisturbed.
+
+use std::sync::Arc;
+
+use covis::map::{Ceilings, Item, Map, MapPolicy, WhenFull};
+use covis::service::engine::{
+    AckStatus, EngineConfig, EngineError, Maps, PoolError, SolverPool, TenantCeilings, Tenants,
+};
+use covis::store::{MemoryStore, Store};
+
+use futures_util::FutureExt;
+
+use super::{Blocker, Client, Fixture, noisy_keyframe};
+use crate::map_support::{id, landmark};
+
+fn small(when_full: WhenFull) -> MapPolicy {
+    let ceilings = Ceilings { max_keyframes: Some(6), ..Ceilings::default() };
+    MapPolicy { ceilings, when_full, ..MapPolicy::default() }
+}
+
+#[tokio::test]
+async fn a_full_map_that_may_forget_takes_every_keyframe() {
+    for when_full in [WhenFull::Marginalize, WhenFull::Sparsify] {
+        let fixture = Fixture::lock_step().await;
+        let map = fixture.map(small(when_full)).await;
+        let mut client = Client::open(&map).await;
+        client.send_street(0..20).await;
+        let acks = client.finish().await;
+        let taken = |status: &AckStatus| matches!(status, AckStatus::Received { duplicate: false });
+        assert_eq!(acks.iter().filter(|ack| taken(&ack.status)).count(), 21);
+        let now = map.snapshot().await.unwrap();
+        assert_eq!(now.keyframes().len(), 6);
+        assert!(now.keyframes().contains_key(&id(19)) && now.keyframes().contains_key(&id(18)));
+        assert_eq!(fixture.replayed().await.state_hash(), now.state_hash());
+    }
+}
+
+#[tokio::test]
+async fn one_item_cannot_push_out_a_map() {
+    let fixture = Fixture::plain().await;
+    let ceilings = Ceilings { max_landmarks: Some(100), ..Ceilings::default() };
+    let policy = MapPolicy { ceilings, when_full: WhenFull::Marginalize, ..MapPolicy::default() };
+    let map = fixture.map(policy).await;
+    let mut client = Client::open(&map).await;
+    client.send_street(0..5).await;
+    let landmarks = (1000..1050).map(landmark).collect();
+    client.send(Item::Landmarks { landmarks }).await;
+    let full =
+        EngineError::Ceiling { map: "house".to_owned(), limit: "max_landmark_count", maximum: 100 };
+    assert_eq!(client.end().await, full);
+    assert_eq!(map.snapshot().await.unwrap().keyframes().len(), 5);
+}
+
+#[tokio::test]
+async fn memory_has_a_ceiling_too() {
+    let fixture = Fixture::lock_step().await;
+    let max_bytes = Some(60_000);
+    let ceilings = Ceilings { max_bytes, ..Ceilings::default() };
+    let policy = MapPolicy { ceilings, when_full: WhenFull::Marginalize, ..MapPolicy::default() };
+    let map = fixture.map(policy).await;
+    let mut client = Client::open(&map).await;
+    client.send_street(0..30).await;
+    client.finish().await;
+    let now = map.snapshot().await.unwrap();
+    assert!(now.keyframes().len() < 20 && now.keyframes().contains_key(&id(29)));
+    // One keyframe's covisibility may pass it, no more.
+    assert!(now.usage().bytes < 66_000, "{:?}", now.usage());
+}
+
+/// Maps over memory whose tenants may hold what `common` says.
+async fn maps_with(common: TenantCeilings) -> Maps {
+    let pool = SolverPool::shared_by(Tenants::new(common, Default::default()), 1).unwrap();
+    let store: Arc<dyn Store> = Arc::new(MemoryStore::new());
+    Maps::open(store, pool, EngineConfig::default()).await.unwrap()
+}
+
+#[tokio::test]
+async fn the_maps_of_a_tenant_share_its_ceilings_and_no_others_do() {
+    let held = Ceilings { max_keyframes: Some(5), ..Ceilings::default() };
+    let maps = maps_with(TenantCeilings { held, ..TenantCeilings::default() }).await;
+    for name in ["acme.a", "acme.b", "rival.a", "house"] {
+        maps.create(name, "", MapPolicy::default()).await.unwrap();
+    }
+    let mut a = Client::open(&maps.get("acme.a").unwrap()).await;
+    a.send_street(0..3).await;
+    a.received(4).await;
+    let mut b = Client::open(&maps.get("acme.b").unwrap()).await;
+    b.send_street(0..3).await;
+    let full = EngineError::TenantCeiling { limit: "tenant_max_keyframe_count", maximum: 5 };
+    assert_eq!(b.end().await, full);
+    for name in ["rival.a", "house"] {
+        let mut other = Client::open(&maps.get(name).unwrap()).await;
+        other.send_street(0..5).await;
+        other.received(6).await;
+    }
+    // What a map held is free again when it is deleted.
+    maps.delete("acme.a").await.unwrap();
+    let mut b = Client::open(&maps.get("acme.b").unwrap()).await;
+    let sequence = b.send(noisy_keyframe(2)).await;
+    b.received(sequence).await;
+}
+
+#[tokio::test]
+async fn a_tenant_has_so_many_maps_and_streams_and_no_more() {
+    let ceilings =
+        TenantCeilings { max_maps: Some(2), max_streams: Some(2), ..TenantCeilings::default() };
+    let maps = maps_with(ceilings).await;
+    maps.create("acme.a", "", MapPolicy::default()).await.unwrap();
+    maps.create("acme.b", "", MapPolicy::default()).await.unwrap();
+    let full = |limit| EngineError::TenantCeiling { limit, maximum: 2 };
+    let refused = maps.create("acme.c", "", MapPolicy::default()).await.unwrap_err();
+    assert_eq!(refused, full("tenant_max_map_count"));
+    let taken = maps.create("acme.a", "", MapPolicy::default()).await.unwrap_err();
+    assert_eq!(taken, EngineError::MapExists { map: "acme.a".to_owned() });
+    maps.create("rival.c", "", MapPolicy::default()).await.unwrap();
+    maps.delete("acme.b").await.unwrap();
+    maps.create("acme.c", "", MapPolicy::default()).await.unwrap();
+
+    let map = maps.get("acme.a").unwrap();
+    let watch = map.watch(None).await.unwrap();
+    let client = Client::open(&map).await;
+    let refused = map.open_stream("drone".to_owned(), 0, false).await.unwrap_err();
+    assert_eq!(refused, full("tenant_max_stream_count"));
+    drop(watch);
+    map.open_stream("drone".to_owned(), 0, false).await.unwrap();
+    client.finish().await;
+}
+
+#[tokio::test]
+async fn solves_of_a_flooding_tenant_leave_their_turns_to_another() {
+    let maps = maps_with(TenantCeilings::default()).await;
+    let pool = Arc::clone(maps.pool());
+    let blocker = Blocker::new(&maps).await;
+    let (flood, quiet) = (pool.tenants().get("flood"), pool.tenants().get("quiet"));
+    let (order, ran) = std::sync::mpsc::channel();
+    let mut calls = Vec::new();
+    for (tenant, name, count) in [(&flood, "flood", 50), (&quiet, "quiet", 2)] {
+        for _ in 0..count {
+            let (pool, tenant, order) = (Arc::clone(&pool), Arc::clone(tenant), order.clone());
+            let mut call = Box::pin(async move {
+                pool.run(&tenant, move || {
+                    // Work of some length, so that the tenants' clocks move.
+                    let sum: f64 = (0..200_000).map(|k| f64::from(k).sqrt()).sum();
+                    order.send((name, sum)).unwrap();
+                })
+                .await
+            });
+            // Once polled it waits in the pool, in this order.
+            assert!((&mut call).now_or_never().is_none());
+            calls.push(call);
+        }
+    }
+    drop(blocker);
+    for call in calls {
+        call.await.unwrap();
+    }
+    let names: Vec<&str> = ran.try_iter().map(|(name, _)| name).collect();
+    let last_quiet = names.iter().rposition(|&name| name == "quiet").unwrap();
+    assert!(last_quiet < 10, "{names:?}");
+}
+
+#[tokio::test]
+async fn calls_that_wait_for_a_solve_have_a_ceiling() {
+    let ceilings = TenantCeilings { max_waiting_solves: Some(1), ..TenantCeilings::default() };
+    let maps = maps_with(ceilings).await;
+    let pool = Arc::clone(maps.pool());
+    let _blocker = Blocker::new(&maps).await;
+    let tenant = pool.tenants().get("acme");
+    let mut waits = Box::pin(pool.run(&tenant, || 1));
+    assert!((&mut waits).now_or_never().is_none());
+    let limit = "tenant_max_waiting_solve_count";
+    let full = PoolError::Full(EngineError::TenantCeiling { limit, maximum: 1 });
+    assert_eq!(pool.run(&tenant, || 2).await, Err(full));
+}
+
+#[tokio::test]
+async fn a_watcher_is_told_of_what_a_retired_keyframe_took_along() {
+    let fixture = Fixture::lock_step().await;
+    let map = fixture.map(small(WhenFull::Marginalize)).await;
+    let mut watch = map.watch(None).await.unwrap();
+    let mut client = Client::open(&map).await;
+    client.send_street(0..6).await;
+    let before = client.received(7).await.revision;
+    let _all = watch.next().await.unwrap();
+    let sequence = client.send(noisy_keyframe(6)).await;
+    client.received(sequence).await;
+    let step = watch.next().await.unwrap();
+    assert!(step.touched.keyframes.contains(&id(0)));
+    let now: &Map = &step.snapshot;
+    assert!(!now.keyframes().contains_key(&id(0)));
+    assert!(now.constraints().keys().all(|id| step.touched.constraints.contains(id)));
+    // Who comes back with an earlier revision gets everything: what went cannot be told any more.
+    let again = map.watch(Some(before)).await.unwrap();
+    assert!(again.reset.is_some());
+}
