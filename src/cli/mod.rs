@@ -4,6 +4,7 @@
 //! `covis.toml` over defaults), starts logging and hands over to the subcommand. Exit codes: 0 for
 //! success, 1 for a failure with one line on standard error, 2 for wrong usage. No mathematics here.
 
+mod backup;
 pub mod config;
 mod connect;
 pub mod demo;
@@ -51,6 +52,8 @@ enum Command {
     Map(map::Args),
     /// Look at a data directory without a server: verify, report, repair.
     Doctor(doctor::Args),
+    /// Copy a data directory, also while a server uses it.
+    Backup(backup::Args),
     /// Compare trajectories: absolute (APE) or relative pose error (RPE).
     Eval(eval::Args),
     /// Run a whole session on a synthetic scene, server included.
@@ -65,7 +68,7 @@ impl Command {
             Self::Solve(args) => args.layer(),
             Self::Replay(args) => args.layer(),
             Self::Map(args) => args.layer(),
-            Self::Doctor(_) | Self::Eval(_) | Self::Demo(_) => Layer::default(),
+            Self::Doctor(_) | Self::Backup(_) | Self::Eval(_) | Self::Demo(_) => Layer::default(),
         }
     }
 }
@@ -96,6 +99,7 @@ fn dispatch(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Solve(args) => solve::run(args, &config),
         Command::Map(args) => map::run(args, &config),
         Command::Doctor(args) => doctor::run(&args),
+        Command::Backup(args) => backup::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Demo(args) => demo::run(args, &config),
     }

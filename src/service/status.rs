@@ -223,7 +223,8 @@ fn store(error: StoreError) -> Parts {
         | StoreError::NoSnapshot { .. }
         | StoreError::File { .. }
         | StoreError::Content { .. }
-        | StoreError::InUse { .. } => bug(None, &message),
+        | StoreError::InUse { .. }
+        | StoreError::NotEmpty { .. } => bug(None, &message),
     }
 }
 

@@ -80,6 +80,12 @@ pub enum StoreError {
         /// Its process id, as far as it is known.
         holder: String,
     },
+    /// A folder to copy to has something in it.
+    #[error("{path} is not empty")]
+    NotEmpty {
+        /// The folder.
+        path: String,
+    },
     /// A write or fsync failed: what it left on disk is not known, so nothing more is acknowledged
     /// until the store is opened again and has looked.
     #[error("the journal of map {map:?} stopped at sequence {durable}: {cause}")]

@@ -29,7 +29,7 @@ mod memory;
 pub use damage::Damage;
 pub use encoding::EncodingError;
 pub use error::StoreError;
-pub use files::{FileStore, FileStoreOptions, MapCheckup, check_up};
+pub use files::{FileStore, FileStoreOptions, MapCheckup, back_up, check_up};
 pub use memory::MemoryStore;
 
 /// Counts the writers that a map has had; a newer one fences the older ones.

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a failed unwrap is a failed test")]
 #![allow(clippy::print_stderr, reason = "a skipped test says so in one line")]
 
+mod backup;
 mod cli_config;
 mod cli_eval;
 mod cli_pose_graph;

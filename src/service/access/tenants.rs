@@ -97,7 +97,10 @@ fn map_of(error: &mut EngineError) -> Option<&mut String> {
             | StoreError::Damaged { map, .. },
         ) => Some(map),
         EngineError::Store(
-            StoreError::File { .. } | StoreError::Content { .. } | StoreError::InUse { .. },
+            StoreError::File { .. }
+            | StoreError::Content { .. }
+            | StoreError::InUse { .. }
+            | StoreError::NotEmpty { .. },
         )
         | EngineError::Solve(_)
         | EngineError::ShuttingDown

@@ -79,6 +79,14 @@ pub fn check_up(directory: &Path, repair: bool) -> Result<Vec<MapCheckup>, Store
     Ok(checkups)
 }
 
+/// Looks at the folder of one map, which nobody writes to. Blocks.
+pub(super) fn check_up_map(folder: &Path) -> MapCheckup {
+    let mut checkup = MapCheckup { folder: folder.to_owned(), ..MapCheckup::default() };
+    let looked = look(&mut checkup);
+    checkup.failure = looked.err().map(|error| error.to_string());
+    checkup
+}
+
 /// What a repair needs to know of a map.
 struct Found {
     uid: Uid,

@@ -21,7 +21,9 @@
 //! | `load`, `read` | opening a map's folder, reading events and snapshots |
 //! | `journal` | a map's writer: groups, the mark, failures |
 //! | `doctor` | looking at a directory without a server, repairing it |
+//! | `backup` | copying a directory while a server writes to it |
 
+mod backup;
 mod disk;
 mod doctor;
 mod journal;
@@ -31,6 +33,7 @@ mod read;
 mod record;
 mod sealed;
 
+pub use self::backup::back_up;
 pub use self::doctor::{MapCheckup, check_up};
 
 use std::collections::BTreeMap;
