@@ -14,7 +14,7 @@
 //! | 6 | [`optimizer`]: the trust-region loop |
 //! | 7 | [`initialization`]: triangulation, spanning tree |
 //! | 8 | [`bundle_adjustment`], [`pose_graph`], [`pose_refinement`] |
-//! | 9 | [`robust`]: pose graphs with false loop closures; [`certificate`]: a proven global optimum |
+//! | 9 | [`robust`]: pose graphs with false loop closures; [`certificate`]: a proven global optimum; [`marginalization`]: a keyframe removed, its knowledge kept |
 //! | 10 | [`evaluation`]: every cost again, independent of the fast paths |
 //! | 11 | [`io`]: BAL, g2o, COLMAP, TUM files |
 //!
@@ -32,6 +32,7 @@ pub mod io;
 mod lanes;
 pub mod linear;
 pub mod loss;
+pub mod marginalization;
 pub mod optimizer;
 pub mod pose_graph;
 pub mod pose_refinement;

@@ -14,18 +14,30 @@ const FLOORS: [&[&str]; 13] = [
     &["optimizer"],
     &["initialization"],
     &["bundle_adjustment", "pose_graph", "pose_refinement"],
-    &["robust", "certificate"],
+    &["robust", "certificate", "marginalization"],
     &["evaluation"],
     &["io"],
     &["testing"],
 ];
 
 /// Modules that may not even use some of the floors below them.
-const APART: [(&str, &[&str], &str); 2] = [
+const APART: [(&str, &[&str], &str); 3] = [
     (
         "linear",
         &["geometry", "information", "loss", "factors", "problem"],
         "linear systems know nothing of poses and factors",
+    ),
+    (
+        "marginalization",
+        &[
+            "linear",
+            "optimizer",
+            "initialization",
+            "bundle_adjustment",
+            "pose_graph",
+            "pose_refinement",
+        ],
+        "marginalization runs no solver",
     ),
     (
         "evaluation",
@@ -39,6 +51,7 @@ const APART: [(&str, &[&str], &str); 2] = [
             "pose_refinement",
             "robust",
             "certificate",
+            "marginalization",
         ],
         "the evaluator shares nothing with the fast paths",
     ),

@@ -1,0 +1,100 @@
+//! Observations of the landmarks that the removed pose sees, and the basis that eliminates one.
+//!
+//! With J the whitened Jacobian of a landmark's observations by the poses and Q an orthonormal basis
+//! of the columns of that by the landmark, Jᵀ(I − QQᵀ)J is what they say of the poses when the
+//! landmark is eliminated. Nothing is squared or inverted: parallax of a billionth still counts, and
+//! a landmark with one view says nothing, whatever directions that view leaves open.
+
+use nalgebra::{Matrix3, SMatrix, Vector3};
+
+use crate::factors::Linearization;
+use crate::geometry::{Camera, Se3};
+use crate::problem::BundleProblem;
+
+/// A column of Q that keeps less than this of the largest one, when those before it are projected
+/// out, depends on them.
+const DEPENDENT: f64 = 1e-9;
+
+/// An observation, whitened and weighted; a plain one has a third row of zeros.
+pub(super) struct View {
+    pub(super) landmark: usize,
+    pub(super) pose: usize,
+    pub(super) d_pose: SMatrix<f64, 3, 6>,
+    pub(super) d_landmark: Matrix3<f64>,
+}
+
+/// The usable observations of the landmarks that pose `removed` observes, by landmark.
+pub(super) fn views(problem: &BundleProblem, removed: usize) -> Vec<View> {
+    let (plain, depth) = (&problem.reprojections, &problem.depth_reprojections);
+    let mut is_seen = vec![false; problem.landmarks.len()];
+    for (poses, landmarks) in [(&plain.poses, &plain.landmarks), (&depth.poses, &depth.landmarks)] {
+        for (&pose, &landmark) in poses.iter().zip(landmarks) {
+            is_seen[landmark as usize] |= pose as usize == removed;
+        }
+    }
+    let indices = |poses: &[u32], cameras: &[u32], landmarks: &[u32], k: usize| {
+        let indices = [poses[k], cameras[k], landmarks[k]].map(|index| index as usize);
+        is_seen[indices[2]].then_some(indices)
+    };
+    let mut views = Vec::new();
+    views.extend((0..plain.len()).filter_map(|k| {
+        let indices = indices(&plain.poses, &plain.cameras, &plain.landmarks, k)?;
+        view(problem, indices, |x, camera, point| plain.factor(k).linearize(x, camera, point))
+    }));
+    views.extend((0..depth.len()).filter_map(|k| {
+        let indices = indices(&depth.poses, &depth.cameras, &depth.landmarks, k)?;
+        view(problem, indices, |x, camera, point| depth.factor(k).linearize(x, camera, point))
+    }));
+    views.sort_by_key(|view| view.landmark);
+    views
+}
+
+/// The views of each landmark that both the removed pose and another one see.
+pub(super) fn tracks(views: &[View], removed: usize) -> Vec<&[View]> {
+    let is_shared = |track: &&[View]| {
+        let of_removed = track.iter().filter(|view| view.pose == removed).count();
+        of_removed > 0 && of_removed < track.len()
+    };
+    views.chunk_by(|a, b| a.landmark == b.landmark).filter(is_shared).collect()
+}
+
+/// One observation, unless its landmark is behind its camera, its loss gives it no weight or its
+/// Jacobians are not finite.
+fn view<const R: usize>(
+    problem: &BundleProblem,
+    [pose, camera, landmark]: [usize; 3],
+    linearize: impl FnOnce(&Se3, &Camera, &Vector3<f64>) -> Option<Linearization<R>>,
+) -> Option<View> {
+    let (world_from_camera, point) = (&problem.poses[pose], &problem.landmarks[landmark]);
+    if world_from_camera.inverse_transform(point).z <= 0.0 {
+        return None;
+    }
+    let lin = linearize(world_from_camera, &problem.cameras[camera], point)?;
+    let root = problem.observation_loss.evaluate(lin.residual.norm_squared()).weight.sqrt();
+    let (mut d_pose, mut d_landmark) = (SMatrix::<f64, 3, 6>::zeros(), Matrix3::zeros());
+    d_pose.rows_mut(0, R).copy_from(&(lin.d_pose * root));
+    d_landmark.rows_mut(0, R).copy_from(&(lin.d_landmark * root));
+    let is_finite = d_pose.iter().chain(d_landmark.iter()).all(|x| x.is_finite());
+    (root > 0.0 && is_finite).then_some(View { landmark, pose, d_pose, d_landmark })
+}
+
+/// Makes the three columns of the stacked matrices orthonormal, or zero where they depend on those
+/// before them: Gram and Schmidt, twice each.
+pub(super) fn orthonormalize(rows: &mut [Matrix3<f64>]) {
+    let dot = |rows: &[Matrix3<f64>], a: usize, b: usize| -> f64 {
+        rows.iter().map(|row| row.column(a).dot(&row.column(b))).sum()
+    };
+    let largest = (0..3).map(|c| dot(rows, c, c)).fold(0.0, f64::max).sqrt();
+    for column in 0..3 {
+        for before in (0..column).chain(0..column) {
+            let share = dot(rows, before, column);
+            for row in rows.iter_mut() {
+                let projection = row.column(before) * share;
+                row.column_mut(column).axpy(-1.0, &projection, 1.0);
+            }
+        }
+        let norm = dot(rows, column, column).sqrt();
+        let factor = if norm > DEPENDENT * largest { 1.0 / norm } else { 0.0 };
+        rows.iter_mut().for_each(|row| row.column_mut(column).scale_mut(factor));
+    }
+}
