@@ -14,6 +14,7 @@ mod factors;
 mod geometry;
 mod io;
 mod linear;
+mod marginalization;
 mod pose_graph;
 mod pose_refinement;
 mod robust;

@@ -21,11 +21,23 @@ const FLOORS: [&[&str]; 13] = [
 ];
 
 /// Modules that may not even use some of the floors below them.
-const APART: [(&str, &[&str], &str); 2] = [
+const APART: [(&str, &[&str], &str); 3] = [
     (
         "linear",
         &["geometry", "information", "loss", "factors", "problem"],
         "linear systems know nothing of poses and factors",
+    ),
+    (
+        "marginalization",
+        &[
+            "linear",
+            "optimizer",
+            "initialization",
+            "bundle_adjustment",
+            "pose_graph",
+            "pose_refinement",
+        ],
+        "marginalization runs no solver",
     ),
     (
         "evaluation",

@@ -9,7 +9,7 @@
 use nalgebra::{Cholesky, DMatrix, Matrix6};
 
 use super::Marginal;
-use super::blocks::{BLOCK, block, marginal};
+use super::blocks::{BLOCK, block, marginal, spectral};
 use super::knowledge::{Knowledge, Node};
 use crate::factors::{PosePrior, RelativePose};
 use crate::geometry::{LieGroup, Se3};
@@ -139,15 +139,12 @@ fn edge_blocks(
 
 /// The information of an edge that ends in slot `j`; `None` where it is negligible.
 fn information(knowledge: &Knowledge, j: usize, scaled: &Matrix6<f64>) -> Option<Information<6>> {
-    let mut eigen = scaled.symmetric_eigen();
-    let largest = eigen.eigenvalues.max();
+    let (largest, _) = spectral(scaled, |value| value);
     if largest.is_nan() || largest <= NEGLIGIBLE {
         return None;
     }
-    eigen.eigenvalues.apply(|value| *value = value.max(FLOOR * largest));
-    let lifted = eigen.recompose();
+    let (_, lifted) = spectral(scaled, |value| value.max(FLOOR * largest));
     let scale = |k: usize| knowledge.scale[BLOCK * j + k];
-    let matrix =
-        Matrix6::from_fn(|r, c| 0.5 * (lifted[(r, c)] + lifted[(c, r)]) * scale(r) * scale(c));
+    let matrix = Matrix6::from_fn(|r, c| lifted[(r, c)] * (scale(r) * scale(c)));
     Information::new(&matrix).ok()
 }
