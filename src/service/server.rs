@@ -203,6 +203,12 @@ impl Drop for RunningServer {
     }
 }
 
+/// What a stream may send ahead of a server that does not read yet.
+const STREAM_WINDOW_BYTES: u32 = 256 << 10;
+/// The same of a connection. The transport drops a connection whose unread small frames cost more
+/// than half of it, 256 bytes each: a stream full of the smallest items may not.
+const CONNECTION_WINDOW_BYTES: u32 = 8 << 20;
+
 /// Every service of the wire, by full name.
 const SERVICES: [&str; 5] = [
     IngestServiceServer::<Ingest>::NAME,
@@ -246,6 +252,8 @@ async fn serve(
     let info = ServerServiceServer::new(ServerInfo::new(Arc::clone(&context)));
     let router = tonic::transport::Server::builder()
         .max_concurrent_streams(context.config.max_concurrent_streams)
+        .initial_stream_window_size(STREAM_WINDOW_BYTES)
+        .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
         .add_service(guarded!(maps))
         .add_service(guarded!(ingest))
         .add_service(guarded!(optimization))

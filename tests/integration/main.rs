@@ -35,6 +35,7 @@ mod rpc_maps;
 mod rpc_odometry;
 mod rpc_optimization;
 mod rpc_optimize_map;
+mod rpc_overload;
 mod rpc_pose_graph;
 mod rpc_server;
 mod rpc_watch;

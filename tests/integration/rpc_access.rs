@@ -73,7 +73,7 @@ struct OnlyMap {
 }
 
 /// `request` with the token of `who`.
-fn by<T>(who: &str, message: T) -> Request<T> {
+pub(crate) fn by<T>(who: &str, message: T) -> Request<T> {
     let mut request = Request::new(message);
     if !who.is_empty() {
         let value = format!("Bearer secret-of-{who}").parse().unwrap();
