@@ -64,7 +64,9 @@ impl Actor {
                     Room::Made => {}
                     Room::None(error) => break Verdict::Full(error),
                 },
-                verdict => break verdict,
+                verdict @ (Verdict::Duplicate | Verdict::Reject(_) | Verdict::Full(_)) => {
+                    break verdict;
+                }
             }
         };
         match verdict {
