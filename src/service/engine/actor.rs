@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use futures_util::FutureExt;
 use tokio::sync::mpsc;
+use tracing::Instrument;
 
 use super::durable::{DurableAcks, Snapshots};
 use super::handle::{Control, Reply, Shared};
@@ -74,8 +75,12 @@ impl Actor {
             match AssertUnwindSafe(self.step()).catch_unwind().await {
                 Ok(Flow::Continue) => {}
                 Ok(Flow::Stop) => break,
-                Err(panic) => self.poison(&panic_message(panic.as_ref())).await,
+                Err(panic) => {
+                    self.shared.meters.engine_panics.increment();
+                    self.poison(&panic_message(panic.as_ref())).await;
+                }
             }
+            self.shared.condition.put(self.state, self.refusal.is_some());
             if !self.closing.is_empty() && self.drained && self.is_settled() {
                 break;
             }
@@ -122,7 +127,11 @@ impl Actor {
             }
             item = self.items.recv(), if takes_items => {
                 match item {
-                    Some(item) => self.take(item).await,
+                    Some(item) => {
+                        let parent = &item.span;
+                        let span = tracing::debug_span!(parent: parent, "item", map = %self.shared.name);
+                        self.take(item).instrument(span).await;
+                    }
                     None => self.drained = true,
                 }
                 Flow::Continue
@@ -224,7 +233,8 @@ impl Actor {
             return Err(report_bug("an opened client is not in the map"));
         };
         let lock_step = lock_step || self.config.lock_step;
-        let ends = self.streams.open(client, epoch, lock_step, self.config.queue_capacity);
+        let (room, meters) = (self.config.queue_capacity, &self.shared.meters);
+        let ends = self.streams.open(client, epoch, lock_step, room, meters);
         let opened = Opened {
             client,
             next_sequence: self.map.client(client).map_or(1, |c| c.next_sequence),

@@ -15,6 +15,7 @@
 //! | `streams`, `schedule` | open streams with their acks; which items wait for which solve |
 //! | `solves`, `work`, `pose_graph`, `optimize` | starting, superseding and applying solves; their bodies |
 //! | `watch` | changes for readers, coalesced |
+//! | `meters` | what is counted |
 //! | `pool` | the threads of the solves |
 
 mod acks;
@@ -26,6 +27,7 @@ mod handle;
 mod items;
 mod journal;
 mod maps;
+mod meters;
 mod optimize;
 mod pool;
 mod pose_graph;
@@ -41,6 +43,7 @@ pub use certificate::{GaugeKind, SolveCertificate, SolverKind};
 pub use error::EngineError;
 pub use handle::{MapHandle, MapInfo, MapState};
 pub use maps::Maps;
+pub use meters::{EngineMeters, MapCounts, QueuedSolve, SolveMeters};
 pub use optimize::{OptimizeCounts, OptimizeOptions, OptimizeOutcome, OptimizeProblem};
 pub use pool::{SolvePanicked, SolverPool};
 pub use pose_graph::ChordalProof;

@@ -12,6 +12,7 @@ use tokio::sync::watch;
 use super::handle::Control;
 use super::{EngineError, MapHandle, MapState};
 use crate::map::{Change, ClientIndex, EntityId, Event, Map};
+use crate::meter::Held;
 
 /// What events touched. An id that the snapshot does not hold was removed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -136,6 +137,7 @@ pub struct Watch {
     pub(super) signal: watch::Receiver<()>,
     /// Taken out of the slot, and not durable yet.
     pub(super) taken: Option<MapChange>,
+    pub(super) _open: Held,
 }
 
 impl Watch {
@@ -220,7 +222,8 @@ impl Watchers {
         });
         let reset = missed.is_none().then(|| Arc::clone(map));
         let (id, signal) = (self.next_id, self.signal.subscribe());
-        Watch { reset, base_revision, state, handle, id, slot, signal, taken: None }
+        let _open = handle.shared.meters.watchers.hold();
+        Watch { reset, base_revision, state, handle, id, slot, signal, taken: None, _open }
     }
 
     /// Tells the watchers of an event that is about to change `map`.
