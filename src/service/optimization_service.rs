@@ -48,11 +48,20 @@ impl Optimization {
         work: impl FnOnce() -> R + Send + 'static,
     ) -> Result<R, ServiceError> {
         let faulty = self.context.config.engine.fault == Some(Fault::PanicInSolve);
+        let meters = self.context.maps.meters();
+        let (queued, span) = (meters.request_solve(), tracing::debug_span!("solve"));
         let work = move || {
-            assert!(!faulty, "the fault that a test asked for");
-            work()
+            let _entered = span.entered();
+            queued.run(|| {
+                assert!(!faulty, "the fault that a test asked for");
+                work()
+            })
         };
-        Ok(self.context.maps.pool().run(work).await?)
+        let solved = self.context.maps.pool().run(work).await;
+        if solved.is_err() {
+            meters.solve_panics.increment();
+        }
+        Ok(solved?)
     }
 
     async fn refine(

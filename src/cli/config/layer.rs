@@ -6,6 +6,17 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+/// How log lines look.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum LogFormat {
+    /// For people.
+    #[default]
+    Text,
+    /// One JSON object a line.
+    Json,
+}
+
 /// Settings of one source; the keys of `covis.toml` have these names.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -42,8 +53,16 @@ pub struct Layer {
     pub max_concurrent_streams: Option<u32>,
     /// Items that may wait for a map's engine.
     pub queue_capacity: Option<usize>,
+    /// Address at which a server answers `GET /metrics`, `host:port`.
+    pub metrics_listen: Option<String>,
+    /// Seconds that a server waits for running calls at its end.
+    pub drain_budget: Option<u64>,
     /// Log level or directives.
     pub log: Option<String>,
+    /// How log lines look.
+    pub log_format: Option<LogFormat>,
+    /// URL of the collector that a server exports spans to.
+    pub otlp_endpoint: Option<String>,
     /// Folder that a server keeps its maps in.
     pub data_dir: Option<PathBuf>,
     /// Whether a server keeps its maps in memory only.
@@ -152,7 +171,11 @@ impl Layer {
             max_message_bytes: self.max_message_bytes.or(lower.max_message_bytes),
             max_concurrent_streams: self.max_concurrent_streams.or(lower.max_concurrent_streams),
             queue_capacity: self.queue_capacity.or(lower.queue_capacity),
+            metrics_listen: self.metrics_listen.or(lower.metrics_listen),
+            drain_budget: self.drain_budget.or(lower.drain_budget),
             log: self.log.or(lower.log),
+            log_format: self.log_format.or(lower.log_format),
+            otlp_endpoint: self.otlp_endpoint.or(lower.otlp_endpoint),
             data_dir: storage.0,
             in_memory: storage.1,
         }
