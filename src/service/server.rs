@@ -258,6 +258,11 @@ impl RunningServer {
         // Engines without work need a moment all the same.
         let left = budget.saturating_sub(start.elapsed()).max(budget / 10);
         self.context.maps.shutdown(left).await;
+        if let Some((_, task)) = &mut self.metrics {
+            task.abort();
+            // It is canceled, and its port free when that is done.
+            let _canceled = task.await;
+        }
     }
 }
 

@@ -232,6 +232,7 @@ impl Actor {
         let Some(client) = self.map.client_named(&name) else {
             return Err(report_bug("an opened client is not in the map"));
         };
+        tracing::debug!(client = name, epoch, "stream opened");
         let lock_step = lock_step || self.config.lock_step;
         let (room, meters) = (self.config.queue_capacity, &self.shared.meters);
         let ends = self.streams.open(client, epoch, lock_step, room, meters);

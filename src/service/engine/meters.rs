@@ -143,7 +143,7 @@ impl QueuedSolve {
     }
 
     /// Runs work whose result says nothing of how it ended.
-    pub(in crate::service) fn run<R>(self, work: impl FnOnce() -> R) -> R {
+    pub fn run<R>(self, work: impl FnOnce() -> R) -> R {
         let mut started = self.started();
         let result = work();
         started.end = ANSWERED;
@@ -170,9 +170,11 @@ impl StartedSolve {
 
 impl Drop for StartedSolve {
     fn drop(&mut self) {
-        self.meters.running_ns.observe_time(self.since.elapsed());
-        if let Some(count) = self.meters.ends.get(self.end) {
+        let took = self.since.elapsed();
+        self.meters.running_ns.observe_time(took);
+        if let (Some(count), Some(end)) = (self.meters.ends.get(self.end), ENDS.get(self.end)) {
             count.increment();
+            tracing::debug!(termination = end, ?took, "solve ended");
         }
     }
 }

@@ -74,6 +74,8 @@ const MEASURED_ITEMS: usize = 1024;
 const EVENTS_PER_ITEM: usize = 3;
 
 struct Stream {
+    /// Let go before the caller learns of the end.
+    _open: Held,
     epoch: i64,
     lock_step: bool,
     finishing: bool,
@@ -81,7 +83,6 @@ struct Stream {
     optimized: Vec<Permit>,
     /// When items came whose OPTIMIZED ack is to come; not all where that is long in coming.
     waiting: VecDeque<(i64, Instant)>,
-    _open: Held,
     ended: watch::Sender<Option<EngineError>>,
 }
 
