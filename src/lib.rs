@@ -5,6 +5,7 @@
 //!
 //! | module | role |
 //! |---|---|
+//! | [`meter`] | counters, gauges and histograms as plain atomics |
 //! | [`map`] | the map and its invariants; no async, no wire |
 //! | [`store`] | journal of a map's events |
 //! | [`service`] | the engine that owns a map, and the gRPC edge |
@@ -17,6 +18,7 @@ pub mod cli;
 pub mod client;
 pub mod evaluation;
 pub mod map;
+pub mod meter;
 pub mod service;
 pub mod store;
 pub mod wire;

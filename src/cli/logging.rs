@@ -1,25 +1,46 @@
-//! Log lines on standard error, filtered by the configuration's `log`.
+//! Log lines on standard error, filtered by the configuration's `log`, as text or as JSON; spans to a
+//! collector, where one is named.
 //!
 //! Standard output belongs to results and stays free of them. Deletions are told at every level,
-//! unless the filter itself says otherwise of their target `audit`.
+//! unless the filter itself says otherwise of their target `audit`. As JSON each line is one object,
+//! panics included: `timestamp`, `level`, `target`, `message`, the event's fields, and `spans` with
+//! theirs.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, stderr};
 
 use anyhow::{Context, anyhow};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
+use tracing_subscriber::{EnvFilter, Layer as _};
 
-/// Starts logging. A second call in one process changes nothing.
+use super::config::{Config, LogFormat};
+use super::spans::Exporter;
+
+/// Starts logging, and exporting to `collector` where there is one; dropping the answer sends what is
+/// left. A second call in one process changes nothing.
 ///
 /// # Errors
-/// Where `filter` is not a list of directives.
-pub(super) fn start(filter: &str) -> anyhow::Result<()> {
-    let filter = EnvFilter::try_new(format!("audit=info,{filter}"))
-        .with_context(|| anyhow!("log filter `{filter}`"))?;
-    let logger = tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal());
+/// Where the filter is not a list of directives, or the collector's URL is none.
+pub(super) fn start(config: &Config, collector: Option<&str>) -> anyhow::Result<Option<Exporter>> {
+    let filter = EnvFilter::try_new(format!("audit=info,{}", config.log))
+        .with_context(|| anyhow!("log filter `{}`", config.log))?;
+    let lines = tracing_subscriber::fmt::layer().with_writer(stderr);
+    let lines = match config.log_format {
+        LogFormat::Text => lines.with_ansi(stderr().is_terminal()).boxed(),
+        LogFormat::Json => lines.json().flatten_event(true).with_current_span(false).boxed(),
+    };
+    let exporter = collector.map(Exporter::new).transpose()?;
+    let registry = tracing_subscriber::registry()
+        .with(exporter.as_ref().map(Exporter::layer))
+        .with(lines.with_filter(filter));
     // The only failure is that a subscriber is installed already, as in tests.
-    let _ = logger.try_init();
-    Ok(())
+    let started = registry.try_init().is_ok();
+    if started && config.log_format == LogFormat::Json {
+        std::panic::set_hook(Box::new(|panic| {
+            let place = panic.location().map(ToString::to_string).unwrap_or_default();
+            let text = panic.payload_as_str().unwrap_or("no message");
+            tracing::error!(place, "panic: {text}");
+        }));
+    }
+    Ok(exporter)
 }

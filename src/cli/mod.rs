@@ -18,13 +18,14 @@ pub mod replay;
 mod serve;
 mod signals;
 mod solve;
+mod spans;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-use config::{Config, Environment, Layer};
+use config::{Config, Environment, Layer, LogFormat};
 
 /// An optimization-centric SLAM backend: keyframes in over gRPC, optimized maps out.
 #[derive(Debug, Parser)]
@@ -36,6 +37,9 @@ struct Cli {
     /// Log level (off, error, warn, info, debug, trace) or a list of directives [env: COVIS_LOG].
     #[arg(long, global = true, value_name = "LEVEL")]
     log: Option<String>,
+    /// How log lines look [default: text] [env: COVIS_LOG_FORMAT].
+    #[arg(long, global = true, value_name = "FORMAT")]
+    log_format: Option<LogFormat>,
     #[command(subcommand)]
     command: Command,
 }
@@ -87,9 +91,12 @@ pub fn run() -> ExitCode {
 }
 
 fn dispatch(cli: Cli) -> anyhow::Result<ExitCode> {
-    let flags = Layer { log: cli.log, ..cli.command.layer() };
+    let flags = Layer { log: cli.log, log_format: cli.log_format, ..cli.command.layer() };
     let (config, warnings) = Config::load(flags, cli.config, Environment::of_process())?;
-    logging::start(&config.log)?;
+    // Spans are exported until the command has ended.
+    let is_server = matches!(cli.command, Command::Serve(_));
+    let collector = config.otlp_endpoint.as_deref().filter(|_| is_server);
+    let _exporter = logging::start(&config, collector)?;
     for warning in warnings {
         tracing::warn!("{warning}");
     }

@@ -1,13 +1,15 @@
 //! `covis serve`: the server in the foreground until SIGTERM or ctrl-c.
 //!
 //! Standard output gets two lines once every map is open: `listening on http://ADDRESS` (`https` with TLS), with port 0
-//! the port that was taken, and where maps are kept. The first signal drains the server, a second one ends
+//! the port that was taken, and where maps are kept; a third one tells where metrics are, if they are
+//! served. The first signal drains the server, a second one ends
 //! the process at once. SIGHUP has certificates and tokens read again, where there are any.
 
 use std::ffi::OsString;
 use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use anyhow::Context;
 use tokio::net::TcpListener;
@@ -40,6 +42,18 @@ pub(super) struct Args {
     /// [env: COVIS_INSECURE_PLAIN_TEXT].
     #[arg(long)]
     insecure_plain_text: bool,
+    /// Address at which `GET /metrics` is answered for Prometheus, in plain text; port 0 takes a free
+    /// one [default: none] [env: COVIS_METRICS_LISTEN].
+    #[arg(long, value_name = "ADDR")]
+    metrics_listen: Option<String>,
+    /// Seconds that the server waits for running calls when it is told to end [default: 10]
+    /// [env: COVIS_DRAIN_BUDGET].
+    #[arg(long, value_name = "SECONDS")]
+    drain_budget: Option<u64>,
+    /// Export spans of calls, items and solves to this collector by OTLP over gRPC, in builds with the
+    /// feature `opentelemetry` [default: none] [env: COVIS_OTLP_ENDPOINT].
+    #[arg(long, value_name = "URL")]
+    otlp_endpoint: Option<String>,
     /// Worker threads of the solvers [default: one per processor] [env: COVIS_THREADS].
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
@@ -64,6 +78,9 @@ impl Args {
             tls_client_ca: self.tls_client_ca.clone(),
             tokens: self.tokens.clone(),
             insecure_plain_text: self.insecure_plain_text.then_some(true),
+            metrics_listen: self.metrics_listen.clone(),
+            drain_budget: self.drain_budget,
+            otlp_endpoint: self.otlp_endpoint.clone(),
             threads: self.threads,
             lock_step: self.lock_step.then_some(true),
             data_dir: self.data_dir.clone(),
@@ -98,7 +115,11 @@ async fn serve(config: &Config) -> anyhow::Result<ExitCode> {
         signal = signals.next() => anyhow::bail!("{signal} while starting"),
     };
     let scheme = if config.tls_cert.is_some() { "https" } else { "http" };
-    match print(format_args!("listening on {scheme}://{}\n{kept}", server.local_addr())) {
+    let metrics =
+        server.metrics_addr().map(|address| format!("\nmetrics on http://{address}/metrics"));
+    let metrics = metrics.unwrap_or_default();
+    let address = server.local_addr();
+    match print(format_args!("listening on {scheme}://{address}\n{kept}{metrics}")) {
         // Nobody needs to read the address for the server to be of use.
         Err(error) if !error.is::<ClosedPipe>() => return Err(error),
         Ok(()) | Err(_) => {}
@@ -157,6 +178,7 @@ fn guarded(config: &Config) -> ServerConfig {
         tls,
         tokens: config.tokens.clone(),
         insecure_plain_text: config.insecure_plain_text,
+        metrics_listen: config.metrics_listen.clone(),
         ..server_config(config)
     }
 }
@@ -175,6 +197,7 @@ pub(super) fn server_config(config: &Config) -> ServerConfig {
         tenant_ceilings: config.tenant_limits.into(),
         max_message_bytes: config.max_message_bytes,
         max_concurrent_streams: config.max_concurrent_streams,
+        drain_budget: Duration::from_secs(config.drain_budget),
         engine,
         test_fault: config.test_fault.clone(),
         ..default

@@ -33,6 +33,8 @@ pub struct ServerConfig {
     pub tokens: Option<PathBuf>,
     /// Whether plain text is served beyond the loopback interface (no).
     pub insecure_plain_text: bool,
+    /// Where `GET /metrics` is answered, `host:port` (nowhere).
+    pub metrics_listen: Option<String>,
     /// Threads of the solver pool (one per processor).
     pub threads: usize,
     /// How engines run.
@@ -61,6 +63,7 @@ impl Default for ServerConfig {
             tls: None,
             tokens: None,
             insecure_plain_text: false,
+            metrics_listen: None,
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             engine: EngineConfig::default(),
             drain_budget: Duration::from_secs(10),

@@ -14,12 +14,14 @@ use futures_util::FutureExt;
 use tokio::sync::{mpsc, watch};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Response, Status};
+use tracing::Instrument;
 
 use super::access::Access;
 use super::config::ServerConfig;
 use super::convert::map::ServerCeilings;
 use super::engine::{EngineError, Maps};
 use super::error::ServiceError;
+use super::telemetry::ServerMeters;
 
 /// Messages that wait for a slow reader of a stream.
 const STREAM_QUEUE: usize = 8;
@@ -31,6 +33,8 @@ pub(super) struct Context {
     pub maps: Maps,
     /// The settings.
     pub config: ServerConfig,
+    /// What is counted besides what the engines count.
+    pub meters: ServerMeters,
     /// Who may call what.
     pub access: Arc<Access>,
     /// Random for each start.
@@ -111,7 +115,7 @@ impl Context {
         let sink = Sink(sender);
         let handler = handler(sink.clone());
         let context = Arc::clone(self);
-        tokio::spawn(async move {
+        let running = async move {
             let result = tokio::select! {
                 result = context.guarded(rpc, handler) => result,
                 () = sink.0.closed() => Err(ServiceError::Gone),
@@ -120,7 +124,8 @@ impl Context {
             if let Err(error) = result {
                 sink.end(error).await;
             }
-        });
+        };
+        tokio::spawn(running.in_current_span());
         Ok(Response::new(ReceiverStream::new(receiver)))
     }
 
@@ -140,6 +145,7 @@ impl Context {
             handler.await
         });
         handler.catch_unwind().await.unwrap_or_else(|panic| {
+            self.meters.rpc_panics.increment();
             let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
             let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
             let message = text.unwrap_or_else(|| "a panic without a message".to_owned());

@@ -11,6 +11,7 @@
 //! | `context` | how a handler's outcome becomes an answer |
 //! | `access` | tokens, roles and tenants: who may call what |
 //! | `tls` | certificates of the listener |
+//! | `telemetry` | metrics, and spans of calls |
 //! | `*_service` | one file a service of the wire; `watch`, `export`, `listing` serve `MapService` |
 
 pub mod engine;
@@ -34,11 +35,12 @@ mod refine;
 mod server;
 mod server_service;
 mod status;
+mod telemetry;
 mod tls;
 mod watch;
 
 pub use access::AccessError;
 pub use config::ServerConfig;
 pub use limits::{MapLimits, TenantLimits};
-pub use server::{RunningServer, Server, ServerError};
+pub use server::{RunningServer, Server, ServerError, StartingServer};
 pub use tls::{TlsError, TlsFiles};

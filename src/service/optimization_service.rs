@@ -22,7 +22,9 @@ use super::convert::solve::{
 };
 use super::convert::{Path, convert, count, ids, problem};
 use super::deadline::{CancelOnDrop, call_time, solve_time};
-use super::engine::{Fault, GaugeKind, OptimizeOptions, OptimizeOutcome, OptimizeProblem};
+use super::engine::{
+    Fault, GaugeKind, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError,
+};
 use super::error::ServiceError;
 use super::{graph_solve, refine};
 use crate::map::Reason;
@@ -49,12 +51,21 @@ impl Optimization {
         work: impl FnOnce() -> R + Send + 'static,
     ) -> Result<R, ServiceError> {
         let faulty = self.context.config.engine.fault == Some(Fault::PanicInSolve);
+        let meters = self.context.maps.meters();
+        let (queued, span) = (meters.request_solve(), tracing::debug_span!("solve"));
         let work = move || {
-            assert!(!faulty, "the fault that a test asked for");
-            work()
+            let _entered = span.entered();
+            queued.run(|| {
+                assert!(!faulty, "the fault that a test asked for");
+                work()
+            })
         };
         let pool = self.context.maps.pool();
-        Ok(pool.run(&pool.tenants().get(caller.tenant()), work).await?)
+        let solved = pool.run(&pool.tenants().get(caller.tenant()), work).await;
+        if let Err(PoolError::Panicked(_)) = solved {
+            meters.solve_panics.increment();
+        }
+        Ok(solved?)
     }
 
     async fn refine(

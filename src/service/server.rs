@@ -2,6 +2,8 @@
 //!
 //! Plain text leaves the loopback interface only where the configuration says so.
 //!
+//! Metrics have a listener of their own, which answers from the start to the end of the drain.
+//!
 //! Starting: the transport answers at once, health with NOT_SERVING and calls with UNAVAILABLE, until
 //! every map is open.
 //!
@@ -33,6 +35,7 @@ use super::map_service::MapRpcs;
 use super::optimization_service::Optimization;
 use super::random::random_id;
 use super::server_service::ServerInfo;
+use super::telemetry::{self, Metered, ServerMeters};
 use super::tls::{self, Tls, TlsError};
 use crate::store::{FileStore, FileStoreOptions, MemoryStore, Store};
 use crate::wire::v1::FILE_DESCRIPTOR_SET;
@@ -66,6 +69,22 @@ pub enum ServerError {
         /// Where the listener is bound.
         address: SocketAddr,
     },
+    /// Metrics would be told to others on the network.
+    #[error(
+        "metrics are plain text and served on loopback only, not on {address}: allow plain text by name"
+    )]
+    PlainMetrics {
+        /// Where they were to be served.
+        address: SocketAddr,
+    },
+    /// The address for metrics cannot be had.
+    #[error("cannot serve metrics on {address}")]
+    Metrics {
+        /// Where they were to be served.
+        address: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
     /// The descriptors of the wire cannot be served.
     #[error("server reflection")]
     Reflection(#[from] tonic_reflection::server::Error),
@@ -81,12 +100,18 @@ pub enum ServerError {
 #[derive(Clone, Copy, Debug)]
 pub struct Server;
 
+/// A server whose transport answers while its maps are still closed: health with NOT_SERVING, calls
+/// with UNAVAILABLE. Dropping it ends it at once.
+#[derive(Debug)]
+pub struct StartingServer(RunningServer);
+
 /// A server that takes calls until it is shut down; dropping it ends it at once.
 #[derive(Debug)]
 pub struct RunningServer {
     address: SocketAddr,
     context: Arc<Context>,
     tls: Option<Arc<Tls>>,
+    metrics: Option<(SocketAddr, JoinHandle<()>)>,
     drain: watch::Sender<bool>,
     health: HealthReporter,
     task: JoinHandle<Result<(), tonic::transport::Error>>,
@@ -99,8 +124,19 @@ impl Server {
     /// [`ServerError`] where something does not start.
     pub async fn start(
         listener: TcpListener,
-        mut config: ServerConfig,
+        config: ServerConfig,
     ) -> Result<RunningServer, ServerError> {
+        Self::listen(listener, config).await?.open().await
+    }
+
+    /// Answers on `listener` in the background; maps are opened by [`StartingServer::open`].
+    ///
+    /// # Errors
+    /// [`ServerError`] where something does not start.
+    pub async fn listen(
+        listener: TcpListener,
+        mut config: ServerConfig,
+    ) -> Result<StartingServer, ServerError> {
         let address = listener.local_addr().map_err(ServerError::Address)?;
         apply_test_fault(&mut config)?;
         let tls = config.tls.clone().map(Tls::new).transpose()?.map(Arc::new);
@@ -114,22 +150,47 @@ impl Server {
         }
         let tenants = Tenants::new(config.tenant_ceilings, access.tenant_ceilings());
         let pool = SolverPool::shared_by(tenants, config.threads)?;
-        let store: Arc<dyn Store> = match &config.data_dir {
-            None => Arc::new(MemoryStore::new()),
+        let metrics = metrics_listener(&config).await?;
+        let (store, counted): (Arc<dyn Store>, _) = match &config.data_dir {
+            None => (Arc::new(MemoryStore::new()), Arc::default()),
             Some(directory) => {
                 let opened = FileStore::open(directory, FileStoreOptions::default()).await;
-                Arc::new(opened.map_err(EngineError::Store)?)
+                let store = opened.map_err(EngineError::Store)?;
+                let meters = store.meters();
+                (Arc::new(store), meters)
             }
         };
+        let meters = ServerMeters::new(counted);
         let maps = Maps::new(store, pool, config.engine);
         let (drain, draining) = watch::channel(false);
         let instance_id = random_id();
         let (start_time_ns, ready) = (now_ns(), AtomicBool::new(false));
-        let context =
-            Arc::new(Context { maps, config, access, instance_id, start_time_ns, ready, draining });
+        let context = Arc::new(Context {
+            maps,
+            config,
+            meters,
+            access,
+            instance_id,
+            start_time_ns,
+            ready,
+            draining,
+        });
         let (health, task) = serve(listener, tls.clone(), Arc::clone(&context)).await?;
+        let metrics = metrics.map(|(address, listener)| {
+            (address, tokio::spawn(telemetry::serve(listener, Arc::clone(&context))))
+        });
         // From here on dropping it ends the transport.
-        let server = RunningServer { address, context, tls, drain, health, task };
+        Ok(StartingServer(RunningServer { address, context, tls, metrics, drain, health, task }))
+    }
+}
+
+impl StartingServer {
+    /// Opens every map; then calls are taken.
+    ///
+    /// # Errors
+    /// [`ServerError::Engine`] when the store cannot be read.
+    pub async fn open(self) -> Result<RunningServer, ServerError> {
+        let server = self.0;
         server.context.maps.load().await?;
         server.context.ready.store(true, Ordering::Release);
         server.tell_health(ServingStatus::Serving).await;
@@ -149,6 +210,12 @@ impl RunningServer {
     #[must_use]
     pub fn local_addr(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Where `GET /metrics` is answered, with the port that was taken.
+    #[must_use]
+    pub fn metrics_addr(&self) -> Option<SocketAddr> {
+        self.metrics.as_ref().map(|(address, _)| *address)
     }
 
     /// Reads certificates, keys and tokens again. New connections get the certificate, new calls
@@ -193,6 +260,11 @@ impl RunningServer {
         // Engines without work need a moment all the same.
         let left = budget.saturating_sub(start.elapsed()).max(budget / 10);
         self.context.maps.shutdown(left).await;
+        if let Some((_, task)) = &mut self.metrics {
+            task.abort();
+            // It is canceled, and its port free when that is done.
+            let _canceled = task.await;
+        }
     }
 }
 
@@ -200,6 +272,9 @@ impl Drop for RunningServer {
     fn drop(&mut self) {
         self.drain.send_replace(true);
         self.task.abort();
+        if let Some((_, task)) = &self.metrics {
+            task.abort();
+        }
     }
 }
 
@@ -240,10 +315,15 @@ async fn serve(
             .register_encoded_file_descriptor_set(FILE_DESCRIPTOR_SET)
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
     };
+    macro_rules! metered {
+        ($service:expr) => {
+            Metered::new($service, &context.meters.calls)
+        };
+    }
     // Health stays open: whoever watches over servers has no token.
     macro_rules! guarded {
         ($service:expr) => {
-            Guarded::new(limited!($service), &context.access)
+            metered!(Guarded::new(limited!($service), &context.access))
         };
     }
     let maps = MapServiceServer::new(MapRpcs::new(Arc::clone(&context)));
@@ -259,7 +339,7 @@ async fn serve(
         .add_service(guarded!(optimization))
         .add_service(guarded!(JobServiceServer::new(Jobs)))
         .add_service(guarded!(info))
-        .add_service(limited!(health_service))
+        .add_service(metered!(limited!(health_service)))
         .add_service(guarded!(reflection().build_v1()?))
         .add_service(guarded!(reflection().build_v1alpha()?));
     // The builder's own switch does not reach a listener that was bound outside; without it each
@@ -270,12 +350,26 @@ async fn serve(
         match tls {
             None => router.serve_with_incoming_shutdown(incoming, drained).await,
             Some(tls) => {
-                let incoming = tls::handshakes(incoming, tls);
+                let incoming = tls::handshakes(incoming, tls, Arc::clone(&context));
                 router.serve_with_incoming_shutdown(incoming, drained).await
             }
         }
     });
     Ok((health, task))
+}
+
+/// The listener for metrics, where one is wanted.
+async fn metrics_listener(
+    config: &ServerConfig,
+) -> Result<Option<(SocketAddr, TcpListener)>, ServerError> {
+    let Some(wanted) = &config.metrics_listen else { return Ok(None) };
+    let failed = |source| ServerError::Metrics { address: wanted.clone(), source };
+    let listener = TcpListener::bind(wanted).await.map_err(failed)?;
+    let address = listener.local_addr().map_err(failed)?;
+    if !address.ip().is_loopback() && !config.insecure_plain_text {
+        return Err(ServerError::PlainMetrics { address });
+    }
+    Ok(Some((address, listener)))
 }
 
 /// Hands a fault of the engine to its configuration; faults of handlers stay with the edge.

@@ -24,6 +24,8 @@ use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::server::TcpIncoming;
 
+use super::context::Context;
+
 /// Handshakes that run at once; further connections wait in the system's queue.
 const MAX_HANDSHAKES: usize = 256;
 /// How long a handshake may take.
@@ -135,6 +137,7 @@ fn key(path: &Path) -> Result<PrivateKeyDer<'static>, TlsError> {
 pub(super) fn handshakes(
     mut incoming: TcpIncoming,
     tls: Arc<Tls>,
+    context: Arc<Context>,
 ) -> ReceiverStream<io::Result<TlsStream<TcpStream>>> {
     let (sender, receiver) = mpsc::channel(1);
     tokio::spawn(async move {
@@ -143,7 +146,7 @@ pub(super) fn handshakes(
             tokio::select! {
                 next = incoming.next(), if running.len() < MAX_HANDSHAKES => match next {
                     Some(Ok(stream)) => {
-                        running.spawn(handshake(tls.current(), stream, sender.clone()));
+                        running.spawn(handshake(tls.current(), stream, sender.clone(), Arc::clone(&context)));
                     }
                     Some(Err(error)) => {
                         // The transport decides which errors end the server.
@@ -163,12 +166,20 @@ async fn handshake(
     acceptor: TlsAcceptor,
     stream: TcpStream,
     sender: mpsc::Sender<io::Result<TlsStream<TcpStream>>>,
+    context: Arc<Context>,
 ) {
+    let failed = || context.meters.failed_handshakes.increment();
     match tokio::time::timeout(HANDSHAKE_TIME, acceptor.accept(stream)).await {
         Ok(Ok(stream)) => {
             let _gone = sender.send(Ok(stream)).await;
         }
-        Ok(Err(error)) => tracing::debug!(%error, "a TLS handshake failed"),
-        Err(_elapsed) => tracing::debug!("a TLS handshake took too long"),
+        Ok(Err(error)) => {
+            failed();
+            tracing::debug!(%error, "a TLS handshake failed");
+        }
+        Err(_elapsed) => {
+            failed();
+            tracing::debug!("a TLS handshake took too long");
+        }
     }
 }

@@ -25,12 +25,14 @@ mod encoding;
 mod error;
 mod files;
 mod memory;
+mod meters;
 
 pub use damage::Damage;
 pub use encoding::EncodingError;
 pub use error::StoreError;
 pub use files::{FileStore, FileStoreOptions, MapCheckup, back_up, check_up};
 pub use memory::MemoryStore;
+pub use meters::StoreMeters;
 
 /// Counts the writers that a map has had; a newer one fences the older ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -58,6 +58,22 @@ fn what_cannot_be_read_is_a_failure_with_one_line() {
     solve(&workspace, &[], &[("COVIS_THREADS", "x")]).expect_failure(&["COVIS_THREADS", "`x`"]);
     solve(&workspace, &["--threads", "0"], &[]).expect_failure(&["threads", "at least 1"]);
     solve(&workspace, &["--log", "loud"], &[]).expect_failure(&["log"]);
+    let ran = solve(&workspace, &["--log-format", "xml"], &[]);
+    assert_eq!(ran.code, Some(2), "{}", ran.stderr);
+    solve(&workspace, &[], &[("COVIS_LOG_FORMAT", "xml")]).expect_failure(&["text or json"]);
+    solve(&workspace, &[], &[("COVIS_METRICS_LISTEN", "9")]).expect_failure(&["metrics_listen"]);
+    solve(&workspace, &[], &[("COVIS_DRAIN_BUDGET", "-1")]).expect_failure(&["DRAIN_BUDGET"]);
+}
+
+#[cfg(not(feature = "opentelemetry"))]
+#[test]
+fn a_build_without_opentelemetry_says_so() {
+    let workspace = Workspace::new();
+    let ran = workspace.run("serve --in-memory --otlp-endpoint http://127.0.0.1:4317", &[]);
+    ran.expect_failure(&["no OpenTelemetry", "--features opentelemetry"]);
+    // Other commands export nothing anyway.
+    let variable = [("COVIS_OTLP_ENDPOINT", "http://127.0.0.1:4317")];
+    assert_eq!(solve(&workspace, &["--threads", "1"], &variable).code, Some(0));
 }
 
 #[test]

@@ -104,19 +104,24 @@ pub(crate) struct Running {
 impl Running {
     /// A server on a free port.
     pub(crate) fn start(workspace: &Workspace, folder: &Path) -> Self {
-        Self::listen(workspace, folder, "127.0.0.1:0")
+        Self::listen(workspace, folder, "127.0.0.1:0", &[])
+    }
+
+    /// A server on a free port, with more arguments.
+    pub(crate) fn with(workspace: &Workspace, folder: &Path, arguments: &[&str]) -> Self {
+        Self::listen(workspace, folder, "127.0.0.1:0", arguments)
     }
 
     /// A server on the port of one that has ended.
     pub(crate) fn again(&self, workspace: &Workspace, folder: &Path) -> Self {
-        Self::listen(workspace, folder, self.url.strip_prefix("http://").unwrap())
+        Self::listen(workspace, folder, self.url.strip_prefix("http://").unwrap(), &[])
     }
 
-    fn listen(workspace: &Workspace, folder: &Path, address: &str) -> Self {
+    fn listen(workspace: &Workspace, folder: &Path, address: &str, arguments: &[&str]) -> Self {
         let mut command = workspace.command();
         command.args(["serve", "--listen", address, "--threads", "1", "--data-dir"]);
-        let mut child =
-            command.arg(folder).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        command.arg(folder).args(arguments);
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         let line = lines.next().unwrap().unwrap();
         let kept = lines.next().unwrap().unwrap();

@@ -202,9 +202,18 @@ fn two_servers_on_one_directory_are_refused_with_a_clear_message() {
 #[cfg(unix)]
 #[test]
 fn a_drained_server_keeps_all_that_it_acknowledged() {
+    // With no time at all calls are cut, and the promise is the same.
+    for budget in ["10", "0"] {
+        drain_with_budget(budget);
+    }
+}
+
+/// SIGTERM while a client sends as fast as it can.
+#[cfg(unix)]
+fn drain_with_budget(seconds: &str) {
     let workspace = Workspace::new();
     let folder = workspace.path("maps");
-    let mut server = Running::start(&workspace, &folder);
+    let mut server = Running::with(&workspace, &folder, &["--drain-budget", seconds]);
     let received = Arc::new(AtomicI64::new(0));
     run(async {
         let client = Client::connect(&server.url).await.unwrap();

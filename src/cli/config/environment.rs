@@ -8,7 +8,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use super::{ConfigError, Layer};
+use super::{ConfigError, Layer, LogFormat};
 use crate::client::Token;
 
 const PREFIX: &str = "COVIS_";
@@ -77,6 +77,10 @@ impl Environment {
                     layer.max_concurrent_streams = Some(number(name, value)?);
                 }
                 "COVIS_QUEUE_CAPACITY" => layer.queue_capacity = Some(number(name, value)?),
+                "COVIS_METRICS_LISTEN" => layer.metrics_listen = Some(value.clone()),
+                "COVIS_DRAIN_BUDGET" => layer.drain_budget = Some(number(name, value)?),
+                "COVIS_LOG_FORMAT" => layer.log_format = Some(log_format(name, value)?),
+                "COVIS_OTLP_ENDPOINT" => layer.otlp_endpoint = Some(value.clone()),
                 "COVIS_LOG" => layer.log = Some(value.clone()),
                 "COVIS_DATA_DIR" => layer.data_dir = Some(PathBuf::from(value)),
                 "COVIS_IN_MEMORY" => layer.in_memory = Some(flag(name, value)?),
@@ -110,6 +114,14 @@ fn flag(variable: &str, value: &str) -> Result<bool, ConfigError> {
         "1" | "true" => Ok(true),
         "0" | "false" => Ok(false),
         _ => Err(invalid(variable, value, "true or false")),
+    }
+}
+
+fn log_format(variable: &str, value: &str) -> Result<LogFormat, ConfigError> {
+    match value.trim() {
+        "text" => Ok(LogFormat::Text),
+        "json" => Ok(LogFormat::Json),
+        _ => Err(invalid(variable, value, "text or json")),
     }
 }
 

@@ -8,6 +8,17 @@ use serde::Deserialize;
 
 use crate::service::{MapLimits, TenantLimits};
 
+/// How log lines look.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum LogFormat {
+    /// For people.
+    #[default]
+    Text,
+    /// One JSON object a line.
+    Json,
+}
+
 /// Settings of one source; the keys of `covis.toml` have these names.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -48,8 +59,16 @@ pub struct Layer {
     pub map_limits: Option<MapLimits>,
     /// Ceilings of a tenant that has none of its own in the file of tokens.
     pub tenant_limits: Option<TenantLimits>,
+    /// Address at which a server answers `GET /metrics`, `host:port`.
+    pub metrics_listen: Option<String>,
+    /// Seconds that a server waits for running calls at its end.
+    pub drain_budget: Option<u64>,
     /// Log level or directives.
     pub log: Option<String>,
+    /// How log lines look.
+    pub log_format: Option<LogFormat>,
+    /// URL of the collector that a server exports spans to.
+    pub otlp_endpoint: Option<String>,
     /// Folder that a server keeps its maps in.
     pub data_dir: Option<PathBuf>,
     /// Whether a server keeps its maps in memory only.
@@ -160,7 +179,11 @@ impl Layer {
             queue_capacity: self.queue_capacity.or(lower.queue_capacity),
             map_limits: self.map_limits.or(lower.map_limits),
             tenant_limits: self.tenant_limits.or(lower.tenant_limits),
+            metrics_listen: self.metrics_listen.or(lower.metrics_listen),
+            drain_budget: self.drain_budget.or(lower.drain_budget),
             log: self.log.or(lower.log),
+            log_format: self.log_format.or(lower.log_format),
+            otlp_endpoint: self.otlp_endpoint.or(lower.otlp_endpoint),
             data_dir: storage.0,
             in_memory: storage.1,
         }

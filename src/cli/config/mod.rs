@@ -16,7 +16,7 @@ use crate::client::Token;
 use crate::service::{MapLimits, TenantLimits};
 
 pub use environment::Environment;
-pub use layer::{ConfigError, Layer};
+pub use layer::{ConfigError, Layer, LogFormat};
 
 /// The file that is read when no other is named.
 const DEFAULT_FILE: &str = "covis.toml";
@@ -71,6 +71,14 @@ pub struct Config {
     pub data_dir: Option<PathBuf>,
     /// Whether a server keeps its maps in memory only (no).
     pub in_memory: bool,
+    /// Address at which a server answers `GET /metrics`, `host:port` (none).
+    pub metrics_listen: Option<String>,
+    /// Seconds that a server waits for running calls at its end (10).
+    pub drain_budget: u64,
+    /// How log lines look (text).
+    pub log_format: LogFormat,
+    /// URL of the collector that a server exports spans to (none).
+    pub otlp_endpoint: Option<String>,
     /// Log level, or directives of `tracing-subscriber` (info).
     pub log: String,
     /// Name of a fault that the server is to commit, from `COVIS_TEST_FAULT`; for tests only.
@@ -125,6 +133,10 @@ impl Config {
             tenant_limits: layer.tenant_limits.unwrap_or_default(),
             data_dir: layer.data_dir,
             in_memory: layer.in_memory.unwrap_or(false),
+            metrics_listen: layer.metrics_listen,
+            drain_budget: layer.drain_budget.unwrap_or(10),
+            log_format: layer.log_format.unwrap_or_default(),
+            otlp_endpoint: layer.otlp_endpoint,
             log: layer.log.unwrap_or_else(|| "info".to_owned()),
             test_fault: None,
         }
@@ -132,9 +144,17 @@ impl Config {
 
     fn check(&self) -> Result<(), ConfigError> {
         let out_of_range = |key, reason| Err(ConfigError::OutOfRange { key, reason });
-        let port = self.listen.rsplit_once(':').and_then(|(_, port)| port.parse::<u16>().ok());
-        if port.is_none() {
+        let is_address = |address: &str| {
+            address.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok())
+        };
+        if !is_address(&self.listen) {
             return out_of_range("listen", "must be host:port, for instance 127.0.0.1:7411");
+        }
+        if !self.metrics_listen.as_deref().is_none_or(is_address) {
+            return out_of_range(
+                "metrics_listen",
+                "must be host:port, for instance 127.0.0.1:9411",
+            );
         }
         if self.threads == 0 {
             return out_of_range("threads", "must be at least 1");

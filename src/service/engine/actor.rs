@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use futures_util::FutureExt;
 use tokio::sync::mpsc;
+use tracing::Instrument;
 
 use super::durable::{DurableAcks, Snapshots};
 use super::handle::{Control, Reply, Shared};
@@ -79,8 +80,12 @@ impl Actor {
             match AssertUnwindSafe(self.step()).catch_unwind().await {
                 Ok(Flow::Continue) => {}
                 Ok(Flow::Stop) => break,
-                Err(panic) => self.poison(&panic_message(panic.as_ref())).await,
+                Err(panic) => {
+                    self.shared.meters.engine_panics.increment();
+                    self.poison(&panic_message(panic.as_ref())).await;
+                }
             }
+            self.shared.condition.put(self.state, self.refusal.is_some());
             if !self.closing.is_empty() && self.drained && self.is_settled() {
                 break;
             }
@@ -128,7 +133,11 @@ impl Actor {
             }
             item = self.items.recv(), if takes_items => {
                 match item {
-                    Some(item) => self.take(item).await,
+                    Some(item) => {
+                        let parent = &item.span;
+                        let span = tracing::debug_span!(parent: parent, "item", map = %self.shared.name);
+                        self.take(item).instrument(span).await;
+                    }
                     None => self.drained = true,
                 }
                 Flow::Continue
@@ -230,10 +239,11 @@ impl Actor {
         let Some(client) = self.map.client_named(&name) else {
             return Err(report_bug("an opened client is not in the map"));
         };
+        tracing::debug!(client = name, epoch, "stream opened");
         let lock_step = lock_step || self.config.lock_step;
         let most = self.map.policy().max_queued_items.map_or(usize::MAX, |most| most as usize);
-        let queued_items = self.config.queue_capacity.min(most);
-        let ends = self.streams.open(client, epoch, lock_step, queued_items, place);
+        let (room, meters) = (self.config.queue_capacity.min(most), &self.shared.meters);
+        let ends = self.streams.open(client, epoch, lock_step, room, place, meters);
         let opened = Opened {
             client,
             next_sequence: self.map.client(client).map_or(1, |c| c.next_sequence),

@@ -48,6 +48,7 @@ impl DurableAcks {
     ) {
         let ack = Ack { sequence, revision, status: AckStatus::Durable };
         if self.flushed.borrow().through >= u64::try_from(revision).unwrap_or(0) {
+            permit.is_durable();
             permit.send(StreamEvent::Ack(ack));
         } else if !self.closed {
             self.waiting.push_back((client, ack, permit));
@@ -73,6 +74,7 @@ impl DurableAcks {
             && u64::try_from(ack.revision).unwrap_or(0) <= through
             && let Some((client, ack, permit)) = self.waiting.pop_front()
         {
+            permit.is_durable();
             last.insert(client, (ack, permit));
         }
         for (ack, permit) in last.into_values() {

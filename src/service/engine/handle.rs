@@ -9,10 +9,14 @@ use std::sync::{Arc, OnceLock};
 
 use covis_solvers::optimizer::IterationSummary;
 use tokio::sync::{mpsc, oneshot, watch};
+use tracing::Span;
 
+use super::meters::ConditionCell;
 use super::optimize::Job;
 use super::stream::Queued;
-use super::{EngineError, Fault, IngestStream, OptimizeOptions, OptimizeOutcome, Watch};
+use super::{
+    EngineError, EngineMeters, Fault, IngestStream, OptimizeOptions, OptimizeOutcome, Watch,
+};
 use crate::map::Map;
 use crate::store::Flushed;
 
@@ -78,6 +82,9 @@ pub(super) struct Shared {
     pub(super) name: String,
     pub(super) uid: String,
     pub(super) fault: Option<Fault>,
+    pub(super) meters: Arc<EngineMeters>,
+    /// What the map's readers may do with it, for those who count maps.
+    pub(super) condition: ConditionCell,
     /// How far the journal is durable.
     pub(super) flushed: watch::Receiver<Flushed>,
     /// Why the engine ended.
@@ -192,7 +199,7 @@ impl MapHandle {
         let (reply, mut answer) = oneshot::channel();
         let canceled = CancelOnDrop(Arc::new(AtomicBool::new(false)));
         let cancel = Arc::clone(&canceled.0);
-        let job = Job { options, rows, cancel, reply };
+        let job = Job { options, rows, cancel, span: Span::current(), reply };
         self.send(Control::Optimize(Box::new(job))).await?;
         loop {
             tokio::select! {

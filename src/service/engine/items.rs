@@ -38,7 +38,7 @@ enum Verdict {
 impl Actor {
     /// Takes one thing from the queue.
     pub(super) async fn take(&mut self, queued: Queued) {
-        let Queued { client, epoch, body } = queued;
+        let Queued { client, epoch, body, .. } = queued;
         if !self.streams.is_current(client, epoch) {
             // The stream was told why it ended; its permits go with the item.
             return;

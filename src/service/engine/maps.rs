@@ -19,10 +19,14 @@ use super::durable::{DurableAcks, Snapshots};
 use super::handle::{Control, Shared};
 use super::items::{Unsolved, unsolved};
 use super::journal::{replay, stored, unix_time_ns};
+use super::meters::ConditionCell;
 use super::schedule::Schedule;
 use super::streams::Streams;
 use super::watch::Watchers;
-use super::{Booked, EngineConfig, EngineError, Fault, MapHandle, MapInfo, MapState, SolverPool};
+use super::{
+    Booked, EngineConfig, EngineError, EngineMeters, Fault, MapCounts, MapHandle, MapInfo,
+    MapState, SolverPool,
+};
 use crate::map::{Change, Event, Map, MapPolicy, Usage};
 use crate::store::{Durability, Epoch, Flushed, Store, StoreError};
 
@@ -39,6 +43,7 @@ struct Inner {
     store: Arc<dyn Store>,
     pool: Arc<SolverPool>,
     config: EngineConfig,
+    meters: Arc<EngineMeters>,
     table: Mutex<BTreeMap<String, MapHandle>>,
     closing: AtomicBool,
     /// Creation times rise strictly, because uids are made of them.
@@ -72,6 +77,7 @@ impl Maps {
             store,
             pool,
             config,
+            meters: Arc::default(),
             table: Mutex::new(BTreeMap::new()),
             closing: AtomicBool::new(false),
             last_create_time_ns: AtomicI64::new(0),
@@ -274,6 +280,22 @@ impl Maps {
         self.inner.store.durability()
     }
 
+    /// What the engines count.
+    #[must_use]
+    pub fn meters(&self) -> &Arc<EngineMeters> {
+        &self.inner.meters
+    }
+
+    /// The maps and their queues as they are now.
+    #[must_use]
+    pub fn counts(&self) -> MapCounts {
+        let mut counts = MapCounts::default();
+        for handle in self.table().values() {
+            counts.add(handle);
+        }
+        counts
+    }
+
     /// The threads of the solves.
     #[must_use]
     pub fn pool(&self) -> &Arc<SolverPool> {
@@ -307,10 +329,12 @@ impl Maps {
             uid: uid(&start.name, start.map.create_time_ns()),
             name: start.name,
             fault: config.fault,
+            meters: Arc::clone(&self.inner.meters),
+            condition: ConditionCell::new(start.state, start.refusal.is_some()),
             flushed: start.flushed.clone(),
             ended: OnceLock::new(),
         });
-        let span = tracing::info_span!("map", name = %shared.name);
+        let span = tracing::info_span!("map", map = %shared.name);
         let tenant = pool.tenants().of_map(&shared.name);
         let booked = start.map.usage();
         tenant.book(Usage::default(), booked);

@@ -15,6 +15,7 @@
 //! | `streams`, `schedule` | open streams with their acks; which items wait for which solve |
 //! | `solves`, `work`, `pose_graph`, `optimize` | starting, superseding and applying solves; their bodies |
 //! | `watch` | changes for readers, coalesced |
+//! | `meters` | what is counted |
 //! | `pool`, `turns` | the threads of the solves, and whose solve is next |
 //! | `tenants` | what all maps of a tenant hold together |
 
@@ -27,6 +28,7 @@ mod handle;
 mod items;
 mod journal;
 mod maps;
+mod meters;
 mod optimize;
 mod pool;
 mod pose_graph;
@@ -44,6 +46,7 @@ pub use certificate::{GaugeKind, SolveCertificate, SolverKind};
 pub use error::EngineError;
 pub use handle::{MapHandle, MapInfo, MapState};
 pub use maps::Maps;
+pub use meters::{EngineMeters, MapCounts, QueuedSolve, SolveMeters};
 pub use optimize::{OptimizeCounts, OptimizeOptions, OptimizeOutcome, OptimizeProblem};
 pub use pool::{PoolError, SolvePanicked, SolverPool};
 pub use pose_graph::ChordalProof;

@@ -10,6 +10,7 @@ use covis_solvers::bundle_adjustment::LinearSolver;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{self, IterationSummary};
 use tokio::sync::mpsc;
+use tracing::Span;
 
 use super::handle::Reply;
 use super::{ChordalProof, EngineError, GaugeKind, SolveCertificate};
@@ -83,6 +84,8 @@ pub(super) struct Job {
     pub(super) options: OptimizeOptions,
     pub(super) rows: mpsc::UnboundedSender<IterationSummary>,
     pub(super) cancel: Arc<AtomicBool>,
+    /// Of the call that asked for it.
+    pub(super) span: Span,
     pub(super) reply: Reply<Result<OptimizeOutcome, EngineError>>,
 }
 

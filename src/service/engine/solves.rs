@@ -73,6 +73,7 @@ impl Actor {
             return job.answer(Err(EngineError::Cancelled { map: self.shared.name.clone() }));
         }
         let Some(job) = &self.job else { return };
+        let _entered = job.span.clone().entered();
         let (options, rows, cancel) = (job.options, job.rows.clone(), Arc::clone(&job.cancel));
         let map = Arc::clone(&self.map);
         match options.problem {
@@ -116,15 +117,17 @@ impl Actor {
     ) {
         self.last_solve_id += 1;
         let id = self.last_solve_id;
-        let span = tracing::debug_span!("solve", map = %self.shared.name, id, ?kind);
+        let span = tracing::debug_span!("solve", map = %self.shared.name, solve = id, ?kind);
+        let queued = self.shared.meters.solve(kind);
         let panics = self.config.fault == Some(Fault::PanicInSolve);
         let flag = Arc::clone(&cancel);
         let answer = self.pool.start(&self.tenant, move || {
             let _entered = span.entered();
+            let started = queued.started();
             if panics {
                 std::panic::panic_any("staged by a test");
             }
-            work(&flag)
+            started.ended(work(&flag))
         });
         let (is_job, superseded) = (false, false);
         self.running = Some(Running { id, kind, is_job, triggers, superseded, cancel, answer });
@@ -158,7 +161,7 @@ impl Actor {
     /// Takes the end of the running solve.
     pub(super) async fn solved(&mut self, outcome: Result<Outcome, SolvePanicked>) {
         let Some(running) = self.running.take() else { return };
-        let outcome = match outcome {
+        let outcome = match self.shared.meters.solve_panicked(outcome) {
             Ok(outcome) => outcome,
             Err(panicked) => {
                 self.poisoned(&panicked.message);
@@ -166,6 +169,7 @@ impl Actor {
             }
         };
         if running.superseded {
+            self.shared.meters.superseded.increment();
             return;
         }
         if running.is_job {

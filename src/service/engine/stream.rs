@@ -4,7 +4,10 @@
 //! back-pressure. The order of the items is the caller's; that sequences rise is checked where they
 //! come in, at the edge.
 
+use std::time::Instant;
+
 use tokio::sync::{mpsc, watch};
+use tracing::Span;
 
 use super::streams::Permit;
 use super::{EngineError, MapHandle, StreamEvent};
@@ -47,6 +50,8 @@ impl IngestStream {
 pub(super) struct Queued {
     pub(super) client: ClientIndex,
     pub(super) epoch: i64,
+    /// Of the call that it came by.
+    pub(super) span: Span,
     pub(super) body: Body,
 }
 
@@ -104,9 +109,11 @@ impl ItemSender {
     /// # Errors
     /// Why the stream has ended; [`EngineError::Cancelled`] when nobody holds its events any more.
     pub async fn send(&self, sequence: i64, digest: Digest, item: Item) -> Result<(), EngineError> {
-        let receipt = self.permit().await?;
-        let durable = if self.durable { Some(self.permit().await?) } else { None };
-        let optimized = if may_start_solve(&item) { Some(self.permit().await?) } else { None };
+        let arrived = Instant::now();
+        let permit = || self.permit(sequence, arrived);
+        let receipt = permit().await?;
+        let durable = if self.durable { Some(permit().await?) } else { None };
+        let optimized = if may_start_solve(&item) { Some(permit().await?) } else { None };
         let item = QueuedItem { sequence, digest, item, receipt, durable, optimized };
         self.queue(Body::Item(Box::new(item))).await
     }
@@ -116,7 +123,7 @@ impl ItemSender {
     /// # Errors
     /// As [`ItemSender::send`].
     pub async fn reject(&self, sequence: i64, rejection: Rejection) -> Result<(), EngineError> {
-        let receipt = self.permit().await?;
+        let receipt = self.permit(sequence, Instant::now()).await?;
         self.queue(Body::Rejected { sequence, rejection, receipt }).await
     }
 
@@ -129,7 +136,8 @@ impl ItemSender {
     }
 
     async fn queue(&self, body: Body) -> Result<(), EngineError> {
-        let queued = Queued { client: self.client, epoch: self.epoch, body };
+        let span = Span::current();
+        let queued = Queued { client: self.client, epoch: self.epoch, span, body };
         tokio::select! {
             biased;
             error = self.end() => Err(error),
@@ -137,12 +145,14 @@ impl ItemSender {
         }
     }
 
-    async fn permit(&self) -> Result<Permit, EngineError> {
+    async fn permit(&self, sequence: i64, arrived: Instant) -> Result<Permit, EngineError> {
         tokio::select! {
             biased;
             error = self.end() => Err(error),
             permit = self.events.clone().reserve_owned() => {
-                permit.map_err(|_closed| EngineError::Cancelled { map: self.handle.name().to_owned() })
+                let gone = |_closed| EngineError::Cancelled { map: self.handle.name().to_owned() };
+                let meters = &self.handle.shared.meters;
+                permit.map_err(gone).map(|room| Permit::new(room, meters, sequence, arrived))
             }
         }
     }
@@ -160,7 +170,8 @@ impl Drop for ItemSender {
         if self.finished {
             return;
         }
-        let finish = Queued { client: self.client, epoch: self.epoch, body: Body::Finish };
+        let (client, epoch, span) = (self.client, self.epoch, Span::none());
+        let finish = Queued { client, epoch, span, body: Body::Finish };
         if let Err(mpsc::error::TrySendError::Full(finish)) = self.queue.try_send(finish)
             && let Ok(runtime) = tokio::runtime::Handle::try_current()
         {

@@ -5,15 +5,62 @@
 //! does not read runs out of permits and is slowed down. At most one stream a client is open: that
 //! with the newest epoch.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+use std::time::Instant;
 
 use tokio::sync::{mpsc, watch};
 
-use super::{Ack, AckStatus, Booked, EngineError, SolveReport, StreamEvent};
+use super::{Ack, AckStatus, Booked, EngineError, EngineMeters, SolveReport, StreamEvent};
 use crate::map::ClientIndex;
+use crate::meter::Held;
 
-/// Room for one event of a stream.
-pub(super) type Permit = mpsc::OwnedPermit<StreamEvent>;
+/// Room for one event of a stream, reserved for an item.
+pub(super) struct Permit {
+    room: mpsc::OwnedPermit<StreamEvent>,
+    meters: Arc<EngineMeters>,
+    /// The item's; 0 for what belongs to none.
+    pub(super) sequence: i64,
+    /// When the item came.
+    pub(super) arrived: Instant,
+}
+
+impl Permit {
+    pub(super) fn new(
+        room: mpsc::OwnedPermit<StreamEvent>,
+        meters: &Arc<EngineMeters>,
+        sequence: i64,
+        arrived: Instant,
+    ) -> Self {
+        Self { room, meters: Arc::clone(meters), sequence, arrived }
+    }
+
+    /// Sends the event that the room was kept for.
+    pub(super) fn send(self, event: StreamEvent) {
+        let meters = &self.meters;
+        match &event {
+            StreamEvent::Ack(ack) => match &ack.status {
+                AckStatus::Received { duplicate: false } => meters.received.increment(),
+                AckStatus::Received { duplicate: true } => meters.duplicate.increment(),
+                AckStatus::Rejected(rejection) => {
+                    let first = rejection.violations.first();
+                    first.into_iter().for_each(|violation| meters.reject(violation.reason));
+                }
+                AckStatus::Durable | AckStatus::Optimized { .. } => {}
+            },
+            StreamEvent::End(EngineError::Ceiling { .. } | EngineError::TenantCeiling { .. }) => {
+                meters.ceiling.increment();
+            }
+            StreamEvent::End(_) => {}
+        }
+        self.room.send(event);
+    }
+
+    /// The item is durable.
+    pub(super) fn is_durable(&self) {
+        self.meters.durable_ns.observe_time(self.arrived.elapsed());
+    }
+}
 
 /// Permits for OPTIMIZED acks that are kept; solves coalesce, so that at most this many acks are to
 /// come at any time: of the solve that runs, of those that wait, and of an earlier stream.
@@ -22,15 +69,22 @@ const OPTIMIZED_PERMITS: usize = 4;
 /// Events beyond those of queued items: the end, and [`OPTIMIZED_PERMITS`].
 const EXTRA_EVENTS: usize = 1 + OPTIMIZED_PERMITS;
 
+/// Items of a stream whose time to OPTIMIZED is measured at any time.
+const MEASURED_ITEMS: usize = 1024;
+
 /// Events that one queued item may have: RECEIVED or REJECTED, DURABLE, OPTIMIZED.
 const EVENTS_PER_ITEM: usize = 3;
 
 struct Stream {
+    /// Let go before the caller learns of the end.
+    _open: Held,
     epoch: i64,
     lock_step: bool,
     finishing: bool,
     end: Option<Permit>,
     optimized: Vec<Permit>,
+    /// When items came whose OPTIMIZED ack is to come; not all where that is long in coming.
+    waiting: VecDeque<(i64, Instant)>,
     ended: watch::Sender<Option<EngineError>>,
     _place: Booked,
 }
@@ -55,16 +109,24 @@ impl Streams {
         lock_step: bool,
         queued_items: usize,
         place: Booked,
+        meters: &Arc<EngineMeters>,
     ) -> StreamEnds {
         let capacity = queued_items.max(1) * EVENTS_PER_ITEM + EXTRA_EVENTS;
         let (sender, events) = mpsc::channel(capacity);
         let (ended_sender, ended) = watch::channel(None);
+        let now = Instant::now();
+        let permit = || {
+            let room = sender.clone().try_reserve_owned().ok();
+            room.map(|room| Permit::new(room, meters, 0, now))
+        };
         let stream = Stream {
             epoch,
             lock_step,
             finishing: false,
-            end: sender.clone().try_reserve_owned().ok(),
-            optimized: sender.clone().try_reserve_owned().ok().into_iter().collect(),
+            end: permit(),
+            optimized: permit().into_iter().collect(),
+            waiting: VecDeque::new(),
+            _open: meters.streams.hold(),
             ended: ended_sender,
             _place: place,
         };
@@ -84,10 +146,13 @@ impl Streams {
 
     /// Keeps room for an OPTIMIZED ack.
     pub(super) fn keep(&mut self, client: ClientIndex, permit: Option<Permit>) {
-        if let (Some(stream), Some(permit)) = (self.0.get_mut(&client), permit)
-            && stream.optimized.len() < OPTIMIZED_PERMITS
-        {
-            stream.optimized.push(permit);
+        if let (Some(stream), Some(permit)) = (self.0.get_mut(&client), permit) {
+            if stream.waiting.len() < MEASURED_ITEMS {
+                stream.waiting.push_back((permit.sequence, permit.arrived));
+            }
+            if stream.optimized.len() < OPTIMIZED_PERMITS {
+                stream.optimized.push(permit);
+            }
         }
     }
 
@@ -103,6 +168,9 @@ impl Streams {
         let Some(stream) = self.0.get_mut(&client) else { return };
         match stream.optimized.pop() {
             Some(permit) => {
+                while let Some((_, arrived)) = stream.waiting.pop_front_if(|w| w.0 <= sequence) {
+                    permit.meters.optimized_ns.observe_time(arrived.elapsed());
+                }
                 let status = AckStatus::Optimized { solve_id, outcome };
                 permit.send(StreamEvent::Ack(Ack { sequence, revision, status }));
             }

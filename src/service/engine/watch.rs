@@ -12,6 +12,7 @@ use tokio::sync::watch;
 use super::handle::Control;
 use super::{Booked, EngineError, MapHandle, MapState};
 use crate::map::{Change, ClientIndex, EntityId, Event, Map};
+use crate::meter::Held;
 
 /// What events touched. An id that the snapshot does not hold was removed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -161,6 +162,7 @@ pub struct Watch {
     /// Taken out of the slot, and not durable yet.
     pub(super) taken: Option<MapChange>,
     pub(super) _place: Booked,
+    pub(super) _open: Held,
 }
 
 impl Watch {
@@ -248,7 +250,9 @@ impl Watchers {
         });
         let reset = missed.is_none().then(|| Arc::clone(map));
         let (id, signal) = (self.next_id, self.signal.subscribe());
-        Watch { reset, base_revision, state, handle, id, slot, signal, taken: None, _place: place }
+        let _open = handle.shared.meters.watchers.hold();
+        let (taken, _place) = (None, place);
+        Watch { reset, base_revision, state, handle, id, slot, signal, taken, _place, _open }
     }
 
     /// Tells the watchers of an event that is about to change `map`.

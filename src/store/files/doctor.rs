@@ -122,7 +122,8 @@ fn look(checkup: &mut MapCheckup) -> Result<Found, StoreError> {
     }
     let name = checkup.map.clone().unwrap_or_default();
     let options = FileStoreOptions::default();
-    let journal = Journal::new(&name, uid, folder.clone(), Arc::new(ReadOnly), options);
+    let journal =
+        Journal::new(&name, uid, folder.clone(), Arc::new(ReadOnly), options, &Arc::default());
     journal.loaded(found);
     let map = replay(&journal, last, &snapshots, checkup)?;
     checkup.revision = sequence_of(map.revision());

@@ -10,6 +10,7 @@ use std::collections::VecDeque;
 use std::io;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
 use tokio::sync::watch;
 
@@ -19,7 +20,7 @@ use super::record::{HEADER, Uid, header, mark, put_record};
 use super::{FileStoreOptions, MARK, journal_name};
 use crate::map::Event;
 use crate::store::encoding::encode_event;
-use crate::store::{Damage, Epoch, Flushed, Position, StoreError, sequence_of};
+use crate::store::{Damage, Epoch, Flushed, Position, StoreError, StoreMeters, sequence_of};
 
 /// Bytes that wait for a flush before appends have to wait too.
 const MOST_PENDING: usize = 64 << 20;
@@ -34,6 +35,7 @@ pub(super) struct Journal {
     pub(super) folder: PathBuf,
     pub(super) disk: Arc<dyn Disk>,
     options: FileStoreOptions,
+    pub(super) meters: Arc<StoreMeters>,
     state: Mutex<State>,
     /// Locked before `state` where both are.
     writer: Mutex<Writer>,
@@ -86,6 +88,7 @@ impl Journal {
         folder: PathBuf,
         disk: Arc<dyn Disk>,
         options: FileStoreOptions,
+        meters: &Arc<StoreMeters>,
     ) -> Self {
         Self {
             name: name.to_owned(),
@@ -93,6 +96,7 @@ impl Journal {
             folder,
             disk,
             options,
+            meters: Arc::clone(meters),
             state: Mutex::default(),
             writer: Mutex::default(),
             flushed: watch::Sender::new(Flushed::default()),
@@ -252,11 +256,15 @@ impl Journal {
                 }
                 (std::mem::take(&mut state.pending), state.pending_first, state.last)
             };
+            let start = Instant::now();
             let written = self.write_group(&mut writer, first, &batch);
+            self.meters.sync_ns.observe_time(start.elapsed());
             if let Err(error) = written {
                 self.failed_flush(&error);
                 return;
             }
+            self.meters.group_events.observe(last.saturating_sub(first) + 1);
+            self.meters.journal_bytes.add(batch.len() as u64);
             let idle = {
                 let mut state = self.state();
                 state.durable = last;
@@ -275,6 +283,7 @@ impl Journal {
 
     fn failed_flush(&self, error: &io::Error) {
         let error = self.stop(error.to_string());
+        self.meters.journal_failures.increment();
         tracing::error!(map = %self.name, %error, "the journal stops");
         self.state().flushing = false;
     }

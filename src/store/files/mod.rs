@@ -52,7 +52,9 @@ use self::lock::DirectoryLock;
 use self::record::Uid;
 use self::sealed::Kind;
 use super::encoding::{decode_identity, encode_identity};
-use super::{Damage, Durability, Epoch, Flushed, Position, Store, StoreError, sequence_of};
+use super::{
+    Damage, Durability, Epoch, Flushed, Position, Store, StoreError, StoreMeters, sequence_of,
+};
 use crate::map::{Event, Map};
 
 /// How files are cut.
@@ -77,6 +79,7 @@ pub struct FileStore {
     disk: Arc<dyn Disk>,
     root: PathBuf,
     options: FileStoreOptions,
+    meters: Arc<StoreMeters>,
     maps: Mutex<BTreeMap<String, Arc<Journal>>>,
     /// Maps are created and deleted one at a time.
     changing: tokio::sync::Mutex<()>,
@@ -108,12 +111,12 @@ impl FileStore {
     ) -> Result<Self, StoreError> {
         create_root(&*disk, &root)?;
         let folder = root.join("maps");
-        let mut maps = BTreeMap::new();
+        let (mut maps, meters) = (BTreeMap::new(), Arc::default());
         let listed = disk.list(&folder).map_err(|e| file_error("cannot list", &folder, &e))?;
         for name in listed {
             let path = folder.join(&name);
             if let Some((name, uid)) = identity(&*disk, &path)? {
-                let journal = Journal::new(&name, uid, path, Arc::clone(&disk), options);
+                let journal = Journal::new(&name, uid, path, Arc::clone(&disk), options, &meters);
                 maps.insert(name, Arc::new(journal));
             }
         }
@@ -121,11 +124,18 @@ impl FileStore {
             disk,
             root,
             options,
+            meters,
             maps: Mutex::new(maps),
             changing: tokio::sync::Mutex::new(()),
             last_epoch: AtomicU64::new(0),
             lock: Mutex::new(lock),
         })
+    }
+
+    /// What it counts.
+    #[must_use]
+    pub fn meters(&self) -> Arc<StoreMeters> {
+        Arc::clone(&self.meters)
     }
 
     fn maps(&self) -> MutexGuard<'_, BTreeMap<String, Arc<Journal>>> {
@@ -224,7 +234,8 @@ impl Store for FileStore {
         let epoch = self.next_epoch();
         let (uid, folder) = self.new_folder(map);
         let (disk, name) = (Arc::clone(&self.disk), map.to_owned());
-        let journal = Journal::new(map, uid, folder.clone(), Arc::clone(&disk), self.options);
+        let (options, meters) = (self.options, &self.meters);
+        let journal = Journal::new(map, uid, folder.clone(), Arc::clone(&disk), options, meters);
         let maps = self.root.join("maps");
         blocking(move || {
             let failed = |error| file_error("cannot create", &folder, &error);

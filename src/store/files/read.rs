@@ -2,6 +2,7 @@
 //! Everything here blocks.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use super::journal::Journal;
 use super::record::scan;
@@ -75,6 +76,20 @@ pub(super) fn newest_snapshot(journal: &Journal) -> Result<Option<Arc<Map>>, Sto
 /// # Errors
 /// [`StoreError::File`]; [`StoreError::Content`] where it does not read back, and is removed.
 pub(super) fn put_snapshot(journal: &Journal, map: &Map) -> Result<(), StoreError> {
+    let (start, meters) = (Instant::now(), &journal.meters);
+    let written = write_snapshot(journal, map);
+    match &written {
+        Ok(bytes) => {
+            meters.snapshot_ns.observe_time(start.elapsed());
+            meters.snapshot_bytes.add(*bytes);
+        }
+        Err(_) => meters.snapshot_failures.increment(),
+    }
+    written.map(|_bytes| ())
+}
+
+/// Answers its size in bytes.
+fn write_snapshot(journal: &Journal, map: &Map) -> Result<u64, StoreError> {
     let sequence = sequence_of(map.revision());
     let path = journal.folder.join(snapshot_name(sequence));
     write(&*journal.disk, &path, &seal_map(&journal.uid, map)?)?;
@@ -90,5 +105,5 @@ pub(super) fn put_snapshot(journal: &Journal, map: &Map) -> Result<(), StoreErro
         journal.disk.remove(&old).map_err(|e| file_error("cannot remove", &old, &e))?;
     }
     journal.snapshot_taken(sequence, snapshots);
-    Ok(())
+    Ok(bytes.len() as u64)
 }

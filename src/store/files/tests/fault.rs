@@ -45,6 +45,7 @@ async fn after_a_failed_fsync_nothing_is_acknowledged_any_more() {
     }
     let told = flushed.borrow().clone();
     let Some(StoreError::Stopped { map, durable, .. }) = &told.failed else { panic!("{told:?}") };
+    assert_eq!(store.meters().journal_failures.get(), 1);
     assert_eq!((map.as_str(), *durable), ("a", told.through));
     // The disk works again; the journal does not trust it.
     let last = next - 1;

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::faulty::{FaultyDisk, Survives};
 use super::script::{event, fold, open, stored};
+use crate::meter::Histogram;
 use crate::store::files::{FileStore, FileStoreOptions};
 use crate::store::{Store, StoreError};
 
@@ -43,6 +44,12 @@ async fn snapshots_let_the_journal_shrink_and_the_last_two_stay() {
         assert_eq!(snapshots as u64, round.min(2), "{names:?}");
     }
     assert!(was_due, "48 events are due for a snapshot");
+    let meters = store.meters();
+    assert_eq!(meters.group_events.sum(), 48);
+    assert!(meters.journal_bytes.get() > 48 * 20 && meters.snapshot_bytes.get() > 6 * 20);
+    let all = |histogram: &Histogram| histogram.cumulative().last().unwrap().1;
+    assert_eq!((all(&meters.group_events), all(&meters.sync_ns)), (48, 48), "one by one");
+    assert_eq!((all(&meters.snapshot_ns), meters.snapshot_failures.get()), (6, 0));
     let first = disk.files().iter().find_map(|(path, _)| {
         path.strip_suffix(".log").and_then(|path| path.rsplit_once('/')?.1.parse::<u64>().ok())
     });

@@ -1,0 +1,337 @@
+//! What the engines of a server count while they work: plain atomics, and names for their rows.
+//!
+//! One set for all maps of a server, so that a server of many maps has no more rows than one of few.
+//! What the sets are called to the outside is known in `service/telemetry`.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
+use std::time::Instant;
+
+use covis_solvers::optimizer::Termination;
+
+use super::pool::SolvePanicked;
+use super::work::Outcome;
+use super::{MapHandle, MapState};
+use crate::map::{Reason, SolveKind};
+use crate::meter::{Counter, Gauge, Held, Histogram};
+
+/// Why items are rejected, in the order of the counters.
+const REASONS: [&str; 14] = [
+    "missing",
+    "not_finite",
+    "out_of_range",
+    "not_normalized",
+    "not_positive_definite",
+    "wrong_length",
+    "unknown_reference",
+    "already_exists",
+    "duplicate",
+    "projection_not_finite",
+    "inconsistent",
+    "unknown_value",
+    "unimplemented",
+    "too_large",
+];
+
+fn place_of_reason(reason: Reason) -> usize {
+    match reason {
+        Reason::Missing => 0,
+        Reason::NotFinite => 1,
+        Reason::OutOfRange => 2,
+        Reason::NotNormalized => 3,
+        Reason::NotPositiveDefinite => 4,
+        Reason::WrongLength => 5,
+        Reason::UnknownReference => 6,
+        Reason::AlreadyExists => 7,
+        Reason::Duplicate => 8,
+        Reason::ProjectionNotFinite => 9,
+        Reason::Inconsistent => 10,
+        Reason::UnknownValue => 11,
+        Reason::Unimplemented => 12,
+        Reason::TooLarge => 13,
+    }
+}
+
+/// How solves end, in the order of the counters.
+const ENDS: [&str; 10] = [
+    "converged",
+    "max_iterations",
+    "deadline",
+    "canceled",
+    "stalled",
+    "numerical_failure",
+    "nothing_to_solve",
+    "unsolvable",
+    "panicked",
+    "answered",
+];
+const PANICKED: usize = 8;
+/// Of a problem that came with a call: the call's answer says more.
+const ANSWERED: usize = 9;
+
+fn place_of_end(outcome: &Outcome) -> usize {
+    match outcome {
+        Ok(Some(solution)) => match solution.certificate.solve.termination {
+            Termination::Converged(_) => 0,
+            Termination::MaxIterations => 1,
+            Termination::Deadline => 2,
+            Termination::Cancelled => 3,
+            Termination::Stalled => 4,
+            Termination::NumericalFailure => 5,
+        },
+        Ok(None) => 6,
+        Err(_) => 7,
+    }
+}
+
+/// Instruments of one kind of solve.
+#[derive(Debug)]
+pub struct SolveMeters {
+    /// Its name.
+    pub kind: &'static str,
+    /// How long it waited for a thread of the pool, ns.
+    pub waiting_ns: Histogram,
+    /// How long it ran, ns.
+    pub running_ns: Histogram,
+    /// Now waiting for a thread.
+    pub waiting: Arc<Gauge>,
+    /// Now running.
+    pub running: Arc<Gauge>,
+    ends: [Counter; ENDS.len()],
+}
+
+impl SolveMeters {
+    fn new(kind: &'static str) -> Arc<Self> {
+        Arc::new(Self {
+            kind,
+            waiting_ns: Histogram::of_durations(),
+            running_ns: Histogram::of_durations(),
+            waiting: Arc::default(),
+            running: Arc::default(),
+            ends: Default::default(),
+        })
+    }
+
+    /// How its solves ended, by name.
+    pub fn ends(&self) -> impl Iterator<Item = (&'static str, &Counter)> {
+        ENDS.into_iter().zip(&self.ends)
+    }
+
+    /// A solve is handed to the pool.
+    pub(super) fn queued(self: &Arc<Self>) -> QueuedSolve {
+        QueuedSolve { since: Instant::now(), _held: self.waiting.hold(), meters: Arc::clone(self) }
+    }
+}
+
+/// Measures a solve that waits for a thread.
+#[derive(Debug)]
+pub struct QueuedSolve {
+    since: Instant,
+    meters: Arc<SolveMeters>,
+    _held: Held,
+}
+
+impl QueuedSolve {
+    /// It has its thread.
+    pub(super) fn started(self) -> StartedSolve {
+        self.meters.waiting_ns.observe_time(self.since.elapsed());
+        let running = self.meters.running.hold();
+        let meters = Arc::clone(&self.meters);
+        StartedSolve { since: Instant::now(), meters, end: PANICKED, _held: running }
+    }
+
+    /// Runs work whose result says nothing of how it ended.
+    pub fn run<R>(self, work: impl FnOnce() -> R) -> R {
+        let mut started = self.started();
+        let result = work();
+        started.end = ANSWERED;
+        result
+    }
+}
+
+/// Measures a solve that runs; dropped before its end it panicked.
+#[derive(Debug)]
+pub(super) struct StartedSolve {
+    since: Instant,
+    meters: Arc<SolveMeters>,
+    end: usize,
+    _held: Held,
+}
+
+impl StartedSolve {
+    /// It has ended.
+    pub(super) fn ended(mut self, outcome: Outcome) -> Outcome {
+        self.end = place_of_end(&outcome);
+        outcome
+    }
+}
+
+impl Drop for StartedSolve {
+    fn drop(&mut self) {
+        let took = self.since.elapsed();
+        self.meters.running_ns.observe_time(took);
+        if let (Some(count), Some(end)) = (self.meters.ends.get(self.end), ENDS.get(self.end)) {
+            count.increment();
+            tracing::debug!(termination = end, ?took, "solve ended");
+        }
+    }
+}
+
+/// Instruments of all engines of a server.
+#[derive(Debug)]
+pub struct EngineMeters {
+    /// Open ingest streams.
+    pub streams: Arc<Gauge>,
+    /// Watchers.
+    pub watchers: Arc<Gauge>,
+    /// Items that were journaled.
+    pub received: Counter,
+    /// Items that the map had already.
+    pub duplicate: Counter,
+    /// Streams that ended at a ceiling.
+    pub ceiling: Counter,
+    rejected: [Counter; REASONS.len()],
+    /// From an item's arrival until it was durable, ns.
+    pub durable_ns: Histogram,
+    /// From an item's arrival until the solve that it started was applied, ns.
+    pub optimized_ns: Histogram,
+    /// Solves of windows, of pose graphs, of whole maps, and of problems that came with a call.
+    pub solves: [Arc<SolveMeters>; 4],
+    /// Solves of windows whose result was dropped for a loop closure or an optimization.
+    pub superseded: Counter,
+    /// Panics that were caught in an engine.
+    pub engine_panics: Counter,
+    /// Panics that were caught in a solve.
+    pub solve_panics: Counter,
+}
+
+impl Default for EngineMeters {
+    fn default() -> Self {
+        Self {
+            streams: Arc::default(),
+            watchers: Arc::default(),
+            received: Counter::default(),
+            duplicate: Counter::default(),
+            ceiling: Counter::default(),
+            rejected: Default::default(),
+            durable_ns: Histogram::of_durations(),
+            optimized_ns: Histogram::of_durations(),
+            solves: ["local_bundle", "pose_graph", "global", "request"].map(SolveMeters::new),
+            superseded: Counter::default(),
+            engine_panics: Counter::default(),
+            solve_panics: Counter::default(),
+        }
+    }
+}
+
+impl EngineMeters {
+    /// Rejected items by the reason of their first violation.
+    pub fn rejected(&self) -> impl Iterator<Item = (&'static str, &Counter)> {
+        REASONS.into_iter().zip(&self.rejected)
+    }
+
+    /// An item was rejected.
+    pub(super) fn reject(&self, reason: Reason) {
+        if let Some(count) = self.rejected.get(place_of_reason(reason)) {
+            count.increment();
+        }
+    }
+
+    /// A solve of a map is handed to the pool.
+    pub(super) fn solve(&self, kind: SolveKind) -> QueuedSolve {
+        let [local_bundle, pose_graph, global, _] = &self.solves;
+        match kind {
+            SolveKind::LocalBundle => local_bundle.queued(),
+            SolveKind::PoseGraph => pose_graph.queued(),
+            SolveKind::Global => global.queued(),
+        }
+    }
+
+    /// A solve of a problem that came with a call is handed to the pool.
+    #[must_use]
+    pub fn request_solve(&self) -> QueuedSolve {
+        let [.., request] = &self.solves;
+        request.queued()
+    }
+
+    /// A solve panicked.
+    pub(super) fn solve_panicked<R>(
+        &self,
+        result: Result<R, SolvePanicked>,
+    ) -> Result<R, SolvePanicked> {
+        if result.is_err() {
+            self.solve_panics.increment();
+        }
+        result
+    }
+}
+
+/// The maps of a server and their queues at one moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MapCounts {
+    /// Maps that take changes.
+    pub open: u64,
+    /// Maps that a bug made read-only.
+    pub poisoned: u64,
+    /// Maps that lost data or cannot write, read-only.
+    pub frozen: u64,
+    /// Items that wait in all queues.
+    pub queued: u64,
+    /// Room for items in all queues.
+    pub queue_capacity: u64,
+    /// How full the fullest queue is, 0 to 1.
+    pub fullest: f64,
+}
+
+impl MapCounts {
+    /// Adds a map.
+    pub(super) fn add(&mut self, handle: &MapHandle) {
+        match handle.shared.condition.get() {
+            Condition::Open => self.open += 1,
+            Condition::Poisoned => self.poisoned += 1,
+            Condition::Frozen => self.frozen += 1,
+        }
+        let capacity = handle.items.max_capacity();
+        let queued = capacity - handle.items.capacity().min(capacity);
+        self.queued += queued as u64;
+        self.queue_capacity += capacity as u64;
+        self.fullest = self.fullest.max(queued as f64 / capacity.max(1) as f64);
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Condition {
+    Open,
+    Poisoned,
+    Frozen,
+}
+
+/// Whether a map takes changes, readable without asking its engine.
+#[derive(Debug)]
+pub(super) struct ConditionCell(AtomicU8);
+
+impl ConditionCell {
+    pub(super) fn new(state: MapState, is_refused: bool) -> Self {
+        let cell = Self(AtomicU8::new(0));
+        cell.put(state, is_refused);
+        cell
+    }
+
+    /// `is_refused` says that the journal is the reason and no bug.
+    pub(super) fn put(&self, state: MapState, is_refused: bool) {
+        let value = match (state, is_refused) {
+            (MapState::Open, _) => 0,
+            (MapState::Poisoned, false) => 1,
+            (MapState::Poisoned, true) => 2,
+        };
+        self.0.store(value, Ordering::Relaxed);
+    }
+
+    fn get(&self) -> Condition {
+        match self.0.load(Ordering::Relaxed) {
+            0 => Condition::Open,
+            1 => Condition::Poisoned,
+            _ => Condition::Frozen,
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! The listener for Prometheus: plain HTTP/1.1, `GET /metrics` and nothing else.
+//!
+//! One answer a connection, few connections at once and little time for a request, so that nobody
+//! can hold the server up by it. It reads atomics and never waits for an engine.
+
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::time::Duration;
+
+use hyper::body::Incoming;
+use hyper::header::{ALLOW, CONTENT_TYPE};
+use hyper::server::conn::http1;
+use hyper::service::service_fn;
+use hyper::{Method, Request, Response, StatusCode};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::Semaphore;
+use tokio::task::JoinSet;
+
+use super::{page, text};
+use crate::service::context::Context;
+
+/// Connections at once; a scraper needs one.
+const MAX_CONNECTIONS: usize = 16;
+/// A connection's time, from the accept to the end of the answer.
+const CONNECTION_TIME: Duration = Duration::from_secs(10);
+
+/// Answers scrapes until it is dropped.
+pub(in crate::service) async fn serve(listener: TcpListener, context: Arc<Context>) {
+    let places = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+    let mut connections = JoinSet::new();
+    loop {
+        let Ok(place) = Arc::clone(&places).acquire_owned().await else { return };
+        match listener.accept().await {
+            Ok((stream, _)) => {
+                let context = Arc::clone(&context);
+                connections.spawn(async move {
+                    let _place = place;
+                    let answered = tokio::time::timeout(CONNECTION_TIME, answer(stream, context));
+                    if answered.await.is_err() {
+                        tracing::debug!("a connection for metrics took too long");
+                    }
+                });
+            }
+            Err(error) => {
+                tracing::warn!(%error, "a connection for metrics was not taken");
+                // Out of files, most likely: there is nothing to be had at once.
+                tokio::time::sleep(Duration::from_millis(100)).await;
+            }
+        }
+        while connections.try_join_next().is_some() {}
+    }
+}
+
+async fn answer(stream: TcpStream, context: Arc<Context>) {
+    let service = service_fn(move |request| {
+        let response = respond(&request, &context);
+        async move { Ok::<_, Infallible>(response) }
+    });
+    let connection = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .keep_alive(false)
+        .serve_connection(TokioIo::new(stream), service);
+    if let Err(error) = connection.await {
+        tracing::debug!(%error, "a connection for metrics");
+    }
+}
+
+fn respond(request: &Request<Incoming>, context: &Context) -> Response<String> {
+    let plain = |status, text: &str| {
+        let mut response = Response::new(text.to_owned());
+        *response.status_mut() = status;
+        response
+    };
+    if request.uri().path() != "/metrics" {
+        return plain(StatusCode::NOT_FOUND, "there is /metrics only\n");
+    }
+    if request.method() != Method::GET {
+        let mut response = plain(StatusCode::METHOD_NOT_ALLOWED, "GET only\n");
+        response.headers_mut().insert(ALLOW, hyper::header::HeaderValue::from_static("GET"));
+        return response;
+    }
+    let mut response = Response::new(page(context));
+    let format = hyper::header::HeaderValue::from_static(text::CONTENT_TYPE);
+    response.headers_mut().insert(CONTENT_TYPE, format);
+    response
+}

@@ -1,0 +1,153 @@
+//! Every family of the page, with its name, its help and its rows.
+//!
+//! Counters end in `_total`, other names in their unit. A name that changes here changes in
+//! `docs/operations.md`, which a test compares with the page.
+
+use std::sync::atomic::Ordering;
+
+use super::process;
+use super::text::Text;
+use crate::service::context::Context;
+use crate::service::engine::EngineMeters;
+use crate::store::StoreMeters;
+
+/// The page of a server as it is now.
+pub(in crate::service) fn page(context: &Context) -> String {
+    let mut text = Text::default();
+    server(&mut text, context);
+    calls(&mut text, context);
+    maps(&mut text, context);
+    items(&mut text, context.maps.meters());
+    solves(&mut text, context.maps.meters());
+    store(&mut text, &context.meters.store);
+    text.finish()
+}
+
+fn server(text: &mut Text, context: &Context) {
+    text.gauge("covis_build_info", "Which build runs; always 1.")
+        .row(&[("version", env!("CARGO_PKG_VERSION"))], 1);
+    text.gauge("covis_start_time_seconds", "Unix time of the server's start.")
+        .row(&[], context.start_time_ns as f64 / 1e9);
+    let serving = context.ready.load(Ordering::Acquire) && !*context.draining.borrow();
+    text.gauge("covis_serving", "1 while calls are taken, 0 while maps open and while draining.")
+        .row(&[], u8::from(serving));
+    text.gauge("covis_solver_threads", "Threads of the solver pool.")
+        .row(&[], context.maps.pool().threads());
+    let mut family = text.gauge("covis_resident_memory_bytes", "Resident memory of the process.");
+    process::resident_bytes().into_iter().for_each(|bytes| {
+        family.row(&[], bytes);
+    });
+    let mut family = text.gauge("covis_open_files", "Files and sockets that are open.");
+    process::open_files().into_iter().for_each(|count| {
+        family.row(&[], count);
+    });
+    let mut family = text.gauge("covis_open_files_limit", "Files that may be open.");
+    process::max_open_files().into_iter().for_each(|count| {
+        family.row(&[], count);
+    });
+    let engine = context.maps.meters();
+    text.counter(
+        "covis_panics_total",
+        "Panics that were caught: bugs, each in the log with its id.",
+    )
+    .row(&[("where", "engine")], engine.engine_panics.get())
+    .row(&[("where", "solve")], engine.solve_panics.get())
+    .row(&[("where", "rpc")], context.meters.rpc_panics.get());
+}
+
+fn calls(text: &mut Text, context: &Context) {
+    let mut family = text.counter("covis_rpcs_total", "Calls that ended, by RPC and status code.");
+    for (rpc, meter) in context.meters.calls.rows() {
+        for (code, count) in meter.codes() {
+            family.row(&[("rpc", rpc), ("code", code)], count);
+        }
+    }
+    let help = "From a call's headers to the end of its answer; streams to their end.";
+    let mut family = text.histogram("covis_rpc_duration_seconds", help);
+    for (rpc, meter) in context.meters.calls.rows() {
+        family.seconds(&[("rpc", rpc)], &meter.duration_ns);
+    }
+    text.counter("covis_tls_handshake_failures_total", "TLS handshakes that failed.")
+        .row(&[], context.meters.failed_handshakes.get());
+}
+
+fn maps(text: &mut Text, context: &Context) {
+    let counts = context.maps.counts();
+    let help =
+        "Maps; poisoned by a bug, or frozen by damage or a failing disk, they are read-only.";
+    text.gauge("covis_maps", help)
+        .row(&[("state", "open")], counts.open)
+        .row(&[("state", "poisoned")], counts.poisoned)
+        .row(&[("state", "frozen")], counts.frozen);
+    text.gauge("covis_queue_items", "Items that wait for their engine, all maps.")
+        .row(&[], counts.queued);
+    text.gauge("covis_queue_capacity_items", "Room for waiting items, all maps.")
+        .row(&[], counts.queue_capacity);
+    text.gauge("covis_queue_fullest_ratio", "How full the fullest map's queue is.")
+        .row(&[], counts.fullest);
+    let engine = context.maps.meters();
+    text.gauge("covis_ingest_streams", "Ingest streams that are open.")
+        .row(&[], engine.streams.get());
+    text.gauge("covis_watchers", "Watchers of maps.").row(&[], engine.watchers.get());
+}
+
+fn items(text: &mut Text, engine: &EngineMeters) {
+    let help = "Items by outcome; `ceiling` ended its stream.";
+    let mut family = text.counter("covis_items_total", help);
+    family
+        .row(&[("outcome", "received")], engine.received.get())
+        .row(&[("outcome", "duplicate")], engine.duplicate.get())
+        .row(&[("outcome", "ceiling")], engine.ceiling.get());
+    for (reason, count) in engine.rejected() {
+        family.row(&[("outcome", "rejected"), ("reason", reason)], count.get());
+    }
+    let help = "From an item's arrival until it was on disk.";
+    text.histogram("covis_item_durable_seconds", help).seconds(&[], &engine.durable_ns);
+    let help = "From an item's arrival until what it called for was solved and applied.";
+    text.histogram("covis_item_optimized_seconds", help).seconds(&[], &engine.optimized_ns);
+}
+
+fn solves(text: &mut Text, engine: &EngineMeters) {
+    let mut family = text.counter("covis_solves_total", "Solves by kind and termination.");
+    for solve in &engine.solves {
+        for (end, count) in solve.ends().filter(|(_, count)| count.get() > 0) {
+            family.row(&[("kind", solve.kind), ("termination", end)], count.get());
+        }
+    }
+    let mut family = text.histogram("covis_solve_duration_seconds", "How long solves ran.");
+    for solve in &engine.solves {
+        family.seconds(&[("kind", solve.kind)], &solve.running_ns);
+    }
+    let help = "How long solves waited for a thread of the pool.";
+    let mut family = text.histogram("covis_solve_wait_seconds", help);
+    for solve in &engine.solves {
+        family.seconds(&[("kind", solve.kind)], &solve.waiting_ns);
+    }
+    let mut family = text.gauge("covis_solves_running", "Solves that run.");
+    for solve in &engine.solves {
+        family.row(&[("kind", solve.kind)], solve.running.get());
+    }
+    let mut family = text.gauge("covis_solves_waiting", "Solves that wait for a thread.");
+    for solve in &engine.solves {
+        family.row(&[("kind", solve.kind)], solve.waiting.get());
+    }
+    let help = "Local solves whose result was dropped for a loop closure or an optimization.";
+    text.counter("covis_solves_superseded_total", help).row(&[], engine.superseded.get());
+}
+
+fn store(text: &mut Text, store: &StoreMeters) {
+    text.counter("covis_journal_bytes_total", "Bytes written to journals.")
+        .row(&[], store.journal_bytes.get());
+    text.histogram("covis_journal_group_events", "Events of one write and fsync.")
+        .counts(&[], &store.group_events);
+    text.histogram("covis_journal_sync_seconds", "How long a write and its fsync took.")
+        .seconds(&[], &store.sync_ns);
+    text.counter("covis_journal_failures_total", "Journals that a failed write or fsync stopped.")
+        .row(&[], store.journal_failures.get());
+    text.histogram("covis_snapshot_duration_seconds", "How long writing a snapshot took.")
+        .seconds(&[], &store.snapshot_ns);
+    text.counter("covis_snapshot_bytes_total", "Bytes of snapshots.")
+        .row(&[], store.snapshot_bytes.get());
+    text.counter("covis_snapshot_failures_total", "Snapshots that could not be written.")
+        .row(&[], store.snapshot_failures.get());
+}

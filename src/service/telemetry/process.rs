@@ -1,0 +1,22 @@
+//! What the system says of this process, where it has `/proc`.
+
+/// Bytes of memory that are resident; `None` where the system does not say.
+pub(super) fn resident_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kibibytes * 1024)
+}
+
+/// Files, sockets and pipes that are open; `None` where the system does not say.
+pub(super) fn open_files() -> Option<usize> {
+    // Listing the folder takes one.
+    std::fs::read_dir("/proc/self/fd").ok().map(|files| files.count().saturating_sub(1))
+}
+
+/// The most that may be open; `None` where the system does not say, or sets no limit.
+pub(super) fn max_open_files() -> Option<u64> {
+    let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
+    let line = limits.lines().find_map(|line| line.strip_prefix("Max open files"))?;
+    line.split_whitespace().next()?.parse().ok()
+}

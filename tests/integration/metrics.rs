@@ -1,0 +1,328 @@
+//! `GET /metrics`: what is counted, that the handbook lists exactly what the page has, and who is
+//! refused.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::net::SocketAddr;
+
+use covis::service::{RunningServer, Server, ServerConfig, ServerError};
+use covis::wire::v1;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+use tonic::Code;
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_check_response::ServingStatus;
+use tonic_health::pb::health_client::HealthClient;
+use v1::ingest_request::Item;
+
+use crate::common::{Stream, TestServer, camera, check_status, keyframe, run};
+
+/// Sends one request and reads until the server closes.
+async fn http(address: SocketAddr, request: &str) -> String {
+    let mut stream = TcpStream::connect(address).await.unwrap();
+    stream.write_all(request.as_bytes()).await.unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).await.unwrap();
+    answer
+}
+
+/// A page: values by name with labels, and the names of the families.
+struct Page {
+    values: BTreeMap<String, f64>,
+    families: BTreeSet<String>,
+}
+
+impl Page {
+    async fn of(server: &RunningServer) -> Self {
+        let address = server.metrics_addr().unwrap();
+        let answer = http(address, "GET /metrics HTTP/1.1\r\nhost: covis\r\n\r\n").await;
+        let (head, body) = answer.split_once("\r\n\r\n").unwrap();
+        assert!(head.starts_with("HTTP/1.1 200 "), "{head}");
+        assert!(head.contains("content-type: text/plain; version=0.0.4"), "{head}");
+        let mut page = Self { values: BTreeMap::new(), families: BTreeSet::new() };
+        let mut family = String::new();
+        for line in body.lines() {
+            if let Some(rest) = line.strip_prefix("# HELP ") {
+                let (name, help) = rest.split_once(' ').unwrap();
+                assert!(help.ends_with('.'), "{line}");
+                assert!(page.families.insert(name.to_owned()), "{name} comes twice");
+                family = name.to_owned();
+            } else if let Some(rest) = line.strip_prefix("# TYPE ") {
+                let (name, kind) = rest.split_once(' ').unwrap();
+                assert_eq!(name, family);
+                assert_eq!(kind == "counter", name.ends_with("_total"), "{line}");
+            } else {
+                let (name, value) = line.rsplit_once(' ').unwrap();
+                assert!(name.starts_with(&family), "`{line}` under {family}");
+                let value = value.parse().unwrap();
+                assert!(page.values.insert(name.to_owned(), value).is_none(), "{name} twice");
+            }
+        }
+        page
+    }
+
+    #[track_caller]
+    fn get(&self, name: &str) -> f64 {
+        *self.values.get(name).unwrap_or_else(|| panic!("no {name} in {:#?}", self.values))
+    }
+}
+
+async fn start(change: impl FnOnce(&mut ServerConfig)) -> TestServer {
+    TestServer::with(|config| {
+        config.metrics_listen = Some("127.0.0.1:0".to_owned());
+        change(config);
+    })
+    .await
+}
+
+/// Six keyframes of "house", then one again and one that is bad.
+async fn ingest(server: &TestServer) {
+    server.create_map("house").await;
+    server.build_map("house", 6).await;
+    let (mut stream, opened) = Stream::open(server, "house", "robot", 0).await;
+    assert_eq!(opened.next_sequence, 8);
+    assert!(stream.put(7, Item::Keyframe(keyframe(5))).await.duplicate);
+    let unplaced = v1::Keyframe { world_from_camera: None, odom_from_camera: None, ..keyframe(6) };
+    let refused = stream.put(8, Item::Keyframe(unplaced)).await;
+    assert_eq!(refused.status(), v1::AckStatus::Rejected);
+    let page = Page::of(&server.running).await;
+    assert_eq!(page.get("covis_ingest_streams"), 1.0);
+    stream.finish().await.unwrap();
+}
+
+#[test]
+fn items_solves_calls_and_the_journal_are_counted() {
+    run(async {
+        let folder = tempfile::tempdir().unwrap();
+        let server = start(|config| config.data_dir = Some(folder.path().to_owned())).await;
+        ingest(&server).await;
+        let watch = v1::WatchMapRequest { map_id: "house".to_owned(), ..Default::default() };
+        let mut watch = server.maps().watch_map(watch).await.unwrap().into_inner();
+        watch.message().await.unwrap().unwrap();
+        let get = v1::GetMapRequest { map_id: "none".to_owned(), ..Default::default() };
+        let status = server.maps().get_map(get).await.unwrap_err();
+        assert_eq!(status.code(), Code::NotFound);
+        let optimize = v1::OptimizeMapRequest { map_id: "house".to_owned(), ..Default::default() };
+        let mut rows = server.optimization().optimize_map(optimize).await.unwrap().into_inner();
+        while rows.message().await.unwrap().is_some() {}
+        let bundle = v1::SolveBundleRequest {
+            problem: Some(crate::common::bundle(3)),
+            ..Default::default()
+        };
+        server.optimization().solve_bundle(bundle).await.unwrap();
+
+        let page = Page::of(&server.running).await;
+        assert_eq!(page.get("covis_items_total{outcome=\"received\"}"), 7.0);
+        assert_eq!(page.get("covis_items_total{outcome=\"duplicate\"}"), 1.0);
+        assert_eq!(page.get("covis_items_total{outcome=\"ceiling\"}"), 0.0);
+        assert_eq!(page.get("covis_items_total{outcome=\"rejected\",reason=\"missing\"}"), 1.0);
+        assert_eq!(page.get("covis_item_durable_seconds_count"), 8.0);
+        assert_eq!(page.get("covis_item_optimized_seconds_count"), 7.0);
+        assert_eq!(page.get("covis_ingest_streams"), 0.0);
+        assert_eq!(page.get("covis_watchers"), 1.0);
+        assert_eq!(page.get("covis_maps{state=\"open\"}"), 1.0);
+        assert_eq!(page.get("covis_maps{state=\"poisoned\"}"), 0.0);
+        assert_eq!(page.get("covis_queue_capacity_items"), 64.0);
+        assert_eq!(page.get("covis_queue_items"), 0.0);
+        let rpc = |name: &str, code: &str| {
+            page.get(&format!("covis_rpcs_total{{rpc=\"covis.v1.{name}\",code=\"{code}\"}}"))
+        };
+        assert_eq!(rpc("MapService/CreateMap", "OK"), 1.0);
+        assert_eq!(rpc("MapService/GetMap", "NOT_FOUND"), 1.0);
+        assert_eq!(rpc("IngestService/Ingest", "OK"), 2.0);
+        assert_eq!(rpc("OptimizationService/OptimizeMap", "OK"), 1.0);
+        let duration = "covis_rpc_duration_seconds_count{rpc=\"covis.v1.IngestService/Ingest\"}";
+        assert_eq!(page.get(duration), 2.0);
+        let solved = |kind: &str| {
+            let counts = page.values.iter().filter(|(name, _)| {
+                name.starts_with(&format!("covis_solves_total{{kind=\"{kind}\""))
+            });
+            counts.map(|(_, value)| value).sum::<f64>()
+        };
+        assert!(solved("local_bundle") >= 1.0);
+        assert_eq!((solved("global"), solved("request")), (1.0, 1.0));
+        for kind in ["local_bundle", "global", "request"] {
+            let count = |name: &str| page.get(&format!("{name}_count{{kind=\"{kind}\"}}"));
+            assert_eq!(count("covis_solve_duration_seconds"), solved(kind), "{kind}");
+            assert_eq!(count("covis_solve_wait_seconds"), solved(kind), "{kind}");
+            assert_eq!(page.get(&format!("covis_solves_running{{kind=\"{kind}\"}}")), 0.0);
+            assert_eq!(page.get(&format!("covis_solves_waiting{{kind=\"{kind}\"}}")), 0.0);
+        }
+        // Every event is in one group, the map's creation and the two openings among them.
+        assert!(page.get("covis_journal_group_events_sum") >= 7.0 + 3.0);
+        assert!(page.get("covis_journal_sync_seconds_count") >= 2.0);
+        assert!(page.get("covis_journal_bytes_total") > 1000.0);
+        assert_eq!(page.get("covis_journal_failures_total"), 0.0);
+        assert_eq!(page.get("covis_panics_total{where=\"engine\"}"), 0.0);
+        assert_eq!(page.get("covis_serving"), 1.0);
+        if cfg!(target_os = "linux") {
+            assert!(page.get("covis_resident_memory_bytes") > 1e6);
+            assert!(page.get("covis_open_files") >= 3.0);
+        }
+        // No label grows with maps and clients.
+        for name in page.values.keys() {
+            assert!(!name.contains("house") && !name.contains("robot"), "{name}");
+        }
+    });
+}
+
+#[test]
+fn the_handbook_lists_what_the_page_has() {
+    run(async {
+        let server = start(|_| {}).await;
+        ingest(&server).await;
+        let page = Page::of(&server.running).await;
+        let text = include_str!("../../docs/operations.md");
+        let rows = text.lines().filter(|line| line.starts_with("| `covis_"));
+        let names = rows.flat_map(|row| {
+            let first = row.split('|').nth(1).unwrap();
+            first.split('`').filter(|part| part.starts_with("covis_")).map(str::to_owned)
+        });
+        let listed: BTreeSet<String> = names.collect();
+        assert_eq!(listed, page.families);
+        // Alerts and examples name nothing else.
+        let word = |c: char| !(c.is_ascii_alphanumeric() || c == '_');
+        for name in text.split(word).filter(|word| word.starts_with("covis_")) {
+            let base = ["_bucket", "_sum", "_count"].iter().find_map(|s| name.strip_suffix(s));
+            let is_known = listed.contains(name) || base.is_some_and(|name| listed.contains(name));
+            assert!(is_known, "{name}");
+        }
+        // A row for every family, so that no alert waits for a name that is not there yet.
+        for family in &page.families {
+            assert!(page.values.keys().any(|name| name.starts_with(family)), "{family}");
+        }
+    });
+}
+
+#[test]
+fn bugs_are_counted_by_where_they_were_caught() {
+    run(async {
+        let server = start(|config| config.test_fault = Some("panic-in-solve".to_owned())).await;
+        server.create_map("house").await;
+        let (mut stream, _) = Stream::open(&server, "house", "robot", 0).await;
+        stream.send(1, Item::Camera(camera(0))).await;
+        stream.send(2, Item::Keyframe(keyframe(0))).await;
+        stream.send(3, Item::Keyframe(keyframe(1))).await;
+        assert_eq!(stream.end().await.code(), Code::Internal);
+        let page = Page::of(&server.running).await;
+        assert_eq!(page.get("covis_panics_total{where=\"solve\"}"), 1.0);
+        let panicked = "covis_solves_total{kind=\"local_bundle\",termination=\"panicked\"}";
+        assert_eq!(page.get(panicked), 1.0);
+
+        let server = start(|config| config.test_fault = Some("panic-in-engine".to_owned())).await;
+        server.create_map("house").await;
+        let (mut stream, _) = Stream::open(&server, "house", "robot", 0).await;
+        stream.send(1, Item::Camera(camera(0))).await;
+        assert_eq!(stream.end().await.code(), Code::Internal);
+        // A call that the engine answers after it has dealt with the panic.
+        let get = v1::GetMapRequest { map_id: "house".to_owned(), ..Default::default() };
+        server.maps().get_map(get).await.unwrap();
+        let page = Page::of(&server.running).await;
+        assert_eq!(page.get("covis_panics_total{where=\"engine\"}"), 1.0);
+        assert_eq!(page.get("covis_maps{state=\"poisoned\"}"), 1.0);
+        assert_eq!(page.get("covis_maps{state=\"open\"}"), 0.0);
+
+        let server = start(|config| config.test_fault = Some("rpc:ListMaps".to_owned())).await;
+        server.maps().list_maps(v1::ListMapsRequest::default()).await.unwrap_err();
+        let page = Page::of(&server.running).await;
+        assert_eq!(page.get("covis_panics_total{where=\"rpc\"}"), 1.0);
+        let internal = "covis_rpcs_total{rpc=\"covis.v1.MapService/ListMaps\",code=\"INTERNAL\"}";
+        assert_eq!(page.get(internal), 1.0);
+    });
+}
+
+#[test]
+fn there_is_one_page_to_read_and_nothing_to_write() {
+    run(async {
+        let server = start(|_| {}).await;
+        let address = server.running.metrics_addr().unwrap();
+        let check = async |request: &str, status: &str| {
+            let answer = http(address, request).await;
+            assert!(answer.starts_with(&format!("HTTP/1.1 {status} ")), "{request}: {answer}");
+        };
+        check("GET /metrics HTTP/1.1\r\nhost: a\r\n\r\n", "200").await;
+        check("GET / HTTP/1.1\r\nhost: a\r\n\r\n", "404").await;
+        check("GET /metrics/../x HTTP/1.1\r\nhost: a\r\n\r\n", "404").await;
+        check("POST /metrics HTTP/1.1\r\nhost: a\r\ncontent-length: 0\r\n\r\n", "405").await;
+        check("nonsense\r\n\r\n", "400").await;
+        server.running.shutdown().await;
+        TcpStream::connect(address).await.unwrap_err();
+    });
+}
+
+#[test]
+fn metrics_leave_the_machine_only_where_plain_text_is_allowed() {
+    run(async {
+        let start = async |address: &str, insecure_plain_text| {
+            let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+            let metrics_listen = Some(address.to_owned());
+            let config = ServerConfig {
+                threads: 1,
+                metrics_listen,
+                insecure_plain_text,
+                ..ServerConfig::default()
+            };
+            Server::start(listener, config).await
+        };
+        let refused = start("0.0.0.0:0", false).await.unwrap_err();
+        assert!(matches!(refused, ServerError::PlainMetrics { .. }), "{refused:?}");
+        let open = start("0.0.0.0:0", true).await.unwrap();
+        let taken = open.metrics_addr().unwrap().to_string();
+        let refused = start(&taken, true).await.unwrap_err();
+        assert!(matches!(refused, ServerError::Metrics { .. }), "{refused:?}");
+    });
+}
+
+#[test]
+fn until_the_maps_are_open_health_says_so_and_calls_are_told_to_come_back() {
+    const SERVICES: [&str; 6] = [
+        "",
+        "covis.v1.IngestService",
+        "covis.v1.JobService",
+        "covis.v1.MapService",
+        "covis.v1.OptimizationService",
+        "covis.v1.ServerService",
+    ];
+    run(async {
+        let folder = tempfile::tempdir().unwrap();
+        let config = || ServerConfig {
+            threads: 1,
+            data_dir: Some(folder.path().to_owned()),
+            metrics_listen: Some("127.0.0.1:0".to_owned()),
+            ..ServerConfig::default()
+        };
+        let before = TestServer::with(|c| *c = config()).await;
+        before.create_map("house").await;
+        before.build_map("house", 3).await;
+        before.running.shutdown().await;
+
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let url = format!("http://{}", listener.local_addr().unwrap());
+        let starting = Server::listen(listener, config()).await.unwrap();
+        let channel = tonic::transport::Endpoint::from_shared(url).unwrap().connect_lazy();
+        let mut health = HealthClient::new(channel.clone());
+        let mut check = async |expected| {
+            for service in SERVICES {
+                let request = HealthCheckRequest { service: service.to_owned() };
+                let answer = health.check(request).await.unwrap().into_inner();
+                assert_eq!(answer.status(), expected, "{service}");
+            }
+        };
+        check(ServingStatus::NotServing).await;
+        let mut maps = v1::map_service_client::MapServiceClient::new(channel.clone());
+        let list = v1::ListMapsRequest::default;
+        let status = maps.list_maps(list()).await.unwrap_err();
+        check_status(&status, Code::Unavailable, "STARTING");
+        let mut ingest = v1::ingest_service_client::IngestServiceClient::new(channel);
+        let open = crate::common::open_item("house", "robot", 0);
+        let open = v1::IngestRequest { sequence: 0, item: Some(open) };
+        let mut answers = ingest.ingest(tokio_stream::iter([open])).await.unwrap().into_inner();
+        let status = answers.message().await.unwrap_err();
+        check_status(&status, Code::Unavailable, "STARTING");
+
+        let running = starting.open().await.unwrap();
+        check(ServingStatus::Serving).await;
+        assert_eq!(maps.list_maps(list()).await.unwrap().into_inner().maps.len(), 1);
+        assert_eq!(Page::of(&running).await.get("covis_serving"), 1.0);
+        running.shutdown().await;
+    });
+}
