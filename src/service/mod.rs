@@ -16,6 +16,7 @@
 pub mod engine;
 
 mod access;
+mod bundle_solve;
 mod config;
 mod context;
 mod convert;
