@@ -125,7 +125,7 @@ impl Map {
     fn remember(&mut self, cause: &Cause) {
         if let Some(client) = self.clients.get_mut(cause.client.0 as usize) {
             client.items.insert(cause.sequence, cause.digest);
-            client.next_sequence = client.next_sequence.max(cause.sequence + 1);
+            client.next_sequence = client.next_sequence.max(cause.sequence.saturating_add(1));
         }
     }
 
