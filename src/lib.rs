@@ -18,6 +18,9 @@ pub mod cli;
 pub mod client;
 mod decoding;
 pub mod evaluation;
+#[cfg(any(test, feature = "fuzzing"))]
+#[doc(hidden)]
+pub mod fuzzing;
 pub mod map;
 pub mod service;
 pub mod store;

@@ -23,6 +23,8 @@ mod convert;
 mod deadline;
 mod error;
 mod export;
+#[cfg(any(test, feature = "fuzzing"))]
+pub mod fuzzing;
 mod graph_solve;
 mod ingest_service;
 mod job_service;

@@ -24,6 +24,8 @@
 
 mod disk;
 mod doctor;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(in crate::store) mod fuzzing;
 mod journal;
 mod load;
 mod lock;
