@@ -1,8 +1,8 @@
 //! Compiles `proto/` without protoc: protox parses, tonic-prost-build generates into `OUT_DIR`.
 //!
-//! The descriptor set of the wire is kept beside the generated code: server reflection and the
-//! snapshot test of the wire read it. What the store keeps on disk is a package of its own, of which
-//! neither reflection nor the edge knows.
+//! The descriptor sets are kept beside the generated code: server reflection and the snapshot test of
+//! the wire read the one, and what a message takes in memory is told by both. What the store keeps on
+//! disk is a package of its own, of which neither reflection nor the edge knows.
 
 use std::error::Error;
 use std::fs;
@@ -14,9 +14,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     let out = std::env::var("OUT_DIR")?;
     // `compile_fds` writes no descriptors, so they are written here.
     fs::write(Path::new(&out).join("covis.v1.bin"), wire.encode_file_descriptor_set())?;
-    tonic_prost_build::configure().compile_fds(wire.file_descriptor_set())?;
     let storage = compiler("proto/covis/storage/v1")?;
-    tonic_prost_build::configure().compile_fds(storage.file_descriptor_set())?;
+    fs::write(Path::new(&out).join("covis.storage.v1.bin"), storage.encode_file_descriptor_set())?;
+    for package in [wire, storage] {
+        // Names lead from a message to its descriptor, by which its memory is judged.
+        let mut names = tonic_prost_build::Config::new();
+        names.enable_type_names();
+        tonic_prost_build::configure()
+            .codec_path("crate::wire::Codec")
+            .compile_fds_with_config(package.file_descriptor_set(), names)?;
+    }
     Ok(())
 }
 

@@ -10,13 +10,18 @@
 //! | [`store`] | journal of a map's events |
 //! | [`service`] | the engine that owns a map, and the gRPC edge |
 //! | [`wire`] | generated from `proto/` |
+//! | `decoding` | what a message takes in memory, before it is decoded |
 //! | [`client`] | what a Rust frontend links |
 //! | [`evaluation`] | trajectory errors as evo defines them |
 //! | [`cli`] | one file a subcommand |
 
 pub mod cli;
 pub mod client;
+mod decoding;
 pub mod evaluation;
+#[cfg(any(test, feature = "fuzzing"))]
+#[doc(hidden)]
+pub mod fuzzing;
 pub mod map;
 pub mod meter;
 pub mod service;

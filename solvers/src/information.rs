@@ -60,12 +60,9 @@ fn symmetric<const N: usize>(
     if pairs && matrix.iter().map(|x| x.abs()).sum::<f64>().is_finite() {
         return Ok(*matrix);
     }
-    for row in 0..N {
-        for column in 0..N {
-            if !matrix[(row, column)].is_finite() {
-                return Err(InformationError::NotFinite { row, column });
-            }
-        }
+    finite(matrix)?;
+    if pairs {
+        return Ok(*matrix);
     }
     let tolerance = 1e-9 * matrix.amax();
     for row in 0..N {
@@ -75,7 +72,20 @@ fn symmetric<const N: usize>(
             }
         }
     }
-    Ok((matrix + matrix.transpose()) * 0.5)
+    // Halved first: a sum of the largest numbers is none.
+    Ok(matrix * 0.5 + matrix.transpose() * 0.5)
+}
+
+/// Names the first entry that is not finite.
+fn finite<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Result<(), InformationError> {
+    for row in 0..N {
+        for column in 0..N {
+            if !matrix[(row, column)].is_finite() {
+                return Err(InformationError::NotFinite { row, column });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Whether a symmetric matrix is positive definite: its diagonal dominates, as in most files, or it has
@@ -86,21 +96,23 @@ fn is_definite<const N: usize>(matrix: &SMatrix<f64, N, N>) -> bool {
     (0..N).all(dominates) || Cholesky::new(*matrix).is_some()
 }
 
-/// The smallest eigenvalue, the largest in magnitude, and the nearest matrix without negative ones
-/// (in the Frobenius norm: Higham, "Computing a nearest symmetric positive semidefinite matrix", 1988).
+/// The smallest eigenvalue, the same over the largest in magnitude, and the nearest matrix without
+/// negative ones (in the Frobenius norm: Higham, "Computing a nearest symmetric positive semidefinite
+/// matrix", 1988). Of the largest numbers there are, eigenvalue and matrix may not be finite.
 fn clipped<const N: usize>(matrix: &SMatrix<f64, N, N>) -> (f64, f64, SMatrix<f64, N, N>) {
     // Products of entries must not overflow.
     let scale = if matrix.amax() > 0.0 { matrix.amax() } else { 1.0 };
     let scaled = DMatrix::from_fn(N, N, |r, c| matrix[(r, c)] / scale);
     let mut eigen = scaled.symmetric_eigen();
-    let (smallest, largest) = (eigen.eigenvalues.min() * scale, eigen.eigenvalues.amax() * scale);
+    let (smallest, largest) = (eigen.eigenvalues.min(), eigen.eigenvalues.amax());
+    let ratio = if largest > 0.0 { smallest / largest } else { 0.0 };
     // As S Sᵀ: rounding is then relative to the diagonal and leaves no negative entry on it.
     for (mut column, value) in eigen.eigenvectors.column_iter_mut().zip(eigen.eigenvalues.iter()) {
         column *= value.max(0.0).sqrt();
     }
     let root = SMatrix::<f64, N, N>::from_fn(|r, c| eigen.eigenvectors[(r, c)]);
-    let nearest = root * root.transpose() * scale;
-    (smallest, largest, (nearest + nearest.transpose()) * 0.5)
+    let nearest = root * root.transpose();
+    (smallest * scale, ratio, (nearest + nearest.transpose()) * 0.5 * scale)
 }
 
 impl<const N: usize> Information<N> {
@@ -127,11 +139,11 @@ impl<const N: usize> Information<N> {
         if is_definite(&matrix) {
             return Ok(Self(matrix));
         }
-        let (smallest_eigenvalue, largest, nearest) = clipped(&matrix);
+        let (smallest_eigenvalue, ratio, nearest) = clipped(&matrix);
         if smallest_eigenvalue >= 0.0 {
             Ok(Self(matrix))
-        } else if smallest_eigenvalue >= -ROUNDING * largest {
-            Ok(Self(nearest))
+        } else if ratio >= -ROUNDING {
+            finite(&nearest).map(|()| Self(nearest))
         } else {
             Err(InformationError::Indefinite { smallest_eigenvalue })
         }
@@ -141,10 +153,14 @@ impl<const N: usize> Information<N> {
     /// negative eigenvalues become zero.
     ///
     /// # Errors
-    /// [`InformationError`] where `matrix` is not finite or not symmetric.
+    /// [`InformationError`] where `matrix` is not finite or not symmetric, or the nearest one is not
+    /// finite, as of entries near the largest number.
     pub fn nearest(matrix: &SMatrix<f64, N, N>) -> Result<Self, InformationError> {
         Self::semidefinite(matrix).or_else(|error| match error {
-            InformationError::Indefinite { .. } => Ok(Self(clipped(&symmetric(matrix)?).2)),
+            InformationError::Indefinite { .. } => {
+                let nearest = clipped(&symmetric(matrix)?).2;
+                finite(&nearest).map(|()| Self(nearest))
+            }
             InformationError::NotFinite { .. }
             | InformationError::NotSymmetric { .. }
             | InformationError::NotPositiveDefinite => Err(error),
@@ -270,6 +286,23 @@ mod tests {
     use nalgebra::{Matrix2, Matrix3, Vector3};
 
     use super::{Covariance, Information, InformationError};
+
+    #[test]
+    fn the_largest_numbers_stay_finite() {
+        let huge = Matrix3::new(1e308, 0.0, 0.0, 0.0, 1e308, 0.0, 0.0, 0.0, 1e308);
+        assert_eq!(Information::semidefinite(&huge).unwrap().matrix(), &huge);
+        let uneven = huge + Matrix3::new(0.0, 1e290, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        let even = Information::new(&uneven).unwrap();
+        assert!(even.matrix().iter().all(|entry| entry.is_finite()), "{even:?}");
+        // Clipping makes these larger than a number can be.
+        let turned = Matrix2::new(0.0, 1.7e308, 1.7e308, 1.7e308);
+        for matrix in [turned, Matrix2::new(1.7e308, 1.7e308, 1.7e308, 1.6e308)] {
+            match Information::nearest(&matrix) {
+                Ok(nearest) => assert!(nearest.matrix().iter().all(|entry| entry.is_finite())),
+                Err(error) => assert!(matches!(error, InformationError::NotFinite { .. })),
+            }
+        }
+    }
 
     #[test]
     fn square_root_and_covariance_agree_with_the_matrix() {

@@ -17,12 +17,15 @@
 pub mod engine;
 
 mod access;
+mod bundle_solve;
 mod config;
 mod context;
 mod convert;
 mod deadline;
 mod error;
 mod export;
+#[cfg(any(test, feature = "fuzzing"))]
+pub mod fuzzing;
 mod graph_solve;
 mod ingest_service;
 mod job_service;

@@ -5,28 +5,21 @@
 
 use std::sync::Arc;
 
-use covis_solvers::bundle_adjustment;
-use covis_solvers::evaluation::bundle_cost;
-use covis_solvers::loss::Loss;
 use tokio::sync::mpsc;
 use tonic::{Request, Response, Status};
 
 use super::access::Caller;
 use super::context::{Answers, Context};
-use super::convert::certificate::add_costs;
 use super::convert::entities::to_switched_off;
 use super::convert::robust::to_chordal_certificate;
-use super::convert::solve::{
-    Systems, gauge, loss, options, to_certificate, to_iteration, to_iterations, to_linear_solver,
-    to_summary,
-};
-use super::convert::{Path, convert, count, ids, problem};
+use super::convert::solve::{Systems, gauge, loss, options, to_certificate, to_iteration};
+use super::convert::{Path, convert, count, ids};
 use super::deadline::{CancelOnDrop, call_time, solve_time};
 use super::engine::{
     Fault, GaugeKind, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError,
 };
 use super::error::ServiceError;
-use super::{graph_solve, refine};
+use super::{bundle_solve, graph_solve, refine};
 use crate::map::Reason;
 use crate::wire::v1;
 use v1::optimization_service_server::OptimizationService;
@@ -87,40 +80,10 @@ impl Optimization {
         let (caller, time) = (Caller::of(&request)?, solve_time(request.metadata()));
         let request = request.into_inner();
         let threads = self.context.maps.pool().threads();
-        let (mut bundle, gauge, options) = convert(|out| {
-            let loss = loss(Path::root("loss"), request.loss.as_ref(), out);
-            let options = options(request.options.as_ref(), Systems::Bundle, threads, time, out);
-            let loss = loss?.unwrap_or(Loss::Trivial);
-            let message = request.problem.as_ref();
-            let mut bundle = problem::bundle(message, loss, request.refine_intrinsics, out)?;
-            let gauge = problem::hold_gauge(request.gauge, &mut bundle, out);
-            Some((bundle, gauge?, options?))
-        })?;
+        let input = bundle_solve::input(&request, threads, time)?;
         let cancel = CancelOnDrop::default();
         let mut observer = cancel.observer();
-        self.solve(&caller, move || {
-            let before = bundle_cost(&bundle);
-            let settings = bundle_adjustment::Options {
-                optimizer: options.optimizer,
-                linear_solver: options.linear_solver,
-                ..bundle_adjustment::Options::default()
-            };
-            let solved = bundle_adjustment::solve(&mut bundle, &settings, &mut observer)
-                .map_err(|error| ServiceError::Unsolvable { field: "problem", error })?;
-            let mut summary = to_summary(&solved.solve, options.optimizer.method);
-            add_costs(&mut summary, &before, &bundle_cost(&bundle));
-            summary.linear_solver = to_linear_solver(solved.linear_solver).into();
-            summary.gauge = gauge.into();
-            let free = |constant: &[bool]| count(constant.iter().filter(|&&c| !c).count());
-            summary.free_pose_count = free(&bundle.constant_poses);
-            summary.fixed_pose_count = count(bundle.poses.len()) - summary.free_pose_count;
-            summary.free_landmark_count = free(&bundle.constant_landmarks);
-            let iterations = to_iterations(&solved.solve, request.include_iterations);
-            let problem = request.problem.unwrap_or_default();
-            let problem = Some(problem::to_bundle(problem, &bundle));
-            Ok(v1::SolveBundleResponse { problem, summary: Some(summary), iterations })
-        })
-        .await?
+        self.solve(&caller, move || bundle_solve::run(request, input, &mut observer)).await?
     }
 
     async fn graph(
@@ -136,7 +99,8 @@ impl Optimization {
     }
 }
 
-fn map_options(
+/// The map that a request names, and how it is to be solved.
+pub(super) fn map_options(
     request: &v1::OptimizeMapRequest,
     threads: usize,
     time: Option<std::time::Duration>,

@@ -122,15 +122,24 @@ fn acceptor(files: &TlsFiles) -> Result<TlsAcceptor, TlsError> {
 }
 
 fn certificates(path: &Path) -> Result<Vec<CertificateDer<'static>>, TlsError> {
-    let pem = fs_err::read(path)?;
-    let found: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(&pem).collect();
-    let found = found.ok().filter(|certificates| !certificates.is_empty());
+    let found = certificates_in(&fs_err::read(path)?);
     found.ok_or_else(|| TlsError::Pem { path: path.to_owned(), what: "certificate" })
 }
 
 fn key(path: &Path) -> Result<PrivateKeyDer<'static>, TlsError> {
-    let found = PrivateKeyDer::from_pem_slice(&fs_err::read(path)?).ok();
+    let found = key_in(&fs_err::read(path)?);
     found.ok_or_else(|| TlsError::Pem { path: path.to_owned(), what: "private key" })
+}
+
+/// The certificates of a PEM file; `None` where there is none, or a bad one.
+pub(super) fn certificates_in(pem: &[u8]) -> Option<Vec<CertificateDer<'static>>> {
+    let found: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(pem).collect();
+    found.ok().filter(|certificates| !certificates.is_empty())
+}
+
+/// The first private key of a PEM file.
+pub(super) fn key_in(pem: &[u8]) -> Option<PrivateKeyDer<'static>> {
+    PrivateKeyDer::from_pem_slice(pem).ok()
 }
 
 /// The connections of `incoming` whose handshake succeeds.

@@ -24,6 +24,8 @@ mod damage;
 mod encoding;
 mod error;
 mod files;
+#[cfg(any(test, feature = "fuzzing"))]
+pub mod fuzzing;
 mod memory;
 mod meters;
 

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 
 use covis::map::{
     AppliedSolve, Cause, Change, ClientIndex, ConstraintKind, Covisibility, Depth, EntityId,
-    EntityKind, Event, GlobalOptions, Item, ItemLandmark, Map, MapError, MapPolicy, Recall,
-    SolveKind, SwitchedOff, WhenFull, global_problem, loop_problem, retire, triangulate,
+    EntityKind, Event, GlobalOptions, Item, ItemLandmark, Map, MapError, MapParts, MapPolicy,
+    Recall, SolveKind, SwitchedOff, WhenFull, global_problem, loop_problem, retire, triangulate,
 };
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::testing::random::{normal_vector, seeded};
@@ -461,4 +461,22 @@ fn a_switched_off_closure_is_state_and_takes_part_in_no_bundle() {
         change: verdict(None),
     };
     assert!(matches!(journal.map.apply(&event), Err(MapError::Unknown { .. })));
+}
+
+/// Nothing comes behind the largest numbers, and asking for it is an error like another.
+#[test]
+fn the_last_sequence_and_the_last_revision_are_no_overflow() {
+    let mut map =
+        Map::from_parts(MapParts { revision: i64::MAX - 2, ..MapParts::default() }).unwrap();
+    let event = |revision, cause, change| Event { revision, time_ns: 0, cause, change };
+    let opened = Change::ClientOpened { name: "robot".to_owned(), epoch: 1 };
+    map.apply(&event(i64::MAX - 1, None, opened.clone())).unwrap();
+    let cause = Cause { client: ROBOT, epoch: 1, sequence: i64::MAX, digest: [0; 32] };
+    let policy = Change::PolicySet { policy: MapPolicy::default() };
+    map.apply(&event(i64::MAX, Some(cause), policy.clone())).unwrap();
+    assert_eq!(map.client(ROBOT).unwrap().next_sequence, i64::MAX);
+    assert_eq!(map.recall(ROBOT, i64::MAX, &[0; 32]), Recall::Duplicate);
+    for revision in [i64::MAX, i64::MIN] {
+        assert!(map.apply(&event(revision, None, policy.clone())).is_err());
+    }
 }

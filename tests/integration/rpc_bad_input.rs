@@ -452,3 +452,24 @@ fn every_bad_field_of_an_item_is_told() {
         );
     });
 }
+
+/// Half a million empty entries are a megabyte on the wire and would be fifty in memory.
+#[test]
+fn a_message_of_empty_entries_is_refused_before_it_is_decoded() {
+    run(async {
+        let server = TestServer::start().await;
+        let observations = vec![v1::BundleObservation::default(); 500_000];
+        let problem = v1::BundleProblem { observations, ..Default::default() };
+        let request = v1::SolveBundleRequest { problem: Some(problem), ..Default::default() };
+        let status = server.optimization().solve_bundle(request).await.unwrap_err();
+        assert_eq!(status.code(), tonic::Code::OutOfRange, "{status:?}");
+        assert!(status.message().contains("allowed for their length"), "{status:?}");
+        server.create_map("m").await;
+        let (mut stream, _) = Stream::open(&server, "m", "robot", 0).await;
+        let observations = vec![v1::Observation::default(); 400_000];
+        let batch = v1::ObservationBatch { keyframe: None, observations };
+        stream.send(1, Item::Observations(batch)).await;
+        let status = stream.event().await.unwrap_err();
+        assert_eq!(status.code(), tonic::Code::OutOfRange, "{status:?}");
+    });
+}

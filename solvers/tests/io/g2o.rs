@@ -200,3 +200,17 @@ fn indefinite_information_matrices_are_repaired_where_asked() {
     // Written and read again, there is nothing left to repair.
     assert_eq!(G2oGraph::parse(&graph.to_bytes(), Path::new("copy")).unwrap(), graph);
 }
+
+/// Sums of entries near the largest number overflow; a repair must not write what is no number.
+#[test]
+fn a_repair_of_the_largest_numbers_is_finite_or_refused() {
+    for information in ["1e30 18e300 -1e-308 1e308 5e-324 1e308", "0 1.7e308 0 1.7e308 0 1"] {
+        let text = format!("EDGE_SE2 0 1 1 0 0.1 {information}\n");
+        match G2oGraph::parse_repaired(text.as_bytes(), Path::new("graph.g2o")) {
+            Ok((graph, _)) => {
+                assert_eq!(G2oGraph::parse(&graph.to_bytes(), Path::new("")).unwrap(), graph)
+            }
+            Err(error) => assert!(matches!(error, IoError::NotFinite { .. }), "{error}"),
+        }
+    }
+}

@@ -118,6 +118,9 @@ pub enum ConfigError {
     },
 }
 
+/// Longest file, bytes. The parser of TOML may take a hundred times as much.
+const MAX_BYTES: usize = 256 << 10;
+
 impl Layer {
     /// Reads a TOML file.
     ///
@@ -134,12 +137,20 @@ impl Layer {
     /// # Errors
     /// [`ConfigError::File`] with the line.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        if text.len() > MAX_BYTES {
+            return Err(ConfigError::File {
+                path: path.to_owned(),
+                line: 1,
+                reason: format!("the file has {} bytes, at most {MAX_BYTES} are read", text.len()),
+                text: "...".to_owned(),
+            });
+        }
         toml::from_str(text).map_err(|error| {
             let offset = error.span().map_or(0, |span| span.start.min(text.len()));
             let line = 1 + text.bytes().take(offset).filter(|&b| b == b'\n').count();
             let shown = text.lines().nth(line - 1).unwrap_or_default().trim();
             // A token does not belong here, and no less into a log.
-            let key = shown.split('=').next().unwrap_or_default().trim();
+            let key = shown.split('=').next().unwrap_or_default().trim().trim_matches(['"', '\'']);
             let shown = if key == "token" { "token = ..." } else { shown };
             ConfigError::File {
                 path: path.to_owned(),

@@ -60,6 +60,7 @@ fn a_file_that_cannot_be_used_is_named_with_the_line() {
     check("threads = 2\nlisten = \n", &["line 2", "listen"]);
     check("threads = 2\nthreads = 3\n", &["line 2", "threads"]);
     check("[server]\nurl = 1\n", &["line 1", "server"]);
+    check(&"# \n".repeat(100_000), &["line 1", "at most 262144 are read"]);
 }
 
 #[test]
@@ -96,6 +97,8 @@ fn certificates_come_with_keys_and_a_token_is_never_shown() {
     assert_eq!(warnings, Vec::<String>::new());
     assert!(!format!("{config:?}").contains("secret"));
     // A file would be copied about: it may name the token's file only.
+    let quoted = Layer::parse("\"token\" = 'secret'\n", Path::new("covis.toml")).unwrap_err();
+    assert!(!quoted.to_string().contains("secret"), "{quoted}");
     let message = Layer::parse("token = 'secret'\n", Path::new("covis.toml")).unwrap_err();
     let message = message.to_string();
     assert!(message.contains("token") && !message.contains("secret"), "{message}");

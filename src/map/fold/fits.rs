@@ -21,8 +21,8 @@ fn finite(vector: &Vector3<f64>) -> bool {
 impl Map {
     pub(crate) fn fits(&self, event: &Event) -> Result<(), MapError> {
         let check = Fit { map: self, revision: event.revision };
-        if event.revision != self.revision + 1 {
-            let expected = self.revision + 1;
+        if self.revision.checked_add(1) != Some(event.revision) {
+            let expected = self.revision.saturating_add(1);
             return Err(MapError::RevisionGap { expected, actual: event.revision });
         }
         if matches!(event.change, Change::Created { .. }) != (self.revision == 0) {

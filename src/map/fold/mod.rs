@@ -130,7 +130,7 @@ impl Map {
             if client.items.len() > REMEMBERED_ITEMS {
                 client.items.pop_first();
             }
-            client.next_sequence = client.next_sequence.max(cause.sequence + 1);
+            client.next_sequence = client.next_sequence.max(cause.sequence.saturating_add(1));
         }
     }
 

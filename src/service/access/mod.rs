@@ -27,6 +27,8 @@ pub(super) use guard::Guarded;
 use roles::Role;
 pub(super) use tenants::{Caller, hide_tenant, shown};
 pub use tokens::AccessError;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(super) use tokens::Tokens as ParsedTokens;
 
 /// Which tokens are known, and to whom they belong.
 #[derive(Debug)]

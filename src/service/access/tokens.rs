@@ -25,6 +25,9 @@ use super::{Caller, Role};
 use crate::service::engine::TenantCeilings;
 use crate::service::limits::TenantLimits;
 
+/// Longest file, bytes: some 1,700 tokens. The parser of TOML may take a hundred times as much.
+const MAX_BYTES: usize = 256 << 10;
+
 /// A file of tokens that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
@@ -107,7 +110,12 @@ impl Tokens {
         Self::parse(&fs_err::read_to_string(path).map_err(AccessError::Read)?, path)
     }
 
-    fn parse(text: &str, path: &Path) -> Result<Self, AccessError> {
+    /// Parses a file's text; `path` names it in errors.
+    pub(in crate::service) fn parse(text: &str, path: &Path) -> Result<Self, AccessError> {
+        if text.len() > MAX_BYTES {
+            let reason = format!("the file has {} bytes, at most {MAX_BYTES} are read", text.len());
+            return Err(AccessError::File { path: path.to_owned(), line: 1, reason });
+        }
         let file: File = toml::from_str(text).map_err(|error| {
             let offset = error.span().map_or(0, |span| span.start.min(text.len()));
             let line = 1 + text.bytes().take(offset).filter(|&b| b == b'\n').count();
@@ -217,5 +225,7 @@ mod tests {
         check("r", TEST, "role = 'read'\ntenant = 'a.b'", "token 1: tenant");
         let other = format!("role = 'read'\n[[token]]\nname='s'\nsha256='{TEST}'\nrole='read'");
         check("r", TEST, &other, "token 2: sha256");
+        let long = format!("role = 'read'\n{}", "# \n".repeat(100_000));
+        check("r", TEST, &long, "at most 262144 are read");
     }
 }

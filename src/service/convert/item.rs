@@ -24,6 +24,9 @@ use v1::ingest_request::Item as WireItem;
 const MAX_FEATURE_DESCRIPTOR: usize = 4096;
 /// Longest descriptor of a whole image, bytes.
 const MAX_IMAGE_DESCRIPTOR: usize = 65_536;
+/// Most observations, and most landmarks, of one item: what it becomes in the map takes some hundred
+/// bytes for each, however little it takes on the wire.
+const MAX_ENTRIES: usize = 65_536;
 /// Longest name of a descriptor, bytes.
 const MAX_DESCRIPTOR_NAME: usize = 64;
 
@@ -140,6 +143,7 @@ fn observations(
     messages: &[v1::Observation],
     out: &mut Violations,
 ) -> Option<Vec<ItemObservation>> {
+    out.at_most(at, messages, MAX_ENTRIES)?;
     all(at, messages, out, observation)
 }
 
@@ -224,6 +228,7 @@ fn landmarks(
     sender: &str,
     out: &mut Violations,
 ) -> Option<Vec<ItemLandmark>> {
+    out.at_most(at, messages, MAX_ENTRIES)?;
     all(at, messages, out, |at, message, out| {
         let owned = owner(at.field("client_id"), &message.client_id, sender, out);
         let id = id(at.field("id"), message.id, out);

@@ -113,6 +113,15 @@ impl Violations {
         }
     }
 
+    /// A list that must not be longer than the server takes.
+    pub(super) fn at_most<T>(&mut self, at: Path<'_>, list: &[T], most: usize) -> Option<()> {
+        if list.len() <= most {
+            return Some(());
+        }
+        let text = format!("{} entries, at most {most} are taken", list.len());
+        self.report(at, Reason::TooLarge, text)
+    }
+
     /// A number that must be finite.
     pub(super) fn finite(&mut self, at: Path<'_>, value: f64) -> Option<f64> {
         if value.is_finite() {

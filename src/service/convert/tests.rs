@@ -204,3 +204,19 @@ fn one_s_own_name_in_an_item_is_the_same_as_none() {
     let refused = item(&landmark("drone"), "robot").unwrap_err();
     assert_eq!(refused.violations[0].field, "landmarks.landmarks[0].client_id");
 }
+
+#[test]
+fn an_item_with_more_entries_than_the_server_takes_is_refused_as_too_large() {
+    let landmark = |id| v1::Landmark { id, ..Default::default() };
+    let batch = |count| {
+        let landmarks = (0..count).map(landmark).collect();
+        item(&WireItem::Landmarks(v1::LandmarkBatch { landmarks }), "robot")
+    };
+    assert!(batch(65_536).is_ok());
+    let violation = &batch(65_537).unwrap_err().violations[0];
+    assert_eq!((&violation.field[..], violation.reason), ("landmarks.landmarks", Reason::TooLarge));
+    let observations = vec![v1::Observation::default(); 65_537];
+    let seen = v1::ObservationBatch { keyframe: None, observations };
+    let refused = item(&WireItem::Observations(seen), "robot").unwrap_err();
+    assert!(refused.violations.iter().any(|v| v.reason == Reason::TooLarge), "{refused}");
+}

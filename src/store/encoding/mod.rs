@@ -15,6 +15,10 @@ pub(super) use event::{decode_event, encode_event};
 pub(super) use identity::{decode_identity, encode_identity};
 pub(super) use snapshot::{decode_map, encode_map};
 
+use std::sync::LazyLock;
+
+use crate::decoding::Shapes;
+
 /// Generated from `proto/covis/storage/v1`.
 mod v1 {
     #![allow(missing_docs, reason = "the comments stand in the proto files")]
@@ -22,7 +26,13 @@ mod v1 {
     #![allow(clippy::allow_attributes_without_reason, reason = "generated code")]
     #![allow(unreachable_pub, reason = "generated code")]
     include!(concat!(env!("OUT_DIR"), "/covis.storage.v1.rs"));
+
+    /// The encoded `FileDescriptorSet` of the package.
+    pub const FILE_DESCRIPTOR_SET: &[u8] =
+        include_bytes!(concat!(env!("OUT_DIR"), "/covis.storage.v1.bin"));
 }
+
+static SHAPES: LazyLock<Shapes> = LazyLock::new(|| Shapes::of(v1::FILE_DESCRIPTOR_SET));
 
 /// Why bytes are no event or no map.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -55,8 +65,19 @@ fn required<T>(value: Option<T>, name: &'static str) -> Result<T, EncodingError>
     value.ok_or(EncodingError::Missing(name))
 }
 
-/// Decodes a message and refuses unknown fields.
-fn decode<M: prost::Message + Default>(bytes: &[u8]) -> Result<M, EncodingError> {
+/// Events, and parts of maps, that take as much memory as they can.
+#[cfg(any(test, feature = "fuzzing"))]
+pub(super) fn densest(length: usize) -> [Vec<Vec<u8>>; 2] {
+    use prost::Name as _;
+    let of = |name: String| SHAPES.densest(&name, length);
+    [of(v1::Event::full_name()), of(v1::MapPart::full_name())]
+}
+
+/// Decodes a message and refuses unknown fields, and what no event or map of ours looks like: more
+/// memory than its bytes are worth.
+fn decode<M: prost::Name + Default>(bytes: &[u8]) -> Result<M, EncodingError> {
+    let dense = SHAPES.check(&M::full_name(), bytes);
+    dense.map_err(|error| EncodingError::Message(error.to_string()))?;
     let message = M::decode(bytes).map_err(|error| EncodingError::Message(error.to_string()))?;
     if message.encoded_len() == bytes.len() { Ok(message) } else { Err(EncodingError::Later) }
 }

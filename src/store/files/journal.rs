@@ -199,7 +199,9 @@ impl Journal {
         if expected_sequence != state.last {
             return mismatch(state.last, expected_sequence);
         }
-        for (expected, event) in (state.last + 1..).zip(&batch) {
+        // At the end of all sequences no event fits, for a revision has a bit less.
+        let first = state.last.saturating_add(1);
+        for (expected, event) in (first..).zip(&batch) {
             if sequence_of(event.revision) != expected {
                 return mismatch(expected, sequence_of(event.revision));
             }
@@ -207,7 +209,7 @@ impl Journal {
         let rollback = state.pending.len();
         let mut payload = Vec::new();
         let mut sizes = Vec::with_capacity(batch.len());
-        for (sequence, event) in (state.last + 1..).zip(&batch) {
+        for (sequence, event) in (first..).zip(&batch) {
             payload.clear();
             encode_event(event, &mut payload);
             sizes.push(payload.len());
@@ -219,7 +221,7 @@ impl Journal {
             }
         }
         if rollback == 0 {
-            state.pending_first = state.last + 1;
+            state.pending_first = first;
         }
         state.bytes_since_snapshot += (state.pending.len() - rollback) as u64;
         state.last += batch.len() as u64;

@@ -12,7 +12,7 @@
 use std::path::Path;
 
 use super::disk::{Disk, DiskFile};
-use super::record::{HEADER, Header, Uid, read_header, read_mark, scan};
+use super::record::{HEAD, HEADER, Header, Uid, read_header, read_mark, scan};
 use super::sealed::{Kind, unseal};
 use super::{MARK, file_error, journal_name, sequence_in};
 use crate::store::{Damage, StoreError};
@@ -44,6 +44,8 @@ struct Segment {
     clean_last: u64,
     /// First and last sequence of each piece without a gap.
     runs: Vec<(u64, u64)>,
+    /// Where each of them begins, bytes.
+    starts: Vec<u64>,
     bad: Option<u64>,
     durable: u64,
 }
@@ -69,7 +71,7 @@ pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, S
     let base = found.snapshots.last().copied().unwrap_or(0);
     found.last = base;
     for &(first, last) in segments.iter().flat_map(|segment| &segment.runs) {
-        if first <= found.last + 1 {
+        if first <= found.last.saturating_add(1) {
             found.last = found.last.max(last);
         }
     }
@@ -133,13 +135,16 @@ fn read_segment(
         return Err(StoreError::Content { path: path.display().to_string(), message });
     }
     let scan = scan(&bytes, uid, first);
-    let mut runs: Vec<(u64, u64)> = Vec::new();
+    let (mut runs, mut starts): (Vec<(u64, u64)>, Vec<u64>) = (Vec::new(), Vec::new());
     for (index, record) in scan.records.iter().enumerate() {
         match runs.last_mut() {
             Some((_, last)) if *last + 1 == record.sequence && index != scan.clean => {
                 *last = record.sequence;
             }
-            _ => runs.push((record.sequence, record.sequence)),
+            _ => {
+                runs.push((record.sequence, record.sequence));
+                starts.push(record.payload.start.saturating_sub(HEAD) as u64);
+            }
         }
     }
     let clean = scan.records[..scan.clean].last();
@@ -148,6 +153,7 @@ fn read_segment(
         length: bytes.len() as u64,
         clean_last: clean.map_or(first.saturating_sub(1), |record| record.sequence),
         runs,
+        starts,
         bad: scan.bad.map(|offset| offset as u64),
         durable: scan.durable,
     })
@@ -208,7 +214,14 @@ fn mend(
     let path = folder.join(journal_name(segment.first));
     let failed = |error| file_error("cannot mend", &path, &error);
     if segment.clean_last != found.last {
-        // A snapshot reaches further, or what is used lies behind a bad place: a new file follows.
+        // A snapshot reaches further, or what is used lies behind a bad place: a new file follows. What
+        // lies behind a gap was never acknowledged, and would be taken for it in a file that is not
+        // the last.
+        let mut pieces = segment.runs.iter().zip(&segment.starts);
+        if let Some((_, &start)) = pieces.find(|&(&(first, _), _)| first > found.last) {
+            let mut file = disk.open(&path).map_err(failed)?;
+            file.truncate(start).and_then(|()| file.sync()).map_err(failed)?;
+        }
         return Ok(());
     }
     let good = segment.bad.unwrap_or(segment.length);

@@ -26,6 +26,8 @@
 mod backup;
 mod disk;
 mod doctor;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(in crate::store) mod fuzzing;
 mod journal;
 mod load;
 mod lock;

@@ -137,7 +137,8 @@ pub(super) fn scan(bytes: &[u8], uid: &Uid, first_sequence: u64) -> Scan {
     }
     while at < bytes.len() {
         let record = record_at(bytes, at, uid, last, &mut budget);
-        let record = record.filter(|r| scan.bad.is_some() || r.sequence == last + 1);
+        let record =
+            record.filter(|r| scan.bad.is_some() || Some(r.sequence) == last.checked_add(1));
         let Some(record) = record else {
             scan.bad.get_or_insert(at);
             at += 1;

@@ -115,8 +115,8 @@ pub(super) fn unseal_map(bytes: &[u8]) -> Result<Arc<Map>, String> {
     let (_uid, sequence, body) = unseal(Kind::Snapshot, bytes)?;
     let stream = |error: std::io::Error| error.to_string();
     let mut decoder = zstd::Decoder::with_buffer(body).map_err(stream)?;
-    // A window beyond this is no file of ours: it would only cost memory.
-    decoder.window_log_max(27).map_err(stream)?;
+    // Ours have 21; a window beyond this would only cost memory.
+    decoder.window_log_max(23).map_err(stream)?;
     let mut input: &mut dyn Read = &mut decoder;
     let map = decode_map(&mut input).map_err(|error| error.to_string())?;
     if crate::store::sequence_of(map.revision()) != sequence {

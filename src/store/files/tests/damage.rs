@@ -1,7 +1,13 @@
 //! Flipped bits and lost files: found, named, confined to their map, never a wrong map.
 
+use std::path::Path;
+
 use super::faulty::{FaultyDisk, Survives};
 use super::script::{Model, event, fold, open, session, stored};
+use crate::store::encoding::{encode_event, encode_identity, encode_map};
+use crate::store::files::disk::Disk as _;
+use crate::store::files::record::{header, put_record};
+use crate::store::files::sealed::{Kind, seal, seal_map, unseal_map};
 use crate::store::{Store, StoreError};
 
 /// A closed session, with the last revision of each map.
@@ -20,6 +26,36 @@ async fn closed() -> FaultyDisk {
         tokio::task::yield_now().await;
     }
     disk.after(Survives::Everything)
+}
+
+/// A journal lost events that a snapshot holds, and a crash left one behind a gap: that one was never
+/// acknowledged, and goes, or it would pass for acknowledged once another file follows.
+#[tokio::test]
+async fn what_a_crash_left_behind_a_gap_does_not_freeze_a_damaged_map_later() {
+    let (disk, uid) = (FaultyDisk::new(), [7; 16]);
+    let folder = Path::new("/data/maps/walk");
+    disk.create_folder(folder).unwrap();
+    let put = |name: &str, bytes: &[u8]| disk.create(&folder.join(name)).unwrap().append(bytes);
+    let mut journal = header(&uid, 1);
+    for sequence in [1, 2, 5, 6, 7, 9] {
+        let mut payload = Vec::new();
+        encode_event(&event(sequence, 1), &mut payload);
+        let sequence = u64::try_from(sequence).unwrap();
+        assert!(put_record(&mut journal, &uid, sequence, 5.min(sequence - 1), &payload));
+    }
+    put("00000000000000000001.log", &journal).unwrap();
+    put("00000000000000000007.snap", &seal_map(&uid, &fold(7, 1)).unwrap()).unwrap();
+    put("map", &seal(Kind::Identity, &uid, 0, &encode_identity("walk"))).unwrap();
+    let store = open(&disk).unwrap();
+    let epoch = store.acquire("walk").await.unwrap();
+    store.append("walk", epoch, 7, vec![event(8, 1)]).await.unwrap();
+    store.follow("walk").await.unwrap().wait_for(|flushed| flushed.through == 8).await.unwrap();
+    let again = open(&disk.after(Survives::Everything)).unwrap();
+    assert_eq!(stored(&again, "walk").await.unwrap().state_hash(), fold(8, 1).state_hash());
+    let lost = again.damage("walk").await.unwrap().into_iter().filter_map(|d| d.lost);
+    assert_eq!(lost.collect::<Vec<_>>(), []);
+    let epoch = again.acquire("walk").await.unwrap();
+    assert!(again.append("walk", epoch, 8, vec![event(9, 1)]).await.is_ok());
 }
 
 #[tokio::test]
@@ -104,4 +140,17 @@ async fn both_snapshots_gone_is_told() {
     let damage = store.damage("a").await.unwrap();
     assert!(damage.iter().any(|damage| damage.lost.is_some_and(|(first, _)| first == 1)));
     assert!(store.get_snapshot("a").await.unwrap().is_none());
+}
+
+/// A window is allocated before anything is decompressed, whatever the file holds.
+#[test]
+fn a_snapshot_that_asks_for_a_wide_window_is_refused() {
+    let compressed = |window| {
+        let mut encoder = zstd::Encoder::new(Vec::new(), 3).unwrap();
+        encoder.window_log(window).unwrap();
+        encode_map(&fold(3, 1), &mut encoder).unwrap();
+        seal(Kind::Snapshot, &[7; 16], 3, &encoder.finish().unwrap())
+    };
+    assert!(unseal_map(&compressed(21)).is_ok());
+    assert!(unseal_map(&compressed(25)).is_err());
 }

@@ -74,3 +74,14 @@ proptest! {
         prop_assert!(found.records.is_empty());
     }
 }
+
+#[test]
+fn the_last_sequence_there_can_be_is_read_and_nothing_follows_it() {
+    let mut bytes = header(&UID, u64::MAX);
+    for payload in [b"last", b"none"] {
+        assert!(put_record(&mut bytes, &UID, u64::MAX, 0, payload));
+    }
+    let found = scan(&bytes, &UID, u64::MAX);
+    assert_eq!((found.records.len(), found.clean), (1, 1));
+    assert_eq!(found.bad, Some(found.records[0].payload.end));
+}

@@ -1,11 +1,17 @@
 //! The generated code of `proto/covis/v1`: messages, clients and servers.
 //!
-//! Nothing is written here by hand. Only `service/`, `client` and `cli/` may name these types.
+//! Written by hand is the codec alone. Only `service/`, `client` and `cli/` may name these types.
 
 #![allow(missing_docs, reason = "the comments stand in the proto files")]
 #![allow(clippy::all, reason = "generated code")]
 #![allow(clippy::allow_attributes_without_reason, reason = "generated code")]
 #![allow(unreachable_pub, reason = "generated code")]
+
+mod codec;
+
+pub use codec::Codec;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(crate) use codec::{check, densest};
 
 /// Package `covis.v1`.
 pub mod v1 {

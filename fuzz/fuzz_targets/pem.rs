@@ -1,0 +1,4 @@
+//! Fuzzes the target `pem` of `covis::fuzzing`.
+#![no_main]
+
+covis_fuzz::fuzz!("pem");

@@ -1,0 +1,36 @@
+//! Holds every target, or those that are named, to its memory: inputs of 1 MiB that are made to take
+//! much, one after another, under the allocator that ends the process past 64 MiB.
+#![allow(clippy::print_stdout, reason = "a program that tells what it measured")]
+
+use std::path::Path;
+use std::time::Instant;
+
+use covis::fuzzing::{TARGETS, largest};
+
+fn main() -> std::io::Result<()> {
+    let wanted: Vec<String> = std::env::args().skip(1).collect();
+    for target in TARGETS.iter().filter(|t| wanted.is_empty() || wanted.iter().any(|w| w == t.name))
+    {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target.name);
+        let mut corpus = Vec::new();
+        for entry in std::fs::read_dir(folder)? {
+            corpus.push(std::fs::read(entry?.path())?);
+        }
+        let (begin, mut count) = (Instant::now(), 0);
+        let mut slowest = std::time::Duration::ZERO;
+        covis_fuzz::forget_peak();
+        largest(target.name, &corpus, 1 << 20, &mut |input| {
+            let begin = Instant::now();
+            covis_fuzz::run(target.name, input);
+            slowest = slowest.max(begin.elapsed());
+            count += 1;
+        });
+        let (peak, seconds) = (covis_fuzz::peak() >> 10, begin.elapsed().as_secs_f64());
+        let slowest = slowest.as_secs_f64();
+        println!(
+            "{:16} {count:5} inputs of 1 MiB {peak:6} KiB held, {seconds:.1} s, slowest {slowest:.2} s",
+            target.name
+        );
+    }
+    Ok(())
+}

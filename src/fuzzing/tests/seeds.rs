@@ -1,0 +1,171 @@
+//! The seeds: real encodings, small, at least one of each thing that a parser knows.
+
+use std::path::Path;
+
+use crate::store::fuzzing::seeds as store;
+
+use super::wire_seeds;
+
+type Seed = (&'static str, &'static str, Vec<u8>);
+
+/// Every seed as target, name and bytes.
+pub(super) fn all() -> Vec<Seed> {
+    let mut seeds = Vec::new();
+    let mut put = |target, all: Vec<(&'static str, Vec<u8>)>| {
+        seeds.extend(all.into_iter().map(|(name, bytes)| (target, name, bytes)));
+    };
+    put("bal", texts(&BAL));
+    put("g2o", texts(&G2O));
+    put("trajectory", texts(&TRAJECTORY));
+    put("config", texts(&CONFIG));
+    put("tokens", texts(&TOKENS));
+    put("pem", pem());
+    put(
+        "colmap_text",
+        COLMAP.map(|(name, files)| (name, joined(&files.map(str::as_bytes)))).into(),
+    );
+    put("colmap_binary", colmap_binary());
+    put("journal", store::journal());
+    put("journal_folder", store::journal_folder());
+    put("snapshot", store::snapshot());
+    put("wire_item", wire_seeds::items());
+    put("wire_requests", wire_seeds::requests());
+    seeds
+}
+
+fn texts(all: &[(&'static str, &str)]) -> Vec<(&'static str, Vec<u8>)> {
+    all.iter().map(|&(name, text)| (name, text.as_bytes().to_vec())).collect()
+}
+
+const BAL: [(&str, &str); 6] = [
+    (
+        "two-cameras",
+        "2 2 4\n0 0 -3.3e2 2.6e2\n0 1 -1.9e2 1.2e2\n1 0 5 6\n1 1 7.5 -8\n\
+         0.01\n-0.02\n0.03\n-0.1\n0.2\n-0.3\n399.5\n-3e-7\n5e-13\n\
+         0\n0\n0\n0\n0\n0\n400\n0\n0\n-0.6\n0.5\n-1.2\n1.5\n-0.25\n-3\n",
+    ),
+    ("one-line", "1 1 1 0 0 1 2 0 0 0 0 0 0 1 0 0 1 2 -3"),
+    ("empty", "0 0 0\n"),
+    ("half-turn", "1 1 1 0 0 1 2 3.141592653589793 0 0 0 0 0 1 0 0 1 2 -3"),
+    ("subnormal", "1 1 1 0 0 5e-324 -0 1e-300 1e-300 0 0 -0 0 1 0 0 1.7976931348623157e308 2 -3"),
+    ("mark-and-tabs", "\u{feff}1\t1 1\r\n0 0 1 2\r\n0 0 0 0 0 0 1 0 0 1 2 -3"),
+];
+
+const G2O: [(&str, &str); 8] = [
+    (
+        "se2",
+        "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0.1\nVERTEX_SE2 2 1 1 -3.1\nFIX 0\n\
+         EDGE_SE2 0 1 1 0 0.1 500 0 0 500 0 5000\nEDGE_SE2 1 2 0 1 1.5 500 1 2 500 3 5000\n",
+    ),
+    (
+        "se3",
+        "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 7 1 2 3 0.5 0.5 0.5 0.5\n\
+         EDGE_SE3:QUAT 0 7 1 2 3 0 0 0.6 0.8 1 0 0 0 0 0 1 0 0 0 0 1 0 0 0 1 0 0 1 0 1\n",
+    ),
+    ("edges-only", "EDGE_SE2 5 -3 1 0 0 1 0 0 1 0 1\nEDGE_SE2 -3 9 1 0 0 1 0 0 1 0 1\n"),
+    ("comments", "# a graph\n\n  VERTEX_SE2 1 1 1 1\r\n#\nFIX 1 1\n"),
+    ("indefinite", "EDGE_SE2 0 1 1 0 0.1 1 2 0 1 0 1\n"),
+    ("singular", "EDGE_SE2 0 1 1 0 0.1 0 0 0 0 0 1\nEDGE_SE2 1 2 1 0 0.1 1 1 0 1 0 0\n"),
+    (
+        "indefinite-se3",
+        "EDGE_SE3:QUAT 0 7 1 2 3 0 0 0.6 0.8 1 9 0 0 0 0 1 0 0 0 0 1 0 0 0 -1 0 0 1 0 1\n",
+    ),
+    ("extreme", "EDGE_SE2 0 1 1e308 0 1e17 1e308 1e300 -1e-308 1e308 5e-324 1e308\n"),
+];
+
+const TRAJECTORY: [(&str, &str); 6] = [
+    ("plain", "# timestamp tx ty tz qx qy qz qw\n1.5 1 2 3 0 0 0 1\n2.5 1 2 3 0 0.6 0 0.8\n"),
+    ("epoch", "1305031102.175304 1.3405 0.6266 1.6575 0.6574 0.6126 -0.2949 -0.3248\n"),
+    ("no-newline", "0 0 0 0 0 0 0 -1"),
+    ("empty", ""),
+    ("long", "1 1 2 3 0 0 0 1 9\n"),
+    ("not-quite-unit", "1 1 2 3 0.57735 0.57735 0.57735 0.0005\n-1 1e300 -0 5e-324 1 0 0 1e-4\n"),
+];
+
+const CONFIG: [(&str, &str); 6] = [
+    (
+        "all",
+        "listen = '0.0.0.0:7411'\nserver = 'https://host:1'\nca = 'ca.pem'\ncert = 'c'\nkey = 'k'\n\
+         token_file = 't'\ntls_cert = 'a'\ntls_key = 'b'\ntls_client_ca = 'c'\ntokens = 'tokens'\n\
+         insecure_plain_text = true\nthreads = 2\nlock_step = false\nmax_message_bytes = 4194304\n\
+         max_concurrent_streams = 64\nqueue_capacity = 64\ndata_dir = \"d\\u00e4ta\"\nlog = 'info'\n",
+    ),
+    ("in-memory", "in_memory = true # not kept\n"),
+    ("unknown-key", "lisen = 'a'\n"),
+    ("token", "log = 'info'\ntoken = 'secret'\n"),
+    ("wrong-type", "threads = -1\n"),
+    ("unfinished", "log = \"\"\"in\\u00"),
+];
+
+const TOKENS: [(&str, &str); 6] = [
+    (
+        "two",
+        "[[token]]\nname = 'robot-7'\ntenant = 'acme'\nrole = 'write'\n\
+         sha256 = '9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08'\n\
+         [[token]]\nname = 'eye'\nrole = \"read\"\n\
+         sha256 = '0f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08'\n",
+    ),
+    (
+        "inline",
+        "token = [{name='a', role='admin', \
+         sha256='9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08'}]\n",
+    ),
+    ("empty", ""),
+    ("no-digits", "[[token]]\nname='a'\nrole='read'\nsha256='\u{e9}\u{e9}'\n"),
+    ("unknown-role", "[[token]]\nname='a'\nrole='root'\nsha256=''\n"),
+    ("not-a-list", "token = 3\n"),
+];
+
+/// Cameras, images, points.
+const COLMAP: [(&str, [&str; 3]); 5] = [
+    (
+        "model",
+        [
+            "# cameras\n1 OPENCV 640 480 520 515 321.5 239 -0.12 0.03 8e-4 -5e-4\n\
+             4 SIMPLE_RADIAL 640 480 500 320 240 0.02\n",
+            "# images\n7 0.6 0.8 0 0 0.5 -0.1 -0.05 1 frame 2.jpg\n1 2 5 3.5 4 -1\n\
+             9 1 0 0 0 0 0 0 4 frame_10.jpg\n5 6 5\n",
+            "5 1.5 2 3 10 20 30 0.5 7 0 9 0\n8 0 0 0 0 0 0 -1\n",
+        ],
+    ),
+    ("no-keypoints", ["1 PINHOLE 2 2 1 1 1 1", "1 1 0 0 0 0 0 0 1 a\n\n", ""]),
+    ("other-models", ["1 FOV 2 2 1 1 1 1 1\n2 RADIAL_FISHEYE 2 2 1 1 1 1 1\n", "", ""]),
+    ("empty", ["", "", ""]),
+    ("name-with-a-hash", ["1 PINHOLE 2 2 1 1 1 1", "1 1 0 0 0 0 0 0 1 # a\n1 1 -1", ""]),
+];
+
+/// The three files behind the two cuts.
+fn joined(files: &[&[u8]; 3]) -> Vec<u8> {
+    let cuts = [files[0].len(), files[0].len() + files[1].len()];
+    let cuts = cuts.iter().flat_map(|&cut| u16::try_from(cut).unwrap().to_le_bytes());
+    cuts.chain(files.concat()).collect()
+}
+
+fn colmap_binary() -> Vec<(&'static str, Vec<u8>)> {
+    use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
+    let binary = |(name, files): (&'static str, [&str; 3])| {
+        let files = files.map(str::as_bytes);
+        let model = ColmapModel::parse(ColmapEncoding::Text, files, Path::new("seed")).unwrap();
+        let files = model.to_files(ColmapEncoding::Binary).unwrap();
+        let parts: Vec<&[u8]> = files.iter().map(|(_, bytes)| &bytes[..]).collect();
+        (name, joined(&parts.try_into().unwrap()))
+    };
+    COLMAP.into_iter().map(binary).collect()
+}
+
+/// A certificate of a throw-away authority; keys are only malformed, so that none lies about.
+fn pem() -> Vec<(&'static str, Vec<u8>)> {
+    let signed = rcgen::generate_simple_self_signed(vec!["localhost".to_owned()]).unwrap();
+    let certificate = signed.cert.pem();
+    let key = |kind: &str| {
+        format!("-----BEGIN {kind}-----\nMC4CAQAwBQYDK2VwBCIEIA==\n-----END {kind}-----\n")
+    };
+    vec![
+        ("certificate", certificate.clone().into_bytes()),
+        ("two-certificates", [&certificate[..], "text between\n", &certificate].concat().into()),
+        ("short-key", key("PRIVATE KEY").into()),
+        ("short-ec-key", key("EC PRIVATE KEY").into()),
+        ("short-rsa-key", key("RSA PRIVATE KEY").into()),
+        ("no-end", b"-----BEGIN CERTIFICATE-----\nAAAA\n".to_vec()),
+    ]
+}

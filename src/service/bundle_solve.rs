@@ -1,0 +1,70 @@
+//! `SolveBundle`: from the request to the answer, on a thread of the solver pool.
+//! What the request holds constant is the gauge; costs come from the evaluator.
+
+use std::time::Duration;
+
+use covis_solvers::bundle_adjustment::{self, Options};
+use covis_solvers::evaluation::bundle_cost;
+use covis_solvers::loss::Loss;
+use covis_solvers::optimizer::Observer;
+use covis_solvers::problem::BundleProblem;
+
+use super::convert::certificate::add_costs;
+use super::convert::solve::{Systems, loss, options, to_iterations, to_linear_solver, to_summary};
+use super::convert::{Path, convert, count, problem};
+use super::error::ServiceError;
+use crate::wire::v1;
+
+/// A request in the solver's terms.
+pub(super) struct Input {
+    bundle: BundleProblem,
+    gauge: v1::Gauge,
+    options: Options,
+}
+
+/// Reads a request.
+pub(super) fn input(
+    request: &v1::SolveBundleRequest,
+    threads: usize,
+    time: Option<Duration>,
+) -> Result<Input, ServiceError> {
+    let input = convert(|out| {
+        let loss = loss(Path::root("loss"), request.loss.as_ref(), out);
+        let options = options(request.options.as_ref(), Systems::Bundle, threads, time, out);
+        let loss = loss?.unwrap_or(Loss::Trivial);
+        let message = request.problem.as_ref();
+        let mut bundle = problem::bundle(message, loss, request.refine_intrinsics, out)?;
+        let gauge = problem::hold_gauge(request.gauge, &mut bundle, out);
+        let options = options?;
+        let options = Options {
+            optimizer: options.optimizer,
+            linear_solver: options.linear_solver,
+            ..Options::default()
+        };
+        Some(Input { bundle, gauge: gauge?, options })
+    })?;
+    Ok(input)
+}
+
+/// Solves the problem of `request`, which `input` was read from.
+pub(super) fn run(
+    request: v1::SolveBundleRequest,
+    input: Input,
+    observer: &mut Observer<'_>,
+) -> Result<v1::SolveBundleResponse, ServiceError> {
+    let Input { mut bundle, gauge, options } = input;
+    let before = bundle_cost(&bundle);
+    let solved = bundle_adjustment::solve(&mut bundle, &options, observer)
+        .map_err(|error| ServiceError::Unsolvable { field: "problem", error })?;
+    let mut summary = to_summary(&solved.solve, options.optimizer.method);
+    add_costs(&mut summary, &before, &bundle_cost(&bundle));
+    summary.linear_solver = to_linear_solver(solved.linear_solver).into();
+    summary.gauge = gauge.into();
+    let free = |constant: &[bool]| count(constant.iter().filter(|&&c| !c).count());
+    summary.free_pose_count = free(&bundle.constant_poses);
+    summary.fixed_pose_count = count(bundle.poses.len()) - summary.free_pose_count;
+    summary.free_landmark_count = free(&bundle.constant_landmarks);
+    let iterations = to_iterations(&solved.solve, request.include_iterations);
+    let problem = Some(problem::to_bundle(request.problem.unwrap_or_default(), &bundle));
+    Ok(v1::SolveBundleResponse { problem, summary: Some(summary), iterations })
+}

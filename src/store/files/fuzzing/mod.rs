@@ -1,0 +1,217 @@
+//! The files' own functions as the fuzz targets need them: built, sealed, opened, appended to.
+//!
+//! Built for tests and with the feature `fuzzing` only. Checksums are put right here, so that what
+//! lies behind them is reached; nothing judges what was read, that is the target's business.
+
+mod memory_disk;
+
+use std::io::{self, Read as _};
+use std::path::Path;
+use std::sync::Arc;
+
+use self::memory_disk::MemoryDisk;
+use super::disk::Disk;
+use super::journal::Journal;
+use super::load::load;
+use super::record::{HEADER, Uid, header, mark as mark_of, put_record, scan};
+use super::sealed::{Kind, seal, seal_map, unseal, unseal_map};
+use super::{FileStoreOptions, MARK, StoreError, journal_name, read, snapshot_name};
+use crate::map::{Change, Event, Map};
+use crate::store::Epoch;
+use crate::store::encoding::{decode_event, decode_identity, encode_identity};
+use crate::store::fuzzing::fold;
+
+/// Decompressed bytes of a snapshot that a target looks at.
+const MOST_BYTES: u64 = 1 << 20;
+
+/// The uid that a journal file claims.
+pub(in crate::store) fn uid_of(bytes: &[u8]) -> Uid {
+    bytes.get(16..).and_then(|rest| rest.first_chunk()).copied().unwrap_or_default()
+}
+
+/// The first sequence that a journal file claims.
+pub(in crate::store) fn first_of(bytes: &[u8]) -> u64 {
+    let number = bytes.get(32..).and_then(|rest| rest.first_chunk()).copied();
+    number.map_or(1, u64::from_le_bytes)
+}
+
+/// A journal file of payloads, each behind its length (two bytes; all ones are the rest) and its step
+/// in the sequence (one; 0 is 1, 255 leads to the last sequence there is).
+pub(in crate::store) fn built(uid: &Uid, first: u64, mut parts: &[u8]) -> Vec<u8> {
+    let mut bytes = header(uid, first);
+    let mut sequence = first.saturating_sub(1);
+    let mut durable = 0;
+    while let Some((&[low, high, step], rest)) = parts.split_first_chunk::<3>() {
+        let length = u16::from_le_bytes([low, high]);
+        let length = if length == u16::MAX { rest.len() } else { usize::from(length) };
+        let payload = &rest[..length.min(rest.len())];
+        sequence = match step {
+            u8::MAX => u64::MAX,
+            step => sequence.saturating_add(u64::from(step.max(1))),
+        };
+        put_record(&mut bytes, uid, sequence, durable, payload);
+        durable = sequence;
+        parts = &rest[payload.len()..];
+    }
+    bytes
+}
+
+/// The payloads that a scan finds, with what it promises of them checked.
+pub(in crate::store) fn payloads<'a>(bytes: &'a [u8], uid: &Uid, first: u64) -> Vec<&'a [u8]> {
+    let found = scan(bytes, uid, first);
+    let rising = found.records.windows(2).all(|pair| {
+        pair[0].sequence < pair[1].sequence && pair[0].payload.end < pair[1].payload.start
+    });
+    assert!(rising, "records are out of order: {found:?}");
+    let clean = found.records[..found.clean].iter().zip(first..);
+    assert!(clean.clone().all(|(record, sequence)| record.sequence == sequence), "{found:?}");
+    assert!(found.bad.is_some() || found.clean == found.records.len(), "{found:?}");
+    assert!(found.bad.is_none_or(|bad| bad < bytes.len().max(HEADER)), "{found:?}");
+    found.records.into_iter().map(|record| &bytes[record.payload]).collect()
+}
+
+/// A snapshot file around a body, compressed on the way where it holds plain parts; its sequence is
+/// the one that the first part claims as revision where that is one byte.
+pub(in crate::store) fn sealed_snapshot(body: &[u8], compress: bool) -> Vec<u8> {
+    let mut compressed = Vec::new();
+    // Behind the part's length, the head's tag and length, and the field's own tag.
+    let at = if body.get(9).is_some_and(|length| length & 128 != 0) { 12 } else { 11 };
+    let sequence = body.get(at).copied().filter(|&byte| byte < 128).map_or(0, u64::from);
+    if compress {
+        compressed = zstd::encode_all(body, 1).unwrap_or_default();
+    }
+    let body = if compress { &compressed } else { body };
+    seal(Kind::Snapshot, &[7; 16], sequence, body)
+}
+
+/// The map of a snapshot file, if it is one. What is compressed better than anything that a target
+/// is meant to try is passed over: of a snapshot, covis promises to hold what it decompresses to.
+pub(in crate::store) fn unsealed(bytes: &[u8]) -> Option<Arc<Map>> {
+    let (_, _, body) = unseal(Kind::Snapshot, bytes).ok()?;
+    let decoder = zstd::Decoder::with_buffer(body).ok()?;
+    let length = io::copy(&mut decoder.take(MOST_BYTES + 1), &mut io::sink());
+    if length.is_ok_and(|length| length > MOST_BYTES) { None } else { unseal_map(bytes).ok() }
+}
+
+/// The map that payloads (as [`built`] takes them) lead to, up to a revision.
+fn folded(parts: &[u8], through: u64) -> Map {
+    let bytes = built(&Uid::default(), 1, parts);
+    let mut map = Map::new();
+    for payload in payloads(&bytes, &Uid::default(), 1) {
+        let Ok(event) = decode_event(payload) else { break };
+        if map.revision() as u64 >= through || map.apply(&event).is_err() {
+            break;
+        }
+    }
+    map
+}
+
+/// An identity around a body: what it holds is written and read back.
+pub(in crate::store) fn identity(body: &[u8]) {
+    let bytes = seal(Kind::Identity, &[7; 16], 0, body);
+    let name = match unseal(Kind::Identity, &bytes) {
+        Ok((_, _, body)) => decode_identity(body),
+        Err(reason) => panic!("what was sealed does not open: {reason}"),
+    };
+    if let Ok(name) = name {
+        assert_eq!(decode_identity(&encode_identity(&name)), Ok(name));
+    }
+}
+
+/// A map's folder, opened and read.
+struct Opened {
+    journal: Journal,
+    /// The last sequence that can be read.
+    last: u64,
+    /// Whether the map takes no changes.
+    frozen: bool,
+    /// The newest snapshot.
+    map: Option<Arc<Map>>,
+    /// What stands behind it; nothing where a payload is no event.
+    events: Vec<Arc<Event>>,
+}
+
+/// Opens the folder `/map` of a disk; `None` where it is of a later version.
+fn open(disk: &MemoryDisk, uid: &Uid) -> Option<Opened> {
+    let folder = Path::new("/map");
+    let disk: Arc<dyn Disk> = Arc::new(disk.clone());
+    let options = FileStoreOptions::default();
+    let journal =
+        Journal::new("map", *uid, folder.to_owned(), Arc::clone(&disk), options, &Arc::default());
+    let found = match load(&*disk, folder, uid) {
+        Ok(found) => found,
+        Err(StoreError::Content { .. }) => return None,
+        Err(error) => panic!("a sound disk fails: {error}"),
+    };
+    let (last, frozen) = (found.last, found.frozen.is_some());
+    journal.loaded(found);
+    let map = match read::newest_snapshot(&journal) {
+        Ok(map) => map,
+        Err(error) => panic!("a sound disk fails: {error}"),
+    };
+    let base = map.as_ref().map_or(0, |map| crate::store::sequence_of(map.revision()));
+    let events = read::events(&journal, base, last).unwrap_or_default();
+    assert!(events.len() as u64 <= last.saturating_sub(base), "more events than there can be");
+    Some(Opened { journal, last, frozen, map, events })
+}
+
+/// Appends an event and flushes; how far the journal is durable then.
+fn append(opened: &Opened, epoch: Epoch, event: Event) -> Result<u64, StoreError> {
+    let journal = &opened.journal;
+    journal.accept(epoch, opened.last, vec![Arc::new(event)])?;
+    journal.flush();
+    let flushed = journal.follow().borrow().clone();
+    flushed.failed.map_or(Ok(flushed.through), Err)
+}
+
+/// A map's folder with two journal files, a mark and a snapshot. The input's first eight bytes say
+/// how it is cut and which parts get their checksums; opening mends, opening again finds nothing to
+/// mend and the same events, and a map that is not frozen takes an event and still has it.
+pub fn journal_folder(input: &[u8]) {
+    let Some((head, rest)) = input.split_first_chunk::<8>() else { return };
+    let [flags, second, snapshot, mark, a, b, c, d] = *head;
+    let numbered = |byte: u8| if byte == u8::MAX { u64::MAX } else { u64::from(byte) };
+    let cut = |share: u16| usize::from(share).min(rest.len());
+    let one = cut(u16::from_le_bytes([a, b]));
+    let two = cut(u16::from_le_bytes([c, d])).max(one);
+    let uid = [7; 16];
+    let segment = |first: u64, bytes: &[u8], build: bool| {
+        if build { built(&uid, first, bytes) } else { bytes.to_vec() }
+    };
+    let disk = MemoryDisk::default();
+    let put = |name: String, bytes: Vec<u8>| {
+        disk.files().insert(Path::new("/map").join(name), bytes);
+    };
+    put(journal_name(1), segment(1, &rest[..one], flags & 1 != 0));
+    if second > 1 {
+        let first = numbered(second);
+        put(journal_name(first), segment(first, &rest[one..two], flags & 2 != 0));
+    }
+    if flags & 8 != 0 {
+        let map = folded(&rest[..one], numbered(snapshot));
+        put(snapshot_name(numbered(snapshot)), seal_map(&uid, &map).unwrap_or_default());
+    } else if snapshot > 0 {
+        put(snapshot_name(numbered(snapshot)), rest[two..].to_vec());
+    }
+    if flags & 4 != 0 {
+        put(MARK.to_owned(), mark_of(&uid, numbered(mark)));
+    }
+    let Some(opened) = open(&disk, &uid) else { return };
+    let mut map = opened.map.as_deref().cloned().unwrap_or_default();
+    fold(&mut map, opened.events.iter().map(|event| (**event).clone()));
+    let Some(again) = open(&disk, &uid) else { panic!("what was mended does not open") };
+    assert_eq!((again.last, again.frozen), (opened.last, opened.frozen), "opening changes a map");
+    assert_eq!(again.events.len(), opened.events.len());
+    if again.frozen {
+        return;
+    }
+    let Some(revision) = again.last.checked_add(1).and_then(|r| i64::try_from(r).ok()) else {
+        return;
+    };
+    let change = Change::ClientOpened { name: "robot".to_owned(), epoch: 1 };
+    let event = Event { revision, time_ns: 0, cause: None, change };
+    let durable = append(&again, Epoch(0), event);
+    assert_eq!(durable, Ok(again.last + 1), "an event is accepted and does not become durable");
+    let Some(third) = open(&disk, &uid) else { panic!("what was written does not open") };
+    assert_eq!((third.last, third.frozen), (again.last + 1, false), "an appended event is lost");
+}
