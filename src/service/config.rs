@@ -4,6 +4,8 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use super::access::JwtOptions;
+use super::clock::Clock;
 use super::engine::EngineConfig;
 use super::tls::TlsFiles;
 use crate::map::Ceilings;
@@ -27,8 +29,10 @@ pub struct ServerConfig {
     pub data_dir: Option<PathBuf>,
     /// Certificate and key of the listener (none: plain text).
     pub tls: Option<TlsFiles>,
-    /// The file of tokens (none: everybody may do everything).
+    /// The file of tokens (none). Without it and `jwt` everybody may do everything.
     pub tokens: Option<PathBuf>,
+    /// Whose JSON Web Tokens are taken (nobody's).
+    pub jwt: Option<JwtOptions>,
     /// Whether plain text is served beyond the loopback interface (no).
     pub insecure_plain_text: bool,
     /// Threads of the solver pool (one per processor).
@@ -37,6 +41,8 @@ pub struct ServerConfig {
     pub engine: EngineConfig,
     /// How long a shutdown waits for calls that are still running (10 s).
     pub drain_budget: Duration,
+    /// What says whether a token has expired (the system's clock).
+    pub clock: Clock,
     /// For tests only, from `COVIS_TEST_FAULT`: `rpc:NAME` panics in the handler of that RPC, `rpc:*` of any;
     /// `panic-in-solve`, `panic-in-engine` and `fail-calls` are faults of the engine.
     pub test_fault: Option<String>,
@@ -56,10 +62,12 @@ impl Default for ServerConfig {
             data_dir: None,
             tls: None,
             tokens: None,
+            jwt: None,
             insecure_plain_text: false,
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             engine: EngineConfig::default(),
             drain_budget: Duration::from_secs(10),
+            clock: Clock::System,
             test_fault: None,
         }
     }

@@ -10,12 +10,14 @@
 //! | `status` | domain error → status code, the only place |
 //! | `context` | how a handler's outcome becomes an answer |
 //! | `access` | tokens, roles and tenants: who may call what |
+//! | `clock` | what time it is, where that decides |
 //! | `tls` | certificates of the listener |
 //! | `*_service` | one file a service of the wire; `watch`, `export`, `listing` serve `MapService` |
 
 pub mod engine;
 
 mod access;
+mod clock;
 mod config;
 mod context;
 mod convert;
@@ -36,7 +38,8 @@ mod status;
 mod tls;
 mod watch;
 
-pub use access::AccessError;
+pub use access::{AccessError, JwtOptions};
+pub use clock::Clock;
 pub use config::ServerConfig;
 pub use server::{RunningServer, Server, ServerError};
 pub use tls::{TlsError, TlsFiles};

@@ -51,7 +51,7 @@ pub enum ServerError {
     /// The engines do not start, for instance because a journal does not replay.
     #[error("the engines")]
     Engine(#[from] EngineError),
-    /// The file of tokens cannot be used.
+    /// The file of tokens or that of keys cannot be used.
     #[error("who may come in")]
     Access(#[from] AccessError),
     /// Certificates or keys cannot be used.
@@ -104,13 +104,13 @@ impl Server {
         let address = listener.local_addr().map_err(ServerError::Address)?;
         apply_test_fault(&mut config)?;
         let tls = config.tls.clone().map(Tls::new).transpose()?.map(Arc::new);
-        let access = Arc::new(Access::new(config.tokens.as_deref())?);
+        let access = Arc::new(Access::new(&config)?);
         let is_open = !address.ip().is_loopback();
         if tls.is_none() && is_open && !config.insecure_plain_text {
             return Err(ServerError::PlainText { address });
         }
         if is_open && !access.is_guarded() {
-            tracing::warn!("without a file of tokens, whoever reaches {address} may do everything");
+            tracing::warn!("without tokens, whoever reaches {address} may do everything");
         }
         let pool = SolverPool::new(config.threads)?;
         let store: Arc<dyn Store> = match &config.data_dir {
@@ -150,18 +150,18 @@ impl RunningServer {
         self.address
     }
 
-    /// Reads certificates, keys and tokens again. New connections get the certificate, new calls
+    /// Reads certificates, keys, tokens and the keys of JSON Web Tokens again. New connections get the certificate, new calls
     /// need a token that is known now; streams that are open go on.
     ///
     /// # Errors
     /// [`ServerError::Tls`], [`ServerError::Access`]; then all is as it was.
     pub fn reload(&self) -> Result<(), ServerError> {
         let acceptor = self.tls.as_ref().map(|tls| tls.read()).transpose()?;
-        let tokens = self.context.access.read()?;
+        let known = self.context.access.read()?;
         if let (Some(tls), Some(acceptor)) = (&self.tls, acceptor) {
             tls.put(acceptor);
         }
-        self.context.access.put(tokens);
+        self.context.access.put(known);
         tracing::info!("certificates and tokens were read again");
         Ok(())
     }

@@ -14,6 +14,7 @@ mod demo;
 mod doctor;
 mod durable;
 mod engine;
+mod jwt;
 mod map_check;
 mod map_fold;
 mod map_placement;

@@ -1,8 +1,9 @@
-//! The record of deletions: log lines with target `audit`, which `COVIS_LOG` filters like any other
+//! The record of deletions and refusals: log lines with target `audit`, which `COVIS_LOG` filters like any other
 //! but which the command line keeps on by default. They name the token's owner, never the token.
 
 use std::net::SocketAddr;
 
+use super::jwt::Refusal;
 use super::{Caller, Role};
 use crate::service::error::ServiceError;
 
@@ -23,4 +24,9 @@ pub(in crate::service) fn deletion(
 pub(super) fn refusal(caller: &Caller, path: &str, needed: Role) {
     let (token, tenant, needed) = (caller.token(), caller.tenant(), needed.name());
     tracing::info!(target: "audit", action = path, tenant, token, needed, outcome = "refused");
+}
+
+/// A JSON Web Token was not taken; its bearer is not told why.
+pub(super) fn not_taken(path: &str, reason: &Refusal) {
+    tracing::info!(target: "audit", action = path, %reason, outcome = "refused");
 }

@@ -1,27 +1,36 @@
 //! Who may call what: bearer tokens, roles, tenants, and the record of deletions.
 //!
 //! [`Guarded`] stands before every service but health. It admits a request by its token and by the
-//! role that its RPC needs, and hands the [`Caller`] on in the request's extensions. Without a file
-//! of tokens everybody is an administrator of the default tenant. No token is logged or kept: what
-//! is compared are digests.
+//! role that its RPC needs, and hands the [`Caller`] on in the request's extensions. Tokens are those
+//! of a file (`tokens`), and those that an issuer signed (`jwt`, `jwks`); without either everybody is
+//! an administrator of the default tenant. No token is logged or kept: what is compared are digests.
 
 mod audit;
 mod guard;
+mod jwks;
+mod jwt;
+#[cfg(test)]
+mod jwt_tests;
 mod roles;
 mod tenants;
 mod tokens;
 
-use std::path::{Path, PathBuf};
-use std::sync::{PoisonError, RwLock};
+use std::path::PathBuf;
+use std::sync::{Arc, PoisonError, RwLock};
 
 use tonic::Request;
 use tonic::codegen::http::HeaderMap;
 
+use super::clock::Clock;
+use super::config::ServerConfig;
 use super::error::ServiceError;
+use jwks::Keys;
+use jwt::Refusal;
 use tokens::Tokens;
 
 pub(super) use audit::deletion;
 pub(super) use guard::Guarded;
+pub use jwt::JwtOptions;
 use roles::Role;
 pub(super) use tenants::{Caller, hide_tenant, shown};
 pub use tokens::AccessError;
@@ -29,50 +38,94 @@ pub use tokens::AccessError;
 /// Which tokens are known, and to whom they belong.
 #[derive(Debug)]
 pub(super) struct Access {
-    /// `None` admits everybody.
-    known: Option<(PathBuf, RwLock<Tokens>)>,
+    tokens: Option<PathBuf>,
+    jwt: Option<JwtOptions>,
+    clock: Clock,
+    known: RwLock<Arc<Known>>,
+}
+
+/// What the files say.
+#[derive(Debug)]
+pub(super) struct Known {
+    tokens: Option<Tokens>,
+    keys: Option<Keys>,
+}
+
+impl Known {
+    fn read(tokens: Option<&PathBuf>, jwt: Option<&JwtOptions>) -> Result<Arc<Self>, AccessError> {
+        let tokens = tokens.map(|path| Tokens::read(path)).transpose()?;
+        let keys = jwt.map(|jwt| Keys::read(&jwt.jwks)).transpose()?;
+        Ok(Arc::new(Self { tokens, keys }))
+    }
 }
 
 impl Access {
-    /// Reads the file of tokens, if there is one.
-    pub(super) fn new(file: Option<&Path>) -> Result<Self, AccessError> {
-        let known = match file {
-            None => None,
-            Some(path) => Some((path.to_owned(), RwLock::new(Tokens::read(path)?))),
-        };
-        Ok(Self { known })
+    /// Reads the files, if there are any.
+    pub(super) fn new(config: &ServerConfig) -> Result<Self, AccessError> {
+        let (tokens, jwt) = (config.tokens.clone(), config.jwt.clone());
+        let known = RwLock::new(Known::read(tokens.as_ref(), jwt.as_ref())?);
+        Ok(Self { tokens, jwt, clock: config.clock.clone(), known })
     }
 
     /// Whether only those with a token are admitted.
     pub(super) fn is_guarded(&self) -> bool {
-        self.known.is_some()
+        self.tokens.is_some() || self.jwt.is_some()
     }
 
-    /// Reads the file again; nothing changes before [`Access::put`].
-    pub(super) fn read(&self) -> Result<Option<Tokens>, AccessError> {
-        self.known.as_ref().map(|(path, _)| Tokens::read(path)).transpose()
+    /// Reads the files again; nothing changes before [`Access::put`].
+    pub(super) fn read(&self) -> Result<Arc<Known>, AccessError> {
+        Known::read(self.tokens.as_ref(), self.jwt.as_ref())
     }
 
-    /// From now on these tokens are known, and no others.
-    pub(super) fn put(&self, tokens: Option<Tokens>) {
-        if let (Some((_, known)), Some(tokens)) = (&self.known, tokens) {
-            *known.write().unwrap_or_else(PoisonError::into_inner) = tokens;
-        }
+    /// From now on these tokens and keys are known, and no others.
+    pub(super) fn put(&self, known: Arc<Known>) {
+        *self.known.write().unwrap_or_else(PoisonError::into_inner) = known;
+    }
+
+    fn known(&self) -> Arc<Known> {
+        Arc::clone(&self.known.read().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// The caller behind a request for the RPC at `path`, if it may make it.
     fn admit(&self, path: &str, headers: &HeaderMap) -> Result<Caller, ServiceError> {
-        let Some((_, known)) = &self.known else { return Ok(Caller::everybody()) };
+        if !self.is_guarded() {
+            return Ok(Caller::everybody());
+        }
         let refused = |what| ServiceError::Unauthenticated { what };
         let token = bearer(headers).ok_or(refused("a bearer token is needed"))?;
-        let known = known.read().unwrap_or_else(PoisonError::into_inner);
-        let caller = known.caller(token).ok_or(refused("the token is not known"))?;
+        let caller = match &self.jwt {
+            Some(options) if jwt::has_form(token) => self.signed(token, options, path)?,
+            _ => self.listed(token).ok_or(refused("the token is not known"))?,
+        };
         let needed = roles::needed(path);
         if caller.role() < needed {
             audit::refusal(&caller, path, needed);
             return Err(ServiceError::RoleTooLow { needed: needed.name() });
         }
         Ok(caller)
+    }
+
+    /// The owner of a token of the file.
+    fn listed(&self, token: &str) -> Option<Caller> {
+        self.known().tokens.as_ref()?.caller(token)
+    }
+
+    /// The bearer of a JSON Web Token, who learns no more of a bad one than whether it expired.
+    fn signed(
+        &self,
+        token: &str,
+        options: &JwtOptions,
+        path: &str,
+    ) -> Result<Caller, ServiceError> {
+        let known = self.known();
+        let unknown = ServiceError::Unauthenticated { what: "the token is not known" };
+        let Some(keys) = &known.keys else { return Err(unknown) };
+        let bearer = jwt::check(token, keys, options, self.clock.now()).map_err(|refusal| {
+            audit::not_taken(path, &refusal);
+            let expired = ServiceError::Unauthenticated { what: "the token has expired" };
+            if matches!(refusal, Refusal::Expired(_)) { expired } else { unknown }
+        })?;
+        Ok(Caller::new(&bearer.subject, &bearer.tenant, bearer.role))
     }
 }
 

@@ -19,7 +19,7 @@ use sha2::{Digest, Sha256};
 
 use super::{Caller, Role};
 
-/// A file of tokens that cannot be used.
+/// A file of tokens or of keys that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
     /// The file cannot be read.
@@ -46,6 +46,33 @@ pub enum AccessError {
         field: &'static str,
         /// What it must be.
         expected: &'static str,
+    },
+    /// The file of keys cannot be read.
+    #[error("the file of keys")]
+    ReadKeys(#[source] std::io::Error),
+    /// The file of keys is not JSON of the right shape. Its text is not shown.
+    #[error("{}, line {line}: this is no JSON Web Key Set", path.display())]
+    Keys {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+    },
+    /// A key cannot be used.
+    #[error("{}: key {number}: {reason}", path.display())]
+    Key {
+        /// The file.
+        path: PathBuf,
+        /// Which key, from 1.
+        number: usize,
+        /// What is wrong.
+        reason: &'static str,
+    },
+    /// No token could be taken.
+    #[error("{}: holds no key for signatures by RS256, PS256, ES256 or EdDSA", path.display())]
+    NoKey {
+        /// The file.
+        path: PathBuf,
     },
 }
 
@@ -112,7 +139,8 @@ impl Tokens {
     }
 }
 
-fn is_name(text: &str) -> bool {
+/// Whether it may be the name of a token or tenant.
+pub(super) fn is_name(text: &str) -> bool {
     let allowed = |c: u8| c.is_ascii_lowercase() || c.is_ascii_digit() || c == b'_' || c == b'-';
     (1..=63).contains(&text.len()) && text.bytes().all(allowed)
 }
