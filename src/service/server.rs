@@ -150,8 +150,8 @@ impl RunningServer {
         self.address
     }
 
-    /// Reads certificates, keys, tokens and the keys of JSON Web Tokens again. New connections get the certificate, new calls
-    /// need a token that is known now; streams that are open go on.
+    /// Reads certificates, keys, tokens and the keys of JSON Web Tokens again. New connections get the
+    /// certificate, new calls need a token that is known now, and so do streams that are open.
     ///
     /// # Errors
     /// [`ServerError::Tls`], [`ServerError::Access`]; then all is as it was.

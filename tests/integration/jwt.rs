@@ -12,33 +12,34 @@ use ring::signature::{Ed25519KeyPair, KeyPair};
 use serde_json::json;
 use tempfile::TempDir;
 use tokio::sync::watch;
-use tonic::{Code, Request, Status};
+use tonic::{Code, Status};
 
-use crate::common::{TestServer, check_status, run};
+use crate::common::{TestServer, bearing, check_status, run};
 use crate::rpc_access::tokens_toml;
 
-const NOW: i64 = 1_800_000_000;
+/// When the tests begin.
+pub(crate) const NOW: i64 = 1_800_000_000;
 
 /// Signs tokens.
-struct Issuer {
+pub(crate) struct Issuer {
     key: Ed25519KeyPair,
     kid: &'static str,
 }
 
 impl Issuer {
-    fn new(kid: &'static str) -> Self {
+    pub(crate) fn new(kid: &'static str) -> Self {
         let pkcs8 = Ed25519KeyPair::generate_pkcs8(&SystemRandom::new()).unwrap();
         Self { key: Ed25519KeyPair::from_pkcs8(pkcs8.as_ref()).unwrap(), kid }
     }
 
     /// The set of its one key.
-    fn jwks(&self) -> String {
+    pub(crate) fn jwks(&self) -> String {
         let x = URL_SAFE_NO_PAD.encode(self.key.public_key());
         json!({"keys": [{"kty": "OKP", "crv": "Ed25519", "kid": self.kid, "x": x}]}).to_string()
     }
 
     /// A token that is good for five minutes.
-    fn token(&self, tenant: &str, role: &str) -> String {
+    pub(crate) fn token(&self, tenant: &str, role: &str) -> String {
         let header = json!({"alg": "EdDSA", "kid": self.kid}).to_string();
         let claims = json!({
             "iss": "https://issuer", "aud": "covis", "sub": "robot", "exp": NOW + 300,
@@ -52,14 +53,14 @@ impl Issuer {
 }
 
 /// A server that takes an issuer's tokens and those of a file.
-struct Guarded {
-    server: TestServer,
+pub(crate) struct Guarded {
+    pub(crate) server: TestServer,
     files: TempDir,
-    time: watch::Sender<i64>,
+    pub(crate) time: watch::Sender<i64>,
 }
 
 impl Guarded {
-    async fn start(jwks: &str, tokens: Option<&str>) -> Self {
+    pub(crate) async fn start(jwks: &str, tokens: Option<&str>) -> Self {
         let files = tempfile::tempdir().unwrap();
         fs_err::write(files.path().join("keys.json"), jwks).unwrap();
         let listed = tokens.map(|text| {
@@ -81,11 +82,11 @@ impl Guarded {
         Self { server, files, time }
     }
 
-    fn write(&self, name: &str, text: &str) {
+    pub(crate) fn write(&self, name: &str, text: &str) {
         fs_err::write(self.files.path().join(name), text).unwrap();
     }
 
-    async fn create(&self, token: &str) -> Result<(), Status> {
+    pub(crate) async fn create(&self, token: &str) -> Result<(), Status> {
         let map_id = "house".to_owned();
         let request = v1::CreateMapRequest { map_id, ..v1::CreateMapRequest::default() };
         self.server.maps().create_map(bearing(token, request)).await.map(drop)
@@ -96,13 +97,6 @@ impl Guarded {
         let request = bearing(token, v1::ListMapsRequest::default());
         Ok(self.server.maps().list_maps(request).await?.into_inner().maps.len())
     }
-}
-
-fn bearing<T>(token: &str, message: T) -> Request<T> {
-    let mut request = Request::new(message);
-    let value = format!("Bearer {token}").parse().unwrap();
-    request.metadata_mut().insert("authorization", value);
-    request
 }
 
 #[test]

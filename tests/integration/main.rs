@@ -25,6 +25,7 @@ mod proxy;
 mod reference;
 mod replay;
 mod replay_broken;
+mod rights;
 mod rpc_access;
 mod rpc_bad_input;
 mod rpc_export;

@@ -30,3 +30,11 @@ pub(super) fn refusal(caller: &Caller, path: &str, needed: Role) {
 pub(super) fn not_taken(path: &str, reason: &Refusal) {
     tracing::info!(target: "audit", action = path, %reason, outcome = "refused");
 }
+
+/// An open stream ends because its caller has lost the right to it.
+pub(super) fn withdrawn(caller: &Caller, reason: &ServiceError) {
+    let (token, tenant) = (caller.token(), caller.tenant());
+    let is_known = matches!(reason, ServiceError::RoleTooLow { .. });
+    let reason = if is_known { "the role is too low now" } else { "the token no longer counts" };
+    tracing::info!(target: "audit", tenant, token, reason, outcome = "stream ended");
+}

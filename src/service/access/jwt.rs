@@ -17,13 +17,14 @@
 //! no more than whether it expired; [`Refusal`] is for the operator's log and never holds the token.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use base64::Engine;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
-use super::jwks::{Algorithm, Keys};
+use super::jwks::{Algorithm, Key, Keys};
 use super::roles::Role;
 use super::tokens::is_name;
 
@@ -76,6 +77,12 @@ pub(super) struct Bearer {
     pub(super) subject: String,
     pub(super) tenant: String,
     pub(super) role: Role,
+    /// When the token no longer counts, Unix time in seconds.
+    pub(super) end: i64,
+    /// The name of the key that signed it.
+    pub(super) kid: String,
+    /// That key.
+    pub(super) key: Arc<Key>,
 }
 
 #[derive(Deserialize)]
@@ -129,14 +136,21 @@ pub(super) fn check(
         return Err(Refusal::Signature);
     }
     let claims: Claims = part(claims).ok_or(Refusal::Malformed("its claims"))?;
-    bearer(claims, options, now)
+    bearer(claims, kid, Arc::clone(key), options, now)
 }
 
 /// What the claims of a token with a good signature say.
-fn bearer(claims: Claims, options: &JwtOptions, now: i64) -> Result<Bearer, Refusal> {
+fn bearer(
+    claims: Claims,
+    kid: String,
+    key: Arc<Key>,
+    options: &JwtOptions,
+    now: i64,
+) -> Result<Bearer, Refusal> {
     let text = |value: Option<serde_json::Value>| Some(value?.as_str()?.to_owned());
     let expiry = time(claims.exp.as_ref()).ok_or(Refusal::Claim("exp"))?;
-    if now >= expiry.saturating_add(LEEWAY) {
+    let end = expiry.saturating_add(LEEWAY);
+    if now >= end {
         return Err(Refusal::Expired(expiry));
     }
     if let Some(begin) = &claims.nbf {
@@ -168,7 +182,7 @@ fn bearer(claims: Claims, options: &JwtOptions, now: i64) -> Result<Bearer, Refu
         None => String::new(),
         tenant => text(tenant).filter(|t| is_name(t)).ok_or(Refusal::Claim("covis_tenant"))?,
     };
-    Ok(Bearer { subject, tenant, role })
+    Ok(Bearer { subject, tenant, role, end, kid, key })
 }
 
 /// JSON in base64url.

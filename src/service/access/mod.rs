@@ -3,7 +3,7 @@
 //! [`Guarded`] stands before every service but health. It admits a request by its token and by the
 //! role that its RPC needs, and hands the [`Caller`] on in the request's extensions. Tokens are those
 //! of a file (`tokens`), and those that an issuer signed (`jwt`, `jwks`); without either everybody is
-//! an administrator of the default tenant. No token is logged or kept: what is compared are digests.
+//! an administrator of the default tenant. A stream that stays open is watched by `rights`. No token is logged or kept: what is compared are digests.
 
 mod audit;
 mod guard;
@@ -11,13 +11,15 @@ mod jwks;
 mod jwt;
 #[cfg(test)]
 mod jwt_tests;
+mod rights;
 mod roles;
 mod tenants;
 mod tokens;
 
 use std::path::PathBuf;
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::Arc;
 
+use tokio::sync::watch;
 use tonic::Request;
 use tonic::codegen::http::HeaderMap;
 
@@ -31,9 +33,13 @@ use tokens::Tokens;
 pub(super) use audit::deletion;
 pub(super) use guard::Guarded;
 pub use jwt::JwtOptions;
+use rights::Proof;
 use roles::Role;
 pub(super) use tenants::{Caller, hide_tenant, shown};
 pub use tokens::AccessError;
+
+const UNKNOWN: ServiceError = ServiceError::Unauthenticated { what: "the token is not known" };
+const EXPIRED: ServiceError = ServiceError::Unauthenticated { what: "the token has expired" };
 
 /// Which tokens are known, and to whom they belong.
 #[derive(Debug)]
@@ -41,7 +47,8 @@ pub(super) struct Access {
     tokens: Option<PathBuf>,
     jwt: Option<JwtOptions>,
     clock: Clock,
-    known: RwLock<Arc<Known>>,
+    /// Streams that are open see when it changes.
+    known: watch::Sender<Arc<Known>>,
 }
 
 /// What the files say.
@@ -63,7 +70,7 @@ impl Access {
     /// Reads the files, if there are any.
     pub(super) fn new(config: &ServerConfig) -> Result<Self, AccessError> {
         let (tokens, jwt) = (config.tokens.clone(), config.jwt.clone());
-        let known = RwLock::new(Known::read(tokens.as_ref(), jwt.as_ref())?);
+        let (known, _) = watch::channel(Known::read(tokens.as_ref(), jwt.as_ref())?);
         Ok(Self { tokens, jwt, clock: config.clock.clone(), known })
     }
 
@@ -79,11 +86,11 @@ impl Access {
 
     /// From now on these tokens and keys are known, and no others.
     pub(super) fn put(&self, known: Arc<Known>) {
-        *self.known.write().unwrap_or_else(PoisonError::into_inner) = known;
+        self.known.send_replace(known);
     }
 
     fn known(&self) -> Arc<Known> {
-        Arc::clone(&self.known.read().unwrap_or_else(PoisonError::into_inner))
+        Arc::clone(&self.known.borrow())
     }
 
     /// The caller behind a request for the RPC at `path`, if it may make it.
@@ -91,18 +98,18 @@ impl Access {
         if !self.is_guarded() {
             return Ok(Caller::everybody());
         }
-        let refused = |what| ServiceError::Unauthenticated { what };
-        let token = bearer(headers).ok_or(refused("a bearer token is needed"))?;
+        let missing = ServiceError::Unauthenticated { what: "a bearer token is needed" };
+        let token = bearer(headers).ok_or(missing)?;
         let caller = match &self.jwt {
             Some(options) if jwt::has_form(token) => self.signed(token, options, path)?,
-            _ => self.listed(token).ok_or(refused("the token is not known"))?,
+            _ => self.listed(token).ok_or(UNKNOWN)?,
         };
         let needed = roles::needed(path);
         if caller.role() < needed {
             audit::refusal(&caller, path, needed);
             return Err(ServiceError::RoleTooLow { needed: needed.name() });
         }
-        Ok(caller)
+        Ok(caller.calling(needed))
     }
 
     /// The owner of a token of the file.
@@ -118,14 +125,17 @@ impl Access {
         path: &str,
     ) -> Result<Caller, ServiceError> {
         let known = self.known();
-        let unknown = ServiceError::Unauthenticated { what: "the token is not known" };
-        let Some(keys) = &known.keys else { return Err(unknown) };
+        let Some(keys) = &known.keys else { return Err(UNKNOWN) };
         let bearer = jwt::check(token, keys, options, self.clock.now()).map_err(|refusal| {
             audit::not_taken(path, &refusal);
-            let expired = ServiceError::Unauthenticated { what: "the token has expired" };
-            if matches!(refusal, Refusal::Expired(_)) { expired } else { unknown }
+            if matches!(refusal, Refusal::Expired(_)) { EXPIRED } else { UNKNOWN }
         })?;
-        Ok(Caller::new(&bearer.subject, &bearer.tenant, bearer.role))
+        let caller = Caller::new(&bearer.subject, &bearer.tenant, bearer.role);
+        Ok(caller.showing(Proof::Signed {
+            kid: bearer.kid.into(),
+            key: bearer.key,
+            end: bearer.end,
+        }))
     }
 }
 

@@ -17,6 +17,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
+use super::rights::Proof;
 use super::{Caller, Role};
 
 /// A file of tokens or of keys that cannot be used.
@@ -125,6 +126,7 @@ impl Tokens {
                 return bad("sha256", "64 hexadecimal digits");
             };
             let caller = Caller::new(&entry.name, &entry.tenant, entry.role);
+            let caller = caller.showing(Proof::Listed(digest));
             if tokens.insert(digest, caller).is_some() {
                 return bad("sha256", "of a token that no other entry has");
             }
@@ -134,8 +136,12 @@ impl Tokens {
 
     /// Whose token it is.
     pub(super) fn caller(&self, token: &str) -> Option<Caller> {
-        let digest: [u8; 32] = Sha256::digest(token.as_bytes()).into();
-        self.0.get(&digest).cloned()
+        self.owner(&Sha256::digest(token.as_bytes()).into()).cloned()
+    }
+
+    /// Whose token has this digest.
+    pub(super) fn owner(&self, digest: &[u8; 32]) -> Option<&Caller> {
+        self.0.get(digest)
     }
 }
 
