@@ -10,6 +10,8 @@
 //! | `ingest` | [`IngestSession`]: send with back-pressure, acks, finish |
 //! | `stream` | the task behind a session: reconnects and resumes |
 //! | `outbox` | the items that the server has not answered yet |
+//! | `spill` | the file of those that memory does not hold |
+//! | `shared` | the outbox between a session's handle and its task |
 //! | `watch` | [`MapWatch`]: a [`MapMirror`] that deltas keep up to date |
 //! | `retry`, `error` | what is tried again, and when to give up |
 
@@ -22,6 +24,8 @@ mod items;
 mod mirror;
 mod outbox;
 mod retry;
+mod shared;
+mod spill;
 mod stream;
 mod watch;
 
@@ -48,6 +52,7 @@ pub use ingest::{
 };
 pub use mirror::{Key, MapMirror};
 pub use retry::RetryPolicy;
+pub use spill::{LeftOver, SpillDamage, SpillOptions};
 pub use watch::{MapWatch, WatchOptions};
 
 /// Largest message that is taken: a server sends at most what it is configured to.

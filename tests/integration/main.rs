@@ -38,4 +38,5 @@ mod rpc_optimize_map;
 mod rpc_pose_graph;
 mod rpc_server;
 mod rpc_watch;
+mod spill;
 mod tls;

@@ -62,6 +62,11 @@ impl Proxy {
         self.link.send_modify(|link| link.is_closed = true);
     }
 
+    /// Takes new connections again.
+    pub(crate) fn open(&self) {
+        self.link.send_modify(|link| link.is_closed = false);
+    }
+
     /// Leads new connections to another server.
     pub(crate) fn lead_to(&self, target: SocketAddr) {
         self.link.send_modify(|link| link.target = target);
