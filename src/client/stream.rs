@@ -97,6 +97,7 @@ impl Session {
         self.shared.outbox().rewind(answer.durability() != v1::Durability::InMemory);
         if self.first.is_some() {
             self.publish.send_modify(|state| state.report.reconnects += 1);
+            self.catch_up(&answer)?;
         } else {
             let left = self.attach(&answer.map_uid)?;
             self.first = Some(answer.clone());
@@ -129,6 +130,17 @@ impl Session {
         // Whether or not the server saw it: this epoch is spent.
         self.epoch = self.epoch.max(epoch);
         Ok((outbound, answer.map_err(ClientError::rpc(RPC))?.into_inner()))
+    }
+
+    /// Takes the OPTIMIZED ack that the broken link may have lost: nobody sends it again.
+    fn catch_up(&mut self, answer: &v1::IngestOpened) -> Result<(), ClientError> {
+        let through = self.publish.borrow().report.optimized_through;
+        let (sequence, revision) = (answer.optimized_sequence, answer.revision);
+        if sequence <= through {
+            return Ok(());
+        }
+        let status = v1::AckStatus::Optimized.into();
+        self.take(&v1::IngestAck { sequence, status, revision, ..v1::IngestAck::default() })
     }
 
     /// Opens the spill file, now that the map is known.

@@ -128,6 +128,7 @@ async fn opened(
         limits: Some(to_limits(&snapshot.policy().ceilings, queued)),
         lock_step: opened.lock_step,
         map_uid: map.uid().to_owned(),
+        optimized_sequence: opened.optimized_sequence,
     })
 }
 

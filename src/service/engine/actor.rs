@@ -225,9 +225,11 @@ impl Actor {
         };
         let lock_step = lock_step || self.config.lock_step;
         let ends = self.streams.open(client, epoch, lock_step, self.config.queue_capacity);
+        let next_sequence = self.map.client(client).map_or(1, |c| c.next_sequence);
         let opened = Opened {
             client,
-            next_sequence: self.map.client(client).map_or(1, |c| c.next_sequence),
+            next_sequence,
+            optimized_sequence: self.schedule.first_open(client).unwrap_or(next_sequence) - 1,
             epoch,
             revision: self.map.revision(),
             lock_step,
