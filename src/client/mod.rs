@@ -7,6 +7,7 @@
 //! |---|---|
 //! | [`Client`] | one call a method |
 //! | `credentials` | [`Credentials`]: token, certificates, trust |
+//! | `link` | [`LinkOptions`]: how a link that is gone is found |
 //! | `ingest` | [`IngestSession`]: send with back-pressure, acks, finish |
 //! | `stream` | the task behind a session: reconnects and resumes |
 //! | `outbox` | the items that the server has not answered yet |
@@ -21,6 +22,7 @@ mod error;
 mod export;
 mod ingest;
 mod items;
+mod link;
 mod mirror;
 mod outbox;
 mod retry;
@@ -32,6 +34,7 @@ mod watch;
 use std::sync::Arc;
 use std::time::Duration;
 
+use tonic::Request;
 use tonic::codegen::InterceptedService;
 use tonic::transport::{Channel, Endpoint};
 
@@ -50,6 +53,7 @@ pub use export::MapExport;
 pub use ingest::{
     IngestReport, IngestSession, Item, KEPT_REJECTIONS, OnAck, RejectedItem, SessionOptions,
 };
+pub use link::LinkOptions;
 pub use mirror::{Key, MapMirror};
 pub use retry::RetryPolicy;
 pub use spill::{LeftOver, SpillDamage, SpillOptions};
@@ -57,12 +61,6 @@ pub use watch::{MapWatch, WatchOptions};
 
 /// Largest message that is taken: a server sends at most what it is configured to.
 const MAX_ANSWER_BYTES: usize = 256 * 1024 * 1024;
-/// How long a connection may take to stand.
-const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
-/// An idle connection is probed so often, and given up when the probe stays unanswered: a link that
-/// went away without a word is found.
-const KEEP_ALIVE: Duration = Duration::from_secs(10);
-
 /// A channel whose calls carry the token.
 type Link = InterceptedService<Channel, Bearer>;
 
@@ -72,6 +70,7 @@ type Link = InterceptedService<Channel, Bearer>;
 pub struct Client {
     channel: Link,
     url: Arc<str>,
+    deadline: Duration,
 }
 
 impl Client {
@@ -90,6 +89,18 @@ impl Client {
     /// [`ClientError::InvalidUrl`], [`ClientError::Unreachable`]; for credentials that cannot be used
     /// [`ClientError::Tls`], [`ClientError::InvalidToken`], [`ClientError::TokenInPlainText`].
     pub async fn connect_with(url: &str, credentials: &Credentials) -> Result<Self, ClientError> {
+        Self::connect_over(url, credentials, LinkOptions::default()).await
+    }
+
+    /// As [`Client::connect_with`], with other times than the usual ones.
+    ///
+    /// # Errors
+    /// As [`Client::connect_with`].
+    pub async fn connect_over(
+        url: &str,
+        credentials: &Credentials,
+        link: LinkOptions,
+    ) -> Result<Self, ClientError> {
         let invalid = || ClientError::InvalidUrl { url: url.to_owned() };
         let endpoint = Endpoint::from_shared(url.to_owned()).map_err(|_invalid| invalid())?;
         let is_http = matches!(endpoint.uri().scheme_str(), Some("http" | "https"));
@@ -97,20 +108,13 @@ impl Client {
             return Err(invalid());
         }
         let bearer = credentials.bearer(&endpoint)?;
-        let connected = credentials
-            .secure(endpoint)?
-            .connect_timeout(CONNECT_TIMEOUT)
-            .tcp_nodelay(true)
-            .http2_keep_alive_interval(KEEP_ALIVE)
-            .keep_alive_timeout(KEEP_ALIVE)
-            .keep_alive_while_idle(true)
-            .connect()
-            .await;
-        let channel = connected.map_err(|source| ClientError::Unreachable {
+        let endpoint = link.set(credentials.secure(endpoint)?);
+        let channel = endpoint.connect().await.map_err(|source| ClientError::Unreachable {
             url: url.to_owned(),
             source: Arc::new(source),
         })?;
-        Ok(Self { channel: InterceptedService::new(channel, bearer), url: url.into() })
+        let channel = InterceptedService::new(channel, bearer);
+        Ok(Self { channel, url: url.into(), deadline: link.deadline })
     }
 
     /// The server's address as it was given.
@@ -143,6 +147,13 @@ impl Client {
         options: WatchOptions,
     ) -> Result<MapWatch, ClientError> {
         MapWatch::open(self, map_id, options).await
+    }
+
+    /// A request with the deadline of calls that solve nothing.
+    fn timed<T>(&self, message: T) -> Request<T> {
+        let mut request = Request::new(message);
+        request.set_timeout(self.deadline);
+        request
     }
 
     fn ingest_service(&self) -> IngestServiceClient<Link> {

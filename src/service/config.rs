@@ -20,6 +20,8 @@ pub struct ServerConfig {
     pub max_message_bytes: usize,
     /// Streams that one connection may hold at once (64).
     pub max_concurrent_streams: u32,
+    /// How a peer that went away without a word is found.
+    pub keep_alive: KeepAlive,
     /// Maps that the server keeps (1000).
     pub max_maps: usize,
     /// Ceilings of a map, which its policy can only lower (100,000 keyframes, 20 million landmarks,
@@ -48,11 +50,30 @@ pub struct ServerConfig {
     pub test_fault: Option<String>,
 }
 
+/// How a server finds links whose other end is gone; their streams then end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KeepAlive {
+    /// A connection is probed (HTTP/2 PING) after so long without a word from the peer (10 s).
+    pub interval: Duration,
+    /// It is given up when a probe is not answered for so long (10 s).
+    pub timeout: Duration,
+    /// The system's own probes (TCP) begin after so long, which also covers handshakes (60 s).
+    pub tcp: Duration,
+}
+
+impl Default for KeepAlive {
+    fn default() -> Self {
+        let (interval, timeout) = (Duration::from_secs(10), Duration::from_secs(10));
+        Self { interval, timeout, tcp: Duration::from_secs(60) }
+    }
+}
+
 impl Default for ServerConfig {
     fn default() -> Self {
         Self {
             max_message_bytes: DEFAULT_MESSAGE_BYTES,
             max_concurrent_streams: 64,
+            keep_alive: KeepAlive::default(),
             max_maps: 1000,
             ceilings: Ceilings {
                 max_keyframes: Some(100_000),

@@ -40,6 +40,6 @@ mod watch;
 
 pub use access::{AccessError, JwtOptions};
 pub use clock::Clock;
-pub use config::ServerConfig;
+pub use config::{KeepAlive, ServerConfig};
 pub use server::{RunningServer, Server, ServerError};
 pub use tls::{TlsError, TlsFiles};

@@ -216,7 +216,7 @@ async fn serve(
     tls: Option<Arc<Tls>>,
     context: Arc<Context>,
 ) -> Result<(HealthReporter, JoinHandle<Result<(), tonic::transport::Error>>), ServerError> {
-    let bytes = context.config.max_message_bytes;
+    let (bytes, keep_alive) = (context.config.max_message_bytes, context.config.keep_alive);
     // The generated servers share no trait for their limits.
     macro_rules! limited {
         ($service:expr) => {
@@ -244,6 +244,8 @@ async fn serve(
     let info = ServerServiceServer::new(ServerInfo::new(Arc::clone(&context)));
     let router = tonic::transport::Server::builder()
         .max_concurrent_streams(context.config.max_concurrent_streams)
+        .http2_keepalive_interval(Some(keep_alive.interval))
+        .http2_keepalive_timeout(Some(keep_alive.timeout))
         .add_service(guarded!(maps))
         .add_service(guarded!(ingest))
         .add_service(guarded!(optimization))
@@ -252,9 +254,10 @@ async fn serve(
         .add_service(limited!(health_service))
         .add_service(guarded!(reflection().build_v1()?))
         .add_service(guarded!(reflection().build_v1alpha()?));
-    // The builder's own switch does not reach a listener that was bound outside; without it each
-    // small answer waits some 40 ms for the peer's delayed acknowledgment.
+    // The builder's own switches do not reach a listener that was bound outside; without this one
+    // each small answer waits some 40 ms for the peer's delayed acknowledgment.
     let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
+    let incoming = incoming.with_keepalive(Some(keep_alive.tcp));
     let task = tokio::spawn(async move {
         let drained = context.drained();
         match tls {

@@ -15,6 +15,7 @@ mod doctor;
 mod durable;
 mod engine;
 mod jwt;
+mod links;
 mod map_check;
 mod map_fold;
 mod map_placement;

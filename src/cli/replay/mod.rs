@@ -22,7 +22,7 @@ use tokio::time::Instant;
 use tonic::Code;
 
 use super::config::{Config, Layer};
-use super::connect::{Connection, connect};
+use super::connect::{Connection, connect_patiently};
 use super::output::print;
 use super::progress::Progress;
 use super::signals::Signals;
@@ -71,7 +71,7 @@ pub struct Args {
     /// Send so many keyframes a second [default: as fast as the server takes them].
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// How long to try to reach a server again that went away before giving up.
+    /// How long to try to reach a server that is not there, or went away, before giving up.
     #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = seconds)]
     reconnect_for: Duration,
     /// Keep what a server that is away has not taken in a file of this folder, beyond what memory
@@ -121,7 +121,7 @@ async fn replay(args: &Args, config: &Config, recording: &Recording) -> anyhow::
     };
     let levels = Arc::new(Mutex::new(Levels::default()));
     let work = async {
-        let client = connect(config).await?;
+        let client = connect_patiently(config, retry).await?;
         prepare_map(&client, &map_id, args, retry).await?;
         let target = Target { map_id: &map_id, client_id: &stem, retry };
         let report = stream(&client, &target, recording, args, &levels).await?;
