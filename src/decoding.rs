@@ -17,9 +17,9 @@ const ALWAYS: usize = 16 << 20;
 /// Decoded bytes that a larger message may take for each of its own. What is filled takes less:
 /// an observation three, a landmark with its position six.
 const PER_BYTE: usize = 16;
-/// A message that is shorter cannot take [`ALWAYS`]: no entry of a list takes 1024 bytes for each of
+/// A message that is shorter cannot take [`ALWAYS`]: no entry of a list takes 2048 bytes for each of
 /// its own two.
-const SHORT: usize = ALWAYS / 1024;
+const SHORT: usize = ALWAYS / 2048;
 
 /// A message that would take more memory than its length earns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]

@@ -9,7 +9,7 @@ use anyhow::{Context, bail};
 use fs_err as fs;
 
 use super::config::{Config, Layer};
-use crate::client::{Client, Credentials, Token};
+use crate::client::{Client, Credentials, RetryPolicy, Token};
 
 /// Which server, and who is asking.
 #[derive(Debug, clap::Args)]
@@ -48,6 +48,15 @@ impl Connection {
 /// Connects to the server that the configuration names.
 pub(super) async fn connect(config: &Config) -> anyhow::Result<Client> {
     Ok(Client::connect_with(&config.server, &credentials(config)?).await?)
+}
+
+/// As [`connect`], tried again for as long as `retry` allows.
+pub(super) async fn connect_patiently(
+    config: &Config,
+    retry: RetryPolicy,
+) -> anyhow::Result<Client> {
+    let credentials = credentials(config)?;
+    Ok(retry.run(|| Client::connect_with(&config.server, &credentials)).await?)
 }
 
 fn credentials(config: &Config) -> anyhow::Result<Credentials> {

@@ -2,8 +2,8 @@
 //!
 //! Standard output gets two lines once every map is open: `listening on http://ADDRESS` (`https` with TLS), with port 0
 //! the port that was taken, and where maps are kept; a third one tells where metrics are, if they are
-//! served. The first signal drains the server, a second one ends
-//! the process at once. SIGHUP has certificates and tokens read again, where there are any.
+//! served. The first signal drains the server, a second one ends the process at once. SIGHUP has
+//! certificates, tokens and keys read again, where there are any.
 
 use std::ffi::OsString;
 use std::io;
@@ -18,7 +18,7 @@ use super::config::{Config, Layer};
 use super::output::{ClosedPipe, print};
 use super::signals::Signals;
 use crate::service::engine::EngineConfig;
-use crate::service::{Server, ServerConfig, TlsFiles};
+use crate::service::{JwtOptions, Server, ServerConfig, TlsFiles};
 
 /// Arguments of `covis serve`.
 #[derive(Debug, clap::Args)]
@@ -38,6 +38,15 @@ pub(super) struct Args {
     /// Take only calls with a bearer token of this file (TOML) [env: COVIS_TOKENS].
     #[arg(long, value_name = "FILE")]
     tokens: Option<PathBuf>,
+    /// Take also JSON Web Tokens that a key of this set (JWKS) signed [env: COVIS_JWKS].
+    #[arg(long, value_name = "FILE")]
+    jwks: Option<PathBuf>,
+    /// The issuer (`iss`) that those tokens must name [env: COVIS_JWT_ISSUER].
+    #[arg(long, value_name = "ISSUER")]
+    jwt_issuer: Option<String>,
+    /// The audience (`aud`) that they must be meant for [env: COVIS_JWT_AUDIENCE].
+    #[arg(long, value_name = "AUDIENCE")]
+    jwt_audience: Option<String>,
     /// Speak plain text also beyond loopback: others on the network can read and change all of it
     /// [env: COVIS_INSECURE_PLAIN_TEXT].
     #[arg(long)]
@@ -77,6 +86,9 @@ impl Args {
             tls_key: self.tls_key.clone(),
             tls_client_ca: self.tls_client_ca.clone(),
             tokens: self.tokens.clone(),
+            jwks: self.jwks.clone(),
+            jwt_issuer: self.jwt_issuer.clone(),
+            jwt_audience: self.jwt_audience.clone(),
             insecure_plain_text: self.insecure_plain_text.then_some(true),
             metrics_listen: self.metrics_listen.clone(),
             drain_budget: self.drain_budget,
@@ -174,9 +186,15 @@ fn guarded(config: &Config) -> ServerConfig {
         let client_ca = config.tls_client_ca.clone();
         TlsFiles { certificate, key, client_ca }
     });
+    let jwt = config.jwks.clone().map(|jwks| JwtOptions {
+        jwks,
+        issuer: config.jwt_issuer.clone().unwrap_or_default(),
+        audience: config.jwt_audience.clone().unwrap_or_default(),
+    });
     ServerConfig {
         tls,
         tokens: config.tokens.clone(),
+        jwt,
         insecure_plain_text: config.insecure_plain_text,
         metrics_listen: config.metrics_listen.clone(),
         ..server_config(config)
@@ -214,7 +232,8 @@ impl Reloads {
     #[cfg(unix)]
     fn new(config: &Config) -> io::Result<Self> {
         use tokio::signal::unix::{SignalKind, signal};
-        let is_wanted = config.tls_cert.is_some() || config.tokens.is_some();
+        let files = [&config.tls_cert, &config.tokens, &config.jwks];
+        let is_wanted = files.iter().any(|file| file.is_some());
         Ok(Self { hangup: is_wanted.then(|| signal(SignalKind::hangup())).transpose()? })
     }
 

@@ -1,6 +1,7 @@
 //! The calls of a client, one method each: maps, trajectories, landmarks, solves.
 //!
-//! Streamed and paged answers are collected here. A call is made once: whether it may be repeated
+//! Streamed and paged answers are collected here. Calls with one answer that solve nothing have a
+//! deadline ([`super::LinkOptions::deadline`]). A call is made once: whether it may be repeated
 //! is the caller's to know ([`ClientError::code`]).
 
 use tonic::Streaming;
@@ -42,7 +43,8 @@ impl Client {
     /// # Errors
     /// The codes of `GetServerInfo`.
     pub async fn server_info(&self) -> Result<v1::GetServerInfoResponse, ClientError> {
-        let answer = self.server_service().get_server_info(v1::GetServerInfoRequest {}).await;
+        let answer =
+            self.server_service().get_server_info(self.timed(v1::GetServerInfoRequest {})).await;
         answer.map(tonic::Response::into_inner).map_err(ClientError::rpc("GetServerInfo"))
     }
 
@@ -58,7 +60,11 @@ impl Client {
         const RPC: &str = "CreateMap";
         let map_id = map_id.to_owned();
         let request = v1::CreateMapRequest { map_id, policy, ..v1::CreateMapRequest::default() };
-        let answer = self.map_service().create_map(request).await.map_err(ClientError::rpc(RPC))?;
+        let answer = self
+            .map_service()
+            .create_map(self.timed(request))
+            .await
+            .map_err(ClientError::rpc(RPC))?;
         answer.into_inner().map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })
     }
 
@@ -88,7 +94,8 @@ impl Client {
     ) -> Result<(v1::Map, MapDigests), ClientError> {
         const RPC: &str = "GetMap";
         let request = v1::GetMapRequest { map_id: map_id.to_owned(), include_digests };
-        let answer = self.map_service().get_map(request).await.map_err(ClientError::rpc(RPC))?;
+        let answer =
+            self.map_service().get_map(self.timed(request)).await.map_err(ClientError::rpc(RPC))?;
         let v1::GetMapResponse { map, state_hash, keyframe_ids_digest } = answer.into_inner();
         let map = map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })?;
         Ok((map, MapDigests { state_hash, keyframe_ids_digest }))
@@ -114,7 +121,7 @@ impl Client {
         let mut maps = Vec::new();
         let mut request = v1::ListMapsRequest::default();
         loop {
-            let page = self.map_service().list_maps(request).await;
+            let page = self.map_service().list_maps(self.timed(request)).await;
             let page = page.map_err(ClientError::rpc("ListMaps"))?.into_inner();
             maps.extend(page.maps);
             if page.next_page_token.is_empty() {
@@ -130,7 +137,7 @@ impl Client {
     /// The codes of `DeleteMap`.
     pub async fn delete_map(&self, map_id: &str) -> Result<(), ClientError> {
         let request = v1::DeleteMapRequest { map_id: map_id.to_owned() };
-        let answer = self.map_service().delete_map(request).await;
+        let answer = self.map_service().delete_map(self.timed(request)).await;
         answer.map(drop).map_err(ClientError::rpc("DeleteMap"))
     }
 

@@ -4,6 +4,7 @@
 //! the transport, whose codes for a broken link vary (docs/wire.md, "Errors"). Whether a call may be
 //! repeated is decided here and nowhere else.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -126,6 +127,35 @@ pub enum ClientError {
         next_sequence: i64,
         /// The last sequence that was acknowledged.
         acknowledged: i64,
+    },
+    /// The file of items that do not fit memory cannot be used.
+    #[error("{}: the items that wait there", path.display())]
+    Spill {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        #[source]
+        source: Arc<std::io::Error>,
+    },
+    /// Another process sends for this client on this map, with the same folder.
+    #[error("{}: another session holds this file", path.display())]
+    SpillInUse {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Items of an earlier session wait for a map that is gone. They are left as they are.
+    #[error(
+        "{}: what waits there is for another map of this name (uid {expected}, this one is {uid}); \
+         remove the file to give it up",
+        path.display()
+    )]
+    SpillOfAnotherMap {
+        /// The file.
+        path: PathBuf,
+        /// The uid of its map.
+        expected: String,
+        /// The uid of the map now.
+        uid: String,
     },
     /// The link did not come back within the retries.
     #[error("gave up after {attempts} attempts")]

@@ -1,20 +1,23 @@
 //! An ingest session: what a frontend holds to send items, whatever happens to the link.
 //!
 //! [`IngestSession::send`] numbers an item, keeps it until the server has answered it and waits
-//! while too many are unanswered: that is the back-pressure. A task of its own (`stream`) moves the
-//! items, reopens a broken stream under a higher epoch and sends the unanswered ones again, which
-//! is harmless (docs/wire.md, "Resume and duplicates"). Dropping a session ends it at once; what was
-//! not answered may then be missing on the server.
+//! while too many are unanswered: that is the back-pressure. With [`SessionOptions::spill`] a file
+//! takes what memory does not, before sending waits. A task of its own (`stream`) moves the items,
+//! reopens a broken stream under a higher epoch and sends the unanswered ones again, which is harmless
+//! (docs/wire.md, "Resume and duplicates"). Dropping a session ends it at once; what was not answered
+//! may then be missing on the server, or waits in the file for the next session.
 
 use std::fmt;
 use std::sync::Arc;
 
 use prost::Message;
-use tokio::sync::{Semaphore, mpsc, oneshot, watch};
+use tokio::sync::{oneshot, watch};
 use tokio::task::JoinHandle;
 
-use super::outbox::{Entry, Outbox};
+use super::outbox::Outbox;
 use super::retry::{Retries, RetryPolicy};
+use super::shared::Shared;
+use super::spill::{LeftOver, SpillOptions};
 use super::stream::{self, Identity, Session};
 use super::{Client, ClientError};
 use crate::wire::v1;
@@ -29,8 +32,10 @@ pub type OnAck = Box<dyn FnMut(&v1::IngestAck) + Send>;
 
 /// How a session behaves.
 pub struct SessionOptions {
-    /// Items without an answer after which sending waits (64).
+    /// Items without an answer that memory holds; with more of them sending waits (64).
     pub max_unanswered: usize,
+    /// Where further items go before sending waits (nowhere).
+    pub spill: Option<SpillOptions>,
     /// Each solve finishes before the server takes the next item (no).
     pub lock_step: bool,
     /// Acks come without the certificates of solves (no).
@@ -45,6 +50,7 @@ impl Default for SessionOptions {
     fn default() -> Self {
         Self {
             max_unanswered: 64,
+            spill: None,
             lock_step: false,
             omit_solve_summary: false,
             retry: RetryPolicy::default(),
@@ -54,8 +60,9 @@ impl Default for SessionOptions {
 }
 
 impl SessionOptions {
-    /// Calls `on_ack` with each ack as it comes, also the cumulative ones. It runs in the session's
-    /// task and must not block.
+    /// Calls `on_ack` with each ack as it comes, also the cumulative ones, and with an OPTIMIZED of
+    /// its own where a reopened stream says that a broken one lost it. It runs in the session's task
+    /// and must not block.
     #[must_use]
     pub fn on_ack(mut self, on_ack: impl FnMut(&v1::IngestAck) + Send + 'static) -> Self {
         self.on_ack = Some(Box::new(on_ack));
@@ -67,6 +74,7 @@ impl fmt::Debug for SessionOptions {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("SessionOptions")
             .field("max_unanswered", &self.max_unanswered)
+            .field("spill", &self.spill)
             .field("lock_step", &self.lock_step)
             .field("omit_solve_summary", &self.omit_solve_summary)
             .field("retry", &self.retry)
@@ -86,7 +94,7 @@ pub struct RejectedItem {
 /// How far a session has come.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct IngestReport {
-    /// Items that [`IngestSession::send`] took.
+    /// Items that [`IngestSession::send`] took, and those that an earlier session left.
     pub sent: u64,
     /// Items that the server took.
     pub acknowledged: u64,
@@ -132,13 +140,12 @@ pub(super) struct State {
 #[derive(Debug)]
 pub struct IngestSession {
     opened: v1::IngestOpened,
+    left_over: Option<LeftOver>,
     /// Items handed over.
     sent: u64,
     /// The highest sequence of them; 0 before the first.
     last_sequence: i64,
-    /// Dropped to half-close the stream.
-    items: Option<mpsc::Sender<Entry>>,
-    room: Arc<Semaphore>,
+    shared: Arc<Shared>,
     state: watch::Receiver<State>,
     task: JoinHandle<()>,
 }
@@ -151,8 +158,7 @@ impl IngestSession {
         client_id: &str,
         options: SessionOptions,
     ) -> Result<Self, ClientError> {
-        let max_unanswered = options.max_unanswered.max(1);
-        let (items, queue) = mpsc::channel(max_unanswered);
+        let shared = Arc::new(Shared::new(Outbox::new(options.max_unanswered)));
         let (publish, state) = watch::channel(State::default());
         let (opened_sender, opened) = oneshot::channel();
         let identity = Identity {
@@ -167,9 +173,8 @@ impl IngestSession {
             client: client.clone(),
             identity,
             retries: Retries::new(options.retry),
-            outbox: Outbox::default(),
-            queue,
-            is_closing: false,
+            shared: Arc::clone(&shared),
+            spill: options.spill,
             on_ack: options.on_ack,
             publish,
             first: None,
@@ -177,9 +182,11 @@ impl IngestSession {
             epoch: 0,
         };
         let task = tokio::spawn(stream::run(session, opened_sender));
-        let opened = opened.await.map_err(|_ended| ClientError::Closed)??;
-        let room = Arc::new(Semaphore::new(max_unanswered));
-        Ok(Self { opened, sent: 0, last_sequence: 0, items: Some(items), room, state, task })
+        let (opened, left_over) = opened.await.map_err(|_ended| ClientError::Closed)??;
+        let left = left_over.as_ref();
+        let sent = left.map_or(0, |left| left.items);
+        let last_sequence = left.map_or(0, |left| left.last_sequence);
+        Ok(Self { opened, left_over, sent, last_sequence, shared, state, task })
     }
 
     /// The server's answer to the first opening: limits, durability, where it goes on.
@@ -188,13 +195,20 @@ impl IngestSession {
         &self.opened
     }
 
+    /// What an earlier session left in the spill file; it is being sent.
+    #[must_use]
+    pub fn left_over(&self) -> Option<&LeftOver> {
+        self.left_over.as_ref()
+    }
+
     /// The sequence that [`IngestSession::send`] gives next.
     #[must_use]
     pub fn next_sequence(&self) -> i64 {
         self.opened.next_sequence.max(self.last_sequence + 1)
     }
 
-    /// Sends an item and returns its sequence; waits while too many items are unanswered.
+    /// Sends an item and returns its sequence; waits while too many items are unanswered and there
+    /// is no room for them in a spill file.
     /// Canceling it before it returns sends nothing.
     ///
     /// # Errors
@@ -217,23 +231,28 @@ impl IngestSession {
         if sequence <= self.last_sequence {
             return Err(ClientError::SequenceOrder { sequence, last: self.last_sequence });
         }
-        let request = v1::IngestRequest { sequence, item: Some(item.into()) };
+        let mut request = v1::IngestRequest { sequence, item: Some(item.into()) };
         let bytes = request.encoded_len();
         let limit = usize::try_from(self.opened.max_message_bytes).unwrap_or(usize::MAX);
         if bytes > limit {
             return Err(ClientError::TooLarge { bytes, limit });
         }
-        let Some(items) = self.items.clone() else { return Err(ClientError::Closed) };
-        let permit = tokio::select! {
-            permit = Arc::clone(&self.room).acquire_owned() => permit.ok(),
-            () = items.closed() => None,
-        };
-        // A session that has failed may still hold the queue open for a moment.
-        let has_failed = self.state.borrow().failure.is_some();
-        let entry = Entry { request, permit, is_received: false };
-        if has_failed || entry.permit.is_none() || items.send(entry).await.is_err() {
-            return Err(self.failure());
+        loop {
+            if self.state.borrow().failure.is_some() {
+                return Err(self.failure());
+            }
+            let pushed = self.shared.outbox().push(request);
+            let Some(refused) = pushed else { break };
+            request = refused;
+            let has_ended = tokio::select! {
+                () = self.shared.left.notified() => false,
+                _ended = self.state.wait_for(|state| state.failure.is_some()) => true,
+            };
+            if has_ended {
+                return Err(self.failure());
+            }
         }
+        self.shared.arrived.notify_one();
         (self.sent, self.last_sequence) = (self.sent + 1, sequence);
         Ok(sequence)
     }
@@ -276,7 +295,8 @@ impl IngestSession {
     /// # Errors
     /// Why the session ended before that.
     pub async fn finish(mut self) -> Result<IngestReport, ClientError> {
-        self.items = None;
+        self.shared.outbox().close();
+        self.shared.arrived.notify_one();
         self.wait(|state| state.is_done).await?;
         Ok(self.report())
     }
@@ -296,5 +316,6 @@ impl IngestSession {
 impl Drop for IngestSession {
     fn drop(&mut self) {
         self.task.abort();
+        self.shared.outbox().leave();
     }
 }

@@ -7,9 +7,12 @@
 //! |---|---|
 //! | [`Client`] | one call a method |
 //! | `credentials` | [`Credentials`]: token, certificates, trust |
+//! | `link` | [`LinkOptions`]: how a link that is gone is found |
 //! | `ingest` | [`IngestSession`]: send with back-pressure, acks, finish |
 //! | `stream` | the task behind a session: reconnects and resumes |
 //! | `outbox` | the items that the server has not answered yet |
+//! | `spill` | the file of those that memory does not hold |
+//! | `shared` | the outbox between a session's handle and its task |
 //! | `watch` | [`MapWatch`]: a [`MapMirror`] that deltas keep up to date |
 //! | `retry`, `error` | what is tried again, and when to give up |
 
@@ -19,15 +22,19 @@ mod error;
 mod export;
 mod ingest;
 mod items;
+mod link;
 mod mirror;
 mod outbox;
 mod retry;
+mod shared;
+mod spill;
 mod stream;
 mod watch;
 
 use std::sync::Arc;
 use std::time::Duration;
 
+use tonic::Request;
 use tonic::codegen::InterceptedService;
 use tonic::transport::{Channel, Endpoint};
 
@@ -46,18 +53,14 @@ pub use export::MapExport;
 pub use ingest::{
     IngestReport, IngestSession, Item, KEPT_REJECTIONS, OnAck, RejectedItem, SessionOptions,
 };
+pub use link::LinkOptions;
 pub use mirror::{Key, MapMirror};
 pub use retry::RetryPolicy;
+pub use spill::{LeftOver, SpillDamage, SpillOptions};
 pub use watch::{MapWatch, WatchOptions};
 
 /// Largest message that is taken: a server sends at most what it is configured to.
 const MAX_ANSWER_BYTES: usize = 256 * 1024 * 1024;
-/// How long a connection may take to stand.
-const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
-/// An idle connection is probed so often, and given up when the probe stays unanswered: a link that
-/// went away without a word is found.
-const KEEP_ALIVE: Duration = Duration::from_secs(10);
-
 /// A channel whose calls carry the token.
 type Link = InterceptedService<Channel, Bearer>;
 
@@ -67,6 +70,7 @@ type Link = InterceptedService<Channel, Bearer>;
 pub struct Client {
     channel: Link,
     url: Arc<str>,
+    deadline: Duration,
 }
 
 impl Client {
@@ -85,6 +89,18 @@ impl Client {
     /// [`ClientError::InvalidUrl`], [`ClientError::Unreachable`]; for credentials that cannot be used
     /// [`ClientError::Tls`], [`ClientError::InvalidToken`], [`ClientError::TokenInPlainText`].
     pub async fn connect_with(url: &str, credentials: &Credentials) -> Result<Self, ClientError> {
+        Self::connect_over(url, credentials, LinkOptions::default()).await
+    }
+
+    /// As [`Client::connect_with`], with other times than the usual ones.
+    ///
+    /// # Errors
+    /// As [`Client::connect_with`].
+    pub async fn connect_over(
+        url: &str,
+        credentials: &Credentials,
+        link: LinkOptions,
+    ) -> Result<Self, ClientError> {
         let invalid = || ClientError::InvalidUrl { url: url.to_owned() };
         let endpoint = Endpoint::from_shared(url.to_owned()).map_err(|_invalid| invalid())?;
         let is_http = matches!(endpoint.uri().scheme_str(), Some("http" | "https"));
@@ -92,20 +108,13 @@ impl Client {
             return Err(invalid());
         }
         let bearer = credentials.bearer(&endpoint)?;
-        let connected = credentials
-            .secure(endpoint)?
-            .connect_timeout(CONNECT_TIMEOUT)
-            .tcp_nodelay(true)
-            .http2_keep_alive_interval(KEEP_ALIVE)
-            .keep_alive_timeout(KEEP_ALIVE)
-            .keep_alive_while_idle(true)
-            .connect()
-            .await;
-        let channel = connected.map_err(|source| ClientError::Unreachable {
+        let endpoint = link.set(credentials.secure(endpoint)?);
+        let channel = endpoint.connect().await.map_err(|source| ClientError::Unreachable {
             url: url.to_owned(),
             source: Arc::new(source),
         })?;
-        Ok(Self { channel: InterceptedService::new(channel, bearer), url: url.into() })
+        let channel = InterceptedService::new(channel, bearer);
+        Ok(Self { channel, url: url.into(), deadline: link.deadline })
     }
 
     /// The server's address as it was given.
@@ -138,6 +147,13 @@ impl Client {
         options: WatchOptions,
     ) -> Result<MapWatch, ClientError> {
         MapWatch::open(self, map_id, options).await
+    }
+
+    /// A request with the deadline of calls that solve nothing.
+    fn timed<T>(&self, message: T) -> Request<T> {
+        let mut request = Request::new(message);
+        request.set_timeout(self.deadline);
+        request
     }
 
     fn ingest_service(&self) -> IngestServiceClient<Link> {

@@ -2,23 +2,25 @@
 //!
 //! An entry is waiting (not yet on this stream), sent, or received (kept only while the server will
 //! still tell DURABLE). Entries leave with RECEIVED or REJECTED, on a durable server with DURABLE.
-//! A state machine without clock, task or channel.
+//!
+//! Memory holds the oldest entries. What does not fit goes to the spill file, where there is one, and
+//! comes back as they leave. From the first item in the file on, the file holds everything that is
+//! unanswered, in order, also what memory holds: whoever opens it next has no gap. A state machine
+//! without clock, task or channel.
 
 use std::collections::VecDeque;
 
-use tokio::sync::OwnedSemaphorePermit;
-
+use super::ClientError;
+use super::spill::Spill;
 use crate::wire::v1;
 
-/// An item with the room that it takes.
+/// An item in memory.
 #[derive(Debug)]
-pub(super) struct Entry {
+struct Entry {
     /// The message, sequence included.
-    pub(super) request: v1::IngestRequest,
-    /// Given back when the entry leaves: this is the back-pressure.
-    pub(super) permit: Option<OwnedSemaphorePermit>,
+    request: v1::IngestRequest,
     /// Whether RECEIVED came already.
-    pub(super) is_received: bool,
+    is_received: bool,
 }
 
 /// What an ack means for the item it names.
@@ -33,21 +35,103 @@ pub(super) enum Answer {
 }
 
 /// The unanswered items.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Outbox {
     entries: VecDeque<Entry>,
+    /// Most entries in memory.
+    capacity: usize,
+    spill: Option<Spill>,
     /// How many of the first entries are on the present stream.
     sent: usize,
     /// Whether entries stay until DURABLE.
     keeps_until_durable: bool,
     /// The highest sequence that left with RECEIVED.
     released: i64,
+    /// Whether nothing more will be pushed.
+    is_closing: bool,
 }
 
 impl Outbox {
-    /// Appends an item; its sequence is above all before.
-    pub(super) fn push(&mut self, entry: Entry) {
-        self.entries.push_back(entry);
+    /// An empty outbox that keeps so many entries in memory, at least 1.
+    pub(super) fn new(capacity: usize) -> Self {
+        Self {
+            entries: VecDeque::new(),
+            capacity: capacity.max(1),
+            spill: None,
+            sent: 0,
+            keeps_until_durable: false,
+            released: 0,
+            is_closing: false,
+        }
+    }
+
+    /// Begins with what the file holds, before anything was pushed.
+    ///
+    /// # Errors
+    /// As [`Outbox::refill`].
+    pub(super) fn attach(&mut self, spill: Spill) -> Result<(), ClientError> {
+        self.spill = Some(spill);
+        self.refill()
+    }
+
+    /// Appends an item, whose sequence is above all before; gives it back where there is no room.
+    pub(super) fn push(&mut self, request: v1::IngestRequest) -> Option<v1::IngestRequest> {
+        let has_unread = self.spill.as_ref().is_some_and(Spill::has_unread);
+        if self.entries.len() < self.capacity && !has_unread {
+            self.entries.push_back(Entry { request, is_received: false });
+            return None;
+        }
+        let is_spilled =
+            self.save() && self.spill.as_mut().is_some_and(|spill| spill.append(&request));
+        (!is_spilled).then_some(request)
+    }
+
+    /// Writes what only memory holds to the file; false where that cannot be.
+    fn save(&mut self) -> bool {
+        let Some(spill) = &mut self.spill else { return false };
+        if spill.has_unread() {
+            return true;
+        }
+        let last = spill.last_sequence();
+        let missing = self.entries.iter().filter(|entry| entry.request.sequence > last);
+        let is_saved = missing.map(|entry| &entry.request).all(|request| spill.append(request));
+        spill.mark_read();
+        is_saved
+    }
+
+    /// Takes back what fits memory from the file, and empties a file that has served.
+    ///
+    /// # Errors
+    /// [`ClientError::Spill`] where the file cannot be read any more.
+    pub(super) fn refill(&mut self) -> Result<(), ClientError> {
+        let Some(spill) = &mut self.spill else { return Ok(()) };
+        while self.entries.len() < self.capacity && spill.has_unread() {
+            let request = spill.next()?;
+            self.entries.push_back(Entry { request, is_received: false });
+        }
+        let first = self.entries.front().map_or(i64::MAX, |entry| entry.request.sequence);
+        if spill.is_used() && !spill.has_unread() && first > spill.last_sequence() {
+            spill.clear();
+        }
+        Ok(())
+    }
+
+    /// Lets go of the file, which then holds all that is unanswered.
+    pub(super) fn leave(&mut self) {
+        if !self.entries.is_empty() {
+            self.save();
+        }
+        self.spill = None;
+    }
+
+    /// Nothing more will be pushed.
+    pub(super) fn close(&mut self) {
+        self.is_closing = true;
+    }
+
+    /// Whether nothing more will be pushed.
+    pub(super) fn is_closing(&self) -> bool {
+        self.is_closing
     }
 
     /// Begins a new stream: everything is to be sent again.
@@ -56,19 +140,26 @@ impl Outbox {
         self.keeps_until_durable = keeps_until_durable;
     }
 
-    /// The next message that is not on the present stream; [`Outbox::mark_sent`] goes past it.
-    pub(super) fn next_unsent(&self) -> Option<&v1::IngestRequest> {
-        self.entries.get(self.sent).map(|entry| &entry.request)
+    /// Whether a message is not on the present stream.
+    pub(super) fn has_unsent(&self) -> bool {
+        self.sent < self.entries.len()
     }
 
-    /// The message of [`Outbox::next_unsent`] is on its way.
-    pub(super) fn mark_sent(&mut self) {
-        self.sent = (self.sent + 1).min(self.entries.len());
+    /// Whether everything that was pushed is on the present stream.
+    pub(super) fn is_sent(&self) -> bool {
+        !self.has_unsent() && !self.spill.as_ref().is_some_and(Spill::has_unread)
     }
 
-    /// Whether nothing waits for an answer.
+    /// The next message that is not on the present stream; it is on its way now.
+    pub(super) fn take_unsent(&mut self) -> Option<v1::IngestRequest> {
+        let request = self.entries.get(self.sent)?.request.clone();
+        self.sent += 1;
+        Some(request)
+    }
+
+    /// Whether everything was sent and nothing waits for an answer.
     pub(super) fn is_answered(&self) -> bool {
-        self.entries.iter().all(|entry| entry.is_received)
+        self.is_sent() && self.entries.iter().all(|entry| entry.is_received)
     }
 
     /// The highest sequence that only the server holds.
@@ -122,22 +213,20 @@ impl Outbox {
 mod tests {
     use super::*;
 
+    use crate::client::spill::tests::on_small_disk;
+
+    fn push(outbox: &mut Outbox, sequence: i64) -> bool {
+        outbox.push(v1::IngestRequest { sequence, item: None }).is_none()
+    }
+
     fn outbox(sequences: &[i64]) -> Outbox {
-        let mut outbox = Outbox::default();
-        for &sequence in sequences {
-            let request = v1::IngestRequest { sequence, item: None };
-            outbox.push(Entry { request, permit: None, is_received: false });
-        }
+        let mut outbox = Outbox::new(64);
+        assert!(sequences.iter().all(|&sequence| push(&mut outbox, sequence)));
         outbox
     }
 
     fn send_all(outbox: &mut Outbox) -> Vec<i64> {
-        let mut sent = Vec::new();
-        while let Some(request) = outbox.next_unsent() {
-            sent.push(request.sequence);
-            outbox.mark_sent();
-        }
-        sent
+        std::iter::from_fn(|| outbox.take_unsent()).map(|request| request.sequence).collect()
     }
 
     #[test]
@@ -175,14 +264,87 @@ mod tests {
 
     #[test]
     fn an_entry_gives_its_room_back_when_it_leaves() {
-        let room = std::sync::Arc::new(tokio::sync::Semaphore::new(1));
-        let permit = std::sync::Arc::clone(&room).try_acquire_owned().ok();
-        let mut outbox = Outbox::default();
-        let request = v1::IngestRequest { sequence: 4, item: None };
-        outbox.push(Entry { request, permit, is_received: false });
+        let mut outbox = Outbox::new(1);
+        assert!(push(&mut outbox, 4));
+        assert!(!push(&mut outbox, 5));
         send_all(&mut outbox);
-        assert_eq!(room.available_permits(), 0);
         outbox.rejected(4);
-        assert_eq!(room.available_permits(), 1);
+        assert!(push(&mut outbox, 5));
+    }
+
+    /// Sends and answers all that comes, in a window of what memory holds.
+    fn drain(outbox: &mut Outbox) -> Vec<i64> {
+        let mut sent = Vec::new();
+        while !outbox.is_answered() {
+            let some = send_all(outbox);
+            assert!(!some.is_empty() && outbox.entries.len() <= outbox.capacity);
+            for &sequence in &some {
+                assert_eq!(outbox.received(sequence), Answer::First);
+                outbox.refill().unwrap();
+            }
+            sent.extend(some);
+        }
+        sent
+    }
+
+    #[test]
+    fn what_does_not_fit_memory_comes_back_in_order() {
+        let mut outbox = Outbox::new(4);
+        outbox.attach(on_small_disk(1 << 20)).unwrap();
+        assert!((1..=40).all(|sequence| push(&mut outbox, sequence)));
+        assert_eq!(send_all(&mut outbox), [1, 2, 3, 4]);
+        // All that is unanswered is in the file, what memory holds too.
+        assert_eq!(outbox.spill.as_ref().unwrap().last_sequence(), 40);
+        outbox.rewind(false);
+        assert_eq!(drain(&mut outbox), (1..=40).collect::<Vec<_>>());
+        assert!(!outbox.spill.as_ref().unwrap().is_used());
+        // Then memory serves alone, and the file again when it must, without a gap.
+        assert!((41..=44).all(|sequence| push(&mut outbox, sequence)));
+        assert!(!outbox.spill.as_ref().unwrap().is_used());
+        assert!(push(&mut outbox, 45));
+        assert_eq!(drain(&mut outbox), [41, 42, 43, 44, 45]);
+    }
+
+    #[test]
+    fn the_file_keeps_what_memory_has_taken_back_until_it_is_answered() {
+        let mut outbox = Outbox::new(2);
+        outbox.attach(on_small_disk(1 << 20)).unwrap();
+        assert!((1..=3).all(|sequence| push(&mut outbox, sequence)));
+        outbox.rewind(true);
+        assert_eq!(send_all(&mut outbox), [1, 2]);
+        outbox.received(1);
+        outbox.received(2);
+        outbox.durable(2);
+        outbox.refill().unwrap();
+        // Item 3 is in memory again, and a newer one beside it in memory alone.
+        assert!(push(&mut outbox, 4));
+        let is_used = |outbox: &Outbox| outbox.spill.as_ref().unwrap().is_used();
+        assert_eq!(outbox.spill.as_ref().unwrap().last_sequence(), 3);
+        assert_eq!(send_all(&mut outbox), [3, 4]);
+        outbox.received(3);
+        outbox.refill().unwrap();
+        assert!(is_used(&outbox), "not durable yet");
+        outbox.durable(3);
+        outbox.refill().unwrap();
+        assert!(!is_used(&outbox));
+        outbox.save();
+        assert_eq!(outbox.spill.as_ref().unwrap().last_sequence(), 4, "as a session ends");
+    }
+
+    #[test]
+    fn a_full_disk_means_waiting_and_loses_nothing() {
+        let mut outbox = Outbox::new(4);
+        outbox.attach(on_small_disk(120)).unwrap();
+        let taken = (1..).take_while(|&sequence| push(&mut outbox, sequence)).count() as i64;
+        assert!(taken > 4 && !push(&mut outbox, taken + 1), "{taken}");
+        assert_eq!(drain(&mut outbox), (1..=taken).collect::<Vec<_>>());
+        assert!(push(&mut outbox, taken + 1));
+        // A disk that was full from the beginning takes nothing, and memory serves.
+        let mut outbox = Outbox::new(4);
+        outbox.attach(on_small_disk(10)).unwrap();
+        assert!((1..=4).all(|sequence| push(&mut outbox, sequence)));
+        assert!(!push(&mut outbox, 5));
+        assert_eq!(drain(&mut outbox), [1, 2, 3, 4]);
+        assert!(push(&mut outbox, 5));
     }
 }

@@ -4,13 +4,17 @@
 //! and take acks. A stream that breaks is followed by the next (`retry`); a fenced one, a replaced
 //! map or a server that lost what it had acknowledged ends the session with the reason.
 
+use std::sync::Arc;
+
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Streaming};
 
 use super::ingest::{KEPT_REJECTIONS, OnAck, RejectedItem, State};
-use super::outbox::{Answer, Entry, Outbox};
+use super::outbox::Answer;
 use super::retry::Retries;
+use super::shared::Shared;
+use super::spill::{LeftOver, Spill, SpillOptions};
 use super::{Client, ClientError};
 use crate::wire::v1;
 use v1::ingest_request::Item;
@@ -33,10 +37,9 @@ pub(super) struct Session {
     pub(super) client: Client,
     pub(super) identity: Identity,
     pub(super) retries: Retries,
-    pub(super) outbox: Outbox,
-    pub(super) queue: mpsc::Receiver<Entry>,
-    /// Whether the handle will send nothing more.
-    pub(super) is_closing: bool,
+    pub(super) shared: Arc<Shared>,
+    /// Where items go that do not fit memory; opened with the first stream.
+    pub(super) spill: Option<SpillOptions>,
     pub(super) on_ack: Option<OnAck>,
     pub(super) publish: watch::Sender<State>,
     /// The answer to the first opening.
@@ -47,10 +50,13 @@ pub(super) struct Session {
     pub(super) epoch: i64,
 }
 
+/// The answer to the first opening, and what an earlier session left.
+pub(super) type FirstOpened = (v1::IngestOpened, Option<LeftOver>);
+
 /// Runs streams until the session is done or fails.
 pub(super) async fn run(
     mut session: Session,
-    opened: oneshot::Sender<Result<v1::IngestOpened, ClientError>>,
+    opened: oneshot::Sender<Result<FirstOpened, ClientError>>,
 ) {
     let mut opened = Some(opened);
     loop {
@@ -72,7 +78,7 @@ pub(super) async fn run(
     }
 }
 
-type Opened = Option<oneshot::Sender<Result<v1::IngestOpened, ClientError>>>;
+type Opened = Option<oneshot::Sender<Result<FirstOpened, ClientError>>>;
 
 impl Session {
     /// One stream from opening to its end; `Ok` once everything is answered.
@@ -88,15 +94,17 @@ impl Session {
         self.check_resumed(&answer)?;
         self.retries.opened();
         self.epoch = self.epoch.max(answer.epoch);
-        self.outbox.rewind(answer.durability() != v1::Durability::InMemory);
+        self.shared.outbox().rewind(answer.durability() != v1::Durability::InMemory);
         if self.first.is_some() {
             self.publish.send_modify(|state| state.report.reconnects += 1);
+            self.catch_up(&answer)?;
         } else {
+            let left = self.attach(&answer.map_uid)?;
             self.first = Some(answer.clone());
-        }
-        if let Some(opened) = opened.take() {
-            // A caller that went away aborts this task.
-            let _ = opened.send(Ok(answer));
+            if let Some(opened) = opened.take() {
+                // A caller that went away aborts this task.
+                let _ = opened.send(Ok((answer, left)));
+            }
         }
         self.exchange(outbound, inbound).await
     }
@@ -124,6 +132,26 @@ impl Session {
         Ok((outbound, answer.map_err(ClientError::rpc(RPC))?.into_inner()))
     }
 
+    /// Takes the OPTIMIZED ack that the broken link may have lost: nobody sends it again.
+    fn catch_up(&mut self, answer: &v1::IngestOpened) -> Result<(), ClientError> {
+        let through = self.publish.borrow().report.optimized_through;
+        let (sequence, revision) = (answer.optimized_sequence, answer.revision);
+        if sequence <= through {
+            return Ok(());
+        }
+        let status = v1::AckStatus::Optimized.into();
+        self.take(&v1::IngestAck { sequence, status, revision, ..v1::IngestAck::default() })
+    }
+
+    /// Opens the spill file, now that the map is known.
+    fn attach(&mut self, map_uid: &str) -> Result<Option<LeftOver>, ClientError> {
+        let Some(options) = &self.spill else { return Ok(None) };
+        let Identity { map_id, client_id, .. } = &self.identity;
+        let (spill, left) = Spill::open(options, map_id, client_id, map_uid)?;
+        self.shared.outbox().attach(spill)?;
+        Ok(left)
+    }
+
     /// Sees whether the server still has what it acknowledged.
     fn check_resumed(&self, answer: &v1::IngestOpened) -> Result<(), ClientError> {
         let Some(first) = &self.first else { return Ok(()) };
@@ -134,7 +162,7 @@ impl Session {
                 uid: answer.map_uid.clone(),
             });
         }
-        let (next_sequence, acknowledged) = (answer.next_sequence, self.outbox.released());
+        let (next_sequence, acknowledged) = (answer.next_sequence, self.shared.outbox().released());
         if next_sequence <= acknowledged {
             return Err(ClientError::ItemsLost { next_sequence, acknowledged });
         }
@@ -149,8 +177,11 @@ impl Session {
     ) -> Result<(), ClientError> {
         let mut outbound = Some(outbound);
         loop {
-            let has_unsent = self.outbox.next_unsent().is_some();
-            if self.is_closing && !has_unsent {
+            let (has_unsent, is_closing, is_sent) = {
+                let outbox = self.shared.outbox();
+                (outbox.has_unsent(), outbox.is_closing(), outbox.is_sent())
+            };
+            if is_closing && is_sent {
                 // Half-closes; the server then answers what is outstanding and ends the stream.
                 outbound = None;
             }
@@ -167,42 +198,44 @@ impl Session {
                     None if self.is_complete() => return Ok(()),
                     None => return Err(broken("the stream ended early")),
                 },
-                sent = send_next(outbound.as_ref(), &self.outbox),
+                sent = send_next(outbound.as_ref(), &self.shared),
                     if has_unsent && outbound.is_some() =>
                 {
-                    if sent {
-                        self.outbox.mark_sent();
-                    } else {
+                    if !sent {
                         // The transport takes no more: late acks and the reason come inbound.
                         outbound = None;
                     }
                 }
-                entry = self.queue.recv(), if !has_unsent && !self.is_closing => match entry {
-                    Some(entry) => self.outbox.push(entry),
-                    None => self.is_closing = true,
-                },
+                () = self.shared.arrived.notified(), if !has_unsent && !is_closing => {}
             }
         }
     }
 
     /// Whether everything was sent, half-closed and answered.
     fn is_complete(&self) -> bool {
-        self.is_closing && self.outbox.next_unsent().is_none() && self.outbox.is_answered()
+        let outbox = self.shared.outbox();
+        outbox.is_closing() && outbox.is_answered()
     }
 
     /// Takes an ack.
     fn take(&mut self, ack: &v1::IngestAck) -> Result<(), ClientError> {
-        let answer = match ack.status() {
-            v1::AckStatus::Received => self.outbox.received(ack.sequence),
-            v1::AckStatus::Rejected => self.outbox.rejected(ack.sequence),
-            v1::AckStatus::Durable => {
-                self.outbox.durable(ack.sequence);
-                Answer::First
-            }
-            v1::AckStatus::Optimized => Answer::First,
-            // A status that this client does not know.
-            v1::AckStatus::Unspecified => return Ok(()),
+        let answer = {
+            let mut outbox = self.shared.outbox();
+            let answer = match ack.status() {
+                v1::AckStatus::Received => outbox.received(ack.sequence),
+                v1::AckStatus::Rejected => outbox.rejected(ack.sequence),
+                v1::AckStatus::Durable => {
+                    outbox.durable(ack.sequence);
+                    Answer::First
+                }
+                v1::AckStatus::Optimized => Answer::First,
+                // A status that this client does not know.
+                v1::AckStatus::Unspecified => return Ok(()),
+            };
+            outbox.refill()?;
+            answer
         };
+        self.shared.left.notify_one();
         if answer == Answer::Unknown {
             return Err(protocol("an ack names an item that was not sent"));
         }
@@ -234,10 +267,12 @@ impl Session {
 }
 
 /// Sends the outbox' next message; false when the transport takes no more.
-async fn send_next(outbound: Option<&mpsc::Sender<v1::IngestRequest>>, outbox: &Outbox) -> bool {
-    let (Some(outbound), Some(request)) = (outbound, outbox.next_unsent()) else { return false };
+async fn send_next(outbound: Option<&mpsc::Sender<v1::IngestRequest>>, shared: &Shared) -> bool {
+    let Some(outbound) = outbound else { return false };
     let Ok(place) = outbound.reserve().await else { return false };
-    place.send(request.clone());
+    if let Some(request) = shared.outbox().take_unsent() {
+        place.send(request);
+    }
     true
 }
 

@@ -4,6 +4,8 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use super::access::JwtOptions;
+use super::clock::Clock;
 use super::engine::{EngineConfig, TenantCeilings};
 use super::tls::TlsFiles;
 use crate::map::Ceilings;
@@ -18,6 +20,8 @@ pub struct ServerConfig {
     pub max_message_bytes: usize,
     /// Streams that one connection may hold at once (64).
     pub max_concurrent_streams: u32,
+    /// How a peer that went away without a word is found.
+    pub keep_alive: KeepAlive,
     /// Maps that the server keeps (1000).
     pub max_maps: usize,
     /// Ceilings of a map, which its policy can only lower (100,000 keyframes, 20 million landmarks,
@@ -29,8 +33,10 @@ pub struct ServerConfig {
     pub data_dir: Option<PathBuf>,
     /// Certificate and key of the listener (none: plain text).
     pub tls: Option<TlsFiles>,
-    /// The file of tokens (none: everybody may do everything).
+    /// The file of tokens (none). Without it and `jwt` everybody may do everything.
     pub tokens: Option<PathBuf>,
+    /// Whose JSON Web Tokens are taken (nobody's).
+    pub jwt: Option<JwtOptions>,
     /// Whether plain text is served beyond the loopback interface (no).
     pub insecure_plain_text: bool,
     /// Where `GET /metrics` is answered, `host:port` (nowhere).
@@ -41,9 +47,29 @@ pub struct ServerConfig {
     pub engine: EngineConfig,
     /// How long a shutdown waits for calls that are still running (10 s).
     pub drain_budget: Duration,
+    /// What says whether a token has expired (the system's clock).
+    pub clock: Clock,
     /// For tests only, from `COVIS_TEST_FAULT`: `rpc:NAME` panics in the handler of that RPC, `rpc:*` of any;
     /// `panic-in-solve`, `panic-in-engine` and `fail-calls` are faults of the engine.
     pub test_fault: Option<String>,
+}
+
+/// How a server finds links whose other end is gone; their streams then end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct KeepAlive {
+    /// A connection is probed (HTTP/2 PING) after so long without a word from the peer (10 s).
+    pub interval: Duration,
+    /// It is given up when a probe is not answered for so long (10 s).
+    pub timeout: Duration,
+    /// The system's own probes (TCP) begin after so long, which also covers handshakes (60 s).
+    pub tcp: Duration,
+}
+
+impl Default for KeepAlive {
+    fn default() -> Self {
+        let (interval, timeout) = (Duration::from_secs(10), Duration::from_secs(10));
+        Self { interval, timeout, tcp: Duration::from_secs(60) }
+    }
 }
 
 impl Default for ServerConfig {
@@ -51,6 +77,7 @@ impl Default for ServerConfig {
         Self {
             max_message_bytes: DEFAULT_MESSAGE_BYTES,
             max_concurrent_streams: 64,
+            keep_alive: KeepAlive::default(),
             max_maps: 1000,
             ceilings: Ceilings {
                 max_keyframes: Some(100_000),
@@ -62,11 +89,13 @@ impl Default for ServerConfig {
             data_dir: None,
             tls: None,
             tokens: None,
+            jwt: None,
             insecure_plain_text: false,
             metrics_listen: None,
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             engine: EngineConfig::default(),
             drain_budget: Duration::from_secs(10),
+            clock: Clock::System,
             test_fault: None,
         }
     }

@@ -69,13 +69,15 @@ async fn session(
     let open = tokio::select! {
         open = read_open(&mut inbound) => open?,
         () = context.drained() => return Err(ServiceError::Draining),
+        reason = context.access.withdrawn(&caller) => return Err(reason),
     };
     let map = context.maps.get(&caller.engine_name(&open.map))?;
     let stream = map.open_stream(open.client.clone(), open.epoch, open.lock_step).await?;
     let opened = opened(&context, &map, stream.opened).await?;
     sink.send(v1::IngestResponse { event: Some(Event::Opened(opened)) }).await?;
     let (sender, events) = stream.split();
-    let reading = async { Ok(read_items(&context, &open.client, &mut inbound, sender).await) };
+    let client = &open.client;
+    let reading = async { Ok(read_items(&context, &caller, client, &mut inbound, sender).await) };
     let forwarding = forward(events, &sink, open.omit_summary);
     // What ended the reading is told once everything that was taken is answered.
     let (read, ()) = tokio::try_join!(reading, forwarding)?;
@@ -126,13 +128,15 @@ async fn opened(
         limits: Some(to_limits(&snapshot.policy().ceilings, queued(snapshot.policy(), waiting))),
         lock_step: opened.lock_step,
         map_uid: map.uid().to_owned(),
+        optimized_sequence: opened.optimized_sequence,
     })
 }
 
-/// Hands items to the engine until the client half-closes, breaks the protocol or leaves, or the
-/// server drains.
+/// Hands items to the engine until the client half-closes, breaks the protocol, leaves or loses the
+/// right to write, or the server drains.
 async fn read_items(
     context: &Context,
+    caller: &Caller,
     client: &str,
     inbound: &mut Streaming<v1::IngestRequest>,
     sender: ItemSender,
@@ -140,6 +144,7 @@ async fn read_items(
     let result = tokio::select! {
         result = hand_over(client, inbound, &sender) => result,
         () = context.drained() => Err(ServiceError::Draining),
+        reason = context.access.withdrawn(caller) => Err(reason),
     };
     // A link that broke is left as it is: nobody waits for the acks.
     if result != Err(ServiceError::Gone) {

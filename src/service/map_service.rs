@@ -269,7 +269,8 @@ impl MapService for MapRpcs {
         let (rpcs, time) = (self.clone(), call_time(request.metadata()));
         let (caller, request) = (Caller::of(&request), request.into_inner());
         self.context.stream("WatchMap", time, |sink| async move {
-            let map = rpcs.map(&caller?, &request.map_id)?;
+            let caller = caller?;
+            let map = rpcs.map(&caller, &request.map_id)?;
             if let Some(revision) = request.from_revision.filter(|&revision| revision < 0) {
                 let text = format!("{revision} is below 0");
                 return Err(ServiceError::field("from_revision", Reason::OutOfRange, text));
@@ -280,7 +281,10 @@ impl MapService for MapRpcs {
                 landmarks: !request.omit_landmarks,
                 constraints: !request.omit_constraints,
             };
-            watch::watch(&rpcs.context, &map, &wanted, &sink).await
+            tokio::select! {
+                ended = watch::watch(&rpcs.context, &map, &wanted, &sink) => ended,
+                reason = rpcs.context.access.withdrawn(&caller) => Err(reason),
+            }
         })
     }
 }

@@ -10,6 +10,7 @@
 //! | `status` | domain error → status code, the only place |
 //! | `context` | how a handler's outcome becomes an answer |
 //! | `access` | tokens, roles and tenants: who may call what |
+//! | `clock` | what time it is, where that decides |
 //! | `tls` | certificates of the listener |
 //! | `telemetry` | metrics, and spans of calls |
 //! | `*_service` | one file a service of the wire; `watch`, `export`, `listing` serve `MapService` |
@@ -18,6 +19,7 @@ pub mod engine;
 
 mod access;
 mod bundle_solve;
+mod clock;
 mod config;
 mod context;
 mod convert;
@@ -42,8 +44,9 @@ mod telemetry;
 mod tls;
 mod watch;
 
-pub use access::AccessError;
-pub use config::ServerConfig;
+pub use access::{AccessError, JwtOptions};
+pub use clock::Clock;
+pub use config::{KeepAlive, ServerConfig};
 pub use limits::{MapLimits, TenantLimits};
 pub use server::{RunningServer, Server, ServerError, StartingServer};
 pub use tls::{TlsError, TlsFiles};

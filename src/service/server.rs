@@ -54,7 +54,7 @@ pub enum ServerError {
     /// The engines do not start, for instance because a journal does not replay.
     #[error("the engines")]
     Engine(#[from] EngineError),
-    /// The file of tokens cannot be used.
+    /// The file of tokens or that of keys cannot be used.
     #[error("who may come in")]
     Access(#[from] AccessError),
     /// Certificates or keys cannot be used.
@@ -140,13 +140,13 @@ impl Server {
         let address = listener.local_addr().map_err(ServerError::Address)?;
         apply_test_fault(&mut config)?;
         let tls = config.tls.clone().map(Tls::new).transpose()?.map(Arc::new);
-        let access = Arc::new(Access::new(config.tokens.as_deref())?);
+        let access = Arc::new(Access::new(&config)?);
         let is_open = !address.ip().is_loopback();
         if tls.is_none() && is_open && !config.insecure_plain_text {
             return Err(ServerError::PlainText { address });
         }
         if is_open && !access.is_guarded() {
-            tracing::warn!("without a file of tokens, whoever reaches {address} may do everything");
+            tracing::warn!("without tokens, whoever reaches {address} may do everything");
         }
         let tenants = Tenants::new(config.tenant_ceilings, access.tenant_ceilings());
         let pool = SolverPool::shared_by(tenants, config.threads)?;
@@ -218,18 +218,18 @@ impl RunningServer {
         self.metrics.as_ref().map(|(address, _)| *address)
     }
 
-    /// Reads certificates, keys and tokens again. New connections get the certificate, new calls
-    /// need a token that is known now; streams that are open go on.
+    /// Reads certificates, keys, tokens and the keys of JSON Web Tokens again. New connections get the
+    /// certificate, new calls need a token that is known now, and so do streams that are open.
     ///
     /// # Errors
     /// [`ServerError::Tls`], [`ServerError::Access`]; then all is as it was.
     pub fn reload(&self) -> Result<(), ServerError> {
         let acceptor = self.tls.as_ref().map(|tls| tls.read()).transpose()?;
-        let tokens = self.context.access.read()?;
+        let known = self.context.access.read()?;
         if let (Some(tls), Some(acceptor)) = (&self.tls, acceptor) {
             tls.put(acceptor);
         }
-        self.context.access.put(tokens);
+        self.context.access.put(known);
         self.solver_pool().tenants().set(self.context.access.tenant_ceilings());
         tracing::info!("certificates and tokens were read again");
         Ok(())
@@ -299,7 +299,7 @@ async fn serve(
     tls: Option<Arc<Tls>>,
     context: Arc<Context>,
 ) -> Result<(HealthReporter, JoinHandle<Result<(), tonic::transport::Error>>), ServerError> {
-    let bytes = context.config.max_message_bytes;
+    let (bytes, keep_alive) = (context.config.max_message_bytes, context.config.keep_alive);
     // The generated servers share no trait for their limits.
     macro_rules! limited {
         ($service:expr) => {
@@ -334,6 +334,8 @@ async fn serve(
         .max_concurrent_streams(context.config.max_concurrent_streams)
         .initial_stream_window_size(STREAM_WINDOW_BYTES)
         .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
+        .http2_keepalive_interval(Some(keep_alive.interval))
+        .http2_keepalive_timeout(Some(keep_alive.timeout))
         .add_service(guarded!(maps))
         .add_service(guarded!(ingest))
         .add_service(guarded!(optimization))
@@ -342,9 +344,10 @@ async fn serve(
         .add_service(metered!(limited!(health_service)))
         .add_service(guarded!(reflection().build_v1()?))
         .add_service(guarded!(reflection().build_v1alpha()?));
-    // The builder's own switch does not reach a listener that was bound outside; without it each
-    // small answer waits some 40 ms for the peer's delayed acknowledgment.
+    // The builder's own switches do not reach a listener that was bound outside; without this one
+    // each small answer waits some 40 ms for the peer's delayed acknowledgment.
     let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
+    let incoming = incoming.with_keepalive(Some(keep_alive.tcp));
     let task = tokio::spawn(async move {
         let drained = context.drained();
         match tls {

@@ -12,7 +12,7 @@ use covis::wire::v1;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{Channel, Endpoint};
-use tonic::{Code, Status, Streaming};
+use tonic::{Code, Request, Status, Streaming};
 use tonic_types::StatusExt;
 use v1::ingest_request::Item;
 use v1::ingest_response::Event;
@@ -90,6 +90,27 @@ impl TestServer {
     }
 }
 
+/// Holds the pool's one thread until the answer is dropped: what is asked for next waits.
+pub(crate) async fn occupy(server: &TestServer) -> std::sync::mpsc::Sender<()> {
+    let (release, released) = std::sync::mpsc::channel();
+    let (begun, began) = tokio::sync::oneshot::channel();
+    let pool = server.running.solver_pool();
+    let hold = move || begun.send(()).is_ok() && released.recv().is_ok();
+    tokio::spawn(async move { pool.run(&pool.tenants().get(""), hold).await });
+    began.await.unwrap();
+    release
+}
+
+/// A request with a bearer token, where it is not empty.
+pub(crate) fn bearing<T>(token: &str, message: T) -> Request<T> {
+    let mut request = Request::new(message);
+    if !token.is_empty() {
+        let value = format!("Bearer {token}").parse().unwrap();
+        request.metadata_mut().insert("authorization", value);
+    }
+    request
+}
+
 /// An ingest stream.
 pub(crate) struct Stream {
     requests: Option<mpsc::Sender<v1::IngestRequest>>,
@@ -104,7 +125,18 @@ impl Stream {
         client_id: &str,
         epoch: i64,
     ) -> (Self, v1::IngestOpened) {
-        let mut stream = Self::connect(server).await;
+        Self::open_with(server, "", map_id, client_id, epoch).await
+    }
+
+    /// As [`Stream::open`] with a bearer token.
+    pub(crate) async fn open_with(
+        server: &TestServer,
+        token: &str,
+        map_id: &str,
+        client_id: &str,
+        epoch: i64,
+    ) -> (Self, v1::IngestOpened) {
+        let mut stream = Self::connect_with(server, token).await;
         stream.send(0, open_item(map_id, client_id, epoch)).await;
         match stream.event().await.unwrap() {
             Event::Opened(opened) => (stream, opened),
@@ -114,9 +146,14 @@ impl Stream {
 
     /// A stream before its first message.
     pub(crate) async fn connect(server: &TestServer) -> Self {
+        Self::connect_with(server, "").await
+    }
+
+    async fn connect_with(server: &TestServer, token: &str) -> Self {
         let (requests, receiver) = mpsc::channel(16);
         let mut client = IngestServiceClient::new(server.channel.clone());
-        let answers = client.ingest(ReceiverStream::new(receiver)).await.unwrap().into_inner();
+        let request = bearing(token, ReceiverStream::new(receiver));
+        let answers = client.ingest(request).await.unwrap().into_inner();
         Self { requests: Some(requests), answers }
     }
 

@@ -100,6 +100,32 @@ fn a_replay_gives_up_when_it_was_told_to_and_says_how_far_it_came() {
     assert_eq!(wrong.code, Some(2), "{}", wrong.stderr);
 }
 
+#[test]
+fn a_replay_that_gave_up_leaves_its_items_to_the_next_one() {
+    let workspace = Workspace::new();
+    let (expected, map) = undisturbed(&workspace, &workspace.path("calm"));
+    let folder = workspace.path("maps");
+    let mut server = Running::start(&workspace, &folder);
+    let spill = workspace.path("spill");
+    let spill_dir = ["--spill-dir", spill.to_str().unwrap()];
+    let more = [&spill_dir[..], &["--rate", "4", "--reconnect-for", "1"]].concat();
+    let child = replay(&workspace, &server.url, &more);
+    hold(&server.url, 2);
+    server.kill();
+    let ran = ended(child);
+    assert_eq!(ran.code, Some(1), "{}", ran.stderr);
+    assert!(spill.join("twin.window-6-80.spill").exists());
+    server = server.again(&workspace, &folder);
+    let ran = ended(replay(&workspace, &server.url, &[&spill_dir[..], &["--append"]].concat()));
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    let json: Value = serde_json::from_str(&ran.stdout).unwrap();
+    for key in ["sent", "acknowledged", "rejected", "received", "durable", "optimized"] {
+        assert_eq!(json[key], expected[key], "{key}: {json}");
+    }
+    assert_eq!(show(&workspace, &server.url)["state_hash"], map["state_hash"]);
+    assert!(!spill.join("twin.window-6-80.spill").exists());
+}
+
 #[cfg(unix)]
 #[test]
 fn a_replay_that_is_terminated_says_how_far_it_came() {

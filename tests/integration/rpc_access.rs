@@ -14,7 +14,7 @@ use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_client::HealthClient;
 use v1::ingest_service_client::IngestServiceClient;
 
-use crate::common::{TestServer, check_status, open_item, run};
+use crate::common::{TestServer, bearing, check_status, open_item, run};
 
 /// RPCs that touch no map, are not served yet, or (`Ingest`) are called in a way of their own. The
 /// others are called for a map of another tenant.
@@ -74,12 +74,8 @@ struct OnlyMap {
 
 /// `request` with the token of `who`.
 pub(crate) fn by<T>(who: &str, message: T) -> Request<T> {
-    let mut request = Request::new(message);
-    if !who.is_empty() {
-        let value = format!("Bearer secret-of-{who}").parse().unwrap();
-        request.metadata_mut().insert("authorization", value);
-    }
-    request
+    let token = if who.is_empty() { String::new() } else { format!("secret-of-{who}") };
+    bearing(&token, message)
 }
 
 /// Calls any RPC; a stream is read to its end.

@@ -5,7 +5,9 @@ use tonic::{Code, Status, Streaming};
 use v1::ingest_request::Item;
 use v1::optimize_map_response::Event;
 
-use crate::common::{LANDMARKS, Stream, TestServer, camera, check_field, check_status, run};
+use crate::common::{
+    LANDMARKS, Stream, TestServer, camera, check_field, check_status, occupy, run,
+};
 
 fn optimize(map_id: &str) -> v1::OptimizeMapRequest {
     v1::OptimizeMapRequest { map_id: map_id.to_owned(), ..Default::default() }
@@ -112,17 +114,6 @@ fn optimize_map_refuses_what_it_cannot_solve() {
             check_field(&end(request).await, field, reason);
         }
     });
-}
-
-/// Holds the pool's one thread until the answer is dropped: what is asked for next waits.
-async fn occupy(server: &TestServer) -> std::sync::mpsc::Sender<()> {
-    let (release, released) = std::sync::mpsc::channel();
-    let (begun, began) = tokio::sync::oneshot::channel();
-    let pool = server.running.solver_pool();
-    let hold = move || begun.send(()).is_ok() && released.recv().is_ok();
-    tokio::spawn(async move { pool.run(&pool.tenants().get(""), hold).await });
-    began.await.unwrap();
-    release
 }
 
 /// Asks for two optimizations of one map, of which one is refused; returns the other.

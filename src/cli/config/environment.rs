@@ -93,6 +93,9 @@ impl Environment {
                 "COVIS_TLS_KEY" => layer.tls_key = Some(PathBuf::from(value)),
                 "COVIS_TLS_CLIENT_CA" => layer.tls_client_ca = Some(PathBuf::from(value)),
                 "COVIS_TOKENS" => layer.tokens = Some(PathBuf::from(value)),
+                "COVIS_JWKS" => layer.jwks = Some(PathBuf::from(value)),
+                "COVIS_JWT_ISSUER" => layer.jwt_issuer = Some(value.clone()),
+                "COVIS_JWT_AUDIENCE" => layer.jwt_audience = Some(value.clone()),
                 "COVIS_INSECURE_PLAIN_TEXT" => {
                     layer.insecure_plain_text = Some(flag(name, value)?);
                 }

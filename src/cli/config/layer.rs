@@ -43,6 +43,12 @@ pub struct Layer {
     pub tls_client_ca: Option<PathBuf>,
     /// File of the tokens that a server knows.
     pub tokens: Option<PathBuf>,
+    /// Keys that sign the JSON Web Tokens that a server takes, a JWKS.
+    pub jwks: Option<PathBuf>,
+    /// The issuer of those tokens.
+    pub jwt_issuer: Option<String>,
+    /// Their audience.
+    pub jwt_audience: Option<String>,
     /// Whether a server speaks plain text beyond loopback.
     pub insecure_plain_text: Option<bool>,
     /// Worker threads of a solve.
@@ -182,6 +188,9 @@ impl Layer {
             tls_key: self.tls_key.or(lower.tls_key),
             tls_client_ca: self.tls_client_ca.or(lower.tls_client_ca),
             tokens: self.tokens.or(lower.tokens),
+            jwks: self.jwks.or(lower.jwks),
+            jwt_issuer: self.jwt_issuer.or(lower.jwt_issuer),
+            jwt_audience: self.jwt_audience.or(lower.jwt_audience),
             insecure_plain_text: self.insecure_plain_text.or(lower.insecure_plain_text),
             threads: self.threads.or(lower.threads),
             lock_step: self.lock_step.or(lower.lock_step),

@@ -48,8 +48,14 @@ pub struct Config {
     /// Certificates of the authorities that must have signed the clients' certificates, PEM (none:
     /// clients need no certificate).
     pub tls_client_ca: Option<PathBuf>,
-    /// File of the tokens that a server knows (none: everybody may do everything).
+    /// File of the tokens that a server knows (none: without `jwks` too everybody may do everything).
     pub tokens: Option<PathBuf>,
+    /// Keys that sign the JSON Web Tokens that a server takes, a JWKS (none: it takes no such token).
+    pub jwks: Option<PathBuf>,
+    /// The issuer of those tokens; with `jwks` only.
+    pub jwt_issuer: Option<String>,
+    /// Their audience; with `jwks` only.
+    pub jwt_audience: Option<String>,
     /// Whether a server speaks plain text beyond loopback (no).
     pub insecure_plain_text: bool,
     /// Worker threads of a solve; at least 1 (one per processor).
@@ -123,6 +129,9 @@ impl Config {
             tls_key: layer.tls_key,
             tls_client_ca: layer.tls_client_ca,
             tokens: layer.tokens,
+            jwks: layer.jwks,
+            jwt_issuer: layer.jwt_issuer,
+            jwt_audience: layer.jwt_audience,
             insecure_plain_text: layer.insecure_plain_text.unwrap_or(false),
             threads: layer.threads.unwrap_or_else(processors),
             lock_step: layer.lock_step.unwrap_or(false),
@@ -164,6 +173,13 @@ impl Config {
         }
         if self.tls_client_ca.is_some() && self.tls_cert.is_none() {
             return out_of_range("tls_client_ca", "needs tls_cert and tls_key");
+        }
+        let jwt = [self.jwks.is_some(), self.jwt_issuer.is_some(), self.jwt_audience.is_some()];
+        if jwt.contains(&true) && jwt.contains(&false) {
+            return out_of_range(
+                "jwks",
+                "belongs with jwt_issuer and jwt_audience: one is missing",
+            );
         }
         if self.max_message_bytes < LEAST_MESSAGE_BYTES {
             return out_of_range("max_message_bytes", "must be at least 4096");

@@ -75,6 +75,8 @@ fn values_out_of_range_name_their_setting() {
     check(&[("COVIS_LOCK_STEP", "perhaps")], "COVIS_LOCK_STEP");
     check(&[("COVIS_LISTEN", "here")], "setting listen");
     check(&[("COVIS_LOG", "inof")], "setting log");
+    check(&[("COVIS_JWKS", "keys.json"), ("COVIS_JWT_ISSUER", "i")], "setting jwks");
+    check(&[("COVIS_JWT_AUDIENCE", "covis")], "setting jwks");
     check(&[("COVIS_MAX_MESSAGE_BYTES", "12")], "setting max_message_bytes");
     let missing = Config::load(Layer::default(), Some("no/such.toml".into()), environment(&[]));
     assert!(missing.unwrap_err().to_string().contains("no/such.toml"));

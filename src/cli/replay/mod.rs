@@ -22,12 +22,13 @@ use tokio::time::Instant;
 use tonic::Code;
 
 use super::config::{Config, Layer};
-use super::connect::{Connection, connect};
+use super::connect::{Connection, connect_patiently};
 use super::output::print;
 use super::progress::Progress;
 use super::signals::Signals;
 use crate::client::{
-    Client, ClientError, IngestReport, Item, RetryPolicy, SessionOptions, describe_violation,
+    Client, ClientError, IngestReport, Item, RetryPolicy, SessionOptions, SpillOptions,
+    describe_violation,
 };
 use crate::wire::v1;
 use items::Items;
@@ -43,6 +44,8 @@ const FUNCTION_TOLERANCE: f64 = 1e-12;
 const MAX_ATTEMPTS: u32 = 1000;
 /// Longest wait before the server is tried again.
 const LONGEST_DELAY: Duration = Duration::from_secs(1);
+/// Longest spill file by default: 1 GiB.
+const SPILL_BYTES: u64 = 1 << 30;
 /// Refused items that are shown.
 const SHOWN_REJECTIONS: usize = 5;
 
@@ -68,9 +71,16 @@ pub struct Args {
     /// Send so many keyframes a second [default: as fast as the server takes them].
     #[arg(long, value_name = "HZ", value_parser = rate)]
     rate: Option<f64>,
-    /// How long to try to reach a server again that went away before giving up.
+    /// How long to try to reach a server that is not there, or went away, before giving up.
     #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = seconds)]
     reconnect_for: Duration,
+    /// Keep what a server that is away has not taken in a file of this folder, beyond what memory
+    /// holds; the next run of the same recording onto the same map sends it first.
+    #[arg(long, value_name = "DIR")]
+    spill_dir: Option<PathBuf>,
+    /// Longest such file, bytes [default: 1 GiB].
+    #[arg(long, value_name = "N", requires = "spill_dir")]
+    spill_bytes: Option<u64>,
     /// Print one JSON object instead of a table; also after a failure and on SIGTERM.
     #[arg(long)]
     json: bool,
@@ -111,7 +121,7 @@ async fn replay(args: &Args, config: &Config, recording: &Recording) -> anyhow::
     };
     let levels = Arc::new(Mutex::new(Levels::default()));
     let work = async {
-        let client = connect(config).await?;
+        let client = connect_patiently(config, retry).await?;
         prepare_map(&client, &map_id, args, retry).await?;
         let target = Target { map_id: &map_id, client_id: &stem, retry };
         let report = stream(&client, &target, recording, args, &levels).await?;
@@ -211,6 +221,10 @@ async fn stream(
         lock_step: !args.no_lock_step,
         omit_solve_summary: true,
         retry: target.retry,
+        spill: args.spill_dir.clone().map(|directory| SpillOptions {
+            directory,
+            max_bytes: args.spill_bytes.unwrap_or(SPILL_BYTES),
+        }),
         ..SessionOptions::default()
     };
     let options = {
@@ -225,6 +239,8 @@ async fn stream(
     };
     let mut session = client.ingest(target.map_id, target.client_id, options).await?;
     let limit = usize::try_from(session.opened().max_message_bytes).unwrap_or(usize::MAX);
+    // What an earlier run left is on its way already.
+    let left = session.left_over().map_or(0, |left| left.last_sequence);
     let mut items = Items::new(recording, limit);
     let (mut sequence, start) = (0, Instant::now());
     for index in 0..count {
@@ -238,7 +254,9 @@ async fn stream(
         for item in items.of_keyframe(index) {
             sequence += 1;
             lock(levels).send(sequence, matches!(item, Item::Keyframe(_)));
-            session.send_as(sequence, item).await?;
+            if sequence > left {
+                session.send_as(sequence, item).await?;
+            }
         }
     }
     let report = session.finish().await?;

@@ -1,8 +1,9 @@
-//! The record of deletions: log lines with target `audit`, which `COVIS_LOG` filters like any other
+//! The record of deletions and refusals: log lines with target `audit`, which `COVIS_LOG` filters like any other
 //! but which the command line keeps on by default. They name the token's owner, never the token.
 
 use std::net::SocketAddr;
 
+use super::jwt::Refusal;
 use super::{Caller, Role};
 use crate::service::error::ServiceError;
 
@@ -23,4 +24,17 @@ pub(in crate::service) fn deletion(
 pub(super) fn refusal(caller: &Caller, path: &str, needed: Role) {
     let (token, tenant, needed) = (caller.token(), caller.tenant(), needed.name());
     tracing::info!(target: "audit", action = path, tenant, token, needed, outcome = "refused");
+}
+
+/// A JSON Web Token was not taken; its bearer is not told why.
+pub(super) fn not_taken(path: &str, reason: &Refusal) {
+    tracing::info!(target: "audit", action = path, %reason, outcome = "refused");
+}
+
+/// An open stream ends because its caller has lost the right to it.
+pub(super) fn withdrawn(caller: &Caller, reason: &ServiceError) {
+    let (token, tenant) = (caller.token(), caller.tenant());
+    let is_known = matches!(reason, ServiceError::RoleTooLow { .. });
+    let reason = if is_known { "the role is too low now" } else { "the token no longer counts" };
+    tracing::info!(target: "audit", tenant, token, reason, outcome = "stream ended");
 }

@@ -1,88 +1,151 @@
 //! Who may call what: bearer tokens, roles, tenants, and the record of deletions.
 //!
 //! [`Guarded`] stands before every service but health. It admits a request by its token and by the
-//! role that its RPC needs, and hands the [`Caller`] on in the request's extensions. Without a file
-//! of tokens everybody is an administrator of the default tenant. No token is logged or kept: what
-//! is compared are digests.
+//! role that its RPC needs, and hands the [`Caller`] on in the request's extensions. Tokens are those
+//! of a file (`tokens`), and those that an issuer signed (`jwt`, `jwks`); without either everybody is
+//! an administrator of the default tenant. A stream that stays open is watched by `rights`. No token is logged or kept: what is compared are digests.
 
 mod audit;
 mod guard;
+mod jwks;
+mod jwt;
+#[cfg(test)]
+mod jwt_tests;
+mod rights;
 mod roles;
 mod tenants;
 mod tokens;
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::sync::{PoisonError, RwLock};
+use std::path::PathBuf;
+use std::sync::Arc;
 
+use tokio::sync::watch;
 use tonic::Request;
 use tonic::codegen::http::HeaderMap;
 
+use super::clock::Clock;
+use super::config::ServerConfig;
 use super::engine::TenantCeilings;
 use super::error::ServiceError;
+use jwks::Keys;
+use jwt::Refusal;
 use tokens::Tokens;
 
 pub(super) use audit::deletion;
 pub(super) use guard::Guarded;
+pub use jwt::JwtOptions;
+use rights::Proof;
 use roles::Role;
 pub(super) use tenants::{Caller, hide_tenant, shown};
 pub use tokens::AccessError;
 #[cfg(any(test, feature = "fuzzing"))]
 pub(super) use tokens::Tokens as ParsedTokens;
 
+const UNKNOWN: ServiceError = ServiceError::Unauthenticated { what: "the token is not known" };
+const EXPIRED: ServiceError = ServiceError::Unauthenticated { what: "the token has expired" };
+
 /// Which tokens are known, and to whom they belong.
 #[derive(Debug)]
 pub(super) struct Access {
-    /// `None` admits everybody.
-    known: Option<(PathBuf, RwLock<Tokens>)>,
+    tokens: Option<PathBuf>,
+    jwt: Option<JwtOptions>,
+    clock: Clock,
+    /// Streams that are open see when it changes.
+    known: watch::Sender<Arc<Known>>,
+}
+
+/// What the files say.
+#[derive(Debug)]
+pub(super) struct Known {
+    tokens: Option<Tokens>,
+    keys: Option<Keys>,
+}
+
+impl Known {
+    fn read(tokens: Option<&PathBuf>, jwt: Option<&JwtOptions>) -> Result<Arc<Self>, AccessError> {
+        let tokens = tokens.map(|path| Tokens::read(path)).transpose()?;
+        let keys = jwt.map(|jwt| Keys::read(&jwt.jwks)).transpose()?;
+        Ok(Arc::new(Self { tokens, keys }))
+    }
 }
 
 impl Access {
-    /// Reads the file of tokens, if there is one.
-    pub(super) fn new(file: Option<&Path>) -> Result<Self, AccessError> {
-        let known = match file {
-            None => None,
-            Some(path) => Some((path.to_owned(), RwLock::new(Tokens::read(path)?))),
-        };
-        Ok(Self { known })
+    /// Reads the files, if there are any.
+    pub(super) fn new(config: &ServerConfig) -> Result<Self, AccessError> {
+        let (tokens, jwt) = (config.tokens.clone(), config.jwt.clone());
+        let (known, _) = watch::channel(Known::read(tokens.as_ref(), jwt.as_ref())?);
+        Ok(Self { tokens, jwt, clock: config.clock.clone(), known })
     }
 
     /// Whether only those with a token are admitted.
     pub(super) fn is_guarded(&self) -> bool {
-        self.known.is_some()
+        self.tokens.is_some() || self.jwt.is_some()
     }
 
     /// Ceilings of the tenants that have their own.
     pub(super) fn tenant_ceilings(&self) -> BTreeMap<String, TenantCeilings> {
-        let Some((_, known)) = &self.known else { return BTreeMap::new() };
-        known.read().unwrap_or_else(PoisonError::into_inner).tenant_ceilings()
+        let known = self.known();
+        known.tokens.as_ref().map(Tokens::tenant_ceilings).unwrap_or_default()
     }
 
-    /// Reads the file again; nothing changes before [`Access::put`].
-    pub(super) fn read(&self) -> Result<Option<Tokens>, AccessError> {
-        self.known.as_ref().map(|(path, _)| Tokens::read(path)).transpose()
+    /// Reads the files again; nothing changes before [`Access::put`].
+    pub(super) fn read(&self) -> Result<Arc<Known>, AccessError> {
+        Known::read(self.tokens.as_ref(), self.jwt.as_ref())
     }
 
-    /// From now on these tokens are known, and no others.
-    pub(super) fn put(&self, tokens: Option<Tokens>) {
-        if let (Some((_, known)), Some(tokens)) = (&self.known, tokens) {
-            *known.write().unwrap_or_else(PoisonError::into_inner) = tokens;
-        }
+    /// From now on these tokens and keys are known, and no others.
+    pub(super) fn put(&self, known: Arc<Known>) {
+        self.known.send_replace(known);
+    }
+
+    fn known(&self) -> Arc<Known> {
+        Arc::clone(&self.known.borrow())
     }
 
     /// The caller behind a request for the RPC at `path`, if it may make it.
     fn admit(&self, path: &str, headers: &HeaderMap) -> Result<Caller, ServiceError> {
-        let Some((_, known)) = &self.known else { return Ok(Caller::everybody()) };
-        let refused = |what| ServiceError::Unauthenticated { what };
-        let token = bearer(headers).ok_or(refused("a bearer token is needed"))?;
-        let known = known.read().unwrap_or_else(PoisonError::into_inner);
-        let caller = known.caller(token).ok_or(refused("the token is not known"))?;
+        if !self.is_guarded() {
+            return Ok(Caller::everybody());
+        }
+        let missing = ServiceError::Unauthenticated { what: "a bearer token is needed" };
+        let token = bearer(headers).ok_or(missing)?;
+        let caller = match &self.jwt {
+            Some(options) if jwt::has_form(token) => self.signed(token, options, path)?,
+            _ => self.listed(token).ok_or(UNKNOWN)?,
+        };
         let needed = roles::needed(path);
         if caller.role() < needed {
             audit::refusal(&caller, path, needed);
             return Err(ServiceError::RoleTooLow { needed: needed.name() });
         }
-        Ok(caller)
+        Ok(caller.calling(needed))
+    }
+
+    /// The owner of a token of the file.
+    fn listed(&self, token: &str) -> Option<Caller> {
+        self.known().tokens.as_ref()?.caller(token)
+    }
+
+    /// The bearer of a JSON Web Token, who learns no more of a bad one than whether it expired.
+    fn signed(
+        &self,
+        token: &str,
+        options: &JwtOptions,
+        path: &str,
+    ) -> Result<Caller, ServiceError> {
+        let known = self.known();
+        let Some(keys) = &known.keys else { return Err(UNKNOWN) };
+        let bearer = jwt::check(token, keys, options, self.clock.now()).map_err(|refusal| {
+            audit::not_taken(path, &refusal);
+            if matches!(refusal, Refusal::Expired(_)) { EXPIRED } else { UNKNOWN }
+        })?;
+        let caller = Caller::new(&bearer.subject, &bearer.tenant, bearer.role);
+        Ok(caller.showing(Proof::Signed {
+            kid: bearer.kid.into(),
+            key: bearer.key,
+            end: bearer.end,
+        }))
     }
 }
 

@@ -16,6 +16,11 @@ pub(in crate::service) enum Role {
 }
 
 impl Role {
+    /// By its name.
+    pub(super) fn of_name(name: &str) -> Option<Self> {
+        [Self::Read, Self::Write, Self::Admin].into_iter().find(|role| role.name() == name)
+    }
+
     /// As it is written in the file of tokens.
     pub(super) fn name(self) -> &'static str {
         match self {

@@ -6,6 +6,7 @@
 use std::sync::Arc;
 
 use super::Role;
+use super::rights::Proof;
 use crate::service::engine::EngineError;
 use crate::store::StoreError;
 
@@ -18,12 +19,26 @@ pub(in crate::service) struct Caller {
     token: Arc<str>,
     tenant: Arc<str>,
     role: Role,
+    /// The role that its call takes.
+    needed: Role,
+    proof: Proof,
 }
 
 impl Caller {
     /// The owner of the token called `token`; the default tenant's name is empty.
     pub(super) fn new(token: &str, tenant: &str, role: Role) -> Self {
-        Self { token: token.into(), tenant: tenant.into(), role }
+        let (token, tenant) = (token.into(), tenant.into());
+        Self { token, tenant, role, needed: Role::Read, proof: Proof::Nothing }
+    }
+
+    /// The same, by what it showed.
+    pub(super) fn showing(self, proof: Proof) -> Self {
+        Self { proof, ..self }
+    }
+
+    /// The same, in a call that takes the role `needed`.
+    pub(super) fn calling(self, needed: Role) -> Self {
+        Self { needed, ..self }
     }
 
     /// Who calls a server that knows no tokens.
@@ -44,6 +59,16 @@ impl Caller {
     /// What it may do.
     pub(super) fn role(&self) -> Role {
         self.role
+    }
+
+    /// The role that its call takes.
+    pub(super) fn needed(&self) -> Role {
+        self.needed
+    }
+
+    /// What it showed.
+    pub(super) fn proof(&self) -> &Proof {
+        &self.proof
     }
 
     /// What the engine calls this caller's map.

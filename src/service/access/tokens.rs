@@ -21,6 +21,7 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
+use super::rights::Proof;
 use super::{Caller, Role};
 use crate::service::engine::TenantCeilings;
 use crate::service::limits::TenantLimits;
@@ -28,7 +29,7 @@ use crate::service::limits::TenantLimits;
 /// Longest file, bytes: some 1,700 tokens. The parser of TOML may take a hundred times as much.
 const MAX_BYTES: usize = 256 << 10;
 
-/// A file of tokens that cannot be used.
+/// A file of tokens or of keys that cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
     /// The file cannot be read.
@@ -67,6 +68,33 @@ pub enum AccessError {
         field: &'static str,
         /// What it must be.
         expected: &'static str,
+    },
+    /// The file of keys cannot be read.
+    #[error("the file of keys")]
+    ReadKeys(#[source] std::io::Error),
+    /// The file of keys is not JSON of the right shape. Its text is not shown.
+    #[error("{}, line {line}: this is no JSON Web Key Set", path.display())]
+    Keys {
+        /// The file.
+        path: PathBuf,
+        /// The line, from 1.
+        line: usize,
+    },
+    /// A key cannot be used.
+    #[error("{}: key {number}: {reason}", path.display())]
+    Key {
+        /// The file.
+        path: PathBuf,
+        /// Which key, from 1.
+        number: usize,
+        /// What is wrong.
+        reason: &'static str,
+    },
+    /// No token could be taken.
+    #[error("{}: holds no key for signatures by RS256, PS256, ES256 or EdDSA", path.display())]
+    NoKey {
+        /// The file.
+        path: PathBuf,
     },
 }
 
@@ -137,6 +165,7 @@ impl Tokens {
                 return bad("sha256", "64 hexadecimal digits");
             };
             let caller = Caller::new(&entry.name, &entry.tenant, entry.role);
+            let caller = caller.showing(Proof::Listed(digest));
             if tokens.insert(digest, caller).is_some() {
                 return bad("sha256", "of a token that no other entry has");
             }
@@ -159,8 +188,12 @@ impl Tokens {
 
     /// Whose token it is.
     pub(super) fn caller(&self, token: &str) -> Option<Caller> {
-        let digest: [u8; 32] = Sha256::digest(token.as_bytes()).into();
-        self.callers.get(&digest).cloned()
+        self.owner(&Sha256::digest(token.as_bytes()).into()).cloned()
+    }
+
+    /// Whose token has this digest.
+    pub(super) fn owner(&self, digest: &[u8; 32]) -> Option<&Caller> {
+        self.callers.get(digest)
     }
 
     /// The tenants that have ceilings of their own.
@@ -169,7 +202,8 @@ impl Tokens {
     }
 }
 
-fn is_name(text: &str) -> bool {
+/// Whether it may be the name of a token or tenant.
+pub(super) fn is_name(text: &str) -> bool {
     let allowed = |c: u8| c.is_ascii_lowercase() || c.is_ascii_digit() || c == b'_' || c == b'-';
     (1..=63).contains(&text.len()) && text.bytes().all(allowed)
 }

@@ -244,9 +244,11 @@ impl Actor {
         let most = self.map.policy().max_queued_items.map_or(usize::MAX, |most| most as usize);
         let (room, meters) = (self.config.queue_capacity.min(most), &self.shared.meters);
         let ends = self.streams.open(client, epoch, lock_step, room, place, meters);
+        let next_sequence = self.map.client(client).map_or(1, |c| c.next_sequence);
         let opened = Opened {
             client,
-            next_sequence: self.map.client(client).map_or(1, |c| c.next_sequence),
+            next_sequence,
+            optimized_sequence: self.schedule.first_open(client).unwrap_or(next_sequence) - 1,
             epoch,
             revision: self.map.revision(),
             lock_step,

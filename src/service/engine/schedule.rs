@@ -59,6 +59,11 @@ impl Schedule {
         self.open.values().any(|t| t.client == client)
     }
 
+    /// The client's first sequence that waits for a solve.
+    pub(super) fn first_open(&self, client: ClientIndex) -> Option<i64> {
+        self.open.values().filter(|t| t.client == client).map(|t| t.sequence).min()
+    }
+
     /// Forgets everything, as nothing will be solved any more.
     pub(super) fn clear(&mut self) {
         self.open.clear();
@@ -132,7 +137,7 @@ impl Schedule {
     }
 
     fn advance(&mut self, client: ClientIndex) -> Option<i64> {
-        let open = self.open.values().filter(|t| t.client == client).map(|t| t.sequence).min();
+        let open = self.first_open(client);
         let done = self.done.get_mut(&client)?;
         let mark = mark(done, open)?;
         done.retain(|&sequence| sequence > mark);

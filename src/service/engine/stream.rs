@@ -20,6 +20,8 @@ pub struct Opened {
     pub client: ClientIndex,
     /// The last sequence journaled for the client, plus 1.
     pub next_sequence: i64,
+    /// Solves have covered every taken item of the client up to here; 0 where there is none.
+    pub optimized_sequence: i64,
     /// The stream's epoch.
     pub epoch: i64,
     /// The map's revision.

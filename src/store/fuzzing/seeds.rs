@@ -1,4 +1,5 @@
 //! Seeds of the store: every kind of change, the golden journal and snapshot, a map's folder.
+//! They come from real encodings; nothing here is run by a server.
 
 use std::path::Path;
 

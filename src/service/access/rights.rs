@@ -1,0 +1,79 @@
+//! Whether an open stream may go on: its caller was admitted once, and may lose the right meanwhile.
+//!
+//! The token is not kept, only what tells it again: the digest of a listed one; of a signed one the
+//! key and the end. A token that is taken from the file, changes its tenant, expires, or whose key is
+//! gone, is as good as none; one whose role no longer covers the call is refused the call.
+
+use std::sync::Arc;
+
+use super::jwks::Key;
+use super::{Access, Caller, EXPIRED, Known, UNKNOWN, audit};
+use crate::service::error::ServiceError;
+
+/// What a caller showed.
+#[derive(Clone, Debug)]
+pub(super) enum Proof {
+    /// Nothing was asked for.
+    Nothing,
+    /// A token of the file, by its digest.
+    Listed([u8; 32]),
+    /// A JSON Web Token.
+    Signed {
+        /// The name of the key that signed it.
+        kid: Arc<str>,
+        /// That key.
+        key: Arc<Key>,
+        /// When the token no longer counts, Unix time in seconds.
+        end: i64,
+    },
+}
+
+impl Access {
+    /// Resolves once `caller` may no longer make the call that it was admitted to, with the reason.
+    pub(in crate::service) async fn withdrawn(&self, caller: &Caller) -> ServiceError {
+        let reason = tokio::select! {
+            () = self.expired(caller) => EXPIRED,
+            reason = self.refused(caller) => reason,
+        };
+        audit::withdrawn(caller, &reason);
+        reason
+    }
+
+    async fn expired(&self, caller: &Caller) {
+        match caller.proof() {
+            Proof::Signed { end, .. } => self.clock.reached(*end).await,
+            Proof::Nothing | Proof::Listed(_) => std::future::pending().await,
+        }
+    }
+
+    /// Resolves once the files no longer admit the caller.
+    async fn refused(&self, caller: &Caller) -> ServiceError {
+        let mut known = self.known.subscribe();
+        loop {
+            // Also at once: the files may have changed since the call was admitted.
+            if let Err(reason) = still_admits(&known.borrow_and_update(), caller) {
+                return reason;
+            }
+            if known.changed().await.is_err() {
+                std::future::pending::<()>().await;
+            }
+        }
+    }
+}
+
+fn still_admits(known: &Known, caller: &Caller) -> Result<(), ServiceError> {
+    let needed = caller.needed();
+    match caller.proof() {
+        Proof::Nothing => Ok(()),
+        Proof::Listed(digest) => {
+            let owner = known.tokens.as_ref().and_then(|tokens| tokens.owner(digest));
+            let owner = owner.filter(|owner| owner.tenant() == caller.tenant()).ok_or(UNKNOWN)?;
+            let is_covered = owner.role() >= needed;
+            is_covered.then_some(()).ok_or(ServiceError::RoleTooLow { needed: needed.name() })
+        }
+        Proof::Signed { kid, key, .. } => {
+            let present = known.keys.as_ref().and_then(|keys| keys.get(kid));
+            (present == Some(key)).then_some(()).ok_or(UNKNOWN)
+        }
+    }
+}

@@ -1,0 +1,192 @@
+//! Links whose other end is gone without a word: both sides find it, the client resumes and nothing is
+//! lost or doubled; and an OPTIMIZED that was lost with a link is told again.
+//!
+//! Probes are configured to be quick; the tests wait for what happens, not for time.
+
+use std::io::{BufRead, BufReader};
+use std::process::Stdio;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use covis::client::{
+    Client, Credentials, LinkOptions, RetryPolicy, SessionOptions, Token, WatchOptions,
+};
+use covis::service::KeepAlive;
+use covis::wire::v1;
+use tonic::Code;
+
+use crate::cli_support::{Ran, Running, Workspace, golden};
+use crate::common::{TestServer, camera, keyframe, occupy, run};
+use crate::proxy::Proxy;
+
+/// Long enough for a busy machine, short enough for a test.
+const QUICK: Duration = Duration::from_millis(300);
+
+fn patient() -> SessionOptions {
+    let delay = Duration::from_millis(1);
+    let max_attempts = u32::MAX;
+    let retry =
+        RetryPolicy { max_attempts, first_delay: delay, longest_delay: delay, give_up_after: None };
+    SessionOptions { retry, ..SessionOptions::default() }
+}
+
+async fn over(proxy: &Proxy, link: LinkOptions) -> Client {
+    Client::connect_over(&proxy.url(), &Credentials::default(), link).await.unwrap()
+}
+
+async fn direct(server: &TestServer) -> Client {
+    Client::connect(&format!("http://{}", server.running.local_addr())).await.unwrap()
+}
+
+#[test]
+fn a_client_finds_a_link_that_is_half_open_and_resumes() {
+    run(async {
+        let server = TestServer::start().await;
+        server.create_map("room").await;
+        let proxy = Proxy::to(server.running.local_addr()).await;
+        let link =
+            LinkOptions { keep_alive: QUICK, keep_alive_timeout: QUICK, ..LinkOptions::default() };
+        let mut session =
+            over(&proxy, link).await.ingest("room", "robot", patient()).await.unwrap();
+        session.send(camera(0)).await.unwrap();
+        session.send(keyframe(0)).await.unwrap();
+        session.flush().await.unwrap();
+        proxy.freeze();
+        for id in 1..8 {
+            session.send(keyframe(id)).await.unwrap();
+        }
+        let report = session.finish().await.unwrap();
+        assert_eq!((report.sent, report.acknowledged, report.rejected), (9, 9, 0));
+        assert!(report.reconnects >= 1);
+        let map = direct(&server).await.get_map("room").await.unwrap();
+        assert_eq!(map.counts.unwrap().keyframe_count, 8);
+        assert_eq!(map.clients[0].next_sequence, 10);
+    });
+}
+
+#[test]
+fn a_watch_over_a_link_that_is_half_open_goes_on() {
+    run(async {
+        let server = TestServer::start().await;
+        server.create_map("room").await;
+        let proxy = Proxy::to(server.running.local_addr()).await;
+        let link =
+            LinkOptions { keep_alive: QUICK, keep_alive_timeout: QUICK, ..LinkOptions::default() };
+        let options = WatchOptions { retry: patient().retry, ..WatchOptions::default() };
+        let mut watch = over(&proxy, link).await.watch("room", options).await.unwrap();
+        watch.next().await.unwrap();
+        proxy.freeze();
+        server.build_map("room", 3).await;
+        while watch.mirror().keyframes.len() < 3 {
+            watch.next().await.unwrap();
+        }
+    });
+}
+
+#[test]
+fn a_server_ends_the_streams_of_a_client_that_is_gone() {
+    run(async {
+        let keep_alive = KeepAlive { interval: QUICK, timeout: QUICK, ..KeepAlive::default() };
+        let server = TestServer::with(|config| config.keep_alive = keep_alive).await;
+        server.create_map("room").await;
+        let proxy = Proxy::to(server.running.local_addr()).await;
+        let client = over(&proxy, LinkOptions::default()).await;
+        let mut gone = client.ingest("room", "robot", patient()).await.unwrap();
+        gone.send(camera(0)).await.unwrap();
+        gone.flush().await.unwrap();
+        proxy.freeze();
+        proxy.given_up(1).await;
+        let mut next = direct(&server).await.ingest("room", "robot", patient()).await.unwrap();
+        assert_eq!((next.opened().epoch, next.next_sequence()), (2, 2));
+        next.send(keyframe(0)).await.unwrap();
+        assert_eq!(next.finish().await.unwrap().acknowledged, 1);
+    });
+}
+
+#[test]
+fn a_call_over_a_link_that_is_half_open_ends_by_its_deadline() {
+    run(async {
+        let server = TestServer::start().await;
+        let proxy = Proxy::to(server.running.local_addr()).await;
+        let link = LinkOptions { deadline: QUICK, ..LinkOptions::default() };
+        let client = over(&proxy, link).await;
+        client.server_info().await.unwrap();
+        proxy.freeze();
+        let error = client.server_info().await.unwrap_err();
+        assert!(matches!(error.code(), Some(Code::Cancelled | Code::DeadlineExceeded)), "{error}");
+    });
+}
+
+#[test]
+fn an_optimized_that_was_lost_with_the_link_is_told_by_the_next_one() {
+    run(async {
+        let server = TestServer::start().await;
+        server.create_map("room").await;
+        let proxy = Proxy::to(server.running.local_addr()).await;
+        let client = over(&proxy, LinkOptions::default()).await;
+        let told = Arc::new(Mutex::new(Vec::new()));
+        let acks = Arc::clone(&told);
+        let options = patient().on_ack(move |ack| {
+            if ack.status() == v1::AckStatus::Optimized {
+                acks.lock().unwrap().push(ack.sequence);
+            }
+        });
+        let mut session = client.ingest("room", "robot", options).await.unwrap();
+        session.send(camera(0)).await.unwrap();
+        session.send(keyframe(0)).await.unwrap();
+        session.send(keyframe(1)).await.unwrap();
+        session.optimized(3).await.unwrap();
+        let busy = occupy(&server).await;
+        session.send(keyframe(2)).await.unwrap();
+        session.flush().await.unwrap();
+        // The solve ends while nothing comes through to the client.
+        proxy.hold(true);
+        let watcher = direct(&server).await;
+        let mut watch = watcher.watch("room", WatchOptions::default()).await.unwrap();
+        let before = watch.next().await.unwrap().revision;
+        drop(busy);
+        watch.reach(before + 1).await.unwrap();
+        proxy.cut();
+        proxy.hold(false);
+        session.optimized(4).await.unwrap();
+        let report = session.finish().await.unwrap();
+        assert_eq!((report.acknowledged, report.duplicates, report.optimized_through), (4, 0, 4));
+        assert_eq!(told.lock().unwrap().last(), Some(&4));
+    });
+}
+
+#[test]
+fn a_replay_waits_for_a_server_that_is_not_there_yet() {
+    let workspace = Workspace::new();
+    let folder = workspace.path("maps");
+    let mut server = Running::start(&workspace, &folder);
+    server.kill();
+    let mut command = workspace.command();
+    command.args(["--log", "off,covis::client::retry=debug", "replay"]);
+    command.arg(golden("twins/window-6-80.txt"));
+    command.args(["--server", &server.url, "--map", "twin", "--reconnect-for", "60"]);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut log = BufReader::new(child.stderr.take().unwrap()).lines();
+    let tried = log.find_map(|line| line.ok().filter(|line| line.contains("trying again")));
+    assert!(tried.unwrap().contains("no server answers"));
+    let _server = server.again(&workspace, &folder);
+    // What else it says must not fill the pipe.
+    std::thread::spawn(move || log.count());
+    let ran = Ran::of(child.wait_with_output().unwrap());
+    assert_eq!(ran.code, Some(0), "{}", ran.stdout);
+}
+
+#[test]
+fn bad_credentials_are_not_tried_again() {
+    run(async {
+        let token = Some(Token::new("secret"));
+        let credentials = Credentials { token, ..Credentials::default() };
+        let calls = Mutex::new(0);
+        let connect = || {
+            *calls.lock().unwrap() += 1;
+            Client::connect_with("http://robot.example:1", &credentials)
+        };
+        patient().retry.run(connect).await.unwrap_err();
+        assert_eq!(*calls.lock().unwrap(), 1);
+    });
+}
