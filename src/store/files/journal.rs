@@ -284,8 +284,8 @@ impl Journal {
     }
 
     fn failed_flush(&self, error: &io::Error) {
-        let error = self.stop(error.to_string());
         self.meters.journal_failures.increment();
+        let error = self.stop(error.to_string());
         tracing::error!(map = %self.name, %error, "the journal stops");
         self.state().flushing = false;
     }
