@@ -161,7 +161,10 @@ impl Actor {
             return Room::None(ceiling(&self.shared.name, passed));
         };
         match self.commit(None, Change::KeyframeRetired { retired }).await {
-            Ok(_position) => Room::Made,
+            Ok(_position) => {
+                self.shared.meters.retired.increment();
+                Room::Made
+            }
             Err(error) => Room::None(error),
         }
     }

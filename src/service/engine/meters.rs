@@ -191,6 +191,8 @@ pub struct EngineMeters {
     /// Streams that ended at a ceiling.
     pub ceiling: Counter,
     rejected: [Counter; REASONS.len()],
+    /// Keyframes that went because their map was full.
+    pub retired: Counter,
     /// From an item's arrival until it was durable, ns.
     pub durable_ns: Histogram,
     /// From an item's arrival until the solve that it started was applied, ns.
@@ -214,6 +216,7 @@ impl Default for EngineMeters {
             duplicate: Counter::default(),
             ceiling: Counter::default(),
             rejected: Default::default(),
+            retired: Counter::default(),
             durable_ns: Histogram::of_durations(),
             optimized_ns: Histogram::of_durations(),
             solves: ["local_bundle", "pose_graph", "global", "request"].map(SolveMeters::new),

@@ -101,6 +101,8 @@ fn items(text: &mut Text, engine: &EngineMeters) {
     for (reason, count) in engine.rejected() {
         family.row(&[("outcome", "rejected"), ("reason", reason)], count.get());
     }
+    let help = "Keyframes that were marginalized because their map was full.";
+    text.counter("covis_keyframes_retired_total", help).row(&[], engine.retired.get());
     let help = "From an item's arrival until it was on disk.";
     text.histogram("covis_item_durable_seconds", help).seconds(&[], &engine.durable_ns);
     let help = "From an item's arrival until what it called for was solved and applied.";
