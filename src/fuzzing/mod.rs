@@ -40,10 +40,10 @@ pub const TARGETS: [Target; 13] = [
 /// pieces of them repeated, and lists of entries that are next to nothing.
 pub fn largest(name: &str, corpus: &[Vec<u8>], length: usize, take: &mut dyn FnMut(&[u8])) {
     for input in corpus {
-        let starts = (0..input.len()).step_by(1 + input.len() / 8);
-        let words = (1..input.len()).filter(|&at| input[at - 1].is_ascii_whitespace()).take(4);
+        let starts = (0..input.len()).step_by(1 + input.len() / 6);
+        let words = (1..input.len()).filter(|&at| input[at - 1].is_ascii_whitespace()).take(3);
         for start in starts.chain(words) {
-            for size in [1, 2, 4, 9, 33, input.len()] {
+            for size in [1, 2, 4, 9, input.len()] {
                 let piece = &input[start..input.len().min(start + size)];
                 let room = length.saturating_sub(input.len());
                 let middle = piece.repeat(room / piece.len().max(1));
