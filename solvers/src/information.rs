@@ -4,7 +4,11 @@
 //! checked, so that nobody passes a covariance where an information matrix belongs. Ω may be
 //! singular where a caller asks for that: a direction that was not measured has no information.
 
-use nalgebra::{Cholesky, DMatrix, SMatrix, SVector};
+mod eigen;
+
+use nalgebra::{Cholesky, SMatrix, SVector};
+
+pub(crate) use eigen::eigen;
 
 /// Relative to the largest eigenvalue, a negative one above this is zero with its rounding.
 const ROUNDING: f64 = 1e-12;
@@ -102,15 +106,13 @@ fn is_definite<const N: usize>(matrix: &SMatrix<f64, N, N>) -> bool {
 fn clipped<const N: usize>(matrix: &SMatrix<f64, N, N>) -> (f64, f64, SMatrix<f64, N, N>) {
     // Products of entries must not overflow.
     let scale = if matrix.amax() > 0.0 { matrix.amax() } else { 1.0 };
-    let scaled = DMatrix::from_fn(N, N, |r, c| matrix[(r, c)] / scale);
-    let mut eigen = scaled.symmetric_eigen();
-    let (smallest, largest) = (eigen.eigenvalues.min(), eigen.eigenvalues.amax());
+    let (values, mut root) = eigen(&(matrix / scale));
+    let (smallest, largest) = (values.min(), values.amax());
     let ratio = if largest > 0.0 { smallest / largest } else { 0.0 };
     // As S Sᵀ: rounding is then relative to the diagonal and leaves no negative entry on it.
-    for (mut column, value) in eigen.eigenvectors.column_iter_mut().zip(eigen.eigenvalues.iter()) {
+    for (mut column, value) in root.column_iter_mut().zip(values.iter()) {
         column *= value.max(0.0).sqrt();
     }
-    let root = SMatrix::<f64, N, N>::from_fn(|r, c| eigen.eigenvectors[(r, c)]);
     let nearest = root * root.transpose();
     (smallest * scale, ratio, (nearest + nearest.transpose()) * 0.5 * scale)
 }

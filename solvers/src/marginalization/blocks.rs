@@ -4,7 +4,9 @@
 //! that its pseudo-inverse gives the exact Schur complement, also block after block. Matrices come
 //! scaled to diagonals of at most about one: then one threshold tells rounding from information.
 
-use nalgebra::{DMatrix, Matrix6, Vector6};
+use nalgebra::{DMatrix, Matrix6};
+
+use crate::information::eigen;
 
 /// The side of a block.
 pub(super) const BLOCK: usize = 6;
@@ -58,49 +60,6 @@ pub(super) fn spectral(block: &Matrix6<f64>, f: impl Fn(f64) -> f64) -> (f64, Ma
     let (values, vectors) = eigen(block);
     let mapped = vectors * Matrix6::from_diagonal(&values.map(f)) * vectors.transpose();
     (values.max(), (mapped + mapped.transpose()) * 0.5)
-}
-
-/// Sweeps of [`eigen`]; convergence is quadratic, and six are many.
-const SWEEPS: usize = 16;
-
-/// Eigenvalues, and eigenvectors by column, of a symmetric block: Jacobi's cyclic rotations, which
-/// find tiny eigenvalues of a scaled matrix to their own precision (Demmel and Veselić 1992) and end
-/// on any input.
-fn eigen(block: &Matrix6<f64>) -> (Vector6<f64>, Matrix6<f64>) {
-    let (mut a, mut vectors) = (*block, Matrix6::identity());
-    for _ in 0..SWEEPS {
-        let mut is_diagonal = true;
-        for p in 0..BLOCK {
-            for q in p + 1..BLOCK {
-                let off = a[(p, q)];
-                if off.abs() <= f64::EPSILON * (a[(p, p)] * a[(q, q)]).abs().sqrt() {
-                    continue;
-                }
-                is_diagonal = false;
-                let cotangent = (a[(q, q)] - a[(p, p)]) / (2.0 * off);
-                let tangent = cotangent.signum() / (cotangent.abs() + cotangent.hypot(1.0));
-                let cosine = 1.0 / tangent.hypot(1.0);
-                let sine = tangent * cosine;
-                turn(&mut a, p, q, cosine, sine);
-                a = a.transpose();
-                turn(&mut a, p, q, cosine, sine);
-                turn(&mut vectors, p, q, cosine, sine);
-            }
-        }
-        if is_diagonal {
-            break;
-        }
-    }
-    (a.diagonal(), vectors)
-}
-
-/// Rotates columns p and q.
-fn turn(matrix: &mut Matrix6<f64>, p: usize, q: usize, cosine: f64, sine: f64) {
-    for k in 0..BLOCK {
-        let (x, y) = (matrix[(k, p)], matrix[(k, q)]);
-        matrix[(k, p)] = cosine * x - sine * y;
-        matrix[(k, q)] = sine * x + cosine * y;
-    }
 }
 
 #[cfg(test)]

@@ -203,6 +203,17 @@ fn indefinite_information_matrices_are_repaired_where_asked() {
 
 /// Sums of entries near the largest number overflow; a repair must not write what is no number.
 #[test]
+fn what_was_repaired_needs_no_repair_whatever_its_scales() {
+    let large = "5".repeat(130);
+    let information = format!("1 9 0 0 0 0 1 {large} 0 0 0 1 0 0 7 1 2 0 0 0 0");
+    let text = format!("EDGE_SE3:QUAT 0 7 1 2 3 0 0 0.6 0.8 {information}\n");
+    let path = Path::new("graph.g2o");
+    let (graph, repaired) = G2oGraph::parse_repaired(text.as_bytes(), path).unwrap();
+    assert_eq!(repaired.unwrap().count, 1);
+    assert_eq!(G2oGraph::parse(&graph.to_bytes(), path).unwrap(), graph);
+}
+
+#[test]
 fn a_repair_of_the_largest_numbers_is_finite_or_refused() {
     for information in ["1e30 18e300 -1e-308 1e308 5e-324 1e308", "0 1.7e308 0 1.7e308 0 1"] {
         let text = format!("EDGE_SE2 0 1 1 0 0.1 {information}\n");
