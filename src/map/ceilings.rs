@@ -79,21 +79,6 @@ impl Ceilings {
             passes.then_some(Passed { resource, maximum })
         })
     }
-
-    /// The lower of both, each by itself.
-    #[must_use]
-    pub fn lowered_by(&self, other: &Self) -> Self {
-        let lower = |a: Option<u64>, b: Option<u64>| match (a, b) {
-            (Some(a), Some(b)) => Some(a.min(b)),
-            (a, b) => a.or(b),
-        };
-        Self {
-            max_keyframes: lower(self.max_keyframes, other.max_keyframes),
-            max_landmarks: lower(self.max_landmarks, other.max_landmarks),
-            max_observations: lower(self.max_observations, other.max_observations),
-            max_bytes: lower(self.max_bytes, other.max_bytes),
-        }
-    }
 }
 
 impl Add for Usage {
@@ -150,7 +135,7 @@ const CONSTRAINT: u64 = entry(size_of::<Constraint>()) + entry(size_of::<Digest>
 const PRIOR: u64 = entry(size_of::<Prior>()) + entry(size_of::<Digest>());
 const SHARED_PAIR: u64 = entry(size_of::<u32>());
 /// A descriptor's own memory besides its bytes.
-pub(super) const DESCRIPTOR: u64 = 80;
+const DESCRIPTOR: u64 = 80;
 const ITEM: u64 = (3 * (size_of::<i64>() + size_of::<Digest>()) / 2) as u64;
 
 /// Memory of the descriptors of `observations`.

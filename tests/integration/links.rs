@@ -34,6 +34,11 @@ async fn over(proxy: &Proxy, link: LinkOptions) -> Client {
     Client::connect_over(&proxy.url(), &Credentials::default(), link).await.unwrap()
 }
 
+/// A link that is probed often.
+fn probing() -> LinkOptions {
+    LinkOptions { keep_alive: QUICK, keep_alive_timeout: QUICK, ..LinkOptions::default() }
+}
+
 async fn direct(server: &TestServer) -> Client {
     Client::connect(&format!("http://{}", server.running.local_addr())).await.unwrap()
 }
@@ -44,10 +49,8 @@ fn a_client_finds_a_link_that_is_half_open_and_resumes() {
         let server = TestServer::start().await;
         server.create_map("room").await;
         let proxy = Proxy::to(server.running.local_addr()).await;
-        let link =
-            LinkOptions { keep_alive: QUICK, keep_alive_timeout: QUICK, ..LinkOptions::default() };
         let mut session =
-            over(&proxy, link).await.ingest("room", "robot", patient()).await.unwrap();
+            over(&proxy, probing()).await.ingest("room", "robot", patient()).await.unwrap();
         session.send(camera(0)).await.unwrap();
         session.send(keyframe(0)).await.unwrap();
         session.flush().await.unwrap();
@@ -70,10 +73,8 @@ fn a_watch_over_a_link_that_is_half_open_goes_on() {
         let server = TestServer::start().await;
         server.create_map("room").await;
         let proxy = Proxy::to(server.running.local_addr()).await;
-        let link =
-            LinkOptions { keep_alive: QUICK, keep_alive_timeout: QUICK, ..LinkOptions::default() };
         let options = WatchOptions { retry: patient().retry, ..WatchOptions::default() };
-        let mut watch = over(&proxy, link).await.watch("room", options).await.unwrap();
+        let mut watch = over(&proxy, probing()).await.watch("room", options).await.unwrap();
         watch.next().await.unwrap();
         proxy.freeze();
         server.build_map("room", 3).await;

@@ -13,17 +13,7 @@ use rand::RngExt;
 use super::{is_forest, pose_prior, position_prior, relative_pose};
 
 fn camera() -> Camera {
-    Camera::Pinhole(PinholeRadialTangential {
-        fx: 500.0,
-        fy: 500.0,
-        cx: 320.0,
-        cy: 240.0,
-        k1: 0.0,
-        k2: 0.0,
-        p1: 0.0,
-        p2: 0.0,
-        k3: 0.0,
-    })
+    Camera::Pinhole(PinholeRadialTangential::undistorted(500.0, 500.0, 320.0, 240.0))
 }
 
 /// Cameras side by side that look along +z.

@@ -7,11 +7,8 @@ use std::sync::Arc;
 
 use super::Role;
 use super::rights::Proof;
-use crate::service::engine::EngineError;
+use crate::service::engine::{EngineError, SEPARATOR, tenant_of};
 use crate::store::StoreError;
-
-/// Between tenant and name.
-const SEPARATOR: char = '.';
 
 /// Who makes a call.
 #[derive(Clone, Debug)]
@@ -81,7 +78,7 @@ impl Caller {
 
     /// Whether a map is of this caller's tenant, by the engine's name of it.
     pub(in crate::service) fn owns(&self, engine_name: &str) -> bool {
-        engine_name.split_once(SEPARATOR).map_or("", |(tenant, _)| tenant) == &*self.tenant
+        tenant_of(engine_name) == &*self.tenant
     }
 }
 

@@ -51,7 +51,7 @@ pub use optimize::{OptimizeCounts, OptimizeOptions, OptimizeOutcome, OptimizePro
 pub use pool::{PoolError, SolvePanicked, SolverPool};
 pub use pose_graph::ChordalProof;
 pub use stream::{IngestStream, ItemSender, Opened};
-pub use tenants::{Booked, Tenant, TenantCeilings, Tenants};
+pub use tenants::{Booked, SEPARATOR, Tenant, TenantCeilings, Tenants, tenant_of};
 pub use watch::{MapChange, Touched, Watch};
 
 /// How the engines of a server run.

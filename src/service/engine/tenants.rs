@@ -12,6 +12,15 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use super::EngineError;
 use crate::map::{Ceilings, Passed, Usage};
 
+/// Between tenant and name; neither part holds one.
+pub const SEPARATOR: char = '.';
+
+/// The tenant of the map called `map`; empty for the default tenant.
+#[must_use]
+pub fn tenant_of(map: &str) -> &str {
+    map.split_once(SEPARATOR).map_or("", |(tenant, _)| tenant)
+}
+
 /// Limits of a tenant; `None` is unlimited.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TenantCeilings {
@@ -181,7 +190,7 @@ impl Tenants {
     /// The tenant of the map called `map`.
     #[must_use]
     pub fn of_map(&self, map: &str) -> Arc<Tenant> {
-        self.get(map.split_once('.').map_or("", |(tenant, _)| tenant))
+        self.get(tenant_of(map))
     }
 
     fn lock(&self) -> MutexGuard<'_, Known> {

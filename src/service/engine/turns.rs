@@ -44,7 +44,7 @@ impl<T> Turns<T> {
         Self { lanes: BTreeMap::new(), now_ns: 0, running: 0, slots: slots.max(1) }
     }
 
-    /// How many wait, and how many run, of a tenant.
+    /// How many wait of a tenant.
     pub(super) fn waiting(&self, tenant: &str) -> usize {
         self.lanes.get(tenant).map_or(0, |lane| lane.waiting.len())
     }
