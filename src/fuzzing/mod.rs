@@ -20,7 +20,7 @@ pub struct Target {
 }
 
 /// Every target, by name.
-pub const TARGETS: [Target; 13] = [
+pub const TARGETS: [Target; 14] = [
     Target { name: "bal", run: files::bal },
     Target { name: "colmap_binary", run: files::colmap_binary },
     Target { name: "colmap_text", run: files::colmap_text },
@@ -28,6 +28,7 @@ pub const TARGETS: [Target; 13] = [
     Target { name: "g2o", run: files::g2o },
     Target { name: "journal", run: crate::store::fuzzing::journal },
     Target { name: "journal_folder", run: crate::store::fuzzing::journal_folder },
+    Target { name: "jwt", run: crate::service::fuzzing::jwt },
     Target { name: "pem", run: crate::service::fuzzing::pem },
     Target { name: "snapshot", run: crate::store::fuzzing::snapshot },
     Target { name: "tokens", run: crate::service::fuzzing::tokens },

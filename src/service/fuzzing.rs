@@ -11,6 +11,7 @@ use covis_solvers::optimizer::Control;
 use prost::Message as _;
 
 use super::access::ParsedTokens;
+pub use super::access::fuzzing::jwt;
 use super::convert::item::{digest, item};
 use super::convert::map::{ServerCeilings, display_name, policy};
 use super::convert::{convert, ids};

@@ -19,6 +19,7 @@ pub(super) fn all() -> Vec<Seed> {
     put("trajectory", texts(&TRAJECTORY));
     put("config", texts(&CONFIG));
     put("tokens", texts(&TOKENS));
+    put("jwt", JWT.map(|(name, parts)| (name, parts.join("\0").into_bytes())).into());
     put("pem", pem());
     put(
         "colmap_text",
@@ -114,6 +115,43 @@ const TOKENS: [(&str, &str); 6] = [
     ("no-digits", "[[token]]\nname='a'\nrole='read'\nsha256='\u{e9}\u{e9}'\n"),
     ("unknown-role", "[[token]]\nname='a'\nrole='root'\nsha256=''\n"),
     ("not-a-list", "token = 3\n"),
+];
+
+/// Keys, header, claims. The keys are of nobody: random numbers of the right length.
+const JWT: [(&str, [&str; 3]); 6] = [
+    (
+        "ed25519",
+        [
+            "{\"keys\":[{\"kty\":\"OKP\",\"crv\":\"Ed25519\",\"kid\":\"o\",\"alg\":\"EdDSA\",\
+             \"x\":\"11qYAYKxCrfVS_7TyWQHOg7hcvPapiMlrwIaaPcHURo\"}]}",
+            "{\"alg\":\"EdDSA\",\"kid\":\"o\",\"typ\":\"JWT\"}",
+            "{\"iss\":\"https://issuer\",\"aud\":\"covis\",\"sub\":\"robot-7\",\"exp\":1800000300,\
+             \"covis_role\":\"write\",\"covis_tenant\":\"acme\"}",
+        ],
+    ),
+    (
+        "p256",
+        [
+            "{\"keys\":[{\"kty\":\"EC\",\"crv\":\"P-256\",\"kid\":\"e\",\"use\":\"sig\",\
+             \"x\":\"f83OJ3D2xF1Bg8vub9tLe1gHMzV76e8Tus9uPHvRVEU\",\
+             \"y\":\"x_FEzRu9m36HLN_tue659LNpXW6pCyStikYjKIWI5a0\"}]}",
+            "{\"alg\":\"ES256\",\"kid\":\"e\",\"crit\":[\"b64\"]}",
+            "{\"iss\":\"https://issuer\",\"aud\":[\"other\",\"covis\"],\"sub\":\"r\",\
+             \"exp\":1.8000003e9,\"nbf\":1799999999,\"covis_role\":\"read\"}",
+        ],
+    ),
+    (
+        "kinds-that-are-passed-over",
+        [
+            "{\"keys\":[{\"kty\":\"oct\",\"k\":\"AAAA\"},{\"kty\":\"RSA\",\"use\":\"enc\"},\
+             {\"kty\":\"RSA\",\"kid\":\"r\",\"e\":\"AQAB\",\"n\":\"AQAB\"}]}",
+            "{\"alg\":\"RS256\",\"kid\":\"r\"}",
+            "{\"exp\":1e300,\"iss\":3}",
+        ],
+    ),
+    ("private", ["{\"keys\":[{\"kty\":\"OKP\",\"d\":\"AA\"}]}", "{\"alg\":\"none\"}", "{}"]),
+    ("times-at-the-ends", ["{\"keys\":[]}", "{}", "{\"exp\":9223372036854775807,\"nbf\":-1e18}"]),
+    ("deep", ["[[[[[[[[[[[[[[[[", "{\"kid\":[[[[", "{\"aud\":[[[[[[[["]),
 ];
 
 /// Cameras, images, points.

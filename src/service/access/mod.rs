@@ -6,6 +6,8 @@
 //! an administrator of the default tenant. A stream that stays open is watched by `rights`. No token is logged or kept: what is compared are digests.
 
 mod audit;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(super) mod fuzzing;
 mod guard;
 mod jwks;
 mod jwt;

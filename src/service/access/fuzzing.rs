@@ -1,0 +1,44 @@
+//! The fuzz target of signed tokens: a set of keys, and a token as its issuer writes it.
+//!
+//! Built for tests and with the feature `fuzzing` only. Nobody signed what comes in here: a token
+//! that is taken is a finding.
+
+use std::path::Path;
+
+use base64::Engine;
+use base64::engine::general_purpose::URL_SAFE_NO_PAD;
+
+use super::jwks::Keys;
+use super::jwt::{self, JwtOptions};
+
+/// The clock that the claims meet, Unix time in seconds.
+const NOW: i64 = 1_800_000_000;
+
+/// A key set, the header and the claims of a token, with a zero byte between them.
+///
+/// # Panics
+/// Where a token that no key signed is taken, or claims are that do not say for whom and how long.
+pub fn jwt(input: &[u8]) {
+    let mut parts = input.splitn(3, |&byte| byte == 0).map(String::from_utf8_lossy);
+    let [set, header, claims] = std::array::from_fn(|_| parts.next().unwrap_or_default());
+    let keys = match Keys::parse(&set, Path::new("keys")) {
+        Ok(keys) => keys,
+        Err(error) => {
+            let _told = error.to_string();
+            Keys::default()
+        }
+    };
+    let (issuer, audience) = ("https://issuer".to_owned(), "covis".to_owned());
+    let options = JwtOptions { jwks: "keys".into(), issuer, audience };
+    let base64 = |part: &str| URL_SAFE_NO_PAD.encode(part);
+    // As an issuer would send it, with a signature of the right length; and as it stands.
+    let written = format!("{}.{}.{}", base64(&header), base64(&claims), base64(&"\0".repeat(64)));
+    for token in [written, format!("{header}.{claims}")] {
+        let taken = jwt::check(&token, &keys, &options, NOW);
+        assert!(taken.is_err(), "taken without a signature: {taken:?}");
+    }
+    if let Some(Ok(bearer)) = jwt::read_unsigned(&claims, &options, NOW) {
+        assert!(bearer.end > NOW, "taken after its end");
+        assert!(!bearer.subject.is_empty(), "taken for nobody");
+    }
+}
