@@ -147,6 +147,12 @@ async fn stream_until_killed(server: &mut Running, rng: &mut ChaCha8Rng, first: 
     (sent, durable.load(Ordering::Relaxed) - 2)
 }
 
+/// What a server says of the state of "house".
+async fn served_hash(url: &str) -> Vec<u8> {
+    let client = Client::connect(url).await.unwrap();
+    client.get_map_digests("house").await.unwrap().1.state_hash
+}
+
 #[test]
 fn kill_at_any_moment_loses_nothing_durable() {
     let number = |name: &str, default: u64| {
@@ -158,13 +164,18 @@ fn kill_at_any_moment_loses_nothing_durable() {
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let workspace = Workspace::new();
     let (mut between, mut next, mut folder) = (0, 0, workspace.path("maps-0"));
+    let mut kept = None;
     for round in 0..rounds {
         let mut rng = ChaCha8Rng::seed_from_u64(seed + round);
         // A few kills of one map, then another: no journal grows for the whole test.
         if round % 8 == 0 {
-            (folder, next) = (workspace.path(&format!("maps-{round}")), 0);
+            (folder, next, kept) = (workspace.path(&format!("maps-{round}")), 0, None);
         }
         let mut server = Running::start(&workspace, &folder);
+        if let Some(kept) = &kept {
+            let served = runtime.block_on(served_hash(&server.url));
+            assert_eq!(&served, kept, "seed {}: what is served is not what was kept", seed + round);
+        }
         let (sent, durable) = runtime.block_on(stream_until_killed(&mut server, &mut rng, next));
         let map = runtime.block_on(on_disk(&folder, "house"));
         let what = format!("seed {}: sent {sent}, durable {durable}", seed + round);
@@ -179,7 +190,7 @@ fn kill_at_any_moment_loses_nothing_durable() {
         assert!(added.is_sorted_by(|a, b| a < b), "{what}: order");
         assert_eq!(map.clients()[0].next_sequence, last + 3, "{what}");
         between += u64::from(next <= durable && durable < sent);
-        next = last + 1;
+        (next, kept) = (last + 1, Some(map.content_hash().to_vec()));
     }
     println!("in {between} of {rounds} rounds 0 < durable < sent");
     assert!(between * 2 > rounds, "the kills came too late or too early");
