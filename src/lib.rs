@@ -12,6 +12,7 @@
 //! | [`wire`] | generated from `proto/` |
 //! | `decoding` | what a message takes in memory, before it is decoded |
 //! | [`client`] | what a Rust frontend links |
+//! | [`frontend`] | the reference frontend: tracks RGB-D images, maps through the client |
 //! | [`evaluation`] | trajectory errors as evo defines them |
 //! | [`cli`] | one file a subcommand |
 
@@ -19,6 +20,7 @@ pub mod cli;
 pub mod client;
 mod decoding;
 pub mod evaluation;
+pub mod frontend;
 #[cfg(any(test, feature = "fuzzing"))]
 #[doc(hidden)]
 pub mod fuzzing;

@@ -66,7 +66,7 @@ struct Room {
     why: &'static str,
 }
 
-const ROOMS: [Room; 15] = [
+const ROOMS: [Room; 17] = [
     Room {
         rooms: &["src/meter"],
         except: &[],
@@ -154,6 +154,26 @@ const ROOMS: [Room; 15] = [
         why: "the client knows the wire only, as a stranger's would",
     },
     Room {
+        rooms: &["src/frontend"],
+        except: &[],
+        forbidden: &[
+            "crate::service",
+            "crate::map",
+            "crate::store",
+            "crate::cli",
+            "crate::evaluation",
+        ],
+        but: &[],
+        why: "the frontend reaches the server through the client, as a stranger would",
+    },
+    Room {
+        rooms: &["src/frontend"],
+        except: &["src/frontend/mapping"],
+        forbidden: &["tokio*", "tonic*", "prost*", "crate::client", "crate::wire"],
+        but: &[],
+        why: "vision is synchronous and knows no server",
+    },
+    Room {
         rooms: &["src/evaluation"],
         except: &[],
         forbidden: &["tokio*", "tonic*", "prost*", "crate"],
@@ -162,7 +182,7 @@ const ROOMS: [Room; 15] = [
     },
     Room {
         rooms: &["src"],
-        except: &["src/service", "src/client", "src/cli", "src/wire"],
+        except: &["src/service", "src/client", "src/cli", "src/wire", "src/frontend/mapping"],
         forbidden: &["crate::wire"],
         but: &[],
         why: "wire types stay at the edge",

@@ -1,0 +1,10 @@
+//! The reference frontend: semi-direct RGB-D tracking that ignores what moves.
+//!
+//! It shows how a frontend uses covis: it reaches the server through [`crate::client`] alone, like a
+//! stranger. Rooms, lowest floor first:
+//!
+//! | module | role |
+//! |---|---|
+//! | [`image`] | images, and a frame with color and depth |
+
+pub mod image;
