@@ -1,6 +1,7 @@
 //! The generated code of `proto/covis/v1`: messages, clients and servers.
 //!
-//! Written by hand is the codec alone. Only `service/`, `client` and `cli/` may name these types.
+//! Written by hand are the codec, and [`geometry`], which makes messages of the solver crate's types.
+//! Only `service/`, `client`, `cli/` and the frontend's `mapping` may name these types.
 
 #![allow(missing_docs, reason = "the comments stand in the proto files")]
 #![allow(clippy::all, reason = "generated code")]
@@ -8,6 +9,7 @@
 #![allow(unreachable_pub, reason = "generated code")]
 
 mod codec;
+pub mod geometry;
 
 pub use codec::Codec;
 #[cfg(any(test, feature = "fuzzing"))]

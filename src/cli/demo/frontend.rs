@@ -8,7 +8,7 @@ use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::testing::{Scene, SceneObservation};
 
 use super::super::progress::Progress;
-use super::super::replay::encode;
+use crate::wire::geometry;
 use super::{CLIENT, MAP};
 use crate::client::{Client, IngestReport, IngestSession, MapWatch, SessionOptions, WatchOptions};
 use crate::wire::v1;
@@ -35,7 +35,7 @@ pub(super) async fn walk(client: &Client, scene: &Scene) -> anyhow::Result<Walk>
     let mut watch = client.watch(MAP, options).await?;
     let (width, height) = scene.image_px;
     let size = (i32::try_from(width)?, i32::try_from(height)?);
-    session.send(encode::camera(CAMERA, &scene.camera, size)).await?;
+    session.send(geometry::camera(CAMERA, &scene.camera, size)).await?;
 
     let mut progress = Progress::new("keyframes", scene.odometry.len() as u64);
     let mut is_known = vec![false; scene.landmarks.len()];
@@ -68,7 +68,7 @@ async fn corrected(
 ) -> anyhow::Result<Se3> {
     session.optimized(sequence).await?;
     let mirror = watch.reach(session.report().revision).await?;
-    let frame = mirror.map_from_odom(CLIENT).and_then(encode::se3);
+    let frame = mirror.map_from_odom(CLIENT).and_then(geometry::se3);
     frame.ok_or_else(|| anyhow::anyhow!("the server tells no odometry frame of {CLIENT}"))
 }
 
@@ -80,10 +80,10 @@ fn keyframe(
 ) -> v1::Keyframe {
     let mut keyframe = v1::Keyframe {
         id: index as i64,
-        capture_time: Some(encode::timestamp(scene.timestamps_s[index])),
+        capture_time: Some(geometry::timestamp(scene.timestamps_s[index])),
         sensor: Some(v1::keyframe::Sensor::CameraId(CAMERA)),
-        world_from_camera: Some(encode::rigid(world_from_camera)),
-        odom_from_camera: Some(encode::rigid(&scene.odometry[index])),
+        world_from_camera: Some(geometry::rigid(world_from_camera)),
+        odom_from_camera: Some(geometry::rigid(&scene.odometry[index])),
         ..v1::Keyframe::default()
     };
     for SceneObservation { landmark, measurement } in &scene.observations[index] {
@@ -95,13 +95,13 @@ fn keyframe(
                 ray.map(|ray| world_from_camera.transform(&(ray * (measurement.depth_m / ray.z))));
             keyframe.landmarks.push(v1::Landmark {
                 id,
-                point_in_world: point.as_ref().map(encode::vector3),
+                point_in_world: point.as_ref().map(geometry::vector3),
                 ..v1::Landmark::default()
             });
         }
         keyframe.observations.push(v1::Observation {
-            landmark: Some(encode::landmark_ref(id)),
-            pixel: Some(encode::vector2(&measurement.pixel)),
+            landmark: Some(geometry::landmark_ref(id)),
+            pixel: Some(geometry::vector2(&measurement.pixel)),
             sigma_px: Some(measurement.sigma_px),
             depth_m: Some(measurement.depth_m),
             sigma_depth_m: Some(measurement.sigma_depth_m),
@@ -123,9 +123,9 @@ fn closure(id: usize, i: usize, j: usize, i_from_j: &Se3) -> v1::RelativePoseCon
     }
     v1::RelativePoseConstraint {
         id: id as i64,
-        keyframe_i: Some(encode::keyframe_ref(i as i64)),
-        keyframe_j: Some(encode::keyframe_ref(j as i64)),
-        keyframe_i_from_keyframe_j: Some(encode::rigid(i_from_j)),
+        keyframe_i: Some(geometry::keyframe_ref(i as i64)),
+        keyframe_j: Some(geometry::keyframe_ref(j as i64)),
+        keyframe_i_from_keyframe_j: Some(geometry::rigid(i_from_j)),
         information: Some(v1::InformationMatrix6 { upper_triangle }),
         kind: v1::ConstraintKind::LoopClosure.into(),
         ..v1::RelativePoseConstraint::default()

@@ -18,7 +18,7 @@ use tokio::net::TcpListener;
 
 use super::config::Config;
 use super::output::print;
-use super::replay::encode;
+use crate::wire::geometry;
 use super::serve::server_config;
 use crate::client::Client;
 use crate::evaluation::{Evaluation, ape};
@@ -143,7 +143,7 @@ fn trajectory(scene: &Scene, poses: &[covis_solvers::geometry::Se3]) -> Trajecto
 async fn optimized(client: &Client) -> anyhow::Result<Trajectory> {
     let mut trajectory = Trajectory::default();
     for pose in client.trajectory(MAP, Some(CLIENT)).await?.poses {
-        let world_from_camera = pose.world_from_camera.as_ref().and_then(encode::se3);
+        let world_from_camera = pose.world_from_camera.as_ref().and_then(geometry::se3);
         let (Some(time), Some(world_from_camera)) = (pose.capture_time, world_from_camera) else {
             bail!("the server answered a keyframe without time or pose");
         };

@@ -6,7 +6,6 @@
 //! breaks is made again and the stream resumed, for `--reconnect-for` seconds. Reads files and speaks
 //! through [`crate::client`]; no mathematics here.
 
-pub(crate) mod encode;
 mod items;
 mod levels;
 mod recording;

@@ -1,4 +1,4 @@
-//! Solver types to messages of the wire and back, as a frontend in Rust would write them.
+//! Poses, points, cameras and times as messages, and back: what a frontend in Rust writes and reads.
 //!
 //! Both sides hold the same conventions (docs/conventions.md), so that nothing is converted but the
 //! layout.
@@ -6,11 +6,11 @@
 use covis_solvers::geometry::{Camera, Se3, So3};
 use nalgebra::{Vector2, Vector3};
 
-use crate::wire::v1;
+use super::v1;
 use v1::camera::Model;
 
 /// A rigid transform, frames as in `transform`.
-pub(crate) fn rigid(transform: &Se3) -> v1::RigidTransform {
+pub fn rigid(transform: &Se3) -> v1::RigidTransform {
     let q = transform.rotation.quaternion();
     v1::RigidTransform {
         translation: Some(vector3(&transform.translation)),
@@ -19,24 +19,24 @@ pub(crate) fn rigid(transform: &Se3) -> v1::RigidTransform {
 }
 
 /// The transform of a message; `None` where a part is missing or the quaternion is zero.
-pub(crate) fn se3(transform: &v1::RigidTransform) -> Option<Se3> {
+pub fn se3(transform: &v1::RigidTransform) -> Option<Se3> {
     let (t, q) = (transform.translation?, transform.rotation?);
     let rotation = So3::from_quaternion_xyzw(q.x, q.y, q.z, q.w)?;
     Some(Se3::new(rotation, Vector3::new(t.x, t.y, t.z)))
 }
 
 /// A vector in space.
-pub(crate) fn vector3(v: &Vector3<f64>) -> v1::Vector3 {
+pub fn vector3(v: &Vector3<f64>) -> v1::Vector3 {
     v1::Vector3 { x: v.x, y: v.y, z: v.z }
 }
 
 /// A pixel (column, row).
-pub(crate) fn vector2(v: &Vector2<f64>) -> v1::Vector2 {
+pub fn vector2(v: &Vector2<f64>) -> v1::Vector2 {
     v1::Vector2 { x: v.x, y: v.y }
 }
 
 /// A camera with its image size in pixels, 0 where it is not known.
-pub(crate) fn camera(id: i64, camera: &Camera, (width_px, height_px): (i32, i32)) -> v1::Camera {
+pub fn camera(id: i64, camera: &Camera, (width_px, height_px): (i32, i32)) -> v1::Camera {
     let model = match *camera {
         Camera::Pinhole(c) => Model::PinholeRadialTangential(v1::PinholeRadialTangential {
             fx: c.fx,
@@ -65,7 +65,7 @@ pub(crate) fn camera(id: i64, camera: &Camera, (width_px, height_px): (i32, i32)
 }
 
 /// A time in seconds, at least 0, rounded to nanoseconds.
-pub(crate) fn timestamp(seconds: f64) -> prost_types::Timestamp {
+pub fn timestamp(seconds: f64) -> prost_types::Timestamp {
     let nanoseconds = (seconds * 1e9).round() as i64;
     prost_types::Timestamp {
         seconds: nanoseconds.div_euclid(1_000_000_000),
@@ -74,11 +74,11 @@ pub(crate) fn timestamp(seconds: f64) -> prost_types::Timestamp {
 }
 
 /// A landmark of the stream's client.
-pub(crate) fn landmark_ref(id: i64) -> v1::LandmarkRef {
+pub fn landmark_ref(id: i64) -> v1::LandmarkRef {
     v1::LandmarkRef { client_id: String::new(), id }
 }
 
 /// A keyframe of the stream's client.
-pub(crate) fn keyframe_ref(id: i64) -> v1::KeyframeRef {
+pub fn keyframe_ref(id: i64) -> v1::KeyframeRef {
     v1::KeyframeRef { client_id: String::new(), id }
 }
