@@ -6,5 +6,7 @@
 //! | module | role |
 //! |---|---|
 //! | [`image`] | images, and a frame with color and depth |
+//! | [`input`] | where frames come from: recorded folders |
 
 pub mod image;
+pub mod input;
