@@ -1,4 +1,6 @@
 //! One frame from its two files, with all the checks that concern a single frame.
+//!
+//! Knows neither lists nor layouts: those who do name the files and the time.
 
 use std::io::Read;
 use std::path::Path;
