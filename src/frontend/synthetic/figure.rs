@@ -151,7 +151,7 @@ fn add(world_from_figure: &Se3, joints: &Joints, clothes: &Clothes, out: &mut Ve
         out.extend([thigh, shin, foot, upper_arm, forearm, hand]);
     }
     for solid in &mut out[first..] {
-        solid.world_from_solid = world_from_figure * &solid.world_from_solid;
+        solid.world_from_solid = *world_from_figure * solid.world_from_solid;
     }
 }
 
@@ -191,7 +191,7 @@ impl Track {
         };
         let [cx, cy] = self.center;
         let place = upright(Vector3::new(cx, cy, 0.0), self.turn_rad + half_turn);
-        &place * &upright(Vector3::new(x, y, 0.0), heading)
+        place * upright(Vector3::new(x, y, 0.0), heading)
     }
 }
 

@@ -15,8 +15,8 @@ pub(super) type Albedo = [f32; 3];
 /// A lattice of random values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Layer {
-    /// Edges of a cell, m.
-    cell: [f32; 2],
+    /// Cells a meter, along both axes.
+    rate: [f32; 2],
     /// How much of a cell its border takes: 0 is a mosaic, 1 smooth noise.
     border: f32,
     /// Share of the whole.
@@ -27,8 +27,10 @@ struct Layer {
     turn: [f32; 2],
 }
 
+/// `cell`: edges of a cell, m.
 const fn layer(cell: [f32; 2], border: f32, weight: f32, hue: f32, turn: [f32; 2]) -> Layer {
-    Layer { cell, border, weight, hue, turn }
+    let rate = [1.0 / cell[0], 1.0 / cell[1]];
+    Layer { rate, border, weight, hue, turn }
 }
 
 const STRAIGHT: [f32; 2] = [1.0, 0.0];
@@ -131,9 +133,17 @@ impl Material {
         let seed = self.seed.wrapping_add(u32::from(face) * 0x9e37);
         self.mixed(footprint, |index, layer| {
             let [c, s] = layer.turn;
-            let place = [(c * u + s * v) / layer.cell[0], (c * v - s * u) / layer.cell[1]];
-            let border = layer.cell.map(|cell| layer.border.max(footprint / cell).min(1.0));
-            flat_cells(place, border, seed.wrapping_add(index))
+            let place = [(c * u + s * v) * layer.rate[0], (c * v - s * u) * layer.rate[1]];
+            let border = layer.rate.map(|rate| layer.border.max(footprint * rate).min(1.0));
+            let (i, a) = split(place[0], border[0]);
+            let (j, b) = split(place[1], border[1]);
+            let seed = seed.wrapping_add(index);
+            let hash = |di, dj| random::cell(i.wrapping_add(di), j.wrapping_add(dj), 0, seed);
+            if layer.hue == 0.0 {
+                let [gray] = mix(a, |di| mix(b, |dj| values(hash(di, dj))));
+                return [gray; 3];
+            }
+            mix(a, |di| mix(b, |dj| values(hash(di, dj))))
         })
     }
 
@@ -142,17 +152,28 @@ impl Material {
         self.mixed(footprint, |index, layer| {
             let [c, s] = layer.turn;
             let (x, y) = (c * point.x + s * point.y, c * point.y - s * point.x);
-            let [a, b] = layer.cell;
-            let border = layer.border.max(footprint / a.min(b)).min(1.0);
-            solid_cells([x / a, y / a, point.z / b], border, self.seed.wrapping_add(index))
+            let [p, q] = layer.rate;
+            let border = layer.border.max(footprint * p.max(q)).min(1.0);
+            let seed = self.seed.wrapping_add(index);
+            let (i, a) = split(x * p, border);
+            let (j, b) = split(y * p, border);
+            let (k, c) = split(point.z * q, border);
+            mix(a, |di| {
+                mix(b, |dj| {
+                    mix(c, |dk| {
+                        let cell = [i.wrapping_add(di), j.wrapping_add(dj), k.wrapping_add(dk)];
+                        values(random::cell(cell[0], cell[1], cell[2], seed))
+                    })
+                })
+            })
         })
     }
 
+    #[inline]
     fn mixed(&self, footprint: f32, cells: impl Fn(u32, &Layer) -> [f32; 3]) -> Albedo {
         let mut sum = [0.5; 3];
         for (index, layer) in (0..).zip(self.kind.layers()) {
-            let size = layer.cell[0].min(layer.cell[1]);
-            let fade = (2.0 - footprint / size).clamp(0.0, 1.0);
+            let fade = (2.0 - footprint * layer.rate[0].max(layer.rate[1])).clamp(0.0, 1.0);
             if fade == 0.0 {
                 continue;
             }
@@ -171,33 +192,23 @@ impl Material {
 }
 
 /// The cell below a coordinate's border, and the weight of the one above it.
+#[inline]
 fn split(x: f32, border: f32) -> (i32, f32) {
     let shifted = x - 0.5;
-    let below = shifted.floor();
-    let beyond = (shifted - below - 0.5) / border + 0.5;
-    let share = if beyond > 0.0 { beyond.min(1.0) } else { 0.0 };
-    (below as i32, share * share * (3.0 - 2.0 * share))
-}
-
-fn flat_cells(place: [f32; 2], border: [f32; 2], seed: u32) -> [f32; 3] {
-    let (i, a) = split(place[0], border[0]);
-    let (j, b) = split(place[1], border[1]);
-    mix(a, |di| mix(b, |dj| value(i.wrapping_add(di), j.wrapping_add(dj), 0, seed)))
-}
-
-fn solid_cells(place: [f32; 3], border: f32, seed: u32) -> [f32; 3] {
-    let (i, a) = split(place[0], border);
-    let (j, b) = split(place[1], border);
-    let (k, c) = split(place[2], border);
-    mix(a, |di| {
-        mix(b, |dj| {
-            mix(c, |dk| value(i.wrapping_add(di), j.wrapping_add(dj), k.wrapping_add(dk), seed))
-        })
-    })
+    // Rounds down; `f32::floor` is a call on processors without SSE 4.1.
+    let toward_zero = shifted as i32;
+    let below = toward_zero - i32::from(shifted < toward_zero as f32);
+    let past = shifted - below as f32 - 0.5;
+    if past.abs() >= 0.5 * border {
+        return (below, if past > 0.0 { 1.0 } else { 0.0 });
+    }
+    let share = past / border + 0.5;
+    (below, share * share * (3.0 - 2.0 * share))
 }
 
 /// Between the cell below (0) and the one above (1); inside of a cell only that one is computed.
-fn mix(share: f32, cell: impl Fn(i32) -> [f32; 3]) -> [f32; 3] {
+#[inline]
+fn mix<const N: usize>(share: f32, cell: impl Fn(i32) -> [f32; N]) -> [f32; N] {
     if share <= 0.0 {
         return cell(0);
     }
@@ -208,10 +219,10 @@ fn mix(share: f32, cell: impl Fn(i32) -> [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|channel| below[channel] + share * (above[channel] - below[channel]))
 }
 
-/// Three random numbers of a cell, 0 to 1.
-fn value(i: i32, j: i32, k: i32, seed: u32) -> [f32; 3] {
-    let bits = random::cell(i, j, k, seed);
-    [bits, bits >> 8, bits >> 16].map(|bits| (bits & 0xff) as f32 / 255.0)
+/// Up to three random numbers of a hash, 0 to 1.
+#[inline]
+fn values<const N: usize>(hash: u32) -> [f32; N] {
+    std::array::from_fn(|channel| ((hash >> (8 * channel)) & 0xff) as f32 * (1.0 / 255.0))
 }
 
 #[cfg(test)]

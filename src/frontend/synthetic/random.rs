@@ -3,6 +3,7 @@
 //! So a pixel's noise and a cell's color do not depend on which thread came first.
 
 /// A hash of a cell of a lattice.
+#[inline]
 pub(super) fn cell(i: i32, j: i32, k: i32, seed: u32) -> u32 {
     let mut h = (i as u32).wrapping_mul(0x85eb_ca6b)
         ^ (j as u32).wrapping_mul(0xc2b2_ae35).rotate_left(11)
@@ -14,6 +15,7 @@ pub(super) fn cell(i: i32, j: i32, k: i32, seed: u32) -> u32 {
 }
 
 /// A hash of a number of a stream (the finalizer of SplitMix64).
+#[inline]
 pub(super) fn number(stream: u64, index: u64) -> u64 {
     let mut h = stream.wrapping_add(index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
     h = (h ^ (h >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

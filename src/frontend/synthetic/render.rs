@@ -148,6 +148,9 @@ impl<'a> Picture<'a> {
             if candidate.nearest_m > best {
                 break;
             }
+            if !candidate.may_show(u, v) {
+                continue;
+            }
             let direction = candidate.solid_from_camera * ray;
             if let Some(hit) = candidate.solid.shape.hit(&candidate.camera_in_solid, &direction)
                 && hit.t < best
@@ -212,6 +215,12 @@ impl<'a> Seen<'a> {
             nearest_m: if inside { f64::NEG_INFINITY } else { nearest_m },
             outline,
         })
+    }
+
+    /// Whether a point of the image lies within what holds the outline.
+    fn may_show(&self, u: f64, v: f64) -> bool {
+        let [left, top, right, bottom] = self.outline;
+        left <= u && u <= right && top <= v && v <= bottom
     }
 
     /// Whether the outline reaches into a tile, or within a pixel of it.

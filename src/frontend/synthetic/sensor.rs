@@ -66,7 +66,7 @@ pub(super) fn color(
             });
             *pixel = std::array::from_fn(|channel| {
                 let level = 255.0 * exposure.gain * light[channel] + exposure.offset;
-                (level + error[channel]).round().clamp(0.0, 255.0) as u8
+                nearest(level + error[channel]).min(255) as u8
             });
         }
     });
@@ -110,12 +110,17 @@ fn measured(surfaces: &Image<Surface>, u: usize, v: usize, noise: FrameNoise) ->
     }
     let [error, _] = random::normal_pair(noise.bits(5, index));
     let noisy = z + error * (0.0012 + 0.0019 * (z - 0.4) * (z - 0.4));
-    let disparity = (STEPS_PER_PX * DISPARITY_PX_M / noisy).round() / STEPS_PER_PX;
-    to_units(DISPARITY_PX_M / disparity) as f32 / UNITS_PER_M
+    let disparity = nearest(STEPS_PER_PX * DISPARITY_PX_M / noisy) as f32 / STEPS_PER_PX;
+    f32::from(to_units(DISPARITY_PX_M / disparity)) / UNITS_PER_M
 }
 
 /// The number that stands for a depth in a file.
 pub(super) fn to_units(depth_m: f32) -> u16 {
-    // The conversion saturates.
-    (depth_m * UNITS_PER_M).round() as u16
+    u16::try_from(nearest(depth_m * UNITS_PER_M)).unwrap_or(u16::MAX)
+}
+
+/// The nearest whole number, 0 for what is negative. `f32::round` is a call, this is not.
+#[inline]
+fn nearest(x: f32) -> u32 {
+    (x + 0.5) as u32
 }
