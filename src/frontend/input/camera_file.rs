@@ -54,11 +54,11 @@ pub enum CameraOrigin {
 
 /// A camera, and why this one.
 #[derive(Clone, Debug, PartialEq)]
-pub struct CameraChoice {
+pub(super) struct CameraChoice {
     /// Intrinsics, px.
-    pub camera: PinholeRadialTangential,
+    pub(super) camera: PinholeRadialTangential,
     /// Where they came from.
-    pub origin: CameraOrigin,
+    pub(super) origin: CameraOrigin,
 }
 
 /// What holds where nobody gave a camera.

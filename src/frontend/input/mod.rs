@@ -18,7 +18,7 @@ use std::path::Path;
 
 use covis_solvers::geometry::PinholeRadialTangential;
 
-pub use camera_file::{CameraChoice, CameraOrigin};
+pub use camera_file::CameraOrigin;
 pub use decode::DecodeError;
 pub use error::{FrameError, InputError};
 pub use seven_scenes::SevenScenesFolder;
@@ -58,7 +58,8 @@ pub struct OpenFolder {
 }
 
 /// Opens a folder of the TUM RGB-D layout, or of 7-Scenes where it has no `rgb.txt` but frames by
-/// that layout's names. `camera` is a file or a list of intrinsics ([`camera_file::choose`]).
+/// that layout's names. `camera` is what [`camera_file::parse_argument`] reads; without it holds the
+/// folder's `camera.txt`, else what the layout or the folder's name tells, else TUM's fr1.
 ///
 /// # Errors
 /// [`InputError`] where the folder, a list in it or the camera cannot be used.

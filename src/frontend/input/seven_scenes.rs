@@ -44,7 +44,7 @@ pub fn is_one(folder: &Path) -> Result<bool, InputError> {
 }
 
 impl SevenScenesFolder {
-    /// Lists the frames and chooses the camera ([`camera_file::choose`]).
+    /// Lists the frames and chooses the camera as [`super::open_folder`] does.
     ///
     /// # Errors
     /// [`InputError`] where the folder has no frames, and for the camera.

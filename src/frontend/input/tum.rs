@@ -40,7 +40,7 @@ pub struct TumFolder {
 }
 
 impl TumFolder {
-    /// Reads the lists and the camera ([`camera_file::choose`]); images are read one by one.
+    /// Reads the lists and the camera as [`super::open_folder`] does; images are read one by one.
     ///
     /// # Errors
     /// [`InputError`] where a list is missing or malformed or no two images belong together, and for
