@@ -19,6 +19,7 @@ mod serve;
 mod signals;
 mod solve;
 mod spans;
+mod synth;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -62,6 +63,8 @@ enum Command {
     Eval(eval::Args),
     /// Run a whole session on a synthetic scene, server included.
     Demo(demo::Args),
+    /// Write synthetic data with its truth.
+    Synth(synth::Args),
 }
 
 impl Command {
@@ -72,7 +75,9 @@ impl Command {
             Self::Solve(args) => args.layer(),
             Self::Replay(args) => args.layer(),
             Self::Map(args) => args.layer(),
-            Self::Doctor(_) | Self::Backup(_) | Self::Eval(_) | Self::Demo(_) => Layer::default(),
+            Self::Doctor(_) | Self::Backup(_) | Self::Eval(_) | Self::Demo(_) | Self::Synth(_) => {
+                Layer::default()
+            }
         }
     }
 }
@@ -109,5 +114,6 @@ fn dispatch(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Backup(args) => backup::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Demo(args) => demo::run(args, &config),
+        Command::Synth(args) => synth::run(&args),
     }
 }

@@ -6,5 +6,9 @@
 //! | module | role |
 //! |---|---|
 //! | [`image`] | images, and a frame with color and depth |
+//! | [`input`] | where frames come from: recorded folders |
+//! | [`synthetic`] | ray-cast sequences with known truth |
 
 pub mod image;
+pub mod input;
+pub mod synthetic;

@@ -9,6 +9,7 @@ mod cli_eval;
 mod cli_pose_graph;
 mod cli_solve;
 mod cli_support;
+mod cli_synth;
 mod client;
 mod common;
 mod demo;

@@ -1,0 +1,54 @@
+//! `covis synth`: writes synthetic data whose truth is known.
+//!
+//! `rgbd` draws a sequence of [`crate::frontend::synthetic`] into a folder of the TUM layout, with the
+//! truth of the camera and of what moves beside it. All drawing is done there; this shows progress.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use super::output::print;
+use super::progress::Progress;
+use crate::frontend::synthetic::{SceneName, Sequence, SequenceOptions, write_sequence};
+
+/// Arguments of `covis synth`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum What {
+    /// An RGB-D sequence of an indoor scene: rgb, depth, truth of the camera, masks of what moves.
+    Rgbd(Rgbd),
+}
+
+#[derive(Debug, clap::Args)]
+struct Rgbd {
+    /// The folder to write; made where it is missing, files of the same names are replaced.
+    out: PathBuf,
+    /// static, walking, sitting, pushed, exposure, loop or covered.
+    #[arg(long, value_name = "NAME")]
+    scene: SceneName,
+    /// The same scene and seed give the same bytes.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// How many frames of 640 x 480 pixels, 30 a second.
+    #[arg(long, value_name = "N", default_value_t = SequenceOptions::default().frames)]
+    frames: usize,
+    /// Exact depth and color, without a Kinect's noise and gaps.
+    #[arg(long)]
+    no_noise: bool,
+}
+
+/// Draws and writes.
+pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let What::Rgbd(Rgbd { out, scene, seed, frames, no_noise }) = &args.what;
+    let options =
+        SequenceOptions { frames: *frames, seed: *seed, noise: !no_noise, ..Default::default() };
+    let mut progress = Progress::new("frames", *frames as u64);
+    write_sequence(&Sequence::new(*scene, &options), out, |_| progress.advance(1))?;
+    progress.finish();
+    print(format_args!("{}: {frames} frames of {scene}, seed {seed}", out.display()))?;
+    Ok(ExitCode::SUCCESS)
+}

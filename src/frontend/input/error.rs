@@ -1,0 +1,127 @@
+//! What is wrong with a source as a whole, and with one frame of it.
+//!
+//! Every variant carries the file, the line or the field; none is a bare message.
+
+use std::path::PathBuf;
+
+use super::decode::DecodeError;
+
+/// A source that cannot be opened.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum InputError {
+    /// The operating system refused to read.
+    #[error("{}: cannot be read", path.display())]
+    Read {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The folder has neither layout.
+    #[error("{}: neither rgb.txt nor frame-000000.color.png is in this folder", path.display())]
+    NotASequence {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A list has no entries, or none of its color images has a depth image near it in time.
+    #[error("{}: no color image has a depth image within {max_difference_s} s", path.display())]
+    NoFrames {
+        /// The folder.
+        path: PathBuf,
+        /// How far apart two images of one frame may be.
+        max_difference_s: f64,
+    },
+    /// A line of a list is not `timestamp path`.
+    #[error("{}, line {line}: `{found}` is not a timestamp in seconds and a path", path.display())]
+    Line {
+        /// The list.
+        path: PathBuf,
+        /// Its line, from 1.
+        line: usize,
+        /// What stands there.
+        found: String,
+    },
+    /// A list names a file outside of its folder.
+    #[error("{}, line {line}: `{found}` leaves the folder", path.display())]
+    Outside {
+        /// The list.
+        path: PathBuf,
+        /// Its line, from 1.
+        line: usize,
+        /// The path that stands there.
+        found: String,
+    },
+    /// A number of a camera is missing or not a number.
+    #[error("camera {from}: {field} is `{found}`, not a finite number")]
+    CameraNumber {
+        /// The file or argument.
+        from: String,
+        /// Which number.
+        field: &'static str,
+        /// What stands there.
+        found: String,
+    },
+    /// A camera does not have 4 or 9 numbers.
+    #[error("camera {from}: {found} numbers, not 4 (fx fy cx cy) or 9 (and k1 k2 p1 p2 k3)")]
+    CameraCount {
+        /// The file or argument.
+        from: String,
+        /// How many there are.
+        found: usize,
+    },
+    /// A focal length is not positive.
+    #[error("camera {from}: {field} is {value} px, which is not positive")]
+    Focal {
+        /// The file or argument.
+        from: String,
+        /// Which of the two.
+        field: &'static str,
+        /// Its value, px.
+        value: f64,
+    },
+}
+
+/// One frame that cannot be used; those behind it can.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FrameError {
+    /// A file of the frame is missing or cannot be read.
+    #[error("{}: cannot be read", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A file of the frame is not an image of the right kind.
+    #[error("{}: {source}", path.display())]
+    Decode {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: DecodeError,
+    },
+    /// The frame's images, or this frame and those before, have different sizes.
+    #[error("{}: {}x{} pixels, not {}x{}", path.display(), found.0, found.1, expected.0, expected.1)]
+    Size {
+        /// The image that differs.
+        path: PathBuf,
+        /// Its columns and rows.
+        found: (usize, usize),
+        /// Those of the color image, or of the first frame.
+        expected: (usize, usize),
+    },
+    /// The frame's time does not come after that of the line before.
+    #[error("{}, line {line}: timestamp {timestamp_s} s does not follow {previous_s} s", path.display())]
+    OutOfOrder {
+        /// The list.
+        path: PathBuf,
+        /// Its line, from 1.
+        line: usize,
+        /// The time that stands there.
+        timestamp_s: f64,
+        /// The latest time before it.
+        previous_s: f64,
+    },
+}
