@@ -6,5 +6,7 @@
 //! | module | role |
 //! |---|---|
 //! | [`image`] | images, and a frame with color and depth |
+//! | [`features`] | corners, descriptors, matches and the pose they tell |
 
+pub mod features;
 pub mod image;
