@@ -229,7 +229,7 @@ fn sample_pose(measured: &[Measured], generator: &mut SplitMix64) -> Option<Se3>
     let sides = [b.camera - a.camera, c.camera - a.camera, c.camera - b.camera];
     let longest = sides.iter().map(Vector3::norm).fold(0.0, f64::max);
     let height = sides[0].cross(&sides[1]).norm() / longest;
-    if !(height > a.reach_m.max(b.reach_m).max(c.reach_m)) {
+    if height <= a.reach_m.max(b.reach_m).max(c.reach_m) {
         return None;
     }
     fit(three.into_iter())
@@ -251,7 +251,7 @@ fn fit<'a>(points: impl Iterator<Item = &'a Measured> + Clone) -> Option<Se3> {
     let svd = SVD::new(covariance, true, true);
     let (u, v_transposed) = (svd.u?, svd.v_t?);
     // Points on a line leave the turn around it free.
-    if !(svd.singular_values[1] > 1e-12 * svd.singular_values[0]) {
+    if svd.singular_values[1] <= 1e-12 * svd.singular_values[0] {
         return None;
     }
     let sign = if u.determinant() * v_transposed.determinant() < 0.0 { -1.0 } else { 1.0 };

@@ -88,7 +88,7 @@ fn different_places_differ_in_half_of_the_bits() {
         assert_eq!(a.distance(a), 0);
         distances.extend(descriptors[..k].iter().map(|b| a.distance(b)));
     }
-    let mean = distances.iter().sum::<u32>() as f64 / distances.len() as f64;
+    let mean = f64::from(distances.iter().sum::<u32>()) / distances.len() as f64;
     assert!((105.0..140.0).contains(&mean), "{mean}");
     assert!(*distances.iter().min().unwrap() > 40);
 }
