@@ -144,11 +144,13 @@ fn peaks(image: &Image<u8>, border: usize, threshold: u8) -> Vec<Peak> {
             }
             for at in (0..marks.len()).filter(|&at| marks[at] != 0) {
                 let u = border + 8 * block + at;
-                let strength = strength(image.pixels(), v * width + u, &ring);
-                if strength > threshold {
-                    strengths.set(u, v, strength);
-                    corners.push(Peak { u, v, strength });
+                let index = v * width + u;
+                if !has_arc(image.pixels(), index, &ring, threshold) {
+                    continue;
                 }
+                let strength = strength(image.pixels(), index, &ring);
+                strengths.set(u, v, strength);
+                corners.push(Peak { u, v, strength });
             }
         }
     }
@@ -188,6 +190,26 @@ fn mark_likely(image: &Image<u8>, v: usize, start: usize, threshold: u8, likely:
                 & darker(northeast, southwest)
                 & darker(southeast, northwest));
     }
+}
+
+/// Whether the strength exceeds the threshold, for less than the strength itself takes.
+#[inline]
+fn has_arc(pixels: &[u8], index: usize, ring: &[isize; 16], threshold: u8) -> bool {
+    let center = pixels[index];
+    let (high, low) = (center.saturating_add(threshold), center.saturating_sub(threshold));
+    let (mut brighter, mut darker) = (0_u32, 0_u32);
+    for k in 0..16 {
+        let pixel = pixels[index.wrapping_add_signed(ring[k])];
+        brighter |= u32::from(pixel > high) << k;
+        darker |= u32::from(pixel < low) << k;
+    }
+    [brighter, darker].into_iter().any(|bits| {
+        let twice = bits | bits << 16;
+        // Bit k: 2, 4, 8, then 9 in a row from k on.
+        let two = twice & twice >> 1;
+        let four = two & two >> 2;
+        four & four >> 4 & twice >> 8 != 0
+    })
 }
 
 /// The largest difference that some 9 pixels in a row on the ring all reach, to the same side.
