@@ -13,7 +13,7 @@
 //! | `decoding` | what a message takes in memory, before it is decoded |
 //! | [`client`] | what a Rust frontend links |
 //! | [`frontend`] | the reference frontend: tracks RGB-D images, maps through the client |
-//! | [`evaluation`] | trajectory errors as evo defines them |
+//! | [`evaluation`] | trajectory errors as evo and the TUM scripts define them, overlap of masks |
 //! | [`cli`] | one file a subcommand |
 
 pub mod cli;

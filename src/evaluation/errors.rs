@@ -41,7 +41,8 @@ impl PoseErrors {
         errors
     }
 
-    fn push(&mut self, error: &Se3) {
+    /// Appends one error.
+    pub(super) fn push(&mut self, error: &Se3) {
         let quaternion = error.rotation.quaternion();
         let sine = quaternion.imag().norm();
         self.translation_m.push(error.translation.norm());

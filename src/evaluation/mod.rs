@@ -1,14 +1,19 @@
-//! Trajectory errors as evo defines them: absolute (APE) and relative pose error (RPE).
+//! Trajectory errors as evo and the TUM scripts define them: absolute (APE) and relative pose error
+//! (RPE); and how well masks of what moves agree.
 //!
 //! Poses are matched by timestamp ([`associate`]). APE aligns the estimate to the truth by the
 //! SE(3) that minimizes the squared distances ([`align`]) and compares pose by pose; RPE compares
 //! the motions between neighboring matched poses, without alignment (Sturm et al., "A benchmark
 //! for the evaluation of RGB-D SLAM systems", 2012). Numbers agree with evo 1.38 to rounding.
-//! Nothing here reads files.
+//! [`rpe_over`] is the drift over a fixed time, as the TUM scripts count it. Nothing here reads
+//! files.
 
 mod alignment;
 mod association;
+mod drift;
 mod errors;
+mod mask;
+mod paper_table;
 mod statistics;
 #[cfg(test)]
 mod tests;
@@ -18,10 +23,13 @@ use covis_solvers::io::trajectory::Trajectory;
 
 pub use alignment::align;
 pub use association::associate;
+pub use drift::rpe_over;
 pub use errors::PoseErrors;
+pub use mask::{LEAST_COVERAGE, MaskEvaluation, MaskOverlap};
+pub use paper_table::{Dynamics, MethodFigures, PAPER_TABLE, PaperRow, paper_row};
 pub use statistics::Statistics;
 
-/// Two trajectories that cannot be compared.
+/// Two trajectories, or two masks, that cannot be compared.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum EvaluationError {
     /// No pose of one has a partner in the other.
@@ -42,6 +50,28 @@ pub enum EvaluationError {
         /// How many there are.
         pairs: usize,
     },
+    /// The time over which a drift is asked for is not positive or not finite.
+    #[error("the time between two poses is {value} s; it must be finite and positive")]
+    InvalidDelta {
+        /// The value.
+        value: f64,
+    },
+    /// Too few poses of the estimate are this far apart and have a truth.
+    #[error("{pairs} pairs of poses are {delta_s} s apart and have a truth; two are needed")]
+    TooFewApart {
+        /// How many there are.
+        pairs: usize,
+        /// The time between the poses of a pair, in seconds.
+        delta_s: f64,
+    },
+    /// Two masks of one frame differ in size.
+    #[error("the true mask has {truth} pixels, the estimated one {estimate}")]
+    UnequalMasks {
+        /// Pixels of the truth.
+        truth: usize,
+        /// Pixels of the estimate.
+        estimate: usize,
+    },
     /// The matched positions do not determine a rotation: they lie on a line or in a point.
     #[error(
         "{pairs} matched positions do not determine a rotation (their covariance has rank {rank})"
@@ -54,10 +84,10 @@ pub enum EvaluationError {
     },
 }
 
-/// The outcome of [`ape`] or [`rpe`].
+/// The outcome of [`ape`], [`rpe`] or [`rpe_over`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Evaluation {
-    /// How many poses were matched.
+    /// How many poses were matched; of [`rpe_over`], how many pairs of poses were compared.
     pub pairs: usize,
     /// What the estimate was multiplied with from the left; the identity for an RPE.
     pub truth_from_estimate: Se3,

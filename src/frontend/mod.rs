@@ -8,7 +8,9 @@
 //! | [`image`] | images, and a frame with color and depth |
 //! | [`input`] | where frames come from: recorded folders |
 //! | [`synthetic`] | ray-cast sequences with known truth |
+//! | [`features`] | corners, descriptors, matches and the pose they tell |
 
+pub mod features;
 pub mod image;
 pub mod input;
 pub mod synthetic;

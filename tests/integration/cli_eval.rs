@@ -1,4 +1,4 @@
-//! `covis eval` against the records of evo, to 1e-9, and what it refuses.
+//! `covis eval ape|rpe` against the records of evo and of TUM's script, to 1e-9, and what it refuses.
 
 use std::path::{Path, PathBuf};
 
@@ -57,17 +57,52 @@ fn check_alignment(report: &Value, record: &Value) {
     assert!(ours.iter().zip(&theirs).all(|(a, b)| (a - b).abs() <= 1e-9), "{ours:?} {theirs:?}");
 }
 
-#[test]
-fn every_record_of_evo_is_met() {
-    let folder = golden("evo");
-    let mut names: Vec<String> = fs_err::read_dir(folder)
+/// The names of the records in a folder of goldens.
+fn records(folder: &str) -> Vec<String> {
+    let mut names: Vec<String> = fs_err::read_dir(golden(folder))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
         .filter(|name| name.ends_with(".json"))
         .collect();
     names.sort();
+    names
+}
+
+#[test]
+fn every_record_of_evo_is_met() {
+    let names = records("evo");
     assert!(names.len() >= 24, "{names:?}");
     names.iter().for_each(|name| check_record(name));
+}
+
+#[test]
+fn every_record_of_the_tum_script_is_met() {
+    let names = records("tum");
+    assert!(names.len() >= 6, "{names:?}");
+    for name in names {
+        let record = golden_json(&format!("tum/{name}"));
+        let file = |key: &str| trajectory(record[key].as_str().unwrap());
+        let (Some(truth), Some(estimate)) = (file("truth"), file("estimate")) else { continue };
+        let delta = number(&record, "delta_s");
+        let over = |arguments: &str| {
+            let arguments = format!("eval rpe {{}} {{}} --json {arguments}");
+            Workspace::new().json(&arguments, &[&truth, &estimate])
+        };
+        let report = over(&format!("--delta-s {delta}"));
+        for key in ["delta_s", "pairs"] {
+            assert_eq!(report[key], record[key], "{name}: {key}");
+        }
+        for part in ["translation_m", "angle_deg"] {
+            for statistic in STATISTICS.iter().filter(|&&statistic| statistic != "sse") {
+                let (ours, theirs) =
+                    (number(&report[part], statistic), number(&record[part], statistic));
+                assert!((ours - theirs).abs() <= 1e-9, "{name}: {part} {statistic} {ours}");
+            }
+        }
+        if delta == 1.0 {
+            assert_eq!(over("--per-second"), report, "{name}");
+        }
+    }
 }
 
 #[test]
@@ -78,6 +113,10 @@ fn a_person_gets_a_table_and_a_wider_limit_matches_more() {
     let ran = workspace.run("eval ape {} {}", &paths);
     assert_eq!((ran.code, ran.stderr.as_str()), (Some(0), ""));
     for part in ["47 pairs", "rmse", "0.015223", "0.643942"] {
+        assert!(ran.stdout.contains(part), "`{part}` in {}", ran.stdout);
+    }
+    let ran = workspace.run("eval rpe {} {} --per-second", &paths);
+    for part in ["relative pose error over 1 s", "45 pairs", "0.038954", "1.074284"] {
         assert!(ran.stdout.contains(part), "`{part}` in {}", ran.stdout);
     }
     let pairs = |limit: &str| {
@@ -100,7 +139,20 @@ fn bad_input_is_a_failure_that_names_the_place() {
     ran.expect_failure(&["walk-truth.txt", "early.txt", "0.01 s"]);
     let ran = workspace.run("eval ape {} {}", &[&early, &early]);
     ran.expect_failure(&["do not determine a rotation"]);
-    for arguments in ["eval", "eval ape a", "eval ape a b --max-time-difference=-1"] {
+    let ran = workspace.run("eval rpe {} {} --per-second", &[&good, &early]);
+    ran.expect_failure(&["walk-truth.txt", "early.txt", "1 matched poses"]);
+    let ran = workspace.run("eval rpe {} {} --delta-s 60", &[&good, &good]);
+    ran.expect_failure(&["0 pairs of poses are 60 s apart"]);
+    for arguments in [
+        "eval",
+        "eval ape a",
+        "eval ape a b --max-time-difference=-1",
+        "eval ape a b --per-second",
+        "eval rpe a b --delta-s 0",
+        "eval rpe a b --delta-s nan",
+        "eval rpe a b --delta-s 1 --per-second",
+        "eval rpe a b --per-second --max-time-difference 0.1",
+    ] {
         assert_eq!(workspace.run(arguments, &[]).code, Some(2), "{arguments}");
     }
 }

@@ -6,6 +6,7 @@
 mod backup;
 mod cli_config;
 mod cli_eval;
+mod cli_eval_mask;
 mod cli_pose_graph;
 mod cli_solve;
 mod cli_support;

@@ -1,7 +1,10 @@
-//! `covis eval`: the errors of a TUM trajectory against the truth, as evo counts them.
+//! `covis eval`: the errors of a TUM trajectory, or of masks of what moves, against the truth.
 //!
-//! The figures agree with `evo_ape tum … -a` and `evo_rpe tum …`. All mathematics stands in
+//! The figures agree with `evo_ape tum … -a` and `evo_rpe tum …`; with `--per-second` or `--delta-s`
+//! with `evaluate_rpe.py` of the TUM RGB-D benchmark. All mathematics stands in
 //! [`crate::evaluation`].
+
+mod mask;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -24,8 +27,29 @@ pub(super) struct Args {
 enum Metric {
     /// Absolute pose error after SE(3) alignment.
     Ape(Files),
-    /// Relative pose error from one matched pose to the next.
-    Rpe(Files),
+    /// Relative pose error from one matched pose to the next, or over a fixed time.
+    Rpe(Relative),
+    /// Intersection over union of masks of what moves, and what they mask falsely.
+    Mask(mask::Args),
+}
+
+#[derive(Debug, clap::Args)]
+struct Relative {
+    #[command(flatten)]
+    files: Files,
+    /// Over one second, as the TUM scripts count it: the drift in m/s and deg/s.
+    #[arg(long, conflicts_with_all = ["delta_s", "max_time_difference"])]
+    per_second: bool,
+    /// The same over this time.
+    #[arg(long, value_name = "SECONDS", value_parser = time_delta)]
+    #[arg(conflicts_with = "max_time_difference")]
+    delta_s: Option<f64>,
+}
+
+impl Relative {
+    fn delta_s(&self) -> Option<f64> {
+        if self.per_second { Some(1.0) } else { self.delta_s }
+    }
 }
 
 #[derive(Debug, clap::Args)]
@@ -49,10 +73,20 @@ fn time_difference(text: &str) -> Result<f64, String> {
     }
 }
 
+fn time_delta(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        Ok(_) | Err(_) => Err("must be a number of seconds, finite and positive".to_owned()),
+    }
+}
+
 /// The object of `--json`. evo's default, the translation, also stands at the top level.
 #[derive(Debug, Serialize)]
 struct Document {
     metric: &'static str,
+    /// The time between the poses of a pair; without it, they are neighbors.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    delta_s: Option<f64>,
     truth_poses: usize,
     estimate_poses: usize,
     pairs: usize,
@@ -91,35 +125,57 @@ impl From<&Statistics> for Figures {
     }
 }
 
+/// What is measured of a trajectory.
+#[derive(Clone, Copy)]
+enum Measure {
+    Absolute,
+    Neighbors,
+    Over { delta_s: f64 },
+}
+
 /// Reads both files, compares, prints.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let (metric, files) = match &args.metric {
-        Metric::Ape(files) => ("ape", files),
-        Metric::Rpe(files) => ("rpe", files),
+    let (measure, files) = match &args.metric {
+        Metric::Mask(args) => return mask::run(args),
+        Metric::Ape(files) => (Measure::Absolute, files),
+        Metric::Rpe(relative) => {
+            let over = relative.delta_s().map(|delta_s| Measure::Over { delta_s });
+            (over.unwrap_or(Measure::Neighbors), &relative.files)
+        }
     };
     let truth = Trajectory::read(&files.truth)?;
     let estimate = Trajectory::read(&files.estimate)?;
-    let compare = if metric == "ape" { evaluation::ape } else { evaluation::rpe };
-    let result = compare(&truth, &estimate, files.max_time_difference)
+    let result = match measure {
+        Measure::Absolute => evaluation::ape(&truth, &estimate, files.max_time_difference),
+        Measure::Neighbors => evaluation::rpe(&truth, &estimate, files.max_time_difference),
+        Measure::Over { delta_s } => evaluation::rpe_over(&truth, &estimate, delta_s),
+    };
+    let result = result
         .with_context(|| format!("{} and {}", files.truth.display(), files.estimate.display()))?;
     let poses = (truth.len(), estimate.len());
     if files.json {
-        print(serde_json::to_string(&document(metric, poses, &result))?)?;
+        print(serde_json::to_string(&document(measure, poses, &result))?)?;
     } else {
-        print(table(metric, poses, &result))?;
+        print(table(measure, poses, &result))?;
     }
     Ok(ExitCode::SUCCESS)
 }
 
-fn document(metric: &'static str, poses: (usize, usize), result: &Evaluation) -> Document {
+fn document(measure: Measure, poses: (usize, usize), result: &Evaluation) -> Document {
     let motion = &result.truth_from_estimate;
     let matrix = motion.rotation.matrix();
     let alignment = Alignment {
         rotation: [0, 1, 2].map(|row| [0, 1, 2].map(|column| matrix[(row, column)])),
         translation: motion.translation.into(),
     };
+    let (metric, delta_s) = match measure {
+        Measure::Absolute => ("ape", None),
+        Measure::Neighbors => ("rpe", None),
+        Measure::Over { delta_s } => ("rpe", Some(delta_s)),
+    };
     Document {
         metric,
+        delta_s,
         truth_poses: poses.0,
         estimate_poses: poses.1,
         pairs: result.pairs,
@@ -127,14 +183,15 @@ fn document(metric: &'static str, poses: (usize, usize), result: &Evaluation) ->
         translation_m: (&result.translation_m).into(),
         angle_deg: (&result.angle_deg).into(),
         rotation_part: (&result.rotation_part).into(),
-        alignment: (metric == "ape").then_some(alignment),
+        alignment: matches!(measure, Measure::Absolute).then_some(alignment),
     }
 }
 
-fn table(metric: &str, poses: (usize, usize), result: &Evaluation) -> String {
-    let title = match metric {
-        "ape" => "absolute pose error, SE(3) aligned",
-        _ => "relative pose error, one matched pose to the next",
+fn table(measure: Measure, poses: (usize, usize), result: &Evaluation) -> String {
+    let title = match measure {
+        Measure::Absolute => "absolute pose error, SE(3) aligned".to_owned(),
+        Measure::Neighbors => "relative pose error, one matched pose to the next".to_owned(),
+        Measure::Over { delta_s } => format!("relative pose error over {delta_s} s"),
     };
     let mut text = format!(
         "{title}\n{} pairs of {} true and {} estimated poses\n\n{:>8}  {:>16}  {:>14}",
