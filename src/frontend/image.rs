@@ -88,6 +88,8 @@ impl<T: Copy> Image<T> {
 pub struct RgbdFrame {
     /// Middle of the exposure, seconds of the camera's clock.
     pub timestamp_s: f64,
+    /// How much later the depth was taken than the color, seconds.
+    pub depth_delay_s: f64,
     /// Red, green, blue.
     pub color: Image<[u8; 3]>,
     /// Distance along the optical axis (z, not the range), in meters; 0 where none was measured.

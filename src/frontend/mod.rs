@@ -9,8 +9,27 @@
 //! | [`input`] | where frames come from: recorded folders |
 //! | [`synthetic`] | ray-cast sequences with known truth |
 //! | [`features`] | corners, descriptors, matches and the pose they tell |
+//! | [`pyramid`] | an image and its halvings |
+//! | [`camera`] | the lens, and the ray of each pixel |
+//! | [`shutter`], [`timing`] | when each row, and the depth, was taken |
+//! | [`depth`] | noise of depth, depth at a pixel |
+//! | [`local_map`] | keyframes and landmarks as the server last told them |
+//! | [`tracking`] | where the camera is |
+//! | [`motion`] | what moves |
+//! | [`pipeline`] | a frame through all stages |
+//! | [`mapping`] | keyframes to the server, corrections back |
 
+pub mod camera;
+pub mod depth;
 pub mod features;
 pub mod image;
 pub mod input;
+pub mod local_map;
+pub mod mapping;
+pub mod motion;
+pub mod pipeline;
+pub mod pyramid;
+pub mod shutter;
 pub mod synthetic;
+pub mod timing;
+pub mod tracking;

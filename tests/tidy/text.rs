@@ -108,7 +108,9 @@ fn nothing_names_a_machine() {
         .collect();
     let homes = ["/home/", "/root/", "/Users/", "/work/"];
     let mut offenders = Vec::new();
-    for file in files().iter().filter(|f| !is_tidy(f)) {
+    // A lock file names where packages come from; that of `fuzz` lies about after a run.
+    let is_read = |file: &&File| !is_tidy(file) && !file.path.ends_with("Cargo.lock");
+    for file in files().iter().filter(is_read) {
         for (number, line) in file.text.lines().enumerate() {
             let hosts = hosts.iter().map(String::as_str).filter(|host| line.contains(host));
             let homes = homes.iter().copied().filter(|home| absolute(line, home));

@@ -1,0 +1,151 @@
+//! The camera of a sequence: its lens at one image size, with the ray of each pixel.
+//!
+//! Images are used as they come, distorted: points are projected through the lens model, pixels are
+//! taken back by a table of rays. Knows images' sizes and nothing of what they show.
+
+use covis_solvers::geometry::{CameraModel, PinholeRadialTangential};
+use nalgebra::{Matrix2x3, Vector2, Vector3};
+
+use super::image::Image;
+
+/// Nearest depth that is projected, meters.
+const NEAREST_M: f64 = 0.05;
+/// How far outside of the image's rays a point may lie, as a factor: distortion models are fitted
+/// inside the image and may fold back beyond it.
+const RAY_MARGIN: f64 = 1.05;
+
+/// A lens at one image size.
+#[derive(Clone, Debug)]
+pub struct FrameCamera {
+    model: PinholeRadialTangential,
+    rays: Image<[f32; 2]>,
+    largest_tangent2: f64,
+    fast: FastLens,
+}
+
+/// The lens in single precision.
+#[derive(Clone, Copy, Debug)]
+struct FastLens {
+    fx: f32,
+    fy: f32,
+    cx: f32,
+    cy: f32,
+    k1: f32,
+    k2: f32,
+    p1: f32,
+    p2: f32,
+    k3: f32,
+    largest_tangent2: f32,
+}
+
+impl FrameCamera {
+    /// The camera for images of this size; `None` where a pixel of it has no ray.
+    #[must_use]
+    pub fn new(model: PinholeRadialTangential, width: usize, height: usize) -> Option<Self> {
+        let mut rays = Image::filled(width, height, [0.0; 2]);
+        let mut largest_tangent2 = 0.0_f64;
+        for v in 0..height {
+            for u in 0..width {
+                let ray = model.unproject(&Vector2::new(u as f64, v as f64))?;
+                let (a, b) = (ray.x / ray.z, ray.y / ray.z);
+                largest_tangent2 = largest_tangent2.max(a * a + b * b);
+                rays.set(u, v, [a as f32, b as f32]);
+            }
+        }
+        let largest_tangent2 = largest_tangent2 * RAY_MARGIN * RAY_MARGIN;
+        let m = &model;
+        let [fx, fy, cx, cy] = [m.fx, m.fy, m.cx, m.cy].map(|value| value as f32);
+        let [k1, k2, p1, p2, k3] = [m.k1, m.k2, m.p1, m.p2, m.k3].map(|value| value as f32);
+        let tangent2 = largest_tangent2 as f32;
+        let fast = FastLens { fx, fy, cx, cy, k1, k2, p1, p2, k3, largest_tangent2: tangent2 };
+        Some(Self { model, rays, largest_tangent2, fast })
+    }
+
+    /// The lens.
+    #[must_use]
+    pub fn model(&self) -> &PinholeRadialTangential {
+        &self.model
+    }
+
+    /// Columns and rows of its images.
+    #[must_use]
+    pub fn size(&self) -> (usize, usize) {
+        self.rays.size()
+    }
+
+    /// (x/z, y/z) of the ray of each pixel.
+    #[must_use]
+    pub fn rays(&self) -> &Image<[f32; 2]> {
+        &self.rays
+    }
+
+    /// The pixel of a point, `None` behind the camera and far outside of the image.
+    #[must_use]
+    pub fn project(&self, point_in_camera: &Vector3<f64>) -> Option<Vector2<f64>> {
+        self.is_seen(point_in_camera).then(|| self.model.project(point_in_camera)).flatten()
+    }
+
+    /// As [`FrameCamera::project`], with ∂(u, v)/∂(x, y, z).
+    #[must_use]
+    pub fn project_with_jacobian(
+        &self,
+        point_in_camera: &Vector3<f64>,
+    ) -> Option<(Vector2<f64>, Matrix2x3<f64>)> {
+        if !self.is_seen(point_in_camera) {
+            return None;
+        }
+        let projection = self.model.project_with_jacobians(point_in_camera)?;
+        Some((projection.pixel, projection.d_point))
+    }
+
+    /// As [`FrameCamera::project`] in single precision: to a thousandth of a pixel.
+    #[must_use]
+    pub fn project_fast(&self, x: f32, y: f32, z: f32) -> Option<(f32, f32)> {
+        if z <= NEAREST_M as f32 {
+            return None;
+        }
+        let lens = &self.fast;
+        let (a, b) = (x / z, y / z);
+        let (aa, bb, ab) = (a * a, b * b, a * b);
+        let r2 = aa + bb;
+        if r2 > lens.largest_tangent2 {
+            return None;
+        }
+        let radial = 1.0 + r2 * (lens.k1 + r2 * (lens.k2 + r2 * lens.k3));
+        let u = a * radial + 2.0 * lens.p1 * ab + lens.p2 * (r2 + 2.0 * aa);
+        let v = b * radial + lens.p1 * (r2 + 2.0 * bb) + 2.0 * lens.p2 * ab;
+        Some((lens.fx * u + lens.cx, lens.fy * v + lens.cy))
+    }
+
+    fn is_seen(&self, p: &Vector3<f64>) -> bool {
+        let is_inside = p.x * p.x + p.y * p.y <= self.largest_tangent2 * p.z * p.z;
+        p.z > NEAREST_M && is_inside
+    }
+
+    /// The point on the ray of a pixel at depth z = 1, between the rays of the table; pixels outside
+    /// of the image have the ray of its border.
+    #[must_use]
+    pub fn ray(&self, pixel: &Vector2<f64>) -> Vector3<f64> {
+        let (width, height) = self.size();
+        let (u, v) = (pixel.x.clamp(0.0, (width - 1) as f64), pixel.y.clamp(0.0, (height - 1) as f64));
+        let (left, top) = ((u as usize).min(width.saturating_sub(2)), (v as usize).min(height.saturating_sub(2)));
+        let (right, bottom) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
+        let (s, t) = (u - left as f64, v - top as f64);
+        let at = |u, v, i: usize| f64::from(self.rays.at(u, v)[i]);
+        let between = |i| {
+            (1.0 - t) * ((1.0 - s) * at(left, top, i) + s * at(right, top, i))
+                + t * ((1.0 - s) * at(left, bottom, i) + s * at(right, bottom, i))
+        };
+        Vector3::new(between(0), between(1), 1.0)
+    }
+
+    /// Whether a pixel lies inside the image and at least `border` pixels from its edge.
+    #[must_use]
+    pub fn contains(&self, pixel: &Vector2<f64>, border: f64) -> bool {
+        let (width, height) = self.size();
+        pixel.x >= border
+            && pixel.y >= border
+            && pixel.x <= (width - 1) as f64 - border
+            && pixel.y <= (height - 1) as f64 - border
+    }
+}

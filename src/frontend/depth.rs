@@ -1,0 +1,101 @@
+//! Depth of structured-light cameras: its noise, and what it is at a point of the image.
+
+use covis_solvers::geometry::{LieGroup, Se3, So3};
+use nalgebra::{Vector2, Vector3};
+
+use super::camera::FrameCamera;
+use super::image::Image;
+
+/// Largest difference between a depth and those around it on one surface, relative to it.
+const SURFACE_STEP: f32 = 0.03;
+
+/// Standard deviation of a measured depth, meters: axial noise of the Kinect (Nguyen, Izadi and
+/// Lovell, 3DIMPVT 2012), which grows with the square of the distance.
+#[must_use]
+pub fn sigma_m(depth_m: f64) -> f64 {
+    let beyond = (depth_m - 0.4).max(0.0);
+    0.0012 + 0.0019 * beyond * beyond
+}
+
+/// The depth at a pixel where it is that of a surface: measured there and, about the same, around it.
+#[must_use]
+pub fn on_surface(depth_m: &Image<f32>, u: usize, v: usize) -> Option<f32> {
+    if u == 0 || v == 0 || u + 1 >= depth_m.width() || v + 1 >= depth_m.height() {
+        return None;
+    }
+    let z = depth_m.at(u, v);
+    let step = SURFACE_STEP * z;
+    let around = [(u - 1, v), (u + 1, v), (u, v - 1), (u, v + 1)];
+    let is_even = around.iter().all(|&(u, v)| (depth_m.at(u, v) - z).abs() < step);
+    (z > 0.0 && is_even).then_some(z)
+}
+
+/// As [`on_surface`] at the pixel nearest to a position.
+#[must_use]
+pub fn near(depth_m: &Image<f32>, pixel: &Vector2<f64>) -> Option<f64> {
+    let (u, v) = ((pixel.x + 0.5).floor(), (pixel.y + 0.5).floor());
+    (u >= 0.0 && v >= 0.0).then(|| on_surface(depth_m, u as usize, v as usize).map(f64::from))?
+}
+
+/// Depth as it was when the color was taken: each pixel reads the depth image where its ray was when
+/// that image was taken. Cameras that take the two at different times tear them apart at every edge
+/// as soon as they turn. `None` where the camera turned by less than a tenth of a pixel.
+#[must_use]
+pub fn synchronized(
+    camera: &FrameCamera,
+    depth_m: &Image<f32>,
+    depth_from_color: &So3,
+) -> Option<Image<f32>> {
+    /// Side of the cells in which the shift is interpolated, pixels.
+    const CELL: usize = 16;
+    let (width, height) = depth_m.size();
+    if depth_from_color.log().norm() * camera.model().fx < 0.1 {
+        return None;
+    }
+    let rotation = depth_from_color.matrix();
+    let shift = |u: usize, v: usize| {
+        let pixel = Vector2::new(u as f64, v as f64);
+        let ray = rotation * camera.ray(&pixel);
+        camera.project(&ray).map(|place| place - pixel).unwrap_or_default()
+    };
+    let (columns, rows) = (width.div_ceil(CELL) + 1, height.div_ceil(CELL) + 1);
+    let grid: Vec<Vector2<f32>> = (0..rows * columns)
+        .map(|i| {
+            // Beyond the border as at it.
+            let (u, v) = (i % columns * CELL, i / columns * CELL);
+            shift(u.min(width - 1), v.min(height - 1)).map(|value| value as f32)
+        })
+        .collect();
+    let mut out = Image::filled(width, height, 0.0);
+    for v in 0..height {
+        let (row, t) = (v / CELL, (v % CELL) as f32 / CELL as f32);
+        let out_row = out.row_mut(v);
+        for column in 0..columns - 1 {
+            let at = row * columns + column;
+            let left = grid[at] * (1.0 - t) + grid[at + columns] * t;
+            let right = grid[at + 1] * (1.0 - t) + grid[at + columns + 1] * t;
+            let step = (right - left) / CELL as f32;
+            let mut place = left + Vector2::new((column * CELL) as f32, v as f32);
+            let end = ((column + 1) * CELL).min(width);
+            for depth in &mut out_row[column * CELL..end] {
+                let (x, y) = (place.x + 0.5, place.y + 0.5);
+                if x >= 0.0 && y >= 0.0 && (x as usize) < width && (y as usize) < height {
+                    *depth = depth_m.at(x as usize, y as usize);
+                }
+                place += step + Vector2::new(1.0, 0.0);
+            }
+        }
+    }
+    Some(out)
+}
+
+/// The point that a pixel shows, in the world.
+#[must_use]
+pub fn point_in_world(
+    camera: &FrameCamera,
+    world_from_camera: &Se3,
+    pixel: &Vector2<f64>,
+    depth_m: f64,
+) -> Vector3<f64> {
+    world_from_camera.transform(&(camera.ray(pixel) * depth_m))
+}

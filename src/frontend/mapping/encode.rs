@@ -1,0 +1,41 @@
+//! What tracking knows of a keyframe, as messages.
+
+use covis_solvers::geometry::Camera;
+
+use crate::frontend::camera::FrameCamera;
+use crate::frontend::tracking::keyframe::NewKeyframe;
+use crate::wire::{geometry, v1};
+
+/// The camera with its image size.
+pub(super) fn camera(id: i64, camera: &FrameCamera) -> v1::Camera {
+    let (width, height) = camera.size();
+    let size = |pixels: usize| i32::try_from(pixels).unwrap_or(0);
+    geometry::camera(id, &Camera::from(*camera.model()), (size(width), size(height)))
+}
+
+/// A keyframe with its new landmarks and all that it sees.
+pub(super) fn keyframe(camera_id: i64, keyframe: &NewKeyframe) -> v1::Keyframe {
+    let landmarks = keyframe.landmarks.iter().map(|landmark| v1::Landmark {
+        id: landmark.id as i64,
+        point_in_world: Some(geometry::vector3(&landmark.point_in_world)),
+        ..v1::Landmark::default()
+    });
+    let observations = keyframe.observations.iter().map(|seen| v1::Observation {
+        landmark: Some(geometry::landmark_ref(seen.landmark as i64)),
+        pixel: Some(geometry::vector2(&seen.straight)),
+        sigma_px: Some(seen.sigma_px),
+        depth_m: seen.depth_m.map(|(z, _)| z),
+        sigma_depth_m: seen.depth_m.map(|(_, sigma)| sigma),
+        ..v1::Observation::default()
+    });
+    v1::Keyframe {
+        id: keyframe.id as i64,
+        capture_time: Some(geometry::timestamp(keyframe.timestamp_s)),
+        sensor: Some(v1::keyframe::Sensor::CameraId(camera_id)),
+        world_from_camera: Some(geometry::rigid(&keyframe.world_from_camera)),
+        odom_from_camera: Some(geometry::rigid(&keyframe.odom_from_camera)),
+        observations: observations.collect(),
+        landmarks: landmarks.collect(),
+        ..v1::Keyframe::default()
+    }
+}

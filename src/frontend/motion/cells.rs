@@ -1,0 +1,92 @@
+//! A frame in cells of 4 × 4 pixels: what the motion models see of it.
+
+use nalgebra::Vector2;
+
+use super::gaussian::CellView;
+use crate::frontend::camera::FrameCamera;
+use crate::frontend::image::Image;
+
+/// N, columns and rows of a cell.
+pub const CELL: usize = 4;
+
+/// (x/z, y/z) of the ray through the middle of each cell.
+pub type CellRays = Image<[f32; 2]>;
+
+/// The rays of a camera's cells.
+#[must_use]
+pub fn cell_rays(camera: &FrameCamera) -> CellRays {
+    let (width, height) = camera.size();
+    let (columns, rows) = (width / CELL, height / CELL);
+    let mut rays = Image::filled(columns, rows, [0.0; 2]);
+    let middle = |cell: usize| (cell * CELL) as f64 + (CELL as f64 - 1.0) * 0.5;
+    for row in 0..rows {
+        for column in 0..columns {
+            let ray = camera.ray(&Vector2::new(middle(column), middle(row)));
+            rays.set(column, row, [ray.x as f32, ray.y as f32]);
+        }
+    }
+    rays
+}
+
+/// The depth of each cell; where none was measured, about that of the cells before it.
+#[must_use]
+pub fn filled_depths(cells: &Image<CellView>) -> Image<f32> {
+    let mut known: Vec<f32> =
+        cells.pixels().iter().step_by(7).map(|cell| cell.depth_m).filter(|&z| z > 0.0).collect();
+    known.sort_unstable_by(f32::total_cmp);
+    let middle = known.get(known.len() / 2).copied().unwrap_or(2.0);
+    let mut depths = cells.map(|cell| cell.depth_m);
+    let mut last = middle;
+    for depth in depths.pixels_mut() {
+        last = if *depth > 0.0 { *depth } else { 0.9 * last + 0.1 * middle };
+        *depth = last;
+    }
+    depths
+}
+
+/// What each cell shows; pixels past the last whole cell are left out.
+#[must_use]
+pub fn view_cells(gray: &Image<u8>, depth_m: &Image<f32>) -> Image<CellView> {
+    let (columns, rows) = (gray.width() / CELL, gray.height() / CELL);
+    let mut cells = Image::filled(columns, rows, CellView::default());
+    for row in 0..rows {
+        let mut sums = vec![0_u32; columns];
+        let mut least = vec![u8::MAX; columns];
+        let mut largest = vec![0_u8; columns];
+        for v in row * CELL..(row + 1) * CELL {
+            for (column, pixels) in gray.row(v).chunks_exact(CELL).enumerate() {
+                for &pixel in pixels {
+                    sums[column] += u32::from(pixel);
+                    least[column] = least[column].min(pixel);
+                    largest[column] = largest[column].max(pixel);
+                }
+            }
+        }
+        for column in 0..columns {
+            let view = CellView {
+                mean: sums[column] as f32 / (CELL * CELL) as f32,
+                least: f32::from(least[column]),
+                largest: f32::from(largest[column]),
+                depth_m: depth(depth_m, column * CELL, row * CELL),
+            };
+            cells.set(column, row, view);
+        }
+    }
+    cells
+}
+
+/// The lower median of the depths measured at four pixels of a cell; 0 where fewer than two were.
+fn depth(depth_m: &Image<f32>, left: usize, top: usize) -> f32 {
+    let mut measured = [0.0_f32; 4];
+    let mut count = 0;
+    for (u, v) in [(1, 0), (3, 1), (0, 2), (2, 3)] {
+        let z = depth_m.at(left + u, top + v);
+        if z > 0.0 {
+            measured[count] = z;
+            count += 1;
+        }
+    }
+    let measured = &mut measured[..count];
+    measured.sort_unstable_by(f32::total_cmp);
+    if count < 2 { 0.0 } else { measured[(count - 1) / 2] }
+}

@@ -1,0 +1,197 @@
+//! The dual-mode single Gaussian model of a cell (Yi et al., CVPRW 2013).
+//!
+//! A background and a candidate, each a Gaussian of the cell's gray level with an age. Only the one
+//! that matches is updated, so that what passes by does not spoil the background; a candidate that
+//! has been there for longer than the background takes its place. Knows nothing of cameras.
+
+/// Parameters of the model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GaussianOptions {
+    /// θ_s: squared distance to a mean, in variances, up to which a cell matches it.
+    pub match_chi2: f32,
+    /// θ_d: the same for a pixel, above which it is foreground.
+    pub foreground_chi2: f32,
+    /// Variance of a mode that has just begun, and least variance, gray levels squared.
+    pub least_variance: f32,
+    /// α_max, frames.
+    pub largest_age: f32,
+    /// θ_v: variance above which a mixed model ages backward, gray levels squared.
+    pub decay_variance: f32,
+    /// λ: how fast.
+    pub decay: f32,
+}
+
+impl Default for GaussianOptions {
+    fn default() -> Self {
+        Self {
+            match_chi2: 2.0,
+            foreground_chi2: 4.0,
+            least_variance: 100.0,
+            largest_age: 60.0,
+            decay_variance: 2500.0,
+            decay: 0.001,
+        }
+    }
+}
+
+/// A Gaussian of gray levels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Mode {
+    /// μ, gray levels.
+    pub mean: f32,
+    /// σ², gray levels squared.
+    pub variance: f32,
+    /// α, frames; 0 where there is no model yet.
+    pub age: f32,
+}
+
+/// What a frame shows in a cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CellView {
+    /// M, the mean of its pixels, gray levels.
+    pub mean: f32,
+    /// The darkest pixel.
+    pub least: f32,
+    /// The brightest pixel.
+    pub largest: f32,
+    /// Depth, meters; 0 where none was measured.
+    pub depth_m: f32,
+}
+
+/// Both modes of a cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DualMode {
+    /// What was there for longest.
+    pub background: Mode,
+    /// What may take its place.
+    pub candidate: Mode,
+}
+
+impl Mode {
+    /// A model of one frame.
+    #[must_use]
+    pub fn begin(view: &CellView, options: &GaussianOptions) -> Self {
+        let variance = spread(view.mean, view).max(options.least_variance);
+        Self { mean: view.mean, variance, age: 1.0 }
+    }
+
+    /// Whether a cell's mean is one of this model's.
+    #[must_use]
+    pub fn matches(&self, mean: f32, options: &GaussianOptions) -> bool {
+        let away = mean - self.mean;
+        self.age > 0.0 && away * away < options.match_chi2 * self.variance
+    }
+
+    /// Takes another frame in.
+    pub fn update(&mut self, view: &CellView, options: &GaussianOptions) {
+        let Self { mean, variance, age } = *self;
+        self.mean = (age * mean + view.mean) / (age + 1.0);
+        let spread = spread(self.mean, view);
+        self.variance = ((age * variance + spread) / (age + 1.0)).max(options.least_variance);
+        self.age = (age + 1.0).min(options.largest_age);
+    }
+}
+
+/// max_j (μ − I_j)².
+fn spread(mean: f32, view: &CellView) -> f32 {
+    let reach = (mean - view.least).abs().max((mean - view.largest).abs());
+    reach * reach
+}
+
+impl DualMode {
+    /// Updates the mode that matches, begins a candidate where none does, and lets a candidate that
+    /// is older take the background's place. Whether the background matched.
+    pub fn update(&mut self, view: &CellView, options: &GaussianOptions) -> bool {
+        let is_background = self.background.matches(view.mean, options);
+        if is_background {
+            self.background.update(view, options);
+        } else {
+            if self.candidate.matches(view.mean, options) {
+                self.candidate.update(view, options);
+            } else {
+                self.candidate = Mode::begin(view, options);
+            }
+            if self.candidate.age > self.background.age {
+                self.background = self.candidate;
+                self.candidate = Mode::default();
+            }
+        }
+        is_background
+    }
+}
+
+/// A mode mixed from others, with weights that sum to one: μ̃ = Σ w μ, σ̃² = Σ w (σ² + (μ − μ̃)²),
+/// and an age that fades where the mixture is wide. `None` where nothing has weight.
+#[must_use]
+pub fn mix(parts: &[(f32, Mode)], options: &GaussianOptions) -> Option<Mode> {
+    let total: f32 = parts.iter().map(|part| part.0).sum();
+    if total <= 0.0 {
+        return None;
+    }
+    let mean_of = |value: &dyn Fn(&Mode) -> f32| {
+        parts.iter().map(|(weight, mode)| weight * value(mode)).sum::<f32>() / total
+    };
+    let mean = mean_of(&|mode| mode.mean);
+    let variance = mean_of(&|mode| mode.variance + (mode.mean - mean).powi(2));
+    let mut age = mean_of(&|mode| mode.age);
+    if variance > options.decay_variance {
+        age *= (-options.decay * (variance - options.decay_variance)).exp();
+    }
+    Some(Mode { mean, variance, age })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plain(least_variance: f32) -> GaussianOptions {
+        GaussianOptions { least_variance, largest_age: 3.0, ..GaussianOptions::default() }
+    }
+
+    fn view(mean: f32, half: f32) -> CellView {
+        CellView { mean, least: mean - half, largest: mean + half, depth_m: 0.0 }
+    }
+
+    #[test]
+    fn the_two_models_follow_the_equations_on_a_sequence_computed_by_hand() {
+        let options = plain(1.0);
+        let mut cell = DualMode::default();
+        // Nothing matches an empty model: the candidate begins and, older than nothing, takes over.
+        assert!(!cell.update(&view(100.0, 4.0), &options));
+        let first = Mode { mean: 100.0, variance: 16.0, age: 1.0 };
+        assert_eq!(cell, DualMode { background: first, candidate: Mode::default() });
+        // (102 − 100)² = 4 < 2 · 16: μ = (100 + 102)/2 = 101, the farthest pixel is 106:
+        // σ² = (16 + 25)/2 = 20.5, α = 2.
+        assert!(cell.update(&view(102.0, 4.0), &options));
+        let second = Mode { mean: 101.0, variance: 20.5, age: 2.0 };
+        assert_eq!(cell.background, second);
+        // (120 − 101)² = 361 > 41: a candidate begins, the background stays.
+        assert!(!cell.update(&view(120.0, 2.0), &options));
+        assert_eq!(cell.background, second);
+        assert_eq!(cell.candidate, Mode { mean: 120.0, variance: 4.0, age: 1.0 });
+        // It matches again: μ = 119, farthest pixel 116 or 120: 3² and 1²; σ² = (4 + 9)/2.
+        assert!(!cell.update(&view(118.0, 2.0), &options));
+        let candidate = Mode { mean: 119.0, variance: 6.5, age: 2.0 };
+        assert_eq!((cell.background, cell.candidate), (second, candidate));
+        // Once more, and it is older than the background: they swap and the candidate is gone.
+        assert!(!cell.update(&view(119.0, 1.0), &options));
+        let swapped = Mode { mean: 119.0, variance: 14.0 / 3.0, age: 3.0 };
+        assert_eq!((cell.background, cell.candidate), (swapped, Mode::default()));
+        // The age ends at α_max.
+        assert!(cell.update(&view(119.0, 1.0), &options));
+        assert_eq!(cell.background.age, 3.0);
+    }
+
+    #[test]
+    fn a_mixture_is_as_wide_as_its_parts_are_apart_and_fades_where_that_is_much() {
+        let mode = |mean, variance, age| Mode { mean, variance, age };
+        let options = GaussianOptions { decay_variance: 50.0, decay: 0.1, ..plain(1.0) };
+        let near = mix(&[(0.5, mode(10.0, 4.0, 8.0)), (0.5, mode(20.0, 6.0, 4.0))], &options);
+        // Variance 5 + 25, below 50.
+        assert_eq!(near, Some(Mode { mean: 15.0, variance: 30.0, age: 6.0 }));
+        let far = mix(&[(0.5, mode(10.0, 4.0, 8.0)), (0.5, mode(30.0, 6.0, 4.0))], &options).unwrap();
+        assert_eq!((far.mean, far.variance), (20.0, 105.0));
+        assert!((far.age - 6.0 * (-5.5_f32).exp()).abs() < 1e-6, "{}", far.age);
+        assert_eq!(mix(&[(0.0, mode(1.0, 1.0, 1.0))], &options), None);
+    }
+}

@@ -1,0 +1,180 @@
+//! C. Detection of movement: which pixels show something that moves.
+//!
+//! | file | role |
+//! |---|---|
+//! | [`cells`] | a frame in cells of 4 × 4 pixels |
+//! | [`gaussian`] | the dual-mode single Gaussian model of a cell |
+//! | [`warp`] | models carried along by the camera's motion |
+//! | [`history`] | space that earlier frames saw to be free |
+//! | [`regions`] | evidence of cells grown to whole things |
+//!
+//! Where depth is measured it decides: what stands where space was free has moved there. Gray levels
+//! decide where depth is missing. Knows poses and images, and nothing of the map.
+
+pub mod cells;
+pub mod gaussian;
+pub mod history;
+pub mod regions;
+pub mod warp;
+
+use covis_solvers::geometry::{LieGroup, Se3};
+
+use super::camera::FrameCamera;
+use super::image::Image;
+use cells::{CELL, CellRays, cell_rays, filled_depths, view_cells};
+use gaussian::{CellView, DualMode, GaussianOptions};
+use history::{Current, History, HistoryOptions, Neighbor};
+use regions::{CellEvidence, RegionOptions, moving_cells};
+use warp::{CellWarp, Exposure, carry};
+
+/// Parameters of the detection.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MotionOptions {
+    /// Of the models.
+    pub gaussian: GaussianOptions,
+    /// Of the comparison with earlier frames.
+    pub history: HistoryOptions,
+    /// Of the regions.
+    pub regions: RegionOptions,
+}
+
+/// Models of what stands still, carried from frame to frame.
+#[derive(Clone, Debug)]
+pub struct MotionDetector {
+    options: MotionOptions,
+    rays: CellRays,
+    modes: Image<DualMode>,
+    /// Depths of what moved in the frame before, meters; 0 elsewhere.
+    moving: Image<f32>,
+    history: History,
+    odom_from_camera: Se3,
+}
+
+impl MotionDetector {
+    /// A detector that has seen nothing.
+    #[must_use]
+    pub fn new(camera: &FrameCamera, options: MotionOptions) -> Self {
+        let rays = cell_rays(camera);
+        Self {
+            options,
+            modes: rays.map(|_| DualMode::default()),
+            moving: rays.map(|_| 0.0),
+            rays,
+            history: History::default(),
+            odom_from_camera: Se3::identity(),
+        }
+    }
+
+    /// Takes the next frame, about at a pose: 255 where a pixel shows something that moves.
+    pub fn detect(
+        &mut self,
+        camera: &FrameCamera,
+        (gray, depth_m): (&Image<u8>, &Image<f32>),
+        odom_from_camera: &Se3,
+        exposure: Exposure,
+        neighbors: &[Neighbor],
+    ) -> Image<u8> {
+        let views = view_cells(gray, depth_m);
+        let MotionOptions { gaussian, history, regions } = &self.options;
+        let motion = self.odom_from_camera.inverse().compose(odom_from_camera);
+        let warp = CellWarp::new(camera, &self.rays, &motion);
+        self.modes = carry(&warp, &self.modes, &filled_depths(&views), exposure, gaussian);
+        let current =
+            Current { camera, rays: &self.rays, cells: &views, odom_from_camera, exposure };
+        let said = self.history.ask(&current, neighbors, history);
+        let mut evidence = Image::filled(views.width(), views.height(), CellEvidence::default());
+        let mut updated = std::mem::take(&mut self.modes);
+        let cells = updated.pixels_mut().iter_mut().zip(evidence.pixels_mut());
+        for (i, (modes, evidence)) in cells.enumerate() {
+            let view = &views.pixels()[i];
+            let is_changed = is_foreground(modes, view, gaussian);
+            modes.update(view, gaussian);
+            let is_carried = view.depth_m > 0.0
+                && said.pixels()[i].oldest_same < 18
+                && warp.place(i, view.depth_m).is_some_and(|(x, y, z)| self.was_moving(x, y, z));
+            *evidence = CellEvidence {
+                said: said.pixels()[i],
+                depth_m: view.depth_m,
+                is_changed,
+                is_carried,
+            };
+        }
+        self.modes = updated;
+        let moving = moving_cells(&evidence, regions);
+        let mask = pixels(&moving, &views, depth_m);
+        self.moving = moving.map(|_| 0.0);
+        for (i, depth) in self.moving.pixels_mut().iter_mut().enumerate() {
+            *depth = if moving.pixels()[i] { views.pixels()[i].depth_m } else { 0.0 };
+        }
+        self.history.push(&current, history);
+        self.odom_from_camera = *odom_from_camera;
+        mask
+    }
+
+    /// Whether the frame before shows something moving near a cell, at about that depth.
+    fn was_moving(&self, x: f32, y: f32, depth_m: f32) -> bool {
+        const REACH: f32 = 3.0;
+        let (columns, rows) = self.moving.size();
+        let from = |center: f32| (center - REACH).max(0.0) as usize;
+        let to = |center: f32, size: usize| ((center + REACH + 1.0).max(0.0) as usize).min(size);
+        (from(y)..to(y, rows)).any(|row| {
+            let row = self.moving.row(row);
+            let (left, right) = (from(x), to(x, columns));
+            left < right && row[left..right].iter().any(|z| (z - depth_m).abs() < 0.05 * depth_m)
+        })
+    }
+
+    /// Keeps the frame that was detected last as a keyframe.
+    pub fn keep(&mut self, keyframe: usize) {
+        self.history.keep(keyframe);
+    }
+
+    /// Corrects the pose of the frame that was detected last.
+    pub fn settle(&mut self, odom_from_camera: &Se3) {
+        self.history.settle(odom_from_camera);
+        self.odom_from_camera = *odom_from_camera;
+    }
+}
+
+/// Whether a cell's mean is foreground to a background that is known for a while.
+fn is_foreground(modes: &DualMode, view: &CellView, options: &GaussianOptions) -> bool {
+    const KNOWN: f32 = 4.0;
+    let away = view.mean - modes.background.mean;
+    let limit = options.foreground_chi2 * modes.background.variance;
+    modes.background.age >= KNOWN && away * away > limit
+}
+
+/// Cells as pixels; at the border of what moves, depth says which side a pixel is on.
+fn pixels(moving: &Image<bool>, views: &Image<CellView>, depth_m: &Image<f32>) -> Image<u8> {
+    let (columns, rows) = moving.size();
+    let mut mask = Image::filled(depth_m.width(), depth_m.height(), 0);
+    for row in 0..rows {
+        for column in 0..columns {
+            let around = || {
+                let (left, top) = (column.saturating_sub(1), row.saturating_sub(1));
+                let (right, bottom) = ((column + 1).min(columns - 1), (row + 1).min(rows - 1));
+                (top..=bottom).flat_map(move |r| (left..=right).map(move |c| (c, r)))
+            };
+            let is_moving = moving.at(column, row);
+            let beside = || around().filter(|&(c, r)| moving.at(c, r));
+            if beside().next().is_none() {
+                continue;
+            }
+            let is_inside = is_moving && around().all(|(c, r)| moving.at(c, r));
+            for v in row * CELL..(row + 1) * CELL {
+                for u in column * CELL..(column + 1) * CELL {
+                    let z = depth_m.at(u, v);
+                    let is_near = |(c, r): (usize, usize)| {
+                        let other = views.at(c, r).depth_m;
+                        other > 0.0 && (z - other).abs() < 0.04 * other
+                    };
+                    let is_in = if is_inside || z <= 0.0 { is_moving } else { beside().any(is_near) };
+                    if is_in {
+                        mask.set(u, v, 255);
+                    }
+                }
+            }
+        }
+    }
+    mask
+}
