@@ -1,7 +1,8 @@
 //! Which depth image belongs to which color image: the pair nearest in time first.
 //!
 //! As the script of the TUM RGB-D benchmark does it: of all pairs that are less than the limit apart,
-//! the nearest is taken and both its images are used up, then the next nearest.
+//! the nearest is taken and both its images are used up, then the next nearest. Where that leaves a
+//! color image alone it shares the nearest depth image: to a tracker a frame less is a leap.
 
 use super::list::Entry;
 
@@ -28,11 +29,14 @@ pub(super) fn nearest_pairs(
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
     let mut partner = vec![None; color.len()];
     let mut used = vec![false; depth.len()];
-    for (_, c, d) in pairs {
+    for &(_, c, d) in &pairs {
         if partner[c].is_none() && !used[d] {
             partner[c] = Some(d);
             used[d] = true;
         }
+    }
+    for (_, c, d) in pairs {
+        partner[c].get_or_insert(d);
     }
     partner
 }
@@ -50,7 +54,12 @@ mod tests {
     fn the_nearest_pair_goes_first_and_uses_its_images_up() {
         // The second color image is nearer to the only depth image than the first one is.
         let pairs = nearest_pairs(&entries(&[1.000, 1.012]), &entries(&[1.010]), 0.02);
-        assert_eq!(pairs, [None, Some(0)]);
+        assert_eq!(
+            nearest_pairs(&entries(&[1.000, 1.012]), &entries(&[1.010, 0.981]), 0.02),
+            [Some(1), Some(0)]
+        );
+        // Without another one the first shares it.
+        assert_eq!(pairs, [Some(0), Some(0)]);
         // The first loses its nearest to the second and takes the other one.
         let pairs = nearest_pairs(&entries(&[1.000, 1.004]), &entries(&[0.985, 1.003]), 0.02);
         assert_eq!(pairs, [Some(0), Some(1)]);

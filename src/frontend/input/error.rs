@@ -10,6 +10,14 @@ use super::decode::DecodeError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum InputError {
+    /// A comment of a camera file that tells when rows or depth are taken cannot be used.
+    #[error("{}: line {line}: readout_s must be a number of seconds from 0 to 0.1, depth_late_s one from -0.1 to 0.1", path.display())]
+    Timing {
+        /// The file.
+        path: PathBuf,
+        /// The line.
+        line: usize,
+    },
     /// The operating system refused to read.
     #[error("{}: cannot be read", path.display())]
     Read {

@@ -12,6 +12,7 @@ mod error;
 mod list;
 mod pair;
 pub mod seven_scenes;
+mod timing;
 pub mod tum;
 
 use std::path::Path;
@@ -22,6 +23,7 @@ pub use camera_file::CameraOrigin;
 pub use decode::DecodeError;
 pub use error::{FrameError, InputError};
 pub use seven_scenes::SevenScenesFolder;
+pub use timing::SensorTiming;
 pub use tum::TumFolder;
 
 use crate::frontend::image::RgbdFrame;
@@ -30,6 +32,9 @@ use crate::frontend::image::RgbdFrame;
 pub trait FrameSource: Send {
     /// The camera of color and depth, px.
     fn camera(&self) -> &PinholeRadialTangential;
+
+    /// When its rows and its depth are taken.
+    fn timing(&self) -> SensorTiming;
 
     /// How many times [`FrameSource::next_frame`] answers in all, frames and errors together.
     fn len(&self) -> usize;

@@ -34,10 +34,11 @@ impl PairReader {
         Self { scale, size: None }
     }
 
-    /// Reads one frame.
+    /// Reads one frame, of this time and with a depth image of a time that is that much later.
     pub(super) fn read(
         &mut self,
         timestamp_s: f64,
+        depth_delay_s: f64,
         color_path: &Path,
         depth_path: &Path,
     ) -> Result<RgbdFrame, FrameError> {
@@ -51,7 +52,7 @@ impl PairReader {
         let DepthScale { units_per_m, none } = self.scale;
         let depth_m = depth
             .map(|value| if Some(value) == none { 0.0 } else { f32::from(value) / units_per_m });
-        Ok(RgbdFrame { timestamp_s, color, depth_m })
+        Ok(RgbdFrame { timestamp_s, depth_delay_s, color, depth_m })
     }
 }
 

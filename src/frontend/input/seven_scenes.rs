@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 
 use covis_solvers::geometry::PinholeRadialTangential;
 
-use super::FrameSource;
 use super::camera_file::{self, CameraOrigin, Fallback};
 use super::error::{FrameError, InputError};
 use super::pair::{DepthScale, PairReader};
+use super::{FrameSource, SensorTiming};
 use crate::frontend::image::RgbdFrame;
 
 /// Frames a second.
@@ -23,12 +23,16 @@ const NO_DEPTH: u16 = u16::MAX;
 /// The camera that the data set's authors name for all scenes.
 const CAMERA: [f64; 4] = [585.0, 585.0, 320.0, 240.0];
 
+/// A Kinect's rows; its files are numbered and tell no times, so that depth goes with color.
+const USUAL_TIMING: SensorTiming = SensorTiming { depth_late_s: 0.0, ..SensorTiming::KINECT };
+
 /// The frames of one folder.
 #[derive(Debug)]
 pub struct SevenScenesFolder {
     folder: PathBuf,
     camera: PinholeRadialTangential,
     camera_origin: CameraOrigin,
+    timing: SensorTiming,
     /// The numbers in the names, ascending.
     numbers: Vec<u32>,
     next: usize,
@@ -61,6 +65,7 @@ impl SevenScenesFolder {
             folder: folder.to_owned(),
             camera: choice.camera,
             camera_origin: choice.origin,
+            timing: SensorTiming::of_folder(folder, USUAL_TIMING)?,
             numbers,
             next: 0,
             reader: PairReader::new(scale),
@@ -79,6 +84,10 @@ impl FrameSource for SevenScenesFolder {
         &self.camera
     }
 
+    fn timing(&self) -> SensorTiming {
+        self.timing
+    }
+
     fn len(&self) -> usize {
         self.numbers.len()
     }
@@ -88,7 +97,7 @@ impl FrameSource for SevenScenesFolder {
         self.next += 1;
         let file = |kind| self.folder.join(format!("frame-{number:06}.{kind}.png"));
         let (color, depth) = (file("color"), file("depth"));
-        Some(self.reader.read(f64::from(number) / RATE_HZ, &color, &depth))
+        Some(self.reader.read(f64::from(number) / RATE_HZ, 0.0, &color, &depth))
     }
 }
 

@@ -12,7 +12,7 @@ use super::camera_file::{self, CameraOrigin, Fallback};
 use super::error::{FrameError, InputError};
 use super::list::Entry;
 use super::pair::{DepthScale, PairReader};
-use super::{FrameSource, association, list};
+use super::{FrameSource, SensorTiming, association, list};
 use crate::frontend::image::RgbdFrame;
 
 /// The list of color images.
@@ -29,10 +29,11 @@ pub const MAX_DIFFERENCE_S: f64 = 0.02;
 pub struct TumFolder {
     camera: PinholeRadialTangential,
     camera_origin: CameraOrigin,
+    timing: SensorTiming,
     color_list: PathBuf,
     without_depth: usize,
-    /// Color and the path of its depth, in the list's order.
-    frames: Vec<(Entry, PathBuf)>,
+    /// Color and its depth, in the list's order.
+    frames: Vec<(Entry, Entry)>,
     next: usize,
     /// The latest time that a frame had.
     latest_s: Option<f64>,
@@ -55,7 +56,7 @@ impl TumFolder {
         let colors = color.len();
         let paired = color.into_iter().zip(partner);
         let frames: Vec<_> = paired
-            .filter_map(|(color, partner)| partner.map(|index| (color, depth[index].path.clone())))
+            .filter_map(|(color, partner)| partner.map(|index| (color, depth[index].clone())))
             .collect();
         if frames.is_empty() {
             let max_difference_s = MAX_DIFFERENCE_S;
@@ -66,6 +67,7 @@ impl TumFolder {
         Ok(Self {
             camera: choice.camera,
             camera_origin: choice.origin,
+            timing: SensorTiming::of_folder(folder, SensorTiming::KINECT)?,
             color_list: folder.join(COLOR_LIST),
             without_depth: colors - frames.len(),
             frames,
@@ -93,6 +95,10 @@ impl FrameSource for TumFolder {
         &self.camera
     }
 
+    fn timing(&self) -> SensorTiming {
+        self.timing
+    }
+
     fn len(&self) -> usize {
         self.frames.len()
     }
@@ -109,7 +115,8 @@ impl FrameSource for TumFolder {
             }));
         }
         self.latest_s = Some(*timestamp_s);
-        Some(self.reader.read(*timestamp_s, path, depth))
+        let delay_s = depth.timestamp_s - timestamp_s;
+        Some(self.reader.read(*timestamp_s, delay_s, path, &depth.path))
     }
 }
 

@@ -21,7 +21,7 @@ pub use scene::{SceneName, UnknownScene};
 pub use writer::{WriteError, write_sequence};
 
 use crate::frontend::image::{Image, RgbdFrame};
-use crate::frontend::input::{FrameError, FrameSource};
+use crate::frontend::input::{FrameError, FrameSource, SensorTiming};
 use render::{Picture, Surface, View};
 use scene::Scene;
 use sensor::FrameNoise;
@@ -137,7 +137,7 @@ impl Sequence {
             let color = Image::filled(width, height, [0; 3]);
             let depth_m = Image::filled(width, height, 0.0);
             let mask = Image::filled(width, height, 0);
-            return (RgbdFrame { timestamp_s, color, depth_m }, mask);
+            return (RgbdFrame { timestamp_s, depth_delay_s: 0.0, color, depth_m }, mask);
         }
         let solids = self.scene.solids(time_s);
         let picture = Picture::new(&solids, self.view(index));
@@ -147,7 +147,7 @@ impl Sequence {
         let color = sensor::color(&light, self.scene.exposure(time_s), noise);
         let depth_m = sensor::depth(&surfaces, noise);
         let mask = self.mask(index, &surfaces);
-        (RgbdFrame { timestamp_s, color, depth_m }, mask)
+        (RgbdFrame { timestamp_s, depth_delay_s: 0.0, color, depth_m }, mask)
     }
 
     fn view(&self, index: usize) -> View {
@@ -208,6 +208,10 @@ impl SyntheticSource {
 impl FrameSource for SyntheticSource {
     fn camera(&self) -> &PinholeRadialTangential {
         self.sequence.camera()
+    }
+
+    fn timing(&self) -> SensorTiming {
+        SensorTiming::default()
     }
 
     fn len(&self) -> usize {

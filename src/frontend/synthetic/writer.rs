@@ -10,7 +10,7 @@ use covis_solvers::io::IoError;
 use covis_solvers::io::trajectory::Trajectory;
 
 use super::{Sequence, sensor};
-use crate::frontend::input::{camera_file, encode, tum};
+use crate::frontend::input::{SensorTiming, camera_file, encode, tum};
 
 /// What is written of each frame: the folder, and its list's head.
 const KINDS: [(&str, &str); 3] =
@@ -75,7 +75,10 @@ pub fn write_sequence(
         written(index);
     }
     truth.write(&folder.join("groundtruth.txt"))?;
-    write(folder.join(camera_file::CAMERA_FILE), camera_text(sequence).as_bytes())?;
+    write(
+        folder.join(camera_file::CAMERA_FILE),
+        (camera_text(sequence) + &SensorTiming::default().comments()).as_bytes(),
+    )?;
     let [color, depth, mask] = lists;
     write(folder.join("mask.txt"), mask.as_bytes())?;
     write(folder.join(tum::DEPTH_LIST), depth.as_bytes())?;
