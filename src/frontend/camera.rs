@@ -127,8 +127,10 @@ impl FrameCamera {
     #[must_use]
     pub fn ray(&self, pixel: &Vector2<f64>) -> Vector3<f64> {
         let (width, height) = self.size();
-        let (u, v) = (pixel.x.clamp(0.0, (width - 1) as f64), pixel.y.clamp(0.0, (height - 1) as f64));
-        let (left, top) = ((u as usize).min(width.saturating_sub(2)), (v as usize).min(height.saturating_sub(2)));
+        let (u, v) =
+            (pixel.x.clamp(0.0, (width - 1) as f64), pixel.y.clamp(0.0, (height - 1) as f64));
+        let (left, top) =
+            ((u as usize).min(width.saturating_sub(2)), (v as usize).min(height.saturating_sub(2)));
         let (right, bottom) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
         let (s, t) = (u - left as f64, v - top as f64);
         let at = |u, v, i: usize| f64::from(self.rays.at(u, v)[i]);

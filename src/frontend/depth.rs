@@ -1,4 +1,5 @@
-//! Depth of structured-light cameras: its noise, and what it is at a point of the image.
+//! Depth of structured-light cameras: its noise, what it is at a point of the image, and the depth
+//! image as it would have been when the color was taken.
 
 use covis_solvers::geometry::{LieGroup, Se3, So3};
 use nalgebra::{Vector2, Vector3};

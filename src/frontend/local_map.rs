@@ -3,10 +3,12 @@
 //! Ids are the client's, from 0 without gaps. Poses and positions are in the map's frame as the
 //! server last told them; before that, as they were sent. Knows no server.
 
-use covis_solvers::geometry::Se3;
-use nalgebra::{Vector2, Vector3};
 use std::sync::Arc;
 
+use covis_solvers::geometry::Se3;
+use nalgebra::{Vector2, Vector3};
+
+use super::features::descriptor::Descriptor;
 use super::pyramid::Pyramid;
 
 /// A keyframe.
@@ -29,12 +31,8 @@ pub struct MapLandmark {
     pub point_in_world: Vector3<f64>,
     /// The keyframes that see it, and where.
     pub observations: Vec<(usize, Vector2<f64>)>,
-    /// How often a frame matched it.
-    pub matched: u32,
-    /// How often a frame looked for it.
-    pub sought: u32,
-    /// Whether the server took it out, or it was given up.
-    pub is_removed: bool,
+    /// What it looked like at first.
+    pub descriptor: Option<Descriptor>,
 }
 
 /// What the server corrected.

@@ -11,7 +11,7 @@
 //! | [`features`] | corners, descriptors, matches and the pose they tell |
 //! | [`pyramid`] | an image and its halvings |
 //! | [`camera`] | the lens, and the ray of each pixel |
-//! | [`shutter`], [`timing`] | when each row, and the depth, was taken |
+//! | [`shutter`] | rows that are exposed one after the other |
 //! | [`depth`] | noise of depth, depth at a pixel |
 //! | [`local_map`] | keyframes and landmarks as the server last told them |
 //! | [`tracking`] | where the camera is |
@@ -31,5 +31,4 @@ pub mod pipeline;
 pub mod pyramid;
 pub mod shutter;
 pub mod synthetic;
-pub mod timing;
 pub mod tracking;

@@ -6,6 +6,9 @@ use crate::frontend::camera::FrameCamera;
 use crate::frontend::tracking::keyframe::NewKeyframe;
 use crate::wire::{geometry, v1};
 
+/// The name of the frontend's descriptors.
+const DESCRIPTOR: &str = "covis-brief-256";
+
 /// The camera with its image size.
 pub(super) fn camera(id: i64, camera: &FrameCamera) -> v1::Camera {
     let (width, height) = camera.size();
@@ -20,12 +23,17 @@ pub(super) fn keyframe(camera_id: i64, keyframe: &NewKeyframe) -> v1::Keyframe {
         point_in_world: Some(geometry::vector3(&landmark.point_in_world)),
         ..v1::Landmark::default()
     });
-    let observations = keyframe.observations.iter().map(|seen| v1::Observation {
+    let observations = keyframe.observations.iter().map(|(seen, descriptor)| v1::Observation {
         landmark: Some(geometry::landmark_ref(seen.landmark as i64)),
         pixel: Some(geometry::vector2(&seen.straight)),
         sigma_px: Some(seen.sigma_px),
         depth_m: seen.depth_m.map(|(z, _)| z),
         sigma_depth_m: seen.depth_m.map(|(_, sigma)| sigma),
+        descriptor: descriptor.map(|descriptor| v1::Descriptor {
+            kind: v1::DescriptorKind::Binary.into(),
+            name: DESCRIPTOR.to_owned(),
+            data: descriptor.to_bytes().to_vec(),
+        }),
         ..v1::Observation::default()
     });
     v1::Keyframe {

@@ -4,6 +4,7 @@
 //! tracking. Ids are those of [`crate::frontend::local_map`], the client is the frontend's own.
 
 mod encode;
+pub mod run;
 
 use covis_solvers::geometry::Se3;
 use nalgebra::Vector3;
@@ -55,7 +56,10 @@ impl Mapper {
     ///
     /// # Errors
     /// [`ClientError::Rejected`] where the server refused it; why the session ended.
-    pub async fn map_keyframe(&mut self, keyframe: &NewKeyframe) -> Result<Corrections, ClientError> {
+    pub async fn map_keyframe(
+        &mut self,
+        keyframe: &NewKeyframe,
+    ) -> Result<Corrections, ClientError> {
         let sequence = self.session.send(encode::keyframe(CAMERA, keyframe)).await?;
         self.session.optimized(sequence).await?;
         let mirror = self.watch.reach(self.session.report().revision).await?;
@@ -67,8 +71,7 @@ impl Mapper {
     /// # Errors
     /// Any code of `OptimizeMap`; what the watch ended with.
     pub async fn optimize(&mut self) -> Result<Corrections, ClientError> {
-        let request =
-            v1::OptimizeMapRequest { map_id: self.map_id.clone(), ..Default::default() };
+        let request = v1::OptimizeMapRequest { map_id: self.map_id.clone(), ..Default::default() };
         self.client.optimize_map(request, |_row| {}).await?;
         let revision = self.client.get_map(&self.map_id).await?.revision;
         let mirror = self.watch.reach(revision).await?;

@@ -189,7 +189,8 @@ mod tests {
         let near = mix(&[(0.5, mode(10.0, 4.0, 8.0)), (0.5, mode(20.0, 6.0, 4.0))], &options);
         // Variance 5 + 25, below 50.
         assert_eq!(near, Some(Mode { mean: 15.0, variance: 30.0, age: 6.0 }));
-        let far = mix(&[(0.5, mode(10.0, 4.0, 8.0)), (0.5, mode(30.0, 6.0, 4.0))], &options).unwrap();
+        let far =
+            mix(&[(0.5, mode(10.0, 4.0, 8.0)), (0.5, mode(30.0, 6.0, 4.0))], &options).unwrap();
         assert_eq!((far.mean, far.variance), (20.0, 105.0));
         assert!((far.age - 6.0 * (-5.5_f32).exp()).abs() < 1e-6, "{}", far.age);
         assert_eq!(mix(&[(0.0, mode(1.0, 1.0, 1.0))], &options), None);

@@ -34,7 +34,14 @@ pub struct HistoryOptions {
 
 impl Default for HistoryOptions {
     fn default() -> Self {
-        Self { lags: [2, 5, 10, 18, 30], free_m: 0.05, free_share: 0.03, same_gray: 14.0, textured_gray: 20.0, other_gray: 12.0 }
+        Self {
+            lags: [2, 5, 10, 18, 30],
+            free_m: 0.05,
+            free_share: 0.03,
+            same_gray: 14.0,
+            textured_gray: 20.0,
+            other_gray: 12.0,
+        }
     }
 }
 
@@ -287,7 +294,10 @@ impl Witness<'_> {
 
 /// The value at a place between four cells.
 fn between(image: &Image<f32>, x: f32, y: f32) -> Option<f32> {
-    if !(x >= 0.0 && y >= 0.0) || x as usize + 1 >= image.width() || y as usize + 1 >= image.height() {
+    if !(x >= 0.0 && y >= 0.0)
+        || x as usize + 1 >= image.width()
+        || y as usize + 1 >= image.height()
+    {
         return None;
     }
     let (left, top) = (x as usize, y as usize);

@@ -168,7 +168,8 @@ fn pixels(moving: &Image<bool>, views: &Image<CellView>, depth_m: &Image<f32>) -
                         let other = views.at(c, r).depth_m;
                         other > 0.0 && (z - other).abs() < 0.04 * other
                     };
-                    let is_in = if is_inside || z <= 0.0 { is_moving } else { beside().any(is_near) };
+                    let is_in =
+                        if is_inside || z <= 0.0 { is_moving } else { beside().any(is_near) };
                     if is_in {
                         mask.set(u, v, 255);
                     }

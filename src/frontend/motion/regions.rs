@@ -51,7 +51,14 @@ pub struct RegionOptions {
 
 impl Default for RegionOptions {
     fn default() -> Self {
-        { let e = |n: &str, d: f32| std::env::var(n).ok().and_then(|s| s.parse().ok()).unwrap_or(d); Self { support: 3, least_cells: 12, still_frames: e("SF", 10.0) as u8, least_share: e("LS", 0.3), gray_share: 0.45, depth_step: 0.03 } }
+        Self {
+            support: 3,
+            least_cells: 12,
+            still_frames: 10,
+            least_share: 0.3,
+            gray_share: 0.45,
+            depth_step: 0.03,
+        }
     }
 }
 
@@ -66,12 +73,12 @@ pub fn moving_cells(evidence: &Image<CellEvidence>, options: &RegionOptions) -> 
             if !is_evident(column, row) {
                 continue;
             }
-            let beside = (row - 1..=row + 1).flat_map(|r| (column - 1..=column + 1).map(move |c| (c, r)));
+            let beside =
+                (row - 1..=row + 1).flat_map(|r| (column - 1..=column + 1).map(move |c| (c, r)));
             let support = beside.filter(|&(c, r)| is_evident(c, r)).count() - 1;
             seeds.set(column, row, support >= options.support);
         }
     }
-    if std::env::var("GS").is_ok() { gray_seeds(evidence, options, &mut seeds); }
     let mut moving = Image::filled(columns, rows, false);
     let mut is_seen = moving.clone();
     let mut thing = Vec::new();
@@ -86,44 +93,15 @@ pub fn moving_cells(evidence: &Image<CellEvidence>, options: &RegionOptions) -> 
                 continue;
             }
             let is_grown = evident as f32 >= options.least_share * thing.len() as f32;
-            for &(c, r) in thing.iter().filter(|&&(c, r)| is_grown || seeds.at(c, r) || evidence.at(c, r).is_carried) {
+            for &(c, r) in thing
+                .iter()
+                .filter(|&&(c, r)| is_grown || seeds.at(c, r) || evidence.at(c, r).is_carried)
+            {
                 moving.set(c, r, true);
             }
         }
     }
     moving
-}
-
-/// Adds the cells around which most of what can be told apart by gray level is another one.
-fn gray_seeds(evidence: &Image<CellEvidence>, options: &RegionOptions, seeds: &mut Image<bool>) {
-    const REACH: usize = 4;
-    let (columns, rows) = evidence.size();
-    // Sums over all cells left of and above.
-    let mut sums = Image::filled(columns + 1, rows + 1, (0_u32, 0_u32));
-    for row in 0..rows {
-        let mut along = (0, 0);
-        for column in 0..columns {
-            let said = evidence.at(column, row).said;
-            along.0 += u32::from(said.textured >= 2);
-            along.1 += u32::from(said.textured >= 2 && said.other_gray == said.textured);
-            let above = sums.at(column + 1, row);
-            sums.set(column + 1, row + 1, (above.0 + along.0, above.1 + along.1));
-        }
-    }
-    for row in REACH..rows.saturating_sub(REACH) {
-        for column in REACH..columns.saturating_sub(REACH) {
-            let (left, top) = (column - REACH, row - REACH);
-            let (right, bottom) = (column + REACH + 1, row + REACH + 1);
-            let sum = |of: fn((u32, u32)) -> u32| {
-                of(sums.at(right, bottom)) + of(sums.at(left, top)) - of(sums.at(right, top)) - of(sums.at(left, bottom))
-            };
-            let (textured, other) = (sum(|s| s.0), sum(|s| s.1));
-            let said = evidence.at(column, row).said;
-            if textured >= 25 && other as f32 >= options.gray_share * textured as f32 && said.textured >= 2 && said.other_gray == said.textured {
-                seeds.set(column, row, true);
-            }
-        }
-    }
 }
 
 /// The cells of the thing around `start`, which were not seen yet.

@@ -7,7 +7,7 @@
 use covis_solvers::geometry::Se3;
 
 use super::cells::{CELL, CellRays};
-use super::gaussian::{CellView, DualMode, GaussianOptions, Mode, mix};
+use super::gaussian::{DualMode, GaussianOptions, Mode, mix};
 use crate::frontend::camera::FrameCamera;
 use crate::frontend::image::Image;
 

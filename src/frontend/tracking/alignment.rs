@@ -92,7 +92,8 @@ pub fn align(
     let coarsest = options.coarsest.min(reference.len() - 1);
     for level in (options.finest.min(coarsest)..=coarsest).rev() {
         let patches = Patches::new(camera, reference.level(level), level, points);
-        outcome = Some(patches.align((camera, shutter), current.level(level), &mut state, options)?);
+        outcome =
+            Some(patches.align((camera, shutter), current.level(level), &mut state, options)?);
     }
     let (median_residual, visible) = outcome?;
     Some(Alignment {
@@ -186,7 +187,13 @@ impl Patches {
     }
 
     /// Residuals of all patches at a state, weighed by their scale (all alike where it is infinite).
-    fn sums(&self, (camera, shutter): (&FrameCamera, &Shutter), image: &Image<u8>, state: &State, scale: f32) -> Sums {
+    fn sums(
+        &self,
+        (camera, shutter): (&FrameCamera, &Shutter),
+        image: &Image<u8>,
+        state: &State,
+        scale: f32,
+    ) -> Sums {
         let mut histogram = [0_u32; 256];
         let mut hessian = SMatrix::<f64, 8, 8>::zeros();
         let mut gradient = SVector::<f64, 8>::zeros();

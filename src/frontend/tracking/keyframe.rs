@@ -1,13 +1,22 @@
-//! When a frame becomes a keyframe, and which landmarks it brings.
+//! When a frame becomes a keyframe, and which landmarks it brings: corners (FAST) in cells that no
+//! match covers, with a descriptor each. What is kept here goes to the server as it is.
+
+use std::sync::Arc;
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::{Vector2, Vector3};
 
-use super::local_matching::{Match, View};
+use super::local_matching::{Match, SIGMA_PX, View};
 use crate::frontend::depth;
-use crate::frontend::image::Image;
+use crate::frontend::features::corners::{Corner, CornerOptions, detect};
+use crate::frontend::features::descriptor::{Describer, Descriptor};
 use crate::frontend::local_map::{LocalMap, MapKeyframe, MapLandmark};
 use crate::frontend::pyramid::Pyramid;
+
+/// Pixels at the image's rim without landmarks: a patch needs them.
+const BORDER_PX: usize = 8;
+/// The distance of a scene that has no depth, meters.
+const USUAL_DEPTH_M: f64 = 2.0;
 
 /// When to take a keyframe.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,8 +62,8 @@ pub struct NewKeyframe {
     pub odom_from_camera: Se3,
     /// Landmarks that are new with it.
     pub landmarks: Vec<NewLandmark>,
-    /// What it sees, the new ones included.
-    pub observations: Vec<Match>,
+    /// What it sees, the new ones included, and what it looks like where that can be told.
+    pub observations: Vec<(Match, Option<Descriptor>)>,
 }
 
 /// Whether a frame should become a keyframe.
@@ -63,11 +72,13 @@ pub fn is_due(
     options: &KeyframeOptions,
     reference: &MapKeyframe,
     world_from_camera: &Se3,
-    inliers: usize,
-    median_depth_m: f64,
+    inliers: &[Match],
 ) -> bool {
     let motion = reference.world_from_camera.inverse().compose(world_from_camera);
-    let share = inliers as f64 / reference.observations.len().max(1) as f64;
+    let mut depths: Vec<f64> = inliers.iter().filter_map(|found| Some(found.depth_m?.0)).collect();
+    depths.sort_by(f64::total_cmp);
+    let median_depth_m = depths.get(depths.len() / 2).copied().unwrap_or(USUAL_DEPTH_M);
+    let share = inliers.len() as f64 / reference.observations.len().max(1) as f64;
     share < options.least_share
         || motion.rotation.log().norm() > options.angle_rad
         || motion.translation.norm() > options.distance_share * median_depth_m
@@ -77,40 +88,41 @@ pub fn is_due(
 pub fn add_keyframe(
     map: &mut LocalMap,
     view: &View<'_>,
-    pyramid: std::sync::Arc<Pyramid>,
-    corners: &[Vector2<f64>],
+    pyramid: &Arc<Pyramid>,
     (world_from_camera, odom_from_camera): (&Se3, &Se3),
     timestamp_s: f64,
     matches: &[Match],
+    options: &KeyframeOptions,
 ) -> NewKeyframe {
     let id = map.keyframes.len();
-    let mut observations = matches.to_vec();
+    let describer = Describer::new(view.pyramid.level(0));
+    let describe = |pixel: &Vector2<f64>| describer.describe(pixel.x as f32, pixel.y as f32);
+    let mut observations = Vec::with_capacity(matches.len());
     let mut landmarks = Vec::new();
     for found in matches {
         map.landmarks[found.landmark].observations.push((id, found.pixel));
+        observations.push((*found, describe(&found.pixel)));
     }
-    for pixel in corners {
-        let Some(z) = depth::near(view.depth_m, pixel) else { continue };
-        let ray = view.shutter.ray(view.camera, pixel);
+    for (pixel, z) in free_corners(view, matches, options.cell_px) {
+        let ray = view.shutter.ray(view.camera, &pixel);
         let point_in_world = world_from_camera.transform(&(ray * z));
-        let straight = view.shutter.straightened(view.camera, pixel);
-        let landmark = map.landmarks.len();
+        let straight = view.shutter.straightened(view.camera, &pixel);
+        let (landmark, descriptor) = (map.landmarks.len(), describe(&pixel));
         map.landmarks.push(MapLandmark {
             point_in_world,
-            observations: vec![(id, *pixel)],
-            matched: 0,
-            sought: 0,
-            is_removed: false,
+            observations: vec![(id, pixel)],
+            descriptor,
         });
         landmarks.push(NewLandmark { id: landmark, point_in_world });
         let depth_m = Some((z, depth::sigma_m(z)));
-        observations.push(Match { landmark, pixel: *pixel, straight, sigma_px: 0.7, depth_m });
+        observations
+            .push((Match { landmark, pixel, straight, sigma_px: SIGMA_PX, depth_m }, descriptor));
     }
     map.keyframes.push(MapKeyframe {
         timestamp_s,
-        pyramid,
+        pyramid: Arc::clone(pyramid),
         world_from_camera: *world_from_camera,
-        observations: observations.iter().map(|o| (o.landmark, o.pixel)).collect(),
+        observations: observations.iter().map(|(o, _)| (o.landmark, o.pixel)).collect(),
     });
     NewKeyframe {
         id,
@@ -122,51 +134,31 @@ pub fn add_keyframe(
     }
 }
 
-/// Corners, at most one in each cell that has no match, strongest first within a cell (Shi and
-/// Tomasi), only where depth is that of a surface and nothing moves.
+/// Corners with their depths, at most one in each cell that has no match: where depth is that of a
+/// surface and nothing moves.
 #[must_use]
 pub fn free_corners(
     view: &View<'_>,
-    gray: &Image<u8>,
     matches: &[Match],
     cell_px: usize,
-) -> Vec<Vector2<f64>> {
-    let (width, height) = gray.size();
-    let columns = width.div_ceil(cell_px);
-    let mut is_taken = vec![false; columns * height.div_ceil(cell_px)];
+) -> Vec<(Vector2<f64>, f64)> {
+    let gray = view.pyramid.level(0);
+    let columns = gray.width().div_ceil(cell_px);
+    let mut is_taken = vec![false; columns * gray.height().div_ceil(cell_px)];
+    let cell = |u: usize, v: usize| v / cell_px * columns + u / cell_px;
     for found in matches {
-        is_taken[found.pixel.y as usize / cell_px * columns + found.pixel.x as usize / cell_px] = true;
+        is_taken[cell(found.pixel.x as usize, found.pixel.y as usize)] = true;
     }
-    let mut corners = Vec::new();
-    for (cell, is_taken) in is_taken.iter().enumerate() {
-        if *is_taken {
-            continue;
-        }
-        let (left, top) = (cell % columns * cell_px, cell / columns * cell_px);
-        let mut best = (300.0_f32, None);
-        for v in (top.max(8)..(top + cell_px).min(height - 8)).step_by(2) {
-            for u in (left.max(8)..(left + cell_px).min(width - 8)).step_by(2) {
-                let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-                for dv in 0..5 {
-                    for du in 0..5 {
-                        let (x, y) = (u + du - 2, v + dv - 2);
-                        let gx = f32::from(gray.at(x + 1, y)) - f32::from(gray.at(x - 1, y));
-                        let gy = f32::from(gray.at(x, y + 1)) - f32::from(gray.at(x, y - 1));
-                        xx += gx * gx;
-                        xy += gx * gy;
-                        yy += gy * gy;
-                    }
-                }
-                let weaker = 0.5 * (xx + yy - ((xx - yy).powi(2) + 4.0 * xy * xy).sqrt());
-                if weaker > best.0 {
-                    let pixel = Vector2::new(u as f64, v as f64);
-                    if !view.is_moving(&pixel) && depth::near(view.depth_m, &pixel).is_some() {
-                        best = (weaker, Some(pixel));
-                    }
-                }
-            }
-        }
-        corners.extend(best.1);
-    }
-    corners
+    let is_allowed = |u: usize, v: usize| {
+        !is_taken[cell(u, v)]
+            && depth::on_surface(view.depth_m, u, v).is_some()
+            && !view.is_moving(&Vector2::new(u as f64, v as f64))
+    };
+    let options = CornerOptions { cell_px, border_px: BORDER_PX, ..CornerOptions::default() };
+    let corners = detect(gray, &options, is_allowed);
+    let with_depth = |corner: Corner| {
+        let pixel = Vector2::new(corner.u as f64, corner.v as f64);
+        (pixel, f64::from(view.depth_m.at(corner.u, corner.v)))
+    };
+    corners.into_iter().map(with_depth).collect()
 }

@@ -16,7 +16,7 @@ use crate::frontend::pyramid::{Pyramid, scale};
 use crate::frontend::shutter::Shutter;
 
 /// Standard deviation of a match on the finest level, pixels.
-const SIGMA_PX: f64 = 0.7;
+pub(super) const SIGMA_PX: f64 = 0.7;
 /// Landmarks of a keyframe by which its overlap is estimated.
 const SAMPLES: usize = 40;
 /// A measured depth that is off by more than this many of its sigmas, and [`FARTHEST_M`], shows
@@ -98,10 +98,10 @@ struct Candidate {
     depth_m: f64,
 }
 
-/// Looks for the landmarks of the local map; counts in the map which were sought and found.
+/// Looks for the landmarks of the local map.
 pub fn match_landmarks(
     view: &View<'_>,
-    map: &mut LocalMap,
+    map: &LocalMap,
     world_from_camera: &Se3,
     options: &MatchOptions,
 ) -> Vec<Match> {
@@ -114,9 +114,7 @@ pub fn match_landmarks(
             break;
         }
         for candidate in cells[cell].iter().take(TRIES) {
-            map.landmarks[candidate.landmark].sought += 1;
             if let Some(found) = find(view, map, candidate, world_from_camera, options.finest) {
-                map.landmarks[candidate.landmark].matched += 1;
                 matches.push(found);
                 break;
             }
@@ -170,7 +168,7 @@ fn candidates(
     for &keyframe in local {
         for &(id, _) in &map.keyframes[keyframe].observations {
             let landmark = &map.landmarks[id];
-            if std::mem::replace(&mut is_taken[id], true) || landmark.is_removed {
+            if std::mem::replace(&mut is_taken[id], true) {
                 continue;
             }
             let point = camera_from_world.transform(&landmark.point_in_world);

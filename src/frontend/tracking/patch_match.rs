@@ -66,10 +66,8 @@ impl WarpedPatch {
         let (u, v) = (to_level(pixel.x, source) as f32, to_level(pixel.y, source) as f32);
         // Inside everywhere when the corners are.
         let reach = FRAMED as f32 * 0.5;
-        let (du, dv) = (
-            (warp.m11.abs() + warp.m12.abs()) * reach,
-            (warp.m21.abs() + warp.m22.abs()) * reach,
-        );
+        let (du, dv) =
+            ((warp.m11.abs() + warp.m12.abs()) * reach, (warp.m21.abs() + warp.m22.abs()) * reach);
         let (right, bottom) = ((image.width() - 2) as f32, (image.height() - 2) as f32);
         if u - du < 0.0 || v - dv < 0.0 || u + du >= right || v + dv >= bottom {
             return None;
@@ -111,7 +109,8 @@ impl WarpedPatch {
             return None;
         }
         let inverse = hessian.try_inverse()?;
-        let start = (to_level(expected.x, self.level) as f32, to_level(expected.y, self.level) as f32);
+        let start =
+            (to_level(expected.x, self.level) as f32, to_level(expected.y, self.level) as f32);
         let (mut u, mut v) = start;
         let mean: f32 = patch.iter().sum::<f32>() / AREA as f32;
         let mut gamma = 0.0;

@@ -7,7 +7,6 @@ use nalgebra::Vector2;
 use super::alignment::AlignmentPoint;
 use super::local_matching::View;
 use crate::frontend::depth;
-use crate::frontend::image::Image;
 
 /// Side of a cell, pixels.
 const CELL: usize = 16;
@@ -16,9 +15,10 @@ const LEAST: i32 = 18 * 18;
 /// Farthest depth that says where a point is, meters.
 const FARTHEST_M: f32 = 8.0;
 
-/// Selects points of an image.
+/// Selects points of a frame.
 #[must_use]
-pub fn select_points(view: &View<'_>, gray: &Image<u8>) -> Vec<AlignmentPoint> {
+pub fn select_points(view: &View<'_>) -> Vec<AlignmentPoint> {
+    let gray = view.pyramid.level(0);
     let (width, height) = gray.size();
     let mut points = Vec::new();
     let mut best = vec![(LEAST, 0, 0); width.div_ceil(CELL)];

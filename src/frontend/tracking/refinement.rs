@@ -74,14 +74,20 @@ pub fn refine_pose(
                 scale = (errors[errors.len() / 2] / MEDIAN_CHI2).sqrt().clamp(1.0, LARGEST_SCALE);
             }
             1 => {
-                let fits =
-                    |i: usize| refined.squared_errors[i] < LARGEST_CHI2 && !refined.behind_camera[i];
+                let fits = |i: usize| {
+                    refined.squared_errors[i] < LARGEST_CHI2 && !refined.behind_camera[i]
+                };
                 kept = (0..kept.len()).filter(|&i| fits(i)).map(|i| kept[i]).collect();
             }
             _ => {
                 let information = refined.information;
                 information.cholesky()?;
-                return Some(RefinedPose { world_from_camera: pose, information, inliers: kept, scale });
+                return Some(RefinedPose {
+                    world_from_camera: pose,
+                    information,
+                    inliers: kept,
+                    scale,
+                });
             }
         }
     }

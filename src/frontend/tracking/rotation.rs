@@ -131,7 +131,10 @@ fn blurred(image: &Image<f32>) -> Image<f32> {
 }
 
 fn sampled(image: &Image<f32>, u: f32, v: f32) -> Option<f32> {
-    if !(u >= 0.0 && v >= 0.0) || u as usize + 1 >= image.width() || v as usize + 1 >= image.height() {
+    if !(u >= 0.0 && v >= 0.0)
+        || u as usize + 1 >= image.width()
+        || v as usize + 1 >= image.height()
+    {
         return None;
     }
     let (left, top) = (u as usize, v as usize);
