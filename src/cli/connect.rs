@@ -32,6 +32,11 @@ pub(super) struct Connection {
 }
 
 impl Connection {
+    /// Whether a flag names the server.
+    pub(super) fn names_server(&self) -> bool {
+        self.server.is_some()
+    }
+
     /// The settings that flags override.
     pub(super) fn layer(&self) -> Layer {
         Layer {

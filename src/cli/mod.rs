@@ -15,6 +15,7 @@ pub mod map;
 pub mod output;
 pub mod progress;
 pub mod replay;
+mod run;
 mod serve;
 mod signals;
 mod solve;
@@ -61,6 +62,8 @@ enum Command {
     Backup(backup::Args),
     /// Compare trajectories: absolute (APE) or relative pose error (RPE).
     Eval(eval::Args),
+    /// Track an RGB-D sequence with the reference frontend, through a server.
+    Run(run::Args),
     /// Run a whole session on a synthetic scene, server included.
     Demo(demo::Args),
     /// Write synthetic data with its truth.
@@ -75,6 +78,7 @@ impl Command {
             Self::Solve(args) => args.layer(),
             Self::Replay(args) => args.layer(),
             Self::Map(args) => args.layer(),
+            Self::Run(args) => args.layer(),
             Self::Doctor(_) | Self::Backup(_) | Self::Eval(_) | Self::Demo(_) | Self::Synth(_) => {
                 Layer::default()
             }
@@ -113,6 +117,7 @@ fn dispatch(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Doctor(args) => doctor::run(&args),
         Command::Backup(args) => backup::run(&args),
         Command::Eval(args) => eval::run(&args),
+        Command::Run(args) => run::run(&args, &config),
         Command::Demo(args) => demo::run(args, &config),
         Command::Synth(args) => synth::run(&args),
     }

@@ -8,9 +8,9 @@ use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::testing::{Scene, SceneObservation};
 
 use super::super::progress::Progress;
-use crate::wire::geometry;
 use super::{CLIENT, MAP};
 use crate::client::{Client, IngestReport, IngestSession, MapWatch, SessionOptions, WatchOptions};
+use crate::wire::geometry;
 use crate::wire::v1;
 
 /// The camera's id.

@@ -18,11 +18,11 @@ use tokio::net::TcpListener;
 
 use super::config::Config;
 use super::output::print;
-use crate::wire::geometry;
 use super::serve::server_config;
 use crate::client::Client;
 use crate::evaluation::{Evaluation, ape};
 use crate::service::Server;
+use crate::wire::geometry;
 use crate::wire::v1;
 
 /// The demo's map.

@@ -7,9 +7,9 @@
 
 use prost::Message;
 
-use crate::wire::geometry;
 use super::recording::Recording;
 use crate::client::Item;
+use crate::wire::geometry;
 use crate::wire::v1;
 
 /// Room for what surrounds lists in a message: tags, lengths, sequence, references.

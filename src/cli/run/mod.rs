@@ -1,0 +1,229 @@
+//! `covis run`: the reference frontend on a recorded or a synthetic sequence.
+//!
+//! Opens the source, starts a server in this process or connects to one, and writes what the run
+//! left. Truth that lies beside a sequence is never opened. Tracking and mapping are
+//! [`crate::frontend`]'s.
+
+pub(super) mod embedded;
+mod masks;
+mod report;
+mod source;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Context, bail};
+use fs_err as fs;
+
+use super::config::{Config, Layer};
+use super::connect::{self, Connection};
+use super::output::print;
+use super::progress::Progress;
+use crate::client::Client;
+use crate::frontend::camera::FrameCamera;
+use crate::frontend::image::{Image, RgbdFrame};
+use crate::frontend::input::{FrameError, SensorTiming};
+use crate::frontend::mapping::run::{Companion, RunReport, Target, run as track};
+use crate::frontend::motion::MotionOptions;
+use crate::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
+use embedded::Embedded;
+use masks::{GivenMasks, SavedMasks};
+use source::Peeked;
+pub(super) use source::Source;
+
+/// The frontend's name as a client.
+const CLIENT: &str = "frontend";
+
+/// Arguments of `covis run`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// tum:FOLDER (TUM RGB-D or 7-Scenes layout), or synthetic:SCENE.
+    source: Source,
+    #[command(flatten)]
+    connection: Connection,
+    /// The map to make on the server.
+    #[arg(long, value_name = "NAME", default_value = "run")]
+    map: String,
+    /// Folder for trajectories and masks; made where it is missing.
+    #[arg(long, value_name = "FOLDER", default_value = "covis-run")]
+    out: PathBuf,
+    /// Intrinsics, px: a file, or fx,fy,cx,cy[,k1,k2,p1,p2,k3].
+    #[arg(long, value_name = "FILE|NUMBERS")]
+    camera: Option<String>,
+    /// From the first row's exposure to the last row's [default: what camera.txt says, else a Kinect's
+    /// 26.1].
+    #[arg(long, value_name = "MILLISECONDS")]
+    readout_ms: Option<f64>,
+    /// How much later than their timestamps depth images are taken [default: what camera.txt says,
+    /// else -15].
+    #[arg(long, value_name = "MILLISECONDS", allow_negative_numbers = true)]
+    depth_late_ms: Option<f64>,
+    /// Detect nothing that moves.
+    #[arg(long)]
+    no_mask: bool,
+    /// Masks of what is known to move, one a frame: PNG, above 127 where it moves, named by the
+    /// frame's timestamp.
+    #[arg(long, value_name = "FOLDER")]
+    mask_dir: Option<PathBuf>,
+    /// Write the masks of what moves to OUT/masks.
+    #[arg(long)]
+    save_masks: bool,
+    /// Threads; with one, frames are decoded between others' tracking [default: all processors].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
+    threads: Option<u16>,
+    /// Seed of a synthetic scene.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Frames of a synthetic scene.
+    #[arg(long, value_name = "N")]
+    frames: Option<usize>,
+    /// Print one JSON object instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Args {
+    /// The settings that flags override.
+    pub(super) fn layer(&self) -> Layer {
+        self.connection.layer()
+    }
+}
+
+/// How a sequence is run, apart from where it comes from.
+#[derive(Clone, Debug, Default)]
+pub(super) struct RunOptions {
+    /// Intrinsics as given.
+    pub(super) camera: Option<String>,
+    /// Readout and lateness of depth as given, seconds.
+    pub(super) timing: (Option<f64>, Option<f64>),
+    /// Whether what moves is left out.
+    pub(super) removes_motion: bool,
+    /// Masks that the user gives.
+    pub(super) mask_dir: Option<PathBuf>,
+    /// Where the masks go.
+    pub(super) saved_masks: Option<PathBuf>,
+    /// Threads; one decodes nothing ahead.
+    pub(super) threads: usize,
+}
+
+/// Runs the frontend.
+///
+/// # Errors
+/// A source that cannot be opened, a server that cannot be reached, a folder that cannot be written.
+pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
+    // Seen now rather than after the run.
+    fs::create_dir_all(&args.out)?;
+    let available = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = args.threads.map_or(available, usize::from);
+    let seconds = |ms: Option<f64>| ms.map(|ms| ms * 1e-3);
+    let options = RunOptions {
+        camera: args.camera.clone(),
+        timing: (seconds(args.readout_ms), seconds(args.depth_late_ms)),
+        removes_motion: !args.no_mask,
+        mask_dir: args.mask_dir.clone(),
+        saved_masks: args.save_masks.then(|| args.out.join("masks")),
+        threads,
+    };
+    let source = args.source.clone().with(args.seed, args.frames);
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(threads)
+        .enable_all()
+        .build()
+        .context("the async runtime")?;
+    let report = runtime.block_on(async {
+        if args.connection.names_server() {
+            let client = connect::connect(config).await?;
+            return sequence(&source, &options, &client, &args.map).await;
+        }
+        let server = Embedded::start(config).await?;
+        let report = sequence(&source, &options, &server.client, &args.map).await;
+        server.stop().await;
+        report
+    })?;
+    report::write(&report, &args.out)?;
+    if args.json {
+        print(serde_json::to_string(&report::document(&report))?)?;
+    } else {
+        print(report::table(&report, &args.out))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Runs one sequence into a new map.
+pub(super) async fn sequence(
+    source: &Source,
+    options: &RunOptions,
+    client: &Client,
+    map: &str,
+) -> anyhow::Result<RunReport> {
+    let source = source.open(options.camera.as_deref())?;
+    let usual = source.timing();
+    let readout_s = options.timing.0.unwrap_or(usual.readout_s);
+    let depth_late_s = options.timing.1.unwrap_or(usual.depth_late_s);
+    let Some(timing) = SensorTiming::new(readout_s, depth_late_s) else {
+        bail!("--readout-ms must be 0 to 100 and --depth-late-ms -100 to 100");
+    };
+    let frames = Peeked::new(source)?;
+    let (width, height) = frames.size;
+    let camera = FrameCamera::new(*frames.source.camera(), width, height)
+        .context("the camera's distortion leaves pixels without a ray: check its coefficients")?;
+    let motion = options.removes_motion.then(MotionOptions::default);
+    let pipeline =
+        Pipeline::new(camera, PipelineOptions { motion, timing, ..PipelineOptions::default() });
+    client
+        .create_map(map, None)
+        .await
+        .with_context(|| format!("map {map} (--map names another)"))?;
+    let mut companion = Watcher {
+        progress: Progress::new("frames", frames.source.len() as u64),
+        given: options.mask_dir.as_deref().map(GivenMasks::open).transpose()?,
+        saved: options.saved_masks.as_deref().map(SavedMasks::open).transpose()?,
+        failure: None,
+    };
+    let target = Target { client, map_id: map, client_id: CLIENT };
+    let report =
+        track(Box::new(frames), pipeline, target, options.threads > 1, &mut companion).await?;
+    companion.progress.finish();
+    match companion.failure {
+        Some(failure) => Err(failure),
+        None => Ok(report),
+    }
+}
+
+/// Progress, masks in and masks out.
+struct Watcher {
+    progress: Progress,
+    given: Option<GivenMasks>,
+    saved: Option<SavedMasks>,
+    /// The first thing that could not be read or written.
+    failure: Option<anyhow::Error>,
+}
+
+impl Companion for Watcher {
+    fn mask(&mut self, timestamp_s: f64) -> Option<Image<u8>> {
+        match self.given.as_ref()?.of(timestamp_s) {
+            Ok(mask) => mask,
+            Err(error) => {
+                self.failure.get_or_insert(error);
+                None
+            }
+        }
+    }
+
+    fn tracked(&mut self, frame: &RgbdFrame, outcome: &Outcome) {
+        self.progress.advance(1);
+        if outcome.tracked.is_none() {
+            tracing::warn!("{:.6} s: tracking is lost", frame.timestamp_s);
+        }
+        if let Some(saved) = &self.saved
+            && let Err(error) = saved.write(frame, outcome.moving.as_ref())
+        {
+            self.failure.get_or_insert(error);
+        }
+    }
+
+    fn skipped(&mut self, error: &FrameError) {
+        self.progress.advance(1);
+        tracing::warn!("frame skipped: {error}");
+    }
+}

@@ -1,0 +1,103 @@
+//! What a run left: trajectories as files, figures as a table or as JSON. Counts and quantiles only;
+//! errors against a truth are `covis eval`'s.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use covis_solvers::geometry::Se3;
+use covis_solvers::io::trajectory::Trajectory;
+use serde::Serialize;
+
+use crate::frontend::mapping::run::RunReport;
+use crate::frontend::pipeline::StageSeconds;
+
+/// The object of `--json`.
+#[derive(Debug, Serialize)]
+pub(super) struct Document {
+    frames: usize,
+    skipped: usize,
+    tracked: usize,
+    lost: usize,
+    keyframes: usize,
+    landmarks: usize,
+    stages: BTreeMap<&'static str, Quantiles>,
+}
+
+#[derive(Debug, Serialize)]
+struct Quantiles {
+    p50_ms: f64,
+    p99_ms: f64,
+}
+
+impl Quantiles {
+    fn of(seconds: impl Iterator<Item = f64>) -> Self {
+        let mut all: Vec<f64> = seconds.collect();
+        all.sort_by(f64::total_cmp);
+        let at = |share: f64| {
+            let index = (share * all.len() as f64) as usize;
+            all.get(index.min(all.len().saturating_sub(1))).map_or(0.0, |s| s * 1e3)
+        };
+        Self { p50_ms: at(0.5), p99_ms: at(0.99) }
+    }
+}
+
+/// The figures of a run.
+pub(super) fn document(report: &RunReport) -> Document {
+    let durations = &report.durations;
+    let stage = |of: fn(&StageSeconds) -> f64| Quantiles::of(durations.stages.iter().map(of));
+    let stages = BTreeMap::from([
+        ("decode", Quantiles::of(durations.decode.iter().copied())),
+        ("track", stage(|s| s.track)),
+        ("align", stage(|s| s.align)),
+        ("mask", stage(|s| s.mask)),
+        ("refine", stage(|s| s.refine)),
+        ("map", Quantiles::of(durations.map.iter().copied())),
+    ]);
+    Document {
+        frames: report.frames,
+        skipped: report.skipped,
+        tracked: report.live.len(),
+        lost: report.lost(),
+        keyframes: report.keyframes.len(),
+        landmarks: report.landmarks,
+        stages,
+    }
+}
+
+/// Writes `trajectory.txt`, `trajectory_live.txt` and `keyframes.txt`.
+pub(super) fn write(report: &RunReport, out: &Path) -> anyhow::Result<()> {
+    let live = report.live.iter().map(|t| (t.timestamp_s, t.world_from_camera));
+    tum(report.trajectory.iter().copied()).write(&out.join("trajectory.txt"))?;
+    tum(live).write(&out.join("trajectory_live.txt"))?;
+    tum(report.keyframes.iter().copied()).write(&out.join("keyframes.txt"))?;
+    Ok(())
+}
+
+fn tum(poses: impl Iterator<Item = (f64, Se3)>) -> Trajectory {
+    let mut trajectory = Trajectory::default();
+    poses.for_each(|(time, pose)| trajectory.push(time, pose));
+    trajectory
+}
+
+/// The figures as text.
+pub(super) fn table(report: &RunReport, out: &Path) -> String {
+    let document = document(report);
+    let mut text = format!(
+        "{} frames: {} tracked, {} lost, {} skipped\n{} keyframes, {} landmarks\n\n{:>8}  {:>9}  {:>9}",
+        document.frames,
+        document.tracked,
+        document.lost,
+        document.skipped,
+        document.keyframes,
+        document.landmarks,
+        "stage",
+        "p50",
+        "p99"
+    );
+    for (name, quantiles) in &document.stages {
+        let Quantiles { p50_ms, p99_ms } = quantiles;
+        text.push_str(&format!("\n{name:>8}  {p50_ms:>6.1} ms  {p99_ms:>6.1} ms"));
+    }
+    text.push_str(&format!("\n\nTrajectories are in {}", out.display()));
+    text
+}
