@@ -100,3 +100,47 @@ pub fn point_in_world(
 ) -> Vector3<f64> {
     world_from_camera.transform(&(camera.ray(pixel) * depth_m))
 }
+
+#[cfg(test)]
+mod tests {
+    use covis_solvers::geometry::PinholeRadialTangential;
+    use nalgebra::Vector3;
+
+    use super::*;
+
+    #[test]
+    fn depth_is_read_where_the_ray_was_when_it_was_taken() {
+        let lens = PinholeRadialTangential::undistorted(260.0, 260.0, 159.5, 119.5);
+        let camera = FrameCamera::new(lens, 320, 240).unwrap();
+        // Each pixel's depth tells where it lies.
+        let mut depth_m = Image::filled(320, 240, 0.0);
+        for v in 0..240 {
+            for u in 0..320 {
+                depth_m.set(u, v, 1.0 + (v * 320 + u) as f32);
+            }
+        }
+        let rotation = So3::exp(&Vector3::new(0.02, -0.03, 0.04));
+        let out = synchronized(&camera, &depth_m, &rotation).unwrap();
+        for (u, v) in [(60, 50), (160, 120), (250, 180), (100, 201)] {
+            let ray = rotation.matrix() * camera.ray(&Vector2::new(f64::from(u), f64::from(v)));
+            let place = camera.project(&ray).unwrap();
+            let read = out.at(u as usize, v as usize) as usize - 1;
+            let (x, y) = ((read % 320) as f64, (read / 320) as f64);
+            assert!((x - place.x).abs() < 0.7 && (y - place.y).abs() < 0.7, "{u} {v}: {x} {y}");
+        }
+        assert_eq!(synchronized(&camera, &depth_m, &So3::identity()), None);
+    }
+
+    #[test]
+    fn depth_at_an_edge_or_without_neighbors_is_none() {
+        let mut depth_m = Image::filled(9, 9, 2.0);
+        assert_eq!(near(&depth_m, &Vector2::new(4.3, 3.8)), Some(2.0));
+        assert_eq!(near(&depth_m, &Vector2::new(0.0, 4.0)), None);
+        assert_eq!(near(&depth_m, &Vector2::new(-7.0, 400.0)), None);
+        depth_m.set(5, 4, 2.5);
+        assert_eq!(near(&depth_m, &Vector2::new(4.0, 4.0)), None);
+        depth_m.set(5, 4, 0.0);
+        assert_eq!(near(&depth_m, &Vector2::new(4.0, 4.0)), None);
+        assert_eq!(near(&depth_m, &Vector2::new(5.0, 4.0)), None);
+    }
+}

@@ -52,3 +52,58 @@ impl Shutter {
         camera.project(&(ray + turn.cross(&ray))).unwrap_or(*pixel)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use covis_solvers::geometry::{LieGroup, PinholeRadialTangential, So3};
+
+    use super::*;
+
+    fn camera() -> FrameCamera {
+        let (k1, k2, p1, p2, k3) = (0.26, -0.95, -0.005, 0.003, 1.16);
+        let model = PinholeRadialTangential {
+            k1,
+            k2,
+            p1,
+            p2,
+            k3,
+            ..PinholeRadialTangential::undistorted(517.0, 516.0, 318.0, 255.0)
+        };
+        FrameCamera::new(model, 640, 480).unwrap()
+    }
+
+    #[test]
+    fn a_point_is_projected_where_its_row_saw_it_and_its_ray_leads_back() {
+        let camera = camera();
+        let (rate, readout_s) = (Vector3::new(0.9, -1.2, 0.7), 0.026);
+        let shutter = Shutter::new(&camera, &rate, readout_s);
+        for (u, v) in [(40.0, 30.0), (600.0, 60.0), (320.0, 240.0), (100.0, 450.0)] {
+            let pixel = Vector2::new(u, v);
+            let point = shutter.ray(&camera, &pixel) * 2.5;
+            let back = shutter.project(&camera, &point).unwrap();
+            assert!((back - pixel).norm() < 0.15, "{pixel}: {back}");
+            // What that row saw: the camera turned, so that the point turned the other way.
+            let time_s = (back.y - 239.5) / 480.0 * readout_s;
+            let seen = So3::exp(&(rate * time_s)).inverse().matrix() * point;
+            let truth = camera.project(&seen).unwrap();
+            assert!((truth - back).norm() < 0.15, "{pixel}: {truth}");
+            let straight = shutter.straightened(&camera, &pixel);
+            assert!((straight - camera.project(&point).unwrap()).norm() < 1e-6);
+        }
+        assert!(
+            (shutter.straightened(&camera, &Vector2::new(40.0, 30.0)) - Vector2::new(40.0, 30.0))
+                .norm()
+                > 5.0
+        );
+    }
+
+    #[test]
+    fn a_global_shutter_changes_nothing() {
+        let camera = camera();
+        let shutter = Shutter::new(&camera, &Vector3::new(3.0, 2.0, 1.0), 0.0);
+        let point = Vector3::new(0.3, -0.2, 1.5);
+        assert_eq!(shutter.project(&camera, &point), camera.project(&point));
+        let pixel = Vector2::new(77.0, 401.0);
+        assert_eq!(shutter.ray(&camera, &pixel), camera.ray(&pixel));
+    }
+}

@@ -15,6 +15,8 @@
 
 mod initial;
 mod relocalization;
+#[cfg(test)]
+mod tests;
 
 use std::sync::Arc;
 use std::time::Instant;

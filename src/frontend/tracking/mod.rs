@@ -18,3 +18,5 @@ mod patch_match;
 pub mod points;
 pub mod refinement;
 pub mod rotation;
+#[cfg(test)]
+mod tests;
