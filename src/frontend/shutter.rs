@@ -31,8 +31,12 @@ impl Shutter {
         if self.turn_per_row == Vector3::zeros() {
             return Some(pixel);
         }
-        let turn = self.turn_per_row * (pixel.y - self.middle_row);
-        camera.project(&(point - turn.cross(point)))
+        // The row that sees it is not that of the middle; the second guess is to a tenth of a pixel.
+        let seen_by = |row: f64| {
+            let turn = self.turn_per_row * (row - self.middle_row);
+            camera.project(&(point - turn.cross(point)))
+        };
+        seen_by(seen_by(pixel.y)?.y)
     }
 
     /// The point at depth z = 1 on a pixel's ray, in the middle row's camera frame.
