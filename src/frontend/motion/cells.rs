@@ -1,5 +1,4 @@
-//! A frame in cells of 4 × 4 pixels: what the motion models see of it. Knows the lens, for the rays
-//! of cells, and no motion.
+//! A frame in cells of 4 × 4 pixels: what the motion models see of it.
 
 use nalgebra::Vector2;
 
@@ -90,4 +89,38 @@ fn depth(depth_m: &Image<f32>, left: usize, top: usize) -> f32 {
     let measured = &mut measured[..count];
     measured.sort_unstable_by(f32::total_cmp);
     if count < 2 { 0.0 } else { measured[(count - 1) / 2] }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cell_has_mean_least_largest_and_lower_median_of_four_depths() {
+        let mut gray = Image::filled(10, 9, 100_u8);
+        gray.set(4, 0, 20);
+        gray.set(7, 3, 196);
+        let mut depth_m = Image::filled(10, 9, 0.0_f32);
+        for ((u, v), z) in [((5, 0), 3.0), ((7, 1), 1.0), ((4, 2), 2.0), ((6, 3), 4.0)] {
+            depth_m.set(u, v, z);
+        }
+        depth_m.set(1, 0, 5.0);
+        let cells = view_cells(&gray, &depth_m);
+        assert_eq!(cells.size(), (2, 2));
+        let mixed = CellView { mean: 101.0, least: 20.0, largest: 196.0, depth_m: 2.0 };
+        assert_eq!(cells.at(1, 0), mixed);
+        // One depth of four is not enough.
+        let plain = CellView { mean: 100.0, least: 100.0, largest: 100.0, depth_m: 0.0 };
+        assert_eq!(cells.at(0, 0), plain);
+    }
+
+    #[test]
+    fn cells_without_depth_have_about_that_of_those_before() {
+        let mut cells = Image::filled(7, 1, CellView { depth_m: 2.0, ..CellView::default() });
+        cells.set(3, 0, CellView { depth_m: 3.0, ..CellView::default() });
+        cells.set(4, 0, CellView::default());
+        let depths = filled_depths(&cells);
+        assert_eq!(depths.at(2, 0), 2.0);
+        assert!((depths.at(4, 0) - 2.9).abs() < 1e-6, "{}", depths.at(4, 0));
+    }
 }

@@ -9,8 +9,10 @@
 pub struct GaussianOptions {
     /// θ_s: squared distance to a mean, in variances, up to which a cell matches it.
     pub match_chi2: f32,
-    /// θ_d: the same for a pixel, above which it is foreground.
+    /// θ_d: the same above which it is foreground.
     pub foreground_chi2: f32,
+    /// Age from which on a background is known, frames.
+    pub known_age: f32,
     /// Variance of a mode that has just begun, and least variance, gray levels squared.
     pub least_variance: f32,
     /// α_max, frames.
@@ -26,6 +28,7 @@ impl Default for GaussianOptions {
         Self {
             match_chi2: 2.0,
             foreground_chi2: 4.0,
+            known_age: 4.0,
             least_variance: 100.0,
             largest_age: 60.0,
             decay_variance: 2500.0,
@@ -45,6 +48,9 @@ pub struct Mode {
     pub age: f32,
 }
 
+/// Gray level from which on a pixel is saturated.
+const SATURATED: f32 = 250.0;
+
 /// What a frame shows in a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CellView {
@@ -56,6 +62,14 @@ pub struct CellView {
     pub largest: f32,
     /// Depth, meters; 0 where none was measured.
     pub depth_m: f32,
+}
+
+impl CellView {
+    /// Whether it is too bright for its gray levels to say anything.
+    #[must_use]
+    pub fn is_saturated(&self) -> bool {
+        self.largest >= SATURATED
+    }
 }
 
 /// Both modes of a cell.
@@ -99,6 +113,16 @@ fn spread(mean: f32, view: &CellView) -> f32 {
 }
 
 impl DualMode {
+    /// Whether a cell is foreground to the background; `None` where that is not known for long.
+    #[must_use]
+    pub fn is_foreground(&self, view: &CellView, options: &GaussianOptions) -> Option<bool> {
+        if self.background.age < options.known_age || view.is_saturated() {
+            return None;
+        }
+        let away = view.mean - self.background.mean;
+        Some(away * away > options.foreground_chi2 * self.background.variance)
+    }
+
     /// Updates the mode that matches, begins a candidate where none does, and lets a candidate that
     /// is older take the background's place. Whether the background matched.
     pub fn update(&mut self, view: &CellView, options: &GaussianOptions) -> bool {
@@ -180,6 +204,19 @@ mod tests {
         // The age ends at α_max.
         assert!(cell.update(&view(119.0, 1.0), &options));
         assert_eq!(cell.background.age, 3.0);
+    }
+
+    #[test]
+    fn foreground_is_what_is_far_from_a_background_that_is_known() {
+        let options = plain(25.0);
+        let background = Mode { mean: 100.0, variance: 25.0, age: 3.0 };
+        let mut cell = DualMode { background, ..DualMode::default() };
+        assert_eq!(cell.is_foreground(&view(200.0, 1.0), &options), None);
+        cell.background.age = 4.0;
+        // 2 σ = 10 gray levels.
+        assert_eq!(cell.is_foreground(&view(111.0, 1.0), &options), Some(true));
+        assert_eq!(cell.is_foreground(&view(91.0, 1.0), &options), Some(false));
+        assert_eq!(cell.is_foreground(&view(240.0, 10.0), &options), None);
     }
 
     #[test]

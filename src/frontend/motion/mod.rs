@@ -5,11 +5,11 @@
 //! | [`cells`] | a frame in cells of 4 × 4 pixels |
 //! | [`gaussian`] | the dual-mode single Gaussian model of a cell |
 //! | [`warp`] | models carried along by the camera's motion |
-//! | [`history`] | space that earlier frames saw to be free |
-//! | [`regions`] | evidence of cells grown to whole things |
+//! | [`history`] | votes of earlier frames: space that was free, surfaces that were there |
+//! | [`regions`] | votes of cells spread along surfaces, and things that move |
 //!
-//! Where depth is measured it decides: what stands where space was free has moved there. Gray levels
-//! decide where depth is missing. Knows poses and images, and nothing of the map.
+//! Where depth is measured, earlier frames have most of the votes; where it is missing, the Gaussian
+//! models have all. Knows poses and images, and nothing of the map.
 
 pub mod cells;
 pub mod gaussian;
@@ -44,8 +44,6 @@ pub struct MotionDetector {
     options: MotionOptions,
     rays: CellRays,
     modes: Image<DualMode>,
-    /// Depths of what moved in the frame before, meters; 0 elsewhere.
-    moving: Image<f32>,
     history: History,
     odom_from_camera: Se3,
 }
@@ -58,7 +56,6 @@ impl MotionDetector {
         Self {
             options,
             modes: rays.map(|_| DualMode::default()),
-            moving: rays.map(|_| 0.0),
             rays,
             history: History::default(),
             odom_from_camera: Se3::identity(),
@@ -81,47 +78,25 @@ impl MotionDetector {
         self.modes = carry(&warp, &self.modes, &filled_depths(&views), exposure, gaussian);
         let current =
             Current { camera, rays: &self.rays, cells: &views, odom_from_camera, exposure };
-        let said = self.history.ask(&current, neighbors, history);
+        let votes = self.history.ask(&current, neighbors, history);
         let mut evidence = Image::filled(views.width(), views.height(), CellEvidence::default());
-        let mut updated = std::mem::take(&mut self.modes);
-        let cells = updated.pixels_mut().iter_mut().zip(evidence.pixels_mut());
+        let cells = self.modes.pixels_mut().iter_mut().zip(evidence.pixels_mut());
         for (i, (modes, evidence)) in cells.enumerate() {
-            let view = &views.pixels()[i];
-            let is_changed = is_foreground(modes, view, gaussian);
+            let (view, mut votes) = (&views.pixels()[i], votes.pixels()[i]);
+            let gray = if view.depth_m > 0.0 { &regions.gray_votes } else { &regions.blind_votes };
+            match modes.is_foreground(view, gaussian) {
+                Some(true) => votes.moves += gray.moves,
+                Some(false) => votes.stands += gray.stands,
+                None => {}
+            }
             modes.update(view, gaussian);
-            let is_carried = view.depth_m > 0.0
-                && said.pixels()[i].oldest_same < 18
-                && warp.place(i, view.depth_m).is_some_and(|(x, y, z)| self.was_moving(x, y, z));
-            *evidence = CellEvidence {
-                said: said.pixels()[i],
-                depth_m: view.depth_m,
-                is_changed,
-                is_carried,
-            };
+            *evidence = CellEvidence { votes, depth_m: view.depth_m };
         }
-        self.modes = updated;
         let moving = moving_cells(&evidence, regions);
         let mask = pixels(&moving, &views, depth_m);
-        self.moving = moving.map(|_| 0.0);
-        for (i, depth) in self.moving.pixels_mut().iter_mut().enumerate() {
-            *depth = if moving.pixels()[i] { views.pixels()[i].depth_m } else { 0.0 };
-        }
-        self.history.push(&current, history);
+        self.history.push(&current, &moving, history);
         self.odom_from_camera = *odom_from_camera;
         mask
-    }
-
-    /// Whether the frame before shows something moving near a cell, at about that depth.
-    fn was_moving(&self, x: f32, y: f32, depth_m: f32) -> bool {
-        const REACH: f32 = 3.0;
-        let (columns, rows) = self.moving.size();
-        let from = |center: f32| (center - REACH).max(0.0) as usize;
-        let to = |center: f32, size: usize| ((center + REACH + 1.0).max(0.0) as usize).min(size);
-        (from(y)..to(y, rows)).any(|row| {
-            let row = self.moving.row(row);
-            let (left, right) = (from(x), to(x, columns));
-            left < right && row[left..right].iter().any(|z| (z - depth_m).abs() < 0.05 * depth_m)
-        })
     }
 
     /// Keeps the frame that was detected last as a keyframe.
@@ -134,14 +109,6 @@ impl MotionDetector {
         self.history.settle(odom_from_camera);
         self.odom_from_camera = *odom_from_camera;
     }
-}
-
-/// Whether a cell's mean is foreground to a background that is known for a while.
-fn is_foreground(modes: &DualMode, view: &CellView, options: &GaussianOptions) -> bool {
-    const KNOWN: f32 = 4.0;
-    let away = view.mean - modes.background.mean;
-    let limit = options.foreground_chi2 * modes.background.variance;
-    modes.background.age >= KNOWN && away * away > limit
 }
 
 /// Cells as pixels; at the border of what moves, depth says which side a pixel is on.

@@ -1,63 +1,56 @@
-//! From the evidence of single cells to the things that move.
+//! From what is known of single cells to the things that move.
 //!
-//! A thing is a patch of cells whose depth changes little from one to the next. It moves where
-//! enough of it stands before a background that is known; then all of it that has not been seen to
-//! stand still moves.
+//! Votes spread along surfaces and end at steps of depth (the recursive filter of Gastal and
+//! Oliveira, "Domain transform for edge-aware image and video processing", 2011). A cell moves where
+//! most of the votes that reach it say so.
 
-use super::history::Testimony;
+use super::history::Votes;
 use crate::frontend::image::Image;
 
 /// What is known of a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CellEvidence {
-    /// What earlier frames say.
-    pub said: Testimony,
+    /// What frames and models say.
+    pub votes: Votes,
     /// Depth, meters; 0 where none was measured.
     pub depth_m: f32,
-    /// Whether its gray level is foreground to its model.
-    pub is_changed: bool,
-    /// Whether something as far away moved about here in the frame before.
-    pub is_carried: bool,
-}
-
-impl CellEvidence {
-    /// Whether it stands where space was free.
-    fn has_moved(&self) -> bool {
-        self.said.free > 0
-    }
-
-    /// Whether it was seen to stand still for that many frames.
-    fn is_still(&self, frames: u8) -> bool {
-        self.said.free == 0 && self.said.oldest_same >= frames
-    }
 }
 
 /// Parameters of the regions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RegionOptions {
-    /// Cells beside a moving one that must be moving as well, of eight.
-    pub support: usize,
-    /// Least cells of a thing.
-    pub least_cells: usize,
-    /// What is as it was so many frames ago stands still.
-    pub still_frames: u8,
-    /// Least share of a thing's cells that must be seen to move.
-    pub least_share: f32,
-    /// Least share of the textured cells around a cell whose gray level changed.
-    pub gray_share: f32,
-    /// Largest step of depth from one cell to the next, relative.
+    /// Votes of the Gaussian model of a cell with depth.
+    pub gray_votes: Votes,
+    /// Votes of that of a cell without.
+    pub blind_votes: Votes,
+    /// How far votes reach, cells.
+    pub reach: f32,
+    /// Largest step of depth from one cell of a surface to the next, relative.
     pub depth_step: f32,
+    /// How much of a vote passes between a cell with depth and one without.
+    pub passes_unknown: f32,
+    /// Share of the votes above which a cell moves.
+    pub moves_share: f32,
+    /// Share above which a cell beside one that moves belongs to it.
+    pub grows_share: f32,
+    /// Votes that must reach a cell.
+    pub least_votes: f32,
+    /// Least cells of a thing that move.
+    pub least_cells: usize,
 }
 
 impl Default for RegionOptions {
     fn default() -> Self {
         Self {
-            support: 3,
-            least_cells: 12,
-            still_frames: 10,
-            least_share: 0.3,
-            gray_share: 0.45,
-            depth_step: 0.03,
+            gray_votes: Votes { moves: 0.5, stands: 0.5 },
+            blind_votes: Votes { moves: 0.3, stands: 1.0 },
+            reach: 4.0,
+            depth_step: 0.02,
+            passes_unknown: 0.1,
+            moves_share: 0.6,
+            grows_share: 0.45,
+            least_votes: 0.2,
+            least_cells: 20,
         }
     }
 }
@@ -65,61 +58,37 @@ impl Default for RegionOptions {
 /// The cells that move.
 #[must_use]
 pub fn moving_cells(evidence: &Image<CellEvidence>, options: &RegionOptions) -> Image<bool> {
-    let (columns, rows) = evidence.size();
-    let is_evident = |c: usize, r: usize| evidence.at(c, r).has_moved();
-    let mut seeds = Image::filled(columns, rows, false);
-    for row in 1..rows.saturating_sub(1) {
-        for column in 1..columns.saturating_sub(1) {
-            if !is_evident(column, row) {
-                continue;
-            }
-            let beside =
-                (row - 1..=row + 1).flat_map(|r| (column - 1..=column + 1).map(move |c| (c, r)));
-            let support = beside.filter(|&(c, r)| is_evident(c, r)).count() - 1;
-            seeds.set(column, row, support >= options.support);
-        }
-    }
-    let mut moving = Image::filled(columns, rows, false);
-    let mut is_seen = moving.clone();
+    let shares = spread(evidence, options).map(|Votes { moves, stands }| {
+        let votes = moves + stands;
+        if votes < options.least_votes { 0.0 } else { moves / votes }
+    });
+    let (columns, rows) = shares.size();
+    let mut moving = shares.map(|_| false);
+    let mut is_left = shares.map(|share| share >= options.grows_share);
     let mut thing = Vec::new();
     for row in 0..rows {
         for column in 0..columns {
-            if is_seen.at(column, row) || !seeds.at(column, row) {
-                continue;
-            }
-            fill(evidence, &mut is_seen, (column, row), options, &mut thing);
-            let evident = thing.iter().filter(|&&(c, r)| seeds.at(c, r)).count();
-            if evident < options.least_cells {
-                continue;
-            }
-            let is_grown = evident as f32 >= options.least_share * thing.len() as f32;
-            for &(c, r) in thing
-                .iter()
-                .filter(|&&(c, r)| is_grown || seeds.at(c, r) || evidence.at(c, r).is_carried)
-            {
-                moving.set(c, r, true);
+            take_thing(&mut is_left, (column, row), &mut thing);
+            let is_sure = |&&(c, r): &&(usize, usize)| shares.at(c, r) >= options.moves_share;
+            if thing.iter().filter(is_sure).count() >= options.least_cells {
+                thing.iter().for_each(|&(c, r)| moving.set(c, r, true));
             }
         }
     }
     moving
 }
 
-/// The cells of the thing around `start`, which were not seen yet.
-fn fill(
-    evidence: &Image<CellEvidence>,
-    is_seen: &mut Image<bool>,
-    start: (usize, usize),
-    options: &RegionOptions,
-    thing: &mut Vec<(usize, usize)>,
-) {
-    let (columns, rows) = evidence.size();
+/// Takes the connected cells around `start` that are left.
+fn take_thing(is_left: &mut Image<bool>, start: (usize, usize), thing: &mut Vec<(usize, usize)>) {
+    let (columns, rows) = is_left.size();
     thing.clear();
-    thing.push(start);
-    is_seen.set(start.0, start.1, true);
+    if is_left.at(start.0, start.1) {
+        is_left.set(start.0, start.1, false);
+        thing.push(start);
+    }
     let mut next = 0;
     while let Some(&(column, row)) = thing.get(next) {
         next += 1;
-        let here = evidence.at(column, row);
         let beside = [
             (column.wrapping_sub(1), row),
             (column + 1, row),
@@ -127,17 +96,123 @@ fn fill(
             (column, row + 1),
         ];
         for (c, r) in beside {
-            if c >= columns || r >= rows || is_seen.at(c, r) {
-                continue;
-            }
-            let there = evidence.at(c, r);
-            let is_one = there.depth_m > 0.0
-                && here.depth_m > 0.0
-                && (there.depth_m - here.depth_m).abs() < options.depth_step * here.depth_m;
-            if is_one && (there.is_carried || !there.is_still(options.still_frames)) {
-                is_seen.set(c, r, true);
+            if c < columns && r < rows && is_left.at(c, r) {
+                is_left.set(c, r, false);
                 thing.push((c, r));
             }
         }
+    }
+}
+
+/// The votes that reach each cell along its surface.
+fn spread(evidence: &Image<CellEvidence>, options: &RegionOptions) -> Image<Votes> {
+    /// After two, votes reach about as far across as along.
+    const ROUNDS: usize = 2;
+    let (columns, rows) = evidence.size();
+    let fade = (-1.0 / options.reach).exp();
+    let cells = evidence.pixels();
+    let mut votes = evidence.map(|cell| cell.votes);
+    let all = votes.pixels_mut();
+    let mut pass = |from: usize, to: usize| {
+        let (a, b) = (cells[from].depth_m, cells[to].depth_m);
+        let share = match (a > 0.0, b > 0.0) {
+            (true, true) if (a - b).abs() < options.depth_step * a.min(b) => fade,
+            (true, true) => return,
+            (false, false) => fade,
+            _ => options.passes_unknown * fade,
+        };
+        let before = all[from];
+        let here = &mut all[to];
+        here.moves += share * (before.moves - here.moves);
+        here.stands += share * (before.stands - here.stands);
+    };
+    for _ in 0..ROUNDS {
+        for row in (0..rows).map(|row| row * columns) {
+            (1..columns).for_each(|c| pass(row + c - 1, row + c));
+            (1..columns).rev().for_each(|c| pass(row + c, row + c - 1));
+        }
+        let below = columns..rows * columns;
+        below.clone().for_each(|i| pass(i - columns, i));
+        below.rev().for_each(|i| pass(i, i - columns));
+    }
+    votes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STANDS: Votes = Votes { moves: 0.0, stands: 4.0 };
+    const MOVES: Votes = Votes { moves: 4.0, stands: 1.0 };
+
+    /// A wall at 2 m that stands.
+    fn wall() -> Image<CellEvidence> {
+        Image::filled(100, 80, CellEvidence { votes: STANDS, depth_m: 2.0 })
+    }
+
+    fn is_box(column: usize, row: usize) -> bool {
+        (30..70).contains(&column) && (20..60).contains(&row)
+    }
+
+    fn with_box(cell: impl Fn(usize, usize) -> CellEvidence) -> Image<CellEvidence> {
+        let mut evidence = wall();
+        for row in 20..60 {
+            (30..70).for_each(|column| evidence.set(column, row, cell(column, row)));
+        }
+        evidence
+    }
+
+    #[test]
+    fn a_thing_moves_as_a_whole_where_part_of_it_is_known_to_and_the_wall_behind_does_not() {
+        let evidence = with_box(|column, _| {
+            let votes = if column < 60 { MOVES } else { Votes::default() };
+            CellEvidence { votes, depth_m: 1.2 }
+        });
+        let moving = moving_cells(&evidence, &RegionOptions::default());
+        for row in 0..80 {
+            for column in 0..100 {
+                assert_eq!(moving.at(column, row), is_box(column, row), "{column} {row}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_thing_that_touches_a_still_wall_ends_near_there() {
+        let evidence = with_box(|_, _| CellEvidence { votes: MOVES, depth_m: 1.99 });
+        let moving = moving_cells(&evidence, &RegionOptions::default());
+        for row in 0..80 {
+            for column in 0..100 {
+                let is_deep = (40..60).contains(&column) && (30..50).contains(&row);
+                let is_beyond = !(28..72).contains(&column) || !(18..62).contains(&row);
+                if is_deep || is_beyond {
+                    assert_eq!(moving.at(column, row), is_deep, "{column} {row}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn single_cells_and_cells_of_which_nothing_is_known_do_not_move() {
+        let mut evidence = wall();
+        evidence.set(5, 5, CellEvidence { votes: MOVES, depth_m: 1.2 });
+        evidence.set(20, 20, CellEvidence { votes: MOVES, depth_m: 2.0 });
+        let options = RegionOptions::default();
+        assert!(!moving_cells(&evidence, &options).pixels().contains(&true));
+        let unknown = evidence.map(|_| CellEvidence { depth_m: 1.0, ..CellEvidence::default() });
+        assert!(!moving_cells(&unknown, &options).pixels().contains(&true));
+    }
+
+    #[test]
+    fn without_depth_the_votes_of_gray_levels_decide() {
+        let options = RegionOptions::default();
+        let foreground = Votes { stands: 0.0, ..options.blind_votes };
+        let moving = moving_cells(
+            &with_box(|_, _| CellEvidence { votes: foreground, depth_m: 0.0 }),
+            &options,
+        );
+        assert!(moving.at(50, 40) && !moving.at(5, 40), "a patch without depth");
+        let background = Votes { moves: 0.0, ..options.blind_votes };
+        let still = with_box(|_, _| CellEvidence { votes: background, depth_m: 0.0 });
+        assert!(!moving_cells(&still, &options).pixels().contains(&true));
     }
 }

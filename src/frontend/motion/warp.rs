@@ -30,6 +30,12 @@ impl Exposure {
         self.gain * gray + self.offset
     }
 
+    /// Standard deviation of that, gray levels: half of the change, which is no straight line.
+    #[must_use]
+    pub fn doubt(&self, gray: f32) -> f32 {
+        0.5 * (self.apply(gray) - gray).abs()
+    }
+
     /// From the earliest to the latest of three frames: this after `before`.
     #[must_use]
     pub fn after(&self, before: &Self) -> Self {
@@ -125,7 +131,60 @@ fn mixed(
     let Some(mut mode) = mix(&parts, options) else { return Mode::default() };
     // What is covered in part is not known for as long.
     mode.age *= parts.iter().map(|part| part.0).sum::<f32>().min(1.0);
+    let doubt = exposure.doubt(mode.mean);
     mode.mean = exposure.apply(mode.mean);
-    mode.variance *= exposure.gain * exposure.gain;
+    mode.variance = exposure.gain * exposure.gain * mode.variance + doubt * doubt;
     mode
+}
+
+#[cfg(test)]
+mod tests {
+    use covis_solvers::geometry::{LieGroup, PinholeRadialTangential, So3};
+    use nalgebra::Vector3;
+
+    use super::super::cells::cell_rays;
+    use super::*;
+
+    #[test]
+    fn models_are_carried_by_a_known_rotation_to_within_a_fraction_of_a_cell() {
+        let [k1, k2, p1, p2, k3] = [0.0; 5];
+        let (fx, fy, cx, cy) = (160.0, 160.0, 79.5, 59.5);
+        let lens = PinholeRadialTangential { fx, fy, cx, cy, k1, k2, p1, p2, k3 };
+        let camera = FrameCamera::new(lens, 160, 120).unwrap();
+        let rays = cell_rays(&camera);
+        // Gray levels that grow by ten from column to column tell where a model came from.
+        let mut models = rays.map(|_| DualMode::default());
+        for row in 0..30 {
+            for column in 0..40 {
+                let background = Mode { mean: 10.0 * column as f32, variance: 4.0, age: 8.0 };
+                models.set(column, row, DualMode { background, ..DualMode::default() });
+            }
+        }
+        let angle = 0.08;
+        let turn = Se3::new(So3::exp(&Vector3::new(0.0, angle, 0.0)), Vector3::zeros());
+        let warp = CellWarp::new(&camera, &rays, &turn);
+        let exposure = Exposure { gain: 1.0, offset: 6.0 };
+        let options = GaussianOptions::default();
+        let carried = carry(&warp, &models, &rays.map(|_| 2.0), exposure, &options);
+        for column in 2..34 {
+            let middle = 4.0 * column as f64 + 1.5;
+            let from = cx + fx * (((middle - cx) / fx).atan() + angle).tan();
+            let expected = 10.0 * ((from as f32 + 0.5) / 4.0 - 0.5) + 6.0;
+            let mode = carried.at(column, 15).background;
+            assert!((mode.mean - expected).abs() < 0.5, "{column}: {} {expected}", mode.mean);
+            assert!((mode.age - 8.0).abs() < 1e-3);
+        }
+        // The last columns were not seen before.
+        assert_eq!(carried.at(39, 15), DualMode::default());
+    }
+
+    #[test]
+    fn exposures_follow_each_other_and_a_large_change_is_doubtful() {
+        let (first, second) =
+            (Exposure { gain: 2.0, offset: 3.0 }, Exposure { gain: 0.5, offset: -1.0 });
+        let both = second.after(&first);
+        assert_eq!(both.apply(10.0), second.apply(first.apply(10.0)));
+        assert_eq!(Exposure::SAME.doubt(200.0), 0.0);
+        assert_eq!(first.doubt(10.0), 6.5);
+    }
 }
