@@ -64,7 +64,7 @@ enum Command {
     Eval(eval::Args),
     /// Track an RGB-D sequence with the reference frontend, through a server.
     Run(run::Args),
-    /// Run a whole session on a synthetic scene, server included.
+    /// Track a synthetic room in which people walk, with and without the mask, server included.
     Demo(demo::Args),
     /// Write synthetic data with its truth.
     Synth(synth::Args),
