@@ -5,6 +5,7 @@
 //! success, 1 for a failure with one line on standard error, 2 for wrong usage. No mathematics here.
 
 mod backup;
+mod bench_frontend;
 pub mod config;
 mod connect;
 pub mod demo;
@@ -64,7 +65,9 @@ enum Command {
     Eval(eval::Args),
     /// Track an RGB-D sequence with the reference frontend, through a server.
     Run(run::Args),
-    /// Run a whole session on a synthetic scene, server included.
+    /// Measure the reference frontend on sequences with truth, with and without the mask.
+    BenchFrontend(bench_frontend::Args),
+    /// Track a synthetic room in which people walk, with and without the mask, server included.
     Demo(demo::Args),
     /// Write synthetic data with its truth.
     Synth(synth::Args),
@@ -79,9 +82,12 @@ impl Command {
             Self::Replay(args) => args.layer(),
             Self::Map(args) => args.layer(),
             Self::Run(args) => args.layer(),
-            Self::Doctor(_) | Self::Backup(_) | Self::Eval(_) | Self::Demo(_) | Self::Synth(_) => {
-                Layer::default()
-            }
+            Self::Doctor(_)
+            | Self::Backup(_)
+            | Self::Eval(_)
+            | Self::BenchFrontend(_)
+            | Self::Demo(_)
+            | Self::Synth(_) => Layer::default(),
         }
     }
 }
@@ -118,6 +124,7 @@ fn dispatch(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Backup(args) => backup::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Run(args) => run::run(&args, &config),
+        Command::BenchFrontend(args) => bench_frontend::run(&args, &config),
         Command::Demo(args) => demo::run(args, &config),
         Command::Synth(args) => synth::run(&args),
     }

@@ -8,6 +8,7 @@ mod cli_config;
 mod cli_eval;
 mod cli_eval_mask;
 mod cli_pose_graph;
+mod cli_run;
 mod cli_solve;
 mod cli_support;
 mod cli_synth;

@@ -57,19 +57,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             }
         }
         ([truth, estimate], false) => {
-            let (true_masks, masks) = (list(truth)?, list(estimate)?);
-            let pairs = pair(&true_masks, &masks);
-            truth_only = true_masks.len() - pairs.len();
-            estimate_only = masks.len() - pairs.len();
-            for (a, b) in pairs {
-                frames.push(overlap(&true_masks[a].path, &masks[b].path)?);
-            }
-            ensure!(
-                !frames.is_empty(),
-                "no masks of {} and {} are of the same time",
-                truth.display(),
-                estimate.display()
-            );
+            let compared = compare(truth, estimate)?;
+            (frames, truth_only, estimate_only) =
+                (compared.frames, compared.truth_only, compared.estimate_only);
         }
         (_, true) => bail!("--static takes the folder of the estimated masks only"),
         (_, false) => {
@@ -91,6 +81,34 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         print(table(&document, &evaluation))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// What two folders of masks have in common.
+pub(in crate::cli) struct Compared {
+    /// Of the frames that both have, at least one.
+    pub(in crate::cli) frames: Vec<MaskOverlap>,
+    /// True masks without an estimated one, and the other way around.
+    truth_only: usize,
+    estimate_only: usize,
+}
+
+/// Compares the masks of a folder with those of the truth that are of the same times.
+pub(in crate::cli) fn compare(truth: &Path, estimate: &Path) -> anyhow::Result<Compared> {
+    let (true_masks, masks) = (list(truth)?, list(estimate)?);
+    let pairs = pair(&true_masks, &masks);
+    let truth_only = true_masks.len() - pairs.len();
+    let estimate_only = masks.len() - pairs.len();
+    let mut frames = Vec::new();
+    for (a, b) in pairs {
+        frames.push(overlap(&true_masks[a].path, &masks[b].path)?);
+    }
+    ensure!(
+        !frames.is_empty(),
+        "no masks of {} and {} are of the same time",
+        truth.display(),
+        estimate.display()
+    );
+    Ok(Compared { frames, truth_only, estimate_only })
 }
 
 fn table(document: &Document, evaluation: &MaskEvaluation) -> String {

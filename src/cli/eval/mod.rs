@@ -4,7 +4,7 @@
 //! with `evaluate_rpe.py` of the TUM RGB-D benchmark. All mathematics stands in
 //! [`crate::evaluation`].
 
-mod mask;
+pub(super) mod mask;
 
 use std::path::PathBuf;
 use std::process::ExitCode;

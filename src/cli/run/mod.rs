@@ -6,7 +6,7 @@
 
 pub(super) mod embedded;
 mod masks;
-mod report;
+pub(super) mod report;
 mod source;
 
 use std::path::PathBuf;

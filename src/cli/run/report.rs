@@ -23,10 +23,11 @@ pub(super) struct Document {
     stages: BTreeMap<&'static str, Quantiles>,
 }
 
-#[derive(Debug, Serialize)]
-struct Quantiles {
-    p50_ms: f64,
-    p99_ms: f64,
+/// Of the durations of a stage.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(in crate::cli) struct Quantiles {
+    pub(in crate::cli) p50_ms: f64,
+    pub(in crate::cli) p99_ms: f64,
 }
 
 impl Quantiles {
@@ -41,13 +42,23 @@ impl Quantiles {
     }
 }
 
+/// Tracking a frame, mask included and decoding not.
+pub(in crate::cli) fn track(report: &RunReport) -> Quantiles {
+    Quantiles::of(report.durations.stages.iter().map(|s| s.track))
+}
+
+/// Every tracked frame on the final map.
+pub(in crate::cli) fn trajectory(report: &RunReport) -> Trajectory {
+    tum(report.trajectory.iter().copied())
+}
+
 /// The figures of a run.
 pub(super) fn document(report: &RunReport) -> Document {
     let durations = &report.durations;
     let stage = |of: fn(&StageSeconds) -> f64| Quantiles::of(durations.stages.iter().map(of));
     let stages = BTreeMap::from([
         ("decode", Quantiles::of(durations.decode.iter().copied())),
-        ("track", stage(|s| s.track)),
+        ("track", track(report)),
         ("align", stage(|s| s.align)),
         ("mask", stage(|s| s.mask)),
         ("refine", stage(|s| s.refine)),
@@ -65,9 +76,9 @@ pub(super) fn document(report: &RunReport) -> Document {
 }
 
 /// Writes `trajectory.txt`, `trajectory_live.txt` and `keyframes.txt`.
-pub(super) fn write(report: &RunReport, out: &Path) -> anyhow::Result<()> {
+pub(in crate::cli) fn write(report: &RunReport, out: &Path) -> anyhow::Result<()> {
     let live = report.live.iter().map(|t| (t.timestamp_s, t.world_from_camera));
-    tum(report.trajectory.iter().copied()).write(&out.join("trajectory.txt"))?;
+    trajectory(report).write(&out.join("trajectory.txt"))?;
     tum(live).write(&out.join("trajectory_live.txt"))?;
     tum(report.keyframes.iter().copied()).write(&out.join("keyframes.txt"))?;
     Ok(())

@@ -1,0 +1,279 @@
+//! `covis bench-frontend`: the reference frontend on sequences whose truth is known, with and without
+//! removal of what moves, as the paper's Table 1 has it.
+//!
+//! | file | role |
+//! |---|---|
+//! | this | runs each sequence twice, each time on a new map of a server in this process |
+//! | `truth` | what is known of a sequence, and what a run's errors are against it |
+//! | `table` | the report for people |
+//!
+//! A run never sees the truth, which is opened when both runs of a sequence have ended. A sequence
+//! that cannot be run is told and the next one follows.
+
+mod table;
+mod truth;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use anyhow::Context;
+use fs_err as fs;
+use serde::Serialize;
+
+use super::config::Config;
+use super::output::print;
+use super::run::embedded::Embedded;
+use super::run::{RunOptions, Source, report, sequence};
+use crate::evaluation::{MethodFigures, PaperRow, paper_row};
+use crate::frontend::mapping::run::RunReport;
+use truth::Truth;
+
+/// The share of the frames that a run must have tracked to count.
+const LEAST_TRACKED_SHARE: f64 = 0.99;
+
+/// Arguments of `covis bench-frontend`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// tum:FOLDER (TUM RGB-D or 7-Scenes layout), or synthetic:SCENE.
+    #[arg(required = true, value_name = "SEQUENCE")]
+    sequences: Vec<Source>,
+    /// Folder for trajectories and masks, those of each run in a folder of its own.
+    #[arg(long, value_name = "FOLDER", default_value = "covis-bench-frontend")]
+    out: PathBuf,
+    /// Threads; with one, frames are decoded between others' tracking.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
+    threads: u16,
+    /// Seed of synthetic scenes.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Frames of synthetic scenes.
+    #[arg(long, value_name = "N")]
+    frames: Option<usize>,
+    /// Print one JSON object instead of tables.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The object of `--json`.
+#[derive(Debug, Serialize)]
+struct Document {
+    sequences: Vec<Row>,
+}
+
+/// One sequence. What is not known is null.
+#[derive(Debug, Serialize)]
+struct Row {
+    source: String,
+    name: String,
+    /// Why there are no figures, or not all.
+    error: Option<String>,
+    with_mask: Option<RunFigures>,
+    without_mask: Option<RunFigures>,
+    /// By how much the mask reduces the drift; of runs that count.
+    reduction_percent: Reduction,
+    /// Mean over the frames whose truth covers at least 2 %.
+    mask_iou: Option<f64>,
+    paper: Option<PaperFigures>,
+}
+
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+struct Reduction {
+    translation: Option<f64>,
+    rotation: Option<f64>,
+}
+
+/// One run.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct RunFigures {
+    frames: usize,
+    skipped: usize,
+    tracked: usize,
+    lost: usize,
+    /// Whether it counts: no frame is lost, and at least 99 % are in the trajectory.
+    counts: bool,
+    rpe_translation_m_per_s: Option<f64>,
+    rpe_rotation_deg_per_s: Option<f64>,
+    ate_m: Option<f64>,
+    track: report::Quantiles,
+}
+
+impl RunFigures {
+    fn of(run: &RunReport) -> Self {
+        let (frames, tracked, lost) = (run.frames, run.live.len(), run.lost());
+        let all = frames + run.skipped;
+        Self {
+            frames,
+            skipped: run.skipped,
+            tracked,
+            lost,
+            counts: lost == 0 && tracked as f64 >= LEAST_TRACKED_SHARE * all as f64,
+            rpe_translation_m_per_s: None,
+            rpe_rotation_deg_per_s: None,
+            ate_m: None,
+            track: report::track(run),
+        }
+    }
+}
+
+/// The paper's row; null where a method failed.
+#[derive(Debug, Serialize)]
+struct PaperFigures {
+    sequence: &'static str,
+    translation_m_per_s: PaperMethods,
+    rotation_deg_per_s: PaperMethods,
+}
+
+#[derive(Clone, Copy, Debug, Serialize)]
+struct PaperMethods {
+    dvo: f64,
+    bamvo: f64,
+    static_weight: f64,
+    without_removal: Option<f64>,
+    with_removal: Option<f64>,
+}
+
+impl From<&MethodFigures> for PaperMethods {
+    fn from(figures: &MethodFigures) -> Self {
+        let MethodFigures { dvo, bamvo, static_weight, without_removal, with_removal } = *figures;
+        Self { dvo, bamvo, static_weight, without_removal, with_removal }
+    }
+}
+
+impl From<&PaperRow> for PaperFigures {
+    fn from(row: &PaperRow) -> Self {
+        Self {
+            sequence: row.sequence,
+            translation_m_per_s: (&row.translation_m_per_s).into(),
+            rotation_deg_per_s: (&row.rotation_deg_per_s).into(),
+        }
+    }
+}
+
+/// Runs all sequences, compares, prints. The exit code is 1 where one of them failed.
+///
+/// # Errors
+/// An output folder that cannot be written; what fails in a sequence is in its row.
+pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
+    fs::create_dir_all(&args.out)?;
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(usize::from(args.threads))
+        .enable_all()
+        .build()
+        .context("the async runtime")?;
+    let mut sequences = Vec::new();
+    for (index, source) in args.sequences.iter().enumerate() {
+        let source = source.clone().with(args.seed, args.frames);
+        let name = name(&source);
+        tracing::info!("{name}");
+        let mut row = Row {
+            source: label(&source),
+            error: None,
+            with_mask: None,
+            without_mask: None,
+            reduction_percent: Reduction::default(),
+            mask_iou: None,
+            paper: paper_row(&name).filter(|_| matches!(source, Source::Folder(_))).map(Into::into),
+            name,
+        };
+        // Two folders may have one name.
+        let out = args.out.join(format!("{}-{}", index + 1, row.name));
+        let threads = usize::from(args.threads);
+        if let Err(error) = runtime.block_on(measure(&source, &out, threads, config, &mut row)) {
+            let error = format!("{error:#}").replace('\n', " ");
+            tracing::error!("{}: {error}", row.source);
+            row.error = Some(error);
+        }
+        sequences.push(row);
+    }
+    let is_whole = sequences.iter().all(|row| row.error.is_none());
+    if args.json {
+        print(serde_json::to_string(&Document { sequences })?)?;
+    } else {
+        print(table::text(&sequences))?;
+    }
+    Ok(if is_whole { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+}
+
+/// Both runs of a sequence, then their errors.
+async fn measure(
+    source: &Source,
+    out: &Path,
+    threads: usize,
+    config: &Config,
+    row: &mut Row,
+) -> anyhow::Result<()> {
+    let masks = out.join("with_mask").join("masks");
+    if masks.exists() {
+        // Those of an earlier run, which may have had other frames.
+        fs::remove_dir_all(&masks)?;
+    }
+    let with_mask = once(source, &out.join("with_mask"), Some(masks.clone()), threads, config)
+        .await
+        .context("with the mask")?;
+    row.with_mask = Some(RunFigures::of(&with_mask));
+    let without_mask = once(source, &out.join("without_mask"), None, threads, config)
+        .await
+        .context("without the mask")?;
+    row.without_mask = Some(RunFigures::of(&without_mask));
+
+    let truth = Truth::open(source, &out.join("truth"))?;
+    for (figures, run) in [(&mut row.with_mask, &with_mask), (&mut row.without_mask, &without_mask)]
+    {
+        if let Some(figures) = figures {
+            truth.compare(run, figures);
+        }
+    }
+    row.mask_iou = truth.mask_iou(&masks)?;
+    row.reduction_percent = Reduction {
+        translation: reduction(row, |run| run.rpe_translation_m_per_s),
+        rotation: reduction(row, |run| run.rpe_rotation_deg_per_s),
+    };
+    Ok(())
+}
+
+/// One run through a server of its own. Masks are saved where the mask is on.
+async fn once(
+    source: &Source,
+    out: &Path,
+    saved_masks: Option<PathBuf>,
+    threads: usize,
+    config: &Config,
+) -> anyhow::Result<RunReport> {
+    fs::create_dir_all(out)?;
+    let removes_motion = saved_masks.is_some();
+    let options = RunOptions { removes_motion, saved_masks, threads, ..RunOptions::default() };
+    let server = Embedded::start(config).await?;
+    let run = sequence(source, &options, &server.client, "bench").await;
+    server.stop().await;
+    let run = run?;
+    report::write(&run, out)?;
+    Ok(run)
+}
+
+/// By how much the mask makes a figure smaller, where both runs count.
+fn reduction(row: &Row, figure: fn(&RunFigures) -> Option<f64>) -> Option<f64> {
+    let of = |run: &Option<RunFigures>| run.as_ref().filter(|run| run.counts).and_then(figure);
+    let (with, without) = (of(&row.with_mask)?, of(&row.without_mask)?);
+    (without > 0.0).then(|| 100.0 * (1.0 - with / without))
+}
+
+/// As the source was named.
+fn label(source: &Source) -> String {
+    match source {
+        Source::Folder(folder) => format!("tum:{}", folder.display()),
+        Source::Synthetic(scene, ..) => format!("synthetic:{scene}"),
+    }
+}
+
+/// The folder's or the scene's name.
+fn name(source: &Source) -> String {
+    match source {
+        Source::Folder(folder) => {
+            // `.` has a name as well.
+            let whole = fs::canonicalize(folder).unwrap_or_else(|_| folder.clone());
+            let name = whole.file_name().map(|name| name.to_string_lossy().into_owned());
+            name.unwrap_or_else(|| "sequence".to_owned())
+        }
+        Source::Synthetic(scene, ..) => scene.to_string(),
+    }
+}
