@@ -121,13 +121,16 @@ fn others(rows: &[Row], width: usize) -> String {
     text
 }
 
+/// What is compared: its name, the paper's figures of it and covis' own.
+type Unit = (&'static str, fn(&PaperFigures) -> PaperMethods, fn(&RunFigures) -> Option<f64>);
+
 /// The paper's Table 1 for these sequences, and covis' two columns.
 fn beside_the_paper(rows: &[Row], width: usize) -> String {
     let width = width.max(18);
     let known: Vec<(&Row, &PaperFigures)> =
         rows.iter().filter_map(|row| Some((row, row.paper.as_ref()?))).collect();
     let mut parts = Vec::new();
-    let units: [(&str, fn(&PaperFigures) -> PaperMethods, fn(&RunFigures) -> Option<f64>); 2] = [
+    let units: [Unit; 2] = [
         ("translation, m/s", |p| p.translation_m_per_s, |r| r.rpe_translation_m_per_s),
         ("rotation, deg/s", |p| p.rotation_deg_per_s, |r| r.rpe_rotation_deg_per_s),
     ];
