@@ -1,4 +1,5 @@
 //! A frame in cells of 4 × 4 pixels: what the motion models see of it.
+//! Knows the lens, for the rays of cells, and no motion.
 
 use nalgebra::Vector2;
 
