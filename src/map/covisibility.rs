@@ -79,14 +79,23 @@ impl Covisibility {
         covisibility
     }
 
-    /// Counts one more landmark seen by `keyframe` and by each of `observers`.
-    pub(super) fn add(&mut self, keyframe: EntityId, observers: &[EntityId]) {
-        for &other in observers.iter().filter(|&&o| o != keyframe) {
+    /// Counts landmarks more that `keyframe` shares: `observers` names another keyframe once for each,
+    /// in any order, and is left sorted.
+    ///
+    /// A row is looked up once a neighbor, not once a landmark: a keyframe shares hundreds of them
+    /// with each.
+    pub(super) fn add(&mut self, keyframe: EntityId, observers: &mut [EntityId]) {
+        observers.sort_unstable();
+        for run in observers.chunk_by(|a, b| a == b) {
+            let (other, landmarks) = (run[0], run.len() as u32);
+            if other == keyframe {
+                continue;
+            }
             for (a, b) in [(keyframe, other), (other, keyframe)] {
                 let row = self.rows.entry(a).or_default();
                 let count = Arc::make_mut(row).entry(b).or_insert(0);
-                *count += 1;
-                self.entry_count += u64::from(*count == 1);
+                self.entry_count += u64::from(*count == 0);
+                *count += landmarks;
             }
         }
     }

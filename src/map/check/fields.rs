@@ -1,6 +1,9 @@
 //! Checks of single fields, each adding a violation under the field's path.
 //!
-//! Paths are the wire's names; a check never stops at the first violation and changes nothing.
+//! Paths are the wire's names, written out only where there is a violation: most items have none. A
+//! check never stops at the first violation and changes nothing.
+
+use std::fmt::Display;
 
 use covis_solvers::geometry::{Camera, Se3};
 use covis_solvers::information::InformationError;
@@ -17,39 +20,37 @@ pub(super) struct Fields {
 impl Fields {
     pub(super) fn add(
         &mut self,
-        field: impl Into<String>,
+        field: impl Display,
         reason: Reason,
         description: impl Into<String>,
     ) {
-        self.rejection.push(field, reason, description);
+        self.rejection.push(field.to_string(), reason, description);
     }
 
-    pub(super) fn finite(&mut self, field: &str, value: f64) -> bool {
+    pub(super) fn finite(&mut self, field: impl Display, value: f64) -> bool {
         if !value.is_finite() {
             self.add(field, Reason::NotFinite, format!("{value} is not finite"));
         }
         value.is_finite()
     }
 
-    pub(super) fn positive(&mut self, field: &str, value: f64) {
-        if self.finite(field, value) && value <= 0.0 {
+    pub(super) fn positive(&mut self, field: impl Display, value: f64) {
+        if self.finite(&field, value) && value <= 0.0 {
             self.add(field, Reason::OutOfRange, format!("{value} is not positive"));
         }
     }
 
-    pub(super) fn vector(&mut self, path: &str, vector: &Vector3<f64>) {
+    pub(super) fn vector(&mut self, path: impl Display, vector: &Vector3<f64>) {
         for (name, value) in ["x", "y", "z"].into_iter().zip(vector.iter()) {
-            if !value.is_finite() {
-                self.finite(&format!("{path}.{name}"), *value);
-            }
+            self.finite(format_args!("{path}.{name}"), *value);
         }
     }
 
     pub(super) fn pose(&mut self, path: &str, pose: &Se3) {
-        self.vector(&format!("{path}.translation"), &pose.translation);
+        self.vector(format_args!("{path}.translation"), &pose.translation);
         let q = &pose.rotation.quaternion().coords;
         for (name, value) in ["x", "y", "z", "w"].into_iter().zip(q.iter()) {
-            self.finite(&format!("{path}.rotation.{name}"), *value);
+            self.finite(format_args!("{path}.rotation.{name}"), *value);
         }
     }
 
@@ -85,11 +86,11 @@ impl Fields {
         };
         let parameters = camera.parameters();
         for (index, (name, value)) in names.iter().zip(parameters.as_slice()).enumerate() {
-            let field = format!("camera.{model}.{name}");
+            let field = format_args!("camera.{model}.{name}");
             if index < focal_lengths {
-                self.positive(&field, *value);
+                self.positive(field, *value);
             } else {
-                self.finite(&field, *value);
+                self.finite(field, *value);
             }
         }
     }

@@ -8,6 +8,8 @@
 mod fields;
 mod observations;
 
+use std::fmt::Display;
+
 use covis_solvers::geometry::Se3;
 use covis_solvers::information::Information;
 use nalgebra::SMatrix;
@@ -237,7 +239,7 @@ impl Check<'_> {
     }
 
     /// An entity of the sender itself.
-    fn own(&mut self, field: &str, id: i64) -> EntityId {
+    fn own(&mut self, field: impl Display, id: i64) -> EntityId {
         if id < 0 {
             self.fields.add(field, Reason::OutOfRange, format!("{id} is negative"));
         }
@@ -252,7 +254,7 @@ impl Check<'_> {
         id
     }
 
-    fn taken(&mut self, field: &str, kind: &str, id: EntityId) {
+    fn taken(&mut self, field: impl Display, kind: &str, id: EntityId) {
         let text = format!("{kind} {} exists already with other content", id.id);
         self.fields.add(field, Reason::AlreadyExists, text);
     }
@@ -266,7 +268,7 @@ impl Check<'_> {
         Some(EntityId::new(client, reference.id))
     }
 
-    fn unknown(&mut self, field: &str, kind: &str, reference: &EntityRef) {
+    fn unknown(&mut self, field: impl Display, kind: &str, reference: &EntityRef) {
         let owner = match &reference.client {
             None => String::new(),
             Some(name) => format!(" of client {name:?}"),
@@ -314,18 +316,18 @@ impl Check<'_> {
     fn landmarks(&mut self, path: &str, sent: &[super::ItemLandmark]) -> Vec<NewLandmark> {
         let mut seen = std::collections::BTreeSet::new();
         for (index, landmark) in sent.iter().enumerate() {
-            let field = |name: &str| format!("{path}[{index}].{name}");
-            let id = self.own(&field("id"), landmark.id);
+            let at = format_args!("{path}[{index}]");
+            let id = self.own(format_args!("{at}.id"), landmark.id);
             if !seen.insert(id) {
                 let text = format!("landmark {} occurs twice", id.id);
-                self.fields.add(field("id"), Reason::Duplicate, text);
+                self.fields.add(format_args!("{at}.id"), Reason::Duplicate, text);
             }
             if let Some(position) = &landmark.position {
-                self.fields.vector(&field("point_in_world"), position);
+                self.fields.vector(format_args!("{at}.point_in_world"), position);
             }
             let known = self.map.landmarks.get(&id);
             if known.is_some_and(|known| known.sent_position != landmark.position) {
-                self.taken(&field("id"), "landmark", id);
+                self.taken(format_args!("{at}.id"), "landmark", id);
             }
         }
         sent.iter()

@@ -3,6 +3,7 @@
 //! An observation whose landmark lies behind its camera passes: it is a fact about the estimate.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Arguments;
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector3;
@@ -34,10 +35,10 @@ impl Check<'_> {
         let mut seen: BTreeSet<_> = view.present.iter().map(Observation::key).collect();
         let mut observations = Vec::with_capacity(sent.len());
         for (index, sent) in sent.iter().enumerate() {
-            let at = format!("{path}[{index}]");
-            self.numbers(&at, sent, view);
+            let at = format_args!("{path}[{index}]");
+            self.numbers(at, sent, view);
             let Some(landmark) = self.resolve(&sent.landmark) else {
-                self.unknown(&format!("{at}.landmark"), "landmark", &sent.landmark);
+                self.unknown(format_args!("{at}.landmark"), "landmark", &sent.landmark);
                 continue;
             };
             // The map's estimate is the better one where it knows the landmark already.
@@ -46,13 +47,13 @@ impl Check<'_> {
                 None => match new.get(&landmark) {
                     Some(position) => *position,
                     None => {
-                        self.unknown(&format!("{at}.landmark"), "landmark", &sent.landmark);
+                        self.unknown(format_args!("{at}.landmark"), "landmark", &sent.landmark);
                         None
                     }
                 },
             };
             if let Some(position) = &position {
-                self.projection(&at, landmark, position, view);
+                self.projection(at, landmark, position, view);
             }
             let observation = Observation {
                 landmark,
@@ -63,32 +64,38 @@ impl Check<'_> {
             };
             if !seen.insert(observation.key()) {
                 let text = format!("landmark {} is observed twice at this pixel", landmark.id);
-                self.fields.add(format!("{at}.landmark"), Reason::Duplicate, text);
+                self.fields.add(format_args!("{at}.landmark"), Reason::Duplicate, text);
             }
             observations.push(observation);
         }
         observations
     }
 
-    fn numbers(&mut self, at: &str, sent: &ItemObservation, view: &View<'_>) {
+    fn numbers(&mut self, at: Arguments<'_>, sent: &ItemObservation, view: &View<'_>) {
         let sizes = view.camera.map_or([0, 0], |c| [c.width_px, c.height_px]);
         for ((name, value), size) in ["x", "y"].into_iter().zip(sent.pixel.iter()).zip(sizes) {
-            let (field, size) = (format!("{at}.pixel.{name}"), f64::from(size));
+            let (field, size) = (format_args!("{at}.pixel.{name}"), f64::from(size));
             // Refined features may lie a little outside the image; a whole image away is no feature.
             let is_far = size > 0.0 && (*value < -size || *value > 2.0 * size);
-            if self.fields.finite(&field, *value) && is_far {
+            if self.fields.finite(field, *value) && is_far {
                 let text = format!("{value} is far outside an image of {size} pixels");
                 self.fields.add(field, Reason::OutOfRange, text);
             }
         }
-        self.fields.positive(&format!("{at}.sigma_px"), sent.sigma_px);
+        self.fields.positive(format_args!("{at}.sigma_px"), sent.sigma_px);
         if let Some(depth) = &sent.depth {
-            self.fields.positive(&format!("{at}.depth_m"), depth.depth_m);
-            self.fields.positive(&format!("{at}.sigma_depth_m"), depth.sigma_m);
+            self.fields.positive(format_args!("{at}.depth_m"), depth.depth_m);
+            self.fields.positive(format_args!("{at}.sigma_depth_m"), depth.sigma_m);
         }
     }
 
-    fn projection(&mut self, at: &str, id: EntityId, position: &Vector3<f64>, view: &View<'_>) {
+    fn projection(
+        &mut self,
+        at: Arguments<'_>,
+        id: EntityId,
+        position: &Vector3<f64>,
+        view: &View<'_>,
+    ) {
         // Values that are not finite have their own violation.
         let numbers = view.world_from_camera.is_finite() && position.iter().all(|v| v.is_finite());
         let Some(CameraEntity { camera, .. }) = view.camera.filter(|_| numbers) else { return };
@@ -96,7 +103,7 @@ impl Check<'_> {
         let pixel = camera.project(&point_in_camera);
         if !pixel.is_some_and(|p| p.x.is_finite() && p.y.is_finite()) {
             let text = format!("landmark {} has no finite projection at the start", id.id);
-            self.fields.add(format!("{at}.landmark"), Reason::ProjectionNotFinite, text);
+            self.fields.add(format_args!("{at}.landmark"), Reason::ProjectionNotFinite, text);
         }
     }
 }

@@ -157,6 +157,7 @@ impl Map {
         keyframe.observations = keyframe.observations.iter().chain(added).cloned().collect();
         self.descriptor_bytes += descriptor_bytes(added);
         self.observation_count += added.len() as u64;
+        let mut sharing = Vec::new();
         for observation in added {
             let Some(landmark) = self.landmarks.get_mut(&observation.landmark) else { continue };
             // A second feature on the same landmark adds no covisibility.
@@ -164,11 +165,12 @@ impl Map {
                 if landmark.observers.is_empty() {
                     self.unseen.remove(&(landmark.added_revision, observation.landmark));
                 }
-                self.covisibility.add(keyframe_id, &landmark.observers);
+                sharing.extend_from_slice(&landmark.observers);
                 landmark.observers.insert(place, keyframe_id);
             }
             landmark.reference.get_or_insert(keyframe_id);
         }
+        self.covisibility.add(keyframe_id, &mut sharing);
     }
 
     fn take_solve(&mut self, solve: &AppliedSolve) {

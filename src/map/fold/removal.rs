@@ -113,7 +113,7 @@ impl Map {
         keyframe.observations = Arc::from(observations);
         self.forget_observer(from, keyframe_id);
         if let Some(landmark) = self.landmarks.get_mut(&to) {
-            self.covisibility.add(keyframe_id, &landmark.observers);
+            self.covisibility.add(keyframe_id, &mut landmark.observers.clone());
             self.unseen.remove(&(landmark.added_revision, to));
             insert_sorted(&mut landmark.observers, keyframe_id);
             landmark.reference.get_or_insert(keyframe_id);
