@@ -73,9 +73,12 @@ pub(super) fn newest_snapshot(journal: &Journal) -> Result<Option<Arc<Map>>, Sto
 
 /// Writes a snapshot, reads it back, and removes all but the newest ones.
 ///
+/// The map is let go before it is read back: the engine has long changed its own copy, and two maps
+/// beside each other are enough.
+///
 /// # Errors
 /// [`StoreError::File`]; [`StoreError::Content`] where it does not read back, and is removed.
-pub(super) fn put_snapshot(journal: &Journal, map: &Map) -> Result<(), StoreError> {
+pub(super) fn put_snapshot(journal: &Journal, map: Arc<Map>) -> Result<(), StoreError> {
     let (start, meters) = (Instant::now(), &journal.meters);
     let written = write_snapshot(journal, map);
     match &written {
@@ -89,10 +92,13 @@ pub(super) fn put_snapshot(journal: &Journal, map: &Map) -> Result<(), StoreErro
 }
 
 /// Answers its size in bytes.
-fn write_snapshot(journal: &Journal, map: &Map) -> Result<u64, StoreError> {
+fn write_snapshot(journal: &Journal, map: Arc<Map>) -> Result<u64, StoreError> {
     let sequence = sequence_of(map.revision());
     let path = journal.folder.join(snapshot_name(sequence));
-    write(&*journal.disk, &path, &seal_map(&journal.uid, map)?)?;
+    let sealed = seal_map(&journal.uid, &map)?;
+    drop(map);
+    write(&*journal.disk, &path, &sealed)?;
+    drop(sealed);
     let bytes = journal.disk.read(&path).map_err(|e| file_error("cannot read", &path, &e))?;
     if let Err(message) = unseal_map(&bytes) {
         journal.disk.remove(&path).map_err(|e| file_error("cannot remove", &path, &e))?;

@@ -44,14 +44,27 @@ impl Kind {
 
 /// The bytes of a file.
 pub(super) fn seal(kind: Kind, uid: &Uid, sequence: u64, body: &[u8]) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(HEAD + body.len() + 4);
+    let mut bytes = head(kind, uid, sequence);
+    bytes.extend_from_slice(body);
+    finish(bytes)
+}
+
+/// The bytes before the body, whose length is not known yet.
+fn head(kind: Kind, uid: &Uid, sequence: u64) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(HEAD);
     bytes.extend_from_slice(kind.magic());
     bytes.extend_from_slice(&VERSION.to_le_bytes());
     bytes.extend_from_slice(&0_u32.to_le_bytes());
     bytes.extend_from_slice(uid);
     bytes.extend_from_slice(&sequence.to_le_bytes());
-    bytes.extend_from_slice(&(body.len() as u64).to_le_bytes());
-    bytes.extend_from_slice(body);
+    bytes.extend_from_slice(&0_u64.to_le_bytes());
+    bytes
+}
+
+/// Writes the body's length into the head and puts the checksum behind.
+fn finish(mut bytes: Vec<u8>) -> Vec<u8> {
+    let length = (bytes.len() - HEAD) as u64;
+    bytes[HEAD - 8..HEAD].copy_from_slice(&length.to_le_bytes());
     bytes.extend_from_slice(&crc32c::crc32c(&bytes).to_le_bytes());
     bytes
 }
@@ -103,11 +116,11 @@ pub(super) fn write(disk: &dyn Disk, path: &Path, bytes: &[u8]) -> Result<(), St
 pub(super) fn seal_map(uid: &Uid, map: &Map) -> Result<Vec<u8>, StoreError> {
     let failed = |message: String| StoreError::Content { path: "a snapshot".to_owned(), message };
     let stream = |error: std::io::Error| failed(error.to_string());
-    let mut encoder = zstd::Encoder::new(Vec::new(), COMPRESSION_LEVEL).map_err(stream)?;
+    // Compressed behind the head, so that the file stands in memory once.
+    let head = head(Kind::Snapshot, uid, crate::store::sequence_of(map.revision()));
+    let mut encoder = zstd::Encoder::new(head, COMPRESSION_LEVEL).map_err(stream)?;
     encode_map(map, &mut encoder).map_err(|error| failed(error.to_string()))?;
-    let body = encoder.finish().map_err(stream)?;
-    let sequence = crate::store::sequence_of(map.revision());
-    Ok(seal(Kind::Snapshot, uid, sequence, &body))
+    Ok(finish(encoder.finish().map_err(stream)?))
 }
 
 /// The map of a snapshot, checked down to its state hash.
