@@ -10,6 +10,8 @@ mod files;
 #[cfg(test)]
 mod tests;
 
+use crate::frontend::input::fuzzing as input;
+
 /// A parser under test.
 #[derive(Clone, Copy, Debug)]
 pub struct Target {
@@ -20,12 +22,15 @@ pub struct Target {
 }
 
 /// Every target, by name.
-pub const TARGETS: [Target; 14] = [
+pub const TARGETS: [Target; 17] = [
     Target { name: "bal", run: files::bal },
+    Target { name: "camera_file", run: input::camera_file },
     Target { name: "colmap_binary", run: files::colmap_binary },
     Target { name: "colmap_text", run: files::colmap_text },
     Target { name: "config", run: files::config },
+    Target { name: "frame_list", run: input::frame_list },
     Target { name: "g2o", run: files::g2o },
+    Target { name: "image", run: input::image },
     Target { name: "journal", run: crate::store::fuzzing::journal },
     Target { name: "journal_folder", run: crate::store::fuzzing::journal_folder },
     Target { name: "jwt", run: crate::service::fuzzing::jwt },

@@ -105,7 +105,7 @@ fn read(path: &Path) -> Result<PinholeRadialTangential, InputError> {
 }
 
 /// Parses the numbers; `from` names them in errors.
-fn parse(text: &str, from: &str) -> Result<PinholeRadialTangential, InputError> {
+pub(super) fn parse(text: &str, from: &str) -> Result<PinholeRadialTangential, InputError> {
     let code = text.lines().filter_map(|line| line.split('#').next());
     let words: Vec<&str> = code
         .flat_map(|line| line.split(|c: char| c.is_whitespace() || c == ','))

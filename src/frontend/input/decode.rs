@@ -17,9 +17,11 @@ use crate::frontend::image::Image;
 /// The widest and the highest image that is read, px.
 pub const MAX_SIDE: usize = 8192;
 
-/// Pixels that one byte of a file can stand for, at most: deflate repeats up to 258 bytes with two
-/// bits (1032 a byte); an 8 × 8 block of JPEG takes a bit at least.
-const MAX_PIXELS_PER_BYTE: usize = 1032;
+/// How many pixels a file may claim, whatever its length, and how many a byte of it: a file of 1 MiB
+/// then takes less than 64 MiB, up to 9 bytes a pixel with what a progressive JPEG keeps. Deflate
+/// can stand for 1032 bytes with one, but no camera's image does.
+const MAX_PIXELS: usize = 5 << 20;
+const MAX_PIXELS_PER_BYTE: usize = 5;
 
 const PNG_MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
 const JPEG_MAGIC: &[u8] = b"\xff\xd8\xff";
@@ -90,12 +92,7 @@ pub fn color(bytes: &[u8]) -> Result<Image<[u8; 3]>, DecodeError> {
 /// # Errors
 /// [`DecodeError`] where the bytes are no such image.
 pub fn depth(bytes: &[u8]) -> Result<Image<u16>, DecodeError> {
-    let png = Png::decode(bytes, Transformations::IDENTITY)?;
-    if (png.color, png.depth) != (ColorType::Grayscale, BitDepth::Sixteen) {
-        return Err(DecodeError::NotDepth { color: png.color, bits: png.depth as u8 });
-    }
-    let values = png.samples.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]]));
-    png.image(values.collect())
+    Png::decode(bytes, Transformations::IDENTITY)?.gray16()
 }
 
 /// A PNG as 8-bit gray, as masks are; of a colored one the strongest channel.
@@ -108,12 +105,7 @@ pub fn mask(bytes: &[u8]) -> Result<Image<u8>, DecodeError> {
 
 fn color_png(bytes: &[u8]) -> Result<Image<[u8; 3]>, DecodeError> {
     // Palettes and fewer than 8 bits become 8-bit samples, 16 bits lose their lower half.
-    let png = Png::decode(bytes, Transformations::normalize_to_color8())?;
-    let pixels = match png.color.samples() {
-        channels @ 1..=2 => png.samples.chunks_exact(channels).map(|gray| [gray[0]; 3]).collect(),
-        channels => png.samples.chunks_exact(channels).map(|p| [p[0], p[1], p[2]]).collect(),
-    };
-    png.image(pixels)
+    Png::decode(bytes, Transformations::normalize_to_color8())?.color()
 }
 
 fn color_jpeg(bytes: &[u8]) -> Result<Image<[u8; 3]>, DecodeError> {
@@ -147,12 +139,20 @@ impl Png {
         if !bytes.starts_with(PNG_MAGIC) {
             return Err(DecodeError::Format);
         }
-        let mut decoder = Decoder::new(Cursor::new(bytes));
+        Self::read(Decoder::new(Cursor::new(bytes)), bytes.len(), transformations)
+    }
+
+    /// Reads a file of `length` bytes.
+    fn read(
+        mut decoder: Decoder<Cursor<&[u8]>>,
+        length: usize,
+        transformations: Transformations,
+    ) -> Result<Self, DecodeError> {
         decoder.set_transformations(transformations);
         decoder.set_ignore_text_chunk(true);
         let header = decoder.read_header_info()?;
         let (width, height) = (header.width as usize, header.height as usize);
-        check_size(width, height, bytes.len())?;
+        check_size(width, height, length)?;
         let mut reader = decoder.read_info()?;
         let size = reader.output_buffer_size().ok_or(DecodeError::Side { width, height })?;
         let mut samples = vec![0; size];
@@ -161,6 +161,24 @@ impl Png {
         reader.finish()?;
         samples.truncate(frame.buffer_size());
         Ok(Self { width, height, color: frame.color_type, depth: frame.bit_depth, samples })
+    }
+
+    /// The 8-bit samples as color.
+    fn color(&self) -> Result<Image<[u8; 3]>, DecodeError> {
+        let pixels = match self.color.samples() {
+            channels @ 1..=2 => self.samples.chunks_exact(channels).map(|p| [p[0]; 3]).collect(),
+            channels => self.samples.chunks_exact(channels).map(|p| [p[0], p[1], p[2]]).collect(),
+        };
+        self.image(pixels)
+    }
+
+    /// The samples as they stand, where they are gray with 16 bits.
+    fn gray16(&self) -> Result<Image<u16>, DecodeError> {
+        if (self.color, self.depth) != (ColorType::Grayscale, BitDepth::Sixteen) {
+            return Err(DecodeError::NotDepth { color: self.color, bits: self.depth as u8 });
+        }
+        let pairs = self.samples.as_chunks().0;
+        self.image(pairs.iter().map(|&pair| u16::from_be_bytes(pair)).collect())
     }
 
     fn image<T: Copy>(&self, pixels: Vec<T>) -> Result<Image<T>, DecodeError> {
@@ -174,10 +192,23 @@ fn check_size(width: usize, height: usize, bytes: usize) -> Result<(), DecodeErr
     if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
         return Err(DecodeError::Side { width, height });
     }
-    if width * height / MAX_PIXELS_PER_BYTE > bytes {
+    if width * height > MAX_PIXELS.max(bytes.saturating_mul(MAX_PIXELS_PER_BYTE)) {
         return Err(DecodeError::Short { bytes, width, height });
     }
     Ok(())
+}
+
+/// A PNG's color and its depth, whatever its checksums say: the fuzzer could not get past them.
+#[cfg(any(test, feature = "fuzzing"))]
+pub(super) fn unchecked(bytes: &[u8]) -> (Option<Image<[u8; 3]>>, Option<Image<u16>>) {
+    let read = |transformations| {
+        let mut decoder = Decoder::new(Cursor::new(bytes));
+        decoder.ignore_checksums(true);
+        Png::read(decoder, bytes.len(), transformations).ok()
+    };
+    let color = read(Transformations::normalize_to_color8());
+    let depth = read(Transformations::IDENTITY);
+    (color.and_then(|png| png.color().ok()), depth.and_then(|png| png.gray16().ok()))
 }
 
 #[cfg(test)]

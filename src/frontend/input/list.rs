@@ -27,7 +27,7 @@ pub(super) fn read(folder: &Path, name: &str) -> Result<Vec<Entry>, InputError> 
 }
 
 /// Parses a list's text.
-fn parse(text: &str, folder: &Path, list: &Path) -> Result<Vec<Entry>, InputError> {
+pub(super) fn parse(text: &str, folder: &Path, list: &Path) -> Result<Vec<Entry>, InputError> {
     let mut entries = Vec::new();
     for (index, text) in text.lines().enumerate() {
         let text = text.trim();

@@ -9,6 +9,8 @@ pub mod camera_file;
 pub mod decode;
 pub mod encode;
 mod error;
+#[cfg(any(test, feature = "fuzzing"))]
+pub mod fuzzing;
 mod list;
 mod pair;
 pub mod seven_scenes;

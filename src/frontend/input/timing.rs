@@ -3,7 +3,7 @@
 //! Who knows better than [`SensorTiming::KINECT`] says so in the folder's `camera.txt`, in comments
 //! that other readers of such files pass over: `# readout_s 0.02` and `# depth_late_s 0`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::camera_file::CAMERA_FILE;
 use super::error::InputError;
@@ -36,9 +36,13 @@ impl SensorTiming {
     /// What a folder's camera file says, and `usual` of what it does not say.
     pub(super) fn of_folder(folder: &Path, usual: Self) -> Result<Self, InputError> {
         let path = folder.join(CAMERA_FILE);
+        let Ok(bytes) = std::fs::read(&path) else { return Ok(usual) };
+        Self::parse(&String::from_utf8_lossy(&bytes), path, usual)
+    }
+
+    /// What the text of a camera file says, and `usual` of what it does not say.
+    pub(super) fn parse(text: &str, path: PathBuf, usual: Self) -> Result<Self, InputError> {
         let mut timing = usual;
-        let Ok(bytes) = std::fs::read(&path) else { return Ok(timing) };
-        let text = String::from_utf8_lossy(&bytes);
         for (line, words) in (1..).zip(text.lines().map(words)) {
             let field = match words[..] {
                 ["readout_s", _] => &mut timing.readout_s,

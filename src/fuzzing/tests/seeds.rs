@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use crate::frontend::image::Image;
+use crate::frontend::input::encode;
 use crate::store::fuzzing::seeds as store;
 
 use super::wire_seeds;
@@ -18,6 +20,9 @@ pub(super) fn all() -> Vec<Seed> {
     put("g2o", texts(&G2O));
     put("trajectory", texts(&TRAJECTORY));
     put("config", texts(&CONFIG));
+    put("camera_file", texts(&CAMERA_FILE));
+    put("frame_list", texts(&FRAME_LIST));
+    put("image", images());
     put("tokens", texts(&TOKENS));
     put("jwt", JWT.map(|(name, parts)| (name, parts.join("\0").into_bytes())).into());
     put("pem", pem());
@@ -116,6 +121,59 @@ const TOKENS: [(&str, &str); 6] = [
     ("unknown-role", "[[token]]\nname='a'\nrole='root'\nsha256=''\n"),
     ("not-a-list", "token = 3\n"),
 ];
+
+const CAMERA_FILE: [(&str, &str); 5] = [
+    ("four", "517.3 516.5 318.6 255.3\n"),
+    (
+        "nine-and-timing",
+        "# fx fy cx cy k1 k2 p1 p2 k3\n# readout_s 0.02\n# depth_late_s -0.015\n\
+         535.4,539.2,320.1,247.6 0.1 -0.2 1e-3 -1e-3 0.05 # a lens\n",
+    ),
+    ("five", "1 1 1 1 1"),
+    ("folds-back", "1 1 4 3 -9 40 3 -3 -1e3"),
+    ("not-finite", "1 inf 1 1"),
+];
+
+const FRAME_LIST: [(&str, &str); 6] = [
+    ("empty", ""),
+    ("extreme", "-1.7976931348623157e308 a\n5e-324 \u{e9}/\u{301}.png\n"),
+    ("three", "# color\n1.5 rgb/a.png\r\n\n2\trgb/b b.png\n 2.5 ./c.jpg"),
+    ("outside", "1 ../a.png\n"),
+    ("absolute", "1 /a.png\n"),
+    ("no-time", "a.png\n"),
+];
+
+/// One of each kind that is read.
+fn images() -> Vec<(&'static str, Vec<u8>)> {
+    let color = Image::filled(5, 3, [200_u8, 100, 0]);
+    let depth = Image::from_pixels(4, 2, vec![0_u16, 1, 5000, 65_535, 7, 8, 9, 10]);
+    let written = [
+        ("color", encode::rgb(&color).ok()),
+        ("mask", encode::gray8(&Image::filled(9, 2, 255)).ok()),
+        ("depth", depth.and_then(|depth| encode::gray16(&depth).ok())),
+        ("palette", palette()),
+    ];
+    let mut seeds: Vec<_> = written.map(|(name, bytes)| (name, bytes.unwrap())).into();
+    seeds.push(("orange", ORANGE.to_vec()));
+    seeds
+}
+
+/// The JPEG of the decoder's own tests.
+const ORANGE: &[u8] = include_bytes!("../../frontend/input/decode/tests/orange.jpg");
+
+/// An interlaced PNG with four colors, one of them transparent.
+fn palette() -> Option<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, 4, 4);
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_depth(png::BitDepth::Two);
+    encoder.set_palette(vec![0, 0, 0, 255, 0, 0, 0, 255, 0, 0, 0, 255]);
+    encoder.set_trns(vec![0]);
+    let mut writer = encoder.write_header().ok()?;
+    writer.write_image_data(&[0b0001_1011; 4]).ok()?;
+    writer.finish().ok()?;
+    Some(bytes)
+}
 
 /// Keys, header, claims. The keys are of nobody: random numbers of the right length.
 const JWT: [(&str, [&str; 3]); 6] = [

@@ -1,0 +1,4 @@
+//! Fuzzes the target `camera_file` of `covis::fuzzing`.
+#![no_main]
+
+covis_fuzz::fuzz!("camera_file");

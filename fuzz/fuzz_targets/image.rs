@@ -1,0 +1,4 @@
+//! Fuzzes the target `image` of `covis::fuzzing`.
+#![no_main]
+
+covis_fuzz::fuzz!("image");
