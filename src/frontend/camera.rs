@@ -13,6 +13,8 @@ const NEAREST_M: f64 = 0.05;
 /// How far outside of the image's rays a point may lie, as a factor: distortion models are fitted
 /// inside the image and may fold back beyond it.
 const RAY_MARGIN: f64 = 1.05;
+/// A ray that leans more than this many to one on the optical axis belongs to no camera.
+const LARGEST_TANGENT: f64 = 1e3;
 
 /// A lens at one image size.
 #[derive(Clone, Debug)]
@@ -48,7 +50,11 @@ impl FrameCamera {
             for u in 0..width {
                 let ray = model.unproject(&Vector2::new(u as f64, v as f64))?;
                 let (a, b) = (ray.x / ray.z, ray.y / ray.z);
-                largest_tangent2 = largest_tangent2.max(a * a + b * b);
+                let tangent2 = a * a + b * b;
+                if tangent2.is_nan() || tangent2 > LARGEST_TANGENT * LARGEST_TANGENT {
+                    return None;
+                }
+                largest_tangent2 = largest_tangent2.max(tangent2);
                 rays.set(u, v, [a as f32, b as f32]);
             }
         }
@@ -149,5 +155,30 @@ impl FrameCamera {
             && pixel.y >= border
             && pixel.x <= (width - 1) as f64 - border
             && pixel.y <= (height - 1) as f64 - border
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_camera_whose_rays_lean_out_of_every_image_is_none() {
+        let camera = |cy: f64| {
+            let model = PinholeRadialTangential {
+                fx: 500.0,
+                fy: 500.0,
+                cx: 4.0,
+                cy,
+                k1: 0.0,
+                k2: 0.0,
+                p1: 0.0,
+                p2: 0.0,
+                k3: 0.0,
+            };
+            FrameCamera::new(model, 8, 6)
+        };
+        assert!(camera(3.0).is_some());
+        assert!(camera(2.5e55).is_none());
     }
 }

@@ -166,7 +166,7 @@ pub(super) async fn sequence(
     let frames = Peeked::new(source)?;
     let (width, height) = frames.size;
     let camera = FrameCamera::new(*frames.source.camera(), width, height)
-        .context("the camera's distortion leaves pixels without a ray: check its coefficients")?;
+        .context("the camera leaves pixels without a ray: check its numbers")?;
     let motion = options.removes_motion.then(MotionOptions::default);
     let pipeline =
         Pipeline::new(camera, PipelineOptions { motion, timing, ..PipelineOptions::default() });
