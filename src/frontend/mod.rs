@@ -18,8 +18,10 @@
 //! | [`motion`] | what moves |
 //! | [`pipeline`] | a frame through all stages |
 //! | [`mapping`] | keyframes to the server, corrections back |
+//! | [`dense`] | a surface from depth and poses |
 
 pub mod camera;
+pub mod dense;
 pub mod depth;
 pub mod features;
 pub mod image;
