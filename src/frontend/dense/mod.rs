@@ -4,6 +4,10 @@
 //! |---|---|
 //! | `block` | 8³ voxels |
 //! | `volume` | the sparse grid of blocks |
+//! | `surface` | triangles where the distance is zero |
 
 pub mod block;
+pub mod surface;
+#[cfg(test)]
+mod testing;
 pub mod volume;

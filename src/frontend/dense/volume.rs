@@ -95,4 +95,20 @@ impl Volume {
     pub fn block(&self, key: BlockKey) -> Option<&Block> {
         self.slot(key).map(|slot| &self.blocks[slot])
     }
+
+    /// Puts a block at a key, in place of the one that is there, and tells its slot. That is a
+    /// revision of its own.
+    pub fn insert(&mut self, key: BlockKey, block: Block) -> usize {
+        self.revision += 1;
+        let slot = *self.slots.entry(key).or_insert(self.keys.len() as u32) as usize;
+        if slot == self.keys.len() {
+            self.keys.push(key);
+            self.blocks.push(block);
+            self.changed.push(self.revision);
+        } else {
+            self.blocks[slot] = block;
+            self.changed[slot] = self.revision;
+        }
+        slot
+    }
 }

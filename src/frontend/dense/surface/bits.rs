@@ -1,0 +1,190 @@
+//! Signs and sight of voxels as bits: what a surface crosses is found without looking at distances.
+//!
+//! A block's bits are 512, bit x + 8 y of word z. A field is a block with one voxel of its neighbors
+//! all around, 10³ voxels: bit x + 10 y of plane z, where the block's own begin at (1, 1, 1). Knows
+//! nothing of triangles.
+
+use super::super::block::{Block, EDGE, VOXELS, WEIGHT_ONE};
+
+/// Voxels along an edge of a field.
+pub(super) const SIDE: usize = EDGE + 2;
+
+/// One bit a voxel of a block.
+pub(super) type BlockBits = [u64; EDGE];
+
+/// What is to be known of a block before its distances are looked at.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Bits {
+    /// Behind the surface: negative distance, seen enough.
+    pub(super) inside: BlockBits,
+    /// Seen enough to carry a surface.
+    pub(super) seen: BlockBits,
+}
+
+impl Bits {
+    /// The bits of a block, with the weight from which on a voxel counts.
+    pub(super) fn of(block: &Block, least_weight: u16) -> Self {
+        let mut flags = [0_u16; VOXELS];
+        for (flag, &weight) in flags.iter_mut().zip(&block.weights) {
+            *flag = if weight >= least_weight { 1 << 15 } else { 0 };
+        }
+        let seen = top_bits(&flags);
+        for (flag, &distance) in flags.iter_mut().zip(&block.distances) {
+            *flag &= distance.cast_unsigned();
+        }
+        Self { inside: top_bits(&flags), seen }
+    }
+
+    /// Which sides of the surface it has: bit 0 for voxels in front, bit 1 for voxels behind.
+    pub(super) fn sides(&self) -> u8 {
+        let front = self.seen.iter().zip(&self.inside).any(|(seen, inside)| seen & !inside != 0);
+        let behind = self.inside.iter().any(|&inside| inside != 0);
+        u8::from(front) | u8::from(behind) << 1
+    }
+}
+
+/// A weight in observations as the least stored one that counts; a voxel without weight never does.
+pub(super) fn stored_weight(weight: f32) -> u16 {
+    ((weight * f32::from(WEIGHT_ONE)).ceil() as u16).max(1)
+}
+
+/// The highest bit of each value.
+fn top_bits(values: &[u16; VOXELS]) -> BlockBits {
+    // Four values are a word; the product moves bits 0, 16, 32 and 48 to 48, 49, 50 and 51.
+    const GATHER: u64 = 1 << 48 | 1 << 33 | 1 << 18 | 1 << 3;
+    let mut bits = [0; EDGE];
+    for (word, slab) in bits.iter_mut().zip(values.chunks_exact(EDGE * EDGE)) {
+        for (i, four) in slab.chunks_exact(4).enumerate() {
+            let [a, b, c, d] = [four[0], four[1], four[2], four[3]].map(u64::from);
+            let lanes = a | b << 16 | c << 32 | d << 48;
+            let tops = lanes >> 15 & 0x0001_0001_0001_0001;
+            *word |= (tops.wrapping_mul(GATHER) >> 48 & 15) << (4 * i);
+        }
+    }
+    bits
+}
+
+/// One bit a voxel of a block and of the voxels around it.
+pub(super) type Field = [u128; SIDE];
+
+/// Signs and sight of a field.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FieldBits {
+    pub(super) inside: Field,
+    pub(super) seen: Field,
+}
+
+impl FieldBits {
+    /// Of a block's 27 neighbors, itself in the middle: neighbor (x, y, z) in -1..=1 stands at
+    /// (x + 1) + 3 (y + 1) + 9 (z + 1).
+    pub(super) fn of(around: &[Option<&Bits>; 27]) -> Self {
+        let word = |neighbor: usize, z: usize| {
+            around[neighbor].map_or((0, 0), |bits| (bits.inside[z], bits.seen[z]))
+        };
+        let mut field = Self { inside: [0; SIDE], seen: [0; SIDE] };
+        for z in 0..SIDE {
+            let (layer, z_in_block) = split(z);
+            let mut inside = [0; 9];
+            let mut seen = [0; 9];
+            for k in 0..9 {
+                (inside[k], seen[k]) = word(9 * layer + k, z_in_block);
+            }
+            field.inside[z] = plane(&inside);
+            field.seen[z] = plane(&seen);
+        }
+        field
+    }
+}
+
+/// A coordinate of a field as that of a neighbor, 0 to 2, and of a voxel in it.
+pub(super) fn split(coordinate: usize) -> (usize, usize) {
+    let shifted = coordinate + EDGE - 1;
+    (shifted / EDGE, shifted % EDGE)
+}
+
+/// A plane of a field from the slabs of nine blocks.
+fn plane(slabs: &[u64; 9]) -> u128 {
+    let lowest = strip(slabs[0] >> 56, slabs[1] >> 56, slabs[2] >> 56) & 0x3ff;
+    let highest = strip(slabs[6], slabs[7], slabs[8]) & 0x3ff;
+    let lower = strip(slabs[3], slabs[4], slabs[5]);
+    let upper = strip(slabs[3] >> 32, slabs[4] >> 32, slabs[5] >> 32);
+    u128::from(lowest)
+        | u128::from(lower) << 10
+        | u128::from(upper) << 50
+        | u128::from(highest) << 90
+}
+
+/// Four rows of ten bits from the lower four rows of a block and those to its left and right.
+fn strip(left: u64, middle: u64, right: u64) -> u64 {
+    const FIRST: u64 = 0x0101_0101;
+    spread(left >> 7 & FIRST) | spread(middle & 0xffff_ffff) << 1 | spread(right & FIRST) << 9
+}
+
+/// Four rows of eight bits to a distance of ten.
+fn spread(rows: u64) -> u64 {
+    let pairs = (rows & 0xffff) | (rows & 0xffff_0000) << 4;
+    (pairs & 0x0ff0_00ff) | (pairs & 0xf_f000_ff00) << 2
+}
+
+/// The block's own voxels of a plane of a field, with a distance of eight again.
+pub(super) fn own(plane: u128) -> u64 {
+    let mut bits = 0;
+    for y in 0..EDGE {
+        bits |= ((plane >> (SIDE * (y + 1) + 1)) as u64 & 0xff) << (EDGE * y);
+    }
+    bits
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(seed: usize) -> u64 {
+        (seed as u64 + 1)
+            .wrapping_mul(0x9e37_79b9_7f4a_7c15)
+            .rotate_left(29)
+            .wrapping_mul(0xbf58_476d_1ce4_e5b9)
+    }
+
+    #[test]
+    fn bits_are_those_of_the_voxels() {
+        let mut block = Block::EMPTY;
+        for i in 0..VOXELS {
+            block.distances[i] = noise(i) as i16;
+            block.weights[i] = (noise(i + VOXELS) % 600) as u16;
+        }
+        let bits = Bits::of(&block, 256);
+        for i in 0..VOXELS {
+            let (z, bit) = (i / 64, i % 64);
+            let is_seen = block.weights[i] >= 256;
+            assert_eq!(bits.seen[z] >> bit & 1 == 1, is_seen, "voxel {i}");
+            assert_eq!(bits.inside[z] >> bit & 1 == 1, is_seen && block.distances[i] < 0);
+        }
+    }
+
+    #[test]
+    fn a_field_has_the_neighbors_voxels_around() {
+        let blocks: Vec<Bits> = (0..27)
+            .map(|k| Bits {
+                inside: std::array::from_fn(|z| noise(100 * k + z)),
+                seen: std::array::from_fn(|z| noise(100 * k + z + 50)),
+            })
+            .collect();
+        for missing in 0..27 {
+            let around: [_; 27] = std::array::from_fn(|k| (k != missing).then_some(&blocks[k]));
+            let field = FieldBits::of(&around);
+            for (x, y, z) in (0..1000).map(|i| (i % 10, i / 10 % 10, i / 100)) {
+                let ((i, u), (j, v), (k, w)) = (split(x), split(y), split(z));
+                let bit = |bits: &BlockBits| bits[w] >> (u + 8 * v) & 1 == 1;
+                let expected = around[i + 3 * j + 9 * k].map(|b| (bit(&b.inside), bit(&b.seen)));
+                let at = |field: &Field| field[z] >> (x + 10 * y) & 1 == 1;
+                let found = (at(&field.inside), at(&field.seen));
+                assert_eq!(found, expected.unwrap_or_default(), "({x}, {y}, {z})");
+            }
+            assert_eq!(
+                std::array::from_fn::<_, 8, _>(|z| own(field.seen[z + 1])),
+                if missing == 13 { [0; 8] } else { blocks[13].seen }
+            );
+        }
+    }
+}

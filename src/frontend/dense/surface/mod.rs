@@ -1,0 +1,50 @@
+//! Out of the volume: the surface where distances change their sign, block by block.
+//!
+//! | file | role |
+//! |---|---|
+//! | `cases` | which triangles a cell has |
+//! | `bits` | signs and sight of a block's voxels as bits, with their neighbors' |
+//! | `piece` | the vertices and triangles of one block |
+//! | `cache` | pieces that follow a volume as it changes |
+//! | `mesh` | pieces joined to one mesh |
+//!
+//! A cell is the cube between eight neighboring voxels; it belongs to the block of its lowest voxel
+//! and has triangles where all eight were seen. A vertex lies on an edge of cells and belongs to the
+//! block of the edge's lower voxel, which makes it once; pieces name vertices by their edges, so that
+//! the joined mesh is indexed and closed over the borders of blocks. Reads the volume, changes
+//! nothing in it; results do not depend on the number of threads.
+
+mod bits;
+mod cache;
+mod cases;
+mod mesh;
+mod piece;
+#[cfg(test)]
+mod tests;
+
+pub use cache::SurfaceCache;
+pub use mesh::Mesh;
+pub use piece::Vertex;
+
+use super::volume::Volume;
+
+/// What counts as surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceOptions {
+    /// Weight that each of a cell's eight voxels must have at least, in weights of one observation.
+    pub least_weight: f32,
+}
+
+impl Default for SurfaceOptions {
+    fn default() -> Self {
+        Self { least_weight: 1.0 }
+    }
+}
+
+/// The surface of a whole volume.
+#[must_use]
+pub fn extract(volume: &Volume, options: SurfaceOptions) -> Mesh {
+    let mut cache = SurfaceCache::new(options);
+    cache.update(volume);
+    cache.mesh()
+}

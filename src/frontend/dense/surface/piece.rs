@@ -1,0 +1,288 @@
+//! The surface in one block: vertices on the edges that its voxels begin, triangles of its cells.
+//!
+//! A vertex lies where the distance between two voxels is zero, linearly; its normal is the gradient
+//! of the distance there (central differences at both voxels, one-sided beside what was not seen), its
+//! color is between theirs. A triangle names vertices by their edges, which may begin in the next
+//! blocks along x, y and z. Knows nothing of other pieces.
+
+use super::super::block::{Block, BlockKey, EDGE};
+use super::bits::{Field, FieldBits, SIDE, own, split};
+use super::cases::{CASES, EDGES, edge_base};
+
+/// A point of the surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Vertex {
+    /// Position in the volume's frame, meters.
+    pub position: [f32; 3],
+    /// Of length one, to the side from which the surface was seen.
+    pub normal: [f32; 3],
+    /// Red, green, blue.
+    pub color: [u8; 3],
+}
+
+/// An edge of the grid as a triangle names it: lower voxel (x, y, z), each 0 to 8 from the block's
+/// first, and axis, in four bits each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct EdgeName(u16);
+
+impl EdgeName {
+    const fn new(x: usize, y: usize, z: usize, axis: usize) -> Self {
+        Self((x | y << 4 | z << 8 | axis << 12) as u16)
+    }
+
+    /// Which of the blocks it begins in: bit 0 for the next along x, 1 along y, 2 along z.
+    pub(super) fn block(self) -> usize {
+        usize::from(self.0 >> 3 & 1 | self.0 >> 6 & 2 | self.0 >> 9 & 4)
+    }
+}
+
+/// The surface in one block.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Piece {
+    /// Edges with a vertex: bit x + 8 y of word z, by axis.
+    edges: [[u64; EDGE]; 3],
+    /// How many vertices stand before those of a word.
+    first: [[u16; EDGE]; 3],
+    pub(super) vertices: Vec<Vertex>,
+    pub(super) triangles: Vec<[EdgeName; 3]>,
+}
+
+impl Piece {
+    /// Which of its vertices lies on an edge that begins in this block; the edge must have one.
+    pub(super) fn vertex(&self, name: EdgeName) -> u32 {
+        let name = usize::from(name.0);
+        let (axis, z, bit) = (name >> 12, name >> 8 & 7, (name >> 1 & 0x38) | (name & 7));
+        let before = self.edges[axis][z] & ((1 << bit) - 1);
+        u32::from(self.first[axis][z]) + before.count_ones()
+    }
+
+    /// Whether there is nothing in it.
+    pub(super) fn is_empty(&self) -> bool {
+        self.vertices.is_empty() && self.triangles.is_empty()
+    }
+
+    /// Makes it anew from a block's neighborhood (order as in [`FieldBits::of`]); its memory is used
+    /// again.
+    pub(super) fn remesh(&mut self, source: &Source<'_>) {
+        self.vertices.clear();
+        self.triangles.clear();
+        let cells = crossed_cells(&source.bits);
+        if cells.iter().all(|&plane| plane == 0) {
+            return;
+        }
+        self.mark_edges(&source.bits.inside, &cells);
+        self.place_vertices(source);
+        self.connect(&source.bits.inside, &cells);
+    }
+
+    /// Marks the edges that a crossed cell uses.
+    fn mark_edges(&mut self, inside: &Field, cells: &Cells) {
+        let mut count = 0_u16;
+        for axis in 0..3 {
+            for z in 0..EDGE {
+                // Planes of the field: the block's own begin at 1.
+                let (below, here, above) = (cells[z], cells[z + 1], inside[z + 2]);
+                let (plane, level) = (inside[z + 1], below | here);
+                let crossing = match axis {
+                    0 => (plane ^ plane >> 1) & (level | level << SIDE),
+                    1 => (plane ^ plane >> SIDE) & (level | level << 1),
+                    _ => (plane ^ above) & with_lower_cells(here),
+                };
+                self.edges[axis][z] = own(crossing);
+                self.first[axis][z] = count;
+                count += self.edges[axis][z].count_ones() as u16;
+            }
+        }
+    }
+
+    fn place_vertices(&mut self, source: &Source<'_>) {
+        let has_any = self.edges.as_flattened().iter().any(|&word| word != 0);
+        if !has_any {
+            return;
+        }
+        let distances = source.distances();
+        for axis in 0..3 {
+            for z in 0..EDGE {
+                for bit in ones(self.edges[axis][z]) {
+                    let voxel = [bit % EDGE, bit / EDGE, z];
+                    self.vertices.push(source.vertex(&distances, voxel, axis));
+                }
+            }
+        }
+    }
+
+    fn connect(&mut self, inside: &Field, cells: &Cells) {
+        let cases = &*CASES;
+        for z in 1..=EDGE {
+            let (lower, upper) = (inside[z], inside[z + 1]);
+            for bit in ones(own(cells[z])) {
+                let (x, y) = (bit % EDGE, bit / EDGE);
+                let at = SIDE * (y + 1) + x + 1;
+                let four = |plane: u128| {
+                    let rows = (plane >> at) as u32;
+                    (rows & 3 | rows >> (SIDE - 2) & 12) as usize
+                };
+                let case = &cases[four(lower) | four(upper) << 4];
+                let base = EdgeName::new(x, y, z - 1, 0).0;
+                for triangle in case.triangles() {
+                    let name = |edge: u8| EdgeName(base + EDGE_NAMES[usize::from(edge)].0);
+                    self.triangles.push(triangle.map(name));
+                }
+            }
+        }
+    }
+}
+
+/// A cell's edges, named from the cell's lowest voxel.
+const EDGE_NAMES: [EdgeName; EDGES] = {
+    let mut names = [EdgeName(0); EDGES];
+    let mut edge = 0;
+    while edge < EDGES {
+        let (base, axis) = edge_base(edge);
+        names[edge] = EdgeName::new(base & 1, base >> 1 & 1, base >> 2, axis);
+        edge += 1;
+    }
+    names
+};
+
+/// Cells with triangles, by the field's plane of their lower voxels.
+type Cells = [u128; SIDE - 1];
+
+/// Which cells of a field were seen whole and have corners on both sides.
+fn crossed_cells(bits: &FieldBits) -> Cells {
+    // Nine columns of nine rows begin a cell.
+    const ROW: u128 = 0x1ff;
+    const BASES: u128 = {
+        let mut bases = 0;
+        let mut y = 0;
+        while y < SIDE - 1 {
+            bases |= ROW << (SIDE * y);
+            y += 1;
+        }
+        bases
+    };
+    let all = |plane: u128| {
+        let pairs = plane & plane >> 1;
+        pairs & pairs >> SIDE
+    };
+    let any = |plane: u128| {
+        let pairs = plane | plane >> 1;
+        pairs | pairs >> SIDE
+    };
+    std::array::from_fn(|z| {
+        let [a, b] = [z, z + 1].map(|z| (bits.inside[z], bits.seen[z]));
+        let seen = all(a.1) & all(b.1) & BASES;
+        seen & (any(a.0) | any(b.0)) & !(all(a.0) & all(b.0))
+    })
+}
+
+/// Cells of a plane as bits of their four edges upwards.
+fn with_lower_cells(cells: u128) -> u128 {
+    let pairs = cells | cells << 1;
+    pairs | pairs << SIDE
+}
+
+/// The places of ones, lowest first.
+fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let place = bits.trailing_zeros() as usize;
+        bits &= bits.wrapping_sub(1);
+        (place < 64).then_some(place)
+    })
+}
+
+/// What a piece is made of.
+pub(super) struct Source<'a> {
+    /// The block.
+    pub(super) key: BlockKey,
+    /// The edge of a voxel, meters.
+    pub(super) voxel_m: f32,
+    /// The 27 blocks around, itself in the middle.
+    pub(super) blocks: [Option<&'a Block>; 27],
+    /// Their bits.
+    pub(super) bits: FieldBits,
+}
+
+/// Distances of a field, voxel (x, y, z) at x + 10 (y + 10 z).
+type Distances = [i16; SIDE * SIDE * SIDE];
+
+/// From a voxel of a field to the next along each axis.
+const STRIDES: [usize; 3] = [1, SIDE, SIDE * SIDE];
+
+impl Source<'_> {
+    /// Distances of the field, 0 where there is no block.
+    fn distances(&self) -> Distances {
+        let mut field = [0; SIDE * SIDE * SIDE];
+        for (i, row) in field.chunks_exact_mut(SIDE).enumerate() {
+            let ((layer, z), (band, y)) = (split(i / SIDE), split(i % SIDE));
+            let first = 9 * layer + 3 * band;
+            let start = Block::index(0, y, z);
+            if let Some(block) = self.blocks[first] {
+                row[0] = block.distances[start + EDGE - 1];
+            }
+            if let Some(block) = self.blocks[first + 1] {
+                row[1..=EDGE].copy_from_slice(&block.distances[start..start + EDGE]);
+            }
+            if let Some(block) = self.blocks[first + 2] {
+                row[SIDE - 1] = block.distances[start];
+            }
+        }
+        field
+    }
+
+    /// The vertex between a voxel of the block and the next along an axis.
+    fn vertex(&self, distances: &Distances, voxel: [usize; 3], axis: usize) -> Vertex {
+        let from = (0..3).map(|i| (voxel[i] + 1) * STRIDES[i]).sum::<usize>();
+        let to = from + STRIDES[axis];
+        // Half a stored unit, about a micrometer, is added: a distance of 0 lies in front, and a
+        // vertex in a corner of its cell would leave triangles without area.
+        let [a, b] = [from, to].map(|at| f32::from(distances[at]) + 0.5);
+        let t = a / (a - b);
+        let mut normal = [0.0; 3];
+        normal[axis] = b - a;
+        for other in (0..3).filter(|&other| other != axis) {
+            let [near, far] = [from, to].map(|at| self.slope(distances, at, other));
+            normal[other] = near + t * (far - near);
+        }
+        let length = normal.iter().map(|n| n * n).sum::<f32>().sqrt();
+        let [near, far] = self.colors(voxel, axis);
+        let key = [self.key.x, self.key.y, self.key.z];
+        let position = std::array::from_fn(|i| {
+            let corner = (EDGE as f32).mul_add(key[i] as f32, voxel[i] as f32);
+            (corner + if i == axis { t } else { 0.0 }) * self.voxel_m
+        });
+        let color = std::array::from_fn(|i| {
+            let [near, far] = [near[i], far[i]].map(f32::from);
+            (near + t * (far - near) + 0.5) as u8
+        });
+        Vertex { position, normal: normal.map(|n| n / length), color }
+    }
+
+    /// How much the distance grows a voxel along an axis.
+    fn slope(&self, distances: &Distances, at: usize, axis: usize) -> f32 {
+        let stride = STRIDES[axis];
+        let is_seen = |at: usize| self.bits.seen[at / STRIDES[2]] >> (at % STRIDES[2]) & 1 == 1;
+        let [lower, here, upper] =
+            [at - stride, at, at + stride].map(|at| f32::from(distances[at]));
+        match (is_seen(at - stride), is_seen(at + stride)) {
+            (true, true) => 0.5 * (upper - lower),
+            (true, false) => here - lower,
+            (false, true) => upper - here,
+            (false, false) => 0.0,
+        }
+    }
+
+    /// Colors of a voxel of the block and of the next along an axis.
+    fn colors(&self, voxel: [usize; 3], axis: usize) -> [[u8; 4]; 2] {
+        let mut next = voxel;
+        let mut neighbor = 13;
+        next[axis] += 1;
+        if next[axis] == EDGE {
+            next[axis] = 0;
+            neighbor += [1, 3, 9][axis];
+        }
+        [(13, voxel), (neighbor, next)].map(|(block, [x, y, z])| {
+            self.blocks[block].map_or([0; 4], |block| block.colors[Block::index(x, y, z)])
+        })
+    }
+}
