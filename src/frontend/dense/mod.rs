@@ -5,8 +5,10 @@
 //! | `block` | 8³ voxels |
 //! | `volume` | the sparse grid of blocks |
 //! | `surface` | triangles where the distance is zero |
+//! | `export` | meshes as PLY and GLB |
 
 pub mod block;
+pub mod export;
 pub mod surface;
 #[cfg(test)]
 mod testing;

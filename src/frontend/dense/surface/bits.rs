@@ -35,6 +35,11 @@ impl Bits {
         Self { inside: top_bits(&flags), seen }
     }
 
+    /// Where it differs from another.
+    pub(super) fn difference(&self, other: &Self) -> BlockBits {
+        std::array::from_fn(|z| (self.inside[z] ^ other.inside[z]) | (self.seen[z] ^ other.seen[z]))
+    }
+
     /// Which sides of the surface it has: bit 0 for voxels in front, bit 1 for voxels behind.
     pub(super) fn sides(&self) -> u8 {
         let front = self.seen.iter().zip(&self.inside).any(|(seen, inside)| seen & !inside != 0);
@@ -62,6 +67,23 @@ fn top_bits(values: &[u16; VOXELS]) -> BlockBits {
         }
     }
     bits
+}
+
+/// Which of the 27 blocks around (order as in [`FieldBits::of`]) lie beside a voxel whose bit is one;
+/// the block itself where any bit is.
+pub(super) fn borders(bits: &BlockBits) -> u32 {
+    const ROWS: [u64; 3] = [0xff, u64::MAX, 0xff << 56];
+    const COLUMNS: [u64; 3] = [0x0101_0101_0101_0101, u64::MAX, 0x8080_8080_8080_8080];
+    let any = bits.iter().fold(0, |any, word| any | word);
+    let mut beside = 0;
+    for (z, word) in [bits[0], any, bits[EDGE - 1]].into_iter().enumerate() {
+        for (y, rows) in ROWS.into_iter().enumerate() {
+            for (x, columns) in COLUMNS.into_iter().enumerate() {
+                beside |= u32::from(word & rows & columns != 0) << (x + 3 * y + 9 * z);
+            }
+        }
+    }
+    beside
 }
 
 /// One bit a voxel of a block and of the voxels around it.

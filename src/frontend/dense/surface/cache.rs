@@ -1,111 +1,145 @@
 //! Pieces that follow a volume: only what changed is made anew.
 //!
-//! A piece reads its block and the voxels next to it, so that a changed block makes its own piece and
-//! those of its neighbors anew. Volumes may drop blocks and give their slots to others; a slot whose
-//! key changed is linked to its neighbors again.
+//! A piece reads its block and the voxels next to it. A block that changed makes its own piece anew,
+//! and of its neighbors' those that read its voxels or, where a sign at their border or the sight of it
+//! changed, may come to do so. Volumes may drop blocks and give their slots to others; a slot whose key
+//! changed is linked to its neighbors again.
 
 use rayon::prelude::*;
 
 use super::super::block::BlockKey;
 use super::super::volume::Volume;
 use super::SurfaceOptions;
-use super::bits::{Bits, FieldBits, stored_weight};
+use super::bits::{Bits, FieldBits, borders, stored_weight};
 use super::mesh::{Mesh, join};
 use super::piece::{Piece, Source};
 
 /// No slot.
 const NONE: u32 = u32::MAX;
-/// Slots that a task takes at least.
-const SLOTS_A_TASK: usize = 64;
+/// The block itself among the 27 around it; steps along x, y and z are 1, 3 and 9.
+const MIDDLE: usize = 13;
+/// Blocks that a task takes at least.
+const BLOCKS_A_TASK: usize = 32;
 
 /// The surface of a volume, kept up to date.
 #[derive(Clone, Debug)]
 pub struct SurfaceCache {
     least_weight: u16,
-    /// What is known of each slot's block.
-    slots: Vec<Slot>,
-    pieces: Vec<Option<Box<Piece>>>,
-    /// Which pieces are old.
-    stale: Vec<bool>,
-}
-
-#[derive(Clone, Debug)]
-struct Slot {
-    key: BlockKey,
-    /// The block's revision that `bits` are of; `None` where they are not made yet.
-    revision: Option<u64>,
-    bits: Bits,
-    sides: u8,
+    // What is known of each slot:
+    keys: Vec<BlockKey>,
+    /// The revision of the block that its bits are of; `None` where they are not made yet.
+    revisions: Vec<Option<u64>>,
+    bits: Vec<Bits>,
+    sides: Vec<u8>,
     /// Slots of the blocks around, as in [`FieldBits::of`].
-    around: [u32; 27],
+    around: Vec<[u32; 27]>,
+    pieces: Vec<Option<Box<Piece>>>,
+    /// The update since which the piece is old, 0 where it is not.
+    stale: Vec<u64>,
+    updates: u64,
 }
 
 impl SurfaceCache {
     /// An empty one.
     #[must_use]
     pub fn new(options: SurfaceOptions) -> Self {
-        let least_weight = stored_weight(options.least_weight);
-        Self { least_weight, slots: Vec::new(), pieces: Vec::new(), stale: Vec::new() }
+        Self {
+            least_weight: stored_weight(options.least_weight),
+            keys: Vec::new(),
+            revisions: Vec::new(),
+            bits: Vec::new(),
+            sides: Vec::new(),
+            around: Vec::new(),
+            pieces: Vec::new(),
+            stale: Vec::new(),
+            updates: 0,
+        }
     }
 
     /// Follows a volume, always the same one; how many pieces were made anew.
     pub fn update(&mut self, volume: &Volume) -> usize {
+        self.update_oldest(volume, usize::MAX)
+    }
+
+    /// As [`SurfaceCache::update`], for a bounded time: of the pieces that are old, `most` are made
+    /// anew, those that have been old for longest first. The others' turn comes with later updates;
+    /// until then the surface may be torn where old and new meet.
+    pub fn update_oldest(&mut self, volume: &Volume, most: usize) -> usize {
+        self.updates += 1;
         self.link(volume);
         self.look(volume);
-        let least = self.stale.iter().filter(|&&stale| stale).count();
-        let (slots, voxel_m) = (&self.slots, volume.options().voxel_m);
-        let pieces = self.pieces.par_iter_mut().zip(&mut self.stale).enumerate();
-        pieces.with_min_len(SLOTS_A_TASK).for_each(|(slot, (piece, stale))| {
-            if std::mem::take(stale) {
-                remesh(piece, slots, slot, volume, voxel_m);
+        let mut old: Vec<_> = (0..self.stale.len()).filter(|&slot| self.stale[slot] != 0).collect();
+        old.retain(|&slot| {
+            let has_both_sides = self.has_both_sides(slot);
+            if !has_both_sides {
+                self.pieces[slot] = None;
+                self.stale[slot] = 0;
             }
+            has_both_sides
         });
-        least
+        if most < old.len() {
+            old.select_nth_unstable_by_key(most, |&slot| (self.stale[slot], slot));
+            old.truncate(most);
+        }
+        let mut made: Vec<_> = Vec::with_capacity(old.len());
+        for slot in old {
+            self.stale[slot] = 0;
+            made.push((slot, self.pieces[slot].take().unwrap_or_default()));
+        }
+        let tasks = made.par_iter_mut().with_min_len(BLOCKS_A_TASK);
+        tasks.for_each(|(slot, piece)| self.remesh(volume, *slot, piece));
+        let count = made.len();
+        for (slot, piece) in made {
+            self.pieces[slot] = (!piece.is_empty()).then_some(piece);
+        }
+        count
+    }
+
+    /// Whether pieces are old that [`SurfaceCache::update_oldest`] left for later.
+    #[must_use]
+    pub fn is_behind(&self) -> bool {
+        self.stale.iter().any(|&since| since != 0)
     }
 
     /// The whole surface.
     #[must_use]
     pub fn mesh(&self) -> Mesh {
         join(&self.pieces, |slot| {
-            // The block itself stands at 13; steps along x, y and z are 1, 3 and 9.
-            std::array::from_fn(|k| {
-                self.slots[slot].around[13 + (k & 1) + 3 * (k >> 1 & 1) + 9 * (k >> 2)]
-            })
+            let step = |k: usize| (k & 1) + 3 * (k >> 1 & 1) + 9 * (k >> 2);
+            std::array::from_fn(|k| self.around[slot][MIDDLE + step(k)])
         })
     }
 
     /// Finds neighbors of the blocks that are new or stand in another one's slot.
     fn link(&mut self, volume: &Volume) {
-        let keys = volume.keys();
-        let kept = keys.len().min(self.slots.len());
-        let replaced = (0..kept).filter(|&slot| self.slots[slot].key != keys[slot]);
-        let gone: Vec<usize> = replaced.clone().chain(kept..self.slots.len()).collect();
-        let new: Vec<usize> = replaced.chain(self.slots.len()..keys.len()).collect();
-        for &slot in &gone {
-            for (k, neighbor) in self.slots[slot].around.into_iter().enumerate() {
+        let (old, keys) = (self.keys.len(), volume.keys());
+        let kept = old.min(keys.len());
+        let replaced: Vec<_> = (0..kept).filter(|&slot| self.keys[slot] != keys[slot]).collect();
+        for slot in replaced.iter().copied().chain(kept..old) {
+            for (k, neighbor) in self.around[slot].into_iter().enumerate() {
                 if neighbor != NONE {
-                    self.slots[neighbor as usize].around[26 - k] = NONE;
-                    self.stale[neighbor as usize] = true;
+                    self.around[neighbor as usize][26 - k] = NONE;
+                    self.mark(neighbor as usize);
                 }
             }
         }
-        let linked =
-            new.par_iter().with_min_len(SLOTS_A_TASK).map(|&slot| Slot::new(volume, keys[slot]));
-        let linked: Vec<Slot> = linked.collect();
-        self.slots.truncate(keys.len());
+        self.keys.clear();
+        self.keys.extend_from_slice(keys);
+        self.revisions.resize(keys.len(), None);
+        self.bits.resize(keys.len(), Bits::default());
+        self.sides.resize(keys.len(), 0);
+        self.around.resize(keys.len(), [NONE; 27]);
         self.pieces.resize_with(keys.len(), || None);
-        self.stale.resize(keys.len(), false);
-        for (&slot, entry) in new.iter().zip(linked) {
-            if slot < self.slots.len() {
-                self.slots[slot] = entry;
-            } else {
-                self.slots.push(entry);
-            }
-        }
-        for &slot in &new {
-            for (k, neighbor) in self.slots[slot].around.into_iter().enumerate() {
+        self.stale.resize(keys.len(), 0);
+        let new: Vec<_> = replaced.into_iter().chain(kept..keys.len()).collect();
+        let tasks = new.par_iter().with_min_len(BLOCKS_A_TASK);
+        let linked: Vec<_> = tasks.map(|&slot| slots_around(volume, keys[slot])).collect();
+        for (&slot, around) in new.iter().zip(linked) {
+            self.revisions[slot] = None;
+            self.around[slot] = around;
+            for (k, neighbor) in around.into_iter().enumerate() {
                 if neighbor != NONE {
-                    self.slots[neighbor as usize].around[26 - k] = slot as u32;
+                    self.around[neighbor as usize][26 - k] = slot as u32;
                 }
             }
         }
@@ -113,64 +147,67 @@ impl SurfaceCache {
 
     /// Takes the bits of blocks that changed, and marks the pieces that read them.
     fn look(&mut self, volume: &Volume) {
-        let least_weight = self.least_weight;
         let (blocks, changed) = (volume.blocks(), volume.changed());
-        let slots = self.slots.par_iter_mut().enumerate().with_min_len(SLOTS_A_TASK);
-        let looked = slots.filter_map(|(slot, entry)| {
-            if entry.revision == Some(changed[slot]) {
-                return None;
-            }
-            entry.revision = Some(changed[slot]);
-            entry.bits = Bits::of(&blocks[slot], least_weight);
-            entry.sides = entry.bits.sides();
-            Some(slot)
-        });
-        for slot in looked.collect::<Vec<_>>() {
-            for neighbor in self.slots[slot].around {
+        let is_old = |&slot: &usize| self.revisions[slot] != Some(changed[slot]);
+        let old: Vec<_> = (0..changed.len()).filter(is_old).collect();
+        let tasks = old.par_iter().with_min_len(BLOCKS_A_TASK);
+        let looked: Vec<_> = tasks
+            .map(|&slot| {
+                let bits = Bits::of(&blocks[slot], self.least_weight);
+                let before = self.revisions[slot].map(|_| &self.bits[slot]);
+                let turned = before.map_or(u32::MAX, |before| borders(&bits.difference(before)));
+                (bits, turned)
+            })
+            .collect();
+        for (&slot, (bits, turned)) in old.iter().zip(looked) {
+            self.revisions[slot] = Some(changed[slot]);
+            self.sides[slot] = bits.sides();
+            self.bits[slot] = bits;
+            self.mark(slot);
+            for (k, neighbor) in self.around[slot].into_iter().enumerate() {
                 if neighbor != NONE {
-                    self.stale[neighbor as usize] = true;
+                    let piece = self.pieces[neighbor as usize].as_deref();
+                    let reads = piece.map_or(0, |piece| piece.reads);
+                    if (turned >> k | reads >> (26 - k)) & 1 == 1 {
+                        self.mark(neighbor as usize);
+                    }
                 }
             }
         }
     }
-}
 
-impl Slot {
-    fn new(volume: &Volume, key: BlockKey) -> Self {
-        let around = std::array::from_fn(|k| {
-            let step = |coordinate: i32, k: usize| coordinate.checked_add(k as i32 % 3 - 1);
-            let slot = (|| {
-                let (x, y, z) = (step(key.x, k)?, step(key.y, k / 3)?, step(key.z, k / 9)?);
-                volume.slot(BlockKey { x, y, z })
-            })();
-            slot.map_or(NONE, |slot| slot as u32)
+    fn mark(&mut self, slot: usize) {
+        if self.stale[slot] == 0 {
+            self.stale[slot] = self.updates;
+        }
+    }
+
+    /// Whether there are voxels in front of the surface and behind it around a block.
+    fn has_both_sides(&self, slot: usize) -> bool {
+        let known = self.around[slot].iter().filter(|&&slot| slot != NONE);
+        known.fold(0, |sides, &slot| sides | self.sides[slot as usize]) == 3
+    }
+
+    /// Makes the piece of a slot anew.
+    fn remesh(&self, volume: &Volume, slot: usize, piece: &mut Piece) {
+        let around = self.around[slot].map(|slot| (slot != NONE).then_some(slot as usize));
+        let blocks = volume.blocks();
+        piece.remesh(&Source {
+            key: self.keys[slot],
+            voxel_m: volume.options().voxel_m,
+            block: &blocks[slot],
+            around: around.map(|slot| slot.map(|slot| &blocks[slot])),
+            bits: FieldBits::of(&around.map(|slot| slot.map(|slot| &self.bits[slot]))),
         });
-        Self { key, revision: None, bits: Bits::default(), sides: 0, around }
     }
 }
 
-/// Makes the piece of a slot anew.
-fn remesh(
-    piece: &mut Option<Box<Piece>>,
-    slots: &[Slot],
-    slot: usize,
-    volume: &Volume,
-    voxel_m: f32,
-) {
-    let entry = &slots[slot];
-    let around = entry.around.map(|neighbor| slots.get(neighbor as usize));
-    let sides = around.iter().flatten().fold(0, |sides, entry| sides | entry.sides);
-    if sides != 3 {
-        *piece = None;
-        return;
-    }
-    let source = Source {
-        key: entry.key,
-        voxel_m,
-        blocks: entry.around.map(|neighbor| volume.blocks().get(neighbor as usize)),
-        bits: FieldBits::of(&around.map(|entry| entry.map(|entry| &entry.bits))),
-    };
-    let mut made = piece.take().unwrap_or_default();
-    made.remesh(&source);
-    *piece = (!made.is_empty()).then_some(made);
+/// Slots of the blocks around a key, itself in the middle.
+fn slots_around(volume: &Volume, key: BlockKey) -> [u32; 27] {
+    let step = |coordinate: i32, k: usize| coordinate.checked_add(k as i32 % 3 - 1);
+    std::array::from_fn(|k| {
+        let neighbor = step(key.x, k).zip(step(key.y, k / 3)).zip(step(key.z, k / 9));
+        let slot = neighbor.and_then(|((x, y), z)| volume.slot(BlockKey { x, y, z }));
+        slot.map_or(NONE, |slot| slot as u32)
+    })
 }

@@ -5,8 +5,8 @@
 //! color is between theirs. A triangle names vertices by their edges, which may begin in the next
 //! blocks along x, y and z. Knows nothing of other pieces.
 
-use super::super::block::{Block, BlockKey, EDGE};
-use super::bits::{Field, FieldBits, SIDE, own, split};
+use super::super::block::{Block, BlockKey, EDGE, VOXELS};
+use super::bits::{Field, FieldBits, SIDE, borders, own, split};
 use super::cases::{CASES, EDGES, edge_base};
 
 /// A point of the surface.
@@ -43,6 +43,8 @@ pub(super) struct Piece {
     edges: [[u64; EDGE]; 3],
     /// How many vertices stand before those of a word.
     first: [[u16; EDGE]; 3],
+    /// Which of the blocks around have voxels that it was made of, as in [`borders`].
+    pub(super) reads: u32,
     pub(super) vertices: Vec<Vertex>,
     pub(super) triangles: Vec<[EdgeName; 3]>,
 }
@@ -73,6 +75,10 @@ impl Piece {
         self.mark_edges(&source.bits.inside, &cells);
         self.place_vertices(source);
         self.connect(&source.bits.inside, &cells);
+        self.reads = borders(&std::array::from_fn(|z| {
+            let edges = self.edges.iter().fold(0, |all, words| all | words[z]);
+            edges | own(cells[z + 1])
+        }));
     }
 
     /// Marks the edges that a crossed cell uses.
@@ -96,17 +102,21 @@ impl Piece {
     }
 
     fn place_vertices(&mut self, source: &Source<'_>) {
-        let has_any = self.edges.as_flattened().iter().any(|&word| word != 0);
-        if !has_any {
-            return;
+        let count: u32 = self.edges.as_flattened().iter().map(|word| word.count_ones()).sum();
+        if count > 0 {
+            self.vertices.reserve(count as usize);
+            let distances = source.distances();
+            self.place_along::<0>(source, &distances);
+            self.place_along::<1>(source, &distances);
+            self.place_along::<2>(source, &distances);
         }
-        let distances = source.distances();
-        for axis in 0..3 {
-            for z in 0..EDGE {
-                for bit in ones(self.edges[axis][z]) {
-                    let voxel = [bit % EDGE, bit / EDGE, z];
-                    self.vertices.push(source.vertex(&distances, voxel, axis));
-                }
+    }
+
+    fn place_along<const AXIS: usize>(&mut self, source: &Source<'_>, distances: &Distances) {
+        for z in 0..EDGE {
+            for bit in ones(self.edges[AXIS][z]) {
+                let voxel = [bit % EDGE, bit / EDGE, z];
+                self.vertices.push(source.vertex::<AXIS>(distances, voxel));
             }
         }
     }
@@ -193,96 +203,105 @@ fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
 
 /// What a piece is made of.
 pub(super) struct Source<'a> {
-    /// The block.
+    /// Which block.
     pub(super) key: BlockKey,
     /// The edge of a voxel, meters.
     pub(super) voxel_m: f32,
+    /// The block.
+    pub(super) block: &'a Block,
     /// The 27 blocks around, itself in the middle.
-    pub(super) blocks: [Option<&'a Block>; 27],
+    pub(super) around: [Option<&'a Block>; 27],
     /// Their bits.
     pub(super) bits: FieldBits,
 }
 
-/// Distances of a field, voxel (x, y, z) at x + 10 (y + 10 z).
-type Distances = [i16; SIDE * SIDE * SIDE];
+/// Distances of a field, voxel (x, y, z) at x + 10 (y + 10 z); the rest is there so that an index of
+/// ten bits is always one of the list.
+type Distances = [i16; 1024];
+
+/// The distance of a voxel that was not seen enough.
+const UNSEEN: i16 = i16::MIN;
 
 /// From a voxel of a field to the next along each axis.
 const STRIDES: [usize; 3] = [1, SIDE, SIDE * SIDE];
 
 impl Source<'_> {
-    /// Distances of the field, 0 where there is no block.
     fn distances(&self) -> Distances {
-        let mut field = [0; SIDE * SIDE * SIDE];
-        for (i, row) in field.chunks_exact_mut(SIDE).enumerate() {
+        let mut field = [UNSEEN; 1024];
+        for (i, row) in field.chunks_exact_mut(SIDE).take(SIDE * SIDE).enumerate() {
             let ((layer, z), (band, y)) = (split(i / SIDE), split(i % SIDE));
-            let first = 9 * layer + 3 * band;
-            let start = Block::index(0, y, z);
-            if let Some(block) = self.blocks[first] {
-                row[0] = block.distances[start + EDGE - 1];
+            let seen = (self.bits.seen[i / SIDE] >> (SIDE * (i % SIDE))) as u32 & 0x3ff;
+            if seen == 0 {
+                continue;
             }
-            if let Some(block) = self.blocks[first + 1] {
+            let start = Block::index(0, y, z);
+            let [left, middle, right] = [0, 1, 2].map(|x| self.around[x + 3 * band + 9 * layer]);
+            if let Some(block) = middle {
                 row[1..=EDGE].copy_from_slice(&block.distances[start..start + EDGE]);
             }
-            if let Some(block) = self.blocks[first + 2] {
-                row[SIDE - 1] = block.distances[start];
+            row[0] = left.map_or(UNSEEN, |block| block.distances[start + EDGE - 1]);
+            row[SIDE - 1] = right.map_or(UNSEEN, |block| block.distances[start]);
+            if seen != 0x3ff {
+                for (x, distance) in row.iter_mut().enumerate() {
+                    *distance = if seen >> x & 1 == 1 { *distance } else { UNSEEN };
+                }
             }
         }
         field
     }
 
     /// The vertex between a voxel of the block and the next along an axis.
-    fn vertex(&self, distances: &Distances, voxel: [usize; 3], axis: usize) -> Vertex {
-        let from = (0..3).map(|i| (voxel[i] + 1) * STRIDES[i]).sum::<usize>();
-        let to = from + STRIDES[axis];
+    fn vertex<const AXIS: usize>(&self, distances: &Distances, voxel: [usize; 3]) -> Vertex {
+        let from = (voxel[0] + 1) + SIDE * (voxel[1] + 1) + SIDE * SIDE * (voxel[2] + 1);
+        let to = from + STRIDES[AXIS];
         // Half a stored unit, about a micrometer, is added: a distance of 0 lies in front, and a
         // vertex in a corner of its cell would leave triangles without area.
-        let [a, b] = [from, to].map(|at| f32::from(distances[at]) + 0.5);
+        let [a, b] = [from, to].map(|at| f32::from(distances[at & 1023]) + 0.5);
         let t = a / (a - b);
         let mut normal = [0.0; 3];
-        normal[axis] = b - a;
-        for other in (0..3).filter(|&other| other != axis) {
-            let [near, far] = [from, to].map(|at| self.slope(distances, at, other));
+        normal[AXIS] = b - a;
+        for other in [(AXIS + 1) % 3, (AXIS + 2) % 3] {
+            let [near, far] = [from, to].map(|at| slope(distances, at, STRIDES[other]));
             normal[other] = near + t * (far - near);
         }
-        let length = normal.iter().map(|n| n * n).sum::<f32>().sqrt();
-        let [near, far] = self.colors(voxel, axis);
-        let key = [self.key.x, self.key.y, self.key.z];
-        let position = std::array::from_fn(|i| {
-            let corner = (EDGE as f32).mul_add(key[i] as f32, voxel[i] as f32);
-            (corner + if i == axis { t } else { 0.0 }) * self.voxel_m
-        });
-        let color = std::array::from_fn(|i| {
-            let [near, far] = [near[i], far[i]].map(f32::from);
-            (near + t * (far - near) + 0.5) as u8
-        });
-        Vertex { position, normal: normal.map(|n| n / length), color }
-    }
-
-    /// How much the distance grows a voxel along an axis.
-    fn slope(&self, distances: &Distances, at: usize, axis: usize) -> f32 {
-        let stride = STRIDES[axis];
-        let is_seen = |at: usize| self.bits.seen[at / STRIDES[2]] >> (at % STRIDES[2]) & 1 == 1;
-        let [lower, here, upper] =
-            [at - stride, at, at + stride].map(|at| f32::from(distances[at]));
-        match (is_seen(at - stride), is_seen(at + stride)) {
-            (true, true) => 0.5 * (upper - lower),
-            (true, false) => here - lower,
-            (false, true) => upper - here,
-            (false, false) => 0.0,
+        let [x, y, z] = normal;
+        let per_length = 1.0 / (x * x + y * y + z * z).sqrt();
+        let first = [self.key.x, self.key.y, self.key.z].map(|k| k as f32 * EDGE as f32);
+        let mut position = [0, 1, 2].map(|i| first[i] + voxel[i] as f32);
+        position[AXIS] += t;
+        Vertex {
+            position: position.map(|p| p * self.voxel_m),
+            normal: normal.map(|n| n * per_length),
+            color: self.color::<AXIS>(voxel, t),
         }
     }
 
-    /// Colors of a voxel of the block and of the next along an axis.
-    fn colors(&self, voxel: [usize; 3], axis: usize) -> [[u8; 4]; 2] {
-        let mut next = voxel;
-        let mut neighbor = 13;
-        next[axis] += 1;
-        if next[axis] == EDGE {
-            next[axis] = 0;
-            neighbor += [1, 3, 9][axis];
-        }
-        [(13, voxel), (neighbor, next)].map(|(block, [x, y, z])| {
-            self.blocks[block].map_or([0; 4], |block| block.colors[Block::index(x, y, z)])
+    /// The color between a voxel of the block and the next along an axis.
+    fn color<const AXIS: usize>(&self, voxel: [usize; 3], t: f32) -> [u8; 3] {
+        let [x, y, z] = voxel;
+        let at = Block::index(x, y, z);
+        let near = self.block.colors[at % VOXELS];
+        let stride = [1, EDGE, EDGE * EDGE][AXIS];
+        let far = if voxel[AXIS] + 1 < EDGE {
+            self.block.colors[(at + stride) % VOXELS]
+        } else {
+            let next = self.around[13 + [1, 3, 9][AXIS]];
+            next.map_or(near, |block| block.colors[(at + stride - EDGE * stride) % VOXELS])
+        };
+        let share = (t * 256.0) as u32;
+        [0, 1, 2].map(|i| {
+            let sum = u32::from(near[i]) * (256 - share) + u32::from(far[i]) * share;
+            ((sum + 128) >> 8) as u8
         })
     }
+}
+
+/// How much the distance grows a voxel of a field, in a direction: between both neighbors, or the
+/// one that was seen.
+fn slope(distances: &Distances, place: usize, stride: usize) -> f32 {
+    let at = |at: usize| distances[at & 1023];
+    let (lower, here, upper) = (at(place - stride), at(place), at(place + stride));
+    let or_here = |value: i16| i32::from(if value == UNSEEN { here } else { value });
+    let is_whole = lower != UNSEEN && upper != UNSEEN;
+    (or_here(upper) - or_here(lower)) as f32 * if is_whole { 0.5 } else { 1.0 }
 }

@@ -124,7 +124,7 @@ fn a_lone_block_at_the_end_of_the_grid_has_its_own_cells() {
 fn an_updated_surface_is_the_one_made_anew() {
     let mut grid = volume(CENTIMETER, [-2; 3], [1; 3], ball(0.12));
     let mut cache = SurfaceCache::new(SurfaceOptions::default());
-    assert_eq!(cache.update(&grid), 64);
+    assert!((8..=64).contains(&cache.update(&grid)));
     assert_eq!(cache.update(&grid), 0);
     // A block changes, one comes, and the surface leaves one.
     let mut shapes: Vec<(BlockKey, Block)> = vec![];
@@ -137,8 +137,35 @@ fn an_updated_surface_is_the_one_made_anew() {
     for (key, block) in shapes {
         grid.insert(key, block);
         let remade = cache.update(&grid);
-        assert!((8..=27).contains(&remade), "{remade} pieces were made anew");
+        assert!((1..=27).contains(&remade), "{remade} pieces were made anew");
         assert_eq!(cache.mesh(), extract(&grid, SurfaceOptions::default()));
+    }
+}
+
+#[test]
+fn any_changes_are_followed_in_any_portions() {
+    // Voxels of a noisy ball come, go and change their distance, a few blocks at a time.
+    let mut grid = volume(CENTIMETER, [-2; 3], [1; 3], ball(0.11));
+    let mut cache = SurfaceCache::new(SurfaceOptions::default());
+    for round in 0..60 {
+        let slot = noise(round) as usize % grid.len();
+        let mut block = grid.blocks()[slot].clone();
+        for k in 0..1 + noise(round + 100) as usize % 40 {
+            let voxel = noise(1_000 * round + k) as usize;
+            let distance = &mut block.distances[voxel % 512];
+            match voxel >> 20 & 3 {
+                0 => block.weights[voxel % 512] ^= 512,
+                1 => *distance = -*distance,
+                _ => *distance = (*distance / 2) + (voxel >> 30) as i16 % 900,
+            }
+        }
+        grid.insert(grid.keys()[slot], block);
+        assert!(cache.update_oldest(&grid, 3) <= 3);
+        if round % 7 == 0 {
+            cache.update(&grid);
+            assert!(!cache.is_behind());
+            assert_eq!(cache.mesh(), extract(&grid, SurfaceOptions::default()), "round {round}");
+        }
     }
 }
 
