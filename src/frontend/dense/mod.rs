@@ -6,9 +6,11 @@
 //! | `volume` | the sparse grid of blocks |
 //! | `surface` | triangles where the distance is zero |
 //! | `export` | meshes as PLY and GLB |
+//! | `file` | volumes as files |
 
 pub mod block;
 pub mod export;
+pub mod file;
 pub mod surface;
 #[cfg(test)]
 mod testing;

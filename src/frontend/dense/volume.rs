@@ -42,6 +42,17 @@ impl Volume {
         }
     }
 
+    /// An empty one with room for so many blocks, and no more.
+    #[must_use]
+    pub fn with_capacity(options: VolumeOptions, blocks: usize) -> Self {
+        let mut volume = Self::new(options);
+        volume.slots.reserve(blocks);
+        volume.keys.reserve_exact(blocks);
+        volume.blocks.reserve_exact(blocks);
+        volume.changed.reserve_exact(blocks);
+        volume
+    }
+
     /// The grid's measures.
     #[must_use]
     pub fn options(&self) -> &VolumeOptions {

@@ -1,0 +1,95 @@
+//! Blocks as bytes that compress well, and back.
+//!
+//! A chunk's blocks stand property by property: keys (3 i32 each), then one plane of bytes for each
+//! byte of a voxel's distance, weight and color, each plane over all voxels of all blocks. A value is
+//! told as its difference to that of the voxel before, where the sign is the lowest bit, so that what
+//! grows evenly and what was not seen are the same bytes again and again. Knows nothing of files.
+
+use super::super::block::{Block, BlockKey, VOXELS};
+
+/// Blocks of a chunk, the last one excepted.
+pub(super) const BLOCKS_A_CHUNK: usize = 256;
+/// Bytes of a block: key, distances, weights and colors.
+const BLOCK: usize = 12 + 8 * VOXELS;
+/// Higher levels cost twice the time for some percent of the bytes.
+const COMPRESSION_LEVEL: i32 = 1;
+
+/// The zstd frame of blocks, keys and blocks being as many.
+pub(super) fn pack(keys: &[BlockKey], blocks: &[Block]) -> std::io::Result<Vec<u8>> {
+    let mut bytes = vec![0; BLOCK * blocks.len()];
+    let (heads, voxels) = bytes.split_at_mut(12 * keys.len());
+    for (head, key) in heads.chunks_exact_mut(12).zip(keys) {
+        for (word, number) in head.chunks_exact_mut(4).zip([key.x, key.y, key.z]) {
+            word.copy_from_slice(&number.to_le_bytes());
+        }
+    }
+    let plane = VOXELS * blocks.len();
+    for (i, block) in blocks.iter().enumerate() {
+        let at = VOXELS * i;
+        let mut put = |first: usize, number: usize, value: u8| {
+            voxels[first * plane + at + number] = value;
+        };
+        let mut before = (0, 0, [0; 4]);
+        for k in 0..VOXELS {
+            let (distance, weight, color) =
+                (block.distances[k].cast_unsigned(), block.weights[k], block.colors[k]);
+            let distances = fold(distance.wrapping_sub(before.0)).to_le_bytes();
+            let weights = fold(weight.wrapping_sub(before.1)).to_le_bytes();
+            put(0, k, distances[0]);
+            put(1, k, distances[1]);
+            put(2, k, weights[0]);
+            put(3, k, weights[1]);
+            for channel in 0..4 {
+                put(4 + channel, k, color[channel].wrapping_sub(before.2[channel]));
+            }
+            before = (distance, weight, color);
+        }
+    }
+    zstd::bulk::compress(&bytes, COMPRESSION_LEVEL)
+}
+
+/// The blocks of a frame that must have so many, or what is wrong with it.
+pub(super) fn unpack(frame: &[u8], blocks: usize) -> Result<Vec<(BlockKey, Block)>, &'static str> {
+    let mut bytes = vec![0; BLOCK * blocks];
+    match zstd::bulk::decompress_to_buffer(frame, &mut bytes) {
+        Ok(length) if length == bytes.len() => {}
+        Ok(_) => return Err("has fewer bytes than its blocks need"),
+        Err(_reason) => return Err("is no zstd frame of its blocks' size"),
+    }
+    let (heads, voxels) = bytes.split_at(12 * blocks);
+    let plane = VOXELS * blocks;
+    let unpacked = heads.chunks_exact(12).enumerate().map(|(i, head)| {
+        let number =
+            |at: usize| i32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
+        let key = BlockKey { x: number(0), y: number(4), z: number(8) };
+        let planes: [&[u8]; 8] =
+            std::array::from_fn(|p| &voxels[p * plane + VOXELS * i..][..VOXELS]);
+        let mut block = Block::EMPTY;
+        let mut before = (0_u16, 0_u16, [0_u8; 4]);
+        for k in 0..VOXELS {
+            let step =
+                |low: usize| unfold(u16::from_le_bytes([planes[low][k], planes[low + 1][k]]));
+            before.0 = before.0.wrapping_add(step(0));
+            before.1 = before.1.wrapping_add(step(2));
+            for channel in 0..4 {
+                before.2[channel] = before.2[channel].wrapping_add(planes[4 + channel][k]);
+            }
+            block.distances[k] = before.0.cast_signed();
+            block.weights[k] = before.1;
+            block.colors[k] = before.2;
+        }
+        (key, block)
+    });
+    Ok(unpacked.collect())
+}
+
+/// A difference with its sign as the lowest bit.
+fn fold(difference: u16) -> u16 {
+    let signed = difference.cast_signed();
+    (signed << 1 ^ signed >> 15).cast_unsigned()
+}
+
+/// The difference of a folded one.
+fn unfold(folded: u16) -> u16 {
+    (folded >> 1) ^ (folded & 1).wrapping_neg()
+}

@@ -1,0 +1,319 @@
+//! A volume as a file, `volume.covis`, exact to the bit.
+//!
+//! ```text
+//! header (36 bytes)  "covisvol"  version u32  voxel m f32  truncation m f32  0 u32
+//!                    blocks u64  crc32c u32
+//! chunk, one for each 256 blocks, the last for what is left
+//!                    frame length u32  crc32c u32  zstd frame, zeros up to 128 bytes a block
+//! ```
+//!
+//! Numbers are little endian. The CRC of a chunk covers its frame length, frame and zeros and goes on
+//! from that of the chunk before, the first from the header's, so that no chunk can be missing, stand
+//! elsewhere or be of another file. Each block has at least 128 bytes of the file: a reader knows from
+//! the file's length how much memory its blocks can take, whatever the numbers in it say, and takes no
+//! more than 33 bytes a byte of the file and a few MiB. Blocks keep their order.
+
+mod chunk;
+#[cfg(test)]
+mod tests;
+
+use std::io::Write;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use self::chunk::{BLOCKS_A_CHUNK, pack, unpack};
+use super::volume::{Volume, VolumeOptions};
+
+/// How a file begins.
+const MAGIC: &[u8; 8] = b"covisvol";
+/// The version that is written, and the only one that is read.
+const VERSION: u32 = 1;
+/// Bytes of the header, its CRC included.
+const HEADER: usize = 36;
+/// Bytes before a chunk's frame.
+const CHUNK_HEAD: usize = 8;
+/// Bytes of the file that a block has at least.
+const BYTES_A_BLOCK: usize = 128;
+/// Chunks that are packed or unpacked at a time.
+const CHUNKS_AT_A_TIME: usize = 8;
+
+/// Why a volume was not written or read. Offsets are bytes from the file's begin.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum VolumeFileError {
+    /// The system says no.
+    #[error("{action} {path}: {message}")]
+    File {
+        /// What was tried.
+        action: &'static str,
+        /// The file.
+        path: String,
+        /// What the system says.
+        message: String,
+    },
+    /// It begins like another kind of file.
+    #[error("this is no volume: it does not begin with \"covisvol\"")]
+    Magic,
+    /// Another version of covis wrote it.
+    #[error("the volume has version {found}, and {VERSION} is the only one known here")]
+    Version {
+        /// The file's version.
+        found: u32,
+    },
+    /// Bytes are missing at the end.
+    #[error(
+        "the volume is cut short: it has {length} bytes, what begins at byte {offset} ends at {end}"
+    )]
+    CutShort {
+        /// Bytes of the file.
+        length: u64,
+        /// Where the part begins that is not whole.
+        offset: u64,
+        /// Where it would end, at least.
+        end: u64,
+    },
+    /// The header does not have its checksum.
+    #[error("the header, bytes 0 to {HEADER}, is damaged")]
+    Header,
+    /// A size of the header makes no sense.
+    #[error("the volume's {what} is {value}")]
+    Measure {
+        /// Which.
+        what: &'static str,
+        /// What it is, as text.
+        value: String,
+    },
+    /// A chunk does not have its checksum.
+    #[error("chunk {chunk}, at byte {offset}, is damaged")]
+    Chunk {
+        /// Which chunk, from 0.
+        chunk: usize,
+        /// Where it begins.
+        offset: u64,
+    },
+    /// A chunk has its checksum and cannot be understood.
+    #[error("chunk {chunk}, at byte {offset}, {what}")]
+    Content {
+        /// Which chunk, from 0.
+        chunk: usize,
+        /// Where it begins.
+        offset: u64,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+    /// Something stands behind the last chunk.
+    #[error("the volume ends at byte {offset}, the file does not")]
+    Trailing {
+        /// Where the file should end.
+        offset: u64,
+    },
+    /// The volume cannot be written in this format.
+    #[error("the volume cannot be packed: {message}")]
+    Packing {
+        /// What the packer says.
+        message: String,
+    },
+}
+
+/// Writes a volume; the file is there whole or not at all, and one that was there is replaced.
+///
+/// # Errors
+/// [`VolumeFileError::File`] and [`VolumeFileError::Packing`].
+pub fn save(volume: &Volume, path: &Path) -> Result<(), VolumeFileError> {
+    let mut partial = path.as_os_str().to_owned();
+    partial.push(".partial");
+    let partial = Path::new(&partial);
+    let failed = |action, error: std::io::Error| VolumeFileError::File {
+        action,
+        path: path.display().to_string(),
+        message: error.to_string(),
+    };
+    let write = || {
+        let mut file =
+            fs_err::File::create(partial).map_err(|error| failed("cannot create", error))?;
+        encode(volume, |bytes| {
+            file.write_all(bytes).map_err(|error| failed("cannot write", error))
+        })?;
+        file.sync_all().map_err(|error| failed("cannot write", error))?;
+        fs_err::rename(partial, path).map_err(|error| failed("cannot name", error))
+    };
+    write().inspect_err(|_| {
+        // What cannot be removed either stays; the error is what counts.
+        let _left = fs_err::remove_file(partial);
+    })
+}
+
+/// Reads a volume.
+///
+/// # Errors
+/// Where the file cannot be read, is cut short, damaged or no volume.
+pub fn load(path: &Path) -> Result<Volume, VolumeFileError> {
+    let bytes = fs_err::read(path).map_err(|error| VolumeFileError::File {
+        action: "cannot read",
+        path: path.display().to_string(),
+        message: error.to_string(),
+    })?;
+    decode(&bytes)
+}
+
+/// Hands out the bytes of a volume's file, in order.
+fn encode(
+    volume: &Volume,
+    mut write: impl FnMut(&[u8]) -> Result<(), VolumeFileError>,
+) -> Result<(), VolumeFileError> {
+    let VolumeOptions { voxel_m, truncation_m } = *volume.options();
+    let mut header = Vec::with_capacity(HEADER);
+    header.extend_from_slice(MAGIC);
+    header.extend_from_slice(&VERSION.to_le_bytes());
+    header.extend_from_slice(&voxel_m.to_le_bytes());
+    header.extend_from_slice(&truncation_m.to_le_bytes());
+    header.extend_from_slice(&[0; 4]);
+    header.extend_from_slice(&(volume.len() as u64).to_le_bytes());
+    let mut crc = crc32c::crc32c(&header);
+    header.extend_from_slice(&crc.to_le_bytes());
+    write(&header)?;
+    let slots: Vec<usize> = (0..volume.len()).step_by(BLOCKS_A_CHUNK).collect();
+    for some in slots.chunks(CHUNKS_AT_A_TIME) {
+        let packed: Vec<_> = some
+            .par_iter()
+            .map(|&first| {
+                let end = volume.len().min(first + BLOCKS_A_CHUNK);
+                let frame = pack(&volume.keys()[first..end], &volume.blocks()[first..end]);
+                frame.map(|frame| (frame, BYTES_A_BLOCK * (end - first)))
+            })
+            .collect();
+        for packed in packed {
+            let (mut frame, least) =
+                packed.map_err(|error| VolumeFileError::Packing { message: error.to_string() })?;
+            let length = (frame.len() as u32).to_le_bytes();
+            frame.resize(frame.len().max(least), 0);
+            crc = crc32c::crc32c_append(crc32c::crc32c_append(crc, &length), &frame);
+            write(&length)?;
+            write(&crc.to_le_bytes())?;
+            write(&frame)?;
+        }
+    }
+    Ok(())
+}
+
+/// The volume of a file's bytes, whatever they are.
+///
+/// # Errors
+/// As [`load`], without [`VolumeFileError::File`].
+pub fn decode(bytes: &[u8]) -> Result<Volume, VolumeFileError> {
+    let (options, blocks) = read_header(bytes)?;
+    let chunks = find_chunks(bytes, blocks)?;
+    let mut volume = Volume::with_capacity(options, blocks);
+    let mut before = u32_at(bytes, HEADER - 4);
+    let mut number = 0;
+    for some in chunks.chunks(CHUNKS_AT_A_TIME) {
+        for chunk in some {
+            let crc = crc32c::crc32c_append(before, &bytes[chunk.start..chunk.start + 4]);
+            let crc = crc32c::crc32c_append(crc, &bytes[chunk.start + CHUNK_HEAD..chunk.end]);
+            before = u32_at(bytes, chunk.start + 4);
+            if crc != before {
+                let offset = chunk.start as u64;
+                return Err(VolumeFileError::Chunk { chunk: number, offset });
+            }
+            number += 1;
+        }
+        let first = number - some.len();
+        let unpacked: Vec<_> =
+            some.par_iter().map(|chunk| unpack(chunk.frame(bytes), chunk.blocks)).collect();
+        for (i, (unpacked, chunk)) in unpacked.into_iter().zip(some).enumerate() {
+            let content = |what| VolumeFileError::Content {
+                chunk: first + i,
+                offset: chunk.start as u64,
+                what,
+            };
+            for (key, block) in unpacked.map_err(content)? {
+                if volume.slot(key).is_some() {
+                    return Err(content("has a block that was there already"));
+                }
+                volume.insert(key, block);
+            }
+        }
+    }
+    Ok(volume)
+}
+
+fn u32_at(bytes: &[u8], at: usize) -> u32 {
+    bytes.get(at..).and_then(<[u8]>::first_chunk).map_or(0, |&word| u32::from_le_bytes(word))
+}
+
+/// The grid's measures, and how many blocks there are; no more than the bytes have room for.
+fn read_header(bytes: &[u8]) -> Result<(VolumeOptions, usize), VolumeFileError> {
+    let length = bytes.len() as u64;
+    if !MAGIC.starts_with(&bytes[..bytes.len().min(MAGIC.len())]) {
+        return Err(VolumeFileError::Magic);
+    }
+    let Some(header) = bytes.get(..HEADER) else {
+        return Err(VolumeFileError::CutShort { length, offset: 0, end: HEADER as u64 });
+    };
+    let found = u32_at(header, 8);
+    if found != VERSION {
+        return Err(VolumeFileError::Version { found });
+    }
+    if crc32c::crc32c(&header[..HEADER - 4]) != u32_at(header, HEADER - 4) {
+        return Err(VolumeFileError::Header);
+    }
+    let measure = |what, at| {
+        let value = f32::from_bits(u32_at(header, at));
+        let is_length = value.is_finite() && value > 0.0;
+        let error = || VolumeFileError::Measure { what, value: value.to_string() };
+        is_length.then_some(value).ok_or_else(error)
+    };
+    let options = VolumeOptions {
+        voxel_m: measure("voxel size", 12)?,
+        truncation_m: measure("truncation", 16)?,
+    };
+    let blocks = u64::from(u32_at(header, 24)) | u64::from(u32_at(header, 28)) << 32;
+    let chunks = blocks.div_ceil(BLOCKS_A_CHUNK as u64);
+    // As 128 bits, in which no product of the file's numbers overflows.
+    let least = HEADER as u128
+        + u128::from(blocks) * BYTES_A_BLOCK as u128
+        + u128::from(chunks) * CHUNK_HEAD as u128;
+    if u128::from(length) < least {
+        let end = u64::try_from(least).unwrap_or(u64::MAX);
+        return Err(VolumeFileError::CutShort { length, offset: HEADER as u64, end });
+    }
+    Ok((options, blocks as usize))
+}
+
+/// Where a chunk stands.
+struct Chunk {
+    start: usize,
+    /// Behind its last byte.
+    end: usize,
+    /// Bytes of its zstd frame.
+    frame: usize,
+    blocks: usize,
+}
+
+impl Chunk {
+    fn frame<'a>(&self, bytes: &'a [u8]) -> &'a [u8] {
+        &bytes[self.start + CHUNK_HEAD..][..self.frame]
+    }
+}
+
+/// The chunks of so many blocks; they fill the file to its end.
+fn find_chunks(bytes: &[u8], blocks: usize) -> Result<Vec<Chunk>, VolumeFileError> {
+    let length = bytes.len();
+    let mut chunks = Vec::with_capacity(blocks.div_ceil(BLOCKS_A_CHUNK));
+    let mut start = HEADER;
+    for first in (0..blocks).step_by(BLOCKS_A_CHUNK) {
+        let blocks = BLOCKS_A_CHUNK.min(blocks - first);
+        let frame = u32_at(bytes, start) as usize;
+        let end = start + CHUNK_HEAD + frame.max(BYTES_A_BLOCK * blocks);
+        if end > length {
+            let (length, offset, end) = (length as u64, start as u64, end as u64);
+            return Err(VolumeFileError::CutShort { length, offset, end });
+        }
+        chunks.push(Chunk { start, end, frame, blocks });
+        start = end;
+    }
+    if start != length {
+        return Err(VolumeFileError::Trailing { offset: start as u64 });
+    }
+    Ok(chunks)
+}
