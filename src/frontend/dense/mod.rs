@@ -3,7 +3,15 @@
 //! | file | role |
 //! |---|---|
 //! | `block` | 8³ voxels |
+//! | `slabs` | memory for blocks |
 //! | `volume` | the sparse grid of blocks |
+//! | `lanes` | sixteen numbers at a time |
+//! | `tiles` | nearest and farthest depth of parts of an image |
+//! | `pixels` | a frame as voxels read it |
+//! | `reach` | which blocks a frame's rays pass |
+//! | `sight` | which blocks a frame sees |
+//! | `fuse` | what a frame does to a block |
+//! | `integrate` | frames into a volume |
 //! | `surface` | triangles where the distance is zero |
 //! | `export` | meshes as PLY and GLB |
 //! | `file` | volumes as files |
@@ -11,7 +19,15 @@
 pub mod block;
 pub mod export;
 pub mod file;
+mod fuse;
+pub mod integrate;
+mod lanes;
+mod pixels;
+mod reach;
+mod sight;
+mod slabs;
 pub mod surface;
 #[cfg(test)]
 mod testing;
+mod tiles;
 pub mod volume;

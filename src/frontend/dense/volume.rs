@@ -4,8 +4,11 @@
 //! results do not depend on hashes or threads. Knows no cameras.
 
 use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
 
-use super::block::{Block, BlockKey};
+use super::block::{Block, BlockKey, EDGE};
+use super::slabs::Slabs;
+pub use super::slabs::Blocks;
 
 /// The grid's measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,16 +19,34 @@ pub struct VolumeOptions {
     pub truncation_m: f32,
 }
 
+impl VolumeOptions {
+    /// Edge of a block, meters.
+    #[must_use]
+    pub fn block_m(&self) -> f64 {
+        f64::from(self.voxel_m) * EDGE as f64
+    }
+}
+
 /// A truncated signed distance field with color in sparse blocks.
 #[derive(Clone, Debug)]
 pub struct Volume {
     options: VolumeOptions,
-    slots: HashMap<BlockKey, u32>,
+    slots: HashMap<BlockKey, u32, BuildHasherDefault<KeyHasher>>,
     keys: Vec<BlockKey>,
-    blocks: Vec<Block>,
+    blocks: Slabs,
     /// The volume's revision at which each block changed last.
     changed: Vec<u64>,
+    /// Whether a block may have voxels at a surface or behind it.
+    solid: Vec<bool>,
     revision: u64,
+}
+
+/// Some slots next to each other, to be changed.
+pub(super) struct Piece<'a> {
+    pub(super) keys: &'a [BlockKey],
+    pub(super) blocks: &'a mut [Block],
+    pub(super) changed: &'a mut [u64],
+    pub(super) solid: &'a mut [bool],
 }
 
 impl Volume {
@@ -34,21 +55,21 @@ impl Volume {
     pub fn new(options: VolumeOptions) -> Self {
         Self {
             options,
-            slots: HashMap::new(),
+            slots: HashMap::default(),
             keys: Vec::new(),
-            blocks: Vec::new(),
+            blocks: Slabs::default(),
             changed: Vec::new(),
+            solid: Vec::new(),
             revision: 0,
         }
     }
 
-    /// An empty one with room for so many blocks, and no more.
+    /// An empty one that finds so many blocks without growing.
     #[must_use]
     pub fn with_capacity(options: VolumeOptions, blocks: usize) -> Self {
         let mut volume = Self::new(options);
         volume.slots.reserve(blocks);
         volume.keys.reserve_exact(blocks);
-        volume.blocks.reserve_exact(blocks);
         volume.changed.reserve_exact(blocks);
         volume
     }
@@ -62,13 +83,13 @@ impl Volume {
     /// How many blocks it has.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.blocks.len()
+        self.keys.len()
     }
 
     /// Whether nothing was seen yet.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.blocks.is_empty()
+        self.keys.is_empty()
     }
 
     /// The revision: one more with each frame that was integrated.
@@ -85,8 +106,8 @@ impl Volume {
 
     /// The blocks, slot by slot.
     #[must_use]
-    pub fn blocks(&self) -> &[Block] {
-        &self.blocks
+    pub fn blocks(&self) -> Blocks<'_> {
+        self.blocks.view()
     }
 
     /// The revision at which the block of each slot changed last.
@@ -111,15 +132,61 @@ impl Volume {
     /// revision of its own.
     pub fn insert(&mut self, key: BlockKey, block: Block) -> usize {
         self.revision += 1;
-        let slot = *self.slots.entry(key).or_insert(self.keys.len() as u32) as usize;
-        if slot == self.keys.len() {
-            self.keys.push(key);
-            self.blocks.push(block);
-            self.changed.push(self.revision);
-        } else {
-            self.blocks[slot] = block;
-            self.changed[slot] = self.revision;
-        }
+        let slot = self.slot(key).unwrap_or_else(|| self.allocate(key));
+        self.blocks[slot] = block;
+        self.changed[slot] = self.revision;
+        self.solid[slot] = true;
         slot
+    }
+
+    /// An empty block at a key that has none.
+    pub(super) fn allocate(&mut self, key: BlockKey) -> usize {
+        let slot = self.keys.len();
+        self.slots.insert(key, slot as u32);
+        self.keys.push(key);
+        self.blocks.push();
+        self.changed.push(self.revision);
+        self.solid.push(false);
+        slot
+    }
+
+    /// Begins the next revision.
+    pub(super) fn advance(&mut self) -> u64 {
+        self.revision += 1;
+        self.revision
+    }
+
+    /// All slots in pieces of `size`, which divides a slab.
+    pub(super) fn pieces_mut(&mut self, size: usize) -> Vec<Piece<'_>> {
+        let blocks = self.blocks.pieces_mut(size);
+        let changed = self.changed.chunks_mut(size).zip(self.solid.chunks_mut(size));
+        let pieces = self.keys.chunks(size).zip(blocks).zip(changed);
+        pieces
+            .map(|((keys, blocks), (changed, solid))| {
+                let blocks = &mut blocks[..keys.len()];
+                Piece { keys, blocks, changed, solid }
+            })
+            .collect()
+    }
+}
+
+/// A hash of three coordinates: products of odd numbers, their high bits folded down.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct KeyHasher(u64);
+
+impl Hasher for KeyHasher {
+    fn finish(&self) -> u64 {
+        self.0 ^ (self.0 >> 32)
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.write_i32(i32::from(byte));
+        }
+    }
+
+    fn write_i32(&mut self, coordinate: i32) {
+        let mixed = self.0.rotate_left(21) ^ u64::from(coordinate.cast_unsigned());
+        self.0 = mixed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
     }
 }

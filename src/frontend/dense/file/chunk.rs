@@ -15,16 +15,19 @@ const BLOCK: usize = 12 + 8 * VOXELS;
 const COMPRESSION_LEVEL: i32 = 1;
 
 /// The zstd frame of blocks, keys and blocks being as many.
-pub(super) fn pack(keys: &[BlockKey], blocks: &[Block]) -> std::io::Result<Vec<u8>> {
-    let mut bytes = vec![0; BLOCK * blocks.len()];
+pub(super) fn pack<'a>(
+    keys: &[BlockKey],
+    blocks: impl Iterator<Item = &'a Block>,
+) -> std::io::Result<Vec<u8>> {
+    let mut bytes = vec![0; BLOCK * keys.len()];
     let (heads, voxels) = bytes.split_at_mut(12 * keys.len());
     for (head, key) in heads.chunks_exact_mut(12).zip(keys) {
         for (word, number) in head.chunks_exact_mut(4).zip([key.x, key.y, key.z]) {
             word.copy_from_slice(&number.to_le_bytes());
         }
     }
-    let plane = VOXELS * blocks.len();
-    for (i, block) in blocks.iter().enumerate() {
+    let plane = VOXELS * keys.len();
+    for (i, block) in blocks.take(keys.len()).enumerate() {
         let at = VOXELS * i;
         let mut put = |first: usize, number: usize, value: u8| {
             voxels[first * plane + at + number] = value;

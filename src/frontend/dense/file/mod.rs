@@ -178,7 +178,7 @@ fn encode(
             .par_iter()
             .map(|&first| {
                 let end = volume.len().min(first + BLOCKS_A_CHUNK);
-                let frame = pack(&volume.keys()[first..end], &volume.blocks()[first..end]);
+                let frame = pack(&volume.keys()[first..end], volume.blocks().range(first..end));
                 frame.map(|frame| (frame, BYTES_A_BLOCK * (end - first)))
             })
             .collect();

@@ -1,0 +1,255 @@
+//! What a frame does to the voxels of a block: sixteen at a time, two rows along x.
+//!
+//! A voxel is projected, reads its pixel and takes the distance to the plane through what the pixel
+//! shows: (measured depth − own depth) / |n|, where n is the normal of depth as a function of the ray.
+//! The distance is averaged by weight (Curless and Levoy, SIGGRAPH 1996); what disagrees with what a
+//! voxel remembers is for the dynamic update: see `Dynamic`.
+
+use super::block::{Block, DISTANCE_ONE};
+use super::lanes::{Lanes, WIDTH};
+use super::pixels::{DEPTH_UNITS, FACING_ONE, SLOPE_UNIT};
+use super::sight::{Lens, NEAREST_M};
+
+/// Rows of two that a layer of a block has.
+const PAIRS: usize = 4;
+/// Beyond this share of the truncation a voxel is free space and no part of a surface.
+pub(super) const FREE: f32 = 0.75 * DISTANCE_ONE;
+/// Free space is remembered lightly: weight that it gathers at most, as stored.
+const FREE_WEIGHT: f32 = 1024.0;
+/// Colors follow at least this share of what is new, in 1 / 256.
+const LEAST_COLOR_SHARE: f32 = 16.0;
+/// After so many frames that disagree in a row a voxel begins anew.
+const PATIENCE: i32 = 6;
+/// How far colors vary when nothing else is known, in units of the color difference / 8.
+const FIRST_SPREAD: i32 = 4;
+/// A color is another one beyond this, in the same units, plus three times the spread.
+const COLOR_SLACK: i32 = 6;
+
+/// What is the same for all blocks of a frame.
+#[derive(Clone, Debug)]
+pub(super) struct Frame<'a> {
+    pub(super) lens: Lens,
+    /// Packed pixels, see `pixels`.
+    pub(super) pixels: &'a [u64],
+    /// Pixels from row to row.
+    pub(super) stride: usize,
+    /// From the first voxel of two rows to each, in the camera's axes; see [`Frame::steps`].
+    pub(super) lanes: [[f32; WIDTH]; 3],
+    /// From two rows to the next two, and from layer to layer.
+    pub(super) pair: [f32; 3],
+    pub(super) layer: [f32; 3],
+    /// The depth of the largest unit, meters.
+    pub(super) farthest_m: f32,
+    pub(super) truncation_m: f32,
+    /// The truncation behind a surface grows to this many standard deviations of depth.
+    pub(super) behind_sigmas: f32,
+    /// Full weight up to this depth, meters; beyond it falls with the fourth power.
+    pub(super) full_weight_m: f32,
+    /// No measurement has less, as stored.
+    pub(super) least_weight: f32,
+    /// No voxel has more, as stored.
+    pub(super) most_weight: f32,
+    /// Distances for which color is kept, and beyond which a voxel behind a surface is hidden by it,
+    /// as stored.
+    pub(super) near: f32,
+    /// A number of the frame, 0 to 255, that rounds colors up or down.
+    pub(super) dither: i32,
+    /// Whether the dynamic update is on.
+    pub(super) is_dynamic: bool,
+}
+
+/// What became of a block.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Outcome {
+    /// Anything that is stored.
+    pub(super) changed: bool,
+    /// Voxels at or behind a surface were written.
+    pub(super) solid: bool,
+    /// All voxels were seen and are free.
+    pub(super) free: bool,
+}
+
+impl Frame<'_> {
+    /// Makes a point, or a step, what the kernel interpolates: for a pinhole (u z, v z, z), with half
+    /// a pixel added to u and v so that truncation rounds; otherwise itself.
+    pub(super) fn steps(lens: &Lens, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        if lens.is_pinhole {
+            [lens.fx * x + (lens.cx + 0.5) * z, lens.fy * y + (lens.cy + 0.5) * z, z]
+        } else {
+            [x, y, z]
+        }
+    }
+
+    /// The frame into a block whose first voxel is at `corner` (made by [`Frame::steps`]).
+    #[inline(always)]
+    pub(super) fn fuse<L: Lanes>(&self, l: L, block: &mut Block, corner: [f32; 3]) -> Outcome {
+        match (self.lens.is_pinhole, self.is_dynamic) {
+            (true, false) => self.fuse_as::<L, true, false>(l, block, corner),
+            (true, true) => self.fuse_as::<L, true, true>(l, block, corner),
+            (false, false) => self.fuse_as::<L, false, false>(l, block, corner),
+            (false, true) => self.fuse_as::<L, false, true>(l, block, corner),
+        }
+    }
+
+    #[inline(always)]
+    fn fuse_as<L: Lanes, const PINHOLE: bool, const DYNAMIC: bool>(
+        &self,
+        l: L,
+        block: &mut Block,
+        corner: [f32; 3],
+    ) -> Outcome {
+        let mut outcome = Outcome { changed: false, solid: false, free: true };
+        let lanes = [l.load(&self.lanes[0]), l.load(&self.lanes[1]), l.load(&self.lanes[2])];
+        let distances = block.distances.as_chunks_mut::<WIDTH>().0;
+        let weights = block.weights.as_chunks_mut::<WIDTH>().0;
+        let colors = block.colors.as_chunks_mut::<WIDTH>().0;
+        let rows = distances.iter_mut().zip(weights).zip(colors);
+        for (row, ((distances, weights), colors)) in rows.enumerate() {
+            let (layer, pair) = ((row / PAIRS) as f32, (row % PAIRS) as f32);
+            let start = |k: usize| corner[k] + layer * self.layer[k] + pair * self.pair[k];
+            let p = l.add(l.splat(start(0)), lanes[0]);
+            let q = l.add(l.splat(start(1)), lanes[1]);
+            let z = l.add(l.splat(start(2)), lanes[2]);
+            let per_z = l.div(l.splat(1.0), z);
+            let (a, b) = (l.mul(p, per_z), l.mul(q, per_z));
+            let mut seen = l.less(l.splat(NEAREST_M), z);
+            let (u, v) = if PINHOLE { (a, b) } else { self.distort(l, a, b, &mut seen) };
+            let zero = l.splat(0.0);
+            seen = l.both(seen, l.both(l.at_most(zero, u), l.less(u, l.splat(self.lens.size[0]))));
+            seen = l.both(seen, l.both(l.at_most(zero, v), l.less(v, l.splat(self.lens.size[1]))));
+            let (column, line) = (l.truncate(u), l.truncate(v));
+            let index = l.add_int(l.mul_int(line, l.splat_int(self.stride as i32)), column);
+            let (low, high) = l.gather(self.pixels, index, seen);
+            let units = l.and_int(low, l.splat_int(0xffff));
+            seen = l.both(seen, l.above_int(units, l.splat_int(0)));
+            let depth = l.mul(l.float(units), l.splat(self.farthest_m / DEPTH_UNITS));
+            // The plane at the voxel's own ray, not at the pixel's center.
+            let du = l.sub(l.sub(u, l.float(column)), l.splat(0.5));
+            let dv = l.sub(l.sub(v, l.float(line)), l.splat(0.5));
+            let slope_u = l.float(l.shift_down_signed::<24>(l.shift_up::<8>(low)));
+            let slope_v = l.float(l.shift_down_signed::<24>(low));
+            let tilt = l.mul(l.add(l.mul(slope_u, du), l.mul(slope_v, dv)), l.splat(SLOPE_UNIT));
+            let before = l.sub(l.add(depth, l.mul(depth, tilt)), z);
+            // As standard deviations of depth go.
+            let beyond = l.max(l.sub(depth, l.splat(0.4)), zero);
+            let sigma = l.add(l.splat(0.0012), l.mul(l.splat(0.0019), l.mul(beyond, beyond)));
+            let behind = l.max(l.splat(self.truncation_m), l.mul(sigma, l.splat(self.behind_sigmas)));
+            seen = l.both(seen, l.less(zero, l.add(before, behind)));
+            if !l.any(seen) {
+                outcome.free = false;
+                continue;
+            }
+            let facing = l.float(l.and_int(l.shift_down::<24>(high), l.splat_int(127)));
+            let facing = l.mul(facing, l.splat(1.0 / FACING_ONE));
+            let scale = l.splat(DISTANCE_ONE / self.truncation_m);
+            let far = l.mul(l.mul(before, scale), facing);
+            let one = l.splat(DISTANCE_ONE);
+            let distance = l.max(l.min(far, one), l.splat(-DISTANCE_ONE));
+
+            let square = l.mul(l.splat(self.full_weight_m), per_z);
+            let square = l.mul(square, square);
+            let full = l.min(l.mul(square, square), l.splat(1.0));
+            let weight = l.mul(full, l.min(l.mul(facing, facing), l.splat(1.0)));
+            let weight = l.mul(weight, l.splat(256.0));
+            let weight = l.float(l.round(l.max(weight, l.splat(self.least_weight))));
+
+            let old_distance_int = l.load_i16(distances);
+            let old_weight_int = l.load_u16(weights);
+            let old_distance = l.float(old_distance_int);
+            let old_weight = l.float(old_weight_int);
+            let sum = l.add(old_weight, weight);
+            let share = l.div(weight, sum);
+            let mean = l.add(old_distance, l.mul(l.sub(distance, old_distance), share));
+            let more = l.min(sum, l.splat(self.most_weight));
+            let near = l.at_most(l.abs(distance), l.splat(self.near));
+            let share = l.max(l.mul(share, l.splat(256.0)), l.splat(LEAST_COLOR_SHARE));
+
+            let (new_distance, new_weight);
+            if DYNAMIC {
+                // TODO
+                new_distance = l.select(seen, mean, old_distance);
+                new_weight = l.select(seen, more, old_weight);
+            } else {
+                new_distance = l.select(seen, mean, old_distance);
+                new_weight = l.select(seen, more, old_weight);
+                let near = l.both(near, seen);
+                if l.any(near) {
+                    let old = l.load_bytes(colors);
+                    let blend = self.blend(l, old, high, l.round(share));
+                    let new = l.select_int(near, blend, old);
+                    l.store_bytes(new, colors);
+                }
+            }
+            let new_distance_int = l.round(new_distance);
+            let new_weight_int = l.round(new_weight);
+            let changed = l.either(
+                l.differ_int(new_distance_int, old_distance_int),
+                l.differ_int(new_weight_int, old_weight_int),
+            );
+            if l.any(changed) {
+                l.store_i16(new_distance_int, distances);
+                l.store_u16(new_weight_int, weights);
+                outcome.changed = true;
+            }
+            let solid = l.both(seen, l.less(new_distance, l.splat(FREE)));
+            outcome.solid |= l.any(solid);
+            outcome.free &= l.all(l.but_not(seen, solid));
+        }
+        outcome
+    }
+
+    /// Two colors mixed: `share` / 256 of the new one. The highest byte stays.
+    #[inline(always)]
+    fn blend<L: Lanes>(&self, l: L, old: L::I, new: L::I, share: L::I) -> L::I {
+        let rest = l.sub_int(l.splat_int(256), share);
+        // Red and blue, and green alone: 16 bits each, which the weighted sums just fill.
+        let pick = l.splat_int(0x00ff_00ff);
+        let dither = l.splat_int(self.dither * 0x0001_0001);
+        let mixed = Mix { rest, share, dither };
+        let red_blue = mixed.pairs(l, l.and_int(old, pick), l.and_int(new, pick));
+        let byte = l.splat_int(0xff);
+        let old_green = l.and_int(l.shift_down::<8>(old), byte);
+        let new_green = l.and_int(l.shift_down::<8>(new), byte);
+        let green = mixed.pairs(l, old_green, new_green);
+        let last = l.and_int(old, l.splat_int(0xff00_0000_u32.cast_signed()));
+        l.or_int(last, l.or_int(red_blue, l.shift_up::<8>(green)))
+    }
+
+    /// From x/z and y/z to pixels through the lens, half a pixel added.
+    #[inline(always)]
+    fn distort<L: Lanes>(&self, l: L, a: L::F, b: L::F, seen: &mut L::M) -> (L::F, L::F) {
+        let Lens { fx, fy, cx, cy, distortion, .. } = self.lens;
+        let [k1, k2, k3, p1, p2] = distortion;
+        let [k1, k2, k3] = [l.splat(k1), l.splat(k2), l.splat(k3)];
+        let [p1, p2] = [l.splat(p1), l.splat(p2)];
+        let (aa, bb, ab) = (l.mul(a, a), l.mul(b, b), l.mul(a, b));
+        let ab = l.add(ab, ab);
+        let r2 = l.add(aa, bb);
+        *seen = l.both(*seen, l.less(r2, l.splat(self.lens.largest_tangent2)));
+        let radial = l.add(k1, l.mul(r2, l.add(k2, l.mul(r2, k3))));
+        let radial = l.add(l.splat(1.0), l.mul(r2, radial));
+        let x = l.add(l.mul(p1, ab), l.mul(p2, l.add(r2, l.add(aa, aa))));
+        let y = l.add(l.mul(p2, ab), l.mul(p1, l.add(r2, l.add(bb, bb))));
+        let (x, y) = (l.add(l.mul(a, radial), x), l.add(l.mul(b, radial), y));
+        let u = l.add(l.mul(x, l.splat(fx)), l.splat(cx + 0.5));
+        let v = l.add(l.mul(y, l.splat(fy)), l.splat(cy + 0.5));
+        (u, v)
+    }
+}
+
+/// How colors are mixed: shares of old and new that sum to 256, and what rounds up or down.
+struct Mix<L: Lanes> {
+    rest: L::I,
+    share: L::I,
+    dither: L::I,
+}
+
+impl<L: Lanes> Mix<L> {
+    /// Of two levels a lane, in its halves: the weighted sums just fill them.
+    #[inline(always)]
+    fn pairs(&self, l: L, old: L::I, new: L::I) -> L::I {
+        let sum = l.add_int(l.mul_int(old, self.rest), l.mul_int(new, self.share));
+        let level = l.shift_down::<8>(l.add_int(sum, self.dither));
+        l.and_int(level, l.splat_int(0x00ff_00ff))
+    }
+}

@@ -1,0 +1,291 @@
+//! AVX-512, and AVX2 by way of arrays.
+//!
+//! The only module of the frontend with `unsafe`: a value of [`Avx512`] or [`Avx2`] exists only after
+//! the processor was asked, so that the instructions behind its methods are there.
+
+#![allow(unsafe_code, reason = "vector instructions; each block says why it is sound")]
+#![allow(
+    clippy::undocumented_unsafe_blocks,
+    reason = "one reason for all: the value proves the feature, pointers come from references"
+)]
+
+use std::arch::x86_64::*;
+
+use super::{Arrays, Kernel, Lanes, WIDTH};
+
+/// Proof that the processor has AVX-512 F, BW, DQ and VL.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Avx512(());
+
+/// Proof that the processor has AVX2.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Avx2(());
+
+impl Avx512 {
+    pub(super) fn new() -> Option<Self> {
+        (is_x86_feature_detected!("avx512f")
+            && is_x86_feature_detected!("avx512bw")
+            && is_x86_feature_detected!("avx512dq")
+            && is_x86_feature_detected!("avx512vl"))
+        .then_some(Self(()))
+    }
+
+    pub(super) fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl")]
+        fn compiled<K: Kernel>(lanes: Avx512, kernel: K) -> K::Output {
+            kernel.run(lanes)
+        }
+        // Sound: `self` proves that the processor has these features.
+        unsafe { compiled(self, kernel) }
+    }
+}
+
+impl Avx2 {
+    pub(super) fn new() -> Option<Self> {
+        is_x86_feature_detected!("avx2").then_some(Self(()))
+    }
+
+    pub(super) fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        #[target_feature(enable = "avx2")]
+        fn compiled<K: Kernel>(kernel: K) -> K::Output {
+            kernel.run(Arrays)
+        }
+        // Sound: `self` proves that the processor has this feature.
+        unsafe { compiled(kernel) }
+    }
+}
+
+/// Lane i of a is lane i, lane i of b is lane 16 + i.
+const EVEN: [i32; WIDTH] = [0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30];
+const ODD: [i32; WIDTH] = [1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31];
+const FIRST_PAIRS: [i32; WIDTH] = [0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23];
+const LAST_PAIRS: [i32; WIDTH] = [8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31];
+/// Twelve bytes for each quarter.
+const QUARTERS: [i32; WIDTH] = [0, 1, 2, 2, 3, 4, 5, 5, 6, 7, 8, 8, 9, 10, 11, 11];
+/// Three bytes to four; a negative index gives zero.
+const SPREAD: [i32; 4] = [
+    i32::from_le_bytes([0, 1, 2, 128]),
+    i32::from_le_bytes([3, 4, 5, 128]),
+    i32::from_le_bytes([6, 7, 8, 128]),
+    i32::from_le_bytes([9, 10, 11, 128]),
+];
+
+// Sound in every method below: `self` proves the features; loads and stores go through references to
+// all that they touch; `gather` reads only what lies inside of its table.
+impl Lanes for Avx512 {
+    type F = __m512;
+    type I = __m512i;
+    type M = __mmask16;
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> __m512 {
+        unsafe { _mm512_set1_ps(x) }
+    }
+    #[inline(always)]
+    fn splat_int(self, x: i32) -> __m512i {
+        unsafe { _mm512_set1_epi32(x) }
+    }
+    #[inline(always)]
+    fn load(self, x: &[f32; WIDTH]) -> __m512 {
+        unsafe { _mm512_loadu_ps(x.as_ptr()) }
+    }
+    #[inline(always)]
+    fn store(self, v: __m512, x: &mut [f32; WIDTH]) {
+        unsafe { _mm512_storeu_ps(x.as_mut_ptr(), v) }
+    }
+    #[inline(always)]
+    fn add(self, a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_add_ps(a, b) }
+    }
+    #[inline(always)]
+    fn sub(self, a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_sub_ps(a, b) }
+    }
+    #[inline(always)]
+    fn mul(self, a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_mul_ps(a, b) }
+    }
+    #[inline(always)]
+    fn div(self, a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_div_ps(a, b) }
+    }
+    #[inline(always)]
+    fn sqrt(self, a: __m512) -> __m512 {
+        unsafe { _mm512_sqrt_ps(a) }
+    }
+    #[inline(always)]
+    fn min(self, a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_min_ps(a, b) }
+    }
+    #[inline(always)]
+    fn max(self, a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_max_ps(a, b) }
+    }
+    #[inline(always)]
+    fn abs(self, a: __m512) -> __m512 {
+        unsafe { _mm512_abs_ps(a) }
+    }
+    #[inline(always)]
+    fn truncate(self, a: __m512) -> __m512i {
+        unsafe { _mm512_cvttps_epi32(a) }
+    }
+    #[inline(always)]
+    fn round(self, a: __m512) -> __m512i {
+        unsafe { _mm512_cvtps_epi32(a) }
+    }
+    #[inline(always)]
+    fn float(self, a: __m512i) -> __m512 {
+        unsafe { _mm512_cvtepi32_ps(a) }
+    }
+    #[inline(always)]
+    fn less(self, a: __m512, b: __m512) -> __mmask16 {
+        unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b) }
+    }
+    #[inline(always)]
+    fn at_most(self, a: __m512, b: __m512) -> __mmask16 {
+        unsafe { _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b) }
+    }
+    #[inline(always)]
+    fn select(self, mask: __mmask16, yes: __m512, no: __m512) -> __m512 {
+        unsafe { _mm512_mask_blend_ps(mask, no, yes) }
+    }
+    #[inline(always)]
+    fn select_int(self, mask: __mmask16, yes: __m512i, no: __m512i) -> __m512i {
+        unsafe { _mm512_mask_blend_epi32(mask, no, yes) }
+    }
+    #[inline(always)]
+    fn add_int(self, a: __m512i, b: __m512i) -> __m512i {
+        unsafe { _mm512_add_epi32(a, b) }
+    }
+    #[inline(always)]
+    fn sub_int(self, a: __m512i, b: __m512i) -> __m512i {
+        unsafe { _mm512_sub_epi32(a, b) }
+    }
+    #[inline(always)]
+    fn mul_int(self, a: __m512i, b: __m512i) -> __m512i {
+        unsafe { _mm512_mullo_epi32(a, b) }
+    }
+    #[inline(always)]
+    fn min_int(self, a: __m512i, b: __m512i) -> __m512i {
+        unsafe { _mm512_min_epi32(a, b) }
+    }
+    #[inline(always)]
+    fn max_int(self, a: __m512i, b: __m512i) -> __m512i {
+        unsafe { _mm512_max_epi32(a, b) }
+    }
+    #[inline(always)]
+    fn and_int(self, a: __m512i, b: __m512i) -> __m512i {
+        unsafe { _mm512_and_si512(a, b) }
+    }
+    #[inline(always)]
+    fn or_int(self, a: __m512i, b: __m512i) -> __m512i {
+        unsafe { _mm512_or_si512(a, b) }
+    }
+    #[inline(always)]
+    fn shift_up<const N: u32>(self, a: __m512i) -> __m512i {
+        unsafe { _mm512_slli_epi32::<N>(a) }
+    }
+    #[inline(always)]
+    fn shift_down<const N: u32>(self, a: __m512i) -> __m512i {
+        unsafe { _mm512_srli_epi32::<N>(a) }
+    }
+    #[inline(always)]
+    fn shift_down_signed<const N: u32>(self, a: __m512i) -> __m512i {
+        unsafe { _mm512_srai_epi32::<N>(a) }
+    }
+    #[inline(always)]
+    fn above_int(self, a: __m512i, b: __m512i) -> __mmask16 {
+        unsafe { _mm512_cmpgt_epi32_mask(a, b) }
+    }
+    #[inline(always)]
+    fn differ_int(self, a: __m512i, b: __m512i) -> __mmask16 {
+        unsafe { _mm512_cmpneq_epi32_mask(a, b) }
+    }
+    #[inline(always)]
+    fn both(self, a: __mmask16, b: __mmask16) -> __mmask16 {
+        a & b
+    }
+    #[inline(always)]
+    fn either(self, a: __mmask16, b: __mmask16) -> __mmask16 {
+        a | b
+    }
+    #[inline(always)]
+    fn but_not(self, a: __mmask16, b: __mmask16) -> __mmask16 {
+        a & !b
+    }
+    #[inline(always)]
+    fn any(self, a: __mmask16) -> bool {
+        a != 0
+    }
+    #[inline(always)]
+    fn all(self, a: __mmask16) -> bool {
+        a == !0
+    }
+    #[inline(always)]
+    fn gather(self, table: &[u64], index: __m512i, mask: __mmask16) -> (__m512i, __m512i) {
+        unsafe {
+            // Indices are 32 bits with a sign: what lies beyond cannot be read.
+            let end = _mm512_set1_epi32(table.len().min(i32::MAX as usize) as i32);
+            let mask = _mm512_mask_cmplt_epu32_mask(mask, index, end);
+            let zero = _mm512_setzero_si512();
+            let table = table.as_ptr().cast();
+            let (first, last) = (_mm512_castsi512_si256(index), _mm512_extracti64x4_epi64::<1>(index));
+            let first = _mm512_mask_i32gather_epi64::<8>(zero, mask as u8, first, table);
+            let last = _mm512_mask_i32gather_epi64::<8>(zero, (mask >> 8) as u8, last, table);
+            let (even, odd) = (_mm512_loadu_si512(EVEN.as_ptr().cast()), _mm512_loadu_si512(ODD.as_ptr().cast()));
+            (_mm512_permutex2var_epi32(first, even, last), _mm512_permutex2var_epi32(first, odd, last))
+        }
+    }
+    #[inline(always)]
+    fn load_i16(self, x: &[i16; WIDTH]) -> __m512i {
+        unsafe { _mm512_cvtepi16_epi32(_mm256_loadu_si256(x.as_ptr().cast())) }
+    }
+    #[inline(always)]
+    fn store_i16(self, v: __m512i, x: &mut [i16; WIDTH]) {
+        unsafe { _mm256_storeu_si256(x.as_mut_ptr().cast(), _mm512_cvtepi32_epi16(v)) }
+    }
+    #[inline(always)]
+    fn load_u16(self, x: &[u16; WIDTH]) -> __m512i {
+        unsafe { _mm512_cvtepu16_epi32(_mm256_loadu_si256(x.as_ptr().cast())) }
+    }
+    #[inline(always)]
+    fn store_u16(self, v: __m512i, x: &mut [u16; WIDTH]) {
+        unsafe { _mm256_storeu_si256(x.as_mut_ptr().cast(), _mm512_cvtepi32_epi16(v)) }
+    }
+    #[inline(always)]
+    fn load_bytes(self, x: &[[u8; 4]; WIDTH]) -> __m512i {
+        unsafe { _mm512_loadu_si512(x.as_ptr().cast()) }
+    }
+    #[inline(always)]
+    fn store_bytes(self, v: __m512i, x: &mut [[u8; 4]; WIDTH]) {
+        unsafe { _mm512_storeu_si512(x.as_mut_ptr().cast(), v) }
+    }
+    #[inline(always)]
+    fn load_colors(self, x: &[[u8; 3]; WIDTH]) -> __m512i {
+        unsafe {
+            let bytes = _mm512_maskz_loadu_epi32(0x0fff, x.as_ptr().cast());
+            let quarters = _mm512_loadu_si512(QUARTERS.as_ptr().cast());
+            let spread = _mm512_broadcast_i32x4(_mm_loadu_si128(SPREAD.as_ptr().cast()));
+            _mm512_shuffle_epi8(_mm512_permutexvar_epi32(quarters, bytes), spread)
+        }
+    }
+    #[inline(always)]
+    fn store_pairs(self, low: __m512i, high: __m512i, x: &mut [u64; WIDTH]) {
+        unsafe {
+            let first = _mm512_loadu_si512(FIRST_PAIRS.as_ptr().cast());
+            let last = _mm512_loadu_si512(LAST_PAIRS.as_ptr().cast());
+            let to = x.as_mut_ptr();
+            _mm512_storeu_si512(to.cast(), _mm512_permutex2var_epi32(low, first, high));
+            _mm512_storeu_si512(to.add(8).cast(), _mm512_permutex2var_epi32(low, last, high));
+        }
+    }
+    #[inline(always)]
+    fn color_difference(self, a: __m512i, b: __m512i) -> __m512i {
+        unsafe {
+            let apart = _mm512_or_si512(_mm512_subs_epu8(a, b), _mm512_subs_epu8(b, a));
+            let share = _mm512_set1_epi32(i32::from_le_bytes([1, 2, 1, 0]));
+            let pairs = _mm512_maddubs_epi16(apart, share);
+            _mm512_madd_epi16(pairs, _mm512_set1_epi16(1))
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! A frame as voxels read it: everything about a pixel in eight bytes.
+//!
+//! Bits, from the lowest: depth (16, 0 where there is none), its relative change from column to column
+//! and from row to row (8 each, signed), red, green, blue (8 each), how the distance along the optical
+//! axis relates to that along the surface's normal (7), and whether depth jumps nearby (1).
+//! Depth that is not a number, out of range, or of something that moves is none.
+
+use super::lanes::{Kernel, Lanes, WIDTH};
+use super::tiles::{NOTHING, Range, TILE};
+use crate::frontend::image::Image;
+
+/// Rows that are packed at a time; a multiple of a tile's.
+pub(super) const BAND: usize = 16;
+/// How far apart depths are compared for their slope, pixels: noise of single pixels stays small.
+const BASELINE: usize = 4;
+/// Columns of zeros at each side of a scratch row.
+const MARGIN: usize = WIDTH;
+/// Depth jumps where it changes by more than this share over the baseline.
+const JUMP: f32 = 0.05;
+/// Relative change of depth a pixel, for one unit of what is stored.
+pub(super) const SLOPE_UNIT: f32 = 1e-4;
+/// Stored for a surface that faces the optical axis.
+pub(super) const FACING_ONE: f32 = 96.0;
+/// Units of depth: the largest depth is one less than this many.
+pub(super) const DEPTH_UNITS: f32 = 65_535.0;
+
+/// The number of each lane.
+const LANES: [f32; WIDTH] =
+    [0., 1., 2., 3., 4., 5., 6., 7., 8., 9., 10., 11., 12., 13., 14., 15.];
+
+/// What is used of a frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Source<'a> {
+    pub(super) depth_m: &'a Image<f32>,
+    pub(super) color: &'a Image<[u8; 3]>,
+    /// Not 0 where something moves, dilated.
+    pub(super) moving: Option<&'a Image<u8>>,
+    pub(super) nearest_m: f32,
+    pub(super) farthest_m: f32,
+    /// Focal lengths and principal point, px; the lens' distortion is too small to matter here.
+    pub(super) pinhole: [f32; 4],
+}
+
+/// Depth of a band and what is around it, as the slopes need it.
+#[derive(Clone, Debug)]
+pub(super) struct Scratch {
+    stride: usize,
+    depth: Vec<f32>,
+}
+
+impl Scratch {
+    /// For images this wide.
+    pub(super) fn new(width: usize) -> Self {
+        let stride = stride(width) + 2 * MARGIN;
+        Self { stride, depth: vec![0.0; stride * (BAND + 2 * BASELINE)] }
+    }
+
+    /// Depth of a row of the band, meters, 0 where there is none.
+    pub(super) fn row(&self, row: usize) -> &[f32] {
+        &self.depth[(row + BASELINE) * self.stride + MARGIN..][..self.stride - 2 * MARGIN]
+    }
+}
+
+/// Pixels from a row to the next, for images this wide.
+pub(super) fn stride(width: usize) -> usize {
+    width.next_multiple_of(WIDTH)
+}
+
+/// Packs rows from `first_row` on.
+pub(super) struct PackBand<'a> {
+    pub(super) source: Source<'a>,
+    pub(super) first_row: usize,
+    pub(super) scratch: &'a mut Scratch,
+    /// Rows of [`stride`] pixels.
+    pub(super) out: &'a mut [u64],
+    /// Their tiles.
+    pub(super) tiles: &'a mut [Range],
+}
+
+impl Kernel for PackBand<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(mut self, lanes: L) {
+        self.select_depth();
+        let stride = stride(self.source.color.width());
+        for row in 0..self.out.len() / stride {
+            self.pack_row(lanes, row);
+        }
+        self.fill_tiles();
+    }
+}
+
+impl PackBand<'_> {
+    /// Copies the depth that counts, with margins of zeros.
+    #[inline(always)]
+    fn select_depth(&mut self) {
+        let Source { depth_m, moving, nearest_m, farthest_m, .. } = self.source;
+        let (width, height) = depth_m.size();
+        let rows = self.scratch.depth.chunks_exact_mut(self.scratch.stride);
+        for (row, out) in rows.enumerate() {
+            let v = (self.first_row + row).wrapping_sub(BASELINE);
+            let out = &mut out[MARGIN..MARGIN + width];
+            if v >= height {
+                out.fill(0.0);
+                continue;
+            }
+            for (out, &z) in out.iter_mut().zip(depth_m.row(v)) {
+                *out = if z >= nearest_m && z <= farthest_m { z } else { 0.0 };
+            }
+            if let Some(moving) = moving {
+                for (out, &moves) in out.iter_mut().zip(moving.row(v)) {
+                    *out = if moves == 0 { *out } else { 0.0 };
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn pack_row<L: Lanes>(&mut self, l: L, row: usize) {
+        let Source { color, farthest_m, pinhole: [fx, fy, cx, cy], .. } = self.source;
+        let width = color.width();
+        let colors = color.row(self.first_row + row);
+        let stride = self.scratch.stride;
+        let b = l.splat(((self.first_row + row) as f32 - cy) / fy);
+        let lanes = l.load(&LANES);
+        let out_stride = stride - 2 * MARGIN;
+        let out = &mut self.out[row * out_stride..][..out_stride];
+        for (chunk, out) in out.as_chunks_mut::<WIDTH>().0.iter_mut().enumerate() {
+            let u = chunk * WIDTH;
+            let at = (row + BASELINE) * stride + MARGIN + u;
+            let depth = &self.scratch.depth;
+            let z = load(l, depth, at);
+            let small = l.splat(1e-3);
+            let inverse = l.div(l.splat(1.0), l.max(z, small));
+            let jump = l.mul(z, l.splat(JUMP));
+            let smooth = Smooth { z, inverse, jump };
+            let (before, after) = (load(l, depth, at - BASELINE), load(l, depth, at + BASELINE));
+            let (slope_u, jumps_u) = smooth.slope(l, before, after);
+            let rows = BASELINE * stride;
+            let (before, after) = (load(l, depth, at - rows), load(l, depth, at + rows));
+            let (slope_v, jumps_v) = smooth.slope(l, before, after);
+            // The normal of z(a, b) at (a, b, 1) z is (−z_a, −z_b, z + a z_a + b z_b) / z.
+            let a = l.mul(l.add(l.splat(u as f32 - cx), lanes), l.splat(1.0 / fx));
+            let (to_a, to_b) = (l.mul(slope_u, l.splat(fx)), l.mul(slope_v, l.splat(fy)));
+            let along = l.add(l.mul(to_a, a), l.mul(to_b, b));
+            let along = l.add(along, l.splat(1.0));
+            let square = l.add(l.mul(to_a, to_a), l.mul(to_b, to_b));
+            let square = l.add(square, l.mul(along, along));
+            let facing = l.div(l.splat(FACING_ONE), l.sqrt(square));
+            let facing = l.max_int(l.round(facing), l.splat_int(1));
+            let facing = l.min_int(facing, l.splat_int(127));
+            let jumps = l.either(jumps_u, jumps_v);
+            let edge = l.select_int(jumps, l.splat_int(128), l.splat_int(0));
+            let units = l.truncate(l.add(l.mul(z, l.splat(DEPTH_UNITS / farthest_m)), l.splat(0.5)));
+            let units = l.max_int(l.min_int(units, l.splat_int(65_535)), l.splat_int(1));
+            let low = l.or_int(units, l.shift_up::<16>(slope_byte(l, slope_u)));
+            let low = l.or_int(low, l.shift_up::<24>(slope_byte(l, slope_v)));
+            let low = l.select_int(l.less(l.splat(0.0), z), low, l.splat_int(0));
+            let color = if u + WIDTH <= width {
+                l.load_colors(take(&colors[u..u + WIDTH]))
+            } else {
+                let mut rest = [[0; 3]; WIDTH];
+                rest[..width - u].copy_from_slice(&colors[u..]);
+                l.load_colors(&rest)
+            };
+            let high = l.or_int(color, l.shift_up::<24>(l.or_int(facing, edge)));
+            l.store_pairs(low, high, out);
+        }
+    }
+
+    #[inline(always)]
+    fn fill_tiles(&mut self) {
+        let stride = self.scratch.stride;
+        let width = self.source.color.width().div_ceil(TILE);
+        for (y, tiles) in self.tiles.chunks_exact_mut(width).enumerate() {
+            tiles.fill(NOTHING);
+            for row in 0..TILE {
+                // Rows below the image are zeros.
+                let depth = &self.scratch.depth[(y * TILE + row + BASELINE) * stride + MARGIN..];
+                for (tile, depth) in tiles.iter_mut().zip(depth.as_chunks::<TILE>().0) {
+                    for &z in depth {
+                        tile[0] = tile[0].min(if z > 0.0 { z } else { f32::INFINITY });
+                        tile[1] = tile[1].max(z);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Depth at the pixels of a vector.
+struct Smooth<L: Lanes> {
+    z: L::F,
+    inverse: L::F,
+    /// A change that no surface has.
+    jump: L::F,
+}
+
+impl<L: Lanes> Smooth<L> {
+    /// Relative change of depth a pixel, by the side where it changes less, from depth before and
+    /// after; and whether it jumps at either.
+    #[inline(always)]
+    fn slope(&self, l: L, before: L::F, after: L::F) -> (L::F, L::M) {
+        let (before, after) = (l.sub(self.z, before), l.sub(after, self.z));
+        let least = l.less(l.abs(before), l.abs(after));
+        let change = l.select(least, before, after);
+        let smooth = l.less(l.abs(change), self.jump);
+        let change = l.select(smooth, change, l.splat(0.0));
+        let jumps = l.at_most(self.jump, l.max(l.abs(before), l.abs(after)));
+        (l.mul(change, l.mul(self.inverse, l.splat(1.0 / BASELINE as f32))), jumps)
+    }
+}
+
+/// A slope as it is stored.
+#[inline(always)]
+fn slope_byte<L: Lanes>(l: L, slope: L::F) -> L::I {
+    let units = l.round(l.mul(slope, l.splat(1.0 / SLOPE_UNIT)));
+    let units = l.max_int(l.min_int(units, l.splat_int(127)), l.splat_int(-127));
+    l.and_int(units, l.splat_int(255))
+}
+
+/// Sixteen depths from `at` on.
+#[inline(always)]
+fn load<L: Lanes>(l: L, depth: &[f32], at: usize) -> L::F {
+    l.load(take(&depth[at..at + WIDTH]))
+}
+
+/// The first elements of a slice as an array; `x` has at least that many.
+#[inline(always)]
+pub(super) fn take<T>(x: &[T]) -> &[T; WIDTH] {
+    &x.as_chunks::<WIDTH>().0[0]
+}

@@ -1,0 +1,156 @@
+//! Which blocks a frame reaches: those that rays pass near the depth that was measured on them.
+//!
+//! One bit a block in a box around all that the camera can see. Rays set bits in parallel, in any
+//! order; blocks that exist already take theirs away, and what is left is new.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::block::BlockKey;
+
+/// No more blocks than this along an axis.
+const MOST_ALONG: usize = 2048;
+/// No more bits than this.
+const MOST_BITS: usize = 1 << 31;
+
+/// Bits of blocks in a box.
+#[derive(Debug, Default)]
+pub(super) struct Reach {
+    origin: [i32; 3],
+    size: [usize; 3],
+    words: Vec<AtomicU64>,
+}
+
+/// A line of points origin + z · direction, z in meters, in blocks from the box's corner.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ray {
+    pub(super) origin: [f32; 3],
+    pub(super) direction: [f32; 3],
+}
+
+impl Reach {
+    /// Starts anew with the blocks that hold these points, in blocks, and all between them. `None`
+    /// where those are too many or too far away for a key.
+    pub(super) fn begin(&mut self, points: &[[f64; 3]]) -> Option<()> {
+        for axis in 0..3 {
+            let along = points.iter().map(|point| point[axis]);
+            let low = along.clone().fold(f64::INFINITY, f64::min).floor() - 1.0;
+            let high = along.fold(f64::NEG_INFINITY, f64::max).floor() + 1.0;
+            let limit = f64::from(i32::MAX / 16);
+            if !(low > -limit && high < limit && high - low < MOST_ALONG as f64) {
+                return None;
+            }
+            self.origin[axis] = low as i32;
+            self.size[axis] = (high - low) as usize + 1;
+        }
+        // A row is whole words.
+        let words = self.row_words() * self.size[1] * self.size[2];
+        if words * 64 > MOST_BITS {
+            return None;
+        }
+        self.words.truncate(words);
+        for word in &mut self.words {
+            *word.get_mut() = 0;
+        }
+        self.words.resize_with(words, AtomicU64::default);
+        Some(())
+    }
+
+    fn row_words(&self) -> usize {
+        self.size[0].div_ceil(64)
+    }
+
+    /// The box's corner, in blocks.
+    pub(super) fn origin(&self) -> [i32; 3] {
+        self.origin
+    }
+
+    /// The word and the bit of a block, counted from the corner; `None` outside of the box.
+    fn place(&self, cell: [i32; 3]) -> Option<(&AtomicU64, u64)> {
+        let inside = |axis: usize| {
+            let at = usize::try_from(cell[axis]).ok()?;
+            (at < self.size[axis]).then_some(at)
+        };
+        let (x, y, z) = (inside(0)?, inside(1)?, inside(2)?);
+        let word = (z * self.size[1] + y) * self.row_words() + x / 64;
+        self.words.get(word).map(|word| (word, 1 << (x % 64)))
+    }
+
+    fn set(&self, cell: [i32; 3]) {
+        if let Some((word, bit)) = self.place(cell)
+            && word.load(Ordering::Relaxed) & bit == 0
+        {
+            word.fetch_or(bit, Ordering::Relaxed);
+        }
+    }
+
+    /// Sets the blocks that a ray passes between two depths (Amanatides and Woo, Eurographics 1987).
+    pub(super) fn mark(&self, ray: &Ray, from_m: f32, to_m: f32) {
+        let mut cell = [0; 3];
+        let mut step = [0; 3];
+        let mut next = [f32::INFINITY; 3];
+        let mut between = [f32::INFINITY; 3];
+        let mut left = 0;
+        for axis in 0..3 {
+            let (origin, direction) = (ray.origin[axis], ray.direction[axis]);
+            let start = floor(origin + from_m * direction);
+            let end = floor(origin + to_m * direction);
+            cell[axis] = start;
+            left += start.abs_diff(end);
+            if end != start {
+                let forward = direction > 0.0;
+                step[axis] = if forward { 1 } else { -1 };
+                between[axis] = 1.0 / direction.abs();
+                let border = if forward { start + 1 } else { start } as f32;
+                next[axis] = (border - origin) / direction;
+            }
+        }
+        self.set(cell);
+        for _ in 0..left {
+            let axis = if next[0] <= next[1] && next[0] <= next[2] {
+                0
+            } else if next[1] <= next[2] {
+                1
+            } else {
+                2
+            };
+            cell[axis] += step[axis];
+            next[axis] += between[axis];
+            self.set(cell);
+        }
+    }
+
+    /// Takes a block's bit away.
+    pub(super) fn clear(&self, key: BlockKey) {
+        let cell = [key.x, key.y, key.z];
+        let cell = std::array::from_fn(|axis| cell[axis].wrapping_sub(self.origin[axis]));
+        if let Some((word, bit)) = self.place(cell)
+            && word.load(Ordering::Relaxed) & bit != 0
+        {
+            word.fetch_and(!bit, Ordering::Relaxed);
+        }
+    }
+
+    /// The blocks whose bits are set, in the order of z, y, x.
+    pub(super) fn for_each(&self, mut block: impl FnMut(BlockKey)) {
+        let row_words = self.row_words();
+        for (index, word) in self.words.iter().enumerate() {
+            let mut bits = word.load(Ordering::Relaxed);
+            while bits != 0 {
+                let x = index % row_words * 64 + bits.trailing_zeros() as usize;
+                let row = index / row_words;
+                block(BlockKey {
+                    x: self.origin[0] + x as i32,
+                    y: self.origin[1] + (row % self.size[1]) as i32,
+                    z: self.origin[2] + (row / self.size[1]) as i32,
+                });
+                bits &= bits - 1;
+            }
+        }
+    }
+}
+
+/// The whole number below. `f32::floor` is a call on processors that may lack it.
+fn floor(x: f32) -> i32 {
+    let whole = x as i32;
+    whole - i32::from(x < whole as f32)
+}

@@ -1,0 +1,100 @@
+//! Nearest and farthest depth of each part of an image: tiles of 8 × 8 pixels, of 16 × 16, and so on.
+//!
+//! Pixels without depth count for neither.
+
+/// Edge of the smallest tiles, pixels.
+pub(super) const TILE: usize = 8;
+/// A query looks at no more than this many tiles along each axis, and one more where it lies across.
+const ACROSS: usize = 3;
+
+/// Nearest and farthest, meters; infinity and 0 where nothing was measured.
+pub(super) type Range = [f32; 2];
+
+/// The range of nothing.
+pub(super) const NOTHING: Range = [f32::INFINITY, 0.0];
+
+/// Ranges of tiles, each level half as wide and high as the one before.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Tiles {
+    levels: Vec<Level>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Level {
+    width: usize,
+    height: usize,
+    ranges: Vec<Range>,
+}
+
+impl Tiles {
+    /// For images of this size.
+    pub(super) fn new(width: usize, height: usize) -> Self {
+        let (mut width, mut height) = (width.div_ceil(TILE), height.div_ceil(TILE));
+        let mut levels = vec![Level::new(width, height)];
+        while width * height > 1 {
+            (width, height) = (width.div_ceil(2), height.div_ceil(2));
+            levels.push(Level::new(width, height));
+        }
+        Self { levels }
+    }
+
+    /// Tiles along a row.
+    pub(super) fn width(&self) -> usize {
+        self.levels[0].width
+    }
+
+    /// The smallest tiles, row by row.
+    pub(super) fn smallest_mut(&mut self) -> &mut [Range] {
+        &mut self.levels[0].ranges
+    }
+
+    /// Makes the coarser levels from the smallest tiles.
+    pub(super) fn build(&mut self) {
+        for i in 1..self.levels.len() {
+            let (finer, coarser) = self.levels.split_at_mut(i);
+            coarser[0].halve(&finer[i - 1]);
+        }
+    }
+
+    /// Of all pixels from `(left, top)` to `(right, bottom)`, both included and inside of the image,
+    /// and some around them.
+    pub(super) fn range(&self, left: usize, top: usize, right: usize, bottom: usize) -> Range {
+        let (mut level, mut edge) = (0, TILE);
+        while (right - left).max(bottom - top) > ACROSS * edge && level + 1 < self.levels.len() {
+            (level, edge) = (level + 1, 2 * edge);
+        }
+        let Level { width, height, ranges } = &self.levels[level];
+        let mut out = NOTHING;
+        for row in top / edge..=(bottom / edge).min(height - 1) {
+            for range in &ranges[row * width..][left / edge..=(right / edge).min(width - 1)] {
+                out = join(out, *range);
+            }
+        }
+        out
+    }
+}
+
+impl Level {
+    fn new(width: usize, height: usize) -> Self {
+        Self { width, height, ranges: vec![NOTHING; width * height] }
+    }
+
+    fn halve(&mut self, finer: &Self) {
+        for y in 0..self.height {
+            for x in 0..self.width {
+                let mut range = NOTHING;
+                for row in 2 * y..(2 * y + 2).min(finer.height) {
+                    for column in 2 * x..(2 * x + 2).min(finer.width) {
+                        range = join(range, finer.ranges[row * finer.width + column]);
+                    }
+                }
+                self.ranges[y * self.width + x] = range;
+            }
+        }
+    }
+}
+
+/// Of both.
+pub(super) fn join(a: Range, b: Range) -> Range {
+    [a[0].min(b[0]), a[1].max(b[1])]
+}
