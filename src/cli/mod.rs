@@ -11,8 +11,10 @@ mod connect;
 pub mod demo;
 mod doctor;
 mod eval;
+mod fuse;
 mod logging;
 pub mod map;
+mod mesh;
 pub mod output;
 pub mod progress;
 pub mod replay;
@@ -65,6 +67,10 @@ enum Command {
     Eval(eval::Args),
     /// Track an RGB-D sequence with the reference frontend, through a server.
     Run(run::Args),
+    /// Fuse recorded depth and color to a surface, at given poses.
+    Fuse(fuse::Args),
+    /// Write the surface of a stored volume as PLY or GLB.
+    Mesh(mesh::Args),
     /// Measure the reference frontend on sequences with truth, with and without the mask.
     BenchFrontend(bench_frontend::Args),
     /// Track a synthetic room in which people walk, with and without the mask, server included.
@@ -85,6 +91,8 @@ impl Command {
             Self::Doctor(_)
             | Self::Backup(_)
             | Self::Eval(_)
+            | Self::Fuse(_)
+            | Self::Mesh(_)
             | Self::BenchFrontend(_)
             | Self::Demo(_)
             | Self::Synth(_) => Layer::default(),
@@ -124,6 +132,8 @@ fn dispatch(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Backup(args) => backup::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Run(args) => run::run(&args, &config),
+        Command::Fuse(args) => fuse::run(&args),
+        Command::Mesh(args) => mesh::run(&args),
         Command::BenchFrontend(args) => bench_frontend::run(&args, &config),
         Command::Demo(args) => demo::run(args, &config),
         Command::Synth(args) => synth::run(&args),

@@ -28,8 +28,7 @@ use crate::frontend::motion::MotionOptions;
 use crate::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
 use embedded::Embedded;
 use masks::{GivenMasks, SavedMasks};
-use source::Peeked;
-pub(super) use source::Source;
+pub(super) use source::{Peeked, Source};
 
 /// The frontend's name as a client.
 const CLIENT: &str = "frontend";

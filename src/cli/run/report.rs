@@ -31,7 +31,7 @@ pub(in crate::cli) struct Quantiles {
 }
 
 impl Quantiles {
-    fn of(seconds: impl Iterator<Item = f64>) -> Self {
+    pub(in crate::cli) fn of(seconds: impl Iterator<Item = f64>) -> Self {
         let mut all: Vec<f64> = seconds.collect();
         all.sort_by(f64::total_cmp);
         let at = |share: f64| {

@@ -75,14 +75,14 @@ impl Source {
 }
 
 /// A source whose first readable frame was looked at for its size.
-pub(super) struct Peeked {
+pub(in crate::cli) struct Peeked {
     pub(super) source: Box<dyn FrameSource>,
     seen: VecDeque<Result<RgbdFrame, FrameError>>,
-    pub(super) size: (usize, usize),
+    pub(in crate::cli) size: (usize, usize),
 }
 
 impl Peeked {
-    pub(super) fn new(mut source: Box<dyn FrameSource>) -> anyhow::Result<Self> {
+    pub(in crate::cli) fn new(mut source: Box<dyn FrameSource>) -> anyhow::Result<Self> {
         let mut seen = VecDeque::new();
         while let Some(frame) = source.next_frame() {
             let size = frame.as_ref().ok().map(|frame| frame.color.size());

@@ -133,7 +133,8 @@ impl Frame<'_> {
             // As standard deviations of depth go.
             let beyond = l.max(l.sub(depth, l.splat(0.4)), zero);
             let sigma = l.add(l.splat(0.0012), l.mul(l.splat(0.0019), l.mul(beyond, beyond)));
-            let behind = l.max(l.splat(self.truncation_m), l.mul(sigma, l.splat(self.behind_sigmas)));
+            let behind =
+                l.max(l.splat(self.truncation_m), l.mul(sigma, l.splat(self.behind_sigmas)));
             seen = l.both(seen, l.less(zero, l.add(before, behind)));
             if !l.any(seen) {
                 outcome.free = false;

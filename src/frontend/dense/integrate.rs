@@ -71,7 +71,9 @@ pub struct DenseFrame<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum IntegrateError {
     /// An image has another size than the camera.
-    #[error("`{image}` is {width} × {height} pixels, the camera's images are {camera_width} × {camera_height}")]
+    #[error(
+        "`{image}` is {width} × {height} pixels, the camera's images are {camera_width} × {camera_height}"
+    )]
     ImageSize {
         /// Which image.
         image: &'static str,
@@ -176,7 +178,8 @@ impl Integrator {
             }
         }
         let pose = frame.world_from_camera;
-        let finite = pose.translation.iter().chain(pose.rotation.matrix().iter()).all(|x| x.is_finite());
+        let finite =
+            pose.translation.iter().chain(pose.rotation.matrix().iter()).all(|x| x.is_finite());
         if !finite {
             return Err(IntegrateError::Pose);
         }
@@ -220,7 +223,13 @@ impl Integrator {
         let z = f64::from(farthest + self.behind_m(farthest, truncation_m));
         let [left, right, top, bottom] = self.lens.field.map(f64::from);
         let mut points = vec![[0.0; 3]; 5];
-        let rays = [[0.0, 0.0, 0.0], [left, top, 1.0], [right, top, 1.0], [left, bottom, 1.0], [right, bottom, 1.0]];
+        let rays = [
+            [0.0, 0.0, 0.0],
+            [left, top, 1.0],
+            [right, top, 1.0],
+            [left, bottom, 1.0],
+            [right, bottom, 1.0],
+        ];
         for (point, ray) in points.iter_mut().zip(rays) {
             let at = world_from_camera.transform(&(nalgebra::Vector3::from(ray) * z)) / block_m;
             *point = [at.x, at.y, at.z];
@@ -285,9 +294,7 @@ impl Integrator {
             pixels: &self.pixels,
             stride: pixels::stride(self.camera.size().0),
             lanes: std::array::from_fn(|k| {
-                std::array::from_fn(|i| {
-                    (i % 8) as f32 * steps[0][k] + (i / 8) as f32 * steps[1][k]
-                })
+                std::array::from_fn(|i| (i % 8) as f32 * steps[0][k] + (i / 8) as f32 * steps[1][k])
             }),
             pair: steps[1].map(|step| 2.0 * step),
             layer: steps[2],
@@ -297,7 +304,8 @@ impl Integrator {
             full_weight_m,
             least_weight,
             most_weight: (self.options.max_weight * weight_one).floor(),
-            near: (2.0 * measures.voxel_m / measures.truncation_m).min(1.0) * super::block::DISTANCE_ONE,
+            near: (2.0 * measures.voxel_m / measures.truncation_m).min(1.0)
+                * super::block::DISTANCE_ONE,
             // Van der Corput: each share of the range comes equally often.
             dither: i32::from((revision as u8).reverse_bits()),
             is_dynamic: self.options.dynamic,
@@ -360,7 +368,12 @@ struct Rays<'a> {
 }
 
 impl<'a> Rays<'a> {
-    fn new(integrator: &'a Integrator, world_from_camera: &Se3, block_m: f64, truncation_m: f32) -> Self {
+    fn new(
+        integrator: &'a Integrator,
+        world_from_camera: &Se3,
+        block_m: f64,
+        truncation_m: f32,
+    ) -> Self {
         let corner = integrator.reach.origin();
         let center = world_from_camera.translation / block_m;
         let rotation = world_from_camera.rotation.matrix();
@@ -388,7 +401,15 @@ impl<'a> Rays<'a> {
             }
             let (left, top) = (i % tiles_width * TILE, i / tiles_width * TILE);
             let wide = self.block_px / farthest;
-            let mut step = if wide >= 24.0 { 8 } else if wide >= 12.0 { 4 } else if wide >= 6.0 { 2 } else { 1 };
+            let mut step = if wide >= 24.0 {
+                8
+            } else if wide >= 12.0 {
+                4
+            } else if wide >= 6.0 {
+                2
+            } else {
+                1
+            };
             if farthest - nearest > 0.5 * self.block_m {
                 step = (step / 2).max(1);
             }

@@ -12,6 +12,10 @@
 //! | `sight` | which blocks a frame sees |
 //! | `fuse` | what a frame does to a block |
 //! | `integrate` | frames into a volume |
+//! | `frame_log` | frames that may have to be integrated again |
+//! | `mapper` | a volume that follows corrections |
+//! | `thread` | dense mapping beside tracking |
+//! | `pose_track` | poses between poses |
 //! | `surface` | triangles where the distance is zero |
 //! | `export` | meshes as PLY and GLB |
 //! | `file` | volumes as files |
@@ -19,15 +23,19 @@
 pub mod block;
 pub mod export;
 pub mod file;
+pub mod frame_log;
 mod fuse;
 pub mod integrate;
 mod lanes;
+pub mod mapper;
 mod pixels;
+pub mod pose_track;
 mod reach;
 mod sight;
 mod slabs;
 pub mod surface;
 #[cfg(test)]
 mod testing;
+pub mod thread;
 mod tiles;
 pub mod volume;

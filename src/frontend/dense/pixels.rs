@@ -25,8 +25,7 @@ pub(super) const FACING_ONE: f32 = 96.0;
 pub(super) const DEPTH_UNITS: f32 = 65_535.0;
 
 /// The number of each lane.
-const LANES: [f32; WIDTH] =
-    [0., 1., 2., 3., 4., 5., 6., 7., 8., 9., 10., 11., 12., 13., 14., 15.];
+const LANES: [f32; WIDTH] = [0., 1., 2., 3., 4., 5., 6., 7., 8., 9., 10., 11., 12., 13., 14., 15.];
 
 /// What is used of a frame.
 #[derive(Clone, Copy, Debug)]
@@ -152,7 +151,8 @@ impl PackBand<'_> {
             let facing = l.min_int(facing, l.splat_int(127));
             let jumps = l.either(jumps_u, jumps_v);
             let edge = l.select_int(jumps, l.splat_int(128), l.splat_int(0));
-            let units = l.truncate(l.add(l.mul(z, l.splat(DEPTH_UNITS / farthest_m)), l.splat(0.5)));
+            let units =
+                l.truncate(l.add(l.mul(z, l.splat(DEPTH_UNITS / farthest_m)), l.splat(0.5)));
             let units = l.max_int(l.min_int(units, l.splat_int(65_535)), l.splat_int(1));
             let low = l.or_int(units, l.shift_up::<16>(slope_byte(l, slope_u)));
             let low = l.or_int(low, l.shift_up::<24>(slope_byte(l, slope_v)));

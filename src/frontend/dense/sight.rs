@@ -60,8 +60,7 @@ impl Lens {
         let PinholeRadialTangential { fx, fy, cx, cy, k1, k2, p1, p2, k3 } = *model;
         let distortion = [k1, k2, k3, p1, p2].map(|x| x as f32);
         let (width, height) = camera.size();
-        let mut field =
-            [f32::INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::NEG_INFINITY];
+        let mut field = [f32::INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::NEG_INFINITY];
         let mut largest = 0.0_f32;
         for &[a, b] in camera.rays().pixels() {
             field = [field[0].min(a), field[1].max(a), field[2].min(b), field[3].max(b)];
@@ -122,7 +121,13 @@ impl Sight {
 
     /// What the depth of `tiles` can say about the block with this corner; `behind_m` is how far
     /// behind a surface voxels are looked at, and `before_m` how far before it space is surely free.
-    pub(super) fn look(&self, corner: [f32; 3], tiles: &Tiles, behind_m: f32, before_m: f32) -> Seen {
+    pub(super) fn look(
+        &self,
+        corner: [f32; 3],
+        tiles: &Tiles,
+        behind_m: f32,
+        before_m: f32,
+    ) -> Seen {
         let lens = &self.lens;
         let half = 0.5 * (EDGE - 1) as f32;
         let steps = self.steps_sum();

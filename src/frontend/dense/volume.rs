@@ -7,8 +7,8 @@ use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
 use super::block::{Block, BlockKey, EDGE};
-use super::slabs::Slabs;
 pub use super::slabs::Blocks;
+use super::slabs::Slabs;
 
 /// The grid's measures.
 #[derive(Clone, Copy, Debug, PartialEq)]

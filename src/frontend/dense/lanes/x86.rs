@@ -229,11 +229,16 @@ impl Lanes for Avx512 {
             let mask = _mm512_mask_cmplt_epu32_mask(mask, index, end);
             let zero = _mm512_setzero_si512();
             let table = table.as_ptr().cast();
-            let (first, last) = (_mm512_castsi512_si256(index), _mm512_extracti64x4_epi64::<1>(index));
+            let (first, last) =
+                (_mm512_castsi512_si256(index), _mm512_extracti64x4_epi64::<1>(index));
             let first = _mm512_mask_i32gather_epi64::<8>(zero, mask as u8, first, table);
             let last = _mm512_mask_i32gather_epi64::<8>(zero, (mask >> 8) as u8, last, table);
-            let (even, odd) = (_mm512_loadu_si512(EVEN.as_ptr().cast()), _mm512_loadu_si512(ODD.as_ptr().cast()));
-            (_mm512_permutex2var_epi32(first, even, last), _mm512_permutex2var_epi32(first, odd, last))
+            let (even, odd) =
+                (_mm512_loadu_si512(EVEN.as_ptr().cast()), _mm512_loadu_si512(ODD.as_ptr().cast()));
+            (
+                _mm512_permutex2var_epi32(first, even, last),
+                _mm512_permutex2var_epi32(first, odd, last),
+            )
         }
     }
     #[inline(always)]

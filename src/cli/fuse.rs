@@ -1,0 +1,198 @@
+//! `covis fuse`: a surface from recorded frames at poses that are given. No tracking, no server.
+//!
+//! Opens the source, takes each frame's pose from the trajectory, and writes the mesh and the volume.
+//! Fusion is [`crate::frontend::dense`]'s.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use anyhow::{Context, bail};
+use covis_solvers::io::trajectory::Trajectory;
+use fs_err as fs;
+use serde::Serialize;
+
+use super::output::print;
+use super::progress::Progress;
+use super::run::report::Quantiles;
+use super::run::{Peeked, Source};
+use crate::frontend::camera::FrameCamera;
+use crate::frontend::dense::integrate::{DenseFrame, IntegrationOptions, Integrator};
+use crate::frontend::dense::pose_track::PoseTrack;
+use crate::frontend::dense::surface::{SurfaceOptions, extract};
+use crate::frontend::dense::volume::{Volume, VolumeOptions};
+use crate::frontend::dense::{export, file};
+use crate::frontend::input::FrameSource;
+
+/// A frame has the pose of this time, seconds, or none.
+const POSE_REACH_S: f64 = 0.02;
+
+/// Arguments of `covis fuse`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// tum:FOLDER (TUM RGB-D or 7-Scenes layout), or synthetic:SCENE.
+    source: Source,
+    /// Where the camera was: a TUM trajectory, interpolated; frames farther than 0.02 s from a pose
+    /// are skipped.
+    #[arg(long, value_name = "TRAJECTORY")]
+    poses: PathBuf,
+    /// Folder for mesh.ply and volume.covis; made where it is missing.
+    #[arg(long, value_name = "FOLDER")]
+    out: PathBuf,
+    #[command(flatten)]
+    grid: Grid,
+    /// Depth beyond this is not used, meters.
+    #[arg(long, value_name = "METERS", default_value_t = IntegrationOptions::default().max_depth_m)]
+    max_depth: f32,
+    /// Intrinsics, px: a file, or fx,fy,cx,cy[,k1,k2,p1,p2,k3].
+    #[arg(long, value_name = "FILE|NUMBERS")]
+    camera: Option<String>,
+    /// Threads [default: all processors].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
+    threads: Option<u16>,
+    /// Seed of a synthetic scene.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Frames of a synthetic scene.
+    #[arg(long, value_name = "N")]
+    frames: Option<usize>,
+    /// Print one JSON object instead of a table.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The measures of a volume.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(super) struct Grid {
+    /// Edge of a voxel, meters.
+    #[arg(long, value_name = "METERS", default_value_t = 0.02)]
+    voxel: f32,
+    /// Distances are cut off at this many voxels.
+    #[arg(long, value_name = "N", default_value_t = 8.0)]
+    truncation_voxels: f32,
+}
+
+impl Grid {
+    /// As the volume takes them.
+    pub(super) fn options(&self) -> anyhow::Result<VolumeOptions> {
+        if !(0.001..=1.0).contains(&self.voxel) {
+            bail!("--voxel must be 0.001 to 1 m, not {}", self.voxel);
+        }
+        if !(2.0..=32.0).contains(&self.truncation_voxels) {
+            bail!("--truncation-voxels must be 2 to 32, not {}", self.truncation_voxels);
+        }
+        let truncation_m = self.truncation_voxels * self.voxel;
+        Ok(VolumeOptions { voxel_m: self.voxel, truncation_m })
+    }
+}
+
+/// What a mesh amounts to.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct MeshFigures {
+    pub(super) vertices: usize,
+    pub(super) triangles: usize,
+    /// Of the PLY file.
+    pub(super) bytes: usize,
+}
+
+/// The object of `--json`.
+#[derive(Debug, Serialize)]
+struct Document {
+    frames: usize,
+    skipped: usize,
+    stages: BTreeMap<&'static str, Quantiles>,
+    mesh: MeshFigures,
+}
+
+/// Fuses a source.
+///
+/// # Errors
+/// A source or trajectory that cannot be read, options out of range, a folder that cannot be written.
+pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let options = args.grid.options()?;
+    if !(args.max_depth > 0.0 && args.max_depth <= 100.0) {
+        bail!("--max-depth must be more than 0 and at most 100 m, not {}", args.max_depth);
+    }
+    // Seen now rather than after the work.
+    fs::create_dir_all(&args.out)?;
+    let poses = PoseTrack::new(&Trajectory::read(&args.poses)?);
+    let source = args.source.clone().with(args.seed, args.frames);
+    let mut frames = Peeked::new(source.open(args.camera.as_deref())?)?;
+    let (width, height) = frames.size;
+    let camera = FrameCamera::new(*frames.camera(), width, height)
+        .context("the camera's distortion leaves pixels without a ray: check its coefficients")?;
+    let threads = args.threads.map_or(0, usize::from);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("threads")?;
+
+    let integration =
+        IntegrationOptions { max_depth_m: args.max_depth, ..IntegrationOptions::default() };
+    let mut integrator = Integrator::new(&camera, integration);
+    let mut volume = Volume::new(options);
+    let mut progress = Progress::new("frames", frames.len() as u64);
+    let (mut seconds, mut skipped) = (Vec::new(), 0);
+    while let Some(frame) = frames.next_frame() {
+        progress.advance(1);
+        let frame = match frame {
+            Ok(frame) => frame,
+            Err(error) => {
+                tracing::warn!("frame skipped: {error}");
+                skipped += 1;
+                continue;
+            }
+        };
+        let Some(world_from_camera) = poses.at(frame.timestamp_s, POSE_REACH_S) else {
+            skipped += 1;
+            continue;
+        };
+        let dense = DenseFrame {
+            depth_m: &frame.depth_m,
+            color: &frame.color,
+            moving: None,
+            world_from_camera: &world_from_camera,
+        };
+        let start = Instant::now();
+        pool.install(|| integrator.integrate(&mut volume, &dense))
+            .with_context(|| format!("the frame at {:.6} s", frame.timestamp_s))?;
+        seconds.push(start.elapsed().as_secs_f64());
+    }
+    progress.finish();
+    if seconds.is_empty() {
+        bail!("{}: no frame has a pose within {POSE_REACH_S} s", args.poses.display());
+    }
+    let start = Instant::now();
+    let mesh = pool.install(|| extract(&volume, SurfaceOptions::default()));
+    let extract_s = start.elapsed().as_secs_f64();
+    let ply = export::ply(&mesh);
+    fs::write(args.out.join("mesh.ply"), &ply)?;
+    file::save(&volume, &args.out.join("volume.covis"))?;
+
+    let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
+    let document = Document {
+        frames: seconds.len(),
+        skipped,
+        stages: BTreeMap::from([
+            ("integrate", Quantiles::of(seconds.into_iter())),
+            ("extract", Quantiles::of(std::iter::once(extract_s))),
+        ]),
+        mesh: MeshFigures { vertices, triangles, bytes: ply.len() },
+    };
+    if args.json {
+        print(serde_json::to_string(&document)?)?;
+    } else {
+        print(table(&document, args))?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+fn table(document: &Document, args: &Args) -> String {
+    let Document { frames, skipped, stages, mesh } = document;
+    let mut text = format!("{frames} frames, {skipped} skipped\n");
+    for (name, Quantiles { p50_ms, p99_ms }) in stages {
+        text.push_str(&format!("\n{name:>9}  p50 {p50_ms:>6.1} ms  p99 {p99_ms:>6.1} ms"));
+    }
+    let MeshFigures { vertices, triangles, .. } = mesh;
+    let out = args.out.display();
+    text.push_str(&format!("\n\n{vertices} vertices, {triangles} triangles in {out}/mesh.ply"));
+    text
+}

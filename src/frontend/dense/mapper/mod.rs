@@ -1,0 +1,241 @@
+//! A volume that follows corrections of its frames' poses (decision 0017).
+//!
+//! Frames stand where their keyframes stand. When keyframes are moved, the volume is built a second
+//! time from the log of frames, at the poses as they are then, a few frames whenever a new one comes;
+//! once it has caught up it takes the first one's place. What comes out is, to the bit, what would
+//! have come of the corrected poses in the first place, the dynamic update included. Knows no server
+//! and no thread.
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::io;
+
+use covis_solvers::geometry::{LieGroup, Se3};
+
+use super::frame_log::{FrameLog, LoggedFrame};
+use super::integrate::{DenseFrame, IntegrateError, IntegrationOptions, Integrator};
+use super::volume::{Volume, VolumeOptions};
+use crate::frontend::camera::FrameCamera;
+
+/// Frames that are integrated again with each new one. With one the second volume would never catch
+/// up; two bound the time of a frame to three integrations.
+const AGAIN_A_FRAME: usize = 2;
+/// A frame that stands off by less than this, in voxels at [`USUAL_RANGE_M`], is not worth building
+/// the volume again; and at the end of a run.
+const TOLERANCE_VOXELS: f64 = 0.25;
+const FINAL_TOLERANCE_VOXELS: f64 = 0.02;
+/// How far away what is seen usually is, meters: a turn counts by what it does there.
+const USUAL_RANGE_M: f64 = 2.0;
+
+/// Why a frame is not in the volume.
+#[derive(Debug, thiserror::Error)]
+pub enum DenseError {
+    /// The frame makes no sense.
+    #[error(transparent)]
+    Frame(#[from] IntegrateError),
+    /// The log of frames cannot be written or read.
+    #[error("the log of dense mapping's frames: {0}")]
+    Log(#[from] io::Error),
+}
+
+/// A frame, and the keyframe that it stands beside.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TiedFrame {
+    /// What it shows.
+    pub frame: LoggedFrame,
+    /// Its keyframe.
+    pub keyframe: usize,
+    /// Where it stands beside it.
+    pub keyframe_from_camera: Se3,
+}
+
+/// A frame of the log.
+#[derive(Clone, Copy, Debug)]
+struct Placed {
+    keyframe: usize,
+    keyframe_from_camera: Se3,
+    /// Its pose in the volume.
+    world_from_camera: Se3,
+}
+
+/// A volume that is built again.
+#[derive(Debug)]
+struct Rebuild {
+    volume: Volume,
+    /// The poses of the frames that it has, in the order of the log.
+    poses: Vec<Se3>,
+}
+
+/// Builds a volume from frames tied to keyframes, and builds it again where keyframes move.
+#[derive(Debug)]
+pub struct DenseMapper {
+    integrator: Integrator,
+    volume: Volume,
+    log: FrameLog,
+    frames: Vec<Placed>,
+    keyframes: BTreeMap<usize, Se3>,
+    rebuild: Option<Rebuild>,
+    rebuilt: usize,
+}
+
+impl DenseMapper {
+    /// An empty volume for frames of this camera.
+    ///
+    /// # Errors
+    /// [`DenseError::Log`] where there is no place for the log.
+    pub fn new(
+        camera: &FrameCamera,
+        volume: VolumeOptions,
+        integration: IntegrationOptions,
+    ) -> Result<Self, DenseError> {
+        Ok(Self {
+            integrator: Integrator::new(camera, integration),
+            volume: Volume::new(volume),
+            log: FrameLog::new()?,
+            frames: Vec::new(),
+            keyframes: BTreeMap::new(),
+            rebuild: None,
+            rebuilt: 0,
+        })
+    }
+
+    /// The volume as far as it has followed.
+    #[must_use]
+    pub fn volume(&self) -> &Volume {
+        &self.volume
+    }
+
+    /// The volume, without what it needs to follow.
+    #[must_use]
+    pub fn into_volume(self) -> Volume {
+        self.volume
+    }
+
+    /// How many times the volume was built again so far.
+    #[must_use]
+    pub fn rebuilt(&self) -> usize {
+        self.rebuilt
+    }
+
+    /// Integrates a frame. A keyframe that is new stands at `world_from_keyframe`, until it is moved.
+    ///
+    /// # Errors
+    /// [`DenseError`]; the volume is as before then.
+    pub fn integrate(
+        &mut self,
+        mut tied: TiedFrame,
+        world_from_keyframe: &Se3,
+    ) -> Result<(), DenseError> {
+        let TiedFrame { frame, keyframe, keyframe_from_camera } = &mut tied;
+        let known = self.keyframes.get(keyframe).copied();
+        let world_from_camera = known.unwrap_or(*world_from_keyframe).compose(keyframe_from_camera);
+        self.log.append(frame)?;
+        if let Err(error) =
+            integrate(&mut self.integrator, &mut self.volume, frame, &world_from_camera)
+        {
+            self.log.forget_last();
+            return Err(error.into());
+        }
+        self.keyframes.entry(*keyframe).or_insert(*world_from_keyframe);
+        let (keyframe, keyframe_from_camera) = (*keyframe, *keyframe_from_camera);
+        self.frames.push(Placed { keyframe, keyframe_from_camera, world_from_camera });
+        Ok(())
+    }
+
+    /// Takes where keyframes stand now; those that are not known are left.
+    pub fn correct(&mut self, poses: &[(usize, Se3)]) {
+        for (id, pose) in poses {
+            if let Some(known) = self.keyframes.get_mut(id) {
+                *known = *pose;
+            }
+        }
+    }
+
+    /// Follows the keyframes by a bounded number of frames. Whether there is more to do.
+    ///
+    /// # Errors
+    /// [`DenseError::Log`].
+    pub fn follow(&mut self) -> Result<bool, DenseError> {
+        if self.rebuild.is_none() && !self.is_stale(TOLERANCE_VOXELS) {
+            return Ok(false);
+        }
+        for _ in 0..AGAIN_A_FRAME {
+            if self.integrate_again()? {
+                break;
+            }
+        }
+        Ok(self.rebuild.is_some())
+    }
+
+    /// Follows the keyframes to where they stand now. `done` hears after each frame how many of how
+    /// many were integrated again.
+    ///
+    /// # Errors
+    /// [`DenseError::Log`].
+    pub fn finish(&mut self, done: &mut dyn FnMut(usize, usize)) -> Result<(), DenseError> {
+        // What was begun at older poses would only have to be done again.
+        self.rebuild = None;
+        if self.is_stale(FINAL_TOLERANCE_VOXELS) {
+            while !self.integrate_again()? {
+                let again = self.rebuild.as_ref().map_or(0, |rebuild| rebuild.poses.len());
+                done(again, self.frames.len());
+            }
+        }
+        Ok(())
+    }
+
+    /// Where a frame stands now.
+    fn pose(&self, placed: &Placed) -> Se3 {
+        match self.keyframes.get(&placed.keyframe) {
+            Some(keyframe) => keyframe.compose(&placed.keyframe_from_camera),
+            None => placed.world_from_camera,
+        }
+    }
+
+    /// Whether a frame stands elsewhere than where it was integrated.
+    fn is_stale(&self, tolerance_voxels: f64) -> bool {
+        let tolerance_m = tolerance_voxels * f64::from(self.volume.options().voxel_m);
+        self.frames.iter().any(|placed| {
+            let moved = placed.world_from_camera.inverse().compose(&self.pose(placed));
+            let turned = moved.rotation.log().norm() * USUAL_RANGE_M;
+            moved.translation.norm() + turned > tolerance_m
+        })
+    }
+
+    /// One more frame into the second volume; whether it has caught up and taken the first one's
+    /// place.
+    fn integrate_again(&mut self) -> Result<bool, DenseError> {
+        let next = self.rebuild.as_ref().map_or(0, |rebuild| rebuild.poses.len());
+        if let Some(placed) = self.frames.get(next) {
+            let pose = self.pose(placed);
+            let frame = self.log.read(next)?;
+            let rebuild = self.rebuild.get_or_insert_with(|| Rebuild {
+                volume: Volume::new(*self.volume.options()),
+                poses: Vec::new(),
+            });
+            integrate(&mut self.integrator, &mut rebuild.volume, &frame, &pose)?;
+            rebuild.poses.push(pose);
+        }
+        let caught_up = |rebuild: &mut Rebuild| rebuild.poses.len() == self.frames.len();
+        let Some(rebuild) = self.rebuild.take_if(caught_up) else { return Ok(false) };
+        for (placed, pose) in self.frames.iter_mut().zip(rebuild.poses) {
+            placed.world_from_camera = pose;
+        }
+        self.volume = rebuild.volume;
+        self.rebuilt += 1;
+        Ok(true)
+    }
+}
+
+fn integrate(
+    integrator: &mut Integrator,
+    volume: &mut Volume,
+    frame: &LoggedFrame,
+    world_from_camera: &Se3,
+) -> Result<(), IntegrateError> {
+    let LoggedFrame { depth_m, color, moving } = frame;
+    let moving = moving.as_ref();
+    integrator.integrate(volume, &DenseFrame { depth_m, color, moving, world_from_camera })
+}

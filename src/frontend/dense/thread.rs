@@ -1,0 +1,121 @@
+//! The fourth of the paper's threads: dense mapping beside tracking.
+//!
+//! Frames and corrections are handed over in order and taken one after the other, so that the volume
+//! depends on them alone and not on who was faster. Tracking does not wait for a frame to be
+//! integrated, only for a place in a short queue where it is faster for long: a recorded sequence
+//! leaves nothing out. Each frame costs a bounded time, whatever a correction moved.
+
+use std::sync::mpsc::{self, Receiver, Sender, SyncSender};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+use covis_solvers::geometry::Se3;
+use rayon::ThreadPool;
+
+use super::mapper::{DenseError, DenseMapper, TiedFrame};
+use super::volume::Volume;
+
+/// Frames that wait to be integrated.
+const QUEUE: usize = 4;
+
+/// What dense mapping is told.
+enum Message {
+    /// A frame, and where its keyframe stands.
+    Frame(Box<TiedFrame>, Se3),
+    /// Where keyframes stand now.
+    Correct(Vec<(usize, Se3)>),
+}
+
+/// What dense mapping left.
+#[derive(Debug)]
+pub struct DenseReport {
+    /// The volume, at the keyframes' last poses.
+    pub volume: Volume,
+    /// Integrating a frame, seconds each.
+    pub integrate_s: Vec<f64>,
+    /// Integrating earlier frames again after it, seconds each.
+    pub follow_s: Vec<f64>,
+    /// Frames that could not be integrated.
+    pub skipped: usize,
+    /// How many times the volume was built again to follow the keyframes.
+    pub rebuilt: usize,
+}
+
+/// A thread that owns a [`DenseMapper`].
+#[derive(Debug)]
+pub struct DenseThread {
+    messages: SyncSender<Message>,
+    progress: Receiver<(usize, usize)>,
+    thread: JoinHandle<Result<DenseReport, DenseError>>,
+}
+
+impl DenseThread {
+    /// Starts it; its work is spread over `pool`.
+    #[must_use]
+    pub fn start(mapper: DenseMapper, pool: ThreadPool) -> Self {
+        let (messages, inbox) = mpsc::sync_channel(QUEUE);
+        let (outbox, progress) = mpsc::channel();
+        let work = move || pool.install(move || work(mapper, inbox, &outbox));
+        Self { messages, progress, thread: std::thread::spawn(work) }
+    }
+
+    /// Hands a frame over; one that is tied to a new keyframe brings where that stands.
+    pub fn integrate(&self, frame: TiedFrame, world_from_keyframe: Se3) {
+        // A thread that ended says why when it is asked for its report.
+        let _ended = self.messages.send(Message::Frame(Box::new(frame), world_from_keyframe));
+    }
+
+    /// Tells where keyframes stand now.
+    pub fn correct(&self, poses: Vec<(usize, Se3)>) {
+        let _ended = self.messages.send(Message::Correct(poses));
+    }
+
+    /// Waits until the volume has followed to where the keyframes stand. `done` hears how many of how
+    /// many frames were integrated again.
+    ///
+    /// # Errors
+    /// Why it ended before.
+    ///
+    /// # Panics
+    /// Where the thread did.
+    pub fn finish(self, done: &mut dyn FnMut(usize, usize)) -> Result<DenseReport, DenseError> {
+        drop(self.messages);
+        for (again, all) in self.progress {
+            done(again, all);
+        }
+        self.thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+    }
+}
+
+fn work(
+    mut mapper: DenseMapper,
+    messages: Receiver<Message>,
+    progress: &Sender<(usize, usize)>,
+) -> Result<DenseReport, DenseError> {
+    let (mut integrate_s, mut follow_s, mut skipped) = (Vec::new(), Vec::new(), 0);
+    for message in messages {
+        match message {
+            Message::Correct(poses) => mapper.correct(&poses),
+            Message::Frame(frame, world_from_keyframe) => {
+                let start = Instant::now();
+                match mapper.integrate(*frame, &world_from_keyframe) {
+                    Ok(()) => {}
+                    Err(DenseError::Frame(error)) => {
+                        tracing::warn!("a frame is not integrated: {error}");
+                        skipped += 1;
+                    }
+                    Err(error @ DenseError::Log(_)) => return Err(error),
+                }
+                integrate_s.push(start.elapsed().as_secs_f64());
+                let start = Instant::now();
+                mapper.follow()?;
+                follow_s.push(start.elapsed().as_secs_f64());
+            }
+        }
+    }
+    // Nobody listens any more where whoever waited has gone.
+    mapper.finish(&mut |again, all| drop(progress.send((again, all))))?;
+    let rebuilt = mapper.rebuilt();
+    let volume = mapper.into_volume();
+    Ok(DenseReport { volume, integrate_s, follow_s, skipped, rebuilt })
+}
