@@ -3,27 +3,18 @@
 //! A voxel is projected, reads its pixel and takes the distance to the plane through what the pixel
 //! shows: (measured depth − own depth) / |n|, where n is the normal of depth as a function of the ray.
 //! The distance is averaged by weight (Curless and Levoy, SIGGRAPH 1996); what disagrees with what a
-//! voxel remembers is for the dynamic update: see `Dynamic`.
+//! voxel remembers is for `dynamic`.
 
 use super::block::{Block, DISTANCE_ONE};
+use super::dynamic::{self, FREE};
 use super::lanes::{Lanes, WIDTH};
 use super::pixels::{DEPTH_UNITS, FACING_ONE, SLOPE_UNIT};
 use super::sight::{Lens, NEAREST_M};
 
 /// Rows of two that a layer of a block has.
 const PAIRS: usize = 4;
-/// Beyond this share of the truncation a voxel is free space and no part of a surface.
-pub(super) const FREE: f32 = 0.75 * DISTANCE_ONE;
-/// Free space is remembered lightly: weight that it gathers at most, as stored.
-const FREE_WEIGHT: f32 = 1024.0;
 /// Colors follow at least this share of what is new, in 1 / 256.
 const LEAST_COLOR_SHARE: f32 = 16.0;
-/// After so many frames that disagree in a row a voxel begins anew.
-const PATIENCE: i32 = 6;
-/// How far colors vary when nothing else is known, in units of the color difference / 8.
-const FIRST_SPREAD: i32 = 4;
-/// A color is another one beyond this, in the same units, plus three times the spread.
-const COLOR_SLACK: i32 = 6;
 
 /// What is the same for all blocks of a frame.
 #[derive(Clone, Debug)]
@@ -52,10 +43,53 @@ pub(super) struct Frame<'a> {
     /// Distances for which color is kept, and beyond which a voxel behind a surface is hidden by it,
     /// as stored.
     pub(super) near: f32,
+    /// Distances disagree beyond this many standard deviations of depth, as stored for a meter.
+    pub(super) slack: f32,
     /// A number of the frame, 0 to 255, that rounds colors up or down.
     pub(super) dither: i32,
     /// Whether the dynamic update is on.
     pub(super) is_dynamic: bool,
+}
+
+/// What pixels say about sixteen voxels.
+pub(super) struct Measured<L: Lanes> {
+    /// Which voxels were seen; the others' numbers mean nothing.
+    pub(super) seen: L::M,
+    /// As stored, cut off at one truncation on both sides.
+    pub(super) distance: L::F,
+    /// As stored, whole and not 0.
+    pub(super) weight: L::F,
+    /// Color in the three lower bytes; negative where depth jumps nearby.
+    pub(super) word: L::I,
+    /// Standard deviation of the depth, meters.
+    pub(super) sigma_m: L::F,
+}
+
+/// What sixteen voxels store.
+pub(super) struct Stored<L: Lanes> {
+    pub(super) distance: L::F,
+    pub(super) weight: L::F,
+}
+
+/// Old and new by their weights.
+pub(super) struct Mean<L: Lanes> {
+    pub(super) distance: L::F,
+    /// Of both.
+    pub(super) weight: L::F,
+    /// How much of the new color is taken, in 1 / 256.
+    pub(super) color_share: L::I,
+}
+
+impl<L: Lanes> Stored<L> {
+    #[inline(always)]
+    pub(super) fn mean(&self, l: L, new: &Measured<L>) -> Mean<L> {
+        let weight = l.add(self.weight, new.weight);
+        let share = l.div(new.weight, weight);
+        let step = l.mul(l.sub(new.distance, self.distance), share);
+        let color_share = l.max(l.mul(share, l.splat(256.0)), l.splat(LEAST_COLOR_SHARE));
+        let color_share = l.round(color_share);
+        Mean { distance: l.add(self.distance, step), weight, color_share }
+    }
 }
 
 /// What became of a block.
@@ -132,9 +166,9 @@ impl Frame<'_> {
             let before = l.sub(l.add(depth, l.mul(depth, tilt)), z);
             // As standard deviations of depth go.
             let beyond = l.max(l.sub(depth, l.splat(0.4)), zero);
-            let sigma = l.add(l.splat(0.0012), l.mul(l.splat(0.0019), l.mul(beyond, beyond)));
+            let sigma_m = l.add(l.splat(0.0012), l.mul(l.splat(0.0019), l.mul(beyond, beyond)));
             let behind =
-                l.max(l.splat(self.truncation_m), l.mul(sigma, l.splat(self.behind_sigmas)));
+                l.max(l.splat(self.truncation_m), l.mul(sigma_m, l.splat(self.behind_sigmas)));
             seen = l.both(seen, l.less(zero, l.add(before, behind)));
             if !l.any(seen) {
                 outcome.free = false;
@@ -154,54 +188,57 @@ impl Frame<'_> {
             let weight = l.mul(weight, l.splat(256.0));
             let weight = l.float(l.round(l.max(weight, l.splat(self.least_weight))));
 
-            let old_distance_int = l.load_i16(distances);
-            let old_weight_int = l.load_u16(weights);
-            let old_distance = l.float(old_distance_int);
-            let old_weight = l.float(old_weight_int);
-            let sum = l.add(old_weight, weight);
-            let share = l.div(weight, sum);
-            let mean = l.add(old_distance, l.mul(l.sub(distance, old_distance), share));
-            let more = l.min(sum, l.splat(self.most_weight));
-            let near = l.at_most(l.abs(distance), l.splat(self.near));
-            let share = l.max(l.mul(share, l.splat(256.0)), l.splat(LEAST_COLOR_SHARE));
-
-            let (new_distance, new_weight);
-            if DYNAMIC {
-                // TODO
-                new_distance = l.select(seen, mean, old_distance);
-                new_weight = l.select(seen, more, old_weight);
+            let measured = Measured { seen, distance, weight, word: high, sigma_m };
+            let (old_distance, old_weight) = (l.load_i16(distances), l.load_u16(weights));
+            let old = Stored { distance: l.float(old_distance), weight: l.float(old_weight) };
+            let new = if DYNAMIC {
+                dynamic::update(l, self, &measured, &old, colors)
             } else {
-                new_distance = l.select(seen, mean, old_distance);
-                new_weight = l.select(seen, more, old_weight);
-                let near = l.both(near, seen);
-                if l.any(near) {
-                    let old = l.load_bytes(colors);
-                    let blend = self.blend(l, old, high, l.round(share));
-                    let new = l.select_int(near, blend, old);
-                    l.store_bytes(new, colors);
-                }
-            }
-            let new_distance_int = l.round(new_distance);
-            let new_weight_int = l.round(new_weight);
+                self.average(l, &measured, &old, colors)
+            };
+            let (new_distance, new_weight) = (l.round(new.distance), l.round(new.weight));
             let changed = l.either(
-                l.differ_int(new_distance_int, old_distance_int),
-                l.differ_int(new_weight_int, old_weight_int),
+                l.differ_int(new_distance, old_distance),
+                l.differ_int(new_weight, old_weight),
             );
             if l.any(changed) {
-                l.store_i16(new_distance_int, distances);
-                l.store_u16(new_weight_int, weights);
+                l.store_i16(new_distance, distances);
+                l.store_u16(new_weight, weights);
                 outcome.changed = true;
             }
-            let solid = l.both(seen, l.less(new_distance, l.splat(FREE)));
+            let solid = l.both(seen, l.less(new.distance, l.splat(FREE)));
             outcome.solid |= l.any(solid);
             outcome.free &= l.all(l.but_not(seen, solid));
         }
         outcome
     }
 
+    /// What voxels store when all measurements are averaged.
+    #[inline(always)]
+    fn average<L: Lanes>(
+        &self,
+        l: L,
+        new: &Measured<L>,
+        old: &Stored<L>,
+        colors: &mut [[u8; 4]; WIDTH],
+    ) -> Stored<L> {
+        let mean = old.mean(l, new);
+        let weight = l.min(mean.weight, l.splat(self.most_weight));
+        let near = l.both(new.seen, l.at_most(l.abs(new.distance), l.splat(self.near)));
+        if l.any(near) {
+            let word = l.load_bytes(colors);
+            let blend = self.blend(l, word, new.word, mean.color_share);
+            l.store_bytes(l.select_int(near, blend, word), colors);
+        }
+        Stored {
+            distance: l.select(new.seen, mean.distance, old.distance),
+            weight: l.select(new.seen, weight, old.weight),
+        }
+    }
+
     /// Two colors mixed: `share` / 256 of the new one. The highest byte stays.
     #[inline(always)]
-    fn blend<L: Lanes>(&self, l: L, old: L::I, new: L::I, share: L::I) -> L::I {
+    pub(super) fn blend<L: Lanes>(&self, l: L, old: L::I, new: L::I, share: L::I) -> L::I {
         let rest = l.sub_int(l.splat_int(256), share);
         // Red and blue, and green alone: 16 bits each, which the weighted sums just fill.
         let pick = l.splat_int(0x00ff_00ff);

@@ -130,6 +130,13 @@ impl Integrator {
         }
     }
 
+    /// As [`Integrator::new`] with vectors of this class.
+    #[cfg(test)]
+    pub(super) fn with_class(mut self, class: Class) -> Self {
+        self.class = class;
+        self
+    }
+
     /// How frames become a surface.
     #[must_use]
     pub fn options(&self) -> &IntegrationOptions {
@@ -306,6 +313,7 @@ impl Integrator {
             most_weight: (self.options.max_weight * weight_one).floor(),
             near: (2.0 * measures.voxel_m / measures.truncation_m).min(1.0)
                 * super::block::DISTANCE_ONE,
+            slack: 3.0 / measures.truncation_m * super::block::DISTANCE_ONE,
             // Van der Corput: each share of the range comes equally often.
             dither: i32::from((revision as u8).reverse_bits()),
             is_dynamic: self.options.dynamic,

@@ -11,6 +11,7 @@
 //! | `reach` | which blocks a frame's rays pass |
 //! | `sight` | which blocks a frame sees |
 //! | `fuse` | what a frame does to a block |
+//! | `dynamic` | what a block does with what changed |
 //! | `integrate` | frames into a volume |
 //! | `frame_log` | frames that may have to be integrated again |
 //! | `mapper` | a volume that follows corrections |
@@ -21,6 +22,7 @@
 //! | `file` | volumes as files |
 
 pub mod block;
+mod dynamic;
 pub mod export;
 pub mod file;
 pub mod frame_log;
@@ -39,3 +41,6 @@ mod testing;
 pub mod thread;
 mod tiles;
 pub mod volume;
+
+#[cfg(test)]
+mod tests;

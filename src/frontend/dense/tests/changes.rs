@@ -1,0 +1,165 @@
+//! What goes, what comes, what walks, and what takes another color.
+
+use covis_solvers::geometry::{LieGroup, Se3};
+use nalgebra::Vector3;
+
+use super::scene::{Scene, Shape, camera, path, render, room, surface};
+use super::{plain, volume};
+use crate::frontend::camera::FrameCamera;
+use crate::frontend::dense::integrate::{DenseFrame, IntegrationOptions, Integrator};
+use crate::frontend::dense::volume::Volume;
+
+/// A second in view.
+const SECOND: usize = 30;
+
+/// A volume of noisy frames of a scene that changes.
+struct Film {
+    camera: FrameCamera,
+    integrator: Integrator,
+    volume: Volume,
+    frame: usize,
+}
+
+impl Film {
+    fn new(options: IntegrationOptions) -> Self {
+        let camera = camera();
+        let integrator = Integrator::new(&camera, options);
+        Self { camera, integrator, volume: volume(0.02), frame: 0 }
+    }
+
+    /// One frame; solids from `first_moving` on are masked.
+    fn show(&mut self, scene: &Scene, first_moving: u8) {
+        let pose: Se3 = path(self.frame);
+        let view = render(scene, &self.camera, &pose, Some(self.frame as u64));
+        let moving = view.solid.map(|solid| if solid >= first_moving { 255 } else { 0 });
+        let frame = DenseFrame {
+            depth_m: &view.depth_m,
+            color: &view.color,
+            moving: Some(&moving),
+            world_from_camera: &pose,
+        };
+        self.integrator.integrate(&mut self.volume, &frame).unwrap();
+        self.frame += 1;
+    }
+
+    /// How many points of the surface lie within a voxel of a shape and away from the room.
+    fn points_of(&self, shape: &Shape) -> usize {
+        let (room, _) = room()[0];
+        let is_its = |point: &Vector3<f64>| {
+            shape.distance(point).abs() < 0.02 && room.distance(point) > 0.05
+        };
+        surface(&self.volume).iter().filter(|(point, _)| is_its(point)).count()
+    }
+}
+
+fn carton() -> Shape {
+    Shape::Box(Vector3::new(0.7, 0.1, -0.9), Vector3::new(0.25, 0.25, 0.3))
+}
+
+fn with(shape: Shape) -> Scene {
+    let mut scene = room();
+    scene.push((shape, [40, 160, 40]));
+    scene
+}
+
+#[test]
+fn a_box_that_is_taken_away_is_gone_within_a_second() {
+    let mut film = Film::new(IntegrationOptions::default());
+    for _ in 0..3 * SECOND {
+        film.show(&with(carton()), 9);
+    }
+    let before = film.points_of(&carton());
+    let mut left = Vec::new();
+    for _ in 0..SECOND {
+        film.show(&room(), 9);
+        left.push(film.points_of(&carton()));
+    }
+    println!("{before} points, then {left:?}");
+    assert!(before > 1000 && left[SECOND - 1] * 100 <= before);
+}
+
+#[test]
+fn a_box_that_is_put_down_is_there_within_a_second() {
+    let mut film = Film::new(IntegrationOptions::default());
+    for _ in 0..3 * SECOND {
+        film.show(&room(), 9);
+    }
+    let mut there = vec![film.points_of(&carton())];
+    for _ in 0..3 * SECOND {
+        film.show(&with(carton()), 9);
+        there.push(film.points_of(&carton()));
+    }
+    println!("{there:?}");
+    assert!(there[0] == 0 && there[SECOND] * 10 >= there[3 * SECOND] * 9);
+}
+
+#[test]
+fn someone_who_walked_by_leaves_nothing() {
+    let figure = |frame: usize| {
+        let y = -1.5 + frame as f64 / SECOND as f64;
+        let mut scene = room();
+        let torso = Shape::Box(Vector3::new(0.6, y, -0.3), Vector3::new(0.12, 0.2, 0.7));
+        scene.push((torso, [200, 200, 30]));
+        scene.push((Shape::Ball(Vector3::new(0.6, y, 0.55), 0.12), [220, 180, 160]));
+        scene
+    };
+    let ghosts = |options: IntegrationOptions, first_moving: u8| {
+        let mut film = Film::new(options);
+        for _ in 0..SECOND {
+            film.show(&room(), 9);
+        }
+        for frame in 0..3 * SECOND {
+            film.show(&figure(frame), first_moving);
+        }
+        for _ in 0..SECOND {
+            film.show(&room(), 9);
+        }
+        // Anything that is not the room.
+        let (room, _) = room()[0];
+        surface(&film.volume).iter().filter(|(point, _)| room.distance(point) > 0.1).count()
+    };
+    let averaged = ghosts(plain(), 9);
+    let masked = ghosts(IntegrationOptions::default(), 1);
+    let alone = ghosts(IntegrationOptions::default(), 9);
+    println!("averaged {averaged}, masked {masked}, not masked {alone}");
+    assert!(averaged > 300 && masked * 100 <= averaged && alone * 20 <= averaged);
+}
+
+#[test]
+fn a_still_scene_is_not_worn_away() {
+    let mut film = Film::new(IntegrationOptions::default());
+    for _ in 0..2 * SECOND {
+        film.show(&with(carton()), 9);
+    }
+    let before = film.points_of(&carton());
+    for _ in 0..4 * SECOND {
+        film.show(&with(carton()), 9);
+    }
+    let after = film.points_of(&carton());
+    println!("{before}, then {after}");
+    assert!(after * 100 >= before * 97);
+}
+
+#[test]
+fn a_color_that_changed_is_taken_over_at_once() {
+    let mut film = Film::new(IntegrationOptions::default());
+    for _ in 0..3 * SECOND {
+        film.show(&room(), 9);
+    }
+    let mut painted = room();
+    painted[0].1 = [30, 160, 60];
+    for _ in 0..SECOND / 2 {
+        film.show(&painted, 9);
+    }
+    // What lies well inside of the last image was seen all the time.
+    let (pose, camera) = (path(film.frame - 1).inverse(), camera());
+    let seen = |point: &Vector3<f64>| {
+        let pixel = camera.project(&pose.transform(point));
+        pixel.is_some_and(|p| p.x > 60.0 && p.x < 260.0 && p.y > 50.0 && p.y < 190.0)
+    };
+    let points = surface(&film.volume);
+    let colors: Vec<_> = points.iter().filter(|(point, _)| seen(point)).map(|&(_, c)| c).collect();
+    let new = colors.iter().filter(|c| c[0].abs_diff(30) < 25 && c[1].abs_diff(160) < 25).count();
+    println!("{new} of {}", colors.len());
+    assert!(colors.len() > 1000 && new * 100 >= colors.len() * 95);
+}
