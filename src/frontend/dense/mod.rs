@@ -20,6 +20,7 @@
 //! | `surface` | triangles where the distance is zero |
 //! | `export` | meshes as PLY and GLB |
 //! | `file` | volumes as files |
+//! | `navigation` | the ground from above: occupancy and distances |
 
 pub mod block;
 mod dynamic;
@@ -30,6 +31,7 @@ mod fuse;
 pub mod integrate;
 mod lanes;
 pub mod mapper;
+pub mod navigation;
 mod pixels;
 pub mod pose_track;
 mod reach;

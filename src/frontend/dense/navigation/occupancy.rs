@@ -1,0 +1,77 @@
+//! Occupancy of the ground, and the image and text by which ROS' `map_server` reads it.
+//!
+//! A cell is occupied where a surface stands over it between the two heights, free where none does and
+//! the camera saw through a voxel there, unknown elsewhere. The image's first row has the greatest y.
+
+use super::super::volume::Volume;
+use super::columns::{Columns, Ground, Place};
+use super::{NavigationError, NavigationOptions};
+
+/// What a cell is for who wants to drive there.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Cell {
+    /// Nothing was seen there.
+    #[default]
+    Unknown,
+    /// Seen through, and no surface.
+    Free,
+    /// A surface.
+    Occupied,
+}
+
+/// Occupancy of the cells of a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OccupancyGrid {
+    /// Where the cells are.
+    pub ground: Ground,
+    /// What they are, row by row from the least y.
+    pub cells: Vec<Cell>,
+}
+
+/// The occupancy of the ground under a volume.
+///
+/// # Errors
+/// Where the options make no sense, the volume is empty or its grid too large.
+pub fn occupancy_grid(
+    volume: &Volume,
+    options: &NavigationOptions,
+) -> Result<OccupancyGrid, NavigationError> {
+    let columns = Columns::new(volume, options)?;
+    let cells = columns.fold(Cell::Unknown, |cell, _, place| match (cell, place) {
+        (Cell::Occupied, _) | (_, Place::Surface) => Cell::Occupied,
+        (_, Place::Free) => Cell::Free,
+        (cell, Place::Unseen | Place::Behind) => cell,
+    });
+    Ok(OccupancyGrid { ground: columns.ground, cells })
+}
+
+impl OccupancyGrid {
+    /// The image, binary PGM: 254 free, 0 occupied, 205 unknown, as `map_saver` writes them.
+    #[must_use]
+    pub fn to_pgm(&self) -> Vec<u8> {
+        let Ground { width, height, resolution_m, .. } = self.ground;
+        let header = format!("P5\n# covis, {resolution_m} m a pixel\n{width} {height}\n255\n");
+        let mut bytes = header.into_bytes();
+        for row in self.cells.chunks(width.max(1)).rev() {
+            bytes.extend(row.iter().map(|cell| match cell {
+                Cell::Unknown => 205,
+                Cell::Free => 254,
+                Cell::Occupied => 0,
+            }));
+        }
+        bytes
+    }
+
+    /// The text that belongs to the image; `image` is the image's path as the text's reader finds it.
+    #[must_use]
+    pub fn to_yaml(&self, image: &str) -> String {
+        let [x, y] = self.ground.corner_m;
+        // A JSON string is a YAML string, whatever is in it. 205 is 0.19608, just not free.
+        let image = serde_json::Value::from(image);
+        format!(
+            "image: {image}\nresolution: {}\norigin: [{x:?}, {y:?}, 0.0]\nnegate: 0\n\
+             occupied_thresh: 0.65\nfree_thresh: 0.196\n",
+            self.ground.resolution_m
+        )
+    }
+}
