@@ -12,6 +12,7 @@ pub mod demo;
 mod doctor;
 mod eval;
 mod fuse;
+mod grid;
 mod logging;
 pub mod map;
 mod mesh;
@@ -71,6 +72,8 @@ enum Command {
     Fuse(fuse::Args),
     /// Write the surface of a stored volume as PLY or GLB.
     Mesh(mesh::Args),
+    /// Write the ground of a stored volume for navigation: occupancy (PGM, YAML) or distances (PFM).
+    Grid(grid::Args),
     /// Measure the reference frontend on sequences with truth, with and without the mask.
     BenchFrontend(bench_frontend::Args),
     /// Track a synthetic room in which people walk, with and without the mask, server included.
@@ -93,6 +96,7 @@ impl Command {
             | Self::Eval(_)
             | Self::Fuse(_)
             | Self::Mesh(_)
+            | Self::Grid(_)
             | Self::BenchFrontend(_)
             | Self::Demo(_)
             | Self::Synth(_) => Layer::default(),
@@ -134,6 +138,7 @@ fn dispatch(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::Run(args) => run::run(&args, &config),
         Command::Fuse(args) => fuse::run(&args),
         Command::Mesh(args) => mesh::run(&args),
+        Command::Grid(args) => grid::run(&args),
         Command::BenchFrontend(args) => bench_frontend::run(&args, &config),
         Command::Demo(args) => demo::run(args, &config),
         Command::Synth(args) => synth::run(&args),

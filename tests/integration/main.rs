@@ -7,6 +7,7 @@ mod backup;
 mod cli_config;
 mod cli_eval;
 mod cli_eval_mask;
+mod cli_fuse;
 mod cli_pose_graph;
 mod cli_run;
 mod cli_solve;

@@ -243,7 +243,7 @@ async fn once(
     let removes_motion = saved_masks.is_some();
     let options = RunOptions { removes_motion, saved_masks, threads, ..RunOptions::default() };
     let server = Embedded::start(config).await?;
-    let run = sequence(source, &options, &server.client, "bench").await;
+    let run = sequence(source, &options, &server.client, "bench").await.map(|(report, _)| report);
     server.stop().await;
     let run = run?;
     report::write(&run, out)?;

@@ -68,7 +68,7 @@ async fn session(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
     let mut estimates = Vec::new();
     for (map, removes_motion) in MAPS.into_iter().zip([true, false]) {
         let options = RunOptions { removes_motion, threads, ..RunOptions::default() };
-        let run = sequence(&source, &options, &server.client, map).await?;
+        let (run, _) = sequence(&source, &options, &server.client, map).await?;
         print(told(map, &run))?;
         estimates.push(report::trajectory(&run));
     }

@@ -1,9 +1,10 @@
 //! `covis run`: the reference frontend on a recorded or a synthetic sequence.
 //!
 //! Opens the source, starts a server in this process or connects to one, and writes what the run
-//! left. Truth that lies beside a sequence is never opened. Tracking and mapping are
+//! left, a mesh where one is asked for. Truth that lies beside a sequence is never opened. Tracking and mapping are
 //! [`crate::frontend`]'s.
 
+pub(super) mod dense;
 pub(super) mod embedded;
 mod masks;
 pub(super) mod report;
@@ -17,15 +18,18 @@ use fs_err as fs;
 
 use super::config::{Config, Layer};
 use super::connect::{self, Connection};
+use super::fuse::Grid;
 use super::output::print;
 use super::progress::Progress;
 use crate::client::Client;
 use crate::frontend::camera::FrameCamera;
+use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::image::{Image, RgbdFrame};
 use crate::frontend::input::{FrameError, SensorTiming};
-use crate::frontend::mapping::run::{Companion, RunReport, Target, run as track};
+use crate::frontend::mapping::run::{Companion, DenseFeed, RunReport, Target, run as track};
 use crate::frontend::motion::MotionOptions;
 use crate::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
+use dense::DenseOptions;
 use embedded::Embedded;
 use masks::{GivenMasks, SavedMasks};
 pub(super) use source::{Peeked, Source};
@@ -67,6 +71,15 @@ pub(super) struct Args {
     /// Write the masks of what moves to OUT/masks.
     #[arg(long)]
     save_masks: bool,
+    /// Map densely: mesh.ply, mesh.glb and volume.covis in OUT.
+    #[arg(long)]
+    mesh: bool,
+    #[command(flatten)]
+    grid: Grid,
+    /// Integrate every so many frames.
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "mesh",
+          value_parser = clap::value_parser!(u16).range(1..))]
+    mesh_every: u16,
     /// Threads; with one, frames are decoded between others' tracking [default: all processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
     threads: Option<u16>,
@@ -101,6 +114,8 @@ pub(super) struct RunOptions {
     pub(super) mask_dir: Option<PathBuf>,
     /// Where the masks go.
     pub(super) saved_masks: Option<PathBuf>,
+    /// Whether and how a dense map is made.
+    pub(super) dense: Option<DenseOptions>,
     /// Threads; one decodes nothing ahead.
     pub(super) threads: usize,
 }
@@ -115,7 +130,10 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
     let available = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = args.threads.map_or(available, usize::from);
     let seconds = |ms: Option<f64>| ms.map(|ms| ms * 1e-3);
+    let volume = args.grid.options()?;
+    let every = usize::from(args.mesh_every);
     let options = RunOptions {
+        dense: args.mesh.then_some(DenseOptions { volume, every }),
         camera: args.camera.clone(),
         timing: (seconds(args.readout_ms), seconds(args.depth_late_ms)),
         removes_motion: !args.no_mask,
@@ -129,7 +147,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
         .enable_all()
         .build()
         .context("the async runtime")?;
-    let report = runtime.block_on(async {
+    let (report, volume) = runtime.block_on(async {
         if args.connection.names_server() {
             let client = connect::connect(config).await?;
             return sequence(&source, &options, &client, &args.map).await;
@@ -140,10 +158,12 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
         report
     })?;
     report::write(&report, &args.out)?;
+    let mesh = volume.as_ref().map(|dense| dense::write(&dense.volume, &args.out)).transpose()?;
+    let document = report::document(&report, volume.as_ref().zip(mesh));
     if args.json {
-        print(serde_json::to_string(&report::document(&report))?)?;
+        print(serde_json::to_string(&document)?)?;
     } else {
-        print(report::table(&report, &args.out))?;
+        print(report::table(&document, &args.out))?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -154,7 +174,7 @@ pub(super) async fn sequence(
     options: &RunOptions,
     client: &Client,
     map: &str,
-) -> anyhow::Result<RunReport> {
+) -> anyhow::Result<(RunReport, Option<DenseReport>)> {
     let source = source.open(options.camera.as_deref())?;
     let usual = source.timing();
     let readout_s = options.timing.0.unwrap_or(usual.readout_s);
@@ -166,6 +186,10 @@ pub(super) async fn sequence(
     let (width, height) = frames.size;
     let camera = FrameCamera::new(*frames.source.camera(), width, height)
         .context("the camera leaves pixels without a ray: check its numbers")?;
+    let dense = match &options.dense {
+        Some(dense) => Some((dense::start(dense, &camera, options.threads)?, dense.every)),
+        None => None,
+    };
     let motion = options.removes_motion.then(MotionOptions::default);
     let pipeline =
         Pipeline::new(camera, PipelineOptions { motion, timing, ..PipelineOptions::default() });
@@ -180,13 +204,14 @@ pub(super) async fn sequence(
         failure: None,
     };
     let target = Target { client, map_id: map, client_id: CLIENT };
-    let report =
-        track(Box::new(frames), pipeline, target, options.threads > 1, &mut companion).await?;
+    let feed = dense.as_ref().map(|(thread, every)| DenseFeed { thread, every: *every });
+    let ahead = options.threads > 1;
+    let report = track(Box::new(frames), pipeline, target, ahead, &mut companion, feed).await?;
     companion.progress.finish();
-    match companion.failure {
-        Some(failure) => Err(failure),
-        None => Ok(report),
+    if let Some(failure) = companion.failure {
+        return Err(failure);
     }
+    Ok((report, dense.map(|(thread, _)| dense::finish(thread)).transpose()?))
 }
 
 /// Progress, masks in and masks out.

@@ -8,6 +8,8 @@ use covis_solvers::geometry::Se3;
 use covis_solvers::io::trajectory::Trajectory;
 use serde::Serialize;
 
+use super::super::fuse::MeshFigures;
+use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::mapping::run::RunReport;
 use crate::frontend::pipeline::StageSeconds;
 
@@ -21,6 +23,8 @@ pub(super) struct Document {
     keyframes: usize,
     landmarks: usize,
     stages: BTreeMap<&'static str, Quantiles>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    mesh: Option<MeshFigures>,
 }
 
 /// Of the durations of a stage.
@@ -53,10 +57,10 @@ pub(in crate::cli) fn trajectory(report: &RunReport) -> Trajectory {
 }
 
 /// The figures of a run.
-pub(super) fn document(report: &RunReport) -> Document {
+pub(super) fn document(report: &RunReport, dense: Option<(&DenseReport, MeshFigures)>) -> Document {
     let durations = &report.durations;
     let stage = |of: fn(&StageSeconds) -> f64| Quantiles::of(durations.stages.iter().map(of));
-    let stages = BTreeMap::from([
+    let mut stages = BTreeMap::from([
         ("decode", Quantiles::of(durations.decode.iter().copied())),
         ("track", track(report)),
         ("align", stage(|s| s.align)),
@@ -64,7 +68,12 @@ pub(super) fn document(report: &RunReport) -> Document {
         ("refine", stage(|s| s.refine)),
         ("map", Quantiles::of(durations.map.iter().copied())),
     ]);
+    if let Some((dense, _)) = dense {
+        stages.insert("integrate", Quantiles::of(dense.integrate_s.iter().copied()));
+        stages.insert("follow", Quantiles::of(dense.follow_s.iter().copied()));
+    }
     Document {
+        mesh: dense.map(|(_, mesh)| mesh),
         frames: report.frames,
         skipped: report.skipped,
         tracked: report.live.len(),
@@ -91,8 +100,7 @@ fn tum(poses: impl Iterator<Item = (f64, Se3)>) -> Trajectory {
 }
 
 /// The figures as text.
-pub(super) fn table(report: &RunReport, out: &Path) -> String {
-    let document = document(report);
+pub(super) fn table(document: &Document, out: &Path) -> String {
     let mut text = format!(
         "{} frames: {} tracked, {} lost, {} skipped\n{} keyframes, {} landmarks\n\n{:>8}  {:>9}  {:>9}",
         document.frames,
@@ -108,6 +116,9 @@ pub(super) fn table(report: &RunReport, out: &Path) -> String {
     for (name, quantiles) in &document.stages {
         let Quantiles { p50_ms, p99_ms } = quantiles;
         text.push_str(&format!("\n{name:>8}  {p50_ms:>6.1} ms  {p99_ms:>6.1} ms"));
+    }
+    if let Some(MeshFigures { vertices, triangles, .. }) = document.mesh {
+        text.push_str(&format!("\n\n{vertices} vertices, {triangles} triangles in mesh.ply"));
     }
     text.push_str(&format!("\n\nTrajectories are in {}", out.display()));
     text

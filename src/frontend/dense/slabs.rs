@@ -21,10 +21,6 @@ pub struct Blocks<'a> {
 }
 
 impl Slabs {
-    pub(super) fn len(&self) -> usize {
-        self.len
-    }
-
     /// Appends a block of which nothing was seen.
     pub(super) fn push(&mut self) {
         if self.len == self.slabs.len() * SLAB {

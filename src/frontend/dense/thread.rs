@@ -113,8 +113,10 @@ fn work(
             }
         }
     }
-    // Nobody listens any more where whoever waited has gone.
-    mapper.finish(&mut |again, all| drop(progress.send((again, all))))?;
+    mapper.finish(&mut |again, all| {
+        // Nobody listens any more where whoever waited has gone.
+        let _gone = progress.send((again, all));
+    })?;
     let rebuilt = mapper.rebuilt();
     let volume = mapper.into_volume();
     Ok(DenseReport { volume, integrate_s, follow_s, skipped, rebuilt })

@@ -6,9 +6,10 @@
 //! | `initial` | A. the initial pose |
 //! | `relocalization` | where the camera is when it was lost |
 //!
-//! Of the paper's four threads two are here: tracking, and what it hands to dense mapping. Local
-//! mapping and loop closing are the server's: keyframes go out and corrections come in as values
-//! (`crate::frontend::mapping`), and nothing here knows of a server.
+//! Of the paper's four threads this is the first, tracking. What a frame leaves goes to the second,
+//! dense mapping (`crate::frontend::dense::thread`). Local mapping and loop closing are the server's:
+//! keyframes go out and corrections come in as values (`crate::frontend::mapping`), and nothing here
+//! knows of a server.
 //!
 //! Two frames of reference are kept apart: the map, which the server corrects, and odometry, which
 //! drifts and never jumps. A correction moves the last frame along with its reference keyframe.
@@ -128,6 +129,8 @@ pub struct Outcome {
     pub keyframe: Option<NewKeyframe>,
     /// 255 where a pixel shows something that moves, as detected or given; `None` without either.
     pub moving: Option<Image<u8>>,
+    /// Depth as it was when the color was taken, where the frame's own is of another time.
+    pub synchronized_depth_m: Option<Image<f32>>,
     /// How long it took.
     pub seconds: StageSeconds,
 }
@@ -293,6 +296,7 @@ impl Pipeline {
         let motion = world.inverse().compose(&pose);
         let poses = (pose, odom.compose(&motion));
         self.settle(&now, outcome, poses, (motion, elapsed_s), &inliers, false);
+        outcome.synchronized_depth_m = synchronized;
     }
 
     /// What moves, as detected about at a pose and as given.

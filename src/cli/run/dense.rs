@@ -1,0 +1,64 @@
+//! `covis run --mesh`: the dense map beside tracking, and the files it leaves.
+
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use fs_err as fs;
+
+use super::super::fuse::MeshFigures;
+use super::super::progress::Progress;
+use crate::frontend::camera::FrameCamera;
+use crate::frontend::dense::integrate::IntegrationOptions;
+use crate::frontend::dense::mapper::DenseMapper;
+use crate::frontend::dense::surface::{SurfaceOptions, extract};
+use crate::frontend::dense::thread::{DenseReport, DenseThread};
+use crate::frontend::dense::volume::{Volume, VolumeOptions};
+use crate::frontend::dense::{export, file};
+
+/// How a run maps densely.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::cli) struct DenseOptions {
+    /// The volume's measures.
+    pub(in crate::cli) volume: VolumeOptions,
+    /// Every how many frames one is integrated.
+    pub(in crate::cli) every: usize,
+}
+
+/// Starts dense mapping on threads of its own.
+pub(super) fn start(
+    options: &DenseOptions,
+    camera: &FrameCamera,
+    threads: usize,
+) -> anyhow::Result<DenseThread> {
+    // One is tracking's.
+    let threads = threads.saturating_sub(1).max(1);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("threads")?;
+    let mapper = DenseMapper::new(camera, options.volume, IntegrationOptions::default())?;
+    Ok(DenseThread::start(mapper, pool))
+}
+
+/// Waits until the volume stands on the final map.
+pub(super) fn finish(thread: DenseThread) -> anyhow::Result<DenseReport> {
+    let mut progress: Option<Progress> = None;
+    let report = thread.finish(&mut |_, frames| {
+        progress.get_or_insert_with(|| Progress::new("fused again", frames as u64)).advance(1);
+    })?;
+    if let Some(progress) = progress {
+        progress.finish();
+    }
+    Ok(report)
+}
+
+/// Writes `mesh.ply`, `mesh.glb` and `volume.covis`.
+pub(super) fn write(volume: &Volume, out: &Path) -> anyhow::Result<MeshFigures> {
+    let mesh = extract(volume, SurfaceOptions::default());
+    let ply = export::ply(&mesh);
+    fs::write(out.join("mesh.ply"), &ply)?;
+    let Some(glb) = export::glb(&mesh) else {
+        bail!("the mesh is too large for a GLB file (4 GiB): covis mesh writes PLY");
+    };
+    fs::write(out.join("mesh.glb"), glb)?;
+    file::save(volume, &out.join("volume.covis"))?;
+    let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
+    Ok(MeshFigures { vertices, triangles, bytes: ply.len() })
+}
