@@ -10,6 +10,7 @@ mod files;
 #[cfg(test)]
 mod tests;
 
+use crate::frontend::dense::file::fuzzing as volume;
 use crate::frontend::input::fuzzing as input;
 
 /// A parser under test.
@@ -22,7 +23,7 @@ pub struct Target {
 }
 
 /// Every target, by name.
-pub const TARGETS: [Target; 17] = [
+pub const TARGETS: [Target; 18] = [
     Target { name: "bal", run: files::bal },
     Target { name: "camera_file", run: input::camera_file },
     Target { name: "colmap_binary", run: files::colmap_binary },
@@ -38,6 +39,7 @@ pub const TARGETS: [Target; 17] = [
     Target { name: "snapshot", run: crate::store::fuzzing::snapshot },
     Target { name: "tokens", run: crate::service::fuzzing::tokens },
     Target { name: "trajectory", run: files::trajectory },
+    Target { name: "volume", run: volume::volume },
     Target { name: "wire_item", run: crate::service::fuzzing::wire_item },
     Target { name: "wire_requests", run: crate::service::fuzzing::wire_requests },
 ];
@@ -64,6 +66,7 @@ pub fn largest(name: &str, corpus: &[Vec<u8>], length: usize, take: &mut dyn FnM
         "wire_requests" => requests,
         "journal" => events,
         "snapshot" => parts,
+        "volume" => volume::largest(length),
         _ => Vec::new(),
     };
     dense.iter().for_each(|input| take(input));

@@ -1,4 +1,6 @@
 //! Volumes of known shapes, for tests: distances from a formula instead of from frames.
+//!
+//! Built for tests only. Knows blocks and volumes, and nothing of what is made of them.
 
 use super::block::{Block, BlockKey, DISTANCE_ONE, EDGE, VOXELS, WEIGHT_ONE};
 use super::volume::{Volume, VolumeOptions};

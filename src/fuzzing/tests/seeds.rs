@@ -34,6 +34,7 @@ pub(super) fn all() -> Vec<Seed> {
     put("journal", store::journal());
     put("journal_folder", store::journal_folder());
     put("snapshot", store::snapshot());
+    put("volume", crate::frontend::dense::file::fuzzing::seeds());
     put("wire_item", wire_seeds::items());
     put("wire_requests", wire_seeds::requests());
     seeds

@@ -14,6 +14,8 @@
 //! more than 33 bytes a byte of the file and a few MiB. Blocks keep their order.
 
 mod chunk;
+#[cfg(any(test, feature = "fuzzing"))]
+pub mod fuzzing;
 #[cfg(test)]
 mod tests;
 

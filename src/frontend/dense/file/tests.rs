@@ -3,31 +3,15 @@
 use super::super::block::{Block, BlockKey};
 use super::super::testing::{CENTIMETER, noise, sphere, volume};
 use super::super::volume::Volume;
+use super::chunk::pack;
+use super::fuzzing::{bytes_of, resealed};
 use super::*;
 
-fn bytes_of(volume: &Volume) -> Vec<u8> {
-    let mut all = Vec::new();
-    encode(volume, |bytes| {
-        all.extend_from_slice(bytes);
-        Ok(())
-    })
-    .unwrap();
-    all
-}
-
-/// A file with other bytes in its header or a chunk, and checksums that fit again.
-fn resealed(bytes: &[u8], change: impl Fn(&mut Vec<u8>)) -> Vec<u8> {
+/// A file with something else in it, and checksums that fit again.
+fn changed(bytes: &[u8], change: impl Fn(&mut Vec<u8>)) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     change(&mut bytes);
-    let mut crc = crc32c::crc32c(&bytes[..HEADER - 4]);
-    bytes[HEADER - 4..HEADER].copy_from_slice(&crc.to_le_bytes());
-    let blocks = u32_at(&bytes, 24) as usize;
-    for chunk in find_chunks(&bytes, blocks).unwrap_or_default() {
-        crc = crc32c::crc32c_append(crc, &bytes[chunk.start..chunk.start + 4]);
-        crc = crc32c::crc32c_append(crc, &bytes[chunk.start + CHUNK_HEAD..chunk.end]);
-        bytes[chunk.start + 4..chunk.start + 8].copy_from_slice(&crc.to_le_bytes());
-    }
-    bytes
+    resealed(&bytes)
 }
 
 /// A little volume whose file is small: a ball, noise, and a block of nothing.
@@ -122,7 +106,7 @@ fn chunks_that_changed_places_are_refused() {
 fn numbers_that_lie_are_refused_although_checksums_fit() {
     let bytes = bytes_of(&small());
     let told = |change: &dyn Fn(&mut Vec<u8>)| {
-        decode(&resealed(&bytes, change)).map(|_| ()).unwrap_err().to_string()
+        decode(&changed(&bytes, change)).map(|_| ()).unwrap_err().to_string()
     };
     assert_eq!(told(&|b| b[0] = b'k'), "this is no volume: it does not begin with \"covisvol\"");
     let version = told(&|b| b[8] = 2);
@@ -148,7 +132,7 @@ fn numbers_that_lie_are_refused_although_checksums_fit() {
     let frame = pack(&[block.0; 2], [&block.1; 2].into_iter()).unwrap();
     let mut doubled = [&header[..], &(frame.len() as u32).to_le_bytes(), &[0; 4], &frame].concat();
     doubled.resize(HEADER + CHUNK_HEAD + 256, 0);
-    let refused = decode(&resealed(&doubled, |_| ())).map(|_| ()).unwrap_err().to_string();
+    let refused = decode(&resealed(&doubled)).map(|_| ()).unwrap_err().to_string();
     assert_eq!(refused, "chunk 0, at byte 36, has a block that was there already");
 }
 

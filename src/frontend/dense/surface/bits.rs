@@ -150,11 +150,14 @@ fn spread(rows: u64) -> u64 {
 
 /// The block's own voxels of a plane of a field, with a distance of eight again.
 pub(super) fn own(plane: u128) -> u64 {
-    let mut bits = 0;
-    for y in 0..EDGE {
-        bits |= ((plane >> (SIDE * (y + 1) + 1)) as u64 & 0xff) << (EDGE * y);
-    }
-    bits
+    let first = plane >> (SIDE + 1);
+    gather(first as u64) | gather((first >> (4 * SIDE)) as u64) << 32
+}
+
+/// Four rows of eight bits that have a distance of ten, as [`spread`] makes it, to one of eight.
+fn gather(rows: u64) -> u64 {
+    let pairs = (rows & 0x0ff0_00ff) | rows >> 2 & 0xf_f000_ff00;
+    (pairs & 0xffff) | pairs >> 4 & 0xffff_0000
 }
 
 #[cfg(test)]

@@ -11,9 +11,9 @@
 use std::sync::LazyLock;
 
 /// Edges of a cell.
-pub(super) const EDGES: usize = 12;
+const EDGES: usize = 12;
 /// Triangles that a cell has at most.
-const TRIANGLES: usize = 5;
+pub(super) const TRIANGLES: usize = 5;
 
 /// The triangles of one case, as edges on which the corners lie; seen from outside, they turn
 /// counterclockwise.
@@ -35,14 +35,14 @@ pub(super) static CASES: LazyLock<[Case; 256]> =
     LazyLock::new(|| std::array::from_fn(|inside| case(inside as u8)));
 
 /// The lower corner of an edge, and its axis.
-pub(super) const fn edge_base(edge: usize) -> (usize, usize) {
+pub(super) fn edge_base(edge: usize) -> (usize, usize) {
     let (axis, k) = (edge / 4, edge % 4);
     let (first, second) = others(axis);
     ((k & 1) << first | (k >> 1) << second, axis)
 }
 
 /// The axes that are not this one, the lower first.
-const fn others(axis: usize) -> (usize, usize) {
+fn others(axis: usize) -> (usize, usize) {
     match axis {
         0 => (1, 2),
         1 => (0, 2),

@@ -5,9 +5,11 @@
 //! color is between theirs. A triangle names vertices by their edges, which may begin in the next
 //! blocks along x, y and z. Knows nothing of other pieces.
 
+use std::sync::LazyLock;
+
 use super::super::block::{Block, BlockKey, EDGE, VOXELS};
 use super::bits::{Field, FieldBits, SIDE, borders, own, split};
-use super::cases::{CASES, EDGES, edge_base};
+use super::cases::{CASES, TRIANGLES, edge_base};
 
 /// A point of the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -122,38 +124,40 @@ impl Piece {
     }
 
     fn connect(&mut self, inside: &Field, cells: &Cells) {
-        let cases = &*CASES;
-        for z in 1..=EDGE {
-            let (lower, upper) = (inside[z], inside[z + 1]);
-            for bit in ones(own(cells[z])) {
-                let (x, y) = (bit % EDGE, bit / EDGE);
-                let at = SIDE * (y + 1) + x + 1;
-                let four = |plane: u128| {
-                    let rows = (plane >> at) as u32;
-                    (rows & 3 | rows >> (SIDE - 2) & 12) as usize
-                };
-                let case = &cases[four(lower) | four(upper) << 4];
-                let base = EdgeName::new(x, y, z - 1, 0).0;
-                for triangle in case.triangles() {
-                    let name = |edge: u8| EdgeName(base + EDGE_NAMES[usize::from(edge)].0);
-                    self.triangles.push(triangle.map(name));
+        let names = &*NAMES;
+        for z in 0..EDGE {
+            let here = own(cells[z + 1]);
+            for y in (0..EDGE).filter(|y| here >> (EDGE * y) & 0xff != 0) {
+                // The rows of inside bits that the cells of this row have as corners.
+                let row = |y: usize, z: usize| (inside[z + 1] >> (SIDE * (y + 1) + 1)) as usize;
+                let corners = [row(y, z), row(y + 1, z), row(y, z + 1), row(y + 1, z + 1)];
+                for x in ones(here >> (EDGE * y) & 0xff) {
+                    let [a, b, c, d] = corners.map(|row| row >> x & 3);
+                    let (triangles, count) = &names[a | b << 2 | c << 4 | d << 6];
+                    let base = EdgeName::new(x, y, z, 0).0;
+                    let named = triangles[..*count].iter();
+                    self.triangles.extend(named.map(|edges| edges.map(|e| EdgeName(base + e.0))));
                 }
             }
         }
     }
 }
 
-/// A cell's edges, named from the cell's lowest voxel.
-const EDGE_NAMES: [EdgeName; EDGES] = {
-    let mut names = [EdgeName(0); EDGES];
-    let mut edge = 0;
-    while edge < EDGES {
-        let (base, axis) = edge_base(edge);
-        names[edge] = EdgeName::new(base & 1, base >> 1 & 1, base >> 2, axis);
-        edge += 1;
-    }
-    names
-};
+/// The triangles of each case, by edges named from the cell's lowest voxel, and how many there are.
+type Named = ([[EdgeName; 3]; TRIANGLES], usize);
+
+static NAMES: LazyLock<[Named; 256]> = LazyLock::new(|| {
+    CASES.each_ref().map(|case| {
+        let mut triangles = [[EdgeName::default(); 3]; TRIANGLES];
+        for (names, edges) in triangles.iter_mut().zip(case.triangles()) {
+            *names = edges.map(|edge| {
+                let (base, axis) = edge_base(edge.into());
+                EdgeName::new(base & 1, base >> 1 & 1, base >> 2, axis)
+            });
+        }
+        (triangles, case.triangles().len())
+    })
+});
 
 /// Cells with triangles, by the field's plane of their lower voxels.
 type Cells = [u128; SIDE - 1];

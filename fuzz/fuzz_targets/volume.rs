@@ -1,0 +1,4 @@
+//! Fuzzes the target `volume` of `covis::fuzzing`.
+#![no_main]
+
+covis_fuzz::fuzz!("volume");
