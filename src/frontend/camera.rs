@@ -25,9 +25,9 @@ pub struct FrameCamera {
     fast: FastLens,
 }
 
-/// The lens in single precision.
+/// A lens in single precision, for many points.
 #[derive(Clone, Copy, Debug)]
-struct FastLens {
+pub struct FastLens {
     fx: f32,
     fy: f32,
     cx: f32,
@@ -38,6 +38,24 @@ struct FastLens {
     p2: f32,
     k3: f32,
     largest_tangent2: f32,
+}
+
+impl FastLens {
+    /// As [`FrameCamera::project`] to a thousandth of a pixel, and without a branch: where there is
+    /// no pixel, (u, v) are not numbers.
+    #[inline(always)]
+    #[must_use]
+    pub fn project(&self, [x, y, z]: [f32; 3]) -> [f32; 2] {
+        let (a, b) = (x / z, y / z);
+        let (aa, bb, ab) = (a * a, b * b, a * b);
+        let r2 = aa + bb;
+        let is_seen = (z > NEAREST_M as f32) & (r2 <= self.largest_tangent2);
+        let radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
+        let u = a * radial + 2.0 * self.p1 * ab + self.p2 * (r2 + 2.0 * aa);
+        let v = b * radial + self.p1 * (r2 + 2.0 * bb) + 2.0 * self.p2 * ab;
+        let if_seen = |value: f32| if is_seen { value } else { f32::NAN };
+        [if_seen(self.fx * u + self.cx), if_seen(self.fy * v + self.cy)]
+    }
 }
 
 impl FrameCamera {
@@ -104,23 +122,10 @@ impl FrameCamera {
         Some((projection.pixel, projection.d_point))
     }
 
-    /// As [`FrameCamera::project`] in single precision: to a thousandth of a pixel.
+    /// The lens in single precision.
     #[must_use]
-    pub fn project_fast(&self, x: f32, y: f32, z: f32) -> Option<(f32, f32)> {
-        if z <= NEAREST_M as f32 {
-            return None;
-        }
-        let lens = &self.fast;
-        let (a, b) = (x / z, y / z);
-        let (aa, bb, ab) = (a * a, b * b, a * b);
-        let r2 = aa + bb;
-        if r2 > lens.largest_tangent2 {
-            return None;
-        }
-        let radial = 1.0 + r2 * (lens.k1 + r2 * (lens.k2 + r2 * lens.k3));
-        let u = a * radial + 2.0 * lens.p1 * ab + lens.p2 * (r2 + 2.0 * aa);
-        let v = b * radial + lens.p1 * (r2 + 2.0 * bb) + 2.0 * lens.p2 * ab;
-        Some((lens.fx * u + lens.cx, lens.fy * v + lens.cy))
+    pub fn fast(&self) -> FastLens {
+        self.fast
     }
 
     fn is_seen(&self, p: &Vector3<f64>) -> bool {
@@ -139,10 +144,10 @@ impl FrameCamera {
             ((u as usize).min(width.saturating_sub(2)), (v as usize).min(height.saturating_sub(2)));
         let (right, bottom) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
         let (s, t) = (u - left as f64, v - top as f64);
-        let at = |u, v, i: usize| f64::from(self.rays.at(u, v)[i]);
-        let between = |i| {
-            (1.0 - t) * ((1.0 - s) * at(left, top, i) + s * at(right, top, i))
-                + t * ((1.0 - s) * at(left, bottom, i) + s * at(right, bottom, i))
+        let at = |u, v| self.rays.at(u, v).map(f64::from);
+        let (a, b, c, d) = (at(left, top), at(right, top), at(left, bottom), at(right, bottom));
+        let between = |i: usize| {
+            (1.0 - t) * ((1.0 - s) * a[i] + s * b[i]) + t * ((1.0 - s) * c[i] + s * d[i])
         };
         Vector3::new(between(0), between(1), 1.0)
     }

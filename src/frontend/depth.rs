@@ -6,6 +6,7 @@ use nalgebra::{Vector2, Vector3};
 
 use super::camera::FrameCamera;
 use super::image::Image;
+use super::simd::{self, Kernel};
 
 /// Largest difference between a depth and those around it on one surface, relative to it.
 const SURFACE_STEP: f32 = 0.03;
@@ -47,8 +48,7 @@ pub fn synchronized(
     depth_m: &Image<f32>,
     depth_from_color: &So3,
 ) -> Option<Image<f32>> {
-    /// Side of the cells in which the shift is interpolated, pixels.
-    const CELL: usize = 16;
+    const CELL: usize = SHIFT_CELL;
     let (width, height) = depth_m.size();
     if depth_from_color.log().norm() * camera.model().fx < 0.1 {
         return None;
@@ -68,26 +68,63 @@ pub fn synchronized(
         })
         .collect();
     let mut out = Image::filled(width, height, 0.0);
-    for v in 0..height {
-        let (row, t) = (v / CELL, (v % CELL) as f32 / CELL as f32);
-        let out_row = out.row_mut(v);
-        for column in 0..columns - 1 {
-            let at = row * columns + column;
-            let left = grid[at] * (1.0 - t) + grid[at + columns] * t;
-            let right = grid[at + 1] * (1.0 - t) + grid[at + columns + 1] * t;
-            let step = (right - left) / CELL as f32;
-            let mut place = left + Vector2::new((column * CELL) as f32, v as f32);
-            let end = ((column + 1) * CELL).min(width);
-            for depth in &mut out_row[column * CELL..end] {
-                let (x, y) = (place.x + 0.5, place.y + 0.5);
-                if x >= 0.0 && y >= 0.0 && (x as usize) < width && (y as usize) < height {
-                    *depth = depth_m.at(x as usize, y as usize);
+    simd::run(Reading { depth_m, grid: &grid, columns, out: &mut out });
+    Some(out)
+}
+
+/// Side of the cells in which [`synchronized`] interpolates shifts, pixels.
+const SHIFT_CELL: usize = 16;
+
+/// Reads depth at pixels that are shifted by what a grid says of the corners of cells.
+struct Reading<'a> {
+    depth_m: &'a Image<f32>,
+    grid: &'a [Vector2<f32>],
+    columns: usize,
+    out: &'a mut Image<f32>,
+}
+
+impl Kernel for Reading<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { depth_m, grid, columns, out } = self;
+        let (width, height) = depth_m.size();
+        let (right, bottom) = (width as i32, height as i32);
+        for v in 0..height {
+            let (row, t) = (v / SHIFT_CELL, (v % SHIFT_CELL) as f32 / SHIFT_CELL as f32);
+            for (column, out) in out.row_mut(v).chunks_mut(SHIFT_CELL).enumerate() {
+                let at = row * columns + column;
+                let left = grid[at] * (1.0 - t) + grid[at + columns] * t;
+                let step = (grid[at + 1] * (1.0 - t) + grid[at + columns + 1] * t - left)
+                    / SHIFT_CELL as f32;
+                // Half a pixel more, since what follows rounds down.
+                let (x, y) = ((column * SHIFT_CELL) as f32 + left.x + 0.5, v as f32 + left.y + 0.5);
+                let mut places = [0_i32; SHIFT_CELL];
+                for (i, place) in places.iter_mut().enumerate() {
+                    let i = i as f32;
+                    let (x, y) = (x + i * (1.0 + step.x), y + i * step.y);
+                    let (u, v) = (x.floor() as i32, y.floor() as i32);
+                    let is_inside = (u >= 0) & (v >= 0) & (u < right) & (v < bottom);
+                    *place = if is_inside { v * right + u } else { i32::MAX };
                 }
-                place += step + Vector2::new(1.0, 0.0);
+                // Most often one after the other.
+                let start = places[0] as usize;
+                let mut breaks = 0;
+                for (i, &place) in places.iter().enumerate() {
+                    breaks |= place ^ places[0].wrapping_add(i as i32);
+                }
+                let run = depth_m.pixels().get(start..start.saturating_add(out.len()));
+                if let (0, Some(run)) = (breaks, run) {
+                    out.copy_from_slice(run);
+                    continue;
+                }
+                for (out, &place) in out.iter_mut().zip(&places) {
+                    *out = depth_m.pixels().get(place as usize).copied().unwrap_or(0.0);
+                }
             }
         }
     }
-    Some(out)
 }
 
 /// The point that a pixel shows, in the world.

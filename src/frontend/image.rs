@@ -2,6 +2,8 @@
 //!
 //! A pixel is (u, v) = (column, row), an integer lies at its center. Knows nothing of cameras.
 
+use super::simd::{self, Kernel};
+
 /// An image with one value a pixel, row by row.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct Image<T> {
@@ -100,10 +102,27 @@ impl RgbdFrame {
     /// Luma of the color (ITU-R BT.601), rounded.
     #[must_use]
     pub fn gray(&self) -> Image<u8> {
-        // In 16-bit fixed point; the weights sum to 2^16.
-        self.color.map(|[r, g, b]| {
+        let (width, height) = self.color.size();
+        let mut gray = Image::filled(width, height, 0);
+        simd::run(Luma { color: self.color.pixels(), gray: gray.pixels_mut() });
+        gray
+    }
+}
+
+struct Luma<'a> {
+    color: &'a [[u8; 3]],
+    gray: &'a mut [u8],
+}
+
+impl Kernel for Luma<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (gray, &[r, g, b]) in self.gray.iter_mut().zip(self.color) {
+            // In 16-bit fixed point; the weights sum to 2^16.
             let sum = 19_595 * u32::from(r) + 38_470 * u32::from(g) + 7_471 * u32::from(b);
-            ((sum + 32_768) >> 16) as u8
-        })
+            *gray = ((sum + 32_768) >> 16) as u8;
+        }
     }
 }

@@ -5,6 +5,7 @@
 //!
 //! | module | role |
 //! |---|---|
+//! | [`simd`] | loops compiled for wide vectors |
 //! | [`image`] | images, and a frame with color and depth |
 //! | [`input`] | where frames come from: recorded folders |
 //! | [`synthetic`] | ray-cast sequences with known truth |
@@ -32,5 +33,6 @@ pub mod motion;
 pub mod pipeline;
 pub mod pyramid;
 pub mod shutter;
+pub mod simd;
 pub mod synthetic;
 pub mod tracking;

@@ -72,17 +72,3 @@ fn halved(image: &Image<u8>) -> Image<u8> {
     }
     half
 }
-
-/// Interpolates between four pixels; the caller has seen to it that (u, v) and the pixels right of
-/// and below it are inside.
-#[must_use]
-pub fn sample(image: &Image<u8>, u: f32, v: f32) -> f32 {
-    let (left, top) = (u as usize, v as usize);
-    let (s, t) = (u - left as f32, v - top as f32);
-    let width = image.width();
-    let at = top * width + left;
-    let pixels = image.pixels();
-    let value = |i: usize| f32::from(pixels[i]);
-    (1.0 - t) * ((1.0 - s) * value(at) + s * value(at + 1))
-        + t * ((1.0 - s) * value(at + width) + s * value(at + width + 1))
-}

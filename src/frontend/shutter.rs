@@ -6,7 +6,7 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::camera::FrameCamera;
+use super::camera::{FastLens, FrameCamera};
 
 /// How a frame was read out.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -37,6 +37,24 @@ impl Shutter {
             camera.project(&(point - turn.cross(point)))
         };
         seen_by(seen_by(pixel.y)?.y)
+    }
+
+    /// As [`Shutter::project`] in single precision and without a branch: where there is no pixel,
+    /// (u, v) are not numbers.
+    #[inline(always)]
+    #[must_use]
+    pub fn project_fast(&self, lens: &FastLens, point: [f32; 3]) -> [f32; 2] {
+        let [x, y, z] = point;
+        let turn = self.turn_per_row;
+        let (a, b, c) = (turn.x as f32, turn.y as f32, turn.z as f32);
+        let seen_by = |row: f32| {
+            let rows = row - self.middle_row as f32;
+            let (a, b, c) = (a * rows, b * rows, c * rows);
+            lens.project([x - (b * z - c * y), y - (c * x - a * z), z - (a * y - b * x)])
+        };
+        let [_, row] = lens.project(point);
+        let [_, row] = seen_by(row);
+        seen_by(row)
     }
 
     /// The point at depth z = 1 on a pixel's ray, in the middle row's camera frame.

@@ -6,6 +6,7 @@ use nalgebra::Vector2;
 use super::gaussian::CellView;
 use crate::frontend::camera::FrameCamera;
 use crate::frontend::image::Image;
+use crate::frontend::simd::{self, Kernel};
 
 /// N, columns and rows of a cell.
 pub const CELL: usize = 4;
@@ -50,46 +51,65 @@ pub fn filled_depths(cells: &Image<CellView>) -> Image<f32> {
 pub fn view_cells(gray: &Image<u8>, depth_m: &Image<f32>) -> Image<CellView> {
     let (columns, rows) = (gray.width() / CELL, gray.height() / CELL);
     let mut cells = Image::filled(columns, rows, CellView::default());
-    for row in 0..rows {
-        let mut sums = vec![0_u32; columns];
-        let mut least = vec![u8::MAX; columns];
-        let mut largest = vec![0_u8; columns];
-        for v in row * CELL..(row + 1) * CELL {
-            for (column, pixels) in gray.row(v).chunks_exact(CELL).enumerate() {
-                for &pixel in pixels {
-                    sums[column] += u32::from(pixel);
-                    least[column] = least[column].min(pixel);
-                    largest[column] = largest[column].max(pixel);
-                }
-            }
-        }
-        for column in 0..columns {
-            let view = CellView {
-                mean: sums[column] as f32 / (CELL * CELL) as f32,
-                least: f32::from(least[column]),
-                largest: f32::from(largest[column]),
-                depth_m: depth(depth_m, column * CELL, row * CELL),
-            };
-            cells.set(column, row, view);
-        }
-    }
+    simd::run(Viewing { gray, depth_m, cells: &mut cells });
     cells
 }
 
-/// The lower median of the depths measured at four pixels of a cell; 0 where fewer than two were.
-fn depth(depth_m: &Image<f32>, left: usize, top: usize) -> f32 {
-    let mut measured = [0.0_f32; 4];
-    let mut count = 0;
-    for (u, v) in [(1, 0), (3, 1), (0, 2), (2, 3)] {
-        let z = depth_m.at(left + u, top + v);
-        if z > 0.0 {
-            measured[count] = z;
-            count += 1;
+struct Viewing<'a> {
+    gray: &'a Image<u8>,
+    depth_m: &'a Image<f32>,
+    cells: &'a mut Image<CellView>,
+}
+
+impl Kernel for Viewing<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let width = self.cells.width() * CELL;
+        let mut down = vec![(0_u16, 0_u8, 0_u8); width];
+        for row in 0..self.cells.height() {
+            let [first, second, third, fourth] = [0, 1, 2, 3].map(|v| row * CELL + v);
+            let gray = [first, second, third, fourth].map(|v| &self.gray.row(v)[..width]);
+            for (u, down) in down.iter_mut().enumerate() {
+                let [a, b, c, d] = gray.map(|row| row[u]);
+                let sum = [a, b, c, d].into_iter().map(u16::from).sum();
+                *down = (sum, a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
+            }
+            let z = [first, second, third, fourth].map(|v| &self.depth_m.row(v)[..width]);
+            let cells = self.cells.row_mut(row).iter_mut().zip(down.chunks_exact(CELL));
+            for (column, (cell, down)) in cells.enumerate() {
+                let (mut sum, mut least, mut largest) = (0, u8::MAX, 0);
+                for part in down {
+                    sum += part.0;
+                    least = least.min(part.1);
+                    largest = largest.max(part.2);
+                }
+                let left = column * CELL;
+                *cell = CellView {
+                    mean: f32::from(sum) / (CELL * CELL) as f32,
+                    least: f32::from(least),
+                    largest: f32::from(largest),
+                    depth_m: lower_median(
+                        z[0][left + 1],
+                        z[1][left + 3],
+                        z[2][left],
+                        z[3][left + 2],
+                    ),
+                };
+            }
         }
     }
-    let measured = &mut measured[..count];
-    measured.sort_unstable_by(f32::total_cmp);
-    if count < 2 { 0.0 } else { measured[(count - 1) / 2] }
+}
+
+/// The lower median of those of four depths that were measured; 0 where fewer than two were.
+#[inline(always)]
+fn lower_median(a: f32, b: f32, c: f32, d: f32) -> f32 {
+    let (low, high) = ((a.min(b), c.min(d)), (a.max(b), c.max(d)));
+    let least = low.0.min(low.1);
+    let middle = (low.0.max(low.1), high.0.min(high.1));
+    // What was not measured is 0 and comes first.
+    if least > 0.0 { middle.0.min(middle.1) } else { middle.0.max(middle.1) }
 }
 
 #[cfg(test)]

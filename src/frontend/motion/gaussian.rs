@@ -96,6 +96,14 @@ impl Mode {
         self.age > 0.0 && away * away < options.match_chi2 * self.variance
     }
 
+    /// Ages backward where the model is wide: such a mixture is of different things.
+    #[inline(always)]
+    pub fn fade(&mut self, options: &GaussianOptions) {
+        if self.variance > options.decay_variance {
+            self.age *= (-options.decay * (self.variance - options.decay_variance)).exp();
+        }
+    }
+
     /// Takes another frame in.
     pub fn update(&mut self, view: &CellView, options: &GaussianOptions) {
         let Self { mean, variance, age } = *self;
@@ -144,24 +152,67 @@ impl DualMode {
     }
 }
 
-/// A mode mixed from others, with weights that sum to one: μ̃ = Σ w μ, σ̃² = Σ w (σ² + (μ − μ̃)²),
-/// and an age that fades where the mixture is wide. `None` where nothing has weight.
+/// Modes of many cells, number by number.
+#[derive(Clone, Copy, Debug)]
+pub struct ModeLanes<const N: usize> {
+    /// μ, gray levels.
+    pub mean: [f32; N],
+    /// σ², gray levels squared.
+    pub variance: [f32; N],
+    /// α, frames.
+    pub age: [f32; N],
+}
+
+impl<const N: usize> ModeLanes<N> {
+    /// No models.
+    pub const NONE: Self = Self { mean: [0.0; N], variance: [0.0; N], age: [0.0; N] };
+
+    /// Sets the mode of a cell.
+    #[inline(always)]
+    pub fn set(&mut self, lane: usize, mode: &Mode) {
+        self.mean[lane] = mode.mean;
+        self.variance[lane] = mode.variance;
+        self.age[lane] = mode.age;
+    }
+
+    /// The mode of a cell.
+    #[inline(always)]
+    #[must_use]
+    pub fn get(&self, lane: usize) -> Mode {
+        Mode { mean: self.mean[lane], variance: self.variance[lane], age: self.age[lane] }
+    }
+}
+
+/// Modes mixed from others, each by its weight: μ̃ = Σ w μ, σ̃² = Σ w (σ² + (μ − μ̃)²), over the sum
+/// of the weights; the age is 0 where nothing has weight. What is without age has none.
+#[inline(always)]
 #[must_use]
-pub fn mix(parts: &[(f32, Mode)], options: &GaussianOptions) -> Option<Mode> {
-    let total: f32 = parts.iter().map(|part| part.0).sum();
-    if total <= 0.0 {
-        return None;
+pub fn mix<const N: usize, const P: usize>(
+    weights: &[[f32; N]; P],
+    parts: &[ModeLanes<N>; P],
+) -> ModeLanes<N> {
+    let mut mixed = ModeLanes::NONE;
+    for lane in 0..N {
+        let weight =
+            |part: usize| if parts[part].age[lane] > 0.0 { weights[part][lane] } else { 0.0 };
+        let (mut total, mut mean, mut age, mut variance) = (0.0, 0.0, 0.0, 0.0);
+        for part in 0..P {
+            total += weight(part);
+            mean += weight(part) * parts[part].mean[lane];
+            age += weight(part) * parts[part].age[lane];
+        }
+        let share = if total > 0.0 { 1.0 / total } else { 0.0 };
+        mean *= share;
+        for part in 0..P {
+            let away = parts[part].mean[lane] - mean;
+            variance += weight(part) * (parts[part].variance[lane] + away * away);
+        }
+        mixed.mean[lane] = mean;
+        mixed.variance[lane] = variance * share;
+        // What is covered in part is not known for as long.
+        mixed.age[lane] = age * share * total.min(1.0);
     }
-    let mean_of = |value: &dyn Fn(&Mode) -> f32| {
-        parts.iter().map(|(weight, mode)| weight * value(mode)).sum::<f32>() / total
-    };
-    let mean = mean_of(&|mode| mode.mean);
-    let variance = mean_of(&|mode| mode.variance + (mode.mean - mean).powi(2));
-    let mut age = mean_of(&|mode| mode.age);
-    if variance > options.decay_variance {
-        age *= (-options.decay * (variance - options.decay_variance)).exp();
-    }
-    Some(Mode { mean, variance, age })
+    mixed
 }
 
 #[cfg(test)]
@@ -221,15 +272,26 @@ mod tests {
 
     #[test]
     fn a_mixture_is_as_wide_as_its_parts_are_apart_and_fades_where_that_is_much() {
-        let mode = |mean, variance, age| Mode { mean, variance, age };
         let options = GaussianOptions { decay_variance: 50.0, decay: 0.1, ..plain(1.0) };
-        let near = mix(&[(0.5, mode(10.0, 4.0, 8.0)), (0.5, mode(20.0, 6.0, 4.0))], &options);
+        let mixed = |weight: f32, parts: [(f32, f32, f32); 2]| {
+            let parts = parts.map(|(mean, variance, age)| ModeLanes {
+                mean: [mean],
+                variance: [variance],
+                age: [age],
+            });
+            let mut mode = mix(&[[weight]; 2], &parts).get(0);
+            mode.fade(&options);
+            mode
+        };
+        let near = mixed(0.5, [(10.0, 4.0, 8.0), (20.0, 6.0, 4.0)]);
         // Variance 5 + 25, below 50.
-        assert_eq!(near, Some(Mode { mean: 15.0, variance: 30.0, age: 6.0 }));
-        let far =
-            mix(&[(0.5, mode(10.0, 4.0, 8.0)), (0.5, mode(30.0, 6.0, 4.0))], &options).unwrap();
+        assert_eq!(near, Mode { mean: 15.0, variance: 30.0, age: 6.0 });
+        let far = mixed(0.5, [(10.0, 4.0, 8.0), (30.0, 6.0, 4.0)]);
         assert_eq!((far.mean, far.variance), (20.0, 105.0));
         assert!((far.age - 6.0 * (-5.5_f32).exp()).abs() < 1e-6, "{}", far.age);
-        assert_eq!(mix(&[(0.0, mode(1.0, 1.0, 1.0))], &options), None);
+        // Half covered by what is known, half by what is not.
+        let part = mixed(0.5, [(10.0, 4.0, 8.0), (0.0, 0.0, 0.0)]);
+        assert_eq!(part, Mode { mean: 10.0, variance: 4.0, age: 4.0 });
+        assert_eq!(mixed(0.0, [(1.0, 1.0, 1.0); 2]).age, 0.0);
     }
 }

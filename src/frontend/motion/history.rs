@@ -11,10 +11,11 @@ use covis_solvers::geometry::{LieGroup, Se3};
 
 use super::cells::CellRays;
 use super::gaussian::CellView;
-use super::warp::{CellWarp, Exposure};
+use super::warp::{CellWarp, Exposure, Places};
 use crate::frontend::camera::FrameCamera;
 use crate::frontend::depth::sigma_m;
 use crate::frontend::image::Image;
+use crate::frontend::simd::{self, Kernel};
 
 /// Parameters of the comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,17 +53,18 @@ impl Default for HistoryOptions {
     }
 }
 
-/// The range of what a frame shows within a cell of each: edges of depth and of color differ.
+/// The range of what a frame shows within a cell of each: edges of depth and of color differ. In
+/// whole millimeters and gray levels, since every keyframe keeps it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Around {
-    /// Least depth, meters; 0 where too little was measured.
-    nearest_m: f32,
-    /// Largest depth, meters.
-    farthest_m: f32,
-    /// Least mean, gray levels.
-    darkest: f32,
-    /// Largest mean, gray levels.
-    brightest: f32,
+    /// Least depth; 0 where too little was measured.
+    nearest_mm: u16,
+    /// Largest depth.
+    farthest_mm: u16,
+    /// Least mean.
+    darkest: u8,
+    /// Largest mean.
+    brightest: u8,
     /// Whether something moved there.
     is_moving: bool,
 }
@@ -188,102 +190,188 @@ struct Witness<'a> {
     same_votes: f32,
 }
 
-/// What a witness saw where a cell is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Look {
-    Free,
-    Same,
-    Other,
-    Unclear,
-}
-
 impl Witness<'_> {
     /// Adds what the frame says of each cell.
     fn testify(&self, current: &Current<'_>, options: &HistoryOptions, votes: &mut Image<Votes>) {
-        let (columns, rows) = self.around.size();
         let warp = CellWarp::new(current.camera, current.rays, &self.motion);
-        let cells = votes.pixels_mut().iter_mut().zip(current.cells.pixels());
-        for (i, (votes, cell)) in cells.enumerate() {
-            if cell.depth_m <= 0.0 {
-                continue;
+        let places = warp.places(current.cells.pixels().iter().map(|cell| cell.depth_m));
+        simd::run(Testimony { witness: self, places: &places, current, options, votes });
+    }
+
+    /// What it saw around a place.
+    #[inline(always)]
+    fn around(&self, x: f32, y: f32) -> Around {
+        let (columns, rows) = self.around.size();
+        let (x, y) = (x + 0.5, y + 0.5);
+        if x >= 0.0 && y >= 0.0 && x < columns as f32 && y < rows as f32 {
+            self.around.at(x as usize, y as usize)
+        } else {
+            Around::default()
+        }
+    }
+}
+
+/// A witness is asked about all cells.
+struct Testimony<'a> {
+    witness: &'a Witness<'a>,
+    places: &'a Places,
+    current: &'a Current<'a>,
+    options: &'a HistoryOptions,
+    votes: &'a mut Image<Votes>,
+}
+
+impl Kernel for Testimony<'_> {
+    type Output = ();
+
+    /// Row by row: what it saw is looked up first, what that means is computed without branches.
+    #[inline(always)]
+    fn run(self) {
+        let Self { witness, places, current, options, votes } = self;
+        let (options, exposure) = (*options, witness.exposure);
+        let (free_votes, other_votes) = (options.free_votes, witness.other_votes);
+        let same_votes = witness.same_votes;
+        let columns = votes.width();
+        let mut row_around = vec![Around::default(); columns];
+        for row in 0..votes.height() {
+            let cells = row * columns..(row + 1) * columns;
+            let (x, y) = (&places.x[cells.clone()], &places.y[cells.clone()]);
+            for (around, (&x, &y)) in row_around.iter_mut().zip(x.iter().zip(y)) {
+                *around = witness.around(x, y);
             }
-            let Some((x, y, expected_m)) = warp.place(i, cell.depth_m) else { continue };
-            let (x, y) = (x + 0.5, y + 0.5);
-            if !(x >= 0.0 && y >= 0.0 && x < columns as f32 && y < rows as f32) {
-                continue;
-            }
-            let around = self.around.at(x as usize, y as usize);
-            match look(&around, cell, expected_m, self.exposure, options) {
-                Look::Free => votes.moves += options.free_votes,
-                Look::Other => votes.moves += self.other_votes,
-                Look::Same if !around.is_moving => votes.stands += self.same_votes,
-                Look::Same | Look::Unclear => {}
+            let votes = votes.row_mut(row).iter_mut().zip(current.cells.row(row));
+            let seen = row_around.iter().zip(&places.depth_m[cells]);
+            for ((votes, cell), (around, &expected_m)) in votes.zip(seen) {
+                let look = look(around, cell, expected_m, exposure.as_ref(), &options);
+                let moves = if look.is_other { other_votes } else { 0.0 };
+                votes.moves += if look.is_free { free_votes } else { moves };
+                let stands = look.is_same & !around.is_moving;
+                votes.stands += if stands { same_votes } else { 0.0 };
             }
         }
     }
 }
 
+/// What a witness saw where a cell is; nothing of this where that is unclear.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Look {
+    is_free: bool,
+    is_same: bool,
+    is_other: bool,
+}
+
 /// What a witness saw around the place where a cell, if it stood still, was at a depth.
+#[inline(always)]
 fn look(
     around: &Around,
     cell: &CellView,
     expected_m: f32,
-    exposure: Option<Exposure>,
+    exposure: Option<&Exposure>,
     options: &HistoryOptions,
 ) -> Look {
     /// Mean gray level of a cell from which on part of it may have been saturated.
     const BRIGHT: f32 = 245.0;
-    if around.nearest_m <= 0.0 {
-        return Look::Unclear;
-    }
+    let (nearest_m, farthest_m) =
+        (f32::from(around.nearest_mm) * 1e-3, f32::from(around.farthest_mm) * 1e-3);
+    let (darkest, brightest) = (f32::from(around.darkest), f32::from(around.brightest));
+    let is_known = (around.nearest_mm > 0) & (cell.depth_m > 0.0);
     let sigma_m = sigma_m(f64::from(expected_m)) as f32;
     let margin_m = options.free_m + options.free_share * expected_m + 3.0 * sigma_m;
-    if around.nearest_m > expected_m + margin_m {
-        return Look::Free;
-    }
-    if expected_m > around.farthest_m + margin_m || expected_m < around.nearest_m - margin_m {
-        return Look::Unclear;
-    }
-    let Some(exposure) = exposure else { return Look::Same };
-    if cell.is_saturated() || around.brightest >= BRIGHT {
-        return Look::Same;
-    }
-    let limit = |gray: f32| options.other_gray + exposure.doubt(gray);
-    let is_same = cell.mean > exposure.apply(around.darkest) - limit(around.darkest)
-        && cell.mean < exposure.apply(around.brightest) + limit(around.brightest);
-    if is_same { Look::Same } else { Look::Other }
+    let is_free = is_known & (nearest_m > expected_m + margin_m);
+    let is_there =
+        is_known & (expected_m <= farthest_m + margin_m) & (expected_m >= nearest_m - margin_m);
+    let is_alike = exposure.is_none_or(|exposure| {
+        let limit = |gray: f32| options.other_gray + exposure.doubt(gray);
+        cell.is_saturated()
+            | (brightest >= BRIGHT)
+            | (cell.mean > exposure.apply(darkest) - limit(darkest))
+                & (cell.mean < exposure.apply(brightest) + limit(brightest))
+    });
+    Look { is_free, is_same: is_there & is_alike, is_other: is_there & !is_alike }
 }
 
 /// The ranges around each cell.
 fn around(cells: &Image<CellView>, moving: &Image<bool>) -> Image<Around> {
-    /// Of nine cells, how many must be measured.
-    const LEAST_KNOWN: usize = 6;
-    let (columns, rows) = cells.size();
     let mut all = cells.map(|_| Around::default());
-    for row in 1..rows.saturating_sub(1) {
-        for column in 1..columns.saturating_sub(1) {
-            let mut range = Around { nearest_m: f32::MAX, darkest: f32::MAX, ..Around::default() };
-            let mut known = 0;
-            for r in row - 1..=row + 1 {
-                let near = column - 1..=column + 1;
-                for (cell, is_moving) in cells.row(r)[near.clone()].iter().zip(&moving.row(r)[near])
-                {
-                    if cell.depth_m > 0.0 {
-                        known += 1;
-                        range.nearest_m = range.nearest_m.min(cell.depth_m);
-                        range.farthest_m = range.farthest_m.max(cell.depth_m);
-                    }
-                    range.darkest = range.darkest.min(cell.mean);
-                    range.brightest = range.brightest.max(cell.mean);
-                    range.is_moving |= is_moving;
-                }
+    simd::run(Ranging { cells, moving, all: &mut all });
+    all
+}
+
+struct Ranging<'a> {
+    cells: &'a Image<CellView>,
+    moving: &'a Image<bool>,
+    all: &'a mut Image<Around>,
+}
+
+/// What three cells or three of such show.
+#[derive(Clone, Copy, Default)]
+struct Range {
+    nearest_m: f32,
+    farthest_m: f32,
+    darkest: f32,
+    brightest: f32,
+    known: u8,
+    is_moving: bool,
+}
+
+impl Range {
+    #[inline(always)]
+    fn of(cell: &CellView, is_moving: bool) -> Self {
+        let is_known = cell.depth_m > 0.0;
+        Self {
+            nearest_m: if is_known { cell.depth_m } else { f32::MAX },
+            farthest_m: cell.depth_m,
+            darkest: cell.mean,
+            brightest: cell.mean,
+            known: u8::from(is_known),
+            is_moving,
+        }
+    }
+
+    #[inline(always)]
+    fn and(&self, other: &Self) -> Self {
+        Self {
+            nearest_m: self.nearest_m.min(other.nearest_m),
+            farthest_m: self.farthest_m.max(other.farthest_m),
+            darkest: self.darkest.min(other.darkest),
+            brightest: self.brightest.max(other.brightest),
+            known: self.known + other.known,
+            is_moving: self.is_moving | other.is_moving,
+        }
+    }
+}
+
+impl Kernel for Ranging<'_> {
+    type Output = ();
+
+    /// Three cells down, then three of those along.
+    #[inline(always)]
+    fn run(self) {
+        /// Of nine cells, how many must be measured.
+        const LEAST_KNOWN: u8 = 6;
+        let Self { cells, moving, all } = self;
+        let (columns, rows) = cells.size();
+        let mut down = vec![Range::default(); columns];
+        for row in 1..rows.saturating_sub(1) {
+            for (column, down) in down.iter_mut().enumerate() {
+                let range =
+                    |row: usize| Range::of(&cells.row(row)[column], moving.row(row)[column]);
+                *down = range(row - 1).and(&range(row)).and(&range(row + 1));
             }
-            if known >= LEAST_KNOWN {
-                all.set(column, row, range);
+            for (out, three) in all.row_mut(row)[1..].iter_mut().zip(down.windows(3)) {
+                let range = three[0].and(&three[1]).and(&three[2]);
+                let millimeters = |meters: f32| (meters * 1e3).round() as u16;
+                if range.known >= LEAST_KNOWN {
+                    *out = Around {
+                        nearest_mm: millimeters(range.nearest_m),
+                        farthest_mm: millimeters(range.farthest_m),
+                        darkest: range.darkest.round() as u8,
+                        brightest: range.brightest.round() as u8,
+                        is_moving: range.is_moving,
+                    };
+                }
             }
         }
     }
-    all
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 
 use super::history::Votes;
 use crate::frontend::image::Image;
+use crate::frontend::simd::{self, Kernel};
 
 /// What is known of a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -108,34 +109,86 @@ fn take_thing(is_left: &mut Image<bool>, start: (usize, usize), thing: &mut Vec<
 fn spread(evidence: &Image<CellEvidence>, options: &RegionOptions) -> Image<Votes> {
     /// After two, votes reach about as far across as along.
     const ROUNDS: usize = 2;
-    let (columns, rows) = evidence.size();
-    let fade = (-1.0 / options.reach).exp();
-    let cells = evidence.pixels();
-    let mut votes = evidence.map(|cell| cell.votes);
-    let all = votes.pixels_mut();
-    let mut pass = |from: usize, to: usize| {
-        let (a, b) = (cells[from].depth_m, cells[to].depth_m);
-        let share = match (a > 0.0, b > 0.0) {
-            (true, true) if (a - b).abs() < options.depth_step * a.min(b) => fade,
-            (true, true) => return,
-            (false, false) => fade,
-            _ => options.passes_unknown * fade,
-        };
-        let before = all[from];
-        let here = &mut all[to];
-        here.moves += share * (before.moves - here.moves);
-        here.stands += share * (before.stands - here.stands);
+    let depths = evidence.map(|cell| cell.depth_m);
+    let across = transposed(&depths);
+    let (passes_across, passes_down) = (passes(&across, options), passes(&depths, options));
+    let spread = |votes: Image<f32>| {
+        (0..ROUNDS).fold(votes, |votes, _| {
+            let mut votes = transposed(&votes);
+            simd::run(Columns { values: &mut votes, passes: &passes_across });
+            let mut votes = transposed(&votes);
+            simd::run(Columns { values: &mut votes, passes: &passes_down });
+            votes
+        })
     };
-    for _ in 0..ROUNDS {
-        for row in (0..rows).map(|row| row * columns) {
-            (1..columns).for_each(|c| pass(row + c - 1, row + c));
-            (1..columns).rev().for_each(|c| pass(row + c, row + c - 1));
-        }
-        let below = columns..rows * columns;
-        below.clone().for_each(|i| pass(i - columns, i));
-        below.rev().for_each(|i| pass(i, i - columns));
+    let moves = spread(evidence.map(|cell| cell.votes.moves));
+    let stands = spread(evidence.map(|cell| cell.votes.stands));
+    let mut votes = evidence.map(|cell| cell.votes);
+    let spread = moves.pixels().iter().zip(stands.pixels());
+    for (votes, (&moves, &stands)) in votes.pixels_mut().iter_mut().zip(spread) {
+        *votes = Votes { moves, stands };
     }
     votes
+}
+
+/// Columns as rows: a pass along rows is one along columns, many columns at a time.
+fn transposed(image: &Image<f32>) -> Image<f32> {
+    let (columns, rows) = image.size();
+    let mut out = Image::filled(rows, columns, 0.0);
+    for column in 0..columns {
+        let pixels = image.pixels()[column..].iter().step_by(columns);
+        out.row_mut(column).iter_mut().zip(pixels).for_each(|(out, &pixel)| *out = pixel);
+    }
+    out
+}
+
+/// The share of a vote that passes between each cell and the one above it.
+fn passes(depths: &Image<f32>, options: &RegionOptions) -> Image<f32> {
+    let (columns, rows) = depths.size();
+    let fade = (-1.0 / options.reach).exp();
+    let mut passes = Image::filled(columns, rows, 0.0);
+    for row in 1..rows {
+        let pairs = depths.row(row - 1).iter().zip(depths.row(row));
+        for (share, (&a, &b)) in passes.row_mut(row).iter_mut().zip(pairs) {
+            *share = match (a > 0.0, b > 0.0) {
+                (true, true) if (a - b).abs() < options.depth_step * a.min(b) => fade,
+                (true, true) => 0.0,
+                (false, false) => fade,
+                _ => options.passes_unknown * fade,
+            };
+        }
+    }
+    passes
+}
+
+/// Passes values down all columns and up again.
+struct Columns<'a> {
+    values: &'a mut Image<f32>,
+    passes: &'a Image<f32>,
+}
+
+impl Kernel for Columns<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let (columns, rows) = self.values.size();
+        let between = |from: &[f32], to: &mut [f32], shares: &[f32]| {
+            for ((to, &from), &share) in to.iter_mut().zip(from).zip(shares) {
+                *to += share * (from - *to);
+            }
+        };
+        for row in 1..rows {
+            let (above, here) = self.values.pixels_mut().split_at_mut(row * columns);
+            let above = &above[(row - 1) * columns..];
+            between(above, &mut here[..columns], self.passes.row(row));
+        }
+        for row in (1..rows).rev() {
+            let (above, here) = self.values.pixels_mut().split_at_mut(row * columns);
+            let above = &mut above[(row - 1) * columns..];
+            between(&here[..columns], above, self.passes.row(row));
+        }
+    }
 }
 
 #[cfg(test)]

@@ -7,9 +7,10 @@
 use covis_solvers::geometry::Se3;
 
 use super::cells::{CELL, CellRays};
-use super::gaussian::{DualMode, GaussianOptions, Mode, mix};
+use super::gaussian::{DualMode, GaussianOptions, Mode, ModeLanes, mix};
 use crate::frontend::camera::FrameCamera;
 use crate::frontend::image::Image;
+use crate::frontend::simd::{self, Kernel};
 
 /// How gray levels changed between two frames: later = gain · earlier + offset.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,18 +63,57 @@ impl<'a> CellWarp<'a> {
         Self { camera, rays, rotation: [row(0), row(1), row(2)], translation }
     }
 
-    /// Where the middle of cell `index` at a depth lies, and how deep it is there.
-    #[must_use]
-    pub fn place(&self, index: usize, depth_m: f32) -> Option<(f32, f32, f32)> {
-        let [a, b] = self.rays.pixels()[index];
-        let (x, y) = (a * depth_m, b * depth_m);
-        let [p, q, r] = [0, 1, 2].map(|i| {
-            let row = self.rotation[i];
-            row[0] * x + row[1] * y + row[2] * depth_m + self.translation[i]
-        });
-        let (u, v) = self.camera.project_fast(p, q, r)?;
+    /// Where the middles of cells at these depths, cell by cell, lie.
+    pub fn places(&self, depths_m: impl Iterator<Item = f32>) -> Places {
+        let mut places = Places::of(depths_m);
+        simd::run(Placing { warp: self, places: &mut places });
+        places
+    }
+}
+
+/// Where cells lie in another image; not numbers where it cannot show them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Places {
+    /// Columns of cells.
+    pub x: Vec<f32>,
+    /// Rows of cells.
+    pub y: Vec<f32>,
+    /// How deep they are there, meters.
+    pub depth_m: Vec<f32>,
+}
+
+impl Places {
+    fn of(depths_m: impl Iterator<Item = f32>) -> Self {
+        let depth_m: Vec<f32> = depths_m.collect();
+        Self { x: vec![0.0; depth_m.len()], y: vec![0.0; depth_m.len()], depth_m }
+    }
+}
+
+/// Finds the places of cells whose depths are given.
+struct Placing<'a> {
+    warp: &'a CellWarp<'a>,
+    places: &'a mut Places,
+}
+
+impl Kernel for Placing<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let CellWarp { camera, rays, rotation, translation } = *self.warp;
+        let lens = camera.fast();
+        let Places { x, y, depth_m } = self.places;
         let cell = |coordinate: f32| (coordinate + 0.5) / CELL as f32 - 0.5;
-        Some((cell(u), cell(v), r))
+        let cells = x.iter_mut().zip(y).zip(depth_m).zip(rays.pixels());
+        for (((x, y), z), &[a, b]) in cells {
+            let ray = [a * *z, b * *z, *z];
+            let mut point = translation;
+            for (value, row) in point.iter_mut().zip(&rotation) {
+                *value += row[0] * ray[0] + row[1] * ray[1] + row[2] * ray[2];
+            }
+            let [u, v] = lens.project(point);
+            (*x, *y, *z) = (cell(u), cell(v), point[2]);
+        }
     }
 }
 
@@ -88,53 +128,74 @@ pub fn carry(
     options: &GaussianOptions,
 ) -> Image<DualMode> {
     let mut carried = Image::filled(depths_m.width(), depths_m.height(), DualMode::default());
-    for (i, modes) in carried.pixels_mut().iter_mut().enumerate() {
-        let place = warp.place(i, depths_m.pixels()[i]);
-        let Some((shares, around)) = place.and_then(|(x, y, _)| around(previous, x, y)) else {
-            continue;
-        };
-        let mixed = |of: fn(&DualMode) -> Mode| {
-            mixed(&shares, &around.map(|modes| of(&modes)), exposure, options)
-        };
-        *modes = DualMode {
-            background: mixed(|modes| modes.background),
-            candidate: mixed(|modes| modes.candidate),
-        };
-    }
+    let places = warp.places(depths_m.pixels().iter().copied());
+    simd::run(Carrying { previous, places: &places, exposure, options, carried: &mut carried });
     carried
 }
 
+struct Carrying<'a> {
+    previous: &'a Image<DualMode>,
+    places: &'a Places,
+    exposure: Exposure,
+    options: &'a GaussianOptions,
+    carried: &'a mut Image<DualMode>,
+}
+
+impl Kernel for Carrying<'_> {
+    type Output = ();
+
+    /// Some cells at a time: their models are looked up first and mixed then.
+    #[inline(always)]
+    fn run(self) {
+        const LANES: usize = 32;
+        let Self { previous, places, exposure, options, carried } = self;
+        let places = places.x.chunks(LANES).zip(places.y.chunks(LANES));
+        for (carried, (x, y)) in carried.pixels_mut().chunks_mut(LANES).zip(places) {
+            let mut weights = [[0.0; LANES]; 4];
+            let mut background = [ModeLanes::<LANES>::NONE; 4];
+            let mut candidate = [ModeLanes::<LANES>::NONE; 4];
+            for (lane, (&x, &y)) in x.iter().zip(y).enumerate() {
+                let Some((shares, cells)) = around(previous.size(), x, y) else { continue };
+                for corner in 0..4 {
+                    let modes = &previous.pixels()[cells[corner]];
+                    weights[corner][lane] = shares[corner];
+                    background[corner].set(lane, &modes.background);
+                    candidate[corner].set(lane, &modes.candidate);
+                }
+            }
+            let (background, candidate) = (mix(&weights, &background), mix(&weights, &candidate));
+            for (lane, modes) in carried.iter_mut().enumerate() {
+                let exposed = |mut mode: Mode| {
+                    if mode.age <= 0.0 {
+                        return Mode::default();
+                    }
+                    mode.fade(options);
+                    let doubt = exposure.doubt(mode.mean);
+                    mode.mean = exposure.apply(mode.mean);
+                    mode.variance = exposure.gain * exposure.gain * mode.variance + doubt * doubt;
+                    mode
+                };
+                modes.background = exposed(background.get(lane));
+                modes.candidate = exposed(candidate.get(lane));
+            }
+        }
+    }
+}
+
 /// The four cells around a place with the shares of it that they cover.
-fn around(modes: &Image<DualMode>, x: f32, y: f32) -> Option<([f32; 4], [DualMode; 4])> {
-    let (right, bottom) = ((modes.width() - 1) as f32, (modes.height() - 1) as f32);
+#[inline(always)]
+fn around((columns, rows): (usize, usize), x: f32, y: f32) -> Option<([f32; 4], [usize; 4])> {
+    let (right, bottom) = ((columns - 1) as f32, (rows - 1) as f32);
     if !(x > -0.5 && y > -0.5 && x < right + 0.5 && y < bottom + 0.5) {
         return None;
     }
     let (x, y) = (x.clamp(0.0, right), y.clamp(0.0, bottom));
     let (left, top) = (x as usize, y as usize);
     let (s, t) = (x - left as f32, y - top as f32);
-    let (next, below) = ((left + 1).min(modes.width() - 1), (top + 1).min(modes.height() - 1));
+    let (next, below) = ((left + 1).min(columns - 1), (top + 1).min(rows - 1));
     let shares = [(1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t];
-    let around =
-        [modes.at(left, top), modes.at(next, top), modes.at(left, below), modes.at(next, below)];
-    Some((shares, around))
-}
-
-fn mixed(
-    shares: &[f32; 4],
-    modes: &[Mode; 4],
-    exposure: Exposure,
-    options: &GaussianOptions,
-) -> Mode {
-    let parts: [(f32, Mode); 4] =
-        std::array::from_fn(|i| (if modes[i].age > 0.0 { shares[i] } else { 0.0 }, modes[i]));
-    let Some(mut mode) = mix(&parts, options) else { return Mode::default() };
-    // What is covered in part is not known for as long.
-    mode.age *= parts.iter().map(|part| part.0).sum::<f32>().min(1.0);
-    let doubt = exposure.doubt(mode.mean);
-    mode.mean = exposure.apply(mode.mean);
-    mode.variance = exposure.gain * exposure.gain * mode.variance + doubt * doubt;
-    mode
+    let (top, below) = (top * columns, below * columns);
+    Some((shares, [top + left, top + next, below + left, below + next]))
 }
 
 #[cfg(test)]

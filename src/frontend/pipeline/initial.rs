@@ -10,7 +10,7 @@ use crate::frontend::input::SensorTiming;
 use crate::frontend::motion::warp::Exposure;
 use crate::frontend::pyramid::Pyramid;
 use crate::frontend::shutter::Shutter;
-use crate::frontend::tracking::alignment::{AlignmentOptions, align};
+use crate::frontend::tracking::alignment::{Alignment, AlignmentOptions, Reference};
 use crate::frontend::tracking::rotation::SmallImage;
 
 /// An alignment that fits so well needs no other start, gray levels.
@@ -48,15 +48,12 @@ pub(super) fn initial_pose(
     let small = SmallImage::new(pyramid);
     let turned = last.small.rotation_to(&small, camera, &predicted.rotation, is_moving);
     let turned = turned.map(|rotation| Se3::new(rotation, predicted.translation));
+    let reference = Reference::new(camera, &last.pyramid, &last.points, options);
     let mut best = None;
     for start in turned.into_iter().chain([predicted, Se3::identity()]) {
-        let images = (&*last.pyramid, pyramid);
-        let found = align((camera, &shutter), images, &last.points, &start, options);
-        let Some(found) = found else { continue };
+        let Some(found) = reference.align((camera, &shutter), pyramid, &start) else { continue };
         let is_good = found.median_residual < GOOD_RESIDUAL;
-        let better = |best: &crate::frontend::tracking::alignment::Alignment| {
-            found.median_residual < best.median_residual
-        };
+        let better = |best: &Alignment| found.median_residual < best.median_residual;
         if best.as_ref().is_none_or(better) {
             best = Some(found);
         }

@@ -3,7 +3,7 @@
 //! | file | the paper's section |
 //! |---|---|
 //! | [`rotation`] | a first guess, for cameras that turn fast |
-//! | [`alignment`] | A. initial estimate of the pose, equations 1 to 4 |
+//! | [`alignment`], `patches` | A. initial estimate of the pose, equations 1 to 4 |
 //! | [`local_matching`], `patch_match` | B. feature points, equations 5 to 7 |
 //! | [`refinement`] | D. pose optimization, equation 8 |
 //! | [`keyframe`] | when a frame is kept, and what it brings |
@@ -15,6 +15,7 @@ pub mod alignment;
 pub mod keyframe;
 pub mod local_matching;
 mod patch_match;
+mod patches;
 pub mod points;
 pub mod refinement;
 pub mod rotation;
