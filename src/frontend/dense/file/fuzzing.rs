@@ -30,7 +30,7 @@ fn judge(bytes: &[u8]) {
             (voxel_m.to_bits(), truncation_m.to_bits())
         };
         again.keys() == volume.keys()
-            && again.blocks() == volume.blocks()
+            && again.blocks().iter().eq(volume.blocks().iter())
             && sizes(again) == sizes(&volume)
     };
     assert!(again.as_ref().is_ok_and(is_same), "what is written is read as another volume");
