@@ -224,20 +224,31 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn gather(self, table: &[u64], index: __m512i, mask: __mmask16) -> (__m512i, __m512i) {
         unsafe {
-            // Indices are 32 bits with a sign: what lies beyond cannot be read.
-            let end = _mm512_set1_epi32(table.len().min(i32::MAX as usize) as i32);
-            let mask = _mm512_mask_cmplt_epu32_mask(mask, index, end);
-            let zero = _mm512_setzero_si512();
-            let table = table.as_ptr().cast();
-            let (first, last) =
-                (_mm512_castsi512_si256(index), _mm512_extracti64x4_epi64::<1>(index));
-            let first = _mm512_mask_i32gather_epi64::<8>(zero, mask as u8, first, table);
-            let last = _mm512_mask_i32gather_epi64::<8>(zero, (mask >> 8) as u8, last, table);
+            let Some(last) = table.len().checked_sub(1) else {
+                return (_mm512_setzero_si512(), _mm512_setzero_si512());
+            };
+            // Whatever the index, what is read lies in the table. Loads one by one, in pairs, are
+            // twice as fast as the processor's own gather.
+            let last = _mm512_set1_epi32(last.min(i32::MAX as usize) as i32);
+            let inside = _mm512_cmple_epu32_mask(index, last);
+            let mut at = [0_u32; WIDTH];
+            _mm512_storeu_si512(at.as_mut_ptr().cast(), _mm512_min_epu32(index, last));
+            let from: *const f64 = table.as_ptr().cast();
+            let pair = |i: usize| {
+                let low = _mm_load_sd(from.add(at[i] as usize));
+                _mm_loadh_pd(low, from.add(at[i + 1] as usize))
+            };
+            let four = |i| _mm256_set_m128d(pair(i + 2), pair(i));
+            let eight = |i| {
+                let low = _mm512_castpd256_pd512(four(i));
+                _mm512_castpd_si512(_mm512_insertf64x4::<1>(low, four(i + 4)))
+            };
+            let (first, last, mask) = (eight(0), eight(8), mask & inside);
             let (even, odd) =
                 (_mm512_loadu_si512(EVEN.as_ptr().cast()), _mm512_loadu_si512(ODD.as_ptr().cast()));
             (
-                _mm512_permutex2var_epi32(first, even, last),
-                _mm512_permutex2var_epi32(first, odd, last),
+                _mm512_maskz_permutex2var_epi32(mask, first, even, last),
+                _mm512_maskz_permutex2var_epi32(mask, first, odd, last),
             )
         }
     }
