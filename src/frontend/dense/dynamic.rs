@@ -13,13 +13,13 @@
 //! how far its colors vary (five bits, the 67th percentile of the difference by steps up and down).
 
 use super::block::DISTANCE_ONE;
-use super::fuse::{Frame, Measured, Stored};
+use super::fuse::{Frame, Measured, Stored, sigma_m};
 use super::lanes::{Lanes, WIDTH};
 
 /// Beyond this distance, as stored, a voxel is free space and no part of a surface.
 pub(super) const FREE: f32 = 0.75 * DISTANCE_ONE;
-/// Weight that free space gathers, as stored.
-const FREE_WEIGHT: f32 = 1024.0;
+/// Free space gathers the weight of this many measurements.
+const FREE_FRAMES: f32 = 4.0;
 /// Share of its weight that a voxel loses when it is seen through.
 const LOSS: f32 = 0.375;
 /// After so many frames in a row that disagree a voxel begins anew; at most 7.
@@ -60,36 +60,44 @@ pub(super) fn update<L: Lanes>(
 ) -> Stored<L> {
     let (zero, one) = (l.splat(0.0), l.splat(DISTANCE_ONE));
     let near = l.splat(frame.near);
-    let known = l.both(new.seen, l.less(zero, old.weight));
-    let slack = l.max(near, l.mul(new.sigma_m, l.splat(frame.slack)));
-    let gap = l.sub(new.distance, old.distance);
-    let farther = l.less(slack, gap);
-    let nearer = l.less(slack, l.sub(zero, gap));
     let is_edge = l.above_int(l.splat_int(0), new.word);
-    let hidden = l.less(new.distance, l.sub(zero, near));
-    let was_free = l.less(l.splat(FREE), old.distance);
-    let apart = l.both(known, l.either(farther, nearer));
-    let agrees = l.but_not(new.seen, apart);
-    // Neither what is hidden nor an edge disputes anything.
-    let mute = l.either(is_edge, l.but_not(l.both(hidden, nearer), was_free));
-    let disputes = l.but_not(apart, mute);
     let through = l.both(new.seen, l.at_most(one, new.distance));
-    let carves = l.both(disputes, through);
-    let contests = l.but_not(disputes, through);
-
     let mean = old.mean(l, new);
     // Free space gathers little, but keeps what was gathered otherwise.
-    let free_weight = l.max(old.weight, l.min(mean.weight, l.splat(FREE_WEIGHT)));
+    let free_weight = l.mul(new.weight, l.splat(FREE_FRAMES));
+    let free_weight = l.max(old.weight, l.min(mean.weight, free_weight));
     let mean_weight =
         l.select(through, free_weight, l.min(mean.weight, l.splat(frame.most_weight)));
-    let mut distance = l.select(agrees, mean.distance, old.distance);
-    let mut weight = l.select(agrees, mean_weight, old.weight);
-    if l.any(carves) {
+    let known = l.both(new.seen, l.less(zero, old.weight));
+    let gap = l.sub(new.distance, old.distance);
+
+    let mut agrees = new.seen;
+    let mut contests = l.but_not(new.seen, new.seen);
+    let mut distance = mean.distance;
+    let mut weight = mean_weight;
+    if l.any(l.both(known, l.less(near, l.abs(gap)))) {
+        let slack = l.max(near, l.mul(sigma_m(l, new.depth_m), l.splat(frame.slack)));
+        let farther = l.less(slack, gap);
+        let nearer = l.less(slack, l.sub(zero, gap));
+        let hidden = l.less(new.distance, l.sub(zero, near));
+        let was_free = l.less(l.splat(FREE), old.distance);
+        let apart = l.both(known, l.either(farther, nearer));
+        // Neither what is hidden nor an edge disputes anything.
+        let mute = l.either(is_edge, l.but_not(l.both(hidden, nearer), was_free));
+        let disputes = l.but_not(apart, mute);
+        agrees = l.but_not(new.seen, apart);
+        contests = l.but_not(disputes, through);
+        let carves = l.both(disputes, through);
         let left = l.float(l.truncate(l.mul(old.weight, l.splat(1.0 - LOSS))));
         let gone = l.less(left, l.add(new.weight, new.weight));
         distance = l.select(l.both(carves, gone), one, distance);
         weight = l.select(carves, l.select(gone, new.weight, left), weight);
+        let stays = l.but_not(apart, carves);
+        distance = l.select(l.either(stays, l.but_not(carves, gone)), old.distance, distance);
+        weight = l.select(stays, old.weight, weight);
     }
+    distance = l.select(new.seen, distance, old.distance);
+    weight = l.select(new.seen, weight, old.weight);
     let within = l.but_not(new.seen, through);
     if !l.any(within) {
         return Stored { distance, weight };
@@ -97,9 +105,13 @@ pub(super) fn update<L: Lanes>(
 
     let word = l.load_bytes(colors);
     let Memory { count, spread } = Memory::of(l, word);
-    let change = l.shift_down::<3>(l.color_difference(word, new.word));
     let is_near = l.at_most(l.abs(new.distance), near);
     let colors_now = l.both(agrees, is_near);
+    let waits = l.both(within, l.above_int(count, l.splat_int(0)));
+    if !l.any(l.either(l.either(colors_now, contests), waits)) {
+        return Stored { distance, weight };
+    }
+    let change = l.shift_down::<3>(l.color_difference(word, new.word));
     let has_color = l.both(known, l.above_int(spread, l.splat_int(0)));
     let thrice = l.add_int(spread, l.add_int(spread, spread));
     let is_other = l.above_int(change, l.add_int(thrice, l.splat_int(COLOR_SLACK)));

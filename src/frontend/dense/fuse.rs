@@ -5,11 +5,12 @@
 //! The distance is averaged by weight (Curless and Levoy, SIGGRAPH 1996); what disagrees with what a
 //! voxel remembers is for `dynamic`.
 
-use super::block::{Block, DISTANCE_ONE};
+use super::block::{Block, DISTANCE_ONE, WEIGHT_ONE};
 use super::dynamic::{self, FREE};
 use super::lanes::{Lanes, WIDTH};
 use super::pixels::{DEPTH_UNITS, FACING_ONE, SLOPE_UNIT};
 use super::sight::{Lens, NEAREST_M};
+use super::tiles::Range;
 
 /// Rows of two that a layer of a block has.
 const PAIRS: usize = 4;
@@ -26,6 +27,8 @@ pub(super) struct Frame<'a> {
     pub(super) stride: usize,
     /// From the first voxel of two rows to each, in the camera's axes; see [`Frame::steps`].
     pub(super) lanes: [[f32; WIDTH]; 3],
+    /// The least and the greatest z of them, meters.
+    pub(super) spread_m: [f32; 2],
     /// From two rows to the next two, and from layer to layer.
     pub(super) pair: [f32; 3],
     pub(super) layer: [f32; 3],
@@ -61,8 +64,8 @@ pub(super) struct Measured<L: Lanes> {
     pub(super) weight: L::F,
     /// Color in the three lower bytes; negative where depth jumps nearby.
     pub(super) word: L::I,
-    /// Standard deviation of the depth, meters.
-    pub(super) sigma_m: L::F,
+    /// What the pixels measured, meters.
+    pub(super) depth_m: L::F,
 }
 
 /// What sixteen voxels store.
@@ -81,14 +84,21 @@ pub(super) struct Mean<L: Lanes> {
 }
 
 impl<L: Lanes> Stored<L> {
+    /// Whether all of them are known to be free space.
+    #[inline(always)]
+    fn is_free(&self, l: L) -> bool {
+        let known = l.less(l.splat(0.0), self.weight);
+        l.all(l.both(known, l.less(l.splat(FREE), self.distance)))
+    }
+
     #[inline(always)]
     pub(super) fn mean(&self, l: L, new: &Measured<L>) -> Mean<L> {
         let weight = l.add(self.weight, new.weight);
         let share = l.div(new.weight, weight);
-        let step = l.mul(l.sub(new.distance, self.distance), share);
+        let step = l.sub(new.distance, self.distance);
         let color_share = l.max(l.mul(share, l.splat(256.0)), l.splat(LEAST_COLOR_SHARE));
         let color_share = l.round(color_share);
-        Mean { distance: l.add(self.distance, step), weight, color_share }
+        Mean { distance: l.fma(step, share, self.distance), weight, color_share }
     }
 }
 
@@ -114,14 +124,21 @@ impl Frame<'_> {
         }
     }
 
-    /// The frame into a block whose first voxel is at `corner` (made by [`Frame::steps`]).
+    /// The frame into a block whose first voxel is at `corner` (made by [`Frame::steps`]). Nearer than
+    /// the range, meters, space is free, and beyond it nothing is seen.
     #[inline(always)]
-    pub(super) fn fuse<L: Lanes>(&self, l: L, block: &mut Block, corner: [f32; 3]) -> Outcome {
+    pub(super) fn fuse<L: Lanes>(
+        &self,
+        l: L,
+        block: &mut Block,
+        corner: [f32; 3],
+        range: Range,
+    ) -> Outcome {
         match (self.lens.is_pinhole, self.is_dynamic) {
-            (true, false) => self.fuse_as::<L, true, false>(l, block, corner),
-            (true, true) => self.fuse_as::<L, true, true>(l, block, corner),
-            (false, false) => self.fuse_as::<L, false, false>(l, block, corner),
-            (false, true) => self.fuse_as::<L, false, true>(l, block, corner),
+            (true, false) => self.fuse_as::<L, true, false>(l, block, corner, range),
+            (true, true) => self.fuse_as::<L, true, true>(l, block, corner, range),
+            (false, false) => self.fuse_as::<L, false, false>(l, block, corner, range),
+            (false, true) => self.fuse_as::<L, false, true>(l, block, corner, range),
         }
     }
 
@@ -131,6 +148,7 @@ impl Frame<'_> {
         l: L,
         block: &mut Block,
         corner: [f32; 3],
+        [nearest_m, farthest_m]: Range,
     ) -> Outcome {
         let mut outcome = Outcome { changed: false, solid: false, free: true };
         let lanes = [l.load(&self.lanes[0]), l.load(&self.lanes[1]), l.load(&self.lanes[2])];
@@ -141,35 +159,46 @@ impl Frame<'_> {
         for (row, ((distances, weights), colors)) in rows.enumerate() {
             let (layer, pair) = ((row / PAIRS) as f32, (row % PAIRS) as f32);
             let start = |k: usize| corner[k] + layer * self.layer[k] + pair * self.pair[k];
+            let depth = start(2);
+            if depth + self.spread_m[0] > farthest_m {
+                outcome.free = false;
+                continue;
+            }
+            let (old_distance, old_weight) = (l.load_i16(distances), l.load_u16(weights));
+            let old = Stored { distance: l.float(old_distance), weight: l.float(old_weight) };
+            if depth + self.spread_m[1] < nearest_m && old.is_free(l) {
+                continue;
+            }
             let p = l.add(l.splat(start(0)), lanes[0]);
             let q = l.add(l.splat(start(1)), lanes[1]);
-            let z = l.add(l.splat(start(2)), lanes[2]);
+            let z = l.add(l.splat(depth), lanes[2]);
             let per_z = l.div(l.splat(1.0), z);
             let (a, b) = (l.mul(p, per_z), l.mul(q, per_z));
             let mut seen = l.less(l.splat(NEAREST_M), z);
             let (u, v) = if PINHOLE { (a, b) } else { self.distort(l, a, b, &mut seen) };
-            let zero = l.splat(0.0);
-            seen = l.both(seen, l.both(l.at_most(zero, u), l.less(u, l.splat(self.lens.size[0]))));
-            seen = l.both(seen, l.both(l.at_most(zero, v), l.less(v, l.splat(self.lens.size[1]))));
             let (column, line) = (l.truncate(u), l.truncate(v));
+            seen = l.both(seen, l.below_int(column, l.splat_int(self.lens.size[0] as i32)));
+            seen = l.both(seen, l.below_int(line, l.splat_int(self.lens.size[1] as i32)));
             let index = l.add_int(l.mul_int(line, l.splat_int(self.stride as i32)), column);
             let (low, high) = l.gather(self.pixels, index, seen);
             let units = l.and_int(low, l.splat_int(0xffff));
             seen = l.both(seen, l.above_int(units, l.splat_int(0)));
             let depth = l.mul(l.float(units), l.splat(self.farthest_m / DEPTH_UNITS));
             // The plane at the voxel's own ray, not at the pixel's center.
-            let du = l.sub(l.sub(u, l.float(column)), l.splat(0.5));
-            let dv = l.sub(l.sub(v, l.float(line)), l.splat(0.5));
+            let half = l.splat(0.5);
+            let du = l.sub(l.sub(u, l.float(column)), half);
+            let dv = l.sub(l.sub(v, l.float(line)), half);
             let slope_u = l.float(l.shift_down_signed::<24>(l.shift_up::<8>(low)));
             let slope_v = l.float(l.shift_down_signed::<24>(low));
-            let tilt = l.mul(l.add(l.mul(slope_u, du), l.mul(slope_v, dv)), l.splat(SLOPE_UNIT));
-            let before = l.sub(l.add(depth, l.mul(depth, tilt)), z);
-            // As standard deviations of depth go.
-            let beyond = l.max(l.sub(depth, l.splat(0.4)), zero);
-            let sigma_m = l.add(l.splat(0.0012), l.mul(l.splat(0.0019), l.mul(beyond, beyond)));
-            let behind =
-                l.max(l.splat(self.truncation_m), l.mul(sigma_m, l.splat(self.behind_sigmas)));
-            seen = l.both(seen, l.less(zero, l.add(before, behind)));
+            let tilt = l.fma(slope_u, du, l.mul(slope_v, dv));
+            let tilt = l.mul(tilt, l.splat(SLOPE_UNIT));
+            let before = l.sub(l.fma(depth, tilt, depth), z);
+            let mut behind = l.splat(self.truncation_m);
+            if self.behind_sigmas > 0.0 {
+                let sigma_m = sigma_m(l, depth);
+                behind = l.max(behind, l.mul(sigma_m, l.splat(self.behind_sigmas)));
+            }
+            seen = l.both(seen, l.less(l.splat(0.0), l.add(before, behind)));
             if !l.any(seen) {
                 outcome.free = false;
                 continue;
@@ -184,13 +213,11 @@ impl Frame<'_> {
             let square = l.mul(l.splat(self.full_weight_m), per_z);
             let square = l.mul(square, square);
             let full = l.min(l.mul(square, square), l.splat(1.0));
-            let weight = l.mul(full, l.min(l.mul(facing, facing), l.splat(1.0)));
-            let weight = l.mul(weight, l.splat(256.0));
+            let oblique = l.min(l.mul(facing, facing), l.splat(1.0));
+            let weight = l.mul(full, l.mul(oblique, l.splat(f32::from(WEIGHT_ONE))));
             let weight = l.float(l.round(l.max(weight, l.splat(self.least_weight))));
 
-            let measured = Measured { seen, distance, weight, word: high, sigma_m };
-            let (old_distance, old_weight) = (l.load_i16(distances), l.load_u16(weights));
-            let old = Stored { distance: l.float(old_distance), weight: l.float(old_weight) };
+            let measured = Measured { seen, distance, weight, word: high, depth_m: depth };
             let new = if DYNAMIC {
                 dynamic::update(l, self, &measured, &old, colors)
             } else {
@@ -264,13 +291,11 @@ impl Frame<'_> {
         let ab = l.add(ab, ab);
         let r2 = l.add(aa, bb);
         *seen = l.both(*seen, l.less(r2, l.splat(self.lens.largest_tangent2)));
-        let radial = l.add(k1, l.mul(r2, l.add(k2, l.mul(r2, k3))));
-        let radial = l.add(l.splat(1.0), l.mul(r2, radial));
-        let x = l.add(l.mul(p1, ab), l.mul(p2, l.add(r2, l.add(aa, aa))));
-        let y = l.add(l.mul(p2, ab), l.mul(p1, l.add(r2, l.add(bb, bb))));
-        let (x, y) = (l.add(l.mul(a, radial), x), l.add(l.mul(b, radial), y));
-        let u = l.add(l.mul(x, l.splat(fx)), l.splat(cx + 0.5));
-        let v = l.add(l.mul(y, l.splat(fy)), l.splat(cy + 0.5));
+        let radial = l.fma(r2, l.fma(r2, l.fma(r2, k3, k2), k1), l.splat(1.0));
+        let x = l.fma(p2, l.add(r2, l.add(aa, aa)), l.mul(p1, ab));
+        let y = l.fma(p1, l.add(r2, l.add(bb, bb)), l.mul(p2, ab));
+        let u = l.fma(l.fma(a, radial, x), l.splat(fx), l.splat(cx + 0.5));
+        let v = l.fma(l.fma(b, radial, y), l.splat(fy), l.splat(cy + 0.5));
         (u, v)
     }
 }
@@ -290,4 +315,11 @@ impl<L: Lanes> Mix<L> {
         let level = l.shift_down::<8>(l.add_int(sum, self.dither));
         l.and_int(level, l.splat_int(0x00ff_00ff))
     }
+}
+
+/// Standard deviation of depth, meters: see [`crate::frontend::depth::sigma_m`].
+#[inline(always)]
+pub(super) fn sigma_m<L: Lanes>(l: L, depth_m: L::F) -> L::F {
+    let beyond = l.max(l.sub(depth_m, l.splat(0.4)), l.splat(0.0));
+    l.fma(l.mul(beyond, beyond), l.splat(0.0019), l.splat(0.0012))
 }

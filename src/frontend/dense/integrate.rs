@@ -296,13 +296,18 @@ impl Integrator {
         let weight_one = f32::from(super::block::WEIGHT_ONE);
         let (full_weight_m, least_weight) =
             if self.options.weigh_noise { (1.0, 1.0) } else { (1.0, weight_one) };
+        let lanes: [[f32; 16]; 3] = std::array::from_fn(|k| {
+            std::array::from_fn(|i| (i % 8) as f32 * steps[0][k] + (i / 8) as f32 * steps[1][k])
+        });
         let frame = Frame {
             lens: self.lens,
             pixels: &self.pixels,
             stride: pixels::stride(self.camera.size().0),
-            lanes: std::array::from_fn(|k| {
-                std::array::from_fn(|i| (i % 8) as f32 * steps[0][k] + (i / 8) as f32 * steps[1][k])
-            }),
+            lanes,
+            spread_m: [
+                lanes[2].iter().copied().fold(f32::INFINITY, f32::min),
+                lanes[2].iter().copied().fold(f32::NEG_INFINITY, f32::max),
+            ],
             pair: steps[1].map(|step| 2.0 * step),
             layer: steps[2],
             farthest_m: self.options.max_depth_m,
@@ -347,14 +352,15 @@ impl Kernel for FusePiece<'_> {
         let Piece { keys, blocks, changed, solid } = self.piece;
         for (slot, block) in blocks.iter_mut().enumerate() {
             let corner = self.sight.corner(keys[slot]);
-            match self.sight.look(corner, self.tiles, self.behind_m, self.before_m) {
+            let seen = self.sight.look(corner, self.tiles, self.behind_m, self.before_m);
+            let range = match seen {
                 Seen::No => continue,
                 // There is nothing to forget.
-                Seen::Through if !solid[slot] => continue,
-                Seen::Through | Seen::Near => {}
-            }
+                Seen::Through(_) if !solid[slot] => continue,
+                Seen::Through(range) | Seen::Near(range) => range,
+            };
             let corner = Frame::steps(&self.sight.lens, corner);
-            let outcome: Outcome = self.frame.fuse(lanes, block, corner);
+            let outcome: Outcome = self.frame.fuse(lanes, block, corner, range);
             if outcome.changed {
                 changed[slot] = self.revision;
             }

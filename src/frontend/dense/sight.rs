@@ -4,7 +4,7 @@ use covis_solvers::geometry::{LieGroup, PinholeRadialTangential, Se3};
 use nalgebra::{Matrix3, Vector3};
 
 use super::block::{BlockKey, EDGE};
-use super::tiles::Tiles;
+use super::tiles::{Range, Tiles};
 use crate::frontend::camera::FrameCamera;
 
 /// Voxels that lie nearer than this to the camera's plane are not looked at, meters.
@@ -41,17 +41,19 @@ pub(super) struct Sight {
     translation: Vector3<f64>,
     block_m: f64,
     voxel_m: f32,
+    /// From a block's first voxel to its center, in the camera's axes, meters.
+    to_center: [f32; 3],
 }
 
 /// What a frame can say about a block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Seen {
     /// It lies outside of the image or behind all that is seen.
     No,
-    /// It lies before all that is seen.
-    Through,
-    /// Depth may be in it.
-    Near,
+    /// It lies before all that is seen. The range as for `Near`.
+    Through(Range),
+    /// Depth may be in it. Nearer than the range, meters, space is free, and beyond it nothing is seen.
+    Near(Range),
 }
 
 impl Lens {
@@ -95,8 +97,11 @@ impl Lens {
 impl Sight {
     pub(super) fn new(lens: Lens, world_from_camera: &Se3, block_m: f64) -> Self {
         let camera_from_world = world_from_camera.inverse();
+        let half = 0.5 * (EDGE - 1) as f64 * block_m / EDGE as f64;
+        let to_center = camera_from_world.rotation.matrix() * Vector3::repeat(half);
         Self {
             lens,
+            to_center: to_center.map(|x| x as f32).into(),
             rotation: camera_from_world.rotation.matrix().into_owned(),
             translation: camera_from_world.translation,
             block_m,
@@ -129,9 +134,7 @@ impl Sight {
         before_m: f32,
     ) -> Seen {
         let lens = &self.lens;
-        let half = 0.5 * (EDGE - 1) as f32;
-        let steps = self.steps_sum();
-        let [x, y, z] = std::array::from_fn(|k| corner[k] + half * steps[k]);
+        let [x, y, z] = std::array::from_fn(|k| corner[k] + self.to_center[k]);
         let radius = RADIUS * self.voxel_m;
         if z + radius < NEAREST_M {
             return Seen::No;
@@ -164,17 +167,13 @@ impl Sight {
         let [left, top] = box_low.map(|x| x as usize);
         let [right, bottom] = box_high.map(|x| x as usize);
         let [nearest, farthest] = tiles.range(left, top, right, bottom);
-        if z - radius > farthest + behind_m {
+        let range = [nearest - before_m, farthest + behind_m];
+        if z - radius > range[1] {
             Seen::No
-        } else if z + radius < nearest - before_m {
-            Seen::Through
+        } else if z + radius < range[0] {
+            Seen::Through(range)
         } else {
-            Seen::Near
+            Seen::Near(range)
         }
-    }
-
-    fn steps_sum(&self) -> [f32; 3] {
-        let steps = self.steps();
-        std::array::from_fn(|k| steps[0][k] + steps[1][k] + steps[2][k])
     }
 }

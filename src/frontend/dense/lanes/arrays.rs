@@ -50,6 +50,14 @@ impl Lanes for Arrays {
         from_fn(|i| a[i] * b[i])
     }
     #[inline(always)]
+    fn fma(self, a: F, b: F, c: F) -> F {
+        from_fn(|i| a[i].mul_add(b[i], c[i]))
+    }
+    #[inline(always)]
+    fn fnma(self, a: F, b: F, c: F) -> F {
+        from_fn(|i| (-a[i]).mul_add(b[i], c[i]))
+    }
+    #[inline(always)]
     fn div(self, a: F, b: F) -> F {
         from_fn(|i| a[i] / b[i])
     }
@@ -142,6 +150,10 @@ impl Lanes for Arrays {
     #[inline(always)]
     fn above_int(self, a: I, b: I) -> M {
         from_fn(|i| a[i] > b[i])
+    }
+    #[inline(always)]
+    fn below_int(self, a: I, b: I) -> M {
+        from_fn(|i| a[i].cast_unsigned() < b[i].cast_unsigned())
     }
     #[inline(always)]
     fn differ_int(self, a: I, b: I) -> M {

@@ -1,8 +1,8 @@
 //! Sixteen lanes under one name: AVX-512, or plain arrays that the compiler turns into what there is.
 //!
 //! A kernel is written once over [`Lanes`] and compiled for each class; [`Class::detect`] picks the
-//! widest that the processor has. Products are never fused with sums, so that every class gives the
-//! same bits. Nothing here knows what the numbers mean.
+//! widest that the processor has. All classes give the same bits: where products are fused with sums,
+//! they are in all. Nothing here knows what the numbers mean.
 
 mod arrays;
 #[cfg(target_arch = "x86_64")]
@@ -37,6 +37,10 @@ pub(super) trait Lanes: Copy {
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
     /// a · b.
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;
+    /// a · b + c, rounded once.
+    fn fma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
+    /// c − a · b, rounded once.
+    fn fnma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
     /// a / b.
     fn div(self, a: Self::F, b: Self::F) -> Self::F;
     /// √a.
@@ -83,6 +87,8 @@ pub(super) trait Lanes: Copy {
     fn shift_down_signed<const N: u32>(self, a: Self::I) -> Self::I;
     /// a > b, signed.
     fn above_int(self, a: Self::I, b: Self::I) -> Self::M;
+    /// a < b, without sign.
+    fn below_int(self, a: Self::I, b: Self::I) -> Self::M;
     /// a ≠ b.
     fn differ_int(self, a: Self::I, b: Self::I) -> Self::M;
     /// Where both say yes.

@@ -17,7 +17,7 @@ use super::{Arrays, Kernel, Lanes, WIDTH};
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Avx512(());
 
-/// Proof that the processor has AVX2.
+/// Proof that the processor has AVX2 and FMA.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Avx2(());
 
@@ -42,15 +42,15 @@ impl Avx512 {
 
 impl Avx2 {
     pub(super) fn new() -> Option<Self> {
-        is_x86_feature_detected!("avx2").then_some(Self(()))
+        (is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")).then_some(Self(()))
     }
 
     pub(super) fn run<K: Kernel>(self, kernel: K) -> K::Output {
-        #[target_feature(enable = "avx2")]
+        #[target_feature(enable = "avx2,fma")]
         fn compiled<K: Kernel>(kernel: K) -> K::Output {
             kernel.run(Arrays)
         }
-        // Sound: `self` proves that the processor has this feature.
+        // Sound: `self` proves that the processor has these features.
         unsafe { compiled(kernel) }
     }
 }
@@ -104,6 +104,14 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn mul(self, a: __m512, b: __m512) -> __m512 {
         unsafe { _mm512_mul_ps(a, b) }
+    }
+    #[inline(always)]
+    fn fma(self, a: __m512, b: __m512, c: __m512) -> __m512 {
+        unsafe { _mm512_fmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn fnma(self, a: __m512, b: __m512, c: __m512) -> __m512 {
+        unsafe { _mm512_fnmadd_ps(a, b, c) }
     }
     #[inline(always)]
     fn div(self, a: __m512, b: __m512) -> __m512 {
@@ -196,6 +204,10 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn above_int(self, a: __m512i, b: __m512i) -> __mmask16 {
         unsafe { _mm512_cmpgt_epi32_mask(a, b) }
+    }
+    #[inline(always)]
+    fn below_int(self, a: __m512i, b: __m512i) -> __mmask16 {
+        unsafe { _mm512_cmplt_epu32_mask(a, b) }
     }
     #[inline(always)]
     fn differ_int(self, a: __m512i, b: __m512i) -> __mmask16 {
