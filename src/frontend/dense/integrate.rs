@@ -350,17 +350,21 @@ impl Kernel for FusePiece<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
         let Piece { keys, blocks, changed, solid } = self.piece;
-        for (slot, block) in blocks.iter_mut().enumerate() {
-            let corner = self.sight.corner(keys[slot]);
-            let seen = self.sight.look(corner, self.tiles, self.behind_m, self.before_m);
-            let range = match seen {
-                Seen::No => continue,
-                // There is nothing to forget.
-                Seen::Through(_) if !solid[slot] => continue,
-                Seen::Through(range) | Seen::Near(range) => range,
-            };
-            let corner = Frame::steps(&self.sight.lens, corner);
-            let outcome: Outcome = self.frame.fuse(lanes, block, corner, range);
+        let seen: [Seen; PIECE] = std::array::from_fn(|slot| {
+            let corner = keys.get(slot).map(|&key| self.sight.corner(key));
+            let seen = corner.map_or(Seen::No, |corner| {
+                self.sight.look(corner, self.tiles, self.behind_m, self.before_m)
+            });
+            // Where there is nothing to forget, nothing is seen through.
+            if matches!(seen, Seen::Through(_)) && !solid[slot] { Seen::No } else { seen }
+        });
+        for slot in 0..blocks.len() {
+            let (Seen::Through(range) | Seen::Near(range)) = seen[slot] else { continue };
+            if let Some(next) = (slot + 1..blocks.len()).find(|&next| seen[next] != Seen::No) {
+                lanes.prefetch(&blocks[next]);
+            }
+            let corner = Frame::steps(&self.sight.lens, self.sight.corner(keys[slot]));
+            let outcome: Outcome = self.frame.fuse(lanes, &mut blocks[slot], corner, range);
             if outcome.changed {
                 changed[slot] = self.revision;
             }
@@ -403,23 +407,24 @@ impl<'a> Rays<'a> {
         }
     }
 
-    /// Marks what the rays of a band reach: at least three a block along each axis of the image, more
+    /// Marks what the rays of a band reach: at least two a block along each axis of the image, more
     /// where depth is uneven.
     fn mark(&self, first_row: usize, scratch: &Scratch, tiles: &[Range]) {
         let rays = self.integrator.camera.rays();
         let (width, height) = rays.size();
         let tiles_width = width.div_ceil(TILE);
+        let mut before = [[i32::MIN; 3]; 2];
         for (i, &[nearest, farthest]) in tiles.iter().enumerate() {
             if farthest == 0.0 {
                 continue;
             }
             let (left, top) = (i % tiles_width * TILE, i / tiles_width * TILE);
             let wide = self.block_px / farthest;
-            let mut step = if wide >= 24.0 {
+            let mut step = if wide >= 16.0 {
                 8
-            } else if wide >= 12.0 {
+            } else if wide >= 8.0 {
                 4
-            } else if wide >= 6.0 {
+            } else if wide >= 4.0 {
                 2
             } else {
                 1
@@ -435,20 +440,20 @@ impl<'a> Rays<'a> {
                 let rays = rays.row(first_row + row);
                 for u in (left + step / 2..(left + TILE).min(width)).step_by(step) {
                     if depth[u] > 0.0 {
-                        self.mark_one(rays[u], depth[u]);
+                        before = self.mark_one(rays[u], depth[u], before);
                     }
                 }
             }
         }
     }
 
-    fn mark_one(&self, [a, b]: [f32; 2], depth: f32) {
+    fn mark_one(&self, [a, b]: [f32; 2], depth: f32, before: [[i32; 3]; 2]) -> [[i32; 3]; 2] {
         let [x, y, z] = self.axes;
         let direction = std::array::from_fn(|k| a * x[k] + b * y[k] + z[k]);
         let behind = self.integrator.behind_m(depth, self.truncation_m);
         let ray = Ray { origin: self.origin, direction };
         let from = (depth - self.truncation_m).max(NEAREST_M);
-        self.integrator.reach.mark(&ray, from, depth + behind);
+        self.integrator.reach.mark(&ray, from, depth + behind, before)
     }
 }
 

@@ -83,27 +83,37 @@ impl Reach {
         }
     }
 
-    /// Sets the blocks that a ray passes between two depths (Amanatides and Woo, Eurographics 1987).
-    pub(super) fn mark(&self, ray: &Ray, from_m: f32, to_m: f32) {
-        let mut cell = [0; 3];
-        let mut step = [0; 3];
-        let mut next = [f32::INFINITY; 3];
-        let mut between = [f32::INFINITY; 3];
-        let mut left = 0;
+    /// Sets the blocks that a ray passes between two depths (Amanatides and Woo, Eurographics 1987),
+    /// and tells the first and the last of them. Where those are `before`, as they are for most rays
+    /// next to each other, the blocks between are too, but for corners that are just touched.
+    pub(super) fn mark(
+        &self,
+        ray: &Ray,
+        from_m: f32,
+        to_m: f32,
+        before: [[i32; 3]; 2],
+    ) -> [[i32; 3]; 2] {
+        let at = |z: f32| -> [i32; 3] {
+            std::array::from_fn(|axis| floor(ray.origin[axis] + z * ray.direction[axis]))
+        };
+        let [first, last] = [at(from_m), at(to_m)];
+        if [first, last] == before {
+            return before;
+        }
+        let (mut step, mut left) = ([0; 3], 0);
+        let (mut next, mut between) = ([f32::INFINITY; 3], [f32::INFINITY; 3]);
         for axis in 0..3 {
             let (origin, direction) = (ray.origin[axis], ray.direction[axis]);
-            let start = floor(origin + from_m * direction);
-            let end = floor(origin + to_m * direction);
-            cell[axis] = start;
-            left += start.abs_diff(end);
-            if end != start {
+            left += first[axis].abs_diff(last[axis]);
+            if first[axis] != last[axis] {
                 let forward = direction > 0.0;
                 step[axis] = if forward { 1 } else { -1 };
                 between[axis] = 1.0 / direction.abs();
-                let border = if forward { start + 1 } else { start } as f32;
-                next[axis] = (border - origin) / direction;
+                let border = if forward { first[axis] + 1 } else { first[axis] };
+                next[axis] = (border as f32 - origin) / direction;
             }
         }
+        let mut cell = first;
         self.set(cell);
         for _ in 0..left {
             let axis = if next[0] <= next[1] && next[0] <= next[2] {
@@ -117,6 +127,7 @@ impl Reach {
             next[axis] += between[axis];
             self.set(cell);
         }
+        [first, last]
     }
 
     /// Takes a block's bit away.

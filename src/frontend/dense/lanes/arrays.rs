@@ -22,6 +22,8 @@ impl Lanes for Arrays {
     type M = M;
 
     #[inline(always)]
+    fn prefetch<T>(self, _: &T) {}
+    #[inline(always)]
     fn splat(self, x: f32) -> F {
         [x; WIDTH]
     }

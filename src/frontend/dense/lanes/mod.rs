@@ -23,6 +23,8 @@ pub(super) trait Lanes: Copy {
     /// Yes or no.
     type M: Copy;
 
+    /// Brings what will be needed soon nearer, where the processor can be asked to.
+    fn prefetch<T>(self, x: &T);
     /// `x` in every lane.
     fn splat(self, x: f32) -> Self::F;
     /// `x` in every lane.

@@ -78,6 +78,14 @@ impl Lanes for Avx512 {
     type M = __mmask16;
 
     #[inline(always)]
+    fn prefetch<T>(self, x: &T) {
+        for line in (0..size_of::<T>()).step_by(64) {
+            let line = std::ptr::from_ref(x).cast::<i8>().wrapping_add(line);
+            // Sound whatever the pointer: nothing is read.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(line) }
+        }
+    }
+    #[inline(always)]
     fn splat(self, x: f32) -> __m512 {
         unsafe { _mm512_set1_ps(x) }
     }
