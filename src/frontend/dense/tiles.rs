@@ -95,6 +95,7 @@ impl Level {
 }
 
 /// Of both.
+#[inline]
 pub(super) fn join(a: Range, b: Range) -> Range {
-    [a[0].min(b[0]), a[1].max(b[1])]
+    [if b[0] < a[0] { b[0] } else { a[0] }, if b[1] > a[1] { b[1] } else { a[1] }]
 }

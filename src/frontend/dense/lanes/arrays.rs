@@ -64,8 +64,12 @@ impl Lanes for Arrays {
         from_fn(|i| a[i] / b[i])
     }
     #[inline(always)]
-    fn sqrt(self, a: F) -> F {
-        from_fn(|i| a[i].sqrt())
+    fn to_bits(self, a: F) -> I {
+        from_fn(|i| a[i].to_bits().cast_signed())
+    }
+    #[inline(always)]
+    fn from_bits(self, a: I) -> F {
+        from_fn(|i| f32::from_bits(a[i].cast_unsigned()))
     }
     #[inline(always)]
     fn min(self, a: F, b: F) -> F {

@@ -45,8 +45,10 @@ pub(super) trait Lanes: Copy {
     fn fnma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
     /// a / b.
     fn div(self, a: Self::F, b: Self::F) -> Self::F;
-    /// √a.
-    fn sqrt(self, a: Self::F) -> Self::F;
+    /// The bits of a number.
+    fn to_bits(self, a: Self::F) -> Self::I;
+    /// The number of these bits.
+    fn from_bits(self, a: Self::I) -> Self::F;
     /// The smaller one; b where either is not a number.
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
     /// The larger one; b where either is not a number.

@@ -17,7 +17,7 @@ impl Kernel for All<'_> {
             l.fma(a, b, a),
             l.fnma(a, b, a),
             l.div(a, b),
-            l.sqrt(l.abs(a)),
+            l.from_bits(l.shift_down::<1>(l.to_bits(a))),
             l.min(a, b),
             l.max(a, b),
             l.select(l.less(a, b), a, b),
