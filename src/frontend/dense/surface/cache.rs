@@ -12,12 +12,10 @@ use super::super::volume::Volume;
 use super::SurfaceOptions;
 use super::bits::{Bits, FieldBits, borders, stored_weight};
 use super::mesh::{Mesh, join};
-use super::piece::{Piece, Source};
+use super::piece::{MIDDLE, Piece, Source};
 
 /// No slot.
 const NONE: u32 = u32::MAX;
-/// The block itself among the 27 around it; steps along x, y and z are 1, 3 and 9.
-const MIDDLE: usize = 13;
 /// Blocks that a task takes at least.
 const BLOCKS_A_TASK: usize = 32;
 
@@ -34,6 +32,8 @@ pub struct SurfaceCache {
     /// Slots of the blocks around, as in [`FieldBits::of`].
     around: Vec<[u32; 27]>,
     pieces: Vec<Option<Box<Piece>>>,
+    /// Which of the blocks around have voxels that the piece was made of, as in [`borders`].
+    reads: Vec<u32>,
     /// The update since which the piece is old, 0 where it is not.
     stale: Vec<u64>,
     updates: u64,
@@ -51,6 +51,7 @@ impl SurfaceCache {
             sides: Vec::new(),
             around: Vec::new(),
             pieces: Vec::new(),
+            reads: Vec::new(),
             stale: Vec::new(),
             updates: 0,
         }
@@ -73,6 +74,7 @@ impl SurfaceCache {
             let has_both_sides = self.has_both_sides(slot);
             if !has_both_sides {
                 self.pieces[slot] = None;
+                self.reads[slot] = 0;
                 self.stale[slot] = 0;
             }
             has_both_sides
@@ -81,16 +83,19 @@ impl SurfaceCache {
             old.select_nth_unstable_by_key(most, |&slot| (self.stale[slot], slot));
             old.truncate(most);
         }
-        let mut made: Vec<_> = Vec::with_capacity(old.len());
+        let mut made = Vec::with_capacity(old.len());
         for slot in old {
             self.stale[slot] = 0;
-            made.push((slot, self.pieces[slot].take().unwrap_or_default()));
+            made.push((slot, self.pieces[slot].take(), 0));
         }
         let tasks = made.par_iter_mut().with_min_len(BLOCKS_A_TASK);
-        tasks.for_each(|(slot, piece)| self.remesh(volume, *slot, piece));
+        tasks.for_each(|(slot, piece, reads)| {
+            (*piece, *reads) = Piece::new(&self.source(volume, *slot), piece.take());
+        });
         let count = made.len();
-        for (slot, piece) in made {
-            self.pieces[slot] = (!piece.is_empty()).then_some(piece);
+        for (slot, piece, reads) in made {
+            self.pieces[slot] = piece;
+            self.reads[slot] = reads;
         }
         count
     }
@@ -123,13 +128,15 @@ impl SurfaceCache {
                 }
             }
         }
-        self.keys.clear();
-        self.keys.extend_from_slice(keys);
+        replaced.iter().for_each(|&slot| self.keys[slot] = keys[slot]);
+        self.keys.truncate(kept);
+        self.keys.extend_from_slice(&keys[kept..]);
         self.revisions.resize(keys.len(), None);
         self.bits.resize(keys.len(), Bits::default());
         self.sides.resize(keys.len(), 0);
         self.around.resize(keys.len(), [NONE; 27]);
         self.pieces.resize_with(keys.len(), || None);
+        self.reads.resize(keys.len(), 0);
         self.stale.resize(keys.len(), 0);
         let new: Vec<_> = replaced.into_iter().chain(kept..keys.len()).collect();
         let tasks = new.par_iter().with_min_len(BLOCKS_A_TASK);
@@ -156,20 +163,19 @@ impl SurfaceCache {
                 let bits = Bits::of(&blocks[slot], self.least_weight);
                 let before = self.revisions[slot].map(|_| &self.bits[slot]);
                 let turned = before.map_or(u32::MAX, |before| borders(&bits.difference(before)));
-                (bits, turned)
+                (bits, bits.sides(), turned)
             })
             .collect();
-        for (&slot, (bits, turned)) in old.iter().zip(looked) {
+        for (&slot, (bits, sides, turned)) in old.iter().zip(looked) {
             self.revisions[slot] = Some(changed[slot]);
-            self.sides[slot] = bits.sides();
+            self.sides[slot] = sides;
             self.bits[slot] = bits;
             self.mark(slot);
             for (k, neighbor) in self.around[slot].into_iter().enumerate() {
                 if neighbor != NONE {
-                    let piece = self.pieces[neighbor as usize].as_deref();
-                    let reads = piece.map_or(0, |piece| piece.reads);
-                    if (turned >> k | reads >> (26 - k)) & 1 == 1 {
-                        self.mark(neighbor as usize);
+                    let neighbor = neighbor as usize;
+                    if (turned >> k | self.reads[neighbor] >> (26 - k)) & 1 == 1 {
+                        self.mark(neighbor);
                     }
                 }
             }
@@ -188,17 +194,17 @@ impl SurfaceCache {
         known.fold(0, |sides, &slot| sides | self.sides[slot as usize]) == 3
     }
 
-    /// Makes the piece of a slot anew.
-    fn remesh(&self, volume: &Volume, slot: usize, piece: &mut Piece) {
+    /// What the piece of a slot is made of.
+    fn source<'a>(&self, volume: &'a Volume, slot: usize) -> Source<'a> {
         let around = self.around[slot].map(|slot| (slot != NONE).then_some(slot as usize));
         let blocks = volume.blocks();
-        piece.remesh(&Source {
+        let around_blocks = around.map(|slot| slot.and_then(|slot| blocks.get(slot)));
+        Source {
             key: self.keys[slot],
             voxel_m: volume.options().voxel_m,
-            block: &blocks[slot],
-            around: around.map(|slot| slot.map(|slot| &blocks[slot])),
+            around: around_blocks,
             bits: FieldBits::of(&around.map(|slot| slot.map(|slot| &self.bits[slot]))),
-        });
+        }
     }
 }
 

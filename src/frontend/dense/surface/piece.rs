@@ -45,8 +45,6 @@ pub(super) struct Piece {
     edges: [[u64; EDGE]; 3],
     /// How many vertices stand before those of a word.
     first: [[u16; EDGE]; 3],
-    /// Which of the blocks around have voxels that it was made of, as in [`borders`].
-    pub(super) reads: u32,
     pub(super) vertices: Vec<Vertex>,
     pub(super) triangles: Vec<[EdgeName; 3]>,
 }
@@ -60,27 +58,24 @@ impl Piece {
         u32::from(self.first[axis][z]) + before.count_ones()
     }
 
-    /// Whether there is nothing in it.
-    pub(super) fn is_empty(&self) -> bool {
-        self.vertices.is_empty() && self.triangles.is_empty()
-    }
-
-    /// Makes it anew from a block's neighborhood (order as in [`FieldBits::of`]); its memory is used
-    /// again.
-    pub(super) fn remesh(&mut self, source: &Source<'_>) {
-        self.vertices.clear();
-        self.triangles.clear();
+    /// The piece of a block, `None` where there is no surface, and which of the blocks around have
+    /// voxels that it is made of, as in [`borders`]. The memory of an old one is used again.
+    pub(super) fn new(source: &Source<'_>, old: Option<Box<Self>>) -> (Option<Box<Self>>, u32) {
         let cells = crossed_cells(&source.bits);
         if cells.iter().all(|&plane| plane == 0) {
-            return;
+            return (None, 0);
         }
-        self.mark_edges(&source.bits.inside, &cells);
-        self.place_vertices(source);
-        self.connect(&source.bits.inside, &cells);
-        self.reads = borders(&std::array::from_fn(|z| {
-            let edges = self.edges.iter().fold(0, |all, words| all | words[z]);
+        let mut piece = old.unwrap_or_default();
+        piece.vertices.clear();
+        piece.triangles.clear();
+        piece.mark_edges(&source.bits.inside, &cells);
+        piece.place_vertices(source);
+        piece.connect(&source.bits.inside, &cells);
+        let used = std::array::from_fn(|z| {
+            let edges = piece.edges.iter().fold(0, |all, words| all | words[z]);
             edges | own(cells[z + 1])
-        }));
+        });
+        (Some(piece), borders(&used))
     }
 
     /// Marks the edges that a crossed cell uses.
@@ -104,10 +99,19 @@ impl Piece {
     }
 
     fn place_vertices(&mut self, source: &Source<'_>) {
-        let count: u32 = self.edges.as_flattened().iter().map(|word| word.count_ones()).sum();
+        // Rows of the field with an edge that has a vertex, and the rows around, where slopes end.
+        let mut wanted = [0; SIDE];
+        let mut count = 0;
+        for z in 0..EDGE {
+            let [a, b, c] = self.edges.map(|words| words[z]);
+            count += a.count_ones() + b.count_ones() + c.count_ones();
+            let rows = rows_of(a | b | c) << 1;
+            let rows = rows | rows << 1 | rows >> 1;
+            wanted[z..z + 3].iter_mut().for_each(|plane| *plane |= rows);
+        }
         if count > 0 {
             self.vertices.reserve(count as usize);
-            let distances = source.distances();
+            let distances = source.distances(&wanted);
             self.place_along::<0>(source, &distances);
             self.place_along::<1>(source, &distances);
             self.place_along::<2>(source, &distances);
@@ -127,7 +131,7 @@ impl Piece {
         let names = &*NAMES;
         for z in 0..EDGE {
             let here = own(cells[z + 1]);
-            for y in (0..EDGE).filter(|y| here >> (EDGE * y) & 0xff != 0) {
+            for y in ones(rows_of(here).into()) {
                 // The rows of inside bits that the cells of this row have as corners.
                 let row = |y: usize, z: usize| (inside[z + 1] >> (SIDE * (y + 1) + 1)) as usize;
                 let corners = [row(y, z), row(y + 1, z), row(y, z + 1), row(y + 1, z + 1)];
@@ -196,6 +200,15 @@ fn with_lower_cells(cells: u128) -> u128 {
     pairs | pairs << SIDE
 }
 
+/// Which rows of eight bits have a one.
+fn rows_of(word: u64) -> u32 {
+    let word = word | word >> 4;
+    let word = word | word >> 2;
+    let firsts = (word | word >> 1) & 0x0101_0101_0101_0101;
+    // The product moves bit 8 y to 56 + y.
+    (firsts.wrapping_mul(0x0102_0408_1020_4080) >> 56) as u32
+}
+
 /// The places of ones, lowest first.
 fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -205,14 +218,15 @@ fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
     })
 }
 
+/// The block itself among the 27 around it; steps along x, y and z are 1, 3 and 9.
+pub(super) const MIDDLE: usize = 13;
+
 /// What a piece is made of.
 pub(super) struct Source<'a> {
     /// Which block.
     pub(super) key: BlockKey,
     /// The edge of a voxel, meters.
     pub(super) voxel_m: f32,
-    /// The block.
-    pub(super) block: &'a Block,
     /// The 27 blocks around, itself in the middle.
     pub(super) around: [Option<&'a Block>; 27],
     /// Their bits.
@@ -230,24 +244,26 @@ const UNSEEN: i16 = i16::MIN;
 const STRIDES: [usize; 3] = [1, SIDE, SIDE * SIDE];
 
 impl Source<'_> {
-    fn distances(&self) -> Distances {
+    /// Distances of the rows that are wanted, bit y of each plane.
+    fn distances(&self, wanted: &[u32; SIDE]) -> Distances {
         let mut field = [UNSEEN; 1024];
-        for (i, row) in field.chunks_exact_mut(SIDE).take(SIDE * SIDE).enumerate() {
-            let ((layer, z), (band, y)) = (split(i / SIDE), split(i % SIDE));
-            let seen = (self.bits.seen[i / SIDE] >> (SIDE * (i % SIDE))) as u32 & 0x3ff;
-            if seen == 0 {
-                continue;
-            }
-            let start = Block::index(0, y, z);
-            let [left, middle, right] = [0, 1, 2].map(|x| self.around[x + 3 * band + 9 * layer]);
-            if let Some(block) = middle {
-                row[1..=EDGE].copy_from_slice(&block.distances[start..start + EDGE]);
-            }
-            row[0] = left.map_or(UNSEEN, |block| block.distances[start + EDGE - 1]);
-            row[SIDE - 1] = right.map_or(UNSEEN, |block| block.distances[start]);
-            if seen != 0x3ff {
-                for (x, distance) in row.iter_mut().enumerate() {
-                    *distance = if seen >> x & 1 == 1 { *distance } else { UNSEEN };
+        for z in 0..SIDE {
+            let (layer, z_in_block) = split(z);
+            for y in ones(wanted[z].into()) {
+                let (band, y_in_block) = split(y);
+                let first = SIDE * (y + SIDE * z);
+                let row = &mut field[first..first + SIDE];
+                let start = Block::index(0, y_in_block, z_in_block);
+                let [left, middle, right] =
+                    [0, 1, 2].map(|x| self.around[x + 3 * band + 9 * layer]);
+                if let Some(block) = middle {
+                    row[1..=EDGE].copy_from_slice(&block.distances[start..start + EDGE]);
+                }
+                row[0] = left.map_or(UNSEEN, |block| block.distances[start + EDGE - 1]);
+                row[SIDE - 1] = right.map_or(UNSEEN, |block| block.distances[start]);
+                let seen = (self.bits.seen[z] >> (SIDE * y)) as u64;
+                for x in ones(!seen & 0x3ff) {
+                    row[x] = UNSEEN;
                 }
             }
         }
@@ -284,14 +300,15 @@ impl Source<'_> {
     fn color<const AXIS: usize>(&self, voxel: [usize; 3], t: f32) -> [u8; 3] {
         let [x, y, z] = voxel;
         let at = Block::index(x, y, z);
-        let near = self.block.colors[at % VOXELS];
+        // The block itself is always there.
+        let near = self.around[MIDDLE].map_or([0; 4], |block| block.colors[at % VOXELS]);
         let stride = [1, EDGE, EDGE * EDGE][AXIS];
-        let far = if voxel[AXIS] + 1 < EDGE {
-            self.block.colors[(at + stride) % VOXELS]
+        let (next, place) = if voxel[AXIS] + 1 < EDGE {
+            (MIDDLE, at + stride)
         } else {
-            let next = self.around[13 + [1, 3, 9][AXIS]];
-            next.map_or(near, |block| block.colors[(at + stride - EDGE * stride) % VOXELS])
+            (MIDDLE + [1, 3, 9][AXIS], at + stride - EDGE * stride)
         };
+        let far = self.around[next].map_or(near, |block| block.colors[place % VOXELS]);
         let share = (t * 256.0) as u32;
         [0, 1, 2].map(|i| {
             let sum = u32::from(near[i]) * (256 - share) + u32::from(far[i]) * share;
