@@ -16,6 +16,8 @@ use super::piece::{MIDDLE, Piece, Source};
 
 /// No slot.
 const NONE: u32 = u32::MAX;
+/// The revision of a block that was not looked at.
+const NEVER: u64 = u64::MAX;
 /// Blocks that a task takes at least.
 const BLOCKS_A_TASK: usize = 32;
 
@@ -25,8 +27,8 @@ pub struct SurfaceCache {
     least_weight: u16,
     // What is known of each slot:
     keys: Vec<BlockKey>,
-    /// The revision of the block that its bits are of; `None` where they are not made yet.
-    revisions: Vec<Option<u64>>,
+    /// The revision of the block that its bits are of.
+    revisions: Vec<u64>,
     bits: Vec<Bits>,
     sides: Vec<u8>,
     /// Slots of the blocks around, as in [`FieldBits::of`].
@@ -36,6 +38,8 @@ pub struct SurfaceCache {
     reads: Vec<u32>,
     /// The update since which the piece is old, 0 where it is not.
     stale: Vec<u64>,
+    /// The slots of old pieces.
+    old: Vec<usize>,
     updates: u64,
 }
 
@@ -53,6 +57,7 @@ impl SurfaceCache {
             pieces: Vec::new(),
             reads: Vec::new(),
             stale: Vec::new(),
+            old: Vec::new(),
             updates: 0,
         }
     }
@@ -69,7 +74,7 @@ impl SurfaceCache {
         self.updates += 1;
         self.link(volume);
         self.look(volume);
-        let mut old: Vec<_> = (0..self.stale.len()).filter(|&slot| self.stale[slot] != 0).collect();
+        let mut old = std::mem::take(&mut self.old);
         old.retain(|&slot| {
             let has_both_sides = self.has_both_sides(slot);
             if !has_both_sides {
@@ -81,8 +86,9 @@ impl SurfaceCache {
         });
         if most < old.len() {
             old.select_nth_unstable_by_key(most, |&slot| (self.stale[slot], slot));
-            old.truncate(most);
+            self.old = old.split_off(most);
         }
+        old.sort_unstable();
         let mut made = Vec::with_capacity(old.len());
         for slot in old {
             self.stale[slot] = 0;
@@ -103,7 +109,7 @@ impl SurfaceCache {
     /// Whether pieces are old that [`SurfaceCache::update_oldest`] left for later.
     #[must_use]
     pub fn is_behind(&self) -> bool {
-        self.stale.iter().any(|&since| since != 0)
+        !self.old.is_empty()
     }
 
     /// The whole surface.
@@ -131,18 +137,19 @@ impl SurfaceCache {
         replaced.iter().for_each(|&slot| self.keys[slot] = keys[slot]);
         self.keys.truncate(kept);
         self.keys.extend_from_slice(&keys[kept..]);
-        self.revisions.resize(keys.len(), None);
+        self.revisions.resize(keys.len(), NEVER);
         self.bits.resize(keys.len(), Bits::default());
         self.sides.resize(keys.len(), 0);
         self.around.resize(keys.len(), [NONE; 27]);
         self.pieces.resize_with(keys.len(), || None);
         self.reads.resize(keys.len(), 0);
         self.stale.resize(keys.len(), 0);
+        self.old.retain(|&slot| slot < keys.len());
         let new: Vec<_> = replaced.into_iter().chain(kept..keys.len()).collect();
         let tasks = new.par_iter().with_min_len(BLOCKS_A_TASK);
         let linked: Vec<_> = tasks.map(|&slot| slots_around(volume, keys[slot])).collect();
         for (&slot, around) in new.iter().zip(linked) {
-            self.revisions[slot] = None;
+            self.revisions[slot] = NEVER;
             self.around[slot] = around;
             for (k, neighbor) in around.into_iter().enumerate() {
                 if neighbor != NONE {
@@ -155,19 +162,21 @@ impl SurfaceCache {
     /// Takes the bits of blocks that changed, and marks the pieces that read them.
     fn look(&mut self, volume: &Volume) {
         let (blocks, changed) = (volume.blocks(), volume.changed());
-        let is_old = |&slot: &usize| self.revisions[slot] != Some(changed[slot]);
+        let is_old = |&slot: &usize| self.revisions[slot] != changed[slot];
         let old: Vec<_> = (0..changed.len()).filter(is_old).collect();
         let tasks = old.par_iter().with_min_len(BLOCKS_A_TASK);
         let looked: Vec<_> = tasks
             .map(|&slot| {
                 let bits = Bits::of(&blocks[slot], self.least_weight);
-                let before = self.revisions[slot].map(|_| &self.bits[slot]);
-                let turned = before.map_or(u32::MAX, |before| borders(&bits.difference(before)));
+                let turned = match self.revisions[slot] {
+                    NEVER => u32::MAX,
+                    _ => borders(&bits.difference(&self.bits[slot])),
+                };
                 (bits, bits.sides(), turned)
             })
             .collect();
         for (&slot, (bits, sides, turned)) in old.iter().zip(looked) {
-            self.revisions[slot] = Some(changed[slot]);
+            self.revisions[slot] = changed[slot];
             self.sides[slot] = sides;
             self.bits[slot] = bits;
             self.mark(slot);
@@ -185,6 +194,7 @@ impl SurfaceCache {
     fn mark(&mut self, slot: usize) {
         if self.stale[slot] == 0 {
             self.stale[slot] = self.updates;
+            self.old.push(slot);
         }
     }
 
