@@ -14,6 +14,9 @@ use super::tiles::Range;
 
 /// Rows of two that a layer of a block has.
 const PAIRS: usize = 4;
+/// Measurements have full weight up to this depth; beyond, it falls with the fourth power, as the
+/// variance of depth rises.
+const FULL_WEIGHT_M: f32 = 1.0;
 /// Colors follow at least this share of what is new, in 1 / 256.
 const LEAST_COLOR_SHARE: f32 = 16.0;
 
@@ -37,8 +40,6 @@ pub(super) struct Frame<'a> {
     pub(super) truncation_m: f32,
     /// The truncation behind a surface grows to this many standard deviations of depth.
     pub(super) behind_sigmas: f32,
-    /// Full weight up to this depth, meters; beyond it falls with the fourth power.
-    pub(super) full_weight_m: f32,
     /// No measurement has less, as stored.
     pub(super) least_weight: f32,
     /// No voxel has more, as stored.
@@ -210,7 +211,7 @@ impl Frame<'_> {
             let one = l.splat(DISTANCE_ONE);
             let distance = l.max(l.min(far, one), l.splat(-DISTANCE_ONE));
 
-            let square = l.mul(l.splat(self.full_weight_m), per_z);
+            let square = l.mul(l.splat(FULL_WEIGHT_M), per_z);
             let square = l.mul(square, square);
             let full = l.min(l.mul(square, square), l.splat(1.0));
             let oblique = l.min(l.mul(facing, facing), l.splat(1.0));

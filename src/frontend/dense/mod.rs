@@ -6,12 +6,14 @@
 //! | `slabs` | memory for blocks |
 //! | `volume` | the sparse grid of blocks |
 //! | `lanes` | sixteen numbers at a time |
+//! | `options` | how frames become a surface |
+//! | `dilation` | masks that are taken larger |
 //! | `tiles` | nearest and farthest depth of parts of an image |
 //! | `pixels` | a frame as voxels read it |
-//! | `reach` | which blocks a frame's rays pass |
+//! | `reach`, `rays` | which blocks a frame's rays pass near their depth |
 //! | `sight` | which blocks a frame sees |
 //! | `fuse` | what a frame does to a block |
-//! | `dynamic` | what a block does with what changed |
+//! | `dynamic` | what a voxel does with what disagrees |
 //! | `integrate` | frames into a volume |
 //! | `frame_log` | frames that may have to be integrated again |
 //! | `mapper` | a volume that follows corrections |
@@ -23,6 +25,7 @@
 //! | `navigation` | the ground from above: occupancy and distances |
 
 pub mod block;
+mod dilation;
 mod dynamic;
 pub mod export;
 pub mod file;
@@ -30,10 +33,9 @@ pub mod frame_log;
 mod fuse;
 pub mod integrate;
 mod lanes;
-pub mod mapper;
-pub mod navigation;
+mod options;
 mod pixels;
-pub mod pose_track;
+mod rays;
 mod reach;
 mod sight;
 mod slabs;

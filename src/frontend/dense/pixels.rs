@@ -120,6 +120,7 @@ impl PackBand<'_> {
         let Source { color, farthest_m, pinhole: [fx, fy, cx, cy], .. } = self.source;
         let width = color.width();
         let colors = color.row(self.first_row + row);
+        let next_colors = color.row((self.first_row + row + 1).min(color.height() - 1));
         let stride = self.scratch.stride;
         let b = l.splat(((self.first_row + row) as f32 - cy) / fy);
         let lanes = l.load(&LANES);
@@ -156,6 +157,7 @@ impl PackBand<'_> {
             let low = l.or_int(low, l.shift_up::<24>(slope_byte(l, slope_v)));
             let low = l.select_int(l.less(l.splat(0.0), z), low, l.splat_int(0));
             let color = if u + WIDTH <= width {
+                l.prefetch(take(&next_colors[u..u + WIDTH]));
                 l.load_colors(take(&colors[u..u + WIDTH]))
             } else {
                 let mut rest = [[0; 3]; WIDTH];
