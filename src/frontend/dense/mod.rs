@@ -3,7 +3,7 @@
 //! | file | role |
 //! |---|---|
 //! | `block` | 8³ voxels |
-//! | `slabs` | memory for blocks |
+//! | `slabs`, `supply` | memory for blocks |
 //! | `volume` | the sparse grid of blocks |
 //! | `lanes` | sixteen numbers at a time |
 //! | `options` | how frames become a surface |
@@ -39,10 +39,7 @@ mod rays;
 mod reach;
 mod sight;
 mod slabs;
-pub mod surface;
-#[cfg(test)]
-mod testing;
-pub mod thread;
+mod supply;
 mod tiles;
 pub mod volume;
 

@@ -3,15 +3,14 @@
 use std::ops::{Index, IndexMut, Range};
 
 use super::block::Block;
-
-/// Blocks of a slab: a megabyte.
-pub(super) const SLAB: usize = 256;
+use super::supply::{SLAB, Slab, Supply};
 
 /// Where the blocks of a volume stand.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Slabs {
-    slabs: Vec<Box<[Block]>>,
+    slabs: Vec<Slab>,
     len: usize,
+    supply: Supply,
 }
 
 /// The blocks of a volume, slot by slot.
@@ -24,7 +23,7 @@ impl Slabs {
     /// Appends a block of which nothing was seen.
     pub(super) fn push(&mut self) {
         if self.len == self.slabs.len() * SLAB {
-            self.slabs.push(vec![Block::EMPTY; SLAB].into_boxed_slice());
+            self.slabs.push(self.supply.take());
         }
         self.len += 1;
     }
