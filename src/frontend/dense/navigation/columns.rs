@@ -3,7 +3,8 @@
 //! Cells are as large as voxels, their centers lie at multiples of the voxel size. A column is sampled
 //! at heights that are multiples of it too, by the nearest voxel: with up along an axis of the volume
 //! each sample is a voxel. A voxel is surface where its distance is at most half a voxel's diagonal,
-//! so that a surface of any slope has no holes.
+//! so that a surface of any slope has no holes; and where it lies behind and the next one is free,
+//! since distances of many views need not grow evenly.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -14,6 +15,9 @@ use super::{NavigationError, NavigationOptions};
 
 /// Cells that a grid has at most.
 const MOST_CELLS: f64 = 67_108_864.0;
+
+/// To the six neighbors of a voxel.
+const STEPS: [[i64; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
 
 /// A grid of square cells on the ground, row by row from the least y.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,6 +118,16 @@ impl<'a> Columns<'a> {
         let x = corner_m[0] / resolution_m + 0.5 + i as f64;
         let y = corner_m[1] / resolution_m + 0.5 + j as f64;
         let voxel = (axes[0] * x + axes[1] * y + axes[2] * height).map(|v| v.round() as i64);
+        let place = self.voxel(voxel);
+        let is_free = |step: Vector3<i64>| self.voxel(voxel + step) == Place::Free;
+        if place == Place::Behind && STEPS.iter().any(|&[x, y, z]| is_free(Vector3::new(x, y, z))) {
+            return Place::Surface;
+        }
+        place
+    }
+
+    /// What a voxel is by itself.
+    fn voxel(&self, voxel: Vector3<i64>) -> Place {
         let [bx, by, bz] = [voxel.x, voxel.y, voxel.z].map(|v| v.div_euclid(EDGE as i64) as i32);
         let Some(block) = self.volume.block(BlockKey { x: bx, y: by, z: bz }) else {
             return Place::Unseen;

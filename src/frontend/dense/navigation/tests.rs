@@ -138,6 +138,15 @@ fn distances_are_those_to_the_nearest_surface_voxel() {
 }
 
 #[test]
+fn a_surface_where_distances_jump_has_no_holes() {
+    let step = |[_, y, _]: [f32; 3]| Some((if y < 0.52 { 0.15 } else { -0.15 }, 1.0, [0; 3]));
+    let floor = volume(GRID, [0; 3], [1; 3], step);
+    let below = NavigationOptions { heights_m: [-1.0, 0.0], ..HEIGHTS };
+    let grid = occupancy_grid(&floor, &below).unwrap();
+    assert!(grid.cells.iter().all(|&cell| cell == Cell::Occupied));
+}
+
+#[test]
 fn what_makes_no_sense_is_refused() {
     let room = seen_room();
     let told = |volume: &Volume, options| occupancy_grid(volume, &options).unwrap_err().to_string();
