@@ -11,8 +11,8 @@ use crate::frontend::camera::FrameCamera;
 pub(super) const NEAREST_M: f32 = 0.05;
 /// From a block's center to its farthest voxel, in voxels, and a little more.
 const RADIUS: f32 = 6.1;
-/// Lenses do not stretch the image more than this, compared with a pinhole.
-const STRETCH: f32 = 1.5;
+/// How far a lens may bend the image of a block beyond that of its corners, as a share of its size.
+const BEND: f32 = 0.1;
 
 /// A lens in single precision.
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +25,7 @@ pub(super) struct Lens {
     pub(super) distortion: [f32; 5],
     /// Points farther from the axis than this, as a tangent squared, are not seen.
     pub(super) largest_tangent2: f32,
+    largest_tangent: f32,
     pub(super) is_pinhole: bool,
     /// Columns and rows.
     pub(super) size: [f32; 2],
@@ -43,6 +44,8 @@ pub(super) struct Sight {
     voxel_m: f32,
     /// From a block's first voxel to its center, in the camera's axes, meters.
     to_center: [f32; 3],
+    /// From there to the outermost voxels, axis by axis.
+    corners: [[f32; 8]; 3],
 }
 
 /// What a frame can say about a block.
@@ -77,20 +80,41 @@ impl Lens {
             distortion,
             // Half a pixel beyond the outermost centers, and a little more.
             largest_tangent2: largest * 1.02 + 1e-4,
+            largest_tangent: (largest * 1.02 + 1e-4).sqrt(),
             is_pinhole: distortion == [0.0; 5],
             size: [width as f32, height as f32],
             field,
         }
     }
 
-    /// The pixel on a ray (a, b, 1).
-    fn pixel(&self, a: f32, b: f32) -> [f32; 2] {
+    /// Columns and rows of points before the camera. Points outside of what the lens is known for are
+    /// moved to its border.
+    #[inline(always)]
+    fn pixels(&self, x: &[f32; 8], y: &[f32; 8], z: &[f32; 8]) -> [[f32; 8]; 2] {
         let [k1, k2, k3, p1, p2] = self.distortion;
-        let r2 = a * a + b * b;
-        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
-        let x = a * radial + 2.0 * p1 * a * b + p2 * (r2 + 2.0 * a * a);
-        let y = b * radial + p1 * (r2 + 2.0 * b * b) + 2.0 * p2 * a * b;
-        [self.fx * x + self.cx, self.fy * y + self.cy]
+        let mut out = [[0.0; 8]; 2];
+        for i in 0..8 {
+            let per_z = 1.0 / z[i];
+            let (mut a, mut b) = (x[i] * per_z, y[i] * per_z);
+            if !self.is_pinhole {
+                let tangent = (a * a + b * b).sqrt();
+                let inside = if tangent > self.largest_tangent {
+                    self.largest_tangent / tangent
+                } else {
+                    1.0
+                };
+                (a, b) = (a * inside, b * inside);
+                let r2 = a * a + b * b;
+                let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+                (a, b) = (
+                    a * radial + 2.0 * p1 * a * b + p2 * (r2 + 2.0 * a * a),
+                    b * radial + p1 * (r2 + 2.0 * b * b) + 2.0 * p2 * a * b,
+                );
+            }
+            out[0][i] = self.fx * a + self.cx;
+            out[1][i] = self.fy * b + self.cy;
+        }
+        out
     }
 }
 
@@ -99,8 +123,14 @@ impl Sight {
         let camera_from_world = world_from_camera.inverse();
         let half = 0.5 * (EDGE - 1) as f64 * block_m / EDGE as f64;
         let to_center = camera_from_world.rotation.matrix() * Vector3::repeat(half);
+        let edge = 2.0 * half;
+        let corners = std::array::from_fn::<_, 8, _>(|i| {
+            let bits = Vector3::new(i & 1, i >> 1 & 1, i >> 2).map(|bit| bit as f64);
+            camera_from_world.rotation.matrix() * (bits * edge)
+        });
         Self {
             lens,
+            corners: std::array::from_fn(|k| corners.map(|corner| corner[k] as f32)),
             to_center: to_center.map(|x| x as f32).into(),
             rotation: camera_from_world.rotation.matrix().into_owned(),
             translation: camera_from_world.translation,
@@ -126,6 +156,7 @@ impl Sight {
 
     /// What the depth of `tiles` can say about the block with this corner; `behind_m` is how far
     /// behind a surface voxels are looked at, and `before_m` how far before it space is surely free.
+    #[inline(always)]
     pub(super) fn look(
         &self,
         corner: [f32; 3],
@@ -136,44 +167,50 @@ impl Sight {
         let lens = &self.lens;
         let [x, y, z] = std::array::from_fn(|k| corner[k] + self.to_center[k]);
         let radius = RADIUS * self.voxel_m;
-        if z + radius < NEAREST_M {
+        // Most blocks lie outside of the cone around the image.
+        let away = (x * x + y * y).sqrt() - radius;
+        if z + radius < NEAREST_M || away > lens.largest_tangent * (z + radius) {
             return Seen::No;
         }
-        let [width, height] = lens.size;
-        let (mut box_low, mut box_high) = ([0.0; 2], [width - 1.0, height - 1.0]);
-        if z - radius > NEAREST_M {
-            let (a, b) = (x / z, y / z);
-            // How far the ball's outline is from its center, as a tangent.
-            let spread = radius * (1.0 + a * a + b * b).sqrt() / (z - radius);
-            let (tangent, largest) = ((a * a + b * b).sqrt(), lens.largest_tangent2.sqrt());
-            if tangent > largest + spread {
+        let place =
+            |k: usize| -> [f32; 8] { std::array::from_fn(|i| corner[k] + self.corners[k][i]) };
+        let [x, y, z] = [place(0), place(1), place(2)];
+        let [nearest_z, farthest_z] = extent(&z);
+        let [mut left, mut top] = [0.0_f32; 2];
+        let [mut right, mut bottom] = lens.size.map(|size| size - 1.0);
+        if nearest_z > NEAREST_M {
+            let pixels = lens.pixels(&x, &y, &z);
+            let [columns, rows] = [extent(&pixels[0]), extent(&pixels[1])];
+            // Lenses bend what is between the corners.
+            let bend = if lens.is_pinhole { 0.0 } else { BEND };
+            let margins = [columns, rows].map(|[low, high]| 1.0 + bend * (high - low));
+            left = left.max(columns[0] - margins[0]);
+            right = right.min(columns[1] + margins[0]);
+            top = top.max(rows[0] - margins[1]);
+            bottom = bottom.min(rows[1] + margins[1]);
+            if left > right || top > bottom {
                 return Seen::No;
             }
-            // A lens is known inside of the image only: what is centered outside is not culled.
-            if lens.is_pinhole || tangent < largest {
-                let stretch = if lens.is_pinhole { 1.0 } else { STRETCH };
-                let center = lens.pixel(a, b);
-                let focal = [lens.fx, lens.fy];
-                for axis in 0..2 {
-                    let reach = focal[axis] * spread * stretch + 1.0;
-                    box_low[axis] = (center[axis] - reach).max(0.0);
-                    box_high[axis] = (center[axis] + reach).min(box_high[axis]);
-                    if box_low[axis] > box_high[axis] {
-                        return Seen::No;
-                    }
-                }
-            }
         }
-        let [left, top] = box_low.map(|x| x as usize);
-        let [right, bottom] = box_high.map(|x| x as usize);
-        let [nearest, farthest] = tiles.range(left, top, right, bottom);
+        let [nearest, farthest] =
+            tiles.range(left as usize, top as usize, right as usize, bottom as usize);
         let range = [nearest - before_m, farthest + behind_m];
-        if z - radius > range[1] {
+        if nearest_z > range[1] {
             Seen::No
-        } else if z + radius < range[0] {
+        } else if farthest_z < range[0] {
             Seen::Through(range)
         } else {
             Seen::Near(range)
         }
     }
+}
+
+/// The least and the greatest.
+#[inline(always)]
+fn extent(x: &[f32; 8]) -> [f32; 2] {
+    let mut out = [x[0]; 2];
+    for &x in x {
+        out = [if x < out[0] { x } else { out[0] }, if x > out[1] { x } else { out[1] }];
+    }
+    out
 }

@@ -5,7 +5,7 @@
 /// Edge of the smallest tiles, pixels.
 pub(super) const TILE: usize = 8;
 /// A query looks at no more than this many tiles along each axis, and one more where it lies across.
-const ACROSS: usize = 3;
+const ACROSS: usize = 4;
 
 /// Nearest and farthest, meters; infinity and 0 where nothing was measured.
 pub(super) type Range = [f32; 2];
@@ -58,6 +58,7 @@ impl Tiles {
 
     /// Of all pixels from `(left, top)` to `(right, bottom)`, both included and inside of the image,
     /// and some around them.
+    #[inline(always)]
     pub(super) fn range(&self, left: usize, top: usize, right: usize, bottom: usize) -> Range {
         let (mut level, mut edge) = (0, TILE);
         while (right - left).max(bottom - top) > ACROSS * edge && level + 1 < self.levels.len() {
