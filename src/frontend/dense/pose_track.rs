@@ -72,7 +72,7 @@ mod tests {
             (0.981, true),
             (1.051, false),
             (1.5, false),
-            (2.02, true),
+            (2.019, true),
             (2.03, false),
         ] {
             assert_eq!(track().at(time, 0.02).is_some(), is_there, "{time}");
