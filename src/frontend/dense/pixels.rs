@@ -202,7 +202,7 @@ impl PackBand<'_> {
 #[inline(always)]
 fn inverse_root<L: Lanes>(l: L, x: L::F) -> L::F {
     let guess = l.sub_int(l.splat_int(0x5f37_59df), l.shift_down::<1>(l.to_bits(x)));
-    let guess = l.from_bits(guess);
+    let guess = l.of_bits(guess);
     let half = l.mul(l.mul(x, l.splat(0.5)), guess);
     l.mul(guess, l.fnma(half, guess, l.splat(1.5)))
 }

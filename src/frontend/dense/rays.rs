@@ -1,4 +1,5 @@
-//! The rays of a frame over the grid: blocks near the depth of each are marked.
+//! The rays of a frame over the grid: blocks near the depth of each are marked. Rays are cast as densely
+//! as blocks ask for; which are there already is not known here.
 
 use covis_solvers::geometry::Se3;
 

@@ -165,3 +165,54 @@ fn floor(x: f32) -> i32 {
     let whole = x as i32;
     whole - i32::from(x < whole as f32)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ray_marks_each_block_that_it_passes_once() {
+        let mut reach = Reach::default();
+        reach.begin(&[[-3.0, -200.0, 5.0], [80.5, -180.0, 9.0]]).unwrap();
+        let corner = reach.origin();
+        let direction = [0.83, 0.19, -0.04];
+        let start = [0.3_f32, -199.7, 8.6];
+        let origin = std::array::from_fn(|k| start[k] - corner[k] as f32);
+        let none = [[i32::MIN; 3]; 2];
+        let ends = reach.mark(&Ray { origin, direction }, 0.5, 80.0, none);
+        assert_eq!(reach.mark(&Ray { origin, direction }, 0.5, 80.0, ends), ends);
+        let mut marked = Vec::new();
+        reach.for_each(|key| marked.push(key));
+        let mut passed: Vec<BlockKey> = (0..=100_000)
+            .map(|i| {
+                let z = 0.5 + 79.5 * i as f32 / 100_000.0;
+                let at: [f32; 3] = std::array::from_fn(|k| (start[k] + z * direction[k]).floor());
+                let [x, y, z] = at.map(|x| x as i32);
+                BlockKey { x, y, z }
+            })
+            .collect();
+        passed.dedup();
+        passed.sort_by_key(|key| (key.z, key.y, key.x));
+        assert!(passed.len() > 80);
+        let wrong = marked.iter().filter(|key| !passed.contains(key)).count()
+            + passed.iter().filter(|key| !marked.contains(key)).count();
+        // Roundings at a corner.
+        assert!(wrong <= 2, "{wrong}");
+        for key in marked {
+            reach.clear(key);
+        }
+        reach.clear(BlockKey { x: i32::MAX, y: i32::MIN, z: 0 });
+        reach.for_each(|key| panic!("{key:?}"));
+    }
+
+    #[test]
+    fn boxes_that_are_too_large_or_too_far_are_refused() {
+        let mut reach = Reach::default();
+        for far in [1e4, -1e9, 1e300, f64::INFINITY] {
+            assert_eq!(reach.begin(&[[0.0; 3], [0.0, far, 0.0]]), None, "{far}");
+        }
+        let all = f64::from(i32::MAX);
+        assert_eq!(reach.begin(&[[all; 3], [all; 3]]), None);
+        assert_eq!(reach.begin(&[[0.0; 3], [2000.0; 3]]), None);
+    }
+}

@@ -1,4 +1,5 @@
-//! Where blocks lie in an image, and whether its depth can say anything about them.
+//! Where blocks lie in an image, and whether its depth can say anything about them. Answers are on the
+//! safe side: a block that is said not to be seen is not.
 
 use covis_solvers::geometry::{LieGroup, PinholeRadialTangential, Se3};
 use nalgebra::{Matrix3, Vector3};

@@ -1,4 +1,4 @@
-//! Blocks in slabs of memory: growing moves nothing.
+//! Blocks in slabs of memory: growing moves nothing. Knows no keys and does not look into blocks.
 
 use std::ops::{Index, IndexMut, Range};
 

@@ -100,3 +100,41 @@ impl Level {
 pub(super) fn join(a: Range, b: Range) -> Range {
     [if b[0] < a[0] { b[0] } else { a[0] }, if b[1] > a[1] { b[1] } else { a[1] }]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_hold_all_that_was_measured() {
+        let (width, height) = (100, 60);
+        let mut tiles = Tiles::new(width, height);
+        let depth =
+            |u: usize, v: usize| if (u + v).is_multiple_of(7) { 0.0 } else { (u * v) as f32 };
+        let columns = tiles.width();
+        for (i, tile) in tiles.smallest_mut().iter_mut().enumerate() {
+            for v in (i / columns * TILE..).take(TILE).take_while(|&v| v < height) {
+                for u in (i % columns * TILE..).take(TILE).take_while(|&u| u < width) {
+                    let z = depth(u, v);
+                    *tile = if z > 0.0 { join(*tile, [z, z]) } else { *tile };
+                }
+            }
+        }
+        tiles.build();
+        for (left, top, right, bottom) in
+            [(0, 0, 99, 59), (3, 4, 5, 6), (50, 2, 99, 9), (8, 8, 40, 59)]
+        {
+            let mut exact = NOTHING;
+            for v in top..=bottom {
+                for u in left..=right {
+                    let z = depth(u, v);
+                    exact = if z > 0.0 { join(exact, [z, z]) } else { exact };
+                }
+            }
+            let range = tiles.range(left, top, right, bottom);
+            assert!(range[0] <= exact[0] && range[1] >= exact[1], "{range:?} {exact:?}");
+        }
+        assert_eq!(tiles.range(0, 0, 99, 59)[1], depth(99, 59).max(depth(98, 59)));
+        assert_eq!(tiles.range(0, 0, 0, 0)[1], depth(7, 6).max(depth(6, 7)).max(depth(6, 6)));
+    }
+}

@@ -68,7 +68,7 @@ impl Lanes for Arrays {
         from_fn(|i| a[i].to_bits().cast_signed())
     }
     #[inline(always)]
-    fn from_bits(self, a: I) -> F {
+    fn of_bits(self, a: I) -> F {
         from_fn(|i| f32::from_bits(a[i].cast_unsigned()))
     }
     #[inline(always)]

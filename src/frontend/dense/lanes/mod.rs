@@ -48,7 +48,7 @@ pub(super) trait Lanes: Copy {
     /// The bits of a number.
     fn to_bits(self, a: Self::F) -> Self::I;
     /// The number of these bits.
-    fn from_bits(self, a: Self::I) -> Self::F;
+    fn of_bits(self, a: Self::I) -> Self::F;
     /// The smaller one; b where either is not a number.
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
     /// The larger one; b where either is not a number.

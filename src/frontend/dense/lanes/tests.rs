@@ -1,3 +1,5 @@
+//! Each operation in each class, against the plain one.
+
 use super::*;
 
 /// Each operation on awkward numbers.
@@ -17,7 +19,7 @@ impl Kernel for All<'_> {
             l.fma(a, b, a),
             l.fnma(a, b, a),
             l.div(a, b),
-            l.from_bits(l.shift_down::<1>(l.to_bits(a))),
+            l.of_bits(l.shift_down::<1>(l.to_bits(a))),
             l.min(a, b),
             l.max(a, b),
             l.select(l.less(a, b), a, b),

@@ -58,7 +58,9 @@ fn exact_depth_gives_the_surface_to_a_fraction_of_a_voxel() {
 #[test]
 fn noisy_depth_gives_the_surface_to_half_a_voxel() {
     let scene = furnished();
-    for options in [plain(), IntegrationOptions::default()] {
+    let growing = IntegrationOptions { truncation_sigmas: 3.0, ..IntegrationOptions::default() };
+    let flat = IntegrationOptions { weigh_noise: false, ..plain() };
+    for options in [plain(), flat, IntegrationOptions::default(), growing] {
         let error = error(&scene, options, 0.02, true, true);
         println!("dynamic {}: {error:.3} voxels", options.dynamic);
         assert!(error <= 0.5, "{error}");
