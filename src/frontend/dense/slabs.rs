@@ -1,4 +1,5 @@
-//! Blocks in slabs of memory: growing moves nothing. Knows no keys and does not look into blocks.
+//! Blocks in slabs of memory: growing moves nothing, and what was handed out stays where it is. Knows no
+//! keys and does not look into blocks.
 
 use std::ops::{Index, IndexMut, Range};
 
