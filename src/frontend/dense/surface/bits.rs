@@ -24,15 +24,17 @@ pub(super) struct Bits {
 impl Bits {
     /// The bits of a block, with the weight from which on a voxel counts.
     pub(super) fn of(block: &Block, least_weight: u16) -> Self {
-        let mut flags = [0_u16; VOXELS];
-        for (flag, &weight) in flags.iter_mut().zip(&block.weights) {
-            *flag = if weight >= least_weight { 1 << 15 } else { 0 };
+        // A byte a voxel, all ones or all zeros: the compiler makes vectors of these loops.
+        let mut seen = [0_u8; VOXELS];
+        for (byte, &weight) in seen.iter_mut().zip(&block.weights) {
+            *byte = u8::from(weight >= least_weight).wrapping_neg();
         }
-        let seen = top_bits(&flags);
-        for (flag, &distance) in flags.iter_mut().zip(&block.distances) {
-            *flag &= distance.cast_unsigned();
+        let mut inside = [0_u8; VOXELS];
+        for (byte, &distance) in inside.iter_mut().zip(&block.distances) {
+            *byte = u8::from(distance < 0).wrapping_neg();
         }
-        Self { inside: top_bits(&flags), seen }
+        let (inside, seen) = (low_bits(&inside), low_bits(&seen));
+        Self { inside: std::array::from_fn(|z| inside[z] & seen[z]), seen }
     }
 
     /// Where it differs from another.
@@ -53,20 +55,22 @@ pub(super) fn stored_weight(weight: f32) -> u16 {
     ((weight * f32::from(WEIGHT_ONE)).ceil() as u16).max(1)
 }
 
-/// The highest bit of each value.
-fn top_bits(values: &[u16; VOXELS]) -> BlockBits {
-    // Four values are a word; the product moves bits 0, 16, 32 and 48 to 48, 49, 50 and 51.
-    const GATHER: u64 = 1 << 48 | 1 << 33 | 1 << 18 | 1 << 3;
+/// The lowest bit of each byte.
+fn low_bits(bytes: &[u8; VOXELS]) -> BlockBits {
     let mut bits = [0; EDGE];
-    for (word, slab) in bits.iter_mut().zip(values.chunks_exact(EDGE * EDGE)) {
-        for (i, four) in slab.chunks_exact(4).enumerate() {
-            let [a, b, c, d] = [four[0], four[1], four[2], four[3]].map(u64::from);
-            let lanes = a | b << 16 | c << 32 | d << 48;
-            let tops = lanes >> 15 & 0x0001_0001_0001_0001;
-            *word |= (tops.wrapping_mul(GATHER) >> 48 & 15) << (4 * i);
+    for (word, slab) in bits.iter_mut().zip(bytes.as_chunks::<{ EDGE * EDGE }>().0) {
+        for (y, row) in slab.as_chunks::<EDGE>().0.iter().enumerate() {
+            let firsts = u64::from_le_bytes(*row) & 0x0101_0101_0101_0101;
+            *word |= first_of_bytes(firsts) << (EDGE * y);
         }
     }
     bits
+}
+
+/// The lowest bits of eight bytes, whose others are zero, as one byte.
+pub(super) fn first_of_bytes(word: u64) -> u64 {
+    // The product moves bit 8 y to 56 + y.
+    word.wrapping_mul(0x0102_0408_1020_4080) >> 56
 }
 
 /// Which of the 27 blocks around (order as in [`FieldBits::of`]) lie beside a voxel whose bit is one;

@@ -12,10 +12,12 @@ use super::super::volume::Volume;
 use super::SurfaceOptions;
 use super::bits::{Bits, FieldBits, borders, stored_weight};
 use super::mesh::{Mesh, join};
-use super::piece::{MIDDLE, Piece, Source};
+use super::piece::{MIDDLE, Piece, Source, ones};
 
 /// No slot.
 const NONE: u32 = u32::MAX;
+/// All 27 blocks around.
+const ALL: u32 = (1 << 27) - 1;
 /// The revision of a block that was not looked at.
 const NEVER: u64 = u64::MAX;
 /// Blocks that a task takes at least.
@@ -36,6 +38,8 @@ pub struct SurfaceCache {
     pieces: Vec<Option<Box<Piece>>>,
     /// Which of the blocks around have voxels that the piece was made of, as in [`borders`].
     reads: Vec<u32>,
+    /// Which of the pieces around are made of the block's voxels: the same, the other way around.
+    read_by: Vec<u32>,
     /// The update since which the piece is old, 0 where it is not.
     stale: Vec<u64>,
     /// The slots of old pieces.
@@ -56,6 +60,7 @@ impl SurfaceCache {
             around: Vec::new(),
             pieces: Vec::new(),
             reads: Vec::new(),
+            read_by: Vec::new(),
             stale: Vec::new(),
             old: Vec::new(),
             updates: 0,
@@ -75,15 +80,14 @@ impl SurfaceCache {
         self.link(volume);
         self.look(volume);
         let mut old = std::mem::take(&mut self.old);
-        old.retain(|&slot| {
-            let has_both_sides = self.has_both_sides(slot);
-            if !has_both_sides {
-                self.pieces[slot] = None;
-                self.reads[slot] = 0;
-                self.stale[slot] = 0;
-            }
-            has_both_sides
-        });
+        let tasks = old.par_iter().with_min_len(8 * BLOCKS_A_TASK);
+        let both: Vec<bool> = tasks.map(|&slot| self.has_both_sides(slot)).collect();
+        for (&slot, _) in old.iter().zip(&both).filter(|(_, both)| !**both) {
+            self.keep(slot, None, 0);
+            self.stale[slot] = 0;
+        }
+        let mut both = both.into_iter();
+        old.retain(|_| both.next().unwrap_or(false));
         if most < old.len() {
             old.select_nth_unstable_by_key(most, |&slot| (self.stale[slot], slot));
             self.old = old.split_off(most);
@@ -100,10 +104,22 @@ impl SurfaceCache {
         });
         let count = made.len();
         for (slot, piece, reads) in made {
-            self.pieces[slot] = piece;
-            self.reads[slot] = reads;
+            self.keep(slot, piece, reads);
         }
         count
+    }
+
+    /// Takes over the piece of a slot, and from which blocks it is.
+    fn keep(&mut self, slot: usize, piece: Option<Box<Piece>>, reads: u32) {
+        let turned = self.reads[slot] ^ reads;
+        self.pieces[slot] = piece;
+        self.reads[slot] = reads;
+        for k in ones(turned.into()) {
+            let neighbor = self.around[slot][k];
+            if neighbor != NONE {
+                self.read_by[neighbor as usize] ^= 1 << (26 - k);
+            }
+        }
     }
 
     /// Whether pieces are old that [`SurfaceCache::update_oldest`] left for later.
@@ -130,6 +146,7 @@ impl SurfaceCache {
             for (k, neighbor) in self.around[slot].into_iter().enumerate() {
                 if neighbor != NONE {
                     self.around[neighbor as usize][26 - k] = NONE;
+                    self.read_by[neighbor as usize] &= !(1 << (26 - k));
                     self.mark(neighbor as usize);
                 }
             }
@@ -143,9 +160,13 @@ impl SurfaceCache {
         self.around.resize(keys.len(), [NONE; 27]);
         self.pieces.resize_with(keys.len(), || None);
         self.reads.resize(keys.len(), 0);
+        self.read_by.resize(keys.len(), 0);
         self.stale.resize(keys.len(), 0);
         self.old.retain(|&slot| slot < keys.len());
         let new: Vec<_> = replaced.into_iter().chain(kept..keys.len()).collect();
+        for &slot in &new {
+            (self.reads[slot], self.read_by[slot]) = (0, 0);
+        }
         let tasks = new.par_iter().with_min_len(BLOCKS_A_TASK);
         let linked: Vec<_> = tasks.map(|&slot| slots_around(volume, keys[slot])).collect();
         for (&slot, around) in new.iter().zip(linked) {
@@ -153,7 +174,9 @@ impl SurfaceCache {
             self.around[slot] = around;
             for (k, neighbor) in around.into_iter().enumerate() {
                 if neighbor != NONE {
-                    self.around[neighbor as usize][26 - k] = slot as u32;
+                    let neighbor = neighbor as usize;
+                    self.around[neighbor][26 - k] = slot as u32;
+                    self.read_by[slot] |= (self.reads[neighbor] >> (26 - k) & 1) << k;
                 }
             }
         }
@@ -169,7 +192,7 @@ impl SurfaceCache {
             .map(|&slot| {
                 let bits = Bits::of(&blocks[slot], self.least_weight);
                 let turned = match self.revisions[slot] {
-                    NEVER => u32::MAX,
+                    NEVER => ALL,
                     _ => borders(&bits.difference(&self.bits[slot])),
                 };
                 (bits, bits.sides(), turned)
@@ -180,12 +203,10 @@ impl SurfaceCache {
             self.sides[slot] = sides;
             self.bits[slot] = bits;
             self.mark(slot);
-            for (k, neighbor) in self.around[slot].into_iter().enumerate() {
+            for k in ones((turned | self.read_by[slot]).into()) {
+                let neighbor = self.around[slot][k];
                 if neighbor != NONE {
-                    let neighbor = neighbor as usize;
-                    if (turned >> k | self.reads[neighbor] >> (26 - k)) & 1 == 1 {
-                        self.mark(neighbor);
-                    }
+                    self.mark(neighbor as usize);
                 }
             }
         }

@@ -8,7 +8,7 @@
 use std::sync::LazyLock;
 
 use super::super::block::{Block, BlockKey, EDGE, VOXELS};
-use super::bits::{Field, FieldBits, SIDE, borders, own, split};
+use super::bits::{Field, FieldBits, SIDE, borders, first_of_bytes, own, split};
 use super::cases::{CASES, TRIANGLES, edge_base};
 
 /// A point of the surface.
@@ -204,13 +204,11 @@ fn with_lower_cells(cells: u128) -> u128 {
 fn rows_of(word: u64) -> u32 {
     let word = word | word >> 4;
     let word = word | word >> 2;
-    let firsts = (word | word >> 1) & 0x0101_0101_0101_0101;
-    // The product moves bit 8 y to 56 + y.
-    (firsts.wrapping_mul(0x0102_0408_1020_4080) >> 56) as u32
+    first_of_bytes((word | word >> 1) & 0x0101_0101_0101_0101) as u32
 }
 
 /// The places of ones, lowest first.
-fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
+pub(super) fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let place = bits.trailing_zeros() as usize;
         bits &= bits.wrapping_sub(1);
