@@ -1,4 +1,6 @@
 //! `covis run --mesh`: the dense map beside tracking, and the files it leaves.
+//!
+//! Starts it, waits for it and writes; fusion is [`crate::frontend::dense`]'s.
 
 use std::path::Path;
 

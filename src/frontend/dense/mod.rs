@@ -33,15 +33,21 @@ pub mod frame_log;
 mod fuse;
 pub mod integrate;
 mod lanes;
+pub mod mapper;
+pub mod navigation;
 mod options;
 mod pixels;
+pub mod pose_track;
 mod rays;
 mod reach;
 mod sight;
 mod slabs;
 mod supply;
-mod tiles;
-pub mod volume;
-
+pub mod surface;
+#[cfg(test)]
+mod testing;
 #[cfg(test)]
 mod tests;
+pub mod thread;
+mod tiles;
+pub mod volume;

@@ -1,4 +1,5 @@
-//! Where a camera was at any time, from poses at some times.
+//! Where a camera was at any time, from poses at some times. Plain functions of a trajectory; knows
+//! neither frames nor volumes.
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::io::trajectory::Trajectory;

@@ -2,6 +2,7 @@
 //! more than what a frame does with it.
 
 use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use super::block::Block;
@@ -17,13 +18,15 @@ pub(super) type Slab = Box<[Block]>;
 /// Slabs that are ready. The thread starts with the first that is taken and ends with the supply.
 #[derive(Debug, Default)]
 pub(super) struct Supply {
-    ready: Option<Receiver<Slab>>,
+    /// Behind a lock that is never taken: volumes are read by many threads, slabs are taken by one.
+    ready: Mutex<Option<Receiver<Slab>>>,
 }
 
 impl Supply {
     /// A slab: one that is ready, or one that is made now.
     pub(super) fn take(&mut self) -> Slab {
-        let ready = self.ready.get_or_insert_with(|| {
+        let ready = self.ready.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let ready = ready.get_or_insert_with(|| {
             let (give, take) = sync_channel(AHEAD);
             let make = move || while give.send(fresh()).is_ok() {};
             // Without a thread nothing is ever ready.

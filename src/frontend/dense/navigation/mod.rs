@@ -37,7 +37,7 @@ pub struct NavigationOptions {
 impl Default for NavigationOptions {
     /// Up is opposite to y, as if the first camera was held level; 1.4 m below it to 0.4 m above.
     fn default() -> Self {
-        Self { up: -Vector3::y(), heights_m: [-1.4, 0.4], least_weight: 1.0 }
+        Self { up: -Vector3::y(), heights_m: [-1.4, 0.4], least_weight: 3.0 / 256.0 }
     }
 }
 
