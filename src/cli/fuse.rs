@@ -79,8 +79,8 @@ impl Grid {
         if !(0.001..=1.0).contains(&self.voxel) {
             bail!("--voxel must be 0.001 to 1 m, not {}", self.voxel);
         }
-        if !(2.0..=32.0).contains(&self.truncation_voxels) {
-            bail!("--truncation-voxels must be 2 to 32, not {}", self.truncation_voxels);
+        if !(3.0..=32.0).contains(&self.truncation_voxels) {
+            bail!("--truncation-voxels must be 3 to 32, not {}", self.truncation_voxels);
         }
         let truncation_m = self.truncation_voxels * self.voxel;
         Ok(VolumeOptions { voxel_m: self.voxel, truncation_m })

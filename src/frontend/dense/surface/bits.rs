@@ -6,6 +6,11 @@
 
 use super::super::block::{Block, EDGE, VOXELS, WEIGHT_ONE};
 
+/// A voxel next to a surface lies within √3 voxels of it, less than this where the truncation is three
+/// voxels or more. One beyond it, beside one of the other sign, is free space beside what hides behind
+/// a silhouette: there is no surface between.
+const STEEP: i16 = i16::MAX / 4 * 3;
+
 /// Voxels along an edge of a field.
 pub(super) const SIDE: usize = EDGE + 2;
 
@@ -17,7 +22,7 @@ pub(super) type BlockBits = [u64; EDGE];
 pub(super) struct Bits {
     /// Behind the surface: negative distance, seen enough.
     pub(super) inside: BlockBits,
-    /// Seen enough to carry a surface.
+    /// Seen enough, and near enough, to carry a surface.
     pub(super) seen: BlockBits,
 }
 
@@ -26,8 +31,10 @@ impl Bits {
     pub(super) fn of(block: &Block, least_weight: u16) -> Self {
         // A byte a voxel, all ones or all zeros: the compiler makes vectors of these loops.
         let mut seen = [0_u8; VOXELS];
-        for (byte, &weight) in seen.iter_mut().zip(&block.weights) {
-            *byte = u8::from(weight >= least_weight).wrapping_neg();
+        let voxels = block.weights.iter().zip(&block.distances);
+        for (byte, (&weight, &distance)) in seen.iter_mut().zip(voxels) {
+            let is_near = (distance < STEEP) & (distance > -STEEP);
+            *byte = u8::from((weight >= least_weight) & is_near).wrapping_neg();
         }
         let mut inside = [0_u8; VOXELS];
         for (byte, &distance) in inside.iter_mut().zip(&block.distances) {
@@ -185,7 +192,8 @@ mod tests {
         let bits = Bits::of(&block, 256);
         for i in 0..VOXELS {
             let (z, bit) = (i / 64, i % 64);
-            let is_seen = block.weights[i] >= 256;
+            let is_near = i32::from(block.distances[i]).abs() < i32::from(STEEP);
+            let is_seen = block.weights[i] >= 256 && is_near;
             assert_eq!(bits.seen[z] >> bit & 1 == 1, is_seen, "voxel {i}");
             assert_eq!(bits.inside[z] >> bit & 1 == 1, is_seen && block.distances[i] < 0);
         }

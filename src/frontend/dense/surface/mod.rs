@@ -9,7 +9,7 @@
 //! | `mesh` | pieces joined to one mesh |
 //!
 //! A cell is the cube between eight neighboring voxels; it belongs to the block of its lowest voxel
-//! and has triangles where all eight were seen. A vertex lies on an edge of cells and belongs to the
+//! and has triangles where all eight were seen near the surface. A vertex lies on an edge of cells and belongs to the
 //! block of the edge's lower voxel, which makes it once; pieces name vertices by their edges, so that
 //! the joined mesh is indexed and closed over the borders of blocks. Reads the volume, changes
 //! nothing in it; results do not depend on the number of threads.

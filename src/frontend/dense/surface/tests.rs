@@ -193,3 +193,16 @@ fn the_surface_does_not_depend_on_the_threads() {
     assert_eq!(on(1), on(2));
     assert_eq!(on(1), on(4));
 }
+
+#[test]
+fn between_free_space_and_what_a_silhouette_hides_there_is_no_surface() {
+    // In front of a wall at z = 0.1, which ends at x = 0; beyond it the camera looks far behind.
+    let shape = |p: [f32; 3]| {
+        let distance = if p[0] < 0.0 { 0.1 - p[2] } else { 1.0 };
+        Some((distance, 3.0, [0; 3]))
+    };
+    let mesh = extract(&volume(CENTIMETER, [-2; 3], [2; 3], shape), SurfaceOptions::default());
+    assert!(!mesh.triangles.is_empty());
+    let rightmost = mesh.positions.iter().map(|p| p[0]).fold(f32::MIN, f32::max);
+    assert!(rightmost < 0.0, "the wall is closed towards free space at {rightmost}");
+}
