@@ -31,6 +31,8 @@ pub struct MapLandmark {
     pub point_in_world: Vector3<f64>,
     /// The keyframes that see it, and where.
     pub observations: Vec<(usize, Vector2<f64>)>,
+    /// Frames whose pose it fitted, since it last seemed to move.
+    pub times_tracked: usize,
     /// What it looked like at first.
     pub descriptor: Option<Descriptor>,
 }

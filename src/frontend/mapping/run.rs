@@ -207,7 +207,7 @@ impl Run<'_> {
 
     /// Puts the trajectory on the final map.
     async fn finish(mut self) -> Result<RunReport, ClientError> {
-        if !self.pipeline.map().keyframes.is_empty() {
+        if !self.report.durations.map.is_empty() {
             let corrections = self.mapper.optimize().await?;
             self.correct(&corrections);
         }

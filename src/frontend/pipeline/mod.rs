@@ -3,7 +3,9 @@
 //! | file | role |
 //! |---|---|
 //! | this | the stages in order; the state between frames |
+//! | `beginning` | the first keyframe |
 //! | `initial` | A. the initial pose |
+//! | `pose` | B. and D.: matches, and the pose of those that do not move |
 //! | `relocalization` | where the camera is when it was lost |
 //!
 //! Of the paper's four threads this is the first, tracking. What a frame leaves goes to the second,
@@ -14,7 +16,9 @@
 //! Two frames of reference are kept apart: the map, which the server corrects, and odometry, which
 //! drifts and never jumps. A correction moves the last frame along with its reference keyframe.
 
+mod beginning;
 mod initial;
+mod pose;
 mod relocalization;
 #[cfg(test)]
 mod tests;
@@ -36,18 +40,19 @@ use super::pyramid::Pyramid;
 use super::shutter::Shutter;
 use super::tracking::alignment::{AlignmentOptions, AlignmentPoint};
 use super::tracking::keyframe::{self, KeyframeOptions, NewKeyframe};
-use super::tracking::local_matching::{Match, MatchOptions, View, match_landmarks};
+use super::tracking::local_matching::{Match, MatchOptions, View};
 use super::tracking::points::select_points;
-use super::tracking::refinement::{RefinedPose, refine_pose};
+use super::tracking::refinement::RefinedPose;
 use super::tracking::rotation::SmallImage;
+use super::tracking::surfaces::Surfaces;
+use beginning::First;
 use initial::InitialPose;
+use pose::{FEW_INLIERS, LEAST_INLIERS, find_pose, pose_without_moving};
 
 /// Levels of the pyramid.
 const LEVELS: usize = 5;
-/// Fewer matches than this tell no pose.
-const LEAST_INLIERS: usize = 12;
-/// With fewer than this, patches are sought farther away.
-const FEW_INLIERS: usize = 40;
+/// Frames that a landmark fitted from which on it is known.
+const KNOWN_TIMES: usize = 5;
 /// Frames in a row whose pose is that of the alignment alone, before tracking is lost.
 const MOST_COASTED: usize = 5;
 /// Largest median residual of an alignment that counts by itself, gray levels.
@@ -142,6 +147,8 @@ struct Last {
     small: SmallImage,
     moving: Option<Image<u8>>,
     points: Vec<AlignmentPoint>,
+    /// Until enough landmarks fitted for so long that they tell the room from what walks in it.
+    surfaces: Option<Surfaces>,
     keyframe: usize,
     world_from_camera: Se3,
     odom_from_camera: Se3,
@@ -164,6 +171,7 @@ pub struct Pipeline {
     options: PipelineOptions,
     map: LocalMap,
     detector: Option<MotionDetector>,
+    first: Option<First>,
     last: Option<Last>,
     since_keyframe: usize,
     coasted: usize,
@@ -175,7 +183,16 @@ impl Pipeline {
     pub fn new(camera: FrameCamera, options: PipelineOptions) -> Self {
         let detector = options.motion.map(|motion| MotionDetector::new(&camera, motion));
         let map = LocalMap::default();
-        Self { camera, options, map, detector, last: None, since_keyframe: 0, coasted: 0 }
+        Self {
+            camera,
+            options,
+            map,
+            detector,
+            first: None,
+            last: None,
+            since_keyframe: 0,
+            coasted: 0,
+        }
     }
 
     /// The lens.
@@ -215,25 +232,19 @@ impl Pipeline {
         outcome
     }
 
-    /// The first frame with enough landmarks is the first keyframe, its camera the origin of map and
-    /// odometry.
-    fn begin(
-        &mut self,
+    /// How the rows of a frame were exposed, and its depth when they were, by a motion that took so
+    /// long; `None` where the depth is right as it is.
+    fn taken(
+        &self,
         frame: &RgbdFrame,
-        pyramid: Arc<Pyramid>,
-        mask: Option<&Image<u8>>,
-        outcome: &mut Outcome,
-    ) {
-        let origin = Se3::identity();
-        outcome.moving = self.moving(frame, (&pyramid, &frame.depth_m), &origin, None, mask);
-        let shutter = Shutter::default();
-        let now = Now { frame, pyramid, depth_m: &frame.depth_m, shutter };
-        let view = now.view(&self.camera, obeyed(outcome.moving.as_ref()));
-        let corners = keyframe::free_corners(&view, &[], self.options.keyframes.cell_px);
-        if corners.len() < LEAST_LANDMARKS {
-            return;
-        }
-        self.settle(&now, outcome, (origin, origin), (origin, 0.0), &[], true);
+        motion: &Se3,
+        elapsed_s: f64,
+    ) -> (Shutter, Option<Image<f32>>) {
+        let timing = &self.options.timing;
+        let rate = motion.rotation.log() / elapsed_s;
+        let shutter = Shutter::new(&self.camera, &rate, timing.readout_s);
+        let turned = So3::exp(&(rate * -(frame.depth_delay_s + timing.depth_late_s)));
+        (shutter, depth::synchronized(&self.camera, &frame.depth_m, &turned))
     }
 
     /// A frame after the first.
@@ -244,6 +255,10 @@ impl Pipeline {
         mask: Option<&Image<u8>>,
         outcome: &mut Outcome,
     ) {
+        if let Some(mut first) = self.first.take() {
+            self.begin_again(&mut first, (&pyramid, frame));
+            outcome.keyframe = first.keyframe;
+        }
         let Some(last) = &self.last else { return };
         let timing = self.options.timing;
         let stage = Instant::now();
@@ -252,7 +267,7 @@ impl Pipeline {
             &self.camera,
             last,
             &pyramid,
-            elapsed_s,
+            frame,
             &timing,
             &self.options.alignment,
         );
@@ -261,24 +276,31 @@ impl Pipeline {
             return self.relocalize(frame, pyramid, outcome);
         };
         let (world, odom) = (last.world_from_camera, last.odom_from_camera);
-        let rate = last_from_camera.rotation.log() / elapsed_s;
-        let shutter = Shutter::new(&self.camera, &rate, timing.readout_s);
-        let turned = So3::exp(&(rate * -(frame.depth_delay_s + timing.depth_late_s)));
-        let synchronized = depth::synchronized(&self.camera, &frame.depth_m, &turned);
+        let (shutter, synchronized) = self.taken(frame, &last_from_camera, elapsed_s);
         let depth_m = synchronized.as_ref().unwrap_or(&frame.depth_m);
         let start = world.compose(&last_from_camera);
 
         let stage = Instant::now();
-        let odom_start = odom.compose(&last_from_camera);
-        let images = (&*pyramid, depth_m);
-        outcome.moving = self.moving(frame, images, &odom_start, Some((&start, exposure)), mask);
+        let now = Now { frame, pyramid, depth_m, shutter };
+        let given = mask.filter(|mask| mask.size() == self.camera.size());
+        let view = now.view(&self.camera, obeyed(given));
+        // B. With what moves among it: only a pose that is right tells that.
+        let found = find_pose(&self.map, &view, &start, &self.options.matching);
+        let (at, matches) =
+            found.map_or((start, Vec::new()), |(found, all)| (found.world_from_camera, all));
+        outcome.seconds.refine = stage.elapsed().as_secs_f64();
+
+        let stage = Instant::now();
+        let odom_at = odom.compose(&world.inverse().compose(&at));
+        let images = (&*now.pyramid, depth_m);
+        outcome.moving = self.moving(frame, images, &odom_at, Some((&at, exposure)), mask);
         outcome.seconds.mask = stage.elapsed().as_secs_f64();
 
         let stage = Instant::now();
-        let now = Now { frame, pyramid, depth_m, shutter };
         let view = now.view(&self.camera, obeyed(outcome.moving.as_ref()));
-        let refined = find_pose(&self.map, &view, &start, &self.options.matching);
-        outcome.seconds.refine = stage.elapsed().as_secs_f64();
+        let matching = &self.options.matching;
+        let refined = pose_without_moving(&mut self.map, &view, matches, &at, matching);
+        outcome.seconds.refine += stage.elapsed().as_secs_f64();
         let (pose, inliers) = match refined {
             Some(refined) => {
                 self.coasted = 0;
@@ -334,11 +356,15 @@ impl Pipeline {
         inliers: &[Match],
         is_first: bool,
     ) {
+        for found in inliers {
+            self.map.landmarks[found.landmark].times_tracked += 1;
+        }
         let options = &self.options.keyframes;
         let reference = self.last.as_ref().map_or(0, |last| last.keyframe);
         self.since_keyframe += 1;
         let is_due = is_first
-            || inliers.len() >= LEAST_INLIERS
+            || outcome.keyframe.is_none()
+                && inliers.len() >= LEAST_INLIERS
                 && self.since_keyframe >= options.least_frames
                 && keyframe::is_due(
                     options,
@@ -378,11 +404,14 @@ impl Pipeline {
             odom_from_camera,
             inliers: inliers.len(),
         });
+        let times = |found: &Match| self.map.landmarks[found.landmark].times_tracked;
+        let known = inliers.iter().filter(|found| times(found) >= KNOWN_TIMES);
         self.last = Some(Last {
             timestamp_s,
             small: SmallImage::new(&now.pyramid),
             moving: obeyed(outcome.moving.as_ref()).cloned(),
             points: select_points(&view),
+            surfaces: (known.count() < FEW_INLIERS).then(|| Surfaces::new(&view)),
             pyramid: Arc::clone(&now.pyramid),
             keyframe,
             world_from_camera,
@@ -397,7 +426,7 @@ impl Pipeline {
         let view = now.view(&self.camera, obeyed(outcome.moving.as_ref()));
         let Some(start) = relocalization::locate(&self.map, &view) else { return };
         let refined = find_pose(&self.map, &view, &start, &self.options.matching);
-        let Some(RefinedPose { world_from_camera, inliers, .. }) = refined else { return };
+        let Some((RefinedPose { world_from_camera, inliers, .. }, _)) = refined else { return };
         if inliers.len() < FEW_INLIERS {
             return;
         }
@@ -425,27 +454,6 @@ fn obeyed(moving: Option<&Image<u8>>) -> Option<&Image<u8>> {
         let still = pixels.iter().filter(|&&pixel| pixel <= 127).count();
         still as f64 >= LEAST_STILL_SHARE * pixels.len() as f64
     })
-}
-
-/// B. and D. Matches about at a pose, and the pose that fits them. Where the start is too far off
-/// for fine patches, coarse ones come first.
-fn find_pose(
-    map: &LocalMap,
-    view: &View<'_>,
-    start: &Se3,
-    options: &MatchOptions,
-) -> Option<RefinedPose> {
-    let pose = |start: &Se3, options: &MatchOptions| {
-        let matches = match_landmarks(view, map, start, options);
-        refine_pose(view.camera, map, &matches, start, LEAST_INLIERS)
-    };
-    let fine = pose(start, options);
-    if fine.as_ref().is_some_and(|fine| fine.inliers.len() >= FEW_INLIERS) {
-        return fine;
-    }
-    let coarse = pose(start, &MatchOptions { finest: 2, ..*options });
-    let again = coarse.as_ref().and_then(|coarse| pose(&coarse.world_from_camera, options));
-    [fine, coarse, again].into_iter().flatten().max_by_key(|found| found.inliers.len())
 }
 
 /// The keyframes of some time ago that show most of what a camera at a pose sees, the closest first.

@@ -111,6 +111,7 @@ pub fn add_keyframe(
         map.landmarks.push(MapLandmark {
             point_in_world,
             observations: vec![(id, pixel)],
+            times_tracked: 0,
             descriptor,
         });
         landmarks.push(NewLandmark { id: landmark, point_in_world });

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`rotation`] | a first guess, for cameras that turn fast |
 //! | [`alignment`], `patches` | A. initial estimate of the pose, equations 1 to 4 |
+//! | [`surfaces`] | whether depth agrees with it |
 //! | [`local_matching`], `patch_match` | B. feature points, equations 5 to 7 |
 //! | [`refinement`] | D. pose optimization, equation 8 |
 //! | [`keyframe`] | when a frame is kept, and what it brings |
@@ -19,5 +20,6 @@ mod patches;
 pub mod points;
 pub mod refinement;
 pub mod rotation;
+pub mod surfaces;
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,7 @@
 //! D. The pose that explains the static matches best (the paper's equation 8, with depth).
 //!
-//! Robust first, then once more without what does not fit. Gives the pose, its information, and
+//! Robust first, then once more without what does not fit. Landmarks count the more the more frames
+//! they fitted. Gives the pose, its information, and
 //! which matches are inliers.
 
 use covis_solvers::geometry::{Camera, Se3};
@@ -19,6 +20,9 @@ const LARGEST_CHI2: f64 = 11.3;
 const MEDIAN_CHI2: f64 = 2.37;
 /// By how much blur and a rolling shutter may make matches worse than they are at rest.
 const LARGEST_SCALE: f64 = 4.0;
+/// Variance of a landmark that is new, beyond that of one that fitted for long: what walks in brings
+/// many landmarks at a time, and none that fits for long while those of the room have the say.
+const NEW_DOUBT: f64 = 10.0;
 /// Width of the first pass' loss, standard deviations.
 const WIDTH: f64 = 1.5;
 
@@ -45,11 +49,18 @@ pub fn refine_pose(
     least: usize,
 ) -> Option<RefinedPose> {
     let lens = Camera::from(*camera.model());
-    let observe = |found: &Match, scale: f64| PointObservation {
-        point_in_world: map.landmarks[found.landmark].point_in_world,
-        pixel: found.straight,
-        sigma_px: found.sigma_px * scale,
-        depth_m: found.depth_m.map(|(z, sigma)| (z, sigma * scale)),
+    let doubt = |found: &Match| {
+        let times = map.landmarks[found.landmark].times_tracked as f64;
+        (1.0 + NEW_DOUBT / (1.0 + times)).sqrt()
+    };
+    let observe = |found: &Match, scale: f64| {
+        let scale = scale * doubt(found);
+        PointObservation {
+            point_in_world: map.landmarks[found.landmark].point_in_world,
+            pixel: found.straight,
+            sigma_px: found.sigma_px * scale,
+            depth_m: found.depth_m.map(|(z, sigma)| (z, sigma * scale)),
+        }
     };
     let mut kept = matches.to_vec();
     let mut pose = *start;
@@ -67,16 +78,16 @@ pub fn refine_pose(
         let refined =
             pose_refinement::refine(&lens, &pose, &observations, None, &options, observer).ok()?;
         pose = refined.world_from_camera;
+        // As of landmarks that are not new: doubt is a weight, and excuses nothing.
+        let errors = refined.squared_errors.iter().zip(&kept);
+        let mut errors: Vec<f64> = errors.map(|(e, found)| e * doubt(found).powi(2)).collect();
         match pass {
             0 => {
-                let mut errors = refined.squared_errors.clone();
                 errors.sort_by(f64::total_cmp);
                 scale = (errors[errors.len() / 2] / MEDIAN_CHI2).sqrt().clamp(1.0, LARGEST_SCALE);
             }
             1 => {
-                let fits = |i: usize| {
-                    refined.squared_errors[i] < LARGEST_CHI2 && !refined.behind_camera[i]
-                };
+                let fits = |i: usize| errors[i] < LARGEST_CHI2 && !refined.behind_camera[i];
                 kept = (0..kept.len()).filter(|&i| fits(i)).map(|i| kept[i]).collect();
             }
             _ => {
