@@ -87,7 +87,9 @@ pub fn largest(length: usize) -> Vec<Vec<u8>> {
 pub(crate) fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     let mixed = |block: usize, voxel: usize| {
         let seed = (VOXELS * block + voxel + 1) as u64;
-        seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(31).wrapping_mul(0xbf58_476d_1ce4_e5b9)
+        let mixed = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mixed = (mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        mixed ^ mixed >> 32
     };
     let plane = |_: usize, voxel: usize| {
         let height = (voxel / 8 % 8) as i16;

@@ -11,7 +11,7 @@
 //! from that of the chunk before, the first from the header's, so that no chunk can be missing, stand
 //! elsewhere or be of another file. Each block has at least 128 bytes of the file: a reader knows from
 //! the file's length how much memory its blocks can take, whatever the numbers in it say, and takes no
-//! more than 33 bytes a byte of the file and a few MiB. Blocks keep their order.
+//! more than 33 bytes a byte of the file and 20 MiB. Blocks keep their order.
 
 mod chunk;
 #[cfg(any(test, feature = "fuzzing"))]
@@ -37,8 +37,8 @@ const HEADER: usize = 36;
 const CHUNK_HEAD: usize = 8;
 /// Bytes of the file that a block has at least.
 const BYTES_A_BLOCK: usize = 128;
-/// Chunks that are packed or unpacked at a time.
-const CHUNKS_AT_A_TIME: usize = 8;
+/// Chunks that are packed or unpacked at a time: each holds two megabytes meanwhile.
+const CHUNKS_AT_A_TIME: usize = 4;
 
 /// Why a volume was not written or read. Offsets are bytes from the file's begin.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
