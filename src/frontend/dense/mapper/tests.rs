@@ -12,14 +12,7 @@ const FRAMES: usize = 24;
 const STEP: usize = 6;
 
 fn sequence() -> (Sequence, FrameCamera) {
-    let options = SequenceOptions {
-        width: 96,
-        height: 72,
-        frames: FRAMES,
-        seed: 3,
-        noise: true,
-        ..SequenceOptions::default()
-    };
+    let options = SequenceOptions { width: 96, height: 72, frames: FRAMES, seed: 3, noise: true };
     let sequence = Sequence::new(SceneName::Walking, &options);
     let camera = FrameCamera::new(*sequence.camera(), 96, 72).unwrap();
     (sequence, camera)
