@@ -88,7 +88,7 @@ fn frames_without_a_pose_are_skipped_and_bad_wishes_are_named() {
     let document = json(&workspace, "fuse tum:seq --poses ends.txt --voxel 0.05 --out a");
     assert_eq!((&document["frames"], &document["skipped"]), (&2.into(), &4.into()));
 
-    fs::write(workspace.path("never.txt"), "1 0 0 0 0 0 0 1\n").unwrap();
+    fs::write(workspace.path("never.txt"), "1e6 0 0 0 0 0 0 1\n").unwrap();
     fs::write(workspace.path("bad.txt"), "1 0 0 0 0 0 1\n").unwrap();
     for (arguments, reason) in [
         ("fuse tum:seq --poses never.txt --out b", "never.txt: no frame has a pose within 0.02 s"),
