@@ -27,7 +27,7 @@ fn json(workspace: &Workspace, arguments: &str) -> Value {
 
 /// Runs a command that must fail; what it says.
 fn failure(workspace: &Workspace, arguments: &str) -> String {
-    let ran = workspace.run(arguments, &[]);
+    let ran = workspace.run(&format!("--log error {arguments}"), &[]);
     assert_eq!(ran.code, Some(1), "{arguments}: {}", ran.stdout);
     ran.stderr
 }
