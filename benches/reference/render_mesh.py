@@ -19,17 +19,16 @@ MOST_PIXELS = 64
 def read_ply(path):
     data = open(path, "rb").read()
     end = data.index(b"end_header\n") + len(b"end_header\n")
-    vertex, faces, element = [], 0, None
+    vertex, counts, element = [], {}, None
     for line in data[:end].decode().splitlines():
         words = line.split()
         if words[0] == "element":
-            element, count = words[1], int(words[2])
-            faces = count if element == "face" else faces
-            vertices = count if element == "vertex" else locals().get("vertices", 0)
+            element = words[1]
+            counts[element] = int(words[2])
         elif words[0] == "property" and element == "vertex":
             vertex.append((words[2], TYPES[words[1]]))
-    table = np.frombuffer(data, np.dtype(vertex), vertices, end)
-    rows = np.frombuffer(data, np.dtype([("n", "u1"), ("i", "<i4", 3)]), faces, end + table.nbytes)
+    table = np.frombuffer(data, np.dtype(vertex), counts["vertex"], end)
+    rows = np.frombuffer(data, np.dtype([("n", "u1"), ("i", "<i4", 3)]), counts["face"], end + table.nbytes)
     xyz = np.stack([table[name] for name in "xyz"], 1).astype(float)
     rgb = np.stack([table[name] for name in ("red", "green", "blue")], 1) / 255.0
     return xyz, rgb, rows["i"]

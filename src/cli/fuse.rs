@@ -4,7 +4,7 @@
 //! Fusion is [`crate::frontend::dense`]'s.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -16,11 +16,10 @@ use serde::Serialize;
 use super::output::print;
 use super::progress::Progress;
 use super::run::report::Quantiles;
-use super::run::{Peeked, Source};
-use crate::frontend::camera::FrameCamera;
+use super::run::{Drawing, Peeked, Source};
 use crate::frontend::dense::integrate::{DenseFrame, IntegrationOptions, Integrator};
 use crate::frontend::dense::pose_track::PoseTrack;
-use crate::frontend::dense::surface::{SurfaceOptions, extract};
+use crate::frontend::dense::surface::{Mesh, SurfaceOptions, extract};
 use crate::frontend::dense::volume::{Volume, VolumeOptions};
 use crate::frontend::dense::{export, file};
 use crate::frontend::input::FrameSource;
@@ -51,12 +50,8 @@ pub(super) struct Args {
     /// Threads [default: all processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
     threads: Option<u16>,
-    /// Seed of a synthetic scene.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
-    /// Frames of a synthetic scene.
-    #[arg(long, value_name = "N")]
-    frames: Option<usize>,
+    #[command(flatten)]
+    drawing: Drawing,
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
@@ -85,6 +80,19 @@ impl Grid {
         let truncation_m = self.truncation_voxels * self.voxel;
         Ok(VolumeOptions { voxel_m: self.voxel, truncation_m })
     }
+}
+
+/// Writes `mesh.ply` and `volume.covis`.
+pub(super) fn write_surface(
+    volume: &Volume,
+    mesh: &Mesh,
+    out: &Path,
+) -> anyhow::Result<MeshFigures> {
+    let ply = export::ply(mesh);
+    fs::write(out.join("mesh.ply"), &ply)?;
+    file::save(volume, &out.join("volume.covis"))?;
+    let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
+    Ok(MeshFigures { vertices, triangles, bytes: ply.len() })
 }
 
 /// What a mesh amounts to.
@@ -117,11 +125,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     // Seen now rather than after the work.
     fs::create_dir_all(&args.out)?;
     let poses = PoseTrack::new(&Trajectory::read(&args.poses)?);
-    let source = args.source.clone().with(args.seed, args.frames);
+    let source = args.source.clone().with(args.drawing);
     let mut frames = Peeked::new(source.open(args.camera.as_deref())?)?;
-    let (width, height) = frames.size;
-    let camera = FrameCamera::new(*frames.camera(), width, height)
-        .context("the camera's distortion leaves pixels without a ray: check its coefficients")?;
+    let camera = frames.frame_camera()?;
     let threads = args.threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("threads")?;
 
@@ -163,11 +169,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let start = Instant::now();
     let mesh = pool.install(|| extract(&volume, SurfaceOptions::default()));
     let extract_s = start.elapsed().as_secs_f64();
-    let ply = export::ply(&mesh);
-    fs::write(args.out.join("mesh.ply"), &ply)?;
-    file::save(&volume, &args.out.join("volume.covis"))?;
+    let figures = write_surface(&volume, &mesh, &args.out)?;
 
-    let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
     let document = Document {
         frames: seconds.len(),
         skipped,
@@ -175,7 +178,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             ("integrate", Quantiles::of(seconds.into_iter())),
             ("extract", Quantiles::of(std::iter::once(extract_s))),
         ]),
-        mesh: MeshFigures { vertices, triangles, bytes: ply.len() },
+        mesh: figures,
     };
     if args.json {
         print(serde_json::to_string(&document)?)?;

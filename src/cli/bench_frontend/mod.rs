@@ -23,7 +23,7 @@ use serde::Serialize;
 use super::config::Config;
 use super::output::print;
 use super::run::embedded::Embedded;
-use super::run::{RunOptions, Source, report, sequence};
+use super::run::{Drawing, RunOptions, Source, report, sequence};
 use crate::evaluation::{MethodFigures, PaperRow, paper_row};
 use crate::frontend::mapping::run::RunReport;
 use truth::Truth;
@@ -43,12 +43,8 @@ pub(super) struct Args {
     /// Threads; with one, frames are decoded between others' tracking.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=64))]
     threads: u16,
-    /// Seed of synthetic scenes.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
-    /// Frames of synthetic scenes.
-    #[arg(long, value_name = "N")]
-    frames: Option<usize>,
+    #[command(flatten)]
+    drawing: Drawing,
     /// Print one JSON object instead of tables.
     #[arg(long)]
     json: bool,
@@ -162,7 +158,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
         .context("the async runtime")?;
     let mut sequences = Vec::new();
     for (index, source) in args.sequences.iter().enumerate() {
-        let source = source.clone().with(args.seed, args.frames);
+        let source = source.clone().with(args.drawing);
         let name = name(&source);
         tracing::info!("{name}");
         let mut row = Row {

@@ -7,15 +7,15 @@ use std::path::Path;
 use anyhow::{Context, bail};
 use fs_err as fs;
 
-use super::super::fuse::MeshFigures;
+use super::super::fuse::{MeshFigures, write_surface};
 use super::super::progress::Progress;
 use crate::frontend::camera::FrameCamera;
+use crate::frontend::dense::export;
 use crate::frontend::dense::integrate::IntegrationOptions;
 use crate::frontend::dense::mapper::DenseMapper;
 use crate::frontend::dense::surface::{SurfaceOptions, extract};
 use crate::frontend::dense::thread::{DenseReport, DenseThread};
 use crate::frontend::dense::volume::{Volume, VolumeOptions};
-use crate::frontend::dense::{export, file};
 
 /// How a run maps densely.
 #[derive(Clone, Copy, Debug)]
@@ -54,13 +54,10 @@ pub(super) fn finish(thread: DenseThread) -> anyhow::Result<DenseReport> {
 /// Writes `mesh.ply`, `mesh.glb` and `volume.covis`.
 pub(super) fn write(volume: &Volume, out: &Path) -> anyhow::Result<MeshFigures> {
     let mesh = extract(volume, SurfaceOptions::default());
-    let ply = export::ply(&mesh);
-    fs::write(out.join("mesh.ply"), &ply)?;
+    let figures = write_surface(volume, &mesh, out)?;
     let Some(glb) = export::glb(&mesh) else {
         bail!("the mesh is too large for a GLB file (4 GiB): covis mesh writes PLY");
     };
     fs::write(out.join("mesh.glb"), glb)?;
-    file::save(volume, &out.join("volume.covis"))?;
-    let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
-    Ok(MeshFigures { vertices, triangles, bytes: ply.len() })
+    Ok(figures)
 }

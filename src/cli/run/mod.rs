@@ -22,7 +22,6 @@ use super::fuse::Grid;
 use super::output::print;
 use super::progress::Progress;
 use crate::client::Client;
-use crate::frontend::camera::FrameCamera;
 use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::image::{Image, RgbdFrame};
 use crate::frontend::input::{FrameError, SensorTiming};
@@ -32,7 +31,7 @@ use crate::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
 use dense::DenseOptions;
 use embedded::Embedded;
 use masks::{GivenMasks, SavedMasks};
-pub(super) use source::{Peeked, Source};
+pub(super) use source::{Drawing, Peeked, Source};
 
 /// The frontend's name as a client.
 const CLIENT: &str = "frontend";
@@ -83,12 +82,8 @@ pub(super) struct Args {
     /// Threads; with one, frames are decoded between others' tracking [default: all processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
     threads: Option<u16>,
-    /// Seed of a synthetic scene.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
-    /// Frames of a synthetic scene.
-    #[arg(long, value_name = "N")]
-    frames: Option<usize>,
+    #[command(flatten)]
+    drawing: Drawing,
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
@@ -141,7 +136,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
         saved_masks: args.save_masks.then(|| args.out.join("masks")),
         threads,
     };
-    let source = args.source.clone().with(args.seed, args.frames);
+    let source = args.source.clone().with(args.drawing);
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(threads)
         .enable_all()
@@ -183,9 +178,7 @@ pub(super) async fn sequence(
         bail!("--readout-ms must be 0 to 100 and --depth-late-ms -100 to 100");
     };
     let frames = Peeked::new(source)?;
-    let (width, height) = frames.size;
-    let camera = FrameCamera::new(*frames.source.camera(), width, height)
-        .context("the camera leaves pixels without a ray: check its numbers")?;
+    let camera = frames.frame_camera()?;
     let dense = match &options.dense {
         Some(dense) => Some((dense::start(dense, &camera, options.threads)?, dense.every)),
         None => None,

@@ -8,6 +8,7 @@ use std::str::FromStr;
 use anyhow::{Context, bail};
 use covis_solvers::geometry::PinholeRadialTangential;
 
+use crate::frontend::camera::FrameCamera;
 use crate::frontend::image::RgbdFrame;
 use crate::frontend::input::{CameraOrigin, FrameError, FrameSource, SensorTiming, open_folder};
 use crate::frontend::synthetic::{SceneName, Sequence, SequenceOptions, SyntheticSource};
@@ -36,12 +37,23 @@ impl FromStr for Source {
     }
 }
 
+/// How a synthetic scene is drawn.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(in crate::cli) struct Drawing {
+    /// Seed of a synthetic scene.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Frames of a synthetic scene.
+    #[arg(long, value_name = "N")]
+    frames: Option<usize>,
+}
+
 impl Source {
     /// The same with a seed and a number of frames, which a folder does not have.
-    pub(in crate::cli) fn with(self, seed: u64, frames: Option<usize>) -> Self {
+    pub(in crate::cli) fn with(self, drawing: Drawing) -> Self {
         match self {
             Self::Folder(folder) => Self::Folder(folder),
-            Self::Synthetic(scene, ..) => Self::Synthetic(scene, seed, frames),
+            Self::Synthetic(scene, ..) => Self::Synthetic(scene, drawing.seed, drawing.frames),
         }
     }
 
@@ -78,7 +90,7 @@ impl Source {
 pub(in crate::cli) struct Peeked {
     pub(super) source: Box<dyn FrameSource>,
     seen: VecDeque<Result<RgbdFrame, FrameError>>,
-    pub(in crate::cli) size: (usize, usize),
+    size: (usize, usize),
 }
 
 impl Peeked {
@@ -95,6 +107,15 @@ impl Peeked {
             Some(Err(error)) => Err(error).context("no frame can be read; the first"),
             _ => bail!("the source has no frames"),
         }
+    }
+}
+
+impl Peeked {
+    /// The lens at the frames' size.
+    pub(in crate::cli) fn frame_camera(&self) -> anyhow::Result<FrameCamera> {
+        let (width, height) = self.size;
+        FrameCamera::new(*self.source.camera(), width, height)
+            .context("the camera leaves pixels without a ray: check its numbers")
     }
 }
 

@@ -23,6 +23,8 @@ pub use occupancy::{Cell, OccupancyGrid, occupancy_grid};
 
 use nalgebra::Vector3;
 
+use super::surface::SurfaceOptions;
+
 /// Which part of the volume stands in the way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NavigationOptions {
@@ -37,7 +39,8 @@ pub struct NavigationOptions {
 impl Default for NavigationOptions {
     /// Up is opposite to y, as if the first camera was held level; 1.4 m below it to 0.4 m above.
     fn default() -> Self {
-        Self { up: -Vector3::y(), heights_m: [-1.4, 0.4], least_weight: 3.0 / 256.0 }
+        let SurfaceOptions { least_weight } = SurfaceOptions::default();
+        Self { up: -Vector3::y(), heights_m: [-1.4, 0.4], least_weight }
     }
 }
 
