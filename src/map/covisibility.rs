@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use sprs::{CsMat, TriMat};
 
-use super::{EntityId, Keyframe};
+use super::{EntityId, Keyframe, SharedMap};
 
 /// Shared-landmark counts, symmetric, positive entries only.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -48,7 +48,7 @@ impl Covisibility {
 
     /// The counts from scratch, as the sparse product AᵀA.
     #[must_use]
-    pub fn product(keyframes: &BTreeMap<EntityId, Keyframe>) -> Self {
+    pub fn product(keyframes: &SharedMap<EntityId, Keyframe>) -> Self {
         let ids: Vec<EntityId> = keyframes.keys().copied().collect();
         let mut landmarks: BTreeMap<EntityId, usize> = BTreeMap::new();
         for keyframe in keyframes.values() {

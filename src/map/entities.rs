@@ -3,14 +3,13 @@
 //! Poses are `world_from_camera`, positions `point_in_world` in meters, pixels (u, v) with integers
 //! at pixel centers. Entities are plain values: the fold in `fold.rs` is what changes them.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use covis_solvers::information::Information;
 use nalgebra::{Vector2, Vector3};
 
-use super::EntityId;
+use super::{EntityId, SharedMap};
 
 /// A SHA-256 digest.
 pub type Digest = [u8; 32];
@@ -27,7 +26,7 @@ pub struct Client {
     /// Solves have covered its items up to this sequence; 0 before the first.
     pub optimized_sequence: i64,
     /// The digests of the last 65,536 journaled items by sequence, kept past optimization.
-    pub items: BTreeMap<i64, Digest>,
+    pub items: SharedMap<i64, Digest>,
 }
 
 /// A camera with its intrinsics.

@@ -25,6 +25,7 @@ mod policy;
 pub mod problem;
 mod rejection;
 mod retirement;
+pub mod shared_map;
 mod triangulation;
 mod window;
 
@@ -48,6 +49,7 @@ pub use problem::{
 };
 pub use rejection::{FieldViolation, Reason, Rejection};
 pub use retirement::retire;
+pub use shared_map::SharedMap;
 pub use triangulation::triangulate;
 pub use window::{Window, choose_window};
 
@@ -72,9 +74,9 @@ pub struct Map {
     policy: MapPolicy,
     clients: Vec<Client>,
     cameras: BTreeMap<EntityId, CameraEntity>,
-    keyframes: BTreeMap<EntityId, Keyframe>,
-    landmarks: BTreeMap<EntityId, Landmark>,
-    constraints: BTreeMap<EntityId, Constraint>,
+    keyframes: SharedMap<EntityId, Keyframe>,
+    landmarks: SharedMap<EntityId, Landmark>,
+    constraints: SharedMap<EntityId, Constraint>,
     /// Those of the constraints that do not count.
     switched_off: BTreeMap<EntityId, SwitchedOff>,
     priors: BTreeMap<EntityId, Prior>,
@@ -89,7 +91,7 @@ pub struct Map {
     /// Solves that were applied.
     solve_count: i64,
     /// Digests of cameras and keyframes as they were sent; solves change the entities, not these.
-    contents: BTreeMap<(digest::Content, EntityId), Digest>,
+    contents: SharedMap<(digest::Content, EntityId), Digest>,
 }
 
 impl Map {
@@ -156,19 +158,19 @@ impl Map {
 
     /// The keyframes.
     #[must_use]
-    pub fn keyframes(&self) -> &BTreeMap<EntityId, Keyframe> {
+    pub fn keyframes(&self) -> &SharedMap<EntityId, Keyframe> {
         &self.keyframes
     }
 
     /// The landmarks, those without a position too.
     #[must_use]
-    pub fn landmarks(&self) -> &BTreeMap<EntityId, Landmark> {
+    pub fn landmarks(&self) -> &SharedMap<EntityId, Landmark> {
         &self.landmarks
     }
 
     /// The relative-pose constraints, those that are switched off too.
     #[must_use]
-    pub fn constraints(&self) -> &BTreeMap<EntityId, Constraint> {
+    pub fn constraints(&self) -> &SharedMap<EntityId, Constraint> {
         &self.constraints
     }
 

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use super::{
     CameraEntity, Client, Constraint, Content, Covisibility, Digest, EntityId, EntityKind,
-    Keyframe, Landmark, Map, MapError, MapPolicy, Prior, SwitchedOff,
+    Keyframe, Landmark, Map, MapError, MapPolicy, Prior, SharedMap, SwitchedOff,
 };
 
 /// What a map consists of. [`Landmark::observers`] is not read: it follows from the keyframes.
@@ -32,17 +32,17 @@ pub struct MapParts {
     /// See [`Map::cameras`].
     pub cameras: BTreeMap<EntityId, CameraEntity>,
     /// See [`Map::keyframes`].
-    pub keyframes: BTreeMap<EntityId, Keyframe>,
+    pub keyframes: SharedMap<EntityId, Keyframe>,
     /// See [`Map::landmarks`].
-    pub landmarks: BTreeMap<EntityId, Landmark>,
+    pub landmarks: SharedMap<EntityId, Landmark>,
     /// See [`Map::constraints`].
-    pub constraints: BTreeMap<EntityId, Constraint>,
+    pub constraints: SharedMap<EntityId, Constraint>,
     /// See [`Map::switched_off`].
     pub switched_off: BTreeMap<EntityId, SwitchedOff>,
     /// See [`Map::priors`].
     pub priors: BTreeMap<EntityId, Prior>,
     /// See [`Map::contents`].
-    pub contents: BTreeMap<(Content, EntityId), Digest>,
+    pub contents: SharedMap<(Content, EntityId), Digest>,
 }
 
 impl Map {
@@ -54,7 +54,7 @@ impl Map {
 
     /// The digests of cameras, keyframes and constraints as they were sent.
     #[must_use]
-    pub fn contents(&self) -> &BTreeMap<(Content, EntityId), Digest> {
+    pub fn contents(&self) -> &SharedMap<(Content, EntityId), Digest> {
         &self.contents
     }
 

@@ -171,7 +171,7 @@ fn a_landmark_in_the_center_plane_is_refused_and_one_behind_is_accepted() {
         &[("keyframe.observations[1].landmark", Reason::ProjectionNotFinite)],
     );
     journal.send(ROBOT, &with_point(Vector3::new(2.5, 1.0, -3.0))).unwrap();
-    assert_eq!(journal.map.keyframes()[&id(9)].observations.len(), 2);
+    assert_eq!(journal.map.keyframes().get(&id(9)).unwrap().observations.len(), 2);
 }
 
 #[test]
@@ -181,7 +181,7 @@ fn two_features_of_a_keyframe_may_match_one_landmark() {
     let before = journal.map.observation_count();
     journal.send(ROBOT, &item).unwrap();
     assert_eq!(journal.map.observation_count(), before + 2);
-    let observers = &journal.map.landmarks()[&id(20)].observers;
+    let observers = &journal.map.landmarks().get(&id(20)).unwrap().observers;
     assert_eq!(observers.iter().filter(|&&o| o == id(9)).count(), 1);
 }
 
@@ -381,10 +381,10 @@ fn references_reach_across_clients_and_descriptors_are_kept() {
     };
     journal.send(drone, &item).unwrap();
     assert_eq!(journal.map.keyframes().len(), 2);
-    assert_eq!(journal.map.landmarks()[&id(0)].observers.len(), 2);
+    assert_eq!(journal.map.landmarks().get(&id(0)).unwrap().observers.len(), 2);
     let own = journal.map.keyframes().keys().last().copied().unwrap();
     assert_eq!(own.client, drone);
-    assert!(journal.map.keyframes()[&own].observations[0].descriptor.is_some());
+    assert!(journal.map.keyframes().get(&own).unwrap().observations[0].descriptor.is_some());
     assert!(journal.map.holds(drone, &item));
 }
 

@@ -100,7 +100,7 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
             journal.push(Change::SolveApplied { solve });
         }
         (13, Some(k), Some(l)) => {
-            let seen = journal.map.keyframes()[&k].observation_of(l).is_some();
+            let seen = journal.map.keyframes().get(&k).unwrap().observation_of(l).is_some();
             if seen {
                 journal.push(Change::ObservationsRemoved { observations: vec![(k, l)] });
             }
@@ -121,7 +121,7 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
             }
         }
         (18, Some(k), Some(l)) => {
-            let keyframe = &journal.map.keyframes()[&k];
+            let keyframe = &journal.map.keyframes().get(&k).unwrap();
             if keyframe.observation_of(l).is_none() {
                 let mut sent = observe(l.id, &pose_at(0.0), &corner(0));
                 sent.pixel = pixel(rng.random(), rng.random());
@@ -236,7 +236,7 @@ fn the_odometry_pose_is_kept_and_hashed_and_no_solve_moves_it() {
     let (mut apart, _) = with(Some(pose_at(5.0)));
     assert_ne!(bare.map.state_hash(), apart.map.state_hash());
     assert!(!apart.map.holds(ROBOT, &bare_item));
-    assert_eq!(apart.map.keyframes()[&id(1)].map_from_odom(), pose_at(-4.0));
+    assert_eq!(apart.map.keyframes().get(&id(1)).unwrap().map_from_odom(), pose_at(-4.0));
     let solve = AppliedSolve {
         kind: SolveKind::Global,
         poses: vec![(id(1), pose_at(1.5))],
@@ -249,7 +249,7 @@ fn the_odometry_pose_is_kept_and_hashed_and_no_solve_moves_it() {
         final_cost: 0.5,
     };
     apart.push(Change::SolveApplied { solve });
-    let keyframe = &apart.map.keyframes()[&id(1)];
+    let keyframe = &apart.map.keyframes().get(&id(1)).unwrap();
     assert_eq!(keyframe.odom_from_camera, pose_at(5.0));
     assert_eq!(keyframe.map_from_odom(), pose_at(-3.5));
 }

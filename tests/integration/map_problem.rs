@@ -173,12 +173,12 @@ fn what_arrived_during_a_solve_moves_with_its_reference() {
     problem.problem.poses[3] = motion_of_3.compose(&pose_at(3.0));
     let solve = applied(&journal.map, &problem, SolveKind::Global, Vec::new(), (1.0, 0.5));
     journal.push(Change::SolveApplied { solve });
-    let pose = |k| journal.map.keyframes()[&id(k)].world_from_camera;
+    let pose = |k| journal.map.keyframes().get(&id(k)).unwrap().world_from_camera;
     assert!(pose_error(&pose(4), &motion_of_3.compose(&pose_at(4.0))) < 1e-12);
     assert!(pose_error(&pose(50), &motion_of_1.compose(&pose_at(1.5))) < 1e-12);
     assert_eq!(pose(2), pose_at(2.0));
     // Corner 55 came with keyframe 4 and moves with it; corner 30 was solved and stays as solved.
-    let position = |k| journal.map.landmarks()[&id(k)].position.unwrap();
+    let position = |k| journal.map.landmarks().get(&id(k)).unwrap().position.unwrap();
     assert!((position(55) - motion_of_3.transform(&corner(55))).norm() < 1e-12);
     assert_eq!(position(30), corner(30));
     // Corner 45 was there but seen once, by keyframe 3 first: it follows as well.
@@ -223,14 +223,14 @@ fn a_loop_closure_bends_the_street_back_and_landmarks_follow() {
     let before = journal.map.clone();
     journal.push(Change::SolveApplied { solve });
     let error = |map: &covis::map::Map, k: i64| {
-        pose_error(&map.keyframes()[&id(k)].world_from_camera, &pose_at(k as f64))
+        pose_error(&map.keyframes().get(&id(k)).unwrap().world_from_camera, &pose_at(k as f64))
     };
     assert!(error(&journal.map, 19) < 0.1 * error(&before, 19), "{}", error(&journal.map, 19));
     for (landmark_id, landmark) in journal.map.landmarks() {
         let reference = landmark.reference.unwrap();
         let seen_from = |map: &covis::map::Map| {
-            let point = map.landmarks()[landmark_id].position.unwrap();
-            map.keyframes()[&reference].world_from_camera.inverse_transform(&point)
+            let point = map.landmarks().get(landmark_id).unwrap().position.unwrap();
+            map.keyframes().get(&reference).unwrap().world_from_camera.inverse_transform(&point)
         };
         assert!((seen_from(&before) - seen_from(&journal.map)).norm() < 1e-9);
     }
@@ -286,7 +286,10 @@ fn landmarks_without_position_are_triangulated_once_views_allow() {
         assert!(error.norm() < 1e-6, "landmark {landmark}: {error}");
     }
     journal.push(Change::LandmarksTriangulated { positions });
-    assert_eq!(journal.map.landmarks()[&id(1)].positioned_revision, journal.map.revision());
+    assert_eq!(
+        journal.map.landmarks().get(&id(1)).unwrap().positioned_revision,
+        journal.map.revision()
+    );
     assert!(triangulate(&journal.map, id(1)).is_empty(), "all have a position now");
     assert!(choose_window(&journal.map, id(1)).landmarks.contains(&id(4)), "by its depth");
 }
@@ -307,7 +310,11 @@ fn a_landmark_that_no_point_explains_stays_without_position_and_hinders_no_other
     // One more good view does not make the wrong one fit.
     journal.send(ROBOT, &bare(2, &[1, 2, 3, 4], &[4])).unwrap();
     assert_eq!(triangulate(&journal.map, id(2)), []);
-    assert_eq!(journal.map.landmarks()[&id(3)].observers.len(), 3, "its observations stay");
+    assert_eq!(
+        journal.map.landmarks().get(&id(3)).unwrap().observers.len(),
+        3,
+        "its observations stay"
+    );
     let window = choose_window(&journal.map, id(2));
     assert!(window.landmarks.contains(&id(1)) && !window.landmarks.contains(&id(3)));
 }

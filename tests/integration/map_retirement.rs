@@ -56,12 +56,12 @@ fn the_oldest_goes_and_what_it_told_of_its_neighbors_stays() {
     assert!(!map.keyframes().contains_key(&id(0)) && map.keyframes().len() == 11);
     // Keyframe 0 sees corners 0 to 19, keyframe 1 those from 0 on too: none is left alone.
     assert_eq!(gone.landmarks, []);
-    assert!(map.landmarks()[&id(0)].observers == [id(1), id(2)]);
+    assert!(map.landmarks().get(&id(0)).unwrap().observers == [id(1), id(2)]);
     assert!(!gone.constraints.is_empty() && gone.priors.is_empty());
     for (constraint_id, constraint) in map.constraints() {
         assert!(constraint_id.id < 0 && constraint.kind == ConstraintKind::Marginal);
         let (i, j) = (constraint.keyframe_i, constraint.keyframe_j);
-        let pose = |id| map.keyframes()[&id].world_from_camera;
+        let pose = |id| map.keyframes().get(&id).unwrap().world_from_camera;
         let expected = pose(i).inverse().compose(&pose(j));
         assert!(pose_error(&constraint.keyframe_i_from_keyframe_j, &expected) < 1e-9);
     }

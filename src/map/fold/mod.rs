@@ -137,18 +137,19 @@ impl Map {
     fn add_landmarks(&mut self, landmarks: &[NewLandmark]) {
         let revision = self.revision;
         for new in landmarks {
-            let unseen = &mut self.unseen;
-            self.landmarks.entry(new.id).or_insert_with(|| {
-                unseen.insert((revision, new.id));
-                Landmark {
-                    position: new.position,
-                    sent_position: new.position,
-                    reference: None,
-                    observers: Vec::new(),
-                    added_revision: revision,
-                    positioned_revision: if new.position.is_some() { revision } else { 0 },
-                }
-            });
+            if self.landmarks.contains_key(&new.id) {
+                continue;
+            }
+            self.unseen.insert((revision, new.id));
+            let landmark = Landmark {
+                position: new.position,
+                sent_position: new.position,
+                reference: None,
+                observers: Vec::new(),
+                added_revision: revision,
+                positioned_revision: if new.position.is_some() { revision } else { 0 },
+            };
+            self.landmarks.insert(new.id, landmark);
         }
     }
 

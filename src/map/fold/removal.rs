@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use super::super::ceilings::descriptor_bytes;
 use super::super::digest::Content;
-use super::super::{EntityId, Map, Retired};
+use super::super::{Constraint, EntityId, Map, Retired};
 use super::insert_sorted;
 
 impl Map {
@@ -50,14 +50,13 @@ impl Map {
         }
         let Self { constraints, switched_off, priors, contents, .. } = self;
         contents.remove(&(Content::Keyframe, id));
-        constraints.retain(|&constraint_id, c| {
-            let keep = c.keyframe_i != id && c.keyframe_j != id;
-            if !keep {
-                contents.remove(&(Content::Constraint, constraint_id));
-                switched_off.remove(&constraint_id);
-            }
-            keep
-        });
+        let ends_here = |c: &Constraint| c.keyframe_i == id || c.keyframe_j == id;
+        let of_it = constraints.iter().filter(|(_, constraint)| ends_here(constraint));
+        for constraint in of_it.map(|(&id, _)| id).collect::<Vec<_>>() {
+            constraints.remove(&constraint);
+            contents.remove(&(Content::Constraint, constraint));
+            switched_off.remove(&constraint);
+        }
         priors.retain(|&prior_id, prior| {
             let keep = prior.keyframe() != id;
             if !keep {

@@ -27,7 +27,7 @@ async fn acks_come_in_the_order_of_items_and_solves_cover_the_last() {
     assert_eq!(snapshot.clients()[0].optimized_sequence, 7);
     assert_eq!((snapshot.keyframes().len(), snapshot.clients()[0].next_sequence), (6, 8));
     for index in 1..6 {
-        let solved = snapshot.keyframes()[&id(index)].world_from_camera;
+        let solved = snapshot.keyframes().get(&id(index)).unwrap().world_from_camera;
         let (error, start) = (pose_error(&solved, &pose_at(index as f64)), noisy_pose(index));
         assert!(error < 0.5 * pose_error(&start, &pose_at(index as f64)), "{index}: {error}");
     }
