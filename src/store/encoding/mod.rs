@@ -6,11 +6,13 @@
 //! nothing outside this folder names a generated type.
 
 mod change;
+mod comparison;
 mod entities;
 mod event;
 mod identity;
 mod snapshot;
 
+pub(super) use comparison::compare_map;
 pub(super) use event::{decode_event, encode_event};
 pub(super) use identity::{decode_identity, encode_identity};
 pub(super) use snapshot::{decode_map, encode_map};
@@ -55,6 +57,9 @@ pub enum EncodingError {
     /// The decoded map is another one than was encoded.
     #[error("the decoded map has another state hash than was written")]
     Hash,
+    /// What is read is not what was written.
+    #[error("{0} are not what was written")]
+    Other(&'static str),
     /// The stream of parts cannot be read or written.
     #[error("{0}")]
     Stream(String),

@@ -118,6 +118,38 @@ fn chunks<T>(mut items: impl Iterator<Item = T>, count: usize) -> impl Iterator<
 pub(in crate::store) fn decode_map(input: &mut dyn Read) -> Result<Map, EncodingError> {
     let mut parts = MapParts::default();
     let mut state_hash = None;
+    read_parts(input, &mut |part| {
+        if let Some(head) = &part.head {
+            state_hash = Some(decode_digest(&head.state_hash)?);
+        }
+        take_part(&mut parts, part)
+    })?;
+    let state_hash = required(state_hash, "the map's head")?;
+    let map = Map::from_parts(parts)?;
+    if map.state_hash() == state_hash { Ok(map) } else { Err(EncodingError::Hash) }
+}
+
+/// Reads the parts of a map one after the other, each of which `take` may take away; answers what it
+/// left.
+///
+/// # Errors
+/// [`EncodingError`] where a part is damaged or of a later version, and those of `take`.
+pub(super) fn each_part(
+    input: &mut dyn Read,
+    take: &mut dyn FnMut(&mut MapParts) -> Result<(), EncodingError>,
+) -> Result<MapParts, EncodingError> {
+    let mut parts = MapParts::default();
+    read_parts(input, &mut |part| {
+        take_part(&mut parts, part)?;
+        take(&mut parts)
+    })?;
+    Ok(parts)
+}
+
+fn read_parts(
+    input: &mut dyn Read,
+    each: &mut dyn FnMut(v1::MapPart) -> Result<(), EncodingError>,
+) -> Result<(), EncodingError> {
     let mut buffer = Vec::new();
     while let Some(length) = read_length(input)? {
         if length > LONGEST_PART {
@@ -129,15 +161,9 @@ pub(in crate::store) fn decode_map(input: &mut dyn Read) -> Result<Map, Encoding
         if read as u64 != length {
             return Err(EncodingError::Stream("a part is cut off".to_owned()));
         }
-        let part: v1::MapPart = decode(&buffer)?;
-        if let Some(head) = &part.head {
-            state_hash = Some(decode_digest(&head.state_hash)?);
-        }
-        take_part(&mut parts, part)?;
+        each(decode(&buffer)?)?;
     }
-    let state_hash = required(state_hash, "the map's head")?;
-    let map = Map::from_parts(parts)?;
-    if map.state_hash() == state_hash { Ok(map) } else { Err(EncodingError::Hash) }
+    Ok(())
 }
 
 /// The length of the next part; `None` at the end.

@@ -11,11 +11,12 @@ use covis_solvers::robust::Kernel;
 use nalgebra::{Matrix3, Matrix6, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 
-use super::{EncodingError, decode_event, decode_map, encode_event, encode_map};
+use super::{EncodingError, compare_map, decode_event, decode_map, encode_event, encode_map};
 use crate::map::{
-    AppliedSolve, CameraEntity, Cause, Ceilings, Change, ClientIndex, ClosureRobustness,
-    Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, EntityId, Event, Map, MapPolicy,
-    NewLandmark, Observation, Prior, Retired, SolveKind, SwitchedOff, WhenFull,
+    AppliedSolve, CameraEntity, Cause, Ceilings, Change, Client, ClientIndex, ClosureRobustness,
+    Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, EntityId, Event, Map, MapParts,
+    MapPolicy, NewLandmark, Observation, Prior, Retired, SharedMap, SolveKind, SwitchedOff,
+    WhenFull,
 };
 
 fn id(id: i64) -> EntityId {
@@ -257,6 +258,7 @@ fn a_map_comes_back_bit_for_bit_after_every_event() {
         let decoded = decode_map(&mut &bytes[..]).unwrap();
         assert_eq!(decoded, map, "after revision {}", event.revision);
         assert_eq!(decoded.state_hash(), map.state_hash());
+        assert_eq!(compare_map(&mut &bytes[..], &map), Ok(()));
         // It goes on as the original does.
         assert_eq!((decoded.solve_count(), decoded.create_time_ns()), (map.solve_count(), -5));
     }
@@ -273,6 +275,89 @@ fn a_map_that_is_cut_or_changed_is_refused() {
     let at = bytes.windows(8).rposition(|window| window == position).unwrap();
     bytes[at] ^= 1;
     assert_eq!(decode_map(&mut &bytes[..]).unwrap_err(), EncodingError::Hash);
+}
+
+fn parts_of(map: &Map) -> MapParts {
+    MapParts {
+        revision: map.revision(),
+        create_time_ns: map.create_time_ns(),
+        update_time_ns: map.update_time_ns(),
+        display_name: map.display_name().to_owned(),
+        policy: *map.policy(),
+        solve_count: map.solve_count(),
+        clients: map.clients().to_vec(),
+        cameras: map.cameras().clone(),
+        keyframes: map.keyframes().clone(),
+        landmarks: map.landmarks().clone(),
+        constraints: map.constraints().clone(),
+        switched_off: map.switched_off().clone(),
+        priors: map.priors().clone(),
+        contents: map.contents().clone(),
+    }
+}
+
+#[test]
+fn a_map_that_differs_from_its_file_in_one_thing_is_told() {
+    // As far as it has one of everything.
+    let full = |map: &Map| {
+        let lists = [map.switched_off().len(), map.priors().len(), map.constraints().len()];
+        lists.iter().all(|&len| len > 0) && !map.clients()[0].items.is_empty()
+    };
+    let mut map = Map::new();
+    for event in every_change() {
+        if !full(&map) {
+            map.apply(&event).unwrap();
+        }
+    }
+    assert!(full(&map));
+    type Difference = (&'static str, fn(&mut MapParts));
+    let differences: [Difference; 20] = [
+        ("revision", |p| p.revision += 1),
+        ("creation", |p| p.create_time_ns -= 1),
+        ("update", |p| p.update_time_ns += 1),
+        ("name", |p| p.display_name.push('x')),
+        ("policy", |p| p.policy.window_keyframes += 1),
+        ("solves", |p| p.solve_count += 1),
+        ("epoch", |p| p.clients[0].epoch += 1),
+        ("a client", |p| {
+            let client = Client { items: SharedMap::default(), ..p.clients[0].clone() };
+            p.clients.push(client);
+        }),
+        ("an item", |p| *p.clients[0].items.values_mut().last().unwrap() = [9; 32]),
+        ("one item less", |p| _ = p.clients[0].items.pop_first()),
+        ("a camera", |p| p.cameras.values_mut().last().unwrap().width_px += 1),
+        ("a keyframe", |p| p.keyframes.values_mut().last().unwrap().capture_time_ns += 1),
+        ("a landmark", |p| p.landmarks.values_mut().last().unwrap().added_revision += 1),
+        ("a constraint", |p| {
+            let constraint = p.constraints.values_mut().last().unwrap();
+            constraint.keyframe_i_from_keyframe_j.translation.x += 1.0;
+        }),
+        ("a closure", |p| p.switched_off.values_mut().last().unwrap().chi2 += 1.0),
+        ("one closure less", |p| _ = p.switched_off.pop_last()),
+        ("a prior", |p| {
+            let (&id, &prior) = p.priors.last_key_value().unwrap();
+            p.priors.insert(EntityId::new(id.client, id.id + 1), prior);
+        }),
+        ("one prior less", |p| _ = p.priors.pop_last()),
+        ("a digest", |p| *p.contents.values_mut().last().unwrap() = [9; 32]),
+        ("one digest less", |p| _ = p.contents.pop_first()),
+    ];
+    for (what, differ) in differences {
+        let mut parts = parts_of(&map);
+        differ(&mut parts);
+        let other = Map::from_parts(parts).unwrap();
+        for (written, held) in [(&map, &other), (&other, &map)] {
+            let mut bytes = Vec::new();
+            encode_map(written, &mut bytes).unwrap();
+            let told = compare_map(&mut &bytes[..], held);
+            assert!(matches!(told, Err(EncodingError::Other(_))), "{what}: {told:?}");
+        }
+    }
+    let mut bytes = Vec::new();
+    encode_map(&map, &mut bytes).unwrap();
+    for cut in 0..bytes.len() {
+        assert!(compare_map(&mut &bytes[..cut], &map).is_err(), "{cut} of {}", bytes.len());
+    }
 }
 
 #[test]

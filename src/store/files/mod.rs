@@ -351,7 +351,7 @@ impl Store for FileStore {
         // A snapshot must not hold what a crash could still take from the journal.
         journal.settle().await?;
         let journal = Arc::clone(&journal);
-        blocking(move || read::put_snapshot(&journal, snapshot)).await
+        blocking(move || read::put_snapshot(&journal, &snapshot)).await
     }
 
     async fn get_snapshot(&self, map: &str) -> Result<Option<Arc<Map>>, StoreError> {

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::journal::Journal;
 use super::record::scan;
-use super::sealed::{seal_map, unseal_map, write};
+use super::sealed::{compare_sealed, seal_map, unseal_map, write};
 use super::{file_error, journal_name, snapshot_name};
 use crate::map::{Event, Map};
 use crate::store::encoding::decode_event;
@@ -73,12 +73,12 @@ pub(super) fn newest_snapshot(journal: &Journal) -> Result<Option<Arc<Map>>, Sto
 
 /// Writes a snapshot, reads it back, and removes all but the newest ones.
 ///
-/// The map is let go before it is read back: the engine has long changed its own copy, and two maps
-/// beside each other are enough.
+/// What is read back is compared with the map part by part: there is never a third map in memory,
+/// beside this one and the engine's, which has changed on.
 ///
 /// # Errors
 /// [`StoreError::File`]; [`StoreError::Content`] where it does not read back, and is removed.
-pub(super) fn put_snapshot(journal: &Journal, map: Arc<Map>) -> Result<(), StoreError> {
+pub(super) fn put_snapshot(journal: &Journal, map: &Map) -> Result<(), StoreError> {
     let (start, meters) = (Instant::now(), &journal.meters);
     let written = write_snapshot(journal, map);
     match &written {
@@ -92,15 +92,14 @@ pub(super) fn put_snapshot(journal: &Journal, map: Arc<Map>) -> Result<(), Store
 }
 
 /// Answers its size in bytes.
-fn write_snapshot(journal: &Journal, map: Arc<Map>) -> Result<u64, StoreError> {
+fn write_snapshot(journal: &Journal, map: &Map) -> Result<u64, StoreError> {
     let sequence = sequence_of(map.revision());
     let path = journal.folder.join(snapshot_name(sequence));
-    let sealed = seal_map(&journal.uid, &map)?;
-    drop(map);
+    let sealed = seal_map(&journal.uid, map)?;
     write(&*journal.disk, &path, &sealed)?;
     drop(sealed);
     let bytes = journal.disk.read(&path).map_err(|e| file_error("cannot read", &path, &e))?;
-    if let Err(message) = unseal_map(&bytes) {
+    if let Err(message) = compare_sealed(&bytes, map) {
         journal.disk.remove(&path).map_err(|e| file_error("cannot remove", &path, &e))?;
         return Err(StoreError::Content { path: path.display().to_string(), message });
     }

@@ -17,7 +17,7 @@ use super::file_error;
 use super::record::{Uid, VERSION};
 use crate::map::Map;
 use crate::store::StoreError;
-use crate::store::encoding::{decode_map, encode_map};
+use crate::store::encoding::{compare_map, decode_map, encode_map};
 
 /// Bytes before the body.
 const HEAD: usize = 48;
@@ -125,15 +125,30 @@ pub(super) fn seal_map(uid: &Uid, map: &Map) -> Result<Vec<u8>, StoreError> {
 
 /// The map of a snapshot, checked down to its state hash.
 pub(super) fn unseal_map(bytes: &[u8]) -> Result<Arc<Map>, String> {
+    let (sequence, mut parts) = unseal_parts(bytes)?;
+    let map = decode_map(&mut parts).map_err(|error| error.to_string())?;
+    if crate::store::sequence_of(map.revision()) != sequence {
+        return Err("the map has another revision than the file".to_owned());
+    }
+    Ok(Arc::new(map))
+}
+
+/// Whether a snapshot holds this map, or what is wrong with it. Takes little memory beside both.
+pub(super) fn compare_sealed(bytes: &[u8], map: &Map) -> Result<(), String> {
+    let (sequence, mut parts) = unseal_parts(bytes)?;
+    compare_map(&mut parts, map).map_err(|error| error.to_string())?;
+    if crate::store::sequence_of(map.revision()) != sequence {
+        return Err("the map has another revision than the file".to_owned());
+    }
+    Ok(())
+}
+
+/// A snapshot's sequence and the stream of its parts.
+fn unseal_parts(bytes: &[u8]) -> Result<(u64, impl Read), String> {
     let (_uid, sequence, body) = unseal(Kind::Snapshot, bytes)?;
     let stream = |error: std::io::Error| error.to_string();
     let mut decoder = zstd::Decoder::with_buffer(body).map_err(stream)?;
     // Ours have 21; a window beyond this would only cost memory.
     decoder.window_log_max(23).map_err(stream)?;
-    let mut input: &mut dyn Read = &mut decoder;
-    let map = decode_map(&mut input).map_err(|error| error.to_string())?;
-    if crate::store::sequence_of(map.revision()) != sequence {
-        return Err("the map has another revision than the file".to_owned());
-    }
-    Ok(Arc::new(map))
+    Ok((sequence, decoder))
 }

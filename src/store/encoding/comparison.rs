@@ -1,0 +1,149 @@
+//! Whether a stream of parts is a map that stands in memory, without a second map beside it.
+//!
+//! Parts come in the order in which they were written, which is the order of ids. Each is decoded,
+//! compared and let go. What a map computes from its parts (observers, covisibility) is not read.
+
+use std::collections::btree_map;
+use std::io::Read;
+use std::mem;
+
+use super::EncodingError;
+use super::snapshot::each_part;
+use crate::map::{
+    CameraEntity, Client, Constraint, Content, Digest, EntityId, Keyframe, Landmark, Map, MapParts,
+    Prior, SwitchedOff, shared_map,
+};
+
+/// Reads the parts of a map and compares them with it.
+///
+/// # Errors
+/// [`EncodingError`] where the parts are damaged; [`EncodingError::Other`] where they are those of
+/// another map.
+pub(in crate::store) fn compare_map(input: &mut dyn Read, map: &Map) -> Result<(), EncodingError> {
+    let mut rest = Rest::of(map);
+    let head = each_part(input, &mut |parts| rest.follow(parts))?;
+    rest.end()?;
+    same(is_head(&head, map), "the head and the clients")
+}
+
+/// What is still to come of each list of a map.
+struct Rest<'a> {
+    items: Vec<shared_map::Iter<'a, i64, Digest>>,
+    cameras: btree_map::Iter<'a, EntityId, CameraEntity>,
+    keyframes: shared_map::Iter<'a, EntityId, Keyframe>,
+    landmarks: shared_map::Iter<'a, EntityId, Landmark>,
+    constraints: shared_map::Iter<'a, EntityId, Constraint>,
+    switched_off: btree_map::Iter<'a, EntityId, SwitchedOff>,
+    priors: btree_map::Iter<'a, EntityId, Prior>,
+    contents: shared_map::Iter<'a, (Content, EntityId), Digest>,
+}
+
+impl<'a> Rest<'a> {
+    fn of(map: &'a Map) -> Self {
+        Self {
+            items: map.clients().iter().map(|client| client.items.iter()).collect(),
+            cameras: map.cameras().iter(),
+            keyframes: map.keyframes().iter(),
+            landmarks: map.landmarks().iter(),
+            constraints: map.constraints().iter(),
+            switched_off: map.switched_off().iter(),
+            priors: map.priors().iter(),
+            contents: map.contents().iter(),
+        }
+    }
+
+    /// Takes what was read out of `parts` and compares it with what comes next.
+    fn follow(&mut self, parts: &mut MapParts) -> Result<(), EncodingError> {
+        for (client, expected) in parts.clients.iter_mut().zip(&mut self.items) {
+            let read = mem::take(&mut client.items);
+            next_are(expected, read.iter(), PartialEq::eq, "the items of a client")?;
+        }
+        let read = mem::take(&mut parts.cameras);
+        next_are(&mut self.cameras, read.iter(), PartialEq::eq, "the cameras")?;
+        let read = mem::take(&mut parts.keyframes);
+        next_are(&mut self.keyframes, read.iter(), PartialEq::eq, "the keyframes")?;
+        let read = mem::take(&mut parts.landmarks);
+        next_are(&mut self.landmarks, read.iter(), is_landmark, "the landmarks")?;
+        let read = mem::take(&mut parts.constraints);
+        next_are(&mut self.constraints, read.iter(), PartialEq::eq, "the constraints")?;
+        let read = mem::take(&mut parts.switched_off);
+        next_are(&mut self.switched_off, read.iter(), PartialEq::eq, "the closures that are off")?;
+        let read = mem::take(&mut parts.priors);
+        next_are(&mut self.priors, read.iter(), PartialEq::eq, "the priors")?;
+        let read = mem::take(&mut parts.contents);
+        next_are(&mut self.contents, read.iter(), PartialEq::eq, "the digests")
+    }
+
+    /// Nothing more was to come.
+    fn end(self) -> Result<(), EncodingError> {
+        let Self {
+            items,
+            cameras,
+            keyframes,
+            landmarks,
+            constraints,
+            switched_off,
+            priors,
+            contents,
+        } = self;
+        let lists = [
+            (items.iter().map(ExactSizeIterator::len).sum(), "the items of a client"),
+            (cameras.len(), "the cameras"),
+            (keyframes.len(), "the keyframes"),
+            (landmarks.len(), "the landmarks"),
+            (constraints.len(), "the constraints"),
+            (switched_off.len(), "the closures that are off"),
+            (priors.len(), "the priors"),
+            (contents.len(), "the digests"),
+        ];
+        lists.into_iter().try_for_each(|(rest, name)| same(rest == 0, name))
+    }
+}
+
+fn same(is_same: bool, what: &'static str) -> Result<(), EncodingError> {
+    if is_same { Ok(()) } else { Err(EncodingError::Other(what)) }
+}
+
+/// What was `read` must be the next of `expected`.
+fn next_are<'a, 'b, K: PartialEq + 'a + 'b, V: 'a + 'b>(
+    expected: &mut impl Iterator<Item = (&'a K, &'a V)>,
+    mut read: impl Iterator<Item = (&'b K, &'b V)>,
+    is: fn(&V, &V) -> bool,
+    what: &'static str,
+) -> Result<(), EncodingError> {
+    let is_next = |(key, value)| expected.next().is_some_and(|(k, v)| k == key && is(value, v));
+    same(read.all(is_next), what)
+}
+
+/// Observers aside, which are not read.
+fn is_landmark(read: &Landmark, expected: &Landmark) -> bool {
+    let Landmark {
+        position,
+        sent_position,
+        reference,
+        observers: _,
+        added_revision,
+        positioned_revision,
+    } = read;
+    *position == expected.position
+        && *sent_position == expected.sent_position
+        && *reference == expected.reference
+        && *added_revision == expected.added_revision
+        && *positioned_revision == expected.positioned_revision
+}
+
+/// What is no list, and the clients without their items.
+fn is_head(read: &MapParts, map: &Map) -> bool {
+    let client = |(a, b): (&Client, &Client)| {
+        (&a.name, a.epoch, a.next_sequence, a.optimized_sequence)
+            == (&b.name, b.epoch, b.next_sequence, b.optimized_sequence)
+    };
+    read.revision == map.revision()
+        && read.create_time_ns == map.create_time_ns()
+        && read.update_time_ns == map.update_time_ns()
+        && read.display_name == map.display_name()
+        && read.policy == *map.policy()
+        && read.solve_count == map.solve_count()
+        && read.clients.len() == map.clients().len()
+        && read.clients.iter().zip(map.clients()).all(client)
+}
