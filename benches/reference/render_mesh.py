@@ -12,7 +12,7 @@ import argparse
 import numpy as np
 from PIL import Image
 
-TYPES = {"float": "<f4", "uchar": "u1", "int": "<i4", "uint": "<u4"}
+TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "int": "<i4", "uint": "<u4"}
 MOST_PIXELS = 64
 
 
