@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `block` | 8³ voxels |
 //! | `slabs`, `supply` | memory for blocks |
+//! | `packing` | blocks as bytes |
 //! | `volume` | the sparse grid of blocks |
 //! | `lanes` | sixteen numbers at a time |
 //! | `options` | how frames become a surface |
@@ -36,6 +37,7 @@ mod lanes;
 pub mod mapper;
 pub mod navigation;
 mod options;
+mod packing;
 mod pixels;
 pub mod pose_track;
 mod rays;

@@ -13,7 +13,6 @@
 //! the file's length how much memory its blocks can take, whatever the numbers in it say, and takes no
 //! more than 33 bytes a byte of the file and 20 MiB. Blocks keep their order.
 
-mod chunk;
 #[cfg(any(test, feature = "fuzzing"))]
 pub mod fuzzing;
 #[cfg(test)]
@@ -24,7 +23,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use self::chunk::{BLOCKS_A_CHUNK, pack, unpack};
+use super::packing::{pack, unpack};
 use super::volume::{Volume, VolumeOptions};
 
 /// How a file begins.
@@ -35,6 +34,8 @@ const VERSION: u32 = 1;
 const HEADER: usize = 36;
 /// Bytes before a chunk's frame.
 const CHUNK_HEAD: usize = 8;
+/// Blocks of a chunk, the last one excepted.
+const BLOCKS_A_CHUNK: usize = 256;
 /// Bytes of the file that a block has at least.
 const BYTES_A_BLOCK: usize = 128;
 /// Chunks that are packed or unpacked at a time: each holds two megabytes meanwhile.

@@ -1,9 +1,9 @@
 //! Volume files: the same bits again, and nothing but a reason for what is not whole.
 
 use super::super::block::{Block, BlockKey};
+use super::super::packing::pack;
 use super::super::testing::{CENTIMETER, noise, sphere, volume};
 use super::super::volume::Volume;
-use super::chunk::pack;
 use super::fuzzing::{bytes_of, resealed};
 use super::*;
 

@@ -1,14 +1,12 @@
 //! Blocks as bytes that compress well, and back.
 //!
-//! A chunk's blocks stand property by property: keys (3 i32 each), then one plane of bytes for each
+//! Blocks that are packed together stand property by property: keys (3 i32 each), then one plane of bytes for each
 //! byte of a voxel's distance, weight and color, each plane over all voxels of all blocks. A value is
 //! told as its difference to that of the voxel before, where the sign is the lowest bit, so that what
 //! grows evenly and what was not seen are the same bytes again and again. Knows nothing of files.
 
-use super::super::block::{Block, BlockKey, VOXELS};
+use super::block::{Block, BlockKey, VOXELS};
 
-/// Blocks of a chunk, the last one excepted.
-pub(super) const BLOCKS_A_CHUNK: usize = 256;
 /// Bytes of a block: key, distances, weights and colors.
 const BLOCK: usize = 12 + 8 * VOXELS;
 /// Higher levels cost twice the time for some percent of the bytes.
