@@ -8,6 +8,8 @@
 use std::io;
 use std::path::Path;
 
+use nalgebra::Vector3;
+
 use super::block::{Block, BlockKey};
 use super::integrate::{DenseFrame, IntegrateError, Integrator};
 use super::pages::PageError;
@@ -171,6 +173,20 @@ impl PagedVolume {
             residence.bring(&mut self.resident, Access::Read, regions)?;
         }
         Ok(&self.resident)
+    }
+
+    /// Has in memory what lies between two places, in voxels; others may go.
+    ///
+    /// # Errors
+    /// As [`PagedVolume::insert`].
+    pub(super) fn bring_between(
+        &mut self,
+        low: Vector3<f64>,
+        high: Vector3<f64>,
+    ) -> Result<&Volume, PageError> {
+        let regions = self.residence.iter().flat_map(Residence::regions);
+        let regions: Vec<_> = regions.filter(|region| region.is_between(&low, &high)).collect();
+        self.bring(&regions)
     }
 
     /// Where there is a ceiling: who stays.

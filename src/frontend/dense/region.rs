@@ -5,7 +5,7 @@
 
 use nalgebra::Vector3;
 
-use super::block::{Block, BlockKey};
+use super::block::{Block, BlockKey, EDGE};
 use super::packing::{pack, unpack};
 use super::pages::PageError;
 use super::volume::{State, Volume, VolumeOptions};
@@ -33,9 +33,13 @@ impl Region {
         (Vector3::from(middle) * options.block_m(), half * options.block_m())
     }
 
-    /// Itself and those that touch it.
-    pub(super) fn around(self) -> impl Iterator<Item = Self> {
-        (0..27).map(move |k| Self([0, 1, 2].map(|i| self.0[i] + k / 3_i32.pow(i as u32) % 3 - 1)))
+    /// Whether it has voxels between two places, in voxels.
+    pub(super) fn is_between(self, low: &Vector3<f64>, high: &Vector3<f64>) -> bool {
+        let edge = f64::from(BLOCKS) * EDGE as f64;
+        (0..3).all(|axis| {
+            let first = f64::from(self.0[axis]) * edge;
+            first <= high[axis] && first + edge > low[axis]
+        })
     }
 
     /// The keys of its blocks that are in a volume, in the order of z, y, x.
