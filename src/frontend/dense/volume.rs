@@ -263,3 +263,24 @@ impl Hasher for KeyHasher {
         self.factors.rotate_left(1);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::hash::BuildHasher;
+
+    use super::*;
+
+    #[test]
+    fn keys_that_are_made_to_collide_do_so_in_one_volume_only() {
+        // Differences that one choice of factors maps to the same place; another one does not.
+        let hashes = KeyHashes([3 << 40, 5 << 40, 7 << 40]);
+        let key = |i: i32| BlockKey { x: 1000 + 5 * i, y: 2000 - 3 * i, z: 9 };
+        let first = hashes.hash_one(key(0));
+        assert!((0..600).all(|i| hashes.hash_one(key(i)) == first));
+        let other = KeyHashes::default();
+        let mut places: Vec<_> = (0..600).map(|i| other.hash_one(key(i)) & 0x3ff).collect();
+        places.sort_unstable();
+        places.dedup();
+        assert!(places.len() > 150, "{} places for 600 keys", places.len());
+    }
+}

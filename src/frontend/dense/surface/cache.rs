@@ -247,6 +247,7 @@ impl SurfaceCache {
         let left: Vec<_> = left.map(|slot| self.place_of_slot[slot] as usize).collect();
         left.iter().for_each(|&place| self.slots[place] = NONE);
         self.place_of_slot.resize(keys.len(), NONE);
+        self.reserve(others.len());
         let mut new = Vec::new();
         for slot in others {
             let place = self.places.get(&keys[slot]).map(|&place| place as usize);
@@ -275,6 +276,21 @@ impl SurfaceCache {
                 }
             }
         }
+    }
+
+    /// Has memory for so many places more: growing step by step would touch twice as much.
+    fn reserve(&mut self, places: usize) {
+        self.places.reserve(places);
+        self.keys.reserve(places);
+        self.slots.reserve(places);
+        self.revisions.reserve(places);
+        self.bits.reserve(places);
+        self.sides.reserve(places);
+        self.around.reserve(places);
+        self.pieces.reserve(places);
+        self.reads.reserve(places);
+        self.read_by.reserve(places);
+        self.stale.reserve(places);
     }
 
     /// A place for a block that has none, without neighbors yet.
