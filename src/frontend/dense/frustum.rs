@@ -6,9 +6,6 @@
 use covis_solvers::geometry::Se3;
 use nalgebra::Vector3;
 
-/// How much wider than the outermost pixels' centers, as tangents.
-const WIDER: f64 = 0.02;
-
 /// Space in view.
 #[derive(Clone, Debug)]
 pub(super) struct Frustum {
@@ -18,14 +15,19 @@ pub(super) struct Frustum {
 
 impl Frustum {
     /// Of a camera with rays from the first to the second of x/z, and of y/z from the third to the
-    /// fourth, up to a depth in meters.
-    pub(super) fn new(field: [f32; 4], world_from_camera: &Se3, farthest_m: f64) -> Self {
+    /// fourth, and so much wider, up to a depth in meters.
+    pub(super) fn new(
+        field: [f32; 4],
+        wider: f64,
+        world_from_camera: &Se3,
+        farthest_m: f64,
+    ) -> Self {
         let [left, right, top, bottom] = field.map(f64::from);
         let planes = [
-            ([1.0, 0.0, WIDER - left], 0.0),
-            ([-1.0, 0.0, WIDER + right], 0.0),
-            ([0.0, 1.0, WIDER - top], 0.0),
-            ([0.0, -1.0, WIDER + bottom], 0.0),
+            ([1.0, 0.0, wider - left], 0.0),
+            ([-1.0, 0.0, wider + right], 0.0),
+            ([0.0, 1.0, wider - top], 0.0),
+            ([0.0, -1.0, wider + bottom], 0.0),
             ([0.0, 0.0, 1.0], 0.0),
             ([0.0, 0.0, -1.0], farthest_m),
         ];
@@ -55,7 +57,7 @@ mod tests {
     fn what_a_pixel_sees_is_met_and_what_lies_behind_is_not() {
         let turn = So3::exp(&Vector3::new(0.4, -1.1, 0.3));
         let pose = Se3 { rotation: turn, translation: Vector3::new(1.0, 2.0, -3.0) };
-        let frustum = Frustum::new([-0.6, 0.5, -0.4, 0.45], &pose, 4.0);
+        let frustum = Frustum::new([-0.6, 0.5, -0.4, 0.45], 0.02, &pose, 4.0);
         for i in 0..1000 {
             let share = |k: usize| (i / 10_usize.pow(k as u32) % 10) as f64 / 9.0;
             let (a, b, z) = (-0.6 + 1.1 * share(0), -0.4 + 0.85 * share(1), 3.99 * share(2));

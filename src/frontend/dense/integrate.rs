@@ -191,7 +191,9 @@ impl Integrator {
     ) -> Result<Frustum, IntegrateError> {
         self.check(measures, frame)?;
         let farthest_m = f64::from(self.farthest_m(measures));
-        Ok(Frustum::new(self.lens.field, frame.world_from_camera, farthest_m))
+        // A pixel beyond the outermost ones' centers, and a little more.
+        let wider = 0.02 + 1.0 / f64::from(self.lens.fx.min(self.lens.fy));
+        Ok(Frustum::new(self.lens.field, wider, frame.world_from_camera, farthest_m))
     }
 
     /// The depth up to which voxels are looked at, meters.
