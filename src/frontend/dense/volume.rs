@@ -258,9 +258,10 @@ impl Hasher for KeyHasher {
     }
 
     fn write_i32(&mut self, coordinate: i32) {
-        let product = self.factors[0].wrapping_mul(u64::from(coordinate.cast_unsigned()));
+        let [factor, next, last] = self.factors;
+        let product = factor.wrapping_mul(u64::from(coordinate.cast_unsigned()));
         self.sum = self.sum.wrapping_add(product);
-        self.factors.rotate_left(1);
+        self.factors = [next, last, factor];
     }
 }
 
