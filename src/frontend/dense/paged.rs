@@ -213,7 +213,7 @@ impl PagedVolume {
     pub(super) fn visit<E: From<PageError>>(
         &mut self,
         most: usize,
-        show: &mut dyn FnMut(&[(BlockKey, &Block)]) -> Result<(), E>,
+        mut show: impl FnMut(&[(BlockKey, &Block)]) -> Result<(), E>,
     ) -> Result<(), E> {
         let keys = self.resident.keys().iter().copied();
         let resident: Vec<_> = keys.zip(self.resident.blocks().iter()).collect();

@@ -179,10 +179,10 @@ impl Residence {
     #[cfg(test)]
     pub(super) fn flip_pages(&mut self, whole: bool) {
         for standing in self.regions.values() {
-            if let Place::Both(stored) | Place::Disk(stored) = &standing.place {
-                if self.pages.read(&stored.page).is_ok() == whole {
-                    self.pages.flip(&stored.page);
-                }
+            if let Place::Both(stored) | Place::Disk(stored) = &standing.place
+                && self.pages.read(&stored.page).is_ok() == whole
+            {
+                self.pages.flip(&stored.page);
             }
         }
     }

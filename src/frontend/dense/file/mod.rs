@@ -183,7 +183,7 @@ fn encode(
     let mut crc = crc32c::crc32c(&header);
     header.extend_from_slice(&crc.to_le_bytes());
     write(&header)?;
-    volume.visit(CHUNKS_AT_A_TIME * BLOCKS_A_CHUNK, &mut |blocks: &[(BlockKey, &Block)]| {
+    volume.visit(CHUNKS_AT_A_TIME * BLOCKS_A_CHUNK, |blocks: &[(BlockKey, &Block)]| {
         let chunks = blocks.par_chunks(BLOCKS_A_CHUNK);
         let packed: Vec<_> =
             chunks.map(|chunk| (pack(chunk), BYTES_A_BLOCK * chunk.len())).collect();

@@ -213,15 +213,15 @@ fn axes(up: Vector3<f64>) -> Result<[Vector3<f64>; 3], NavigationError> {
     Ok([x, unit.cross(&x), unit])
 }
 
+/// Least and greatest coordinates.
+type Bounds = ([f64; 3], [f64; 3]);
+
 /// Least and greatest coordinates of all blocks along the axes, in voxels, rounded outwards.
-fn bounds(
-    volume: &mut PagedVolume,
-    axes: &[Vector3<f64>; 3],
-) -> Result<Option<([f64; 3], [f64; 3])>, PageError> {
+fn bounds(volume: &mut PagedVolume, axes: &[Vector3<f64>; 3]) -> Result<Option<Bounds>, PageError> {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
     let half = 0.5 * (EDGE as f64 - 1.0);
-    volume.visit::<PageError>(BLOCKS_AT_A_TIME, &mut |blocks| {
+    volume.visit(BLOCKS_AT_A_TIME, |blocks| -> Result<(), PageError> {
         for (key, _) in blocks {
             let center =
                 Vector3::new(key.x, key.y, key.z).map(|k| f64::from(k) * EDGE as f64 + half);

@@ -79,13 +79,13 @@ fn walk(volume: &mut PagedVolume, mut seen: impl FnMut(usize, &PagedVolume)) {
 /// All blocks by their keys.
 fn blocks(volume: &mut PagedVolume) -> BTreeMap<BlockKey, Block> {
     let mut all = BTreeMap::new();
-    let mut show = |blocks: &[(BlockKey, &Block)]| -> Result<(), PageError> {
+    let show = |blocks: &[(BlockKey, &Block)]| -> Result<(), PageError> {
         for &(key, block) in blocks {
             assert!(all.insert(key, block.clone()).is_none(), "{key:?} twice");
         }
         Ok(())
     };
-    volume.visit(100, &mut show).unwrap();
+    volume.visit(100, show).unwrap();
     all
 }
 
