@@ -141,7 +141,7 @@ impl PagedVolume {
     /// Puts a block at a key, in place of the one that is there.
     ///
     /// # Errors
-    /// Where those around it do not come back from disk or others have no room there; the volume is as
+    /// Where its region does not come back from disk or others have no room there; the volume is as
     /// before then.
     pub fn insert(&mut self, key: BlockKey, block: Block) -> Result<(), PageError> {
         if let Some(residence) = &mut self.residence {

@@ -118,6 +118,13 @@ fn a_volume_that_was_on_disk_in_parts_is_the_one_that_was_not() {
     assert!(figures.paged_in > whole.len() / 3, "the way back needs what went");
     assert!(paged.resident().capacity() <= ceiling + 2 * 256, "memory that went is not used again");
     assert_same(&mut paged, &mut whole);
+    // Which blocks are where does not depend on the threads either.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+    let mut again = with_ceiling(ceiling);
+    pool.install(|| walk(&mut again, |_, _| {}));
+    assert_eq!(again.resident().keys(), paged.resident().keys());
+    assert_eq!(again.paging(), paged.paging());
+    assert_same(&mut again, &mut paged);
 }
 
 #[test]
