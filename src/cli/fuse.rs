@@ -18,9 +18,11 @@ use super::progress::Progress;
 use super::run::report::Quantiles;
 use super::run::{Drawing, Peeked, Source};
 use crate::frontend::dense::integrate::{DenseFrame, IntegrationOptions, Integrator};
+use crate::frontend::dense::mapper::MemoryCeiling;
+use crate::frontend::dense::paged::{PagedVolume, PagingFigures};
 use crate::frontend::dense::pose_track::PoseTrack;
-use crate::frontend::dense::surface::{Mesh, SurfaceOptions, extract};
-use crate::frontend::dense::volume::{Volume, VolumeOptions};
+use crate::frontend::dense::surface::{Mesh, SurfaceOptions, extract_paged};
+use crate::frontend::dense::volume::VolumeOptions;
 use crate::frontend::dense::{export, file};
 use crate::frontend::input::FrameSource;
 
@@ -66,6 +68,10 @@ pub(super) struct Grid {
     /// Distances are cut off at this many voxels.
     #[arg(long, value_name = "N", default_value_t = 8.0)]
     truncation_voxels: f32,
+    /// Megabytes of the volume that are in memory at most; what is far from the camera waits in a
+    /// temporary file in OUT [default: all is in memory].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    memory_mb: Option<u32>,
 }
 
 impl Grid {
@@ -80,11 +86,17 @@ impl Grid {
         let truncation_m = self.truncation_voxels * self.voxel;
         Ok(VolumeOptions { voxel_m: self.voxel, truncation_m })
     }
+
+    /// How much memory volumes may take, and the folder for the rest.
+    pub(super) fn ceiling(&self, out: &Path) -> Option<MemoryCeiling> {
+        let bytes = self.memory_mb? as usize * 1_000_000;
+        Some(MemoryCeiling { bytes, folder: Some(out.to_owned()) })
+    }
 }
 
 /// Writes `mesh.ply` and `volume.covis`.
 pub(super) fn write_surface(
-    volume: &Volume,
+    volume: &mut PagedVolume,
     mesh: &Mesh,
     out: &Path,
 ) -> anyhow::Result<MeshFigures> {
@@ -104,6 +116,24 @@ pub(super) struct MeshFigures {
     pub(super) bytes: usize,
 }
 
+/// What went to disk and came back, counted in blocks each time.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub(super) struct Paging {
+    pub(super) paged_out: usize,
+    pub(super) paged_in: usize,
+    /// Frames that needed more than the memory they were given.
+    pub(super) frames_above: usize,
+}
+
+impl Paging {
+    /// Of a volume that has a ceiling.
+    pub(super) fn of(volume: &PagedVolume) -> Option<Self> {
+        let figures = volume.paging()?;
+        let PagingFigures { paged_out, paged_in, frames_above_ceiling, .. } = figures;
+        Some(Self { paged_out, paged_in, frames_above: frames_above_ceiling })
+    }
+}
+
 /// The object of `--json`.
 #[derive(Debug, Serialize)]
 struct Document {
@@ -111,6 +141,8 @@ struct Document {
     skipped: usize,
     stages: BTreeMap<&'static str, Quantiles>,
     mesh: MeshFigures,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    paging: Option<Paging>,
 }
 
 /// Fuses a source.
@@ -134,7 +166,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let integration =
         IntegrationOptions { max_depth_m: args.max_depth, ..IntegrationOptions::default() };
     let mut integrator = Integrator::new(&camera, integration);
-    let mut volume = Volume::new(options);
+    let mut volume = match args.grid.ceiling(&args.out) {
+        Some(ceiling) => ceiling.volume(options, 1).context("the page file")?,
+        None => PagedVolume::new(options),
+    };
     let mut progress = Progress::new("frames", frames.len() as u64);
     let (mut seconds, mut skipped) = (Vec::new(), 0);
     while let Some(frame) = frames.next_frame() {
@@ -158,7 +193,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             world_from_camera: &world_from_camera,
         };
         let start = Instant::now();
-        pool.install(|| integrator.integrate(&mut volume, &dense))
+        pool.install(|| volume.integrate(&mut integrator, &dense))
             .with_context(|| format!("the frame at {:.6} s", frame.timestamp_s))?;
         seconds.push(start.elapsed().as_secs_f64());
     }
@@ -167,9 +202,10 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         bail!("{}: no frame has a pose within {POSE_REACH_S} s", args.poses.display());
     }
     let start = Instant::now();
-    let mesh = pool.install(|| extract(&volume, SurfaceOptions::default()));
+    let mesh = pool.install(|| extract_paged(&mut volume, SurfaceOptions::default()))?;
     let extract_s = start.elapsed().as_secs_f64();
-    let figures = write_surface(&volume, &mesh, &args.out)?;
+    let paging = Paging::of(&volume);
+    let figures = write_surface(&mut volume, &mesh, &args.out)?;
 
     let document = Document {
         frames: seconds.len(),
@@ -179,6 +215,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             ("extract", Quantiles::of(std::iter::once(extract_s))),
         ]),
         mesh: figures,
+        paging,
     };
     if args.json {
         print(serde_json::to_string(&document)?)?;
@@ -189,13 +226,17 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
 }
 
 fn table(document: &Document, args: &Args) -> String {
-    let Document { frames, skipped, stages, mesh } = document;
+    let Document { frames, skipped, stages, mesh, paging } = document;
     let mut text = format!("{frames} frames, {skipped} skipped\n");
     for (name, Quantiles { p50_ms, p99_ms }) in stages {
         text.push_str(&format!("\n{name:>9}  p50 {p50_ms:>6.1} ms  p99 {p99_ms:>6.1} ms"));
     }
     let MeshFigures { vertices, triangles, .. } = mesh;
     let out = args.out.display();
+    if let Some(Paging { paged_out, paged_in, frames_above }) = paging {
+        text.push_str(&format!("\n\n{paged_out} blocks to disk, {paged_in} back"));
+        text.push_str(&format!(", {frames_above} frames needed more memory"));
+    }
     text.push_str(&format!("\n\n{vertices} vertices, {triangles} triangles in {out}/mesh.ply"));
     text
 }

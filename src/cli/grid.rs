@@ -16,6 +16,7 @@ use crate::frontend::dense::file;
 use crate::frontend::dense::navigation::{
     Ground, NavigationOptions, distance_slice, occupancy_grid,
 };
+use crate::frontend::dense::paged::PagedVolume;
 
 /// Arguments of `covis grid`.
 #[derive(Debug, clap::Args)]
@@ -69,13 +70,13 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(Numbers(heights_m)) = args.heights {
         options.heights_m = heights_m;
     }
-    let volume = file::load(&args.volume)?;
+    let mut volume = PagedVolume::from(file::load(&args.volume)?);
     let ground = if is_distance {
-        let slice = distance_slice(&volume, &options, args.slice)?;
+        let slice = distance_slice(&mut volume, &options, args.slice)?;
         fs::write(&args.out, slice.to_pfm())?;
         slice.ground
     } else {
-        let grid = occupancy_grid(&volume, &options)?;
+        let grid = occupancy_grid(&mut volume, &options)?;
         let name = args.out.file_name().and_then(|name| name.to_str());
         let name = name.with_context(|| format!("{}: is no text", args.out.display()))?;
         fs::write(&args.out, grid.to_pgm())?;

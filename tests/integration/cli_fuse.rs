@@ -74,6 +74,14 @@ fn a_surface_is_fused_at_given_poses_and_written_again_from_the_volume() {
     // The poses tell the surface, and one thread or two do not.
     json(&workspace, &format!("{fuse}2 --threads 1"));
     assert!(fs::read(&ply).unwrap() == fs::read(workspace.path("fused2/mesh.ply")).unwrap());
+
+    // Nor does the memory, but for the order of vertices.
+    let paged = json(&workspace, &format!("{fuse}3 --memory-mb 1"));
+    let counts =
+        |document: &Value| ["vertices", "triangles"].map(|key| document["mesh"][key].clone());
+    assert_eq!(counts(&paged), counts(&document));
+    assert!(paged["paging"]["paged_out"].is_u64(), "{paged}");
+    assert!(document.get("paging").is_none(), "{document}");
 }
 
 #[test]

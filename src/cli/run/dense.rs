@@ -12,16 +12,19 @@ use super::super::progress::Progress;
 use crate::frontend::camera::FrameCamera;
 use crate::frontend::dense::export;
 use crate::frontend::dense::integrate::IntegrationOptions;
-use crate::frontend::dense::mapper::DenseMapper;
-use crate::frontend::dense::surface::{SurfaceOptions, extract};
+use crate::frontend::dense::mapper::{DenseMapper, MemoryCeiling};
+use crate::frontend::dense::paged::PagedVolume;
+use crate::frontend::dense::surface::{SurfaceOptions, extract_paged};
 use crate::frontend::dense::thread::{DenseReport, DenseThread};
-use crate::frontend::dense::volume::{Volume, VolumeOptions};
+use crate::frontend::dense::volume::VolumeOptions;
 
 /// How a run maps densely.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(in crate::cli) struct DenseOptions {
     /// The volume's measures.
     pub(in crate::cli) volume: VolumeOptions,
+    /// How much memory volumes may take, where there is a limit.
+    pub(in crate::cli) ceiling: Option<MemoryCeiling>,
     /// Every how many frames one is integrated.
     pub(in crate::cli) every: usize,
 }
@@ -35,7 +38,12 @@ pub(super) fn start(
     // One is tracking's.
     let threads = threads.saturating_sub(1).max(1);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("threads")?;
-    let mapper = DenseMapper::new(camera, options.volume, IntegrationOptions::default())?;
+    let mapper = DenseMapper::new(
+        camera,
+        options.volume,
+        IntegrationOptions::default(),
+        options.ceiling.clone(),
+    )?;
     Ok(DenseThread::start(mapper, pool))
 }
 
@@ -52,8 +60,8 @@ pub(super) fn finish(thread: DenseThread) -> anyhow::Result<DenseReport> {
 }
 
 /// Writes `mesh.ply`, `mesh.glb` and `volume.covis`.
-pub(super) fn write(volume: &Volume, out: &Path) -> anyhow::Result<MeshFigures> {
-    let mesh = extract(volume, SurfaceOptions::default());
+pub(super) fn write(volume: &mut PagedVolume, out: &Path) -> anyhow::Result<MeshFigures> {
+    let mesh = extract_paged(volume, SurfaceOptions::default())?;
     let figures = write_surface(volume, &mesh, out)?;
     let Some(glb) = export::glb(&mesh) else {
         bail!("the mesh is too large for a GLB file (4 GiB): covis mesh writes PLY");

@@ -128,7 +128,11 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
     let volume = args.grid.options()?;
     let every = usize::from(args.mesh_every);
     let options = RunOptions {
-        dense: args.mesh.then_some(DenseOptions { volume, every }),
+        dense: args.mesh.then_some(DenseOptions {
+            volume,
+            ceiling: args.grid.ceiling(&args.out),
+            every,
+        }),
         camera: args.camera.clone(),
         timing: (seconds(args.readout_ms), seconds(args.depth_late_ms)),
         removes_motion: !args.no_mask,
@@ -142,7 +146,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
         .enable_all()
         .build()
         .context("the async runtime")?;
-    let (report, volume) = runtime.block_on(async {
+    let (report, mut volume) = runtime.block_on(async {
         if args.connection.names_server() {
             let client = connect::connect(config).await?;
             return sequence(&source, &options, &client, &args.map).await;
@@ -153,7 +157,8 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
         report
     })?;
     report::write(&report, &args.out)?;
-    let mesh = volume.as_ref().map(|dense| dense::write(&dense.volume, &args.out)).transpose()?;
+    let mesh =
+        volume.as_mut().map(|dense| dense::write(&mut dense.volume, &args.out)).transpose()?;
     let document = report::document(&report, volume.as_ref().zip(mesh));
     if args.json {
         print(serde_json::to_string(&document)?)?;

@@ -8,7 +8,7 @@ use covis_solvers::geometry::Se3;
 use covis_solvers::io::trajectory::Trajectory;
 use serde::Serialize;
 
-use super::super::fuse::MeshFigures;
+use super::super::fuse::{MeshFigures, Paging};
 use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::mapping::run::RunReport;
 use crate::frontend::pipeline::StageSeconds;
@@ -25,6 +25,8 @@ pub(super) struct Document {
     stages: BTreeMap<&'static str, Quantiles>,
     #[serde(skip_serializing_if = "Option::is_none")]
     mesh: Option<MeshFigures>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    paging: Option<Paging>,
 }
 
 /// Of the durations of a stage.
@@ -74,6 +76,7 @@ pub(super) fn document(report: &RunReport, dense: Option<(&DenseReport, MeshFigu
     }
     Document {
         mesh: dense.map(|(_, mesh)| mesh),
+        paging: dense.and_then(|(dense, _)| Paging::of(&dense.volume)),
         frames: report.frames,
         skipped: report.skipped,
         tracked: report.live.len(),

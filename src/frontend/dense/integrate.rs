@@ -10,9 +10,11 @@ use rayon::prelude::*;
 
 use super::block::{DISTANCE_ONE, WEIGHT_ONE};
 use super::dilation::dilated;
+use super::frustum::Frustum;
 use super::fuse::{Frame, Outcome};
 use super::lanes::{Class, Kernel, Lanes};
 pub use super::options::IntegrationOptions;
+use super::pages::PageError;
 use super::pixels::{self, BAND, PackBand, Scratch, Source};
 use super::rays::Rays;
 use super::reach::Reach;
@@ -41,7 +43,7 @@ pub struct DenseFrame<'a> {
 }
 
 /// Why a frame was not integrated; the volume is as before.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum IntegrateError {
     /// An image has another size than the camera.
     #[error(
@@ -71,6 +73,10 @@ pub enum IntegrateError {
         /// Which one.
         option: &'static str,
     },
+    /// What the frame needs is on disk and does not come back, or there is no room for what it does not
+    /// need.
+    #[error(transparent)]
+    Pages(#[from] PageError),
 }
 
 /// Integrates frames of one camera.
@@ -127,7 +133,7 @@ impl Integrator {
         volume: &mut Volume,
         frame: &DenseFrame<'_>,
     ) -> Result<(), IntegrateError> {
-        self.check(volume, frame)?;
+        self.check(volume.options(), frame)?;
         let measures = *volume.options();
         self.begin_reach(frame.world_from_camera, &measures)?;
         self.dilated = frame.moving.map(|moving| dilated(moving, self.options.dilation_px));
@@ -138,7 +144,11 @@ impl Integrator {
         Ok(())
     }
 
-    fn check(&self, volume: &Volume, frame: &DenseFrame<'_>) -> Result<(), IntegrateError> {
+    fn check(
+        &self,
+        measures: &VolumeOptions,
+        frame: &DenseFrame<'_>,
+    ) -> Result<(), IntegrateError> {
         let (camera_width, camera_height) = self.camera.size();
         let sizes = [
             ("depth_m", Some(frame.depth_m.size())),
@@ -164,10 +174,32 @@ impl Integrator {
         if !finite {
             return Err(IntegrateError::Pose);
         }
-        match self.options.refused(volume.options()) {
+        match self.options.refused(measures) {
             Some(option) => Err(IntegrateError::Options { option }),
             None => Ok(()),
         }
+    }
+
+    /// The space that a frame may change.
+    ///
+    /// # Errors
+    /// Where the frame or an option makes no sense.
+    pub(super) fn frustum(
+        &self,
+        measures: &VolumeOptions,
+        frame: &DenseFrame<'_>,
+    ) -> Result<Frustum, IntegrateError> {
+        self.check(measures, frame)?;
+        let farthest_m = f64::from(self.farthest_m(measures));
+        // A pixel beyond the outermost ones' centers, and a little more.
+        let wider = 0.02 + 1.0 / f64::from(self.lens.fx.min(self.lens.fy));
+        Ok(Frustum::new(self.lens.field, wider, frame.world_from_camera, farthest_m))
+    }
+
+    /// The depth up to which voxels are looked at, meters.
+    fn farthest_m(&self, measures: &VolumeOptions) -> f32 {
+        let farthest = self.options.max_depth_m;
+        farthest + self.options.behind_m(farthest, measures.truncation_m)
     }
 
     /// Marks of all blocks that the camera may see.
@@ -176,9 +208,8 @@ impl Integrator {
         world_from_camera: &Se3,
         measures: &VolumeOptions,
     ) -> Result<(), IntegrateError> {
-        let (block_m, truncation_m) = (measures.block_m(), measures.truncation_m);
-        let farthest = self.options.max_depth_m;
-        let z = f64::from(farthest + self.options.behind_m(farthest, truncation_m));
+        let block_m = measures.block_m();
+        let z = f64::from(self.farthest_m(measures));
         let [left, right, top, bottom] = self.lens.field.map(f64::from);
         let mut points = vec![[0.0; 3]; 5];
         let rays = [

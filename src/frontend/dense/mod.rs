@@ -5,11 +5,17 @@
 //! | `block` | 8³ voxels |
 //! | `slabs`, `supply` | memory for blocks |
 //! | `volume` | the sparse grid of blocks |
+//! | `packing` | blocks as bytes |
+//! | `pages` | bytes that are put away on disk |
+//! | `region` | what goes to disk and comes back together |
+//! | `residence` | which regions stay in memory |
+//! | `paged` | a volume part of which may be on disk |
 //! | `lanes` | sixteen numbers at a time |
 //! | `options` | how frames become a surface |
 //! | `dilation` | masks that are taken larger |
 //! | `tiles` | nearest and farthest depth of parts of an image |
 //! | `pixels` | a frame as voxels read it |
+//! | `frustum` | the space that a camera sees |
 //! | `reach`, `rays` | which blocks a frame's rays pass near their depth |
 //! | `sight` | which blocks a frame sees |
 //! | `fuse` | what a frame does to a block |
@@ -30,16 +36,22 @@ mod dynamic;
 pub mod export;
 pub mod file;
 pub mod frame_log;
+mod frustum;
 mod fuse;
 pub mod integrate;
 mod lanes;
 pub mod mapper;
 pub mod navigation;
 mod options;
+mod packing;
+pub mod paged;
+pub mod pages;
 mod pixels;
 pub mod pose_track;
 mod rays;
 mod reach;
+mod region;
+mod residence;
 mod sight;
 mod slabs;
 mod supply;

@@ -1,5 +1,5 @@
-//! Blocks in slabs of memory: growing moves nothing, and what was handed out stays where it is. Knows no
-//! keys and does not look into blocks.
+//! Blocks in slabs of memory: growing moves nothing. Slabs of blocks that were taken away are used again,
+//! or given back. Knows no keys and does not look into blocks.
 
 use std::ops::{Index, IndexMut, Range};
 
@@ -11,6 +11,8 @@ use super::supply::{SLAB, Slab, Supply};
 pub(super) struct Slabs {
     slabs: Vec<Slab>,
     len: usize,
+    /// Slots from here on were never used.
+    used: usize,
     supply: Supply,
 }
 
@@ -26,7 +28,38 @@ impl Slabs {
         if self.len == self.slabs.len() * SLAB {
             self.slabs.push(self.supply.take());
         }
+        let slot = self.len;
         self.len += 1;
+        if slot < self.used {
+            self[slot] = Block::EMPTY;
+        }
+        self.used = self.used.max(self.len);
+    }
+
+    /// Takes a block away; the last one moves to its slot, which is one of those there are.
+    pub(super) fn swap_remove(&mut self, slot: usize) {
+        self.len -= 1;
+        let (slab, last) = (slot / SLAB, self.len / SLAB);
+        if let Ok([slab, last]) = self.slabs.get_disjoint_mut([slab, last]) {
+            slab[slot % SLAB].clone_from(&last[self.len % SLAB]);
+        } else {
+            let (slots, end) = self.slabs[last].split_at_mut(self.len % SLAB);
+            if let (Some(slot), Some(end)) = (slots.get_mut(slot % SLAB), end.first()) {
+                slot.clone_from(end);
+            }
+        }
+    }
+
+    /// Gives memory back that is neither in use nor among the first `blocks`.
+    pub(super) fn give_back(&mut self, blocks: usize) {
+        self.slabs.truncate(self.len.max(blocks).div_ceil(SLAB));
+        self.used = self.used.min(self.slabs.len() * SLAB);
+    }
+
+    /// How many blocks there is memory for.
+    #[cfg(test)]
+    pub(super) fn capacity(&self) -> usize {
+        self.slabs.len() * SLAB
     }
 
     /// All blocks in pieces of at most `size`, which divides a slab; what was not pushed yet comes

@@ -12,8 +12,9 @@ use std::time::Instant;
 use covis_solvers::geometry::Se3;
 use rayon::ThreadPool;
 
+use super::integrate::IntegrateError;
 use super::mapper::{DenseError, DenseMapper, TiedFrame};
-use super::volume::Volume;
+use super::paged::PagedVolume;
 
 /// Frames that wait to be integrated.
 const QUEUE: usize = 4;
@@ -30,7 +31,7 @@ enum Message {
 #[derive(Debug)]
 pub struct DenseReport {
     /// The volume, at the keyframes' last poses.
-    pub volume: Volume,
+    pub volume: PagedVolume,
     /// Integrating a frame, seconds each.
     pub integrate_s: Vec<f64>,
     /// Integrating earlier frames again after it, seconds each.
@@ -100,11 +101,13 @@ fn work(
                 let start = Instant::now();
                 match mapper.integrate(*frame, &world_from_keyframe) {
                     Ok(()) => {}
+                    // What is lost on disk is lost for other frames too.
+                    Err(error @ DenseError::Frame(IntegrateError::Pages(_))) => return Err(error),
                     Err(DenseError::Frame(error)) => {
                         tracing::warn!("a frame is not integrated: {error}");
                         skipped += 1;
                     }
-                    Err(error @ DenseError::Log(_)) => return Err(error),
+                    Err(error) => return Err(error),
                 }
                 integrate_s.push(start.elapsed().as_secs_f64());
                 let start = Instant::now();

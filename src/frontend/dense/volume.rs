@@ -1,10 +1,11 @@
 //! The volume: a sparse grid of blocks, found by hashing.
 //!
-//! Blocks stand in the order in which they were allocated, which depends on frames and poses alone:
-//! results do not depend on hashes or threads. Knows no cameras.
+//! Blocks stand in the order in which they were allocated, but for the last one, which takes the slot of
+//! one that is taken away. That depends on frames and poses alone: results do not depend on hashes or
+//! threads. Knows no cameras.
 
 use std::collections::HashMap;
-use std::hash::{BuildHasherDefault, Hasher};
+use std::hash::{BuildHasher, Hasher, RandomState};
 
 use super::block::{Block, BlockKey, EDGE};
 pub use super::slabs::Blocks;
@@ -31,7 +32,7 @@ impl VolumeOptions {
 #[derive(Clone, Debug)]
 pub struct Volume {
     options: VolumeOptions,
-    slots: HashMap<BlockKey, u32, BuildHasherDefault<KeyHasher>>,
+    slots: HashMap<BlockKey, u32, KeyHashes>,
     keys: Vec<BlockKey>,
     blocks: Slabs,
     /// The volume's revision at which each block changed last.
@@ -39,6 +40,15 @@ pub struct Volume {
     /// Whether a block may have voxels at a surface or behind it.
     solid: Vec<bool>,
     revision: u64,
+}
+
+/// What is known of a block beside its voxels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct State {
+    /// The volume's revision at which it changed last.
+    pub(super) changed: u64,
+    /// Whether it may have voxels at a surface or behind it.
+    pub(super) is_solid: bool,
 }
 
 /// Some slots next to each other, to be changed.
@@ -139,6 +149,44 @@ impl Volume {
         slot
     }
 
+    /// Takes the block at a key away and tells whether there was one; the last block moves to its slot.
+    /// Its memory stays for others.
+    pub fn remove(&mut self, key: BlockKey) -> bool {
+        let Some(slot) = self.slots.remove(&key) else { return false };
+        let slot = slot as usize;
+        self.keys.swap_remove(slot);
+        self.blocks.swap_remove(slot);
+        self.changed.swap_remove(slot);
+        self.solid.swap_remove(slot);
+        if let Some(moved) = self.keys.get(slot) {
+            self.slots.insert(*moved, slot as u32);
+        }
+        true
+    }
+
+    /// Gives memory back that blocks had which were taken away, but for what so many blocks need.
+    pub(super) fn give_back(&mut self, blocks: usize) {
+        self.blocks.give_back(blocks);
+    }
+
+    /// How many blocks there is memory for.
+    #[cfg(test)]
+    pub(super) fn capacity(&self) -> usize {
+        self.blocks.capacity()
+    }
+
+    /// What is known of the block in a slot beside its voxels.
+    pub(super) fn state(&self, slot: usize) -> State {
+        State { changed: self.changed[slot], is_solid: self.solid[slot] }
+    }
+
+    /// Puts a block at a key as it was when it was taken away.
+    pub(super) fn put_back(&mut self, key: BlockKey, block: &Block, state: State) {
+        let slot = self.slot(key).unwrap_or_else(|| self.allocate(key));
+        self.blocks[slot].clone_from(block);
+        (self.changed[slot], self.solid[slot]) = (state.changed, state.is_solid);
+    }
+
     /// An empty block at a key that has none.
     pub(super) fn allocate(&mut self, key: BlockKey) -> usize {
         let slot = self.keys.len();
@@ -170,13 +218,37 @@ impl Volume {
     }
 }
 
-/// A hash of three coordinates: products of odd numbers, their high bits folded down.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct KeyHasher(u64);
+/// Hashes of three coordinates: the upper half of a sum of their products with random numbers
+/// (Dietzfelbinger, STACS 1996). No choice of keys makes many of them collide but by luck, whatever file
+/// they come from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KeyHashes([u64; 3]);
+
+impl Default for KeyHashes {
+    fn default() -> Self {
+        Self(std::array::from_fn(|_| RandomState::new().build_hasher().finish()))
+    }
+}
+
+impl BuildHasher for KeyHashes {
+    type Hasher = KeyHasher;
+
+    fn build_hasher(&self) -> KeyHasher {
+        KeyHasher { factors: self.0, sum: 0 }
+    }
+}
+
+/// A sum of products.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KeyHasher {
+    factors: [u64; 3],
+    sum: u64,
+}
 
 impl Hasher for KeyHasher {
     fn finish(&self) -> u64 {
-        self.0 ^ (self.0 >> 32)
+        // Tables choose places by the lowest bits.
+        self.sum.rotate_left(32)
     }
 
     fn write(&mut self, bytes: &[u8]) {
@@ -186,7 +258,35 @@ impl Hasher for KeyHasher {
     }
 
     fn write_i32(&mut self, coordinate: i32) {
-        let mixed = self.0.rotate_left(21) ^ u64::from(coordinate.cast_unsigned());
-        self.0 = mixed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let [factor, next, last] = self.factors;
+        let product = factor.wrapping_mul(u64::from(coordinate.cast_unsigned()));
+        self.sum = self.sum.wrapping_add(product);
+        self.factors = [next, last, factor];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::hash::BuildHasher;
+
+    use super::*;
+
+    #[test]
+    fn keys_that_are_made_to_collide_do_so_in_one_volume_only() {
+        // Differences that one choice of factors maps to the same place; another one does not.
+        let hashes = KeyHashes([3 << 40, 5 << 40, 7 << 40]);
+        let key = |i: i32| BlockKey { x: 1000 + 5 * i, y: 2000 - 3 * i, z: 9 };
+        let first = hashes.hash_one(key(0));
+        assert!((0..600).all(|i| hashes.hash_one(key(i)) == first));
+        // But by luck: most of some choices spread them.
+        let spreads = |_: &usize| {
+            let other = KeyHashes::default();
+            let mut places: Vec<_> = (0..600).map(|i| other.hash_one(key(i)) & 0x3ff).collect();
+            places.sort_unstable();
+            places.dedup();
+            places.len() > 150
+        };
+        let spread = (0..40).filter(spreads).count();
+        assert!(spread >= 20, "{spread} of 40");
     }
 }

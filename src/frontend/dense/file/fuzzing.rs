@@ -6,7 +6,7 @@
 use super::super::block::{Block, BlockKey, VOXELS};
 use super::super::navigation::{NavigationOptions, distance_slice, occupancy_grid};
 use super::super::surface::{SurfaceOptions, extract};
-use super::{BYTES_A_BLOCK, CHUNK_HEAD, HEADER, Volume, VolumeOptions};
+use super::{BYTES_A_BLOCK, CHUNK_HEAD, HEADER, PagedVolume, Volume, VolumeOptions};
 use super::{decode, encode, find_chunks, u32_at};
 
 /// Blocks of a volume that is looked at beyond reading it.
@@ -23,7 +23,7 @@ fn judge(bytes: &[u8]) {
     if volume.len() > SMALL {
         return;
     }
-    let again = decode(&bytes_of(&volume));
+    let again = decode(&bytes_of(volume.clone()));
     let is_same = |again: &Volume| {
         let sizes = |volume: &Volume| {
             let VolumeOptions { voxel_m, truncation_m } = *volume.options();
@@ -41,14 +41,16 @@ fn judge(bytes: &[u8]) {
     let options = NavigationOptions::default();
     let is_near = |key: &BlockKey| [key.x, key.y, key.z].iter().all(|k| (-2..=2).contains(k));
     if volume.keys().iter().all(is_near) {
-        let _refused = (occupancy_grid(&volume, &options), distance_slice(&volume, &options, 0.0));
+        let mut volume = PagedVolume::from(volume);
+        let _refused = occupancy_grid(&mut volume, &options);
+        let _refused = distance_slice(&mut volume, &options, 0.0);
     }
 }
 
 /// The bytes of a volume's file.
-pub(super) fn bytes_of(volume: &Volume) -> Vec<u8> {
+pub(super) fn bytes_of(volume: impl Into<PagedVolume>) -> Vec<u8> {
     let mut all = Vec::new();
-    let written = encode(volume, |bytes| {
+    let written = encode(&mut volume.into(), |bytes| {
         all.extend_from_slice(bytes);
         Ok(())
     });
@@ -79,7 +81,7 @@ pub(super) fn resealed(bytes: &[u8]) -> Vec<u8> {
 pub fn largest(length: usize) -> Vec<Vec<u8>> {
     // Chunks' heads take a byte of a block's share at most.
     let blocks = length.saturating_sub(HEADER) / (BYTES_A_BLOCK + 1);
-    vec![bytes_of(&made(blocks, |_, _| (0, 0, [0; 4])))]
+    vec![bytes_of(made(blocks, |_, _| (0, 0, [0; 4])))]
 }
 
 /// The seeds: small files, one of each kind.
@@ -103,14 +105,14 @@ pub(crate) fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         let bits = mixed(block, voxel);
         if bits.is_multiple_of(9) { (bits as i16, 300, [7; 4]) } else { (0, 0, [0; 4]) }
     };
-    let mut cut = bytes_of(&made(2, plane));
+    let mut cut = bytes_of(made(2, plane));
     cut.truncate(HEADER + CHUNK_HEAD + 100);
     vec![
-        ("empty", bytes_of(&made(0, plane))),
-        ("plane", bytes_of(&made(3, plane))),
-        ("noise", bytes_of(&made(1, noise))),
-        ("sparse", bytes_of(&made(2, sparse))),
-        ("nothing", bytes_of(&made(5, |_, _| (0, 0, [0; 4])))),
+        ("empty", bytes_of(made(0, plane))),
+        ("plane", bytes_of(made(3, plane))),
+        ("noise", bytes_of(made(1, noise))),
+        ("sparse", bytes_of(made(2, sparse))),
+        ("nothing", bytes_of(made(5, |_, _| (0, 0, [0; 4])))),
         ("cut", cut),
     ]
 }

@@ -11,9 +11,9 @@
 //! from that of the chunk before, the first from the header's, so that no chunk can be missing, stand
 //! elsewhere or be of another file. Each block has at least 128 bytes of the file: a reader knows from
 //! the file's length how much memory its blocks can take, whatever the numbers in it say, and takes no
-//! more than 33 bytes a byte of the file and 20 MiB. Blocks keep their order.
+//! more than 33 bytes a byte of the file and 20 MiB. Blocks keep their order; those that were on disk
+//! when the file was written come last.
 
-mod chunk;
 #[cfg(any(test, feature = "fuzzing"))]
 pub mod fuzzing;
 #[cfg(test)]
@@ -24,7 +24,10 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use self::chunk::{BLOCKS_A_CHUNK, pack, unpack};
+use super::block::{Block, BlockKey};
+use super::packing::{pack, unpack};
+use super::paged::PagedVolume;
+use super::pages::PageError;
 use super::volume::{Volume, VolumeOptions};
 
 /// How a file begins.
@@ -35,6 +38,8 @@ const VERSION: u32 = 1;
 const HEADER: usize = 36;
 /// Bytes before a chunk's frame.
 const CHUNK_HEAD: usize = 8;
+/// Blocks of a chunk, the last one excepted.
+const BLOCKS_A_CHUNK: usize = 256;
 /// Bytes of the file that a block has at least.
 const BYTES_A_BLOCK: usize = 128;
 /// Chunks that are packed or unpacked at a time: each holds two megabytes meanwhile.
@@ -115,13 +120,17 @@ pub enum VolumeFileError {
         /// What the packer says.
         message: String,
     },
+    /// Blocks that are on disk do not come back.
+    #[error(transparent)]
+    Pages(#[from] PageError),
 }
 
-/// Writes a volume; the file is there whole or not at all, and one that was there is replaced.
+/// Writes a volume; the file is there whole or not at all, and one that was there is replaced. Blocks on
+/// disk stay there but for some megabytes at a time.
 ///
 /// # Errors
-/// [`VolumeFileError::File`] and [`VolumeFileError::Packing`].
-pub fn save(volume: &Volume, path: &Path) -> Result<(), VolumeFileError> {
+/// [`VolumeFileError::File`], [`VolumeFileError::Packing`] and [`VolumeFileError::Pages`].
+pub fn save(volume: &mut PagedVolume, path: &Path) -> Result<(), VolumeFileError> {
     let mut partial = path.as_os_str().to_owned();
     partial.push(".partial");
     let partial = Path::new(&partial);
@@ -130,7 +139,7 @@ pub fn save(volume: &Volume, path: &Path) -> Result<(), VolumeFileError> {
         path: path.display().to_string(),
         message: error.to_string(),
     };
-    let write = || {
+    let mut write = || {
         let mut file =
             fs_err::File::create(partial).map_err(|error| failed("cannot create", error))?;
         encode(volume, |bytes| {
@@ -160,7 +169,7 @@ pub fn load(path: &Path) -> Result<Volume, VolumeFileError> {
 
 /// Hands out the bytes of a volume's file, in order.
 fn encode(
-    volume: &Volume,
+    volume: &mut PagedVolume,
     mut write: impl FnMut(&[u8]) -> Result<(), VolumeFileError>,
 ) -> Result<(), VolumeFileError> {
     let VolumeOptions { voxel_m, truncation_m } = *volume.options();
@@ -174,19 +183,14 @@ fn encode(
     let mut crc = crc32c::crc32c(&header);
     header.extend_from_slice(&crc.to_le_bytes());
     write(&header)?;
-    let slots: Vec<usize> = (0..volume.len()).step_by(BLOCKS_A_CHUNK).collect();
-    for some in slots.chunks(CHUNKS_AT_A_TIME) {
-        let packed: Vec<_> = some
-            .par_iter()
-            .map(|&first| {
-                let end = volume.len().min(first + BLOCKS_A_CHUNK);
-                let frame = pack(&volume.keys()[first..end], volume.blocks().range(first..end));
-                frame.map(|frame| (frame, BYTES_A_BLOCK * (end - first)))
-            })
-            .collect();
-        for packed in packed {
-            let (mut frame, least) =
-                packed.map_err(|error| VolumeFileError::Packing { message: error.to_string() })?;
+    volume.visit(CHUNKS_AT_A_TIME * BLOCKS_A_CHUNK, |blocks: &[(BlockKey, &Block)]| {
+        let chunks = blocks.par_chunks(BLOCKS_A_CHUNK);
+        let packed: Vec<_> =
+            chunks.map(|chunk| (pack(chunk), BYTES_A_BLOCK * chunk.len())).collect();
+        for (frame, least) in packed {
+            let packing =
+                |error: std::io::Error| VolumeFileError::Packing { message: error.to_string() };
+            let mut frame = frame.map_err(packing)?;
             let length = (frame.len() as u32).to_le_bytes();
             frame.resize(frame.len().max(least), 0);
             crc = crc32c::crc32c_append(crc32c::crc32c_append(crc, &length), &frame);
@@ -194,8 +198,8 @@ fn encode(
             write(&crc.to_le_bytes())?;
             write(&frame)?;
         }
-    }
-    Ok(())
+        Ok(())
+    })
 }
 
 /// The volume of a file's bytes, whatever they are.

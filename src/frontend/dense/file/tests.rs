@@ -1,9 +1,9 @@
 //! Volume files: the same bits again, and nothing but a reason for what is not whole.
 
 use super::super::block::{Block, BlockKey};
+use super::super::packing::pack;
 use super::super::testing::{CENTIMETER, noise, sphere, volume};
 use super::super::volume::Volume;
-use super::chunk::pack;
 use super::fuzzing::{bytes_of, resealed};
 use super::*;
 
@@ -41,9 +41,9 @@ fn what_is_read_is_what_was_written() {
     full.insert(BlockKey { x: 9, y: -9, z: i32::MAX }, wild);
     assert!(full.len() > BLOCKS_A_CHUNK);
     for volume in [full, small(), Volume::new(CENTIMETER)] {
-        let bytes = bytes_of(&volume);
+        let bytes = bytes_of(volume.clone());
         assert_same(&decode(&bytes).unwrap(), &volume);
-        assert_eq!(bytes_of(&decode(&bytes).unwrap()), bytes);
+        assert_eq!(bytes_of(decode(&bytes).unwrap()), bytes);
     }
 }
 
@@ -51,19 +51,19 @@ fn what_is_read_is_what_was_written() {
 fn a_file_replaces_the_one_before_and_leaves_nothing_beside() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("volume.covis");
-    save(&Volume::new(CENTIMETER), &path).unwrap();
-    save(&small(), &path).unwrap();
+    save(&mut PagedVolume::new(CENTIMETER), &path).unwrap();
+    save(&mut small().into(), &path).unwrap();
     assert_same(&load(&path).unwrap(), &small());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     let elsewhere = folder.path().join("no").join("volume.covis");
-    let refused = save(&small(), &elsewhere).unwrap_err();
+    let refused = save(&mut small().into(), &elsewhere).unwrap_err();
     assert!(refused.to_string().starts_with("cannot create "), "{refused}");
     assert!(load(&elsewhere).unwrap_err().to_string().starts_with("cannot read "));
 }
 
 #[test]
 fn a_file_that_is_cut_short_is_refused_at_every_length() {
-    let bytes = bytes_of(&small());
+    let bytes = bytes_of(small());
     for length in 0..bytes.len() {
         let refused = decode(&bytes[..length]).map(|_| ()).unwrap_err();
         let VolumeFileError::CutShort { length: told, offset, end } = refused else {
@@ -78,7 +78,7 @@ fn a_file_that_is_cut_short_is_refused_at_every_length() {
 
 #[test]
 fn a_file_with_any_bit_flipped_is_refused() {
-    let bytes = bytes_of(&small());
+    let bytes = bytes_of(small());
     for at in 0..bytes.len() {
         for bit in [0, 3, 7] {
             let mut flipped = bytes.clone();
@@ -95,7 +95,7 @@ fn a_file_with_any_bit_flipped_is_refused() {
 #[test]
 fn chunks_that_changed_places_are_refused() {
     let full = volume(CENTIMETER, [0; 3], [7; 3], |_| None);
-    let bytes = bytes_of(&full);
+    let bytes = bytes_of(full.clone());
     let [a, b] = &find_chunks(&bytes, full.len()).unwrap()[..] else { panic!("two chunks") };
     let swapped = [&bytes[..HEADER], &bytes[b.start..b.end], &bytes[a.start..a.end]].concat();
     let refused = decode(&swapped).map(|_| ());
@@ -104,7 +104,7 @@ fn chunks_that_changed_places_are_refused() {
 
 #[test]
 fn numbers_that_lie_are_refused_although_checksums_fit() {
-    let bytes = bytes_of(&small());
+    let bytes = bytes_of(small());
     let told = |change: &dyn Fn(&mut Vec<u8>)| {
         decode(&changed(&bytes, change)).map(|_| ()).unwrap_err().to_string()
     };
@@ -126,10 +126,10 @@ fn numbers_that_lie_are_refused_although_checksums_fit() {
     let frame = told(&|b| b[HEADER + CHUNK_HEAD] ^= 0x55);
     assert_eq!(frame, "chunk 0, at byte 36, is no zstd frame of its blocks' size");
     let twice = volume(CENTIMETER, [0; 3], [0; 3], |_| None);
-    let mut header = bytes_of(&twice)[..HEADER].to_vec();
+    let mut header = bytes_of(twice.clone())[..HEADER].to_vec();
     header[24] = 2;
     let block = (twice.keys()[0], twice.blocks()[0].clone());
-    let frame = pack(&[block.0; 2], [&block.1; 2].into_iter()).unwrap();
+    let frame = pack(&[(block.0, &block.1); 2]).unwrap();
     let mut doubled = [&header[..], &(frame.len() as u32).to_le_bytes(), &[0; 4], &frame].concat();
     doubled.resize(HEADER + CHUNK_HEAD + 256, 0);
     let refused = decode(&resealed(&doubled)).map(|_| ()).unwrap_err().to_string();
@@ -140,5 +140,5 @@ fn numbers_that_lie_are_refused_although_checksums_fit() {
 fn blocks_of_nothing_take_no_more_than_their_room() {
     let full = volume(CENTIMETER, [0; 3], [7; 3], |_| None);
     let expected = HEADER + 2 * CHUNK_HEAD + BYTES_A_BLOCK * full.len();
-    assert_eq!(bytes_of(&full).len(), expected);
+    assert_eq!(bytes_of(full.clone()).len(), expected);
 }

@@ -11,12 +11,14 @@ mod tests;
 
 use std::collections::BTreeMap;
 use std::io;
+use std::path::PathBuf;
 
 use covis_solvers::geometry::{LieGroup, Se3};
 
 use super::frame_log::{FrameLog, LoggedFrame};
 use super::integrate::{DenseFrame, IntegrateError, IntegrationOptions, Integrator};
-use super::volume::{Volume, VolumeOptions};
+use super::paged::PagedVolume;
+use super::volume::VolumeOptions;
 use crate::frontend::camera::FrameCamera;
 
 /// Frames that are integrated again with each new one. With one the second volume would never catch
@@ -38,6 +40,28 @@ pub enum DenseError {
     /// The log of frames cannot be written or read.
     #[error("the log of dense mapping's frames: {0}")]
     Log(#[from] io::Error),
+    /// There is no place for blocks that are to be on disk.
+    #[error("no page file can be made: {0}")]
+    PageFile(io::Error),
+}
+
+/// How much memory the blocks may take, those of a volume that is built again included.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MemoryCeiling {
+    /// Bytes. While a volume is built again, each of the two has half of them.
+    pub bytes: usize,
+    /// Where the rest goes; the system's folder for temporary files where there is none.
+    pub folder: Option<PathBuf>,
+}
+
+impl MemoryCeiling {
+    /// An empty volume with one of so many equal shares.
+    ///
+    /// # Errors
+    /// No page file can be made.
+    pub fn volume(&self, options: VolumeOptions, shares: usize) -> io::Result<PagedVolume> {
+        PagedVolume::with_ceiling(options, self.bytes / shares.max(1), self.folder.as_deref())
+    }
 }
 
 /// A frame, and the keyframe that it stands beside.
@@ -63,7 +87,7 @@ struct Placed {
 /// A volume that is built again.
 #[derive(Debug)]
 struct Rebuild {
-    volume: Volume,
+    volume: PagedVolume,
     /// The poses of the frames that it has, in the order of the log.
     poses: Vec<Se3>,
 }
@@ -72,7 +96,8 @@ struct Rebuild {
 #[derive(Debug)]
 pub struct DenseMapper {
     integrator: Integrator,
-    volume: Volume,
+    volume: PagedVolume,
+    ceiling: Option<MemoryCeiling>,
     log: FrameLog,
     frames: Vec<Placed>,
     keyframes: BTreeMap<usize, Se3>,
@@ -84,15 +109,17 @@ impl DenseMapper {
     /// An empty volume for frames of this camera.
     ///
     /// # Errors
-    /// [`DenseError::Log`] where there is no place for the log.
+    /// [`DenseError::Log`] and [`DenseError::PageFile`] where there is no place for these files.
     pub fn new(
         camera: &FrameCamera,
         volume: VolumeOptions,
         integration: IntegrationOptions,
+        ceiling: Option<MemoryCeiling>,
     ) -> Result<Self, DenseError> {
         Ok(Self {
             integrator: Integrator::new(camera, integration),
-            volume: Volume::new(volume),
+            volume: empty(volume, ceiling.as_ref(), 1)?,
+            ceiling,
             log: FrameLog::new()?,
             frames: Vec::new(),
             keyframes: BTreeMap::new(),
@@ -103,13 +130,13 @@ impl DenseMapper {
 
     /// The volume as far as it has followed.
     #[must_use]
-    pub fn volume(&self) -> &Volume {
+    pub fn volume(&self) -> &PagedVolume {
         &self.volume
     }
 
     /// The volume, without what it needs to follow.
     #[must_use]
-    pub fn into_volume(self) -> Volume {
+    pub fn into_volume(self) -> PagedVolume {
         self.volume
     }
 
@@ -177,6 +204,7 @@ impl DenseMapper {
     pub fn finish(&mut self, done: &mut dyn FnMut(usize, usize)) -> Result<(), DenseError> {
         // What was begun at older poses would only have to be done again.
         self.rebuild = None;
+        self.share_memory(1);
         if self.is_stale(FINAL_TOLERANCE_VOXELS) {
             while !self.integrate_again()? {
                 let again = self.rebuild.as_ref().map_or(0, |rebuild| rebuild.poses.len());
@@ -184,6 +212,13 @@ impl DenseMapper {
             }
         }
         Ok(())
+    }
+
+    /// Lets the volume have one of so many equal shares of the memory.
+    fn share_memory(&mut self, volumes: usize) {
+        if let Some(ceiling) = &self.ceiling {
+            self.volume.set_ceiling(ceiling.bytes / volumes);
+        }
     }
 
     /// Where a frame stands now.
@@ -211,10 +246,16 @@ impl DenseMapper {
         if let Some(placed) = self.frames.get(next) {
             let pose = self.pose(placed);
             let frame = self.log.read(next)?;
-            let rebuild = self.rebuild.get_or_insert_with(|| Rebuild {
-                volume: Volume::new(*self.volume.options()),
-                poses: Vec::new(),
-            });
+            if self.rebuild.is_none() {
+                self.share_memory(2);
+            }
+            let rebuild = match &mut self.rebuild {
+                Some(rebuild) => rebuild,
+                none => {
+                    let volume = empty(*self.volume.options(), self.ceiling.as_ref(), 2)?;
+                    none.insert(Rebuild { volume, poses: Vec::new() })
+                }
+            };
             integrate(&mut self.integrator, &mut rebuild.volume, &frame, &pose)?;
             rebuild.poses.push(pose);
         }
@@ -224,18 +265,29 @@ impl DenseMapper {
             placed.world_from_camera = pose;
         }
         self.volume = rebuild.volume;
+        self.share_memory(1);
         self.rebuilt += 1;
         Ok(true)
     }
 }
 
+/// An empty volume that has one of so many equal shares of the memory.
+fn empty(
+    options: VolumeOptions,
+    ceiling: Option<&MemoryCeiling>,
+    volumes: usize,
+) -> Result<PagedVolume, DenseError> {
+    let volume = ceiling.map(|ceiling| ceiling.volume(options, volumes)).transpose();
+    Ok(volume.map_err(DenseError::PageFile)?.unwrap_or_else(|| PagedVolume::new(options)))
+}
+
 fn integrate(
     integrator: &mut Integrator,
-    volume: &mut Volume,
+    volume: &mut PagedVolume,
     frame: &LoggedFrame,
     world_from_camera: &Se3,
 ) -> Result<(), IntegrateError> {
     let LoggedFrame { depth_m, color, moving } = frame;
     let moving = moving.as_ref();
-    integrator.integrate(volume, &DenseFrame { depth_m, color, moving, world_from_camera })
+    volume.integrate(integrator, &DenseFrame { depth_m, color, moving, world_from_camera })
 }

@@ -4,6 +4,7 @@ use covis_solvers::geometry::{LieGroup, Se3, So3};
 use nalgebra::Vector3;
 
 use super::*;
+use crate::frontend::dense::block::Block;
 use crate::frontend::image::Image;
 use crate::frontend::synthetic::{SceneName, Sequence, SequenceOptions};
 
@@ -21,7 +22,7 @@ fn sequence() -> (Sequence, FrameCamera) {
 const GRID: VolumeOptions = VolumeOptions { voxel_m: 0.05, truncation_m: 0.3 };
 
 fn mapper(camera: &FrameCamera) -> DenseMapper {
-    DenseMapper::new(camera, GRID, IntegrationOptions::default()).unwrap()
+    DenseMapper::new(camera, GRID, IntegrationOptions::default(), None).unwrap()
 }
 
 /// Drift: a keyframe's pose is off by this before the loop is closed, 0.3 m at the last.
@@ -60,7 +61,8 @@ fn at_truth(sequence: &Sequence, camera: &FrameCamera) -> DenseMapper {
     mapper
 }
 
-fn assert_same(a: &Volume, b: &Volume) {
+fn assert_same(a: &PagedVolume, b: &PagedVolume) {
+    let (a, b) = (a.resident(), b.resident());
     assert_eq!(a.keys(), b.keys());
     assert!(!a.is_empty());
     for &key in a.keys() {
@@ -78,7 +80,10 @@ fn after_a_loop_closure_the_volume_is_that_of_the_corrected_poses() {
         drifted.integrate(frame, &pose).unwrap();
     }
     let truth = at_truth(&sequence, &camera);
-    assert!(drifted.volume().keys() != truth.volume().keys(), "the drift changes nothing");
+    assert!(
+        drifted.volume().resident().keys() != truth.volume().resident().keys(),
+        "the drift changes nothing"
+    );
     drifted.correct(&true_keyframes(&sequence));
     let mut told = Vec::new();
     drifted.finish(&mut |again, all| told.push((again, all))).unwrap();
@@ -141,4 +146,42 @@ fn a_frame_that_makes_no_sense_is_refused_and_leaves_nothing() {
     }
     mapper.finish(&mut |_, _| {}).unwrap();
     assert_same(mapper.volume(), at_truth(&sequence, &camera).volume());
+}
+
+#[test]
+fn under_a_ceiling_corrections_are_followed_to_the_same_blocks() {
+    let (sequence, camera) = sequence();
+    // The same rooms again, one for each keyframe.
+    let room =
+        |keyframe: usize| Se3::new(So3::identity(), Vector3::new(12.0 * keyframe as f64, 0.0, 0.0));
+    let run = |ceiling: Option<MemoryCeiling>, is_true: bool| {
+        let options = IntegrationOptions::default();
+        let mut mapper = DenseMapper::new(&camera, GRID, options, ceiling).unwrap();
+        for index in 0..FRAMES {
+            let (frame, truth) = tied(&sequence, index);
+            let keyframe = frame.keyframe;
+            let drift = if is_true { Se3::identity() } else { drift(keyframe) };
+            mapper.integrate(frame, &room(keyframe).compose(&truth).compose(&drift)).unwrap();
+            mapper.follow().unwrap();
+        }
+        let moved = true_keyframes(&sequence);
+        let moved: Vec<_> = moved.iter().map(|(id, pose)| (*id, room(*id).compose(pose))).collect();
+        mapper.correct(&moved);
+        mapper.finish(&mut |_, _| {}).unwrap();
+        mapper
+    };
+    let truth = run(None, true);
+    let truth = truth.volume().resident();
+    // While there are two volumes each has room for more than the blocks of one room.
+    let ceiling = MemoryCeiling { bytes: truth.len() * size_of::<Block>() * 3 / 4, folder: None };
+    let corrected = run(Some(ceiling), false);
+    assert_eq!(corrected.rebuilt(), 1);
+    let mut paged = corrected.into_volume();
+    let figures = paged.paging().unwrap();
+    println!("{} blocks, {figures:?}", paged.len());
+    assert!(figures.blocks_on_disk > 0 && figures.frames_above_ceiling == 0, "{figures:?}");
+    assert_eq!(paged.len(), truth.len());
+    for (&key, block) in truth.keys().iter().zip(truth.blocks().iter()) {
+        assert!(paged.block(key).unwrap() == Some(block), "{key:?} differs");
+    }
 }

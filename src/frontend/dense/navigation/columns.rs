@@ -10,11 +10,18 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::super::block::{Block, BlockKey, DISTANCE_ONE, EDGE, WEIGHT_ONE};
+use super::super::paged::PagedVolume;
+use super::super::pages::PageError;
 use super::super::volume::Volume;
 use super::{NavigationError, NavigationOptions};
 
 /// Cells that a grid has at most.
 const MOST_CELLS: f64 = 67_108_864.0;
+
+/// Cells along an edge of a square of the ground that is looked at by itself.
+const SQUARE: usize = 64;
+/// Blocks that are asked for their keys at a time.
+const BLOCKS_AT_A_TIME: usize = 1024;
 
 /// To the six neighbors of a voxel.
 const STEPS: [[i64; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
@@ -45,9 +52,8 @@ pub(super) enum Place {
 }
 
 /// The columns over a grid.
-pub(super) struct Columns<'a> {
+pub(super) struct Columns {
     pub(super) ground: Ground,
-    volume: &'a Volume,
     /// Heights of samples in resolutions: first and last.
     heights: [i64; 2],
     least_weight: f32,
@@ -55,10 +61,16 @@ pub(super) struct Columns<'a> {
     thickness: f32,
 }
 
-impl<'a> Columns<'a> {
+/// What stands in columns, all of whose blocks are in memory.
+pub(super) struct Standing<'a> {
+    columns: &'a Columns,
+    volume: &'a Volume,
+}
+
+impl Columns {
     /// Over all of a volume.
     pub(super) fn new(
-        volume: &'a Volume,
+        volume: &mut PagedVolume,
         options: &NavigationOptions,
     ) -> Result<Self, NavigationError> {
         let axes = axes(options.up)?;
@@ -68,7 +80,7 @@ impl<'a> Columns<'a> {
             return Err(NavigationError::Heights { heights_m: options.heights_m });
         }
         let resolution_m = f64::from(volume.options().voxel_m);
-        let (low, high) = bounds(volume, &axes).ok_or(NavigationError::Empty)?;
+        let (low, high) = bounds(volume, &axes)?.ok_or(NavigationError::Empty)?;
         let [width, height] = [0, 1].map(|i| high[i] - low[i] + 1.0);
         if width * height > MOST_CELLS {
             return Err(NavigationError::TooLarge { cells: width * height });
@@ -87,7 +99,6 @@ impl<'a> Columns<'a> {
         let thickness = 0.75_f32.sqrt() * volume.options().voxel_m / truncation_m * DISTANCE_ONE;
         Ok(Self {
             ground,
-            volume,
             heights: [first as i64, last as i64],
             least_weight: (options.least_weight * f32::from(WEIGHT_ONE)).max(1.0),
             thickness,
@@ -97,27 +108,72 @@ impl<'a> Columns<'a> {
     /// One value a cell, from what stands over it at each height (in resolutions), lowest first.
     pub(super) fn fold<T: Copy + Send + Sync>(
         &self,
+        volume: &mut PagedVolume,
         empty: T,
         with: impl Fn(T, i64, Place) -> T + Sync,
-    ) -> Vec<T> {
-        let mut cells = vec![empty; self.ground.width * self.ground.height];
-        let rows = cells.par_chunks_mut(self.ground.width.max(1)).enumerate();
-        rows.for_each(|(j, row)| {
-            for (i, cell) in row.iter_mut().enumerate() {
-                for height in self.heights[0]..=self.heights[1] {
-                    *cell = with(*cell, height, self.at(i, j, height as f64));
-                }
-            }
-        });
-        cells
+    ) -> Result<Vec<T>, PageError> {
+        let [first, last] = self.heights;
+        self.map(volume, [first as f64, last as f64], empty, |standing, i, j| {
+            (first..=last)
+                .fold(empty, |value, height| with(value, height, standing.at(i, j, height as f64)))
+        })
     }
 
-    /// What is over the center of a cell at a height in resolutions.
-    pub(super) fn at(&self, i: usize, j: usize, height: f64) -> Place {
+    /// One value a cell, from what stands over it between two heights, in resolutions. Where a part of
+    /// the volume is on disk, it comes from there by squares of the ground.
+    pub(super) fn map<T: Copy + Send + Sync>(
+        &self,
+        volume: &mut PagedVolume,
+        heights: [f64; 2],
+        empty: T,
+        value: impl Fn(&Standing<'_>, usize, usize) -> T + Sync,
+    ) -> Result<Vec<T>, PageError> {
+        let Ground { width, height, .. } = self.ground;
+        let edge = if volume.paging().is_some() { SQUARE } else { width.max(height).max(1) };
+        let mut cells = vec![empty; width * height];
+        for top in (0..height).step_by(edge) {
+            let rows = cells.chunks_mut(width).skip(top).take(edge);
+            let mut rows: Vec<_> = rows.collect();
+            for left in (0..width).step_by(edge) {
+                let right = width.min(left + edge);
+                let square = [[left, top], [right - 1, top + rows.len() - 1]];
+                let (low, high) = self.voxels(square, heights);
+                let volume = volume.bring_between(low, high)?;
+                let standing = Standing { columns: self, volume };
+                rows.par_iter_mut().enumerate().for_each(|(j, row)| {
+                    for (i, cell) in (left..).zip(&mut row[left..right]) {
+                        *cell = value(&standing, i, top + j);
+                    }
+                });
+            }
+        }
+        Ok(cells)
+    }
+
+    /// The place of a sample, in voxels.
+    fn place(&self, i: usize, j: usize, height: f64) -> Vector3<f64> {
         let Ground { axes, resolution_m, corner_m, .. } = &self.ground;
         let x = corner_m[0] / resolution_m + 0.5 + i as f64;
         let y = corner_m[1] / resolution_m + 0.5 + j as f64;
-        let voxel = (axes[0] * x + axes[1] * y + axes[2] * height).map(|v| v.round() as i64);
+        axes[0] * x + axes[1] * y + axes[2] * height
+    }
+
+    /// The lowest and the highest voxels that are looked at over a square of cells.
+    fn voxels(&self, square: [[usize; 2]; 2], heights: [f64; 2]) -> (Vector3<f64>, Vector3<f64>) {
+        let corners =
+            (0..8).map(|k| self.place(square[k & 1][0], square[k >> 1 & 1][1], heights[k >> 2]));
+        let none = Vector3::repeat(f64::INFINITY);
+        let bounds = corners.fold((none, -none), |(low, high), p| (low.inf(&p), high.sup(&p)));
+        // The nearest voxel, its neighbors, and rounding.
+        let (low, high) = bounds;
+        (low.add_scalar(-2.0), high.add_scalar(2.0))
+    }
+}
+
+impl Standing<'_> {
+    /// What is over the center of a cell at a height in resolutions.
+    pub(super) fn at(&self, i: usize, j: usize, height: f64) -> Place {
+        let voxel = self.columns.place(i, j, height).map(|v| v.round() as i64);
         let place = self.voxel(voxel);
         let is_free = |step: Vector3<i64>| self.voxel(voxel + step) == Place::Free;
         if place == Place::Behind && STEPS.iter().any(|&[x, y, z]| is_free(Vector3::new(x, y, z))) {
@@ -135,9 +191,9 @@ impl<'a> Columns<'a> {
         let [x, y, z] = [voxel.x, voxel.y, voxel.z].map(|v| v.rem_euclid(EDGE as i64) as usize);
         let at = Block::index(x, y, z);
         let distance = f32::from(block.distances[at]);
-        if f32::from(block.weights[at]) < self.least_weight {
+        if f32::from(block.weights[at]) < self.columns.least_weight {
             Place::Unseen
-        } else if distance.abs() <= self.thickness {
+        } else if distance.abs() <= self.columns.thickness {
             Place::Surface
         } else if distance > 0.0 {
             Place::Free
@@ -157,18 +213,25 @@ fn axes(up: Vector3<f64>) -> Result<[Vector3<f64>; 3], NavigationError> {
     Ok([x, unit.cross(&x), unit])
 }
 
+/// Least and greatest coordinates.
+type Bounds = ([f64; 3], [f64; 3]);
+
 /// Least and greatest coordinates of all blocks along the axes, in voxels, rounded outwards.
-fn bounds(volume: &Volume, axes: &[Vector3<f64>; 3]) -> Option<([f64; 3], [f64; 3])> {
+fn bounds(volume: &mut PagedVolume, axes: &[Vector3<f64>; 3]) -> Result<Option<Bounds>, PageError> {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
     let half = 0.5 * (EDGE as f64 - 1.0);
-    for key in volume.keys() {
-        let center = Vector3::new(key.x, key.y, key.z).map(|k| f64::from(k) * EDGE as f64 + half);
-        for (i, axis) in axes.iter().enumerate() {
-            let (middle, reach) = (axis.dot(&center), half * axis.abs().sum());
-            low[i] = low[i].min((middle - reach).round());
-            high[i] = high[i].max((middle + reach).round());
+    volume.visit(BLOCKS_AT_A_TIME, |blocks| -> Result<(), PageError> {
+        for (key, _) in blocks {
+            let center =
+                Vector3::new(key.x, key.y, key.z).map(|k| f64::from(k) * EDGE as f64 + half);
+            for (i, axis) in axes.iter().enumerate() {
+                let (middle, reach) = (axis.dot(&center), half * axis.abs().sum());
+                low[i] = low[i].min((middle - reach).round());
+                high[i] = high[i].max((middle + reach).round());
+            }
         }
-    }
-    (low[0] <= high[0]).then_some((low, high))
+        Ok(())
+    })?;
+    Ok((low[0] <= high[0]).then_some((low, high)))
 }

@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use super::super::volume::Volume;
+use super::super::paged::PagedVolume;
 use super::columns::{Columns, Ground, Place};
 use super::{NavigationError, NavigationOptions};
 
@@ -27,9 +27,10 @@ pub struct DistanceSlice {
 /// Distances on the slice at a height.
 ///
 /// # Errors
-/// Where the options make no sense, the volume is empty or its grid too large.
+/// Where the options make no sense, the volume is empty, its grid too large, or a part of it does not
+/// come back from disk.
 pub fn distance_slice(
-    volume: &Volume,
+    volume: &mut PagedVolume,
     options: &NavigationOptions,
     height_m: f64,
 ) -> Result<DistanceSlice, NavigationError> {
@@ -39,17 +40,20 @@ pub fn distance_slice(
     let columns = Columns::new(volume, options)?;
     let ground = columns.ground;
     let slice = height_m / ground.resolution_m;
-    let mut squares = columns.fold(f64::INFINITY, |nearest, height, place| match place {
-        Place::Surface => nearest.min((height as f64 - slice).powi(2)),
-        Place::Unseen | Place::Free | Place::Behind => nearest,
-    });
+    let mut squares =
+        columns.fold(volume, f64::INFINITY, |nearest, height, place| match place {
+            Place::Surface => nearest.min((height as f64 - slice).powi(2)),
+            Place::Unseen | Place::Free | Place::Behind => nearest,
+        })?;
     let (width, height) = (ground.width, ground.height);
     squares.par_chunks_mut(width).for_each(transform);
     let mut turned = transposed(&squares, width);
     turned.par_chunks_mut(height).for_each(transform);
     let squares = transposed(&turned, height);
-    let distances_m = squares.into_par_iter().enumerate().map(|(cell, square)| {
-        let is_behind = columns.at(cell % width, cell / width, slice) == Place::Behind;
+    let behind = columns.map(volume, [slice; 2], false, |standing, i, j| {
+        standing.at(i, j, slice) == Place::Behind
+    })?;
+    let distances_m = squares.into_par_iter().zip(behind).map(|(square, is_behind)| {
         let distance = square.sqrt() * ground.resolution_m;
         (if is_behind { -distance } else { distance }) as f32
     });

@@ -9,7 +9,8 @@
 //! The ground is spanned by x, the volume's x axis as far as it is level, and y, which makes (x, y, up)
 //! right-handed; heights count along up. All of them begin at the volume's origin. Where up is opposite
 //! to the volume's y axis, as for a camera held level, the ground's y is the volume's z. Reads the
-//! volume, changes nothing in it.
+//! volume, changes nothing in it; of what is on disk it has a square of the ground in memory at a time,
+//! while the grid itself is there as a whole.
 
 mod columns;
 mod distance;
@@ -23,6 +24,7 @@ pub use occupancy::{Cell, OccupancyGrid, occupancy_grid};
 
 use nalgebra::Vector3;
 
+use super::pages::PageError;
 use super::surface::SurfaceOptions;
 
 /// Which part of the volume stands in the way.
@@ -68,4 +70,7 @@ pub enum NavigationError {
         /// Cells that it would have.
         cells: f64,
     },
+    /// Blocks that are on disk do not come back, or others have no room there.
+    #[error(transparent)]
+    Pages(#[from] PageError),
 }

@@ -3,7 +3,7 @@
 //! A cell is occupied where a surface stands over it between the two heights, free where none does and
 //! the camera saw through a voxel there, unknown elsewhere. The image's first row has the greatest y.
 
-use super::super::volume::Volume;
+use super::super::paged::PagedVolume;
 use super::columns::{Columns, Ground, Place};
 use super::{NavigationError, NavigationOptions};
 
@@ -31,17 +31,18 @@ pub struct OccupancyGrid {
 /// The occupancy of the ground under a volume.
 ///
 /// # Errors
-/// Where the options make no sense, the volume is empty or its grid too large.
+/// Where the options make no sense, the volume is empty, its grid too large, or a part of it does not
+/// come back from disk.
 pub fn occupancy_grid(
-    volume: &Volume,
+    volume: &mut PagedVolume,
     options: &NavigationOptions,
 ) -> Result<OccupancyGrid, NavigationError> {
     let columns = Columns::new(volume, options)?;
-    let cells = columns.fold(Cell::Unknown, |cell, _, place| match (cell, place) {
+    let cells = columns.fold(volume, Cell::Unknown, |cell, _, place| match (cell, place) {
         (Cell::Occupied, _) | (_, Place::Surface) => Cell::Occupied,
         (_, Place::Free) => Cell::Free,
         (cell, Place::Unseen | Place::Behind) => cell,
-    });
+    })?;
     Ok(OccupancyGrid { ground: columns.ground, cells })
 }
 

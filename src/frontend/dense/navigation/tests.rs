@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::super::block::{Block, BlockKey};
+use super::super::paged::PagedVolume;
 use super::super::testing::{Shown, volume};
 use super::super::volume::{Volume, VolumeOptions};
 use super::*;
@@ -19,8 +20,8 @@ fn room([x, y, z]: [f32; 3]) -> Shown {
     (distance > -0.2 && z < 1.2).then_some((distance, 2.0, [0; 3]))
 }
 
-fn seen_room() -> Volume {
-    volume(GRID, [-4, -3, -5], [3, 3, 4], room)
+fn seen_room() -> PagedVolume {
+    volume(GRID, [-4, -3, -5], [3, 3, 4], room).into()
 }
 
 const HEIGHTS: NavigationOptions = NavigationOptions {
@@ -39,7 +40,7 @@ fn cell_at(ground: &Ground, x: f64, y: f64) -> usize {
 
 #[test]
 fn a_room_from_above_is_free_between_its_walls_and_around_the_post() {
-    let grid = occupancy_grid(&seen_room(), &HEIGHTS).unwrap();
+    let grid = occupancy_grid(&mut seen_room(), &HEIGHTS).unwrap();
     let at = |x, y| grid.cells[cell_at(&grid.ground, x, y)];
     assert_eq!(at(0.0, 0.0), Cell::Free);
     assert_eq!(at(-0.9, -1.4), Cell::Free);
@@ -49,7 +50,7 @@ fn a_room_from_above_is_free_between_its_walls_and_around_the_post() {
     assert_eq!(at(0.3, -1.5), Cell::Occupied, "the wall behind");
     assert_eq!(at(0.0, 1.4), Cell::Unknown, "what was not seen");
     let floor = NavigationOptions { heights_m: [-1.2, 0.2], ..HEIGHTS };
-    let with_floor = occupancy_grid(&seen_room(), &floor).unwrap();
+    let with_floor = occupancy_grid(&mut seen_room(), &floor).unwrap();
     assert_eq!(with_floor.cells[cell_at(&with_floor.ground, 0.0, 0.0)], Cell::Occupied);
 }
 
@@ -57,9 +58,12 @@ fn a_room_from_above_is_free_between_its_walls_and_around_the_post() {
 fn any_direction_can_be_up() {
     // The room turned: z up, y backwards.
     let turned = volume(GRID, [-4, -5, -4], [3, 5, 3], |[x, y, z]| room([x, -z, y]));
+    let mut turned = PagedVolume::from(turned);
     let up = NavigationOptions { up: Vector3::new(0.0, 0.0, 7.0), ..HEIGHTS };
-    let (a, b) =
-        (occupancy_grid(&seen_room(), &HEIGHTS).unwrap(), occupancy_grid(&turned, &up).unwrap());
+    let (a, b) = (
+        occupancy_grid(&mut seen_room(), &HEIGHTS).unwrap(),
+        occupancy_grid(&mut turned, &up).unwrap(),
+    );
     assert_eq!(b.ground.axes, [Vector3::x(), Vector3::y(), Vector3::z()]);
     for (x, y) in (-17..17).flat_map(|x| (-26..22).map(move |y| (x, y))) {
         let (x, y) = (0.05 * f64::from(x), 0.05 * f64::from(y));
@@ -71,14 +75,14 @@ fn any_direction_can_be_up() {
     }
     // Tilted by ten degrees: the post is where it was.
     let tilted = NavigationOptions { up: Vector3::new(0.17, -0.98, 0.0), ..HEIGHTS };
-    let tilted = occupancy_grid(&seen_room(), &tilted).unwrap();
+    let tilted = occupancy_grid(&mut seen_room(), &tilted).unwrap();
     let [x, y, _] = tilted.ground.axes.map(|axis| axis.dot(&Vector3::new(0.3, 0.0, 0.25)));
     assert_eq!(tilted.cells[cell_at(&tilted.ground, x, y)], Cell::Occupied);
 }
 
 #[test]
 fn the_files_are_as_map_server_reads_them() {
-    let mut grid = occupancy_grid(&seen_room(), &HEIGHTS).unwrap();
+    let mut grid = occupancy_grid(&mut seen_room(), &HEIGHTS).unwrap();
     let ground = grid.ground;
     let pgm = grid.to_pgm();
     let pixels = ground.width * ground.height;
@@ -107,15 +111,17 @@ fn the_files_are_as_map_server_reads_them() {
 
 #[test]
 fn distances_are_those_to_the_nearest_surface_voxel() {
-    let room = seen_room();
-    let slice = distance_slice(&room, &HEIGHTS, -0.3).unwrap();
-    let columns = columns::Columns::new(&room, &HEIGHTS).unwrap();
+    let mut room = seen_room();
+    let slice = distance_slice(&mut room, &HEIGHTS, -0.3).unwrap();
+    let columns = columns::Columns::new(&mut room, &HEIGHTS).unwrap();
     let (width, height) = (slice.ground.width, slice.ground.height);
     let mut surface = Vec::new();
-    for (i, j) in (0..width).flat_map(|i| (0..height).map(move |j| (i, j))) {
-        let places =
-            (-16..=4).filter(|&h| columns.at(i, j, f64::from(h)) == columns::Place::Surface);
-        surface.extend(places.map(|h| [i as f64, j as f64, f64::from(h)]));
+    for h in (-16..=4).map(f64::from) {
+        let at = columns.map(&mut room, [h; 2], false, |standing, i, j| {
+            standing.at(i, j, h) == columns::Place::Surface
+        });
+        let at = at.unwrap().into_iter().enumerate().filter(|(_, is_surface)| *is_surface);
+        surface.extend(at.map(|(cell, _)| [(cell % width) as f64, (cell / width) as f64, h]));
     }
     assert!(surface.len() > 1_000);
     let slice_at = -0.3 / f64::from(GRID.voxel_m);
@@ -140,31 +146,53 @@ fn distances_are_those_to_the_nearest_surface_voxel() {
 #[test]
 fn a_surface_where_distances_jump_has_no_holes() {
     let step = |[_, y, _]: [f32; 3]| Some((if y < 0.52 { 0.15 } else { -0.15 }, 1.0, [0; 3]));
-    let floor = volume(GRID, [0; 3], [1; 3], step);
+    let mut floor = volume(GRID, [0; 3], [1; 3], step).into();
     let below = NavigationOptions { heights_m: [-1.0, 0.0], ..HEIGHTS };
-    let grid = occupancy_grid(&floor, &below).unwrap();
+    let grid = occupancy_grid(&mut floor, &below).unwrap();
     assert!(grid.cells.iter().all(|&cell| cell == Cell::Occupied));
 }
 
 #[test]
 fn what_makes_no_sense_is_refused() {
-    let room = seen_room();
-    let told = |volume: &Volume, options| occupancy_grid(volume, &options).unwrap_err().to_string();
+    let mut room = seen_room();
+    let told = |volume: &mut PagedVolume, options| {
+        occupancy_grid(volume, &options).unwrap_err().to_string()
+    };
     let up = |x| NavigationOptions { up: Vector3::new(x, 0.0, 0.0), ..HEIGHTS };
-    assert_eq!(told(&room, up(0.0)), "up is (0, 0, 0), which is no direction");
-    assert_eq!(told(&room, up(f64::NAN)), "up is (NaN, 0, 0), which is no direction");
+    assert_eq!(told(&mut room, up(0.0)), "up is (0, 0, 0), which is no direction");
+    assert_eq!(told(&mut room, up(f64::NAN)), "up is (NaN, 0, 0), which is no direction");
     let heights = NavigationOptions { heights_m: [1.0, 0.5], ..HEIGHTS };
-    assert_eq!(told(&room, heights), "heights from 1 to 0.5 m are no range");
-    assert_eq!(told(&Volume::new(GRID), HEIGHTS), "the volume is empty");
+    assert_eq!(told(&mut room, heights), "heights from 1 to 0.5 m are no range");
+    assert_eq!(told(&mut PagedVolume::new(GRID), HEIGHTS), "the volume is empty");
     let mut wide = Volume::new(GRID);
     for x in [i32::MIN, i32::MAX] {
         wide.insert(BlockKey { x, y: 0, z: x }, Block::EMPTY);
     }
-    assert!(told(&wide, HEIGHTS).ends_with(" cells is too large"));
-    assert!(distance_slice(&room, &HEIGHTS, f64::NAN).is_err());
+    let mut wide = wide.into();
+    assert!(told(&mut wide, HEIGHTS).ends_with(" cells is too large"));
+    assert!(distance_slice(&mut room, &HEIGHTS, f64::NAN).is_err());
     // Heights without anything: nothing is in the way, and nothing is known.
     let above = NavigationOptions { heights_m: [50.0, 60.0], ..HEIGHTS };
-    assert!(occupancy_grid(&room, &above).unwrap().cells.iter().all(|&c| c == Cell::Unknown));
-    let far = distance_slice(&room, &above, 55.0).unwrap();
+    assert!(occupancy_grid(&mut room, &above).unwrap().cells.iter().all(|&c| c == Cell::Unknown));
+    let far = distance_slice(&mut room, &above, 55.0).unwrap();
     assert!(far.distances_m.iter().all(|&d| d == f32::INFINITY));
+}
+
+#[test]
+fn a_volume_that_is_on_disk_in_parts_has_the_same_ground() {
+    let mut whole = seen_room();
+    let bytes = 20 * size_of::<Block>();
+    let mut paged = PagedVolume::with_ceiling(GRID, bytes, None).unwrap();
+    let room = whole.resident();
+    for (&key, block) in room.keys().iter().zip(room.blocks().iter()) {
+        paged.insert(key, block.clone()).unwrap();
+    }
+    assert!(paged.paging().unwrap().blocks_on_disk > 100);
+    let tilted = NavigationOptions { up: Vector3::new(0.17, -0.98, 0.1), ..HEIGHTS };
+    for options in [HEIGHTS, tilted] {
+        let grids = [&mut whole, &mut paged].map(|v| occupancy_grid(v, &options).unwrap());
+        assert!(grids[0] == grids[1], "the grids differ");
+        let slices = [&mut whole, &mut paged].map(|v| distance_slice(v, &options, -0.3).unwrap());
+        assert!(slices[0] == slices[1], "the slices differ");
+    }
 }

@@ -2,19 +2,25 @@
 //!
 //! A piece reads its block and the voxels next to it. A block that changed makes its own piece anew,
 //! and of its neighbors' those that read its voxels or, where a sign at their border or the sight of it
-//! changed, may come to do so. Volumes may drop blocks and give their slots to others; a slot whose key
-//! changed is linked to its neighbors again.
+//! changed, may come to do so. Each block that was seen has a place here, whatever its slot in the volume
+//! is: blocks change slots, and those that went to disk keep their pieces. One that comes back is looked
+//! at again only where it changed.
+
+use std::collections::{BTreeMap, HashMap};
 
 use rayon::prelude::*;
 
 use super::super::block::BlockKey;
-use super::super::volume::Volume;
+use super::super::paged::PagedVolume;
+use super::super::pages::PageError;
+use super::super::region::Region;
+use super::super::volume::{KeyHashes, Volume};
 use super::SurfaceOptions;
 use super::bits::{Bits, FieldBits, borders, stored_weight};
 use super::mesh::{Mesh, join};
 use super::piece::{MIDDLE, Piece, Source, ones};
 
-/// No slot.
+/// No slot, or no place.
 const NONE: u32 = u32::MAX;
 /// All 27 blocks around.
 const ALL: u32 = (1 << 27) - 1;
@@ -22,18 +28,27 @@ const ALL: u32 = (1 << 27) - 1;
 const NEVER: u64 = u64::MAX;
 /// Blocks that a task takes at least.
 const BLOCKS_A_TASK: usize = 32;
+/// Regions that come from disk at a time.
+const REGIONS_AT_A_TIME: usize = 32;
 
 /// The surface of a volume, kept up to date.
 #[derive(Clone, Debug)]
 pub struct SurfaceCache {
     least_weight: u16,
-    // What is known of each slot:
+    places: HashMap<BlockKey, u32, KeyHashes>,
+    /// Places without a block.
+    vacant: Vec<usize>,
+    /// The place of the block in each of the volume's slots.
+    place_of_slot: Vec<u32>,
+    // What is known of each place:
     keys: Vec<BlockKey>,
+    /// Where the block is in the volume.
+    slots: Vec<u32>,
     /// The revision of the block that its bits are of.
     revisions: Vec<u64>,
     bits: Vec<Bits>,
     sides: Vec<u8>,
-    /// Slots of the blocks around, as in [`FieldBits::of`].
+    /// Places of the blocks around, as in [`FieldBits::of`].
     around: Vec<[u32; 27]>,
     pieces: Vec<Option<Box<Piece>>>,
     /// Which of the blocks around have voxels that the piece was made of, as in [`borders`].
@@ -42,9 +57,11 @@ pub struct SurfaceCache {
     read_by: Vec<u32>,
     /// The update since which the piece is old, 0 where it is not.
     stale: Vec<u64>,
-    /// The slots of old pieces.
+    /// The places of old pieces.
     old: Vec<usize>,
     updates: u64,
+    /// The volume's revision up to which also what is on disk was looked at.
+    looked: u64,
 }
 
 impl SurfaceCache {
@@ -53,7 +70,11 @@ impl SurfaceCache {
     pub fn new(options: SurfaceOptions) -> Self {
         Self {
             least_weight: stored_weight(options.least_weight),
+            places: HashMap::default(),
+            vacant: Vec::new(),
+            place_of_slot: Vec::new(),
             keys: Vec::new(),
+            slots: Vec::new(),
             revisions: Vec::new(),
             bits: Vec::new(),
             sides: Vec::new(),
@@ -64,6 +85,7 @@ impl SurfaceCache {
             stale: Vec::new(),
             old: Vec::new(),
             updates: 0,
+            looked: 0,
         }
     }
 
@@ -76,53 +98,129 @@ impl SurfaceCache {
     /// anew, those that have been old for longest first. The others' turn comes with later updates;
     /// until then the surface may be torn where old and new meet.
     pub fn update_oldest(&mut self, volume: &Volume, most: usize) -> usize {
+        self.look_at(volume, |_| false);
+        let old = self.oldest(most);
+        self.make(volume, old)
+    }
+
+    /// As [`SurfaceCache::update_oldest`] for a volume part of which may be on disk: from there comes, by
+    /// and by, what changed since the last update, and what old pieces are made of. After a frame that is
+    /// little or nothing. Pieces, and 300 bytes of each block, stay in memory.
+    ///
+    /// # Errors
+    /// Where blocks do not come back from disk or others have no room there. What was not looked at or
+    /// made anew is still old then.
+    pub fn update_paged(
+        &mut self,
+        volume: &mut PagedVolume,
+        most: usize,
+    ) -> Result<usize, PageError> {
+        self.look_at_paged(volume);
+        let changed = volume.on_disk_since(self.looked);
+        for regions in changed.chunks(REGIONS_AT_A_TIME) {
+            volume.bring(regions)?;
+            self.look_at_paged(volume);
+        }
+        self.looked = volume.resident().revision();
+        let old = self.oldest(most);
+        let (here, away) =
+            old.into_iter().partition::<Vec<_>, _>(|&place| self.is_in_memory(place));
+        let mut made = self.make(volume.resident(), here);
+        let mut by_region = BTreeMap::<Region, Vec<usize>>::new();
+        for place in away {
+            by_region.entry(Region::of(self.keys[place])).or_default().push(place);
+        }
+        let mut groups = by_region.into_values();
+        for group in groups.by_ref() {
+            if let Err(error) = volume.bring(&self.regions_around(&group)) {
+                self.old.extend(group.into_iter().chain(groups.flatten()));
+                return Err(error);
+            }
+            self.look_at_paged(volume);
+            made += self.make(volume.resident(), group);
+        }
+        Ok(made)
+    }
+
+    /// Whether all that a piece is made of is in memory.
+    fn is_in_memory(&self, place: usize) -> bool {
+        let mut known = self.around[place].iter().filter(|&&place| place != NONE);
+        known.all(|&place| self.slots[place as usize] != NONE)
+    }
+
+    /// The regions that pieces are made of.
+    fn regions_around(&self, places: &[usize]) -> Vec<Region> {
+        let known = places.iter().flat_map(|&place| self.around[place]);
+        let known = known.filter(|&place| place != NONE);
+        let mut regions: Vec<_> =
+            known.map(|place| Region::of(self.keys[place as usize])).collect();
+        regions.sort_unstable();
+        regions.dedup();
+        regions
+    }
+
+    fn look_at_paged(&mut self, volume: &PagedVolume) {
+        self.look_at(volume.resident(), |key| volume.is_on_disk(Region::of(key)));
+    }
+
+    /// Takes note of what changed in a volume. Blocks that are not there are on disk, or gone.
+    fn look_at(&mut self, volume: &Volume, is_on_disk: impl Fn(BlockKey) -> bool) {
         self.updates += 1;
-        self.link(volume);
+        self.link(volume, is_on_disk);
         self.look(volume);
+    }
+
+    /// The places of old pieces that have to be made anew, `most` at most; the rest stays old.
+    fn oldest(&mut self, most: usize) -> Vec<usize> {
         let mut old = std::mem::take(&mut self.old);
         let tasks = old.par_iter().with_min_len(8 * BLOCKS_A_TASK);
-        let both: Vec<bool> = tasks.map(|&slot| self.has_both_sides(slot)).collect();
-        for (&slot, _) in old.iter().zip(&both).filter(|(_, both)| !**both) {
-            self.keep(slot, None, 0);
-            self.stale[slot] = 0;
+        let both: Vec<bool> = tasks.map(|&place| self.has_both_sides(place)).collect();
+        for (&place, _) in old.iter().zip(&both).filter(|(_, both)| !**both) {
+            self.keep(place, None, 0);
+            self.stale[place] = 0;
         }
         let mut both = both.into_iter();
         old.retain(|_| both.next().unwrap_or(false));
         if most < old.len() {
-            old.select_nth_unstable_by_key(most, |&slot| (self.stale[slot], slot));
+            old.select_nth_unstable_by_key(most, |&place| (self.stale[place], place));
             self.old = old.split_off(most);
         }
         old.sort_unstable();
-        let mut made = Vec::with_capacity(old.len());
-        for slot in old {
-            self.stale[slot] = 0;
-            made.push((slot, self.pieces[slot].take(), 0));
+        old
+    }
+
+    /// Makes pieces anew; how many.
+    fn make(&mut self, volume: &Volume, places: Vec<usize>) -> usize {
+        let mut made = Vec::with_capacity(places.len());
+        for place in places {
+            self.stale[place] = 0;
+            made.push((place, self.pieces[place].take(), 0));
         }
         let tasks = made.par_iter_mut().with_min_len(BLOCKS_A_TASK);
-        tasks.for_each(|(slot, piece, reads)| {
-            (*piece, *reads) = Piece::new(&self.source(volume, *slot), piece.take());
+        tasks.for_each(|(place, piece, reads)| {
+            (*piece, *reads) = Piece::new(&self.source(volume, *place), piece.take());
         });
         let count = made.len();
-        for (slot, piece, reads) in made {
-            self.keep(slot, piece, reads);
+        for (place, piece, reads) in made {
+            self.keep(place, piece, reads);
         }
         count
     }
 
-    /// Takes over the piece of a slot, and from which blocks it is.
-    fn keep(&mut self, slot: usize, piece: Option<Box<Piece>>, reads: u32) {
-        let turned = self.reads[slot] ^ reads;
-        self.pieces[slot] = piece;
-        self.reads[slot] = reads;
+    /// Takes over the piece of a place, and from which blocks it is.
+    fn keep(&mut self, place: usize, piece: Option<Box<Piece>>, reads: u32) {
+        let turned = self.reads[place] ^ reads;
+        self.pieces[place] = piece;
+        self.reads[place] = reads;
         for k in ones(turned.into()) {
-            let neighbor = self.around[slot][k];
+            let neighbor = self.around[place][k];
             if neighbor != NONE {
                 self.read_by[neighbor as usize] ^= 1 << (26 - k);
             }
         }
     }
 
-    /// Whether pieces are old that [`SurfaceCache::update_oldest`] left for later.
+    /// Whether pieces are old that an update left for later.
     #[must_use]
     pub fn is_behind(&self) -> bool {
         !self.old.is_empty()
@@ -131,80 +229,132 @@ impl SurfaceCache {
     /// The whole surface.
     #[must_use]
     pub fn mesh(&self) -> Mesh {
-        join(&self.pieces, |slot| {
+        join(&self.pieces, |place| {
             let step = |k: usize| (k & 1) + 3 * (k >> 1 & 1) + 9 * (k >> 2);
-            std::array::from_fn(|k| self.around[slot][MIDDLE + step(k)])
+            std::array::from_fn(|k| self.around[place][MIDDLE + step(k)])
         })
     }
 
-    /// Finds neighbors of the blocks that are new or stand in another one's slot.
-    fn link(&mut self, volume: &Volume) {
-        let (old, keys) = (self.keys.len(), volume.keys());
+    /// Finds where the volume's blocks are now, makes places for those that are new and takes them from
+    /// those that are gone.
+    fn link(&mut self, volume: &Volume, is_on_disk: impl Fn(BlockKey) -> bool) {
+        let (old, keys) = (self.place_of_slot.len(), volume.keys());
         let kept = old.min(keys.len());
-        let replaced: Vec<_> = (0..kept).filter(|&slot| self.keys[slot] != keys[slot]).collect();
-        for slot in replaced.iter().copied().chain(kept..old) {
-            for (k, neighbor) in self.around[slot].into_iter().enumerate() {
-                if neighbor != NONE {
-                    self.around[neighbor as usize][26 - k] = NONE;
-                    self.read_by[neighbor as usize] &= !(1 << (26 - k));
-                    self.mark(neighbor as usize);
-                }
+        let is_other = |&slot: &usize| self.keys[self.place_of_slot[slot] as usize] != keys[slot];
+        let others: Vec<_> = (0..kept).filter(is_other).chain(kept..keys.len()).collect();
+        let is_left = |&slot: &usize| slot < old;
+        let left = others.iter().copied().filter(is_left).chain(keys.len()..old);
+        let left: Vec<_> = left.map(|slot| self.place_of_slot[slot] as usize).collect();
+        left.iter().for_each(|&place| self.slots[place] = NONE);
+        self.place_of_slot.resize(keys.len(), NONE);
+        self.reserve(others.len());
+        let mut new = Vec::new();
+        for slot in others {
+            let place = self.places.get(&keys[slot]).map(|&place| place as usize);
+            let place = place.unwrap_or_else(|| {
+                let place = self.new_place(keys[slot]);
+                new.push(place);
+                place
+            });
+            self.slots[place] = slot as u32;
+            self.place_of_slot[slot] = place as u32;
+        }
+        for place in left {
+            if self.slots[place] == NONE && !is_on_disk(self.keys[place]) {
+                self.give_up(place);
             }
         }
-        replaced.iter().for_each(|&slot| self.keys[slot] = keys[slot]);
-        self.keys.truncate(kept);
-        self.keys.extend_from_slice(&keys[kept..]);
-        self.revisions.resize(keys.len(), NEVER);
-        self.bits.resize(keys.len(), Bits::default());
-        self.sides.resize(keys.len(), 0);
-        self.around.resize(keys.len(), [NONE; 27]);
-        self.pieces.resize_with(keys.len(), || None);
-        self.reads.resize(keys.len(), 0);
-        self.read_by.resize(keys.len(), 0);
-        self.stale.resize(keys.len(), 0);
-        self.old.retain(|&slot| slot < keys.len());
-        let new: Vec<_> = replaced.into_iter().chain(kept..keys.len()).collect();
-        for &slot in &new {
-            (self.reads[slot], self.read_by[slot]) = (0, 0);
-        }
         let tasks = new.par_iter().with_min_len(BLOCKS_A_TASK);
-        let linked: Vec<_> = tasks.map(|&slot| slots_around(volume, keys[slot])).collect();
-        for (&slot, around) in new.iter().zip(linked) {
-            self.revisions[slot] = NEVER;
-            self.around[slot] = around;
+        let linked: Vec<_> = tasks.map(|&place| self.places_around(self.keys[place])).collect();
+        for (&place, around) in new.iter().zip(linked) {
+            self.around[place] = around;
             for (k, neighbor) in around.into_iter().enumerate() {
                 if neighbor != NONE {
                     let neighbor = neighbor as usize;
-                    self.around[neighbor][26 - k] = slot as u32;
-                    self.read_by[slot] |= (self.reads[neighbor] >> (26 - k) & 1) << k;
+                    self.around[neighbor][26 - k] = place as u32;
+                    self.read_by[place] |= (self.reads[neighbor] >> (26 - k) & 1) << k;
                 }
             }
         }
+    }
+
+    /// Has memory for so many places more: growing step by step would touch twice as much.
+    fn reserve(&mut self, places: usize) {
+        self.places.reserve(places);
+        self.keys.reserve(places);
+        self.slots.reserve(places);
+        self.revisions.reserve(places);
+        self.bits.reserve(places);
+        self.sides.reserve(places);
+        self.around.reserve(places);
+        self.pieces.reserve(places);
+        self.reads.reserve(places);
+        self.read_by.reserve(places);
+        self.stale.reserve(places);
+    }
+
+    /// A place for a block that has none, without neighbors yet.
+    fn new_place(&mut self, key: BlockKey) -> usize {
+        let place = self.vacant.pop().unwrap_or_else(|| {
+            let place = self.keys.len();
+            self.keys.push(key);
+            self.slots.push(NONE);
+            self.revisions.push(NEVER);
+            self.bits.push(Bits::default());
+            self.sides.push(0);
+            self.around.push([NONE; 27]);
+            self.pieces.push(None);
+            self.reads.push(0);
+            self.read_by.push(0);
+            self.stale.push(0);
+            place
+        });
+        self.keys[place] = key;
+        self.places.insert(key, place as u32);
+        place
+    }
+
+    /// Takes the place from a block that is gone.
+    fn give_up(&mut self, place: usize) {
+        for (k, neighbor) in self.around[place].into_iter().enumerate() {
+            if neighbor != NONE {
+                self.around[neighbor as usize][26 - k] = NONE;
+                self.read_by[neighbor as usize] &= !(1 << (26 - k));
+                self.mark(neighbor as usize);
+            }
+        }
+        self.places.remove(&self.keys[place]);
+        self.around[place] = [NONE; 27];
+        self.pieces[place] = None;
+        (self.reads[place], self.read_by[place]) = (0, 0);
+        (self.revisions[place], self.sides[place]) = (NEVER, 0);
+        self.vacant.push(place);
     }
 
     /// Takes the bits of blocks that changed, and marks the pieces that read them.
     fn look(&mut self, volume: &Volume) {
         let (blocks, changed) = (volume.blocks(), volume.changed());
-        let is_old = |&slot: &usize| self.revisions[slot] != changed[slot];
-        let old: Vec<_> = (0..changed.len()).filter(is_old).collect();
+        let places = self.place_of_slot.iter().map(|&place| place as usize).enumerate();
+        let is_old = |&(slot, place): &(usize, usize)| self.revisions[place] != changed[slot];
+        let old: Vec<_> = places.filter(is_old).collect();
         let tasks = old.par_iter().with_min_len(BLOCKS_A_TASK);
         let looked: Vec<_> = tasks
-            .map(|&slot| {
+            .map(|&(slot, place)| {
                 let bits = Bits::of(&blocks[slot], self.least_weight);
-                let turned = match self.revisions[slot] {
+                let turned = match self.revisions[place] {
                     NEVER => ALL,
-                    _ => borders(&bits.difference(&self.bits[slot])),
+                    _ => borders(&bits.difference(&self.bits[place])),
                 };
                 (bits, bits.sides(), turned)
             })
             .collect();
-        for (&slot, (bits, sides, turned)) in old.iter().zip(looked) {
-            self.revisions[slot] = changed[slot];
-            self.sides[slot] = sides;
-            self.bits[slot] = bits;
-            self.mark(slot);
-            for k in ones((turned | self.read_by[slot]).into()) {
-                let neighbor = self.around[slot][k];
+        for (&(slot, place), (bits, sides, turned)) in old.iter().zip(looked) {
+            self.revisions[place] = changed[slot];
+            self.sides[place] = sides;
+            self.bits[place] = bits;
+            self.mark(place);
+            for k in ones((turned | self.read_by[place]).into()) {
+                let neighbor = self.around[place][k];
                 if neighbor != NONE {
                     self.mark(neighbor as usize);
                 }
@@ -212,39 +362,40 @@ impl SurfaceCache {
         }
     }
 
-    fn mark(&mut self, slot: usize) {
-        if self.stale[slot] == 0 {
-            self.stale[slot] = self.updates;
-            self.old.push(slot);
+    fn mark(&mut self, place: usize) {
+        if self.stale[place] == 0 {
+            self.stale[place] = self.updates;
+            self.old.push(place);
         }
     }
 
     /// Whether there are voxels in front of the surface and behind it around a block.
-    fn has_both_sides(&self, slot: usize) -> bool {
-        let known = self.around[slot].iter().filter(|&&slot| slot != NONE);
-        known.fold(0, |sides, &slot| sides | self.sides[slot as usize]) == 3
+    fn has_both_sides(&self, place: usize) -> bool {
+        let known = self.around[place].iter().filter(|&&place| place != NONE);
+        known.fold(0, |sides, &place| sides | self.sides[place as usize]) == 3
     }
 
-    /// What the piece of a slot is made of.
-    fn source<'a>(&self, volume: &'a Volume, slot: usize) -> Source<'a> {
-        let around = self.around[slot].map(|slot| (slot != NONE).then_some(slot as usize));
+    /// What the piece of a place is made of.
+    fn source<'a>(&self, volume: &'a Volume, place: usize) -> Source<'a> {
+        let around = self.around[place].map(|place| (place != NONE).then_some(place as usize));
         let blocks = volume.blocks();
-        let around_blocks = around.map(|slot| slot.and_then(|slot| blocks.get(slot)));
+        let around_blocks =
+            around.map(|place| place.and_then(|place| blocks.get(self.slots[place] as usize)));
         Source {
-            key: self.keys[slot],
+            key: self.keys[place],
             voxel_m: volume.options().voxel_m,
             around: around_blocks,
-            bits: FieldBits::of(&around.map(|slot| slot.map(|slot| &self.bits[slot]))),
+            bits: FieldBits::of(&around.map(|place| place.map(|place| &self.bits[place]))),
         }
     }
-}
 
-/// Slots of the blocks around a key, itself in the middle.
-fn slots_around(volume: &Volume, key: BlockKey) -> [u32; 27] {
-    let step = |coordinate: i32, k: usize| coordinate.checked_add(k as i32 % 3 - 1);
-    std::array::from_fn(|k| {
-        let neighbor = step(key.x, k).zip(step(key.y, k / 3)).zip(step(key.z, k / 9));
-        let slot = neighbor.and_then(|((x, y), z)| volume.slot(BlockKey { x, y, z }));
-        slot.map_or(NONE, |slot| slot as u32)
-    })
+    /// Places of the blocks around a key, itself in the middle.
+    fn places_around(&self, key: BlockKey) -> [u32; 27] {
+        let step = |coordinate: i32, k: usize| coordinate.checked_add(k as i32 % 3 - 1);
+        std::array::from_fn(|k| {
+            let neighbor = step(key.x, k).zip(step(key.y, k / 3)).zip(step(key.z, k / 9));
+            let place = neighbor.and_then(|((x, y), z)| self.places.get(&BlockKey { x, y, z }));
+            place.copied().unwrap_or(NONE)
+        })
+    }
 }

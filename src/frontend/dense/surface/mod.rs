@@ -26,6 +26,8 @@ pub use cache::SurfaceCache;
 pub use mesh::Mesh;
 pub use piece::Vertex;
 
+use super::paged::PagedVolume;
+use super::pages::PageError;
 use super::volume::Volume;
 
 /// What counts as surface.
@@ -43,10 +45,22 @@ impl Default for SurfaceOptions {
     }
 }
 
-/// The surface of a whole volume.
+/// The surface of a whole volume in memory.
 #[must_use]
 pub fn extract(volume: &Volume, options: SurfaceOptions) -> Mesh {
     let mut cache = SurfaceCache::new(options);
     cache.update(volume);
     cache.mesh()
+}
+
+/// The surface of a whole volume part of which may be on disk, region by region. The mesh, its pieces
+/// and 300 bytes a block are in memory as a whole; of the blocks no more than the volume's ceiling allows,
+/// but for what a single region needs: itself and those next to it.
+///
+/// # Errors
+/// Where blocks do not come back from disk or others have no room there.
+pub fn extract_paged(volume: &mut PagedVolume, options: SurfaceOptions) -> Result<Mesh, PageError> {
+    let mut cache = SurfaceCache::new(options);
+    cache.update_paged(volume, usize::MAX)?;
+    Ok(cache.mesh())
 }

@@ -2,6 +2,7 @@
 
 mod changes;
 mod frames;
+mod paging;
 mod scene;
 
 use covis_solvers::geometry::Se3;

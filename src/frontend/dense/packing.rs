@@ -1,33 +1,28 @@
 //! Blocks as bytes that compress well, and back.
 //!
-//! A chunk's blocks stand property by property: keys (3 i32 each), then one plane of bytes for each
+//! Blocks that are packed together stand property by property: keys (3 i32 each), then one plane of bytes for each
 //! byte of a voxel's distance, weight and color, each plane over all voxels of all blocks. A value is
 //! told as its difference to that of the voxel before, where the sign is the lowest bit, so that what
 //! grows evenly and what was not seen are the same bytes again and again. Knows nothing of files.
 
-use super::super::block::{Block, BlockKey, VOXELS};
+use super::block::{Block, BlockKey, VOXELS};
 
-/// Blocks of a chunk, the last one excepted.
-pub(super) const BLOCKS_A_CHUNK: usize = 256;
 /// Bytes of a block: key, distances, weights and colors.
 const BLOCK: usize = 12 + 8 * VOXELS;
 /// Higher levels cost twice the time for some percent of the bytes.
 const COMPRESSION_LEVEL: i32 = 1;
 
-/// The zstd frame of blocks, keys and blocks being as many.
-pub(super) fn pack<'a>(
-    keys: &[BlockKey],
-    blocks: impl Iterator<Item = &'a Block>,
-) -> std::io::Result<Vec<u8>> {
-    let mut bytes = vec![0; BLOCK * keys.len()];
-    let (heads, voxels) = bytes.split_at_mut(12 * keys.len());
-    for (head, key) in heads.chunks_exact_mut(12).zip(keys) {
+/// The zstd frame of blocks.
+pub(super) fn pack(blocks: &[(BlockKey, &Block)]) -> std::io::Result<Vec<u8>> {
+    let mut bytes = vec![0; BLOCK * blocks.len()];
+    let (heads, voxels) = bytes.split_at_mut(12 * blocks.len());
+    for (head, (key, _)) in heads.chunks_exact_mut(12).zip(blocks) {
         for (word, number) in head.chunks_exact_mut(4).zip([key.x, key.y, key.z]) {
             word.copy_from_slice(&number.to_le_bytes());
         }
     }
-    let plane = VOXELS * keys.len();
-    for (i, block) in blocks.take(keys.len()).enumerate() {
+    let plane = VOXELS * blocks.len();
+    for (i, (_, block)) in blocks.iter().enumerate() {
         let at = VOXELS * i;
         let mut put = |first: usize, number: usize, value: u8| {
             voxels[first * plane + at + number] = value;

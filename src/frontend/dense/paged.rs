@@ -1,0 +1,240 @@
+//! A volume part of which may be on disk: what is far from the camera goes, and comes back before a
+//! frame may see it (decision 0018).
+//!
+//! Each frame needs the regions that its frustum meets, with a margin; who else stays is for
+//! `residence`. Integration, surfaces and files see ordinary volumes and know nothing of pages. What
+//! comes out is, to the bit of each block, what it is without a ceiling.
+
+use std::io;
+use std::path::Path;
+
+use nalgebra::Vector3;
+
+use super::block::{Block, BlockKey};
+use super::integrate::{DenseFrame, IntegrateError, Integrator};
+use super::pages::PageError;
+use super::region::Region;
+pub use super::residence::PagingFigures;
+use super::residence::{Access, Residence};
+use super::volume::{Volume, VolumeOptions};
+
+/// Bytes of a block.
+const BLOCK: usize = size_of::<Block>();
+/// A frame needs what is within so many blocks of its frustum: what it changes has its neighbors.
+const MARGIN: f64 = 2.0;
+
+/// A volume with a ceiling of what it has in memory, or without.
+#[derive(Debug)]
+pub struct PagedVolume {
+    /// What is in memory.
+    resident: Volume,
+    /// Who stays, where there is a ceiling.
+    residence: Option<Residence>,
+}
+
+impl From<Volume> for PagedVolume {
+    /// All of it in memory, without a ceiling.
+    fn from(resident: Volume) -> Self {
+        Self { resident, residence: None }
+    }
+}
+
+impl PagedVolume {
+    /// An empty one without a ceiling.
+    #[must_use]
+    pub fn new(options: VolumeOptions) -> Self {
+        Volume::new(options).into()
+    }
+
+    /// An empty one with so many bytes of blocks in memory at most, but for what a single frame needs.
+    /// The rest goes to a temporary file in `folder`, or in the system's folder for such. What is known
+    /// of all blocks together, and memory that is ready for new ones (8 MB), comes on top.
+    ///
+    /// # Errors
+    /// No file can be made there.
+    pub fn with_ceiling(
+        options: VolumeOptions,
+        ceiling_bytes: usize,
+        folder: Option<&Path>,
+    ) -> io::Result<Self> {
+        let residence = Some(Residence::new(ceiling_bytes / BLOCK, folder)?);
+        Ok(Self { resident: Volume::new(options), residence })
+    }
+
+    /// Another ceiling; it holds from the next frame on. Without one there is none from now on either.
+    pub fn set_ceiling(&mut self, ceiling_bytes: usize) {
+        if let Some(residence) = &mut self.residence {
+            residence.set_ceiling(ceiling_bytes / BLOCK);
+        }
+    }
+
+    /// The grid's measures.
+    #[must_use]
+    pub fn options(&self) -> &VolumeOptions {
+        self.resident.options()
+    }
+
+    /// What is in memory: all of it where there is no ceiling.
+    #[must_use]
+    pub fn resident(&self) -> &Volume {
+        &self.resident
+    }
+
+    /// Bytes of the blocks in memory.
+    #[must_use]
+    pub fn resident_bytes(&self) -> usize {
+        self.resident.len() * BLOCK
+    }
+
+    /// How many blocks it has, in memory and on disk.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.resident.len() + self.paging().map_or(0, |paging| paging.blocks_on_disk)
+    }
+
+    /// Whether nothing was seen yet.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Bytes of the page file.
+    #[must_use]
+    pub fn page_file_bytes(&self) -> u64 {
+        self.residence.as_ref().map_or(0, Residence::page_file_bytes)
+    }
+
+    /// What paging did so far; `None` where there is no ceiling.
+    #[must_use]
+    pub fn paging(&self) -> Option<PagingFigures> {
+        self.residence.as_ref().map(Residence::figures)
+    }
+
+    /// A frame into the volume, on the current pool of threads. That is one revision.
+    ///
+    /// # Errors
+    /// Where the frame or an option makes no sense, or what it needs does not come back from disk or has
+    /// no room there; the volume is as before then.
+    pub fn integrate(
+        &mut self,
+        integrator: &mut Integrator,
+        frame: &DenseFrame<'_>,
+    ) -> Result<(), IntegrateError> {
+        let Some(residence) = &mut self.residence else {
+            return integrator.integrate(&mut self.resident, frame);
+        };
+        let options = *self.resident.options();
+        let frustum = integrator.frustum(&options, frame)?;
+        let margin_m = MARGIN * options.block_m();
+        let is_needed = |region: &Region| {
+            let (middle, half_m) = region.cube(&options);
+            frustum.meets(&middle, half_m + margin_m)
+        };
+        let needed: Vec<_> = residence.regions().filter(is_needed).collect();
+        residence.bring(&mut self.resident, Access::Write, &needed)?;
+        let before = self.resident.len();
+        integrator.integrate(&mut self.resident, frame)?;
+        residence.settle(&mut self.resident, before);
+        Ok(())
+    }
+
+    /// Puts a block at a key, in place of the one that is there.
+    ///
+    /// # Errors
+    /// Where its region does not come back from disk or others have no room there; the volume is as
+    /// before then.
+    pub fn insert(&mut self, key: BlockKey, block: Block) -> Result<(), PageError> {
+        if let Some(residence) = &mut self.residence {
+            residence.bring(&mut self.resident, Access::Write, &[Region::of(key)])?;
+        }
+        let before = self.resident.len();
+        self.resident.insert(key, block);
+        if let Some(residence) = &mut self.residence {
+            residence.settle(&mut self.resident, before);
+        }
+        Ok(())
+    }
+
+    /// The block at a key.
+    ///
+    /// # Errors
+    /// As [`PagedVolume::insert`].
+    pub fn block(&mut self, key: BlockKey) -> Result<Option<&Block>, PageError> {
+        let volume = self.bring(&[Region::of(key)])?;
+        Ok(volume.block(key))
+    }
+
+    /// Has regions in memory, others may go.
+    ///
+    /// # Errors
+    /// As [`PagedVolume::insert`].
+    pub(super) fn bring(&mut self, regions: &[Region]) -> Result<&Volume, PageError> {
+        if let Some(residence) = &mut self.residence {
+            residence.bring(&mut self.resident, Access::Read, regions)?;
+        }
+        Ok(&self.resident)
+    }
+
+    /// Has in memory what lies between two places, in voxels; others may go.
+    ///
+    /// # Errors
+    /// As [`PagedVolume::insert`].
+    pub(super) fn bring_between(
+        &mut self,
+        low: Vector3<f64>,
+        high: Vector3<f64>,
+    ) -> Result<&Volume, PageError> {
+        let regions = self.residence.iter().flat_map(Residence::regions);
+        let regions: Vec<_> = regions.filter(|region| region.is_between(&low, &high)).collect();
+        self.bring(&regions)
+    }
+
+    /// Where there is a ceiling: who stays.
+    #[cfg(test)]
+    pub(super) fn residence(&mut self) -> &mut Residence {
+        self.residence.as_mut().unwrap()
+    }
+
+    /// The regions that are on disk only and have a block that changed after a revision, in order.
+    pub(super) fn on_disk_since(&self, revision: u64) -> Vec<Region> {
+        self.residence.as_ref().map_or_else(Vec::new, |residence| residence.away_since(revision))
+    }
+
+    /// Whether a region is on disk only.
+    pub(super) fn is_on_disk(&self, region: Region) -> bool {
+        self.residence.as_ref().is_some_and(|residence| residence.is_away(region))
+    }
+
+    /// Shows all blocks, at most `most` at a time (fewer at the end only): those in memory in the order
+    /// of their slots, then those on disk, which stay there.
+    ///
+    /// # Errors
+    /// What `show` says, or that blocks cannot be read from disk.
+    pub(super) fn visit<E: From<PageError>>(
+        &mut self,
+        most: usize,
+        mut show: impl FnMut(&[(BlockKey, &Block)]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let keys = self.resident.keys().iter().copied();
+        let resident: Vec<_> = keys.zip(self.resident.blocks().iter()).collect();
+        let (whole, rest) = resident.split_at(resident.len() / most * most);
+        for blocks in whole.chunks(most) {
+            show(blocks)?;
+        }
+        let mut left: Vec<_> = rest.iter().map(|&(key, block)| (key, block.clone())).collect();
+        if let Some(residence) = &mut self.residence {
+            residence.visit_away::<E>(|blocks| {
+                left.extend(blocks.into_iter().map(|(key, _, block)| (key, block)));
+                let whole = left.len() / most * most;
+                left[..whole].chunks(most).try_for_each(|blocks| show(&pairs(blocks)))?;
+                left.drain(..whole);
+                Ok(())
+            })?;
+        }
+        if left.is_empty() { Ok(()) } else { show(&pairs(&left)) }
+    }
+}
+
+fn pairs(blocks: &[(BlockKey, Block)]) -> Vec<(BlockKey, &Block)> {
+    blocks.iter().map(|(key, block)| (*key, block)).collect()
+}

@@ -1,0 +1,314 @@
+//! Who stays in memory: regions that are needed, and of the others those that were needed last.
+//!
+//! When there are more blocks in memory than the ceiling allows, the regions that were not needed for
+//! longest go to the page file. A region that comes back keeps its page until a frame may have changed
+//! it, so that looking at a volume writes nothing. Knows neither cameras nor frames.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::block::{Block, BlockKey};
+use super::pages::{Page, PageError, PageFile};
+use super::region::{Region, from_page, to_page};
+use super::volume::{State, Volume};
+
+/// So many blocks less than the ceiling are kept once it is reached, or an eighth of it where that is
+/// less: not every frame pages, and none waits for long.
+const SLACK: usize = 512;
+/// Regions that are packed or unpacked at a time.
+const REGIONS_AT_A_TIME: usize = 32;
+
+/// What paging did so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PagingFigures {
+    /// Blocks that are on disk only.
+    pub blocks_on_disk: usize,
+    /// Blocks that went to disk, each time counted.
+    pub paged_out: usize,
+    /// Blocks that came back, each time counted.
+    pub paged_in: usize,
+    /// Frames after which memory was above the ceiling, because they needed so much.
+    pub frames_above_ceiling: usize,
+}
+
+/// Which regions of a volume are in memory, and where the others are.
+#[derive(Debug)]
+pub(super) struct Residence {
+    /// Blocks.
+    ceiling: usize,
+    pages: PageFile,
+    regions: BTreeMap<Region, Standing>,
+    /// How often regions were asked for.
+    time: u64,
+    figures: PagingFigures,
+}
+
+/// What is known of a region.
+#[derive(Debug)]
+struct Standing {
+    /// The time at which it was needed last.
+    needed: u64,
+    place: Place,
+}
+
+/// Where the blocks of a region are.
+#[derive(Debug)]
+enum Place {
+    Memory,
+    /// As they are on disk.
+    Both(Stored),
+    Disk(Stored),
+}
+
+/// A page, how many blocks it has, and when one of them changed last.
+#[derive(Debug)]
+struct Stored {
+    page: Page,
+    blocks: usize,
+    changed: u64,
+}
+
+/// What regions are needed for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Access {
+    Read,
+    Write,
+}
+
+impl Residence {
+    /// Of a volume without blocks, with so many at most in memory.
+    ///
+    /// # Errors
+    /// No file can be made in the folder, or in the system's temporary one.
+    pub(super) fn new(ceiling: usize, folder: Option<&Path>) -> io::Result<Self> {
+        Ok(Self {
+            ceiling,
+            pages: PageFile::new(folder)?,
+            regions: BTreeMap::new(),
+            time: 0,
+            figures: PagingFigures::default(),
+        })
+    }
+
+    /// Another ceiling, from now on.
+    pub(super) fn set_ceiling(&mut self, ceiling: usize) {
+        self.ceiling = ceiling;
+    }
+
+    /// What it did so far.
+    pub(super) fn figures(&self) -> PagingFigures {
+        self.figures
+    }
+
+    /// Bytes of the page file.
+    pub(super) fn page_file_bytes(&self) -> u64 {
+        self.pages.bytes()
+    }
+
+    /// All regions, in order.
+    pub(super) fn regions(&self) -> impl Iterator<Item = Region> {
+        self.regions.keys().copied()
+    }
+
+    /// The regions that are on disk only and have a block that changed after a revision, in order.
+    pub(super) fn away_since(&self, revision: u64) -> Vec<Region> {
+        let changed = self.regions.iter().filter(|(_, standing)| match &standing.place {
+            Place::Disk(stored) => stored.changed > revision,
+            Place::Both(_) | Place::Memory => false,
+        });
+        changed.map(|(&region, _)| region).collect()
+    }
+
+    /// Whether a region is on disk only.
+    pub(super) fn is_away(&self, region: Region) -> bool {
+        self.regions.get(&region).is_some_and(Standing::is_away)
+    }
+
+    /// Shows the blocks of each region that is on disk only, without having them in memory for longer.
+    ///
+    /// # Errors
+    /// What `show` says, or that a region does not come back.
+    pub(super) fn visit_away<E: From<PageError>>(
+        &mut self,
+        mut show: impl FnMut(Vec<(BlockKey, State, Block)>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        for standing in self.regions.values() {
+            if let Place::Disk(stored) = &standing.place {
+                let page = self.pages.read(&stored.page)?;
+                show(from_page(&page, stored.blocks).ok_or_else(|| stored.page.damaged())?)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Has regions in memory, making room for them first.
+    pub(super) fn bring(
+        &mut self,
+        resident: &mut Volume,
+        access: Access,
+        regions: &[Region],
+    ) -> Result<(), PageError> {
+        self.time += 1;
+        let (mut missing, mut incoming) = (Vec::new(), 0);
+        for &region in regions {
+            let Some(standing) = self.regions.get_mut(&region) else { continue };
+            standing.needed = self.time;
+            match &standing.place {
+                Place::Disk(stored) => {
+                    incoming += stored.blocks;
+                    missing.push(region);
+                }
+                Place::Both(stored) if access == Access::Write => {
+                    self.pages.free(&stored.page);
+                    standing.place = Place::Memory;
+                }
+                Place::Both(_) | Place::Memory => {}
+            }
+        }
+        self.make_room(resident, incoming)?;
+        for some in missing.chunks(REGIONS_AT_A_TIME) {
+            self.fetch(resident, access, some)?;
+        }
+        Ok(())
+    }
+
+    /// Flips a bit of each page that is whole, or of each that is not, which heals it.
+    #[cfg(test)]
+    pub(super) fn flip_pages(&mut self, whole: bool) {
+        for standing in self.regions.values() {
+            if let Place::Both(stored) | Place::Disk(stored) = &standing.place
+                && self.pages.read(&stored.page).is_ok() == whole
+            {
+                self.pages.flip(&stored.page);
+            }
+        }
+    }
+
+    /// Takes regions from disk.
+    fn fetch(
+        &mut self,
+        resident: &mut Volume,
+        access: Access,
+        regions: &[Region],
+    ) -> Result<(), PageError> {
+        let mut read = Vec::with_capacity(regions.len());
+        for region in regions {
+            if let Some(Standing { place: Place::Disk(stored), .. }) = self.regions.get(region) {
+                read.push((*region, stored.blocks, self.pages.read(&stored.page)?));
+            }
+        }
+        let unpacked = read.into_par_iter();
+        let unpacked: Vec<_> =
+            unpacked.map(|(region, blocks, page)| (region, from_page(&page, blocks))).collect();
+        for (region, blocks) in unpacked {
+            let Some(standing) = self.regions.get_mut(&region) else { continue };
+            let Place::Disk(stored) = std::mem::replace(&mut standing.place, Place::Memory) else {
+                continue;
+            };
+            let Some(blocks) = blocks else {
+                let damaged = stored.page.damaged();
+                standing.place = Place::Disk(stored);
+                return Err(damaged);
+            };
+            self.figures.paged_in += blocks.len();
+            self.figures.blocks_on_disk -= blocks.len();
+            for (key, state, block) in &blocks {
+                resident.put_back(*key, block, *state);
+            }
+            match access {
+                Access::Read => standing.place = Place::Both(stored),
+                Access::Write => self.pages.free(&stored.page),
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes note of the blocks from a slot on, which are new, and keeps to the ceiling again.
+    pub(super) fn settle(&mut self, resident: &mut Volume, first_new: usize) {
+        let mut before = None;
+        for &key in &resident.keys()[first_new..] {
+            let region = Region::of(key);
+            if before.replace(region) != Some(region) {
+                let new = Standing { needed: self.time, place: Place::Memory };
+                self.regions.entry(region).or_insert(new).needed = self.time;
+            }
+        }
+        // The next frame makes room too, and says why there is none.
+        let _full = self.make_room(resident, 0);
+        self.figures.frames_above_ceiling += usize::from(resident.len() > self.ceiling);
+    }
+
+    /// Where so many blocks more would be above the ceiling, regions that are not needed now go until
+    /// they are below it by some.
+    fn make_room(&mut self, resident: &mut Volume, incoming: usize) -> Result<(), PageError> {
+        if resident.len() + incoming <= self.ceiling {
+            return Ok(());
+        }
+        let kept = self.ceiling - SLACK.min(self.ceiling / 8);
+        let target = kept.saturating_sub(incoming);
+        let candidates = self
+            .regions
+            .iter()
+            .filter(|(_, standing)| standing.needed < self.time && !standing.is_away());
+        let mut oldest: Vec<_> =
+            candidates.map(|(&region, standing)| (standing.needed, region)).collect();
+        oldest.sort_unstable();
+        let mut oldest = oldest.into_iter().map(|(_, region)| region).peekable();
+        while resident.len() > target && oldest.peek().is_some() {
+            let (mut some, mut outgoing) = (Vec::new(), 0);
+            while some.len() < REGIONS_AT_A_TIME && resident.len() - outgoing > target {
+                let Some(region) = oldest.next() else { break };
+                let keys = region.keys(resident);
+                outgoing += keys.len();
+                some.push((region, keys));
+            }
+            self.put_away(resident, &some)?;
+        }
+        resident.give_back(self.ceiling);
+        Ok(())
+    }
+
+    /// Puts regions on disk.
+    fn put_away(
+        &mut self,
+        resident: &mut Volume,
+        regions: &[(Region, Vec<BlockKey>)],
+    ) -> Result<(), PageError> {
+        let is_changed = |region: &Region| {
+            matches!(self.regions.get(region), Some(Standing { place: Place::Memory, .. }))
+        };
+        let view: &Volume = resident;
+        let packed: Vec<_> = regions
+            .par_iter()
+            .map(|(region, keys)| is_changed(region).then(|| to_page(view, keys)).transpose())
+            .collect();
+        for ((region, keys), packed) in regions.iter().zip(packed) {
+            let page = packed?.map(|bytes| self.pages.put(&bytes)).transpose()?;
+            let Some(standing) = self.regions.get_mut(region) else { continue };
+            standing.place = match (std::mem::replace(&mut standing.place, Place::Memory), page) {
+                (_, Some(page)) => {
+                    let slots = keys.iter().filter_map(|&key| resident.slot(key));
+                    let changed = slots.map(|slot| resident.changed()[slot]).max().unwrap_or(0);
+                    Place::Disk(Stored { page, blocks: keys.len(), changed })
+                }
+                (Place::Both(stored) | Place::Disk(stored), None) => Place::Disk(stored),
+                (Place::Memory, None) => continue,
+            };
+            self.figures.paged_out += keys.len();
+            self.figures.blocks_on_disk += keys.len();
+            for &key in keys {
+                resident.remove(key);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Standing {
+    fn is_away(&self) -> bool {
+        matches!(self.place, Place::Disk(_))
+    }
+}
