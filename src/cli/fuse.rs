@@ -123,6 +123,8 @@ pub(super) struct Paging {
     pub(super) paged_in: usize,
     /// Frames that needed more than the memory they were given.
     pub(super) frames_above: usize,
+    /// What the page file takes.
+    pub(super) page_file_bytes: u64,
 }
 
 impl Paging {
@@ -130,7 +132,8 @@ impl Paging {
     pub(super) fn of(volume: &PagedVolume) -> Option<Self> {
         let figures = volume.paging()?;
         let PagingFigures { paged_out, paged_in, frames_above_ceiling, .. } = figures;
-        Some(Self { paged_out, paged_in, frames_above: frames_above_ceiling })
+        let page_file_bytes = volume.page_file_bytes();
+        Some(Self { paged_out, paged_in, frames_above: frames_above_ceiling, page_file_bytes })
     }
 }
 
@@ -233,7 +236,7 @@ fn table(document: &Document, args: &Args) -> String {
     }
     let MeshFigures { vertices, triangles, .. } = mesh;
     let out = args.out.display();
-    if let Some(Paging { paged_out, paged_in, frames_above }) = paging {
+    if let Some(Paging { paged_out, paged_in, frames_above, .. }) = paging {
         text.push_str(&format!("\n\n{paged_out} blocks to disk, {paged_in} back"));
         text.push_str(&format!(", {frames_above} frames needed more memory"));
     }
