@@ -24,6 +24,8 @@ const SAMPLES: usize = 40;
 const FARTHEST_SIGMAS: f64 = 5.0;
 /// See [`FARTHEST_SIGMAS`], meters.
 const FARTHEST_M: f64 = 0.04;
+/// Side of a block, pixels: what is nearer to each other than this is often one thing.
+const BLOCK_PX: f64 = 80.0;
 /// Levels on which a patch is looked for: blur takes the finer ones away.
 const LEVELS: usize = 2;
 /// Candidates that are tried in a cell.
@@ -61,6 +63,15 @@ pub struct Match {
     pub sigma_px: f64,
     /// Measured depth and its standard deviation, meters.
     pub depth_m: Option<(f64, f64)>,
+}
+
+impl Match {
+    /// Column and row of the block of the image that shows it. Landmarks of a block are often of one
+    /// thing and move together, so that many of them say little more than one.
+    #[must_use]
+    pub fn block(&self) -> (usize, usize) {
+        ((self.pixel.x / BLOCK_PX) as usize, (self.pixel.y / BLOCK_PX) as usize)
+    }
 }
 
 /// The current frame as the matcher sees it.

@@ -22,9 +22,11 @@ const SAME_M: f64 = 0.01;
 /// Fewer points that are measured in both frames say nothing.
 const LEAST_MEASURED: usize = 60;
 /// Most steps.
-const MAX_STEPS: usize = 8;
+const MAX_STEPS: usize = 12;
 /// Scale of the distances from planes, meters.
 const SCALE_M: f64 = 0.008;
+/// From one step to the next, until it is [`SCALE_M`], that scale shrinks to this share.
+const SCALE_SHRINKS: f64 = 0.5;
 /// How far planes are followed, meters.
 const FARTHEST_M: f64 = 0.12;
 /// Pieces on one plane, about.
@@ -91,13 +93,16 @@ impl Surfaces {
     }
 
     /// The motion near `start` that brings planes onto each other; what they leave open stays about
-    /// as it is. Point to plane, with weights of Geman and McClure.
+    /// as it is. Point to plane, with weights of Geman and McClure of a scale that shrinks to that
+    /// of the depth (Yang et al., "Graduated non-convexity for robust spatial perception", 2020): at
+    /// a start that is off, the narrow one would take every plane for an outlier.
     #[must_use]
     pub fn align(&self, current: &CurrentDepth<'_>, start: &Se3) -> Option<Se3> {
         let mut motion = *start;
         let loose = Vector6::from_fn(|i, _| if i < 3 { LOOSE.0 } else { LOOSE.1 });
         // Pieces of one plane are wrong together.
         let prior = loose.map(|sigma| PIECES_A_PLANE * (SCALE_M / sigma).powi(2));
+        let mut scale_m = FARTHEST_M;
         for _ in 0..MAX_STEPS {
             let delayed = current.delayed(&motion);
             let back = delayed.inverse().matrix();
@@ -113,7 +118,7 @@ impl Surfaces {
                     continue;
                 }
                 used += 1;
-                let weight = (1.0 + (residual / SCALE_M).powi(2)).powi(-2);
+                let weight = (1.0 + (residual / scale_m).powi(2)).powi(-2);
                 let turned = point.cross(normal);
                 let slope =
                     -Vector6::new(normal.x, normal.y, normal.z, turned.x, turned.y, turned.z);
@@ -125,9 +130,10 @@ impl Surfaces {
             }
             let step = -hessian.cholesky()?.solve(&gradient);
             motion = motion.compose(&Se3::exp(&step));
-            if step.norm() < SHORT {
+            if scale_m <= SCALE_M && step.norm() < SHORT {
                 break;
             }
+            scale_m = (scale_m * SCALE_SHRINKS).max(SCALE_M);
         }
         Some(motion)
     }

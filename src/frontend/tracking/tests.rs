@@ -10,7 +10,7 @@ use super::points::select_points;
 use super::rotation::SmallImage;
 use super::surfaces::{CurrentDepth, Surfaces};
 use crate::frontend::camera::FrameCamera;
-use crate::frontend::image::Image;
+use crate::frontend::image::{Image, RgbdFrame};
 use crate::frontend::pyramid::Pyramid;
 use crate::frontend::shutter::Shutter;
 use crate::frontend::synthetic::{SceneName, Sequence, SequenceOptions};
@@ -174,16 +174,22 @@ fn the_first_guess_finds_rotations_of_many_pixels() {
     }
 }
 
-#[test]
-fn surfaces_agree_with_the_motion_of_the_camera_and_with_no_other() {
+/// Two frames of a still room, half a second apart, and current_from_last.
+fn two_frames() -> (FrameCamera, [RgbdFrame; 2], Se3) {
     let sequence = sequence(9);
     let camera = FrameCamera::new(*sequence.camera(), 320, 240).unwrap();
     let frames = [0, 8].map(|index| sequence.frame(index));
+    let truth = sequence.world_from_camera(8).inverse().compose(&sequence.world_from_camera(0));
+    (camera, frames, truth)
+}
+
+#[test]
+fn surfaces_agree_with_the_motion_of_the_camera_and_with_no_other() {
+    let (camera, frames, truth) = two_frames();
     let pyramid = Pyramid::new(frames[0].gray(), 4);
     let surfaces = Surfaces::new(&view(&camera, &pyramid, &frames[0].depth_m));
     let depth_m = &frames[1].depth_m;
     let current = CurrentDepth { camera: &camera, depth_m, delay_share: 0.0 };
-    let truth = sequence.world_from_camera(8).inverse().compose(&sequence.world_from_camera(0));
     let share = |motion: &Se3| surfaces.agreement(&current, motion).unwrap();
     assert!(share(&truth) > 0.9, "{} agree with the truth", share(&truth));
     let wrong = truth.compose(&Se3::new(
@@ -195,4 +201,23 @@ fn surfaces_agree_with_the_motion_of_the_camera_and_with_no_other() {
     let nothing = Image::filled(320, 240, 0.0);
     let blind = CurrentDepth { depth_m: &nothing, ..current };
     assert_eq!((surfaces.agreement(&blind, &truth), surfaces.align(&blind, &truth)), (None, None));
+}
+
+#[test]
+fn surfaces_find_a_motion_from_a_start_that_is_off_by_two_degrees() {
+    let (camera, frames, truth) = two_frames();
+    let pyramid = Pyramid::new(frames[0].gray(), 4);
+    let surfaces = Surfaces::new(&view(&camera, &pyramid, &frames[0].depth_m));
+    let depth_m = &frames[1].depth_m;
+    let current = CurrentDepth { camera: &camera, depth_m, delay_share: 0.0 };
+    for (turned, moved) in
+        [([0.03, -0.02, 0.01], [0.01, -0.02, 0.03]), ([-0.02, 0.03, -0.01], [0.02, 0.02, -0.03])]
+    {
+        let off = Se3::new(So3::exp(&Vector3::from(turned)), Vector3::from(moved));
+        let found = surfaces.align(&current, &truth.compose(&off)).unwrap();
+        let error = truth.inverse().compose(&found);
+        let (angle, distance) = (error.rotation.log().norm(), error.translation.norm());
+        // Few planes of this view tell how it moved along the others.
+        assert!(angle < 6e-3 && distance < 0.025, "{angle} rad, {distance} m");
+    }
 }
