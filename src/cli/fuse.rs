@@ -153,6 +153,13 @@ struct Document {
 /// # Errors
 /// A source or trajectory that cannot be read, options out of range, a folder that cannot be written.
 pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+    let threads = args.threads.map_or(0, usize::from);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("threads")?;
+    // All of it on the pool: a frame that is handed to it would wait for a thread to wake up.
+    pool.install(|| fuse(args))
+}
+
+fn fuse(args: &Args) -> anyhow::Result<ExitCode> {
     let options = args.grid.options()?;
     if !(args.max_depth > 0.0 && args.max_depth <= 100.0) {
         bail!("--max-depth must be more than 0 and at most 100 m, not {}", args.max_depth);
@@ -163,9 +170,6 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let source = args.source.clone().with(args.drawing);
     let mut frames = Peeked::new(source.open(args.camera.as_deref())?)?;
     let camera = frames.frame_camera()?;
-    let threads = args.threads.map_or(0, usize::from);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("threads")?;
-
     let integration =
         IntegrationOptions { max_depth_m: args.max_depth, ..IntegrationOptions::default() };
     let mut integrator = Integrator::new(&camera, integration);
@@ -196,7 +200,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
             world_from_camera: &world_from_camera,
         };
         let start = Instant::now();
-        pool.install(|| volume.integrate(&mut integrator, &dense))
+        volume
+            .integrate(&mut integrator, &dense)
             .with_context(|| format!("the frame at {:.6} s", frame.timestamp_s))?;
         seconds.push(start.elapsed().as_secs_f64());
     }
@@ -205,7 +210,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         bail!("{}: no frame has a pose within {POSE_REACH_S} s", args.poses.display());
     }
     let start = Instant::now();
-    let mesh = pool.install(|| extract_paged(&mut volume, SurfaceOptions::default()))?;
+    let mesh = extract_paged(&mut volume, SurfaceOptions::default())?;
     let extract_s = start.elapsed().as_secs_f64();
     let paging = Paging::of(&volume);
     let figures = write_surface(&mut volume, &mesh, &args.out)?;
