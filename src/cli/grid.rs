@@ -83,8 +83,8 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         fs::write(args.out.with_extension("yaml"), grid.to_yaml(name))?;
         grid.ground
     };
-    let Ground { width, height, resolution_m, .. } = ground;
-    let out = args.out.display();
-    print(format_args!("{out}: {width} x {height} cells of {resolution_m} m"))?;
+    let Ground { width, height, .. } = ground;
+    let (out, resolution) = (args.out.display(), ground.resolution());
+    print(format_args!("{out}: {width} x {height} cells of {resolution} m"))?;
     Ok(ExitCode::SUCCESS)
 }

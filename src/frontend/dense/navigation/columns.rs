@@ -41,6 +41,14 @@ pub struct Ground {
     pub height: usize,
 }
 
+impl Ground {
+    /// The resolution in meters as the voxel was asked for, without what single precision adds to it.
+    #[must_use]
+    pub fn resolution(&self) -> f32 {
+        self.resolution_m as f32
+    }
+}
+
 /// What is at a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Place {

@@ -50,8 +50,9 @@ impl OccupancyGrid {
     /// The image, binary PGM: 254 free, 0 occupied, 205 unknown, as `map_saver` writes them.
     #[must_use]
     pub fn to_pgm(&self) -> Vec<u8> {
-        let Ground { width, height, resolution_m, .. } = self.ground;
-        let header = format!("P5\n# covis, {resolution_m} m a pixel\n{width} {height}\n255\n");
+        let Ground { width, height, .. } = self.ground;
+        let resolution = self.ground.resolution();
+        let header = format!("P5\n# covis, {resolution} m a pixel\n{width} {height}\n255\n");
         let mut bytes = header.into_bytes();
         for row in self.cells.chunks(width.max(1)).rev() {
             bytes.extend(row.iter().map(|cell| match cell {
@@ -66,13 +67,14 @@ impl OccupancyGrid {
     /// The text that belongs to the image; `image` is the image's path as the text's reader finds it.
     #[must_use]
     pub fn to_yaml(&self, image: &str) -> String {
-        let [x, y] = self.ground.corner_m;
+        // Micrometers: the rest is single precision's.
+        let [x, y] = self.ground.corner_m.map(|at| (at * 1e6).round() / 1e6);
         // A JSON string is a YAML string, whatever is in it. 205 is 0.19608, just not free.
         let image = serde_json::Value::from(image);
         format!(
             "image: {image}\nresolution: {}\norigin: [{x:?}, {y:?}, 0.0]\nnegate: 0\n\
              occupied_thresh: 0.65\nfree_thresh: 0.196\n",
-            self.ground.resolution_m
+            self.ground.resolution()
         )
     }
 }

@@ -103,7 +103,7 @@ fn the_files_are_as_map_server_reads_them() {
         assert_eq!(read, cell, "pixel ({u}, {v})");
     }
     grid.ground.corner_m = [-1.025, -2.0];
-    grid.ground.resolution_m = 0.05;
+    grid.ground.resolution_m = f64::from(0.05_f32);
     let expected = "image: \"map.pgm\"\nresolution: 0.05\norigin: [-1.025, -2.0, 0.0]\nnegate: 0\n\
                     occupied_thresh: 0.65\nfree_thresh: 0.196\n";
     assert_eq!(grid.to_yaml("map.pgm"), expected);
