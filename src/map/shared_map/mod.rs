@@ -1,6 +1,6 @@
 //! A sorted map whose copies share what neither has changed.
 //!
-//! Entries stand in leaves of up to [`LEAF`], each behind an `Arc`: a copy of the map copies the list
+//! Entries stand in leaves of up to 32, each behind an `Arc`: a copy of the map copies the list
 //! of leaves, and a change copies the leaf that it touches where another map still has it. So a
 //! reader may hold a map of a million landmarks while the engine changes its own. Names and order are
 //! those of `BTreeMap`; knows nothing of what it holds.
