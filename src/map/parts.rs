@@ -58,6 +58,27 @@ impl Map {
         &self.contents
     }
 
+    /// What it consists of; lists are shared, not copied, where they can be.
+    #[must_use]
+    pub fn to_parts(&self) -> MapParts {
+        MapParts {
+            revision: self.revision,
+            create_time_ns: self.create_time_ns,
+            update_time_ns: self.update_time_ns,
+            display_name: self.display_name.clone(),
+            policy: self.policy,
+            solve_count: self.solve_count,
+            clients: self.clients.clone(),
+            cameras: self.cameras.clone(),
+            keyframes: self.keyframes.clone(),
+            landmarks: self.landmarks.clone(),
+            constraints: self.constraints.clone(),
+            switched_off: self.switched_off.clone(),
+            priors: self.priors.clone(),
+            contents: self.contents.clone(),
+        }
+    }
+
     /// Puts a map together.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 
 use covis::map::{
     Ceilings, Change, ConstraintKind, Covisibility, EntityRef, Item, ItemObservation, Map,
-    MapParts, MapPolicy, Retired, WhenFull, retire,
+    MapPolicy, Retired, WhenFull, retire,
 };
 use covis_solvers::geometry::LieGroup;
 
@@ -25,23 +25,7 @@ fn retired(journal: &mut Journal) -> Retired {
 fn check_consistent(journal: &Journal) {
     let map = &journal.map;
     assert_eq!(map.covisibility(), &Covisibility::product(map.keyframes()));
-    let parts = MapParts {
-        revision: map.revision(),
-        create_time_ns: map.create_time_ns(),
-        update_time_ns: map.update_time_ns(),
-        display_name: map.display_name().to_owned(),
-        policy: *map.policy(),
-        solve_count: map.solve_count(),
-        clients: map.clients().to_vec(),
-        cameras: map.cameras().clone(),
-        keyframes: map.keyframes().clone(),
-        landmarks: map.landmarks().clone(),
-        constraints: map.constraints().clone(),
-        switched_off: map.switched_off().clone(),
-        priors: map.priors().clone(),
-        contents: map.contents().clone(),
-    };
-    let rebuilt = Map::from_parts(parts).unwrap();
+    let rebuilt = Map::from_parts(map.to_parts()).unwrap();
     assert_eq!(&rebuilt, map);
     assert_eq!(rebuilt.usage(), map.usage());
     assert_eq!(&Map::replay(journal.events.iter()).unwrap(), map);

@@ -108,9 +108,7 @@ impl Peeked {
             _ => bail!("the source has no frames"),
         }
     }
-}
 
-impl Peeked {
     /// The lens at the frames' size.
     pub(in crate::cli) fn frame_camera(&self) -> anyhow::Result<FrameCamera> {
         let (width, height) = self.size;

@@ -277,25 +277,6 @@ fn a_map_that_is_cut_or_changed_is_refused() {
     assert_eq!(decode_map(&mut &bytes[..]).unwrap_err(), EncodingError::Hash);
 }
 
-fn parts_of(map: &Map) -> MapParts {
-    MapParts {
-        revision: map.revision(),
-        create_time_ns: map.create_time_ns(),
-        update_time_ns: map.update_time_ns(),
-        display_name: map.display_name().to_owned(),
-        policy: *map.policy(),
-        solve_count: map.solve_count(),
-        clients: map.clients().to_vec(),
-        cameras: map.cameras().clone(),
-        keyframes: map.keyframes().clone(),
-        landmarks: map.landmarks().clone(),
-        constraints: map.constraints().clone(),
-        switched_off: map.switched_off().clone(),
-        priors: map.priors().clone(),
-        contents: map.contents().clone(),
-    }
-}
-
 #[test]
 fn a_map_that_differs_from_its_file_in_one_thing_is_told() {
     // As far as it has one of everything.
@@ -343,7 +324,7 @@ fn a_map_that_differs_from_its_file_in_one_thing_is_told() {
         ("one digest less", |p| _ = p.contents.pop_first()),
     ];
     for (what, differ) in differences {
-        let mut parts = parts_of(&map);
+        let mut parts = map.to_parts();
         differ(&mut parts);
         let other = Map::from_parts(parts).unwrap();
         for (written, held) in [(&map, &other), (&other, &map)] {
