@@ -116,6 +116,10 @@ async fn relay(client: TcpStream, link: watch::Sender<Link>) {
     let requests = async {
         let mut buffer = vec![0; 1 << 16];
         while let Ok(count @ 1..) = from_client.read(&mut buffer).await {
+            // What is sent after a cut is lost, also before this task notices it otherwise.
+            if link.borrow().generation != generation {
+                return;
+            }
             if !is_frozen() && to_server.write_all(&buffer[..count]).await.is_err() {
                 break;
             }
