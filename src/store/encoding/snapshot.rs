@@ -18,10 +18,10 @@ use super::event::decode_digest;
 use super::{EncodingError, decode, required, v1};
 use crate::map::{Client, ClientIndex, Content, EntityId, Keyframe, Landmark, Map, MapParts};
 
-/// Entries of one kind in one part.
-const PART: usize = 4096;
+/// Entries of one kind in one part: what a part takes in memory is not to be seen beside a small map.
+const PART: usize = 1024;
 /// Keyframes in one part: each holds hundreds of observations.
-const KEYFRAMES: usize = 64;
+const KEYFRAMES: usize = 16;
 /// A longer part is damage, not a map.
 const LONGEST_PART: u64 = 1 << 30;
 

@@ -5,7 +5,7 @@
 //! [`DiskFile::sync`], its name after [`Disk::sync_folder`] on the folder that holds it.
 
 use std::fmt;
-use std::io::{self, Write};
+use std::io::{self, Cursor, Read, Write};
 use std::path::Path;
 
 use fs_err::{File, OpenOptions};
@@ -18,6 +18,10 @@ pub(in crate::store) trait Disk: fmt::Debug + Send + Sync + 'static {
     fn list(&self, folder: &Path) -> io::Result<Vec<String>>;
     /// A whole file.
     fn read(&self, path: &Path) -> io::Result<Vec<u8>>;
+    /// A file from its beginning on, without holding all of it.
+    fn stream(&self, path: &Path) -> io::Result<Box<dyn Read>> {
+        Ok(Box::new(Cursor::new(self.read(path)?)))
+    }
     /// Creates a file that is not there.
     fn create(&self, path: &Path) -> io::Result<Box<dyn DiskFile>>;
     /// Opens a file to append to it.
@@ -65,6 +69,10 @@ impl Disk for RealDisk {
 
     fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
         fs_err::read(path)
+    }
+
+    fn stream(&self, path: &Path) -> io::Result<Box<dyn Read>> {
+        Ok(Box::new(File::open(path)?))
     }
 
     fn create(&self, path: &Path) -> io::Result<Box<dyn DiskFile>> {
@@ -120,6 +128,10 @@ impl Disk for ReadOnly {
 
     fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
         RealDisk.read(path)
+    }
+
+    fn stream(&self, path: &Path) -> io::Result<Box<dyn Read>> {
+        RealDisk.stream(path)
     }
 
     fn create(&self, _path: &Path) -> io::Result<Box<dyn DiskFile>> {

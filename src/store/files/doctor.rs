@@ -12,8 +12,7 @@ use super::journal::Journal;
 use super::load::load;
 use super::lock::DirectoryLock;
 use super::record::Uid;
-use super::sealed::{Kind, seal, seal_map, unseal, unseal_map, write};
-use super::{FileStoreOptions, MARK, file_error, journal_name, read, snapshot_name};
+use super::{FileStoreOptions, MARK, file_error, journal_name, read, sealed, snapshot_name};
 use crate::map::Map;
 use crate::store::encoding::{decode_identity, encode_identity};
 use crate::store::{Damage, StoreError, sequence_of};
@@ -114,10 +113,13 @@ fn look(checkup: &mut MapCheckup) -> Result<Found, StoreError> {
     let mut snapshots = Vec::new();
     for sequence in kept {
         let path = folder.join(snapshot_name(sequence));
-        let bytes = RealDisk.read(&path).map_err(|e| file_error("cannot read", &path, &e))?;
-        match unseal_map(&bytes) {
+        let mut file = RealDisk.stream(&path).map_err(|e| file_error("cannot read", &path, &e))?;
+        match sealed::read_snapshot(&mut file) {
             Ok(map) => snapshots.push(map),
-            Err(_reason) => checkup.damage.push(whole_file(&path)),
+            Err(error) => {
+                let _reason = error.damage(&path)?;
+                checkup.damage.push(whole_file(&path));
+            }
         }
     }
     let name = checkup.map.clone().unwrap_or_default();
@@ -142,12 +144,12 @@ fn look(checkup: &mut MapCheckup) -> Result<Found, StoreError> {
 /// The map's uid, by its file or else by its folder.
 fn identity(checkup: &mut MapCheckup) -> Result<Uid, StoreError> {
     let path = checkup.folder.join("map");
-    let bytes = RealDisk.read(&path).unwrap_or_default();
-    if let Ok((uid, _, body)) = unseal(Kind::Identity, &bytes)
-        && let Ok(name) = decode_identity(body)
+    if let Ok(mut file) = RealDisk.stream(&path)
+        && let Ok((label, body)) = sealed::read_identity(&mut file)
+        && let Ok(name) = decode_identity(&body)
     {
         checkup.map = Some(name);
-        return Ok(uid);
+        return Ok(label.uid);
     }
     checkup.damage.push(whole_file(&path));
     let name = checkup.folder.file_name().unwrap_or_default().to_string_lossy();
@@ -215,15 +217,15 @@ fn mend(directory: &Path, checkup: &mut MapCheckup, found: &Found) -> Result<(),
     if checkup.map.is_none() {
         let uid: String = found.uid.iter().take(4).map(|byte| format!("{byte:02x}")).collect();
         let name = format!("recovered-{uid}");
-        let identity = seal(Kind::Identity, &found.uid, 0, &encode_identity(&name));
-        write(&RealDisk, &folder.join("map"), &identity)?;
+        let path = folder.join("map");
+        sealed::write_identity(&RealDisk, &path, &found.uid, &encode_identity(&name))?;
         checkup.map = Some(name);
     }
     if lost || checkup.damage.iter().any(|damage| is_log(&PathBuf::from(&damage.file))) {
         // From here on the snapshot has everything; a journal with a gap would not read as one.
         let path = folder.join(snapshot_name(checkup.revision));
         if !found.snapshots.contains(&checkup.revision) || aside.contains(&path) {
-            write(&RealDisk, &path, &seal_map(&found.uid, &found.map)?)?;
+            sealed::write_snapshot(&RealDisk, &path, &found.uid, &found.map)?;
         }
         let mut journal = checkup.segments.clone();
         journal.push(MARK.to_owned());

@@ -13,8 +13,8 @@ use std::path::Path;
 
 use super::disk::{Disk, DiskFile};
 use super::record::{HEAD, HEADER, Header, Uid, read_header, read_mark, scan};
-use super::sealed::{Kind, unseal};
-use super::{MARK, file_error, journal_name, sequence_in};
+use super::sealed::Label;
+use super::{MARK, file_error, journal_name, sealed, sequence_in};
 use crate::store::{Damage, StoreError};
 
 /// A map's files as they are after opening.
@@ -100,11 +100,11 @@ fn take_snapshot(
     sequence: u64,
     found: &mut Found,
 ) -> Result<(), StoreError> {
-    let bytes = disk.read(path).map_err(|e| file_error("cannot read", path, &e))?;
-    match unseal(Kind::Snapshot, &bytes) {
-        Ok((owner, at, _)) if owner == *uid && at == sequence => found.snapshots.push(sequence),
+    let mut file = disk.stream(path).map_err(|e| file_error("cannot read", path, &e))?;
+    match sealed::check_snapshot(&mut file) {
+        Ok(label) if label == Label { uid: *uid, sequence } => found.snapshots.push(sequence),
         Ok(_) => set_aside(disk, path, "it belongs elsewhere", found)?,
-        Err(reason) => set_aside(disk, path, &reason, found)?,
+        Err(error) => set_aside(disk, path, &error.damage(path)?, found)?,
     }
     Ok(())
 }

@@ -52,7 +52,6 @@ use self::disk::{Disk, RealDisk};
 use self::journal::Journal;
 use self::lock::DirectoryLock;
 use self::record::Uid;
-use self::sealed::Kind;
 use super::encoding::{decode_identity, encode_identity};
 use super::{
     Damage, Durability, Epoch, Flushed, Position, Store, StoreError, StoreMeters, sequence_of,
@@ -209,9 +208,9 @@ fn identity(disk: &dyn Disk, folder: &Path) -> Result<Option<(String, Uid)>, Sto
         return Ok(None);
     }
     let read = || -> Result<(String, Uid), String> {
-        let bytes = disk.read(&path).map_err(|error| error.to_string())?;
-        let (uid, _, body) = sealed::unseal(Kind::Identity, &bytes)?;
-        Ok((decode_identity(body).map_err(|error| error.to_string())?, uid))
+        let mut file = disk.stream(&path).map_err(|error| error.to_string())?;
+        let (label, body) = sealed::read_identity(&mut file).map_err(|error| error.to_string())?;
+        Ok((decode_identity(&body).map_err(|error| error.to_string())?, label.uid))
     };
     match read() {
         Ok(identity) => Ok(Some(identity)),
@@ -242,8 +241,8 @@ impl Store for FileStore {
         blocking(move || {
             let failed = |error| file_error("cannot create", &folder, &error);
             disk.create_folder(&folder).map_err(failed)?;
-            let identity = sealed::seal(Kind::Identity, &uid, 0, &encode_identity(&name));
-            let written = sealed::write(&*disk, &folder.join("map"), &identity)
+            let path = folder.join("map");
+            let written = sealed::write_identity(&*disk, &path, &uid, &encode_identity(&name))
                 .and_then(|()| disk.sync_folder(&maps).map_err(failed));
             if written.is_err() {
                 // What is left of it is no map, or one without events; both go at the next opening.

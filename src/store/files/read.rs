@@ -6,8 +6,7 @@ use std::time::Instant;
 
 use super::journal::Journal;
 use super::record::scan;
-use super::sealed::{compare_sealed, seal_map, unseal_map, write};
-use super::{file_error, journal_name, snapshot_name};
+use super::{file_error, journal_name, sealed, snapshot_name};
 use crate::map::{Event, Map};
 use crate::store::encoding::decode_event;
 use crate::store::{Damage, StoreError, sequence_of};
@@ -57,24 +56,24 @@ pub(super) fn newest_snapshot(journal: &Journal) -> Result<Option<Arc<Map>>, Sto
         let newest = journal.state().snapshots.last().copied();
         let Some(sequence) = newest else { return Ok(None) };
         let path = journal.folder.join(snapshot_name(sequence));
-        let bytes = journal.disk.read(&path).map_err(|e| file_error("cannot read", &path, &e))?;
-        match unseal_map(&bytes) {
+        let mut file =
+            journal.disk.stream(&path).map_err(|e| file_error("cannot read", &path, &e))?;
+        let reason = match sealed::read_snapshot(&mut file) {
             Ok(map) => return Ok(Some(map)),
-            Err(reason) => {
-                tracing::error!(file = %path.display(), reason, "a snapshot does not open");
-                let file = path.display().to_string();
-                let mut state = journal.state();
-                state.snapshots.pop();
-                state.damage.push(Damage { file, offset: 0, lost: None });
-            }
-        }
+            Err(error) => error.damage(&path)?,
+        };
+        tracing::error!(file = %path.display(), reason, "a snapshot does not open");
+        let file = path.display().to_string();
+        let mut state = journal.state();
+        state.snapshots.pop();
+        state.damage.push(Damage { file, offset: 0, lost: None });
     }
 }
 
 /// Writes a snapshot, reads it back, and removes all but the newest ones.
 ///
-/// What is read back is compared with the map part by part: there is never a third map in memory,
-/// beside this one and the engine's, which has changed on.
+/// It goes to the disk and comes back part by part: neither the file nor a third map ever stands in
+/// memory, beside this one and the engine's, which has changed on.
 ///
 /// # Errors
 /// [`StoreError::File`]; [`StoreError::Content`] where it does not read back, and is removed.
@@ -95,11 +94,10 @@ pub(super) fn put_snapshot(journal: &Journal, map: &Map) -> Result<(), StoreErro
 fn write_snapshot(journal: &Journal, map: &Map) -> Result<u64, StoreError> {
     let sequence = sequence_of(map.revision());
     let path = journal.folder.join(snapshot_name(sequence));
-    let sealed = seal_map(&journal.uid, map)?;
-    write(&*journal.disk, &path, &sealed)?;
-    drop(sealed);
-    let bytes = journal.disk.read(&path).map_err(|e| file_error("cannot read", &path, &e))?;
-    if let Err(message) = compare_sealed(&bytes, map) {
+    let bytes = sealed::write_snapshot(&*journal.disk, &path, &journal.uid, map)?;
+    let mut file = journal.disk.stream(&path).map_err(|e| file_error("cannot read", &path, &e))?;
+    if let Err(error) = sealed::compare_snapshot(&mut file, map) {
+        let message = error.damage(&path)?;
         journal.disk.remove(&path).map_err(|e| file_error("cannot remove", &path, &e))?;
         return Err(StoreError::Content { path: path.display().to_string(), message });
     }
@@ -110,5 +108,5 @@ fn write_snapshot(journal: &Journal, map: &Map) -> Result<u64, StoreError> {
         journal.disk.remove(&old).map_err(|e| file_error("cannot remove", &old, &e))?;
     }
     journal.snapshot_taken(sequence, snapshots);
-    Ok(bytes.len() as u64)
+    Ok(bytes)
 }

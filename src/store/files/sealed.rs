@@ -1,4 +1,4 @@
-//! Files that are written once: sealed by a checksum, never seen half.
+//! Files that are written once: sealed by a checksum, never seen half, never held whole in memory.
 //!
 //! ```text
 //! "covissnp" or "covismap"  version u32  0 u32  uid [16]  sequence u64  length u64
@@ -7,22 +7,33 @@
 //!
 //! A file is written under a temporary name, synced, renamed and its folder synced: whoever sees the
 //! name sees the whole file. Snapshots are compressed with zstd; the identity of a map is not.
+//! Whoever reads one gets what it made of the body only once the checksum was seen to fit.
 
-use std::io::Read;
+use std::fmt;
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::sync::Arc;
 
-use super::disk::Disk;
+use super::disk::{Disk, DiskFile};
 use super::file_error;
 use super::record::{Uid, VERSION};
 use crate::map::Map;
-use crate::store::StoreError;
 use crate::store::encoding::{compare_map, decode_map, encode_map};
+use crate::store::{StoreError, sequence_of};
 
 /// Bytes before the body.
 const HEAD: usize = 48;
+/// Bytes behind the body.
+const CHECKSUM: usize = 4;
+/// Bytes that are read at once.
+const READ: u64 = 64 << 10;
 /// Fast, and within a few percent of what more effort would save on poses and pixels.
-const COMPRESSION_LEVEL: i32 = 3;
+const COMPRESSION_LEVEL: i32 = 1;
+/// The compressor looks back so far, and takes about so much memory beside a megabyte; more does not
+/// make poses and pixels smaller.
+const WINDOW_LOG: u32 = 17;
+/// The widest window that is opened: earlier versions had 21, a wider one would only cost memory.
+const WIDEST_WINDOW_LOG: u32 = 23;
 
 /// The kinds of sealed file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,47 +53,170 @@ impl Kind {
     }
 }
 
-/// The bytes of a file.
-pub(super) fn seal(kind: Kind, uid: &Uid, sequence: u64, body: &[u8]) -> Vec<u8> {
-    let mut bytes = head(kind, uid, sequence);
-    bytes.extend_from_slice(body);
-    finish(bytes)
+/// What a file says of itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Label {
+    /// Whose it is.
+    pub(super) uid: Uid,
+    /// The sequence that a snapshot stands at; 0 for an identity.
+    pub(super) sequence: u64,
 }
 
-/// The bytes before the body, whose length is not known yet.
-fn head(kind: Kind, uid: &Uid, sequence: u64) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(HEAD);
-    bytes.extend_from_slice(kind.magic());
-    bytes.extend_from_slice(&VERSION.to_le_bytes());
-    bytes.extend_from_slice(&0_u32.to_le_bytes());
-    bytes.extend_from_slice(uid);
-    bytes.extend_from_slice(&sequence.to_le_bytes());
-    bytes.extend_from_slice(&0_u64.to_le_bytes());
-    bytes
+/// Why a file does not open.
+#[derive(Debug)]
+pub(super) enum SealError {
+    /// The disk failed, which says nothing of the file.
+    Disk(io::Error),
+    /// What is wrong with the file.
+    Damaged(String),
 }
 
-/// Writes the body's length into the head and puts the checksum behind.
-fn finish(mut bytes: Vec<u8>) -> Vec<u8> {
-    let length = (bytes.len() - HEAD) as u64;
-    bytes[HEAD - 8..HEAD].copy_from_slice(&length.to_le_bytes());
-    bytes.extend_from_slice(&crc32c::crc32c(&bytes).to_le_bytes());
-    bytes
-}
-
-/// The uid, sequence and body of a file, or what is wrong with it.
-pub(super) fn unseal(kind: Kind, bytes: &[u8]) -> Result<(Uid, u64, &[u8]), String> {
-    let Some((sealed, crc)) = bytes.split_last_chunk::<4>() else {
-        return Err("the file is too short".to_owned());
-    };
-    let Some((head, body)) = sealed.split_first_chunk::<HEAD>() else {
-        return Err("the file is too short".to_owned());
-    };
-    if crc32c::crc32c(sealed) != u32::from_le_bytes(*crc) {
-        return Err("the checksum does not fit".to_owned());
+impl fmt::Display for SealError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Disk(error) => error.fmt(f),
+            Self::Damaged(reason) => f.write_str(reason),
+        }
     }
+}
+
+impl SealError {
+    /// What is wrong with the file; a failure of the disk is the store's.
+    pub(super) fn damage(self, path: &Path) -> Result<String, StoreError> {
+        match self {
+            Self::Disk(error) => Err(file_error("cannot read", path, &error)),
+            Self::Damaged(reason) => Ok(reason),
+        }
+    }
+}
+
+/// The name of a map.
+pub(super) fn write_identity(
+    disk: &dyn Disk,
+    path: &Path,
+    uid: &Uid,
+    body: &[u8],
+) -> Result<(), StoreError> {
+    let label = Label { uid: *uid, sequence: 0 };
+    let body = |out: &mut dyn Write| out.write_all(body);
+    write(disk, path, (Kind::Identity, &label), &mut { body }).map(|_bytes| ())
+}
+
+/// Writes a snapshot; its size in bytes.
+///
+/// # Errors
+/// [`StoreError::File`].
+pub(super) fn write_snapshot(
+    disk: &dyn Disk,
+    path: &Path,
+    uid: &Uid,
+    map: &Map,
+) -> Result<u64, StoreError> {
+    let label = Label { uid: *uid, sequence: sequence_of(map.revision()) };
+    write(disk, path, (Kind::Snapshot, &label), &mut |out| put_map(map, out))
+}
+
+fn put_map(map: &Map, out: &mut dyn Write) -> io::Result<()> {
+    let mut encoder = zstd::Encoder::new(out, COMPRESSION_LEVEL)?;
+    encoder.window_log(WINDOW_LOG)?;
+    encode_map(map, &mut encoder).map_err(io::Error::other)?;
+    encoder.finish().map(|_out| ())
+}
+
+/// Puts the body of a file.
+type PutBody<'a> = &'a mut dyn FnMut(&mut dyn Write) -> io::Result<()>;
+
+/// Writes a file so that it is there whole and durable, or not at all; its size in bytes.
+fn write(
+    disk: &dyn Disk,
+    path: &Path,
+    what: (Kind, &Label),
+    body: PutBody<'_>,
+) -> Result<u64, StoreError> {
+    let temporary = path.with_extension("tmp");
+    let folder = path.parent().unwrap_or(path);
+    let written = disk.create(&temporary).and_then(|mut file| {
+        let (head, bytes) = seal(what, &mut Appending(&mut *file), body)?;
+        disk.overwrite(&temporary, &head)?;
+        file.sync()?;
+        Ok(bytes)
+    });
+    let named = written.and_then(|bytes| {
+        disk.rename(&temporary, path)?;
+        disk.sync_folder(folder)?;
+        Ok(bytes)
+    });
+    named.map_err(|error| {
+        // What is left of it goes when the store is opened next, if not now.
+        let _left = disk.remove(&temporary);
+        file_error("cannot write", path, &error)
+    })
+}
+
+struct Appending<'a>(&'a mut dyn DiskFile);
+
+impl Write for Appending<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.append(bytes).map(|()| bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// Counts and sums up what passes.
+struct Summing<'a> {
+    out: &'a mut dyn Write,
+    crc: u32,
+    bytes: usize,
+}
+
+impl Write for Summing<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.out.write(bytes)?;
+        self.crc = crc32c::crc32c_append(self.crc, &bytes[..written]);
+        self.bytes += written;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+/// Puts a whole file but for the body's length, which its first bytes say that are answered, to be
+/// written over those that stand there; and the file's size.
+fn seal(
+    (kind, label): (Kind, &Label),
+    out: &mut dyn Write,
+    body: PutBody<'_>,
+) -> io::Result<([u8; HEAD], u64)> {
+    out.write_all(&head(kind, label, 0))?;
+    let mut summing = Summing { out, crc: 0, bytes: 0 };
+    body(&mut summing)?;
+    let Summing { out, crc, bytes } = summing;
+    let head = head(kind, label, bytes as u64);
+    let crc = crc32c::crc32c_combine(crc32c::crc32c(&head), crc, bytes);
+    out.write_all(&crc.to_le_bytes())?;
+    Ok((head, (HEAD + bytes + CHECKSUM) as u64))
+}
+
+fn head(kind: Kind, label: &Label, length: u64) -> [u8; HEAD] {
+    let mut head = [0; HEAD];
+    head[..8].copy_from_slice(kind.magic());
+    head[8..12].copy_from_slice(&VERSION.to_le_bytes());
+    head[16..32].copy_from_slice(&label.uid);
+    head[32..40].copy_from_slice(&label.sequence.to_le_bytes());
+    head[40..].copy_from_slice(&length.to_le_bytes());
+    head
+}
+
+/// The label and body length of a head.
+fn read_head(kind: Kind, head: &[u8; HEAD]) -> Result<(Label, u64), String> {
     let number = |at: usize| head[at..].first_chunk().map_or(0, |&b| u64::from_le_bytes(b));
     let version = head[8..].first_chunk().map_or(0, |&b| u32::from_le_bytes(b));
-    if !head.starts_with(kind.magic()) || number(40) != body.len() as u64 {
+    if !head.starts_with(kind.magic()) {
         return Err("it is no file of this kind".to_owned());
     }
     if version != VERSION {
@@ -90,65 +224,175 @@ pub(super) fn unseal(kind: Kind, bytes: &[u8]) -> Result<(Uid, u64, &[u8]), Stri
     }
     let mut uid = Uid::default();
     uid.copy_from_slice(&head[16..32]);
-    Ok((uid, number(32), body))
+    Ok((Label { uid, sequence: number(32) }, number(40)))
 }
 
-/// Writes a file so that it is there whole and durable, or not at all.
-pub(super) fn write(disk: &dyn Disk, path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-    let temporary = path.with_extension("tmp");
-    let folder = path.parent().unwrap_or(path);
-    let written = disk.create(&temporary).and_then(|mut file| {
-        file.append(bytes)?;
-        file.sync()
-    });
-    let named = written.and_then(|()| disk.rename(&temporary, path));
-    named.and_then(|()| disk.sync_folder(folder)).map_err(|error| {
-        // What is left of it goes when the store is opened next, if not now.
-        let _left = disk.remove(&temporary);
-        file_error("cannot write", path, &error)
+/// Reads a file from its beginning to its end, and its body by `read`.
+///
+/// # Errors
+/// [`SealError`]; damage of the file comes before what `read` says of it.
+pub(super) fn unseal<T>(
+    kind: Kind,
+    input: &mut dyn Read,
+    read: impl FnOnce(&Label, &mut dyn BufRead) -> Result<T, String>,
+) -> Result<(Label, T), SealError> {
+    let damaged = |reason: &str| Err(SealError::Damaged(reason.to_owned()));
+    let mut sealed = Sealed::new(input);
+    let mut head = [0; HEAD];
+    let begun = match sealed.read_exact(&mut head) {
+        Ok(()) => read_head(kind, &head),
+        Err(error) => Err(error.to_string()),
+    };
+    let begun = begun.map(|(label, length)| (label, length, read(&label, &mut sealed)));
+    let (bytes, fits) = sealed.finish().map_err(SealError::Disk)?;
+    if bytes < HEAD as u64 {
+        return damaged("the file is too short");
+    }
+    if !fits {
+        return damaged("the checksum does not fit");
+    }
+    let (label, length, body) = begun.map_err(SealError::Damaged)?;
+    if length != bytes - HEAD as u64 {
+        return damaged("it is no file of this kind");
+    }
+    Ok((label, body.map_err(SealError::Damaged)?))
+}
+
+/// All of a file but the checksum at its end, and the sum of what was read.
+struct Sealed<'a> {
+    input: &'a mut dyn Read,
+    /// Read and not used yet from `start` on; the last bytes may be the checksum.
+    buffer: Vec<u8>,
+    start: usize,
+    bytes: u64,
+    crc: u32,
+    /// A failure of the disk: whoever reads may take it for damage.
+    failure: Option<io::Error>,
+}
+
+impl<'a> Sealed<'a> {
+    fn new(input: &'a mut dyn Read) -> Self {
+        Self { input, buffer: Vec::new(), start: 0, bytes: 0, crc: 0, failure: None }
+    }
+
+    /// Reads the rest: the number of bytes before the checksum, and whether it fits them.
+    fn finish(mut self) -> io::Result<(u64, bool)> {
+        while let Ok(rest @ [_, ..]) = self.fill_buf() {
+            let count = rest.len();
+            self.consume(count);
+        }
+        if let Some(failure) = self.failure {
+            return Err(failure);
+        }
+        Ok((self.bytes, self.buffer[self.start..] == self.crc.to_le_bytes()))
+    }
+}
+
+impl BufRead for Sealed<'_> {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        if let Some(failure) = &self.failure {
+            return Err(failure.kind().into());
+        }
+        while self.buffer.len() - self.start <= CHECKSUM {
+            self.buffer.drain(..self.start);
+            self.start = 0;
+            match (&mut *self.input).take(READ).read_to_end(&mut self.buffer) {
+                Ok(0) => break,
+                Ok(_) => {}
+                Err(failure) => {
+                    let kind = failure.kind();
+                    self.failure = Some(failure);
+                    return Err(kind.into());
+                }
+            }
+        }
+        let end = self.buffer.len().saturating_sub(CHECKSUM).max(self.start);
+        Ok(&self.buffer[self.start..end])
+    }
+
+    fn consume(&mut self, count: usize) {
+        let used = &self.buffer[self.start..self.start + count];
+        self.crc = crc32c::crc32c_append(self.crc, used);
+        self.bytes += count as u64;
+        self.start += count;
+    }
+}
+
+impl Read for Sealed<'_> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        let count = self.fill_buf()?.read(out)?;
+        self.consume(count);
+        Ok(count)
+    }
+}
+
+/// The body of an identity.
+pub(super) fn read_identity(input: &mut dyn Read) -> Result<(Label, Vec<u8>), SealError> {
+    unseal(Kind::Identity, input, |_label, body| {
+        let mut bytes = Vec::new();
+        body.read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+        Ok(bytes)
     })
 }
 
-/// The bytes of a snapshot.
-///
-/// # Errors
-/// [`StoreError::Content`], which would be a bug.
-pub(super) fn seal_map(uid: &Uid, map: &Map) -> Result<Vec<u8>, StoreError> {
-    let failed = |message: String| StoreError::Content { path: "a snapshot".to_owned(), message };
-    let stream = |error: std::io::Error| failed(error.to_string());
-    // Compressed behind the head, so that the file stands in memory once.
-    let head = head(Kind::Snapshot, uid, crate::store::sequence_of(map.revision()));
-    let mut encoder = zstd::Encoder::new(head, COMPRESSION_LEVEL).map_err(stream)?;
-    encode_map(map, &mut encoder).map_err(|error| failed(error.to_string()))?;
-    Ok(finish(encoder.finish().map_err(stream)?))
+/// The label of a snapshot whose checksum fits.
+pub(super) fn check_snapshot(input: &mut dyn Read) -> Result<Label, SealError> {
+    unseal(Kind::Snapshot, input, |_label, _body| Ok(())).map(|(label, ())| label)
 }
 
 /// The map of a snapshot, checked down to its state hash.
-pub(super) fn unseal_map(bytes: &[u8]) -> Result<Arc<Map>, String> {
-    let (sequence, mut parts) = unseal_parts(bytes)?;
-    let map = decode_map(&mut parts).map_err(|error| error.to_string())?;
-    if crate::store::sequence_of(map.revision()) != sequence {
-        return Err("the map has another revision than the file".to_owned());
-    }
-    Ok(Arc::new(map))
+pub(super) fn read_snapshot(input: &mut dyn Read) -> Result<Arc<Map>, SealError> {
+    unseal(Kind::Snapshot, input, |label, body| {
+        let map = decode_map(&mut parts(body)?).map_err(|error| error.to_string())?;
+        check_sequence(label, &map)?;
+        Ok(Arc::new(map))
+    })
+    .map(|(_label, map)| map)
 }
 
-/// Whether a snapshot holds this map, or what is wrong with it. Takes little memory beside both.
-pub(super) fn compare_sealed(bytes: &[u8], map: &Map) -> Result<(), String> {
-    let (sequence, mut parts) = unseal_parts(bytes)?;
-    compare_map(&mut parts, map).map_err(|error| error.to_string())?;
-    if crate::store::sequence_of(map.revision()) != sequence {
-        return Err("the map has another revision than the file".to_owned());
-    }
-    Ok(())
+/// Whether a snapshot holds this map, or what is wrong with it. Takes little memory beside it.
+pub(super) fn compare_snapshot(input: &mut dyn Read, map: &Map) -> Result<(), SealError> {
+    unseal(Kind::Snapshot, input, |label, body| {
+        compare_map(&mut parts(body)?, map).map_err(|error| error.to_string())?;
+        check_sequence(label, map)
+    })
+    .map(|(_label, ())| ())
 }
 
-/// A snapshot's sequence and the stream of its parts.
-fn unseal_parts(bytes: &[u8]) -> Result<(u64, impl Read), String> {
-    let (_uid, sequence, body) = unseal(Kind::Snapshot, bytes)?;
-    let stream = |error: std::io::Error| error.to_string();
+fn check_sequence(label: &Label, map: &Map) -> Result<(), String> {
+    if sequence_of(map.revision()) == label.sequence {
+        Ok(())
+    } else {
+        Err("the map has another revision than the file".to_owned())
+    }
+}
+
+/// The stream of parts in a snapshot's body.
+pub(super) fn parts(body: &mut dyn BufRead) -> Result<impl Read, String> {
+    let stream = |error: io::Error| error.to_string();
     let mut decoder = zstd::Decoder::with_buffer(body).map_err(stream)?;
-    // Ours have 21; a window beyond this would only cost memory.
-    decoder.window_log_max(23).map_err(stream)?;
-    Ok((sequence, decoder))
+    decoder.window_log_max(WIDEST_WINDOW_LOG).map_err(stream)?;
+    // A part's length is read for itself.
+    Ok(BufReader::new(decoder))
+}
+
+/// The bytes of a file, for tests.
+#[cfg(any(test, feature = "fuzzing"))]
+pub(super) fn sealed(kind: Kind, uid: &Uid, sequence: u64, body: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let label = Label { uid: *uid, sequence };
+    // A vector takes everything.
+    if let Ok((head, _)) = seal((kind, &label), &mut bytes, &mut |out| out.write_all(body)) {
+        bytes[..HEAD].copy_from_slice(&head);
+    }
+    bytes
+}
+
+/// The bytes of a snapshot, for tests.
+#[cfg(any(test, feature = "fuzzing"))]
+pub(super) fn sealed_map(uid: &Uid, map: &Map) -> Vec<u8> {
+    let mut body = Vec::new();
+    // As above.
+    let _done = put_map(map, &mut body);
+    sealed(Kind::Snapshot, uid, sequence_of(map.revision()), &body)
 }

@@ -9,3 +9,4 @@ mod golden;
 mod record;
 mod rules;
 mod script;
+mod sealed;

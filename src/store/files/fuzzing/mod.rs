@@ -14,7 +14,7 @@ use super::disk::Disk;
 use super::journal::Journal;
 use super::load::load;
 use super::record::{HEADER, Uid, header, mark as mark_of, put_record, scan};
-use super::sealed::{Kind, seal, seal_map, unseal, unseal_map};
+use super::sealed::{Kind, parts, read_identity, read_snapshot, sealed, sealed_map, unseal};
 use super::{FileStoreOptions, MARK, StoreError, journal_name, read, snapshot_name};
 use crate::map::{Change, Event, Map};
 use crate::store::Epoch;
@@ -81,16 +81,18 @@ pub(in crate::store) fn sealed_snapshot(body: &[u8], compress: bool) -> Vec<u8> 
         compressed = zstd::encode_all(body, 1).unwrap_or_default();
     }
     let body = if compress { &compressed } else { body };
-    seal(Kind::Snapshot, &[7; 16], sequence, body)
+    sealed(Kind::Snapshot, &[7; 16], sequence, body)
 }
 
 /// The map of a snapshot file, if it is one. What is compressed better than anything that a target
 /// is meant to try is passed over: of a snapshot, covis promises to hold what it decompresses to.
 pub(in crate::store) fn unsealed(bytes: &[u8]) -> Option<Arc<Map>> {
-    let (_, _, body) = unseal(Kind::Snapshot, bytes).ok()?;
-    let decoder = zstd::Decoder::with_buffer(body).ok()?;
-    let length = io::copy(&mut decoder.take(MOST_BYTES + 1), &mut io::sink());
-    if length.is_ok_and(|length| length > MOST_BYTES) { None } else { unseal_map(bytes).ok() }
+    let length = unseal(Kind::Snapshot, &mut &*bytes, |_label, body| {
+        Ok(io::copy(&mut parts(body)?.take(MOST_BYTES + 1), &mut io::sink()))
+    });
+    let (_label, length) = length.ok()?;
+    let is_long = length.is_ok_and(|length| length > MOST_BYTES);
+    if is_long { None } else { read_snapshot(&mut &*bytes).ok() }
 }
 
 /// The map that payloads (as [`built`] takes them) lead to, up to a revision.
@@ -108,9 +110,9 @@ fn folded(parts: &[u8], through: u64) -> Map {
 
 /// An identity around a body: what it holds is written and read back.
 pub(in crate::store) fn identity(body: &[u8]) {
-    let bytes = seal(Kind::Identity, &[7; 16], 0, body);
-    let name = match unseal(Kind::Identity, &bytes) {
-        Ok((_, _, body)) => decode_identity(body),
+    let bytes = sealed(Kind::Identity, &[7; 16], 0, body);
+    let name = match read_identity(&mut &*bytes) {
+        Ok((_label, body)) => decode_identity(&body),
         Err(reason) => panic!("what was sealed does not open: {reason}"),
     };
     if let Ok(name) = name {
@@ -189,7 +191,7 @@ pub fn journal_folder(input: &[u8]) {
     }
     if flags & 8 != 0 {
         let map = folded(&rest[..one], numbered(snapshot));
-        put(snapshot_name(numbered(snapshot)), seal_map(&uid, &map).unwrap_or_default());
+        put(snapshot_name(numbered(snapshot)), sealed_map(&uid, &map));
     } else if snapshot > 0 {
         put(snapshot_name(numbered(snapshot)), rest[two..].to_vec());
     }

@@ -7,7 +7,7 @@ use super::script::{Model, event, fold, open, session, stored};
 use crate::store::encoding::{encode_event, encode_identity, encode_map};
 use crate::store::files::disk::Disk as _;
 use crate::store::files::record::{header, put_record};
-use crate::store::files::sealed::{Kind, seal, seal_map, unseal_map};
+use crate::store::files::sealed::{Kind, read_snapshot, sealed, sealed_map};
 use crate::store::{Store, StoreError};
 
 /// A closed session, with the last revision of each map.
@@ -44,8 +44,8 @@ async fn what_a_crash_left_behind_a_gap_does_not_freeze_a_damaged_map_later() {
         assert!(put_record(&mut journal, &uid, sequence, 5.min(sequence - 1), &payload));
     }
     put("00000000000000000001.log", &journal).unwrap();
-    put("00000000000000000007.snap", &seal_map(&uid, &fold(7, 1)).unwrap()).unwrap();
-    put("map", &seal(Kind::Identity, &uid, 0, &encode_identity("walk"))).unwrap();
+    put("00000000000000000007.snap", &sealed_map(&uid, &fold(7, 1))).unwrap();
+    put("map", &sealed(Kind::Identity, &uid, 0, &encode_identity("walk"))).unwrap();
     let store = open(&disk).unwrap();
     let epoch = store.acquire("walk").await.unwrap();
     store.append("walk", epoch, 7, vec![event(8, 1)]).await.unwrap();
@@ -149,8 +149,8 @@ fn a_snapshot_that_asks_for_a_wide_window_is_refused() {
         let mut encoder = zstd::Encoder::new(Vec::new(), 3).unwrap();
         encoder.window_log(window).unwrap();
         encode_map(&fold(3, 1), &mut encoder).unwrap();
-        seal(Kind::Snapshot, &[7; 16], 3, &encoder.finish().unwrap())
+        sealed(Kind::Snapshot, &[7; 16], 3, &encoder.finish().unwrap())
     };
-    assert!(unseal_map(&compressed(21)).is_ok());
-    assert!(unseal_map(&compressed(25)).is_err());
+    assert!(read_snapshot(&mut &*compressed(21)).is_ok());
+    assert!(read_snapshot(&mut &*compressed(25)).is_err());
 }
