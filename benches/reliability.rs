@@ -108,10 +108,39 @@ impl Server {
 
     /// Resident memory in bytes.
     fn resident(&self) -> anyhow::Result<u64> {
-        let status = fs_err::read_to_string(format!("/proc/{}/status", self.process.id()))?;
-        let line = status.lines().find(|line| line.starts_with("VmRSS:")).context("VmRSS")?;
-        let kib = line.split_whitespace().nth(1).context("VmRSS")?;
-        Ok(kib.parse::<u64>()? * 1024)
+        resident(self.process.id())
+    }
+}
+
+/// Resident memory of a process in bytes.
+fn resident(process: u32) -> anyhow::Result<u64> {
+    let status = fs_err::read_to_string(format!("/proc/{process}/status"))?;
+    let line = status.lines().find(|line| line.starts_with("VmRSS:")).context("VmRSS")?;
+    let kib = line.split_whitespace().nth(1).context("VmRSS")?;
+    Ok(kib.parse::<u64>()? * 1024)
+}
+
+/// A server's resident memory, looked at twenty times a second for as long as it runs.
+struct Samples(Arc<Mutex<Vec<f64>>>);
+
+impl Samples {
+    fn of(server: &Server) -> Self {
+        let (samples, process) = (Arc::default(), server.process.id());
+        let taken: Arc<Mutex<Vec<f64>>> = Arc::clone(&samples);
+        std::thread::spawn(move || {
+            while let Ok(bytes) = resident(process) {
+                lock(&taken).push(bytes as f64 / 1e6);
+                std::thread::sleep(Duration::from_millis(50));
+            }
+        });
+        Self(samples)
+    }
+
+    /// Mean and most since the last time, megabytes.
+    fn take(&self) -> Option<(f64, f64)> {
+        let samples = std::mem::take(&mut *lock(&self.0));
+        let most = samples.iter().copied().reduce(f64::max)?;
+        Some((samples.iter().sum::<f64>() / samples.len() as f64, most))
     }
 }
 
@@ -254,28 +283,35 @@ async fn memory(data: &Path, keyframes: i64, most: i64, observations: usize) -> 
     let waits = Arc::new(Mutex::new(Waits::default()));
     let mut session = street.open(&client, "map", policy, 1024, &waits).await?;
     let start = Instant::now();
-    println!("{:>10} {:>10} {:>10} {:>8}", "keyframes", "memory MB", "disk MB", "seconds");
+    let head = ["keyframes", "mean MB", "most MB", "disk MB", "seconds"];
+    println!("{:>10} {:>10} {:>10} {:>10} {:>8}", head[0], head[1], head[2], head[3], head[4]);
     // The items whose digests are remembered are the last ceiling to be reached.
     let settled = 100_000.min(keyframes / 4);
-    let mut resident = Vec::new();
+    let samples = Samples::of(&server);
+    let mut windows = Vec::new();
     for k in 0..keyframes {
         send(&mut session, &waits, street.keyframe(k)).await?;
         lock(&waits).durable_s.clear();
         if (k + 1) % (keyframes / 40).max(1) == 0 {
-            let now = server.resident()?;
+            let (mean, most) = samples.take().context("the server's memory")?;
             if k >= settled {
-                resident.push(now);
+                windows.push((mean, most));
             }
             let (disk, seconds) = (walk(data)? >> 20, start.elapsed().as_secs());
-            println!("{:>10} {:>10.1} {disk:>10} {seconds:>8}", k + 1, now as f64 / 1e6);
+            println!("{:>10} {mean:>10.1} {most:>10.1} {disk:>10} {seconds:>8}", k + 1);
         }
     }
     session.finish().await?;
-    let (low, high) = (resident.iter().min(), resident.iter().max());
-    if let (Some(&low), Some(&high)) = (low, high) {
-        let spread = 100.0 * (high - low) as f64 / low as f64;
-        println!("after {settled} keyframes memory stays within {spread:.1} %");
-    }
+    let mean = windows.iter().map(|(mean, _)| mean).sum::<f64>() / windows.len() as f64;
+    let low = windows.iter().map(|(mean, _)| *mean).fold(f64::INFINITY, f64::min);
+    let high = windows.iter().map(|(mean, _)| *mean).fold(0.0, f64::max);
+    let most = windows.iter().map(|(_, most)| *most).fold(0.0, f64::max);
+    println!(
+        "after {settled} keyframes: mean {mean:.1} MB, windows' means within {:.1} %, \
+         the highest moment {:.1} % above the mean",
+        100.0 * (high - low) / low,
+        100.0 * (most - mean) / mean,
+    );
     let counts = client.get_map("map").await?.counts.unwrap_or_default();
     println!("{counts:?}");
     Ok(())
@@ -348,8 +384,8 @@ async fn watch(client: Client, map: String, waits: Arc<Mutex<Waits>>) -> Result<
     }
 }
 
-fn lock(waits: &Mutex<Waits>) -> MutexGuard<'_, Waits> {
-    waits.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 async fn send(
