@@ -9,10 +9,10 @@
 
 #![allow(clippy::print_stdout, reason = "a bench shows what it measured")]
 
+mod server;
+
 use std::collections::VecDeque;
-use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -20,6 +20,8 @@ use anyhow::Context;
 use clap::{Parser, Subcommand};
 use covis::client::{Client, ClientError, IngestSession, SessionOptions, WatchOptions};
 use covis::wire::v1;
+
+use crate::server::{Samples, Server, walk};
 
 /// Measures a durable server.
 #[derive(Parser)]
@@ -82,73 +84,6 @@ async fn main() -> anyhow::Result<()> {
         What::Maps { maps, hz, keyframes } => many(data, maps, hz, keyframes, observations).await,
         What::Restart { keyframes, fresh } => restart(data, keyframes, fresh, observations).await,
         What::Memory { keyframes, most } => memory(data, keyframes, most, observations).await,
-    }
-}
-
-/// A server process; dropped, it is killed.
-struct Server {
-    process: Child,
-    url: String,
-}
-
-impl Server {
-    /// Starts a server over `data` and waits until it serves.
-    fn start(data: &Path) -> anyhow::Result<Self> {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_covis"))
-            .args(["serve", "--listen", "127.0.0.1:0", "--data-dir"])
-            .arg(data)
-            .stdout(Stdio::piped())
-            .spawn()?;
-        let output = process.stdout.take().context("the server's output")?;
-        let mut line = String::new();
-        BufReader::new(output).read_line(&mut line)?;
-        let url = line.trim().strip_prefix("listening on ").context("the server's address")?;
-        Ok(Self { url: url.to_owned(), process })
-    }
-
-    /// Resident memory in bytes.
-    fn resident(&self) -> anyhow::Result<u64> {
-        resident(self.process.id())
-    }
-}
-
-/// Resident memory of a process in bytes.
-fn resident(process: u32) -> anyhow::Result<u64> {
-    let status = fs_err::read_to_string(format!("/proc/{process}/status"))?;
-    let line = status.lines().find(|line| line.starts_with("VmRSS:")).context("VmRSS")?;
-    let kib = line.split_whitespace().nth(1).context("VmRSS")?;
-    Ok(kib.parse::<u64>()? * 1024)
-}
-
-/// A server's resident memory, looked at twenty times a second for as long as it runs.
-struct Samples(Arc<Mutex<Vec<f64>>>);
-
-impl Samples {
-    fn of(server: &Server) -> Self {
-        let (samples, process) = (Arc::default(), server.process.id());
-        let taken: Arc<Mutex<Vec<f64>>> = Arc::clone(&samples);
-        std::thread::spawn(move || {
-            while let Ok(bytes) = resident(process) {
-                lock(&taken).push(bytes as f64 / 1e6);
-                std::thread::sleep(Duration::from_millis(50));
-            }
-        });
-        Self(samples)
-    }
-
-    /// Mean and most since the last time, megabytes.
-    fn take(&self) -> Option<(f64, f64)> {
-        let samples = std::mem::take(&mut *lock(&self.0));
-        let most = samples.iter().copied().reduce(f64::max)?;
-        Some((samples.iter().sum::<f64>() / samples.len() as f64, most))
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        // What is still running has nothing to finish: the data are thrown away.
-        let _ended = self.process.kill();
-        let _ended = self.process.wait();
     }
 }
 
@@ -315,18 +250,6 @@ async fn memory(data: &Path, keyframes: i64, most: i64, observations: usize) -> 
     let counts = client.get_map("map").await?.counts.unwrap_or_default();
     println!("{counts:?}");
     Ok(())
-}
-
-/// Bytes of all files below a folder.
-fn walk(folder: &Path) -> anyhow::Result<u64> {
-    let mut bytes = 0;
-    for entry in fs_err::read_dir(folder)? {
-        let entry = entry?;
-        // A file may go while we look.
-        let Ok(found) = entry.metadata() else { continue };
-        bytes += if found.is_dir() { walk(&entry.path())? } else { found.len() };
-    }
-    Ok(bytes)
 }
 
 /// How long keyframes of a session waited, in seconds.
