@@ -90,7 +90,10 @@ impl SealError {
     }
 }
 
-/// The name of a map.
+/// Writes the name of a map.
+///
+/// # Errors
+/// [`StoreError::File`].
 pub(super) fn write_identity(
     disk: &dyn Disk,
     path: &Path,
@@ -98,8 +101,7 @@ pub(super) fn write_identity(
     body: &[u8],
 ) -> Result<(), StoreError> {
     let label = Label { uid: *uid, sequence: 0 };
-    let body = |out: &mut dyn Write| out.write_all(body);
-    write(disk, path, (Kind::Identity, &label), &mut { body }).map(|_bytes| ())
+    write(disk, path, (Kind::Identity, &label), |out| out.write_all(body)).map(|_bytes| ())
 }
 
 /// Writes a snapshot; its size in bytes.
@@ -113,7 +115,7 @@ pub(super) fn write_snapshot(
     map: &Map,
 ) -> Result<u64, StoreError> {
     let label = Label { uid: *uid, sequence: sequence_of(map.revision()) };
-    write(disk, path, (Kind::Snapshot, &label), &mut |out| put_map(map, out))
+    write(disk, path, (Kind::Snapshot, &label), |out| put_map(map, out))
 }
 
 fn put_map(map: &Map, out: &mut dyn Write) -> io::Result<()> {
@@ -123,15 +125,12 @@ fn put_map(map: &Map, out: &mut dyn Write) -> io::Result<()> {
     encoder.finish().map(|_out| ())
 }
 
-/// Puts the body of a file.
-type PutBody<'a> = &'a mut dyn FnMut(&mut dyn Write) -> io::Result<()>;
-
 /// Writes a file so that it is there whole and durable, or not at all; its size in bytes.
 fn write(
     disk: &dyn Disk,
     path: &Path,
     what: (Kind, &Label),
-    body: PutBody<'_>,
+    body: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<u64, StoreError> {
     let temporary = path.with_extension("tmp");
     let folder = path.parent().unwrap_or(path);
@@ -185,12 +184,12 @@ impl Write for Summing<'_> {
     }
 }
 
-/// Puts a whole file but for the body's length, which its first bytes say that are answered, to be
-/// written over those that stand there; and the file's size.
+/// Puts a whole file, its body by `body`. Answers its head, to be written over the one that was put
+/// before the body's length was known, and its size in bytes.
 fn seal(
     (kind, label): (Kind, &Label),
     out: &mut dyn Write,
-    body: PutBody<'_>,
+    body: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> io::Result<([u8; HEAD], u64)> {
     out.write_all(&head(kind, label, 0))?;
     let mut summing = Summing { out, crc: 0, bytes: 0 };
@@ -382,7 +381,7 @@ pub(super) fn sealed(kind: Kind, uid: &Uid, sequence: u64, body: &[u8]) -> Vec<u
     let mut bytes = Vec::new();
     let label = Label { uid: *uid, sequence };
     // A vector takes everything.
-    if let Ok((head, _)) = seal((kind, &label), &mut bytes, &mut |out| out.write_all(body)) {
+    if let Ok((head, _)) = seal((kind, &label), &mut bytes, |out| out.write_all(body)) {
         bytes[..HEAD].copy_from_slice(&head);
     }
     bytes
