@@ -4,7 +4,7 @@
 //! Fusion is [`crate::frontend::dense`]'s.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -17,13 +17,11 @@ use super::output::print;
 use super::progress::Progress;
 use super::run::report::Quantiles;
 use super::run::{Drawing, Peeked, Source};
+use super::surface::{Grid, MeshFigures, Paging, write_surface};
 use crate::frontend::dense::integrate::{DenseFrame, IntegrationOptions, Integrator};
-use crate::frontend::dense::mapper::MemoryCeiling;
-use crate::frontend::dense::paged::{PagedVolume, PagingFigures};
+use crate::frontend::dense::paged::PagedVolume;
 use crate::frontend::dense::pose_track::PoseTrack;
-use crate::frontend::dense::surface::{Mesh, SurfaceOptions, extract_paged};
-use crate::frontend::dense::volume::VolumeOptions;
-use crate::frontend::dense::{export, file};
+use crate::frontend::dense::surface::{SurfaceOptions, extract_paged};
 use crate::frontend::input::FrameSource;
 
 /// A frame has the pose of this time, seconds, or none.
@@ -57,84 +55,6 @@ pub(super) struct Args {
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
-}
-
-/// The measures of a volume.
-#[derive(Clone, Copy, Debug, clap::Args)]
-pub(super) struct Grid {
-    /// Edge of a voxel, meters.
-    #[arg(long, value_name = "METERS", default_value_t = 0.02)]
-    voxel: f32,
-    /// Distances are cut off at this many voxels.
-    #[arg(long, value_name = "N", default_value_t = 8.0)]
-    truncation_voxels: f32,
-    /// Megabytes of the volume that are in memory at most; what is far from the camera waits in a
-    /// temporary file in OUT [default: all is in memory].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    memory_mb: Option<u32>,
-}
-
-impl Grid {
-    /// As the volume takes them.
-    pub(super) fn options(&self) -> anyhow::Result<VolumeOptions> {
-        if !(0.001..=1.0).contains(&self.voxel) {
-            bail!("--voxel must be 0.001 to 1 m, not {}", self.voxel);
-        }
-        if !(3.0..=32.0).contains(&self.truncation_voxels) {
-            bail!("--truncation-voxels must be 3 to 32, not {}", self.truncation_voxels);
-        }
-        let truncation_m = self.truncation_voxels * self.voxel;
-        Ok(VolumeOptions { voxel_m: self.voxel, truncation_m })
-    }
-
-    /// How much memory volumes may take, and the folder for the rest.
-    pub(super) fn ceiling(&self, out: &Path) -> Option<MemoryCeiling> {
-        let bytes = self.memory_mb? as usize * 1_000_000;
-        Some(MemoryCeiling { bytes, folder: Some(out.to_owned()) })
-    }
-}
-
-/// Writes `mesh.ply` and `volume.covis`.
-pub(super) fn write_surface(
-    volume: &mut PagedVolume,
-    mesh: &Mesh,
-    out: &Path,
-) -> anyhow::Result<MeshFigures> {
-    let ply = export::ply(mesh);
-    fs::write(out.join("mesh.ply"), &ply)?;
-    file::save(volume, &out.join("volume.covis"))?;
-    let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
-    Ok(MeshFigures { vertices, triangles, bytes: ply.len() })
-}
-
-/// What a mesh amounts to.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct MeshFigures {
-    pub(super) vertices: usize,
-    pub(super) triangles: usize,
-    /// Of the PLY file.
-    pub(super) bytes: usize,
-}
-
-/// What went to disk and came back, counted in blocks each time.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct Paging {
-    pub(super) paged_out: usize,
-    pub(super) paged_in: usize,
-    /// Frames that needed more than the memory they were given.
-    pub(super) frames_above: usize,
-    /// What the page file takes.
-    pub(super) page_file_bytes: u64,
-}
-
-impl Paging {
-    /// Of a volume that has a ceiling.
-    pub(super) fn of(volume: &PagedVolume) -> Option<Self> {
-        let figures = volume.paging()?;
-        let PagingFigures { paged_out, paged_in, frames_above_ceiling, .. } = figures;
-        let page_file_bytes = volume.page_file_bytes();
-        Some(Self { paged_out, paged_in, frames_above: frames_above_ceiling, page_file_bytes })
-    }
 }
 
 /// The object of `--json`.
