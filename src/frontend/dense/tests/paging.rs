@@ -169,6 +169,34 @@ fn a_page_that_is_damaged_is_an_error_of_the_frame_that_needs_it_and_of_no_other
 }
 
 #[test]
+fn on_a_full_disk_frames_are_refused_and_nothing_is_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut paged = with_ceiling(500);
+    paged.residence().use_disk_of(100_000, folder.path());
+    let mut integrator = Integrator::new(&small_camera(), IntegrationOptions::default());
+    let refused = (0..FRAMES).find_map(|frame| {
+        let before = blocks(&mut paged);
+        let error = show(&mut integrator, &mut paged, frame).err()?;
+        assert!(blocks(&mut paged) == before, "the volume is not as before");
+        Some((frame, error))
+    });
+    let (full, error) = refused.unwrap();
+    let path = folder.path().display().to_string();
+    let told = error.to_string();
+    assert!(told.contains("cannot write") && told.contains(&path), "{told}");
+    assert!(paged.paging().unwrap().blocks_on_disk > 0, "the disk was full from the start");
+    // The same frame is refused again; with memory enough it is not, and the volume is whole.
+    assert!(show(&mut integrator, &mut paged, full).is_err());
+    paged.set_ceiling(usize::MAX);
+    for frame in full..FRAMES {
+        show(&mut integrator, &mut paged, frame).unwrap();
+    }
+    let mut whole = PagedVolume::new(GRID);
+    walk(&mut whole, |_, _| {});
+    assert_same(&mut paged, &mut whole);
+}
+
+#[test]
 fn a_frame_that_makes_no_sense_moves_nothing() {
     let mut paged = with_ceiling(500);
     let mut integrator = Integrator::new(&small_camera(), IntegrationOptions::default());
