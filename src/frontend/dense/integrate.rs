@@ -15,7 +15,7 @@ use super::fuse::{Frame, Outcome};
 use super::lanes::{Class, Kernel, Lanes};
 pub use super::options::IntegrationOptions;
 use super::pages::PageError;
-use super::pixels::{self, BAND, PackBand, Scratch, Source};
+use super::pixels::{self, BAND, PackBand, Scratches, Source};
 use super::rays::Rays;
 use super::reach::Reach;
 use super::sight::{Lens, NEAREST_M, Seen, Sight};
@@ -86,6 +86,7 @@ pub struct Integrator {
     camera: FrameCamera,
     lens: Lens,
     pixels: Vec<u64>,
+    scratches: Scratches,
     tiles: Tiles,
     reach: Reach,
     /// What moves in the frame at hand.
@@ -103,6 +104,7 @@ impl Integrator {
             camera: camera.clone(),
             lens: Lens::new(camera),
             pixels: vec![0; pixels::stride(width) * height],
+            scratches: Scratches::new(width),
             tiles: Tiles::new(width, height),
             reach: Reach::default(),
             dilated: None,
@@ -248,7 +250,7 @@ impl Integrator {
             .zip(tiles.smallest_mut().par_chunks_mut(BAND / TILE * tiles_width))
             .enumerate();
         bands.for_each_init(
-            || Scratch::new(width),
+            || self.scratches.borrow(),
             |scratch, (band, (out, tiles))| {
                 let first_row = band * BAND;
                 self.class.run(PackBand { source, first_row, scratch, out, tiles });
@@ -305,7 +307,7 @@ impl Integrator {
         let behind_m = self.options.behind_m(self.options.max_depth_m, measures.truncation_m);
         let before_m = measures.truncation_m;
         let pieces = volume.pieces_mut(PIECE);
-        pieces.into_par_iter().for_each(|piece| {
+        pieces.for_each(|piece| {
             let (frame, sight, tiles) = (&frame, &sight, &self.tiles);
             self.class.run(FusePiece { frame, sight, tiles, behind_m, before_m, revision, piece });
         });

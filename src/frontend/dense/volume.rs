@@ -7,9 +7,12 @@
 use std::collections::HashMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
 
+use rayon::prelude::*;
+
 use super::block::{Block, BlockKey, EDGE};
 pub use super::slabs::Blocks;
 use super::slabs::Slabs;
+use super::supply::SLAB;
 
 /// The grid's measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -205,16 +208,15 @@ impl Volume {
     }
 
     /// All slots in pieces of `size`, which divides a slab.
-    pub(super) fn pieces_mut(&mut self, size: usize) -> Vec<Piece<'_>> {
-        let blocks = self.blocks.pieces_mut(size);
-        let changed = self.changed.chunks_mut(size).zip(self.solid.chunks_mut(size));
-        let pieces = self.keys.chunks(size).zip(blocks).zip(changed);
-        pieces
-            .map(|((keys, blocks), (changed, solid))| {
-                let blocks = &mut blocks[..keys.len()];
-                Piece { keys, blocks, changed, solid }
-            })
-            .collect()
+    pub(super) fn pieces_mut(&mut self, size: usize) -> impl ParallelIterator<Item = Piece<'_>> {
+        let states = self.changed.par_chunks_mut(SLAB).zip(self.solid.par_chunks_mut(SLAB));
+        let slabs = self.keys.par_chunks(SLAB).zip(self.blocks.slabs_mut()).zip(states);
+        slabs.flat_map(move |((keys, slab), (changed, solid))| {
+            let blocks = slab[..keys.len()].par_chunks_mut(size);
+            let states = changed.par_chunks_mut(size).zip(solid.par_chunks_mut(size));
+            let pieces = keys.par_chunks(size).zip(blocks).zip(states);
+            pieces.map(|((keys, blocks), (changed, solid))| Piece { keys, blocks, changed, solid })
+        })
     }
 }
 
