@@ -1,4 +1,5 @@
-//! What `covis fuse` and `covis run --mesh` share: a volume's measures as flags, and what they leave.
+//! What subcommands of dense maps share: a volume's measures and its memory as flags, and what
+//! `covis fuse` and `covis run --mesh` leave.
 //!
 //! Options, files and figures only; fusion is [`crate::frontend::dense`]'s.
 
@@ -13,6 +14,30 @@ use crate::frontend::dense::paged::{PagedVolume, PagingFigures};
 use crate::frontend::dense::surface::Mesh;
 use crate::frontend::dense::volume::VolumeOptions;
 use crate::frontend::dense::{export, file};
+
+/// How much memory a stored volume may take.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(super) struct Memory {
+    /// Megabytes of the volume that are in memory at most; the rest waits in a temporary file beside OUT
+    /// [default: all is in memory, 4.2 KB a block].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    memory_mb: Option<u32>,
+}
+
+impl Memory {
+    /// Reads a volume for a file that will stand at `out`.
+    pub(super) fn load(self, volume: &Path, out: &Path) -> anyhow::Result<PagedVolume> {
+        // The folder of a bare name is the empty path.
+        let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let folder = folder.unwrap_or_else(|| Path::new("."));
+        let ceiling = self.memory_mb.map(|megabytes| ceiling(megabytes, folder));
+        Ok(file::load(volume, ceiling.as_ref())?)
+    }
+}
+
+fn ceiling(megabytes: u32, folder: &Path) -> MemoryCeiling {
+    MemoryCeiling { bytes: megabytes as usize * 1_000_000, folder: Some(folder.to_owned()) }
+}
 
 /// The measures of a volume.
 #[derive(Clone, Copy, Debug, clap::Args)]
@@ -44,8 +69,7 @@ impl Grid {
 
     /// How much memory volumes may take, and the folder for the rest.
     pub(super) fn ceiling(&self, out: &Path) -> Option<MemoryCeiling> {
-        let bytes = self.memory_mb? as usize * 1_000_000;
-        Some(MemoryCeiling { bytes, folder: Some(out.to_owned()) })
+        self.memory_mb.map(|megabytes| ceiling(megabytes, out))
     }
 }
 

@@ -13,6 +13,7 @@ use crate::frontend::dense::file;
 use crate::frontend::dense::integrate::{
     DenseFrame, IntegrateError, IntegrationOptions, Integrator,
 };
+use crate::frontend::dense::mapper::MemoryCeiling;
 use crate::frontend::dense::paged::PagedVolume;
 use crate::frontend::dense::pages::PageError;
 use crate::frontend::dense::surface::{Mesh, SurfaceCache, SurfaceOptions, extract, extract_paged};
@@ -290,7 +291,16 @@ fn a_volume_that_is_on_disk_in_parts_is_saved_as_the_whole() {
     let before = paged.paging().unwrap();
     file::save(&mut paged, &path).unwrap();
     assert_eq!(paged.paging().unwrap(), before, "saving moves blocks");
-    assert_same(&mut file::load(&path).unwrap().into(), &mut whole);
+    assert_same(&mut file::load(&path, None).unwrap(), &mut whole);
+    // And read under a ceiling, with the same surface.
+    let bytes = whole.len() / 4 * size_of::<Block>();
+    let folder = Some(folder.path().to_owned());
+    let mut part = file::load(&path, Some(&MemoryCeiling { bytes, folder })).unwrap();
+    assert!(part.resident_bytes() <= bytes && part.paging().unwrap().blocks_on_disk > 0);
+    let surface = extract_paged(&mut part, SurfaceOptions::default()).unwrap();
+    let expected = extract(whole.resident(), SurfaceOptions::default());
+    assert!(triangles(&surface) == triangles(&expected), "the surfaces differ");
+    assert_same(&mut part, &mut whole);
 }
 
 /// What is done to a volume and to a plain map.
