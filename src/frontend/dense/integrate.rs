@@ -26,6 +26,10 @@ use crate::frontend::image::Image;
 
 /// Blocks that a task fuses.
 const PIECE: usize = 16;
+/// A block of which only colors changed counts as changed when they moved by so much, summed up over
+/// frames: eight levels of gray, as [`Lanes::color_difference`] tells it. So what was made of a block
+/// never shows a color that is off by more.
+const VISIBLE: u32 = 32;
 /// Blocks that a task looks up.
 const CLEAR_PIECE: usize = 1024;
 
@@ -330,7 +334,7 @@ impl Kernel for FusePiece<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Piece { keys, blocks, changed, solid } = self.piece;
+        let Piece { keys, blocks, changed, solid, recolored } = self.piece;
         let seen: [Seen; PIECE] = std::array::from_fn(|slot| {
             let corner = keys.get(slot).map(|&key| self.sight.corner(key));
             let seen = corner.map_or(Seen::No, |corner| {
@@ -346,8 +350,12 @@ impl Kernel for FusePiece<'_> {
             }
             let corner = Frame::steps(&self.sight.lens, self.sight.corner(keys[slot]));
             let outcome: Outcome = self.frame.fuse(lanes, &mut blocks[slot], corner, range);
-            if outcome.changed {
+            let moved = u32::from(recolored[slot]) + outcome.recolored;
+            if outcome.changed || moved >= VISIBLE {
                 changed[slot] = self.revision;
+                recolored[slot] = 0;
+            } else {
+                recolored[slot] = moved as u8;
             }
             solid[slot] = (solid[slot] || outcome.solid) && !outcome.free;
         }
