@@ -175,28 +175,30 @@ fn a_surface_that_follows_shows_colors_that_change_alone() {
     let mut integrator = Integrator::new(&camera, options);
     let mut volume = volume(0.02);
     let mut cache = SurfaceCache::new(SurfaceOptions::default());
-    let (mut pieces, mut remade, mut scene) = (0, 0, room());
-    for frame in 0..90_u8 {
+    let apart = |(a, b): (&[u8; 3], &[u8; 3])| {
+        let [r, g, b] = [0, 1, 2].map(|k| u32::from(a[k].abs_diff(b[k])));
+        r + 2 * g + b
+    };
+    let (mut pieces, mut remade, mut worst, mut scene) = (0, 0, 0, room());
+    for frame in 0..60_u8 {
         // At rest until voxels have all the weight that they may have; then the light fades, by less
         // than an eye sees from frame to frame.
-        let gray = 200 - frame.saturating_sub(30);
+        let gray = 200 - frame.saturating_sub(15);
         scene[0].1 = [gray, gray, gray / 2];
         fuse(&mut integrator, &mut volume, &render(&scene, &camera, &pose, None), &pose);
         let made = cache.update(&volume);
         if frame == 0 {
             pieces = made;
-        } else if frame >= 30 {
+        } else if frame >= 15 {
             remade += made;
+            let (followed, anew) = (cache.mesh(), extract(&volume, SurfaceOptions::default()));
+            assert_eq!(followed.positions, anew.positions);
+            let off = followed.colors.iter().zip(&anew.colors).map(apart).max();
+            worst = worst.max(off.unwrap());
         }
     }
-    let (followed, anew) = (cache.mesh(), extract(&volume, SurfaceOptions::default()));
-    assert_eq!(followed.positions, anew.positions);
-    let apart = |(a, b): (&[u8; 3], &[u8; 3])| {
-        let [r, g, b] = [0, 1, 2].map(|k| u32::from(a[k].abs_diff(b[k])));
-        r + 2 * g + b
-    };
-    let worst = followed.colors.iter().zip(&anew.colors).map(apart).max().unwrap();
     println!("{pieces} pieces, {remade} made again, worst {worst}");
-    assert!(worst <= 36, "a color is off by {worst}");
-    assert!(remade > 0 && remade < 20 * pieces, "{remade} of {pieces} pieces in 60 frames");
+    // Eight levels of gray, and rounding between two voxels.
+    assert!(worst > 0 && worst <= 36, "a color is off by {worst}");
+    assert!(remade > pieces && remade < 15 * pieces, "{remade} of {pieces} pieces in 45 frames");
 }
