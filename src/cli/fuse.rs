@@ -4,7 +4,7 @@
 //! Fusion is [`crate::frontend::dense`]'s.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -17,13 +17,12 @@ use super::output::print;
 use super::progress::Progress;
 use super::run::report::Quantiles;
 use super::run::{Drawing, Peeked, Source};
+use super::surface::{Grid, MeshFigures, Paging, write_surface};
 use crate::frontend::dense::integrate::{DenseFrame, IntegrationOptions, Integrator};
-use crate::frontend::dense::mapper::MemoryCeiling;
-use crate::frontend::dense::paged::{PagedVolume, PagingFigures};
+use crate::frontend::dense::paged::PagedVolume;
+use crate::frontend::dense::pages::PageError;
 use crate::frontend::dense::pose_track::PoseTrack;
-use crate::frontend::dense::surface::{Mesh, SurfaceOptions, extract_paged};
-use crate::frontend::dense::volume::VolumeOptions;
-use crate::frontend::dense::{export, file};
+use crate::frontend::dense::surface::{SurfaceCache, SurfaceOptions, extract_paged};
 use crate::frontend::input::FrameSource;
 
 /// A frame has the pose of this time, seconds, or none.
@@ -43,6 +42,10 @@ pub(super) struct Args {
     out: PathBuf,
     #[command(flatten)]
     grid: Grid,
+    /// Follow with the surface after each frame, by this many blocks of those that changed at most,
+    /// oldest first; the rest waits for later frames [default: the surface is made at the end].
+    #[arg(long, value_name = "BLOCKS", value_parser = clap::value_parser!(u32).range(1..))]
+    remesh: Option<u32>,
     /// Depth beyond this is not used, meters.
     #[arg(long, value_name = "METERS", default_value_t = IntegrationOptions::default().max_depth_m)]
     max_depth: f32,
@@ -59,93 +62,54 @@ pub(super) struct Args {
     json: bool,
 }
 
-/// The measures of a volume.
-#[derive(Clone, Copy, Debug, clap::Args)]
-pub(super) struct Grid {
-    /// Edge of a voxel, meters.
-    #[arg(long, value_name = "METERS", default_value_t = 0.02)]
-    voxel: f32,
-    /// Distances are cut off at this many voxels.
-    #[arg(long, value_name = "N", default_value_t = 8.0)]
-    truncation_voxels: f32,
-    /// Megabytes of the volume that are in memory at most; what is far from the camera waits in a
-    /// temporary file in OUT [default: all is in memory].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    memory_mb: Option<u32>,
-}
-
-impl Grid {
-    /// As the volume takes them.
-    pub(super) fn options(&self) -> anyhow::Result<VolumeOptions> {
-        if !(0.001..=1.0).contains(&self.voxel) {
-            bail!("--voxel must be 0.001 to 1 m, not {}", self.voxel);
-        }
-        if !(3.0..=32.0).contains(&self.truncation_voxels) {
-            bail!("--truncation-voxels must be 3 to 32, not {}", self.truncation_voxels);
-        }
-        let truncation_m = self.truncation_voxels * self.voxel;
-        Ok(VolumeOptions { voxel_m: self.voxel, truncation_m })
-    }
-
-    /// How much memory volumes may take, and the folder for the rest.
-    pub(super) fn ceiling(&self, out: &Path) -> Option<MemoryCeiling> {
-        let bytes = self.memory_mb? as usize * 1_000_000;
-        Some(MemoryCeiling { bytes, folder: Some(out.to_owned()) })
-    }
-}
-
-/// Writes `mesh.ply` and `volume.covis`.
-pub(super) fn write_surface(
-    volume: &mut PagedVolume,
-    mesh: &Mesh,
-    out: &Path,
-) -> anyhow::Result<MeshFigures> {
-    let ply = export::ply(mesh);
-    fs::write(out.join("mesh.ply"), &ply)?;
-    file::save(volume, &out.join("volume.covis"))?;
-    let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
-    Ok(MeshFigures { vertices, triangles, bytes: ply.len() })
-}
-
-/// What a mesh amounts to.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct MeshFigures {
-    pub(super) vertices: usize,
-    pub(super) triangles: usize,
-    /// Of the PLY file.
-    pub(super) bytes: usize,
-}
-
-/// What went to disk and came back, counted in blocks each time.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct Paging {
-    pub(super) paged_out: usize,
-    pub(super) paged_in: usize,
-    /// Frames that needed more than the memory they were given.
-    pub(super) frames_above: usize,
-    /// What the page file takes.
-    pub(super) page_file_bytes: u64,
-}
-
-impl Paging {
-    /// Of a volume that has a ceiling.
-    pub(super) fn of(volume: &PagedVolume) -> Option<Self> {
-        let figures = volume.paging()?;
-        let PagingFigures { paged_out, paged_in, frames_above_ceiling, .. } = figures;
-        let page_file_bytes = volume.page_file_bytes();
-        Some(Self { paged_out, paged_in, frames_above: frames_above_ceiling, page_file_bytes })
-    }
-}
-
 /// The object of `--json`.
 #[derive(Debug, Serialize)]
 struct Document {
     frames: usize,
     skipped: usize,
     stages: BTreeMap<&'static str, Quantiles>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    remesh: Option<Remesh>,
     mesh: MeshFigures,
     #[serde(skip_serializing_if = "Option::is_none")]
     paging: Option<Paging>,
+}
+
+/// How well the surface followed while frames came.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+struct Remesh {
+    /// Pieces that were made anew, each time counted.
+    pieces: usize,
+    /// Frames after which some were left for later.
+    frames_behind: usize,
+    /// Frames that the surface of a block had to wait at most.
+    most_behind: u64,
+}
+
+/// A surface that follows the volume frame by frame.
+struct Follower {
+    cache: SurfaceCache,
+    /// Pieces that are made anew after a frame, at most.
+    most: usize,
+    figures: Remesh,
+    seconds: Vec<f64>,
+}
+
+impl Follower {
+    fn new(most: u32) -> Self {
+        let cache = SurfaceCache::new(SurfaceOptions::default());
+        Self { cache, most: most as usize, figures: Remesh::default(), seconds: Vec::new() }
+    }
+
+    fn follow(&mut self, volume: &mut PagedVolume) -> Result<(), PageError> {
+        let start = Instant::now();
+        self.figures.pieces += self.cache.update_paged(volume, self.most)?;
+        self.seconds.push(start.elapsed().as_secs_f64());
+        let lag = self.cache.lag();
+        self.figures.frames_behind += usize::from(lag > 0);
+        self.figures.most_behind = self.figures.most_behind.max(lag);
+        Ok(())
+    }
 }
 
 /// Fuses a source.
@@ -179,6 +143,7 @@ fn fuse(args: &Args) -> anyhow::Result<ExitCode> {
     };
     let mut progress = Progress::new("frames", frames.len() as u64);
     let (mut seconds, mut skipped) = (Vec::new(), 0);
+    let mut follower = args.remesh.map(Follower::new);
     while let Some(frame) = frames.next_frame() {
         progress.advance(1);
         let frame = match frame {
@@ -204,6 +169,9 @@ fn fuse(args: &Args) -> anyhow::Result<ExitCode> {
             .integrate(&mut integrator, &dense)
             .with_context(|| format!("the frame at {:.6} s", frame.timestamp_s))?;
         seconds.push(start.elapsed().as_secs_f64());
+        if let Some(follower) = &mut follower {
+            follower.follow(&mut volume)?;
+        }
     }
     progress.finish();
     if seconds.is_empty() {
@@ -215,13 +183,19 @@ fn fuse(args: &Args) -> anyhow::Result<ExitCode> {
     let paging = Paging::of(&volume);
     let figures = write_surface(&mut volume, &mesh, &args.out)?;
 
+    let frames = seconds.len();
+    let mut stages = BTreeMap::from([
+        ("integrate", Quantiles::of(seconds.into_iter())),
+        ("extract", Quantiles::of(std::iter::once(extract_s))),
+    ]);
+    if let Some(Follower { seconds, .. }) = &follower {
+        stages.insert("remesh", Quantiles::of(seconds.iter().copied()));
+    }
     let document = Document {
-        frames: seconds.len(),
+        frames,
         skipped,
-        stages: BTreeMap::from([
-            ("integrate", Quantiles::of(seconds.into_iter())),
-            ("extract", Quantiles::of(std::iter::once(extract_s))),
-        ]),
+        stages,
+        remesh: follower.map(|follower| follower.figures),
         mesh: figures,
         paging,
     };
@@ -234,10 +208,16 @@ fn fuse(args: &Args) -> anyhow::Result<ExitCode> {
 }
 
 fn table(document: &Document, args: &Args) -> String {
-    let Document { frames, skipped, stages, mesh, paging } = document;
+    let Document { frames, skipped, stages, remesh, mesh, paging } = document;
     let mut text = format!("{frames} frames, {skipped} skipped\n");
     for (name, Quantiles { p50_ms, p99_ms }) in stages {
         text.push_str(&format!("\n{name:>9}  p50 {p50_ms:>6.1} ms  p99 {p99_ms:>6.1} ms"));
+    }
+    if let Some(Remesh { pieces, frames_behind, most_behind }) = remesh {
+        text.push_str(&format!(
+            "\n\n{pieces} blocks meshed again; {frames_behind} frames left some"
+        ));
+        text.push_str(&format!(" for later, for {most_behind} frames at most"));
     }
     let MeshFigures { vertices, triangles, .. } = mesh;
     let out = args.out.display();

@@ -12,11 +12,10 @@ use fs_err as fs;
 use nalgebra::Vector3;
 
 use super::output::print;
-use crate::frontend::dense::file;
+use super::surface::Memory;
 use crate::frontend::dense::navigation::{
     Ground, NavigationOptions, distance_slice, occupancy_grid,
 };
-use crate::frontend::dense::paged::PagedVolume;
 
 /// Arguments of `covis grid`.
 #[derive(Debug, clap::Args)]
@@ -36,6 +35,8 @@ pub(super) struct Args {
     /// Height of the slice of distances, meters along up.
     #[arg(long, value_name = "METERS", default_value_t = 0.0, allow_negative_numbers = true)]
     slice: f64,
+    #[command(flatten)]
+    memory: Memory,
 }
 
 /// Numbers with commas between them.
@@ -70,7 +71,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     if let Some(Numbers(heights_m)) = args.heights {
         options.heights_m = heights_m;
     }
-    let mut volume = PagedVolume::from(file::load(&args.volume)?);
+    let mut volume = args.memory.load(&args.volume, &args.out)?;
     let ground = if is_distance {
         let slice = distance_slice(&mut volume, &options, args.slice)?;
         fs::write(&args.out, slice.to_pfm())?;

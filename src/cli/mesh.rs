@@ -7,8 +7,9 @@ use anyhow::{Context, bail};
 use fs_err as fs;
 
 use super::output::print;
-use crate::frontend::dense::surface::{SurfaceOptions, extract};
-use crate::frontend::dense::{export, file};
+use super::surface::Memory;
+use crate::frontend::dense::export;
+use crate::frontend::dense::surface::{SurfaceOptions, extract_paged};
 
 /// Arguments of `covis mesh`.
 #[derive(Debug, clap::Args)]
@@ -18,6 +19,8 @@ pub(super) struct Args {
     /// Where the mesh goes; .ply or .glb says how.
     #[arg(value_name = "OUT.ply|OUT.glb")]
     out: PathBuf,
+    #[command(flatten)]
+    memory: Memory,
 }
 
 /// Writes the mesh.
@@ -31,7 +34,9 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         Some("ply") => false,
         _ => bail!("{}: must end in .ply or .glb", args.out.display()),
     };
-    let mesh = extract(&file::load(&args.volume)?, SurfaceOptions::default());
+    let mut volume = args.memory.load(&args.volume, &args.out)?;
+    let mesh = extract_paged(&mut volume, SurfaceOptions::default())?;
+    drop(volume);
     let bytes = if is_glb {
         export::glb(&mesh).context("the mesh is too large for a GLB file (4 GiB)")?
     } else {

@@ -24,6 +24,7 @@ mod serve;
 mod signals;
 mod solve;
 mod spans;
+mod surface;
 mod synth;
 
 use std::path::PathBuf;

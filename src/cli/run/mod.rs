@@ -18,9 +18,9 @@ use fs_err as fs;
 
 use super::config::{Config, Layer};
 use super::connect::{self, Connection};
-use super::fuse::Grid;
 use super::output::print;
 use super::progress::Progress;
+use super::surface::Grid;
 use crate::client::Client;
 use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::image::{Image, RgbdFrame};

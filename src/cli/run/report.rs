@@ -8,7 +8,7 @@ use covis_solvers::geometry::Se3;
 use covis_solvers::io::trajectory::Trajectory;
 use serde::Serialize;
 
-use super::super::fuse::{MeshFigures, Paging};
+use super::super::surface::{MeshFigures, Paging};
 use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::mapping::run::RunReport;
 use crate::frontend::pipeline::StageSeconds;

@@ -49,7 +49,7 @@ impl<L: Lanes> Memory<L> {
     }
 }
 
-/// What voxels store after a measurement.
+/// What voxels store after a measurement; `moved` grows to how far colors moved.
 #[inline(always)]
 pub(super) fn update<L: Lanes>(
     l: L,
@@ -57,6 +57,7 @@ pub(super) fn update<L: Lanes>(
     new: &Measured<L>,
     old: &Stored<L>,
     colors: &mut [[u8; 4]; WIDTH],
+    moved: &mut L::I,
 ) -> Stored<L> {
     let (zero, one) = (l.splat(0.0), l.splat(DISTANCE_ONE));
     let near = l.splat(frame.near);
@@ -139,6 +140,7 @@ pub(super) fn update<L: Lanes>(
     let next = l.select_int(within, next, word);
     if l.any(l.differ_int(next, word)) {
         l.store_bytes(next, colors);
+        *moved = l.max_int(*moved, l.color_difference(next, word));
     }
     Stored {
         distance: l.select(begins, new.distance, distance),

@@ -106,8 +106,10 @@ impl<L: Lanes> Stored<L> {
 /// What became of a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Outcome {
-    /// Anything that is stored.
+    /// A distance or a weight.
     pub(super) changed: bool,
+    /// How far colors moved at most, as [`Lanes::color_difference`] tells it; 0 where anything else changed.
+    pub(super) recolored: u32,
     /// Voxels at or behind a surface were written.
     pub(super) solid: bool,
     /// All voxels were seen and are free.
@@ -151,7 +153,8 @@ impl Frame<'_> {
         corner: [f32; 3],
         [nearest_m, farthest_m]: Range,
     ) -> Outcome {
-        let mut outcome = Outcome { changed: false, solid: false, free: true };
+        let mut outcome = Outcome { changed: false, recolored: 0, solid: false, free: true };
+        let mut moved = l.splat_int(0);
         let lanes = [l.load(&self.lanes[0]), l.load(&self.lanes[1]), l.load(&self.lanes[2])];
         let distances = block.distances.as_chunks_mut::<WIDTH>().0;
         let weights = block.weights.as_chunks_mut::<WIDTH>().0;
@@ -220,9 +223,9 @@ impl Frame<'_> {
 
             let measured = Measured { seen, distance, weight, word: high, depth_m: depth };
             let new = if DYNAMIC {
-                dynamic::update(l, self, &measured, &old, colors)
+                dynamic::update(l, self, &measured, &old, colors, &mut moved)
             } else {
-                self.average(l, &measured, &old, colors)
+                self.average(l, &measured, &old, colors, &mut moved)
             };
             let (new_distance, new_weight) = (l.round(new.distance), l.round(new.weight));
             let changed = l.either(
@@ -238,10 +241,13 @@ impl Frame<'_> {
             outcome.solid |= l.any(solid);
             outcome.free &= l.all(l.but_not(seen, solid));
         }
+        if !outcome.changed {
+            outcome.recolored = most(l, moved);
+        }
         outcome
     }
 
-    /// What voxels store when all measurements are averaged.
+    /// What voxels store when all measurements are averaged; `moved` grows to how far colors moved.
     #[inline(always)]
     fn average<L: Lanes>(
         &self,
@@ -249,6 +255,7 @@ impl Frame<'_> {
         new: &Measured<L>,
         old: &Stored<L>,
         colors: &mut [[u8; 4]; WIDTH],
+        moved: &mut L::I,
     ) -> Stored<L> {
         let mean = old.mean(l, new);
         let weight = l.min(mean.weight, l.splat(self.most_weight));
@@ -256,7 +263,9 @@ impl Frame<'_> {
         if l.any(near) {
             let word = l.load_bytes(colors);
             let blend = self.blend(l, word, new.word, mean.color_share);
-            l.store_bytes(l.select_int(near, blend, word), colors);
+            let next = l.select_int(near, blend, word);
+            l.store_bytes(next, colors);
+            *moved = l.max_int(*moved, l.color_difference(next, word));
         }
         Stored {
             distance: l.select(new.seen, mean.distance, old.distance),
@@ -316,6 +325,17 @@ impl<L: Lanes> Mix<L> {
         let level = l.shift_down::<8>(l.add_int(sum, self.dither));
         l.and_int(level, l.splat_int(0x00ff_00ff))
     }
+}
+
+/// The largest of sixteen numbers, none of them negative and none above 2²².
+#[inline(always)]
+fn most<L: Lanes>(l: L, numbers: L::I) -> u32 {
+    if !l.any(l.above_int(numbers, l.splat_int(0))) {
+        return 0;
+    }
+    let mut out = [0.0; WIDTH];
+    l.store(l.float(numbers), &mut out);
+    out.into_iter().fold(0.0, f32::max) as u32
 }
 
 /// Standard deviation of depth, meters: see [`crate::frontend::depth::sigma_m`].

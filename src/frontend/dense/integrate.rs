@@ -15,7 +15,7 @@ use super::fuse::{Frame, Outcome};
 use super::lanes::{Class, Kernel, Lanes};
 pub use super::options::IntegrationOptions;
 use super::pages::PageError;
-use super::pixels::{self, BAND, PackBand, Scratch, Source};
+use super::pixels::{self, BAND, PackBand, Scratches, Source};
 use super::rays::Rays;
 use super::reach::Reach;
 use super::sight::{Lens, NEAREST_M, Seen, Sight};
@@ -26,6 +26,10 @@ use crate::frontend::image::Image;
 
 /// Blocks that a task fuses.
 const PIECE: usize = 16;
+/// A block of which only colors changed counts as changed when they moved by so much, summed up over
+/// frames: eight levels of gray, as [`Lanes::color_difference`] tells it. So what was made of a block
+/// never shows a color that is off by more.
+const VISIBLE: u32 = 32;
 /// Blocks that a task looks up.
 const CLEAR_PIECE: usize = 1024;
 
@@ -86,6 +90,7 @@ pub struct Integrator {
     camera: FrameCamera,
     lens: Lens,
     pixels: Vec<u64>,
+    scratches: Scratches,
     tiles: Tiles,
     reach: Reach,
     /// What moves in the frame at hand.
@@ -103,6 +108,7 @@ impl Integrator {
             camera: camera.clone(),
             lens: Lens::new(camera),
             pixels: vec![0; pixels::stride(width) * height],
+            scratches: Scratches::new(width),
             tiles: Tiles::new(width, height),
             reach: Reach::default(),
             dilated: None,
@@ -248,7 +254,7 @@ impl Integrator {
             .zip(tiles.smallest_mut().par_chunks_mut(BAND / TILE * tiles_width))
             .enumerate();
         bands.for_each_init(
-            || Scratch::new(width),
+            || self.scratches.borrow(),
             |scratch, (band, (out, tiles))| {
                 let first_row = band * BAND;
                 self.class.run(PackBand { source, first_row, scratch, out, tiles });
@@ -305,7 +311,7 @@ impl Integrator {
         let behind_m = self.options.behind_m(self.options.max_depth_m, measures.truncation_m);
         let before_m = measures.truncation_m;
         let pieces = volume.pieces_mut(PIECE);
-        pieces.into_par_iter().for_each(|piece| {
+        pieces.for_each(|piece| {
             let (frame, sight, tiles) = (&frame, &sight, &self.tiles);
             self.class.run(FusePiece { frame, sight, tiles, behind_m, before_m, revision, piece });
         });
@@ -328,7 +334,7 @@ impl Kernel for FusePiece<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Piece { keys, blocks, changed, solid } = self.piece;
+        let Piece { keys, blocks, changed, solid, recolored } = self.piece;
         let seen: [Seen; PIECE] = std::array::from_fn(|slot| {
             let corner = keys.get(slot).map(|&key| self.sight.corner(key));
             let seen = corner.map_or(Seen::No, |corner| {
@@ -344,8 +350,12 @@ impl Kernel for FusePiece<'_> {
             }
             let corner = Frame::steps(&self.sight.lens, self.sight.corner(keys[slot]));
             let outcome: Outcome = self.frame.fuse(lanes, &mut blocks[slot], corner, range);
-            if outcome.changed {
+            let moved = u32::from(recolored[slot]) + outcome.recolored;
+            if outcome.changed || moved >= VISIBLE {
                 changed[slot] = self.revision;
+                recolored[slot] = 0;
+            } else {
+                recolored[slot] = moved as u8;
             }
             solid[slot] = (solid[slot] || outcome.solid) && !outcome.free;
         }

@@ -1,9 +1,10 @@
 //! Blocks as bytes that compress well, and back.
 //!
-//! Blocks that are packed together stand property by property: keys (3 i32 each), then one plane of bytes for each
-//! byte of a voxel's distance, weight and color, each plane over all voxels of all blocks. A value is
-//! told as its difference to that of the voxel before, where the sign is the lowest bit, so that what
-//! grows evenly and what was not seen are the same bytes again and again. Knows nothing of files.
+//! Blocks that are packed together stand property by property: keys (3 i32 each), then one plane of
+//! bytes for each byte of a voxel's distance, weight and color, each plane over all voxels of all
+//! blocks. A value is told as its difference to that of the voxel before, where the sign is the lowest
+//! bit, so that what grows evenly and what was not seen are the same bytes again and again. Knows
+//! nothing of files.
 
 use super::block::{Block, BlockKey, VOXELS};
 

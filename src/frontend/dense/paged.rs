@@ -74,6 +74,12 @@ impl PagedVolume {
         self.resident.options()
     }
 
+    /// What is in memory, without the rest.
+    #[must_use]
+    pub fn into_resident(self) -> Volume {
+        self.resident
+    }
+
     /// What is in memory: all of it where there is no ceiling.
     #[must_use]
     pub fn resident(&self) -> &Volume {
@@ -147,12 +153,32 @@ impl PagedVolume {
         if let Some(residence) = &mut self.residence {
             residence.bring(&mut self.resident, Access::Write, &[Region::of(key)])?;
         }
+        self.put(key, block);
+        Ok(())
+    }
+
+    /// Puts a block at a key that has none; whether it had none.
+    ///
+    /// # Errors
+    /// As [`PagedVolume::insert`].
+    pub(super) fn insert_new(&mut self, key: BlockKey, block: Block) -> Result<bool, PageError> {
+        if let Some(residence) = &mut self.residence {
+            residence.bring(&mut self.resident, Access::Write, &[Region::of(key)])?;
+        }
+        let is_new = self.resident.slot(key).is_none();
+        if is_new {
+            self.put(key, block);
+        }
+        Ok(is_new)
+    }
+
+    /// Puts a block at a key whose region is in memory.
+    fn put(&mut self, key: BlockKey, block: Block) {
         let before = self.resident.len();
         self.resident.insert(key, block);
         if let Some(residence) = &mut self.residence {
             residence.settle(&mut self.resident, before);
         }
-        Ok(())
     }
 
     /// The block at a key.

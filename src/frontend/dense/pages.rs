@@ -4,6 +4,7 @@
 //! room of pages that are no longer needed is used again, first where it fits. Knows no blocks.
 
 use std::collections::BTreeMap;
+use std::fmt::Debug;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
@@ -11,9 +12,11 @@ use std::path::Path;
 /// Why something was not put on disk, or did not come back.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PageError {
-    /// The system says no.
-    #[error("the page file: cannot {action} {bytes} bytes at byte {offset}: {message}")]
+    /// The system says no: the disk may be full.
+    #[error("the page file in {folder}: cannot {action} {bytes} bytes at byte {offset}: {message}")]
     File {
+        /// Where the file is; it has no name.
+        folder: String,
         /// What was tried.
         action: &'static str,
         /// Where.
@@ -24,8 +27,10 @@ pub enum PageError {
         message: String,
     },
     /// What was read is not what was written.
-    #[error("the page file: {bytes} bytes at byte {offset} are damaged")]
+    #[error("the page file in {folder}: {bytes} bytes at byte {offset} are damaged")]
     Damaged {
+        /// Where the file is.
+        folder: String,
         /// Where the page begins.
         offset: u64,
         /// Its length.
@@ -47,17 +52,17 @@ pub(super) struct Page {
     crc: u32,
 }
 
-impl Page {
-    /// That what was read makes no sense.
-    pub(super) fn damaged(&self) -> PageError {
-        PageError::Damaged { offset: self.offset, bytes: self.bytes }
-    }
-}
+/// Where bytes are put: a file, and in tests one of a disk that is full.
+pub(super) trait Storage: Read + Write + Seek + Debug + Send + Sync {}
+
+impl Storage for File {}
 
 /// Pages in a file.
 #[derive(Debug)]
 pub(super) struct PageFile {
-    file: File,
+    file: Box<dyn Storage>,
+    /// The file's folder, for those who are told of errors.
+    folder: String,
     /// Behind the last page.
     end: u64,
     /// Room between pages: where it begins, and its bytes. No two touch.
@@ -70,8 +75,13 @@ impl PageFile {
     /// # Errors
     /// No file can be made there.
     pub(super) fn new(folder: Option<&Path>) -> io::Result<Self> {
-        let file = folder.map_or_else(tempfile::tempfile, tempfile::tempfile_in)?;
-        Ok(Self { file, end: 0, free: BTreeMap::new() })
+        let folder = folder.map_or_else(std::env::temp_dir, Path::to_owned);
+        let file = tempfile::tempfile_in(&folder)?;
+        Ok(Self::over(Box::new(file), &folder))
+    }
+
+    fn over(file: Box<dyn Storage>, folder: &Path) -> Self {
+        Self { file, folder: folder.display().to_string(), end: 0, free: BTreeMap::new() }
     }
 
     /// Bytes from the file's begin to the end of its last page.
@@ -89,7 +99,7 @@ impl PageFile {
         let (offset, room) = room.map_or((self.end, None), |(&offset, &room)| (offset, Some(room)));
         let written =
             self.file.seek(SeekFrom::Start(offset)).and_then(|_| self.file.write_all(bytes));
-        written.map_err(|error| failed("write", offset, bytes.len(), &error))?;
+        written.map_err(|error| self.failed("write", offset, bytes.len(), &error))?;
         match room {
             Some(room) => {
                 self.free.remove(&offset);
@@ -112,11 +122,27 @@ impl PageFile {
             .file
             .seek(SeekFrom::Start(page.offset))
             .and_then(|_| self.file.read_exact(&mut bytes));
-        read.map_err(|error| failed("read", page.offset, page.bytes, &error))?;
+        read.map_err(|error| self.failed("read", page.offset, page.bytes, &error))?;
         if crc32c::crc32c(&bytes) != page.crc {
-            return Err(page.damaged());
+            return Err(self.damaged(page));
         }
         Ok(bytes)
+    }
+
+    /// That what was read of a page makes no sense.
+    pub(super) fn damaged(&self, page: &Page) -> PageError {
+        PageError::Damaged { folder: self.folder.clone(), offset: page.offset, bytes: page.bytes }
+    }
+
+    fn failed(
+        &self,
+        action: &'static str,
+        offset: u64,
+        bytes: usize,
+        error: &io::Error,
+    ) -> PageError {
+        let (folder, message) = (self.folder.clone(), error.to_string());
+        PageError::File { folder, action, offset, bytes, message }
     }
 
     /// Gives the room of a page to others.
@@ -150,8 +176,55 @@ impl PageFile {
     }
 }
 
-fn failed(action: &'static str, offset: u64, bytes: usize, error: &io::Error) -> PageError {
-    PageError::File { action, offset, bytes, message: error.to_string() }
+/// A disk with so much room, for tests.
+#[cfg(test)]
+#[derive(Debug)]
+struct Disk {
+    file: File,
+    room: u64,
+}
+
+#[cfg(test)]
+impl Storage for Disk {}
+
+#[cfg(test)]
+impl Read for Disk {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        self.file.read(bytes)
+    }
+}
+
+#[cfg(test)]
+impl Seek for Disk {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file.seek(to)
+    }
+}
+
+#[cfg(test)]
+impl Write for Disk {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        // As a file system does it: what there is room for is taken, and the next byte is refused.
+        let left = self.room.saturating_sub(self.file.stream_position()?);
+        let taken = usize::try_from(left).map_or(bytes.len(), |left| left.min(bytes.len()));
+        if taken == 0 {
+            return Err(io::ErrorKind::StorageFull.into());
+        }
+        self.file.write(&bytes[..taken])
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+#[cfg(test)]
+impl PageFile {
+    /// As [`PageFile::new`], on a disk with so much room.
+    pub(super) fn on_disk_of(room: u64, folder: &Path) -> Self {
+        let file = tempfile::tempfile_in(folder).unwrap();
+        Self::over(Box::new(Disk { file, room }), folder)
+    }
 }
 
 #[cfg(test)]
@@ -195,19 +268,48 @@ mod tests {
         let pages = [&[1_u8; 100][..], &[2; 50]].map(|bytes| file.put(bytes).unwrap());
         file.flip(&pages[1]);
         assert_eq!(file.read(&pages[0]).unwrap(), [1; 100]);
-        let refused = file.read(&pages[1]).unwrap_err();
-        assert_eq!(refused.to_string(), "the page file: 50 bytes at byte 100 are damaged");
+        let refused = file.read(&pages[1]).unwrap_err().to_string();
+        assert!(refused.ends_with(": 50 bytes at byte 100 are damaged"), "{refused}");
     }
 
     #[test]
     fn a_page_that_is_cut_off_is_refused() {
-        let mut file = PageFile::new(None).unwrap();
-        let page = file.put(&[7; 100]).unwrap();
-        file.file.set_len(60).unwrap();
-        let refused = file.read(&page).unwrap_err().to_string();
-        assert!(
-            refused.starts_with("the page file: cannot read 100 bytes at byte 0: "),
-            "{refused}"
-        );
+        let file = tempfile::tempfile().unwrap();
+        let mut pages = PageFile::over(Box::new(file.try_clone().unwrap()), Path::new("here"));
+        let page = pages.put(&[7; 100]).unwrap();
+        file.set_len(60).unwrap();
+        let refused = pages.read(&page).unwrap_err().to_string();
+        let expected = "the page file in here: cannot read 100 bytes at byte 0: ";
+        assert!(refused.starts_with(expected), "{refused}");
+    }
+
+    #[test]
+    fn a_full_disk_refuses_a_page_and_keeps_the_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut pages = PageFile::on_disk_of(150, folder.path());
+        let first = pages.put(&[1; 100]).unwrap();
+        let refused = pages.put(&[2; 100]).unwrap_err().to_string();
+        let path = folder.path().display();
+        let expected = format!("the page file in {path}: cannot write 100 bytes at byte 100: ");
+        assert!(refused.starts_with(&expected), "{refused}");
+        assert_eq!(pages.bytes(), 100);
+        // There is room for smaller ones, and in the place of what is given up.
+        let small = pages.put(&[3; 50]).unwrap();
+        assert!(pages.put(&[4; 1]).is_err());
+        assert_eq!(pages.read(&first).unwrap(), [1; 100]);
+        pages.free(&first);
+        let again = pages.put(&[5; 100]).unwrap();
+        assert_eq!(pages.read(&again).unwrap(), [5; 100]);
+        assert_eq!(pages.read(&small).unwrap(), [3; 50]);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_device_that_is_full_is_told_by_the_systems_own_words() {
+        let full = File::options().read(true).write(true).open("/dev/full").unwrap();
+        let mut pages = PageFile::over(Box::new(full), Path::new("/dev"));
+        let refused = pages.put(&[1; 10]).unwrap_err().to_string();
+        assert!(refused.contains("No space left on device"), "{refused}");
+        assert_eq!(pages.bytes(), 0);
     }
 }

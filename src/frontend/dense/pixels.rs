@@ -5,6 +5,9 @@
 //! axis relates to that along the surface's normal (7), and whether depth jumps nearby (1).
 //! Depth that is not a number, out of range, or of something that moves is none.
 
+use std::ops::{Deref, DerefMut};
+use std::sync::{Mutex, PoisonError};
+
 use super::lanes::{Kernel, Lanes, WIDTH};
 use super::tiles::{NOTHING, Range, TILE, join};
 use crate::frontend::image::Image;
@@ -48,8 +51,7 @@ pub(super) struct Scratch {
 }
 
 impl Scratch {
-    /// For images this wide.
-    pub(super) fn new(width: usize) -> Self {
+    fn new(width: usize) -> Self {
         let stride = stride(width) + 2 * MARGIN;
         Self { stride, depth: vec![0.0; stride * (BAND + 2 * BASELINE)] }
     }
@@ -57,6 +59,55 @@ impl Scratch {
     /// Depth of a row of the band, meters, 0 where there is none.
     pub(super) fn row(&self, row: usize) -> &[f32] {
         &self.depth[(row + BASELINE) * self.stride + MARGIN..][..self.stride - 2 * MARGIN]
+    }
+}
+
+/// Scratches that tasks borrow: to touch fresh memory for the first time takes longer than to pack a
+/// band.
+#[derive(Debug)]
+pub(super) struct Scratches {
+    width: usize,
+    spare: Mutex<Vec<Scratch>>,
+}
+
+/// A scratch that goes back.
+pub(super) struct Borrowed<'a> {
+    scratch: Scratch,
+    home: &'a Scratches,
+}
+
+impl Scratches {
+    /// For images this wide.
+    pub(super) fn new(width: usize) -> Self {
+        Self { width, spare: Mutex::default() }
+    }
+
+    /// One that nobody has.
+    pub(super) fn borrow(&self) -> Borrowed<'_> {
+        let spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        Borrowed { scratch: spare.unwrap_or_else(|| Scratch::new(self.width)), home: self }
+    }
+}
+
+impl Deref for Borrowed<'_> {
+    type Target = Scratch;
+
+    fn deref(&self) -> &Scratch {
+        &self.scratch
+    }
+}
+
+impl DerefMut for Borrowed<'_> {
+    fn deref_mut(&mut self) -> &mut Scratch {
+        &mut self.scratch
+    }
+}
+
+impl Drop for Borrowed<'_> {
+    fn drop(&mut self) {
+        let scratch =
+            std::mem::replace(&mut self.scratch, Scratch { stride: 0, depth: Vec::new() });
+        self.home.spare.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
     }
 }
 

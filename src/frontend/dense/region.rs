@@ -1,7 +1,7 @@
 //! Regions of the grid: what goes to disk and comes back together.
 //!
-//! Four by four by four blocks. As a page: for each block when it changed last (u64) and whether it
-//! is solid (u8), little endian, and then the blocks, packed. Knows no files.
+//! Four by four by four blocks. As a page: for each block when it changed last (u64), whether it
+//! is solid (u8) and how far its colors moved since (u8), little endian, and then the blocks, packed. Knows no files.
 
 use nalgebra::Vector3;
 
@@ -14,7 +14,7 @@ use super::volume::{State, Volume, VolumeOptions};
 const SHIFT: i32 = 2;
 const BLOCKS: i32 = 1 << SHIFT;
 /// Bytes of a block's state.
-const STATE: usize = 9;
+const STATE: usize = 10;
 
 /// Which region of the grid: coordinates in regions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -63,9 +63,9 @@ pub(super) fn to_page(volume: &Volume, keys: &[BlockKey]) -> Result<Vec<u8>, Pag
     let mut page = Vec::new();
     let mut blocks = Vec::with_capacity(keys.len());
     for (key, slot) in slots {
-        let State { changed, is_solid } = volume.state(slot);
+        let State { changed, is_solid, recolored } = volume.state(slot);
         page.extend_from_slice(&changed.to_le_bytes());
-        page.push(u8::from(is_solid));
+        page.extend_from_slice(&[u8::from(is_solid), recolored]);
         blocks.extend(all.get(slot).map(|block| (key, block)));
     }
     let packed = pack(&blocks);
@@ -77,9 +77,10 @@ pub(super) fn to_page(volume: &Volume, keys: &[BlockKey]) -> Result<Vec<u8>, Pag
 /// The blocks of a page that has so many; `None` where it makes no sense.
 pub(super) fn from_page(page: &[u8], blocks: usize) -> Option<Vec<(BlockKey, State, Block)>> {
     let (states, frame) = page.split_at_checked(STATE * blocks)?;
-    let states = states.as_chunks::<STATE>().0.iter().map(|&[a, b, c, d, e, f, g, h, solid]| {
+    let states = states.as_chunks::<STATE>().0.iter();
+    let states = states.map(|&[a, b, c, d, e, f, g, h, solid, recolored]| {
         let changed = u64::from_le_bytes([a, b, c, d, e, f, g, h]);
-        State { changed, is_solid: solid != 0 }
+        State { changed, is_solid: solid != 0, recolored }
     });
     let unpacked = unpack(frame, blocks).ok()?;
     Some(

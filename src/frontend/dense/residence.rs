@@ -138,7 +138,8 @@ impl Residence {
         for standing in self.regions.values() {
             if let Place::Disk(stored) = &standing.place {
                 let page = self.pages.read(&stored.page)?;
-                show(from_page(&page, stored.blocks).ok_or_else(|| stored.page.damaged())?)?;
+                let blocks = from_page(&page, stored.blocks);
+                show(blocks.ok_or_else(|| self.pages.damaged(&stored.page))?)?;
             }
         }
         Ok(())
@@ -187,6 +188,13 @@ impl Residence {
         }
     }
 
+    /// Has its pages on a disk with so much room, where there is none yet.
+    #[cfg(test)]
+    pub(super) fn use_disk_of(&mut self, room: u64, folder: &Path) {
+        assert_eq!(self.pages.bytes(), 0);
+        self.pages = PageFile::on_disk_of(room, folder);
+    }
+
     /// Takes regions from disk.
     fn fetch(
         &mut self,
@@ -209,7 +217,7 @@ impl Residence {
                 continue;
             };
             let Some(blocks) = blocks else {
-                let damaged = stored.page.damaged();
+                let damaged = self.pages.damaged(&stored.page);
                 standing.place = Place::Disk(stored);
                 return Err(damaged);
             };

@@ -3,6 +3,8 @@
 
 use std::ops::{Index, IndexMut, Range};
 
+use rayon::prelude::*;
+
 use super::block::Block;
 use super::supply::{SLAB, Slab, Supply};
 
@@ -62,10 +64,9 @@ impl Slabs {
         self.slabs.len() * SLAB
     }
 
-    /// All blocks in pieces of at most `size`, which divides a slab; what was not pushed yet comes
-    /// last and is not to be changed.
-    pub(super) fn pieces_mut(&mut self, size: usize) -> Vec<&mut [Block]> {
-        self.slabs.iter_mut().flat_map(|slab| slab.chunks_mut(size)).collect()
+    /// All blocks, slab by slab; what was not pushed yet comes last and is not to be changed.
+    pub(super) fn slabs_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [Block]> {
+        self.slabs.par_iter_mut().map(|slab| &mut slab[..])
     }
 
     pub(super) fn view(&self) -> Blocks<'_> {

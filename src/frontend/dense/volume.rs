@@ -7,9 +7,12 @@
 use std::collections::HashMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
 
+use rayon::prelude::*;
+
 use super::block::{Block, BlockKey, EDGE};
 pub use super::slabs::Blocks;
 use super::slabs::Slabs;
+use super::supply::SLAB;
 
 /// The grid's measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +42,8 @@ pub struct Volume {
     changed: Vec<u64>,
     /// Whether a block may have voxels at a surface or behind it.
     solid: Vec<bool>,
+    /// How far colors of each block moved at most since it changed last, frame by frame summed up.
+    recolored: Vec<u8>,
     revision: u64,
 }
 
@@ -49,6 +54,8 @@ pub(super) struct State {
     pub(super) changed: u64,
     /// Whether it may have voxels at a surface or behind it.
     pub(super) is_solid: bool,
+    /// How far its colors moved at most since then.
+    pub(super) recolored: u8,
 }
 
 /// Some slots next to each other, to be changed.
@@ -57,6 +64,7 @@ pub(super) struct Piece<'a> {
     pub(super) blocks: &'a mut [Block],
     pub(super) changed: &'a mut [u64],
     pub(super) solid: &'a mut [bool],
+    pub(super) recolored: &'a mut [u8],
 }
 
 impl Volume {
@@ -70,6 +78,7 @@ impl Volume {
             blocks: Slabs::default(),
             changed: Vec::new(),
             solid: Vec::new(),
+            recolored: Vec::new(),
             revision: 0,
         }
     }
@@ -120,7 +129,8 @@ impl Volume {
         self.blocks.view()
     }
 
-    /// The revision at which the block of each slot changed last.
+    /// The revision at which the block of each slot changed last; one of which only colors moved, by less
+    /// than an eye sees, did not.
     #[must_use]
     pub fn changed(&self) -> &[u64] {
         &self.changed
@@ -146,6 +156,7 @@ impl Volume {
         self.blocks[slot] = block;
         self.changed[slot] = self.revision;
         self.solid[slot] = true;
+        self.recolored[slot] = 0;
         slot
     }
 
@@ -158,6 +169,7 @@ impl Volume {
         self.blocks.swap_remove(slot);
         self.changed.swap_remove(slot);
         self.solid.swap_remove(slot);
+        self.recolored.swap_remove(slot);
         if let Some(moved) = self.keys.get(slot) {
             self.slots.insert(*moved, slot as u32);
         }
@@ -177,14 +189,20 @@ impl Volume {
 
     /// What is known of the block in a slot beside its voxels.
     pub(super) fn state(&self, slot: usize) -> State {
-        State { changed: self.changed[slot], is_solid: self.solid[slot] }
+        State {
+            changed: self.changed[slot],
+            is_solid: self.solid[slot],
+            recolored: self.recolored[slot],
+        }
     }
 
     /// Puts a block at a key as it was when it was taken away.
     pub(super) fn put_back(&mut self, key: BlockKey, block: &Block, state: State) {
         let slot = self.slot(key).unwrap_or_else(|| self.allocate(key));
         self.blocks[slot].clone_from(block);
-        (self.changed[slot], self.solid[slot]) = (state.changed, state.is_solid);
+        let State { changed, is_solid, recolored } = state;
+        (self.changed[slot], self.solid[slot]) = (changed, is_solid);
+        self.recolored[slot] = recolored;
     }
 
     /// An empty block at a key that has none.
@@ -195,6 +213,7 @@ impl Volume {
         self.blocks.push();
         self.changed.push(self.revision);
         self.solid.push(false);
+        self.recolored.push(0);
         slot
     }
 
@@ -205,16 +224,23 @@ impl Volume {
     }
 
     /// All slots in pieces of `size`, which divides a slab.
-    pub(super) fn pieces_mut(&mut self, size: usize) -> Vec<Piece<'_>> {
-        let blocks = self.blocks.pieces_mut(size);
-        let changed = self.changed.chunks_mut(size).zip(self.solid.chunks_mut(size));
-        let pieces = self.keys.chunks(size).zip(blocks).zip(changed);
-        pieces
-            .map(|((keys, blocks), (changed, solid))| {
-                let blocks = &mut blocks[..keys.len()];
-                Piece { keys, blocks, changed, solid }
+    pub(super) fn pieces_mut(&mut self, size: usize) -> impl ParallelIterator<Item = Piece<'_>> {
+        let states = self.changed.par_chunks_mut(SLAB).zip(self.solid.par_chunks_mut(SLAB));
+        let states = states.zip(self.recolored.par_chunks_mut(SLAB));
+        let slabs = self.keys.par_chunks(SLAB).zip(self.blocks.slabs_mut()).zip(states);
+        slabs.flat_map(move |((keys, slab), ((changed, solid), recolored))| {
+            let blocks = slab[..keys.len()].par_chunks_mut(size);
+            let states = changed.par_chunks_mut(size).zip(solid.par_chunks_mut(size));
+            let states = states.zip(recolored.par_chunks_mut(size));
+            let pieces = keys.par_chunks(size).zip(blocks).zip(states);
+            pieces.map(|((keys, blocks), ((changed, solid), recolored))| Piece {
+                keys,
+                blocks,
+                changed,
+                solid,
+                recolored,
             })
-            .collect()
+        })
     }
 }
 

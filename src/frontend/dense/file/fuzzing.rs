@@ -6,8 +6,9 @@
 use super::super::block::{Block, BlockKey, VOXELS};
 use super::super::navigation::{NavigationOptions, distance_slice, occupancy_grid};
 use super::super::surface::{SurfaceOptions, extract};
-use super::{BYTES_A_BLOCK, CHUNK_HEAD, HEADER, PagedVolume, Volume, VolumeOptions};
-use super::{decode, encode, find_chunks, u32_at};
+use super::super::volume::Volume;
+use super::reading::{Bytes, u32_at};
+use super::{BYTES_A_BLOCK, CHUNK_HEAD, HEADER, PagedVolume, VolumeOptions, decode, encode};
 
 /// Blocks of a volume that is looked at beyond reading it.
 const SMALL: usize = 8;
@@ -69,10 +70,11 @@ pub(super) fn resealed(bytes: &[u8]) -> Vec<u8> {
     // Those that the bytes have room for are what a reader looks at.
     let blocks = u32_at(&bytes, 24) as usize;
     let blocks = blocks.min(bytes.len() / BYTES_A_BLOCK);
-    for chunk in find_chunks(&bytes, blocks).unwrap_or_default() {
-        crc = crc32c::crc32c_append(crc, &bytes[chunk.start..chunk.start + 4]);
-        crc = crc32c::crc32c_append(crc, &bytes[chunk.start + CHUNK_HEAD..chunk.end]);
-        bytes[chunk.start + 4..chunk.start + 8].copy_from_slice(&crc.to_le_bytes());
+    for chunk in Bytes::of(&bytes).find_chunks(blocks).unwrap_or_default() {
+        let (start, end) = (chunk.start as usize, chunk.end as usize);
+        crc = crc32c::crc32c_append(crc, &bytes[start..start + 4]);
+        crc = crc32c::crc32c_append(crc, &bytes[start + CHUNK_HEAD..end]);
+        bytes[start + 4..start + 8].copy_from_slice(&crc.to_le_bytes());
     }
     bytes
 }

@@ -11,11 +11,12 @@
 //! from that of the chunk before, the first from the header's, so that no chunk can be missing, stand
 //! elsewhere or be of another file. Each block has at least 128 bytes of the file: a reader knows from
 //! the file's length how much memory its blocks can take, whatever the numbers in it say, and takes no
-//! more than 33 bytes a byte of the file and 20 MiB. Blocks keep their order; those that were on disk
+//! more than 33 bytes a byte of the file and 20 MiB, or than the ceiling that it is given. Blocks keep their order; those that were on disk
 //! when the file was written come last.
 
 #[cfg(any(test, feature = "fuzzing"))]
 pub mod fuzzing;
+mod reading;
 #[cfg(test)]
 mod tests;
 
@@ -25,10 +26,11 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::block::{Block, BlockKey};
-use super::packing::{pack, unpack};
+use super::packing::pack;
 use super::paged::PagedVolume;
 use super::pages::PageError;
-use super::volume::{Volume, VolumeOptions};
+use super::volume::VolumeOptions;
+pub use reading::{decode, load};
 
 /// How a file begins.
 const MAGIC: &[u8; 8] = b"covisvol";
@@ -154,19 +156,6 @@ pub fn save(volume: &mut PagedVolume, path: &Path) -> Result<(), VolumeFileError
     })
 }
 
-/// Reads a volume.
-///
-/// # Errors
-/// Where the file cannot be read, is cut short, damaged or no volume.
-pub fn load(path: &Path) -> Result<Volume, VolumeFileError> {
-    let bytes = fs_err::read(path).map_err(|error| VolumeFileError::File {
-        action: "cannot read",
-        path: path.display().to_string(),
-        message: error.to_string(),
-    })?;
-    decode(&bytes)
-}
-
 /// Hands out the bytes of a volume's file, in order.
 fn encode(
     volume: &mut PagedVolume,
@@ -200,126 +189,4 @@ fn encode(
         }
         Ok(())
     })
-}
-
-/// The volume of a file's bytes, whatever they are.
-///
-/// # Errors
-/// As [`load`], without [`VolumeFileError::File`].
-pub fn decode(bytes: &[u8]) -> Result<Volume, VolumeFileError> {
-    let (options, blocks) = read_header(bytes)?;
-    let chunks = find_chunks(bytes, blocks)?;
-    let mut volume = Volume::with_capacity(options, blocks);
-    let mut before = u32_at(bytes, HEADER - 4);
-    let mut number = 0;
-    for some in chunks.chunks(CHUNKS_AT_A_TIME) {
-        for chunk in some {
-            let crc = crc32c::crc32c_append(before, &bytes[chunk.start..chunk.start + 4]);
-            let crc = crc32c::crc32c_append(crc, &bytes[chunk.start + CHUNK_HEAD..chunk.end]);
-            before = u32_at(bytes, chunk.start + 4);
-            if crc != before {
-                let offset = chunk.start as u64;
-                return Err(VolumeFileError::Chunk { chunk: number, offset });
-            }
-            number += 1;
-        }
-        let first = number - some.len();
-        let unpacked: Vec<_> =
-            some.par_iter().map(|chunk| unpack(chunk.frame(bytes), chunk.blocks)).collect();
-        for (i, (unpacked, chunk)) in unpacked.into_iter().zip(some).enumerate() {
-            let content = |what| VolumeFileError::Content {
-                chunk: first + i,
-                offset: chunk.start as u64,
-                what,
-            };
-            for (key, block) in unpacked.map_err(content)? {
-                if volume.slot(key).is_some() {
-                    return Err(content("has a block that was there already"));
-                }
-                volume.insert(key, block);
-            }
-        }
-    }
-    Ok(volume)
-}
-
-fn u32_at(bytes: &[u8], at: usize) -> u32 {
-    bytes.get(at..).and_then(<[u8]>::first_chunk).map_or(0, |&word| u32::from_le_bytes(word))
-}
-
-/// The grid's measures, and how many blocks there are; no more than the bytes have room for.
-fn read_header(bytes: &[u8]) -> Result<(VolumeOptions, usize), VolumeFileError> {
-    let length = bytes.len() as u64;
-    if !MAGIC.starts_with(&bytes[..bytes.len().min(MAGIC.len())]) {
-        return Err(VolumeFileError::Magic);
-    }
-    let Some(header) = bytes.get(..HEADER) else {
-        return Err(VolumeFileError::CutShort { length, offset: 0, end: HEADER as u64 });
-    };
-    let found = u32_at(header, 8);
-    if found != VERSION {
-        return Err(VolumeFileError::Version { found });
-    }
-    if crc32c::crc32c(&header[..HEADER - 4]) != u32_at(header, HEADER - 4) {
-        return Err(VolumeFileError::Header);
-    }
-    let measure = |what, at| {
-        let value = f32::from_bits(u32_at(header, at));
-        let is_length = value.is_finite() && value > 0.0;
-        let error = || VolumeFileError::Measure { what, value: value.to_string() };
-        is_length.then_some(value).ok_or_else(error)
-    };
-    let options = VolumeOptions {
-        voxel_m: measure("voxel size", 12)?,
-        truncation_m: measure("truncation", 16)?,
-    };
-    let blocks = u64::from(u32_at(header, 24)) | u64::from(u32_at(header, 28)) << 32;
-    let chunks = blocks.div_ceil(BLOCKS_A_CHUNK as u64);
-    // As 128 bits, in which no product of the file's numbers overflows.
-    let least = HEADER as u128
-        + u128::from(blocks) * BYTES_A_BLOCK as u128
-        + u128::from(chunks) * CHUNK_HEAD as u128;
-    if u128::from(length) < least {
-        let end = u64::try_from(least).unwrap_or(u64::MAX);
-        return Err(VolumeFileError::CutShort { length, offset: HEADER as u64, end });
-    }
-    Ok((options, blocks as usize))
-}
-
-/// Where a chunk stands.
-struct Chunk {
-    start: usize,
-    /// Behind its last byte.
-    end: usize,
-    /// Bytes of its zstd frame.
-    frame: usize,
-    blocks: usize,
-}
-
-impl Chunk {
-    fn frame<'a>(&self, bytes: &'a [u8]) -> &'a [u8] {
-        &bytes[self.start + CHUNK_HEAD..][..self.frame]
-    }
-}
-
-/// The chunks of so many blocks; they fill the file to its end.
-fn find_chunks(bytes: &[u8], blocks: usize) -> Result<Vec<Chunk>, VolumeFileError> {
-    let length = bytes.len();
-    let mut chunks = Vec::with_capacity(blocks.div_ceil(BLOCKS_A_CHUNK));
-    let mut start = HEADER;
-    for first in (0..blocks).step_by(BLOCKS_A_CHUNK) {
-        let blocks = BLOCKS_A_CHUNK.min(blocks - first);
-        let frame = u32_at(bytes, start) as usize;
-        let end = start + CHUNK_HEAD + frame.max(BYTES_A_BLOCK * blocks);
-        if end > length {
-            let (length, offset, end) = (length as u64, start as u64, end as u64);
-            return Err(VolumeFileError::CutShort { length, offset, end });
-        }
-        chunks.push(Chunk { start, end, frame, blocks });
-        start = end;
-    }
-    if start != length {
-        return Err(VolumeFileError::Trailing { offset: start as u64 });
-    }
-    Ok(chunks)
 }

@@ -101,6 +101,8 @@ pub struct DenseMapper {
     log: FrameLog,
     frames: Vec<Placed>,
     keyframes: BTreeMap<usize, Se3>,
+    /// Whether keyframes moved since no frame was found to stand off.
+    moved: bool,
     rebuild: Option<Rebuild>,
     rebuilt: usize,
 }
@@ -123,6 +125,7 @@ impl DenseMapper {
             log: FrameLog::new()?,
             frames: Vec::new(),
             keyframes: BTreeMap::new(),
+            moved: false,
             rebuild: None,
             rebuilt: 0,
         })
@@ -175,6 +178,7 @@ impl DenseMapper {
     pub fn correct(&mut self, poses: &[(usize, Se3)]) {
         for (id, pose) in poses {
             if let Some(known) = self.keyframes.get_mut(id) {
+                self.moved |= *known != *pose;
                 *known = *pose;
             }
         }
@@ -185,8 +189,12 @@ impl DenseMapper {
     /// # Errors
     /// [`DenseError::Log`].
     pub fn follow(&mut self) -> Result<bool, DenseError> {
-        if self.rebuild.is_none() && !self.is_stale(TOLERANCE_VOXELS) {
-            return Ok(false);
+        if self.rebuild.is_none() {
+            // All frames are looked at where keyframes moved, and not after each frame of a long run.
+            self.moved = self.moved && self.is_stale(TOLERANCE_VOXELS);
+            if !self.moved {
+                return Ok(false);
+            }
         }
         for _ in 0..AGAIN_A_FRAME {
             if self.integrate_again()? {

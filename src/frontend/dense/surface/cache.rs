@@ -6,7 +6,7 @@
 //! is: blocks change slots, and those that went to disk keep their pieces. One that comes back is looked
 //! at again only where it changed.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, VecDeque};
 
 use rayon::prelude::*;
 
@@ -57,8 +57,8 @@ pub struct SurfaceCache {
     read_by: Vec<u32>,
     /// The update since which the piece is old, 0 where it is not.
     stale: Vec<u64>,
-    /// The places of old pieces.
-    old: Vec<usize>,
+    /// The places of old pieces, in the order in which they became old.
+    old: VecDeque<usize>,
     updates: u64,
     /// The volume's revision up to which also what is on disk was looked at.
     looked: u64,
@@ -83,7 +83,7 @@ impl SurfaceCache {
             reads: Vec::new(),
             read_by: Vec::new(),
             stale: Vec::new(),
-            old: Vec::new(),
+            old: VecDeque::new(),
             updates: 0,
             looked: 0,
         }
@@ -170,23 +170,26 @@ impl SurfaceCache {
         self.look(volume);
     }
 
-    /// The places of old pieces that have to be made anew, `most` at most; the rest stays old.
+    /// The places of old pieces that have to be made anew, `most` at most; the rest stays old and is not
+    /// looked at.
     fn oldest(&mut self, most: usize) -> Vec<usize> {
-        let mut old = std::mem::take(&mut self.old);
-        let tasks = old.par_iter().with_min_len(8 * BLOCKS_A_TASK);
-        let both: Vec<bool> = tasks.map(|&place| self.has_both_sides(place)).collect();
-        for (&place, _) in old.iter().zip(&both).filter(|(_, both)| !**both) {
-            self.keep(place, None, 0);
-            self.stale[place] = 0;
+        let mut oldest = Vec::new();
+        while oldest.len() < most && !self.old.is_empty() {
+            let count = self.old.len().min(most - oldest.len());
+            let some: Vec<_> = self.old.drain(..count).collect();
+            let tasks = some.par_iter().with_min_len(8 * BLOCKS_A_TASK);
+            let both: Vec<bool> = tasks.map(|&place| self.has_both_sides(place)).collect();
+            for (place, has_both) in some.into_iter().zip(both) {
+                if has_both {
+                    oldest.push(place);
+                } else {
+                    self.keep(place, None, 0);
+                    self.stale[place] = 0;
+                }
+            }
         }
-        let mut both = both.into_iter();
-        old.retain(|_| both.next().unwrap_or(false));
-        if most < old.len() {
-            old.select_nth_unstable_by_key(most, |&place| (self.stale[place], place));
-            self.old = old.split_off(most);
-        }
-        old.sort_unstable();
-        old
+        oldest.sort_unstable();
+        oldest
     }
 
     /// Makes pieces anew; how many.
@@ -224,6 +227,13 @@ impl SurfaceCache {
     #[must_use]
     pub fn is_behind(&self) -> bool {
         !self.old.is_empty()
+    }
+
+    /// For how many updates the piece has been old that waits longest; 0 where none is.
+    #[must_use]
+    pub fn lag(&self) -> u64 {
+        let oldest = self.old.iter().map(|&place| self.stale[place]).min();
+        oldest.map_or(0, |since| self.updates - since + 1)
     }
 
     /// The whole surface.
@@ -345,27 +355,33 @@ impl SurfaceCache {
                     NEVER => ALL,
                     _ => borders(&bits.difference(&self.bits[place])),
                 };
-                (bits, bits.sides(), turned)
+                (bits, bits.sides(), self.fresh_around(place, turned | self.read_by[place]))
             })
             .collect();
-        for (&(slot, place), (bits, sides, turned)) in old.iter().zip(looked) {
+        for (&(slot, place), (bits, sides, fresh)) in old.iter().zip(looked) {
             self.revisions[place] = changed[slot];
             self.sides[place] = sides;
             self.bits[place] = bits;
-            self.mark(place);
-            for k in ones((turned | self.read_by[place]).into()) {
-                let neighbor = self.around[place][k];
-                if neighbor != NONE {
-                    self.mark(neighbor as usize);
-                }
+            for k in ones(fresh.into()) {
+                self.mark(self.around[place][k] as usize);
             }
         }
+    }
+
+    /// Of the places around one, and of itself, those whose pieces are not old yet.
+    fn fresh_around(&self, place: usize, which: u32) -> u32 {
+        let which = ones((which | 1 << MIDDLE).into());
+        which.fold(0, |fresh, k| {
+            let neighbor = self.around[place][k];
+            let is_fresh = neighbor != NONE && self.stale[neighbor as usize] == 0;
+            fresh | u32::from(is_fresh) << k
+        })
     }
 
     fn mark(&mut self, place: usize) {
         if self.stale[place] == 0 {
             self.stale[place] = self.updates;
-            self.old.push(place);
+            self.old.push_back(place);
         }
     }
 

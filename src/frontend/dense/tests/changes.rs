@@ -4,9 +4,10 @@ use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector3;
 
 use super::scene::{Scene, Shape, camera, path, render, room, surface};
-use super::{plain, volume};
+use super::{fuse, plain, volume};
 use crate::frontend::camera::FrameCamera;
 use crate::frontend::dense::integrate::{DenseFrame, IntegrationOptions, Integrator};
+use crate::frontend::dense::surface::{SurfaceCache, SurfaceOptions, extract};
 use crate::frontend::dense::volume::Volume;
 
 /// A second in view.
@@ -165,4 +166,39 @@ fn a_color_that_changed_is_taken_over_at_once() {
     let new = colors.iter().filter(|c| c[0].abs_diff(30) < 25 && c[1].abs_diff(160) < 25).count();
     println!("{new} of {}", colors.len());
     assert!(colors.len() > 1000 && new * 100 >= colors.len() * 95);
+}
+
+#[test]
+fn a_surface_that_follows_shows_colors_that_change_alone() {
+    let options = IntegrationOptions { max_weight: 1.0, weigh_noise: false, ..Default::default() };
+    let (camera, pose) = (camera(), path(0));
+    let mut integrator = Integrator::new(&camera, options);
+    let mut volume = volume(0.02);
+    let mut cache = SurfaceCache::new(SurfaceOptions::default());
+    let apart = |(a, b): (&[u8; 3], &[u8; 3])| {
+        let [r, g, b] = [0, 1, 2].map(|k| u32::from(a[k].abs_diff(b[k])));
+        r + 2 * g + b
+    };
+    let (mut pieces, mut remade, mut worst, mut scene) = (0, 0, 0, room());
+    for frame in 0..60_u8 {
+        // At rest until voxels have all the weight that they may have; then the light fades, by less
+        // than an eye sees from frame to frame.
+        let gray = 200 - frame.saturating_sub(15);
+        scene[0].1 = [gray, gray, gray / 2];
+        fuse(&mut integrator, &mut volume, &render(&scene, &camera, &pose, None), &pose);
+        let made = cache.update(&volume);
+        if frame == 0 {
+            pieces = made;
+        } else if frame >= 15 {
+            remade += made;
+            let (followed, anew) = (cache.mesh(), extract(&volume, SurfaceOptions::default()));
+            assert_eq!(followed.positions, anew.positions);
+            let off = followed.colors.iter().zip(&anew.colors).map(apart).max();
+            worst = worst.max(off.unwrap());
+        }
+    }
+    println!("{pieces} pieces, {remade} made again, worst {worst}");
+    // Eight levels of gray, and rounding between two voxels.
+    assert!(worst > 0 && worst <= 36, "a color is off by {worst}");
+    assert!(remade > pieces && remade < 15 * pieces, "{remade} of {pieces} pieces in 45 frames");
 }

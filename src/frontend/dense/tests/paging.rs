@@ -13,6 +13,7 @@ use crate::frontend::dense::file;
 use crate::frontend::dense::integrate::{
     DenseFrame, IntegrateError, IntegrationOptions, Integrator,
 };
+use crate::frontend::dense::mapper::MemoryCeiling;
 use crate::frontend::dense::paged::PagedVolume;
 use crate::frontend::dense::pages::PageError;
 use crate::frontend::dense::surface::{Mesh, SurfaceCache, SurfaceOptions, extract, extract_paged};
@@ -169,6 +170,34 @@ fn a_page_that_is_damaged_is_an_error_of_the_frame_that_needs_it_and_of_no_other
 }
 
 #[test]
+fn on_a_full_disk_frames_are_refused_and_nothing_is_lost() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut paged = with_ceiling(500);
+    paged.residence().use_disk_of(100_000, folder.path());
+    let mut integrator = Integrator::new(&small_camera(), IntegrationOptions::default());
+    let refused = (0..FRAMES).find_map(|frame| {
+        let before = blocks(&mut paged);
+        let error = show(&mut integrator, &mut paged, frame).err()?;
+        assert!(blocks(&mut paged) == before, "the volume is not as before");
+        Some((frame, error))
+    });
+    let (full, error) = refused.unwrap();
+    let path = folder.path().display().to_string();
+    let told = error.to_string();
+    assert!(told.contains("cannot write") && told.contains(&path), "{told}");
+    assert!(paged.paging().unwrap().blocks_on_disk > 0, "the disk was full from the start");
+    // The same frame is refused again; with memory enough it is not, and the volume is whole.
+    assert!(show(&mut integrator, &mut paged, full).is_err());
+    paged.set_ceiling(usize::MAX);
+    for frame in full..FRAMES {
+        show(&mut integrator, &mut paged, frame).unwrap();
+    }
+    let mut whole = PagedVolume::new(GRID);
+    walk(&mut whole, |_, _| {});
+    assert_same(&mut paged, &mut whole);
+}
+
+#[test]
 fn a_frame_that_makes_no_sense_moves_nothing() {
     let mut paged = with_ceiling(500);
     let mut integrator = Integrator::new(&small_camera(), IntegrationOptions::default());
@@ -262,7 +291,16 @@ fn a_volume_that_is_on_disk_in_parts_is_saved_as_the_whole() {
     let before = paged.paging().unwrap();
     file::save(&mut paged, &path).unwrap();
     assert_eq!(paged.paging().unwrap(), before, "saving moves blocks");
-    assert_same(&mut file::load(&path).unwrap().into(), &mut whole);
+    assert_same(&mut file::load(&path, None).unwrap(), &mut whole);
+    // And read under a ceiling, with the same surface.
+    let bytes = whole.len() / 4 * size_of::<Block>();
+    let folder = Some(folder.path().to_owned());
+    let mut part = file::load(&path, Some(&MemoryCeiling { bytes, folder })).unwrap();
+    assert!(part.resident_bytes() <= bytes && part.paging().unwrap().blocks_on_disk > 0);
+    let surface = extract_paged(&mut part, SurfaceOptions::default()).unwrap();
+    let expected = extract(whole.resident(), SurfaceOptions::default());
+    assert!(triangles(&surface) == triangles(&expected), "the surfaces differ");
+    assert_same(&mut part, &mut whole);
 }
 
 /// What is done to a volume and to a plain map.
