@@ -1,6 +1,7 @@
 //! A. The initial pose of a frame: from several starts, the alignment that fits best. Compares with
 //! the last frame only; the map comes later. As long as that knows nothing, surfaces may contradict:
-//! one textured thing that walks can have more gray levels to say than the room.
+//! one textured thing that walks can have more gray levels to say than the room. The turn of the small
+//! image comes first then: there each part of the view has its area as its say.
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector2;
@@ -21,7 +22,7 @@ const GOOD_RESIDUAL: f32 = 6.0;
 
 /// An alignment that this share of the surfaces agrees with needs no other opinion.
 const GOOD_SHARE: f64 = 0.8;
-/// By how much larger the share must be that agrees with another motion.
+/// By how much larger the share must be that agrees with a motion of more freedom.
 const CLEAR_SHARE: f64 = 0.2;
 
 /// Where a frame is beside the last one.
@@ -73,11 +74,10 @@ pub(super) fn initial_pose(
         }
     }
     let mut found = best?;
-    if let Some(surfaces) = &last.surfaces {
-        let starts = turned.into_iter().chain([found.current_from_reference]);
-        if let Some(motion) = contradiction(surfaces, &current, &found, starts) {
-            found.current_from_reference = motion;
-        }
+    if let Some(surfaces) = &last.surfaces
+        && let Some(motion) = by_surfaces(surfaces, &current, &found.current_from_reference, turned)
+    {
+        found.current_from_reference = motion;
     }
     Some(InitialPose {
         last_from_camera: found.current_from_reference.inverse(),
@@ -86,21 +86,90 @@ pub(super) fn initial_pose(
     })
 }
 
-/// The motion of the surfaces, where they say that it was another one.
-fn contradiction(
+/// The motion that surfaces tell, where too few agree with the alignment.
+///
+/// What has more freedom can be misled by more: the turn of the small image comes first, with the
+/// translation as it went on; then the alignment, then that of planes, which leave open what depth
+/// does not show. Each must agree with clearly more of the surfaces than those before it: depth is
+/// of another time than color, and while the camera's turn changes, no motion agrees with all.
+fn by_surfaces(
     surfaces: &Surfaces,
     current: &CurrentDepth<'_>,
-    found: &Alignment,
-    starts: impl Iterator<Item = Se3>,
+    aligned: &Se3,
+    turned: Option<Se3>,
 ) -> Option<Se3> {
-    let share = surfaces.agreement(current, &found.current_from_reference)?;
-    if share >= GOOD_SHARE {
+    if surfaces.agreement(current, aligned)? >= GOOD_SHARE {
         return None;
     }
-    let aligned = starts.filter_map(|start| {
-        let motion = surfaces.align(current, &start)?;
-        Some((surfaces.agreement(current, &motion)?, motion))
-    });
-    let (most, motion) = aligned.max_by(|a, b| a.0.total_cmp(&b.0))?;
-    (most > share + CLEAR_SHARE).then_some(motion)
+    let motions = || turned.into_iter().chain([*aligned]);
+    let planes = motions().filter_map(|start| surfaces.align(current, &start));
+    let mut best: Option<(f64, Se3)> = None;
+    for motion in motions().chain(planes) {
+        let Some(share) = surfaces.agreement(current, &motion) else { continue };
+        if best.is_none_or(|(most, _)| share > most + CLEAR_SHARE) {
+            best = Some((share, motion));
+        }
+    }
+    best.map(|(_, motion)| motion)
+}
+
+#[cfg(test)]
+mod tests {
+    use covis_solvers::geometry::So3;
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::frontend::synthetic::{SceneName, Sequence, SequenceOptions};
+    use crate::frontend::tracking::local_matching::View;
+
+    /// What surfaces tell of two frames of a still room, half a second apart, and by how much it is
+    /// off, radians and meters; alignment and turn are off by motions.
+    fn told(aligned_off: &Se3, turned_off: &Se3) -> Option<(f64, f64)> {
+        let options = SequenceOptions { width: 320, height: 240, frames: 9, seed: 3, noise: false };
+        let sequence = Sequence::new(SceneName::Static, &options);
+        let camera = FrameCamera::new(*sequence.camera(), 320, 240).unwrap();
+        let [last, next] = [0, 8].map(|index| sequence.frame(index));
+        let pyramid = Pyramid::new(last.gray(), 4);
+        let surfaces = Surfaces::new(&View {
+            camera: &camera,
+            pyramid: &pyramid,
+            depth_m: &last.depth_m,
+            shutter: Shutter::default(),
+            moving: None,
+        });
+        let current = CurrentDepth { camera: &camera, depth_m: &next.depth_m, delay_share: 0.0 };
+        let truth = sequence.world_from_camera(8).inverse().compose(&sequence.world_from_camera(0));
+        let turned = Some(truth.compose(turned_off));
+        let motion = by_surfaces(&surfaces, &current, &truth.compose(aligned_off), turned)?;
+        let error = truth.inverse().compose(&motion);
+        Some((error.rotation.log().norm(), error.translation.norm()))
+    }
+
+    fn off(turned: [f64; 3], moved: [f64; 3]) -> Se3 {
+        Se3::new(So3::exp(&Vector3::from(turned)), Vector3::from(moved))
+    }
+
+    #[test]
+    fn an_alignment_that_surfaces_agree_with_needs_no_other_opinion() {
+        assert_eq!(told(&off([0.002, 0.0, 0.0], [0.0; 3]), &Se3::identity()), None);
+    }
+
+    #[test]
+    fn where_surfaces_contradict_the_turn_of_the_image_is_taken_and_planes_do_not_polish_it() {
+        let rode_along = off([0.03, -0.02, 0.01], [0.01, -0.02, 0.04]);
+        let (angle, distance) =
+            told(&rode_along, &off([0.0, 0.004, 0.0], [0.004, 0.0, 0.0])).unwrap();
+        assert!(
+            (angle - 0.004).abs() < 1e-9 && (distance - 0.004).abs() < 1e-9,
+            "{angle} {distance}"
+        );
+    }
+
+    #[test]
+    fn planes_are_asked_where_the_turn_of_the_image_is_wrong_too() {
+        let rode_along = off([0.03, -0.02, 0.01], [0.01, -0.02, 0.04]);
+        let (angle, distance) =
+            told(&rode_along, &off([-0.02, 0.03, -0.01], [0.02, 0.02, -0.03])).unwrap();
+        assert!(angle < 6e-3 && distance < 0.025, "{angle} rad, {distance} m");
+    }
 }
