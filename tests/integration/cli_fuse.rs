@@ -75,6 +75,13 @@ fn a_surface_is_fused_at_given_poses_and_written_again_from_the_volume() {
     json(&workspace, &format!("{fuse}2 --threads 1"));
     assert!(fs::read(&ply).unwrap() == fs::read(workspace.path("fused2/mesh.ply")).unwrap());
 
+    // A surface that follows is beside the point of what is written.
+    let followed = json(&workspace, &format!("{fuse}4 --remesh 40"));
+    assert!(fs::read(&ply).unwrap() == fs::read(workspace.path("fused4/mesh.ply")).unwrap());
+    assert!(number(&followed["remesh"], "pieces") > 40.0, "{followed}");
+    assert!(number(&followed["remesh"], "most_behind") > 0.0, "{followed}");
+    assert!(number(&followed["stages"]["remesh"], "p99_ms") > 0.0, "{followed}");
+
     // Nor does the memory, but for the order of vertices.
     let paged = json(&workspace, &format!("{fuse}3 --memory-mb 1"));
     let counts =
@@ -82,6 +89,15 @@ fn a_surface_is_fused_at_given_poses_and_written_again_from_the_volume() {
     assert_eq!(counts(&paged), counts(&document));
     assert!(paged["paging"]["paged_out"].is_u64(), "{paged}");
     assert!(document.get("paging").is_none(), "{document}");
+    let ran = workspace.run("mesh fused/volume.covis paged.ply --memory-mb 1", &[]);
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    for (name, key) in [("vertex", "vertices"), ("face", "triangles")] {
+        assert_eq!(elements(&workspace.path("paged.ply"), name), number(mesh, key));
+    }
+    let ran = workspace
+        .run("grid fused/volume.covis paged.pgm --up 0,0,1 --heights 0.1,1.8 --memory-mb 1", &[]);
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    assert!(fs::read(workspace.path("paged.pgm")).unwrap() == pgm);
 }
 
 #[test]

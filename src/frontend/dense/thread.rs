@@ -16,8 +16,9 @@ use super::integrate::IntegrateError;
 use super::mapper::{DenseError, DenseMapper, TiedFrame};
 use super::paged::PagedVolume;
 
-/// Frames that wait to be integrated.
-const QUEUE: usize = 4;
+/// Frames that wait to be integrated, some 2.5 MB each at 640 × 480. While the volume is built again
+/// frames may take longer than a camera's period for a second; tracking waits for none of them.
+const QUEUE: usize = 16;
 
 /// What dense mapping is told.
 enum Message {
