@@ -200,24 +200,5 @@ fn surfaces_agree_with_the_motion_of_the_camera_and_with_no_other() {
     // Nobody knows without depth.
     let nothing = Image::filled(320, 240, 0.0);
     let blind = CurrentDepth { depth_m: &nothing, ..current };
-    assert_eq!((surfaces.agreement(&blind, &truth), surfaces.align(&blind, &truth)), (None, None));
-}
-
-#[test]
-fn surfaces_find_a_motion_from_a_start_that_is_off_by_two_degrees() {
-    let (camera, frames, truth) = two_frames();
-    let pyramid = Pyramid::new(frames[0].gray(), 4);
-    let surfaces = Surfaces::new(&view(&camera, &pyramid, &frames[0].depth_m));
-    let depth_m = &frames[1].depth_m;
-    let current = CurrentDepth { camera: &camera, depth_m, delay_share: 0.0 };
-    for (turned, moved) in
-        [([0.03, -0.02, 0.01], [0.01, -0.02, 0.03]), ([-0.02, 0.03, -0.01], [0.02, 0.02, -0.03])]
-    {
-        let off = Se3::new(So3::exp(&Vector3::from(turned)), Vector3::from(moved));
-        let found = surfaces.align(&current, &truth.compose(&off)).unwrap();
-        let error = truth.inverse().compose(&found);
-        let (angle, distance) = (error.rotation.log().norm(), error.translation.norm());
-        // Few planes of this view tell how it moved along the others.
-        assert!(angle < 6e-3 && distance < 0.025, "{angle} rad, {distance} m");
-    }
+    assert_eq!(surfaces.agreement(&blind, &truth), None);
 }
