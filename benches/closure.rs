@@ -1,4 +1,4 @@
-//! What a loop closure of 0.3 m does to the times of frames, in tracking and in dense mapping beside it.
+//! What a loop closure of 0.3 m does to the times of frames, in tracking and in dense mapping.
 //!
 //! `cargo bench --bench closure -- SEQUENCE [--voxel 0.01] [--threads 2] [--hz 30] [--rounds 2]`
 //!

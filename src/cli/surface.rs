@@ -18,8 +18,8 @@ use crate::frontend::dense::{export, file};
 /// How much memory a stored volume may take.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(super) struct Memory {
-    /// Megabytes of the volume that are in memory at most; the rest waits in a temporary file beside OUT
-    /// [default: all is in memory, 4.2 KB a block].
+    /// Megabytes of the volume that are in memory at most; the rest waits in a temporary file beside
+    /// OUT [default: all is in memory, 4.2 KB a block].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     memory_mb: Option<u32>,
 }

@@ -108,7 +108,8 @@ impl<L: Lanes> Stored<L> {
 pub(super) struct Outcome {
     /// A distance or a weight.
     pub(super) changed: bool,
-    /// How far colors moved at most, as [`Lanes::color_difference`] tells it; 0 where anything else changed.
+    /// How far colors moved at most, as [`Lanes::color_difference`] tells it; 0 where anything else
+    /// changed.
     pub(super) recolored: u32,
     /// Voxels at or behind a surface were written.
     pub(super) solid: bool,

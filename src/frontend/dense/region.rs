@@ -1,7 +1,8 @@
 //! Regions of the grid: what goes to disk and comes back together.
 //!
-//! Four by four by four blocks. As a page: for each block when it changed last (u64), whether it
-//! is solid (u8) and how far its colors moved since (u8), little endian, and then the blocks, packed. Knows no files.
+//! Four by four by four blocks. As a page: for each block when it changed last (u64), whether it is
+//! solid (u8) and how far its colors moved since (u8), little endian, and then the blocks, packed.
+//! Knows no files.
 
 use nalgebra::Vector3;
 

@@ -11,8 +11,8 @@
 //! from that of the chunk before, the first from the header's, so that no chunk can be missing, stand
 //! elsewhere or be of another file. Each block has at least 128 bytes of the file: a reader knows from
 //! the file's length how much memory its blocks can take, whatever the numbers in it say, and takes no
-//! more than 33 bytes a byte of the file and 20 MiB, or than the ceiling that it is given. Blocks keep their order; those that were on disk
-//! when the file was written come last.
+//! more than 33 bytes a byte of the file and 20 MiB, or than the ceiling that it is given. Blocks keep
+//! their order; those that were on disk when the file was written come last.
 
 #[cfg(any(test, feature = "fuzzing"))]
 pub mod fuzzing;

@@ -1,8 +1,8 @@
 //! A volume out of its file, some chunks at a time: the file is never in memory as a whole.
 //!
-//! First all chunks are found, so that a file which is not whole is refused at once; then they are read,
-//! checked and unpacked in order. Blocks go to a volume that may have a ceiling. What stands where is told
-//! at the head of the folder's `mod.rs`.
+//! First all chunks are found, so that a file which is not whole is refused at once; then they are
+//! read, checked and unpacked in order. Blocks go to a volume that may have a ceiling. What stands
+//! where is told at the head of the folder's `mod.rs`.
 
 use std::fs::File;
 use std::io::{Cursor, Read, Seek, SeekFrom};
@@ -20,7 +20,8 @@ use super::{MAGIC, VERSION, VolumeFileError};
 /// Reads a volume; with a ceiling, what is beyond it goes to a page file.
 ///
 /// # Errors
-/// Where the file cannot be read, is cut short, damaged or no volume; where there is no place for pages.
+/// Where the file cannot be read, is cut short, damaged or no volume; where there is no place for
+/// pages.
 pub fn load(path: &Path, ceiling: Option<&MemoryCeiling>) -> Result<PagedVolume, VolumeFileError> {
     let failed = |action, path: &Path, error: &std::io::Error| VolumeFileError::File {
         action,
