@@ -11,6 +11,8 @@
 
 #![allow(clippy::print_stdout, reason = "a bench shows what it measured")]
 
+mod timing;
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -31,6 +33,8 @@ use covis::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
 use covis::service::{Server, ServerConfig};
 use covis_solvers::geometry::{LieGroup, Se3, So3};
 use nalgebra::Vector3;
+
+use crate::timing::milliseconds;
 
 /// Frame times around a loop closure.
 #[derive(Clone, Parser)]
@@ -199,12 +203,6 @@ async fn main() -> anyhow::Result<()> {
 }
 
 fn print_row(name: &str, seconds: &[f64]) {
-    let mut sorted = seconds.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        let place = (share * sorted.len().saturating_sub(1) as f64).round() as usize;
-        sorted.get(place).map_or(f64::NAN, |s| s * 1e3)
-    };
-    let (p50, p99, max) = (at(0.5), at(0.99), at(1.0));
-    println!("{name:>24} {:>8} {p50:>8.2} {p99:>8.2} {max:>8.2}", sorted.len());
+    let [p50, p99, max] = milliseconds(&mut seconds.to_vec());
+    println!("{name:>24} {:>8} {p50:>8.2} {p99:>8.2} {max:>8.2}", seconds.len());
 }

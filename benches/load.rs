@@ -9,6 +9,8 @@
 
 #![allow(clippy::print_stdout, reason = "a bench shows what it measured")]
 
+mod timing;
+
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -20,6 +22,8 @@ use covis::wire::v1;
 use covis_solvers::geometry::{Camera, Se3};
 use covis_solvers::testing::{Scene, SceneOptions};
 use nalgebra::{Vector2, Vector3};
+
+use crate::timing::milliseconds;
 
 /// Load on a server by several robots.
 #[derive(Clone, Parser)]
@@ -89,12 +93,7 @@ async fn main() -> anyhow::Result<()> {
 }
 
 fn print_row(name: &str, seconds: &mut [f64]) {
-    seconds.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        let place = (share * seconds.len().saturating_sub(1) as f64).round() as usize;
-        seconds.get(place).map_or(f64::NAN, |s| s * 1e3)
-    };
-    let (p50, p99, max) = (at(0.5), at(0.99), at(1.0));
+    let [p50, p99, max] = milliseconds(seconds);
     println!("{name:>28} {:>8} {p50:>8.2} {p99:>8.2} {max:>8.2}", seconds.len());
 }
 

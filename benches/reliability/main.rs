@@ -10,6 +10,8 @@
 #![allow(clippy::print_stdout, reason = "a bench shows what it measured")]
 
 mod server;
+#[path = "../timing/mod.rs"]
+mod timing;
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -22,6 +24,7 @@ use covis::client::{Client, ClientError, IngestSession, SessionOptions, WatchOpt
 use covis::wire::v1;
 
 use crate::server::{Samples, Server, walk};
+use crate::timing::milliseconds;
 
 /// Measures a durable server.
 #[derive(Parser)]
@@ -326,12 +329,7 @@ async fn send(
 }
 
 fn print_row(name: &str, seconds: &mut [f64]) {
-    seconds.sort_by(f64::total_cmp);
-    let at = |share: f64| {
-        let place = (share * seconds.len().saturating_sub(1) as f64).round() as usize;
-        seconds.get(place).map_or(f64::NAN, |s| s * 1e3)
-    };
-    let (p50, p99, max) = (at(0.5), at(0.99), at(1.0));
+    let [p50, p99, max] = milliseconds(seconds);
     let count = seconds.len();
     println!("{name:>20}: {count} times, p50 {p50:.2} ms, p99 {p99:.2} ms, max {max:.2} ms");
 }
