@@ -3,6 +3,7 @@
 mod bugs;
 mod ceilings;
 mod journal;
+mod maps;
 mod solves;
 mod stream;
 mod watch;

@@ -1,13 +1,14 @@
 //! All maps of a server.
 //!
-//! The store decides which names are taken; the table here holds the engines that run. A map whose
-//! journal is damaged or does not replay opens poisoned at the last revision that does, so that it
-//! can be read and exported; the others are not held up by it.
+//! The store decides which names are taken; the table holds the engines that run. A creation or
+//! deletion that has begun runs to its end in a task of its own, whoever still waits for it: cut off
+//! halfway it would leave a name that is neither free nor a map. A map whose journal is damaged or does
+//! not replay opens poisoned at the last revision that does, so that it can be read and exported; the
+//! others are not held up by it.
 
-use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use sha2::{Digest as _, Sha256};
@@ -22,6 +23,7 @@ use super::journal::{replay, stored, unix_time_ns};
 use super::meters::ConditionCell;
 use super::schedule::Schedule;
 use super::streams::Streams;
+use super::table::{Claim, Table};
 use super::watch::Watchers;
 use super::{
     Booked, EngineConfig, EngineError, EngineMeters, Fault, MapCounts, MapHandle, MapInfo,
@@ -44,7 +46,7 @@ struct Inner {
     pool: Arc<SolverPool>,
     config: EngineConfig,
     meters: Arc<EngineMeters>,
-    table: Mutex<BTreeMap<String, MapHandle>>,
+    table: Table,
     closing: AtomicBool,
     /// Creation times rise strictly, because uids are made of them.
     last_create_time_ns: AtomicI64,
@@ -78,7 +80,7 @@ impl Maps {
             pool,
             config,
             meters: Arc::default(),
-            table: Mutex::new(BTreeMap::new()),
+            table: Table::default(),
             closing: AtomicBool::new(false),
             last_create_time_ns: AtomicI64::new(0),
         };
@@ -132,7 +134,7 @@ impl Maps {
         // Ceilings close no map that exists.
         let place = self.inner.pool.tenants().of_map(&start.name).book_existing_map();
         let handle = self.spawn(start, place);
-        self.table().insert(handle.name().to_owned(), handle);
+        self.inner.table.insert(handle);
     }
 
     /// Brings a map back; `None` for one whose creation was never answered.
@@ -186,7 +188,7 @@ impl Maps {
         }))
     }
 
-    /// Creates a map.
+    /// Creates a map. Dropping the future does not undo or stop a creation that has begun.
     ///
     /// # Errors
     /// [`EngineError::MapExists`], [`EngineError::ShuttingDown`], [`EngineError::Store`].
@@ -196,33 +198,43 @@ impl Maps {
         display_name: &str,
         policy: MapPolicy,
     ) -> Result<MapInfo, EngineError> {
-        self.check_fault()?;
-        if self.inner.closing.load(Ordering::Acquire) {
-            return Err(EngineError::ShuttingDown);
-        }
-        let store = &self.inner.store;
-        if self.table().contains_key(name) {
+        let claim = self.claim(name).await?;
+        if claim.map().is_some() {
             return Err(EngineError::MapExists { map: name.to_owned() });
         }
-        let place = self.inner.pool.tenants().of_map(name).book_map()?;
-        let epoch = match store.create_map(name).await {
-            Err(StoreError::MapExists { map }) => return Err(EngineError::MapExists { map }),
+        let (maps, display_name) = (self.clone(), display_name.to_owned());
+        run_to_end(async move { maps.create_claimed(claim, display_name, policy).await }).await
+    }
+
+    /// Creates a map whose name is claimed, and free.
+    async fn create_claimed(
+        &self,
+        mut claim: Claim,
+        display_name: String,
+        policy: MapPolicy,
+    ) -> Result<MapInfo, EngineError> {
+        let (store, name) = (&self.inner.store, claim.name().to_owned());
+        let place = self.inner.pool.tenants().of_map(&name).book_map()?;
+        let epoch = match store.create_map(&name).await {
+            // No engine has it: it is what a creation left that failed and could not be undone.
+            Err(StoreError::MapExists { .. }) => {
+                store.delete_map(&name).await?;
+                store.create_map(&name).await?
+            }
             epoch => epoch?,
         };
         let create_time_ns = self.create_time_ns();
-        let display_name = display_name.to_owned();
         let change = Change::Created { policy, create_time_ns, display_name };
         let event = Event { revision: 1, time_ns: create_time_ns, cause: None, change };
         let mut map = Map::new();
         if let Err(error) = map.apply(&event) {
-            return Err(EngineError::Journal { map: name.to_owned(), error });
+            return Err(EngineError::Journal { map: name, error });
         }
-        if let Err(error) = store.append(name, epoch, 0, vec![Arc::new(event)]).await {
+        if let Err(error) = store.append(&name, epoch, 0, vec![Arc::new(event)]).await {
             // A map without its first event could never be opened.
-            store.delete_map(name).await?;
+            store.delete_map(&name).await?;
             return Err(error.into());
         }
-        let name = name.to_owned();
         let flushed = store.follow(&name).await?;
         let start = Start {
             name,
@@ -236,8 +248,15 @@ impl Maps {
         };
         let handle = self.spawn(start, place);
         // A map is answered only when no crash takes it back.
-        handle.durable(1).await?;
-        self.table().insert(handle.name().to_owned(), handle.clone());
+        if let Err(error) = handle.durable(1).await {
+            // Where it cannot be undone, the name stands for a map that tells why it takes nothing.
+            let undone = handle.call(|reply| Control::Delete { reply }).await.flatten();
+            claim.set(undone.is_err().then_some(handle));
+            return Err(error);
+        }
+        claim.set(Some(handle.clone()));
+        // Callers find it from here on.
+        drop(claim);
         tracing::info!(map = handle.name(), "map created");
         handle.info().await
     }
@@ -248,30 +267,44 @@ impl Maps {
     /// [`EngineError::MapNotFound`].
     pub fn get(&self, name: &str) -> Result<MapHandle, EngineError> {
         self.check_fault()?;
-        let handle = self.table().get(name).cloned();
+        let handle = self.inner.table.get(name);
         handle.ok_or_else(|| EngineError::MapNotFound { map: name.to_owned() })
     }
 
     /// The maps by name.
     #[must_use]
     pub fn list(&self) -> Vec<MapHandle> {
-        self.table().values().cloned().collect()
+        self.inner.table.list()
     }
 
-    /// Deletes a map with its journal; its streams and watchers end.
+    /// Deletes a map with its journal; its streams and watchers end. Dropping the future does not stop
+    /// a deletion that has begun.
     ///
     /// # Errors
-    /// [`EngineError::MapNotFound`], [`EngineError::Store`].
+    /// [`EngineError::MapNotFound`], [`EngineError::ShuttingDown`], [`EngineError::Store`].
     pub async fn delete(&self, name: &str) -> Result<(), EngineError> {
-        let handle = self.get(name)?;
-        handle.call(|reply| Control::Delete { reply }).await??;
-        let mut table = self.table();
-        // A map of the same name may have been created since.
-        if table.get(name).is_some_and(|now| Arc::ptr_eq(&now.shared, &handle.shared)) {
-            table.remove(name);
+        let mut claim = self.claim(name).await?;
+        let Some(handle) = claim.map().cloned() else {
+            return Err(EngineError::MapNotFound { map: name.to_owned() });
+        };
+        run_to_end(async move {
+            handle.call(|reply| Control::Delete { reply }).await??;
+            claim.set(None);
+            drop(claim);
+            tracing::info!(map = handle.name(), "map deleted");
+            Ok(())
+        })
+        .await
+    }
+
+    /// Claims a name for a change.
+    async fn claim(&self, name: &str) -> Result<Claim, EngineError> {
+        self.check_fault()?;
+        let claim = self.inner.table.claim(name).await;
+        if self.inner.closing.load(Ordering::Acquire) {
+            return Err(EngineError::ShuttingDown);
         }
-        tracing::info!(map = name, "map deleted");
-        Ok(())
+        Ok(claim)
     }
 
     /// What acknowledged items withstand.
@@ -290,8 +323,8 @@ impl Maps {
     #[must_use]
     pub fn counts(&self) -> MapCounts {
         let mut counts = MapCounts::default();
-        for handle in self.table().values() {
-            counts.add(handle);
+        for handle in self.list() {
+            counts.add(&handle);
         }
         counts
     }
@@ -307,14 +340,18 @@ impl Maps {
     /// dropped; what was accepted by then is made durable in any case.
     pub async fn shutdown(&self, budget: Duration) {
         self.inner.closing.store(true, Ordering::Release);
-        let ends = self.list().into_iter().map(|handle| async move {
-            let (reply, ended) = tokio::sync::oneshot::channel();
-            if handle.send(Control::Shutdown { reply }).await.is_ok() {
-                // The engine drops the reply when it has ended.
-                let _ended = ended.await;
-            }
-        });
-        let ends = futures_util::future::join_all(ends);
+        let ends = async {
+            // A map that is being created gets its engine first.
+            self.inner.table.idle().await;
+            let ends = self.list().into_iter().map(|handle| async move {
+                let (reply, ended) = tokio::sync::oneshot::channel();
+                if handle.send(Control::Shutdown { reply }).await.is_ok() {
+                    // The engine drops the reply when it has ended.
+                    let _ended = ended.await;
+                }
+            });
+            futures_util::future::join_all(ends).await;
+        };
         if tokio::time::timeout(budget, ends).await.is_err() {
             tracing::warn!("solves were still running, their results are dropped");
         }
@@ -369,10 +406,6 @@ impl Maps {
         MapHandle { shared, items: item_queue, control: control_queue }
     }
 
-    fn table(&self) -> MutexGuard<'_, BTreeMap<String, MapHandle>> {
-        self.inner.table.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     fn create_time_ns(&self) -> i64 {
         let now = unix_time_ns();
         let last = &self.inner.last_create_time_ns;
@@ -387,6 +420,17 @@ impl Maps {
             Some(Fault::FailCalls) => Err(report_bug("staged by a test")),
             Some(Fault::PanicInSolve | Fault::PanicInEngine) | None => Ok(()),
         }
+    }
+}
+
+/// Runs a change of a map in a task of its own: a caller that stops waiting does not cut it off.
+async fn run_to_end<T: Send + 'static>(
+    change: impl Future<Output = Result<T, EngineError>> + Send + 'static,
+) -> Result<T, EngineError> {
+    match tokio::spawn(change.in_current_span()).await {
+        Ok(outcome) => outcome,
+        Err(error) if error.is_panic() => Err(report_bug(&format!("a change of a map: {error}"))),
+        Err(_canceled) => Err(EngineError::ShuttingDown),
     }
 }
 

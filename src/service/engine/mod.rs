@@ -8,7 +8,7 @@
 //!
 //! | file | role |
 //! |---|---|
-//! | `maps` | all maps of a server: create, open, delete, shut down |
+//! | `maps`, `table` | all maps of a server: create, open, delete, shut down; their names |
 //! | `handle`, `stream` | what callers hold |
 //! | `actor`, `journal`, `items` | the task: what it waits for, commits, and does with an item |
 //! | `durable` | DURABLE acks, snapshots, a failing journal |
@@ -36,6 +36,7 @@ mod schedule;
 mod solves;
 mod stream;
 mod streams;
+mod table;
 mod tenants;
 mod turns;
 mod watch;

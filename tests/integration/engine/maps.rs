@@ -1,0 +1,232 @@
+//! Creating and deleting maps while callers go away and the store fails.
+
+use std::sync::Arc;
+use std::task::Poll;
+
+use async_trait::async_trait;
+use covis::map::{Event, Map, MapPolicy};
+use covis::service::engine::{EngineConfig, EngineError, Maps, SolverPool};
+use covis::store::{
+    Damage, Durability, Epoch, Flushed, MemoryStore, Position, Store, StoreError,
+};
+use tokio::sync::{Semaphore, watch};
+
+/// A store whose creations and deletions wait until the test lets them go on, or fail.
+struct HeldStore {
+    inner: MemoryStore,
+    /// Calls that wait, for the test.
+    entered: Semaphore,
+    /// Calls that may go on.
+    released: Semaphore,
+    /// Calls that fail once they go on.
+    failing: Semaphore,
+}
+
+impl HeldStore {
+    fn new() -> Arc<Self> {
+        let none = || Semaphore::new(0);
+        let (entered, released, failing) = (none(), none(), none());
+        Arc::new(Self { inner: MemoryStore::new(), entered, released, failing })
+    }
+
+    async fn maps(self: &Arc<Self>) -> Maps {
+        let store: Arc<dyn Store> = Arc::<Self>::clone(self);
+        Maps::open(store, SolverPool::new(1).unwrap(), EngineConfig::default()).await.unwrap()
+    }
+
+    /// Waits until a call waits.
+    async fn entered(&self) {
+        self.entered.acquire().await.unwrap().forget();
+    }
+
+    fn release(&self, calls: usize) {
+        self.released.add_permits(calls);
+    }
+
+    async fn hold(&self) -> Result<(), StoreError> {
+        self.entered.add_permits(1);
+        self.released.acquire().await.unwrap().forget();
+        match self.failing.try_acquire() {
+            Ok(permit) => {
+                permit.forget();
+                let (path, message) = ("a map".to_owned(), "staged by a test".to_owned());
+                Err(StoreError::File { action: "cannot change", path, message })
+            }
+            Err(_none) => Ok(()),
+        }
+    }
+}
+
+#[async_trait]
+impl Store for HeldStore {
+    async fn list_maps(&self) -> Result<Vec<String>, StoreError> {
+        self.inner.list_maps().await
+    }
+
+    async fn create_map(&self, map: &str) -> Result<Epoch, StoreError> {
+        self.hold().await?;
+        self.inner.create_map(map).await
+    }
+
+    async fn delete_map(&self, map: &str) -> Result<(), StoreError> {
+        self.hold().await?;
+        self.inner.delete_map(map).await
+    }
+
+    async fn acquire(&self, map: &str) -> Result<Epoch, StoreError> {
+        self.inner.acquire(map).await
+    }
+
+    async fn append(
+        &self,
+        map: &str,
+        epoch: Epoch,
+        expected_sequence: u64,
+        batch: Vec<Arc<Event>>,
+    ) -> Result<Position, StoreError> {
+        self.inner.append(map, epoch, expected_sequence, batch).await
+    }
+
+    async fn follow(&self, map: &str) -> Result<watch::Receiver<Flushed>, StoreError> {
+        self.inner.follow(map).await
+    }
+
+    async fn read(&self, map: &str, from: u64) -> Result<Vec<Arc<Event>>, StoreError> {
+        self.inner.read(map, from).await
+    }
+
+    async fn put_snapshot(
+        &self,
+        map: &str,
+        epoch: Epoch,
+        snapshot: Arc<Map>,
+    ) -> Result<(), StoreError> {
+        self.inner.put_snapshot(map, epoch, snapshot).await
+    }
+
+    async fn get_snapshot(&self, map: &str) -> Result<Option<Arc<Map>>, StoreError> {
+        self.inner.get_snapshot(map).await
+    }
+
+    async fn damage(&self, map: &str) -> Result<Vec<Damage>, StoreError> {
+        self.inner.damage(map).await
+    }
+
+    async fn truncate(&self, map: &str, epoch: Epoch, before: u64) -> Result<(), StoreError> {
+        self.inner.truncate(map, epoch, before).await
+    }
+
+    async fn close(&self) {
+        self.inner.close().await;
+    }
+
+    fn durability(&self) -> Durability {
+        self.inner.durability()
+    }
+}
+
+/// Begins a call and cuts it off once the store works on it.
+async fn cut_off<T>(store: &HeldStore, call: impl Future<Output = Result<T, EngineError>>) {
+    tokio::pin!(call);
+    let begun = std::future::poll_fn(|context| Poll::Ready(call.as_mut().poll(context).is_ready()));
+    assert!(!begun.await, "the store holds the call");
+    store.entered().await;
+}
+
+fn policy() -> MapPolicy {
+    MapPolicy::default()
+}
+
+#[tokio::test]
+async fn a_creation_that_is_cut_off_runs_to_its_end_and_the_name_is_a_map() {
+    let store = HeldStore::new();
+    let maps = store.maps().await;
+    cut_off(&store, maps.create("house", "", policy())).await;
+    assert!(matches!(maps.get("house"), Err(EngineError::MapNotFound { .. })));
+    store.release(1);
+    // The second one waits for the first.
+    let exists = maps.create("house", "", policy()).await;
+    assert!(matches!(exists, Err(EngineError::MapExists { .. })), "{exists:?}");
+    let handle = maps.get("house").unwrap();
+    assert_eq!(handle.info().await.unwrap().snapshot.revision(), 1);
+    handle.open_stream("robot".to_owned(), 0, false).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_deletion_that_is_cut_off_runs_to_its_end_and_the_name_is_free() {
+    let store = HeldStore::new();
+    let maps = store.maps().await;
+    store.release(1);
+    let first = maps.create("house", "", policy()).await.unwrap();
+    store.entered().await;
+    cut_off(&store, maps.delete("house")).await;
+    store.release(2);
+    let second = maps.create("house", "", policy()).await.unwrap();
+    assert_ne!(first.uid, second.uid);
+    assert_eq!(maps.list().len(), 1, "the deleted one is not counted");
+    maps.get("house").unwrap().info().await.unwrap();
+}
+
+#[tokio::test]
+async fn of_two_creations_of_a_name_at_once_one_makes_the_map() {
+    let store = HeldStore::new();
+    let maps = store.maps().await;
+    store.release(1);
+    let (a, b) = tokio::join!(maps.create("house", "", policy()), maps.create("house", "", policy()));
+    let outcomes = [a.is_ok(), b.is_ok()];
+    assert!(outcomes == [true, false] || outcomes == [false, true], "{outcomes:?}");
+}
+
+#[tokio::test]
+async fn a_creation_that_fails_leaves_the_name_free() {
+    let store = HeldStore::new();
+    let maps = store.maps().await;
+    store.failing.add_permits(1);
+    store.release(2);
+    let failed = maps.create("house", "", policy()).await;
+    assert!(matches!(failed, Err(EngineError::Store(_))), "{failed:?}");
+    assert!(maps.list().is_empty());
+    maps.create("house", "", policy()).await.unwrap();
+}
+
+/// What a creation left that could be neither ended nor undone does not hold the name.
+#[tokio::test]
+async fn a_leftover_of_the_store_does_not_hold_the_name() {
+    let store = HeldStore::new();
+    let maps = store.maps().await;
+    store.inner.create_map("house").await.unwrap();
+    store.release(3);
+    maps.create("house", "", policy()).await.unwrap();
+    assert_eq!(maps.get("house").unwrap().info().await.unwrap().snapshot.revision(), 1);
+}
+
+#[tokio::test]
+async fn a_map_whose_deletion_fails_goes_on() {
+    let store = HeldStore::new();
+    let maps = store.maps().await;
+    store.release(3);
+    maps.create("house", "", policy()).await.unwrap();
+    store.failing.add_permits(1);
+    let failed = maps.delete("house").await;
+    assert!(matches!(failed, Err(EngineError::Store(_))), "{failed:?}");
+    let handle = maps.get("house").unwrap();
+    handle.open_stream("robot".to_owned(), 0, false).await.unwrap();
+    maps.delete("house").await.unwrap();
+    assert!(matches!(maps.get("house"), Err(EngineError::MapNotFound { .. })));
+}
+
+#[tokio::test]
+async fn a_server_that_stops_waits_for_the_creation_that_has_begun() {
+    let store = HeldStore::new();
+    let maps = store.maps().await;
+    cut_off(&store, maps.create("house", "", policy())).await;
+    let stop = maps.shutdown(std::time::Duration::from_secs(600));
+    tokio::pin!(stop);
+    let stopped = std::future::poll_fn(|cx| Poll::Ready(stop.as_mut().poll(cx).is_ready())).await;
+    assert!(!stopped);
+    let refused = maps.create("other", "", policy()).await;
+    assert!(matches!(refused, Err(EngineError::ShuttingDown)), "{refused:?}");
+    store.release(1);
+    stop.await;
+    assert_eq!(store.inner.read("house", 0).await.unwrap().len(), 1);
+}
