@@ -32,6 +32,8 @@ mod meters;
 pub use damage::Damage;
 pub use encoding::EncodingError;
 pub use error::StoreError;
+#[cfg(test)]
+pub(crate) use files::{Disk, DiskFile};
 pub use files::{FileStore, FileStoreOptions, MapCheckup, back_up, check_up};
 pub use memory::MemoryStore;
 pub use meters::StoreMeters;

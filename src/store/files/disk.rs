@@ -1,17 +1,28 @@
 //! What the store asks of a file system: a trait, the real one, and one that changes nothing.
 //!
-//! The tests have another implementation, which forgets what was not synced, tears writes and fails
-//! on demand. Everything here blocks. A file's contents survive a loss of power after
+//! The tests have other implementations, which forget what was not synced, tear writes and fail on
+//! demand. A disk also decides where work that blocks runs, and what time it is, so that a simulation
+//! owns both. Everything here but [`Disk::spawn`] and [`Disk::now`] blocks. A file's contents survive a loss of power after
 //! [`DiskFile::sync`], its name after [`Disk::sync_folder`] on the folder that holds it.
 
 use std::fmt;
 use std::io::{self, Cursor, Read, Write};
 use std::path::Path;
+use std::time::SystemTime;
 
 use fs_err::{File, OpenOptions};
 
 /// A file system.
-pub(in crate::store) trait Disk: fmt::Debug + Send + Sync + 'static {
+pub(crate) trait Disk: fmt::Debug + Send + Sync + 'static {
+    /// Runs work that blocks, away from the caller: by default on a thread of tokio for it. Work that
+    /// was given is done, whoever waits for it. Needs a tokio runtime.
+    fn spawn(&self, work: Box<dyn FnOnce() + Send>) {
+        tokio::task::spawn_blocking(work);
+    }
+    /// The time, from which the names of new folders are made.
+    fn now(&self) -> SystemTime {
+        SystemTime::now()
+    }
     /// Creates a folder that is not there, with those above it.
     fn create_folder(&self, path: &Path) -> io::Result<()>;
     /// The names in a folder, sorted.
@@ -39,7 +50,7 @@ pub(in crate::store) trait Disk: fmt::Debug + Send + Sync + 'static {
 }
 
 /// A file that is written at its end.
-pub(in crate::store) trait DiskFile: fmt::Debug + Send {
+pub(crate) trait DiskFile: fmt::Debug + Send {
     /// Appends bytes.
     fn append(&mut self, bytes: &[u8]) -> io::Result<()>;
     /// Makes the contents durable.

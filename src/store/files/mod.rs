@@ -10,9 +10,9 @@
 //! DIR/set-aside/UID.bad         maps of which nothing could be brought back
 //! ```
 //!
-//! Each map has its own files, so that damage stays in one map. Blocking work runs on tokio's
-//! blocking threads. Everything goes through the trait [`disk::Disk`], by which the tests stage
-//! crashes and faults at every operation.
+//! Each map has its own files, so that damage stays in one map. Everything goes
+//! through the trait [`disk::Disk`], by which the tests stage crashes and faults at every operation;
+//! it also runs all work that blocks.
 //!
 //! | module | role |
 //! |---|---|
@@ -42,13 +42,16 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::UNIX_EPOCH;
 
 use async_trait::async_trait;
 use sha2::{Digest as _, Sha256};
-use tokio::sync::watch;
+use tokio::sync::{oneshot, watch};
 
-use self::disk::{Disk, RealDisk};
+#[cfg(test)]
+pub(crate) use self::disk::DiskFile;
+pub(crate) use self::disk::Disk;
+use self::disk::RealDisk;
 use self::journal::Journal;
 use self::lock::DirectoryLock;
 use self::record::Uid;
@@ -95,20 +98,20 @@ impl FileStore {
     /// [`StoreError::InUse`] where another server uses it, [`StoreError::File`].
     pub async fn open(directory: &Path, options: FileStoreOptions) -> Result<Self, StoreError> {
         let root = directory.to_owned();
-        blocking(move || {
+        blocking(&RealDisk, move || {
             create_root(&RealDisk, &root)?;
             let lock = DirectoryLock::take(&root)?;
-            Self::on(Arc::new(RealDisk), root, options, Some(lock))
+            let store = Self::on(Arc::new(RealDisk), root, options)?;
+            Ok(Self { lock: Mutex::new(Some(lock)), ..store })
         })
         .await
     }
 
-    /// Opens a directory of `disk`. Blocks.
-    fn on(
+    /// Opens a directory of `disk`, which nobody else uses. Blocks.
+    pub(crate) fn on(
         disk: Arc<dyn Disk>,
         root: PathBuf,
         options: FileStoreOptions,
-        lock: Option<DirectoryLock>,
     ) -> Result<Self, StoreError> {
         create_root(&*disk, &root)?;
         let folder = root.join("maps");
@@ -129,7 +132,7 @@ impl FileStore {
             maps: Mutex::new(maps),
             changing: tokio::sync::Mutex::new(()),
             last_epoch: AtomicU64::new(0),
-            lock: Mutex::new(lock),
+            lock: Mutex::default(),
         })
     }
 
@@ -153,7 +156,7 @@ impl FileStore {
         let _exclusive = journal.exclusive.lock().await;
         if !journal.state().loaded {
             let loading = Arc::clone(&journal);
-            blocking(move || {
+            blocking(&*journal.disk, move || {
                 let Journal { disk, folder, uid, .. } = &*loading;
                 load::load(&**disk, folder, uid).map(|found| loading.loaded(found))
             })
@@ -169,7 +172,7 @@ impl FileStore {
 
     /// The folder of a map that is about to be created: no text of a client, and never used before.
     fn new_folder(&self, map: &str) -> (Uid, PathBuf) {
-        let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let since = self.disk.now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let mut hash = Sha256::new();
         hash.update(since.as_nanos().to_le_bytes());
         hash.update(self.last_epoch.load(Ordering::Acquire).to_le_bytes());
@@ -238,7 +241,7 @@ impl Store for FileStore {
         let (options, meters) = (self.options, &self.meters);
         let journal = Journal::new(map, uid, folder.clone(), Arc::clone(&disk), options, meters);
         let maps = self.root.join("maps");
-        blocking(move || {
+        blocking(&*self.disk, move || {
             let failed = |error| file_error("cannot create", &folder, &error);
             disk.create_folder(&folder).map_err(failed)?;
             let path = folder.join("map");
@@ -263,7 +266,7 @@ impl Store for FileStore {
         let journal = journal.ok_or_else(|| StoreError::UnknownMap { map: map.to_owned() })?;
         let maps = self.root.join("maps");
         let deleting = Arc::clone(&journal);
-        blocking(move || {
+        blocking(&*self.disk, move || {
             let Journal { disk, folder, .. } = &*deleting;
             let gone = folder.with_extension("deleted");
             disk.rename(folder, &gone)
@@ -301,7 +304,7 @@ impl Store for FileStore {
         journal.wait_for_room().await;
         let (position, starts) = journal.accept(epoch, expected_sequence, batch)?;
         if starts {
-            tokio::task::spawn_blocking(move || journal.flush());
+            self.disk.spawn(Box::new(move || journal.flush()));
         }
         Ok(position)
     }
@@ -324,7 +327,7 @@ impl Store for FileStore {
         }
         // A journal that stopped still reads what it has.
         let _stopped = journal.settle().await;
-        blocking(move || read::events(&journal, from, last)).await
+        blocking(&*self.disk, move || read::events(&journal, from, last)).await
     }
 
     async fn put_snapshot(
@@ -350,12 +353,12 @@ impl Store for FileStore {
         // A snapshot must not hold what a crash could still take from the journal.
         journal.settle().await?;
         let journal = Arc::clone(&journal);
-        blocking(move || read::put_snapshot(&journal, &snapshot)).await
+        blocking(&*self.disk, move || read::put_snapshot(&journal, &snapshot)).await
     }
 
     async fn get_snapshot(&self, map: &str) -> Result<Option<Arc<Map>>, StoreError> {
         let journal = self.journal(map).await?;
-        blocking(move || read::newest_snapshot(&journal)).await
+        blocking(&*self.disk, move || read::newest_snapshot(&journal)).await
     }
 
     async fn damage(&self, map: &str) -> Result<Vec<Damage>, StoreError> {
@@ -376,7 +379,7 @@ impl Store for FileStore {
             }
             state.dropped = through.min(state.last);
         }
-        blocking(move || {
+        blocking(&*self.disk, move || {
             let dropped = journal.drop_before(before);
             dropped.map_err(|error| file_error("cannot drop files of", &journal.folder, &error))
         })
@@ -391,7 +394,7 @@ impl Store for FileStore {
             // A journal that failed has told so.
             let _failed = journal.settle().await;
             let closing = Arc::clone(&journal);
-            let closed = blocking(move || {
+            let closed = blocking(&*self.disk, move || {
                 closing.close();
                 Ok(())
             });
@@ -410,18 +413,23 @@ impl Store for FileStore {
 /// The name of a journal's mark.
 const MARK: &str = "durable";
 
-/// Runs blocking work on a thread for it.
+/// Runs blocking work where the disk runs it. Work that has begun ends, also where nobody waits.
 async fn blocking<T: Send + 'static>(
+    disk: &dyn Disk,
     work: impl FnOnce() -> Result<T, StoreError> + Send + 'static,
 ) -> Result<T, StoreError> {
-    match tokio::task::spawn_blocking(work).await {
-        Ok(result) => result,
-        Err(error) => Err(StoreError::File {
+    let (answer, answered) = oneshot::channel();
+    disk.spawn(Box::new(move || {
+        // Whoever asked may have gone.
+        let _gone = answer.send(work());
+    }));
+    answered.await.unwrap_or_else(|_panicked| {
+        Err(StoreError::File {
             action: "cannot finish work on",
             path: "the store".to_owned(),
-            message: error.to_string(),
-        }),
-    }
+            message: "the work panicked, or the server stops".to_owned(),
+        })
+    })
 }
 
 fn file_error(action: &'static str, path: &Path, error: &std::io::Error) -> StoreError {

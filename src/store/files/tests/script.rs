@@ -20,7 +20,7 @@ pub(super) const SMALL: FileStoreOptions =
     FileStoreOptions { segment_bytes: 1200, snapshot_bytes: 1000 };
 
 pub(super) fn open(disk: &FaultyDisk) -> Result<FileStore, StoreError> {
-    FileStore::on(Arc::new(disk.clone()), PathBuf::from("/data"), SMALL, None)
+    FileStore::on(Arc::new(disk.clone()), PathBuf::from("/data"), SMALL)
 }
 
 /// Event `revision` of a map; `kind` makes maps different.
