@@ -11,6 +11,7 @@
 //! | `context` | how a handler's outcome becomes an answer |
 //! | `access` | tokens, roles and tenants: who may call what |
 //! | `clock` | what time it is, where that decides |
+//! | `connections` | sockets on their way to the transport |
 //! | `tls` | certificates of the listener |
 //! | `telemetry` | metrics, and spans of calls |
 //! | `*_service` | one file a service of the wire; `watch`, `export`, `listing` serve `MapService` |
@@ -21,6 +22,7 @@ mod access;
 mod bundle_solve;
 mod clock;
 mod config;
+mod connections;
 mod context;
 mod convert;
 mod deadline;

@@ -12,21 +12,24 @@
 //! is closed: nothing that was acknowledged is lost, also where the budget was too short. New calls of a draining
 //! server are refused by the transport.
 
+use std::io;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
+use futures_util::TryStreamExt;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
+use tokio_stream::Stream;
 use tonic::server::NamedService;
-use tonic::transport::server::TcpIncoming;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
 use super::access::{Access, AccessError, Guarded};
 use super::config::ServerConfig;
+use super::connections::{self, Accepted, Connection, Socket};
 use super::context::Context;
 use super::engine::{EngineError, Fault, Maps, SolverPool, Tenants};
 use super::ingest_service::Ingest;
@@ -50,7 +53,7 @@ use crate::wire::v1::server_service_server::ServerServiceServer;
 pub enum ServerError {
     /// The listener has no address.
     #[error("the listener's address")]
-    Address(#[source] std::io::Error),
+    Address(#[source] io::Error),
     /// The engines do not start, for instance because a journal does not replay.
     #[error("the engines")]
     Engine(#[from] EngineError),
@@ -83,7 +86,7 @@ pub enum ServerError {
         /// Where they were to be served.
         address: String,
         /// What the system said.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// The descriptors of the wire cannot be served.
     #[error("server reflection")]
@@ -135,9 +138,20 @@ impl Server {
     /// [`ServerError`] where something does not start.
     pub async fn listen(
         listener: TcpListener,
-        mut config: ServerConfig,
+        config: ServerConfig,
     ) -> Result<StartingServer, ServerError> {
         let address = listener.local_addr().map_err(ServerError::Address)?;
+        let incoming = connections::accepted(listener, config.keep_alive.tcp);
+        Self::listen_to(incoming, address, config).await
+    }
+
+    /// As [`Server::listen`], with sockets of any kind that are accepted elsewhere: a simulated network
+    /// gives its own. `address` is where they were connected to.
+    pub(crate) async fn listen_to<S: Socket>(
+        incoming: impl Stream<Item = io::Result<Accepted<S>>> + Send + 'static,
+        address: SocketAddr,
+        mut config: ServerConfig,
+    ) -> Result<StartingServer, ServerError> {
         apply_test_fault(&mut config)?;
         let tls = config.tls.clone().map(Tls::new).transpose()?.map(Arc::new);
         let access = Arc::new(Access::new(&config)?);
@@ -175,7 +189,7 @@ impl Server {
             ready,
             draining,
         });
-        let (health, task) = serve(listener, tls.clone(), Arc::clone(&context)).await?;
+        let (health, task) = serve(incoming, tls.clone(), Arc::clone(&context)).await?;
         let metrics = metrics.map(|(address, listener)| {
             (address, tokio::spawn(telemetry::serve(listener, Arc::clone(&context))))
         });
@@ -294,8 +308,8 @@ const SERVICES: [&str; 5] = [
 ];
 
 /// Starts the transport with all services.
-async fn serve(
-    listener: TcpListener,
+async fn serve<S: Socket>(
+    incoming: impl Stream<Item = io::Result<Accepted<S>>> + Send + 'static,
     tls: Option<Arc<Tls>>,
     context: Arc<Context>,
 ) -> Result<(HealthReporter, JoinHandle<Result<(), tonic::transport::Error>>), ServerError> {
@@ -344,14 +358,13 @@ async fn serve(
         .add_service(metered!(limited!(health_service)))
         .add_service(guarded!(reflection().build_v1()?))
         .add_service(guarded!(reflection().build_v1alpha()?));
-    // The builder's own switches do not reach a listener that was bound outside; without this one
-    // each small answer waits some 40 ms for the peer's delayed acknowledgment.
-    let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
-    let incoming = incoming.with_keepalive(Some(keep_alive.tcp));
     let task = tokio::spawn(async move {
         let drained = context.drained();
         match tls {
-            None => router.serve_with_incoming_shutdown(incoming, drained).await,
+            None => {
+                let incoming = incoming.map_ok(|(socket, peer)| Connection::new(socket, peer));
+                router.serve_with_incoming_shutdown(incoming, drained).await
+            }
             Some(tls) => {
                 let incoming = tls::handshakes(incoming, tls, Arc::clone(&context));
                 router.serve_with_incoming_shutdown(incoming, drained).await

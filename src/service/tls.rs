@@ -7,10 +7,10 @@
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::pin::pin;
 use std::sync::{Arc, PoisonError, RwLock};
 use std::time::Duration;
 
-use tokio::net::TcpStream;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio_rustls::TlsAcceptor;
@@ -20,10 +20,10 @@ use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use tokio_rustls::rustls::server::{VerifierBuilderError, WebPkiClientVerifier};
 use tokio_rustls::rustls::{self, RootCertStore};
 use tokio_rustls::server::TlsStream;
-use tokio_stream::StreamExt;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::transport::server::TcpIncoming;
+use tokio_stream::{Stream, StreamExt};
 
+use super::connections::{Accepted, Connection, Socket};
 use super::context::Context;
 
 /// Handshakes that run at once; further connections wait in the system's queue.
@@ -143,19 +143,20 @@ pub(super) fn key_in(pem: &[u8]) -> Option<PrivateKeyDer<'static>> {
 }
 
 /// The connections of `incoming` whose handshake succeeds.
-pub(super) fn handshakes(
-    mut incoming: TcpIncoming,
+pub(super) fn handshakes<S: Socket>(
+    incoming: impl Stream<Item = io::Result<Accepted<S>>> + Send + 'static,
     tls: Arc<Tls>,
     context: Arc<Context>,
-) -> ReceiverStream<io::Result<TlsStream<TcpStream>>> {
+) -> ReceiverStream<io::Result<Connection<TlsStream<S>>>> {
     let (sender, receiver) = mpsc::channel(1);
     tokio::spawn(async move {
+        let mut incoming = pin!(incoming);
         let mut running = JoinSet::new();
         loop {
             tokio::select! {
                 next = incoming.next(), if running.len() < MAX_HANDSHAKES => match next {
-                    Some(Ok(stream)) => {
-                        running.spawn(handshake(tls.current(), stream, sender.clone(), Arc::clone(&context)));
+                    Some(Ok(accepted)) => {
+                        running.spawn(handshake(tls.current(), accepted, sender.clone(), Arc::clone(&context)));
                     }
                     Some(Err(error)) => {
                         // The transport decides which errors end the server.
@@ -171,16 +172,16 @@ pub(super) fn handshakes(
     ReceiverStream::new(receiver)
 }
 
-async fn handshake(
+async fn handshake<S: Socket>(
     acceptor: TlsAcceptor,
-    stream: TcpStream,
-    sender: mpsc::Sender<io::Result<TlsStream<TcpStream>>>,
+    (socket, peer): Accepted<S>,
+    sender: mpsc::Sender<io::Result<Connection<TlsStream<S>>>>,
     context: Arc<Context>,
 ) {
     let failed = || context.meters.failed_handshakes.increment();
-    match tokio::time::timeout(HANDSHAKE_TIME, acceptor.accept(stream)).await {
+    match tokio::time::timeout(HANDSHAKE_TIME, acceptor.accept(socket)).await {
         Ok(Ok(stream)) => {
-            let _gone = sender.send(Ok(stream)).await;
+            let _gone = sender.send(Ok(Connection::new(stream, peer))).await;
         }
         Ok(Err(error)) => {
             failed();
