@@ -27,5 +27,7 @@ pub mod fuzzing;
 pub mod map;
 pub mod meter;
 pub mod service;
+#[cfg(test)]
+mod simulation;
 pub mod store;
 pub mod wire;

@@ -92,7 +92,7 @@ fn is_loopback(host: &str) -> bool {
 }
 
 /// Adds the token to each call.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Bearer(Option<MetadataValue<Ascii>>);
 
 impl Interceptor for Bearer {

@@ -117,6 +117,19 @@ impl Client {
         Ok(Self { channel, url: url.into(), deadline: link.deadline })
     }
 
+    /// A client without credentials on a channel that a simulation made.
+    #[cfg(test)]
+    pub(crate) fn on_channel(channel: Channel, url: &str, deadline: Duration) -> Self {
+        let channel = InterceptedService::new(channel, Bearer::default());
+        Self { channel, url: url.into(), deadline }
+    }
+
+    /// The same client with another deadline of calls that solve nothing.
+    #[cfg(test)]
+    pub(crate) fn with_deadline(&self, deadline: Duration) -> Self {
+        Self { deadline, ..self.clone() }
+    }
+
     /// The server's address as it was given.
     #[must_use]
     pub fn url(&self) -> &str {

@@ -5,7 +5,7 @@
 //! counted since the last progress, so that a long session survives many short outages; the time is
 //! counted since the link broke.
 
-use std::hash::{BuildHasher, Hasher, RandomState};
+use std::hash::{BuildHasher, BuildHasherDefault, DefaultHasher, Hasher, RandomState};
 use std::time::Duration;
 
 use tokio::time::Instant;
@@ -23,6 +23,9 @@ pub struct RetryPolicy {
     pub longest_delay: Duration,
     /// How long a link may be broken before a session fails (no limit).
     pub give_up_after: Option<Duration>,
+    /// What the random part of the waits is drawn from, for runs that must repeat exactly (none: it
+    /// differs from process to process).
+    pub seed: Option<u64>,
 }
 
 impl Default for RetryPolicy {
@@ -32,6 +35,7 @@ impl Default for RetryPolicy {
             first_delay: Duration::from_millis(100),
             longest_delay: Duration::from_secs(5),
             give_up_after: None,
+            seed: None,
         }
     }
 }
@@ -92,7 +96,7 @@ impl Retries {
             let (attempts, last) = (self.failed, Box::new(error));
             return Err(ClientError::RetriesExhausted { attempts, last });
         }
-        let delay = self.delay(jitter()).max(error.retry_delay().unwrap_or_default());
+        let delay = self.delay(self.jitter()).max(error.retry_delay().unwrap_or_default());
         let delay = left.map_or(delay, |left| delay.min(left));
         tracing::debug!(%error, ?delay, attempt = self.failed, "trying again");
         tokio::time::sleep(delay).await;
@@ -105,13 +109,16 @@ impl Retries {
         let full = self.policy.first_delay.saturating_mul(1 << doublings);
         full.min(self.policy.longest_delay).mul_f64(1.0 - 0.5 * jitter)
     }
-}
 
-/// A number within 0 to 1 that differs from process to process and call to call.
-fn jitter() -> f64 {
-    // The standard library's hash keys are random, and good enough to spread robots in time.
-    let bits = RandomState::new().build_hasher().finish();
-    f64::from((bits >> 32) as u32) / f64::from(u32::MAX)
+    /// A number within 0 to 1.
+    fn jitter(&self) -> f64 {
+        // The standard library's hash keys are random, and good enough to spread robots in time.
+        let bits = match self.policy.seed {
+            None => RandomState::new().build_hasher().finish(),
+            Some(seed) => BuildHasherDefault::<DefaultHasher>::default().hash_one((seed, self.failed)),
+        };
+        f64::from((bits >> 32) as u32) / f64::from(u32::MAX)
+    }
 }
 
 #[cfg(test)]
@@ -137,7 +144,7 @@ mod tests {
             max_attempts: 2,
             first_delay: Duration::ZERO,
             longest_delay: Duration::ZERO,
-            give_up_after: None,
+            ..RetryPolicy::default()
         };
         let broken = || ClientError::rpc("Ingest")(tonic::Status::unavailable("gone"));
         let mut retries = Retries::new(policy);

@@ -50,5 +50,7 @@ pub use access::{AccessError, JwtOptions};
 pub use clock::Clock;
 pub use config::{KeepAlive, ServerConfig};
 pub use limits::{MapLimits, TenantLimits};
+#[cfg(test)]
+pub(crate) use server::Backend;
 pub use server::{RunningServer, Server, ServerError, StartingServer};
 pub use tls::{TlsError, TlsFiles};

@@ -40,7 +40,7 @@ use super::random::random_id;
 use super::server_service::ServerInfo;
 use super::telemetry::{self, Metered, ServerMeters};
 use super::tls::{self, Tls, TlsError};
-use crate::store::{FileStore, FileStoreOptions, MemoryStore, Store};
+use crate::store::{FileStore, FileStoreOptions, MemoryStore, Store, StoreMeters};
 use crate::wire::v1::FILE_DESCRIPTOR_SET;
 use crate::wire::v1::ingest_service_server::IngestServiceServer;
 use crate::wire::v1::job_service_server::JobServiceServer;
@@ -142,15 +142,17 @@ impl Server {
     ) -> Result<StartingServer, ServerError> {
         let address = listener.local_addr().map_err(ServerError::Address)?;
         let incoming = connections::accepted(listener, config.keep_alive.tcp);
-        Self::listen_to(incoming, address, config).await
+        Self::listen_to(incoming, address, config, None).await
     }
 
     /// As [`Server::listen`], with sockets of any kind that are accepted elsewhere: a simulated network
-    /// gives its own. `address` is where they were connected to.
+    /// gives its own. `address` is where they were connected to. Without a `backend` the server opens
+    /// the one that the configuration asks for.
     pub(crate) async fn listen_to<S: Socket>(
         incoming: impl Stream<Item = io::Result<Accepted<S>>> + Send + 'static,
         address: SocketAddr,
         mut config: ServerConfig,
+        backend: Option<Backend>,
     ) -> Result<StartingServer, ServerError> {
         apply_test_fault(&mut config)?;
         let tls = config.tls.clone().map(Tls::new).transpose()?.map(Arc::new);
@@ -162,17 +164,11 @@ impl Server {
         if is_open && !access.is_guarded() {
             tracing::warn!("without tokens, whoever reaches {address} may do everything");
         }
-        let tenants = Tenants::new(config.tenant_ceilings, access.tenant_ceilings());
-        let pool = SolverPool::shared_by(tenants, config.threads)?;
         let metrics = metrics_listener(&config).await?;
-        let (store, counted): (Arc<dyn Store>, _) = match &config.data_dir {
-            None => (Arc::new(MemoryStore::new()), Arc::default()),
-            Some(directory) => {
-                let opened = FileStore::open(directory, FileStoreOptions::default()).await;
-                let store = opened.map_err(EngineError::Store)?;
-                let meters = store.meters();
-                (Arc::new(store), meters)
-            }
+        let tenants = Tenants::new(config.tenant_ceilings, access.tenant_ceilings());
+        let Backend { store, counted, pool } = match backend {
+            Some(backend) => backend,
+            None => Backend::open(&config, tenants).await?,
         };
         let meters = ServerMeters::new(counted);
         let maps = Maps::new(store, pool, config.engine);
@@ -195,6 +191,27 @@ impl Server {
         });
         // From here on dropping it ends the transport.
         Ok(StartingServer(RunningServer { address, context, tls, metrics, drain, health, task }))
+    }
+}
+
+/// Where a server keeps its maps and runs its solves.
+pub(crate) struct Backend {
+    pub(crate) store: Arc<dyn Store>,
+    /// What the store counts.
+    pub(crate) counted: Arc<StoreMeters>,
+    pub(crate) pool: Arc<SolverPool>,
+}
+
+impl Backend {
+    /// The one that a configuration asks for.
+    async fn open(config: &ServerConfig, tenants: Tenants) -> Result<Self, ServerError> {
+        let pool = SolverPool::shared_by(tenants, config.threads)?;
+        let Some(directory) = &config.data_dir else {
+            return Ok(Self { store: Arc::new(MemoryStore::new()), counted: Arc::default(), pool });
+        };
+        let opened = FileStore::open(directory, FileStoreOptions::default()).await;
+        let store = opened.map_err(EngineError::Store)?;
+        Ok(Self { counted: store.meters(), store: Arc::new(store), pool })
     }
 }
 

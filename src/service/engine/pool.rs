@@ -39,7 +39,9 @@ type Work = Box<dyn FnOnce() + Send>;
 
 /// Threads for solves.
 pub struct SolverPool {
-    threads: rayon::ThreadPool,
+    /// `None`: work runs as a task of the async runtime, so that one thread and one clock drive
+    /// everything.
+    threads: Option<rayon::ThreadPool>,
     turns: Mutex<Turns<Work>>,
     tenants: Tenants,
 }
@@ -70,13 +72,21 @@ impl SolverPool {
             .thread_name(|index| format!("covis-solver-{index}"))
             .build();
         let threads = pool.map_err(|_error| EngineError::Threads { count })?;
-        Ok(Arc::new(Self { threads, turns: Mutex::new(Turns::new(count)), tenants }))
+        Ok(Arc::new(Self { threads: Some(threads), turns: Mutex::new(Turns::new(count)), tenants }))
+    }
+
+    /// A pool without threads, for simulations: work runs as a task of the caller's runtime, one after
+    /// the other.
+    #[cfg(test)]
+    pub(crate) fn in_place() -> Arc<Self> {
+        let (turns, tenants) = (Mutex::new(Turns::new(1)), Tenants::default());
+        Arc::new(Self { threads: None, turns, tenants })
     }
 
     /// How many threads there are.
     #[must_use]
     pub fn threads(&self) -> usize {
-        self.threads.current_num_threads()
+        self.threads.as_ref().map_or(1, rayon::ThreadPool::current_num_threads)
     }
 
     /// The tenants that share the pool.
@@ -129,11 +139,17 @@ impl SolverPool {
             let next = self.lock().next(most);
             let Some((turn, work)) = next else { return };
             let pool = Arc::clone(self);
-            self.threads.spawn(move || {
+            let run = move || {
                 let begin = Instant::now();
                 work();
                 pool.ended(&turn, begin);
-            });
+            };
+            match &self.threads {
+                Some(threads) => threads.spawn(run),
+                None => {
+                    tokio::spawn(async { run() });
+                }
+            }
         }
     }
 

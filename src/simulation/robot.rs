@@ -1,0 +1,483 @@
+//! A robot of the simulation: it creates, fills, reads and deletes maps of its own through the client,
+//! lets calls be cut off, and holds every answer against what it was told before.
+//!
+//! A name is in one of three states: absent, present, or unsure after a change whose answer did not
+//! come. What was acknowledged must be there; what was refused must have changed nothing; a name
+//! whose change has been answered must be either free or a map.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use tonic::Code;
+
+use super::world::World;
+use crate::client::{Client, ClientError, IngestSession, RetryPolicy, SessionOptions};
+use crate::wire::v1;
+
+/// A promise that does not hold.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Broken(pub(crate) String);
+
+type Step<T> = Result<T, Broken>;
+
+fn broken<T>(text: impl Into<String>) -> Step<T> {
+    Err(Broken(text.into()))
+}
+
+/// Longest answer to a call that is not cut off.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Within this time all that is on its way has arrived.
+const SETTLED: Duration = Duration::from_millis(250);
+/// How often an answer is asked for before it counts as never to come.
+const TRIES: usize = 200;
+
+/// What the robot knows of one of its names.
+#[derive(Clone, Debug, Default)]
+struct Name {
+    text: String,
+    state: State,
+}
+
+#[derive(Clone, Debug, Default)]
+enum State {
+    #[default]
+    Absent,
+    /// A creation was begun and not answered.
+    Creating,
+    Present(Contents),
+    /// A deletion was begun and not answered.
+    Deleting,
+}
+
+/// A map that was created.
+#[derive(Clone, Debug, Default)]
+struct Contents {
+    uid: String,
+    /// Sequences of the keyframes that were sent, which are their ids too.
+    sent: i64,
+    /// The last that was acknowledged as durable.
+    durable: Arc<Mutex<i64>>,
+    /// What was durable when a deletion failed: the map may be gone until more is acknowledged.
+    failed_deletion: Option<i64>,
+}
+
+impl Contents {
+    fn durable(&self) -> i64 {
+        *self.durable.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether the map may be gone, because a deletion failed and nothing was promised since.
+    fn may_be_gone(&self) -> bool {
+        self.failed_deletion.is_some_and(|durable| durable >= self.durable())
+    }
+}
+
+/// What became of a call.
+#[derive(Debug)]
+enum Answer<T> {
+    Some(T),
+    /// The server answered with this.
+    Refused(Code, String),
+    /// No answer of the server: it may have done what was asked.
+    None,
+}
+
+/// A robot with its names.
+pub(crate) struct Robot {
+    client: Client,
+    world: Rc<RefCell<World>>,
+    rng: ChaCha8Rng,
+    names: Vec<Name>,
+}
+
+impl Robot {
+    pub(crate) fn new(
+        number: usize,
+        seed: u64,
+        client: Client,
+        world: &Rc<RefCell<World>>,
+    ) -> Self {
+        let name = |letter| Name { text: format!("robot-{number}-{letter}"), ..Name::default() };
+        let names = vec![name('a'), name('b')];
+        let rng = ChaCha8Rng::seed_from_u64(seed ^ (0x9e37_79b9 + number as u64));
+        Self { client, world: Rc::clone(world), rng, names }
+    }
+
+    /// Does `count` things, one after the other.
+    pub(crate) async fn work(&mut self, count: usize) -> Step<()> {
+        for _ in 0..count {
+            let index = self.rng.random_range(0..self.names.len());
+            let mut name = self.names[index].clone();
+            self.act(&mut name).await?;
+            self.names[index] = name;
+        }
+        Ok(())
+    }
+
+    async fn act(&mut self, name: &mut Name) -> Step<()> {
+        let choice = self.rng.random_range(0..100);
+        match &name.state {
+            State::Absent => match choice {
+                0..10 => self.expect_absent(name).await,
+                _ => self.create(name).await,
+            },
+            State::Creating | State::Deleting => self.resolve(name).await,
+            State::Present(contents) => match choice {
+                0..60 => self.ingest(name).await,
+                60..75 => self.audit(name).await,
+                75..80 => self.watch(name).await,
+                80..85 if !contents.may_be_gone() => self.create(name).await,
+                _ => self.delete(name).await,
+            },
+        }
+    }
+
+    /// A call that may be cut off: by its caller, by a deadline, or not at all.
+    async fn call<T, F: Future<Output = Result<T, ClientError>>>(
+        &mut self,
+        call: impl FnOnce(Client) -> F,
+    ) -> Answer<T> {
+        let micros = self.rng.random_range(500..40_000);
+        let short = Duration::from_micros(micros);
+        let outcome = match self.rng.random_range(0..4) {
+            0 => match tokio::time::timeout(short, call(self.client.clone())).await {
+                Ok(outcome) => outcome,
+                Err(_cut_off) => return Answer::None,
+            },
+            1 => call(self.client.with_deadline(short)).await,
+            _ => call(self.client.with_deadline(PATIENCE)).await,
+        };
+        answer(outcome)
+    }
+
+    /// A call that is made until it is answered. `None` where the server has crashed meanwhile: what
+    /// the answer says of the one before is open then.
+    async fn answered<T, F: Future<Output = Result<T, ClientError>>>(
+        &self,
+        what: &str,
+        call: impl Fn(Client) -> F,
+    ) -> Step<Answer<T>> {
+        for _ in 0..TRIES {
+            let outcome = call(self.client.with_deadline(PATIENCE)).await;
+            match answer(outcome) {
+                // A disk that is full or fails, and a map that needs a restart.
+                Answer::None
+                | Answer::Refused(
+                    Code::Internal | Code::ResourceExhausted | Code::FailedPrecondition,
+                    _,
+                ) => tokio::time::sleep(Duration::from_millis(20)).await,
+                answer => return Ok(answer),
+            }
+        }
+        broken(format!("{what} was never answered"))
+    }
+
+    fn crashes(&self) -> u64 {
+        self.world.borrow().crashes
+    }
+
+    async fn create(&mut self, name: &mut Name) -> Step<()> {
+        let text = name.text.clone();
+        let outcome = self.call(|client| async move { client.create_map(&text, policy()).await });
+        match (outcome.await, &name.state) {
+            (Answer::Some(map), State::Absent) => {
+                let contents = Contents { uid: map.uid, ..Contents::default() };
+                name.state = State::Present(contents);
+            }
+            (Answer::Some(_), State::Present(_)) => {
+                return broken(format!("{} was created over a map that is there", name.text));
+            }
+            (Answer::Refused(Code::AlreadyExists, _), State::Absent) => {
+                return broken(format!("{} is taken although it is absent", name.text));
+            }
+            (Answer::Refused(Code::AlreadyExists | Code::ResourceExhausted, _), _) => {}
+            (Answer::None | Answer::Refused(..), State::Absent) => name.state = State::Creating,
+            (Answer::None | Answer::Refused(..), _) => {}
+            (Answer::Some(_), State::Creating | State::Deleting) => {}
+        }
+        Ok(())
+    }
+
+    async fn delete(&mut self, name: &mut Name) -> Step<()> {
+        let text = name.text.clone();
+        let outcome = self.call(|client| async move { client.delete_map(&text).await }).await;
+        let State::Present(contents) = &mut name.state else { return Ok(()) };
+        match outcome {
+            Answer::Some(()) => name.state = State::Absent,
+            Answer::Refused(Code::NotFound, _) if contents.may_be_gone() => {
+                name.state = State::Absent;
+            }
+            Answer::Refused(Code::NotFound, _) => {
+                return broken(format!("{} is gone: {contents:?}", name.text));
+            }
+            Answer::Refused(Code::ResourceExhausted, _) => {}
+            // It failed: what is acknowledged from here on holds all the same.
+            Answer::Refused(..) => contents.failed_deletion = Some(contents.durable()),
+            Answer::None => name.state = State::Deleting,
+        }
+        Ok(())
+    }
+
+    /// Finds out what became of a change that was not answered.
+    async fn resolve(&mut self, name: &mut Name) -> Step<()> {
+        tokio::time::sleep(SETTLED).await;
+        let crashes = self.crashes();
+        let text = &name.text;
+        let creates = matches!(name.state, State::Creating) && self.rng.random();
+        if creates {
+            let created = self.answered("CreateMap", |c| async move {
+                c.create_map(text, policy()).await
+            });
+            match created.await? {
+                Answer::Some(map) => {
+                    name.state =
+                        State::Present(Contents { uid: map.uid, ..Contents::default() });
+                }
+                Answer::Refused(Code::AlreadyExists, _) => {
+                    let found = self.answered("GetMap", |c| async move { c.get_map(text).await });
+                    match found.await? {
+                        Answer::Some(map) => {
+                            let contents = Contents { uid: map.uid, ..Contents::default() };
+                            name.state = State::Present(contents);
+                        }
+                        Answer::Refused(Code::NotFound, _) if self.crashes() == crashes => {
+                            return broken(format!("{text} is taken and not found"));
+                        }
+                        Answer::Refused(..) | Answer::None => {}
+                    }
+                }
+                other => return broken(format!("{text}: CreateMap answered {other:?}")),
+            }
+            return Ok(());
+        }
+        let deleted = self.answered("DeleteMap", |c| async move { c.delete_map(text).await });
+        match deleted.await? {
+            Answer::Some(()) | Answer::Refused(Code::NotFound, _) => name.state = State::Absent,
+            other => return broken(format!("{text}: DeleteMap answered {other:?}")),
+        }
+        Ok(())
+    }
+
+    async fn expect_absent(&mut self, name: &Name) -> Step<()> {
+        let text = name.text.clone();
+        match self.call(|client| async move { client.get_map(&text).await }).await {
+            Answer::Some(map) => broken(format!("{} is back: {}", name.text, map.uid)),
+            Answer::Refused(..) | Answer::None => Ok(()),
+        }
+    }
+
+    /// Sends some keyframes, those again that are not known to be durable first.
+    async fn ingest(&mut self, name: &mut Name) -> Step<()> {
+        let patience = Duration::from_micros(self.rng.random_range(500..300_000));
+        let new = self.rng.random_range(1..12);
+        let pause = self.rng.random_range(0..3);
+        let State::Present(contents) = &mut name.state else { return Ok(()) };
+        let first = contents.durable() + 1;
+        contents.sent += new;
+        let sending = send(self.client.clone(), name.text.clone(), contents.clone(), first, pause);
+        match tokio::time::timeout(patience, sending).await {
+            Err(_cut_off) => Ok(()),
+            Ok(outcome) => match outcome? {
+                Answer::Refused(Code::NotFound, _) if contents.may_be_gone() => {
+                    name.state = State::Absent;
+                    Ok(())
+                }
+                Answer::Refused(Code::NotFound, text) => {
+                    broken(format!("{} is gone ({text}): {contents:?}", name.text))
+                }
+                Answer::Some(()) | Answer::Refused(..) | Answer::None => Ok(()),
+            },
+        }
+    }
+
+    /// Holds the map against what was acknowledged.
+    async fn audit(&mut self, name: &mut Name) -> Step<()> {
+        let State::Present(contents) = &name.state else { return Ok(()) };
+        let (text, durable) = (name.text.clone(), contents.durable());
+        let found = self
+            .call(|client| async move {
+                let map = client.get_map(&text).await?;
+                Ok((map, client.trajectory(&text, None).await?))
+            })
+            .await;
+        let (map, trajectory) = match found {
+            Answer::Some(found) => found,
+            Answer::Refused(Code::NotFound, _) if contents.may_be_gone() => {
+                name.state = State::Absent;
+                return Ok(());
+            }
+            Answer::Refused(Code::NotFound, text) => {
+                return broken(format!("{} is gone ({text}): {contents:?}", name.text));
+            }
+            Answer::Refused(..) | Answer::None => return Ok(()),
+        };
+        if map.uid != contents.uid {
+            return broken(format!("{} is another map: {map:?}, {contents:?}", name.text));
+        }
+        let ids = trajectory.poses.iter().filter_map(|pose| pose.keyframe.as_ref()).map(|k| k.id);
+        let ids: Vec<i64> = ids.collect();
+        let last = ids.len() as i64;
+        if !ids.iter().copied().eq(1..=last) {
+            return broken(format!("{}: lost, doubled or out of order: {ids:?}", name.text));
+        }
+        if !(durable..=contents.sent).contains(&last) {
+            return broken(format!("{}: {last} keyframes of {contents:?}", name.text));
+        }
+        Ok(())
+    }
+
+    /// Follows the map from its beginning, and holds what is told against what was acknowledged.
+    async fn watch(&mut self, name: &Name) -> Step<()> {
+        let State::Present(contents) = &name.state else { return Ok(()) };
+        let (text, durable) = (name.text.clone(), contents.durable());
+        let watched = self.call(|client| async move {
+            let mut watch = client.watch(&text, crate::client::WatchOptions::default()).await?;
+            Ok(watch.next().await?.keyframes.len())
+        });
+        match watched.await {
+            Answer::Some(count) if (count as i64) < durable => {
+                broken(format!("{}: a watcher sees {count} keyframes of {durable}", name.text))
+            }
+            Answer::Some(_) | Answer::Refused(..) | Answer::None => Ok(()),
+        }
+    }
+
+    /// With a server that is up and links that hold: each name is a map with all that was
+    /// acknowledged, or free.
+    pub(crate) async fn finish(&mut self) -> Step<()> {
+        for index in 0..self.names.len() {
+            let mut name = self.names[index].clone();
+            while matches!(name.state, State::Creating | State::Deleting) {
+                self.resolve(&mut name).await?;
+            }
+            let text = &name.text;
+            let found = self.answered("GetMap", |c| async move { c.get_map(text).await }).await?;
+            match (&name.state, found) {
+                (State::Absent, Answer::Refused(Code::NotFound, _)) => {}
+                (State::Present(contents), Answer::Refused(Code::NotFound, _))
+                    if contents.may_be_gone() =>
+                {
+                    name.state = State::Absent;
+                }
+                (State::Present(_), Answer::Some(_)) => self.audit_surely(&mut name).await?,
+                (state, Answer::Some(map)) => {
+                    return broken(format!("{text}: {state:?}, found {}", map.uid));
+                }
+                (state, found) => return broken(format!("{text}: {state:?}, found {found:?}")),
+            }
+            self.names[index] = name;
+        }
+        Ok(())
+    }
+
+    async fn audit_surely(&mut self, name: &mut Name) -> Step<()> {
+        // One in two calls may not be answered.
+        for _ in 0..8 {
+            self.audit(name).await?;
+        }
+        Ok(())
+    }
+}
+
+/// Sends the keyframes from `first` on, waiting for every ack.
+async fn send(
+    client: Client,
+    map: String,
+    contents: Contents,
+    first: i64,
+    pause: u64,
+) -> Step<Answer<()>> {
+    let durable = Arc::clone(&contents.durable);
+    let retry = RetryPolicy {
+        max_attempts: 4,
+        first_delay: Duration::from_millis(5),
+        longest_delay: Duration::from_millis(40),
+        give_up_after: None,
+        seed: Some(0),
+    };
+    let options = SessionOptions { max_unanswered: 8, retry, ..SessionOptions::default() };
+    let options = options.on_ack(move |ack| {
+        if ack.status() == v1::AckStatus::Durable {
+            let mut durable = durable.lock().unwrap_or_else(PoisonError::into_inner);
+            *durable = (*durable).max(ack.sequence);
+        }
+    });
+    let mut session = match answer(client.ingest(&map, "robot", options).await) {
+        Answer::Some(session) => session,
+        Answer::Refused(code, text) => return Ok(Answer::Refused(code, text)),
+        Answer::None => return Ok(Answer::None),
+    };
+    let next = session.opened().next_sequence;
+    if session.opened().map_uid != contents.uid {
+        return broken(format!("{map}: another map under its name, {contents:?}"));
+    }
+    if next <= contents.durable() && !contents.may_be_gone() {
+        return broken(format!("{map}: goes on at {next} of {contents:?}"));
+    }
+    for id in first..=contents.sent {
+        if let Err(error) = session.send_as(id, keyframe(id)).await {
+            return lost(&map, error);
+        }
+        if pause > 0 {
+            tokio::time::sleep(Duration::from_millis(pause)).await;
+        }
+    }
+    finish(&map, session).await
+}
+
+async fn finish(map: &str, session: IngestSession) -> Step<Answer<()>> {
+    match session.finish().await {
+        Ok(report) if report.rejected > 0 => broken(format!("{map}: {:?}", report.rejections)),
+        Ok(_) => Ok(Answer::Some(())),
+        Err(error) => lost(map, error),
+    }
+}
+
+/// The client itself sees some promises that do not hold.
+fn lost(map: &str, error: ClientError) -> Step<Answer<()>> {
+    match &error {
+        ClientError::ItemsLost { .. } | ClientError::MapReplaced { .. } => {
+            broken(format!("{map}: {error}"))
+        }
+        _ => Ok(answer(Err(error))),
+    }
+}
+
+fn answer<T>(outcome: Result<T, ClientError>) -> Answer<T> {
+    match outcome {
+        Ok(answer) => Answer::Some(answer),
+        Err(error) => match error.code() {
+            None
+            | Some(
+                Code::Unavailable
+                | Code::DeadlineExceeded
+                | Code::Cancelled
+                | Code::Unknown
+                | Code::Aborted,
+            ) => Answer::None,
+            Some(code) => Answer::Refused(code, error.to_string()),
+        },
+    }
+}
+
+fn policy() -> Option<v1::MapPolicy> {
+    None
+}
+
+/// A keyframe without observations.
+fn keyframe(id: i64) -> v1::Keyframe {
+    let pose = v1::RigidTransform {
+        translation: Some(v1::Vector3 { x: id as f64, y: 0.0, z: 0.0 }),
+        rotation: Some(v1::Quaternion { w: 1.0, x: 0.0, y: 0.0, z: 0.0 }),
+    };
+    v1::Keyframe {
+        id,
+        capture_time: Some(prost_types::Timestamp { seconds: id, nanos: 0 }),
+        world_from_camera: Some(pose),
+        ..v1::Keyframe::default()
+    }
+}

@@ -1,0 +1,262 @@
+//! One simulated run: a server on a simulated disk, robots on simulated links, and what goes wrong.
+//!
+//! turmoil gives hosts, links and the clock; one thread runs everything, a tick at a time. Between two
+//! ticks the run may kill the server, wherever its tasks wait, or cut links; within a tick the disk may
+//! stop at an operation. The server then starts again on what the crash left. All choices come from one
+//! seed, so that a run that breaks a promise is repeated by its seed.
+
+use std::cell::RefCell;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::{Duration, UNIX_EPOCH};
+
+use hyper_util::rt::TokioIo;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::{Endpoint, Uri};
+
+use super::disk::{Crash, Faults, SimDisk};
+use super::robot::{Broken, Robot};
+use crate::client::Client;
+use crate::service::engine::SolverPool;
+use crate::service::{Backend, Server, ServerConfig};
+use crate::store::{FileStore, FileStoreOptions};
+
+/// Small, so that a short run fills several files and takes snapshots.
+const FILES: FileStoreOptions = FileStoreOptions { segment_bytes: 1500, snapshot_bytes: 3000 };
+const PORT: u16 = 7411;
+const SERVER: &str = "server";
+const TICK: Duration = Duration::from_millis(1);
+/// A server without a crash lives this long at most, ticks: a journal whose sync failed needs a restart.
+const LONGEST_LIFE: u64 = 3_000;
+/// A run that takes longer hangs, ticks.
+const LONGEST_RUN: u64 = 600_000;
+
+/// What a run does.
+#[derive(Clone, Debug)]
+pub(crate) struct Plan {
+    pub(crate) seed: u64,
+    pub(crate) robots: usize,
+    /// Things that each robot does.
+    pub(crate) actions: usize,
+}
+
+/// What a run came to.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Report {
+    /// How often the machine stopped, by whatever cause.
+    pub(crate) crashes: u64,
+    /// Those in the middle of an operation of the disk.
+    pub(crate) stops: u64,
+    /// Operations of the disk.
+    pub(crate) operations: u64,
+    /// A number that differs where two runs differ.
+    pub(crate) trace: u64,
+}
+
+/// What robots see of the run.
+#[derive(Debug, Default)]
+pub(crate) struct World {
+    /// How often the server crashed.
+    pub(crate) crashes: u64,
+    /// Stages that robots have ended: their work, and each look at the end.
+    done: usize,
+    /// 0 while things go wrong; then one more with each restart.
+    calm: u32,
+    broken: Option<Broken>,
+}
+
+/// Runs a plan.
+///
+/// # Errors
+/// The promise that does not hold.
+pub(crate) fn run(plan: &Plan) -> Result<Report, Broken> {
+    let mut rng = ChaCha8Rng::seed_from_u64(plan.seed);
+    let disk = SimDisk::new(plan.seed);
+    let world = Rc::new(RefCell::new(World::default()));
+    let mut sim = turmoil::Builder::new()
+        .rng_seed(plan.seed)
+        .epoch(UNIX_EPOCH + Duration::from_secs(1_700_000_000))
+        .tick_duration(TICK)
+        .simulation_duration(Duration::from_secs(86_400))
+        .min_message_latency(TICK)
+        .max_message_latency(Duration::from_millis(rng.random_range(2..15)))
+        .tcp_capacity(1 << 16)
+        .build();
+    let server_disk = disk.clone();
+    sim.host(SERVER, move || serve(server_disk.clone()));
+    for number in 0..plan.robots {
+        let (world, seed, actions) = (Rc::clone(&world), plan.seed, plan.actions);
+        sim.client(format!("robot-{number}"), async move {
+            let mut robot = Robot::new(number, seed, client(), &world);
+            let outcome = work(&mut robot, actions, &world).await;
+            if let Err(broken) = outcome {
+                world.borrow_mut().broken.get_or_insert(broken);
+            }
+            Ok(())
+        });
+    }
+    let mut machine = Machine { disk, rng, up: true, since: 0, back_at: 0, report: Report::default() };
+    machine.faults();
+    let mut ended = false;
+    let mut tick = 0;
+    while !ended {
+        ended = sim.step().map_err(|error| Broken(format!("the simulation: {error}")))?;
+        tick += 1;
+        if let Some(broken) = world.borrow().broken.clone() {
+            return Err(broken);
+        }
+        if tick > LONGEST_RUN {
+            return Err(Broken("the run does not end".to_owned()));
+        }
+        let calm = world.borrow().calm;
+        let stage_ends = world.borrow().done == plan.robots * (calm as usize + 1);
+        if stage_ends && calm < 3 && machine.up {
+            let crash = [Crash::Process, Crash::Process, Crash::PowerNothing][calm as usize];
+            machine.crash(&mut sim, tick, crash, &world);
+            world.borrow_mut().calm += 1;
+        }
+        machine.step(&mut sim, tick, &world);
+    }
+    machine.report.operations = machine.disk.operations();
+    machine.report.trace = machine.disk.trace();
+    Ok(machine.report)
+}
+
+/// Works while things go wrong. Then all must be well: at once, after a restart, and after a loss of
+/// power.
+async fn work(robot: &mut Robot, actions: usize, world: &Rc<RefCell<World>>) -> Result<(), Broken> {
+    robot.work(actions).await?;
+    world.borrow_mut().done += 1;
+    for calm in [1, 2, 3] {
+        while world.borrow().calm < calm {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+        robot.finish().await?;
+        world.borrow_mut().done += 1;
+    }
+    Ok(())
+}
+
+/// The machine with the server on it.
+struct Machine {
+    disk: SimDisk,
+    rng: ChaCha8Rng,
+    up: bool,
+    /// The tick of its start.
+    since: u64,
+    /// The tick at which it starts again.
+    back_at: u64,
+    report: Report,
+}
+
+impl Machine {
+    /// Chooses what goes wrong in the next life of the server.
+    fn faults(&mut self) {
+        let rng = &mut self.rng;
+        let now = self.disk.operations();
+        let mut faults = Faults::default();
+        if rng.random_range(0..10) < 7 {
+            faults.stop_at = Some(now + rng.random_range(0..60));
+        }
+        match rng.random_range(0..10) {
+            0 => faults.failing_syncs = 30_000,
+            1 => faults.failing_writes = 30_000,
+            2 => faults.full = now..now + rng.random_range(1..30),
+            3 => faults.no_descriptors = now..now + rng.random_range(1..30),
+            _ => {}
+        }
+        if rng.random() {
+            faults.slowest = Duration::from_millis(rng.random_range(1..40));
+        }
+        self.disk.set(faults);
+    }
+
+    fn step(&mut self, sim: &mut turmoil::Sim<'_>, tick: u64, world: &Rc<RefCell<World>>) {
+        let is_calm = world.borrow().calm > 0;
+        if !self.up {
+            if tick >= self.back_at {
+                if !is_calm {
+                    self.faults();
+                }
+                sim.bounce(SERVER);
+                (self.up, self.since) = (true, tick);
+            }
+            return;
+        }
+        let stopped = self.disk.has_stopped();
+        let ended = !sim.is_host_running(SERVER);
+        let life = tick - self.since;
+        let killed = !is_calm && (life > LONGEST_LIFE || self.rng.random_range(0..400) == 0);
+        if stopped || ended || killed {
+            self.report.stops += u64::from(stopped);
+            let crash = match self.rng.random_range(0..6) {
+                0..3 => Crash::Process,
+                3 => Crash::PowerNothing,
+                4 => Crash::PowerAll,
+                _ => Crash::PowerSome,
+            };
+            self.crash(sim, tick, crash, world);
+        }
+    }
+
+    fn crash(
+        &mut self,
+        sim: &mut turmoil::Sim<'_>,
+        tick: u64,
+        crash: Crash,
+        world: &Rc<RefCell<World>>,
+    ) {
+        sim.crash(SERVER);
+        self.disk.crash(crash);
+        self.report.crashes += 1;
+        world.borrow_mut().crashes += 1;
+        (self.up, self.back_at) = (false, tick + self.rng.random_range(1..30));
+    }
+}
+
+/// The server. Ends where it cannot start, as the program does.
+async fn serve(disk: SimDisk) -> turmoil::Result {
+    let Ok(store) = FileStore::on(Arc::new(disk), PathBuf::from("/data"), FILES) else {
+        return Ok(());
+    };
+    let address = SocketAddr::from(([127, 0, 0, 1], PORT));
+    let listener = turmoil::net::TcpListener::bind(("0.0.0.0", PORT)).await?;
+    let (sockets, incoming) = tokio::sync::mpsc::channel(16);
+    tokio::spawn(async move {
+        while let Ok(accepted) = listener.accept().await {
+            if sockets.send(std::io::Result::Ok(accepted)).await.is_err() {
+                return;
+            }
+        }
+    });
+    let config = ServerConfig { max_maps: 4, ..ServerConfig::default() };
+    let (counted, pool) = (store.meters(), SolverPool::in_place());
+    let backend = Some(Backend { store: Arc::new(store), counted, pool });
+    let incoming = ReceiverStream::new(incoming);
+    let Ok(starting) = Server::listen_to(incoming, address, config, backend).await else {
+        return Ok(());
+    };
+    let Ok(_running) = starting.open().await else { return Ok(()) };
+    std::future::pending().await
+}
+
+/// A client whose connections are simulated.
+fn client() -> Client {
+    let url = format!("http://{SERVER}:{PORT}");
+    let connect = |_uri: Uri| async {
+        let socket = turmoil::net::TcpStream::connect((SERVER, PORT)).await?;
+        std::io::Result::Ok(TokioIo::new(socket))
+    };
+    let patience = Duration::from_millis(500);
+    let channel = Endpoint::from_static("http://server:7411")
+        .connect_timeout(patience)
+        .http2_keep_alive_interval(patience)
+        .keep_alive_timeout(patience)
+        .keep_alive_while_idle(true)
+        .connect_with_connector_lazy(tower::service_fn(connect));
+    Client::on_channel(channel, &url, patience)
+}
