@@ -245,6 +245,7 @@ impl IngestSession {
             let Some(refused) = pushed else { break };
             request = refused;
             let has_ended = tokio::select! {
+                biased;
                 () = self.shared.left.notified() => false,
                 _ended = self.state.wait_for(|state| state.failure.is_some()) => true,
             };

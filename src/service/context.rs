@@ -117,6 +117,7 @@ impl Context {
         let context = Arc::clone(self);
         let running = async move {
             let result = tokio::select! {
+                biased;
                 result = context.guarded(rpc, handler) => result,
                 () = sink.0.closed() => Err(ServiceError::Gone),
                 () = passed(time) => Err(ServiceError::DeadlineExceeded),

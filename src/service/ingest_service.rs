@@ -67,6 +67,7 @@ async fn session(
     sink: Sink<v1::IngestResponse>,
 ) -> Result<(), ServiceError> {
     let open = tokio::select! {
+        biased;
         open = read_open(&mut inbound) => open?,
         () = context.drained() => return Err(ServiceError::Draining),
         reason = context.access.withdrawn(&caller) => return Err(reason),
@@ -142,6 +143,7 @@ async fn read_items(
     sender: ItemSender,
 ) -> Result<(), ServiceError> {
     let result = tokio::select! {
+        biased;
         result = hand_over(client, inbound, &sender) => result,
         () = context.drained() => Err(ServiceError::Draining),
         reason = context.access.withdrawn(caller) => Err(reason),

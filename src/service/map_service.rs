@@ -282,6 +282,7 @@ impl MapService for MapRpcs {
                 constraints: !request.omit_constraints,
             };
             tokio::select! {
+                biased;
                 ended = watch::watch(&rpcs.context, &map, &wanted, &sink) => ended,
                 reason = rpcs.context.access.withdrawn(&caller) => Err(reason),
             }

@@ -199,6 +199,7 @@ impl OptimizationService for Optimization {
             let solving = async { Ok(map.optimize(options, progress).await?) };
             let both = async { tokio::try_join!(solving, forwarding) };
             let (outcome, ()) = tokio::select! {
+                biased;
                 both = both => both?,
                 () = context.drained() => return Err(ServiceError::Draining),
             };

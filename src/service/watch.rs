@@ -49,6 +49,7 @@ pub(super) async fn watch(
     }
     loop {
         let change = tokio::select! {
+            biased;
             change = watch.next() => change?,
             () = context.drained() => return Err(ServiceError::Draining),
         };

@@ -87,10 +87,8 @@ struct World {
     nodes: Vec<Node>,
     faults: Faults,
     rng: ChaCha8Rng,
-    /// Operations so far.
-    count: u64,
-    /// A number that differs where runs differ.
-    trace: u64,
+    /// Operations so far, with the simulated time.
+    log: Vec<(Duration, &'static str)>,
     stopped: bool,
     /// Handles of earlier processes are of no use.
     process: u64,
@@ -110,8 +108,7 @@ impl SimDisk {
             nodes: vec![Node::Folder(FolderNode::default())],
             faults: Faults::default(),
             rng: ChaCha8Rng::seed_from_u64(seed),
-            count: 0,
-            trace: 0,
+            log: Vec::new(),
             stopped: false,
             process: 0,
         })))
@@ -124,12 +121,12 @@ impl SimDisk {
 
     /// Operations so far.
     pub(crate) fn operations(&self) -> u64 {
-        self.world().count
+        self.world().count()
     }
 
-    /// A number that differs where the operations of two runs differ.
-    pub(crate) fn trace(&self) -> u64 {
-        self.world().trace
+    /// The operations, each with the simulated time: equal for runs that are equal.
+    pub(crate) fn log(&self) -> Vec<(Duration, &'static str)> {
+        self.world().log.clone()
     }
 
     /// Whether the machine has stopped.
@@ -335,7 +332,7 @@ impl World {
     /// An operation that changes nothing, which still may need a descriptor.
     fn looks(&self) -> io::Result<()> {
         self.alive()?;
-        if self.faults.no_descriptors.contains(&self.count) {
+        if self.faults.no_descriptors.contains(&self.count()) {
             // EMFILE, which has no kind of its own.
             return Err(io::Error::from_raw_os_error(24));
         }
@@ -343,11 +340,10 @@ impl World {
     }
 
     /// Counts an operation and says whether it fails; `Err` with `true` where it is done in part.
-    fn operation(&mut self, kind: Kind, path: &str) -> io::Result<()> {
+    fn operation(&mut self, kind: Kind, what: &'static str) -> io::Result<()> {
         self.alive()?;
-        let number = self.count;
-        self.count += 1;
-        self.note(kind, path);
+        let number = self.count();
+        self.log.push((turmoil::sim_elapsed().unwrap_or_default(), what));
         if self.faults.stop_at.is_some_and(|at| number >= at) {
             self.stopped = true;
             return Err(error(ErrorKind::BrokenPipe));
@@ -372,12 +368,8 @@ impl World {
         Ok(())
     }
 
-    fn note(&mut self, kind: Kind, path: &str) {
-        let bytes = path.bytes().chain([kind as u8]);
-        // FNV-1a.
-        self.trace = bytes.fold(self.trace ^ 0xcbf2_9ce4_8422_2325, |hash, byte| {
-            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
-        });
+    fn count(&self) -> u64 {
+        self.log.len() as u64
     }
 }
 
@@ -517,7 +509,7 @@ impl SimFile {
     fn with(
         &self,
         kind: Kind,
-        what: &str,
+        what: &'static str,
         action: impl FnOnce(&mut FileNode, Outcome),
     ) -> io::Result<()> {
         let mut world = self.disk.world();

@@ -53,8 +53,8 @@ pub(crate) struct Report {
     pub(crate) stops: u64,
     /// Operations of the disk.
     pub(crate) operations: u64,
-    /// A number that differs where two runs differ.
-    pub(crate) trace: u64,
+    /// What the disk did, and when: equal for runs that are equal.
+    pub(crate) log: Vec<(Duration, &'static str)>,
 }
 
 /// What robots see of the run.
@@ -122,7 +122,7 @@ pub(crate) fn run(plan: &Plan) -> Result<Report, Broken> {
         machine.step(&mut sim, tick, &world);
     }
     machine.report.operations = machine.disk.operations();
-    machine.report.trace = machine.disk.trace();
+    machine.report.log = machine.disk.log();
     Ok(machine.report)
 }
 

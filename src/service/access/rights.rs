@@ -32,6 +32,7 @@ impl Access {
     /// Resolves once `caller` may no longer make the call that it was admitted to, with the reason.
     pub(in crate::service) async fn withdrawn(&self, caller: &Caller) -> ServiceError {
         let reason = tokio::select! {
+            biased;
             () = self.expired(caller) => EXPIRED,
             reason = self.refused(caller) => reason,
         };
