@@ -154,10 +154,15 @@ impl Maps {
         let flushed = store.follow(name).await?;
         let lost = damage.into_iter().find(|damage| damage.lost.is_some());
         let reached = u64::try_from(map.revision()).unwrap_or(0);
-        let through = flushed.borrow().through;
-        let is_short = store.durability() != Durability::Memory && reached != through;
+        let Flushed { through, failed, unavailable } = flushed.borrow().clone();
+        // What could not be brought to the disk yet lies ahead of what is durable.
+        let is_settled = failed.is_none() && unavailable.is_none();
+        let is_short = store.durability() != Durability::Memory
+            && (reached < through || (is_settled && reached != through));
         let refusal = lost
-            .map(|damage| EngineError::Store(StoreError::Damaged { map: name.to_owned(), damage }));
+            .map(|damage| StoreError::Damaged { map: name.to_owned(), damage })
+            .or(failed)
+            .map(EngineError::Store);
         let state = match &stopped {
             Some(details) => {
                 report_bug(&format!("map {name:?} does not replay: {details}"));
@@ -235,8 +240,11 @@ impl Maps {
             flushed,
         };
         let handle = self.spawn(start, place);
-        // A map is answered only when no crash takes it back.
-        handle.durable(1).await?;
+        // A map is answered only when no crash takes it back; without its first event it is none.
+        if let Err(error) = handle.durable(1).await {
+            store.delete_map(handle.name()).await?;
+            return Err(error);
+        }
         self.table().insert(handle.name().to_owned(), handle.clone());
         tracing::info!(map = handle.name(), "map created");
         handle.info().await
