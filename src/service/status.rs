@@ -211,9 +211,24 @@ fn store(error: StoreError) -> Parts {
         StoreError::MapExists { map } => {
             Parts::new(Code::AlreadyExists, "MAP_EXISTS", message).with("map_id", map)
         }
+        StoreError::Unavailable { map, cause: _ } => {
+            Parts::new(Code::ResourceExhausted, "STORE_UNAVAILABLE", message)
+                .with("map_id", map)
+                .retry(RETRY_FULL)
+        }
+        StoreError::Failed { map, cause: _ } => {
+            Parts::new(Code::Internal, "STORE_FAILED", message).with("map_id", map)
+        }
         // The map can be read, and takes changes again once the disk was looked after.
-        StoreError::Stopped { ref map, .. } | StoreError::Damaged { ref map, .. } => {
-            let map = map.clone();
+        StoreError::Stopped { map, .. }
+        | StoreError::Later { map, .. }
+        | StoreError::Ambiguous { map, .. } => {
+            Parts::new(Code::FailedPrecondition, "MAP_POISONED", message).with("map_id", map)
+        }
+        StoreError::Damaged { map, mut damage } => {
+            // Callers learn nothing of the server's folders.
+            damage.file = damage.file.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
+            let message = StoreError::Damaged { map: map.clone(), damage }.to_string();
             Parts::new(Code::FailedPrecondition, "MAP_POISONED", message).with("map_id", map)
         }
         // The engine is the one writer of a journal: that it lost its place is a bug.

@@ -63,6 +63,8 @@ pub enum StoreError {
         path: String,
         /// What the system said.
         message: String,
+        /// Whether it may pass by itself: no space, no descriptors or no memory was left.
+        passes: bool,
     },
     /// A file does not hold what it should.
     #[error("{path}: {message}")]
@@ -86,8 +88,43 @@ pub enum StoreError {
         /// The folder.
         path: String,
     },
-    /// A write or fsync failed: what it left on disk is not known, so nothing more is acknowledged
-    /// until the store is opened again and has looked.
+    /// There is no space, no descriptor or no memory just now. Nothing was changed; the same call
+    /// succeeds once there is.
+    #[error("map {map:?}: the store has run out of something for now: {cause}")]
+    Unavailable {
+        /// The map.
+        map: String,
+        /// What the system said, without the server's paths.
+        cause: String,
+    },
+    /// The disk failed this call, or a file does not hold what it should. The log names the file.
+    #[error("map {map:?}: {cause}")]
+    Failed {
+        /// The map.
+        map: String,
+        /// What is wrong, without the server's paths.
+        cause: String,
+    },
+    /// A later version wrote a file of the map; its files stay as they are.
+    #[error("map {map:?} takes no changes: {file} was written by a later version: {reason}")]
+    Later {
+        /// The map.
+        map: String,
+        /// The file's name inside the map's folder.
+        file: String,
+        /// Which version, or what is not known here.
+        reason: String,
+    },
+    /// Several folders claim to be the map; they stay as they are until a person has chosen.
+    #[error("map {map:?} takes no changes: the folders {} all claim to be it", folders.join(", "))]
+    Ambiguous {
+        /// The map.
+        map: String,
+        /// Their names in `maps/`.
+        folders: Vec<String>,
+    },
+    /// An fsync failed, or a write in a way that leaves unknown what is on disk: nothing more is
+    /// acknowledged until the store is opened again and has looked.
     #[error("the journal of map {map:?} stopped at sequence {durable}: {cause}")]
     Stopped {
         /// The map.

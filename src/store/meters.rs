@@ -16,6 +16,8 @@ pub struct StoreMeters {
     pub sync_ns: Histogram,
     /// Journals that stopped because a write or fsync failed.
     pub journal_failures: Counter,
+    /// Writes that found no space, descriptors or memory and are tried again.
+    pub journal_retries: Counter,
     /// How long a snapshot took, ns: encoded, written, synced and read back.
     pub snapshot_ns: Histogram,
     /// Bytes of the snapshots that were written.
@@ -31,6 +33,7 @@ impl Default for StoreMeters {
             group_events: Histogram::new(EVENTS),
             sync_ns: Histogram::of_durations(),
             journal_failures: Counter::default(),
+            journal_retries: Counter::default(),
             snapshot_ns: Histogram::of_durations(),
             snapshot_bytes: Counter::default(),
             snapshot_failures: Counter::default(),

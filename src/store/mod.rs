@@ -33,6 +33,7 @@ pub use damage::Damage;
 pub use encoding::EncodingError;
 pub use error::StoreError;
 #[cfg(test)]
+#[allow(unused_imports, reason = "for a simulated disk outside this module")]
 pub(crate) use files::{Disk, DiskFile};
 pub use files::{FileStore, FileStoreOptions, MapCheckup, back_up, check_up};
 pub use memory::MemoryStore;
@@ -76,6 +77,16 @@ pub struct Flushed {
     pub through: u64,
     /// Why nothing more will become durable.
     pub failed: Option<StoreError>,
+    /// What the store has run out of for now: what was accepted becomes durable once there is some.
+    pub unavailable: Option<StoreError>,
+}
+
+impl Flushed {
+    /// Why nothing more becomes durable, for good or for now.
+    #[must_use]
+    pub fn trouble(&self) -> Option<&StoreError> {
+        self.failed.as_ref().or(self.unavailable.as_ref())
+    }
 }
 
 /// The sequence of a revision; a negative revision is no sequence at all and reads as 0.
@@ -92,16 +103,19 @@ pub trait Store: Send + Sync + 'static {
     /// [`StoreError`] when the store cannot be read.
     async fn list_maps(&self) -> Result<Vec<String>, StoreError>;
 
-    /// Creates a map with an empty journal and acquires it.
+    /// Creates a map with an empty journal and acquires it. A map without an event is gone after a
+    /// restart. Where the call is dropped before it answers, the name stays free.
     ///
     /// # Errors
-    /// [`StoreError::MapExists`].
+    /// [`StoreError::MapExists`], [`StoreError::Unavailable`].
     async fn create_map(&self, map: &str) -> Result<Epoch, StoreError>;
 
-    /// Deletes a map with its journal and snapshot.
+    /// Deletes a map with its journal and snapshot, also where nobody waits for the answer any more.
+    /// Where it fails either nothing has changed, or the map's journal has stopped; then the same call
+    /// finishes it.
     ///
     /// # Errors
-    /// [`StoreError::UnknownMap`].
+    /// [`StoreError::UnknownMap`], [`StoreError::Unavailable`].
     async fn delete_map(&self, map: &str) -> Result<(), StoreError>;
 
     /// Makes the caller the map's writer: appends of every earlier epoch fail from now on.
@@ -116,8 +130,9 @@ pub trait Store: Send + Sync + 'static {
     /// # Errors
     /// [`StoreError::UnknownMap`], [`StoreError::Fenced`] after a newer writer acquired the map,
     /// [`StoreError::SequenceMismatch`] when the journal does not end at `expected_sequence` or an
-    /// event's revision is not its sequence, [`StoreError::Stopped`] after a failed write,
-    /// [`StoreError::Damaged`] where the map can only be read.
+    /// event's revision is not its sequence, [`StoreError::Unavailable`] while the disk has no room,
+    /// [`StoreError::Stopped`] after a failed fsync, [`StoreError::Damaged`] where the map can only be
+    /// read.
     async fn append(
         &self,
         map: &str,

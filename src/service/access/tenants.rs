@@ -115,6 +115,10 @@ fn map_of(error: &mut EngineError) -> Option<&mut String> {
             | StoreError::SequenceMismatch { map, .. }
             | StoreError::Truncated { map, .. }
             | StoreError::NoSnapshot { map, .. }
+            | StoreError::Unavailable { map, .. }
+            | StoreError::Failed { map, .. }
+            | StoreError::Later { map, .. }
+            | StoreError::Ambiguous { map, .. }
             | StoreError::Stopped { map, .. }
             | StoreError::Damaged { map, .. },
         ) => Some(map),

@@ -68,7 +68,7 @@ impl DurableAcks {
 
     /// Sends what is due, the last of each client for all before it; returns why no more will be.
     fn send(&mut self) -> Option<StoreError> {
-        let Flushed { through, failed } = self.flushed.borrow_and_update().clone();
+        let Flushed { through, failed, unavailable: _ } = self.flushed.borrow_and_update().clone();
         let mut last = BTreeMap::new();
         while let Some((_, ack, _)) = self.waiting.front()
             && u64::try_from(ack.revision).unwrap_or(0) <= through

@@ -164,13 +164,13 @@ impl MapHandle {
     }
 
     /// Waits until the journal is durable up to `revision`, so that no crash takes back what a
-    /// reader is told; at once where nothing ever is durable.
+    /// reader is told; at once where nothing ever is durable. Waits for no disk that has no room.
     pub(super) async fn durable(&self, revision: i64) -> Result<(), EngineError> {
         let sequence = u64::try_from(revision).unwrap_or(0);
         let mut flushed = self.shared.flushed.clone();
-        let ended = |f: &Flushed| f.through >= sequence || f.failed.is_some();
+        let ended = |f: &Flushed| f.through >= sequence || f.trouble().is_some();
         match flushed.wait_for(ended).await {
-            Ok(reached) if reached.through < sequence => match &reached.failed {
+            Ok(reached) if reached.through < sequence => match reached.trouble() {
                 Some(error) => {
                     let ended = self.shared.ended.get().cloned();
                     Err(ended.unwrap_or_else(|| EngineError::Store(error.clone())))

@@ -156,10 +156,15 @@ impl Maps {
         let flushed = store.follow(name).await?;
         let lost = damage.into_iter().find(|damage| damage.lost.is_some());
         let reached = u64::try_from(map.revision()).unwrap_or(0);
-        let through = flushed.borrow().through;
-        let is_short = store.durability() != Durability::Memory && reached != through;
+        let Flushed { through, failed, unavailable } = flushed.borrow().clone();
+        // What could not be brought to the disk yet lies ahead of what is durable.
+        let is_settled = failed.is_none() && unavailable.is_none();
+        let is_short = store.durability() != Durability::Memory
+            && (reached < through || (is_settled && reached != through));
         let refusal = lost
-            .map(|damage| EngineError::Store(StoreError::Damaged { map: name.to_owned(), damage }));
+            .map(|damage| StoreError::Damaged { map: name.to_owned(), damage })
+            .or(failed)
+            .map(EngineError::Store);
         let state = match &stopped {
             Some(details) => {
                 report_bug(&format!("map {name:?} does not replay: {details}"));

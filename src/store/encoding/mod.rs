@@ -14,7 +14,7 @@ mod snapshot;
 
 pub(super) use comparison::compare_map;
 pub(super) use event::{decode_event, encode_event};
-pub(super) use identity::{decode_identity, encode_identity};
+pub(super) use identity::{decode_identity, decode_later_identity, encode_identity};
 pub(super) use snapshot::{decode_map, encode_map};
 
 use std::sync::LazyLock;

@@ -10,7 +10,8 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 use super::disk::{Disk, RealDisk};
-use super::doctor::{MapCheckup, check_up_map};
+use super::doctor::{MapCheckup, check_up_map, name_ambiguous};
+use super::folders::{self, Folder};
 use super::{MARK, create_root, file_error};
 use crate::store::StoreError;
 
@@ -37,32 +38,49 @@ pub fn back_up(directory: &Path, copy: &Path) -> Result<Vec<MapCheckup>, StoreEr
     create_root(&RealDisk, copy)?;
     let mut checkups = Vec::new();
     for name in folders {
-        // What an unfinished deletion left.
-        if Path::new(&name).extension().is_some() {
-            continue;
+        match folders::look(&RealDisk, &maps, &name) {
+            Folder::Map { .. } | Folder::Later(_) | Folder::Nameless(_) => {
+                checkups.extend(copy_map(&maps, &copy.join("maps"), &name)?);
+            }
+            // What an unfinished creation or deletion left.
+            Folder::Leftover => {}
+            Folder::Stray(reason) => {
+                let folder = maps.join(&name);
+                tracing::warn!(folder = %folder.display(), reason, "not a map, it is not copied");
+            }
         }
-        checkups.extend(copy_map(&maps.join(&name), &copy.join("maps").join(&name))?);
     }
+    name_ambiguous(checkups.iter_mut());
     let folder = copy.join("maps");
     RealDisk.sync_folder(&folder).map_err(|e| file_error("cannot sync", &folder, &e))?;
     Ok(checkups)
 }
 
-/// Copies a map; `None` where it was deleted meanwhile, or was never quite created.
-fn copy_map(from: &Path, to: &Path) -> Result<Option<MapCheckup>, StoreError> {
+/// Copies a map; `None` where it was deleted meanwhile, or was never quite created. One of a later
+/// version is copied as it is.
+fn copy_map(maps: &Path, copy: &Path, name: &str) -> Result<Option<MapCheckup>, StoreError> {
+    let (from, to) = (&maps.join(name), &copy.join(name));
     let mut tries = 1;
     loop {
         let is_whole = copy_files(from, to)?;
-        if RealDisk.list(from).is_err() || !to.join("map").exists() {
-            RealDisk.remove_folder(to).map_err(|e| file_error("cannot remove", to, &e))?;
+        let now = folders::look(&RealDisk, maps, name);
+        let is_gone = RealDisk.list(from).is_err() || now == Folder::Leftover;
+        let checkup = if is_gone { None } else { check_up_map(copy, name) };
+        let is_done = match &checkup {
+            None => is_gone || tries == TRIES,
+            Some(checkup) => {
+                let is_later = matches!(now, Folder::Later(_));
+                is_later || tries == TRIES || (is_whole && !checkup.is_damaged())
+            }
+        };
+        if is_done && checkup.is_some() {
+            return Ok(checkup);
+        }
+        RealDisk.remove_folder(to).map_err(|e| file_error("cannot remove", to, &e))?;
+        if is_done {
             return Ok(None);
         }
-        let checkup = check_up_map(to);
-        if tries == TRIES || (is_whole && !checkup.is_damaged()) {
-            return Ok(Some(checkup));
-        }
         tries += 1;
-        RealDisk.remove_folder(to).map_err(|e| file_error("cannot remove", to, &e))?;
     }
 }
 
@@ -78,6 +96,20 @@ fn copy_files(from: &Path, to: &Path) -> Result<bool, StoreError> {
         let Ok(names) = RealDisk.list(from) else { return Ok(false) };
         for name in names.iter().filter(|name| has(wanted)(name)) {
             is_whole &= copy_file(&from.join(name), &to.join(name))?;
+        }
+    }
+    // Files of a later version, perhaps.
+    if let Ok(names) = RealDisk.list(from) {
+        let known = |name: &&String| {
+            *name == MARK || *name == "map" || ["snap", "log", "tmp", "bad"].iter().any(|e| has(e)(name))
+        };
+        for name in names.iter().filter(|name| !known(name)) {
+            if RealDisk.list(&from.join(name)).is_ok() {
+                let folder = from.join(name);
+                tracing::warn!(folder = %folder.display(), "a folder inside a map is not copied");
+            } else {
+                is_whole &= copy_file(&from.join(name), &to.join(name))?;
+            }
         }
     }
     if let Some(mark) = mark {

@@ -6,11 +6,10 @@
 //! [`DiskFile::sync`], its name after [`Disk::sync_folder`] on the folder that holds it.
 
 use std::fmt;
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Cursor, Read, Write};
 use std::path::Path;
 use std::time::SystemTime;
-
-use fs_err::{File, OpenOptions};
 
 /// A file system.
 pub(crate) trait Disk: fmt::Debug + Send + Sync + 'static {
@@ -25,7 +24,8 @@ pub(crate) trait Disk: fmt::Debug + Send + Sync + 'static {
     }
     /// Creates a folder that is not there, with those above it.
     fn create_folder(&self, path: &Path) -> io::Result<()>;
-    /// The names in a folder, sorted.
+    /// The names in a folder, sorted. One that is no text comes with its odd parts replaced, and is
+    /// none of ours.
     fn list(&self, folder: &Path) -> io::Result<Vec<String>>;
     /// A whole file.
     fn read(&self, path: &Path) -> io::Result<Vec<u8>>;
@@ -59,27 +59,26 @@ pub(crate) trait DiskFile: fmt::Debug + Send {
     fn truncate(&mut self, length: u64) -> io::Result<()>;
 }
 
-/// The operating system's files. Its errors name the file.
+/// The operating system's files. Its errors do not name the file: whoever calls does.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::store) struct RealDisk;
 
 impl Disk for RealDisk {
     fn create_folder(&self, path: &Path) -> io::Result<()> {
-        fs_err::create_dir_all(path)
+        fs::create_dir_all(path)
     }
 
     fn list(&self, folder: &Path) -> io::Result<Vec<String>> {
         let mut names = Vec::new();
-        for entry in fs_err::read_dir(folder)? {
-            // A name that is no text is none of ours.
-            names.extend(entry?.file_name().into_string());
+        for entry in fs::read_dir(folder)? {
+            names.push(entry?.file_name().to_string_lossy().into_owned());
         }
         names.sort();
         Ok(names)
     }
 
     fn read(&self, path: &Path) -> io::Result<Vec<u8>> {
-        fs_err::read(path)
+        fs::read(path)
     }
 
     fn stream(&self, path: &Path) -> io::Result<Box<dyn Read>> {
@@ -100,15 +99,15 @@ impl Disk for RealDisk {
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
-        fs_err::rename(from, to)
+        fs::rename(from, to)
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
-        fs_err::remove_file(path)
+        fs::remove_file(path)
     }
 
     fn remove_folder(&self, path: &Path) -> io::Result<()> {
-        fs_err::remove_dir_all(path)
+        fs::remove_dir_all(path)
     }
 
     #[cfg(unix)]

@@ -4,14 +4,16 @@
 //! Looking changes nothing. Repairing never deletes: a damaged file gets another name, and a snapshot
 //! of what could be brought back takes the place of the journal. Everything here blocks.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::disk::{Disk, ReadOnly, RealDisk};
+use super::folders::{self, Folder};
 use super::journal::Journal;
 use super::load::load;
 use super::lock::DirectoryLock;
-use super::record::Uid;
+use super::record::{Uid, VERSION};
 use super::{FileStoreOptions, MARK, file_error, journal_name, read, sealed, snapshot_name};
 use crate::map::Map;
 use crate::store::encoding::{decode_identity, encode_identity};
@@ -54,36 +56,76 @@ impl MapCheckup {
 /// or cannot be read.
 pub fn check_up(directory: &Path, repair: bool) -> Result<Vec<MapCheckup>, StoreError> {
     let maps = directory.join("maps");
-    let folders = RealDisk.list(&maps).map_err(|e| file_error("cannot list", &maps, &e))?;
+    let entries = RealDisk.list(&maps).map_err(|e| file_error("cannot list", &maps, &e))?;
     let _lock = DirectoryLock::take(directory)?;
-    let mut checkups = Vec::new();
-    for folder in folders {
-        let folder = maps.join(folder);
-        let names = RealDisk.list(&folder).map_err(|e| file_error("cannot list", &folder, &e))?;
-        // What an unfinished creation or deletion left: it goes when a server starts.
-        if folder.extension().is_some() || names.iter().all(|name| name.ends_with(".tmp")) {
-            continue;
+    let mut looked: Vec<(MapCheckup, Option<Found>)> =
+        entries.iter().filter_map(|entry| look_at(&maps, entry)).collect();
+    name_ambiguous(looked.iter_mut().map(|(checkup, _)| checkup));
+    for (checkup, found) in &mut looked {
+        if let Some(found) = found
+            && repair
+            && checkup.failure.is_none()
+            && !checkup.damage.is_empty()
+        {
+            let mended = mend(directory, checkup, found);
+            checkup.failure = mended.err().map(|error| error.to_string());
         }
-        let mut checkup = MapCheckup { folder, ..MapCheckup::default() };
-        let looked = look(&mut checkup).and_then(|found| {
-            if repair && !checkup.damage.is_empty() {
-                mend(directory, &mut checkup, &found)
-            } else {
-                Ok(())
-            }
-        });
-        checkup.failure = looked.err().map(|error| error.to_string());
-        checkups.push(checkup);
     }
-    Ok(checkups)
+    Ok(looked.into_iter().map(|(checkup, _)| checkup).collect())
 }
 
-/// Looks at the folder of one map, which nobody writes to. Blocks.
-pub(super) fn check_up_map(folder: &Path) -> MapCheckup {
-    let mut checkup = MapCheckup { folder: folder.to_owned(), ..MapCheckup::default() };
-    let looked = look(&mut checkup);
-    checkup.failure = looked.err().map(|error| error.to_string());
-    checkup
+/// Looks at one entry of `maps`, which nobody writes to; `None` where it is no map. Blocks.
+pub(super) fn check_up_map(maps: &Path, entry: &str) -> Option<MapCheckup> {
+    look_at(maps, entry).map(|(checkup, _)| checkup)
+}
+
+fn look_at(maps: &Path, entry: &str) -> Option<(MapCheckup, Option<Found>)> {
+    let folder = maps.join(entry);
+    let mut checkup = MapCheckup { folder, ..MapCheckup::default() };
+    match folders::look(&RealDisk, maps, entry) {
+        // It goes when a server starts.
+        Folder::Leftover => None,
+        Folder::Stray(reason) => {
+            let folder = checkup.folder.display();
+            tracing::warn!(%folder, reason, "not a map, it is left alone");
+            None
+        }
+        Folder::Later(error) => {
+            checkup.failure = Some(error.to_string());
+            if let StoreError::Later { map, .. } = error {
+                checkup.map = Some(map);
+            }
+            Some((checkup, None))
+        }
+        Folder::Map { .. } | Folder::Nameless(_) => {
+            let found = look(&mut checkup);
+            let map = checkup.map.clone().unwrap_or_default();
+            let found = found.map_err(|error| match error {
+                StoreError::Later { file, reason, .. } => StoreError::Later { map, file, reason },
+                error => error,
+            });
+            checkup.failure = found.as_ref().err().map(ToString::to_string);
+            Some((checkup, found.ok()))
+        }
+    }
+}
+
+/// Tells of maps that have the same name: a server opens none of them, and a person has to choose.
+pub(super) fn name_ambiguous<'a>(checkups: impl Iterator<Item = &'a mut MapCheckup>) {
+    let mut named: BTreeMap<String, Vec<&mut MapCheckup>> = BTreeMap::new();
+    for checkup in checkups {
+        if let Some(map) = checkup.map.clone() {
+            named.entry(map).or_default().push(checkup);
+        }
+    }
+    for (map, checkups) in named.into_iter().filter(|(_, checkups)| checkups.len() > 1) {
+        let folder = |c: &MapCheckup| c.folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let folders = checkups.iter().map(|checkup| folder(checkup)).collect();
+        let error = StoreError::Ambiguous { map, folders }.to_string();
+        for checkup in checkups {
+            checkup.failure.get_or_insert_with(|| error.clone());
+        }
+    }
 }
 
 /// What a repair needs to know of a map.
@@ -126,7 +168,8 @@ fn look(checkup: &mut MapCheckup) -> Result<Found, StoreError> {
     let options = FileStoreOptions::default();
     let journal =
         Journal::new(&name, uid, folder.clone(), Arc::new(ReadOnly), options, &Arc::default());
-    journal.loaded(found);
+    // Nothing changes on this disk, so that nothing is settled.
+    let _settled = journal.loaded(found);
     let map = replay(&journal, last, &snapshots, checkup)?;
     checkup.revision = sequence_of(map.revision());
     checkup.snapshot = snapshots.last().map(|map| sequence_of(map.revision()));
@@ -145,7 +188,7 @@ fn look(checkup: &mut MapCheckup) -> Result<Found, StoreError> {
 fn identity(checkup: &mut MapCheckup) -> Result<Uid, StoreError> {
     let path = checkup.folder.join("map");
     if let Ok(mut file) = RealDisk.stream(&path)
-        && let Ok((label, body)) = sealed::read_identity(&mut file)
+        && let Ok((label, (VERSION, body))) = sealed::read_identity(&mut file)
         && let Ok(name) = decode_identity(&body)
     {
         checkup.map = Some(name);
@@ -153,14 +196,9 @@ fn identity(checkup: &mut MapCheckup) -> Result<Uid, StoreError> {
     }
     checkup.damage.push(whole_file(&path));
     let name = checkup.folder.file_name().unwrap_or_default().to_string_lossy();
-    let mut uid = Uid::default();
-    let is_hex = name.len() == 2 * uid.len() && name.bytes().all(|b| b.is_ascii_hexdigit());
-    for (index, byte) in uid.iter_mut().enumerate().filter(|_| is_hex) {
-        *byte = u8::from_str_radix(&name[2 * index..2 * index + 2], 16).unwrap_or(0);
-    }
     let message = "neither its name nor its folder's tells which map it is".to_owned();
     let path = path.display().to_string();
-    if is_hex { Ok(uid) } else { Err(StoreError::Content { path, message }) }
+    folders::uid_of(&name).ok_or(StoreError::Content { path, message })
 }
 
 /// The map at the last revision that can be brought back: from the first event on, past gaps by

@@ -3,21 +3,25 @@
 //! An append puts its records into a buffer and returns. At most one flush runs a map: it takes all
 //! that waits, writes it at once, syncs once, and tells how far that reaches; what arrived meanwhile
 //! is the next group. After a flush that leaves nothing waiting a mark is written beside the journal,
-//! so that a last record that is damaged or gone is not taken for an unfinished write. A write or fsync that fails is
-//! never tried again: what the system kept of it is not known, so the journal stops.
+//! so that a last record that is damaged or gone is not taken for an unfinished write.
+//!
+//! Where space, descriptors or memory are used up, the journal takes nothing new, keeps what it has
+//! accepted and tries again after a while (`writer.rs`). An fsync that fails is never tried again: what
+//! the system kept of it is not known, so the journal stops.
 
 use std::collections::VecDeque;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 
-use super::disk::{Disk, DiskFile};
+use super::disk::Disk;
 use super::load::Found;
-use super::record::{HEADER, Uid, header, mark, put_record};
-use super::{FileStoreOptions, MARK, journal_name};
+use super::record::{Uid, mark, put_record};
+use super::writer::{Group, Place, WriteError, Writer};
+use super::{FileStoreOptions, MARK, file_error, journal_name};
 use crate::map::Event;
 use crate::store::encoding::encode_event;
 use crate::store::{Damage, Epoch, Flushed, Position, StoreError, StoreMeters, sequence_of};
@@ -26,6 +30,10 @@ use crate::store::{Damage, Epoch, Flushed, Position, StoreError, StoreMeters, se
 const MOST_PENDING: usize = 64 << 20;
 /// Bytes of encoded events that are kept for readers who were away for a moment.
 const RECENT: usize = 4 << 20;
+/// When a write is tried again that lacked space, descriptors or memory; each time twice as long.
+const FIRST_RETRY: Duration = Duration::from_millis(100);
+/// The longest time between two tries.
+const LONGEST_RETRY: Duration = Duration::from_secs(5);
 
 /// A map's journal and what is known of its files.
 #[derive(Debug)]
@@ -41,7 +49,7 @@ pub(super) struct Journal {
     writer: Mutex<Writer>,
     flushed: watch::Sender<Flushed>,
     /// Held while the folder is read for the first time, and while a snapshot is written.
-    pub(super) exclusive: tokio::sync::Mutex<()>,
+    pub(super) exclusive: Arc<tokio::sync::Mutex<()>>,
 }
 
 /// What an append looks at.
@@ -61,6 +69,10 @@ pub(super) struct State {
     pub(super) frozen: Option<Damage>,
     durable: u64,
     failed: Option<StoreError>,
+    /// What is used up for now: nothing new is accepted until what was is written.
+    unavailable: Option<StoreError>,
+    /// Tries that failed so since the last write.
+    retries: u32,
     flushing: bool,
     /// Encoded records that wait, and the sequence of the first of them.
     pending: Vec<u8>,
@@ -69,16 +81,6 @@ pub(super) struct State {
     recent: VecDeque<(Arc<Event>, usize)>,
     recent_bytes: usize,
     bytes_since_snapshot: u64,
-}
-
-/// The file that is written.
-#[derive(Debug, Default)]
-struct Writer {
-    file: Option<Box<dyn DiskFile>>,
-    length: u64,
-    /// Whether the next group begins a new file.
-    roll: bool,
-    segments: Vec<u64>,
 }
 
 impl Journal {
@@ -100,7 +102,7 @@ impl Journal {
             state: Mutex::default(),
             writer: Mutex::default(),
             flushed: watch::Sender::new(Flushed::default()),
-            exclusive: tokio::sync::Mutex::new(()),
+            exclusive: Arc::default(),
         }
     }
 
@@ -112,13 +114,13 @@ impl Journal {
         self.writer.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes over what was found on disk.
-    pub(super) fn loaded(&self, found: Found) {
-        let (file, length) = found.tail.map_or((None, 0), |(file, length)| (Some(file), length));
+    /// Takes over what was found on disk, and brings it there where that is not certain. Answers when
+    /// to call [`Journal::flush`] where that must be tried again. Blocks.
+    pub(super) fn loaded(&self, found: Found) -> Option<Duration> {
         let mut state = self.state();
         state.loaded = true;
         state.last = found.last;
-        state.durable = found.last;
+        state.durable = found.durable;
         state.dropped = match found.segments.first() {
             Some(first) => first.saturating_sub(1),
             None => found.last,
@@ -127,9 +129,19 @@ impl Journal {
         state.damage = found.damage;
         state.frozen = found.frozen;
         state.bytes_since_snapshot = found.bytes_since_snapshot;
+        // Whoever appends before all is settled must not start a second flush.
+        state.flushing = true;
         drop(state);
-        *self.writer() = Writer { file, length, roll: false, segments: found.segments };
-        self.flushed.send_replace(Flushed { through: found.last, failed: None });
+        *self.writer() = Writer::of(found.segments, found.settle);
+        self.tell();
+        self.flush()
+    }
+
+    /// Tells all who follow how far the journal is.
+    fn tell(&self) {
+        let state = self.state();
+        let (failed, unavailable) = (state.failed.clone(), state.unavailable.clone());
+        self.flushed.send_replace(Flushed { through: state.durable, failed, unavailable });
     }
 
     pub(super) fn follow(&self) -> watch::Receiver<Flushed> {
@@ -142,36 +154,76 @@ impl Journal {
         let (map, durable) = (self.name.clone(), state.durable);
         let error = state.failed.get_or_insert(StoreError::Stopped { map, durable, cause }).clone();
         state.pending = Vec::new();
-        let failed = Some(error.clone());
-        self.flushed.send_replace(Flushed { through: durable, failed });
+        state.unavailable = None;
+        drop(state);
+        self.tell();
         error
     }
 
     /// Stops the journal once its last write is done. Blocks.
     pub(super) fn close(&self) {
         self.stop("the store was closed".to_owned());
+        self.writer().end();
+    }
+
+    /// Removes the map's folder; a deletion that failed half way is finished. Where it fails either
+    /// nothing has changed, or the journal has stopped. Blocks.
+    pub(super) fn delete(&self, maps: &Path) -> Result<(), StoreError> {
+        let (disk, folder) = (&*self.disk, &*self.folder);
+        let gone = folder.with_extension("deleted");
+        // No group is written meanwhile: none is acknowledged that goes with the map.
         let mut writer = self.writer();
-        writer.file = None;
+        let begun = match is_there(disk, folder)? {
+            false => Ok(()),
+            true => disk.rename(folder, &gone).or_else(|error| match is_there(disk, folder) {
+                Ok(true) => Err((error, true)),
+                Ok(false) => Ok(()),
+                Err(_) => Err((error, false)),
+            }),
+        };
+        let begun = begun.and_then(|()| disk.sync_folder(maps).map_err(|error| (error, false)));
+        if let Err((error, is_unchanged)) = begun {
+            if !is_unchanged {
+                // The next start may find the folder under either name.
+                self.stop(format!("its deletion failed half way and can be repeated: {error}"));
+                writer.end();
+            }
+            return Err(file_error("cannot delete", folder, &error));
+        }
+        self.stop("the map was deleted".to_owned());
+        writer.end();
+        // The map is gone by now; what is left of its files goes at the next start.
+        if let Err(error) = disk.remove_folder(&gone) {
+            tracing::warn!(folder = %gone.display(), %error, "files of a deleted map are left");
+        }
+        Ok(())
     }
 
     /// Waits until what was accepted by now is durable.
+    ///
+    /// # Errors
+    /// Why it does not become so, or not soon.
     pub(super) async fn settle(&self) -> Result<(), StoreError> {
         let last = self.state().last;
         let mut flushed = self.follow();
-        let reached = flushed.wait_for(|f| f.through >= last || f.failed.is_some()).await;
+        let reached = flushed.wait_for(|f| f.through >= last || f.trouble().is_some()).await;
         // The journal holds the sender, so that the channel is open.
-        match reached.ok().and_then(|flushed| flushed.failed.clone()) {
+        match reached.ok().and_then(|flushed| flushed.trouble().cloned()) {
             Some(error) => Err(error),
             None => Ok(()),
         }
     }
 
-    /// Waits while too much waits already.
+    /// Waits while too much waits already and the journal goes on.
     pub(super) async fn wait_for_room(&self) {
+        let is_full = || {
+            let state = self.state();
+            state.pending.len() > MOST_PENDING && state.unavailable.is_none()
+        };
         let mut flushed = self.follow();
-        while self.state().pending.len() > MOST_PENDING {
+        while is_full() {
             flushed.borrow_and_update();
-            if self.state().pending.len() <= MOST_PENDING || flushed.changed().await.is_err() {
+            if !is_full() || flushed.changed().await.is_err() {
                 return;
             }
         }
@@ -192,6 +244,9 @@ impl Journal {
         }
         if let Some(damage) = &state.frozen {
             return Err(StoreError::Damaged { map: self.name.clone(), damage: damage.clone() });
+        }
+        if let Some(error) = &state.unavailable {
+            return Err(error.clone());
         }
         let mismatch = |expected, actual| {
             Err(StoreError::SequenceMismatch { map: self.name.clone(), expected, actual })
@@ -245,74 +300,115 @@ impl Journal {
         Err(StoreError::Fenced { map: self.name.clone(), epoch, newest: state.epoch })
     }
 
-    /// Writes and syncs until nothing waits. Blocks.
-    pub(super) fn flush(&self) {
+    /// Runs [`Journal::flush`] where the disk runs what blocks, after `delay`, and again for as long as
+    /// it asks for it. Needs a tokio runtime.
+    pub(super) fn start_flush(journal: Arc<Self>, delay: Option<Duration>) {
+        let runtime = tokio::runtime::Handle::current();
+        if let Some(delay) = delay {
+            runtime.spawn(async move {
+                tokio::time::sleep(delay).await;
+                Self::start_flush(journal, None);
+            });
+            return;
+        }
+        let disk = Arc::clone(&journal.disk);
+        disk.spawn(Box::new(move || {
+            if let Some(delay) = journal.flush() {
+                let _entered = runtime.enter();
+                Self::start_flush(journal, Some(delay));
+            }
+        }));
+    }
+
+    /// Writes and syncs until nothing waits, or until something is used up: answers when to try again.
+    /// Blocks.
+    pub(super) fn flush(&self) -> Option<Duration> {
         loop {
             // Taken anew for each group, so that whoever reads or drops files gets a turn.
             let mut writer = self.writer();
-            let (batch, first, last) = {
+            {
                 let mut state = self.state();
-                if state.pending.is_empty() {
-                    state.flushing = false;
-                    return;
+                if state.failed.is_some() {
+                    writer.end();
                 }
-                (std::mem::take(&mut state.pending), state.pending_first, state.last)
-            };
-            let start = Instant::now();
-            let written = self.write_group(&mut writer, first, &batch);
-            self.meters.sync_ns.observe_time(start.elapsed());
-            if let Err(error) = written {
-                self.failed_flush(&error);
-                return;
+                if writer.group.is_none() && !state.pending.is_empty() {
+                    let bytes = std::mem::take(&mut state.pending);
+                    let (first, last) = (state.pending_first, state.last);
+                    writer.group = Some(Group { bytes, first, last });
+                }
+                if writer.is_idle() {
+                    state.flushing = false;
+                    return None;
+                }
             }
-            self.meters.group_events.observe(last.saturating_sub(first) + 1);
-            self.meters.journal_bytes.add(batch.len() as u64);
-            let idle = {
+            let start = Instant::now();
+            let (disk, folder, uid) = (&*self.disk, &*self.folder, &self.uid);
+            let segment_bytes = self.options.segment_bytes;
+            let written = writer.write(&Place { disk, folder, uid, segment_bytes });
+            match written {
+                Ok(()) => {}
+                Err(WriteError::Passes(error)) => return Some(self.wait(&error)),
+                Err(WriteError::Fatal(error)) => {
+                    self.failed_flush(&error);
+                    writer.end();
+                    return None;
+                }
+            }
+            let group = writer.group.take();
+            if let Some(group) = &group {
+                self.meters.sync_ns.observe_time(start.elapsed());
+                self.meters.group_events.observe(group.last.saturating_sub(group.first) + 1);
+                self.meters.journal_bytes.add(group.bytes.len() as u64);
+            }
+            let (is_idle, durable) = {
                 let mut state = self.state();
-                state.durable = last;
-                self.flushed.send_replace(Flushed { through: last, failed: state.failed.clone() });
-                state.pending.is_empty()
+                // Without a group it was what the start found.
+                state.durable = group.as_ref().map_or(state.last, |group| group.last);
+                state.retries = 0;
+                if state.unavailable.take().is_some() {
+                    tracing::info!(map = %self.name, "the journal goes on");
+                }
+                (state.pending.is_empty() && group.is_some(), state.durable)
             };
+            self.tell();
             // Evidence and no promise: without it, damage to the end may go unnoticed.
-            if idle
+            if is_idle
                 && let Err(error) =
-                    self.disk.overwrite(&self.folder.join(MARK), &mark(&self.uid, last))
+                    self.disk.overwrite(&self.folder.join(MARK), &mark(&self.uid, durable))
             {
                 tracing::warn!(map = %self.name, %error, "the mark was not written");
             }
         }
     }
 
+    /// Something is used up: nothing new is accepted. Answers when to try again.
+    fn wait(&self, error: &io::Error) -> Duration {
+        self.meters.journal_retries.increment();
+        let mut state = self.state();
+        let delay = FIRST_RETRY.saturating_mul(1 << state.retries.min(10)).min(LONGEST_RETRY);
+        state.retries = state.retries.saturating_add(1);
+        let map = self.name.clone();
+        let unavailable = StoreError::Unavailable { map, cause: error.to_string() };
+        let is_new = state.failed.is_none() && state.unavailable.is_none();
+        if state.failed.is_none() {
+            state.unavailable = Some(unavailable);
+        }
+        drop(state);
+        if is_new {
+            let folder = self.folder.display();
+            tracing::error!(map = %self.name, %folder, %error, "the journal waits and tries again");
+            self.tell();
+        }
+        delay
+    }
+
     fn failed_flush(&self, error: &io::Error) {
         // Whoever is told of it may look.
         self.meters.journal_failures.increment();
-        let error = self.stop(error.to_string());
-        tracing::error!(map = %self.name, %error, "the journal stops");
+        let stopped = self.stop(error.to_string());
+        let folder = self.folder.display();
+        tracing::error!(map = %self.name, %folder, error = %stopped, "the journal stops");
         self.state().flushing = false;
-    }
-
-    /// One write and one sync, in a new file where it is time for one.
-    fn write_group(&self, writer: &mut Writer, first: u64, batch: &[u8]) -> io::Result<()> {
-        let full = writer.length >= self.options.segment_bytes || writer.roll;
-        if full {
-            writer.file = None;
-        }
-        if let Some(file) = &mut writer.file {
-            file.append(batch)?;
-            file.sync()?;
-            writer.length += batch.len() as u64;
-            return Ok(());
-        }
-        let mut file = self.disk.create(&self.folder.join(journal_name(first)))?;
-        let mut bytes = header(&self.uid, first);
-        bytes.extend_from_slice(batch);
-        file.append(&bytes)?;
-        file.sync()?;
-        self.disk.sync_folder(&self.folder)?;
-        writer.segments.push(first);
-        let length = (HEADER + batch.len()) as u64;
-        (writer.file, writer.length, writer.roll) = (Some(file), length, false);
-        Ok(())
     }
 
     /// A snapshot stands at `sequence`: later files of the journal can be dropped without those
@@ -354,7 +450,21 @@ impl Journal {
     }
 }
 
+/// Whether a folder is there.
+fn is_there(disk: &dyn Disk, folder: &Path) -> Result<bool, StoreError> {
+    match disk.list(folder) {
+        Ok(_) => Ok(true),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+        Err(error) => Err(file_error("cannot list", folder, &error)),
+    }
+}
+
 impl State {
+    /// What is used up for now.
+    pub(super) fn unavailable(&self) -> Option<&StoreError> {
+        self.unavailable.as_ref()
+    }
+
     fn remember(&mut self, event: Arc<Event>, size: usize) {
         self.recent_bytes += size;
         self.recent.push_back((event, size));

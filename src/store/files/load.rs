@@ -4,16 +4,18 @@
 //! may stand in the way, and they are told apart by the `durable` that every record carries and by
 //! the mark beside the journal:
 //!
-//! - A bad place behind which nothing was ever acknowledged is what a crash leaves: it is cut off.
+//! - A bad place behind which nothing was ever acknowledged is what a crash leaves: it is cut off
+//!   (`settle.rs`).
 //! - Lost events that a snapshot holds are told and cost nothing.
 //! - Lost events that were acknowledged freeze the map: it opens with what is contiguous, takes no
 //!   changes, and its files stay as they are.
 
 use std::path::Path;
 
-use super::disk::{Disk, DiskFile};
+use super::disk::Disk;
 use super::record::{HEAD, HEADER, Header, Uid, read_header, read_mark, scan};
-use super::sealed::Label;
+use super::sealed::{Label, SealError, later};
+use super::settle::{Settle, Tail};
 use super::{MARK, file_error, journal_name, sealed, sequence_in};
 use crate::store::{Damage, StoreError};
 
@@ -26,8 +28,11 @@ pub(super) struct Found {
     pub(super) snapshots: Vec<u64>,
     /// The last sequence that can be read.
     pub(super) last: u64,
-    /// The last file and its length, where it can be written on.
-    pub(super) tail: Option<(Box<dyn DiskFile>, u64)>,
+    /// The last sequence that is known to have been synced.
+    pub(super) durable: u64,
+    /// What must reach the disk before all of it counts as durable; `None` where the files stay as
+    /// they are.
+    pub(super) settle: Option<Settle>,
     /// Bytes of the journal behind the newest snapshot, about.
     pub(super) bytes_since_snapshot: u64,
     /// What is damaged.
@@ -50,23 +55,33 @@ struct Segment {
     durable: u64,
 }
 
-/// Reads a map's folder, and mends what a crash leaves.
+/// Reads a map's folder, and says what is to be done about what a crash leaves.
 ///
 /// # Errors
-/// [`StoreError::File`] where the disk fails, [`StoreError::Content`] for files of a later version.
+/// [`StoreError::File`] where the disk fails, [`StoreError::Later`] for files of a later version; then
+/// nothing was changed.
 pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, StoreError> {
     let mut found = Found::default();
     let names = disk.list(folder).map_err(|e| file_error("cannot list", folder, &e))?;
-    for name in names.iter().filter(|name| name.ends_with(".tmp")) {
-        let path = folder.join(name);
-        disk.remove(&path).map_err(|e| file_error("cannot remove", &path, &e))?;
-    }
-    for (sequence, name) in names.iter().filter_map(|n| Some((sequence_in(n, ".snap")?, n))) {
-        take_snapshot(disk, &folder.join(name), uid, sequence, &mut found)?;
-    }
     let mut segments = Vec::new();
     for first in names.iter().filter_map(|name| sequence_in(name, ".log")) {
         segments.push(read_segment(disk, &folder.join(journal_name(first)), uid, first)?);
+    }
+    let mut bad = Vec::new();
+    for (sequence, name) in names.iter().filter_map(|n| Some((sequence_in(n, ".snap")?, n))) {
+        let path = folder.join(name);
+        match look_at_snapshot(disk, &path, uid, sequence)? {
+            None => found.snapshots.push(sequence),
+            Some(reason) => bad.push((path, reason)),
+        }
+    }
+    // From here on nothing is of a later version.
+    for (path, reason) in bad {
+        set_aside(disk, &path, &reason, &mut found)?;
+    }
+    for name in names.iter().filter(|name| name.ends_with(".tmp")) {
+        let path = folder.join(name);
+        disk.remove(&path).map_err(|e| file_error("cannot remove", &path, &e))?;
     }
     let base = found.snapshots.last().copied().unwrap_or(0);
     found.last = base;
@@ -83,30 +98,35 @@ pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, S
     } else {
         0
     };
-    judge(folder, &segments, mark, &mut found);
+    let acknowledged = judge(folder, &segments, mark, &mut found);
+    found.durable = acknowledged.min(found.last);
     found.segments = segments.iter().map(|segment| segment.first).collect();
     let behind = segments.iter().filter(|s| s.runs.last().is_some_and(|&(_, last)| last > base));
     found.bytes_since_snapshot = behind.map(|segment| segment.length).sum();
     if found.frozen.is_none() {
-        mend(disk, folder, segments.last(), &mut found)?;
+        let tail = segments.last().map(|segment| tail(segment, acknowledged, found.last));
+        if tail.is_some_and(|tail| tail.write_on && tail.keep < HEADER as u64) {
+            found.segments.pop();
+        }
+        found.settle = Some(Settle { tail, last: found.last });
     }
     Ok(found)
 }
 
-fn take_snapshot(
+/// What is wrong with a snapshot, if anything.
+fn look_at_snapshot(
     disk: &dyn Disk,
     path: &Path,
     uid: &Uid,
     sequence: u64,
-    found: &mut Found,
-) -> Result<(), StoreError> {
+) -> Result<Option<String>, StoreError> {
     let mut file = disk.stream(path).map_err(|e| file_error("cannot read", path, &e))?;
     match sealed::check_snapshot(&mut file) {
-        Ok(label) if label == Label { uid: *uid, sequence } => found.snapshots.push(sequence),
-        Ok(_) => set_aside(disk, path, "it belongs elsewhere", found)?,
-        Err(error) => set_aside(disk, path, &error.damage(path)?, found)?,
+        Ok(label) if label == Label { uid: *uid, sequence } => Ok(None),
+        Ok(_) => Ok(Some("it belongs elsewhere".to_owned())),
+        Err(SealError::Later(reason)) => Err(later(path, reason)),
+        Err(error) => error.damage(path).map(Some),
     }
-    Ok(())
 }
 
 /// Renames a snapshot that does not open, so that nobody takes it for one.
@@ -131,8 +151,7 @@ fn read_segment(
 ) -> Result<Segment, StoreError> {
     let bytes = disk.read(path).map_err(|e| file_error("cannot read", path, &e))?;
     if let Header::Later(version) = read_header(&bytes, uid) {
-        let message = format!("it has version {version}, which is not known here");
-        return Err(StoreError::Content { path: path.display().to_string(), message });
+        return Err(later(path, format!("it has version {version}, which is not known here")));
     }
     let scan = scan(&bytes, uid, first);
     let (mut runs, mut starts): (Vec<(u64, u64)>, Vec<u64>) = (Vec::new(), Vec::new());
@@ -159,8 +178,9 @@ fn read_segment(
     })
 }
 
-/// Finds out what is damaged, and whether anything is lost by it.
-fn judge(folder: &Path, segments: &[Segment], mark: u64, found: &mut Found) {
+/// Finds out what is damaged, and whether anything is lost by it. Answers the last sequence that is
+/// known to have been synced, whether it is still there or not.
+fn judge(folder: &Path, segments: &[Segment], mark: u64, found: &mut Found) -> u64 {
     let last_index = segments.len().saturating_sub(1);
     // Every file but the last was synced whole before the next one was made.
     let whole = segments.iter().take(last_index).filter_map(|s| s.runs.last()).map(|&(_, l)| l);
@@ -201,42 +221,24 @@ fn judge(folder: &Path, segments: &[Segment], mark: u64, found: &mut Found) {
         };
         found.frozen = Some(damage);
     }
+    acknowledged
 }
 
-/// Cuts off what a crash left, so that the last file can be written on.
-fn mend(
-    disk: &dyn Disk,
-    folder: &Path,
-    last: Option<&Segment>,
-    found: &mut Found,
-) -> Result<(), StoreError> {
-    let Some(segment) = last else { return Ok(()) };
-    let path = folder.join(journal_name(segment.first));
-    let failed = |error| file_error("cannot mend", &path, &error);
-    if segment.clean_last != found.last {
+/// What becomes of the last file: what a crash left is cut off, and what may never have been synced
+/// is brought to the disk.
+fn tail(segment: &Segment, acknowledged: u64, last: u64) -> Tail {
+    let first = segment.first;
+    if segment.clean_last != last {
         // A snapshot reaches further, or what is used lies behind a bad place: a new file follows. What
         // lies behind a gap was never acknowledged, and would be taken for it in a file that is not
         // the last.
         let mut pieces = segment.runs.iter().zip(&segment.starts);
-        if let Some((_, &start)) = pieces.find(|&(&(first, _), _)| first > found.last) {
-            let mut file = disk.open(&path).map_err(failed)?;
-            file.truncate(start).and_then(|()| file.sync()).map_err(failed)?;
-        }
-        return Ok(());
+        let cut = pieces.find(|&(&(first, _), _)| first > last).map(|(_, &start)| start);
+        let reached = segment.runs.last().map_or(0, |&(_, last)| last);
+        let copy = cut.is_some() || reached > acknowledged;
+        return Tail { first, keep: cut.unwrap_or(segment.length), copy, write_on: false };
     }
-    let good = segment.bad.unwrap_or(segment.length);
-    let cut = segment.length - good;
-    if good < HEADER as u64 {
-        tracing::warn!(file = %path.display(), bytes = cut, "a file that was never used is removed");
-        disk.remove(&path).and_then(|()| disk.sync_folder(folder)).map_err(failed)?;
-        found.segments.pop();
-        return Ok(());
-    }
-    let mut file = disk.open(&path).map_err(failed)?;
-    if cut > 0 {
-        tracing::warn!(file = %path.display(), offset = good, bytes = cut, "an unfinished write is cut off");
-        file.truncate(good).and_then(|()| file.sync()).map_err(failed)?;
-    }
-    found.tail = Some((file, good));
-    Ok(())
+    let keep = segment.bad.unwrap_or(segment.length);
+    let copy = keep < segment.length || last > acknowledged;
+    Tail { first, keep, copy, write_on: true }
 }

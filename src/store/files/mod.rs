@@ -17,15 +17,21 @@
 //! | module | role |
 //! |---|---|
 //! | `disk`, `lock` | the file system; one server a directory |
+//! | `failure` | which failures pass by themselves, and what callers read of them |
+//! | `folders`, `changes` | what the folders in `maps/` are; creating and deleting maps |
 //! | `record`, `sealed` | the bytes of journals, and of files that are written once |
-//! | `load`, `read` | opening a map's folder, reading events and snapshots |
-//! | `journal` | a map's writer: groups, the mark, failures |
+//! | `load`, `settle` | opening a map's folder; bringing what was found to the disk before it counts |
+//! | `read` | reading events and snapshots |
+//! | `journal`, `writer` | a map's journal: order, groups, the mark; writing them, healing |
 //! | `doctor` | looking at a directory without a server, repairing it |
 //! | `backup` | copying a directory while a server writes to it |
 
 mod backup;
+mod changes;
 mod disk;
 mod doctor;
+mod failure;
+mod folders;
 #[cfg(any(test, feature = "fuzzing"))]
 pub(in crate::store) mod fuzzing;
 mod journal;
@@ -34,6 +40,8 @@ mod lock;
 mod read;
 mod record;
 mod sealed;
+mod settle;
+mod writer;
 
 pub use self::backup::back_up;
 pub use self::doctor::{MapCheckup, check_up};
@@ -52,10 +60,10 @@ use tokio::sync::{oneshot, watch};
 pub(crate) use self::disk::DiskFile;
 pub(crate) use self::disk::Disk;
 use self::disk::RealDisk;
+use self::failure::{file_error, of_map};
 use self::journal::Journal;
 use self::lock::DirectoryLock;
 use self::record::Uid;
-use super::encoding::{decode_identity, encode_identity};
 use super::{
     Damage, Durability, Epoch, Flushed, Position, Store, StoreError, StoreMeters, sequence_of,
 };
@@ -80,15 +88,34 @@ impl Default for FileStoreOptions {
 /// [`Store::follow`] says so.
 #[derive(Debug)]
 pub struct FileStore {
+    inner: Arc<Inner>,
+}
+
+/// What work that outlives its caller needs.
+#[derive(Debug)]
+struct Inner {
     disk: Arc<dyn Disk>,
     root: PathBuf,
     options: FileStoreOptions,
     meters: Arc<StoreMeters>,
-    maps: Mutex<BTreeMap<String, Arc<Journal>>>,
+    maps: Mutex<BTreeMap<String, Entry>>,
     /// Maps are created and deleted one at a time.
-    changing: tokio::sync::Mutex<()>,
+    changing: Arc<tokio::sync::Mutex<()>>,
     last_epoch: AtomicU64,
     lock: Mutex<Option<DirectoryLock>>,
+}
+
+/// What stands behind a name.
+#[derive(Debug)]
+enum Entry {
+    /// A map.
+    Map(Arc<Journal>),
+    /// A new map whose creator has not taken the answer.
+    Unclaimed(Arc<Journal>),
+    /// What a failed creation could not remove; it goes before the next one.
+    Leftover(PathBuf),
+    /// A map whose files stay as they are, and why.
+    Refused(StoreError),
 }
 
 impl FileStore {
@@ -102,7 +129,8 @@ impl FileStore {
             create_root(&RealDisk, &root)?;
             let lock = DirectoryLock::take(&root)?;
             let store = Self::on(Arc::new(RealDisk), root, options)?;
-            Ok(Self { lock: Mutex::new(Some(lock)), ..store })
+            *store.inner.lock() = Some(lock);
+            Ok(store)
         })
         .await
     }
@@ -114,56 +142,80 @@ impl FileStore {
         options: FileStoreOptions,
     ) -> Result<Self, StoreError> {
         create_root(&*disk, &root)?;
-        let folder = root.join("maps");
         let (mut maps, meters) = (BTreeMap::new(), Arc::default());
-        let listed = disk.list(&folder).map_err(|e| file_error("cannot list", &folder, &e))?;
-        for name in listed {
-            let path = folder.join(&name);
-            if let Some((name, uid)) = identity(&*disk, &path)? {
-                let journal = Journal::new(&name, uid, path, Arc::clone(&disk), options, &meters);
-                maps.insert(name, Arc::new(journal));
-            }
+        for (name, claim) in folders::at_start(&*disk, &root.join("maps"))? {
+            let entry = match claim {
+                Ok((uid, path)) => {
+                    let disk = Arc::clone(&disk);
+                    Entry::Map(Arc::new(Journal::new(&name, uid, path, disk, options, &meters)))
+                }
+                Err(error) => Entry::Refused(error),
+            };
+            maps.insert(name, entry);
         }
-        Ok(Self {
+        let inner = Inner {
             disk,
             root,
             options,
             meters,
             maps: Mutex::new(maps),
-            changing: tokio::sync::Mutex::new(()),
+            changing: Arc::default(),
             last_epoch: AtomicU64::new(0),
             lock: Mutex::default(),
-        })
+        };
+        Ok(Self { inner: Arc::new(inner) })
     }
 
     /// What it counts.
     #[must_use]
     pub fn meters(&self) -> Arc<StoreMeters> {
-        Arc::clone(&self.meters)
-    }
-
-    fn maps(&self) -> MutexGuard<'_, BTreeMap<String, Arc<Journal>>> {
-        self.maps.lock().unwrap_or_else(PoisonError::into_inner)
+        Arc::clone(&self.inner.meters)
     }
 
     /// The journal of a map, its folder read.
     async fn journal(&self, map: &str) -> Result<Arc<Journal>, StoreError> {
-        let journal = self.maps().get(map).cloned();
-        let journal = journal.ok_or_else(|| StoreError::UnknownMap { map: map.to_owned() })?;
+        let journal = self.inner.find(map)?;
         if journal.state().loaded {
             return Ok(journal);
         }
-        let _exclusive = journal.exclusive.lock().await;
+        let exclusive = Arc::clone(&journal.exclusive).lock_owned().await;
         if !journal.state().loaded {
             let loading = Arc::clone(&journal);
-            blocking(&*journal.disk, move || {
+            let runtime = tokio::runtime::Handle::current();
+            let loaded = blocking(&*self.inner.disk, move || {
+                let _exclusive = exclusive;
                 let Journal { disk, folder, uid, .. } = &*loading;
-                load::load(&**disk, folder, uid).map(|found| loading.loaded(found))
-            })
-            .await?;
+                let found = load::load(&**disk, folder, uid)?;
+                if let Some(delay) = loading.loaded(found) {
+                    let _entered = runtime.enter();
+                    Journal::start_flush(loading, Some(delay));
+                }
+                Ok(())
+            });
+            loaded.await.map_err(|error| of_map(map, error))?;
         }
-        drop(_exclusive);
         Ok(journal)
+    }
+}
+
+impl Inner {
+    fn maps(&self) -> MutexGuard<'_, BTreeMap<String, Entry>> {
+        self.maps.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Option<DirectoryLock>> {
+        self.lock.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The journal of a map, whether its folder was read or not.
+    fn find(&self, map: &str) -> Result<Arc<Journal>, StoreError> {
+        match self.maps().get(map) {
+            Some(Entry::Map(journal)) => Ok(Arc::clone(journal)),
+            Some(Entry::Refused(error)) => Err(error.clone()),
+            Some(Entry::Unclaimed(_) | Entry::Leftover(_)) | None => {
+                Err(StoreError::UnknownMap { map: map.to_owned() })
+            }
+        }
     }
 
     fn next_epoch(&self) -> Epoch {
@@ -179,8 +231,7 @@ impl FileStore {
         hash.update(map.as_bytes());
         let mut uid = Uid::default();
         uid.iter_mut().zip(hash.finalize()).for_each(|(byte, hashed)| *byte = hashed);
-        let name: String = uid.iter().map(|byte| format!("{byte:02x}")).collect();
-        (uid, self.root.join("maps").join(name))
+        (uid, self.root.join("maps").join(folders::name_of(&uid)))
     }
 }
 
@@ -200,93 +251,25 @@ fn create_root(disk: &dyn Disk, root: &Path) -> Result<(), StoreError> {
     disk.sync_folder(root).map_err(failed)
 }
 
-/// The map of a folder; what an unfinished creation or deletion left is removed. A folder whose name
-/// is lost is told and left alone: it is no reason to keep the other maps from opening.
-fn identity(disk: &dyn Disk, folder: &Path) -> Result<Option<(String, Uid)>, StoreError> {
-    let path = folder.join("map");
-    let names = disk.list(folder).map_err(|e| file_error("cannot list", folder, &e))?;
-    let unfinished = names.iter().all(|name| name.ends_with(".tmp"));
-    if folder.extension().is_some() || unfinished {
-        disk.remove_folder(folder).map_err(|e| file_error("cannot remove", folder, &e))?;
-        return Ok(None);
-    }
-    let read = || -> Result<(String, Uid), String> {
-        let mut file = disk.stream(&path).map_err(|error| error.to_string())?;
-        let (label, body) = sealed::read_identity(&mut file).map_err(|error| error.to_string())?;
-        Ok((decode_identity(&body).map_err(|error| error.to_string())?, label.uid))
-    };
-    match read() {
-        Ok(identity) => Ok(Some(identity)),
-        Err(reason) => {
-            tracing::error!(file = %path.display(), reason, "a map has lost its name, it is not opened");
-            Ok(None)
-        }
-    }
-}
-
 #[async_trait]
 impl Store for FileStore {
     async fn list_maps(&self) -> Result<Vec<String>, StoreError> {
-        Ok(self.maps().keys().cloned().collect())
+        let maps = self.inner.maps();
+        let is_map = |entry: &Entry| matches!(entry, Entry::Map(_) | Entry::Refused(_));
+        Ok(maps.iter().filter(|(_, entry)| is_map(entry)).map(|(name, _)| name.clone()).collect())
     }
 
     async fn create_map(&self, map: &str) -> Result<Epoch, StoreError> {
-        let _changing = self.changing.lock().await;
-        if self.maps().contains_key(map) {
-            return Err(StoreError::MapExists { map: map.to_owned() });
-        }
-        let epoch = self.next_epoch();
-        let (uid, folder) = self.new_folder(map);
-        let (disk, name) = (Arc::clone(&self.disk), map.to_owned());
-        let (options, meters) = (self.options, &self.meters);
-        let journal = Journal::new(map, uid, folder.clone(), Arc::clone(&disk), options, meters);
-        let maps = self.root.join("maps");
-        blocking(&*self.disk, move || {
-            let failed = |error| file_error("cannot create", &folder, &error);
-            disk.create_folder(&folder).map_err(failed)?;
-            let path = folder.join("map");
-            let written = sealed::write_identity(&*disk, &path, &uid, &encode_identity(&name))
-                .and_then(|()| disk.sync_folder(&maps).map_err(failed));
-            if written.is_err() {
-                // What is left of it is no map, or one without events; both go at the next opening.
-                let _left = disk.remove_folder(&folder);
-            }
-            written
-        })
-        .await?;
-        journal.loaded(load::Found::default());
-        journal.state().epoch = epoch;
-        self.maps().insert(map.to_owned(), Arc::new(journal));
-        Ok(epoch)
+        self.create(map).await
     }
 
     async fn delete_map(&self, map: &str) -> Result<(), StoreError> {
-        let _changing = self.changing.lock().await;
-        let journal = self.maps().get(map).cloned();
-        let journal = journal.ok_or_else(|| StoreError::UnknownMap { map: map.to_owned() })?;
-        let maps = self.root.join("maps");
-        let deleting = Arc::clone(&journal);
-        blocking(&*self.disk, move || {
-            let Journal { disk, folder, .. } = &*deleting;
-            let gone = folder.with_extension("deleted");
-            disk.rename(folder, &gone)
-                .and_then(|()| disk.sync_folder(&maps))
-                .map_err(|error| file_error("cannot delete", folder, &error))?;
-            deleting.stop("the map was deleted".to_owned());
-            // The map is gone by now; what is left of its files goes at the next opening.
-            if let Err(error) = disk.remove_folder(&gone) {
-                tracing::warn!(%error, "files of a deleted map are left");
-            }
-            Ok(())
-        })
-        .await?;
-        self.maps().remove(map);
-        Ok(())
+        self.delete(map).await
     }
 
     async fn acquire(&self, map: &str) -> Result<Epoch, StoreError> {
         let journal = self.journal(map).await?;
-        let epoch = self.next_epoch();
+        let epoch = self.inner.next_epoch();
         let mut state = journal.state();
         // Two calls may meet here in either order; the newer epoch wins.
         state.epoch = state.epoch.max(epoch);
@@ -302,9 +285,10 @@ impl Store for FileStore {
     ) -> Result<Position, StoreError> {
         let journal = self.journal(map).await?;
         journal.wait_for_room().await;
-        let (position, starts) = journal.accept(epoch, expected_sequence, batch)?;
+        let accepted = journal.accept(epoch, expected_sequence, batch);
+        let (position, starts) = accepted.map_err(|error| of_map(map, error))?;
         if starts {
-            self.disk.spawn(Box::new(move || journal.flush()));
+            Journal::start_flush(journal, None);
         }
         Ok(position)
     }
@@ -327,7 +311,14 @@ impl Store for FileStore {
         }
         // A journal that stopped still reads what it has.
         let _stopped = journal.settle().await;
-        blocking(&*self.disk, move || read::events(&journal, from, last)).await
+        let reading = Arc::clone(&journal);
+        let events = blocking(&*self.inner.disk, move || read::events(&reading, from, last));
+        let events = events.await.map_err(|error| of_map(map, error))?;
+        // Of one that waits, what is not written yet would be missed.
+        match journal.state().unavailable() {
+            Some(error) if from.saturating_add(events.len() as u64) < last => Err(error.clone()),
+            Some(_) | None => Ok(events),
+        }
     }
 
     async fn put_snapshot(
@@ -338,7 +329,7 @@ impl Store for FileStore {
     ) -> Result<(), StoreError> {
         let journal = self.journal(map).await?;
         let sequence = sequence_of(snapshot.revision());
-        let _exclusive = journal.exclusive.lock().await;
+        let exclusive = Arc::clone(&journal.exclusive).lock_owned().await;
         {
             let state = journal.state();
             journal.check_epoch(&state, epoch)?;
@@ -352,13 +343,17 @@ impl Store for FileStore {
         }
         // A snapshot must not hold what a crash could still take from the journal.
         journal.settle().await?;
-        let journal = Arc::clone(&journal);
-        blocking(&*self.disk, move || read::put_snapshot(&journal, &snapshot)).await
+        let written = blocking(&*self.inner.disk, move || {
+            let _exclusive = exclusive;
+            read::put_snapshot(&journal, &snapshot)
+        });
+        written.await.map_err(|error| of_map(map, error))
     }
 
     async fn get_snapshot(&self, map: &str) -> Result<Option<Arc<Map>>, StoreError> {
         let journal = self.journal(map).await?;
-        blocking(&*self.disk, move || read::newest_snapshot(&journal)).await
+        let newest = blocking(&*self.inner.disk, move || read::newest_snapshot(&journal));
+        newest.await.map_err(|error| of_map(map, error))
     }
 
     async fn damage(&self, map: &str) -> Result<Vec<Damage>, StoreError> {
@@ -379,35 +374,54 @@ impl Store for FileStore {
             }
             state.dropped = through.min(state.last);
         }
-        blocking(&*self.disk, move || {
+        let dropped = blocking(&*self.inner.disk, move || {
             let dropped = journal.drop_before(before);
             dropped.map_err(|error| file_error("cannot drop files of", &journal.folder, &error))
-        })
-        .await
+        });
+        dropped.await.map_err(|error| of_map(map, error))
     }
 
     async fn close(&self) {
-        let maps: Vec<Arc<Journal>> = self.maps().values().cloned().collect();
-        for journal in maps {
-            // No snapshot is being written from here on.
-            let _exclusive = journal.exclusive.lock().await;
-            // A journal that failed has told so.
-            let _failed = journal.settle().await;
-            let closing = Arc::clone(&journal);
-            let closed = blocking(&*self.disk, move || {
-                closing.close();
-                Ok(())
-            });
-            if let Err(error) = closed.await {
-                tracing::warn!(map = journal.name, %error, "a journal was not closed");
-            }
+        // To its end, whoever waits.
+        let closed = tokio::spawn(close(Arc::clone(&self.inner))).await;
+        if let Err(error) = closed {
+            tracing::warn!(%error, "the store was not closed");
         }
-        *self.lock.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
 
     fn durability(&self) -> Durability {
         Durability::Disk
     }
+}
+
+/// Closes every journal, and gives the directory free.
+async fn close(inner: Arc<Inner>) {
+    // Nothing is being created or deleted from here on.
+    let _changing = Arc::clone(&inner.changing).lock_owned().await;
+    let maps: Vec<Arc<Journal>> = {
+        let maps = inner.maps();
+        maps.values()
+            .filter_map(|entry| match entry {
+                Entry::Map(journal) | Entry::Unclaimed(journal) => Some(Arc::clone(journal)),
+                Entry::Leftover(_) | Entry::Refused(_) => None,
+            })
+            .collect()
+    };
+    for journal in maps {
+        // No snapshot is being written from here on.
+        let _exclusive = Arc::clone(&journal.exclusive).lock_owned().await;
+        // A journal that failed has told so.
+        let _failed = journal.settle().await;
+        let closing = Arc::clone(&journal);
+        let closed = blocking(&*inner.disk, move || {
+            closing.close();
+            Ok(())
+        });
+        if let Err(error) = closed.await {
+            tracing::warn!(map = journal.name, %error, "a journal was not closed");
+        }
+    }
+    *inner.lock() = None;
 }
 
 /// The name of a journal's mark.
@@ -428,12 +442,9 @@ async fn blocking<T: Send + 'static>(
             action: "cannot finish work on",
             path: "the store".to_owned(),
             message: "the work panicked, or the server stops".to_owned(),
+            passes: false,
         })
     })
-}
-
-fn file_error(action: &'static str, path: &Path, error: &std::io::Error) -> StoreError {
-    StoreError::File { action, path: path.display().to_string(), message: error.to_string() }
 }
 
 /// The name of the journal file that begins with `first`; names sort as their sequences.

@@ -103,10 +103,15 @@ fn write_snapshot(journal: &Journal, map: &Map) -> Result<u64, StoreError> {
     }
     let mut snapshots = journal.state().snapshots.clone();
     snapshots.push(sequence);
-    while snapshots.len() > KEPT_SNAPSHOTS {
-        let old = journal.folder.join(snapshot_name(snapshots.remove(0)));
-        journal.disk.remove(&old).map_err(|e| file_error("cannot remove", &old, &e))?;
-    }
+    let old = snapshots.len().saturating_sub(KEPT_SNAPSHOTS);
+    let old: Vec<u64> = snapshots.drain(..old).collect();
+    // It stands, whatever becomes of those before it.
     journal.snapshot_taken(sequence, snapshots);
+    for old in old {
+        let path = journal.folder.join(snapshot_name(old));
+        if let Err(error) = journal.disk.remove(&path) {
+            tracing::warn!(file = %path.display(), %error, "an old snapshot is left");
+        }
+    }
     Ok(bytes)
 }

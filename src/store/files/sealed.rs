@@ -6,7 +6,8 @@
 //! ```
 //!
 //! A file is written under a temporary name, synced, renamed and its folder synced: whoever sees the
-//! name sees the whole file. Snapshots are compressed with zstd; the identity of a map is not.
+//! name sees the whole file. The head and the checksum at the end are the same in every version, so that
+//! a file of a later version is known for one; only the body changes. Snapshots are compressed with zstd; the identity of a map is not.
 //! Whoever reads one gets what it made of the body only once the checksum was seen to fit.
 
 use std::fmt;
@@ -18,7 +19,7 @@ use super::disk::{Disk, DiskFile};
 use super::file_error;
 use super::record::{Uid, VERSION};
 use crate::map::Map;
-use crate::store::encoding::{compare_map, decode_map, encode_map};
+use crate::store::encoding::{EncodingError, compare_map, decode_map, encode_map};
 use crate::store::{StoreError, sequence_of};
 
 /// Bytes before the body.
@@ -67,27 +68,53 @@ pub(super) struct Label {
 pub(super) enum SealError {
     /// The disk failed, which says nothing of the file.
     Disk(io::Error),
+    /// A later version wrote the file; which one, or what of it is not known here.
+    Later(String),
     /// What is wrong with the file.
     Damaged(String),
+}
+
+impl From<EncodingError> for SealError {
+    fn from(error: EncodingError) -> Self {
+        match error {
+            EncodingError::Later => Self::Later(error.to_string()),
+            error => Self::Damaged(error.to_string()),
+        }
+    }
+}
+
+impl From<io::Error> for SealError {
+    /// Of the stream inside: a failure of the disk is kept by [`Sealed`].
+    fn from(error: io::Error) -> Self {
+        Self::Damaged(error.to_string())
+    }
 }
 
 impl fmt::Display for SealError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Disk(error) => error.fmt(f),
-            Self::Damaged(reason) => f.write_str(reason),
+            Self::Later(reason) | Self::Damaged(reason) => f.write_str(reason),
         }
     }
 }
 
 impl SealError {
-    /// What is wrong with the file; a failure of the disk is the store's.
+    /// What is wrong with the file; a failure of the disk, and a file of a later version, are the
+    /// store's.
     pub(super) fn damage(self, path: &Path) -> Result<String, StoreError> {
         match self {
             Self::Disk(error) => Err(file_error("cannot read", path, &error)),
+            Self::Later(reason) => Err(later(path, reason)),
             Self::Damaged(reason) => Ok(reason),
         }
     }
+}
+
+/// A map's file that a later version wrote; the caller knows the map.
+pub(super) fn later(path: &Path, reason: String) -> StoreError {
+    let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    StoreError::Later { map: String::new(), file, reason }
 }
 
 /// Writes the name of a map.
@@ -134,20 +161,30 @@ fn write(
 ) -> Result<u64, StoreError> {
     let temporary = path.with_extension("tmp");
     let folder = path.parent().unwrap_or(path);
-    let written = disk.create(&temporary).and_then(|mut file| {
+    let created = disk.create(&temporary).or_else(|error| {
+        if error.kind() != io::ErrorKind::AlreadyExists {
+            return Err(error);
+        }
+        // A try that failed, and could not tidy up either.
+        disk.remove(&temporary)?;
+        disk.create(&temporary)
+    });
+    let written = created.and_then(|mut file| {
         let (head, bytes) = seal(what, &mut Appending(&mut *file), body)?;
         disk.overwrite(&temporary, &head)?;
         file.sync()?;
         Ok(bytes)
     });
+    let mut left = &*temporary;
     let named = written.and_then(|bytes| {
         disk.rename(&temporary, path)?;
+        left = path;
         disk.sync_folder(folder)?;
         Ok(bytes)
     });
     named.map_err(|error| {
-        // What is left of it goes when the store is opened next, if not now.
-        let _left = disk.remove(&temporary);
+        // Nobody was told of it: nothing is lost with it, and a name that may not last is no help.
+        let _left = disk.remove(left);
         file_error("cannot write", path, &error)
     })
 }
@@ -211,38 +248,55 @@ fn head(kind: Kind, label: &Label, length: u64) -> [u8; HEAD] {
     head
 }
 
-/// The label and body length of a head.
-fn read_head(kind: Kind, head: &[u8; HEAD]) -> Result<(Label, u64), String> {
+/// The label, body length and version of a head.
+fn read_head(kind: Kind, head: &[u8; HEAD]) -> Result<(Label, u64, u32), SealError> {
     let number = |at: usize| head[at..].first_chunk().map_or(0, |&b| u64::from_le_bytes(b));
     let version = head[8..].first_chunk().map_or(0, |&b| u32::from_le_bytes(b));
     if !head.starts_with(kind.magic()) {
-        return Err("it is no file of this kind".to_owned());
+        return Err(SealError::Damaged("it is no file of this kind".to_owned()));
     }
-    if version != VERSION {
-        return Err(format!("it has version {version}, and {VERSION} is the latest known here"));
+    if version == 0 {
+        return Err(SealError::Damaged("it has version 0, which there is not".to_owned()));
     }
     let mut uid = Uid::default();
     uid.copy_from_slice(&head[16..32]);
-    Ok((Label { uid, sequence: number(32) }, number(40)))
+    Ok((Label { uid, sequence: number(32) }, number(40), version))
 }
 
 /// Reads a file from its beginning to its end, and its body by `read`.
 ///
 /// # Errors
-/// [`SealError`]; damage of the file comes before what `read` says of it.
+/// [`SealError`]; damage of the file comes before what `read` says of it, and a later version before
+/// that.
 pub(super) fn unseal<T>(
     kind: Kind,
     input: &mut dyn Read,
-    read: impl FnOnce(&Label, &mut dyn BufRead) -> Result<T, String>,
+    read: impl FnOnce(&Label, &mut dyn BufRead) -> Result<T, SealError>,
+) -> Result<(Label, T), SealError> {
+    unseal_any(kind, input, |label, version, body| {
+        if version == VERSION {
+            return read(label, body);
+        }
+        let text = format!("it has version {version}, and {VERSION} is the latest known here");
+        Err(SealError::Later(text))
+    })
+}
+
+/// Reads a file of any version.
+fn unseal_any<T>(
+    kind: Kind,
+    input: &mut dyn Read,
+    read: impl FnOnce(&Label, u32, &mut dyn BufRead) -> Result<T, SealError>,
 ) -> Result<(Label, T), SealError> {
     let damaged = |reason: &str| Err(SealError::Damaged(reason.to_owned()));
     let mut sealed = Sealed::new(input);
     let mut head = [0; HEAD];
     let begun = match sealed.read_exact(&mut head) {
         Ok(()) => read_head(kind, &head),
-        Err(error) => Err(error.to_string()),
+        Err(error) => Err(error.into()),
     };
-    let begun = begun.map(|(label, length)| (label, length, read(&label, &mut sealed)));
+    let begun =
+        begun.map(|(label, length, version)| (label, length, read(&label, version, &mut sealed)));
     let (bytes, fits) = sealed.finish().map_err(SealError::Disk)?;
     if bytes < HEAD as u64 {
         return damaged("the file is too short");
@@ -250,11 +304,11 @@ pub(super) fn unseal<T>(
     if !fits {
         return damaged("the checksum does not fit");
     }
-    let (label, length, body) = begun.map_err(SealError::Damaged)?;
+    let (label, length, body) = begun?;
     if length != bytes - HEAD as u64 {
         return damaged("it is no file of this kind");
     }
-    Ok((label, body.map_err(SealError::Damaged)?))
+    Ok((label, body?))
 }
 
 /// All of a file but the checksum at its end, and the sum of what was read.
@@ -325,12 +379,12 @@ impl Read for Sealed<'_> {
     }
 }
 
-/// The body of an identity.
-pub(super) fn read_identity(input: &mut dyn Read) -> Result<(Label, Vec<u8>), SealError> {
-    unseal(Kind::Identity, input, |_label, body| {
+/// The body of an identity, with the version that wrote it.
+pub(super) fn read_identity(input: &mut dyn Read) -> Result<(Label, (u32, Vec<u8>)), SealError> {
+    unseal_any(Kind::Identity, input, |_label, version, body| {
         let mut bytes = Vec::new();
-        body.read_to_end(&mut bytes).map_err(|error| error.to_string())?;
-        Ok(bytes)
+        body.read_to_end(&mut bytes)?;
+        Ok((version, bytes))
     })
 }
 
@@ -342,7 +396,7 @@ pub(super) fn check_snapshot(input: &mut dyn Read) -> Result<Label, SealError> {
 /// The map of a snapshot, checked down to its state hash.
 pub(super) fn read_snapshot(input: &mut dyn Read) -> Result<Arc<Map>, SealError> {
     unseal(Kind::Snapshot, input, |label, body| {
-        let map = decode_map(&mut parts(body)?).map_err(|error| error.to_string())?;
+        let map = decode_map(&mut parts(body)?)?;
         check_sequence(label, &map)?;
         Ok(Arc::new(map))
     })
@@ -352,25 +406,24 @@ pub(super) fn read_snapshot(input: &mut dyn Read) -> Result<Arc<Map>, SealError>
 /// Whether a snapshot holds this map, or what is wrong with it. Takes little memory beside it.
 pub(super) fn compare_snapshot(input: &mut dyn Read, map: &Map) -> Result<(), SealError> {
     unseal(Kind::Snapshot, input, |label, body| {
-        compare_map(&mut parts(body)?, map).map_err(|error| error.to_string())?;
+        compare_map(&mut parts(body)?, map)?;
         check_sequence(label, map)
     })
     .map(|(_label, ())| ())
 }
 
-fn check_sequence(label: &Label, map: &Map) -> Result<(), String> {
+fn check_sequence(label: &Label, map: &Map) -> Result<(), SealError> {
     if sequence_of(map.revision()) == label.sequence {
         Ok(())
     } else {
-        Err("the map has another revision than the file".to_owned())
+        Err(SealError::Damaged("the map has another revision than the file".to_owned()))
     }
 }
 
 /// The stream of parts in a snapshot's body.
-pub(super) fn parts(body: &mut dyn BufRead) -> Result<impl Read, String> {
-    let stream = |error: io::Error| error.to_string();
-    let mut decoder = zstd::Decoder::with_buffer(body).map_err(stream)?;
-    decoder.window_log_max(WIDEST_WINDOW_LOG).map_err(stream)?;
+pub(super) fn parts(body: &mut dyn BufRead) -> io::Result<impl Read> {
+    let mut decoder = zstd::Decoder::with_buffer(body)?;
+    decoder.window_log_max(WIDEST_WINDOW_LOG)?;
     // A part's length is read for itself.
     Ok(BufReader::new(decoder))
 }

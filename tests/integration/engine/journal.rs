@@ -152,7 +152,7 @@ async fn a_failing_journal_ends_the_stream_and_changes_nothing() {
 #[tokio::test]
 async fn durable_is_told_when_the_journal_says_so_and_a_failure_ends_it() {
     // The creation is on disk.
-    let flushed = watch::Sender::new(Flushed { through: 1, failed: None });
+    let flushed = watch::Sender::new(Flushed { through: 1, ..Flushed::default() });
     let (store, map) = open_store(u64::MAX, Some(flushed)).await;
     let flushed = store.flushed.as_ref().unwrap();
     let mut client = Client::open(&map).await;
@@ -164,7 +164,7 @@ async fn durable_is_told_when_the_journal_says_so_and_a_failure_ends_it() {
         assert!(matches!(ack.status, AckStatus::Received { duplicate: false }), "{ack:?}");
     }
     // The opening and both items, at once: one ack covers both.
-    flushed.send_replace(Flushed { through: 4, failed: None });
+    flushed.send_replace(Flushed { through: 4, ..Flushed::default() });
     let ack = client.ack().await;
     assert!(ack.sequence == 2 && matches!(ack.status, AckStatus::Durable), "{ack:?}");
     // A watcher is told what is durable.
@@ -174,7 +174,7 @@ async fn durable_is_told_when_the_journal_says_so_and_a_failure_ends_it() {
     let watching = map.watch(None);
     let (name, cause) = ("house".to_owned(), "staged by a test".to_owned());
     let stopped = StoreError::Stopped { map: name, durable: 4, cause };
-    flushed.send_replace(Flushed { through: 4, failed: Some(stopped.clone()) });
+    flushed.send_replace(Flushed { through: 4, failed: Some(stopped.clone()), ..Flushed::default() });
     let stopped = EngineError::Store(stopped);
     assert_eq!(watching.await.unwrap_err(), stopped);
     assert_eq!(client.end().await, stopped);

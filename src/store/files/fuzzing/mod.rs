@@ -112,7 +112,7 @@ fn folded(parts: &[u8], through: u64) -> Map {
 pub(in crate::store) fn identity(body: &[u8]) {
     let bytes = sealed(Kind::Identity, &[7; 16], 0, body);
     let name = match read_identity(&mut &*bytes) {
-        Ok((_label, body)) => decode_identity(&body),
+        Ok((_label, (_version, body))) => decode_identity(&body),
         Err(reason) => panic!("what was sealed does not open: {reason}"),
     };
     if let Ok(name) = name {
@@ -142,13 +142,14 @@ fn open(disk: &MemoryDisk, uid: &Uid) -> Option<Opened> {
         Journal::new("map", *uid, folder.to_owned(), Arc::clone(&disk), options, &Arc::default());
     let found = match load(&*disk, folder, uid) {
         Ok(found) => found,
-        Err(StoreError::Content { .. }) => return None,
+        Err(StoreError::Later { .. }) => return None,
         Err(error) => panic!("a sound disk fails: {error}"),
     };
     let (last, frozen) = (found.last, found.frozen.is_some());
-    journal.loaded(found);
+    assert_eq!(journal.loaded(found), None, "a sound disk has room");
     let map = match read::newest_snapshot(&journal) {
         Ok(map) => map,
+        Err(StoreError::Later { .. }) => return None,
         Err(error) => panic!("a sound disk fails: {error}"),
     };
     let base = map.as_ref().map_or(0, |map| crate::store::sequence_of(map.revision()));
@@ -161,7 +162,7 @@ fn open(disk: &MemoryDisk, uid: &Uid) -> Option<Opened> {
 fn append(opened: &Opened, epoch: Epoch, event: Event) -> Result<u64, StoreError> {
     let journal = &opened.journal;
     journal.accept(epoch, opened.last, vec![Arc::new(event)])?;
-    journal.flush();
+    assert_eq!(journal.flush(), None, "a sound disk has room");
     let flushed = journal.follow().borrow().clone();
     flushed.failed.map_or(Ok(flushed.through), Err)
 }

@@ -1,0 +1,103 @@
+//! Creating and deleting maps: once begun it runs to its end, whoever still waits for the answer.
+//!
+//! The work and the entry in the table are one closure on the disk's thread, which owns the lock that
+//! lets one name change at a time. A map that was made for a caller who is gone has no event and never
+//! will: its name stays free, and whoever creates it next gets what was made.
+
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::failure::of_map;
+use super::journal::Journal;
+use super::record::Uid;
+use super::{Entry, FileStore, Inner, blocking, file_error, load, sealed};
+use crate::store::encoding::encode_identity;
+use crate::store::{Epoch, StoreError};
+
+impl FileStore {
+    pub(super) async fn create(&self, map: &str) -> Result<Epoch, StoreError> {
+        let changing = Arc::clone(&self.inner.changing).lock_owned().await;
+        let (inner, name) = (Arc::clone(&self.inner), map.to_owned());
+        let created = blocking(&*self.inner.disk, move || {
+            let epoch = inner.create(&name)?;
+            // Travels with the answer: where nobody takes that, the map is free again.
+            Ok((epoch, changing))
+        });
+        let (epoch, _changing) = created.await.map_err(|error| of_map(map, error))?;
+        if let Some(entry) = self.inner.maps().get_mut(map)
+            && let Entry::Unclaimed(journal) = entry
+        {
+            *entry = Entry::Map(Arc::clone(journal));
+        }
+        Ok(epoch)
+    }
+
+    pub(super) async fn delete(&self, map: &str) -> Result<(), StoreError> {
+        let changing = Arc::clone(&self.inner.changing).lock_owned().await;
+        let journal = self.inner.find(map)?;
+        let (inner, name) = (Arc::clone(&self.inner), map.to_owned());
+        let deleted = blocking(&*self.inner.disk, move || {
+            let _changing = changing;
+            journal.delete(&inner.root.join("maps"))?;
+            inner.maps().remove(&name);
+            Ok(())
+        });
+        deleted.await.map_err(|error| of_map(map, error))
+    }
+}
+
+impl Inner {
+    /// Creates a map. Blocks; the caller holds the lock for it.
+    fn create(&self, map: &str) -> Result<Epoch, StoreError> {
+        let left = match self.maps().get(map) {
+            None => None,
+            Some(Entry::Map(_) | Entry::Refused(_)) => {
+                return Err(StoreError::MapExists { map: map.to_owned() });
+            }
+            Some(Entry::Unclaimed(journal)) => {
+                let epoch = self.next_epoch();
+                journal.state().epoch = epoch;
+                return Ok(epoch);
+            }
+            Some(Entry::Leftover(folder)) => Some(folder.clone()),
+        };
+        if let Some(folder) = left {
+            self.remove(&folder)?;
+            self.maps().remove(map);
+        }
+        let epoch = self.next_epoch();
+        let (uid, folder) = self.new_folder(map);
+        if let Err(error) = self.write(map, &uid, &folder) {
+            // What is left has no event: it is no map for the next start either.
+            if self.remove(&folder).is_err() {
+                self.maps().insert(map.to_owned(), Entry::Leftover(folder));
+            }
+            return Err(error);
+        }
+        let disk = Arc::clone(&self.disk);
+        let journal = Journal::new(map, uid, folder, disk, self.options, &self.meters);
+        // Nothing was found, so that nothing is to be settled.
+        let _settled = journal.loaded(load::Found::default());
+        journal.state().epoch = epoch;
+        self.maps().insert(map.to_owned(), Entry::Unclaimed(Arc::new(journal)));
+        Ok(epoch)
+    }
+
+    /// Writes the folder of a new map, durable.
+    fn write(&self, map: &str, uid: &Uid, folder: &Path) -> Result<(), StoreError> {
+        let failed = |error| file_error("cannot create", folder, &error);
+        self.disk.create_folder(folder).map_err(failed)?;
+        let identity = encode_identity(map);
+        sealed::write_identity(&*self.disk, &folder.join("map"), uid, &identity)?;
+        self.disk.sync_folder(&self.root.join("maps")).map_err(failed)
+    }
+
+    /// Removes a folder without events, if it is there.
+    fn remove(&self, folder: &PathBuf) -> Result<(), StoreError> {
+        match self.disk.remove_folder(folder) {
+            Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+            removed => removed.map_err(|error| file_error("cannot remove", folder, &error)),
+        }
+    }
+}

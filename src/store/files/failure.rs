@@ -1,0 +1,60 @@
+//! Failures of the disk as the store tells them: which pass by themselves, and what callers read.
+//!
+//! An error inside this folder names the file, for the log. What leaves the store names the map and
+//! what is wrong: a caller must learn nothing of the server's folders.
+
+use std::io::{self, ErrorKind};
+use std::path::Path;
+
+use crate::store::StoreError;
+
+/// `EMFILE` and `ENFILE`: no kind of the standard library stands for them.
+#[cfg(unix)]
+const NO_DESCRIPTORS: [i32; 2] = [24, 23];
+/// `ERROR_TOO_MANY_OPEN_FILES`.
+#[cfg(windows)]
+const NO_DESCRIPTORS: [i32; 1] = [4];
+#[cfg(not(any(unix, windows)))]
+const NO_DESCRIPTORS: [i32; 0] = [];
+
+/// Whether an error says that something is used up that may come back: space, descriptors, memory.
+pub(super) fn passes(error: &io::Error) -> bool {
+    let used_up = [ErrorKind::StorageFull, ErrorKind::QuotaExceeded, ErrorKind::OutOfMemory];
+    used_up.contains(&error.kind()) || lacks_descriptors(error)
+}
+
+/// Whether no file could be opened, so that nothing was done at all.
+pub(super) fn lacks_descriptors(error: &io::Error) -> bool {
+    error.raw_os_error().is_some_and(|number| NO_DESCRIPTORS.contains(&number))
+}
+
+pub(super) fn file_error(action: &'static str, path: &Path, error: &io::Error) -> StoreError {
+    StoreError::File {
+        action,
+        path: path.display().to_string(),
+        message: error.to_string(),
+        passes: passes(error),
+    }
+}
+
+/// What a caller of a map's store is told of a failure that names a file; the log has the file.
+pub(super) fn of_map(map: &str, error: StoreError) -> StoreError {
+    let (cause, is_short) = match &error {
+        StoreError::File { action, message, passes, .. } => {
+            (format!("{action} its files: {message}"), *passes)
+        }
+        StoreError::Content { message, .. } => (message.clone(), false),
+        StoreError::Later { file, reason, .. } => {
+            let (map, file, reason) = (map.to_owned(), file.clone(), reason.clone());
+            return StoreError::Later { map, file, reason };
+        }
+        _ => return error,
+    };
+    tracing::warn!(map, %error, "a call on the store failed");
+    let map = map.to_owned();
+    if is_short {
+        StoreError::Unavailable { map, cause }
+    } else {
+        StoreError::Failed { map, cause }
+    }
+}

@@ -1,0 +1,188 @@
+//! What the folders in `maps/` are: maps, what covis left unfinished, and what is not ours.
+//!
+//! The server's start, `doctor` and `backup` go by the same rules. A folder is a map's where its name
+//! is a uid and the identity in it carries the same uid. Only what covis itself leaves is ever removed:
+//! folders called `UID.deleted`, and those whose creation never came to a first event. Everything else
+//! stays as it is, and stops nothing.
+
+use std::collections::BTreeMap;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use super::disk::Disk;
+use super::record::{Header, Uid, read_header, scan};
+use super::sealed::{self, SealError};
+use super::{file_error, journal_name};
+use crate::store::StoreError;
+use crate::store::encoding::{EncodingError, decode_identity, decode_later_identity};
+
+/// What a folder is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Folder {
+    /// A map that was created, or may have been.
+    Map {
+        name: String,
+        uid: Uid,
+    },
+    /// A map that a later version has given its name.
+    Later(StoreError),
+    /// A map whose name cannot be read, and why.
+    Nameless(String),
+    /// What a creation or deletion left that did not end.
+    Leftover,
+    /// None of ours, and why.
+    Stray(&'static str),
+}
+
+/// The uid that a name is.
+pub(super) fn uid_of(name: &str) -> Option<Uid> {
+    let mut uid = Uid::default();
+    let is_hex = |byte: u8| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte);
+    if name.len() != 2 * uid.len() || !name.bytes().all(is_hex) {
+        return None;
+    }
+    for (index, byte) in uid.iter_mut().enumerate() {
+        *byte = u8::from_str_radix(name.get(2 * index..2 * index + 2)?, 16).ok()?;
+    }
+    Some(uid)
+}
+
+/// The name of the folder of a uid.
+pub(super) fn name_of(uid: &Uid) -> String {
+    uid.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Finds out what an entry of `maps/` is. Changes nothing. Blocks.
+pub(super) fn look(disk: &dyn Disk, maps: &Path, entry: &str) -> Folder {
+    if entry.strip_suffix(".deleted").is_some_and(|name| uid_of(name).is_some()) {
+        return Folder::Leftover;
+    }
+    let Some(uid) = uid_of(entry) else { return Folder::Stray("covis gives no such name") };
+    let folder = maps.join(entry);
+    let names = match disk.list(&folder) {
+        Ok(names) => names,
+        Err(error) if error.kind() == ErrorKind::NotADirectory => {
+            return Folder::Stray("it is no folder");
+        }
+        Err(error) => return Folder::Nameless(error.to_string()),
+    };
+    if names.iter().all(|name| name.ends_with(".tmp")) {
+        return Folder::Leftover;
+    }
+    let path = folder.join("map");
+    let read = match disk.stream(&path) {
+        Ok(mut file) => sealed::read_identity(&mut file),
+        Err(error) => Err(SealError::Disk(error)),
+    };
+    match read {
+        Ok((label, _)) if label.uid != uid => Folder::Stray("it holds what belongs to another folder"),
+        Ok((_, (version, body))) => named(disk, &folder, &names, uid, version, &body),
+        Err(error) => Folder::Nameless(error.to_string()),
+    }
+}
+
+fn named(
+    disk: &dyn Disk,
+    folder: &Path,
+    names: &[String],
+    uid: Uid,
+    version: u32,
+    body: &[u8],
+) -> Folder {
+    let reason = if version == super::record::VERSION {
+        match decode_identity(body) {
+            Ok(_) if is_unfinished(disk, folder, names, &uid) => return Folder::Leftover,
+            Ok(name) => return Folder::Map { name, uid },
+            Err(error @ EncodingError::Later) => error.to_string(),
+            Err(error) => return Folder::Nameless(error.to_string()),
+        }
+    } else {
+        format!("it has version {version}, and {} is the latest known here", super::record::VERSION)
+    };
+    match decode_later_identity(body) {
+        Ok(map) if !map.is_empty() => {
+            Folder::Later(StoreError::Later { map, file: "map".to_owned(), reason })
+        }
+        Ok(_) | Err(_) => Folder::Nameless(reason),
+    }
+}
+
+/// Whether a map never had an event: its creation was not answered. A mark, a snapshot or any other
+/// file says that it had one; a journal that cannot be read is no evidence.
+fn is_unfinished(disk: &dyn Disk, folder: &Path, names: &[String], uid: &Uid) -> bool {
+    let first = journal_name(1);
+    let is_early = |name: &String| name == "map" || *name == first || name.ends_with(".tmp");
+    if !names.iter().all(is_early) {
+        return false;
+    }
+    if !names.contains(&first) {
+        return true;
+    }
+    let Ok(bytes) = disk.read(&folder.join(&first)) else { return false };
+    let is_later = matches!(read_header(&bytes, uid), Header::Later(_));
+    !is_later && scan(&bytes, uid, 1).records.is_empty()
+}
+
+/// A map at the start: its files, or why it takes no calls.
+pub(super) type Claim = Result<(Uid, PathBuf), StoreError>;
+
+/// The maps of a directory by name. What is unfinished is removed; what is not ours is told. Blocks.
+///
+/// # Errors
+/// [`StoreError::File`] where `maps/` cannot be listed.
+pub(super) fn at_start(
+    disk: &dyn Disk,
+    maps: &Path,
+) -> Result<BTreeMap<String, Claim>, StoreError> {
+    let entries = disk.list(maps).map_err(|e| file_error("cannot list", maps, &e))?;
+    let mut claims: BTreeMap<String, Vec<(String, Claim)>> = BTreeMap::new();
+    for entry in entries {
+        let path = maps.join(&entry);
+        let folder = path.display();
+        match look(disk, maps, &entry) {
+            Folder::Map { name, uid } => {
+                claims.entry(name).or_default().push((entry, Ok((uid, path))));
+            }
+            Folder::Later(error) => {
+                tracing::error!(%folder, %error, "a map is not opened");
+                if let StoreError::Later { map, .. } = &error {
+                    claims.entry(map.clone()).or_default().push((entry, Err(error)));
+                }
+            }
+            Folder::Nameless(reason) => {
+                tracing::error!(%folder, reason, "a map's name cannot be read, it is not opened");
+            }
+            Folder::Stray(reason) => tracing::warn!(%folder, reason, "not a map, it is left alone"),
+            Folder::Leftover => {
+                if let Err(error) = discard(disk, &path) {
+                    tracing::warn!(%folder, %error, "what is left of a map could not be removed");
+                }
+            }
+        }
+    }
+    Ok(claims.into_iter().map(|(name, claims)| (name.clone(), one(maps, name, claims))).collect())
+}
+
+/// The one claim to a name; several are none.
+fn one(maps: &Path, map: String, mut claims: Vec<(String, Claim)>) -> Claim {
+    if let [_] = &claims[..]
+        && let Some((_, claim)) = claims.pop()
+    {
+        return claim;
+    }
+    let folders: Vec<String> = claims.into_iter().map(|(folder, _)| folder).collect();
+    let error = StoreError::Ambiguous { map, folders };
+    tracing::error!(folder = %maps.display(), %error, "a map is not opened");
+    Err(error)
+}
+
+/// Removes the folder of a map that is not wanted any more, so that no moment makes another map of it.
+/// Blocks.
+pub(super) fn discard(disk: &dyn Disk, folder: &Path) -> std::io::Result<()> {
+    let gone = folder.with_extension("deleted");
+    if folder != gone {
+        disk.rename(folder, &gone)?;
+        disk.sync_folder(gone.parent().unwrap_or(&gone))?;
+    }
+    disk.remove_folder(&gone)
+}
