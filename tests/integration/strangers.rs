@@ -9,6 +9,7 @@ use covis::wire::v1;
 use tempfile::NamedTempFile;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
+use tokio::task::JoinSet;
 use tonic::Code;
 use tonic::transport::Endpoint;
 use tonic_health::pb::HealthCheckRequest;
@@ -182,9 +183,11 @@ fn whoever_says_nothing_or_half_of_something_is_closed() {
             // Without a token a call does not make a connection known.
             greeting(&[headers(LIST_MAPS), half_a_message()]),
         ];
+        let mut reading = JoinSet::new();
         for input in inputs {
-            read_to_end(raw(&server, &input).await).await;
+            reading.spawn(read_to_end(raw(&server, &input).await));
         }
+        assert_eq!(reading.join_all().await.len(), 9);
     });
 }
 
@@ -192,7 +195,6 @@ fn whoever_says_nothing_or_half_of_something_is_closed() {
 fn a_connection_without_calls_is_told_to_go_away() {
     run(async {
         let limits = ConnectionLimits {
-            stranger_time: Duration::from_millis(1),
             idle_time: Duration::from_millis(50),
             ..ConnectionLimits::default()
         };

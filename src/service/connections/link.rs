@@ -33,7 +33,7 @@ pub(super) struct Link {
     /// When it was accepted.
     pub(super) since: Instant,
     connections: Weak<Connections>,
-    is_known: AtomicBool,
+    is_known: watch::Sender<bool>,
     calls: Mutex<Calls>,
     stage: watch::Sender<Stage>,
     is_closed: AtomicBool,
@@ -56,7 +56,7 @@ impl Link {
             peer,
             since,
             connections,
-            is_known: AtomicBool::new(false),
+            is_known: watch::Sender::new(false),
             calls: Mutex::new(Calls { open: 0, idle_since: since }),
             stage: watch::Sender::new(Stage::Open),
             is_closed: AtomicBool::new(false),
@@ -77,11 +77,18 @@ impl Link {
     }
 
     pub(super) fn is_known(&self) -> bool {
-        self.is_known.load(Ordering::Acquire)
+        *self.is_known.borrow()
     }
 
     pub(super) fn set_known(&self) {
-        self.is_known.store(true, Ordering::Release);
+        self.is_known.send_replace(true);
+    }
+
+    /// Resolves when the connection is no stranger any more.
+    pub(super) async fn known(&self) {
+        let mut is_known = self.is_known.subscribe();
+        // The sender lives as long as `self`.
+        let _known = is_known.wait_for(|&is_known| is_known).await;
     }
 
     /// Since when there is no call; `None` while there is one.

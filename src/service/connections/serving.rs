@@ -162,13 +162,15 @@ async fn handshake<S: Socket>(
 /// Ends the connection when its time is up; resolves when it was closed for that.
 async fn watch_over(link: &Link, place: &Place) {
     let (limits, ends) = (place.connections().limits(), &place.connections().ends);
-    sleep_until(link.since + limits.stranger_time).await;
-    if !link.is_known() {
-        link.drain();
-        sleep(GOODBYE_TIME).await;
-        if !link.is_known() {
-            ends.stranger_time.increment();
-            return;
+    tokio::select! {
+        () = link.known() => {}
+        () = sleep_until(link.since + limits.stranger_time) => {
+            link.drain();
+            sleep(GOODBYE_TIME).await;
+            if !link.is_known() {
+                ends.stranger_time.increment();
+                return;
+            }
         }
     }
     loop {
