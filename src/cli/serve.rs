@@ -18,7 +18,7 @@ use super::config::{Config, Layer};
 use super::output::{ClosedPipe, print};
 use super::signals::Signals;
 use crate::service::engine::EngineConfig;
-use crate::service::{JwtOptions, Server, ServerConfig, TlsFiles};
+use crate::service::{ConnectionLimits, JwtOptions, Server, ServerConfig, TlsFiles};
 
 /// Arguments of `covis serve`.
 #[derive(Debug, clap::Args)]
@@ -209,12 +209,18 @@ pub(super) fn server_config(config: &Config) -> ServerConfig {
         ..EngineConfig::default()
     };
     let default = ServerConfig::default();
+    let connections = ConnectionLimits {
+        max_connections: config.max_connections,
+        max_strangers: config.max_strangers,
+        ..default.connections
+    };
     ServerConfig {
         threads: config.threads,
         ceilings: config.map_limits.over(default.ceilings),
         tenant_ceilings: config.tenant_limits.into(),
         max_message_bytes: config.max_message_bytes,
         max_concurrent_streams: config.max_concurrent_streams,
+        connections,
         drain_budget: Duration::from_secs(config.drain_budget),
         engine,
         test_fault: config.test_fault.clone(),

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use super::access::JwtOptions;
 use super::clock::Clock;
+use super::connections::ConnectionLimits;
 use super::engine::{EngineConfig, TenantCeilings};
 use super::tls::TlsFiles;
 use crate::map::Ceilings;
@@ -20,6 +21,8 @@ pub struct ServerConfig {
     pub max_message_bytes: usize,
     /// Streams that one connection may hold at once (64).
     pub max_concurrent_streams: u32,
+    /// How many connections are held, and how long one may be without use.
+    pub connections: ConnectionLimits,
     /// How a peer that went away without a word is found.
     pub keep_alive: KeepAlive,
     /// Maps that the server keeps (1000).
@@ -77,6 +80,7 @@ impl Default for ServerConfig {
         Self {
             max_message_bytes: DEFAULT_MESSAGE_BYTES,
             max_concurrent_streams: 64,
+            connections: ConnectionLimits::default(),
             keep_alive: KeepAlive::default(),
             max_maps: 1000,
             ceilings: Ceilings {

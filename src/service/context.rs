@@ -18,6 +18,7 @@ use tracing::Instrument;
 
 use super::access::Access;
 use super::config::ServerConfig;
+use super::connections::Connections;
 use super::convert::map::ServerCeilings;
 use super::engine::{EngineError, Maps};
 use super::error::ServiceError;
@@ -37,6 +38,8 @@ pub(super) struct Context {
     pub meters: ServerMeters,
     /// Who may call what.
     pub access: Arc<Access>,
+    /// Who is connected.
+    pub connections: Arc<Connections>,
     /// Random for each start.
     pub instance_id: String,
     /// Start of the server, nanoseconds of Unix time.

@@ -54,6 +54,11 @@ pub(super) enum ServiceError {
         /// Its value.
         maximum: i64,
     },
+    /// A request message was begun and its rest did not come in time.
+    SlowMessage {
+        /// The time it has, seconds.
+        seconds: u64,
+    },
     /// The caller does not say who it is, or nobody knows it.
     Unauthenticated {
         /// What is wrong.

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use tonic::{Request, Response, Status, Streaming};
 
 use super::access::{Caller, deletion, shown};
+use super::connections::Peer;
 use super::context::{Answers, Context};
 use super::convert::map::{display_name, policy, to_map};
 use super::convert::{Path, convert, ids};
@@ -149,7 +150,8 @@ impl MapService for MapRpcs {
             let caller = Caller::of(&request)?;
             let map_id = convert(|out| ids::map_id(&request.get_ref().map_id, out))?;
             let deleted = self.delete(&caller.engine_name(&map_id)).await;
-            deletion(&caller, request.remote_addr(), &map_id, &deleted);
+            let peer = request.extensions().get().map(Peer::address);
+            deletion(&caller, peer, &map_id, &deleted);
             deleted.map(|()| v1::DeleteMapResponse {})
         };
         self.context.answer("DeleteMap", handler).await

@@ -11,7 +11,7 @@
 //! | `context` | how a handler's outcome becomes an answer |
 //! | `access` | tokens, roles and tenants: who may call what |
 //! | `clock` | what time it is, where that decides |
-//! | `connections` | sockets on their way to the transport |
+//! | `connections` | who is connected, and for how long |
 //! | `tls` | certificates of the listener |
 //! | `telemetry` | metrics, and spans of calls |
 //! | `*_service` | one file a service of the wire; `watch`, `export`, `listing` serve `MapService` |
@@ -35,6 +35,7 @@ mod ingest_service;
 mod job_service;
 mod limits;
 mod listing;
+mod log_limit;
 mod map_service;
 mod optimization_service;
 mod random;
@@ -49,6 +50,7 @@ mod watch;
 pub use access::{AccessError, JwtOptions};
 pub use clock::Clock;
 pub use config::{KeepAlive, ServerConfig};
+pub use connections::ConnectionLimits;
 pub use limits::{MapLimits, TenantLimits};
 #[cfg(test)]
 pub(crate) use server::Backend;

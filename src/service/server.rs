@@ -7,6 +7,8 @@
 //! Starting: the transport answers at once, health with NOT_SERVING and calls with UNAVAILABLE, until
 //! every map is open.
 //!
+//! What a stranger can make the server hold is bounded by [`super::connections`].
+//!
 //! Shutting down: health turns NOT_SERVING, open streams end with UNAVAILABLE once what they took is
 //! answered, running calls and solves finish within the budget, then the engines stop and the store
 //! is closed: nothing that was acknowledged is lost, also where the budget was too short. New calls of a draining
@@ -18,18 +20,18 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
-use futures_util::TryStreamExt;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_stream::Stream;
 use tonic::server::NamedService;
+use tonic::service::Routes;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
 use super::access::{Access, AccessError, Guarded};
 use super::config::ServerConfig;
-use super::connections::{self, Accepted, Connection, Socket};
+use super::connections::{self, Accepted, Connections, Socket, Transport};
 use super::context::Context;
 use super::engine::{EngineError, Fault, Maps, SolverPool, Tenants};
 use super::ingest_service::Ingest;
@@ -39,7 +41,7 @@ use super::optimization_service::Optimization;
 use super::random::random_id;
 use super::server_service::ServerInfo;
 use super::telemetry::{self, Metered, ServerMeters};
-use super::tls::{self, Tls, TlsError};
+use super::tls::{Tls, TlsError};
 use crate::store::{FileStore, FileStoreOptions, MemoryStore, Store, StoreMeters};
 use crate::wire::v1::FILE_DESCRIPTOR_SET;
 use crate::wire::v1::ingest_service_server::IngestServiceServer;
@@ -117,7 +119,7 @@ pub struct RunningServer {
     metrics: Option<(SocketAddr, JoinHandle<()>)>,
     drain: watch::Sender<bool>,
     health: HealthReporter,
-    task: JoinHandle<Result<(), tonic::transport::Error>>,
+    task: JoinHandle<()>,
 }
 
 impl Server {
@@ -173,6 +175,7 @@ impl Server {
         let meters = ServerMeters::new(counted);
         let maps = Maps::new(store, pool, config.engine);
         let (drain, draining) = watch::channel(false);
+        let connections = Connections::new(config.connections, telemetry::max_open_files());
         let instance_id = random_id();
         let (start_time_ns, ready) = (now_ns(), AtomicBool::new(false));
         let context = Arc::new(Context {
@@ -180,6 +183,7 @@ impl Server {
             config,
             meters,
             access,
+            connections,
             instance_id,
             start_time_ns,
             ready,
@@ -280,8 +284,7 @@ impl RunningServer {
         self.drain.send_replace(true);
         let budget = self.context.config.drain_budget;
         match tokio::time::timeout(budget, &mut self.task).await {
-            Ok(Ok(Ok(()))) => {}
-            Ok(Ok(Err(error))) => tracing::warn!(%error, "the transport ended badly"),
+            Ok(Ok(())) => {}
             Ok(Err(error)) => tracing::warn!(%error, "the transport's task ended badly"),
             Err(_elapsed) => {
                 tracing::warn!("calls were still running after {budget:?}, they are cut");
@@ -314,6 +317,10 @@ const STREAM_WINDOW_BYTES: u32 = 256 << 10;
 /// The same of a connection. The transport drops a connection whose unread small frames cost more
 /// than half of it, 256 bytes each: a stream full of the smallest items may not.
 const CONNECTION_WINDOW_BYTES: u32 = 8 << 20;
+/// The largest message to a service that has no need of large ones: health, which is open to strangers.
+const SMALL_MESSAGE_BYTES: usize = 4 << 10;
+/// All headers of a call together; a JSON Web Token is a few KiB.
+const HEADER_LIST_BYTES: u32 = 16 << 10;
 
 /// Every service of the wire, by full name.
 const SERVICES: [&str; 5] = [
@@ -329,7 +336,7 @@ async fn serve<S: Socket>(
     incoming: impl Stream<Item = io::Result<Accepted<S>>> + Send + 'static,
     tls: Option<Arc<Tls>>,
     context: Arc<Context>,
-) -> Result<(HealthReporter, JoinHandle<Result<(), tonic::transport::Error>>), ServerError> {
+) -> Result<(HealthReporter, JoinHandle<()>), ServerError> {
     let (bytes, keep_alive) = (context.config.max_message_bytes, context.config.keep_alive);
     // The generated servers share no trait for their limits.
     macro_rules! limited {
@@ -361,33 +368,25 @@ async fn serve<S: Socket>(
     let ingest = IngestServiceServer::new(Ingest::new(Arc::clone(&context)));
     let optimization = OptimizationServiceServer::new(Optimization::new(Arc::clone(&context)));
     let info = ServerServiceServer::new(ServerInfo::new(Arc::clone(&context)));
-    let router = tonic::transport::Server::builder()
+    let health_service = health_service.max_decoding_message_size(SMALL_MESSAGE_BYTES);
+    let server = tonic::transport::Server::builder()
         .max_concurrent_streams(context.config.max_concurrent_streams)
         .initial_stream_window_size(STREAM_WINDOW_BYTES)
         .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
+        .http2_max_header_list_size(HEADER_LIST_BYTES)
         .http2_keepalive_interval(Some(keep_alive.interval))
-        .http2_keepalive_timeout(Some(keep_alive.timeout))
-        .add_service(guarded!(maps))
+        .http2_keepalive_timeout(Some(keep_alive.timeout));
+    let routes = Routes::new(guarded!(maps))
         .add_service(guarded!(ingest))
         .add_service(guarded!(optimization))
         .add_service(guarded!(JobServiceServer::new(Jobs)))
         .add_service(guarded!(info))
-        .add_service(metered!(limited!(health_service)))
+        .add_service(metered!(health_service))
         .add_service(guarded!(reflection().build_v1()?))
-        .add_service(guarded!(reflection().build_v1alpha()?));
-    let task = tokio::spawn(async move {
-        let drained = context.drained();
-        match tls {
-            None => {
-                let incoming = incoming.map_ok(|(socket, peer)| Connection::new(socket, peer));
-                router.serve_with_incoming_shutdown(incoming, drained).await
-            }
-            Some(tls) => {
-                let incoming = tls::handshakes(incoming, tls, Arc::clone(&context));
-                router.serve_with_incoming_shutdown(incoming, drained).await
-            }
-        }
-    });
+        .add_service(guarded!(reflection().build_v1alpha()?))
+        .prepare();
+    let transport = Transport { server, routes, tls };
+    let task = tokio::spawn(connections::serve(incoming, transport, Arc::clone(&context)));
     Ok((health, task))
 }
 

@@ -106,6 +106,11 @@ impl From<ServiceError> for Status {
                     .with("limit", limit)
                     .retry(RETRY_FULL)
             }
+            ServiceError::SlowMessage { seconds } => {
+                let text = format!("a request message was begun and not sent on for {seconds} s");
+                Parts::new(Code::DeadlineExceeded, "SLOW_MESSAGE", text)
+                    .with("message_time_s", seconds)
+            }
             ServiceError::Unauthenticated { what } => {
                 Parts::new(Code::Unauthenticated, "UNAUTHENTICATED", what)
             }

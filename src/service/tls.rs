@@ -1,35 +1,20 @@
 //! TLS of the listener: certificate, key, and which authority signs the clients' certificates.
 //!
 //! rustls is driven here and not through tonic, whose acceptor keeps its certificate for good: a
-//! handshake takes what was read last. Handshakes run side by side, bounded in number and time, so
-//! that a peer that says nothing keeps nobody out. Keys are never logged.
+//! handshake takes what was read last. `connections` makes the handshakes and bounds them. Keys are
+//! never logged.
 
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::pin::pin;
 use std::sync::{Arc, PoisonError, RwLock};
-use std::time::Duration;
 
-use tokio::sync::mpsc;
-use tokio::task::JoinSet;
 use tokio_rustls::TlsAcceptor;
 use tokio_rustls::rustls::crypto::ring::default_provider;
 use tokio_rustls::rustls::pki_types::pem::PemObject;
 use tokio_rustls::rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use tokio_rustls::rustls::server::{VerifierBuilderError, WebPkiClientVerifier};
 use tokio_rustls::rustls::{self, RootCertStore};
-use tokio_rustls::server::TlsStream;
-use tokio_stream::wrappers::ReceiverStream;
-use tokio_stream::{Stream, StreamExt};
-
-use super::connections::{Accepted, Connection, Socket};
-use super::context::Context;
-
-/// Handshakes that run at once; further connections wait in the system's queue.
-const MAX_HANDSHAKES: usize = 256;
-/// How long a handshake may take.
-const HANDSHAKE_TIME: Duration = Duration::from_secs(10);
 
 /// Where certificates and keys are; all in PEM.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -94,7 +79,8 @@ impl Tls {
         *self.acceptor.write().unwrap_or_else(PoisonError::into_inner) = acceptor;
     }
 
-    fn current(&self) -> TlsAcceptor {
+    /// What handshakes are made with now.
+    pub(super) fn current(&self) -> TlsAcceptor {
         self.acceptor.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
@@ -140,56 +126,4 @@ pub(super) fn certificates_in(pem: &[u8]) -> Option<Vec<CertificateDer<'static>>
 /// The first private key of a PEM file.
 pub(super) fn key_in(pem: &[u8]) -> Option<PrivateKeyDer<'static>> {
     PrivateKeyDer::from_pem_slice(pem).ok()
-}
-
-/// The connections of `incoming` whose handshake succeeds.
-pub(super) fn handshakes<S: Socket>(
-    incoming: impl Stream<Item = io::Result<Accepted<S>>> + Send + 'static,
-    tls: Arc<Tls>,
-    context: Arc<Context>,
-) -> ReceiverStream<io::Result<Connection<TlsStream<S>>>> {
-    let (sender, receiver) = mpsc::channel(1);
-    tokio::spawn(async move {
-        let mut incoming = pin!(incoming);
-        let mut running = JoinSet::new();
-        loop {
-            tokio::select! {
-                next = incoming.next(), if running.len() < MAX_HANDSHAKES => match next {
-                    Some(Ok(accepted)) => {
-                        running.spawn(handshake(tls.current(), accepted, sender.clone(), Arc::clone(&context)));
-                    }
-                    Some(Err(error)) => {
-                        // The transport decides which errors end the server.
-                        let _gone = sender.send(Err(error)).await;
-                    }
-                    None => return,
-                },
-                Some(_ended) = running.join_next(), if !running.is_empty() => {}
-                () = sender.closed() => return,
-            }
-        }
-    });
-    ReceiverStream::new(receiver)
-}
-
-async fn handshake<S: Socket>(
-    acceptor: TlsAcceptor,
-    (socket, peer): Accepted<S>,
-    sender: mpsc::Sender<io::Result<Connection<TlsStream<S>>>>,
-    context: Arc<Context>,
-) {
-    let failed = || context.meters.failed_handshakes.increment();
-    match tokio::time::timeout(HANDSHAKE_TIME, acceptor.accept(socket)).await {
-        Ok(Ok(stream)) => {
-            let _gone = sender.send(Ok(Connection::new(stream, peer))).await;
-        }
-        Ok(Err(error)) => {
-            failed();
-            tracing::debug!(%error, "a TLS handshake failed");
-        }
-        Err(_elapsed) => {
-            failed();
-            tracing::debug!("a TLS handshake took too long");
-        }
-    }
 }

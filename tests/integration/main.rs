@@ -51,4 +51,5 @@ mod rpc_watch;
 #[cfg(feature = "opentelemetry")]
 mod spans;
 mod spill;
+mod strangers;
 mod tls;

@@ -76,6 +76,8 @@ impl Environment {
                 "COVIS_MAX_CONCURRENT_STREAMS" => {
                     layer.max_concurrent_streams = Some(number(name, value)?);
                 }
+                "COVIS_MAX_CONNECTIONS" => layer.max_connections = Some(number(name, value)?),
+                "COVIS_MAX_STRANGERS" => layer.max_strangers = Some(number(name, value)?),
                 "COVIS_QUEUE_CAPACITY" => layer.queue_capacity = Some(number(name, value)?),
                 "COVIS_METRICS_LISTEN" => layer.metrics_listen = Some(value.clone()),
                 "COVIS_DRAIN_BUDGET" => layer.drain_budget = Some(number(name, value)?),

@@ -59,6 +59,10 @@ pub struct Layer {
     pub max_message_bytes: Option<usize>,
     /// Most concurrent streams of one connection.
     pub max_concurrent_streams: Option<u32>,
+    /// Most connections at once.
+    pub max_connections: Option<usize>,
+    /// Those of them that have made no call that was admitted.
+    pub max_strangers: Option<usize>,
     /// Items that may wait for a map's engine.
     pub queue_capacity: Option<usize>,
     /// Ceilings of a map, which its policy can only lower.
@@ -195,6 +199,8 @@ impl Layer {
             threads: self.threads.or(lower.threads),
             lock_step: self.lock_step.or(lower.lock_step),
             max_message_bytes: self.max_message_bytes.or(lower.max_message_bytes),
+            max_connections: self.max_connections.or(lower.max_connections),
+            max_strangers: self.max_strangers.or(lower.max_strangers),
             max_concurrent_streams: self.max_concurrent_streams.or(lower.max_concurrent_streams),
             queue_capacity: self.queue_capacity.or(lower.queue_capacity),
             map_limits: self.map_limits.or(lower.map_limits),

@@ -13,7 +13,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use crate::client::Token;
-use crate::service::{MapLimits, TenantLimits};
+use crate::service::{ConnectionLimits, MapLimits, TenantLimits};
 
 pub use environment::Environment;
 pub use layer::{ConfigError, Layer, LogFormat};
@@ -66,6 +66,11 @@ pub struct Config {
     pub max_message_bytes: usize,
     /// Most concurrent streams of one connection (64).
     pub max_concurrent_streams: u32,
+    /// Most connections of a server at once (512).
+    pub max_connections: usize,
+    /// Those of them that have made no call that was admitted (256); half of
+    /// them at most.
+    pub max_strangers: usize,
     /// Items that may wait for a map's engine before a stream is slowed down (64).
     pub queue_capacity: usize,
     /// Ceilings of a map, over those of [`ServerConfig`](crate::service::ServerConfig); in the file
@@ -116,6 +121,7 @@ impl Config {
     }
 
     fn from_layer(layer: Layer) -> Self {
+        let connections = ConnectionLimits::default();
         let processors = || std::thread::available_parallelism().map_or(1, usize::from);
         Self {
             listen: layer.listen.unwrap_or_else(|| "127.0.0.1:7411".to_owned()),
@@ -137,6 +143,8 @@ impl Config {
             lock_step: layer.lock_step.unwrap_or(false),
             max_message_bytes: layer.max_message_bytes.unwrap_or(4 * 1024 * 1024),
             max_concurrent_streams: layer.max_concurrent_streams.unwrap_or(64),
+            max_connections: layer.max_connections.unwrap_or(connections.max_connections),
+            max_strangers: layer.max_strangers.unwrap_or(connections.max_strangers),
             queue_capacity: layer.queue_capacity.unwrap_or(64),
             map_limits: layer.map_limits.unwrap_or_default(),
             tenant_limits: layer.tenant_limits.unwrap_or_default(),
@@ -186,6 +194,12 @@ impl Config {
         }
         if self.max_concurrent_streams == 0 {
             return out_of_range("max_concurrent_streams", "must be at least 1");
+        }
+        if self.max_strangers == 0 {
+            return out_of_range("max_strangers", "must be at least 1");
+        }
+        if self.max_connections < 2 {
+            return out_of_range("max_connections", "must be at least 2");
         }
         if self.in_memory && self.data_dir.is_some() {
             return out_of_range("in_memory", "excludes data_dir: maps are kept here or there");

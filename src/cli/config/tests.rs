@@ -78,6 +78,8 @@ fn values_out_of_range_name_their_setting() {
     check(&[("COVIS_JWKS", "keys.json"), ("COVIS_JWT_ISSUER", "i")], "setting jwks");
     check(&[("COVIS_JWT_AUDIENCE", "covis")], "setting jwks");
     check(&[("COVIS_MAX_MESSAGE_BYTES", "12")], "setting max_message_bytes");
+    check(&[("COVIS_MAX_CONNECTIONS", "1")], "setting max_connections");
+    check(&[("COVIS_MAX_STRANGERS", "0")], "setting max_strangers");
     let missing = Config::load(Layer::default(), Some("no/such.toml".into()), environment(&[]));
     assert!(missing.unwrap_err().to_string().contains("no/such.toml"));
 }

@@ -6,6 +6,7 @@ use std::net::SocketAddr;
 use super::jwt::Refusal;
 use super::{Caller, Role};
 use crate::service::error::ServiceError;
+use crate::service::log_limit::LogLimit;
 
 /// Who deleted which map, and whether it worked.
 pub(in crate::service) fn deletion(
@@ -20,15 +21,33 @@ pub(in crate::service) fn deletion(
     tracing::info!(target: "audit", action = "DeleteMap", map, tenant, token, peer, outcome);
 }
 
-/// A known caller asked for more than its role allows.
-pub(super) fn refusal(caller: &Caller, path: &str, needed: Role) {
-    let (token, tenant, needed) = (caller.token(), caller.tenant(), needed.name());
-    tracing::info!(target: "audit", action = path, tenant, token, needed, outcome = "refused");
+/// Refusals, which anybody can cause without end: a flood is summed up. What strangers cause stands
+/// apart, so that they cannot hide what known callers try.
+#[derive(Debug, Default)]
+pub(super) struct Refusals {
+    known: LogLimit,
+    strangers: LogLimit,
 }
 
-/// A JSON Web Token was not taken; its bearer is not told why.
-pub(super) fn not_taken(path: &str, reason: &Refusal) {
-    tracing::info!(target: "audit", action = path, %reason, outcome = "refused");
+impl Refusals {
+    /// A known caller asked for more than its role allows.
+    pub(super) fn role(&self, caller: &Caller, path: &str, needed: Role) {
+        let (token, tenant, needed) = (caller.token(), caller.tenant(), needed.name());
+        let line = || tracing::info!(target: "audit", action = path, tenant, token, needed, outcome = "refused");
+        self.known.log(line, |count| {
+            let reason = "a role is too low";
+            tracing::info!(target: "audit", count, reason, outcome = "more were refused");
+        });
+    }
+
+    /// A JSON Web Token was not taken; its bearer is not told why.
+    pub(super) fn not_taken(&self, path: &str, reason: &Refusal) {
+        let line = || tracing::info!(target: "audit", action = path, %reason, outcome = "refused");
+        self.strangers.log(line, |count| {
+            let reason = "tokens were not taken";
+            tracing::info!(target: "audit", count, reason, outcome = "more were refused");
+        });
+    }
 }
 
 /// An open stream ends because its caller has lost the right to it.

@@ -14,6 +14,7 @@ use tonic::codegen::http::{Request, Response};
 use tonic::server::NamedService;
 
 use super::Access;
+use crate::service::connections::Peer;
 
 /// A service that serves those whom [`Access`] admits.
 #[derive(Clone, Debug)]
@@ -46,8 +47,14 @@ where
     }
 
     fn call(&mut self, mut request: Request<Body>) -> Self::Future {
-        match self.access.admit(request.uri().path(), request.headers()) {
+        let admitted = self.access.admit(request.uri().path(), request.headers());
+        // Whoever may call holds its connection with better right than a stranger.
+        let peer = request.extensions().get::<Peer>();
+        match admitted.and_then(|caller| peer.map_or(Ok(()), Peer::admitted).map(|()| caller)) {
             Ok(caller) => {
+                if let Some(peer) = peer.cloned() {
+                    request = request.map(|body| peer.arriving(body));
+                }
                 request.extensions_mut().insert(caller);
                 Either::Right(self.service.call(request))
             }

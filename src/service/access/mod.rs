@@ -30,6 +30,7 @@ use super::clock::Clock;
 use super::config::ServerConfig;
 use super::engine::TenantCeilings;
 use super::error::ServiceError;
+use audit::Refusals;
 use jwks::Keys;
 use jwt::Refusal;
 use tokens::Tokens;
@@ -55,6 +56,7 @@ pub(super) struct Access {
     clock: Clock,
     /// Streams that are open see when it changes.
     known: watch::Sender<Arc<Known>>,
+    refusals: Refusals,
 }
 
 /// What the files say.
@@ -77,7 +79,8 @@ impl Access {
     pub(super) fn new(config: &ServerConfig) -> Result<Self, AccessError> {
         let (tokens, jwt) = (config.tokens.clone(), config.jwt.clone());
         let (known, _) = watch::channel(Known::read(tokens.as_ref(), jwt.as_ref())?);
-        Ok(Self { tokens, jwt, clock: config.clock.clone(), known })
+        let (clock, refusals) = (config.clock.clone(), Refusals::default());
+        Ok(Self { tokens, jwt, clock, known, refusals })
     }
 
     /// Whether only those with a token are admitted.
@@ -118,7 +121,7 @@ impl Access {
         };
         let needed = roles::needed(path);
         if caller.role() < needed {
-            audit::refusal(&caller, path, needed);
+            self.refusals.role(&caller, path, needed);
             return Err(ServiceError::RoleTooLow { needed: needed.name() });
         }
         Ok(caller.calling(needed))
@@ -139,7 +142,7 @@ impl Access {
         let known = self.known();
         let Some(keys) = &known.keys else { return Err(UNKNOWN) };
         let bearer = jwt::check(token, keys, options, self.clock.now()).map_err(|refusal| {
-            audit::not_taken(path, &refusal);
+            self.refusals.not_taken(path, &refusal);
             if matches!(refusal, Refusal::Expired(_)) { EXPIRED } else { UNKNOWN }
         })?;
         let caller = Caller::new(&bearer.subject, &bearer.tenant, bearer.role);

@@ -22,6 +22,7 @@ use tracing::Instrument;
 
 use super::parent;
 use crate::meter::{Counter, Histogram};
+use crate::service::connections::{OpenCall, Peer};
 use crate::wire::v1;
 
 /// The codes of gRPC, by number.
@@ -137,7 +138,9 @@ where
 
     fn call(&mut self, request: Request<Body>) -> Self::Future {
         let (name, meter) = self.meters.of(request.uri().path());
-        let call = Call { meter: Arc::clone(meter), since: Instant::now(), code: CANCELED };
+        let (meter, since) = (Arc::clone(meter), Instant::now());
+        let open = request.extensions().get().map(Peer::call);
+        let call = Call { meter, since, code: CANCELED, _open: open };
         let span = tracing::debug_span!("rpc", rpc = name);
         parent::adopt(&span, request.headers());
         let answer = span.in_scope(|| self.service.call(request));
@@ -163,6 +166,8 @@ struct Call {
     meter: Arc<CallMeter>,
     since: Instant,
     code: usize,
+    /// Its connection is not idle until then.
+    _open: Option<OpenCall>,
 }
 
 impl Call {

@@ -1,7 +1,8 @@
 //! The listener for Prometheus: plain HTTP/1.1, `GET /metrics` and nothing else.
 //!
-//! One answer a connection, few connections at once and little time for a request, so that nobody
-//! can hold the server up by it. It reads atomics and never waits for an engine.
+//! One answer a connection, few connections at once and little time and room for a request. A new
+//! connection takes the place of the oldest where there are too many, so that nobody keeps a scraper
+//! out. It reads atomics and never waits for an engine.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -14,36 +15,48 @@ use hyper::service::service_fn;
 use hyper::{Method, Request, Response, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 
 use super::{page, text};
+use crate::service::connections::{ConnectionLimits, Connections};
 use crate::service::context::Context;
+use crate::service::log_limit::LogLimit;
 
 /// Connections at once; a scraper needs one.
 const MAX_CONNECTIONS: usize = 16;
 /// A connection's time, from the accept to the end of the answer.
 const CONNECTION_TIME: Duration = Duration::from_secs(10);
+/// Room for a request, bytes; the least that the transport allows.
+const REQUEST_BYTES: usize = 8 << 10;
 
 /// Answers scrapes until it is dropped.
 pub(in crate::service) async fn serve(listener: TcpListener, context: Arc<Context>) {
-    let places = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+    let limits = ConnectionLimits {
+        max_connections: 2 * MAX_CONNECTIONS,
+        max_strangers: MAX_CONNECTIONS,
+        ..ConnectionLimits::default()
+    };
+    let (places, failures) = (Connections::new(limits, None), LogLimit::default());
     let mut connections = JoinSet::new();
     loop {
-        let Ok(place) = Arc::clone(&places).acquire_owned().await else { return };
         match listener.accept().await {
-            Ok((stream, _)) => {
-                let context = Arc::clone(&context);
+            Ok((stream, peer)) => {
+                let (place, context) = (places.enter(peer), Arc::clone(&context));
                 connections.spawn(async move {
-                    let _place = place;
-                    let answered = tokio::time::timeout(CONNECTION_TIME, answer(stream, context));
-                    if answered.await.is_err() {
-                        tracing::debug!("a connection for metrics took too long");
+                    tokio::select! {
+                        () = answer(stream, context) => {}
+                        () = place.closed() => tracing::debug!("a connection for metrics made place"),
+                        () = tokio::time::sleep(CONNECTION_TIME) => {
+                            tracing::debug!("a connection for metrics took too long");
+                        }
                     }
                 });
             }
             Err(error) => {
-                tracing::warn!(%error, "a connection for metrics was not taken");
+                failures.log(
+                    || tracing::warn!(%error, "a connection for metrics was not taken"),
+                    |count| tracing::warn!(count, "more connections for metrics were not taken"),
+                );
                 // Out of files, most likely: there is nothing to be had at once.
                 tokio::time::sleep(Duration::from_millis(100)).await;
             }
@@ -60,6 +73,7 @@ async fn answer(stream: TcpStream, context: Arc<Context>) {
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .keep_alive(false)
+        .max_buf_size(REQUEST_BYTES)
         .serve_connection(TokioIo::new(stream), service);
     if let Err(error) = connection.await {
         tracing::debug!(%error, "a connection for metrics");

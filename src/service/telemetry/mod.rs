@@ -29,6 +29,7 @@ use calls::CallMeters;
 pub(super) use calls::Metered;
 pub(super) use http::serve;
 pub(super) use page::page;
+pub(super) use process::max_open_files;
 
 /// Instruments of a server besides those of its engines.
 #[derive(Debug)]

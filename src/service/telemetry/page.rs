@@ -7,6 +7,7 @@ use std::sync::atomic::Ordering;
 
 use super::process;
 use super::text::Text;
+use crate::service::connections::Connections;
 use crate::service::context::Context;
 use crate::service::engine::EngineMeters;
 use crate::store::StoreMeters;
@@ -16,6 +17,7 @@ pub(in crate::service) fn page(context: &Context) -> String {
     let mut text = Text::default();
     server(&mut text, context);
     calls(&mut text, context);
+    connections(&mut text, &context.connections);
     maps(&mut text, context);
     items(&mut text, context.maps.meters());
     solves(&mut text, context.maps.meters());
@@ -69,6 +71,20 @@ fn calls(text: &mut Text, context: &Context) {
     }
     text.counter("covis_tls_handshake_failures_total", "TLS handshakes that failed.")
         .row(&[], context.meters.failed_handshakes.get());
+}
+
+fn connections(text: &mut Text, connections: &Connections) {
+    let (strangers, known) = connections.counts();
+    text.gauge("covis_connections", "Connections; strangers have made no call that was admitted.")
+        .row(&[("state", "stranger")], strangers)
+        .row(&[("state", "known")], known);
+    let ends = &connections.ends;
+    text.counter("covis_connections_ended_total", "Connections that the server ended.")
+        .row(&[("reason", "displaced")], ends.displaced.get())
+        .row(&[("reason", "stranger_time")], ends.stranger_time.get())
+        .row(&[("reason", "idle")], ends.idle.get());
+    text.counter("covis_accept_failures_total", "Connections that could not be accepted.")
+        .row(&[], connections.accept_failures.get());
 }
 
 fn maps(text: &mut Text, context: &Context) {

@@ -15,7 +15,7 @@ pub(super) fn open_files() -> Option<usize> {
 }
 
 /// The most that may be open; `None` where the system does not say, or sets no limit.
-pub(super) fn max_open_files() -> Option<u64> {
+pub(in crate::service) fn max_open_files() -> Option<u64> {
     let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
     let line = limits.lines().find_map(|line| line.strip_prefix("Max open files"))?;
     line.split_whitespace().next()?.parse().ok()
