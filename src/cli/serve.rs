@@ -217,6 +217,7 @@ pub(super) fn server_config(config: &Config) -> ServerConfig {
         max_concurrent_streams: config.max_concurrent_streams,
         drain_budget: Duration::from_secs(config.drain_budget),
         engine,
+        #[cfg(feature = "faults")]
         test_fault: config.test_fault.clone(),
         ..default
     }

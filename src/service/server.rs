@@ -28,7 +28,8 @@ use tonic_health::server::HealthReporter;
 use super::access::{Access, AccessError, Guarded};
 use super::config::ServerConfig;
 use super::context::Context;
-use super::engine::{EngineError, Fault, Maps, SolverPool, Tenants};
+use super::engine::{EngineError, Maps, SolverPool, Tenants};
+use super::export::Exports;
 use super::ingest_service::Ingest;
 use super::job_service::Jobs;
 use super::map_service::MapRpcs;
@@ -89,6 +90,7 @@ pub enum ServerError {
     #[error("server reflection")]
     Reflection(#[from] tonic_reflection::server::Error),
     /// A test fault that nobody knows.
+    #[cfg(feature = "faults")]
     #[error("unknown test fault {name:?}")]
     UnknownFault {
         /// Its name.
@@ -135,10 +137,11 @@ impl Server {
     /// [`ServerError`] where something does not start.
     pub async fn listen(
         listener: TcpListener,
-        mut config: ServerConfig,
+        config: ServerConfig,
     ) -> Result<StartingServer, ServerError> {
         let address = listener.local_addr().map_err(ServerError::Address)?;
-        apply_test_fault(&mut config)?;
+        #[cfg(feature = "faults")]
+        let config = staged(config)?;
         let tls = config.tls.clone().map(Tls::new).transpose()?.map(Arc::new);
         let access = Arc::new(Access::new(&config)?);
         let is_open = !address.ip().is_loopback();
@@ -170,6 +173,7 @@ impl Server {
             config,
             meters,
             access,
+            exports: Exports::default(),
             instance_id,
             start_time_ns,
             ready,
@@ -236,7 +240,7 @@ impl RunningServer {
     }
 
     async fn tell_health(&self, status: ServingStatus) {
-        for name in SERVICES.into_iter().chain([""]) {
+        for name in SERVED.into_iter().chain([""]) {
             self.health.set_service_status(name, status).await;
         }
     }
@@ -284,14 +288,15 @@ const STREAM_WINDOW_BYTES: u32 = 256 << 10;
 /// than half of it, 256 bytes each: a stream full of the smallest items may not.
 const CONNECTION_WINDOW_BYTES: u32 = 8 << 20;
 
-/// Every service of the wire, by full name.
-const SERVICES: [&str; 5] = [
+/// Every service of the wire that is served, by full name.
+const SERVED: [&str; 4] = [
     IngestServiceServer::<Ingest>::NAME,
     MapServiceServer::<MapRpcs>::NAME,
     OptimizationServiceServer::<Optimization>::NAME,
-    JobServiceServer::<Jobs>::NAME,
     ServerServiceServer::<ServerInfo>::NAME,
 ];
+/// Part of the wire, and every call answers UNIMPLEMENTED: health never calls it serving.
+const UNSERVED: &str = JobServiceServer::<Jobs>::NAME;
 
 /// Starts the transport with all services.
 async fn serve(
@@ -307,7 +312,7 @@ async fn serve(
         };
     }
     let (health, health_service) = tonic_health::server::health_reporter();
-    for name in SERVICES.into_iter().chain([""]) {
+    for name in SERVED.into_iter().chain([UNSERVED, ""]) {
         health.set_service_status(name, ServingStatus::NotServing).await;
     }
     let reflection = || {
@@ -376,10 +381,13 @@ async fn metrics_listener(
 }
 
 /// Hands a fault of the engine to its configuration; faults of handlers stay with the edge.
-fn apply_test_fault(config: &mut ServerConfig) -> Result<(), ServerError> {
-    let Some(name) = &config.test_fault else { return Ok(()) };
+#[cfg(feature = "faults")]
+fn staged(mut config: ServerConfig) -> Result<ServerConfig, ServerError> {
+    use super::engine::Fault;
+
+    let Some(name) = &config.test_fault else { return Ok(config) };
     if name.starts_with("rpc:") {
-        return Ok(());
+        return Ok(config);
     }
     let fault = match name.as_str() {
         "panic-in-solve" => Fault::PanicInSolve,
@@ -388,7 +396,7 @@ fn apply_test_fault(config: &mut ServerConfig) -> Result<(), ServerError> {
         _ => return Err(ServerError::UnknownFault { name: name.clone() }),
     };
     config.engine.fault = Some(fault);
-    Ok(())
+    Ok(config)
 }
 
 /// Unix time in nanoseconds.

@@ -32,6 +32,7 @@ mod journal;
 mod load;
 mod lock;
 mod read;
+mod reader;
 mod record;
 mod sealed;
 
@@ -54,7 +55,8 @@ use self::lock::DirectoryLock;
 use self::record::Uid;
 use super::encoding::{decode_identity, encode_identity};
 use super::{
-    Damage, Durability, Epoch, Flushed, Position, Store, StoreError, StoreMeters, sequence_of,
+    Damage, Durability, Epoch, EventReader, Flushed, Position, Store, StoreError, StoreMeters,
+    sequence_of,
 };
 use crate::map::{Event, Map};
 
@@ -325,6 +327,15 @@ impl Store for FileStore {
         // A journal that stopped still reads what it has.
         let _stopped = journal.settle().await;
         blocking(move || read::events(&journal, from, last)).await
+    }
+
+    async fn reader(
+        &self,
+        map: &str,
+        from: u64,
+        through: u64,
+    ) -> Result<Box<dyn EventReader>, StoreError> {
+        Ok(Box::new(reader::Reader::new(self.journal(map).await?, from, through)))
     }
 
     async fn put_snapshot(
