@@ -212,10 +212,9 @@ pub(super) async fn landmarks(
         let is_full = pages.page_size.is_some_and(|most| page.landmarks.len() >= most);
         if is_full || (bytes + size > MESSAGE_BYTES && !page.landmarks.is_empty()) {
             let last = page.landmarks.last();
-            page.next_page_token =
-                last.map(|l| format!("{}.{}", l.id, l.client_id)).map_or_else(String::new, |last| {
-                    pages.list.token(&last)
-                });
+            page.next_page_token = last
+                .map(|l| format!("{}.{}", l.id, l.client_id))
+                .map_or_else(String::new, |last| pages.list.token(&last));
             sink.send(page).await?;
             page = v1::ListLandmarksResponse { revision, ..Default::default() };
             bytes = 0;

@@ -15,9 +15,7 @@ use super::convert::robust::to_chordal_certificate;
 use super::convert::solve::{Systems, gauge, loss, options, to_certificate, to_iteration};
 use super::convert::{Path, convert, count, ids};
 use super::deadline::{CancelOnDrop, call_time, solve_time};
-use super::engine::{
-    GaugeKind, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError,
-};
+use super::engine::{GaugeKind, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError};
 use super::error::ServiceError;
 use super::{bundle_solve, graph_solve, refine};
 use crate::map::Reason;

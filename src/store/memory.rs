@@ -11,7 +11,8 @@ use tokio::sync::watch;
 
 use super::reader::PIECE_EVENTS;
 use super::{
-    Damage, Durability, Epoch, EventReader, Flushed, Piece, Position, Store, StoreError, sequence_of,
+    Damage, Durability, Epoch, EventReader, Flushed, Piece, Position, Store, StoreError,
+    sequence_of,
 };
 use crate::map::{Event, Map};
 

@@ -25,8 +25,8 @@ use super::schedule::Schedule;
 use super::streams::Streams;
 use super::watch::Watchers;
 use super::{
-    Booked, EngineConfig, EngineError, EngineMeters, MapCounts, MapHandle, MapInfo,
-    MapState, SolverPool,
+    Booked, EngineConfig, EngineError, EngineMeters, MapCounts, MapHandle, MapInfo, MapState,
+    SolverPool,
 };
 use crate::map::{Change, Event, Map, MapPolicy, Usage};
 use crate::store::{Durability, Epoch, Flushed, Store, StoreError};

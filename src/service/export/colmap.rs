@@ -169,9 +169,10 @@ impl Numbers {
 
     /// The keypoint of an observation: those that are left out do not count.
     fn keypoint(&self, keyframe: EntityId, place: usize) -> u32 {
-        let left_out = self.left_out.get(&keyframe).map_or(0, |places| {
-            places.partition_point(|&left_out| left_out < place)
-        });
+        let left_out = self
+            .left_out
+            .get(&keyframe)
+            .map_or(0, |places| places.partition_point(|&left_out| left_out < place));
         u32::try_from(place - left_out).unwrap_or(u32::MAX)
     }
 }

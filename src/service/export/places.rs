@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use crate::service::convert::count;
 use crate::service::engine::{EngineError, tenant_of};
 use crate::service::error::ServiceError;
 
@@ -30,12 +31,12 @@ impl Exports {
     pub(in crate::service) fn begin(&self, map: &str) -> Result<Place, ServiceError> {
         let tenant = tenant_of(map).to_owned();
         let mut counts = self.lock();
-        if counts.get(&tenant).is_some_and(|&count| count >= MOST_OF_TENANT) {
-            let (limit, maximum) = ("tenant_max_export_count", crate::service::convert::count(MOST_OF_TENANT));
+        if counts.get(&tenant).is_some_and(|&now| now >= MOST_OF_TENANT) {
+            let (limit, maximum) = ("tenant_max_export_count", count(MOST_OF_TENANT));
             return Err(EngineError::TenantCeiling { limit, maximum }.into());
         }
         if counts.values().sum::<usize>() >= MOST {
-            let (limit, maximum) = ("max_export_count", crate::service::convert::count(MOST));
+            let (limit, maximum) = ("max_export_count", count(MOST));
             return Err(ServiceError::ServerLimit { limit, maximum });
         }
         *counts.entry(tenant.clone()).or_default() += 1;
@@ -67,16 +68,16 @@ mod tests {
     #[test]
     fn exports_at_once_are_counted_by_tenant_and_server() {
         let exports = Exports::default();
-        let take = |map: &str, count| -> Vec<Place> {
-            (0..count).map(|_| exports.begin(map).unwrap()).collect()
+        let take = |map: &str, most| -> Vec<Place> {
+            (0..most).map(|_| exports.begin(map).unwrap()).collect()
         };
         let mut first = take("acme.a", MOST_OF_TENANT);
         let limit = "tenant_max_export_count";
-        let maximum = crate::service::convert::count(MOST_OF_TENANT);
+        let maximum = count(MOST_OF_TENANT);
         let full = EngineError::TenantCeiling { limit, maximum };
         assert_eq!(exports.begin("acme.b").unwrap_err(), ServiceError::Engine(full));
         let _others = take("other.a", MOST - MOST_OF_TENANT);
-        let (limit, maximum) = ("max_export_count", crate::service::convert::count(MOST));
+        let (limit, maximum) = ("max_export_count", count(MOST));
         let full = ServiceError::ServerLimit { limit, maximum };
         assert_eq!(exports.begin("third.a").unwrap_err(), full);
         first.pop();

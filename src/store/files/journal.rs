@@ -20,9 +20,7 @@ use super::record::{HEADER, Uid, header, mark, put_record};
 use super::{FileStoreOptions, MARK, journal_name};
 use crate::map::Event;
 use crate::store::encoding::encode_event;
-use crate::store::{
-    Damage, Epoch, Flushed, Piece, Position, StoreError, StoreMeters, sequence_of,
-};
+use crate::store::{Damage, Epoch, Flushed, Piece, Position, StoreError, StoreMeters, sequence_of};
 
 /// Bytes that wait for a flush before appends have to wait too.
 const MOST_PENDING: usize = 64 << 20;

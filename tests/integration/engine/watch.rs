@@ -5,9 +5,7 @@ use std::sync::Arc;
 
 use async_trait::async_trait;
 use covis::map::{ClientIndex, EntityId, Event, Item, ItemLandmark, Map, MapPolicy};
-use covis::service::engine::{
-    EngineConfig, EngineError, MapChange, MapHandle, Maps, SolverPool,
-};
+use covis::service::engine::{EngineConfig, EngineError, MapChange, MapHandle, Maps, SolverPool};
 use covis::store::{Damage, Durability, Epoch, Flushed, MemoryStore, Position, Store, StoreError};
 use covis_solvers::geometry::Se3;
 use futures_util::FutureExt;
@@ -115,10 +113,7 @@ impl Store for HeldStore {
         self.memory.append(map, epoch, expected_sequence, batch).await
     }
 
-    async fn follow(
-        &self,
-        map: &str,
-    ) -> Result<tokio::sync::watch::Receiver<Flushed>, StoreError> {
+    async fn follow(&self, map: &str) -> Result<tokio::sync::watch::Receiver<Flushed>, StoreError> {
         self.memory.follow(map).await
     }
 
