@@ -121,15 +121,13 @@ impl Actor {
             self.start_solves();
         }
         let takes_items = !self.drained && (self.is_idle() || !self.is_lock_step());
-        if !std::mem::take(&mut self.answered)
-            && let Ok(control) = self.control.try_recv()
-        {
-            let flow = self.answer(control).await;
-            self.follow_up();
-            return flow;
-        }
+        let answered = std::mem::take(&mut self.answered);
         let flow = tokio::select! {
             biased;
+            control = self.control.recv(), if !answered => match control {
+                Some(control) => self.answer(control).await,
+                None => Flow::Stop,
+            },
             outcome = Running::ended(&mut self.running) => {
                 self.solved(outcome).await;
                 Flow::Continue
@@ -149,19 +147,12 @@ impl Actor {
                 }
                 Flow::Continue
             }
-            control = self.control.recv() => match control {
-                Some(control) => self.answer(control).await,
-                None => Flow::Stop,
-            },
+            // Nothing else waits: it is the readers' turn again.
+            () = std::future::ready(()), if answered => Flow::Continue,
         };
-        self.follow_up();
-        flow
-    }
-
-    /// What any step may have made possible.
-    fn follow_up(&mut self) {
         self.start_solves();
         self.streams.close_finished(|client| self.schedule.is_waiting(client));
+        flow
     }
 
     async fn answer(&mut self, control: Control) -> Flow {

@@ -7,7 +7,7 @@
 use std::collections::BTreeSet;
 
 use super::touched::Touched;
-use super::watch::{Gathered, LEAST_TOUCHED, most_touched};
+use super::watch::{Gathered, most_touched};
 use super::{EngineError, MapHandle};
 use crate::map::{Change, Event, Map};
 use crate::store::StoreError;
@@ -20,26 +20,17 @@ const LEAST_BYTES: u64 = 4 << 20;
 /// How much history is read: no more than the full state would take.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Past {
-    /// Events.
-    events: usize,
+    /// Events, and ids that they touched.
+    entities: usize,
     /// Bytes of the journal.
     bytes: u64,
-    /// Ids.
-    touched: usize,
 }
 
 impl Past {
     /// The bounds for `map`.
     pub(super) fn of(map: &Map) -> Self {
-        let entities = map.keyframes().len()
-            + map.landmarks().len()
-            + map.constraints().len()
-            + map.priors().len();
-        Self {
-            events: entities.max(LEAST_TOUCHED),
-            bytes: map.usage().bytes.max(LEAST_BYTES),
-            touched: most_touched(map),
-        }
+        let entities = most_touched(map);
+        Self { entities, bytes: map.usage().bytes.max(LEAST_BYTES) }
     }
 }
 
@@ -59,7 +50,7 @@ pub(super) async fn read(
     past: &Past,
 ) -> Option<History> {
     let events = usize::try_from(through.saturating_sub(from)).unwrap_or(usize::MAX);
-    if events > past.events {
+    if events > past.entities {
         return None;
     }
     let turn = handle.shared.history.acquire().await;
@@ -84,7 +75,7 @@ async fn pieces(
     let revision = |revision: i64| u64::try_from(revision).unwrap_or(0);
     let (store, name) = (&handle.shared.store, &handle.shared.name);
     let mut reader = store.reader(name, revision(from), revision(through)).await?;
-    let mut gathered = Gathered::new(past.touched);
+    let mut gathered = Gathered::new(past.entities);
     let (mut opened, mut bytes, mut last) = (BTreeSet::new(), 0, from);
     loop {
         let piece = reader.next().await?;

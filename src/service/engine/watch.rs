@@ -18,7 +18,7 @@ use crate::map::{Change, Map};
 use crate::meter::Held;
 
 /// More ids than this and than the map has entities are not kept: the reader gets the full state.
-pub(super) const LEAST_TOUCHED: usize = 10_000;
+const LEAST_TOUCHED: usize = 10_000;
 
 /// A step of a watched map.
 #[derive(Clone, Debug)]
@@ -76,7 +76,9 @@ impl Gathered {
 
 /// How many ids a watcher of `map` keeps.
 pub(super) fn most_touched(map: &Map) -> usize {
-    LEAST_TOUCHED.max(map.keyframes().len() + map.landmarks().len())
+    let constraints = map.constraints().len() + map.priors().len();
+    let held = map.keyframes().len() + map.landmarks().len() + constraints;
+    LEAST_TOUCHED.max(held + map.cameras().len() + map.clients().len())
 }
 
 /// A watched map.
