@@ -223,6 +223,7 @@ pub(super) fn server_config(config: &Config) -> ServerConfig {
         connections,
         drain_budget: Duration::from_secs(config.drain_budget),
         engine,
+        #[cfg(feature = "faults")]
         test_fault: config.test_fault.clone(),
         ..default
     }

@@ -52,8 +52,9 @@ pub struct ServerConfig {
     pub drain_budget: Duration,
     /// What says whether a token has expired (the system's clock).
     pub clock: Clock,
-    /// For tests only, from `COVIS_TEST_FAULT`: `rpc:NAME` panics in the handler of that RPC, `rpc:*` of any;
+    /// A fault that a test stages, from `COVIS_TEST_FAULT`: `rpc:NAME` panics in the handler of that RPC, `rpc:*` of any;
     /// `panic-in-solve`, `panic-in-engine` and `fail-calls` are faults of the engine.
+    #[cfg(feature = "faults")]
     pub test_fault: Option<String>,
 }
 
@@ -100,7 +101,23 @@ impl Default for ServerConfig {
             engine: EngineConfig::default(),
             drain_budget: Duration::from_secs(10),
             clock: Clock::System,
+            #[cfg(feature = "faults")]
             test_fault: None,
         }
+    }
+}
+
+impl ServerConfig {
+    /// Whether a test wants the handler of `rpc` to panic.
+    #[cfg(feature = "faults")]
+    pub(super) fn panics_in_rpc(&self, rpc: &str) -> bool {
+        let fault = self.test_fault.as_deref().and_then(|fault| fault.strip_prefix("rpc:"));
+        fault.is_some_and(|name| name == rpc || name == "*")
+    }
+
+    /// No test can want a handler to panic.
+    #[cfg(not(feature = "faults"))]
+    pub(super) const fn panics_in_rpc(&self, _rpc: &str) -> bool {
+        false
     }
 }

@@ -6,13 +6,15 @@
 
 use std::future::Future;
 use std::panic::AssertUnwindSafe;
+use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::task::{self, Poll, ready};
 use std::time::Duration;
 
 use futures_util::FutureExt;
-use tokio::sync::{mpsc, watch};
-use tokio_stream::wrappers::ReceiverStream;
+use tokio::sync::{mpsc, oneshot, watch};
+use tokio_stream::Stream;
 use tonic::{Response, Status};
 use tracing::Instrument;
 
@@ -22,10 +24,16 @@ use super::connections::Connections;
 use super::convert::map::ServerCeilings;
 use super::engine::{EngineError, Maps};
 use super::error::ServiceError;
+use super::export::Exports;
 use super::telemetry::ServerMeters;
 
-/// Messages that wait for a slow reader of a stream.
+/// Small messages that wait for a slow reader of a stream.
 const STREAM_QUEUE: usize = 8;
+/// Large messages that do: the next one is made while the reader takes this one.
+const LARGE_QUEUE: usize = 1;
+/// How long a large message waits to be taken before the stream is ended: what it holds of a map
+/// is given back then.
+const LONGEST_UNREAD: Duration = Duration::from_secs(120);
 
 /// What services share.
 #[derive(Debug)]
@@ -40,6 +48,8 @@ pub(super) struct Context {
     pub access: Arc<Access>,
     /// Who is connected.
     pub connections: Arc<Connections>,
+    /// The exports that are being read.
+    pub exports: Exports,
     /// Random for each start.
     pub instance_id: String,
     /// Start of the server, nanoseconds of Unix time.
@@ -51,15 +61,41 @@ pub(super) struct Context {
 }
 
 /// A stream of answers.
-pub(super) type Answers<T> = ReceiverStream<Result<T, Status>>;
+#[derive(Debug)]
+pub(super) struct Answers<T> {
+    messages: mpsc::Receiver<T>,
+    /// Why it ends early. It waits for no reader, so that an unread stream holds nothing else.
+    end: Option<oneshot::Receiver<Status>>,
+}
+
+impl<T> Stream for Answers<T> {
+    type Item = Result<T, Status>;
+
+    fn poll_next(
+        mut self: Pin<&mut Self>,
+        cx: &mut task::Context<'_>,
+    ) -> Poll<Option<Result<T, Status>>> {
+        if let Some(message) = ready!(self.messages.poll_recv(cx)) {
+            return Poll::Ready(Some(Ok(message)));
+        }
+        let Some(end) = &mut self.end else { return Poll::Ready(None) };
+        let status = ready!(Pin::new(end).poll(cx));
+        self.end = None;
+        Poll::Ready(status.ok().map(Err))
+    }
+}
 
 /// Where a stream's handler puts its messages.
 #[derive(Debug)]
-pub(super) struct Sink<T>(mpsc::Sender<Result<T, Status>>);
+pub(super) struct Sink<T> {
+    messages: mpsc::Sender<T>,
+    /// How long a message may wait for its reader.
+    longest_unread: Option<Duration>,
+}
 
 impl<T> Clone for Sink<T> {
     fn clone(&self) -> Self {
-        Self(self.0.clone())
+        Self { messages: self.messages.clone(), longest_unread: self.longest_unread }
     }
 }
 
@@ -67,14 +103,26 @@ impl<T> Sink<T> {
     /// Sends a message, waiting while the reader is slow.
     ///
     /// # Errors
-    /// [`ServiceError::Gone`] when there is no reader any more.
+    /// As [`Sink::room`].
     pub(super) async fn send(&self, message: T) -> Result<(), ServiceError> {
-        self.0.send(Ok(message)).await.map_err(|_closed| ServiceError::Gone)
+        self.room().await?.send(message);
+        Ok(())
     }
 
-    async fn end(&self, error: ServiceError) {
-        // A reader that left misses nothing.
-        let _unread = self.0.send(Err(error.into())).await;
+    /// Waits until the reader has room for a message, which need not be made before.
+    ///
+    /// # Errors
+    /// [`ServiceError::Gone`] when there is no reader any more, [`ServiceError::Unread`] when it
+    /// takes nothing for long.
+    pub(super) async fn room(&self) -> Result<mpsc::Permit<'_, T>, ServiceError> {
+        let room = self.messages.reserve();
+        let room = match self.longest_unread {
+            None => room.await,
+            Some(longest) => tokio::time::timeout(longest, room)
+                .await
+                .map_err(|_elapsed| ServiceError::Unread { seconds: longest.as_secs() })?,
+        };
+        room.map_err(|_closed| ServiceError::Gone)
     }
 }
 
@@ -102,8 +150,8 @@ impl Context {
         result.map(Response::new).map_err(Status::from)
     }
 
-    /// Starts the handler of a streaming call. It ends early when the caller leaves, and when
-    /// `time` has passed.
+    /// Starts the handler of a streaming call with small messages. It ends early when the caller
+    /// leaves, and when `time` has passed.
     pub(super) fn stream<T, H>(
         self: &Arc<Self>,
         rpc: &'static str,
@@ -114,23 +162,56 @@ impl Context {
         T: Send + 'static,
         H: Future<Output = Result<(), ServiceError>> + Send + 'static,
     {
-        let (sender, receiver) = mpsc::channel(STREAM_QUEUE);
-        let sink = Sink(sender);
+        let (messages, receiver) = mpsc::channel(STREAM_QUEUE);
+        self.run(rpc, time, Sink { messages, longest_unread: None }, receiver, handler)
+    }
+
+    /// Starts the handler of a streaming call that reads a map: as [`Context::stream`], for large
+    /// messages. It also ends when nobody takes them.
+    pub(super) fn read_stream<T, H>(
+        self: &Arc<Self>,
+        rpc: &'static str,
+        time: Option<Duration>,
+        handler: impl FnOnce(Sink<T>) -> H,
+    ) -> Result<Response<Answers<T>>, Status>
+    where
+        T: Send + 'static,
+        H: Future<Output = Result<(), ServiceError>> + Send + 'static,
+    {
+        let (messages, receiver) = mpsc::channel(LARGE_QUEUE);
+        let sink = Sink { messages, longest_unread: Some(LONGEST_UNREAD) };
+        self.run(rpc, time, sink, receiver, handler)
+    }
+
+    fn run<T, H>(
+        self: &Arc<Self>,
+        rpc: &'static str,
+        time: Option<Duration>,
+        sink: Sink<T>,
+        messages: mpsc::Receiver<T>,
+        handler: impl FnOnce(Sink<T>) -> H,
+    ) -> Result<Response<Answers<T>>, Status>
+    where
+        T: Send + 'static,
+        H: Future<Output = Result<(), ServiceError>> + Send + 'static,
+    {
+        let (end, ended) = oneshot::channel();
         let handler = handler(sink.clone());
         let context = Arc::clone(self);
         let running = async move {
             let result = tokio::select! {
                 biased;
                 result = context.guarded(rpc, handler) => result,
-                () = sink.0.closed() => Err(ServiceError::Gone),
+                () = sink.messages.closed() => Err(ServiceError::Gone),
                 () = passed(time) => Err(ServiceError::DeadlineExceeded),
             };
             if let Err(error) = result {
-                sink.end(error).await;
+                // A reader that left misses nothing.
+                let _unread = end.send(error.into());
             }
         };
         tokio::spawn(running.in_current_span());
-        Ok(Response::new(ReceiverStream::new(receiver)))
+        Ok(Response::new(Answers { messages, end: Some(ended) }))
     }
 
     /// Refuses while maps are still opened, and catches a panic of the handler.
@@ -142,8 +223,7 @@ impl Context {
         if !self.ready.load(Ordering::Acquire) {
             return Err(ServiceError::Starting);
         }
-        let faulty = self.config.test_fault.as_deref().and_then(|f| f.strip_prefix("rpc:"));
-        let faulty = faulty.is_some_and(|name| name == rpc || name == "*");
+        let faulty = self.config.panics_in_rpc(rpc);
         let handler = AssertUnwindSafe(async {
             assert!(!faulty, "the fault that a test asked for");
             handler.await
@@ -176,5 +256,33 @@ async fn passed(time: Option<Duration>) {
     match time {
         Some(time) => tokio::time::sleep(time).await,
         None => std::future::pending().await,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio_stream::StreamExt;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn a_stream_that_nobody_reads_ends_and_says_why() {
+        let (messages, receiver) = mpsc::channel(LARGE_QUEUE);
+        let sink = Sink { messages, longest_unread: Some(Duration::ZERO) };
+        let (end, ended) = oneshot::channel();
+        let mut answers = Answers { messages: receiver, end: Some(ended) };
+        sink.send(1).await.unwrap();
+        let unread = sink.send(2).await.unwrap_err();
+        assert_eq!(unread, ServiceError::Unread { seconds: 0 });
+        // A reader that takes a message in time gets the next one.
+        assert_eq!(answers.next().await.unwrap().unwrap(), 1);
+        sink.send(3).await.unwrap();
+        // The end waits for nobody, and comes behind what was sent.
+        end.send(unread.into()).unwrap();
+        drop(sink);
+        assert_eq!(answers.next().await.unwrap().unwrap(), 3);
+        let status = answers.next().await.unwrap().unwrap_err();
+        assert_eq!(status.code(), tonic::Code::ResourceExhausted);
+        assert!(answers.next().await.is_none());
     }
 }

@@ -75,6 +75,11 @@ pub(super) enum ServiceError {
     Draining,
     /// The call's deadline passed.
     DeadlineExceeded,
+    /// The caller took no message for so long that the call was ended.
+    Unread {
+        /// How long, in seconds.
+        seconds: u64,
+    },
     /// The caller went away; nobody reads the code.
     Gone,
     /// A message that could not be read, with the code that the transport gives it.

@@ -139,7 +139,9 @@ pub fn wire_requests(input: &[u8]) {
         4 => decoded(bytes).map_or((), |request| {
             judge(optimization_service::map_options(&request, THREADS, None));
         }),
-        _ => decoded(bytes).map_or((), |request| judge(listing::map_page(&request))),
+        _ => decoded(bytes).map_or((), |request| {
+            judge(listing::map_page(&request, &listing::PagedList::maps("")));
+        }),
     }
 }
 

@@ -1,9 +1,11 @@
 //! Pages and streams of `MapService`: maps, trajectories, landmarks.
 //!
 //! A page token names the last entry of its page, so that a later call goes on behind it whatever
-//! has changed since. Streams stay at about 1 MiB a message.
+//! has changed since; it fits the list that it was made for and no other. Streams stay at about 1 MiB
+//! a message.
 
 use prost::Message;
+use sha2::{Digest as _, Sha256};
 
 use super::context::Sink;
 use super::convert::entities::{clients_by_name, to_keyframe_pose, to_landmark};
@@ -23,16 +25,62 @@ const MAX_LANDMARKS: i64 = 10_000;
 /// Bytes of a repeated message's tag and length, at most.
 pub(super) const ENTRY_OVERHEAD: usize = 6;
 
+/// A list that comes in pages: its call, and whose entries it has.
+#[derive(Clone, Debug)]
+pub(super) struct PagedList {
+    call: &'static str,
+    owner: String,
+}
+
+impl PagedList {
+    /// The maps of a tenant.
+    pub(super) fn maps(tenant: &str) -> Self {
+        Self { call: "ListMaps", owner: tenant.to_owned() }
+    }
+
+    /// The landmarks of a map.
+    fn landmarks(map_id: &str) -> Self {
+        Self { call: "ListLandmarks", owner: map_id.to_owned() }
+    }
+
+    /// The token of the page behind the entry that `last` names.
+    pub(super) fn token(&self, last: &str) -> String {
+        format!("{last}.{}", self.mark(last))
+    }
+
+    /// The entry that a token names; reports one that was not made for this list.
+    fn last<'t>(&self, token: &'t str, out: &mut Violations) -> Option<&'t str> {
+        let parts = token.rsplit_once('.');
+        let last = parts.filter(|(last, mark)| self.mark(last) == *mark).map(|(last, _)| last);
+        last.or_else(|| {
+            let text = format!("no token that this server gave for this {}", self.call);
+            out.report(Path::root("page_token"), Reason::OutOfRange, text)
+        })
+    }
+
+    /// Finds tokens that are made up or belong elsewhere; it keeps nobody from making one.
+    fn mark(&self, last: &str) -> String {
+        let mut hash = Sha256::new();
+        for part in [self.call, &self.owner, last] {
+            hash.update((part.len() as u64).to_le_bytes());
+            hash.update(part);
+        }
+        hash.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
 /// How many maps a page holds, and the map behind which it begins.
-pub(super) fn map_page(request: &v1::ListMapsRequest) -> Result<(usize, String), ServiceError> {
+pub(super) fn map_page(
+    request: &v1::ListMapsRequest,
+    list: &PagedList,
+) -> Result<(usize, String), ServiceError> {
     let page = convert(|out| {
         let size = out.within(Path::root("page_size"), request.page_size, 0, MAX_MAPS);
-        let token = Path::root("page_token");
         let after = match request.page_token.as_str() {
-            "" => Some(String::new()),
-            name => super::convert::ids::name(token, name, out),
+            "" => Some(""),
+            token => list.last(token, out),
         };
-        Some((if size? == 0 { DEFAULT_MAPS } else { size? }, after?))
+        Some((if size? == 0 { DEFAULT_MAPS } else { size? }, after?.to_owned()))
     })?;
     Ok(page)
 }
@@ -77,6 +125,7 @@ pub(super) struct LandmarkPages {
     after: Option<(String, i64)>,
     /// Which fields are answered.
     mask: Mask,
+    list: PagedList,
 }
 
 /// Fields of a landmark that are answered besides its ids.
@@ -94,16 +143,14 @@ pub(super) fn landmark_pages(
     out: &mut Violations,
 ) -> Option<LandmarkPages> {
     let size = out.within(Path::root("page_size"), request.page_size, 0, MAX_LANDMARKS);
+    let list = PagedList::landmarks(&request.map_id);
     let after = match request.page_token.as_str() {
         "" => Some(None),
-        token => parse_token(token).map(Some).or_else(|| {
-            let text = "not a token of this server";
-            out.report(Path::root("page_token"), Reason::OutOfRange, text)
-        }),
+        token => list.last(token, out).and_then(landmark).map(Some),
     };
     let mask = mask(request.read_mask.as_ref(), out);
     let page_size = Some(size?).filter(|&size| size > 0);
-    Some(LandmarkPages { page_size, after: after?, mask: mask? })
+    Some(LandmarkPages { page_size, after: after?, mask: mask?, list })
 }
 
 fn mask(mask: Option<&prost_types::FieldMask>, out: &mut Violations) -> Option<Mask> {
@@ -144,12 +191,10 @@ fn masked(message: v1::Landmark, mask: Mask) -> v1::Landmark {
     }
 }
 
-/// `id.client`: a name holds no dot.
-fn parse_token(token: &str) -> Option<(String, i64)> {
-    let (id, client) = token.split_once('.')?;
-    let id = id.parse().ok()?;
-    let is_name = !client.is_empty() && client.len() <= 63 && !client.contains('.');
-    is_name.then(|| (client.to_owned(), id))
+/// A landmark in a token, `id.client`.
+fn landmark(last: &str) -> Option<(String, i64)> {
+    let (id, client) = last.split_once('.')?;
+    Some((client.to_owned(), id.parse().ok()?))
 }
 
 /// Streams the landmarks by client name, then id.
@@ -167,8 +212,9 @@ pub(super) async fn landmarks(
         let is_full = pages.page_size.is_some_and(|most| page.landmarks.len() >= most);
         if is_full || (bytes + size > MESSAGE_BYTES && !page.landmarks.is_empty()) {
             let last = page.landmarks.last();
-            page.next_page_token =
-                last.map(|l| format!("{}.{}", l.id, l.client_id)).unwrap_or_default();
+            page.next_page_token = last
+                .map(|l| format!("{}.{}", l.id, l.client_id))
+                .map_or_else(String::new, |last| pages.list.token(&last));
             sink.send(page).await?;
             page = v1::ListLandmarksResponse { revision, ..Default::default() };
             bytes = 0;

@@ -63,7 +63,8 @@ impl MapRpcs {
         request: Request<v1::ListMapsRequest>,
     ) -> Result<v1::ListMapsResponse, ServiceError> {
         let caller = Caller::of(&request)?;
-        let (size, after) = listing::map_page(request.get_ref())?;
+        let list = listing::PagedList::maps(caller.tenant());
+        let (size, after) = listing::map_page(request.get_ref(), &list)?;
         let queued = self.context.config.engine.queue_capacity;
         let mut handles = self.context.maps.list();
         handles.retain(|map| caller.owns(map.name()) && shown(map.name()) > after.as_str());
@@ -79,7 +80,8 @@ impl MapRpcs {
                 Err(error) => return Err(error.into()),
             }
         }
-        let next_page_token = last.filter(|_| more).unwrap_or_default();
+        let last = last.filter(|_| more);
+        let next_page_token = last.map(|last| list.token(&last)).unwrap_or_default();
         Ok(v1::ListMapsResponse { maps, next_page_token })
     }
 
@@ -172,20 +174,30 @@ impl MapService for MapRpcs {
     ) -> Result<Response<Self::ExportMapStream>, Status> {
         let (rpcs, time) = (self.clone(), call_time(request.metadata()));
         let (caller, request) = (Caller::of(&request), request.into_inner());
-        self.context.stream("ExportMap", time, |sink| async move {
+        self.context.read_stream("ExportMap", time, |sink| async move {
             let map = rpcs.map(&caller?, &request.map_id)?;
             let format = export::format(request.format)?;
+            let _place = rpcs.context.exports.begin(map.name())?;
             let snapshot = map.snapshot().await?;
-            let (map_id, revision) = (request.map_id, snapshot.revision());
-            let name = map_id.clone();
-            let files = Context::blocking(move || export::files(&name, &snapshot, format)).await?;
-            let paths = files.iter().map(|file| file.path.clone()).collect();
-            let header = v1::ExportMapHeader { map_id, revision, format: request.format, paths };
+            let map_id = request.map_id.clone();
+            let started = move || export::Export::new(map_id, snapshot, format);
+            let mut export = Context::blocking(started).await?;
+            let header = v1::ExportMapHeader {
+                map_id: request.map_id,
+                revision: export.revision(),
+                format: request.format,
+                paths: export.paths(),
+            };
             let content = Some(Content::Header(header));
             sink.send(v1::ExportMapResponse { content }).await?;
-            for chunk in files.iter().flat_map(export::chunks) {
-                let content = Some(Content::Chunk(chunk));
-                sink.send(v1::ExportMapResponse { content }).await?;
+            loop {
+                // A chunk is made when there is room for it.
+                let room = sink.room().await?;
+                let made = move || export.next_chunk().map(|chunk| (chunk, export));
+                let (chunk, rest) = Context::blocking(made).await?;
+                let Some(chunk) = chunk else { break };
+                room.send(v1::ExportMapResponse { content: Some(Content::Chunk(chunk)) });
+                export = rest;
             }
             Ok(())
         })
@@ -206,7 +218,7 @@ impl MapService for MapRpcs {
     ) -> Result<Response<Self::GetTrajectoryStream>, Status> {
         let (rpcs, time) = (self.clone(), call_time(request.metadata()));
         let (caller, request) = (Caller::of(&request), request.into_inner());
-        self.context.stream("GetTrajectory", time, |sink| async move {
+        self.context.read_stream("GetTrajectory", time, |sink| async move {
             let wanted = match request.client_id.as_str() {
                 "" => None,
                 id => Some(convert(|out| ids::name(Path::root("client_id"), id, out))?),
@@ -241,7 +253,7 @@ impl MapService for MapRpcs {
     ) -> Result<Response<Self::ListLandmarksStream>, Status> {
         let (rpcs, time) = (self.clone(), call_time(request.metadata()));
         let (caller, request) = (Caller::of(&request), request.into_inner());
-        self.context.stream("ListLandmarks", time, |sink| async move {
+        self.context.read_stream("ListLandmarks", time, |sink| async move {
             let pages = convert(|out| {
                 let map_id = ids::map_id(&request.map_id, out);
                 let pages = listing::landmark_pages(&request, out);
@@ -270,7 +282,7 @@ impl MapService for MapRpcs {
     ) -> Result<Response<Self::WatchMapStream>, Status> {
         let (rpcs, time) = (self.clone(), call_time(request.metadata()));
         let (caller, request) = (Caller::of(&request), request.into_inner());
-        self.context.stream("WatchMap", time, |sink| async move {
+        self.context.read_stream("WatchMap", time, |sink| async move {
             let caller = caller?;
             let map = rpcs.map(&caller, &request.map_id)?;
             if let Some(revision) = request.from_revision.filter(|&revision| revision < 0) {

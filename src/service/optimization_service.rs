@@ -15,9 +15,7 @@ use super::convert::robust::to_chordal_certificate;
 use super::convert::solve::{Systems, gauge, loss, options, to_certificate, to_iteration};
 use super::convert::{Path, convert, count, ids};
 use super::deadline::{CancelOnDrop, call_time, solve_time};
-use super::engine::{
-    Fault, GaugeKind, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError,
-};
+use super::engine::{GaugeKind, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError};
 use super::error::ServiceError;
 use super::{bundle_solve, graph_solve, refine};
 use crate::map::Reason;
@@ -43,7 +41,7 @@ impl Optimization {
         caller: &Caller,
         work: impl FnOnce() -> R + Send + 'static,
     ) -> Result<R, ServiceError> {
-        let faulty = self.context.config.engine.fault == Some(Fault::PanicInSolve);
+        let faulty = self.context.config.engine.panics_in_solve();
         let meters = self.context.maps.meters();
         let (queued, span) = (meters.request_solve(), tracing::debug_span!("solve"));
         let work = move || {

@@ -33,7 +33,8 @@ use super::access::{Access, AccessError, Guarded};
 use super::config::ServerConfig;
 use super::connections::{self, Accepted, Connections, Socket, Transport};
 use super::context::Context;
-use super::engine::{EngineError, Fault, Maps, SolverPool, Tenants};
+use super::engine::{EngineError, Maps, SolverPool, Tenants};
+use super::export::Exports;
 use super::ingest_service::Ingest;
 use super::job_service::Jobs;
 use super::map_service::MapRpcs;
@@ -94,6 +95,7 @@ pub enum ServerError {
     #[error("server reflection")]
     Reflection(#[from] tonic_reflection::server::Error),
     /// A test fault that nobody knows.
+    #[cfg(feature = "faults")]
     #[error("unknown test fault {name:?}")]
     UnknownFault {
         /// Its name.
@@ -153,10 +155,11 @@ impl Server {
     pub(crate) async fn listen_to<S: Socket>(
         incoming: impl Stream<Item = io::Result<Accepted<S>>> + Send + 'static,
         address: SocketAddr,
-        mut config: ServerConfig,
+        config: ServerConfig,
         backend: Option<Backend>,
     ) -> Result<StartingServer, ServerError> {
-        apply_test_fault(&mut config)?;
+        #[cfg(feature = "faults")]
+        let config = staged(config)?;
         let tls = config.tls.clone().map(Tls::new).transpose()?.map(Arc::new);
         let access = Arc::new(Access::new(&config)?);
         let is_open = !address.ip().is_loopback();
@@ -184,6 +187,7 @@ impl Server {
             meters,
             access,
             connections,
+            exports: Exports::default(),
             instance_id,
             start_time_ns,
             ready,
@@ -271,7 +275,7 @@ impl RunningServer {
     }
 
     async fn tell_health(&self, status: ServingStatus) {
-        for name in SERVICES.into_iter().chain([""]) {
+        for name in SERVED.into_iter().chain([""]) {
             self.health.set_service_status(name, status).await;
         }
     }
@@ -322,14 +326,15 @@ const SMALL_MESSAGE_BYTES: usize = 4 << 10;
 /// All headers of a call together; a JSON Web Token is a few KiB.
 const HEADER_LIST_BYTES: u32 = 16 << 10;
 
-/// Every service of the wire, by full name.
-const SERVICES: [&str; 5] = [
+/// Every service of the wire that is served, by full name.
+const SERVED: [&str; 4] = [
     IngestServiceServer::<Ingest>::NAME,
     MapServiceServer::<MapRpcs>::NAME,
     OptimizationServiceServer::<Optimization>::NAME,
-    JobServiceServer::<Jobs>::NAME,
     ServerServiceServer::<ServerInfo>::NAME,
 ];
+/// Part of the wire, and every call answers UNIMPLEMENTED: health never calls it serving.
+const UNSERVED: &str = JobServiceServer::<Jobs>::NAME;
 
 /// Starts the transport with all services.
 async fn serve<S: Socket>(
@@ -345,7 +350,7 @@ async fn serve<S: Socket>(
         };
     }
     let (health, health_service) = tonic_health::server::health_reporter();
-    for name in SERVICES.into_iter().chain([""]) {
+    for name in SERVED.into_iter().chain([UNSERVED, ""]) {
         health.set_service_status(name, ServingStatus::NotServing).await;
     }
     let reflection = || {
@@ -405,10 +410,13 @@ async fn metrics_listener(
 }
 
 /// Hands a fault of the engine to its configuration; faults of handlers stay with the edge.
-fn apply_test_fault(config: &mut ServerConfig) -> Result<(), ServerError> {
-    let Some(name) = &config.test_fault else { return Ok(()) };
+#[cfg(feature = "faults")]
+fn staged(mut config: ServerConfig) -> Result<ServerConfig, ServerError> {
+    use super::engine::Fault;
+
+    let Some(name) = &config.test_fault else { return Ok(config) };
     if name.starts_with("rpc:") {
-        return Ok(());
+        return Ok(config);
     }
     let fault = match name.as_str() {
         "panic-in-solve" => Fault::PanicInSolve,
@@ -417,7 +425,7 @@ fn apply_test_fault(config: &mut ServerConfig) -> Result<(), ServerError> {
         _ => return Err(ServerError::UnknownFault { name: name.clone() }),
     };
     config.engine.fault = Some(fault);
-    Ok(())
+    Ok(config)
 }
 
 /// Unix time in nanoseconds.

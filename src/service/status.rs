@@ -127,6 +127,13 @@ impl From<ServiceError> for Status {
                 let text = "the call's deadline passed";
                 Parts::new(Code::DeadlineExceeded, "DEADLINE_EXCEEDED", text)
             }
+            ServiceError::Unread { seconds } => {
+                let text = format!("no message was taken for {seconds} s");
+                Parts::new(Code::ResourceExhausted, "UNREAD", text)
+                    .with("limit", "max_unread_seconds")
+                    .with("maximum", seconds)
+                    .retry(RETRY_FULL)
+            }
             ServiceError::Gone => Parts::new(Code::Cancelled, "CANCELLED", "the caller canceled"),
             ServiceError::Transport { code, message } => Parts::new(code, "TRANSPORT", message),
             ServiceError::Panicked { message } => bug(None, &message),

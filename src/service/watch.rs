@@ -4,6 +4,8 @@
 //! holds is told as removed. A part is sent as soon as the next entity does not fit it, so that a
 //! large map is never encoded as a whole.
 
+use std::collections::BTreeSet;
+
 use prost::Message;
 
 use super::context::{Context, Sink};
@@ -12,10 +14,10 @@ use super::convert::entities::{
 };
 use super::convert::ids::{to_constraint_ref, to_keyframe_ref, to_landmark_ref};
 use super::convert::map::to_state;
-use super::engine::{MapHandle, MapState, Touched};
+use super::engine::{MapHandle, MapState, Touched, Watch};
 use super::error::ServiceError;
 use super::listing::{ENTRY_OVERHEAD, MESSAGE_BYTES};
-use crate::map::{ClientIndex, Map};
+use crate::map::{ClientIndex, EntityId, Map};
 use crate::wire::v1;
 
 /// What a watcher wants.
@@ -36,7 +38,11 @@ pub(super) async fn watch(
     wanted: &Wanted,
     sink: &Sink<v1::WatchMapResponse>,
 ) -> Result<(), ServiceError> {
-    let mut watch = map.watch(wanted.from_revision).await?;
+    // What the reader missed may have to be read first.
+    let mut watch = tokio::select! {
+        watch = map.watch(wanted.from_revision) => watch?,
+        () = context.drained() => return Err(ServiceError::Draining),
+    };
     if let Some(snapshot) = watch.reset.take() {
         let header = Header {
             reset: true,
@@ -45,7 +51,7 @@ pub(super) async fn watch(
             state: watch.state,
             uid: map.uid(),
         };
-        send_delta(&header, &snapshot, &everything(&snapshot), wanted, sink).await?;
+        send(&mut watch, &header, &snapshot, None, wanted, sink).await?;
     }
     loop {
         let change = tokio::select! {
@@ -60,9 +66,24 @@ pub(super) async fn watch(
             state: change.state,
             uid: map.uid(),
         };
-        let all = change.reset.then(|| everything(&change.snapshot));
-        let touched = all.as_ref().unwrap_or(&change.touched);
-        send_delta(&header, &change.snapshot, touched, wanted, sink).await?;
+        let touched = Some(&change.touched).filter(|_| !change.reset);
+        send(&mut watch, &header, &change.snapshot, touched, wanted, sink).await?;
+    }
+}
+
+/// Sends a delta; what the map does meanwhile is gathered, however slow the reader is.
+async fn send(
+    watch: &mut Watch,
+    header: &Header<'_>,
+    map: &Map,
+    touched: Option<&Touched>,
+    wanted: &Wanted,
+    sink: &Sink<v1::WatchMapResponse>,
+) -> Result<(), ServiceError> {
+    tokio::select! {
+        sent = send_delta(header, map, touched, wanted, sink) => sent,
+        // It never ends.
+        () = watch.gather() => Ok(()),
     }
 }
 
@@ -75,15 +96,15 @@ struct Header<'a> {
     uid: &'a str,
 }
 
-/// All that a map holds.
-fn everything(map: &Map) -> Touched {
-    Touched {
-        cameras: map.cameras().keys().copied().collect(),
-        keyframes: map.keyframes().keys().copied().collect(),
-        landmarks: map.landmarks().keys().copied().collect(),
-        constraints: map.constraints().keys().chain(map.priors().keys()).copied().collect(),
-        clients: (0u32..).zip(map.clients()).map(|(index, _)| ClientIndex(index)).collect(),
-    }
+/// The ids to be told, of one kind: those of `touched`, or all that the map holds, which are not
+/// collected first.
+fn ids<'a, I: Iterator<Item = EntityId> + Send + 'a>(
+    touched: Option<&'a BTreeSet<EntityId>>,
+    all: impl FnOnce() -> I,
+) -> impl Iterator<Item = EntityId> + Send + 'a {
+    let touched = touched.map(|ids| ids.iter().copied());
+    let all = touched.is_none().then(all);
+    touched.into_iter().flatten().chain(all.into_iter().flatten())
 }
 
 /// The part that is being filled.
@@ -130,25 +151,25 @@ impl<'a> Parts<'a> {
 async fn send_delta(
     header: &Header<'_>,
     map: &Map,
-    touched: &Touched,
+    touched: Option<&Touched>,
     wanted: &Wanted,
     sink: &Sink<v1::WatchMapResponse>,
 ) -> Result<(), ServiceError> {
     let mut parts = Parts::new(header, sink);
-    for id in &touched.cameras {
-        if let Some(camera) = map.cameras().get(id) {
-            let camera = to_camera(map, *id, camera);
+    for id in ids(touched.map(|t| &t.cameras), || map.cameras().keys().copied()) {
+        if let Some(camera) = map.cameras().get(&id) {
+            let camera = to_camera(map, id, camera);
             parts.room(&camera).await?.cameras.push(camera);
         }
     }
-    for id in &touched.keyframes {
-        match map.keyframes().get(id) {
+    for id in ids(touched.map(|t| &t.keyframes), || map.keyframes().keys().copied()) {
+        match map.keyframes().get(&id) {
             Some(keyframe) => {
-                let pose = to_keyframe_pose(map, *id, keyframe);
+                let pose = to_keyframe_pose(map, id, keyframe);
                 parts.room(&pose).await?.keyframes.push(pose);
             }
             None => {
-                let gone = to_keyframe_ref(map, *id);
+                let gone = to_keyframe_ref(map, id);
                 parts.room(&gone).await?.removed_keyframes.push(gone);
             }
         }
@@ -159,7 +180,11 @@ async fn send_delta(
     if wanted.constraints {
         constraints(&mut parts, map, touched).await?;
     }
-    for &client in &touched.clients {
+    let clients = touched.map(|t| t.clients.clone());
+    let clients = clients.unwrap_or_else(|| {
+        (0u32..).zip(map.clients()).map(|(index, _)| ClientIndex(index)).collect()
+    });
+    for client in clients {
         if let Some(frame) = to_client_frame(map, client) {
             parts.room(&frame).await?.client_frames.push(frame);
         }
@@ -170,16 +195,16 @@ async fn send_delta(
 async fn landmarks(
     parts: &mut Parts<'_>,
     map: &Map,
-    touched: &Touched,
+    touched: Option<&Touched>,
 ) -> Result<(), ServiceError> {
-    for id in &touched.landmarks {
-        match map.landmarks().get(id) {
+    for id in ids(touched.map(|t| &t.landmarks), || map.landmarks().keys().copied()) {
+        match map.landmarks().get(&id) {
             Some(landmark) => {
-                let landmark = to_landmark(map, *id, landmark);
+                let landmark = to_landmark(map, id, landmark);
                 parts.room(&landmark).await?.landmarks.push(landmark);
             }
             None => {
-                let gone = to_landmark_ref(map, *id);
+                let gone = to_landmark_ref(map, id);
                 parts.room(&gone).await?.removed_landmarks.push(gone);
             }
         }
@@ -190,18 +215,19 @@ async fn landmarks(
 async fn constraints(
     parts: &mut Parts<'_>,
     map: &Map,
-    touched: &Touched,
+    touched: Option<&Touched>,
 ) -> Result<(), ServiceError> {
-    for id in &touched.constraints {
-        let present = match (map.constraints().get(id), map.priors().get(id)) {
-            (Some(constraint), _) => Some(to_constraint(map, *id, constraint)),
-            (None, Some(prior)) => Some(to_prior(map, *id, prior)),
+    let all = || map.constraints().keys().chain(map.priors().keys()).copied();
+    for id in ids(touched.map(|t| &t.constraints), all) {
+        let present = match (map.constraints().get(&id), map.priors().get(&id)) {
+            (Some(constraint), _) => Some(to_constraint(map, id, constraint)),
+            (None, Some(prior)) => Some(to_prior(map, id, prior)),
             (None, None) => None,
         };
         match present {
             Some(constraint) => parts.room(&constraint).await?.constraints.push(constraint),
             None => {
-                let gone = to_constraint_ref(map, *id);
+                let gone = to_constraint_ref(map, id);
                 parts.room(&gone).await?.removed_constraints.push(gone);
             }
         }

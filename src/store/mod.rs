@@ -28,6 +28,7 @@ mod files;
 pub mod fuzzing;
 mod memory;
 mod meters;
+mod reader;
 
 pub use damage::Damage;
 pub use encoding::EncodingError;
@@ -38,6 +39,7 @@ pub(crate) use files::{Disk, DiskFile};
 pub use files::{FileStore, FileStoreOptions, MapCheckup, back_up, check_up};
 pub use memory::MemoryStore;
 pub use meters::StoreMeters;
+pub use reader::{EventReader, Piece};
 
 /// Counts the writers that a map has had; a newer one fences the older ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -153,6 +155,20 @@ pub trait Store: Send + Sync + 'static {
     /// # Errors
     /// [`StoreError::UnknownMap`], [`StoreError::Truncated`] when some of them are gone.
     async fn read(&self, map: &str, from: u64) -> Result<Vec<Arc<Event>>, StoreError>;
+
+    /// Reads the events with sequence greater than `from` and up to `through` a piece at a time, so
+    /// that nobody holds all of them. A writer never waits for a reader.
+    ///
+    /// # Errors
+    /// As [`Store::read`], here or at a later piece.
+    async fn reader(
+        &self,
+        map: &str,
+        from: u64,
+        through: u64,
+    ) -> Result<Box<dyn EventReader>, StoreError> {
+        Ok(reader::whole(self.read(map, from).await?, through))
+    }
 
     /// Keeps the map as a snapshot at its revision, unless a later one is kept already. The one
     /// before it stays as well. Returns once it is on disk and was read back.

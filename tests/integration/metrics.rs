@@ -274,10 +274,9 @@ fn metrics_leave_the_machine_only_where_plain_text_is_allowed() {
 
 #[test]
 fn until_the_maps_are_open_health_says_so_and_calls_are_told_to_come_back() {
-    const SERVICES: [&str; 6] = [
+    const SERVICES: [&str; 5] = [
         "",
         "covis.v1.IngestService",
-        "covis.v1.JobService",
         "covis.v1.MapService",
         "covis.v1.OptimizationService",
         "covis.v1.ServerService",

@@ -246,8 +246,11 @@ fn list_maps_pages_by_name() {
         assert_eq!(names, [vec!["a", "b"], vec!["c"]]);
         let request = v1::ListMapsRequest { page_size: 1001, ..Default::default() };
         check_field(&maps.list_maps(request).await.unwrap_err(), "page_size", "OUT_OF_RANGE");
-        let request = v1::ListMapsRequest { page_token: "?".to_owned(), ..Default::default() };
-        check_field(&maps.list_maps(request).await.unwrap_err(), "page_token", "OUT_OF_RANGE");
+        // A name is no token: only what a page named is.
+        for token in ["?", "a", "a.0000000000000000", "."] {
+            let request = v1::ListMapsRequest { page_token: token.to_owned(), page_size: 1 };
+            check_field(&maps.list_maps(request).await.unwrap_err(), "page_token", "OUT_OF_RANGE");
+        }
     });
 }
 
@@ -393,7 +396,23 @@ fn landmarks_come_in_pages_that_can_be_resumed_and_masked() {
             ..request.clone()
         };
         check_field(&bad(request_with(10_001, "")).await, "page_size", "OUT_OF_RANGE");
-        check_field(&bad(request_with(0, "junk")).await, "page_token", "OUT_OF_RANGE");
+        let token = &pages[0].next_page_token;
+        for token in ["junk", "7.robot", &token[..token.len() - 1]] {
+            check_field(&bad(request_with(0, token)).await, "page_token", "OUT_OF_RANGE");
+        }
+        // Nor the token of another map or of another call.
+        server.create_map("attic").await;
+        server.create_map("cellar").await;
+        let attic = v1::ListLandmarksRequest {
+            map_id: "attic".to_owned(),
+            page_token: token.clone(),
+            ..Default::default()
+        };
+        check_field(&bad(attic).await, "page_token", "OUT_OF_RANGE");
+        let first = v1::ListMapsRequest { page_size: 1, ..Default::default() };
+        let first = server.maps().list_maps(first).await.unwrap().into_inner();
+        let of_maps = request_with(0, &first.next_page_token);
+        check_field(&bad(of_maps).await, "page_token", "OUT_OF_RANGE");
         let none = v1::ListLandmarksRequest { map_id: "none".to_owned(), ..Default::default() };
         check_status(&bad(none).await, Code::NotFound, "MAP_NOT_FOUND");
         check_field(&bad(v1::ListLandmarksRequest::default()).await, "map_id", "MISSING");

@@ -4,7 +4,8 @@
 //! conversion to and from problems. Conventions of a format (axes, pixel centers, direction of a
 //! transform) are converted here and nowhere else. Readers take any bytes without a panic, allocate
 //! nothing from a count that the file has not proven, and name line or byte of what they refuse.
-//! Writers come twice: to a file, and to bytes for a caller without a file system.
+//! Writers come thrice: to a file, to bytes for a caller without a file system, and record by record
+//! (`put_…`) for one that does not hold the whole either.
 
 pub mod bal;
 mod binary;

@@ -71,46 +71,57 @@ impl PlyFile {
     /// The file's bytes.
     #[must_use]
     pub fn to_bytes(&self, encoding: PlyEncoding) -> Vec<u8> {
-        let format = match encoding {
-            PlyEncoding::Ascii => "ascii",
-            PlyEncoding::Binary => "binary_little_endian",
-        };
-        let mut text = TextWriter::default();
-        text.put(format_args!("ply\nformat {format} 1.0\ncomment covis\n"));
-        text.put(format_args!("element vertex {}\n", self.vertices.len()));
-        text.put("property double x\nproperty double y\nproperty double z\n");
-        text.put("property uchar red\nproperty uchar green\nproperty uchar blue\n");
-        if !self.edges.is_empty() {
-            text.put(format_args!("element edge {}\n", self.edges.len()));
-            text.put("property int vertex1\nproperty int vertex2\n");
-        }
-        text.put("end_header\n");
-        match encoding {
-            PlyEncoding::Ascii => self.put_ascii(text),
-            PlyEncoding::Binary => self.put_binary(text.into_bytes()),
-        }
-    }
-
-    fn put_ascii(&self, mut text: TextWriter) -> Vec<u8> {
-        for PlyVertex { position: p, color: [r, g, b] } in &self.vertices {
-            text.put(format_args!("{:?} {:?} {:?} {r} {g} {b}\n", p.x, p.y, p.z));
-        }
-        for [a, b] in &self.edges {
-            text.put(format_args!("{a} {b}\n"));
-        }
-        text.into_bytes()
-    }
-
-    fn put_binary(&self, mut bytes: Vec<u8>) -> Vec<u8> {
-        for vertex in &self.vertices {
-            for number in vertex.position.iter() {
-                bytes.extend(number.to_le_bytes());
-            }
-            bytes.extend(vertex.color);
-        }
-        for index in self.edges.iter().flatten() {
-            bytes.extend(index.to_le_bytes());
-        }
+        let mut bytes = Vec::new();
+        encoding.put_head(self.vertices.len(), self.edges.len(), &mut bytes);
+        self.vertices.iter().for_each(|vertex| encoding.put_vertex(vertex, &mut bytes));
+        self.edges.iter().for_each(|&edge| encoding.put_edge(edge, &mut bytes));
         bytes
+    }
+}
+
+/// The parts of a file in their order, for a caller that does not hold all of it.
+impl PlyEncoding {
+    /// Appends what stands before `vertices` points and `edges` segments.
+    pub fn put_head(self, vertices: usize, edges: usize, out: &mut Vec<u8>) {
+        let format = match self {
+            Self::Ascii => "ascii",
+            Self::Binary => "binary_little_endian",
+        };
+        TextWriter::append(out, |text| {
+            text.put(format_args!("ply\nformat {format} 1.0\ncomment covis\n"));
+            text.put(format_args!("element vertex {vertices}\n"));
+            text.put("property double x\nproperty double y\nproperty double z\n");
+            text.put("property uchar red\nproperty uchar green\nproperty uchar blue\n");
+            if edges > 0 {
+                text.put(format_args!("element edge {edges}\n"));
+                text.put("property int vertex1\nproperty int vertex2\n");
+            }
+            text.put("end_header\n");
+        });
+    }
+
+    /// Appends a point.
+    pub fn put_vertex(self, vertex: &PlyVertex, out: &mut Vec<u8>) {
+        let PlyVertex { position: p, color } = vertex;
+        match self {
+            Self::Ascii => TextWriter::append(out, |text| {
+                let [r, g, b] = color;
+                text.put(format_args!("{:?} {:?} {:?} {r} {g} {b}\n", p.x, p.y, p.z));
+            }),
+            Self::Binary => {
+                p.iter().for_each(|number| out.extend(number.to_le_bytes()));
+                out.extend(color);
+            }
+        }
+    }
+
+    /// Appends a segment between two points, by their numbers from 0.
+    pub fn put_edge(self, [a, b]: [u32; 2], out: &mut Vec<u8>) {
+        match self {
+            Self::Ascii => {
+                TextWriter::append(out, |text| text.put(format_args!("{a} {b}\n")));
+            }
+            Self::Binary => [a, b].iter().for_each(|index| out.extend(index.to_le_bytes())),
+        }
     }
 }

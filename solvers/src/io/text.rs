@@ -210,6 +210,13 @@ pub(super) struct TextWriter {
 }
 
 impl TextWriter {
+    /// Appends to `out` what `write` writes.
+    pub(super) fn append(out: &mut Vec<u8>, write: impl FnOnce(&mut Self)) {
+        let mut text = Self { bytes: std::mem::take(out) };
+        write(&mut text);
+        *out = text.into_bytes();
+    }
+
     /// Appends anything that can be displayed.
     pub(super) fn put(&mut self, value: impl Display) {
         // A `Vec` takes every write.

@@ -78,15 +78,25 @@ impl Trajectory {
     /// The TUM file's bytes.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let mut text = TextWriter::default();
-        text.put("# timestamp tx ty tz qx qy qz qw\n");
-        for (timestamp, pose) in self.timestamps.iter().zip(&self.world_from_body) {
+        let mut bytes = Self::HEAD.to_vec();
+        for (&timestamp, pose) in self.timestamps.iter().zip(&self.world_from_body) {
+            Self::put_pose(timestamp, pose, &mut bytes);
+        }
+        bytes
+    }
+
+    /// What a TUM file begins with.
+    pub const HEAD: &[u8] = b"# timestamp tx ty tz qx qy qz qw\n";
+
+    /// Appends the line of a pose, for a caller that does not hold all of a file.
+    pub fn put_pose(timestamp: f64, world_from_body: &Se3, out: &mut Vec<u8>) {
+        TextWriter::append(out, |text| {
             text.put(format_args!("{timestamp:?}"));
-            for number in pose.translation.iter().chain(&rotation::to_xyzw(&pose.rotation)) {
+            let rotation = rotation::to_xyzw(&world_from_body.rotation);
+            for number in world_from_body.translation.iter().chain(&rotation) {
                 text.put(format_args!(" {number:?}"));
             }
             text.end_line();
-        }
-        text.into_bytes()
+        });
     }
 }

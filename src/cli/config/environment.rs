@@ -1,7 +1,7 @@
 //! The `COVIS_*` variables: each setting's name in capitals, and `COVIS_CONFIG`.
 //!
 //! An empty variable counts as absent. `COVIS_TEST_*` belong to the tests and never warn;
-//! `COVIS_TEST_FAULT` reaches the server as [`super::Config::test_fault`].
+//! `COVIS_TEST_FAULT` reaches the server where the feature `faults` is on, else nothing knows it.
 
 use std::ffi::OsString;
 use std::fmt;
@@ -13,7 +13,6 @@ use crate::client::Token;
 
 const PREFIX: &str = "COVIS_";
 const TEST_PREFIX: &str = "COVIS_TEST_";
-const TEST_FAULT: &str = "COVIS_TEST_FAULT";
 
 /// Variables by name, in order.
 #[derive(Clone, Default)]
@@ -38,6 +37,7 @@ pub(super) struct Variables {
     /// `COVIS_TOKEN`.
     pub(super) token: Option<Token>,
     /// `COVIS_TEST_FAULT`.
+    #[cfg(feature = "faults")]
     pub(super) test_fault: Option<String>,
     /// One sentence for each variable that is not known.
     pub(super) warnings: Vec<String>,
@@ -101,7 +101,8 @@ impl Environment {
                 "COVIS_INSECURE_PLAIN_TEXT" => {
                     layer.insecure_plain_text = Some(flag(name, value)?);
                 }
-                TEST_FAULT => out.test_fault = Some(value.clone()),
+                #[cfg(feature = "faults")]
+                "COVIS_TEST_FAULT" => out.test_fault = Some(value.clone()),
                 _ if name.starts_with(TEST_PREFIX) => {}
                 _ => out.warnings.push(format!("unknown environment variable {name} is ignored")),
             }

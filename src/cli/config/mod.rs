@@ -93,6 +93,7 @@ pub struct Config {
     /// Log level, or directives of `tracing-subscriber` (info).
     pub log: String,
     /// Name of a fault that the server is to commit, from `COVIS_TEST_FAULT`; for tests only.
+    #[cfg(feature = "faults")]
     pub test_fault: Option<String>,
 }
 
@@ -114,8 +115,12 @@ impl Config {
             None => Layer::default(),
         };
         let layer = flags.over(variables.layer).over(file);
-        let (test_fault, token) = (variables.test_fault, variables.token);
-        let config = Self { test_fault, token, ..Self::from_layer(layer) };
+        let config = Self {
+            token: variables.token,
+            #[cfg(feature = "faults")]
+            test_fault: variables.test_fault,
+            ..Self::from_layer(layer)
+        };
         config.check()?;
         Ok((config, variables.warnings))
     }
@@ -155,6 +160,7 @@ impl Config {
             log_format: layer.log_format.unwrap_or_default(),
             otlp_endpoint: layer.otlp_endpoint,
             log: layer.log.unwrap_or_else(|| "info".to_owned()),
+            #[cfg(feature = "faults")]
             test_fault: None,
         }
     }

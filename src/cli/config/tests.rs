@@ -43,6 +43,7 @@ fn an_unknown_variable_warns_and_a_switch_of_the_tests_does_not() {
     let variables = [("COVIS_THREDS", "3"), ("COVIS_TEST_DATA", "x"), ("COVIS_TEST_FAULT", "f")];
     let (config, warnings) = Config::load(Layer::default(), None, environment(&variables)).unwrap();
     assert_eq!(warnings, ["unknown environment variable COVIS_THREDS is ignored"]);
+    #[cfg(feature = "faults")]
     assert_eq!(config.test_fault.as_deref(), Some("f"));
 }
 

@@ -1,7 +1,8 @@
 //! The task that owns a map: what it waits for, and what it answers.
 //!
 //! Each step takes one thing: a control message, the end of the running solve, progress of the
-//! journal, or an item, in this order of preference. Steps run under `catch_unwind`: a panic poisons the map and nothing else.
+//! journal, or an item, in this order of preference; after a control message all else comes first
+//! once, so that readers who never stop asking hold up no writer. Steps run under `catch_unwind`: a panic poisons the map and nothing else.
 //! In lock-step no item is taken while a solve runs or waits.
 
 use std::hash::{BuildHasher, RandomState};
@@ -14,6 +15,7 @@ use tracing::Instrument;
 
 use super::durable::{DurableAcks, Snapshots};
 use super::handle::{Control, Reply, Shared};
+use super::history::Past;
 use super::items::Unsolved;
 use super::optimize::Job;
 use super::pool::panic_message;
@@ -63,6 +65,8 @@ pub(super) struct Actor {
     pub(super) unsolved: Vec<Unsolved>,
     /// Whether the queue is closed and empty.
     pub(super) drained: bool,
+    /// Whether the last step answered a control message.
+    pub(super) answered: bool,
     /// Dropped at the end; not empty once the engine is to stop.
     pub(super) closing: Vec<Reply<()>>,
 }
@@ -117,9 +121,10 @@ impl Actor {
             self.start_solves();
         }
         let takes_items = !self.drained && (self.is_idle() || !self.is_lock_step());
+        let answered = std::mem::take(&mut self.answered);
         let flow = tokio::select! {
             biased;
-            control = self.control.recv() => match control {
+            control = self.control.recv(), if !answered => match control {
                 Some(control) => self.answer(control).await,
                 None => Flow::Stop,
             },
@@ -142,6 +147,8 @@ impl Actor {
                 }
                 Flow::Continue
             }
+            // Nothing else waits: it is the readers' turn again.
+            () = std::future::ready(()), if answered => Flow::Continue,
         };
         self.start_solves();
         self.streams.close_finished(|client| self.schedule.is_waiting(client));
@@ -149,6 +156,7 @@ impl Actor {
     }
 
     async fn answer(&mut self, control: Control) -> Flow {
+        self.answered = true;
         // A caller that went away needs no answer: replies are sent without looking back.
         match control {
             Control::Info { reply } => {
@@ -158,11 +166,7 @@ impl Actor {
                 let _gone = reply.send(self.open_stream(client, epoch, lock_step, handle).await);
             }
             Control::Watch { from_revision, handle, reply } => {
-                let _gone = reply.send(self.watch(from_revision, handle).await);
-            }
-            Control::TakeChange { id, reply } => {
-                self.watchers.take(id, &self.map, self.state);
-                let _gone = reply.send(());
+                let _gone = reply.send(self.watch(from_revision, handle));
             }
             Control::Optimize(job) => self.optimize(*job),
             Control::Delete { reply } => {
@@ -266,26 +270,23 @@ impl Actor {
         Ok(IngestStream { opened, sender, events: ends.events })
     }
 
-    async fn watch(
-        &mut self,
+    /// Constant work, whatever the watcher holds: the journal is read in its own task.
+    fn watch(
+        &self,
         from_revision: Option<i64>,
         handle: MapHandle,
-    ) -> Result<Watch, EngineError> {
+    ) -> Result<(Watch, Past), EngineError> {
         let place = self.tenant.book_stream()?;
         let newest = self.map.revision();
-        let missed = match from_revision {
-            None => None,
-            Some(revision) if revision > newest => {
-                let map = self.shared.name.clone();
-                return Err(EngineError::RevisionAhead { map, revision, newest });
-            }
-            // What went with a keyframe cannot be told from the map without it.
-            Some(revision) => self
-                .events_after(revision)
-                .await
-                .filter(|events| !events.iter().any(|event| event.change.removes_keyframe())),
-        };
-        Ok(self.watchers.open(handle, &self.map, self.state, missed.as_deref(), place))
+        if let Some(revision) = from_revision.filter(|&revision| revision > newest) {
+            let map = self.shared.name.clone();
+            return Err(EngineError::RevisionAhead { map, revision, newest });
+        }
+        let mut watch = self.watchers.open(handle, &self.map, self.state, place);
+        if from_revision.is_none() {
+            watch.reset = Some(Arc::clone(&self.map));
+        }
+        Ok((watch, Past::of(&self.map)))
     }
 }
 

@@ -8,17 +8,18 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
 use covis_solvers::optimizer::IterationSummary;
-use tokio::sync::{mpsc, oneshot, watch};
+use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tracing::Span;
 
+use super::history::Past;
 use super::meters::ConditionCell;
 use super::optimize::Job;
 use super::stream::Queued;
 use super::{
-    EngineError, EngineMeters, Fault, IngestStream, OptimizeOptions, OptimizeOutcome, Watch,
+    EngineConfig, EngineError, EngineMeters, IngestStream, OptimizeOptions, OptimizeOutcome, Watch,
 };
 use crate::map::Map;
-use crate::store::Flushed;
+use crate::store::{Flushed, Store};
 
 /// Whether a map takes changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,11 +62,7 @@ pub(super) enum Control {
     Watch {
         from_revision: Option<i64>,
         handle: MapHandle,
-        reply: Reply<Result<Watch, EngineError>>,
-    },
-    TakeChange {
-        id: u64,
-        reply: Reply<()>,
+        reply: Reply<Result<(Watch, Past), EngineError>>,
     },
     Optimize(Box<Job>),
     Delete {
@@ -81,10 +78,14 @@ pub(super) enum Control {
 pub(super) struct Shared {
     pub(super) name: String,
     pub(super) uid: String,
-    pub(super) fault: Option<Fault>,
+    pub(super) config: EngineConfig,
     pub(super) meters: Arc<EngineMeters>,
     /// What the map's readers may do with it, for those who count maps.
     pub(super) condition: ConditionCell,
+    /// Where the journal is read by those who are not the engine.
+    pub(super) store: Arc<dyn Store>,
+    /// The turns of those who read journals.
+    pub(super) history: Arc<Semaphore>,
     /// How far the journal is durable.
     pub(super) flushed: watch::Receiver<Flushed>,
     /// Why the engine ended.
@@ -156,7 +157,11 @@ impl MapHandle {
     /// [`MapHandle::info`].
     pub async fn watch(&self, from_revision: Option<i64>) -> Result<Watch, EngineError> {
         let handle = self.clone();
-        let watch = self.call(|reply| Control::Watch { from_revision, handle, reply }).await??;
+        let asked = self.call(|reply| Control::Watch { from_revision, handle, reply });
+        let (mut watch, past) = asked.await??;
+        if let Some(revision) = from_revision {
+            watch.go_on_from(revision, past).await?;
+        }
         if let Some(map) = &watch.reset {
             self.durable(map.revision()).await?;
         }
@@ -239,7 +244,7 @@ impl MapHandle {
     }
 
     fn check_fault(&self) -> Result<(), EngineError> {
-        if self.shared.fault == Some(Fault::FailCalls) {
+        if self.shared.config.fails_calls() {
             return Err(super::actor::report_bug("staged by a test"));
         }
         Ok(())

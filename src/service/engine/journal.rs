@@ -10,7 +10,7 @@ use std::sync::atomic::Ordering;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use super::actor::{Actor, report_bug};
-use super::{EngineError, Fault, MapState};
+use super::{EngineError, MapState};
 use crate::map::{Cause, Change, Event, Map};
 use crate::store::{Position, Store, StoreError};
 
@@ -38,7 +38,7 @@ impl Actor {
         let position = store.append(name, self.store_epoch, sequence, batch).await?;
         let snapshot_due = position.snapshot_due;
         self.applying = Some(revision);
-        if self.config.fault == Some(Fault::PanicInEngine) && event.cause.is_some() {
+        if self.config.panics_in_engine() && event.cause.is_some() {
             std::panic::panic_any("staged by a test");
         }
         self.watchers.tell(&event.change, &self.map);
@@ -54,23 +54,6 @@ impl Actor {
             self.take_snapshot();
         }
         Ok(position)
-    }
-
-    /// The events after `revision`; `None` where the journal does not reach back that far.
-    pub(super) async fn events_after(&self, revision: i64) -> Option<Vec<Arc<Event>>> {
-        let from = u64::try_from(revision).ok()?;
-        match self.store.read(&self.shared.name, from).await {
-            Ok(mut events) => {
-                // A panic may have left one event that the map does not have.
-                events.retain(|event| event.revision <= self.map.revision());
-                Some(events)
-            }
-            Err(StoreError::Truncated { .. }) => None,
-            Err(error) => {
-                tracing::warn!(%error, "the journal cannot be read");
-                None
-            }
-        }
     }
 
     /// Poisons the map after a panic and repairs it where the panic hit the fold.

@@ -12,12 +12,13 @@ use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use sha2::{Digest as _, Sha256};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{Semaphore, mpsc, watch};
 use tracing::Instrument;
 
 use super::actor::{Actor, report_bug};
 use super::durable::{DurableAcks, Snapshots};
 use super::handle::{Control, Shared};
+use super::history;
 use super::items::{Unsolved, unsolved};
 use super::journal::{replay, stored, unix_time_ns};
 use super::meters::ConditionCell;
@@ -26,8 +27,8 @@ use super::streams::Streams;
 use super::table::{Claim, Table};
 use super::watch::Watchers;
 use super::{
-    Booked, EngineConfig, EngineError, EngineMeters, Fault, MapCounts, MapHandle, MapInfo,
-    MapState, SolverPool,
+    Booked, EngineConfig, EngineError, EngineMeters, MapCounts, MapHandle, MapInfo, MapState,
+    SolverPool,
 };
 use crate::map::{Change, Event, Map, MapPolicy, Usage};
 use crate::store::{Durability, Epoch, Flushed, Store, StoreError};
@@ -48,6 +49,8 @@ struct Inner {
     meters: Arc<EngineMeters>,
     table: Table,
     closing: AtomicBool,
+    /// The turns of watchers who read a journal.
+    history: Arc<Semaphore>,
     /// Creation times rise strictly, because uids are made of them.
     last_create_time_ns: AtomicI64,
 }
@@ -82,6 +85,7 @@ impl Maps {
             meters: Arc::default(),
             table: Table::default(),
             closing: AtomicBool::new(false),
+            history: Arc::new(Semaphore::new(history::READERS)),
             last_create_time_ns: AtomicI64::new(0),
         };
         Self { inner: Arc::new(inner) }
@@ -370,9 +374,11 @@ impl Maps {
         let shared = Arc::new(Shared {
             uid: uid(&start.name, start.map.create_time_ns()),
             name: start.name,
-            fault: config.fault,
+            config: *config,
             meters: Arc::clone(&self.inner.meters),
             condition: ConditionCell::new(start.state, start.refusal.is_some()),
+            store: Arc::clone(store),
+            history: Arc::clone(&self.inner.history),
             flushed: start.flushed.clone(),
             ended: OnceLock::new(),
         });
@@ -405,6 +411,7 @@ impl Maps {
             job: None,
             unsolved: start.unsolved,
             drained: false,
+            answered: false,
             closing: Vec::new(),
         };
         tokio::spawn(actor.run().instrument(span));
@@ -421,10 +428,10 @@ impl Maps {
     }
 
     fn check_fault(&self) -> Result<(), EngineError> {
-        match self.inner.config.fault {
-            Some(Fault::FailCalls) => Err(report_bug("staged by a test")),
-            Some(Fault::PanicInSolve | Fault::PanicInEngine) | None => Ok(()),
+        if self.inner.config.fails_calls() {
+            return Err(report_bug("staged by a test"));
         }
+        Ok(())
     }
 }
 

@@ -14,7 +14,7 @@
 //! | `durable` | DURABLE acks, snapshots, a failing journal |
 //! | `streams`, `schedule` | open streams with their acks; which items wait for which solve |
 //! | `solves`, `work`, `pose_graph`, `optimize` | starting, superseding and applying solves; their bodies |
-//! | `watch` | changes for readers, coalesced |
+//! | `watch`, `watch_log`, `touched`, `history` | changes for readers, coalesced; what a reader missed |
 //! | `meters` | what is counted |
 //! | `pool`, `turns` | the threads of the solves, and whose solve is next |
 //! | `tenants` | what all maps of a tenant hold together |
@@ -24,7 +24,9 @@ mod actor;
 mod certificate;
 mod durable;
 mod error;
+mod fault;
 mod handle;
+mod history;
 mod items;
 mod journal;
 mod maps;
@@ -38,13 +40,17 @@ mod stream;
 mod streams;
 mod table;
 mod tenants;
+mod touched;
 mod turns;
 mod watch;
+mod watch_log;
 mod work;
 
 pub use acks::{Ack, AckStatus, SolveReport, StreamEvent};
 pub use certificate::{GaugeKind, SolveCertificate, SolverKind};
 pub use error::EngineError;
+#[cfg(feature = "faults")]
+pub use fault::Fault;
 pub use handle::{MapHandle, MapInfo, MapState};
 pub use maps::Maps;
 pub use meters::{EngineMeters, MapCounts, QueuedSolve, SolveMeters};
@@ -53,7 +59,8 @@ pub use pool::{PoolError, SolvePanicked, SolverPool};
 pub use pose_graph::ChordalProof;
 pub use stream::{IngestStream, ItemSender, Opened};
 pub use tenants::{Booked, SEPARATOR, Tenant, TenantCeilings, Tenants, tenant_of};
-pub use watch::{MapChange, Touched, Watch};
+pub use touched::Touched;
+pub use watch::{MapChange, Watch};
 
 /// How the engines of a server run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,23 +69,18 @@ pub struct EngineConfig {
     pub lock_step: bool,
     /// Items of a map that wait for its engine, at least 1 (64). A full queue slows streams down.
     pub queue_capacity: usize,
-    /// A bug to be staged (none); for tests.
+    /// A bug to be staged (none).
+    #[cfg(feature = "faults")]
     pub fault: Option<Fault>,
 }
 
 impl Default for EngineConfig {
     fn default() -> Self {
-        Self { lock_step: false, queue_capacity: 64, fault: None }
+        Self {
+            lock_step: false,
+            queue_capacity: 64,
+            #[cfg(feature = "faults")]
+            fault: None,
+        }
     }
-}
-
-/// A bug that tests stage.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fault {
-    /// Every solve panics.
-    PanicInSolve,
-    /// The engine panics while it applies a client's item.
-    PanicInEngine,
-    /// Every call on a map, and creating and deleting one, answers [`EngineError::Bug`].
-    FailCalls,
 }

@@ -16,7 +16,7 @@ use super::pool::{SolvePanicked, answered};
 use super::work::{
     Outcome, Solution, cancel_flag, solve_loop, solve_map, solve_map_graph, solve_window,
 };
-use super::{EngineError, Fault, OptimizeOutcome, OptimizeProblem, SolveReport};
+use super::{EngineError, OptimizeOutcome, OptimizeProblem, SolveReport};
 use crate::map::{
     Change, EntityId, Map, SolveKind, SwitchedOff, applied, choose_window, local_problem,
 };
@@ -119,7 +119,7 @@ impl Actor {
         let id = self.last_solve_id;
         let span = tracing::debug_span!("solve", map = %self.shared.name, solve = id, ?kind);
         let queued = self.shared.meters.solve(kind);
-        let panics = self.config.fault == Some(Fault::PanicInSolve);
+        let panics = self.config.panics_in_solve();
         let flag = Arc::clone(&cancel);
         let answer = self.pool.start(&self.tenant, move || {
             let _entered = span.entered();

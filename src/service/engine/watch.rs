@@ -1,126 +1,21 @@
 //! Watching a map: what changed since a reader last looked, however slow it is.
 //!
-//! The engine keeps one set of touched ids a watcher, not a queue of events; when the reader asks,
-//! it gets the set and the newest snapshot, in which the values are read. The memory of a watcher
-//! is bounded by the map, and revisions are never skipped, only joined.
+//! The engine writes what an event touches into one log for all watchers ([`WatchLog`]) and answers
+//! with snapshots: constant work a watcher. All else is done in the watcher's own task: it folds the
+//! log into a set of ids, and what lies before its start it reads from the journal (`history.rs`). Values
+//! are read in the newest snapshot. The memory of a watcher is bounded by the map, and revisions are
+//! never skipped, only joined.
 
-use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::Arc;
 
 use tokio::sync::watch;
 
-use super::handle::Control;
+use super::history::{self, Past};
+use super::touched::Touched;
+use super::watch_log::{LogReader, Taken, WatchLog};
 use super::{Booked, EngineError, MapHandle, MapState};
-use crate::map::{Change, ClientIndex, EntityId, Event, Map};
+use crate::map::{Change, Map};
 use crate::meter::Held;
-
-/// What events touched. An id that the snapshot does not hold was removed.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Touched {
-    /// Cameras that are new or changed.
-    pub cameras: BTreeSet<EntityId>,
-    /// Keyframes that are new, changed or gone.
-    pub keyframes: BTreeSet<EntityId>,
-    /// Landmarks that are new, changed or gone.
-    pub landmarks: BTreeSet<EntityId>,
-    /// Constraints and priors that are new, switched off or on, or gone.
-    pub constraints: BTreeSet<EntityId>,
-    /// Clients that are new or whose keyframes changed.
-    pub clients: BTreeSet<ClientIndex>,
-}
-
-impl Touched {
-    /// Adds what `change` touches; `map` is the map before it.
-    pub(super) fn add(&mut self, change: &Change, map: &Map) {
-        match change {
-            Change::Created { .. } | Change::PolicySet { .. } => {}
-            Change::ClientOpened { name, .. } => {
-                let next = u32::try_from(map.clients().len()).unwrap_or(u32::MAX);
-                self.clients.insert(map.client_named(name).unwrap_or(ClientIndex(next)));
-            }
-            Change::CameraSet { id, .. } => {
-                self.cameras.insert(*id);
-            }
-            Change::KeyframeAdded { id, observations, landmarks, .. } => {
-                self.keyframe(*id);
-                self.landmarks.extend(landmarks.iter().map(|l| l.id));
-                self.landmarks.extend(observations.iter().map(|o| o.landmark));
-            }
-            Change::LandmarksAdded { landmarks } => {
-                self.landmarks.extend(landmarks.iter().map(|l| l.id));
-            }
-            Change::ObservationsAdded { observations, .. } => {
-                self.landmarks.extend(observations.iter().map(|o| o.landmark));
-            }
-            Change::ConstraintAdded { id, .. }
-            | Change::PriorAdded { id, .. }
-            | Change::ConstraintRevoked { id } => {
-                self.constraints.insert(*id);
-            }
-            Change::LandmarksTriangulated { positions } => {
-                self.landmarks.extend(positions.iter().map(|&(id, _)| id));
-            }
-            Change::SolveApplied { solve } => {
-                solve.poses.iter().for_each(|&(id, _)| self.keyframe(id));
-                self.landmarks.extend(solve.landmarks.iter().map(|&(id, _)| id));
-                self.cameras.extend(solve.cameras.iter().map(|&(id, _)| id));
-                self.constraints.extend(solve.switched_off.iter().map(|&(id, _)| id));
-                self.constraints.extend(&solve.switched_on);
-            }
-            Change::ObservationsRemoved { observations } => {
-                self.landmarks.extend(observations.iter().map(|&(_, landmark)| landmark));
-            }
-            Change::LandmarksFused { kept, absorbed } => {
-                self.landmarks.insert(*kept);
-                self.landmarks.extend(absorbed);
-            }
-            Change::LandmarksRemoved { landmarks } => self.landmarks.extend(landmarks),
-            Change::KeyframeRemoved { keyframe } => self.removed(*keyframe, map),
-            Change::KeyframeRetired { retired } => {
-                self.removed(retired.keyframe, map);
-                self.landmarks.extend(&retired.landmarks);
-                self.constraints.extend(&retired.revoked);
-                self.constraints.extend(retired.constraints.iter().map(|&(id, _)| id));
-                self.constraints.extend(retired.priors.iter().map(|&(id, _)| id));
-            }
-        }
-    }
-
-    /// A keyframe goes, with its constraints and priors.
-    fn removed(&mut self, keyframe: EntityId, map: &Map) {
-        self.keyframe(keyframe);
-        if let Some(entity) = map.keyframes().get(&keyframe) {
-            self.landmarks.extend(entity.observations.iter().map(|o| o.landmark));
-        }
-        let constraints = map.constraints().iter();
-        let gone =
-            constraints.filter(|(_, c)| c.keyframe_i == keyframe || c.keyframe_j == keyframe);
-        self.constraints.extend(gone.map(|(&id, _)| id));
-        let gone = map.priors().iter().filter(|(_, p)| p.keyframe() == keyframe);
-        self.constraints.extend(gone.map(|(&id, _)| id));
-    }
-
-    fn len(&self) -> usize {
-        self.cameras.len()
-            + self.keyframes.len()
-            + self.landmarks.len()
-            + self.constraints.len()
-            + self.clients.len()
-    }
-
-    fn keyframe(&mut self, id: EntityId) {
-        self.keyframes.insert(id);
-        self.clients.insert(id.client);
-    }
-
-    fn join(&mut self, other: Self) {
-        self.cameras.extend(other.cameras);
-        self.keyframes.extend(other.keyframes);
-        self.landmarks.extend(other.landmarks);
-        self.constraints.extend(other.constraints);
-        self.clients.extend(other.clients);
-    }
-}
 
 /// More ids than this and than the map has entities are not kept: the reader gets the full state.
 const LEAST_TOUCHED: usize = 10_000;
@@ -143,8 +38,48 @@ pub struct MapChange {
     pub snapshot: Arc<Map>,
 }
 
-/// Where the engine leaves a change, so that a canceled [`Watch::next`] loses nothing.
-type Slot = Mutex<Option<MapChange>>;
+/// Ids that were touched, as long as they are not too many.
+#[derive(Debug)]
+pub(super) struct Gathered {
+    pub(super) touched: Touched,
+    /// Whether there were too many, or some are not known.
+    pub(super) reset: bool,
+    /// More ids than this are not kept.
+    most: usize,
+}
+
+impl Gathered {
+    pub(super) fn new(most: usize) -> Self {
+        Self { touched: Touched::default(), reset: false, most }
+    }
+
+    /// Gives up what was gathered: the full state is told.
+    pub(super) fn reset(&mut self) {
+        self.reset = true;
+        self.touched = Touched::default();
+    }
+
+    pub(super) fn join(&mut self, touched: &Touched) {
+        if !self.reset {
+            self.touched.join(touched);
+            self.check();
+        }
+    }
+
+    /// Resets where there are too many ids.
+    pub(super) fn check(&mut self) {
+        if self.touched.len() > self.most {
+            self.reset();
+        }
+    }
+}
+
+/// How many ids a watcher of `map` keeps.
+pub(super) fn most_touched(map: &Map) -> usize {
+    let constraints = map.constraints().len() + map.priors().len();
+    let held = map.keyframes().len() + map.landmarks().len() + constraints;
+    LEAST_TOUCHED.max(held + map.cameras().len() + map.clients().len())
+}
 
 /// A watched map.
 #[derive(Debug)]
@@ -155,14 +90,21 @@ pub struct Watch {
     pub base_revision: i64,
     /// The map's state at the start.
     pub state: MapState,
-    pub(super) handle: MapHandle,
-    pub(super) id: u64,
-    pub(super) slot: Arc<Slot>,
-    pub(super) signal: watch::Receiver<()>,
-    /// Taken out of the slot, and not durable yet.
-    pub(super) taken: Option<MapChange>,
-    pub(super) _place: Booked,
-    pub(super) _open: Held,
+    handle: MapHandle,
+    log: LogReader,
+    signal: watch::Receiver<()>,
+    /// What the next change has so far.
+    gathered: Gathered,
+    /// Names of clients that opened a stream before the log begins.
+    opened: Vec<String>,
+    /// What the reader was told last, the start included.
+    told: (i64, MapState),
+    /// Whether the map may have changed since.
+    due: bool,
+    /// A change that is not durable yet.
+    taken: Option<MapChange>,
+    _place: Booked,
+    _open: Held,
 }
 
 impl Watch {
@@ -173,128 +115,164 @@ impl Watch {
     /// Why watching ended: [`EngineError::MapNotFound`] when the map was deleted,
     /// [`EngineError::ShuttingDown`].
     pub async fn next(&mut self) -> Result<MapChange, EngineError> {
-        if let Some(change) = self.told().await? {
-            return Ok(change);
-        }
         loop {
-            self.signal.borrow_and_update();
-            let id = self.id;
-            self.handle.call(|reply| Control::TakeChange { id, reply }).await?;
-            let left = self.slot.lock().unwrap_or_else(PoisonError::into_inner).take();
-            self.taken = left;
-            if let Some(change) = self.told().await? {
+            if let Some(change) = &self.taken {
+                // Once no crash can take it back.
+                self.handle.durable(change.revision).await?;
+            }
+            if let Some(change) = self.taken.take() {
                 return Ok(change);
             }
-            if self.signal.changed().await.is_err() {
-                return Err(self.handle.end_error());
+            if !self.due {
+                self.changed().await?;
+            }
+            self.signal.borrow_and_update();
+            let info = self.handle.info().await?;
+            let (revision, state) = (info.snapshot.revision(), info.state);
+            self.fold(revision).await;
+            // From here on nothing waits: the step is taken whole.
+            self.due = false;
+            if self.told == (revision, state) && !self.gathered.reset {
+                continue;
+            }
+            self.taken = Some(self.step(info.snapshot, state));
+        }
+    }
+
+    /// Gathers what the map's events touch while the reader is busy with an earlier step, so that
+    /// the engine need not keep it. Never ends; canceling loses nothing.
+    pub async fn gather(&mut self) {
+        loop {
+            self.fold(i64::MAX).await;
+            if self.changed().await.is_err() {
+                // Whoever asks for the next step is told why.
+                std::future::pending::<()>().await;
             }
         }
     }
-}
 
-impl Watch {
-    /// What was taken, once no crash can take it back.
-    async fn told(&mut self) -> Result<Option<MapChange>, EngineError> {
-        if let Some(change) = &self.taken {
-            self.handle.durable(change.revision).await?;
+    /// Waits until the map or its state may have changed.
+    async fn changed(&mut self) -> Result<(), EngineError> {
+        let changed = self.signal.changed().await;
+        changed.map_err(|_closed| self.handle.end_error())?;
+        self.due = true;
+        Ok(())
+    }
+
+    fn step(&mut self, snapshot: Arc<Map>, state: MapState) -> MapChange {
+        let next = Gathered::new(most_touched(&snapshot));
+        let Gathered { mut touched, reset, .. } = std::mem::replace(&mut self.gathered, next);
+        let opened = std::mem::take(&mut self.opened).into_iter();
+        touched.clients.extend(opened.filter_map(|name| snapshot.client_named(&name)));
+        let (revision, base_revision) = (snapshot.revision(), self.told.0);
+        self.told = (revision, state);
+        MapChange { reset, base_revision, revision, state, touched, snapshot }
+    }
+
+    /// Takes what the log has, up to `through`.
+    async fn fold(&mut self, through: i64) {
+        loop {
+            match self.log.take(through) {
+                Taken::Nothing => return,
+                Taken::Lost => self.gathered.reset(),
+                Taken::Some(some, most) => {
+                    self.gathered.most = most;
+                    some.iter().for_each(|touched| self.gathered.join(touched));
+                }
+            }
+            // Others have work too, the engine above all.
+            tokio::task::yield_now().await;
         }
-        Ok(self.taken.take())
+    }
+
+    /// Goes on from `revision`, which the reader holds: what lies between it and the start is read
+    /// from the journal, beside the engine. Where that cannot be told, the watch begins with a reset.
+    pub(super) async fn go_on_from(
+        &mut self,
+        revision: i64,
+        past: Past,
+    ) -> Result<(), EngineError> {
+        let through = self.log.at();
+        self.base_revision = revision;
+        self.told.0 = revision;
+        if revision >= through {
+            return Ok(());
+        }
+        self.due = true;
+        let handle = self.handle.clone();
+        let read = tokio::select! {
+            read = history::read(&handle, revision, through, &past) => read,
+            () = self.gather() => None,
+        };
+        match read {
+            Some(read) => {
+                self.gathered.join(&read.touched);
+                self.opened = read.opened.into_iter().collect();
+            }
+            None => self.gathered.reset(),
+        }
+        if !self.gathered.reset {
+            return Ok(());
+        }
+        let info = self.handle.info().await?;
+        (self.base_revision, self.state) = (info.snapshot.revision(), info.state);
+        self.told = (self.base_revision, self.state);
+        self.fold(self.base_revision).await;
+        self.gathered = Gathered::new(most_touched(&info.snapshot));
+        self.reset = Some(info.snapshot);
+        Ok(())
     }
 }
 
-struct Watcher {
-    id: u64,
-    slot: Weak<Slot>,
-    base_revision: i64,
-    state: MapState,
-    touched: Touched,
-    reset: bool,
-}
-
-/// The engine's side: all watchers of a map.
+/// The engine's side: the log, and who wakes its watchers.
 pub(super) struct Watchers {
     signal: watch::Sender<()>,
-    watchers: Vec<Watcher>,
-    next_id: u64,
+    log: WatchLog,
 }
 
 impl Watchers {
     pub(super) fn new() -> Self {
-        Self { signal: watch::Sender::new(()), watchers: Vec::new(), next_id: 0 }
+        Self { signal: watch::Sender::new(()), log: WatchLog::default() }
     }
 
-    /// Adds a watcher that holds `base_revision`; `missed` are the events since.
+    /// Adds a watcher that holds `map`.
     pub(super) fn open(
-        &mut self,
+        &self,
         handle: MapHandle,
-        map: &Arc<Map>,
+        map: &Map,
         state: MapState,
-        missed: Option<&[Arc<Event>]>,
         place: Booked,
     ) -> Watch {
-        self.next_id += 1;
-        let slot = Arc::new(Slot::default());
-        let mut touched = Touched::default();
-        for event in missed.unwrap_or_default() {
-            touched.add(&event.change, map);
-        }
-        let first = missed.and_then(|events| events.first());
-        let base_revision = first.map_or(map.revision(), |event| event.revision - 1);
-        self.watchers.push(Watcher {
-            id: self.next_id,
-            slot: Arc::downgrade(&slot),
-            base_revision,
+        let revision = map.revision();
+        Watch {
+            reset: None,
+            base_revision: revision,
             state,
-            touched,
-            reset: false,
-        });
-        let reset = missed.is_none().then(|| Arc::clone(map));
-        let (id, signal) = (self.next_id, self.signal.subscribe());
-        let _open = handle.shared.meters.watchers.hold();
-        let (taken, _place) = (None, place);
-        Watch { reset, base_revision, state, handle, id, slot, signal, taken, _place, _open }
+            log: self.log.reader(revision),
+            signal: self.signal.subscribe(),
+            gathered: Gathered::new(most_touched(map)),
+            opened: Vec::new(),
+            told: (revision, state),
+            due: false,
+            taken: None,
+            _place: place,
+            _open: handle.shared.meters.watchers.hold(),
+            handle,
+        }
     }
 
     /// Tells the watchers of an event that is about to change `map`.
-    pub(super) fn tell(&mut self, change: &Change, map: &Map) {
-        self.watchers.retain(|watcher| watcher.slot.strong_count() > 0);
-        let most = LEAST_TOUCHED.max(map.keyframes().len() + map.landmarks().len());
-        for watcher in self.watchers.iter_mut().filter(|watcher| !watcher.reset) {
-            watcher.touched.add(change, map);
-            if watcher.touched.len() > most {
-                watcher.touched = Touched::default();
-                watcher.reset = true;
-            }
+    pub(super) fn tell(&self, change: &Change, map: &Map) {
+        if self.log.is_read() {
+            let mut touched = Touched::default();
+            touched.add(change, map);
+            let most = most_touched(map) + touched.len();
+            self.log.push(map.revision().saturating_add(1), touched, most);
         }
     }
 
     /// Wakes the watchers: the map or its state has changed.
     pub(super) fn wake(&self) {
         self.signal.send_replace(());
-    }
-
-    /// Leaves in a watcher's slot what changed since it last took something.
-    pub(super) fn take(&mut self, id: u64, map: &Arc<Map>, state: MapState) {
-        let Some(watcher) = self.watchers.iter_mut().find(|w| w.id == id) else { return };
-        let Some(slot) = watcher.slot.upgrade() else { return };
-        if watcher.base_revision == map.revision() && watcher.state == state {
-            return;
-        }
-        let mut change = MapChange {
-            reset: std::mem::take(&mut watcher.reset),
-            base_revision: watcher.base_revision,
-            revision: map.revision(),
-            state,
-            touched: std::mem::take(&mut watcher.touched),
-            snapshot: Arc::clone(map),
-        };
-        (watcher.base_revision, watcher.state) = (map.revision(), state);
-        let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(earlier) = slot.take() {
-            change.base_revision = earlier.base_revision;
-            change.touched.join(earlier.touched);
-            change.reset |= earlier.reset;
-        }
-        *slot = Some(change);
     }
 }

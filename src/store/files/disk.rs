@@ -30,7 +30,7 @@ pub(crate) trait Disk: fmt::Debug + Send + Sync + 'static {
     /// A whole file.
     fn read(&self, path: &Path) -> io::Result<Vec<u8>>;
     /// A file from its beginning on, without holding all of it.
-    fn stream(&self, path: &Path) -> io::Result<Box<dyn Read>> {
+    fn stream(&self, path: &Path) -> io::Result<Box<dyn Read + Send>> {
         Ok(Box::new(Cursor::new(self.read(path)?)))
     }
     /// Creates a file that is not there.
@@ -81,7 +81,7 @@ impl Disk for RealDisk {
         fs::read(path)
     }
 
-    fn stream(&self, path: &Path) -> io::Result<Box<dyn Read>> {
+    fn stream(&self, path: &Path) -> io::Result<Box<dyn Read + Send>> {
         Ok(Box::new(File::open(path)?))
     }
 
@@ -140,7 +140,7 @@ impl Disk for ReadOnly {
         RealDisk.read(path)
     }
 
-    fn stream(&self, path: &Path) -> io::Result<Box<dyn Read>> {
+    fn stream(&self, path: &Path) -> io::Result<Box<dyn Read + Send>> {
         RealDisk.stream(path)
     }
 

@@ -24,7 +24,7 @@ use super::writer::{Group, Place, WriteError, Writer};
 use super::{FileStoreOptions, MARK, file_error, journal_name};
 use crate::map::Event;
 use crate::store::encoding::encode_event;
-use crate::store::{Damage, Epoch, Flushed, Position, StoreError, StoreMeters, sequence_of};
+use crate::store::{Damage, Epoch, Flushed, Piece, Position, StoreError, StoreMeters, sequence_of};
 
 /// Bytes that wait for a flush before appends have to wait too.
 const MOST_PENDING: usize = 64 << 20;
@@ -439,6 +439,21 @@ impl Journal {
     /// The first sequence of each file, rising.
     pub(super) fn segments(&self) -> Vec<u64> {
         self.writer().segments.clone()
+    }
+
+    /// Some of the events after `from` and up to `through`, where the last ones that are kept reach
+    /// back so far.
+    pub(super) fn recent_piece(&self, from: u64, through: u64, most: usize) -> Option<Piece> {
+        let state = self.state();
+        let behind = usize::try_from(state.last.saturating_sub(from)).ok()?;
+        let skip = state.recent.len().checked_sub(behind)?;
+        let left = usize::try_from(through.saturating_sub(from)).unwrap_or(usize::MAX);
+        let mut piece = Piece::default();
+        for (event, size) in state.recent.iter().skip(skip).take(left.min(most)) {
+            piece.events.push(Arc::clone(event));
+            piece.bytes += *size as u64;
+        }
+        Some(piece)
     }
 
     /// The events after `from`, where the last ones that are kept reach back so far.

@@ -38,6 +38,7 @@ mod journal;
 mod load;
 mod lock;
 mod read;
+mod reader;
 mod record;
 mod sealed;
 mod settle;
@@ -65,7 +66,8 @@ use self::journal::Journal;
 use self::lock::DirectoryLock;
 use self::record::Uid;
 use super::{
-    Damage, Durability, Epoch, Flushed, Position, Store, StoreError, StoreMeters, sequence_of,
+    Damage, Durability, Epoch, EventReader, Flushed, Position, Store, StoreError, StoreMeters,
+    sequence_of,
 };
 use crate::map::{Event, Map};
 
@@ -319,6 +321,15 @@ impl Store for FileStore {
             Some(error) if from.saturating_add(events.len() as u64) < last => Err(error.clone()),
             Some(_) | None => Ok(events),
         }
+    }
+
+    async fn reader(
+        &self,
+        map: &str,
+        from: u64,
+        through: u64,
+    ) -> Result<Box<dyn EventReader>, StoreError> {
+        Ok(Box::new(reader::Reader::new(self.journal(map).await?, from, through)))
     }
 
     async fn put_snapshot(

@@ -100,6 +100,19 @@ fn checksum(uid: &Uid, rest: &[u8]) -> u32 {
     crc32c::crc32c_append(crc32c::crc32c(uid), rest)
 }
 
+/// The length of the payload and the sequence that a record's head tells; `None` where no payload
+/// follows. Nothing is checked by it.
+pub(super) fn read_head(head: &[u8; HEAD]) -> Option<(u64, u64)> {
+    let length = u64::from(u32_at(head, 4)?);
+    Some((length, u64_at(head, 8)?)).filter(|&(length, _)| length > 0)
+}
+
+/// Whether head and payload are those of one record of the map `uid`.
+pub(super) fn is_record(head: &[u8; HEAD], payload: &[u8], uid: &Uid) -> bool {
+    let crc = crc32c::crc32c_append(checksum(uid, &head[4..]), payload);
+    u32_at(head, 0) == Some(crc)
+}
+
 /// A record that was found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Record {

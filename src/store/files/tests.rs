@@ -6,6 +6,7 @@ mod doctor;
 mod fault;
 mod faulty;
 mod golden;
+mod reading;
 mod record;
 mod rules;
 mod script;

@@ -99,60 +99,46 @@ pub(super) fn parse_images(
     file.end()
 }
 
-pub(super) fn cameras(model: &ColmapModel) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    put_count(&mut bytes, model.cameras.len());
-    for (id, camera) in &model.cameras {
-        bytes.extend(id.to_le_bytes());
-        bytes.extend(camera.model.number().to_le_bytes());
-        bytes.extend(camera.width.to_le_bytes());
-        bytes.extend(camera.height.to_le_bytes());
-        put_all(&mut bytes, &camera.parameters);
-    }
-    bytes
+pub(super) fn put_camera(bytes: &mut Vec<u8>, id: u32, camera: &ColmapCamera) {
+    bytes.extend(id.to_le_bytes());
+    bytes.extend(camera.model.number().to_le_bytes());
+    bytes.extend(camera.width.to_le_bytes());
+    bytes.extend(camera.height.to_le_bytes());
+    put_all(bytes, &camera.parameters);
 }
 
-pub(super) fn images(model: &ColmapModel) -> Result<Vec<u8>, IoError> {
-    let mut bytes = Vec::new();
-    put_count(&mut bytes, model.images.len());
-    for (&id, image) in &model.images {
-        if image.name.contains('\0') {
-            let (id, reason) = (id.into(), "a binary file needs a name without a zero byte");
-            return Err(IoError::UnwritableText { field: "image", id, reason });
-        }
-        bytes.extend(id.to_le_bytes());
-        put_all(&mut bytes, &image.quaternion_wxyz);
-        put_all(&mut bytes, &image.translation);
-        bytes.extend(image.camera.to_le_bytes());
-        bytes.extend(image.name.as_bytes());
-        bytes.push(0);
-        put_count(&mut bytes, image.keypoints.len());
-        for keypoint in &image.keypoints {
-            put_all(&mut bytes, &[keypoint.x, keypoint.y]);
-            bytes.extend(keypoint.point.unwrap_or(NO_POINT).to_le_bytes());
-        }
+pub(super) fn put_image(bytes: &mut Vec<u8>, id: u32, image: &ColmapImage) -> Result<(), IoError> {
+    if image.name.contains('\0') {
+        let (id, reason) = (id.into(), "a binary file needs a name without a zero byte");
+        return Err(IoError::UnwritableText { field: "image", id, reason });
     }
-    Ok(bytes)
+    bytes.extend(id.to_le_bytes());
+    put_all(bytes, &image.quaternion_wxyz);
+    put_all(bytes, &image.translation);
+    bytes.extend(image.camera.to_le_bytes());
+    bytes.extend(image.name.as_bytes());
+    bytes.push(0);
+    put_count(bytes, image.keypoints.len());
+    for keypoint in &image.keypoints {
+        put_all(bytes, &[keypoint.x, keypoint.y]);
+        bytes.extend(keypoint.point.unwrap_or(NO_POINT).to_le_bytes());
+    }
+    Ok(())
 }
 
-pub(super) fn points(model: &ColmapModel) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    put_count(&mut bytes, model.points.len());
-    for (id, point) in &model.points {
-        bytes.extend(id.to_le_bytes());
-        put_all(&mut bytes, &point.position);
-        bytes.extend(point.color);
-        put_all(&mut bytes, &[point.error]);
-        put_count(&mut bytes, point.track.len());
-        for (image, keypoint) in &point.track {
-            bytes.extend(image.to_le_bytes());
-            bytes.extend(keypoint.to_le_bytes());
-        }
+pub(super) fn put_point(bytes: &mut Vec<u8>, id: u64, point: &ColmapPoint) {
+    bytes.extend(id.to_le_bytes());
+    put_all(bytes, &point.position);
+    bytes.extend(point.color);
+    put_all(bytes, &[point.error]);
+    put_count(bytes, point.track.len());
+    for (image, keypoint) in &point.track {
+        bytes.extend(image.to_le_bytes());
+        bytes.extend(keypoint.to_le_bytes());
     }
-    bytes
 }
 
-fn put_count(bytes: &mut Vec<u8>, count: usize) {
+pub(super) fn put_count(bytes: &mut Vec<u8>, count: usize) {
     bytes.extend((count as u64).to_le_bytes());
 }
 

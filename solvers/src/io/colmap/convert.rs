@@ -64,6 +64,12 @@ impl ColmapImage {
 }
 
 impl ColmapKeypoint {
+    /// The keypoint at `pixel` (u, v), the first pixel's center at (0, 0).
+    #[must_use]
+    pub fn new(pixel: &Vector2<f64>, point: Option<u64>) -> Self {
+        Self { x: pixel.x + PIXEL_CENTER, y: pixel.y + PIXEL_CENTER, point }
+    }
+
     /// The pixel (u, v), the first pixel's center at (0, 0).
     #[must_use]
     pub fn pixel(&self) -> Vector2<f64> {
@@ -99,8 +105,7 @@ impl ColmapModel {
         let observed = self.points.get_mut(&point).ok_or_else(|| unknown("point", point as i64))?;
         let observer = self.images.get_mut(&image).ok_or_else(|| unknown("image", image.into()))?;
         observed.track.push((image, observer.keypoints.len() as u32));
-        let (x, y) = (pixel.x + PIXEL_CENTER, pixel.y + PIXEL_CENTER);
-        observer.keypoints.push(ColmapKeypoint { x, y, point: Some(point) });
+        observer.keypoints.push(ColmapKeypoint::new(pixel, Some(point)));
         Ok(())
     }
 

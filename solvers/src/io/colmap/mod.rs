@@ -8,6 +8,7 @@
 mod binary;
 mod camera;
 mod convert;
+mod records;
 mod text;
 
 use std::collections::BTreeMap;
@@ -154,12 +155,20 @@ impl ColmapModel {
         &self,
         encoding: ColmapEncoding,
     ) -> Result<Vec<(&'static str, Vec<u8>)>, IoError> {
-        let bytes = match encoding {
-            ColmapEncoding::Text => [text::cameras(self), text::images(self)?, text::points(self)],
-            ColmapEncoding::Binary => {
-                [binary::cameras(self), binary::images(self)?, binary::points(self)]
-            }
-        };
+        let mut bytes = [const { Vec::new() }; 3];
+        let [cameras, images, points] = &mut bytes;
+        encoding.put_cameras_head(self.cameras.len(), cameras);
+        for (&id, camera) in &self.cameras {
+            encoding.put_camera(id, camera, cameras);
+        }
+        encoding.put_images_head(self.images.len(), images);
+        for (&id, image) in &self.images {
+            encoding.put_image(id, image, images)?;
+        }
+        encoding.put_points_head(self.points.len(), points);
+        for (&id, point) in &self.points {
+            encoding.put_point(id, point, points);
+        }
         Ok(encoding.file_names().into_iter().zip(bytes).collect())
     }
 

@@ -117,60 +117,55 @@ fn keypoint_point(line: &mut Line<'_>) -> Result<Option<u64>, IoError> {
     }
 }
 
-pub(super) fn cameras(model: &ColmapModel) -> Vec<u8> {
-    let mut text = TextWriter::default();
-    text.put("# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n");
-    for (id, camera) in &model.cameras {
-        let ColmapCamera { width, height, .. } = camera;
-        text.put(format_args!("{id} {} {width} {height}", camera.model.name()));
-        put_all(&mut text, &camera.parameters);
-        text.end_line();
-    }
-    text.into_bytes()
+pub(super) const CAMERAS_HEAD: &[u8] = b"# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n";
+pub(super) const IMAGES_HEAD: &[u8] =
+    b"# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME\n# POINTS2D[] as X Y POINT3D_ID\n";
+pub(super) const POINTS_HEAD: &[u8] =
+    b"# POINT3D_ID X Y Z R G B ERROR TRACK[] as IMAGE_ID POINT2D_IDX\n";
+
+pub(super) fn put_camera(text: &mut TextWriter, id: u32, camera: &ColmapCamera) {
+    let ColmapCamera { width, height, .. } = camera;
+    text.put(format_args!("{id} {} {width} {height}", camera.model.name()));
+    put_all(text, &camera.parameters);
+    text.end_line();
 }
 
-pub(super) fn images(model: &ColmapModel) -> Result<Vec<u8>, IoError> {
-    let mut text = TextWriter::default();
-    text.put("# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME\n# POINTS2D[] as X Y POINT3D_ID\n");
-    for (&id, image) in &model.images {
-        let name = &image.name;
-        if name.is_empty() || name.trim_ascii() != name || name.contains('\n') {
-            return Err(IoError::UnwritableText {
-                field: "image",
-                id: id.into(),
-                reason: "a text file needs a name without a line break or outer white space",
-            });
-        }
-        text.put(id);
-        put_all(&mut text, &image.quaternion_wxyz);
-        put_all(&mut text, &image.translation);
-        text.put(format_args!(" {} {name}\n", image.camera));
-        for (k, ColmapKeypoint { x, y, point }) in image.keypoints.iter().enumerate() {
-            let separator = if k == 0 { "" } else { " " };
-            match point {
-                Some(point) => text.put(format_args!("{separator}{x:?} {y:?} {point}")),
-                None => text.put(format_args!("{separator}{x:?} {y:?} -1")),
-            }
-        }
-        text.end_line();
+/// Refuses a name that a line does not hold.
+pub(super) fn check_name(id: u32, name: &str) -> Result<(), IoError> {
+    if name.is_empty() || name.trim_ascii() != name || name.contains('\n') {
+        return Err(IoError::UnwritableText {
+            field: "image",
+            id: id.into(),
+            reason: "a text file needs a name without a line break or outer white space",
+        });
     }
-    Ok(text.into_bytes())
+    Ok(())
 }
 
-pub(super) fn points(model: &ColmapModel) -> Vec<u8> {
-    let mut text = TextWriter::default();
-    text.put("# POINT3D_ID X Y Z R G B ERROR TRACK[] as IMAGE_ID POINT2D_IDX\n");
-    for (id, point) in &model.points {
-        let ([r, g, b], error) = (point.color, point.error);
-        text.put(id);
-        put_all(&mut text, &point.position);
-        text.put(format_args!(" {r} {g} {b} {error:?}"));
-        for (image, keypoint) in &point.track {
-            text.put(format_args!(" {image} {keypoint}"));
+pub(super) fn put_image(text: &mut TextWriter, id: u32, image: &ColmapImage) {
+    text.put(id);
+    put_all(text, &image.quaternion_wxyz);
+    put_all(text, &image.translation);
+    text.put(format_args!(" {} {}\n", image.camera, image.name));
+    for (k, ColmapKeypoint { x, y, point }) in image.keypoints.iter().enumerate() {
+        let separator = if k == 0 { "" } else { " " };
+        match point {
+            Some(point) => text.put(format_args!("{separator}{x:?} {y:?} {point}")),
+            None => text.put(format_args!("{separator}{x:?} {y:?} -1")),
         }
-        text.end_line();
     }
-    text.into_bytes()
+    text.end_line();
+}
+
+pub(super) fn put_point(text: &mut TextWriter, id: u64, point: &ColmapPoint) {
+    let ([r, g, b], error) = (point.color, point.error);
+    text.put(id);
+    put_all(text, &point.position);
+    text.put(format_args!(" {r} {g} {b} {error:?}"));
+    for (image, keypoint) in &point.track {
+        text.put(format_args!(" {image} {keypoint}"));
+    }
+    text.end_line();
 }
 
 /// Appends numbers with the fewest digits that read back exactly.

@@ -70,6 +70,26 @@ pub(super) fn upper_triangle<const N: usize, const U: usize>(
     upper
 }
 
+impl<const P: usize> G2oVertex<P> {
+    /// The vertex `id` at `pose`.
+    pub fn new<G: G2oPose<N, P>, const N: usize>(id: i64, pose: &G) -> Self {
+        Self { id, pose: pose.to_numbers() }
+    }
+}
+
+impl<const P: usize, const U: usize> G2oEdge<P, U> {
+    /// The edge from vertex `i` to vertex `j`.
+    pub fn new<G: G2oPose<N, P>, const N: usize>(
+        i: i64,
+        j: i64,
+        i_from_j: &G,
+        information: &Information<N>,
+    ) -> Self {
+        let (i_from_j, information) = (i_from_j.to_numbers(), upper_triangle(information));
+        Self { i, j, i_from_j, information }
+    }
+}
+
 impl G2oSe2 {
     /// The pose graph; poses are the identity where the file has edges only.
     ///
@@ -203,12 +223,8 @@ fn from_pose_graph<G: G2oPose<N, P>, const N: usize, const P: usize, const U: us
     };
     let mut edges = Vec::with_capacity(graph.edges.len());
     for (k, edge) in graph.edges.iter().enumerate() {
-        edges.push(G2oEdge {
-            i: id(edge.i, k)?,
-            j: id(edge.j, k)?,
-            i_from_j: edge.i_from_j.to_numbers(),
-            information: upper_triangle(&edge.information),
-        });
+        let (i, j) = (id(edge.i, k)?, id(edge.j, k)?);
+        edges.push(G2oEdge::new(i, j, &edge.i_from_j, &edge.information));
     }
     let constant = graph.ids.iter().zip(&graph.constant).filter(|&(_, &constant)| constant);
     let fixed = constant.map(|(&id, _)| id).collect();
@@ -219,8 +235,7 @@ fn from_pose_graph<G: G2oPose<N, P>, const N: usize, const P: usize, const U: us
 fn vertices<G: G2oPose<N, P>, const N: usize, const P: usize>(
     graph: &PoseGraph<G, N>,
 ) -> Vec<G2oVertex<P>> {
-    let vertex = |(&id, pose): (&i64, &G)| G2oVertex { id, pose: pose.to_numbers() };
-    graph.ids.iter().zip(&graph.poses).map(vertex).collect()
+    graph.ids.iter().zip(&graph.poses).map(|(&id, pose)| G2oVertex::new(id, pose)).collect()
 }
 
 fn update_from<G: G2oPose<N, P>, const N: usize, const P: usize, const U: usize>(

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::super::text::TextWriter;
 use super::super::{IoError, files};
-use super::{G2oFile, G2oSe2};
+use super::{G2oEdge, G2oFile, G2oSe2, G2oVertex};
 
 impl<const P: usize, const U: usize> G2oFile<P, U> {
     /// Writes the file with 17 significant digits: reading it gives the same numbers.
@@ -18,25 +18,37 @@ impl<const P: usize, const U: usize> G2oFile<P, U> {
     /// The file's bytes.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let suffix = if P == G2oSe2::POSE_NUMBERS { "SE2" } else { "SE3:QUAT" };
-        let mut text = TextWriter::default();
-        for vertex in &self.vertices {
-            text.put(format_args!("VERTEX_{suffix} {}", vertex.id));
+        let mut bytes = Vec::new();
+        self.vertices.iter().for_each(|vertex| Self::put_vertex(vertex, &mut bytes));
+        for id in &self.fixed {
+            TextWriter::append(&mut bytes, |text| text.put(format_args!("FIX {id}\n")));
+        }
+        self.edges.iter().for_each(|edge| Self::put_edge(edge, &mut bytes));
+        bytes
+    }
+
+    /// Appends the line of a vertex, for a caller that does not hold all of a file.
+    pub fn put_vertex(vertex: &G2oVertex<P>, out: &mut Vec<u8>) {
+        TextWriter::append(out, |text| {
+            text.put(format_args!("VERTEX_{} {}", Self::SUFFIX, vertex.id));
             text.put_numbers(&vertex.pose);
             text.end_line();
-        }
-        for id in &self.fixed {
-            text.put(format_args!("FIX {id}\n"));
-        }
-        for edge in &self.edges {
-            text.put(format_args!("EDGE_{suffix} {} {}", edge.i, edge.j));
+        });
+    }
+
+    /// Appends the line of an edge.
+    pub fn put_edge(edge: &G2oEdge<P, U>, out: &mut Vec<u8>) {
+        TextWriter::append(out, |text| {
+            text.put(format_args!("EDGE_{} {} {}", Self::SUFFIX, edge.i, edge.j));
             text.put_numbers(&edge.i_from_j);
             text.put_numbers(&edge.information);
             text.end_line();
-        }
-        text.into_bytes()
+        });
     }
 
     /// Numbers that a pose takes.
     pub(super) const POSE_NUMBERS: usize = P;
+
+    /// What the tags of lines end with.
+    const SUFFIX: &str = if P == G2oSe2::POSE_NUMBERS { "SE2" } else { "SE3:QUAT" };
 }

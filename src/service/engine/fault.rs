@@ -1,0 +1,47 @@
+//! Bugs that tests stage. Without the feature `faults` none can be staged, and the questions here are
+//! answered when the program is compiled.
+
+use super::EngineConfig;
+
+/// A bug that tests stage.
+#[cfg(feature = "faults")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// Every solve panics.
+    PanicInSolve,
+    /// The engine panics while it applies a client's item.
+    PanicInEngine,
+    /// Every call on a map, and creating and deleting one, answers
+    /// [`EngineError::Bug`](super::EngineError::Bug).
+    FailCalls,
+}
+
+#[cfg(feature = "faults")]
+impl EngineConfig {
+    pub(crate) fn panics_in_solve(&self) -> bool {
+        self.fault == Some(Fault::PanicInSolve)
+    }
+
+    pub(super) fn panics_in_engine(&self) -> bool {
+        self.fault == Some(Fault::PanicInEngine)
+    }
+
+    pub(super) fn fails_calls(&self) -> bool {
+        self.fault == Some(Fault::FailCalls)
+    }
+}
+
+#[cfg(not(feature = "faults"))]
+impl EngineConfig {
+    pub(crate) const fn panics_in_solve(&self) -> bool {
+        false
+    }
+
+    pub(super) const fn panics_in_engine(&self) -> bool {
+        false
+    }
+
+    pub(super) const fn fails_calls(&self) -> bool {
+        false
+    }
+}

@@ -1,0 +1,140 @@
+//! What events touch: the ids that a watcher is told.
+//!
+//! Values are read in a snapshot later; nothing here keeps any.
+
+use std::collections::BTreeSet;
+
+use crate::map::{Change, ClientIndex, EntityId, Map};
+
+/// What events touched. An id that the snapshot does not hold was removed.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Touched {
+    /// Cameras that are new or changed.
+    pub cameras: BTreeSet<EntityId>,
+    /// Keyframes that are new, changed or gone.
+    pub keyframes: BTreeSet<EntityId>,
+    /// Landmarks that are new, changed or gone.
+    pub landmarks: BTreeSet<EntityId>,
+    /// Constraints and priors that are new, switched off or on, or gone.
+    pub constraints: BTreeSet<EntityId>,
+    /// Clients that are new or whose keyframes changed.
+    pub clients: BTreeSet<ClientIndex>,
+}
+
+impl Touched {
+    /// Adds what `change` touches; `map` is the map before it.
+    pub(super) fn add(&mut self, change: &Change, map: &Map) {
+        self.add_values(change);
+        match change {
+            Change::ClientOpened { name, .. } => {
+                let next = u32::try_from(map.clients().len()).unwrap_or(u32::MAX);
+                self.clients.insert(map.client_named(name).unwrap_or(ClientIndex(next)));
+            }
+            Change::KeyframeRemoved { keyframe } => self.removed(*keyframe, map),
+            Change::KeyframeRetired { retired } => self.removed(retired.keyframe, map),
+            Change::Created { .. }
+            | Change::PolicySet { .. }
+            | Change::CameraSet { .. }
+            | Change::KeyframeAdded { .. }
+            | Change::LandmarksAdded { .. }
+            | Change::ObservationsAdded { .. }
+            | Change::ConstraintAdded { .. }
+            | Change::PriorAdded { .. }
+            | Change::ConstraintRevoked { .. }
+            | Change::LandmarksTriangulated { .. }
+            | Change::SolveApplied { .. }
+            | Change::ObservationsRemoved { .. }
+            | Change::LandmarksFused { .. }
+            | Change::LandmarksRemoved { .. } => {}
+        }
+    }
+
+    /// Adds the ids that `change` itself names. What it does besides needs the map before it: which
+    /// client opened, and what went with a keyframe.
+    pub(super) fn add_values(&mut self, change: &Change) {
+        match change {
+            Change::Created { .. } | Change::PolicySet { .. } | Change::ClientOpened { .. } => {}
+            Change::CameraSet { id, .. } => {
+                self.cameras.insert(*id);
+            }
+            Change::KeyframeAdded { id, observations, landmarks, .. } => {
+                self.keyframe(*id);
+                self.landmarks.extend(landmarks.iter().map(|l| l.id));
+                self.landmarks.extend(observations.iter().map(|o| o.landmark));
+            }
+            Change::LandmarksAdded { landmarks } => {
+                self.landmarks.extend(landmarks.iter().map(|l| l.id));
+            }
+            Change::ObservationsAdded { observations, .. } => {
+                self.landmarks.extend(observations.iter().map(|o| o.landmark));
+            }
+            Change::ConstraintAdded { id, .. }
+            | Change::PriorAdded { id, .. }
+            | Change::ConstraintRevoked { id } => {
+                self.constraints.insert(*id);
+            }
+            Change::LandmarksTriangulated { positions } => {
+                self.landmarks.extend(positions.iter().map(|&(id, _)| id));
+            }
+            Change::SolveApplied { solve } => {
+                solve.poses.iter().for_each(|&(id, _)| self.keyframe(id));
+                self.landmarks.extend(solve.landmarks.iter().map(|&(id, _)| id));
+                self.cameras.extend(solve.cameras.iter().map(|&(id, _)| id));
+                self.constraints.extend(solve.switched_off.iter().map(|&(id, _)| id));
+                self.constraints.extend(&solve.switched_on);
+            }
+            Change::ObservationsRemoved { observations } => {
+                self.landmarks.extend(observations.iter().map(|&(_, landmark)| landmark));
+            }
+            Change::LandmarksFused { kept, absorbed } => {
+                self.landmarks.insert(*kept);
+                self.landmarks.extend(absorbed);
+            }
+            Change::LandmarksRemoved { landmarks } => self.landmarks.extend(landmarks),
+            Change::KeyframeRemoved { keyframe } => self.keyframe(*keyframe),
+            Change::KeyframeRetired { retired } => {
+                self.keyframe(retired.keyframe);
+                self.landmarks.extend(&retired.landmarks);
+                self.constraints.extend(&retired.revoked);
+                self.constraints.extend(retired.constraints.iter().map(|&(id, _)| id));
+                self.constraints.extend(retired.priors.iter().map(|&(id, _)| id));
+            }
+        }
+    }
+
+    /// A keyframe goes, with its constraints and priors.
+    fn removed(&mut self, keyframe: EntityId, map: &Map) {
+        if let Some(entity) = map.keyframes().get(&keyframe) {
+            self.landmarks.extend(entity.observations.iter().map(|o| o.landmark));
+        }
+        let constraints = map.constraints().iter();
+        let gone =
+            constraints.filter(|(_, c)| c.keyframe_i == keyframe || c.keyframe_j == keyframe);
+        self.constraints.extend(gone.map(|(&id, _)| id));
+        let gone = map.priors().iter().filter(|(_, p)| p.keyframe() == keyframe);
+        self.constraints.extend(gone.map(|(&id, _)| id));
+    }
+
+    /// How many ids it has.
+    pub(super) fn len(&self) -> usize {
+        self.cameras.len()
+            + self.keyframes.len()
+            + self.landmarks.len()
+            + self.constraints.len()
+            + self.clients.len()
+    }
+
+    fn keyframe(&mut self, id: EntityId) {
+        self.keyframes.insert(id);
+        self.clients.insert(id.client);
+    }
+
+    /// Adds what `other` has.
+    pub(super) fn join(&mut self, other: &Self) {
+        self.cameras.extend(&other.cameras);
+        self.keyframes.extend(&other.keyframes);
+        self.landmarks.extend(&other.landmarks);
+        self.constraints.extend(&other.constraints);
+        self.clients.extend(&other.clients);
+    }
+}

@@ -1,0 +1,243 @@
+//! What the last events touched, once for all watchers of a map.
+//!
+//! The engine adds one entry an event, whatever the number of watchers; each watcher folds the
+//! entries into its own set, in its own task. An entry goes when every watcher has it, and the oldest go
+//! when there are too many ids: a watcher that has not read them yet gets the full state instead. So
+//! an event costs the engine what the event touches, and a watcher that does not read costs nothing.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::touched::Touched;
+
+/// Ids that are kept for watchers who have not read them; the newest entry stays in any case.
+const MOST_IDS: usize = 1 << 16;
+/// Entries that a watcher takes at once, so that it holds the lock for a moment only.
+const MOST_TAKEN: usize = 64;
+
+/// The log of a map. Cheap to clone.
+#[derive(Clone, Debug, Default)]
+pub(super) struct WatchLog(Arc<Mutex<Entries>>);
+
+#[derive(Debug, Default)]
+struct Entries {
+    /// The revision of the last entry.
+    newest: i64,
+    /// One a revision, rising.
+    touched: VecDeque<Arc<Touched>>,
+    /// Ids of all entries, and one for each entry.
+    ids: usize,
+    /// Most ids that a watcher keeps.
+    most: usize,
+    /// Up to which revision watchers have read, and how many of them.
+    readers: BTreeMap<i64, usize>,
+}
+
+impl WatchLog {
+    /// Whether an event has to be told to anybody.
+    pub(super) fn is_read(&self) -> bool {
+        !self.lock().readers.is_empty()
+    }
+
+    /// Adds what the event of `revision` touches; a watcher keeps up to `most` ids by now.
+    pub(super) fn push(&self, revision: i64, touched: Touched, most: usize) {
+        let mut entries = self.lock();
+        entries.most = most;
+        let gone = entries.push(revision, Arc::new(touched));
+        drop(entries);
+        // Sets are dropped without the lock.
+        drop(gone);
+    }
+
+    /// Begins to read behind `revision`, which is the map's.
+    pub(super) fn reader(&self, revision: i64) -> LogReader {
+        let mut entries = self.lock();
+        if entries.readers.is_empty() {
+            entries.newest = revision;
+        }
+        *entries.readers.entry(revision).or_default() += 1;
+        drop(entries);
+        LogReader { log: self.clone(), at: revision }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Entries> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Entries {
+    /// The revision before that of the first entry.
+    fn floor(&self) -> i64 {
+        self.newest.saturating_sub(i64::try_from(self.touched.len()).unwrap_or(i64::MAX))
+    }
+
+    /// Returns what nobody needs any more.
+    fn push(&mut self, revision: i64, touched: Arc<Touched>) -> Vec<Arc<Touched>> {
+        if self.readers.is_empty() {
+            return Vec::new();
+        }
+        // A panic between an event and its end leaves one that the map does not have.
+        let mut gone = match self.newest.checked_add(1) {
+            Some(next) if next == revision => Vec::new(),
+            _ => self.drop_first(self.touched.len()),
+        };
+        self.newest = revision;
+        self.ids += touched.len() + 1;
+        self.touched.push_back(touched);
+        while self.ids > MOST_IDS && self.touched.len() > 1 {
+            gone.extend(self.drop_first(1));
+        }
+        gone
+    }
+
+    /// Moves a reader. Returns what nobody needs any more.
+    fn read(&mut self, from: i64, to: Option<i64>) -> Vec<Arc<Touched>> {
+        if let Some(count) = self.readers.get_mut(&from) {
+            *count -= 1;
+            if *count == 0 {
+                self.readers.remove(&from);
+            }
+        }
+        if let Some(to) = to {
+            *self.readers.entry(to).or_default() += 1;
+        }
+        let least = self.readers.first_key_value().map_or(self.newest, |(&least, _)| least);
+        let read = usize::try_from(least.saturating_sub(self.floor())).unwrap_or(0);
+        self.drop_first(read.min(self.touched.len()))
+    }
+
+    fn drop_first(&mut self, count: usize) -> Vec<Arc<Touched>> {
+        let gone: Vec<_> = self.touched.drain(..count).collect();
+        self.ids -= gone.iter().map(|touched| touched.len() + 1).sum::<usize>();
+        gone
+    }
+}
+
+/// What [`LogReader::take`] finds.
+#[derive(Debug)]
+pub(super) enum Taken {
+    /// The next entries, in order, and how many ids a watcher keeps by now.
+    Some(Vec<Arc<Touched>>, usize),
+    /// All were taken.
+    Nothing,
+    /// Entries are gone that were not taken.
+    Lost,
+}
+
+/// A watcher's place in the log; dropping it leaves.
+#[derive(Debug)]
+pub(super) struct LogReader {
+    log: WatchLog,
+    at: i64,
+}
+
+impl LogReader {
+    /// The revision up to which entries were taken.
+    pub(super) fn at(&self) -> i64 {
+        self.at
+    }
+
+    /// Some of the entries that come next, up to that of revision `through`.
+    pub(super) fn take(&mut self, through: i64) -> Taken {
+        let mut entries = self.log.lock();
+        let through = through.min(entries.newest);
+        if self.at >= through {
+            return Taken::Nothing;
+        }
+        let (from, skipped) = (self.at, self.at - entries.floor());
+        let (taken, to) = match usize::try_from(skipped) {
+            Err(_negative) => (Taken::Lost, through),
+            Ok(skipped) => {
+                let count = usize::try_from(through - from).unwrap_or(usize::MAX).min(MOST_TAKEN);
+                let some: Vec<_> =
+                    entries.touched.iter().skip(skipped).take(count).map(Arc::clone).collect();
+                let to = from + i64::try_from(some.len()).unwrap_or(i64::MAX);
+                (Taken::Some(some, entries.most), to)
+            }
+        };
+        self.at = to;
+        let gone = entries.read(from, Some(to));
+        drop(entries);
+        drop(gone);
+        taken
+    }
+}
+
+impl Drop for LogReader {
+    fn drop(&mut self) {
+        let _gone = self.log.lock().read(self.at, None);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::{ClientIndex, EntityId};
+
+    /// An event that touches `count` landmarks.
+    fn touched(count: i64) -> Touched {
+        let ids = (0..count).map(|id| EntityId::new(ClientIndex(0), id));
+        Touched { landmarks: ids.collect(), ..Touched::default() }
+    }
+
+    /// Entries and ids that are kept.
+    fn kept(log: &WatchLog) -> (usize, usize) {
+        let entries = log.lock();
+        (entries.touched.len(), entries.ids)
+    }
+
+    fn count(reader: &mut LogReader) -> Option<usize> {
+        let mut count = 0;
+        loop {
+            match reader.take(i64::MAX) {
+                Taken::Some(some, _) => count += some.len(),
+                Taken::Nothing => return Some(count),
+                Taken::Lost => return None,
+            }
+        }
+    }
+
+    #[test]
+    fn without_watchers_nothing_is_kept() {
+        let log = WatchLog::default();
+        log.push(1, touched(3), 0);
+        assert!(!log.is_read());
+        assert_eq!(kept(&log), (0, 0));
+    }
+
+    #[test]
+    fn an_entry_is_kept_once_and_until_every_watcher_has_it() {
+        let log = WatchLog::default();
+        let (mut fast, mut slow) = (log.reader(7), log.reader(7));
+        (8..108).for_each(|revision| log.push(revision, touched(2), 0));
+        assert_eq!(count(&mut fast), Some(100));
+        assert_eq!(kept(&log), (100, 300));
+        assert_eq!(count(&mut slow), Some(100));
+        assert_eq!(kept(&log), (0, 0));
+        log.push(108, touched(2), 0);
+        assert_eq!(count(&mut fast), Some(1));
+        drop(slow);
+        assert!(log.is_read());
+        assert_eq!(kept(&log), (0, 0));
+        drop(fast);
+        assert!(!log.is_read());
+    }
+
+    #[test]
+    fn what_is_kept_for_a_watcher_that_does_not_read_has_an_end() {
+        let log = WatchLog::default();
+        let (mut fast, mut stuck) = (log.reader(0), log.reader(0));
+        for revision in 1..=200 {
+            log.push(revision, touched(1000), 0);
+            assert_eq!(count(&mut fast), Some(1));
+            assert!(kept(&log).1 <= MOST_IDS);
+        }
+        assert_eq!(count(&mut stuck), None, "it begins anew");
+        log.push(201, touched(1), 0);
+        assert_eq!(count(&mut stuck), Some(1), "and goes on from there");
+        assert_eq!(count(&mut fast), Some(1));
+        // One event that touches the whole map is told like any other.
+        log.push(202, touched(2 * MOST_IDS as i64), 0);
+        assert_eq!(count(&mut fast), Some(1));
+    }
+}

@@ -1,0 +1,182 @@
+//! COLMAP records of a map's entities, and the numbers that name them in a file.
+//!
+//! Numbers are kept as runs of ids, which a client mostly gives one after another, so that a map of a
+//! million landmarks needs a few bytes.
+
+use std::collections::BTreeMap;
+
+use covis_solvers::io::colmap::{
+    ColmapCamera, ColmapEncoding, ColmapImage, ColmapKeypoint, ColmapPoint,
+};
+
+use super::LANDMARK_COLOR;
+use crate::map::{CameraEntity, EntityId, Keyframe, Landmark, Map};
+use crate::service::convert::ids::client_name;
+
+/// Ids that follow each other.
+struct Run {
+    first: EntityId,
+    count: u32,
+    /// The number of the first, from 1.
+    number: u32,
+}
+
+/// Ids numbered from 1 in their order.
+#[derive(Default)]
+struct Numbering(Vec<Run>);
+
+impl Numbering {
+    fn of(ids: impl IntoIterator<Item = EntityId>) -> Self {
+        let mut runs: Vec<Run> = Vec::new();
+        let mut number: u32 = 1;
+        for id in ids {
+            match runs.last_mut().filter(|run| run.offset(id) == Some(run.count)) {
+                Some(run) => run.count += 1,
+                None => runs.push(Run { first: id, count: 1, number }),
+            }
+            number = number.saturating_add(1);
+        }
+        Self(runs)
+    }
+
+    fn get(&self, id: EntityId) -> Option<u32> {
+        let at = self.0.partition_point(|run| run.first <= id).checked_sub(1)?;
+        let run = self.0.get(at)?;
+        let offset = run.offset(id).filter(|&offset| offset < run.count)?;
+        Some(run.number + offset)
+    }
+
+    fn count(&self) -> usize {
+        self.0.last().map_or(0, |run| (run.number + run.count - 1) as usize)
+    }
+}
+
+impl Run {
+    /// How far behind the first an id is.
+    fn offset(&self, id: EntityId) -> Option<u32> {
+        let same = id.client == self.first.client;
+        let offset = id.id.checked_sub(self.first.id).filter(|_| same)?;
+        u32::try_from(offset).ok()
+    }
+}
+
+/// What names a map's entities in the files.
+pub(super) struct Numbers {
+    cameras: Numbering,
+    images: Numbering,
+    points: Numbering,
+    /// Places of the observations of a keyframe whose landmark is no point; mostly there is none.
+    left_out: BTreeMap<EntityId, Vec<usize>>,
+}
+
+impl Numbers {
+    /// The numbers of `map`.
+    ///
+    /// # Errors
+    /// What the files cannot hold, for people.
+    pub(super) fn of(map: &Map) -> Result<Self, String> {
+        for (id, keyframe) in map.keyframes().iter() {
+            if keyframe.camera.is_none_or(|camera| !map.cameras().contains_key(&camera)) {
+                return Err(format!("keyframe {} has no camera", image_name(map, *id)));
+            }
+        }
+        let positioned = map.landmarks().iter().filter(|(_, l)| l.position.is_some());
+        let mut numbers = Self {
+            cameras: Numbering::of(map.cameras().keys().copied()),
+            images: Numbering::of(map.keyframes().keys().copied()),
+            points: Numbering::of(positioned.map(|(&id, _)| id)),
+            left_out: BTreeMap::new(),
+        };
+        if numbers.point_count() < map.landmarks().len() {
+            for (&id, keyframe) in map.keyframes().iter() {
+                let observations = keyframe.observations.iter().enumerate();
+                let left_out: Vec<_> = observations
+                    .filter(|(_, o)| numbers.points.get(o.landmark).is_none())
+                    .map(|(place, _)| place)
+                    .collect();
+                if !left_out.is_empty() {
+                    numbers.left_out.insert(id, left_out);
+                }
+            }
+        }
+        Ok(numbers)
+    }
+
+    /// How many points the files have.
+    pub(super) fn point_count(&self) -> usize {
+        self.points.count()
+    }
+
+    pub(super) fn put_camera(
+        &self,
+        encoding: ColmapEncoding,
+        id: EntityId,
+        entity: &CameraEntity,
+        out: &mut Vec<u8>,
+    ) {
+        let (width, height) = (u64::from(entity.width_px), u64::from(entity.height_px));
+        let camera = ColmapCamera::from_camera(&entity.camera, width, height);
+        encoding.put_camera(self.cameras.get(id).unwrap_or_default(), &camera, out);
+    }
+
+    pub(super) fn put_image(
+        &self,
+        encoding: ColmapEncoding,
+        map: &Map,
+        id: EntityId,
+        keyframe: &Keyframe,
+        out: &mut Vec<u8>,
+    ) -> Result<(), String> {
+        let name = image_name(map, id);
+        let camera = keyframe.camera.and_then(|camera| self.cameras.get(camera));
+        let camera = camera.ok_or_else(|| format!("keyframe {name} has no camera"))?;
+        let mut image = ColmapImage::new(name, camera, &keyframe.world_from_camera);
+        image.keypoints.extend(keyframe.observations.iter().filter_map(|observation| {
+            let point = self.points.get(observation.landmark)?;
+            Some(ColmapKeypoint::new(&observation.pixel, Some(point.into())))
+        }));
+        let number = self.images.get(id).unwrap_or_default();
+        encoding.put_image(number, &image, out).map_err(|error| error.to_string())
+    }
+
+    /// Writes nothing for a landmark without a position.
+    pub(super) fn put_point(
+        &self,
+        encoding: ColmapEncoding,
+        map: &Map,
+        id: EntityId,
+        landmark: &Landmark,
+        out: &mut Vec<u8>,
+    ) {
+        let (Some(number), Some(position)) = (self.points.get(id), &landmark.position) else {
+            return;
+        };
+        let mut point = ColmapPoint::new(position, LANDMARK_COLOR);
+        for observer in &landmark.observers {
+            let (Some(keyframe), Some(image)) =
+                (map.keyframes().get(observer), self.images.get(*observer))
+            else {
+                continue;
+            };
+            for (place, observation) in keyframe.observations.iter().enumerate() {
+                if observation.landmark == id {
+                    point.track.push((image, self.keypoint(*observer, place)));
+                }
+            }
+        }
+        encoding.put_point(number.into(), &point, out);
+    }
+
+    /// The keypoint of an observation: those that are left out do not count.
+    fn keypoint(&self, keyframe: EntityId, place: usize) -> u32 {
+        let left_out = self
+            .left_out
+            .get(&keyframe)
+            .map_or(0, |places| places.partition_point(|&left_out| left_out < place));
+        u32::try_from(place - left_out).unwrap_or(u32::MAX)
+    }
+}
+
+fn image_name(map: &Map, id: EntityId) -> String {
+    format!("{}/{}", client_name(map, id), id.id)
+}

@@ -1,0 +1,212 @@
+//! Exports: the files of a map in each format, made as the reader takes them.
+//!
+//! An [`Export`] has one snapshot and its place in it, and makes the next chunk when it is asked: it
+//! never holds a whole file, however large the map is and however slow its reader. The bytes of a
+//! record are those of `covis_solvers::io`; `parts.rs` gives a map's entities the ids and names that a
+//! format has room for.
+
+mod colmap;
+mod parts;
+mod places;
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeSet, VecDeque};
+use std::sync::Arc;
+
+use covis_solvers::io::colmap::ColmapEncoding;
+use covis_solvers::io::ply::PlyEncoding;
+use covis_solvers::io::trajectory::Trajectory;
+
+use self::colmap::Numbers;
+pub(super) use self::places::Exports;
+
+use self::parts::{Cursor, Part, PlyPath};
+use super::convert::entities::clients_by_name;
+use super::error::ServiceError;
+use crate::map::{Map, Reason};
+use crate::wire::v1;
+
+/// Most bytes of a file in one message. A reader that takes nothing makes the server hold a few.
+pub(super) const CHUNK_BYTES: usize = 1 << 18;
+/// Color of landmarks.
+const LANDMARK_COLOR: [u8; 3] = [120, 144, 180];
+/// Color of keyframes.
+const KEYFRAME_COLOR: [u8; 3] = [220, 80, 40];
+
+/// A format that is served.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Format {
+    /// COLMAP sparse model.
+    Colmap(ColmapEncoding),
+    /// TUM trajectories, one a client.
+    Tum,
+    /// Pose graph.
+    G2o,
+    /// Points and trajectories for viewers.
+    Ply,
+}
+
+/// The format of a request.
+pub(super) fn format(value: i32) -> Result<Format, ServiceError> {
+    match v1::MapFormat::try_from(value) {
+        Ok(v1::MapFormat::Unspecified) => {
+            Err(ServiceError::field("format", Reason::Missing, "required"))
+        }
+        Ok(v1::MapFormat::ColmapText) => Ok(Format::Colmap(ColmapEncoding::Text)),
+        Ok(v1::MapFormat::ColmapBinary) => Ok(Format::Colmap(ColmapEncoding::Binary)),
+        Ok(v1::MapFormat::Tum) => Ok(Format::Tum),
+        Ok(v1::MapFormat::G2o) => Ok(Format::G2o),
+        Ok(v1::MapFormat::Ply) => Ok(Format::Ply),
+        Ok(v1::MapFormat::Covis) => Err(ServiceError::Unserved { what: "MAP_FORMAT_COVIS" }),
+        Err(_unknown) => {
+            let text = format!("unknown value {value}");
+            Err(ServiceError::field("format", Reason::UnknownValue, text))
+        }
+    }
+}
+
+/// A file of an export, as far as it is not made yet.
+struct File {
+    path: String,
+    parts: VecDeque<Part>,
+}
+
+/// An export on its way.
+pub(super) struct Export {
+    name: String,
+    map: Arc<Map>,
+    files: VecDeque<File>,
+    /// Bytes of the first file that were sent.
+    offset: usize,
+    /// Bytes that were made and not sent: about a chunk at most.
+    made: Vec<u8>,
+}
+
+impl Export {
+    /// The export of `map`, which is called `name`. Blocks for a moment.
+    ///
+    /// # Errors
+    /// [`ServiceError::FormatCannotHoldMap`].
+    pub(super) fn new(name: String, map: Arc<Map>, format: Format) -> Result<Self, ServiceError> {
+        let files = match format {
+            Format::Colmap(encoding) => colmap(&map, encoding),
+            Format::Tum => Ok(tum(&map)),
+            Format::G2o => g2o(&map),
+            Format::Ply => Ok(ply(&map)),
+        };
+        match files {
+            Ok(files) => Ok(Self { name, map, files, offset: 0, made: Vec::new() }),
+            Err(reason) => Err(ServiceError::FormatCannotHoldMap { map: name, reason }),
+        }
+    }
+
+    /// The revision that is exported.
+    pub(super) fn revision(&self) -> i64 {
+        self.map.revision()
+    }
+
+    /// The paths of the files that are to come, in order.
+    pub(super) fn paths(&self) -> Vec<String> {
+        self.files.iter().map(|file| file.path.clone()).collect()
+    }
+
+    /// Makes the next chunk; each file has at least one. Blocks for a moment.
+    ///
+    /// # Errors
+    /// [`ServiceError::FormatCannotHoldMap`].
+    pub(super) fn next_chunk(&mut self) -> Result<Option<v1::FileChunk>, ServiceError> {
+        let Some(file) = self.files.front_mut() else { return Ok(None) };
+        // One byte more than a chunk tells that it is not the last one.
+        while self.made.len() <= CHUNK_BYTES
+            && let Some(part) = file.parts.front_mut()
+        {
+            let put = part.put(&self.map, CHUNK_BYTES, &mut self.made);
+            let has_more = put.map_err(|reason| {
+                let map = self.name.clone();
+                ServiceError::FormatCannotHoldMap { map, reason }
+            })?;
+            if !has_more {
+                file.parts.pop_front();
+            }
+        }
+        let rest = self.made.split_off(self.made.len().min(CHUNK_BYTES));
+        let data = std::mem::replace(&mut self.made, rest);
+        let last_chunk = self.made.is_empty() && file.parts.is_empty();
+        let (path, offset) = (file.path.clone(), self.offset);
+        self.offset += data.len();
+        if last_chunk {
+            self.files.pop_front();
+            self.offset = 0;
+        }
+        let offset = super::convert::count(offset);
+        Ok(Some(v1::FileChunk { path, offset, data, last_chunk }))
+    }
+}
+
+fn file(path: impl Into<String>, parts: impl IntoIterator<Item = Part>) -> File {
+    File { path: path.into(), parts: parts.into_iter().collect() }
+}
+
+/// Cameras, images and points are numbered from 1 in the map's order, an image is called
+/// `client/keyframe`; landmarks without a position are left out.
+fn colmap(map: &Map, encoding: ColmapEncoding) -> Result<VecDeque<File>, String> {
+    let numbers = Arc::new(Numbers::of(map)?);
+    let [cameras, images, points] = encoding.file_names();
+    let mut heads = [const { Vec::new() }; 3];
+    let [camera_head, image_head, point_head] = &mut heads;
+    encoding.put_cameras_head(map.cameras().len(), camera_head);
+    encoding.put_images_head(map.keyframes().len(), image_head);
+    encoding.put_points_head(numbers.point_count(), point_head);
+    let [camera_head, image_head, point_head] = heads.map(Part::Bytes);
+    let start = Cursor::start;
+    let image = Part::ColmapImages(encoding, Arc::clone(&numbers), start());
+    let point = Part::ColmapPoints(encoding, Arc::clone(&numbers), start());
+    Ok(VecDeque::from([
+        file(cameras, [camera_head, Part::ColmapCameras(encoding, numbers, start())]),
+        file(images, [image_head, image]),
+        file(points, [point_head, point]),
+    ]))
+}
+
+fn tum(map: &Map) -> VecDeque<File> {
+    let mut files = VecDeque::new();
+    for (name, client) in clients_by_name(map) {
+        if parts::keyframe_count(map, client) > 0 {
+            let head = Part::Bytes(Trajectory::HEAD.to_vec());
+            files.push_back(file(format!("{name}.tum"), [head, Part::tum(client)]));
+        }
+    }
+    files
+}
+
+/// Vertex ids are keyframe ids, which only works while no two clients share one.
+fn g2o(map: &Map) -> Result<VecDeque<File>, String> {
+    let mut ids = BTreeSet::new();
+    for id in map.keyframes().keys() {
+        if !ids.insert(id.id) {
+            let text = "g2o names vertices by number only";
+            return Err(format!("several clients have a keyframe {}: {text}", id.id));
+        }
+    }
+    let parts = [Part::G2oVertices(Cursor::start()), Part::G2oEdges(Cursor::start())];
+    Ok(VecDeque::from([file("graph.g2o", parts)]))
+}
+
+fn ply(map: &Map) -> VecDeque<File> {
+    let points = map.landmarks().values().filter(|l| l.position.is_some()).count();
+    let (mut paths, mut vertices, mut edges) = (Vec::new(), points, 0);
+    for (_, client) in clients_by_name(map) {
+        let count = parts::keyframe_count(map, client);
+        paths.push(PlyPath { client, first: vertices, count });
+        vertices += count;
+        edges += count.saturating_sub(1);
+    }
+    let mut head = Vec::new();
+    PlyEncoding::Binary.put_head(vertices, edges, &mut head);
+    let lines = paths.iter().map(|path| Part::ply(path.client));
+    let mut parts = vec![Part::Bytes(head), Part::PlyPoints(Cursor::start())];
+    parts.extend(lines);
+    parts.push(Part::PlyEdges(paths));
+    VecDeque::from([file("map.ply", parts)])
+}

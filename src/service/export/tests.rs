@@ -1,0 +1,227 @@
+//! Chunks are those of the whole files, and are made one at a time.
+
+use covis_solvers::factors::RelativePose;
+use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3};
+use covis_solvers::information::Information;
+use covis_solvers::io::colmap::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
+use covis_solvers::io::ply::PlyFile;
+use covis_solvers::problem::PoseGraph;
+use nalgebra::{Matrix6, Vector2, Vector3, Vector6};
+
+use super::*;
+use crate::map::{
+    CameraEntity, Change, ClientIndex, Constraint, ConstraintKind, EntityId, Event, MapPolicy,
+    NewLandmark, Observation,
+};
+use crate::service::convert::ids::client_name;
+
+const KEYFRAMES: i64 = 40;
+const LANDMARKS: i64 = 4000;
+
+fn id(client: u32, id: i64) -> EntityId {
+    EntityId::new(ClientIndex(client), id)
+}
+
+fn pose(k: i64) -> Se3 {
+    Se3::exp(&(Vector6::new(0.1, -0.2, 0.3, 0.03, 0.02, -0.05) * k as f64))
+}
+
+/// Two clients; gaps between ids, landmarks without a position, one seen twice by a keyframe.
+fn map() -> Arc<Map> {
+    let camera = Camera::Pinhole(PinholeRadialTangential::undistorted(500.0, 501.0, 320.5, 240.25));
+    let camera = CameraEntity { camera, width_px: 640, height_px: 480 };
+    let landmark = |k: i64| id(u32::from(k % 3 == 0), 2 * k - k % 5);
+    let information = Information::new(&(Matrix6::identity() * 100.0)).unwrap();
+    let landmarks = (0..LANDMARKS).map(|k| NewLandmark {
+        id: landmark(k),
+        position: (k % 7 != 0).then(|| Vector3::new(k as f64 / 3.0, 1e-9, -1.0)),
+    });
+    let mut changes = vec![
+        Change::Created {
+            policy: MapPolicy::default(),
+            create_time_ns: 0,
+            display_name: String::new(),
+        },
+        Change::ClientOpened { name: "robot".to_owned(), epoch: 1 },
+        Change::ClientOpened { name: "drone".to_owned(), epoch: 1 },
+        Change::CameraSet { id: id(0, 3), camera },
+        Change::LandmarksAdded { landmarks: landmarks.collect() },
+    ];
+    for k in 0..KEYFRAMES {
+        let seen = (0..400).map(|j| (k * 61 + j) % LANDMARKS).chain([k * 61 % LANDMARKS]);
+        let observations = seen.enumerate().map(|(place, k)| Observation {
+            landmark: landmark(k),
+            pixel: Vector2::new(place as f64 + 1.0 / 3.0, 7.0),
+            sigma_px: 1.0,
+            depth: None,
+            descriptor: None,
+        });
+        changes.push(Change::KeyframeAdded {
+            id: id(u32::from(k % 2 == 1), k),
+            // Not in the order of the ids.
+            capture_time_ns: (k * 7 % KEYFRAMES) * 100_000_000,
+            camera: Some(id(0, 3)),
+            world_from_camera: pose(k),
+            odom_from_camera: pose(k),
+            observations: observations.collect(),
+            landmarks: Vec::new(),
+        });
+    }
+    for k in 0..KEYFRAMES - 2 {
+        let constraint = Constraint {
+            kind: ConstraintKind::Odometry,
+            keyframe_i: id(u32::from(k % 2 == 1), k),
+            keyframe_j: id(u32::from(k % 2 == 1), k + 2),
+            keyframe_i_from_keyframe_j: pose(2),
+            information,
+        };
+        changes.push(Change::ConstraintAdded { id: id(0, k), constraint });
+    }
+    let events: Vec<Event> = (1..)
+        .zip(changes)
+        .map(|(revision, change)| Event { revision, time_ns: 0, cause: None, change })
+        .collect();
+    Arc::new(Map::replay(events.iter()).unwrap())
+}
+
+/// The files by the writers of whole files.
+fn whole(map: &Map, format: Format) -> Vec<(String, Vec<u8>)> {
+    match format {
+        Format::Colmap(encoding) => whole_colmap(map)
+            .to_files(encoding)
+            .unwrap()
+            .into_iter()
+            .map(|(path, bytes)| (path.to_owned(), bytes))
+            .collect(),
+        Format::Tum => clients_by_name(map)
+            .into_iter()
+            .map(|(name, client)| {
+                let mut trajectory = Trajectory::default();
+                for (_, keyframe) in map.trajectory(client) {
+                    let seconds = keyframe.capture_time_ns as f64 * 1e-9;
+                    trajectory.push(seconds, keyframe.world_from_camera);
+                }
+                (format!("{name}.tum"), trajectory.to_bytes())
+            })
+            .collect(),
+        Format::G2o => {
+            let keyframes: Vec<EntityId> = map.keyframes().keys().copied().collect();
+            let index = |id: EntityId| keyframes.binary_search(&id).unwrap();
+            let mut graph = PoseGraph::<Se3, 6>::new();
+            for (id, keyframe) in map.keyframes().iter() {
+                graph.push_pose(id.id, keyframe.world_from_camera);
+            }
+            for (_, constraint) in map.active_constraints() {
+                let (i, j) = (index(constraint.keyframe_i), index(constraint.keyframe_j));
+                let i_from_j = constraint.keyframe_i_from_keyframe_j;
+                let information = constraint.information;
+                graph.edges.push(RelativePose { i, j, i_from_j, information });
+            }
+            let file = covis_solvers::io::g2o::G2oSe3::from_pose_graph(&graph).unwrap();
+            vec![("graph.g2o".to_owned(), file.to_bytes())]
+        }
+        Format::Ply => {
+            let mut file = PlyFile::default();
+            let positions = map.landmarks().values().filter_map(|l| l.position.as_ref());
+            file.push_points(positions, LANDMARK_COLOR);
+            for (_, client) in clients_by_name(map) {
+                let trajectory = map.trajectory(client);
+                let path = trajectory.iter().map(|(_, k)| &k.world_from_camera.translation);
+                file.push_polyline(path, KEYFRAME_COLOR);
+            }
+            vec![("map.ply".to_owned(), file.to_bytes(PlyEncoding::Binary))]
+        }
+    }
+}
+
+fn whole_colmap(map: &Map) -> ColmapModel {
+    let mut model = ColmapModel::default();
+    let cameras: Vec<EntityId> = map.cameras().keys().copied().collect();
+    let positioned = map.landmarks().iter().filter(|(_, l)| l.position.is_some());
+    let points: Vec<EntityId> = positioned.map(|(&id, _)| id).collect();
+    for (number, entity) in (1..).zip(map.cameras().values()) {
+        let camera = ColmapCamera::from_camera(&entity.camera, 640, 480);
+        model.cameras.insert(number, camera);
+    }
+    for (number, id) in (1..).zip(&points) {
+        let position = map.landmarks().get(id).unwrap().position.unwrap();
+        model.points.insert(number, ColmapPoint::new(&position, LANDMARK_COLOR));
+    }
+    for (image, (&id, keyframe)) in (1..).zip(map.keyframes().iter()) {
+        let name = format!("{}/{}", client_name(map, id), id.id);
+        let camera = cameras.binary_search(&keyframe.camera.unwrap()).unwrap() as u32 + 1;
+        model.images.insert(image, ColmapImage::new(name, camera, &keyframe.world_from_camera));
+        for observation in keyframe.observations.iter() {
+            if let Ok(point) = points.binary_search(&observation.landmark) {
+                model.push_observation(image, &observation.pixel, point as u64 + 1).unwrap();
+            }
+        }
+    }
+    model
+}
+
+const FORMATS: [Format; 5] = [
+    Format::Colmap(ColmapEncoding::Text),
+    Format::Colmap(ColmapEncoding::Binary),
+    Format::Tum,
+    Format::G2o,
+    Format::Ply,
+];
+
+#[test]
+fn chunks_are_those_of_the_whole_files() {
+    let map = map();
+    for format in FORMATS {
+        let mut export = Export::new("room".to_owned(), Arc::clone(&map), format).unwrap();
+        let paths = export.paths();
+        let mut files: Vec<(String, Vec<u8>)> = Vec::new();
+        let (mut is_open, mut most) = (false, 0);
+        while let Some(chunk) = export.next_chunk().unwrap() {
+            if !is_open {
+                files.push((chunk.path.clone(), Vec::new()));
+            }
+            let (path, bytes) = files.last_mut().unwrap();
+            assert_eq!((&chunk.path, chunk.offset), (&*path, bytes.len() as i64));
+            assert!(chunk.data.len() == CHUNK_BYTES || chunk.last_chunk);
+            bytes.extend(chunk.data);
+            is_open = !chunk.last_chunk;
+            most = most.max(export.made.capacity());
+        }
+        assert!(!is_open);
+        // A keyframe or a landmark more than a chunk, and what a vector reserves.
+        assert!(most <= 4 * CHUNK_BYTES, "{format:?} holds {most} bytes");
+        assert_eq!(paths, files.iter().map(|(path, _)| path.clone()).collect::<Vec<_>>());
+        let whole = whole(&map, format);
+        assert_eq!(files.len(), whole.len());
+        for ((path, bytes), (name, expected)) in files.iter().zip(&whole) {
+            assert_eq!(path, name);
+            assert!(bytes == expected, "{format:?}: {path} differs");
+        }
+    }
+}
+
+#[test]
+fn a_chunk_is_made_when_it_is_asked_for() {
+    let format = Format::Colmap(ColmapEncoding::Text);
+    let mut export = Export::new("room".to_owned(), map(), format).unwrap();
+    assert!(export.made.is_empty(), "nothing before the first question");
+    let _cameras = export.next_chunk().unwrap().unwrap();
+    assert!(export.made.is_empty(), "and nothing of the next file");
+    let images = export.next_chunk().unwrap().unwrap();
+    assert!(!images.last_chunk && images.data.len() == CHUNK_BYTES);
+    // The rest of one record.
+    assert!(export.made.len() < CHUNK_BYTES / 2, "{}", export.made.len());
+}
+
+#[test]
+fn a_map_without_entities_has_files_without_records() {
+    for format in FORMATS {
+        let map = Arc::new(Map::new());
+        let mut export = Export::new("room".to_owned(), Arc::clone(&map), format).unwrap();
+        for (path, bytes) in whole(&map, format) {
+            let chunk = export.next_chunk().unwrap().unwrap();
+            assert_eq!((chunk.path, chunk.data, chunk.last_chunk), (path, bytes, true));
+        }
+        assert!(export.next_chunk().unwrap().is_none());
+    }
+}

@@ -1,0 +1,151 @@
+//! Reads a journal a piece at a time, while it is written.
+//!
+//! The last events come from memory; older ones from the files, of which one is open and a piece
+//! stands in memory. Only what is durable is read from files: such a record is whole. The writer's
+//! locks are held to copy a list, never across a read.
+
+use std::io::{self, BufReader, Read};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use async_trait::async_trait;
+
+use super::journal::Journal;
+use super::record::{HEAD, HEADER, Header, is_record, read_head, read_header};
+use super::{blocking, file_error, journal_name};
+use crate::store::encoding::decode_event;
+use crate::store::reader::PIECE_EVENTS;
+use crate::store::{EventReader, Piece, StoreError};
+
+/// A piece ends with the event that passes so many bytes.
+const PIECE_BYTES: u64 = 1 << 20;
+
+/// Where a reader stands.
+pub(super) struct Reader {
+    journal: Arc<Journal>,
+    /// The last sequence that was read.
+    at: u64,
+    through: u64,
+    /// The file that is read; behind the record of `at`, or before it where it was just opened.
+    file: Option<Open>,
+}
+
+struct Open {
+    first: u64,
+    path: PathBuf,
+    input: BufReader<Box<dyn Read + Send>>,
+}
+
+impl Reader {
+    pub(super) fn new(journal: Arc<Journal>, from: u64, through: u64) -> Self {
+        Self { journal, at: from, through, file: None }
+    }
+}
+
+#[async_trait]
+impl EventReader for Reader {
+    async fn next(&mut self) -> Result<Piece, StoreError> {
+        if self.at >= self.through {
+            return Ok(Piece::default());
+        }
+        let dropped = self.journal.state().dropped;
+        if self.at < dropped {
+            let map = self.journal.name.clone();
+            return Err(StoreError::Truncated { map, through: dropped });
+        }
+        let piece = match self.journal.recent_piece(self.at, self.through, PIECE_EVENTS) {
+            Some(piece) => piece,
+            None => {
+                // A journal that stopped still reads what it has.
+                let _stopped = self.journal.settle().await;
+                let (journal, at, through) = (Arc::clone(&self.journal), self.at, self.through);
+                let file = self.file.take();
+                let read = blocking(move || read_piece(&journal, at, through, file));
+                let (piece, file) = read.await?;
+                self.file = file;
+                piece
+            }
+        };
+        self.at += piece.events.len() as u64;
+        Ok(piece)
+    }
+}
+
+/// The events behind `at`, as many as make a piece, and the file behind them.
+fn read_piece(
+    journal: &Journal,
+    at: u64,
+    through: u64,
+    mut file: Option<Open>,
+) -> Result<(Piece, Option<Open>), StoreError> {
+    let (mut piece, mut next) = (Piece::default(), at + 1);
+    let mut payload = Vec::new();
+    while next <= through && piece.bytes < PIECE_BYTES && piece.events.len() < PIECE_EVENTS {
+        let mut open = match file.take() {
+            Some(open) => open,
+            None => match open_at(journal, next)? {
+                Some(open) => open,
+                None => break,
+            },
+        };
+        let failed = |error: &io::Error| file_error("cannot read", &open.path, error);
+        let found = read_record(&mut open.input, journal, &mut payload);
+        let Some(sequence) = found.map_err(|error| failed(&error))? else {
+            // The end of a file: there is more where another one begins with `next`.
+            if open.first < next && journal.segments().contains(&next) {
+                continue;
+            }
+            break;
+        };
+        if sequence == next {
+            let event = decode_event(&payload).map_err(|error| {
+                let message = format!("event {next}: {error}");
+                StoreError::Content { path: open.path.display().to_string(), message }
+            })?;
+            piece.events.push(Arc::new(event));
+            piece.bytes += payload.len() as u64;
+            next += 1;
+        } else if sequence > next {
+            break;
+        }
+        file = Some(open);
+    }
+    Ok((piece, file))
+}
+
+/// Opens the file that holds `sequence`.
+fn open_at(journal: &Journal, sequence: u64) -> Result<Option<Open>, StoreError> {
+    let segments = journal.segments();
+    let Some(&first) = segments.iter().rev().find(|&&first| first <= sequence) else {
+        return Ok(None);
+    };
+    let path = journal.folder.join(journal_name(first));
+    let failed = |error: &io::Error| file_error("cannot read", &path, error);
+    let input = journal.disk.stream(&path).map_err(|error| failed(&error))?;
+    let mut input = BufReader::with_capacity(1 << 16, input);
+    let mut header = [0; HEADER];
+    input.read_exact(&mut header).map_err(|error| failed(&error))?;
+    if read_header(&header, &journal.uid) != Header::First(first) {
+        return Err(failed(&io::ErrorKind::InvalidData.into()));
+    }
+    Ok(Some(Open { first, path, input }))
+}
+
+/// Reads the next record; `None` at the end of what is whole. Returns its sequence.
+fn read_record(
+    input: &mut impl Read,
+    journal: &Journal,
+    payload: &mut Vec<u8>,
+) -> io::Result<Option<u64>> {
+    let mut head = [0; HEAD];
+    match input.read_exact(&mut head) {
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => return Ok(None),
+        read => read?,
+    }
+    let Some((length, sequence)) = read_head(&head) else { return Ok(None) };
+    payload.clear();
+    // No more is reserved than the file holds.
+    let read = input.take(length).read_to_end(payload)?;
+    let is_whole = read as u64 == length && is_record(&head, payload, &journal.uid);
+    Ok(is_whole.then_some(sequence))
+}
