@@ -1,4 +1,5 @@
 //! Bounds how often one thing is told in the log, so that a flood does not fill a disk.
+//! It writes nothing itself: what a line says is its caller's matter.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;

@@ -1,4 +1,5 @@
 //! How many connections a server holds, and for how long one may hold a place without use.
+//! It holds numbers only; `registry` and `serving` keep to them.
 
 use std::time::Duration;
 

@@ -68,7 +68,7 @@ impl Framing {
     }
 }
 
-type Room = Result<OwnedSemaphorePermit, AcquireError>;
+type Room = Pin<Box<dyn Future<Output = Result<OwnedSemaphorePermit, AcquireError>> + Send>>;
 
 /// The body of a request.
 pub(super) struct Arriving {
@@ -83,7 +83,7 @@ pub(super) struct Arriving {
     timer: Option<Pin<Box<Sleep>>>,
     held: Option<OwnedSemaphorePermit>,
     /// A frame that waits for room.
-    waiting: Option<(Frame<Bytes>, Pin<Box<dyn Future<Output = Room> + Send>>)>,
+    waiting: Option<(Frame<Bytes>, Room)>,
 }
 
 impl Arriving {

@@ -1,4 +1,5 @@
 //! All connections of a server, and who goes when there is no place left.
+//! It touches no socket: a connection that is to go is told so by its link.
 
 use std::collections::BTreeMap;
 use std::net::{IpAddr, SocketAddr};

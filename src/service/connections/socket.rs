@@ -1,4 +1,5 @@
 //! A socket as the transport sees it: plain or with TLS, and closed when its connection is to end.
+//! It reads nothing of what passes.
 
 use std::io;
 use std::pin::Pin;
