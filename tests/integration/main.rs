@@ -37,6 +37,7 @@ mod replay_broken;
 mod rights;
 mod rpc_access;
 mod rpc_bad_input;
+mod rpc_compression;
 mod rpc_export;
 mod rpc_ingest;
 mod rpc_loop_closure;
