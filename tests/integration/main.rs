@@ -29,6 +29,8 @@ mod map_problem;
 mod map_retirement;
 mod map_support;
 mod metrics;
+#[cfg(target_os = "linux")]
+mod power;
 mod proto_compat;
 mod proxy;
 mod reference;
