@@ -8,8 +8,10 @@
 //! fails is played again by its seed, though threads may interleave otherwise.
 
 mod calls;
+mod cut_off;
 mod machine;
 mod model;
+mod restart;
 mod trace;
 
 use std::collections::BTreeMap;
