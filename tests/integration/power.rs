@@ -158,7 +158,7 @@ fn a_loss_of_power_after_kill_9_takes_nothing_that_was_acknowledged() {
     let number = |name: &str, default: u64| {
         std::env::var(name).ok().map_or(default, |value| value.parse().unwrap())
     };
-    let (rounds, first_seed) = (number("COVIS_TEST_KILLS", 6), number("COVIS_TEST_SEED", 1));
+    let (rounds, first_seed) = (number("COVIS_TEST_KILLS", 4), number("COVIS_TEST_SEED", 1));
     println!("{rounds} rounds from seed {first_seed}");
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let mut promises = Promises::new();
