@@ -101,7 +101,18 @@ impl Attack {
                 .copied()
                 .filter(|attack| !matches!(attack, Self::None | Self::Readers | Self::All))
                 .collect(),
-            one => vec![one],
+            Self::Cuts
+            | Self::Dense
+            | Self::Fill
+            | Self::Strangers
+            | Self::HalfSent
+            | Self::Watchers
+            | Self::Exports
+            | Self::Solve
+            | Self::Cameras
+            | Self::Landmark
+            | Self::Constraints
+            | Self::Logins => vec![self],
         }
     }
 }
