@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use tonic::transport::Endpoint;
 
-/// Times of a link; each with its default.
+/// Times of a link, and how it is used; each with its default.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LinkOptions {
     /// How long a connection may take to stand (10 s).
@@ -21,6 +21,9 @@ pub struct LinkOptions {
     pub tcp_keep_alive: Duration,
     /// How long a call with one answer may take, those that solve left out (30 s).
     pub deadline: Duration,
+    /// Messages travel compressed (gzip), for links that are slow (no). What is large on the way back
+    /// comes compressed too.
+    pub compress: bool,
 }
 
 impl Default for LinkOptions {
@@ -32,6 +35,7 @@ impl Default for LinkOptions {
             keep_alive_timeout: usual,
             tcp_keep_alive: Duration::from_secs(60),
             deadline: Duration::from_secs(30),
+            compress: false,
         }
     }
 }

@@ -61,6 +61,19 @@ pub use watch::{MapWatch, WatchOptions};
 
 /// Largest message that is taken: a server sends at most what it is configured to.
 const MAX_ANSWER_BYTES: usize = 256 * 1024 * 1024;
+/// A client of a service, compressing where the link asks for it; the generated ones share no trait.
+macro_rules! packed {
+    ($client:expr, $service:expr) => {{
+        let service = $service;
+        if $client.compress {
+            let encoding = tonic::codec::CompressionEncoding::Gzip;
+            service.send_compressed(encoding).accept_compressed(encoding)
+        } else {
+            service
+        }
+    }};
+}
+
 /// A channel whose calls carry the token.
 type Link = InterceptedService<Channel, Bearer>;
 
@@ -71,6 +84,7 @@ pub struct Client {
     channel: Link,
     url: Arc<str>,
     deadline: Duration,
+    compress: bool,
 }
 
 impl Client {
@@ -114,7 +128,7 @@ impl Client {
             source: Arc::new(source),
         })?;
         let channel = InterceptedService::new(channel, bearer);
-        Ok(Self { channel, url: url.into(), deadline: link.deadline })
+        Ok(Self { channel, url: url.into(), deadline: link.deadline, compress: link.compress })
     }
 
     /// A client without credentials on a channel that a simulation made.
@@ -170,15 +184,17 @@ impl Client {
     }
 
     fn ingest_service(&self) -> IngestServiceClient<Link> {
-        IngestServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_ANSWER_BYTES)
+        packed!(self, IngestServiceClient::new(self.channel.clone()))
+            .max_decoding_message_size(MAX_ANSWER_BYTES)
     }
 
     fn map_service(&self) -> MapServiceClient<Link> {
-        MapServiceClient::new(self.channel.clone()).max_decoding_message_size(MAX_ANSWER_BYTES)
+        packed!(self, MapServiceClient::new(self.channel.clone()))
+            .max_decoding_message_size(MAX_ANSWER_BYTES)
     }
 
     fn optimization_service(&self) -> OptimizationServiceClient<Link> {
-        OptimizationServiceClient::new(self.channel.clone())
+        packed!(self, OptimizationServiceClient::new(self.channel.clone()))
             .max_decoding_message_size(MAX_ANSWER_BYTES)
     }
 

@@ -24,6 +24,7 @@ use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_stream::Stream;
+use tonic::codec::CompressionEncoding;
 use tonic::server::NamedService;
 use tonic::service::Routes;
 use tonic_health::ServingStatus;
@@ -349,6 +350,12 @@ async fn serve<S: Socket>(
             $service.max_decoding_message_size(bytes).max_encoding_message_size(bytes)
         };
     }
+    // Whoever asks for it sends messages compressed; the limit holds for what they decompress to.
+    macro_rules! compressed {
+        ($service:expr) => {
+            $service.accept_compressed(CompressionEncoding::Gzip)
+        };
+    }
     let (health, health_service) = tonic_health::server::health_reporter();
     for name in SERVED.into_iter().chain([UNSERVED, ""]) {
         health.set_service_status(name, ServingStatus::NotServing).await;
@@ -369,9 +376,13 @@ async fn serve<S: Socket>(
             metered!(Guarded::new(limited!($service), &context.access))
         };
     }
-    let maps = MapServiceServer::new(MapRpcs::new(Arc::clone(&context)));
-    let ingest = IngestServiceServer::new(Ingest::new(Arc::clone(&context)));
-    let optimization = OptimizationServiceServer::new(Optimization::new(Arc::clone(&context)));
+    // Corrections and exports are what is large on the way back; an ack is not worth it.
+    let maps = compressed!(MapServiceServer::new(MapRpcs::new(Arc::clone(&context))))
+        .send_compressed(CompressionEncoding::Gzip);
+    let ingest = compressed!(IngestServiceServer::new(Ingest::new(Arc::clone(&context))));
+    let optimization = Optimization::new(Arc::clone(&context));
+    let optimization = compressed!(OptimizationServiceServer::new(optimization))
+        .send_compressed(CompressionEncoding::Gzip);
     let info = ServerServiceServer::new(ServerInfo::new(Arc::clone(&context)));
     let health_service = health_service.max_decoding_message_size(SMALL_MESSAGE_BYTES);
     let server = tonic::transport::Server::builder()

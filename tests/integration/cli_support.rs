@@ -118,7 +118,16 @@ impl Running {
     }
 
     fn listen(workspace: &Workspace, folder: &Path, address: &str, arguments: &[&str]) -> Self {
-        let mut command = workspace.command();
+        Self::spawn(workspace.command(), address, folder, arguments)
+    }
+
+    /// A server by a command that has nothing but its environment yet.
+    pub(crate) fn spawn(
+        mut command: Command,
+        address: &str,
+        folder: &Path,
+        arguments: &[&str],
+    ) -> Self {
         command.args(["serve", "--listen", address, "--threads", "1", "--data-dir"]);
         command.arg(folder).args(arguments);
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
@@ -128,6 +137,14 @@ impl Running {
         assert_eq!(kept, format!("maps are kept in {}", folder.display()));
         let url = line.strip_prefix("listening on ").unwrap().to_owned();
         Self { child, url }
+    }
+
+    /// SIGTERM: drained, and the exit code.
+    #[cfg(unix)]
+    pub(crate) fn terminate(&mut self) -> Option<i32> {
+        let id = self.child.id().to_string();
+        assert!(Command::new("kill").args(["-s", "TERM", &id]).status().unwrap().success());
+        self.child.wait().unwrap().code()
     }
 
     /// SIGKILL: no handler runs.

@@ -19,7 +19,7 @@ use crate::cli_support::{Running, Workspace};
 use crate::common::{Stream, TestServer, camera, keyframe, run};
 
 /// The map of a data directory that no server uses, replayed twice.
-async fn on_disk(folder: &Path, name: &str) -> Map {
+pub(crate) async fn on_disk(folder: &Path, name: &str) -> Map {
     let store = FileStore::open(folder, FileStoreOptions::default()).await.unwrap();
     store.acquire(name).await.unwrap();
     assert_eq!(store.damage(name).await.unwrap(), []);
@@ -94,7 +94,7 @@ fn a_durable_server_says_so_and_brings_its_maps_back() {
 }
 
 /// Keyframe `id` far down the street: an item of some kilobytes whose values tell its id.
-fn long_keyframe(id: i64) -> v1::Keyframe {
+pub(crate) fn long_keyframe(id: i64) -> v1::Keyframe {
     let mut keyframe = keyframe(id % 6);
     keyframe.id = id;
     let nanos = i32::try_from(id).unwrap();
@@ -104,7 +104,11 @@ fn long_keyframe(id: i64) -> v1::Keyframe {
 
 /// Streams keyframes from `first` on until the server dies, which it does once the acks have reached
 /// a number that the seed chooses. Returns the last keyframe that was sent, and that was durable.
-async fn stream_until_killed(server: &mut Running, rng: &mut ChaCha8Rng, first: i64) -> (i64, i64) {
+pub(crate) async fn stream_until_killed(
+    server: &mut Running,
+    rng: &mut ChaCha8Rng,
+    first: i64,
+) -> (i64, i64) {
     let client = Client::connect(&server.url).await.unwrap();
     let _exists = client.create_map("house", None).await;
     let durable = Arc::new(AtomicI64::new(0));

@@ -29,6 +29,8 @@ mod map_problem;
 mod map_retirement;
 mod map_support;
 mod metrics;
+#[cfg(target_os = "linux")]
+mod power;
 mod proto_compat;
 mod proxy;
 mod reference;
@@ -37,6 +39,7 @@ mod replay_broken;
 mod rights;
 mod rpc_access;
 mod rpc_bad_input;
+mod rpc_compression;
 mod rpc_export;
 mod rpc_ingest;
 mod rpc_loop_closure;

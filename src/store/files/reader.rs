@@ -60,7 +60,8 @@ impl EventReader for Reader {
                 let _stopped = self.journal.settle().await;
                 let (journal, at, through) = (Arc::clone(&self.journal), self.at, self.through);
                 let file = self.file.take();
-                let read = blocking(move || read_piece(&journal, at, through, file));
+                let disk = Arc::clone(&self.journal.disk);
+                let read = blocking(&*disk, move || read_piece(&journal, at, through, file));
                 let (piece, file) = read.await?;
                 self.file = file;
                 piece
