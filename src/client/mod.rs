@@ -135,7 +135,7 @@ impl Client {
     #[cfg(test)]
     pub(crate) fn on_channel(channel: Channel, url: &str, deadline: Duration) -> Self {
         let channel = InterceptedService::new(channel, Bearer::default());
-        Self { channel, url: url.into(), deadline }
+        Self { channel, url: url.into(), deadline, compress: false }
     }
 
     /// The same client with another deadline of calls that solve nothing.
