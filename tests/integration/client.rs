@@ -16,7 +16,7 @@ use crate::proxy::Proxy;
 /// Retries without waiting.
 fn at_once(max_attempts: u32) -> RetryPolicy {
     let first_delay = Duration::ZERO;
-    RetryPolicy { max_attempts, first_delay, longest_delay: first_delay, give_up_after: None }
+    RetryPolicy { max_attempts, first_delay, longest_delay: first_delay, ..RetryPolicy::default() }
 }
 
 /// A server with an empty map "room", a link to it and a client on the link.

@@ -26,7 +26,7 @@ fn patient() -> SessionOptions {
     let delay = Duration::from_millis(1);
     let max_attempts = u32::MAX;
     let retry =
-        RetryPolicy { max_attempts, first_delay: delay, longest_delay: delay, give_up_after: None };
+        RetryPolicy { max_attempts, first_delay: delay, longest_delay: delay, ..RetryPolicy::default() };
     SessionOptions { retry, ..SessionOptions::default() }
 }
 

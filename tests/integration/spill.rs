@@ -26,7 +26,7 @@ const KEYFRAMES: i64 = 40;
 fn patient() -> RetryPolicy {
     let delay = Duration::from_millis(1);
     let max_attempts = u32::MAX;
-    RetryPolicy { max_attempts, first_delay: delay, longest_delay: delay, give_up_after: None }
+    RetryPolicy { max_attempts, first_delay: delay, longest_delay: delay, ..RetryPolicy::default() }
 }
 
 fn options(folder: &Path, max_bytes: u64) -> SessionOptions {

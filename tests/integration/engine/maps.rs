@@ -50,7 +50,7 @@ impl HeldStore {
             Ok(permit) => {
                 permit.forget();
                 let (path, message) = ("a map".to_owned(), "staged by a test".to_owned());
-                Err(StoreError::File { action: "cannot change", path, message })
+                Err(StoreError::File { action: "cannot change", path, message, passes: false })
             }
             Err(_none) => Ok(()),
         }
