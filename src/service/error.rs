@@ -47,13 +47,6 @@ pub(super) enum ServiceError {
         /// The call or value.
         what: &'static str,
     },
-    /// The server keeps no more of something.
-    ServerLimit {
-        /// The limit's name.
-        limit: &'static str,
-        /// Its value.
-        maximum: i64,
-    },
     /// The caller does not say who it is, or nobody knows it.
     Unauthenticated {
         /// What is wrong.

@@ -46,7 +46,7 @@ mod watch;
 
 pub use access::{AccessError, JwtOptions};
 pub use clock::Clock;
-pub use config::{KeepAlive, ServerConfig};
+pub use config::{KeepAlive, ServerConfig, default_ceilings, default_limits};
 pub use limits::{MapLimits, TenantLimits};
 pub use server::{RunningServer, Server, ServerError, StartingServer};
 pub use tls::{TlsError, TlsFiles};

@@ -28,7 +28,7 @@ use tonic_health::server::HealthReporter;
 use super::access::{Access, AccessError, Guarded};
 use super::config::ServerConfig;
 use super::context::Context;
-use super::engine::{EngineError, Fault, Maps, SolverPool, Tenants};
+use super::engine::{Accounts, EngineError, Fault, Maps, SolverPool};
 use super::ingest_service::Ingest;
 use super::job_service::Jobs;
 use super::map_service::MapRpcs;
@@ -148,8 +148,10 @@ impl Server {
         if is_open && !access.is_guarded() {
             tracing::warn!("without tokens, whoever reaches {address} may do everything");
         }
-        let tenants = Tenants::new(config.tenant_ceilings, access.tenant_ceilings());
-        let pool = SolverPool::shared_by(tenants, config.threads)?;
+        let accounts =
+            Accounts::new(config.account_limits(), config.tenant_limits, config.map_limits());
+        accounts.set_tenants(access.tenant_limits());
+        let pool = SolverPool::shared_by(accounts, config.threads)?;
         let metrics = metrics_listener(&config).await?;
         let (store, counted): (Arc<dyn Store>, _) = match &config.data_dir {
             None => (Arc::new(MemoryStore::new()), Arc::default()),
@@ -230,7 +232,7 @@ impl RunningServer {
             tls.put(acceptor);
         }
         self.context.access.put(known);
-        self.solver_pool().tenants().set(self.context.access.tenant_ceilings());
+        self.solver_pool().accounts().set_tenants(self.context.access.tenant_limits());
         tracing::info!("certificates and tokens were read again");
         Ok(())
     }

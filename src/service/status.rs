@@ -100,12 +100,6 @@ impl From<ServiceError> for Status {
                 let text = format!("{what} is not served yet");
                 Parts::new(Code::Unimplemented, "UNIMPLEMENTED", text)
             }
-            ServiceError::ServerLimit { limit, maximum } => {
-                let text = format!("the server is full: {limit} is {maximum}");
-                Parts::new(Code::ResourceExhausted, "SERVER_LIMIT", text)
-                    .with("limit", limit)
-                    .retry(RETRY_FULL)
-            }
             ServiceError::Unauthenticated { what } => {
                 Parts::new(Code::Unauthenticated, "UNAUTHENTICATED", what)
             }
@@ -163,6 +157,9 @@ fn engine(error: EngineError) -> Parts {
                 .with("client_id", client)
                 .with("epoch", epoch)
         }
+        EngineError::TooLarge { field, maximum: _ } => {
+            parts(Code::InvalidArgument, "OUT_OF_RANGE").violation(field, "OUT_OF_RANGE", &message)
+        }
         EngineError::OptimizationRunning { map } => {
             parts(Code::Aborted, "OPTIMIZATION_RUNNING").with("map_id", map)
         }
@@ -174,6 +171,12 @@ fn engine(error: EngineError) -> Parts {
         }
         EngineError::TenantCeiling { limit, maximum } => {
             parts(Code::ResourceExhausted, "TENANT_LIMIT")
+                .with("limit", limit)
+                .with("maximum", maximum)
+                .retry(RETRY_FULL)
+        }
+        EngineError::ServerCeiling { limit, maximum } => {
+            parts(Code::ResourceExhausted, "SERVER_LIMIT")
                 .with("limit", limit)
                 .with("maximum", maximum)
                 .retry(RETRY_FULL)

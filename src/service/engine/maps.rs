@@ -14,6 +14,7 @@ use sha2::{Digest as _, Sha256};
 use tokio::sync::{mpsc, watch};
 use tracing::Instrument;
 
+use super::account::HeldEntities;
 use super::actor::{Actor, report_bug};
 use super::durable::{DurableAcks, Snapshots};
 use super::handle::{Control, Shared};
@@ -24,10 +25,10 @@ use super::schedule::Schedule;
 use super::streams::Streams;
 use super::watch::Watchers;
 use super::{
-    Booked, EngineConfig, EngineError, EngineMeters, Fault, MapCounts, MapHandle, MapInfo,
-    MapState, SolverPool,
+    EngineConfig, EngineError, EngineMeters, Fault, MapCounts, MapHandle, MapInfo, MapState,
+    Reservation, Resource, SolverPool, tenant_of,
 };
-use crate::map::{Change, Event, Map, MapPolicy, Usage};
+use crate::map::{Change, Event, Map, MapPolicy};
 use crate::store::{Durability, Epoch, Flushed, Store, StoreError};
 
 /// Control messages that wait; the engine answers them at once.
@@ -130,8 +131,9 @@ impl Maps {
             }
         };
         // Ceilings close no map that exists.
-        let place = self.inner.pool.tenants().of_map(&start.name).book_existing_map();
-        let handle = self.spawn(start, place);
+        let accounts = self.inner.pool.accounts();
+        let tenant = accounts.tenant(tenant_of(&start.name));
+        let handle = self.spawn(start, tenant.reserve_existing(Resource::Maps, 1));
         self.table().insert(handle.name().to_owned(), handle);
     }
 
@@ -189,7 +191,8 @@ impl Maps {
     /// Creates a map.
     ///
     /// # Errors
-    /// [`EngineError::MapExists`], [`EngineError::ShuttingDown`], [`EngineError::Store`].
+    /// [`EngineError::MapExists`], [`EngineError::TenantCeiling`], [`EngineError::ServerCeiling`],
+    /// [`EngineError::ShuttingDown`], [`EngineError::Store`].
     pub async fn create(
         &self,
         name: &str,
@@ -204,7 +207,9 @@ impl Maps {
         if self.table().contains_key(name) {
             return Err(EngineError::MapExists { map: name.to_owned() });
         }
-        let place = self.inner.pool.tenants().of_map(name).book_map()?;
+        // Held while the map is being created; given back if that fails.
+        let tenant = self.inner.pool.accounts().tenant(tenant_of(name));
+        let place = tenant.reserve(Resource::Maps, 1)?;
         let epoch = match store.create_map(name).await {
             Err(StoreError::MapExists { map }) => return Err(EngineError::MapExists { map }),
             epoch => epoch?,
@@ -321,12 +326,13 @@ impl Maps {
         self.inner.store.close().await;
     }
 
-    fn spawn(&self, start: Start, place: Booked) -> MapHandle {
+    fn spawn(&self, start: Start, place: Reservation) -> MapHandle {
         let Inner { store, pool, config, .. } = &*self.inner;
         let (item_queue, items) = mpsc::channel(config.queue_capacity.max(1));
         let (control_queue, control) = mpsc::channel(CONTROL_QUEUE);
         let shared = Arc::new(Shared {
             uid: uid(&start.name, start.map.create_time_ns()),
+            account: pool.accounts().of_map(&start.name),
             name: start.name,
             fault: config.fault,
             meters: Arc::clone(&self.inner.meters),
@@ -335,17 +341,14 @@ impl Maps {
             ended: OnceLock::new(),
         });
         let span = tracing::info_span!("map", map = %shared.name);
-        let tenant = pool.tenants().of_map(&shared.name);
-        let booked = start.map.usage();
-        tenant.book(Usage::default(), booked);
         let actor = Actor {
             shared: Arc::clone(&shared),
             config: *config,
             store: Arc::clone(store),
             pool: Arc::clone(pool),
-            tenant,
             _place: place,
-            booked,
+            entities: HeldEntities::existing(&shared.account, start.map.usage()),
+            journal: shared.account.reserve_existing(Resource::JournalBytes, 0),
             store_epoch: start.epoch,
             last_solve_id: start.map.solve_count(),
             map: Arc::new(start.map),

@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 use tokio::sync::watch;
 
 use super::handle::Control;
-use super::{Booked, EngineError, MapHandle, MapState};
+use super::{EngineError, MapHandle, MapState, Reservation};
 use crate::map::{Change, ClientIndex, EntityId, Event, Map};
 use crate::meter::Held;
 
@@ -33,7 +33,7 @@ impl Touched {
     /// Adds what `change` touches; `map` is the map before it.
     pub(super) fn add(&mut self, change: &Change, map: &Map) {
         match change {
-            Change::Created { .. } | Change::PolicySet { .. } => {}
+            Change::Created { .. } | Change::ItemRepeated | Change::PolicySet { .. } => {}
             Change::ClientOpened { name, .. } => {
                 let next = u32::try_from(map.clients().len()).unwrap_or(u32::MAX);
                 self.clients.insert(map.client_named(name).unwrap_or(ClientIndex(next)));
@@ -161,7 +161,7 @@ pub struct Watch {
     pub(super) signal: watch::Receiver<()>,
     /// Taken out of the slot, and not durable yet.
     pub(super) taken: Option<MapChange>,
-    pub(super) _place: Booked,
+    pub(super) _place: [Reservation; 2],
     pub(super) _open: Held,
 }
 
@@ -230,7 +230,7 @@ impl Watchers {
         map: &Arc<Map>,
         state: MapState,
         missed: Option<&[Arc<Event>]>,
-        place: Booked,
+        place: [Reservation; 2],
     ) -> Watch {
         self.next_id += 1;
         let slot = Arc::new(Slot::default());
