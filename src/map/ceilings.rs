@@ -322,20 +322,20 @@ impl Map {
     }
 
     fn growth_by(&self, observations: &[Observation]) -> Usage {
-        let observers = |o: &Observation| {
-            self.landmarks.get(&o.landmark).map_or(0, |known| known.observers.len())
-        };
         // Each observer of a landmark that counts may be a new neighbor, in both rows; there are no
         // more neighbors than keyframes.
-        let neighbors = |o: &Observation| observers(o).min(2 * NEAREST);
-        let neighbors: usize = observations.iter().map(neighbors).sum();
+        let (mut neighbors, mut long) = (0, 0);
+        for observation in observations {
+            let known = self.landmarks.get(&observation.landmark);
+            let observers = known.map_or(0, |landmark| landmark.observers.len());
+            neighbors += observers.min(2 * NEAREST);
+            long += match observers {
+                0..=NEAREST => 0,
+                NOT_LONG => NOT_LONG as u64 + 1,
+                _ => 1,
+            };
+        }
         let neighbors = neighbors.min(self.keyframes.len()) as u64;
-        let long = |o: &Observation| match observers(o) {
-            0..=NEAREST => 0,
-            NOT_LONG => NOT_LONG as u64 + 1,
-            _ => 1,
-        };
-        let long: u64 = observations.iter().map(long).sum();
         let added = observations.len() as u64;
         let bytes = added * OBSERVATION
             + descriptor_bytes(observations)
