@@ -25,6 +25,7 @@ mod logs;
 mod map_check;
 mod map_covisibility;
 mod map_fold;
+mod map_numbers;
 mod map_placement;
 mod map_problem;
 mod map_retirement;

@@ -1,4 +1,5 @@
-//! What accounts count, their limits, and what both are called.
+//! What accounts count, their limits, and what both are called: on the wire in errors, in
+//! `GetServerInfo`, and on the metrics page. Nothing here holds anything.
 
 use crate::map::{Ceilings, Counted};
 
