@@ -214,10 +214,13 @@ pub(super) fn server_config(config: &Config) -> ServerConfig {
         max_strangers: config.max_strangers,
         ..default.connections
     };
+    let max_maps = config.server_limits.max_maps.and_then(|maps| usize::try_from(maps).ok());
     ServerConfig {
         threads: config.threads,
         ceilings: config.map_limits.over(default.ceilings),
-        tenant_ceilings: config.tenant_limits.into(),
+        max_maps: max_maps.unwrap_or(default.max_maps),
+        tenant_limits: config.tenant_limits.into(),
+        server_limits: config.server_limits.over(default.server_limits),
         max_message_bytes: config.max_message_bytes,
         max_concurrent_streams: config.max_concurrent_streams,
         connections,

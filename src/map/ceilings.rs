@@ -1,24 +1,36 @@
 //! What maps hold, counted, and the most that they may hold.
 //!
-//! [`Usage`] of a map is kept by the fold and costs nothing to ask for; [`Map::growth`] is what a
-//! change would add. The same [`Ceilings`] serve for a map and for all maps of a tenant together.
-//! Bytes are an estimate of the memory that the map takes, from the numbers of its entities; what
-//! a change adds to the covisibility shows only after it, so that one item may pass the ceiling.
+//! [`Usage`] of a map is kept by the fold and costs nothing to ask for; [`Map::growth`] is the most
+//! that a change would add. The same [`Ceilings`] serve for a map, for all maps of a tenant and for
+//! all maps of a server. Every kind of entity counts. Bytes are an estimate of the memory that the
+//! map takes, from the numbers of its entities.
 
 use std::mem::size_of;
 use std::ops::{Add, Mul, Sub};
 
-use super::{Change, Constraint, Digest, EntityId, Keyframe, Landmark, Map, Observation, Prior};
+use super::covisibility::NEAREST;
+use super::{
+    CameraEntity, Change, Client, Constraint, Digest, EntityId, Keyframe, Landmark, Map,
+    NewLandmark, Observation, Prior, SwitchedOff,
+};
 
 /// Limits of what is held; `None` is unlimited.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ceilings {
+    /// Clients that have ever opened a stream.
+    pub max_clients: Option<u64>,
+    /// Cameras.
+    pub max_cameras: Option<u64>,
     /// Keyframes.
     pub max_keyframes: Option<u64>,
     /// Landmarks.
     pub max_landmarks: Option<u64>,
     /// Observations.
     pub max_observations: Option<u64>,
+    /// Relative-pose constraints.
+    pub max_constraints: Option<u64>,
+    /// Pose priors and position priors.
+    pub max_priors: Option<u64>,
     /// Estimated memory in bytes.
     pub max_bytes: Option<u64>,
 }
@@ -26,12 +38,20 @@ pub struct Ceilings {
 /// What is held.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Usage {
+    /// Clients that have ever opened a stream.
+    pub clients: u64,
+    /// Cameras.
+    pub cameras: u64,
     /// Keyframes.
     pub keyframes: u64,
     /// Landmarks.
     pub landmarks: u64,
     /// Observations.
     pub observations: u64,
+    /// Relative-pose constraints, those that are switched off too.
+    pub constraints: u64,
+    /// Pose priors and position priors.
+    pub priors: u64,
     /// Estimated memory in bytes.
     pub bytes: u64,
 }
@@ -40,44 +60,130 @@ pub struct Usage {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Passed {
     /// What there is too much of.
-    pub resource: Resource,
+    pub counted: Counted,
     /// The ceiling's value.
     pub maximum: u64,
 }
 
-/// What ceilings are about.
+/// What of a map is counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Resource {
+pub enum Counted {
+    /// Clients.
+    Clients,
+    /// Cameras.
+    Cameras,
     /// Keyframes.
     Keyframes,
     /// Landmarks.
     Landmarks,
     /// Observations.
     Observations,
+    /// Relative-pose constraints.
+    Constraints,
+    /// Priors.
+    Priors,
     /// Estimated memory.
     Bytes,
 }
 
+impl Counted {
+    /// Each of them.
+    pub const ALL: [Self; 8] = [
+        Self::Clients,
+        Self::Cameras,
+        Self::Keyframes,
+        Self::Landmarks,
+        Self::Observations,
+        Self::Constraints,
+        Self::Priors,
+        Self::Bytes,
+    ];
+}
+
 impl Ceilings {
+    /// The ceiling of one count.
+    #[must_use]
+    pub fn of(&self, counted: Counted) -> Option<u64> {
+        match counted {
+            Counted::Clients => self.max_clients,
+            Counted::Cameras => self.max_cameras,
+            Counted::Keyframes => self.max_keyframes,
+            Counted::Landmarks => self.max_landmarks,
+            Counted::Observations => self.max_observations,
+            Counted::Constraints => self.max_constraints,
+            Counted::Priors => self.max_priors,
+            Counted::Bytes => self.max_bytes,
+        }
+    }
+
+    /// One value a count, made of the two of `self` and `other`.
+    #[must_use]
+    pub fn join(
+        &self,
+        other: &Self,
+        join: impl Fn(Option<u64>, Option<u64>) -> Option<u64>,
+    ) -> Self {
+        let of = |counted| join(self.of(counted), other.of(counted));
+        Self {
+            max_clients: of(Counted::Clients),
+            max_cameras: of(Counted::Cameras),
+            max_keyframes: of(Counted::Keyframes),
+            max_landmarks: of(Counted::Landmarks),
+            max_observations: of(Counted::Observations),
+            max_constraints: of(Counted::Constraints),
+            max_priors: of(Counted::Priors),
+            max_bytes: of(Counted::Bytes),
+        }
+    }
+
+    /// The lower one of both ceilings for each count.
+    #[must_use]
+    pub fn lower(&self, other: &Self) -> Self {
+        self.join(other, |a, b| match (a, b) {
+            (Some(a), Some(b)) => Some(a.min(b)),
+            (one, None) | (None, one) => one,
+        })
+    }
+
     /// The first ceiling that `growth` on top of `usage` passes. What does not grow passes none.
     #[must_use]
     pub fn passed(&self, usage: Usage, growth: Usage) -> Option<Passed> {
-        let all = [
-            (Resource::Keyframes, usage.keyframes, growth.keyframes, self.max_keyframes),
-            (Resource::Landmarks, usage.landmarks, growth.landmarks, self.max_landmarks),
-            (
-                Resource::Observations,
-                usage.observations,
-                growth.observations,
-                self.max_observations,
-            ),
-            (Resource::Bytes, usage.bytes, growth.bytes, self.max_bytes),
-        ];
-        all.into_iter().find_map(|(resource, present, added, maximum)| {
-            let maximum = maximum?;
+        Counted::ALL.into_iter().find_map(|counted| {
+            let maximum = self.of(counted)?;
+            let (present, added) = (usage.of(counted), growth.of(counted));
             let passes = added > 0 && present.saturating_add(added) > maximum;
-            passes.then_some(Passed { resource, maximum })
+            passes.then_some(Passed { counted, maximum })
         })
+    }
+}
+
+impl Usage {
+    /// One count.
+    #[must_use]
+    pub fn of(&self, counted: Counted) -> u64 {
+        match counted {
+            Counted::Clients => self.clients,
+            Counted::Cameras => self.cameras,
+            Counted::Keyframes => self.keyframes,
+            Counted::Landmarks => self.landmarks,
+            Counted::Observations => self.observations,
+            Counted::Constraints => self.constraints,
+            Counted::Priors => self.priors,
+            Counted::Bytes => self.bytes,
+        }
+    }
+
+    fn each(value: impl Fn(Counted) -> u64) -> Self {
+        Self {
+            clients: value(Counted::Clients),
+            cameras: value(Counted::Cameras),
+            keyframes: value(Counted::Keyframes),
+            landmarks: value(Counted::Landmarks),
+            observations: value(Counted::Observations),
+            constraints: value(Counted::Constraints),
+            priors: value(Counted::Priors),
+            bytes: value(Counted::Bytes),
+        }
     }
 }
 
@@ -85,12 +191,7 @@ impl Add for Usage {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
-        Self {
-            keyframes: self.keyframes.saturating_add(other.keyframes),
-            landmarks: self.landmarks.saturating_add(other.landmarks),
-            observations: self.observations.saturating_add(other.observations),
-            bytes: self.bytes.saturating_add(other.bytes),
-        }
+        Self::each(|counted| self.of(counted).saturating_add(other.of(counted)))
     }
 }
 
@@ -98,12 +199,7 @@ impl Mul<u64> for Usage {
     type Output = Self;
 
     fn mul(self, times: u64) -> Self {
-        Self {
-            keyframes: self.keyframes.saturating_mul(times),
-            landmarks: self.landmarks.saturating_mul(times),
-            observations: self.observations.saturating_mul(times),
-            bytes: self.bytes.saturating_mul(times),
-        }
+        Self::each(|counted| self.of(counted).saturating_mul(times))
     }
 }
 
@@ -111,12 +207,7 @@ impl Sub for Usage {
     type Output = Self;
 
     fn sub(self, other: Self) -> Self {
-        Self {
-            keyframes: self.keyframes.saturating_sub(other.keyframes),
-            landmarks: self.landmarks.saturating_sub(other.landmarks),
-            observations: self.observations.saturating_sub(other.observations),
-            bytes: self.bytes.saturating_sub(other.bytes),
-        }
+        Self::each(|counted| self.of(counted).saturating_sub(other.of(counted)))
     }
 }
 
@@ -126,16 +217,27 @@ const fn entry(value: usize) -> u64 {
     (bytes + bytes / 2) as u64
 }
 
+/// A client with its name; its items count by themselves.
+const CLIENT: u64 = size_of::<Client>() as u64 + 64;
+const CAMERA: u64 = entry(size_of::<CameraEntity>()) + entry(size_of::<Digest>());
 /// With its digest, its place in the order of age and the counters of its shared list.
 const KEYFRAME: u64 = entry(size_of::<Keyframe>()) + entry(size_of::<Digest>()) + entry(8) + 16;
 const LANDMARK: u64 = entry(size_of::<Landmark>());
+/// A landmark that nobody sees stands in a list of its own.
+const UNSEEN: u64 = entry(size_of::<i64>());
 /// Also stands in its landmark's list of observers, which may be twice as long as it needs.
 const OBSERVATION: u64 = (size_of::<Observation>() + 2 * size_of::<EntityId>()) as u64;
 const CONSTRAINT: u64 = entry(size_of::<Constraint>()) + entry(size_of::<Digest>());
+const SWITCHED_OFF: u64 = entry(size_of::<SwitchedOff>());
 const PRIOR: u64 = entry(size_of::<Prior>()) + entry(size_of::<Digest>());
 const SHARED_PAIR: u64 = entry(size_of::<u32>());
+/// An observer of a landmark with many, in a list that may be twice as long as it needs.
+const LONG_OBSERVER: u64 = 2 * size_of::<(i64, EntityId)>() as u64;
 /// A descriptor's own memory besides its bytes.
 const DESCRIPTOR: u64 = 80;
+/// Observers of a landmark that has the most without such a list.
+const NOT_LONG: usize = NEAREST + 1;
+/// The digest of a client's item with its sequence.
 const ITEM: u64 = (3 * (size_of::<i64>() + size_of::<Digest>()) / 2) as u64;
 
 /// Memory of the descriptors of `observations`.
@@ -148,33 +250,56 @@ impl Map {
     /// What the map holds.
     #[must_use]
     pub fn usage(&self) -> Usage {
+        let clients = self.clients.len() as u64;
+        let cameras = self.cameras.len() as u64;
         let keyframes = self.keyframes.len() as u64;
         let landmarks = self.landmarks.len() as u64;
+        let observations = self.observation_count;
+        let constraints = self.constraints.len() as u64;
+        let priors = self.priors.len() as u64;
         let items: usize = self.clients.iter().map(|client| client.items.len()).sum();
-        let bytes = keyframes * KEYFRAME
+        let bytes = clients * CLIENT
+            + items as u64 * ITEM
+            + cameras * CAMERA
+            + keyframes * KEYFRAME
             + landmarks * LANDMARK
-            + self.observation_count * OBSERVATION
+            + self.unseen.len() as u64 * UNSEEN
+            + observations * OBSERVATION
             + self.descriptor_bytes
-            + self.constraints.len() as u64 * CONSTRAINT
-            + self.priors.len() as u64 * PRIOR
+            + constraints * CONSTRAINT
+            + self.switched_off.len() as u64 * SWITCHED_OFF
+            + priors * PRIOR
             + self.covisibility.entry_count() * SHARED_PAIR
-            + items as u64 * ITEM;
-        Usage { keyframes, landmarks, observations: self.observation_count, bytes }
+            + self.covisibility.long_count() * LONG_OBSERVER;
+        Usage { clients, cameras, keyframes, landmarks, observations, constraints, priors, bytes }
     }
 
-    /// What a client's change would add to [`Map::usage`].
+    /// The most that a client's change would add to [`Map::usage`].
     #[must_use]
     pub fn growth(&self, change: &Change) -> Usage {
-        let (keyframes, new, observations, fixed) = match change {
+        let none = Usage::default();
+        match change {
             Change::KeyframeAdded { observations, landmarks, .. } => {
-                (1, landmarks.as_slice(), observations.as_slice(), KEYFRAME)
+                let keyframe = Usage { keyframes: 1, bytes: KEYFRAME + ITEM, ..none };
+                keyframe + self.growth_by_landmarks(landmarks) + self.growth_by(observations)
             }
-            Change::LandmarksAdded { landmarks } => (0, landmarks.as_slice(), [].as_slice(), 0),
+            Change::LandmarksAdded { landmarks } => {
+                Usage { bytes: ITEM, ..none } + self.growth_by_landmarks(landmarks)
+            }
             Change::ObservationsAdded { observations, .. } => {
-                (0, [].as_slice(), observations.as_slice(), 0)
+                Usage { bytes: ITEM, ..none } + self.growth_by(observations)
             }
-            Change::ConstraintAdded { .. } => (0, [].as_slice(), [].as_slice(), CONSTRAINT),
-            Change::PriorAdded { .. } => (0, [].as_slice(), [].as_slice(), PRIOR),
+            Change::ConstraintAdded { .. } => {
+                Usage { constraints: 1, bytes: CONSTRAINT + ITEM, ..none }
+            }
+            Change::PriorAdded { .. } => Usage { priors: 1, bytes: PRIOR + ITEM, ..none },
+            Change::CameraSet { id, .. } if !self.cameras.contains_key(id) => {
+                Usage { cameras: 1, bytes: CAMERA + ITEM, ..none }
+            }
+            Change::ClientOpened { name, .. } if self.client_named(name).is_none() => {
+                Usage { clients: 1, bytes: CLIENT, ..none }
+            }
+            Change::ItemRepeated => Usage { bytes: ITEM, ..none },
             Change::Created { .. }
             | Change::ClientOpened { .. }
             | Change::CameraSet { .. }
@@ -186,13 +311,36 @@ impl Map {
             | Change::KeyframeRemoved { .. }
             | Change::KeyframeRetired { .. }
             | Change::ConstraintRevoked { .. }
-            | Change::PolicySet { .. } => return Usage::default(),
-        };
-        let is_new = |id: &EntityId| !self.landmarks.contains_key(id);
-        let landmarks = new.iter().filter(|landmark| is_new(&landmark.id)).count() as u64;
-        let seen = observations.len() as u64;
-        let bytes =
-            fixed + landmarks * LANDMARK + seen * OBSERVATION + descriptor_bytes(observations);
-        Usage { keyframes, landmarks, observations: seen, bytes }
+            | Change::PolicySet { .. } => none,
+        }
+    }
+
+    fn growth_by_landmarks(&self, landmarks: &[NewLandmark]) -> Usage {
+        let is_new = |new: &&NewLandmark| !self.landmarks.contains_key(&new.id);
+        let landmarks = landmarks.iter().filter(is_new).count() as u64;
+        Usage { landmarks, bytes: landmarks * (LANDMARK + UNSEEN), ..Usage::default() }
+    }
+
+    fn growth_by(&self, observations: &[Observation]) -> Usage {
+        // Each observer of a landmark that counts may be a new neighbor, in both rows; there are no
+        // more neighbors than keyframes.
+        let (mut neighbors, mut long) = (0, 0);
+        for observation in observations {
+            let known = self.landmarks.get(&observation.landmark);
+            let observers = known.map_or(0, |landmark| landmark.observers.len());
+            neighbors += observers.min(2 * NEAREST);
+            long += match observers {
+                0..=NEAREST => 0,
+                NOT_LONG => NOT_LONG as u64 + 1,
+                _ => 1,
+            };
+        }
+        let neighbors = neighbors.min(self.keyframes.len()) as u64;
+        let added = observations.len() as u64;
+        let bytes = added * OBSERVATION
+            + descriptor_bytes(observations)
+            + 2 * neighbors * SHARED_PAIR
+            + long * LONG_OBSERVER;
+        Usage { observations: added, bytes, ..Usage::default() }
     }
 }

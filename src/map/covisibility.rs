@@ -1,16 +1,27 @@
 //! How many landmarks each pair of keyframes shares.
 //!
-//! With the observation matrix A (landmarks × keyframes, entries 0 or 1) the counts are the
-//! off-diagonal entries of AᵀA. The fold keeps them one observation at a time;
-//! [`Covisibility::product`] forms the product itself, for building from scratch and as the oracle
-//! in tests. Nothing here decides how many shared landmarks make neighbors.
+//! A landmark counts for two of its observers unless more than 31 others were added between them:
+//! each observer is a neighbor of the 32 that were added just before it and of the 32 just after it.
+//! So the newest keyframe shares a landmark with the newest that see it, an old one with those of its
+//! time, and one landmark costs at most 64 counts an observer, however many see it. Which pairs count
+//! is a function of the keyframes alone. The fold keeps the counts one observation at a time;
+//! [`Covisibility::product`] forms them from scratch: AᵀA of the observation matrix A (landmarks ×
+//! keyframes, entries 0 or 1) for landmarks of at most 33 observers, pair by pair for the others.
+//! Nothing here decides how many shared landmarks make neighbors.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use sprs::{CsMat, TriMat};
 
 use super::{EntityId, Keyframe, SharedMap};
+
+/// Observers of a landmark that count for another one to each side, by the revision that added them.
+/// Every track of the shared BAL files is shorter; a window of 20 keyframes fits into it.
+pub(super) const NEAREST: usize = 32;
+
+/// An observer of a landmark, behind the revision that added the keyframe.
+type Observer = (i64, EntityId);
 
 /// Shared-landmark counts, symmetric, positive entries only.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -19,6 +30,10 @@ pub struct Covisibility {
     rows: BTreeMap<EntityId, Arc<BTreeMap<EntityId, u32>>>,
     /// Entries of all rows.
     entry_count: u64,
+    /// The observers of each landmark that has more than [`NEAREST`] + 1, by age.
+    long: BTreeMap<EntityId, Arc<Vec<Observer>>>,
+    /// Observers in all lists of `long`.
+    long_count: u64,
 }
 
 impl Covisibility {
@@ -39,6 +54,11 @@ impl Covisibility {
         self.entry_count
     }
 
+    /// How many observers are kept in the order of their age.
+    pub(super) fn long_count(&self) -> u64 {
+        self.long_count
+    }
+
     /// Every pair (a, b, count) with a < b, in order.
     pub fn pairs(&self) -> impl Iterator<Item = (EntityId, EntityId, u32)> + '_ {
         self.rows.iter().flat_map(|(&a, row)| {
@@ -46,37 +66,116 @@ impl Covisibility {
         })
     }
 
-    /// The counts from scratch, as the sparse product AᵀA.
+    /// The counts from scratch.
     #[must_use]
     pub fn product(keyframes: &SharedMap<EntityId, Keyframe>) -> Self {
-        let ids: Vec<EntityId> = keyframes.keys().copied().collect();
-        let mut landmarks: BTreeMap<EntityId, usize> = BTreeMap::new();
-        for keyframe in keyframes.values() {
+        let mut observers: BTreeMap<EntityId, Vec<(Observer, usize)>> = BTreeMap::new();
+        for (column, (&id, keyframe)) in keyframes.iter().enumerate() {
             for observation in keyframe.observations.iter() {
-                let next = landmarks.len();
-                landmarks.entry(observation.landmark).or_insert(next);
+                let seen = observers.entry(observation.landmark).or_default();
+                // Once each: two features may match one landmark.
+                if seen.last().is_none_or(|&(_, last)| last != column) {
+                    seen.push(((keyframe.added_revision, id), column));
+                }
             }
         }
-        let mut triplets = TriMat::new((landmarks.len(), ids.len()));
-        for (column, keyframe) in keyframes.values().enumerate() {
-            // Once each: triplets of one place add up, and two features may match one landmark.
-            let seen = keyframe.observations.iter().filter_map(|o| landmarks.get(&o.landmark));
-            for row in seen.copied().collect::<BTreeSet<usize>>() {
-                triplets.add_triplet(row, column, 1_u32);
+        let mut covisibility = Self::default();
+        let mut triplets = TriMat::new((observers.len(), keyframes.len()));
+        for (row, (landmark, seen)) in observers.into_iter().enumerate() {
+            if seen.len() <= NEAREST + 1 {
+                seen.iter().for_each(|&(_, column)| triplets.add_triplet(row, column, 1_u32));
+                continue;
             }
+            let mut order: Vec<Observer> = seen.into_iter().map(|(observer, _)| observer).collect();
+            order.sort_unstable();
+            for (place, &(_, a)) in order.iter().enumerate() {
+                for &(_, b) in order[place + 1..].iter().take(NEAREST) {
+                    covisibility.count(a, b, 1);
+                    covisibility.count(b, a, 1);
+                }
+            }
+            covisibility.long_count += order.len() as u64;
+            covisibility.long.insert(landmark, Arc::new(order));
         }
+        let ids: Vec<EntityId> = keyframes.keys().copied().collect();
         let a: CsMat<u32> = triplets.to_csc();
         let transposed = a.transpose_view();
         let counts: CsMat<u32> = &transposed * &a;
-        let mut covisibility = Self::default();
         for (&count, (i, j)) in &counts {
             if i != j && count > 0 {
-                let row = covisibility.rows.entry(ids[i]).or_default();
-                Arc::make_mut(row).insert(ids[j], count);
-                covisibility.entry_count += 1;
+                covisibility.count(ids[i], ids[j], count);
             }
         }
         covisibility
+    }
+
+    /// `keyframe` sees `landmark`, which `observers` see already: appends to `sharing` those that now
+    /// share it with `keyframe`, for [`Covisibility::add`]. `age` tells the revision that added one.
+    pub(super) fn observe(
+        &mut self,
+        landmark: EntityId,
+        observers: &[EntityId],
+        keyframe: EntityId,
+        age: impl Fn(EntityId) -> i64,
+        sharing: &mut Vec<EntityId>,
+    ) {
+        if observers.len() <= NEAREST {
+            sharing.extend_from_slice(observers);
+            return;
+        }
+        let long_count = &mut self.long_count;
+        let order = self.long.entry(landmark).or_insert_with(|| {
+            let mut order: Vec<Observer> = observers.iter().map(|&id| (age(id), id)).collect();
+            order.sort_unstable();
+            *long_count += order.len() as u64;
+            Arc::new(order)
+        });
+        let order = Arc::make_mut(order);
+        let new = (age(keyframe), keyframe);
+        let place = order.partition_point(|observer| *observer < new);
+        let first = place.saturating_sub(NEAREST);
+        let near = order[first..].iter().take(place - first + NEAREST);
+        sharing.extend(near.map(|&(_, id)| id));
+        // The new one stands between them now.
+        let apart = |at: usize| Some((order[at].1, order.get(at + NEAREST)?.1));
+        let apart: Vec<(EntityId, EntityId)> = (first..place).filter_map(apart).collect();
+        order.insert(place, new);
+        self.long_count += 1;
+        for (a, b) in apart {
+            self.decrement(a, b);
+            self.decrement(b, a);
+        }
+    }
+
+    /// `keyframe` no longer sees `landmark`, which `observers` still see.
+    pub(super) fn forget(
+        &mut self,
+        landmark: EntityId,
+        observers: &[EntityId],
+        keyframe: EntityId,
+    ) {
+        let Some(order) = self.long.get_mut(&landmark) else {
+            return self.remove(keyframe, observers);
+        };
+        let order = Arc::make_mut(order);
+        let Some(place) = order.iter().position(|&(_, id)| id == keyframe) else { return };
+        let first = place.saturating_sub(NEAREST);
+        let near = order[first..].iter().take(place - first + 1 + NEAREST);
+        let near: Vec<EntityId> = near.map(|&(_, id)| id).collect();
+        // Nothing stands between them any more.
+        let closer = |at: usize| Some((order[at].1, order.get(at + NEAREST + 1)?.1));
+        let closer: Vec<(EntityId, EntityId)> = (first..place).filter_map(closer).collect();
+        order.remove(place);
+        self.long_count -= 1;
+        if order.len() <= NEAREST + 1 {
+            self.long_count -= order.len() as u64;
+            self.long.remove(&landmark);
+        }
+        self.remove(keyframe, &near);
+        for (a, b) in closer {
+            self.count(a, b, 1);
+            self.count(b, a, 1);
+        }
     }
 
     /// Counts landmarks more that `keyframe` shares: `observers` names another keyframe once for each,
@@ -88,20 +187,22 @@ impl Covisibility {
         observers.sort_unstable();
         for run in observers.chunk_by(|a, b| a == b) {
             let (other, landmarks) = (run[0], run.len() as u32);
-            if other == keyframe {
-                continue;
-            }
-            for (a, b) in [(keyframe, other), (other, keyframe)] {
-                let row = self.rows.entry(a).or_default();
-                let count = Arc::make_mut(row).entry(b).or_insert(0);
-                self.entry_count += u64::from(*count == 0);
-                *count += landmarks;
+            if other != keyframe {
+                self.count(keyframe, other, landmarks);
+                self.count(other, keyframe, landmarks);
             }
         }
     }
 
+    fn count(&mut self, a: EntityId, b: EntityId, landmarks: u32) {
+        let row = self.rows.entry(a).or_default();
+        let count = Arc::make_mut(row).entry(b).or_insert(0);
+        self.entry_count += u64::from(*count == 0);
+        *count += landmarks;
+    }
+
     /// Counts one landmark less seen by `keyframe` and by each of `observers`.
-    pub(super) fn remove(&mut self, keyframe: EntityId, observers: &[EntityId]) {
+    fn remove(&mut self, keyframe: EntityId, observers: &[EntityId]) {
         for &other in observers.iter().filter(|&&o| o != keyframe) {
             self.decrement(keyframe, other);
             self.decrement(other, keyframe);

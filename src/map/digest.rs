@@ -77,6 +77,7 @@ pub(super) fn content(change: &Change) -> Digest {
         | Change::KeyframeRemoved { .. }
         | Change::KeyframeRetired { .. }
         | Change::ConstraintRevoked { .. }
+        | Change::ItemRepeated
         | Change::PolicySet { .. } => hash.tag(255),
     }
     hash.finish()
@@ -313,9 +314,17 @@ impl Hash {
         }
         // Later settings have a name and are left out where they are absent, so that maps without
         // them keep the hash that they always had.
-        if let Some(bytes) = ceilings.max_bytes {
-            self.text("max_bytes");
-            self.u64(bytes);
+        for (name, ceiling) in [
+            ("max_bytes", ceilings.max_bytes),
+            ("max_clients", ceilings.max_clients),
+            ("max_cameras", ceilings.max_cameras),
+            ("max_constraints", ceilings.max_constraints),
+            ("max_priors", ceilings.max_priors),
+        ] {
+            if let Some(ceiling) = ceiling {
+                self.text(name);
+                self.u64(ceiling);
+            }
         }
         match when_full {
             WhenFull::Reject => {}

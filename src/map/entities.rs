@@ -29,6 +29,35 @@ pub struct Client {
     pub items: SharedMap<i64, Digest>,
 }
 
+/// The largest epoch and the largest sequence that are taken: those above it would leave no room for
+/// the next one.
+pub const MAX_NUMBER: i64 = 1 << 62;
+
+impl Client {
+    /// Its newest epoch as far as it fences others: one above [`MAX_NUMBER`], which an earlier version
+    /// took, fences none, because no later one could follow it.
+    #[must_use]
+    pub fn newest_epoch(&self) -> i64 {
+        if self.epoch > MAX_NUMBER { 0 } else { self.epoch }
+    }
+
+    /// Forgets sequences above [`MAX_NUMBER`], which an earlier version took and which no later one
+    /// could follow, so that the next stream can go on behind the last usable one.
+    pub(super) fn drop_unusable_sequences(&mut self) {
+        if self.next_sequence.saturating_sub(1) <= MAX_NUMBER {
+            return;
+        }
+        while let Some(last) = self.items.last_key_value().map(|(&sequence, _)| sequence)
+            && last > MAX_NUMBER
+        {
+            self.items.remove(&last);
+        }
+        let last = self.items.last_key_value().map_or(0, |(&sequence, _)| sequence);
+        self.next_sequence = last + 1;
+        self.optimized_sequence = self.optimized_sequence.min(last);
+    }
+}
+
 /// A camera with its intrinsics.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraEntity {

@@ -214,6 +214,9 @@ pub enum Change {
         /// Which.
         id: EntityId,
     },
+    /// An item brought what the map holds already, under another sequence: only its sequence is new,
+    /// so that what is acknowledged of the client has no gap.
+    ItemRepeated,
     /// The policy changed.
     PolicySet {
         /// The new one.

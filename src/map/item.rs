@@ -133,3 +133,12 @@ pub enum Item {
         information: Matrix3<f64>,
     },
 }
+
+/// An item some of whose fields cannot be read; placeholders stand for them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PartialItem {
+    /// What can be read of it.
+    pub item: Item,
+    /// Paths of what a placeholder stands for and of what it makes no sense to judge because of it.
+    pub unreadable: Vec<String>,
+}

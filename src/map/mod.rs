@@ -30,17 +30,17 @@ mod triangulation;
 mod window;
 
 pub use applied::{Solved, applied};
-pub use ceilings::{Ceilings, Passed, Resource, Usage};
+pub use ceilings::{Ceilings, Counted, Passed, Usage};
 pub use covisibility::Covisibility;
 pub use digest::Content;
 pub use entities::{
     CameraEntity, Client, Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, Digest,
-    Keyframe, Landmark, Observation, Prior, SwitchedOff,
+    Keyframe, Landmark, MAX_NUMBER, Observation, Prior, SwitchedOff,
 };
 pub use error::{EntityKind, MapError};
 pub use event::{AppliedSolve, Cause, Change, Event, NewLandmark, Retired, SolveKind};
 pub use ids::{ClientIndex, EntityId};
-pub use item::{EntityRef, Item, ItemLandmark, ItemObservation};
+pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, PartialItem};
 pub use parts::MapParts;
 pub use policy::{ClosureRobustness, MapPolicy, WhenFull};
 pub use problem::{

@@ -80,11 +80,29 @@ impl Rejection {
         }
     }
 
+    /// Adds what else is wrong, but for what is told of a field already and for what follows from
+    /// fields that could not be read.
+    pub fn join(&mut self, more: Self, unreadable: &[String]) {
+        let known: Vec<String> = self.violations.iter().map(|v| v.field.clone()).collect();
+        for violation in more.violations {
+            let within = |field: &String| is_within(&violation.field, field);
+            if !unreadable.iter().any(within) && !known.iter().any(within) {
+                self.push(violation.field, violation.reason, violation.description);
+            }
+        }
+    }
+
     /// Whether nothing is wrong.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.violations.is_empty()
     }
+}
+
+/// Whether `field` is `whole` or a part of it.
+fn is_within(field: &str, whole: &str) -> bool {
+    let rest = field.strip_prefix(whole);
+    rest.is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
 }
 
 impl fmt::Display for Rejection {

@@ -7,12 +7,50 @@ use std::time::Duration;
 use super::access::JwtOptions;
 use super::clock::Clock;
 use super::connections::ConnectionLimits;
-use super::engine::{EngineConfig, TenantCeilings};
+use super::engine::{AccountLimits, EngineConfig};
 use super::tls::TlsFiles;
 use crate::map::Ceilings;
 
 /// Largest message by default, bytes: 4 MiB.
 const DEFAULT_MESSAGE_BYTES: usize = 4 * 1024 * 1024;
+
+/// 1 GiB.
+const GIB: u64 = 1 << 30;
+
+/// Ceilings of one map, for a machine of 8 GiB: 2 GiB of estimated memory, which is half of what all
+/// maps may take together, and numbers that no robot or collection of pictures comes near. Cameras
+/// are as many as keyframes, because a model made from pictures may have one for each.
+#[must_use]
+pub fn default_ceilings() -> Ceilings {
+    Ceilings {
+        max_clients: Some(10_000),
+        max_cameras: Some(100_000),
+        max_keyframes: Some(100_000),
+        max_landmarks: Some(20_000_000),
+        max_observations: Some(100_000_000),
+        max_constraints: Some(1_000_000),
+        max_priors: Some(1_000_000),
+        max_bytes: Some(2 * GIB),
+    }
+}
+
+/// Limits of a server on a machine of 8 GiB: 4 GiB for all maps, 2 GiB for solves and half a GiB each
+/// for exports and for journals that wait for the disk leave the rest to queues and the system. A stream takes some ten kilobytes with
+/// its queue.
+#[must_use]
+pub fn default_limits() -> AccountLimits {
+    AccountLimits {
+        held: Ceilings { max_bytes: Some(4 * GIB), ..Ceilings::default() },
+        max_maps: None,
+        max_streams: Some(2000),
+        max_watchers: Some(1000),
+        max_export_bytes: Some(GIB / 2),
+        max_solves: None,
+        max_waiting_solves: Some(256),
+        max_solve_bytes: Some(2 * GIB),
+        max_journal_bytes: Some(GIB / 2),
+    }
+}
 
 /// Settings of a server; each with its default.
 #[derive(Clone, Debug)]
@@ -27,11 +65,12 @@ pub struct ServerConfig {
     pub keep_alive: KeepAlive,
     /// Maps that the server keeps (1000).
     pub max_maps: usize,
-    /// Ceilings of a map, which its policy can only lower (100,000 keyframes, 20 million landmarks,
-    /// 100 million observations).
+    /// Ceilings of a map, which its policy can only lower; see [`default_ceilings`].
     pub ceilings: Ceilings,
-    /// Ceilings of a tenant that has none of its own in the file of tokens (none).
-    pub tenant_ceilings: TenantCeilings,
+    /// Limits of a tenant that has none of its own in the file of tokens (none: those of the server).
+    pub tenant_limits: AccountLimits,
+    /// Limits of the server as a whole, besides `max_maps`; see [`default_limits`].
+    pub server_limits: AccountLimits,
     /// Where maps are kept (nowhere: in memory, and gone at the end).
     pub data_dir: Option<PathBuf>,
     /// Certificate and key of the listener (none: plain text).
@@ -84,13 +123,9 @@ impl Default for ServerConfig {
             connections: ConnectionLimits::default(),
             keep_alive: KeepAlive::default(),
             max_maps: 1000,
-            ceilings: Ceilings {
-                max_keyframes: Some(100_000),
-                max_landmarks: Some(20_000_000),
-                max_observations: Some(100_000_000),
-                max_bytes: None,
-            },
-            tenant_ceilings: TenantCeilings::default(),
+            ceilings: default_ceilings(),
+            tenant_limits: AccountLimits::default(),
+            server_limits: default_limits(),
             data_dir: None,
             tls: None,
             tokens: None,
@@ -119,5 +154,16 @@ impl ServerConfig {
     #[cfg(not(feature = "faults"))]
     pub(super) const fn panics_in_rpc(&self, _rpc: &str) -> bool {
         false
+    }
+
+    /// Limits of the server's account.
+    pub(super) fn account_limits(&self) -> AccountLimits {
+        let max_maps = u64::try_from(self.max_maps).unwrap_or(u64::MAX);
+        AccountLimits { max_maps: Some(max_maps), ..self.server_limits }
+    }
+
+    /// Limits of the account of each map.
+    pub(super) fn map_limits(&self) -> AccountLimits {
+        AccountLimits { held: self.ceilings, ..AccountLimits::default() }
     }
 }

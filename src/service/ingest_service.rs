@@ -17,7 +17,7 @@ use super::convert::{Path, convert, count, ids, item};
 use super::engine::{Ack, AckStatus, ItemSender, MapHandle, Opened, SolveReport, StreamEvent};
 use super::error::ServiceError;
 use super::status::{solve_reason, violation_reason};
-use crate::map::{Reason, Rejection};
+use crate::map::{MAX_NUMBER, Reason, Rejection};
 use crate::wire::v1;
 use v1::ingest_request::Item as WireItem;
 use v1::ingest_response::Event;
@@ -175,11 +175,16 @@ async fn hand_over(
             let description = "it must be at least 1 and above the one before";
             return Err(ServiceError::Protocol { field: "sequence", description });
         }
-        last = sequence;
+        // One that is refused for its size keeps no place: others can follow it.
+        if sequence <= MAX_NUMBER {
+            last = sequence;
+        }
         let digest = item::digest(&wire);
         let sent = match item::item(&wire, client) {
             Ok(item) => sender.send(sequence, digest, item).await,
-            Err(rejection) => sender.reject(sequence, rejection).await,
+            Err(item::Refused { rejection, partial }) => {
+                sender.reject(sequence, rejection, partial).await
+            }
         };
         if sent.is_err() {
             // The events of the stream end with the reason.

@@ -1,21 +1,30 @@
-//! Ceilings as they are written in files: `[map_limits]` and `[tenant_limits]` of `covis.toml`, and
-//! `[[tenant]]` in the file of tokens. An absent key is no ceiling, or the one that stands above.
+//! Limits as they are written in files: `[map_limits]`, `[tenant_limits]` and `[server_limits]` of
+//! `covis.toml`, and `[[tenant]]` in the file of tokens. An absent key is the default, or what stands
+//! above.
 
 use serde::Deserialize;
 
-use super::engine::TenantCeilings;
+use super::engine::AccountLimits;
 use crate::map::Ceilings;
 
-/// Limits of a map or of all maps of a tenant; counts from 1.
+/// Limits of a map; counts from 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MapLimits {
+    /// Clients.
+    pub max_clients: Option<u64>,
+    /// Cameras.
+    pub max_cameras: Option<u64>,
     /// Keyframes.
     pub max_keyframes: Option<u64>,
     /// Landmarks.
     pub max_landmarks: Option<u64>,
     /// Observations.
     pub max_observations: Option<u64>,
+    /// Relative-pose constraints.
+    pub max_constraints: Option<u64>,
+    /// Pose priors and position priors.
+    pub max_priors: Option<u64>,
     /// Estimated memory in bytes.
     pub max_bytes: Option<u64>,
 }
@@ -24,42 +33,111 @@ impl MapLimits {
     /// These ceilings where they are given, else those of `default`.
     #[must_use]
     pub fn over(&self, default: Ceilings) -> Ceilings {
-        Ceilings {
-            max_keyframes: self.max_keyframes.or(default.max_keyframes),
-            max_landmarks: self.max_landmarks.or(default.max_landmarks),
-            max_observations: self.max_observations.or(default.max_observations),
-            max_bytes: self.max_bytes.or(default.max_bytes),
+        Ceilings::from(*self).join(&default, Option::or)
+    }
+}
+
+impl From<MapLimits> for Ceilings {
+    fn from(limits: MapLimits) -> Self {
+        let MapLimits { max_clients, max_cameras, max_keyframes, max_landmarks, .. } = limits;
+        let MapLimits { max_observations, max_constraints, max_priors, max_bytes, .. } = limits;
+        Self {
+            max_clients,
+            max_cameras,
+            max_keyframes,
+            max_landmarks,
+            max_observations,
+            max_constraints,
+            max_priors,
+            max_bytes,
         }
     }
 }
 
-/// Limits of a tenant; counts from 1.
+/// Limits of a tenant, or of the server; counts from 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TenantLimits {
+    /// Clients of all its maps.
+    pub max_clients: Option<u64>,
+    /// Cameras of all its maps.
+    pub max_cameras: Option<u64>,
     /// Keyframes of all its maps.
     pub max_keyframes: Option<u64>,
     /// Landmarks of all its maps.
     pub max_landmarks: Option<u64>,
     /// Observations of all its maps.
     pub max_observations: Option<u64>,
+    /// Relative-pose constraints of all its maps.
+    pub max_constraints: Option<u64>,
+    /// Priors of all its maps.
+    pub max_priors: Option<u64>,
     /// Estimated memory of all its maps in bytes.
     pub max_bytes: Option<u64>,
     /// Maps.
     pub max_maps: Option<u64>,
     /// Ingest and watch streams that are open at once.
     pub max_streams: Option<u64>,
+    /// Watchers at once.
+    pub max_watchers: Option<u64>,
+    /// Bytes of exports that are built or wait for their readers.
+    pub max_export_bytes: Option<u64>,
     /// Solves that run at once.
     pub max_solves: Option<u64>,
     /// Calls for solves that wait for their turn.
     pub max_waiting_solves: Option<u64>,
+    /// Bytes that solves which run or wait are priced at.
+    pub max_solve_bytes: Option<u64>,
+    /// Bytes of journals that wait for the disk.
+    pub max_journal_bytes: Option<u64>,
 }
 
-impl From<TenantLimits> for TenantCeilings {
+impl TenantLimits {
+    /// These limits where they are given, else those of `default`.
+    #[must_use]
+    pub fn over(&self, default: AccountLimits) -> AccountLimits {
+        let given = AccountLimits::from(*self);
+        AccountLimits {
+            held: given.held.join(&default.held, Option::or),
+            max_maps: given.max_maps.or(default.max_maps),
+            max_streams: given.max_streams.or(default.max_streams),
+            max_watchers: given.max_watchers.or(default.max_watchers),
+            max_export_bytes: given.max_export_bytes.or(default.max_export_bytes),
+            max_solves: given.max_solves.or(default.max_solves),
+            max_waiting_solves: given.max_waiting_solves.or(default.max_waiting_solves),
+            max_solve_bytes: given.max_solve_bytes.or(default.max_solve_bytes),
+            max_journal_bytes: given.max_journal_bytes.or(default.max_journal_bytes),
+        }
+    }
+}
+
+impl From<TenantLimits> for AccountLimits {
     fn from(limits: TenantLimits) -> Self {
-        let TenantLimits { max_keyframes, max_landmarks, max_observations, max_bytes, .. } = limits;
-        let TenantLimits { max_maps, max_streams, max_solves, max_waiting_solves, .. } = limits;
-        let held = Ceilings { max_keyframes, max_landmarks, max_observations, max_bytes };
-        Self { held, max_maps, max_streams, max_solves, max_waiting_solves }
+        let TenantLimits { max_clients, max_cameras, max_keyframes, max_landmarks, .. } = limits;
+        let TenantLimits { max_observations, max_constraints, max_priors, max_bytes, .. } = limits;
+        let TenantLimits { max_maps, max_streams, max_watchers, max_export_bytes, .. } = limits;
+        let TenantLimits { max_solves, max_waiting_solves, max_solve_bytes, .. } = limits;
+        let max_journal_bytes = limits.max_journal_bytes;
+        let held = Ceilings {
+            max_clients,
+            max_cameras,
+            max_keyframes,
+            max_landmarks,
+            max_observations,
+            max_constraints,
+            max_priors,
+            max_bytes,
+        };
+        Self {
+            held,
+            max_maps,
+            max_streams,
+            max_watchers,
+            max_export_bytes,
+            max_solves,
+            max_waiting_solves,
+            max_solve_bytes,
+            max_journal_bytes,
+        }
     }
 }

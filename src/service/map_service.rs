@@ -47,13 +47,6 @@ impl MapRpcs {
             Some((map_id?, display_name?, policy?))
         })?;
         let name = caller.engine_name(&map_id);
-        let maximum = self.context.config.max_maps;
-        let maps = self.context.maps.list();
-        // A taken name is told as such also when the server is full.
-        if maps.len() >= maximum && maps.iter().all(|map| map.name() != name) {
-            let maximum = super::convert::count(maximum);
-            return Err(ServiceError::ServerLimit { limit: "max_map_count", maximum });
-        }
         let info = self.context.maps.create(&name, &display_name, policy).await?;
         Ok(v1::CreateMapResponse { map: Some(to_map(&info, ceilings.queued_items)) })
     }

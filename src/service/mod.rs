@@ -49,7 +49,7 @@ mod watch;
 
 pub use access::{AccessError, JwtOptions};
 pub use clock::Clock;
-pub use config::{KeepAlive, ServerConfig};
+pub use config::{KeepAlive, ServerConfig, default_ceilings, default_limits};
 pub use connections::ConnectionLimits;
 pub use limits::{MapLimits, TenantLimits};
 #[cfg(test)]

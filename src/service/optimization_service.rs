@@ -52,7 +52,7 @@ impl Optimization {
             })
         };
         let pool = self.context.maps.pool();
-        let solved = pool.run(&pool.tenants().get(caller.tenant()), work).await;
+        let solved = pool.run(&pool.accounts().tenant(caller.tenant()), work).await;
         if let Err(PoolError::Panicked(_)) = solved {
             meters.solve_panics.increment();
         }

@@ -34,7 +34,7 @@ use super::access::{Access, AccessError, Guarded};
 use super::config::ServerConfig;
 use super::connections::{self, Accepted, Connections, Socket, Transport};
 use super::context::Context;
-use super::engine::{EngineError, Maps, SolverPool, Tenants};
+use super::engine::{Accounts, EngineError, Maps, SolverPool};
 use super::export::Exports;
 use super::ingest_service::Ingest;
 use super::job_service::Jobs;
@@ -170,11 +170,13 @@ impl Server {
         if is_open && !access.is_guarded() {
             tracing::warn!("without tokens, whoever reaches {address} may do everything");
         }
+        let accounts =
+            Accounts::new(config.account_limits(), config.tenant_limits, config.map_limits());
+        accounts.set_tenants(access.tenant_limits());
         let metrics = metrics_listener(&config).await?;
-        let tenants = Tenants::new(config.tenant_ceilings, access.tenant_ceilings());
         let Backend { store, counted, pool } = match backend {
             Some(backend) => backend,
-            None => Backend::open(&config, tenants).await?,
+            None => Backend::open(&config, accounts).await?,
         };
         let meters = ServerMeters::new(counted);
         let maps = Maps::new(store, pool, config.engine);
@@ -213,8 +215,8 @@ pub(crate) struct Backend {
 
 impl Backend {
     /// The one that a configuration asks for.
-    async fn open(config: &ServerConfig, tenants: Tenants) -> Result<Self, ServerError> {
-        let pool = SolverPool::shared_by(tenants, config.threads)?;
+    async fn open(config: &ServerConfig, accounts: Accounts) -> Result<Self, ServerError> {
+        let pool = SolverPool::shared_by(accounts, config.threads)?;
         let Some(directory) = &config.data_dir else {
             return Ok(Self { store: Arc::new(MemoryStore::new()), counted: Arc::default(), pool });
         };
@@ -270,7 +272,7 @@ impl RunningServer {
             tls.put(acceptor);
         }
         self.context.access.put(known);
-        self.solver_pool().tenants().set(self.context.access.tenant_ceilings());
+        self.solver_pool().accounts().set_tenants(self.context.access.tenant_limits());
         tracing::info!("certificates and tokens were read again");
         Ok(())
     }

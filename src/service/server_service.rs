@@ -6,6 +6,7 @@ use std::sync::Arc;
 use covis_solvers::bundle_adjustment::Class;
 use tonic::{Request, Response, Status};
 
+use super::access::Caller;
 use super::context::Context;
 use super::convert::map::{to_durability, to_limits};
 use super::convert::time::timestamp;
@@ -49,7 +50,7 @@ impl ServerInfo {
         Self { context }
     }
 
-    fn info(&self) -> v1::GetServerInfoResponse {
+    fn info(&self, caller: &Caller) -> v1::GetServerInfoResponse {
         let config = &self.context.config;
         let bytes = count(config.max_message_bytes);
         let limits = v1::ServerLimits {
@@ -60,6 +61,14 @@ impl ServerInfo {
                 .unwrap_or(i32::MAX),
             map_limits: Some(to_limits(&config.ceilings, config.engine.queue_capacity)),
         };
+        let number = |value: u64| i64::try_from(value).unwrap_or(i64::MAX);
+        let account = self.context.maps.pool().accounts().tenant(caller.tenant());
+        let resources = account.rows().into_iter().map(|row| v1::ResourceUsage {
+            resource: row.name.to_owned(),
+            held: number(row.held),
+            limit: row.limit.map(number),
+        });
+        let resources = resources.collect();
         v1::GetServerInfoResponse {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             wire_packages: vec!["covis.v1".to_owned()],
@@ -71,6 +80,7 @@ impl ServerInfo {
             features: FEATURES.into_iter().map(str::to_owned).collect(),
             solver_thread_count: small(self.context.maps.pool().threads()),
             simd_class: Class::detect().to_string(),
+            resources,
         }
     }
 }
@@ -79,8 +89,8 @@ impl ServerInfo {
 impl ServerService for ServerInfo {
     async fn get_server_info(
         &self,
-        _request: Request<v1::GetServerInfoRequest>,
+        request: Request<v1::GetServerInfoRequest>,
     ) -> Result<Response<v1::GetServerInfoResponse>, Status> {
-        self.context.answer("GetServerInfo", async { Ok(self.info()) }).await
+        self.context.answer("GetServerInfo", async { Ok(self.info(&Caller::of(&request)?)) }).await
     }
 }

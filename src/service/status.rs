@@ -175,6 +175,9 @@ fn engine(error: EngineError) -> Parts {
                 .with("client_id", client)
                 .with("epoch", epoch)
         }
+        EngineError::TooLarge { field, maximum: _ } => {
+            parts(Code::InvalidArgument, "OUT_OF_RANGE").violation(field, "OUT_OF_RANGE", &message)
+        }
         EngineError::OptimizationRunning { map } => {
             parts(Code::Aborted, "OPTIMIZATION_RUNNING").with("map_id", map)
         }
@@ -186,6 +189,12 @@ fn engine(error: EngineError) -> Parts {
         }
         EngineError::TenantCeiling { limit, maximum } => {
             parts(Code::ResourceExhausted, "TENANT_LIMIT")
+                .with("limit", limit)
+                .with("maximum", maximum)
+                .retry(RETRY_FULL)
+        }
+        EngineError::ServerCeiling { limit, maximum } => {
+            parts(Code::ResourceExhausted, "SERVER_LIMIT")
                 .with("limit", limit)
                 .with("maximum", maximum)
                 .retry(RETRY_FULL)

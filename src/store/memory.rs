@@ -176,7 +176,7 @@ impl Store for MemoryStore {
             }
             journal.events.extend(batch);
             let sequence = journal.last_sequence();
-            Ok(Position { sequence, durable: false, snapshot_due: false })
+            Ok(Position { sequence, durable: false, snapshot_due: false, waiting_bytes: 0 })
         })
     }
 

@@ -70,6 +70,8 @@ pub struct Position {
     pub durable: bool,
     /// Whether the journal has grown so much since the last snapshot that another one would pay.
     pub snapshot_due: bool,
+    /// Bytes of the map's events that wait for a write to disk; 0 where nothing is durable.
+    pub waiting_bytes: u64,
 }
 
 /// How far a journal is durable.

@@ -27,7 +27,8 @@ async fn a_journal_keeps_its_order_and_refuses_gaps() {
     let store = MemoryStore::new();
     let epoch = store.create_map("a").await.unwrap();
     let position = store.append("a", epoch, 0, events(1..=3)).await.unwrap();
-    assert_eq!(position, Position { sequence: 3, durable: false, snapshot_due: false });
+    let (durable, snapshot_due) = (false, false);
+    assert_eq!(position, Position { sequence: 3, durable, snapshot_due, waiting_bytes: 0 });
     assert!(store.follow("a").await.unwrap().changed().await.is_err(), "nothing ever is durable");
     assert_eq!(store.durability(), Durability::Memory);
     let mismatch = |expected, actual| {

@@ -96,7 +96,7 @@ pub(crate) async fn occupy(server: &TestServer) -> std::sync::mpsc::Sender<()> {
     let (begun, began) = tokio::sync::oneshot::channel();
     let pool = server.running.solver_pool();
     let hold = move || begun.send(()).is_ok() && released.recv().is_ok();
-    tokio::spawn(async move { pool.run(&pool.tenants().get(""), hold).await });
+    tokio::spawn(async move { pool.run(&pool.accounts().tenant(""), hold).await });
     began.await.unwrap();
     release
 }

@@ -205,7 +205,7 @@ impl Blocker {
         let (started, starts) = tokio::sync::oneshot::channel();
         let pool = Arc::clone(maps.pool());
         tokio::spawn(async move {
-            let tenant = pool.tenants().get("");
+            let tenant = pool.accounts().tenant("");
             pool.run(&tenant, move || {
                 started.send(()).unwrap();
                 // Ends when the sender is dropped.

@@ -23,7 +23,9 @@ mod jwt;
 mod links;
 mod logs;
 mod map_check;
+mod map_covisibility;
 mod map_fold;
+mod map_numbers;
 mod map_placement;
 mod map_problem;
 mod map_retirement;
@@ -50,6 +52,7 @@ mod rpc_optimize_map;
 mod rpc_overload;
 mod rpc_pose_graph;
 mod rpc_server;
+mod rpc_violations;
 mod rpc_watch;
 #[cfg(feature = "opentelemetry")]
 mod spans;

@@ -5,8 +5,8 @@
 use std::sync::Arc;
 
 use covis::map::{
-    Ceilings, Change, ConstraintKind, Depth, EntityRef, Item, ItemLandmark, ItemObservation,
-    MapPolicy, Passed, Reason, Resource, Usage,
+    Ceilings, Change, ConstraintKind, Counted, Depth, EntityRef, Item, ItemLandmark,
+    ItemObservation, MapPolicy, Passed, Reason, Usage,
 };
 use covis_solvers::geometry::{Camera, Se3, Snavely};
 use nalgebra::{Matrix3, Matrix6, Vector3};
@@ -314,31 +314,33 @@ fn what_an_item_adds_is_counted_before_it_is_taken() {
     assert_eq!((growth.keyframes, growth.landmarks, growth.observations), (1, 1, 3));
     let none = Ceilings::default();
     let cases = [
-        (Resource::Keyframes, 2, Ceilings { max_keyframes: Some(2), ..none }),
-        (Resource::Landmarks, 30, Ceilings { max_landmarks: Some(30), ..none }),
-        (Resource::Observations, 52, Ceilings { max_observations: Some(52), ..none }),
-        (Resource::Bytes, usage.bytes, Ceilings { max_bytes: Some(usage.bytes), ..none }),
+        (Counted::Keyframes, 2, Ceilings { max_keyframes: Some(2), ..none }),
+        (Counted::Landmarks, 30, Ceilings { max_landmarks: Some(30), ..none }),
+        (Counted::Observations, 52, Ceilings { max_observations: Some(52), ..none }),
+        (Counted::Bytes, usage.bytes, Ceilings { max_bytes: Some(usage.bytes), ..none }),
     ];
-    for (resource, maximum, ceilings) in cases {
-        assert_eq!(ceilings.passed(usage, growth), Some(Passed { resource, maximum }));
+    for (counted, maximum, ceilings) in cases {
+        assert_eq!(ceilings.passed(usage, growth), Some(Passed { counted, maximum }));
     }
     let roomy = Ceilings {
         max_keyframes: Some(3),
         max_landmarks: Some(31),
         max_observations: Some(53),
         max_bytes: Some(usage.bytes + growth.bytes),
+        ..none
     };
     assert_eq!(roomy.passed(usage, growth), None);
     assert_eq!(roomy.passed(roomy_usage(), Usage::default()), None, "what adds nothing has room");
     journal.send(ROBOT, &item).unwrap();
     let now = journal.map.usage();
     assert_eq!((now.keyframes, now.landmarks, now.observations), (3, 31, 53));
-    // The covisibility that the new keyframe adds is known afterwards only.
-    assert!(now.bytes >= usage.bytes + growth.bytes, "{now:?}");
+    // No item takes more than was counted for it before.
+    assert!(usage.bytes < now.bytes && now.bytes <= usage.bytes + growth.bytes, "{now:?}");
 }
 
 fn roomy_usage() -> Usage {
-    Usage { keyframes: 9, landmarks: 99, observations: 999, bytes: u64::MAX }
+    let (keyframes, landmarks, observations, bytes) = (9, 99, 999, u64::MAX);
+    Usage { keyframes, landmarks, observations, bytes, ..Usage::default() }
 }
 
 #[test]
@@ -412,4 +414,70 @@ fn a_keyframe_without_camera_takes_no_observations() {
     // A camera that is not there is no camera left out.
     let unknown = at_two(Some(EntityRef::own(5)), Vec::new());
     assert!(!journal.map.holds(ROBOT, &unknown));
+}
+
+#[test]
+fn every_kind_of_entity_counts_before_it_is_taken() {
+    let mut journal = street(3, MapPolicy::default());
+    let prior = Item::PositionPrior {
+        id: 2,
+        keyframe: EntityRef::own(0),
+        position_in_world: Vector3::zeros(),
+        information: Matrix3::identity(),
+    };
+    let constraint = relative_pose(1, ConstraintKind::Odometry, 0, 1, pose_at(1.0));
+    for (item, counted) in [
+        (camera_item(1), Counted::Cameras),
+        (constraint, Counted::Constraints),
+        (prior, Counted::Priors),
+    ] {
+        let change = journal.map.check(ROBOT, &item).unwrap();
+        let (usage, growth) = (journal.map.usage(), journal.map.growth(&change));
+        assert_eq!(growth.of(counted), 1);
+        journal.send(ROBOT, &item).unwrap();
+        assert_eq!(journal.map.usage(), usage + growth, "{counted:?}");
+    }
+    let opened = Change::ClientOpened { name: "drone".to_owned(), epoch: 1 };
+    let (usage, growth) = (journal.map.usage(), journal.map.growth(&opened));
+    assert_eq!(growth.clients, 1);
+    journal.push(opened);
+    assert_eq!(journal.map.usage(), usage + growth);
+    let again = Change::ClientOpened { name: "drone".to_owned(), epoch: 2 };
+    assert_eq!(journal.map.growth(&again), Usage::default(), "a client that comes back is known");
+}
+
+#[test]
+fn a_pixel_far_outside_is_refused_whether_the_image_is_known_or_not() {
+    let mut journal = street(2, MapPolicy::default());
+    let Item::Camera { camera, .. } = camera_item(1) else { panic!("a camera") };
+    journal.send(ROBOT, &Item::Camera { id: 1, camera, width_px: 0, height_px: 0 }).unwrap();
+    // An image of 640 × 480: one image beyond each side is the most. Without a size, that of the
+    // largest image.
+    for (id, u, v, field) in [
+        (0, 1281.0, 0.0, Some("x")),
+        (0, 0.0, -481.0, Some("y")),
+        (0, 1280.0, -480.0, None),
+        (1, 1281.0, -481.0, None),
+        (1, 131_073.0, 0.0, Some("x")),
+        (1, 0.0, -1e300, Some("y")),
+    ] {
+        let mut seen = observe(0, &pose_at(0.0), &corner(0));
+        seen.pixel = pixel(u, v);
+        let item = Item::Keyframe {
+            id: 7,
+            capture_time_ns: 7,
+            camera: Some(EntityRef::own(id)),
+            world_from_camera: pose_at(0.0),
+            odom_from_camera: None,
+            observations: vec![seen],
+            landmarks: Vec::new(),
+        };
+        match field {
+            None => drop(journal.map.check(ROBOT, &item).unwrap()),
+            Some(field) => {
+                let field = format!("keyframe.observations[0].pixel.{field}");
+                check(&journal, &item, &[(&field, Reason::OutOfRange)]);
+            }
+        }
+    }
 }

@@ -145,7 +145,7 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
 }
 
 /// Everything that is kept incrementally, from scratch.
-fn assert_consistent(map: &Map) {
+pub(crate) fn assert_consistent(map: &Map) {
     assert_eq!(map.covisibility(), &Covisibility::product(map.keyframes()));
     let count: usize = map.keyframes().values().map(|k| k.observations.len()).sum();
     assert_eq!(map.observation_count(), count as u64);

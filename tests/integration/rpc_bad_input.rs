@@ -10,7 +10,7 @@ use crate::common::{
 };
 
 /// A keyframe that is new and good, changed by `edit`.
-fn bad_keyframe(edit: impl FnOnce(&mut v1::Keyframe)) -> Item {
+pub(crate) fn bad_keyframe(edit: impl FnOnce(&mut v1::Keyframe)) -> Item {
     let mut frame = keyframe(7);
     edit(&mut frame);
     Item::Keyframe(frame)
@@ -22,13 +22,13 @@ fn bad_camera(edit: impl FnOnce(&mut v1::Camera)) -> Item {
     Item::Camera(camera)
 }
 
-fn bad_constraint(edit: impl FnOnce(&mut v1::RelativePoseConstraint)) -> Item {
+pub(crate) fn bad_constraint(edit: impl FnOnce(&mut v1::RelativePoseConstraint)) -> Item {
     let mut constraint = relative_pose(7, 0, 1);
     edit(&mut constraint);
     Item::RelativePose(constraint)
 }
 
-fn position_prior(edit: impl FnOnce(&mut v1::PositionPrior)) -> Item {
+pub(crate) fn position_prior(edit: impl FnOnce(&mut v1::PositionPrior)) -> Item {
     let mut prior = v1::PositionPrior {
         id: 8,
         keyframe: Some(v1::KeyframeRef { id: 0, ..Default::default() }),
@@ -53,7 +53,7 @@ fn pose_prior(edit: impl FnOnce(&mut v1::PosePrior)) -> Item {
 }
 
 /// The rotation of a keyframe's start.
-fn rotation(frame: &mut v1::Keyframe) -> &mut v1::Quaternion {
+pub(crate) fn rotation(frame: &mut v1::Keyframe) -> &mut v1::Quaternion {
     frame.world_from_camera.as_mut().unwrap().rotation.as_mut().unwrap()
 }
 

@@ -176,7 +176,7 @@ fn a_hostile_tenant_gets_its_own_and_nothing_of_others() {
         let path = tokens.path().to_owned();
         let server = TestServer::with(|config| {
             config.tokens = Some(path);
-            config.tenant_ceilings = TenantLimits::default().into();
+            config.tenant_limits = TenantLimits::default().into();
         })
         .await;
         let url = url(&server);

@@ -37,6 +37,13 @@ fn server_info_tells_version_limits_and_features() {
         assert_eq!(limits.max_receive_message_bytes, 4_194_304);
         assert_eq!(limits.max_map_count, 7);
         assert!(limits.map_limits.unwrap().max_keyframe_count.is_some());
+        // What the caller's tenant holds, and the lower limit of tenant and server.
+        server.create_map("room").await;
+        let info = client.get_server_info(v1::GetServerInfoRequest {}).await.unwrap().into_inner();
+        let row = |name| info.resources.iter().find(|row| row.resource == name).unwrap();
+        assert_eq!((row("maps").held, row("maps").limit), (1, Some(7)));
+        assert_eq!((row("streams").held, row("keyframes").limit), (0, None));
+        assert_eq!(row("map_bytes").limit, Some(4 << 30));
         assert!(info.features.is_sorted());
         // The list of docs/wire.md, which sets each name in backquotes after this sentence.
         let text = include_str!("../../docs/wire.md");

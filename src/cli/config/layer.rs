@@ -69,6 +69,8 @@ pub struct Layer {
     pub map_limits: Option<MapLimits>,
     /// Ceilings of a tenant that has none of its own in the file of tokens.
     pub tenant_limits: Option<TenantLimits>,
+    /// See [`super::Config::server_limits`].
+    pub server_limits: Option<TenantLimits>,
     /// Address at which a server answers `GET /metrics`, `host:port`.
     pub metrics_listen: Option<String>,
     /// Seconds that a server waits for running calls at its end.
@@ -205,6 +207,7 @@ impl Layer {
             queue_capacity: self.queue_capacity.or(lower.queue_capacity),
             map_limits: self.map_limits.or(lower.map_limits),
             tenant_limits: self.tenant_limits.or(lower.tenant_limits),
+            server_limits: self.server_limits.or(lower.server_limits),
             metrics_listen: self.metrics_listen.or(lower.metrics_listen),
             drain_budget: self.drain_budget.or(lower.drain_budget),
             log: self.log.or(lower.log),

@@ -78,6 +78,8 @@ pub struct Config {
     pub map_limits: MapLimits,
     /// Ceilings of a tenant without its own; in the file only (none).
     pub tenant_limits: TenantLimits,
+    /// Limits of the server as a whole (see `service::default_limits`).
+    pub server_limits: TenantLimits,
     /// Folder that a server keeps its maps in (the platform's folder for data of programs).
     pub data_dir: Option<PathBuf>,
     /// Whether a server keeps its maps in memory only (no).
@@ -153,6 +155,7 @@ impl Config {
             queue_capacity: layer.queue_capacity.unwrap_or(64),
             map_limits: layer.map_limits.unwrap_or_default(),
             tenant_limits: layer.tenant_limits.unwrap_or_default(),
+            server_limits: layer.server_limits.unwrap_or_default(),
             data_dir: layer.data_dir,
             in_memory: layer.in_memory.unwrap_or(false),
             metrics_listen: layer.metrics_listen,

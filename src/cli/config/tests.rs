@@ -108,3 +108,18 @@ fn certificates_come_with_keys_and_a_token_is_never_shown() {
     let message = message.to_string();
     assert!(message.contains("token") && !message.contains("secret"), "{message}");
 }
+
+#[test]
+fn limits_of_the_server_stand_over_their_defaults() {
+    let file = file(
+        "[server_limits]\nmax_bytes = 1000\nmax_watchers = 2\n\n[map_limits]\nmax_cameras = 3\n",
+    );
+    let path = Some(file.path().to_owned());
+    let (config, _) = Config::load(Layer::default(), path, environment(&[])).unwrap();
+    let (limits, default) = (config.server_limits, crate::service::default_limits());
+    let limits = limits.over(default);
+    assert_eq!((limits.held.max_bytes, limits.max_watchers), (Some(1000), Some(2)));
+    assert_eq!(limits.max_streams, default.max_streams);
+    let ceilings = config.map_limits.over(crate::service::default_ceilings());
+    assert_eq!((ceilings.max_cameras, ceilings.max_keyframes), (Some(3), Some(100_000)));
+}

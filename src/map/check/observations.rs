@@ -11,6 +11,9 @@ use nalgebra::Vector3;
 use super::super::{CameraEntity, EntityId, ItemObservation, NewLandmark, Observation, Reason};
 use super::Check;
 
+/// Side of the largest image in pixels, where the camera does not say how large its images are.
+const LARGEST_IMAGE: f64 = 65_536.0;
+
 /// Where observations are made from.
 pub(super) struct View<'a> {
     /// `None` where the camera is unknown or missing, which is a violation of its own.
@@ -62,7 +65,8 @@ impl Check<'_> {
                 depth: sent.depth,
                 descriptor: sent.descriptor.clone(),
             };
-            if !seen.insert(observation.key()) {
+            let is_pixel = sent.pixel.iter().all(|value| value.is_finite());
+            if is_pixel && !seen.insert(observation.key()) {
                 let text = format!("landmark {} is observed twice at this pixel", landmark.id);
                 self.fields.add(format_args!("{at}.landmark"), Reason::Duplicate, text);
             }
@@ -76,9 +80,10 @@ impl Check<'_> {
         for ((name, value), size) in ["x", "y"].into_iter().zip(sent.pixel.iter()).zip(sizes) {
             let (field, size) = (format_args!("{at}.pixel.{name}"), f64::from(size));
             // Refined features may lie a little outside the image; a whole image away is no feature.
-            let is_far = size > 0.0 && (*value < -size || *value > 2.0 * size);
+            let size = if size > 0.0 { size } else { LARGEST_IMAGE };
+            let is_far = *value < -size || *value > 2.0 * size;
             if self.fields.finite(field, *value) && is_far {
-                let text = format!("{value} is far outside an image of {size} pixels");
+                let text = format!("{value} is far outside an image of at most {size} pixels");
                 self.fields.add(field, Reason::OutOfRange, text);
             }
         }

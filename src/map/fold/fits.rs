@@ -10,7 +10,7 @@ use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector3;
 
 use super::super::{
-    AppliedSolve, Cause, Change, EntityId, EntityKind, Event, Map, MapError, NewLandmark,
+    AppliedSolve, Cause, Change, Client, EntityId, EntityKind, Event, Map, MapError, NewLandmark,
     Observation, Prior, Retired,
 };
 
@@ -61,7 +61,7 @@ impl Fit<'_> {
 
     fn change(&self, change: &Change) -> Outcome {
         match change {
-            Change::Created { .. } | Change::PolicySet { .. } => Ok(()),
+            Change::Created { .. } | Change::ItemRepeated | Change::PolicySet { .. } => Ok(()),
             Change::ClientOpened { name, epoch } => self.opening(name, *epoch),
             Change::CameraSet { id, camera } => {
                 self.finite(camera.camera.is_finite(), EntityKind::Camera, *id)
@@ -175,7 +175,7 @@ impl Fit<'_> {
 
     fn opening(&self, name: &str, epoch: i64) -> Outcome {
         let newest = self.map.client_named(name).and_then(|c| self.map.client(c));
-        match newest.map(|c| c.epoch) {
+        match newest.map(Client::newest_epoch) {
             Some(newest) if epoch <= newest => {
                 Err(MapError::Epoch { revision: self.revision, newest, actual: epoch })
             }

@@ -107,13 +107,19 @@ impl Map {
             Change::KeyframeRemoved { keyframe } => self.remove_keyframe(*keyframe),
             Change::KeyframeRetired { retired } => self.retire(retired),
             Change::ConstraintRevoked { id } => self.revoke(*id),
+            // The cause says it all.
+            Change::ItemRepeated => {}
             Change::PolicySet { policy } => self.policy = *policy,
         }
     }
 
     fn open(&mut self, name: &str, epoch: i64) {
         match self.client_named(name) {
-            Some(ClientIndex(index)) => self.clients[index as usize].epoch = epoch,
+            Some(ClientIndex(index)) => {
+                let client = &mut self.clients[index as usize];
+                client.epoch = epoch;
+                client.drop_unusable_sequences();
+            }
             None => self.clients.push(Client {
                 name: name.to_owned(),
                 epoch,
@@ -158,20 +164,23 @@ impl Map {
         keyframe.observations = keyframe.observations.iter().chain(added).cloned().collect();
         self.descriptor_bytes += descriptor_bytes(added);
         self.observation_count += added.len() as u64;
+        let Self { landmarks, keyframes, unseen, covisibility, .. } = self;
+        let age = |id: EntityId| keyframes.get(&id).map_or(0, |known| known.added_revision);
         let mut sharing = Vec::new();
         for observation in added {
-            let Some(landmark) = self.landmarks.get_mut(&observation.landmark) else { continue };
+            let id = observation.landmark;
+            let Some(landmark) = landmarks.get_mut(&id) else { continue };
             // A second feature on the same landmark adds no covisibility.
             if let Err(place) = landmark.observers.binary_search(&keyframe_id) {
                 if landmark.observers.is_empty() {
-                    self.unseen.remove(&(landmark.added_revision, observation.landmark));
+                    unseen.remove(&(landmark.added_revision, id));
                 }
-                sharing.extend_from_slice(&landmark.observers);
+                covisibility.observe(id, &landmark.observers, keyframe_id, age, &mut sharing);
                 landmark.observers.insert(place, keyframe_id);
             }
             landmark.reference.get_or_insert(keyframe_id);
         }
-        self.covisibility.add(keyframe_id, &mut sharing);
+        covisibility.add(keyframe_id, &mut sharing);
     }
 
     fn take_solve(&mut self, solve: &AppliedSolve) {

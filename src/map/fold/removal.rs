@@ -111,9 +111,13 @@ impl Map {
         observations.iter_mut().filter(|o| o.landmark == from).for_each(|o| o.landmark = to);
         keyframe.observations = Arc::from(observations);
         self.forget_observer(from, keyframe_id);
-        if let Some(landmark) = self.landmarks.get_mut(&to) {
-            self.covisibility.add(keyframe_id, &mut landmark.observers.clone());
-            self.unseen.remove(&(landmark.added_revision, to));
+        let Self { landmarks, keyframes, unseen, covisibility, .. } = self;
+        if let Some(landmark) = landmarks.get_mut(&to) {
+            let age = |id: EntityId| keyframes.get(&id).map_or(0, |known| known.added_revision);
+            let mut sharing = Vec::new();
+            covisibility.observe(to, &landmark.observers, keyframe_id, age, &mut sharing);
+            covisibility.add(keyframe_id, &mut sharing);
+            unseen.remove(&(landmark.added_revision, to));
             insert_sorted(&mut landmark.observers, keyframe_id);
             landmark.reference.get_or_insert(keyframe_id);
         }
@@ -123,7 +127,7 @@ impl Map {
         let Some(landmark) = self.landmarks.get_mut(&landmark_id) else { return };
         let Ok(place) = landmark.observers.binary_search(&keyframe) else { return };
         landmark.observers.remove(place);
-        self.covisibility.remove(keyframe, &landmark.observers);
+        self.covisibility.forget(landmark_id, &landmark.observers, keyframe);
         if landmark.observers.is_empty() {
             self.unseen.insert((landmark.added_revision, landmark_id));
         }

@@ -28,7 +28,7 @@ use tonic::codegen::http::HeaderMap;
 
 use super::clock::Clock;
 use super::config::ServerConfig;
-use super::engine::TenantCeilings;
+use super::engine::AccountLimits;
 use super::error::ServiceError;
 use audit::Refusals;
 use jwks::Keys;
@@ -89,9 +89,9 @@ impl Access {
     }
 
     /// Ceilings of the tenants that have their own.
-    pub(super) fn tenant_ceilings(&self) -> BTreeMap<String, TenantCeilings> {
+    pub(super) fn tenant_limits(&self) -> BTreeMap<String, AccountLimits> {
         let known = self.known();
-        known.tokens.as_ref().map(Tokens::tenant_ceilings).unwrap_or_default()
+        known.tokens.as_ref().map(Tokens::tenant_limits).unwrap_or_default()
     }
 
     /// Reads the files again; nothing changes before [`Access::put`].

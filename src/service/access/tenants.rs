@@ -122,6 +122,7 @@ fn map_of(error: &mut EngineError) -> Option<&mut String> {
             | StoreError::Stopped { map, .. }
             | StoreError::Damaged { map, .. },
         ) => Some(map),
+        EngineError::TooLarge { .. } | EngineError::ServerCeiling { .. } => None,
         EngineError::Store(
             StoreError::File { .. }
             | StoreError::Content { .. }

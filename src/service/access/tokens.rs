@@ -23,7 +23,7 @@ use sha2::{Digest, Sha256};
 
 use super::rights::Proof;
 use super::{Caller, Role};
-use crate::service::engine::TenantCeilings;
+use crate::service::engine::AccountLimits;
 use crate::service::limits::TenantLimits;
 
 /// Longest file, bytes: some 1,700 tokens. The parser of TOML may take a hundred times as much.
@@ -129,7 +129,7 @@ struct Entry {
 pub(in crate::service) struct Tokens {
     /// Callers by the digest of their token.
     callers: BTreeMap<[u8; 32], Caller>,
-    tenants: BTreeMap<String, TenantCeilings>,
+    tenants: BTreeMap<String, AccountLimits>,
 }
 
 impl Tokens {
@@ -197,7 +197,7 @@ impl Tokens {
     }
 
     /// The tenants that have ceilings of their own.
-    pub(super) fn tenant_ceilings(&self) -> BTreeMap<String, TenantCeilings> {
+    pub(super) fn tenant_limits(&self) -> BTreeMap<String, AccountLimits> {
         self.tenants.clone()
     }
 }

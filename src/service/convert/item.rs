@@ -5,6 +5,8 @@
 
 use std::sync::Arc;
 
+use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3};
+use nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
 use sha2::{Digest as _, Sha256};
 
 use super::camera::camera;
@@ -12,10 +14,10 @@ use super::geometry::{information3, information6, rigid_transform, vector2, vect
 use super::ids::{id, keyframe_ref, landmark_ref, owner};
 use super::solve::loss;
 use super::time::nanoseconds;
-use super::{Path, Violations, all, convert};
+use super::{Path, Violations, all};
 use crate::map::{
-    ConstraintKind, Depth, Descriptor, DescriptorKind, Digest, EntityRef, Item, ItemLandmark,
-    ItemObservation, Reason, Rejection,
+    CameraEntity, ConstraintKind, Depth, Descriptor, DescriptorKind, Digest, EntityRef, Item,
+    ItemLandmark, ItemObservation, PartialItem, Reason, Rejection,
 };
 use crate::wire::v1;
 use v1::ingest_request::Item as WireItem;
@@ -27,6 +29,8 @@ const MAX_IMAGE_DESCRIPTOR: usize = 65_536;
 /// Most observations, and most landmarks, of one item: what it becomes in the map takes some hundred
 /// bytes for each, however little it takes on the wire.
 const MAX_ENTRIES: usize = 65_536;
+/// Stands for an id that cannot be read; no client can give it.
+const UNREADABLE_ID: i64 = -1;
 /// Longest name of a descriptor, bytes.
 const MAX_DESCRIPTOR_NAME: usize = 64;
 
@@ -37,12 +41,33 @@ pub(in crate::service) fn digest(item: &WireItem) -> Digest {
     Sha256::digest(&bytes).into()
 }
 
+/// An item that cannot be taken.
+#[derive(Debug)]
+pub(in crate::service) struct Refused {
+    /// Everything that is wrong with its fields.
+    pub rejection: Rejection,
+    /// What can be read of it all the same; `None` where the map has nothing to say of it.
+    pub partial: Option<Box<PartialItem>>,
+}
+
 /// The item that the stream of client `sender` brings.
 ///
 /// # Errors
-/// Everything that is wrong with its fields.
-pub(in crate::service) fn item(item: &WireItem, sender: &str) -> Result<Item, Rejection> {
-    convert(|out| match item {
+/// [`Refused`] with everything that is wrong with its fields.
+pub(in crate::service) fn item(item: &WireItem, sender: &str) -> Result<Item, Refused> {
+    let mut out = Violations::default();
+    let read = read(item, sender, &mut out);
+    if out.told.is_empty() {
+        return out.finish(read).map_err(|rejection| Refused { rejection, partial: None });
+    }
+    let unreadable = std::mem::take(&mut out.unreadable);
+    let partial = read.map(|item| Box::new(PartialItem { item, unreadable }));
+    Err(Refused { rejection: out.told, partial })
+}
+
+/// The item, with placeholders for what cannot be read.
+fn read(item: &WireItem, sender: &str, out: &mut Violations) -> Option<Item> {
+    match item {
         WireItem::Camera(camera) => camera_item(Path::root("camera"), camera, sender, out),
         WireItem::Keyframe(keyframe) => keyframe_item(keyframe, sender, out),
         WireItem::Landmarks(batch) => {
@@ -64,7 +89,7 @@ pub(in crate::service) fn item(item: &WireItem, sender: &str) -> Result<Item, Re
         WireItem::SetCamera(_) => out.unimplemented(Path::root("set_camera")),
         // The stream ends at a second open before it comes here.
         WireItem::Open(_) => out.report(Path::root("open"), Reason::Duplicate, "open already"),
-    })
+    }
 }
 
 fn camera_item(
@@ -73,45 +98,53 @@ fn camera_item(
     sender: &str,
     out: &mut Violations,
 ) -> Option<Item> {
-    let owned = owner(at.field("client_id"), &message.client_id, sender, out);
-    let id = id(at.field("id"), message.id, out);
-    let entity = camera(at, message, out)?;
-    owned?;
-    let (width_px, height_px) = (entity.width_px, entity.height_px);
-    Some(Item::Camera { id: id?, camera: entity.camera, width_px, height_px })
+    let _own = owner(at.field("client_id"), &message.client_id, sender, out);
+    let place = at.field("id");
+    let id = id(place, message.id, out);
+    let id = out.or(place, id, UNREADABLE_ID);
+    // What stands for a camera that cannot be read has nothing wrong with it.
+    let entity = camera(at, message, out).unwrap_or(CameraEntity {
+        camera: Camera::Pinhole(PinholeRadialTangential::undistorted(1.0, 1.0, 0.0, 0.0)),
+        width_px: 0,
+        height_px: 0,
+    });
+    let CameraEntity { camera, width_px, height_px } = entity;
+    Some(Item::Camera { id, camera, width_px, height_px })
 }
 
 fn keyframe_item(message: &v1::Keyframe, sender: &str, out: &mut Violations) -> Option<Item> {
     let at = Path::root("keyframe");
-    let owned = owner(at.field("client_id"), &message.client_id, sender, out);
-    let id = id(at.field("id"), message.id, out);
+    let _own = owner(at.field("client_id"), &message.client_id, sender, out);
+    let place = at.field("id");
+    let id = id(place, message.id, out);
+    let id = out.or(place, id, UNREADABLE_ID);
     let time = nanoseconds(at.field("capture_time"), message.capture_time.as_ref(), out);
     let camera = sensor(at, message, out);
+    let camera = out.or(at.field("camera_id"), camera, None);
     if message.world_from_rig.is_some() {
         let _: Option<()> = out.unimplemented(at.field("world_from_rig"));
     }
     let start = at.field("world_from_camera");
     let pose = rigid_transform(start, message.world_from_camera.as_ref(), out);
-    let odom = match &message.odom_from_camera {
-        None => Some(None),
-        Some(odom) => rigid_transform(at.field("odom_from_camera"), Some(odom), out).map(Some),
-    };
+    // Nothing is projected from a pose that is not finite.
+    let nowhere = Se3 { translation: Vector3::repeat(f64::NAN), ..Se3::identity() };
+    let world_from_camera = out.or(start, pose, nowhere);
+    let odom = message.odom_from_camera.as_ref();
+    let odom = odom.and_then(|odom| rigid_transform(at.field("odom_from_camera"), Some(odom), out));
     let observations = observations(at.field("observations"), &message.observations, out);
     let landmarks = landmarks(at.field("landmarks"), &message.landmarks, sender, out);
-    let global = descriptor(
+    let _kept = descriptor(
         at.field("global_descriptor"),
         message.global_descriptor.as_ref(),
         MAX_IMAGE_DESCRIPTOR,
         out,
     );
-    owned?;
-    global?;
     Some(Item::Keyframe {
-        id: id?,
-        capture_time_ns: time?,
-        camera: camera?.map(EntityRef::own),
-        world_from_camera: pose?,
-        odom_from_camera: odom?,
+        id,
+        capture_time_ns: time.unwrap_or(0),
+        camera: camera.map(EntityRef::own),
+        world_from_camera,
+        odom_from_camera: odom,
         observations: observations?,
         landmarks: landmarks?,
     })
@@ -131,11 +164,13 @@ fn sensor(at: Path<'_>, message: &v1::Keyframe, out: &mut Violations) -> Option<
 
 fn observation_batch(batch: &v1::ObservationBatch, out: &mut Violations) -> Option<Item> {
     let at = Path::root("observations");
-    let keyframe = keyframe_ref(at.field("keyframe"), batch.keyframe.as_ref(), out);
+    let place = at.field("keyframe");
+    let keyframe = keyframe_ref(place, batch.keyframe.as_ref(), out);
+    let keyframe = out.or(place, keyframe, EntityRef::own(UNREADABLE_ID));
     let list = at.field("observations");
     out.not_empty(list, &batch.observations);
-    let observations = observations(list, &batch.observations, out);
-    Some(Item::Observations { keyframe: keyframe?, observations: observations? })
+    let observations = observations(list, &batch.observations, out)?;
+    Some(Item::Observations { keyframe, observations })
 }
 
 fn observations(
@@ -152,10 +187,14 @@ fn observation(
     message: &v1::Observation,
     out: &mut Violations,
 ) -> Option<ItemObservation> {
-    let landmark = landmark_ref(at.field("landmark"), message.landmark.as_ref(), out);
+    let place = at.field("landmark");
+    let landmark = landmark_ref(place, message.landmark.as_ref(), out);
+    let landmark = out.or(place, landmark, EntityRef::own(UNREADABLE_ID));
     // A keyframe of one camera has no other; rigs are refused before.
-    let camera = out.within(at.field("camera_index"), message.camera_index, 0, 0);
-    let pixel = vector2(at.field("pixel"), message.pixel.as_ref(), out);
+    let _first = out.within(at.field("camera_index"), message.camera_index, 0, 0);
+    let place = at.field("pixel");
+    let pixel = vector2(place, message.pixel.as_ref(), out);
+    let pixel = out.or(place, pixel, Vector2::repeat(f64::NAN));
     let sigma = out.positive(at.field("sigma_px"), message.sigma_px.unwrap_or(1.0));
     let depth = depth(at, message.depth_m, message.sigma_depth_m, out);
     let kept = descriptor(
@@ -164,13 +203,12 @@ fn observation(
         MAX_FEATURE_DESCRIPTOR,
         out,
     );
-    camera?;
     Some(ItemObservation {
-        landmark: landmark?,
-        pixel: pixel?,
-        sigma_px: sigma?,
-        depth: depth?,
-        descriptor: kept?.map(Arc::new),
+        landmark,
+        pixel,
+        sigma_px: sigma.unwrap_or(1.0),
+        depth: depth.flatten(),
+        descriptor: kept.flatten().map(Arc::new),
     })
 }
 
@@ -230,22 +268,23 @@ fn landmarks(
 ) -> Option<Vec<ItemLandmark>> {
     out.at_most(at, messages, MAX_ENTRIES)?;
     all(at, messages, out, |at, message, out| {
-        let owned = owner(at.field("client_id"), &message.client_id, sender, out);
-        let id = id(at.field("id"), message.id, out);
-        let place = at.field("point_in_world");
-        let position = match &message.point_in_world {
-            None => Some(None),
-            Some(point) => vector3(place, Some(point), out).map(Some),
-        };
-        let kept = descriptor(
+        let _own = owner(at.field("client_id"), &message.client_id, sender, out);
+        let place = at.field("id");
+        let id = id(place, message.id, out);
+        let id = out.or(place, id, UNREADABLE_ID);
+        let position = message.point_in_world.as_ref();
+        let read = position.and_then(|point| vector3(at.field("point_in_world"), Some(point), out));
+        if position.is_some() && read.is_none() {
+            // Whether the map holds the landmark with another position cannot be told.
+            out.unreadable.push(place.to_string());
+        }
+        let _kept = descriptor(
             at.field("descriptor"),
             message.descriptor.as_ref(),
             MAX_FEATURE_DESCRIPTOR,
             out,
         );
-        owned?;
-        kept?;
-        Some(ItemLandmark { id: id?, position: position? })
+        Some(ItemLandmark { id, position: read })
     })
 }
 
@@ -255,10 +294,16 @@ fn relative_pose(
     out: &mut Violations,
 ) -> Option<Item> {
     let at = Path::root("relative_pose");
-    let owned = owner(at.field("client_id"), &message.client_id, sender, out);
-    let id = id(at.field("id"), message.id, out);
-    let i = keyframe_ref(at.field("keyframe_i"), message.keyframe_i.as_ref(), out);
-    let j = keyframe_ref(at.field("keyframe_j"), message.keyframe_j.as_ref(), out);
+    let _own = owner(at.field("client_id"), &message.client_id, sender, out);
+    let place = at.field("id");
+    let id = id(place, message.id, out);
+    let id = out.or(place, id, UNREADABLE_ID);
+    let place = at.field("keyframe_i");
+    let keyframe_i = keyframe_ref(place, message.keyframe_i.as_ref(), out);
+    let keyframe_i = out.or(place, keyframe_i, EntityRef::own(UNREADABLE_ID));
+    let place = at.field("keyframe_j");
+    let keyframe_j = keyframe_ref(place, message.keyframe_j.as_ref(), out);
+    let keyframe_j = out.or(place, keyframe_j, EntityRef::own(UNREADABLE_ID));
     let measured = rigid_transform(
         at.field("keyframe_i_from_keyframe_j"),
         message.keyframe_i_from_keyframe_j.as_ref(),
@@ -277,24 +322,26 @@ fn relative_pose(
         ),
         None => None,
     };
-    let own_loss = no_own_loss(at, message.loss.as_ref(), false, out);
-    owned?;
-    own_loss?;
+    let _none = no_own_loss(at, message.loss.as_ref(), false, out);
     Some(Item::RelativePose {
-        id: id?,
-        kind: kind?,
-        keyframe_i: i?,
-        keyframe_j: j?,
-        keyframe_i_from_keyframe_j: measured?,
-        information: information?,
+        id,
+        kind: kind.unwrap_or(ConstraintKind::Other),
+        keyframe_i,
+        keyframe_j,
+        keyframe_i_from_keyframe_j: measured.unwrap_or_else(Se3::identity),
+        information: information.unwrap_or_else(Matrix6::identity),
     })
 }
 
 fn position_prior(message: &v1::PositionPrior, sender: &str, out: &mut Violations) -> Option<Item> {
     let at = Path::root("position_prior");
-    let owned = owner(at.field("client_id"), &message.client_id, sender, out);
-    let id = id(at.field("id"), message.id, out);
-    let keyframe = keyframe_ref(at.field("keyframe"), message.keyframe.as_ref(), out);
+    let _own = owner(at.field("client_id"), &message.client_id, sender, out);
+    let place = at.field("id");
+    let id = id(place, message.id, out);
+    let id = out.or(place, id, UNREADABLE_ID);
+    let place = at.field("keyframe");
+    let keyframe = keyframe_ref(place, message.keyframe.as_ref(), out);
+    let keyframe = out.or(place, keyframe, EntityRef::own(UNREADABLE_ID));
     let point = vector3(at.field("point_in_world"), message.point_in_world.as_ref(), out);
     if let Some(arm) = &message.point_in_camera {
         let place = at.field("point_in_camera");
@@ -303,33 +350,33 @@ fn position_prior(message: &v1::PositionPrior, sender: &str, out: &mut Violation
         }
     }
     let information = information3(at.field("information"), message.information.as_ref(), out);
-    let own_loss = no_own_loss(at, message.loss.as_ref(), true, out);
-    owned?;
-    own_loss?;
+    let _none = no_own_loss(at, message.loss.as_ref(), true, out);
     Some(Item::PositionPrior {
-        id: id?,
-        keyframe: keyframe?,
-        position_in_world: point?,
-        information: information?,
+        id,
+        keyframe,
+        position_in_world: point.unwrap_or_default(),
+        information: information.unwrap_or_else(Matrix3::identity),
     })
 }
 
 fn pose_prior(message: &v1::PosePrior, sender: &str, out: &mut Violations) -> Option<Item> {
     let at = Path::root("pose_prior");
-    let owned = owner(at.field("client_id"), &message.client_id, sender, out);
-    let id = id(at.field("id"), message.id, out);
-    let keyframe = keyframe_ref(at.field("keyframe"), message.keyframe.as_ref(), out);
+    let _own = owner(at.field("client_id"), &message.client_id, sender, out);
+    let place = at.field("id");
+    let id = id(place, message.id, out);
+    let id = out.or(place, id, UNREADABLE_ID);
+    let place = at.field("keyframe");
+    let keyframe = keyframe_ref(place, message.keyframe.as_ref(), out);
+    let keyframe = out.or(place, keyframe, EntityRef::own(UNREADABLE_ID));
     let pose =
         rigid_transform(at.field("world_from_camera"), message.world_from_camera.as_ref(), out);
     let information = information6(at.field("information"), message.information.as_ref(), out);
-    let own_loss = no_own_loss(at, message.loss.as_ref(), true, out);
-    owned?;
-    own_loss?;
+    let _none = no_own_loss(at, message.loss.as_ref(), true, out);
     Some(Item::PosePrior {
-        id: id?,
-        keyframe: keyframe?,
-        world_from_camera: pose?,
-        information: information?,
+        id,
+        keyframe,
+        world_from_camera: pose.unwrap_or_else(Se3::identity),
+        information: information.unwrap_or_else(Matrix6::identity),
     })
 }
 

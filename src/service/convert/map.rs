@@ -121,15 +121,24 @@ fn ceilings(
             Some(Some(server.map_or(value, |s| s.min(value))))
         }
     };
+    let clients = lower("max_client_count", m.max_client_count, server.map.max_clients);
+    let cameras = lower("max_camera_count", m.max_camera_count, server.map.max_cameras);
     let keyframes = lower("max_keyframe_count", m.max_keyframe_count, server.map.max_keyframes);
     let landmarks = lower("max_landmark_count", m.max_landmark_count, server.map.max_landmarks);
     let observations =
         lower("max_observation_count", m.max_observation_count, server.map.max_observations);
+    let constraints =
+        lower("max_constraint_count", m.max_constraint_count, server.map.max_constraints);
+    let priors = lower("max_prior_count", m.max_prior_count, server.map.max_priors);
     let bytes = lower("max_size_bytes", m.max_size_bytes, server.map.max_bytes);
     Some(Ceilings {
+        max_clients: clients?,
+        max_cameras: cameras?,
         max_keyframes: keyframes?,
         max_landmarks: landmarks?,
         max_observations: observations?,
+        max_constraints: constraints?,
+        max_priors: priors?,
         max_bytes: bytes?,
     })
 }
@@ -158,6 +167,10 @@ pub(in crate::service) fn to_limits(ceilings: &Ceilings, queued_items: usize) ->
         max_landmark_count: limit(ceilings.max_landmarks),
         max_observation_count: limit(ceilings.max_observations),
         max_size_bytes: limit(ceilings.max_bytes),
+        max_client_count: limit(ceilings.max_clients),
+        max_camera_count: limit(ceilings.max_cameras),
+        max_constraint_count: limit(ceilings.max_constraints),
+        max_prior_count: limit(ceilings.max_priors),
         max_queued_item_count: Some(small(queued_items)),
     }
 }

@@ -73,7 +73,11 @@ impl fmt::Display for Path<'_> {
 
 /// Collects what is wrong with a message.
 #[derive(Debug, Default)]
-pub(super) struct Violations(Rejection);
+pub(super) struct Violations {
+    told: Rejection,
+    /// Paths of fields that placeholders stand for.
+    unreadable: Vec<String>,
+}
 
 impl Violations {
     /// Reports a field and returns `None`, so that a conversion can end with it.
@@ -83,8 +87,17 @@ impl Violations {
         reason: Reason,
         description: impl Into<String>,
     ) -> Option<T> {
-        self.0.push(at.to_string(), reason, description);
+        self.told.push(at.to_string(), reason, description);
         None
+    }
+
+    /// A placeholder for a field that cannot be read, so that the rest can be judged; what is wrong
+    /// with the field is reported already.
+    pub(super) fn or<T>(&mut self, at: Path<'_>, value: Option<T>, placeholder: T) -> T {
+        value.unwrap_or_else(|| {
+            self.unreadable.push(at.to_string());
+            placeholder
+        })
     }
 
     /// Reports a required field that is absent or empty.
@@ -175,14 +188,14 @@ impl Violations {
     /// The converted message, or everything that is wrong with it.
     pub(super) fn finish<T>(mut self, value: Option<T>) -> Result<T, Rejection> {
         match value {
-            Some(value) if self.0.is_empty() => Ok(value),
+            Some(value) if self.told.is_empty() => Ok(value),
             _ => {
-                if self.0.is_empty() {
+                if self.told.is_empty() {
                     // Cannot happen while every `None` is reported; an empty refusal would tell
                     // the client nothing.
-                    self.0.push("", Reason::Missing, "the message could not be read");
+                    self.told.push("", Reason::Missing, "the message could not be read");
                 }
-                Err(self.0)
+                Err(self.told)
             }
         }
     }

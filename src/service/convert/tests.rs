@@ -144,7 +144,7 @@ fn the_odometry_pose_of_a_keyframe_is_read_and_named_when_bad() {
         (pose(0.0, 0.9), "keyframe.odom_from_camera.rotation", Reason::NotNormalized),
         (without_rotation, "keyframe.odom_from_camera.rotation", Reason::Missing),
     ] {
-        let found = read(Some(odom)).unwrap_err().violations;
+        let found = read(Some(odom)).unwrap_err().rejection.violations;
         assert_eq!((found[0].field.as_str(), found[0].reason, found.len()), (field, reason, 1));
     }
 }
@@ -201,7 +201,7 @@ fn one_s_own_name_in_an_item_is_the_same_as_none() {
     let read = item(&landmark("robot"), "robot").unwrap();
     assert_eq!(read, item(&landmark(""), "robot").unwrap());
     assert!(matches!(read, Item::Landmarks { .. }));
-    let refused = item(&landmark("drone"), "robot").unwrap_err();
+    let refused = item(&landmark("drone"), "robot").unwrap_err().rejection;
     assert_eq!(refused.violations[0].field, "landmarks.landmarks[0].client_id");
 }
 
@@ -213,10 +213,10 @@ fn an_item_with_more_entries_than_the_server_takes_is_refused_as_too_large() {
         item(&WireItem::Landmarks(v1::LandmarkBatch { landmarks }), "robot")
     };
     assert!(batch(65_536).is_ok());
-    let violation = &batch(65_537).unwrap_err().violations[0];
+    let violation = &batch(65_537).unwrap_err().rejection.violations[0];
     assert_eq!((&violation.field[..], violation.reason), ("landmarks.landmarks", Reason::TooLarge));
     let observations = vec![v1::Observation::default(); 65_537];
     let seen = v1::ObservationBatch { keyframe: None, observations };
-    let refused = item(&WireItem::Observations(seen), "robot").unwrap_err();
+    let refused = item(&WireItem::Observations(seen), "robot").unwrap_err().rejection;
     assert!(refused.violations.iter().any(|v| v.reason == Reason::TooLarge), "{refused}");
 }

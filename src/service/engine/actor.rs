@@ -13,10 +13,11 @@ use futures_util::FutureExt;
 use tokio::sync::mpsc;
 use tracing::Instrument;
 
+use super::account::HeldEntities;
 use super::durable::{DurableAcks, Snapshots};
 use super::handle::{Control, Reply, Shared};
 use super::history::Past;
-use super::items::Unsolved;
+use super::items::{Room, Unsolved};
 use super::optimize::Job;
 use super::pool::panic_message;
 use super::schedule::Schedule;
@@ -25,10 +26,10 @@ use super::stream::{ItemSender, Queued};
 use super::streams::Streams;
 use super::watch::Watchers;
 use super::{
-    Booked, EngineConfig, EngineError, IngestStream, MapHandle, MapInfo, MapState, Opened,
-    SolverPool, Tenant, Watch,
+    EngineConfig, EngineError, IngestStream, MapHandle, MapInfo, MapState, Opened, Reservation,
+    Resource, SolverPool, Watch,
 };
-use crate::map::{Change, Map, Usage};
+use crate::map::{Change, Client, MAX_NUMBER, Map};
 use crate::store::{Durability, Epoch, Store};
 
 /// A map with the one writer that it has.
@@ -37,11 +38,12 @@ pub(super) struct Actor {
     pub(super) config: EngineConfig,
     pub(super) store: Arc<dyn Store>,
     pub(super) pool: Arc<SolverPool>,
-    pub(super) tenant: Arc<Tenant>,
     /// Gives the map's place back.
-    pub(super) _place: Booked,
-    /// What the tenant's books have of this map.
-    pub(super) booked: Usage,
+    pub(super) _place: Reservation,
+    /// What the accounts have of this map.
+    pub(super) entities: HeldEntities,
+    /// Its events that wait for the disk.
+    pub(super) journal: Reservation,
     /// The store's epoch, which fences other writers.
     pub(super) store_epoch: Epoch,
     pub(super) map: Arc<Map>,
@@ -94,7 +96,6 @@ impl Actor {
                 break;
             }
         }
-        self.tenant.book(self.booked, Usage::default());
         let error = self.shared.ended.get_or_init(|| EngineError::ShuttingDown).clone();
         self.cancel_solves(&error);
         self.streams.end_all(&error);
@@ -221,11 +222,15 @@ impl Actor {
         handle: MapHandle,
     ) -> Result<IngestStream, EngineError> {
         self.check_open()?;
-        let place = self.tenant.book_stream()?;
+        if epoch > MAX_NUMBER {
+            return Err(EngineError::TooLarge { field: "open.epoch", maximum: MAX_NUMBER });
+        }
+        let place = self.shared.account.reserve(Resource::Streams, 1)?;
         let known = self.map.client_named(&name);
-        let newest = known.and_then(|c| self.map.client(c)).map_or(0, |c| c.epoch);
+        let newest = known.and_then(|c| self.map.client(c)).map_or(0, Client::newest_epoch);
+        let map = self.shared.name.clone();
         let fenced = |epoch: i64, newest: i64| EngineError::EpochFenced {
-            map: self.shared.name.clone(),
+            map: map.clone(),
             client: name.clone(),
             epoch,
             newest,
@@ -236,10 +241,21 @@ impl Actor {
             return Err(fenced(epoch, newest));
         }
         let older = |older: i64| fenced(older, epoch);
+        let opening = Change::ClientOpened { name: name.clone(), epoch };
+        loop {
+            match self.make_room(&opening).await {
+                Room::There => break,
+                Room::Made => {}
+                Room::None(error) => return Err(error),
+            }
+        }
         if let Some(client) = known {
             self.streams.end(client, older);
         }
-        self.commit(None, Change::ClientOpened { name: name.clone(), epoch }).await?;
+        if let Err(error) = self.commit(None, opening).await {
+            self.entities.settle(self.map.usage());
+            return Err(error);
+        }
         let Some(client) = self.map.client_named(&name) else {
             return Err(report_bug("an opened client is not in the map"));
         };
@@ -276,7 +292,9 @@ impl Actor {
         from_revision: Option<i64>,
         handle: MapHandle,
     ) -> Result<(Watch, Past), EngineError> {
-        let place = self.tenant.book_stream()?;
+        let account = &self.shared.account;
+        let watcher = account.reserve(Resource::Watchers, 1)?;
+        let place = [watcher, account.reserve(Resource::Streams, 1)?];
         let newest = self.map.revision();
         if let Some(revision) = from_revision.filter(|&revision| revision > newest) {
             let map = self.shared.name.clone();

@@ -47,12 +47,17 @@ impl DurableAcks {
         permit: Permit,
     ) {
         let ack = Ack { sequence, revision, status: AckStatus::Durable };
-        if self.flushed.borrow().through >= u64::try_from(revision).unwrap_or(0) {
+        if self.reaches(revision) {
             permit.is_durable();
             permit.send(StreamEvent::Ack(ack));
         } else if !self.closed {
             self.waiting.push_back((client, ack, permit));
         }
+    }
+
+    /// Whether the journal is durable up to `revision`.
+    fn reaches(&self, revision: i64) -> bool {
+        self.flushed.borrow().through >= u64::try_from(revision).unwrap_or(0)
     }
 
     /// Resolves when the journal has gone on or failed.
@@ -103,6 +108,9 @@ impl Snapshots {
 impl Actor {
     /// Acknowledges what has become durable.
     pub(super) fn flushed(&mut self) {
+        if self.durable.reaches(self.map.revision()) {
+            self.journal.count(0);
+        }
         if let Some(error) = self.durable.send() {
             self.durable.waiting.clear();
             let error = EngineError::Store(error);

@@ -41,6 +41,14 @@ pub enum EngineError {
         /// The client's newest epoch.
         newest: i64,
     },
+    /// A number of a request is larger than the largest that is taken.
+    #[error("{field}: at most {maximum} is taken")]
+    TooLarge {
+        /// Path of the field.
+        field: &'static str,
+        /// The largest value.
+        maximum: i64,
+    },
     /// Another optimization runs on the map.
     #[error("another optimization runs on map {map:?}")]
     OptimizationRunning {
@@ -61,6 +69,14 @@ pub enum EngineError {
     #[error("the tenant is full: {limit} is {maximum}")]
     TenantCeiling {
         /// The ceiling.
+        limit: &'static str,
+        /// Its value.
+        maximum: i64,
+    },
+    /// The server would pass a limit of its own; what was asked for was not done and is at no fault.
+    #[error("the server is full: {limit} is {maximum}")]
+    ServerCeiling {
+        /// The limit, as the wire names it.
         limit: &'static str,
         /// Its value.
         maximum: i64,

@@ -16,7 +16,8 @@ use super::meters::ConditionCell;
 use super::optimize::Job;
 use super::stream::Queued;
 use super::{
-    EngineConfig, EngineError, EngineMeters, IngestStream, OptimizeOptions, OptimizeOutcome, Watch,
+    Account, EngineConfig, EngineError, EngineMeters, IngestStream, OptimizeOptions, OptimizeOutcome,
+    Watch,
 };
 use crate::map::Map;
 use crate::store::{Flushed, Store};
@@ -78,6 +79,7 @@ pub(super) enum Control {
 pub(super) struct Shared {
     pub(super) name: String,
     pub(super) uid: String,
+    pub(super) account: Arc<Account>,
     pub(super) config: EngineConfig,
     pub(super) meters: Arc<EngineMeters>,
     /// What the map's readers may do with it, for those who count maps.
@@ -119,6 +121,12 @@ impl MapHandle {
         &self.shared.uid
     }
 
+    /// What the map holds, and how much it may.
+    #[must_use]
+    pub fn account(&self) -> &Arc<Account> {
+        &self.shared.account
+    }
+
     /// The map with its state.
     ///
     /// # Errors
@@ -139,7 +147,9 @@ impl MapHandle {
     ///
     /// # Errors
     /// [`EngineError::EpochFenced`] when `epoch` is not newer than the client's newest,
-    /// [`EngineError::Poisoned`], and as [`MapHandle::info`].
+    /// [`EngineError::TooLarge`] when no epoch could follow it, [`EngineError::Ceiling`],
+    /// [`EngineError::TenantCeiling`] and [`EngineError::ServerCeiling`] when there is no room for the
+    /// stream or its client, [`EngineError::Poisoned`], and as [`MapHandle::info`].
     pub async fn open_stream(
         &self,
         client: String,

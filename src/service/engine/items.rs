@@ -6,20 +6,20 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::map::{
-    Cause, Change, ClientIndex, ConstraintKind, EntityId, Event, Item, Map, Passed, Reason, Recall,
-    Rejection, Resource, Usage, retire, triangulate,
+    Cause, Change, ClientIndex, Constraint, ConstraintKind, Counted, EntityId, Event, Item,
+    MAX_NUMBER, Map, PartialItem, Reason, Recall, Rejection, Retired, Usage, retire, triangulate,
 };
 
 use super::actor::Actor;
 use super::schedule::Task;
 use super::stream::{Body, Queued, QueuedItem};
-use super::{Ack, AckStatus, EngineError, SolveReport, StreamEvent};
+use super::{Ack, AckStatus, EngineError, Resource, SolveReport, StreamEvent};
 
 /// An item of which this many would fill the map has no keyframe retired for it.
 const LARGEST_SHARE: u64 = 4;
 
 /// Whether the map has room.
-enum Room {
+pub(super) enum Room {
     There,
     Made,
     None(EngineError),
@@ -27,7 +27,7 @@ enum Room {
 
 /// What becomes of an item.
 enum Verdict {
-    /// The map has it already.
+    /// It is journaled under this sequence already.
     Duplicate,
     Reject(Rejection),
     Take(Box<Change>),
@@ -45,7 +45,12 @@ impl Actor {
         }
         match body {
             Body::Item(item) => self.ingest(client, epoch, *item).await,
-            Body::Rejected { sequence, rejection, receipt } => {
+            Body::Rejected { sequence, mut rejection, partial, receipt } => {
+                if let Some(PartialItem { item, unreadable }) = partial.map(|partial| *partial)
+                    && let Err(more) = self.map.check(client, &item)
+                {
+                    rejection.join(more, &unreadable);
+                }
                 let status = AckStatus::Rejected(rejection);
                 receipt.send(StreamEvent::Ack(Ack { sequence, revision: 0, status }));
             }
@@ -88,13 +93,17 @@ impl Actor {
             Verdict::Full(error) => self.streams.end(client, |_epoch| error),
             Verdict::Take(change) => {
                 let added = added(&change);
+                let repeated = *change == Change::ItemRepeated;
                 let cause = Cause { client, epoch, sequence, digest };
                 let position = match self.commit(Some(cause), *change).await {
                     Ok(position) => position,
-                    Err(error) => return self.streams.end(client, |_epoch| error),
+                    Err(error) => {
+                        self.entities.settle(self.map.usage());
+                        return self.streams.end(client, |_epoch| error);
+                    }
                 };
                 let revision = self.map.revision();
-                receipt.send(ack(revision, AckStatus::Received { duplicate: false }));
+                receipt.send(ack(revision, AckStatus::Received { duplicate: repeated }));
                 match durable {
                     Some(durable) if position.durable => {
                         durable.send(ack(revision, AckStatus::Durable));
@@ -102,7 +111,11 @@ impl Actor {
                     Some(durable) => self.durable.wait(client, sequence, revision, durable),
                     None => {}
                 }
+                let waits = optimized.is_some();
                 self.streams.keep(client, optimized);
+                if repeated && waits {
+                    self.acknowledge_unsolved(client, sequence);
+                }
                 self.start(client, sequence, added).await;
             }
         }
@@ -117,6 +130,10 @@ impl Actor {
             }
             Recall::New => {}
         }
+        if sequence > MAX_NUMBER {
+            let text = format!("{sequence} is above {MAX_NUMBER}: no other could follow it");
+            return Verdict::Reject(Rejection::of("sequence", Reason::OutOfRange, text));
+        }
         let next = self.map.client(client).map_or(1, |c| c.next_sequence);
         if sequence < next {
             let text = format!(
@@ -125,7 +142,7 @@ impl Actor {
             return Verdict::Reject(Rejection::of("sequence", Reason::OutOfRange, text));
         }
         if self.map.holds(client, item) {
-            return Verdict::Duplicate;
+            return Verdict::Take(Box::new(Change::ItemRepeated));
         }
         match self.map.check(client, item) {
             Ok(change) => Verdict::Take(Box::new(change)),
@@ -135,30 +152,27 @@ impl Actor {
 
     /// Sees whether there is room for a change; where there is none and the policy says so, one
     /// keyframe goes.
-    async fn make_room(&mut self, change: &Change) -> Room {
+    pub(super) async fn make_room(&mut self, change: &Change) -> Room {
         let growth = self.map.growth(change);
-        if let Some(Passed { resource, maximum }) = self.tenant.passed(growth) {
-            let maximum = i64::try_from(maximum).unwrap_or(i64::MAX);
-            let limit = match resource {
-                Resource::Keyframes => "tenant_max_keyframe_count",
-                Resource::Landmarks => "tenant_max_landmark_count",
-                Resource::Observations => "tenant_max_observation_count",
-                Resource::Bytes => "tenant_max_size_bytes",
+        let account = Arc::clone(&self.shared.account);
+        let ceilings = self.map.policy().ceilings.lower(&account.limits().held);
+        let Some(passed) = ceilings.passed(self.map.usage(), growth) else {
+            // A disk that cannot keep up fills the memory of the server, however many maps wait for it.
+            let journal = account.reserve(Resource::JournalBytes, 1);
+            return match journal.and_then(|_room| self.entities.grow(growth)) {
+                Ok(()) => Room::There,
+                Err(error) => Room::None(error),
             };
-            return Room::None(EngineError::TenantCeiling { limit, maximum });
-        }
-        let policy = self.map.policy();
-        let Some(passed) = policy.ceilings.passed(self.map.usage(), growth) else {
-            return Room::There;
         };
         // What would push out a good part of the map is refused: it could only be a mistake.
         let alone = Usage { keyframes: 0, ..growth };
-        let is_huge = policy.ceilings.passed(alone * (LARGEST_SHARE - 1), alone).is_some();
+        let is_huge = ceilings.passed(alone * (LARGEST_SHARE - 1), alone).is_some();
         if is_huge {
-            return Room::None(ceiling(&self.shared.name, passed));
+            return Room::None(account.passed(passed));
         }
-        let Some(retired) = retire(&self.map) else {
-            return Room::None(ceiling(&self.shared.name, passed));
+        let Some(retired) = retire(&self.map).filter(|r| frees(&self.map, r, passed.counted))
+        else {
+            return Room::None(account.passed(passed));
         };
         match self.commit(None, Change::KeyframeRetired { retired }).await {
             Ok(_position) => {
@@ -268,18 +282,26 @@ fn added(change: &Change) -> Added {
         | Change::KeyframeRemoved { .. }
         | Change::KeyframeRetired { .. }
         | Change::ConstraintRevoked { .. }
+        | Change::ItemRepeated
         | Change::PolicySet { .. } => Added::Other,
     }
 }
 
-/// The end of a stream whose map is full.
-fn ceiling(map: &str, Passed { resource, maximum }: Passed) -> EngineError {
-    let limit = match resource {
-        Resource::Keyframes => "max_keyframe_count",
-        Resource::Landmarks => "max_landmark_count",
-        Resource::Observations => "max_observation_count",
-        Resource::Bytes => "max_size_bytes",
-    };
-    let maximum = i64::try_from(maximum).unwrap_or(i64::MAX);
-    EngineError::Ceiling { map: map.to_owned(), limit, maximum }
+/// Whether a keyframe that goes leaves less of what there is too much of. Clients and cameras stay
+/// when keyframes go, and what a keyframe told may become more constraints than it had.
+fn frees(map: &Map, retired: &Retired, counted: Counted) -> bool {
+    let keyframe = retired.keyframe;
+    match counted {
+        Counted::Clients | Counted::Cameras => false,
+        Counted::Constraints => {
+            let ends_here = |c: &Constraint| c.keyframe_i == keyframe || c.keyframe_j == keyframe;
+            let gone = map.constraints().values().filter(|c| ends_here(c)).count();
+            gone + retired.revoked.len() > retired.constraints.len()
+        }
+        Counted::Priors => {
+            let gone = map.priors().values().filter(|prior| prior.keyframe() == keyframe).count();
+            gone > retired.priors.len()
+        }
+        Counted::Keyframes | Counted::Landmarks | Counted::Observations | Counted::Bytes => true,
+    }
 }

@@ -36,6 +36,7 @@ impl Actor {
         let (store, name) = (&self.store, &self.shared.name);
         let batch = vec![Arc::clone(&event)];
         let position = store.append(name, self.store_epoch, sequence, batch).await?;
+        self.journal.count(position.waiting_bytes);
         let snapshot_due = position.snapshot_due;
         self.applying = Some(revision);
         if self.config.panics_in_engine() && event.cause.is_some() {
@@ -47,8 +48,7 @@ impl Actor {
             return Err(self.poisoned(&details));
         }
         self.applying = None;
-        let held = self.map.usage();
-        self.tenant.book(std::mem::replace(&mut self.booked, held), held);
+        self.entities.settle(self.map.usage());
         self.watchers.wake();
         if snapshot_due {
             self.take_snapshot();

@@ -15,6 +15,7 @@ use sha2::{Digest as _, Sha256};
 use tokio::sync::{Semaphore, mpsc, watch};
 use tracing::Instrument;
 
+use super::account::HeldEntities;
 use super::actor::{Actor, report_bug};
 use super::durable::{DurableAcks, Snapshots};
 use super::handle::{Control, Shared};
@@ -27,10 +28,10 @@ use super::streams::Streams;
 use super::table::{Claim, Table};
 use super::watch::Watchers;
 use super::{
-    Booked, EngineConfig, EngineError, EngineMeters, MapCounts, MapHandle, MapInfo, MapState,
-    SolverPool,
+    EngineConfig, EngineError, EngineMeters, MapCounts, MapHandle, MapInfo, MapState, Reservation,
+    Resource, SolverPool, tenant_of,
 };
-use crate::map::{Change, Event, Map, MapPolicy, Usage};
+use crate::map::{Change, Event, Map, MapPolicy};
 use crate::store::{Durability, Epoch, Flushed, Store, StoreError};
 
 /// Control messages that wait; the engine answers them at once.
@@ -136,8 +137,9 @@ impl Maps {
             }
         };
         // Ceilings close no map that exists.
-        let place = self.inner.pool.tenants().of_map(&start.name).book_existing_map();
-        let handle = self.spawn(start, place);
+        let accounts = self.inner.pool.accounts();
+        let tenant = accounts.tenant(tenant_of(&start.name));
+        let handle = self.spawn(start, tenant.reserve_existing(Resource::Maps, 1));
         self.inner.table.insert(handle);
     }
 
@@ -200,7 +202,8 @@ impl Maps {
     /// Creates a map. Dropping the future does not undo or stop a creation that has begun.
     ///
     /// # Errors
-    /// [`EngineError::MapExists`], [`EngineError::ShuttingDown`], [`EngineError::Store`].
+    /// [`EngineError::MapExists`], [`EngineError::TenantCeiling`], [`EngineError::ServerCeiling`],
+    /// [`EngineError::ShuttingDown`], [`EngineError::Store`].
     pub async fn create(
         &self,
         name: &str,
@@ -223,7 +226,9 @@ impl Maps {
         policy: MapPolicy,
     ) -> Result<MapInfo, EngineError> {
         let (store, name) = (&self.inner.store, claim.name().to_owned());
-        let place = self.inner.pool.tenants().of_map(&name).book_map()?;
+        // Held while the map is being created; given back if that fails.
+        let tenant = self.inner.pool.accounts().tenant(tenant_of(&name));
+        let place = tenant.reserve(Resource::Maps, 1)?;
         let epoch = match store.create_map(&name).await {
             // No engine has it: it is what a creation left that failed and could not be undone.
             Err(StoreError::MapExists { .. }) => {
@@ -367,12 +372,13 @@ impl Maps {
         self.inner.store.close().await;
     }
 
-    fn spawn(&self, start: Start, place: Booked) -> MapHandle {
+    fn spawn(&self, start: Start, place: Reservation) -> MapHandle {
         let Inner { store, pool, config, .. } = &*self.inner;
         let (item_queue, items) = mpsc::channel(config.queue_capacity.max(1));
         let (control_queue, control) = mpsc::channel(CONTROL_QUEUE);
         let shared = Arc::new(Shared {
             uid: uid(&start.name, start.map.create_time_ns()),
+            account: pool.accounts().of_map(&start.name),
             name: start.name,
             config: *config,
             meters: Arc::clone(&self.inner.meters),
@@ -383,17 +389,14 @@ impl Maps {
             ended: OnceLock::new(),
         });
         let span = tracing::info_span!("map", map = %shared.name);
-        let tenant = pool.tenants().of_map(&shared.name);
-        let booked = start.map.usage();
-        tenant.book(Usage::default(), booked);
         let actor = Actor {
             shared: Arc::clone(&shared),
             config: *config,
             store: Arc::clone(store),
             pool: Arc::clone(pool),
-            tenant,
             _place: place,
-            booked,
+            entities: HeldEntities::existing(&shared.account, start.map.usage()),
+            journal: shared.account.reserve_existing(Resource::JournalBytes, 0),
             store_epoch: start.epoch,
             last_solve_id: start.map.solve_count(),
             map: Arc::new(start.map),

@@ -17,8 +17,9 @@
 //! | `watch`, `watch_log`, `touched`, `history` | changes for readers, coalesced; what a reader missed |
 //! | `meters` | what is counted |
 //! | `pool`, `turns` | the threads of the solves, and whose solve is next |
-//! | `tenants` | what all maps of a tenant hold together |
+//! | `account` | what each map, each tenant and the server hold, and how much they may |
 
+mod account;
 mod acks;
 mod actor;
 mod certificate;
@@ -39,13 +40,15 @@ mod solves;
 mod stream;
 mod streams;
 mod table;
-mod tenants;
 mod touched;
 mod turns;
 mod watch;
 mod watch_log;
 mod work;
 
+pub use account::{
+    Account, AccountLimits, AccountRow, Accounts, Reservation, Resource, SEPARATOR, tenant_of,
+};
 pub use acks::{Ack, AckStatus, SolveReport, StreamEvent};
 pub use certificate::{GaugeKind, SolveCertificate, SolverKind};
 pub use error::EngineError;
@@ -58,7 +61,6 @@ pub use optimize::{OptimizeCounts, OptimizeOptions, OptimizeOutcome, OptimizePro
 pub use pool::{PoolError, SolvePanicked, SolverPool};
 pub use pose_graph::ChordalProof;
 pub use stream::{IngestStream, ItemSender, Opened};
-pub use tenants::{Booked, SEPARATOR, Tenant, TenantCeilings, Tenants, tenant_of};
 pub use touched::Touched;
 pub use watch::{MapChange, Watch};
 

@@ -12,9 +12,8 @@ use std::time::Instant;
 
 use tokio::sync::oneshot;
 
-use super::tenants::Tenant;
 use super::turns::{Turn, Turns};
-use super::{EngineError, Tenants};
+use super::{Account, Accounts, EngineError, Resource};
 
 /// Work that panicked.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -43,7 +42,7 @@ pub struct SolverPool {
     /// everything.
     threads: Option<rayon::ThreadPool>,
     turns: Mutex<Turns<Work>>,
-    tenants: Tenants,
+    accounts: Accounts,
 }
 
 impl fmt::Debug for SolverPool {
@@ -58,29 +57,29 @@ impl SolverPool {
     /// # Errors
     /// [`EngineError::Threads`] where the system refuses.
     pub fn new(threads: usize) -> Result<Arc<Self>, EngineError> {
-        Self::shared_by(Tenants::default(), threads)
+        Self::shared_by(Accounts::default(), threads)
     }
 
-    /// The same, with the ceilings of `tenants`.
+    /// The same, with the limits of `accounts`.
     ///
     /// # Errors
     /// As [`SolverPool::new`].
-    pub fn shared_by(tenants: Tenants, threads: usize) -> Result<Arc<Self>, EngineError> {
+    pub fn shared_by(accounts: Accounts, threads: usize) -> Result<Arc<Self>, EngineError> {
         let count = threads.max(1);
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(count)
             .thread_name(|index| format!("covis-solver-{index}"))
             .build();
         let threads = pool.map_err(|_error| EngineError::Threads { count })?;
-        Ok(Arc::new(Self { threads: Some(threads), turns: Mutex::new(Turns::new(count)), tenants }))
+        Ok(Arc::new(Self { threads: Some(threads), turns: Mutex::new(Turns::new(count)), accounts }))
     }
 
     /// A pool without threads, for simulations: work runs as a task of the caller's runtime, one after
     /// the other.
     #[cfg(test)]
     pub(crate) fn in_place() -> Arc<Self> {
-        let (turns, tenants) = (Mutex::new(Turns::new(1)), Tenants::default());
-        Arc::new(Self { threads: None, turns, tenants })
+        let (turns, accounts) = (Mutex::new(Turns::new(1)), Accounts::default());
+        Arc::new(Self { threads: None, turns, accounts })
     }
 
     /// How many threads there are.
@@ -89,17 +88,17 @@ impl SolverPool {
         self.threads.as_ref().map_or(1, rayon::ThreadPool::current_num_threads)
     }
 
-    /// The tenants that share the pool.
+    /// What the tenants that share the pool hold.
     #[must_use]
-    pub fn tenants(&self) -> &Tenants {
-        &self.tenants
+    pub fn accounts(&self) -> &Accounts {
+        &self.accounts
     }
 
-    /// Has `work` done when its tenant's turn comes and answers through the receiver; dropping the
+    /// Has `work` done when the turn of the account's tenant comes and answers through the receiver; dropping the
     /// receiver does not stop it.
     pub(super) fn start<R: Send + 'static>(
         self: &Arc<Self>,
-        tenant: &Tenant,
+        tenant: &Account,
         work: impl FnOnce() -> R + Send + 'static,
     ) -> oneshot::Receiver<Result<R, SolvePanicked>> {
         let (reply, answer) = oneshot::channel();
@@ -109,7 +108,7 @@ impl SolverPool {
             // Nobody waits for the result of work that was superseded.
             let _unread = reply.send(result);
         });
-        self.lock().push(&Arc::from(tenant.name()), work);
+        self.lock().push(&Arc::from(tenant.tenant()), work);
         self.begin();
         answer
     }
@@ -120,21 +119,20 @@ impl SolverPool {
     /// [`PoolError`].
     pub async fn run<R: Send + 'static>(
         self: &Arc<Self>,
-        tenant: &Tenant,
+        tenant: &Arc<Account>,
         work: impl FnOnce() -> R + Send + 'static,
     ) -> Result<R, PoolError> {
-        let waiting = self.lock().waiting(tenant.name()) as u64;
-        if let Some(most) = tenant.ceilings().max_waiting_solves.filter(|&most| waiting >= most) {
-            let maximum = i64::try_from(most).unwrap_or(i64::MAX);
-            let limit = "tenant_max_waiting_solve_count";
-            return Err(PoolError::Full(EngineError::TenantCeiling { limit, maximum }));
-        }
+        let waits = tenant.reserve(Resource::WaitingSolves, 1).map_err(PoolError::Full)?;
+        let work = move || {
+            drop(waits);
+            work()
+        };
         Ok(answered(self.start(tenant, work).await)?)
     }
 
     /// Begins what may run now.
     fn begin(self: &Arc<Self>) {
-        let most = |tenant: &str| self.tenants.get(tenant).ceilings().max_solves;
+        let most = |tenant: &str| self.accounts.tenant(tenant).limits().max_solves;
         loop {
             let next = self.lock().next(most);
             let Some((turn, work)) = next else { return };

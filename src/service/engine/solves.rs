@@ -121,7 +121,7 @@ impl Actor {
         let queued = self.shared.meters.solve(kind);
         let panics = self.config.panics_in_solve();
         let flag = Arc::clone(&cancel);
-        let answer = self.pool.start(&self.tenant, move || {
+        let answer = self.pool.start(&self.shared.account, move || {
             let _entered = span.entered();
             let started = queued.started();
             if panics {

@@ -11,7 +11,7 @@ use tracing::Span;
 
 use super::streams::Permit;
 use super::{EngineError, MapHandle, StreamEvent};
-use crate::map::{ClientIndex, ConstraintKind, Digest, Item, Rejection};
+use crate::map::{ClientIndex, ConstraintKind, Digest, Item, PartialItem, Rejection};
 
 /// What an opened stream starts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +63,8 @@ pub(super) enum Body {
     Rejected {
         sequence: i64,
         rejection: Rejection,
+        /// What can be read of it, to be held against the map.
+        partial: Option<Box<PartialItem>>,
         receipt: Permit,
     },
     Finish,
@@ -121,12 +123,18 @@ impl ItemSender {
     }
 
     /// Queues the refusal of an item that could not be converted, so that its ack keeps its place.
+    /// What can be read of it is held against the map, so that all that is wrong is told at once.
     ///
     /// # Errors
     /// As [`ItemSender::send`].
-    pub async fn reject(&self, sequence: i64, rejection: Rejection) -> Result<(), EngineError> {
+    pub async fn reject(
+        &self,
+        sequence: i64,
+        rejection: Rejection,
+        partial: Option<Box<PartialItem>>,
+    ) -> Result<(), EngineError> {
         let receipt = self.permit(sequence, Instant::now()).await?;
-        self.queue(Body::Rejected { sequence, rejection, receipt }).await
+        self.queue(Body::Rejected { sequence, rejection, partial, receipt }).await
     }
 
     /// Half-closes the stream: the outstanding acks are sent, those of solves too, then the events

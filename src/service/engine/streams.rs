@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use tokio::sync::{mpsc, watch};
 
-use super::{Ack, AckStatus, Booked, EngineError, EngineMeters, SolveReport, StreamEvent};
+use super::{Ack, AckStatus, EngineError, EngineMeters, Reservation, SolveReport, StreamEvent};
 use crate::map::ClientIndex;
 use crate::meter::Held;
 
@@ -48,7 +48,11 @@ impl Permit {
                 }
                 AckStatus::Durable | AckStatus::Optimized { .. } => {}
             },
-            StreamEvent::End(EngineError::Ceiling { .. } | EngineError::TenantCeiling { .. }) => {
+            StreamEvent::End(
+                EngineError::Ceiling { .. }
+                | EngineError::TenantCeiling { .. }
+                | EngineError::ServerCeiling { .. },
+            ) => {
                 meters.ceiling.increment();
             }
             StreamEvent::End(_) => {}
@@ -86,7 +90,7 @@ struct Stream {
     /// When items came whose OPTIMIZED ack is to come; not all where that is long in coming.
     waiting: VecDeque<(i64, Instant)>,
     ended: watch::Sender<Option<EngineError>>,
-    _place: Booked,
+    _place: Reservation,
 }
 
 /// What the caller's side of a stream gets.
@@ -108,7 +112,7 @@ impl Streams {
         epoch: i64,
         lock_step: bool,
         queued_items: usize,
-        place: Booked,
+        place: Reservation,
         meters: &Arc<EngineMeters>,
     ) -> StreamEnds {
         let capacity = queued_items.max(1) * EVENTS_PER_ITEM + EXTRA_EVENTS;

@@ -33,6 +33,7 @@ impl Touched {
             Change::KeyframeRemoved { keyframe } => self.removed(*keyframe, map),
             Change::KeyframeRetired { retired } => self.removed(retired.keyframe, map),
             Change::Created { .. }
+            | Change::ItemRepeated
             | Change::PolicySet { .. }
             | Change::CameraSet { .. }
             | Change::KeyframeAdded { .. }
@@ -53,7 +54,10 @@ impl Touched {
     /// client opened, and what went with a keyframe.
     pub(super) fn add_values(&mut self, change: &Change) {
         match change {
-            Change::Created { .. } | Change::PolicySet { .. } | Change::ClientOpened { .. } => {}
+            Change::Created { .. }
+            | Change::ItemRepeated
+            | Change::PolicySet { .. }
+            | Change::ClientOpened { .. } => {}
             Change::CameraSet { id, .. } => {
                 self.cameras.insert(*id);
             }

@@ -45,6 +45,7 @@ impl<T> Turns<T> {
     }
 
     /// How many wait of a tenant.
+    #[cfg(test)]
     pub(super) fn waiting(&self, tenant: &str) -> usize {
         self.lanes.get(tenant).map_or(0, |lane| lane.waiting.len())
     }

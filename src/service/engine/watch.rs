@@ -13,7 +13,7 @@ use tokio::sync::watch;
 use super::history::{self, Past};
 use super::touched::Touched;
 use super::watch_log::{LogReader, Taken, WatchLog};
-use super::{Booked, EngineError, MapHandle, MapState};
+use super::{EngineError, MapHandle, MapState, Reservation};
 use crate::map::{Change, Map};
 use crate::meter::Held;
 
@@ -103,7 +103,7 @@ pub struct Watch {
     due: bool,
     /// A change that is not durable yet.
     taken: Option<MapChange>,
-    _place: Booked,
+    _place: [Reservation; 2],
     _open: Held,
 }
 
@@ -241,7 +241,7 @@ impl Watchers {
         handle: MapHandle,
         map: &Map,
         state: MapState,
-        place: Booked,
+        place: [Reservation; 2],
     ) -> Watch {
         let revision = map.revision();
         Watch {

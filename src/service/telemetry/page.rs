@@ -101,6 +101,19 @@ fn maps(text: &mut Text, context: &Context) {
         .row(&[], counts.queue_capacity);
     text.gauge("covis_queue_fullest_ratio", "How full the fullest map's queue is.")
         .row(&[], counts.fullest);
+    let account = context.maps.pool().accounts().server().rows();
+    let help = "What the server holds of everything that has a limit, all tenants.";
+    let mut family = text.gauge("covis_resource_held", help);
+    for row in &account {
+        family.row(&[("resource", row.name)], row.held);
+    }
+    let help = "How much of it the server may hold; no row where that is not limited.";
+    let mut family = text.gauge("covis_resource_limit", help);
+    for row in &account {
+        row.limit.into_iter().for_each(|limit| {
+            family.row(&[("resource", row.name)], limit);
+        });
+    }
     let engine = context.maps.meters();
     text.gauge("covis_ingest_streams", "Ingest streams that are open.")
         .row(&[], engine.streams.get());

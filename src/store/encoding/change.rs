@@ -80,6 +80,7 @@ pub(super) fn encode_change(change: &Change) -> Wire {
         Change::KeyframeRemoved { keyframe } => Wire::KeyframeRemoved(encode_id(*keyframe)),
         Change::KeyframeRetired { retired } => Wire::KeyframeRetired(encode_retired(retired)),
         Change::ConstraintRevoked { id } => Wire::ConstraintRevoked(encode_id(*id)),
+        Change::ItemRepeated => Wire::ItemRepeated(v1::ItemRepeated {}),
         Change::PolicySet { policy } => Wire::PolicySet(encode_policy(policy)),
     }
 }
@@ -145,6 +146,7 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
             Change::KeyframeRetired { retired: decode_retired(retired)? }
         }
         Wire::ConstraintRevoked(id) => Change::ConstraintRevoked { id: decode_id(id) },
+        Wire::ItemRepeated(v1::ItemRepeated {}) => Change::ItemRepeated,
         Wire::PolicySet(policy) => Change::PolicySet { policy: decode_policy(Some(policy))? },
     })
 }

@@ -110,7 +110,7 @@ pub(super) fn encode_policy(policy: &MapPolicy) -> v1::Policy {
         observation_loss,
         constraint_loss,
         max_local_iterations,
-        ceilings: Ceilings { max_keyframes, max_landmarks, max_observations, max_bytes },
+        ceilings,
         when_full,
         max_queued_items,
     } = policy;
@@ -122,22 +122,26 @@ pub(super) fn encode_policy(policy: &MapPolicy) -> v1::Policy {
         observation_loss: Some(encode_loss(observation_loss)),
         constraint_loss: Some(encode_loss(constraint_loss)),
         max_local_iterations: *max_local_iterations as u64,
-        max_keyframes: *max_keyframes,
-        max_landmarks: *max_landmarks,
-        max_observations: *max_observations,
+        max_keyframes: ceilings.max_keyframes,
+        max_landmarks: ceilings.max_landmarks,
+        max_observations: ceilings.max_observations,
         closure_kernel: match kernel {
             None => 0,
             Some(Kernel::TruncatedLeastSquares) => 1,
             Some(Kernel::GemanMcClure) => 2,
         },
         closure_threshold: threshold.map(f64::to_bits),
-        max_bytes: *max_bytes,
+        max_bytes: ceilings.max_bytes,
         when_full: match when_full {
             WhenFull::Reject => 0,
             WhenFull::Marginalize => 1,
             WhenFull::Sparsify => 2,
         },
         max_queued_items: *max_queued_items,
+        max_clients: ceilings.max_clients,
+        max_cameras: ceilings.max_cameras,
+        max_constraints: ceilings.max_constraints,
+        max_priors: ceilings.max_priors,
     }
 }
 
@@ -163,6 +167,10 @@ pub(super) fn decode_policy(policy: Option<v1::Policy>) -> Decoded<MapPolicy> {
         constraint_loss: decode_loss(policy.constraint_loss)?,
         max_local_iterations: count(policy.max_local_iterations)?,
         ceilings: Ceilings {
+            max_clients: policy.max_clients,
+            max_cameras: policy.max_cameras,
+            max_constraints: policy.max_constraints,
+            max_priors: policy.max_priors,
             max_keyframes: policy.max_keyframes,
             max_landmarks: policy.max_landmarks,
             max_observations: policy.max_observations,

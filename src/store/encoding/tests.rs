@@ -72,6 +72,7 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
             max_landmarks: None,
             max_observations: Some(9),
             max_bytes: Some(1 << 40),
+            ..Ceilings::default()
         },
         when_full: WhenFull::Sparsify,
         max_queued_items: Some(3),
@@ -82,6 +83,13 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
         constraint_loss: Loss::Trivial,
         when_full: WhenFull::Marginalize,
         max_queued_items: None,
+        ceilings: Ceilings {
+            max_clients: Some(1),
+            max_cameras: Some(2),
+            max_constraints: Some(3),
+            max_priors: Some(u64::MAX),
+            ..policy.ceilings
+        },
         ..policy
     };
     let pinhole = PinholeRadialTangential {
@@ -201,9 +209,13 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
             },
         },
         Change::PolicySet { policy: other },
+        Change::ItemRepeated,
     ];
     let cause = |revision: i64, change: &Change| {
-        let from_client = matches!(change, Change::CameraSet { .. } | Change::KeyframeAdded { .. });
+        let from_client = matches!(
+            change,
+            Change::CameraSet { .. } | Change::KeyframeAdded { .. } | Change::ItemRepeated
+        );
         let digest = [revision as u8; 32];
         from_client.then_some(Cause {
             client: ClientIndex(0),
@@ -242,7 +254,7 @@ fn every_change_comes_back_bit_for_bit() {
     }
     let kinds: std::collections::HashSet<_> =
         every_change().iter().map(|event| std::mem::discriminant(&event.change)).collect();
-    assert_eq!(kinds.len(), 17, "each kind of change is in the list");
+    assert_eq!(kinds.len(), 18, "each kind of change is in the list");
     let decoded =
         every_change().iter().map(|e| decode_event(&bytes_of(e)).unwrap()).collect::<Vec<_>>();
     assert_eq!(Map::replay(decoded.iter()).unwrap().state_hash(), replayed().state_hash());

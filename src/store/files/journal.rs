@@ -289,6 +289,7 @@ impl Journal {
             sequence: state.last,
             durable: state.durable >= state.last,
             snapshot_due: state.bytes_since_snapshot >= self.options.snapshot_bytes,
+            waiting_bytes: state.pending.len() as u64,
         };
         Ok((position, starts))
     }

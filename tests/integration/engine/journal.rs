@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use async_trait::async_trait;
 use covis::map::{Event, Map, MapPolicy};
 use covis::service::engine::{
-    AckStatus, EngineConfig, EngineError, MapHandle, MapState, Maps, SolverPool,
+    AccountLimits, Accounts, AckStatus, EngineConfig, EngineError, MapHandle, MapState, Maps,
+    Resource, SolverPool,
 };
 use covis::store::{Damage, Durability, Epoch, Flushed, MemoryStore, Position, Store, StoreError};
 use tokio::sync::watch;
@@ -50,7 +51,8 @@ impl Store for DiskStore {
             return Err(StoreError::UnknownMap { map: map.to_owned() });
         }
         let position = self.memory.append(map, epoch, expected_sequence, batch).await?;
-        Ok(Position { durable: self.flushed.is_none(), ..position })
+        let waiting_bytes = if self.flushed.is_some() { 1000 } else { 0 };
+        Ok(Position { durable: self.flushed.is_none(), waiting_bytes, ..position })
     }
 
     async fn follow(&self, map: &str) -> Result<watch::Receiver<Flushed>, StoreError> {
@@ -182,4 +184,33 @@ async fn durable_is_told_when_the_journal_says_so_and_a_failure_ends_it() {
     assert!(acks.count() <= 1, "{:?}", client.seen);
     assert_eq!(map.info().await.unwrap().state, MapState::Poisoned);
     assert_eq!(map.open_stream("robot".to_owned(), 0, false).await.unwrap_err(), stopped);
+}
+
+#[tokio::test]
+async fn journals_that_wait_for_the_disk_have_a_limit_and_the_map_goes_on_behind_it() {
+    let flushed = watch::Sender::new(Flushed { through: 1, failed: None });
+    let last = AtomicU64::new(u64::MAX);
+    let store = DiskStore { memory: MemoryStore::new(), last, flushed: Some(flushed.clone()) };
+    let server = AccountLimits { max_journal_bytes: Some(1000), ..AccountLimits::default() };
+    let accounts = Accounts::new(server, AccountLimits::default(), AccountLimits::default());
+    let pool = SolverPool::shared_by(accounts, 1).unwrap();
+    let maps = Maps::open(Arc::new(store), pool, EngineConfig::default()).await.unwrap();
+    maps.create("house", "", MapPolicy::default()).await.unwrap();
+    let map = maps.get("house").unwrap();
+    // The opening waits for the disk already.
+    let mut client = Client::open(&map).await;
+    client.send(crate::map_support::camera_item(0)).await;
+    let full = EngineError::ServerCeiling { limit: "max_journal_bytes", maximum: 1000 };
+    assert_eq!(client.end().await, full);
+    flushed.send_replace(Flushed { through: 2, failed: None });
+    while map.account().held(Resource::JournalBytes) > 0 {
+        tokio::task::yield_now().await;
+    }
+    let mut client = Client::open(&map).await;
+    flushed.send_replace(Flushed { through: 3, failed: None });
+    while map.account().held(Resource::JournalBytes) > 0 {
+        tokio::task::yield_now().await;
+    }
+    let sequence = client.send(crate::map_support::camera_item(0)).await;
+    client.received(sequence).await;
 }

@@ -1,0 +1,380 @@
+//! Accounts: the one place that knows what each map, each tenant and the server hold.
+//!
+//! A map's account stands under its tenant's, a tenant's under the server's. What is reserved of an
+//! account is reserved of those above it as well: of all or of none. Limits are checked when
+//! something is reserved, and a [`Reservation`] gives itself back when it is dropped, so that nothing
+//! stays counted after a call that was cut off. Entities of maps are counted by
+//! [`HeldEntities`]. Nothing here knows how a tenant is recognized.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
+
+mod resource;
+#[cfg(test)]
+mod tests;
+
+use super::EngineError;
+use crate::map::{Counted, Passed, Usage};
+use resource::{Owner, name_of};
+
+pub use resource::{AccountLimits, AccountRow, Resource};
+
+/// Between tenant and name; neither part holds one.
+pub const SEPARATOR: char = '.';
+
+/// The tenant of the map called `map`; empty for the default tenant.
+#[must_use]
+pub fn tenant_of(map: &str) -> &str {
+    map.split_once(SEPARATOR).map_or("", |(tenant, _)| tenant)
+}
+
+/// What a map, a tenant or the server holds, and how much it may.
+pub struct Account {
+    owner: Owner,
+    /// Of the map as the engine knows it, or of the tenant.
+    name: String,
+    above: Option<Arc<Account>>,
+    limits: RwLock<AccountLimits>,
+    entities: Mutex<Usage>,
+    held: [AtomicU64; Resource::ALL.len()],
+}
+
+impl fmt::Debug for Account {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Account")
+            .field("owner", &self.owner)
+            .field("name", &self.name)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Account {
+    fn new(
+        owner: Owner,
+        name: &str,
+        above: Option<&Arc<Self>>,
+        limits: AccountLimits,
+    ) -> Arc<Self> {
+        Arc::new(Self {
+            owner,
+            name: name.to_owned(),
+            above: above.cloned(),
+            limits: RwLock::new(limits),
+            entities: Mutex::default(),
+            held: Default::default(),
+        })
+    }
+
+    /// Of the map or the tenant; empty for the default tenant and for the server.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The tenant, of the tenant's account and of those of its maps; empty for the default tenant.
+    #[must_use]
+    pub fn tenant(&self) -> &str {
+        match self.owner {
+            Owner::Map => tenant_of(&self.name),
+            Owner::Tenant | Owner::Server => &self.name,
+        }
+    }
+
+    /// How much it may hold.
+    #[must_use]
+    pub fn limits(&self) -> AccountLimits {
+        *self.limits.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// From now on `limits` holds; what is held already stays.
+    fn set_limits(&self, limits: AccountLimits) {
+        *self.limits.write().unwrap_or_else(PoisonError::into_inner) = limits;
+    }
+
+    /// How much of a resource it holds.
+    #[must_use]
+    pub fn held(&self, resource: Resource) -> u64 {
+        self.held[resource as usize].load(Ordering::Acquire)
+    }
+
+    /// The entities of its maps.
+    #[must_use]
+    pub fn entities(&self) -> Usage {
+        *self.lock()
+    }
+
+    /// Reserves `amount` of a resource here and in the accounts above.
+    ///
+    /// # Errors
+    /// [`EngineError::Ceiling`], [`EngineError::TenantCeiling`] or [`EngineError::ServerCeiling`] of
+    /// the first account whose limit it would pass; then nothing is reserved.
+    pub fn reserve(
+        self: &Arc<Self>,
+        resource: Resource,
+        amount: u64,
+    ) -> Result<Reservation, EngineError> {
+        self.take(resource, amount)?;
+        Ok(Reservation { account: Arc::clone(self), resource, amount })
+    }
+
+    /// Reserves what exists already, whatever the limits are by now.
+    #[must_use]
+    pub fn reserve_existing(self: &Arc<Self>, resource: Resource, amount: u64) -> Reservation {
+        for account in self.chain() {
+            account.held[resource as usize].fetch_add(amount, Ordering::AcqRel);
+        }
+        Reservation { account: Arc::clone(self), resource, amount }
+    }
+
+    fn take(&self, resource: Resource, amount: u64) -> Result<(), EngineError> {
+        for account in self.chain() {
+            let maximum = account.limits().of(resource);
+            let more = |held: u64| {
+                let held = held.checked_add(amount)?;
+                maximum.is_none_or(|maximum| held <= maximum).then_some(held)
+            };
+            let held = &account.held[resource as usize];
+            if held.fetch_update(Ordering::AcqRel, Ordering::Acquire, more).is_err() {
+                let taken = self.chain().take_while(|taken| !std::ptr::eq(*taken, account));
+                taken.for_each(|taken| taken.give_back(resource, amount));
+                let limit = account.owner.limit_of(resource);
+                return Err(account.full(limit, maximum.unwrap_or(u64::MAX)));
+            }
+        }
+        Ok(())
+    }
+
+    fn give_back(&self, resource: Resource, amount: u64) {
+        self.held[resource as usize].fetch_sub(amount, Ordering::AcqRel);
+    }
+
+    /// This account and those above it.
+    fn chain(&self) -> impl Iterator<Item = &Self> {
+        std::iter::successors(Some(self), |account| account.above.as_deref())
+    }
+
+    /// The error that names a limit of this account.
+    pub(super) fn full(&self, limit: &'static str, maximum: u64) -> EngineError {
+        let maximum = i64::try_from(maximum).unwrap_or(i64::MAX);
+        match self.owner {
+            Owner::Map => EngineError::Ceiling { map: self.name.clone(), limit, maximum },
+            Owner::Tenant => EngineError::TenantCeiling { limit, maximum },
+            Owner::Server => EngineError::ServerCeiling { limit, maximum },
+        }
+    }
+
+    /// The error of a ceiling of entities that would be passed.
+    pub(super) fn passed(&self, Passed { counted, maximum }: Passed) -> EngineError {
+        self.full(self.owner.ceiling_of(counted), maximum)
+    }
+
+    /// What it holds of everything that is counted, by name, with the limit: its own or that of an
+    /// account above it, whichever is lower.
+    #[must_use]
+    pub fn rows(&self) -> Vec<AccountRow> {
+        let lowest = |limit: &dyn Fn(&AccountLimits) -> Option<u64>| {
+            self.chain().filter_map(|account| limit(&account.limits())).min()
+        };
+        let resources = Resource::ALL.map(|resource| AccountRow {
+            name: resource.name(),
+            held: self.held(resource),
+            limit: lowest(&|limits| limits.of(resource)),
+        });
+        let entities = self.entities();
+        let counts = Counted::ALL.map(|counted| AccountRow {
+            name: name_of(counted),
+            held: entities.of(counted),
+            limit: lowest(&|limits| limits.held.of(counted)),
+        });
+        resources.into_iter().chain(counts).collect()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Usage> {
+        self.entities.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Something reserved of an account, for as long as it lives.
+#[derive(Debug)]
+pub struct Reservation {
+    account: Arc<Account>,
+    resource: Resource,
+    amount: u64,
+}
+
+impl Reservation {
+    /// How much it is.
+    #[must_use]
+    pub fn amount(&self) -> u64 {
+        self.amount
+    }
+
+    /// Makes it another amount: a file that grows, a chunk that was sent.
+    ///
+    /// # Errors
+    /// As [`Account::reserve`], for what is more; the reservation then stays as it was.
+    pub fn resize(&mut self, amount: u64) -> Result<(), EngineError> {
+        match amount.checked_sub(self.amount) {
+            Some(more) => self.account.take(self.resource, more)?,
+            None => self.give_back(self.amount - amount),
+        }
+        self.amount = amount;
+        Ok(())
+    }
+
+    /// Makes it what there is, whatever the limits are: for what is known only once it exists.
+    pub(super) fn count(&mut self, amount: u64) {
+        match amount.checked_sub(self.amount) {
+            Some(more) => self.account.chain().for_each(|account| {
+                account.held[self.resource as usize].fetch_add(more, Ordering::AcqRel);
+            }),
+            None => self.give_back(self.amount - amount),
+        }
+        self.amount = amount;
+    }
+
+    fn give_back(&self, amount: u64) {
+        self.account.chain().for_each(|account| account.give_back(self.resource, amount));
+    }
+}
+
+impl Drop for Reservation {
+    fn drop(&mut self) {
+        self.give_back(self.amount);
+    }
+}
+
+/// The entities of one map, counted in its account and those above until it is dropped.
+#[derive(Debug)]
+pub(super) struct HeldEntities {
+    account: Arc<Account>,
+    counted: Usage,
+}
+
+impl HeldEntities {
+    /// Those of a map that exists, whatever the limits are by now.
+    pub(super) fn existing(account: &Arc<Account>, usage: Usage) -> Self {
+        let mut held = Self { account: Arc::clone(account), counted: Usage::default() };
+        held.settle(usage);
+        held
+    }
+
+    /// Reserves what a change of the map would add, in the accounts above the map's own; the
+    /// map's own ceilings are the caller's to look at, who may make room.
+    ///
+    /// # Errors
+    /// [`EngineError::TenantCeiling`], [`EngineError::ServerCeiling`]; then nothing is reserved.
+    pub(super) fn grow(&mut self, growth: Usage) -> Result<(), EngineError> {
+        for account in self.account.chain() {
+            let ceilings = account.limits().held;
+            let mut entities = account.lock();
+            let passed = ceilings.passed(*entities, growth).filter(|_| account.owner != Owner::Map);
+            if let Some(passed) = passed {
+                drop(entities);
+                let taken = self.account.chain().take_while(|taken| !std::ptr::eq(*taken, account));
+                taken.for_each(|taken| {
+                    let mut entities = taken.lock();
+                    *entities = *entities - growth;
+                });
+                return Err(account.passed(passed));
+            }
+            *entities = *entities + growth;
+        }
+        self.counted = self.counted + growth;
+        Ok(())
+    }
+
+    /// The map holds `now`, after a change that was applied or was not.
+    pub(super) fn settle(&mut self, now: Usage) {
+        for account in self.account.chain() {
+            let mut entities = account.lock();
+            *entities = *entities - self.counted + now;
+        }
+        self.counted = now;
+    }
+}
+
+impl Drop for HeldEntities {
+    fn drop(&mut self) {
+        self.settle(Usage::default());
+    }
+}
+
+/// The accounts of a server and of all tenants that were heard of. Cheap to clone.
+#[derive(Clone, Debug)]
+pub struct Accounts {
+    server: Arc<Account>,
+    known: Arc<Mutex<Known>>,
+}
+
+#[derive(Debug, Default)]
+struct Known {
+    tenants: BTreeMap<String, Arc<Account>>,
+    /// Limits of every tenant without its own.
+    common: AccountLimits,
+    own: BTreeMap<String, AccountLimits>,
+    /// Limits of every map.
+    maps: AccountLimits,
+}
+
+impl Default for Accounts {
+    fn default() -> Self {
+        Self::new(AccountLimits::default(), AccountLimits::default(), AccountLimits::default())
+    }
+}
+
+impl Accounts {
+    /// Accounts with the limits of the server, of each tenant and of each map.
+    #[must_use]
+    pub fn new(server: AccountLimits, tenant: AccountLimits, map: AccountLimits) -> Self {
+        let known = Known { common: tenant, maps: map, ..Known::default() };
+        Self {
+            server: Account::new(Owner::Server, "", None, server),
+            known: Arc::new(Mutex::new(known)),
+        }
+    }
+
+    /// From now on the tenants in `own` have these limits and all others the common ones; what is
+    /// held already stays.
+    pub fn set_tenants(&self, own: BTreeMap<String, AccountLimits>) {
+        let mut known = self.lock();
+        known.own = own;
+        for (name, tenant) in &known.tenants {
+            tenant.set_limits(known.own.get(name).copied().unwrap_or(known.common));
+        }
+    }
+
+    /// The server's own.
+    #[must_use]
+    pub fn server(&self) -> &Arc<Account> {
+        &self.server
+    }
+
+    /// That of the tenant called `name`.
+    #[must_use]
+    pub fn tenant(&self, name: &str) -> Arc<Account> {
+        let mut known = self.lock();
+        if let Some(tenant) = known.tenants.get(name) {
+            return Arc::clone(tenant);
+        }
+        let limits = known.own.get(name).copied().unwrap_or(known.common);
+        let tenant = Account::new(Owner::Tenant, name, Some(&self.server), limits);
+        known.tenants.insert(name.to_owned(), Arc::clone(&tenant));
+        tenant
+    }
+
+    /// A new one for the map called `map`, under that of its tenant. A map has one for as long as its
+    /// engine runs.
+    #[must_use]
+    pub(super) fn of_map(&self, map: &str) -> Arc<Account> {
+        let tenant = self.tenant(tenant_of(map));
+        let limits = self.lock().maps;
+        Account::new(Owner::Map, map, Some(&tenant), limits)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Known> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

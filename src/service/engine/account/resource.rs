@@ -1,0 +1,163 @@
+//! What accounts count, their limits, and what both are called: on the wire in errors, in
+//! `GetServerInfo`, and on the metrics page. Nothing here holds anything.
+
+use crate::map::{Ceilings, Counted};
+
+/// What is reserved besides the entities of maps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Resource {
+    /// Maps, those that are being created too.
+    Maps,
+    /// Ingest and watch streams that are open.
+    Streams,
+    /// Watchers of maps; each is a stream as well.
+    Watchers,
+    /// Bytes of exports that are built or wait for their readers.
+    ExportBytes,
+    /// Calls for solves that wait for their turn.
+    WaitingSolves,
+    /// Bytes that solves which run or wait are priced at.
+    SolveBytes,
+    /// Bytes of journals that wait for the disk.
+    JournalBytes,
+}
+
+impl Resource {
+    /// Each of them.
+    pub const ALL: [Self; 7] = [
+        Self::Maps,
+        Self::Streams,
+        Self::Watchers,
+        Self::ExportBytes,
+        Self::WaitingSolves,
+        Self::SolveBytes,
+        Self::JournalBytes,
+    ];
+
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Maps => "maps",
+            Self::Streams => "streams",
+            Self::Watchers => "watchers",
+            Self::ExportBytes => "export_bytes",
+            Self::WaitingSolves => "waiting_solves",
+            Self::SolveBytes => "solve_bytes",
+            Self::JournalBytes => "journal_bytes",
+        }
+    }
+}
+
+/// Limits of an account; `None` is unlimited.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AccountLimits {
+    /// Entities of the map, or of all maps together.
+    pub held: Ceilings,
+    /// Maps.
+    pub max_maps: Option<u64>,
+    /// Ingest and watch streams that are open at once.
+    pub max_streams: Option<u64>,
+    /// Watchers at once.
+    pub max_watchers: Option<u64>,
+    /// Bytes of exports that are built or wait for their readers.
+    pub max_export_bytes: Option<u64>,
+    /// Solves that run at once.
+    pub max_solves: Option<u64>,
+    /// Calls for solves that wait for their turn.
+    pub max_waiting_solves: Option<u64>,
+    /// Bytes that solves which run or wait are priced at.
+    pub max_solve_bytes: Option<u64>,
+    /// Bytes of journals that wait for the disk. One map has 64 MiB at most: then its items wait.
+    pub max_journal_bytes: Option<u64>,
+}
+
+impl AccountLimits {
+    /// The limit of a resource.
+    #[must_use]
+    pub fn of(&self, resource: Resource) -> Option<u64> {
+        match resource {
+            Resource::Maps => self.max_maps,
+            Resource::Streams => self.max_streams,
+            Resource::Watchers => self.max_watchers,
+            Resource::ExportBytes => self.max_export_bytes,
+            Resource::WaitingSolves => self.max_waiting_solves,
+            Resource::SolveBytes => self.max_solve_bytes,
+            Resource::JournalBytes => self.max_journal_bytes,
+        }
+    }
+}
+
+/// Whose account it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Owner {
+    Server,
+    Tenant,
+    Map,
+}
+
+impl Owner {
+    /// The name of a resource's limit: in the account of a map or the server as the wire has it.
+    pub(super) fn limit_of(self, resource: Resource) -> &'static str {
+        match (self, resource) {
+            (Self::Tenant, Resource::Maps) => "tenant_max_map_count",
+            (Self::Tenant, Resource::Streams) => "tenant_max_stream_count",
+            (Self::Tenant, Resource::Watchers) => "tenant_max_watcher_count",
+            (Self::Tenant, Resource::ExportBytes) => "tenant_max_export_bytes",
+            (Self::Tenant, Resource::WaitingSolves) => "tenant_max_waiting_solve_count",
+            (Self::Tenant, Resource::SolveBytes) => "tenant_max_solve_bytes",
+            (Self::Tenant, Resource::JournalBytes) => "tenant_max_journal_bytes",
+            (Self::Map | Self::Server, Resource::Maps) => "max_map_count",
+            (Self::Map | Self::Server, Resource::Streams) => "max_stream_count",
+            (Self::Map | Self::Server, Resource::Watchers) => "max_watcher_count",
+            (Self::Map | Self::Server, Resource::ExportBytes) => "max_export_bytes",
+            (Self::Map | Self::Server, Resource::WaitingSolves) => "max_waiting_solve_count",
+            (Self::Map | Self::Server, Resource::SolveBytes) => "max_solve_bytes",
+            (Self::Map | Self::Server, Resource::JournalBytes) => "max_journal_bytes",
+        }
+    }
+
+    /// The same of a count of entities.
+    pub(super) fn ceiling_of(self, counted: Counted) -> &'static str {
+        match (self, counted) {
+            (Self::Tenant, Counted::Clients) => "tenant_max_client_count",
+            (Self::Tenant, Counted::Cameras) => "tenant_max_camera_count",
+            (Self::Tenant, Counted::Keyframes) => "tenant_max_keyframe_count",
+            (Self::Tenant, Counted::Landmarks) => "tenant_max_landmark_count",
+            (Self::Tenant, Counted::Observations) => "tenant_max_observation_count",
+            (Self::Tenant, Counted::Constraints) => "tenant_max_constraint_count",
+            (Self::Tenant, Counted::Priors) => "tenant_max_prior_count",
+            (Self::Tenant, Counted::Bytes) => "tenant_max_size_bytes",
+            (Self::Map | Self::Server, Counted::Clients) => "max_client_count",
+            (Self::Map | Self::Server, Counted::Cameras) => "max_camera_count",
+            (Self::Map | Self::Server, Counted::Keyframes) => "max_keyframe_count",
+            (Self::Map | Self::Server, Counted::Landmarks) => "max_landmark_count",
+            (Self::Map | Self::Server, Counted::Observations) => "max_observation_count",
+            (Self::Map | Self::Server, Counted::Constraints) => "max_constraint_count",
+            (Self::Map | Self::Server, Counted::Priors) => "max_prior_count",
+            (Self::Map | Self::Server, Counted::Bytes) => "max_size_bytes",
+        }
+    }
+}
+
+/// One line of an account.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct AccountRow {
+    /// What is counted.
+    pub name: &'static str,
+    /// How much there is.
+    pub held: u64,
+    /// How much there may be; `None` is unlimited.
+    pub limit: Option<u64>,
+}
+
+pub(super) fn name_of(counted: Counted) -> &'static str {
+    match counted {
+        Counted::Clients => "clients",
+        Counted::Cameras => "cameras",
+        Counted::Keyframes => "keyframes",
+        Counted::Landmarks => "landmarks",
+        Counted::Observations => "observations",
+        Counted::Constraints => "constraints",
+        Counted::Priors => "priors",
+        Counted::Bytes => "map_bytes",
+    }
+}
