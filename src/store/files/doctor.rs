@@ -119,7 +119,9 @@ pub(super) fn name_ambiguous<'a>(checkups: impl Iterator<Item = &'a mut MapCheck
         }
     }
     for (map, checkups) in named.into_iter().filter(|(_, checkups)| checkups.len() > 1) {
-        let folder = |c: &MapCheckup| c.folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let folder = |c: &MapCheckup| {
+            c.folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
+        };
         let folders = checkups.iter().map(|checkup| folder(checkup)).collect();
         let error = StoreError::Ambiguous { map, folders }.to_string();
         for checkup in checkups {
