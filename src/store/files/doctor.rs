@@ -100,9 +100,11 @@ fn look_at(maps: &Path, entry: &str) -> Option<(MapCheckup, Option<Found>)> {
         Folder::Map { .. } | Folder::Nameless(_) => {
             let found = look(&mut checkup);
             let map = checkup.map.clone().unwrap_or_default();
-            let found = found.map_err(|error| match error {
-                StoreError::Later { file, reason, .. } => StoreError::Later { map, file, reason },
-                error => error,
+            let found = found.map_err(|error| {
+                if let StoreError::Later { file, reason, .. } = error {
+                    return StoreError::Later { map, file, reason };
+                }
+                error
             });
             checkup.failure = found.as_ref().err().map(ToString::to_string);
             Some((checkup, found.ok()))
