@@ -47,7 +47,9 @@ impl DurableAcks {
         permit: Permit,
     ) {
         let ack = Ack { sequence, revision, status: AckStatus::Durable };
-        if self.flushed.borrow().through >= u64::try_from(revision).unwrap_or(0) {
+        let is_durable = self.flushed.borrow().through >= u64::try_from(revision).unwrap_or(0);
+        // Those that wait come first; where this one is durable they are, and `progress` wakes for them.
+        if is_durable && self.waiting.is_empty() {
             permit.is_durable();
             permit.send(StreamEvent::Ack(ack));
         } else if !self.closed {
