@@ -338,3 +338,47 @@ fn wire_name(reason: ViolationReason) -> &'static str {
     let name = reason.as_str_name();
     name.strip_prefix("VIOLATION_REASON_").unwrap_or(name)
 }
+
+#[cfg(test)]
+mod tests {
+    use tonic::{Code, Status};
+    use tonic_types::StatusExt as _;
+
+    use super::{EngineError, ServiceError};
+    use crate::store::{Damage, StoreError};
+
+    fn status(error: StoreError) -> Status {
+        ServiceError::Engine(EngineError::Store(error)).into()
+    }
+
+    #[test]
+    fn an_answer_names_the_map_and_no_file_of_the_server() {
+        let (map, path) =
+            ("a".to_owned(), "/srv/covis/maps/00ff/00000000000000000001.log".to_owned());
+        let damage = Damage { file: path.clone(), offset: 44, lost: Some((1, 3)) };
+        let damaged = status(StoreError::Damaged { map: map.clone(), damage });
+        let text = "map \"a\" takes no changes: 00000000000000000001.log is damaged at byte 44: \
+                    events 1 to 3 are lost";
+        assert_eq!((damaged.code(), damaged.message()), (Code::FailedPrecondition, text));
+        let message = "no".to_owned();
+        let file =
+            StoreError::File { action: "cannot read", path: path.clone(), message, passes: false };
+        let content = StoreError::Content { path, message: "torn".to_owned() };
+        for error in [file, content, StoreError::Failed { map, cause: "torn".to_owned() }] {
+            assert!(!status(error.clone()).message().contains('/'), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_store_without_room_asks_to_come_back() {
+        let (map, cause) = ("a".to_owned(), "No space left on device".to_owned());
+        let status = status(StoreError::Unavailable { map, cause });
+        assert_eq!(status.code(), Code::ResourceExhausted);
+        let info = status.get_details_error_info().unwrap();
+        assert_eq!(
+            (info.reason.as_str(), info.metadata["map_id"].as_str()),
+            ("STORE_UNAVAILABLE", "a")
+        );
+        assert!(status.get_details_retry_info().is_some());
+    }
+}

@@ -47,7 +47,8 @@ impl DurableAcks {
         permit: Permit,
     ) {
         let ack = Ack { sequence, revision, status: AckStatus::Durable };
-        if self.reaches(revision) {
+        // Those that wait come first; where this one is durable they are, and `progress` wakes for them.
+        if self.reaches(revision) && self.waiting.is_empty() {
             permit.is_durable();
             permit.send(StreamEvent::Ack(ack));
         } else if !self.closed {

@@ -175,8 +175,11 @@ fn store(text: &mut Text, store: &StoreMeters) {
         .seconds(&[], &store.sync_ns);
     text.counter("covis_journal_failures_total", "Journals that a failed write or fsync stopped.")
         .row(&[], store.journal_failures.get());
-    text.counter("covis_journal_retries_total", "Journal writes that found no space, descriptors or memory.")
-        .row(&[], store.journal_retries.get());
+    text.counter(
+        "covis_journal_retries_total",
+        "Journal writes that found no space, descriptors or memory.",
+    )
+    .row(&[], store.journal_retries.get());
     text.histogram("covis_snapshot_duration_seconds", "How long writing a snapshot took.")
         .seconds(&[], &store.snapshot_ns);
     text.counter("covis_snapshot_bytes_total", "Bytes of snapshots.")

@@ -12,7 +12,9 @@ pub(in crate::store) fn encode_identity(name: &str) -> Vec<u8> {
 /// The map's name in an identity of any later version: its field 1 stays the name forever.
 pub(in crate::store) fn decode_later_identity(bytes: &[u8]) -> Result<String, EncodingError> {
     let identity = v1::MapIdentity::decode(bytes);
-    identity.map(|identity| identity.name).map_err(|error| EncodingError::Message(error.to_string()))
+    identity
+        .map(|identity| identity.name)
+        .map_err(|error| EncodingError::Message(error.to_string()))
 }
 
 /// The map's name.

@@ -101,7 +101,9 @@ fn copy_files(from: &Path, to: &Path) -> Result<bool, StoreError> {
     // Files of a later version, perhaps.
     if let Ok(names) = RealDisk.list(from) {
         let known = |name: &&String| {
-            *name == MARK || *name == "map" || ["snap", "log", "tmp", "bad"].iter().any(|e| has(e)(name))
+            *name == MARK
+                || *name == "map"
+                || ["snap", "log", "tmp", "bad"].iter().any(|e| has(e)(name))
         };
         for name in names.iter().filter(|name| !known(name)) {
             if RealDisk.list(&from.join(name)).is_ok() {

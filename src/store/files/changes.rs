@@ -5,7 +5,7 @@
 //! will: its name stays free, and whoever creates it next gets what was made.
 
 use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use super::failure::of_map;
@@ -94,7 +94,7 @@ impl Inner {
     }
 
     /// Removes a folder without events, if it is there.
-    fn remove(&self, folder: &PathBuf) -> Result<(), StoreError> {
+    fn remove(&self, folder: &Path) -> Result<(), StoreError> {
         match self.disk.remove_folder(folder) {
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
             removed => removed.map_err(|error| file_error("cannot remove", folder, &error)),

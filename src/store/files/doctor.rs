@@ -100,9 +100,11 @@ fn look_at(maps: &Path, entry: &str) -> Option<(MapCheckup, Option<Found>)> {
         Folder::Map { .. } | Folder::Nameless(_) => {
             let found = look(&mut checkup);
             let map = checkup.map.clone().unwrap_or_default();
-            let found = found.map_err(|error| match error {
-                StoreError::Later { file, reason, .. } => StoreError::Later { map, file, reason },
-                error => error,
+            let found = found.map_err(|error| {
+                if let StoreError::Later { file, reason, .. } = error {
+                    return StoreError::Later { map, file, reason };
+                }
+                error
             });
             checkup.failure = found.as_ref().err().map(ToString::to_string);
             Some((checkup, found.ok()))
@@ -119,7 +121,9 @@ pub(super) fn name_ambiguous<'a>(checkups: impl Iterator<Item = &'a mut MapCheck
         }
     }
     for (map, checkups) in named.into_iter().filter(|(_, checkups)| checkups.len() > 1) {
-        let folder = |c: &MapCheckup| c.folder.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let folder = |c: &MapCheckup| {
+            c.folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
+        };
         let folders = checkups.iter().map(|checkup| folder(checkup)).collect();
         let error = StoreError::Ambiguous { map, folders }.to_string();
         for checkup in checkups {

@@ -39,22 +39,23 @@ pub(super) fn file_error(action: &'static str, path: &Path, error: &io::Error) -
 
 /// What a caller of a map's store is told of a failure that names a file; the log has the file.
 pub(super) fn of_map(map: &str, error: StoreError) -> StoreError {
-    let (cause, is_short) = match &error {
-        StoreError::File { action, message, passes, .. } => {
-            (format!("{action} its files: {message}"), *passes)
-        }
-        StoreError::Content { message, .. } => (message.clone(), false),
-        StoreError::Later { file, reason, .. } => {
-            let (map, file, reason) = (map.to_owned(), file.clone(), reason.clone());
-            return StoreError::Later { map, file, reason };
-        }
-        _ => return error,
-    };
-    tracing::warn!(map, %error, "a call on the store failed");
     let map = map.to_owned();
-    if is_short {
-        StoreError::Unavailable { map, cause }
-    } else {
-        StoreError::Failed { map, cause }
+    if let StoreError::Later { file, reason, .. } = error {
+        return StoreError::Later { map, file, reason };
     }
+    if let StoreError::File { .. } | StoreError::Content { .. } = &error {
+        tracing::warn!(map, %error, "a call on the store failed");
+    }
+    if let StoreError::File { action, message, passes, .. } = error {
+        let cause = format!("{action} its files: {message}");
+        return if passes {
+            StoreError::Unavailable { map, cause }
+        } else {
+            StoreError::Failed { map, cause }
+        };
+    }
+    if let StoreError::Content { message, .. } = error {
+        return StoreError::Failed { map, cause: message };
+    }
+    error
 }

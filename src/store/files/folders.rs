@@ -20,10 +20,7 @@ use crate::store::encoding::{EncodingError, decode_identity, decode_later_identi
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Folder {
     /// A map that was created, or may have been.
-    Map {
-        name: String,
-        uid: Uid,
-    },
+    Map { name: String, uid: Uid },
     /// A map that a later version has given its name.
     Later(StoreError),
     /// A map whose name cannot be read, and why.
@@ -75,7 +72,9 @@ pub(super) fn look(disk: &dyn Disk, maps: &Path, entry: &str) -> Folder {
         Err(error) => Err(SealError::Disk(error)),
     };
     match read {
-        Ok((label, _)) if label.uid != uid => Folder::Stray("it holds what belongs to another folder"),
+        Ok((label, _)) if label.uid != uid => {
+            Folder::Stray("it holds what belongs to another folder")
+        }
         Ok((_, (version, body))) => named(disk, &folder, &names, uid, version, &body),
         Err(error) => Folder::Nameless(error.to_string()),
     }

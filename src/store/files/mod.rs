@@ -57,9 +57,9 @@ use async_trait::async_trait;
 use sha2::{Digest as _, Sha256};
 use tokio::sync::{oneshot, watch};
 
+pub(crate) use self::disk::Disk;
 #[cfg(test)]
 pub(crate) use self::disk::DiskFile;
-pub(crate) use self::disk::Disk;
 use self::disk::RealDisk;
 use self::failure::{file_error, of_map};
 use self::journal::Journal;

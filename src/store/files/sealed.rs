@@ -76,10 +76,8 @@ pub(super) enum SealError {
 
 impl From<EncodingError> for SealError {
     fn from(error: EncodingError) -> Self {
-        match error {
-            EncodingError::Later => Self::Later(error.to_string()),
-            error => Self::Damaged(error.to_string()),
-        }
+        let reason = error.to_string();
+        if error == EncodingError::Later { Self::Later(reason) } else { Self::Damaged(reason) }
     }
 }
 

@@ -176,7 +176,11 @@ async fn durable_is_told_when_the_journal_says_so_and_a_failure_ends_it() {
     let watching = map.watch(None);
     let (name, cause) = ("house".to_owned(), "staged by a test".to_owned());
     let stopped = StoreError::Stopped { map: name, durable: 4, cause };
-    flushed.send_replace(Flushed { through: 4, failed: Some(stopped.clone()), ..Flushed::default() });
+    flushed.send_replace(Flushed {
+        through: 4,
+        failed: Some(stopped.clone()),
+        ..Flushed::default()
+    });
     let stopped = EngineError::Store(stopped);
     assert_eq!(watching.await.unwrap_err(), stopped);
     assert_eq!(client.end().await, stopped);

@@ -2,7 +2,9 @@
 //!
 //! What a file holds and which names a folder holds exist twice: as they are, and as they were last
 //! synced. A crash stops every operation; [`FaultyDisk::after`] is the disk as the next start finds
-//! it, with none, all or some of what was not synced.
+//! it after a loss of power, with none, all or some of what was not synced, [`FaultyDisk::killed`] as
+//! it finds it where only the process ended: everything written is there, and no more of it synced. A
+//! failed sync leaves the bytes readable and never synced, unless they are written again.
 
 use std::collections::BTreeMap;
 use std::io::{self, ErrorKind};
@@ -16,8 +18,16 @@ use crate::store::files::disk::{Disk, DiskFile};
 
 #[derive(Clone, Debug)]
 enum Node {
-    File { data: Vec<u8>, synced: Vec<u8> },
-    Folder { names: BTreeMap<String, usize>, synced: BTreeMap<String, usize> },
+    /// `clean` bytes were there when a sync failed: the system takes them for written.
+    File {
+        data: Vec<u8>,
+        synced: Vec<u8>,
+        clean: usize,
+    },
+    Folder {
+        names: BTreeMap<String, usize>,
+        synced: BTreeMap<String, usize>,
+    },
 }
 
 /// What survives of unsynced data.
@@ -27,6 +37,13 @@ pub(super) enum Survives {
     Everything,
     /// Some files and names, ends of files cut or with holes, by this seed.
     Some(u64),
+}
+
+/// What is used up until it is given back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Lack {
+    Space,
+    Descriptors,
 }
 
 /// What goes wrong at one operation.
@@ -47,6 +64,7 @@ struct World {
     log: Vec<&'static str>,
     fault: Option<(usize, Fault)>,
     dead: bool,
+    lack: Option<Lack>,
 }
 
 /// The disk. Clones share it.
@@ -63,13 +81,26 @@ fn error(kind: ErrorKind) -> io::Error {
 
 impl FaultyDisk {
     pub(super) fn new() -> Self {
-        let world = World { nodes: vec![folder()], log: Vec::new(), fault: None, dead: false };
+        let world =
+            World { nodes: vec![folder()], log: Vec::new(), fault: None, dead: false, lack: None };
         Self(Arc::new(Mutex::new(world)))
     }
 
     /// Stages a fault at the operation with this number, from 0.
     pub(super) fn stage(&self, operation: usize, fault: Fault) {
         self.world().fault = Some((operation, fault));
+    }
+
+    /// From now on something is used up, or nothing any more.
+    pub(super) fn lack(&self, lack: Option<Lack>) {
+        self.world().lack = lack;
+    }
+
+    /// The disk after the process was killed.
+    pub(super) fn killed(&self) -> Self {
+        let mut world = self.world().clone();
+        (world.log, world.fault, world.dead) = (Vec::new(), None, false);
+        Self(Arc::new(Mutex::new(world)))
     }
 
     /// The operations so far.
@@ -86,11 +117,11 @@ impl FaultyDisk {
         });
         for node in &mut world.nodes {
             match (node, survives) {
-                (Node::File { data, synced }, Survives::Nothing) => data.clone_from(synced),
+                (Node::File { data, synced, .. }, Survives::Nothing) => data.clone_from(synced),
                 (Node::Folder { names, synced }, Survives::Nothing) => names.clone_from(synced),
-                (Node::File { data, synced }, Survives::Everything) => synced.clone_from(data),
+                (Node::File { data, synced, .. }, Survives::Everything) => synced.clone_from(data),
                 (Node::Folder { names, synced }, Survives::Everything) => synced.clone_from(names),
-                (Node::File { data, synced }, Survives::Some(_)) => {
+                (Node::File { data, synced, .. }, Survives::Some(_)) => {
                     *data = torn(data, synced, &mut rng);
                     synced.clone_from(data);
                 }
@@ -131,7 +162,7 @@ impl FaultyDisk {
     pub(super) fn with_file(&self, path: &str, change: impl FnOnce(&mut Vec<u8>)) -> Self {
         let mut world = self.after(Survives::Everything).world().clone();
         let node = world.find(Path::new(path)).unwrap();
-        if let Node::File { data, synced } = &mut world.nodes[node] {
+        if let Node::File { data, synced, .. } = &mut world.nodes[node] {
             change(data);
             synced.clone_from(data);
         }
@@ -197,17 +228,41 @@ impl World {
         }
         let number = self.log.len();
         self.log.push(what);
+        let lacking = match self.lack {
+            Some(Lack::Space) => ["create folder", "create", "append", "overwrite"].contains(&what),
+            Some(Lack::Descriptors) => ["create", "overwrite", "sync folder"].contains(&what),
+            None => false,
+        };
+        if lacking {
+            self.part(write);
+            return Err(self.lacks());
+        }
         let Some((_, fault)) = self.fault.filter(|&(at, _)| at == number) else { return Ok(()) };
+        self.part(write);
+        self.dead = fault == Fault::Crash;
+        Err(error(if fault == Fault::NoSpace { ErrorKind::StorageFull } else { ErrorKind::Other }))
+    }
+
+    /// Writes a share of the bytes.
+    fn part(&mut self, write: Option<(usize, &[u8])>) {
         if let Some((node, bytes)) = write
             && let Node::File { data, .. } = &mut self.nodes[node]
         {
             data.extend_from_slice(&bytes[..bytes.len() * 2 / 3]);
         }
-        self.dead = fault == Fault::Crash;
-        Err(error(if fault == Fault::NoSpace { ErrorKind::StorageFull } else { ErrorKind::Other }))
+    }
+
+    fn lacks(&self) -> io::Error {
+        match self.lack {
+            Some(Lack::Descriptors) => io::Error::from_raw_os_error(24),
+            Some(Lack::Space) | None => error(ErrorKind::StorageFull),
+        }
     }
 
     fn alive(&self) -> io::Result<()> {
+        if self.lack == Some(Lack::Descriptors) {
+            return Err(self.lacks());
+        }
         if self.dead { Err(error(ErrorKind::BrokenPipe)) } else { Ok(()) }
     }
 }
@@ -244,7 +299,8 @@ impl Disk for FaultyDisk {
     fn create(&self, path: &Path) -> io::Result<Box<dyn DiskFile>> {
         let mut world = self.world();
         world.operation("create", None)?;
-        let node = world.add(path, Node::File { data: Vec::new(), synced: Vec::new() })?;
+        let node =
+            world.add(path, Node::File { data: Vec::new(), synced: Vec::new(), clean: 0 })?;
         Ok(Box::new(FaultyFile { disk: self.clone(), node }))
     }
 
@@ -260,7 +316,9 @@ impl Disk for FaultyDisk {
         let done = world.operation("overwrite", None);
         let node = match world.find(path) {
             Ok(node) => node,
-            Err(_) => world.add(path, Node::File { data: Vec::new(), synced: Vec::new() })?,
+            Err(_) => {
+                world.add(path, Node::File { data: Vec::new(), synced: Vec::new(), clean: 0 })?
+            }
         };
         let count = if done.is_ok() { bytes.len() } else { bytes.len() / 2 };
         if let Node::File { data, .. } = &mut world.nodes[node] {
@@ -322,18 +380,27 @@ impl DiskFile for FaultyFile {
 
     fn sync(&mut self) -> io::Result<()> {
         let mut world = self.disk.world();
-        world.operation("sync", None)?;
-        if let Node::File { data, synced } = &mut world.nodes[self.node] {
-            synced.clone_from(data);
+        let done = world.operation("sync", None);
+        let dead = world.dead;
+        if let Node::File { data, synced, clean } = &mut world.nodes[self.node] {
+            if done.is_ok() {
+                let mut arrived = data.clone();
+                let never = synced.len()..(*clean).min(data.len());
+                arrived.get_mut(never).unwrap_or_default().fill(0);
+                *synced = arrived;
+            } else if !dead {
+                *clean = data.len();
+            }
         }
-        Ok(())
+        done
     }
 
     fn truncate(&mut self, length: u64) -> io::Result<()> {
         let mut world = self.disk.world();
         world.operation("truncate", None)?;
-        if let Node::File { data, .. } = &mut world.nodes[self.node] {
+        if let Node::File { data, clean, .. } = &mut world.nodes[self.node] {
             data.truncate(usize::try_from(length).unwrap());
+            *clean = data.len().min(*clean);
         }
         Ok(())
     }

@@ -1,0 +1,149 @@
+//! Creating and deleting maps: cut off at any moment, failing at any operation, found double.
+
+use std::path::Path;
+
+use futures_util::FutureExt;
+
+use super::faulty::{Fault, FaultyDisk, Survives};
+use super::script::{event, fold, open, stored};
+use crate::store::encoding::{encode_event, encode_identity};
+use crate::store::files::disk::Disk as _;
+use crate::store::files::folders::name_of;
+use crate::store::files::record::{header, put_record};
+use crate::store::files::sealed::{Kind, sealed};
+use crate::store::{FileStore, Store, StoreError};
+
+async fn append(store: &FileStore, map: &str, revision: i64) -> Result<(), StoreError> {
+    let epoch = store.acquire(map).await?;
+    let last = u64::try_from(revision).unwrap();
+    store.append(map, epoch, last - 1, vec![event(revision, 1)]).await?;
+    let mut flushed = store.follow(map).await?;
+    let reached = flushed.wait_for(|f| f.through >= last || f.trouble().is_some()).await.unwrap();
+    reached.trouble().cloned().map_or(Ok(()), Err)
+}
+
+fn folders(disk: &FaultyDisk) -> usize {
+    disk.list(Path::new("/data/maps")).unwrap().len()
+}
+
+#[tokio::test]
+async fn a_creation_that_nobody_waits_for_leaves_the_name_free_and_one_folder() {
+    let disk = FaultyDisk::new();
+    let store = open(&disk).unwrap();
+    for _ in 0..3 {
+        assert!(store.create_map("a").now_or_never().is_none(), "it takes a moment");
+    }
+    let epoch = store.create_map("a").await.unwrap();
+    assert_eq!(store.create_map("a").await, Err(StoreError::MapExists { map: "a".to_owned() }));
+    assert_eq!(folders(&disk), 1);
+    store.append("a", epoch, 0, vec![event(1, 1)]).await.unwrap();
+    store.follow("a").await.unwrap().wait_for(|f| f.through == 1).await.unwrap();
+    let again = open(&disk.after(Survives::Nothing)).unwrap();
+    assert_eq!(again.list_maps().await.unwrap(), ["a"]);
+    assert_eq!(stored(&again, "a").await.unwrap(), fold(1, 1));
+}
+
+#[tokio::test]
+async fn a_deletion_that_nobody_waits_for_is_done() {
+    let disk = FaultyDisk::new();
+    let store = open(&disk).unwrap();
+    store.create_map("a").await.unwrap();
+    append(&store, "a", 1).await.unwrap();
+    assert!(store.delete_map("a").now_or_never().is_none(), "it takes a moment");
+    let unknown = StoreError::UnknownMap { map: "a".to_owned() };
+    assert_eq!(store.delete_map("a").await, Err(unknown));
+    store.create_map("a").await.unwrap();
+    append(&store, "a", 1).await.unwrap();
+    assert_eq!(open(&disk.after(Survives::Nothing)).unwrap().list_maps().await.unwrap(), ["a"]);
+}
+
+#[tokio::test]
+async fn a_map_without_an_event_is_no_map_after_a_restart() {
+    let disk = FaultyDisk::new();
+    open(&disk).unwrap().create_map("a").await.unwrap();
+    let disk = disk.after(Survives::Everything);
+    let store = open(&disk).unwrap();
+    assert_eq!(store.list_maps().await.unwrap(), Vec::<String>::new());
+    store.create_map("a").await.unwrap();
+    assert_eq!(folders(&disk), 1);
+}
+
+#[tokio::test]
+async fn a_creation_that_fails_at_any_operation_can_be_repeated() {
+    for number in 0.. {
+        let disk = FaultyDisk::new();
+        let store = open(&disk).unwrap();
+        let before = disk.log().len();
+        disk.stage(before + number, Fault::NoSpace);
+        let Err(error) = store.create_map("a").await else {
+            assert!(number > 5, "{number} operations make a map");
+            return;
+        };
+        assert!(matches!(error, StoreError::Unavailable { .. }), "{error}");
+        assert!(!error.to_string().contains('/'), "{error}");
+        store.create_map("a").await.unwrap();
+        append(&store, "a", 1).await.unwrap();
+        assert_eq!(folders(&disk), 1);
+    }
+}
+
+#[tokio::test]
+async fn a_deletion_that_fails_either_changes_nothing_or_ends_acknowledging() {
+    for number in 0..3 {
+        let disk = FaultyDisk::new();
+        let store = open(&disk).unwrap();
+        store.create_map("a").await.unwrap();
+        append(&store, "a", 1).await.unwrap();
+        while !disk.files().iter().any(|(path, _)| path.ends_with("/durable")) {
+            tokio::task::yield_now().await;
+        }
+        disk.stage(disk.log().len() + number, Fault::Broken);
+        let deleted = store.delete_map("a").await;
+        if deleted.is_ok() {
+            assert_eq!(number, 2, "what is left of the files is no reason");
+            continue;
+        }
+        let is_open = append(&store, "a", 2).await.is_ok();
+        for survives in [Survives::Nothing, Survives::Everything] {
+            let later = open(&disk.killed().after(survives)).unwrap();
+            if is_open {
+                assert_eq!(stored(&later, "a").await.unwrap(), fold(2, 1), "fault at {number}");
+            }
+        }
+        assert_eq!(is_open, number == 0);
+        if !is_open {
+            let told = store.follow("a").await.unwrap().borrow().clone();
+            assert!(matches!(told.failed, Some(StoreError::Stopped { .. })), "{told:?}");
+        }
+        store.delete_map("a").await.unwrap();
+        store.create_map("a").await.unwrap();
+        append(&store, "a", 1).await.unwrap();
+        let later = open(&disk.after(Survives::Nothing)).unwrap();
+        assert_eq!(stored(&later, "a").await.unwrap(), fold(1, 1));
+    }
+}
+
+#[tokio::test]
+async fn two_folders_of_one_name_are_told_and_neither_is_served() {
+    let disk = FaultyDisk::new();
+    for uid in [[1; 16], [2; 16]] {
+        let folder = Path::new("/data/maps").join(name_of(&uid));
+        disk.create_folder(&folder).unwrap();
+        let put = |name: &str, bytes: &[u8]| disk.create(&folder.join(name)).unwrap().append(bytes);
+        let (mut journal, mut payload) = (header(&uid, 1), Vec::new());
+        encode_event(&event(1, 1), &mut payload);
+        assert!(put_record(&mut journal, &uid, 1, 0, &payload));
+        put("00000000000000000001.log", &journal).unwrap();
+        put("map", &sealed(Kind::Identity, &uid, 0, &encode_identity("walk"))).unwrap();
+    }
+    let before = disk.files();
+    let store = open(&disk).unwrap();
+    assert_eq!(store.list_maps().await.unwrap(), ["walk"]);
+    let folders = vec![name_of(&[1; 16]), name_of(&[2; 16])];
+    let refused = StoreError::Ambiguous { map: "walk".to_owned(), folders };
+    assert_eq!(store.acquire("walk").await, Err(refused.clone()));
+    assert_eq!(store.delete_map("walk").await, Err(refused));
+    let exists = StoreError::MapExists { map: "walk".to_owned() };
+    assert_eq!(store.create_map("walk").await, Err(exists));
+    assert_eq!(disk.files(), before, "both stay as they are");
+}

@@ -1,0 +1,121 @@
+//! What is not covis' own in a data directory, and what a later version wrote: left alone by the
+//! start, the doctor and the backup.
+
+use std::path::Path;
+
+use super::faulty::{FaultyDisk, Survives};
+use super::script::{SMALL, event, fold, open, stored};
+use crate::store::files::sealed::{Kind, sealed};
+use crate::store::files::{FileStore, back_up, check_up};
+use crate::store::{Store, StoreError};
+
+fn copy(from: &Path, to: &Path) {
+    fs_err::create_dir_all(to).unwrap();
+    for entry in fs_err::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        fs_err::copy(&path, to.join(path.file_name().unwrap())).unwrap();
+    }
+}
+
+#[tokio::test]
+async fn what_is_not_ours_is_left_alone_and_stops_nothing() {
+    let root = tempfile::tempdir().unwrap();
+    let store = FileStore::open(root.path(), SMALL).await.unwrap();
+    let epoch = store.create_map("a").await.unwrap();
+    store.append("a", epoch, 0, vec![event(1, 1)]).await.unwrap();
+    store.follow("a").await.unwrap().wait_for(|f| f.through == 1).await.unwrap();
+    store.close().await;
+    let maps = root.path().join("maps");
+    let map = fs_err::read_dir(&maps).unwrap().next().unwrap().unwrap().path();
+    let uid = map.file_name().unwrap().to_str().unwrap().to_owned();
+    let other = "0123456789abcdef0123456789abcdef";
+    for name in [format!("{uid}.bak"), format!("{uid}-copy"), uid.to_uppercase(), other.to_owned()]
+    {
+        // A uid of digits alone is the same in capitals.
+        if name != uid {
+            copy(&map, &maps.join(name));
+        }
+    }
+    fs_err::create_dir(maps.join("lost+found")).unwrap();
+    fs_err::write(maps.join("notes.txt"), "mine").unwrap();
+    fs_err::write(maps.join("fedcba9876543210fedcba9876543210"), "mine").unwrap();
+    #[cfg(unix)]
+    {
+        use std::os::unix::ffi::OsStrExt as _;
+        let name = std::ffi::OsStr::from_bytes(b"\xff.deleted");
+        fs_err::create_dir(maps.join(name)).unwrap();
+    }
+    copy(&map, &maps.join(format!("{other}.deleted")));
+    let entries = || fs_err::read_dir(&maps).unwrap().count();
+    let before = entries();
+
+    let checkups = check_up(root.path(), false).unwrap();
+    assert_eq!(checkups.len(), 1, "{checkups:?}");
+    assert!(!checkups[0].is_damaged() && entries() == before, "{checkups:?}");
+    let backup = tempfile::tempdir().unwrap();
+    let copied = back_up(root.path(), &backup.path().join("copy")).unwrap();
+    assert!(copied.len() == 1 && !copied[0].is_damaged(), "{copied:?}");
+
+    let store = FileStore::open(root.path(), SMALL).await.unwrap();
+    assert_eq!(store.list_maps().await.unwrap(), ["a"]);
+    assert_eq!(stored(&store, "a").await.unwrap(), fold(1, 1));
+    assert_eq!(entries(), before - 1, "only what an unfinished deletion left is gone");
+}
+
+/// Map "a" with a snapshot, closed.
+async fn with_snapshot() -> FaultyDisk {
+    let disk = FaultyDisk::new();
+    let store = open(&disk).unwrap();
+    let epoch = store.create_map("a").await.unwrap();
+    store.append("a", epoch, 0, vec![event(1, 1), event(2, 1)]).await.unwrap();
+    store.put_snapshot("a", epoch, fold(2, 1).into()).await.unwrap();
+    store.close().await;
+    disk.after(Survives::Everything)
+}
+
+/// The first file whose name ends so, as version 2 of the same.
+fn later(disk: &FaultyDisk, ending: &str) -> FaultyDisk {
+    let path =
+        disk.files().into_iter().map(|(path, _)| path).find(|p| p.ends_with(ending)).unwrap();
+    disk.with_file(&path, |bytes| {
+        bytes[8] = 2;
+        let end = bytes.len() - 4;
+        let crc = crc32c::crc32c(&bytes[..end]).to_le_bytes();
+        bytes[end..].copy_from_slice(&crc);
+    })
+}
+
+#[tokio::test]
+async fn a_snapshot_of_a_later_version_is_untouched_and_its_map_takes_no_changes() {
+    let disk = later(&with_snapshot().await, ".snap");
+    let before = disk.files();
+    let store = open(&disk).unwrap();
+    let refused = store.acquire("a").await.unwrap_err();
+    let told = refused.to_string();
+    assert!(matches!(&refused, StoreError::Later { map, .. } if map == "a"), "{refused:?}");
+    assert!(told.contains("00000000000000000002.snap") && told.contains("version 2"), "{told}");
+    assert_eq!(disk.files(), before, "nothing was touched");
+}
+
+#[tokio::test]
+async fn a_name_that_a_later_version_wrote_stays_taken() {
+    let disk = later(&with_snapshot().await, "/map");
+    // The same version with a field that is not known here.
+    let fields = with_snapshot().await;
+    let path = fields.files().into_iter().map(|(path, _)| path).find(|p| p.ends_with("/map"));
+    let fields = fields.with_file(&path.unwrap(), |bytes| {
+        let uid = *bytes[16..].first_chunk().unwrap();
+        *bytes = sealed(Kind::Identity, &uid, 0, &[10, 1, b'a', 16, 7]);
+    });
+    for disk in [disk, fields] {
+        let before = disk.files();
+        let store = open(&disk).unwrap();
+        assert_eq!(store.list_maps().await.unwrap(), ["a"]);
+        let exists = StoreError::MapExists { map: "a".to_owned() };
+        assert_eq!(store.create_map("a").await, Err(exists));
+        for refused in [store.acquire("a").await.map(|_| ()), store.delete_map("a").await] {
+            assert!(matches!(refused, Err(StoreError::Later { .. })), "{refused:?}");
+        }
+        assert_eq!(disk.files(), before, "nothing was touched");
+    }
+}

@@ -1,0 +1,70 @@
+//! No space, no descriptors: the journal waits, takes nothing new, and goes on by itself.
+
+use std::sync::Arc;
+
+use super::faulty::{FaultyDisk, Lack, Survives};
+use super::script::{event, fold, open, stored};
+use crate::store::{Store, StoreError};
+
+#[tokio::test]
+async fn a_journal_goes_on_once_there_is_room_again() {
+    for lack in [Lack::Space, Lack::Descriptors] {
+        let disk = FaultyDisk::new();
+        let store = open(&disk).unwrap();
+        let epoch = store.create_map("a").await.unwrap();
+        let mut flushed = store.follow("a").await.unwrap();
+        let (mut last, mut waited) = (0, 0);
+        // Files of a few events each: some of the writes begin a new one.
+        for round in 0..12_u64 {
+            disk.lack(Some(lack));
+            last += 1;
+            store.append("a", epoch, last - 1, vec![event(last as i64, 1)]).await.unwrap();
+            let told = flushed.wait_for(|f| f.through == last || f.trouble().is_some()).await;
+            let told = told.unwrap().clone();
+            assert_eq!(told.failed, None, "{lack:?}");
+            if let Some(unavailable) = told.unavailable {
+                waited += 1;
+                assert!(matches!(unavailable, StoreError::Unavailable { .. }), "{unavailable}");
+                let next = vec![event(last as i64 + 1, 1)];
+                assert_eq!(store.append("a", epoch, last, next).await, Err(unavailable));
+                let map = Arc::new(fold(last as i64, 1));
+                let refused = store.put_snapshot("a", epoch, map).await;
+                assert!(matches!(refused, Err(StoreError::Unavailable { .. })), "{refused:?}");
+                let refused = store.create_map("b").await;
+                assert!(matches!(refused, Err(StoreError::Unavailable { .. })), "{refused:?}");
+                assert!(flushed.borrow().through < last, "{lack:?}, round {round}");
+            }
+            disk.lack(None);
+            let told = flushed.wait_for(|f| f.through == last).await.unwrap().clone();
+            assert_eq!((told.failed, told.unavailable), (None, None));
+        }
+        assert!(waited > 1, "{lack:?} was met {waited} times");
+        assert!(store.meters().journal_retries.get() >= waited);
+        let map = Arc::new(fold(last as i64, 1));
+        store.put_snapshot("a", epoch, map).await.unwrap();
+        store.create_map("b").await.unwrap();
+        store.delete_map("b").await.unwrap();
+        let later = open(&disk.after(Survives::Nothing)).unwrap();
+        assert_eq!(stored(&later, "a").await.unwrap(), fold(last as i64, 1), "{lack:?}");
+        assert_eq!(later.damage("a").await.unwrap(), [], "{lack:?}");
+    }
+}
+
+#[tokio::test]
+async fn a_read_without_descriptors_fails_that_call_only() {
+    let disk = FaultyDisk::new();
+    let store = open(&disk).unwrap();
+    let epoch = store.create_map("a").await.unwrap();
+    store.append("a", epoch, 0, vec![event(1, 1)]).await.unwrap();
+    store.follow("a").await.unwrap().wait_for(|f| f.through == 1).await.unwrap();
+    // A start: nothing is kept in memory yet.
+    let disk = disk.after(Survives::Everything);
+    let store = open(&disk).unwrap();
+    let epoch = store.acquire("a").await.unwrap();
+    disk.lack(Some(Lack::Descriptors));
+    let refused = store.read("a", 0).await;
+    assert!(matches!(refused, Err(StoreError::Unavailable { .. })), "{refused:?}");
+    disk.lack(None);
+    assert_eq!(store.read("a", 0).await.unwrap().len(), 1);
+    store.append("a", epoch, 1, vec![event(2, 1)]).await.unwrap();
+}
