@@ -149,24 +149,6 @@ impl SimDisk {
         guard.faults = Faults::default();
     }
 
-    /// Every file with its path.
-    pub(crate) fn files(&self) -> Vec<(String, Vec<u8>)> {
-        let world = self.world();
-        let mut found = Vec::new();
-        let mut open = vec![(String::new(), 0)];
-        while let Some((path, node)) = open.pop() {
-            match &world.nodes[node] {
-                Node::File(file) => found.push((path, file.data.clone())),
-                Node::Folder(folder) => {
-                    let names = folder.names.iter();
-                    open.extend(names.map(|(name, &node)| (format!("{path}/{name}"), node)));
-                }
-            }
-        }
-        found.sort();
-        found
-    }
-
     fn world(&self) -> MutexGuard<'_, World> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -192,7 +192,7 @@ async fn durable_is_told_when_the_journal_says_so_and_a_failure_ends_it() {
 
 #[tokio::test]
 async fn journals_that_wait_for_the_disk_have_a_limit_and_the_map_goes_on_behind_it() {
-    let flushed = watch::Sender::new(Flushed { through: 1, failed: None });
+    let flushed = watch::Sender::new(Flushed { through: 1, ..Flushed::default() });
     let last = AtomicU64::new(u64::MAX);
     let store = DiskStore { memory: MemoryStore::new(), last, flushed: Some(flushed.clone()) };
     let server = AccountLimits { max_journal_bytes: Some(1000), ..AccountLimits::default() };
@@ -206,12 +206,12 @@ async fn journals_that_wait_for_the_disk_have_a_limit_and_the_map_goes_on_behind
     client.send(crate::map_support::camera_item(0)).await;
     let full = EngineError::ServerCeiling { limit: "max_journal_bytes", maximum: 1000 };
     assert_eq!(client.end().await, full);
-    flushed.send_replace(Flushed { through: 2, failed: None });
+    flushed.send_replace(Flushed { through: 2, ..Flushed::default() });
     while map.account().held(Resource::JournalBytes) > 0 {
         tokio::task::yield_now().await;
     }
     let mut client = Client::open(&map).await;
-    flushed.send_replace(Flushed { through: 3, failed: None });
+    flushed.send_replace(Flushed { through: 3, ..Flushed::default() });
     while map.account().held(Resource::JournalBytes) > 0 {
         tokio::task::yield_now().await;
     }
