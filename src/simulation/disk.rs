@@ -1,16 +1,15 @@
 //! A simulated disk: what was written and what was synced are two things, and any operation may be
 //! the last.
 //!
-//! A file is what the page cache holds (`data`) and what the platter holds (`synced`). A process that
-//! crashes leaves the cache; a loss of power leaves what was synced and, of the rest, none, all or
-//! some. A sync that fails leaves the pages in the cache, marked as clean: a later sync does not write
-//! them, as on Linux. Names of a folder are written apart from contents, by the sync of the folder.
+//! A process that crashes leaves the page cache; a loss of power leaves what was synced and, of the
+//! rest, none, all or some. A sync that fails leaves the pages in the cache, marked as clean: a later
+//! sync does not write them, as on Linux. Names of a folder are written apart from contents, by the
+//! sync of the folder.
 //!
 //! Every operation that changes something has a number. [`Faults`] says at which number the machine
 //! stops, and how often operations fail; a seed decides. The disk runs the store's work in place, so
 //! that one thread and one clock drive everything. It knows nothing of maps or journals.
 
-use std::collections::BTreeMap;
 use std::io::{self, ErrorKind};
 use std::ops::Range;
 use std::path::{Component, Path, PathBuf};
@@ -20,20 +19,8 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::nodes::{Crash, FileNode, FolderNode, NameChange, Node};
 use crate::store::{Disk, DiskFile};
-
-/// How a machine stops.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Crash {
-    /// The process is killed: the page cache stays.
-    Process,
-    /// The power goes: nothing stays that was not synced.
-    PowerNothing,
-    /// The power goes: all stays, as if it had been synced.
-    PowerAll,
-    /// The power goes: of what was not synced some stays, in any order.
-    PowerSome,
-}
 
 /// What goes wrong from now on.
 #[derive(Clone, Debug, Default)]
@@ -50,36 +37,6 @@ pub(crate) struct Faults {
     pub(crate) no_descriptors: Range<u64>,
     /// The longest that a piece of the store's work takes.
     pub(crate) slowest: Duration,
-}
-
-#[derive(Clone, Debug)]
-enum Node {
-    File(FileNode),
-    Folder(FolderNode),
-}
-
-#[derive(Clone, Debug, Default)]
-struct FileNode {
-    data: Vec<u8>,
-    synced: Vec<u8>,
-    /// Parts of `data` that a sync writes.
-    dirty: Vec<Range<usize>>,
-}
-
-#[derive(Clone, Debug, Default)]
-struct FolderNode {
-    names: BTreeMap<String, usize>,
-    synced: BTreeMap<String, usize>,
-    /// What a sync of the folder makes durable, in order.
-    changes: Vec<NameChange>,
-}
-
-#[derive(Clone, Debug)]
-enum NameChange {
-    Add(String, usize),
-    Remove(String),
-    /// Also within one journal transaction of a file system: both or neither.
-    Rename(String, String, usize),
 }
 
 #[derive(Debug)]
@@ -151,107 +108,6 @@ impl SimDisk {
 
     fn world(&self) -> MutexGuard<'_, World> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl FileNode {
-    fn write(&mut self, at: usize, bytes: &[u8]) {
-        let end = at + bytes.len();
-        if self.data.len() < end {
-            self.data.resize(end, 0);
-        }
-        self.data[at..end].copy_from_slice(bytes);
-        self.dirty.push(at..end);
-    }
-
-    fn truncate(&mut self, length: usize) {
-        self.data.truncate(length);
-        self.dirty.push(length..length);
-    }
-
-    /// Makes durable what is dirty, and the length.
-    fn sync(&mut self) {
-        let dirty = std::mem::take(&mut self.dirty);
-        if !dirty.is_empty() {
-            self.synced.resize(self.data.len(), 0);
-        }
-        for range in dirty {
-            let end = range.end.min(self.data.len());
-            let start = range.start.min(end);
-            self.synced[start..end].copy_from_slice(&self.data[start..end]);
-        }
-    }
-
-    fn crash(&mut self, crash: Crash, rng: &mut ChaCha8Rng) {
-        match crash {
-            Crash::Process => return,
-            Crash::PowerNothing => {}
-            Crash::PowerAll => self.sync(),
-            Crash::PowerSome => {
-                // Pages reach the disk in any order, the length too.
-                let dirty = std::mem::take(&mut self.dirty);
-                for range in dirty {
-                    let end = range.end.min(self.data.len());
-                    let start = range.start.min(end);
-                    if rng.random() {
-                        continue;
-                    }
-                    let kept = rng.random_range(start..=end);
-                    if self.synced.len() < kept || range.is_empty() {
-                        self.synced.resize(kept.max(start), 0);
-                    }
-                    let written = start..kept.min(self.synced.len());
-                    self.synced[written.clone()].copy_from_slice(&self.data[written]);
-                }
-            }
-        }
-        self.dirty.clear();
-        self.data.clone_from(&self.synced);
-    }
-}
-
-impl FolderNode {
-    fn change(&mut self, change: NameChange) {
-        apply(&mut self.names, &change);
-        self.changes.push(change);
-    }
-
-    fn sync(&mut self) {
-        for change in std::mem::take(&mut self.changes) {
-            apply(&mut self.synced, &change);
-        }
-    }
-
-    fn crash(&mut self, crash: Crash, rng: &mut ChaCha8Rng) {
-        match crash {
-            Crash::Process => return,
-            Crash::PowerNothing => {}
-            Crash::PowerAll => self.sync(),
-            Crash::PowerSome => {
-                for change in std::mem::take(&mut self.changes) {
-                    if rng.random() {
-                        apply(&mut self.synced, &change);
-                    }
-                }
-            }
-        }
-        self.changes.clear();
-        self.names.clone_from(&self.synced);
-    }
-}
-
-fn apply(names: &mut BTreeMap<String, usize>, change: &NameChange) {
-    match change {
-        NameChange::Add(name, node) => {
-            names.insert(name.clone(), *node);
-        }
-        NameChange::Remove(name) => {
-            names.remove(name);
-        }
-        NameChange::Rename(from, to, node) => {
-            names.remove(from);
-            names.insert(to.clone(), *node);
-        }
     }
 }
 

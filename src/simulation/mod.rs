@@ -3,13 +3,14 @@
 //!
 //! | module | role |
 //! |---|---|
-//! | `disk` | a disk that keeps written and synced apart, and fails, fills up and stops on demand |
+//! | `disk`, `nodes` | a disk that keeps written and synced apart, and fails, fills up and stops on demand |
 //! | `robot` | a client that remembers what it was told, and holds every answer against it |
 //! | `world` | one run: the server, its robots, crashes and restarts |
 //!
 //! How to run many, repeat one and add a fault is told in docs/simulation.md.
 
 mod disk;
+mod nodes;
 mod robot;
 mod world;
 

@@ -112,7 +112,10 @@ impl Robot {
         for _ in 0..count {
             let index = self.rng.random_range(0..self.names.len());
             let mut name = self.names[index].clone();
+            let before = format!("{:?}", name.state);
             self.act(&mut name).await?;
+            let text = format!("{}: {before} -> {:?}", name.text, name.state);
+            self.world.borrow_mut().note(text);
             self.names[index] = name;
         }
         Ok(())
@@ -254,6 +257,7 @@ impl Robot {
             }
             return Ok(());
         }
+        self.world.borrow_mut().note(format!("{text} is to be deleted"));
         let deleted = self.answered("DeleteMap", |c| async move { c.delete_map(text).await });
         match deleted.await? {
             Answer::Some(()) | Answer::Refused(Code::NotFound, _) => name.state = State::Absent,

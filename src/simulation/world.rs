@@ -18,7 +18,8 @@ use rand_chacha::ChaCha8Rng;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{Endpoint, Uri};
 
-use super::disk::{Crash, Faults, SimDisk};
+use super::disk::{Faults, SimDisk};
+use super::nodes::Crash;
 use super::robot::{Broken, Robot};
 use crate::client::Client;
 use crate::service::engine::SolverPool;
@@ -34,6 +35,8 @@ const TICK: Duration = Duration::from_millis(1);
 const LONGEST_LIFE: u64 = 3_000;
 /// A run that takes longer hangs, ticks.
 const LONGEST_RUN: u64 = 600_000;
+/// The last things that happened are told with a broken promise.
+const NOTES: usize = 40;
 
 /// What a run does.
 #[derive(Clone, Debug)]
@@ -67,6 +70,16 @@ pub(crate) struct World {
     /// 0 while things go wrong; then one more with each restart.
     calm: u32,
     broken: Option<Broken>,
+    /// What happened, for whoever looks into a promise that does not hold.
+    notes: Vec<String>,
+}
+
+impl World {
+    /// Remembers something with its time.
+    pub(crate) fn note(&mut self, text: String) {
+        let time = turmoil::sim_elapsed().unwrap_or_default();
+        self.notes.push(format!("{:.3} s  {text}", time.as_secs_f64()));
+    }
 }
 
 /// Runs a plan.
@@ -106,8 +119,11 @@ pub(crate) fn run(plan: &Plan) -> Result<Report, Broken> {
     while !ended {
         ended = sim.step().map_err(|error| Broken(format!("the simulation: {error}")))?;
         tick += 1;
-        if let Some(broken) = world.borrow().broken.clone() {
-            return Err(broken);
+        let broken = world.borrow().broken.clone();
+        if let Some(Broken(promise)) = broken {
+            let world = world.borrow();
+            let from = world.notes.len().saturating_sub(NOTES);
+            return Err(Broken(format!("{promise}\n  {}", world.notes[from..].join("\n  "))));
         }
         if tick > LONGEST_RUN {
             return Err(Broken("the run does not end".to_owned()));
@@ -183,6 +199,7 @@ impl Machine {
                     self.faults();
                 }
                 sim.bounce(SERVER);
+                world.borrow_mut().note("the server starts".to_owned());
                 (self.up, self.since) = (true, tick);
             }
             return;
@@ -214,6 +231,8 @@ impl Machine {
         self.disk.crash(crash);
         self.report.crashes += 1;
         world.borrow_mut().crashes += 1;
+        let last = self.disk.log().last().map_or("none", |&(_, what)| what);
+        world.borrow_mut().note(format!("{crash:?} crash, the last operation was {last}"));
         (self.up, self.back_at) = (false, tick + self.rng.random_range(1..30));
     }
 }

@@ -211,7 +211,10 @@ impl Maps {
         policy: MapPolicy,
     ) -> Result<MapInfo, EngineError> {
         let claim = self.claim(name).await?;
-        if claim.map().is_some() {
+        if let Some(handle) = claim.map().cloned() {
+            drop(claim);
+            // Whoever is told that it exists relies on it as its creator does.
+            handle.durable(1).await?;
             return Err(EngineError::MapExists { map: name.to_owned() });
         }
         let (maps, display_name) = (self.clone(), display_name.to_owned());

@@ -1,4 +1,5 @@
-//! How many exports are read at once: each holds a snapshot of a map.
+//! How many exports are read at once, by tenant and in all: each holds a snapshot of a map. A place is
+//! given back when it is dropped. Nothing here knows formats.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
