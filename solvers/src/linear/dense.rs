@@ -10,12 +10,22 @@ use std::sync::Arc;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{self, LltError, LltRegularization};
 use faer::linalg::cholesky::llt::solve;
-use faer::{Mat, MatMut, Par};
+use faer::linalg::matmul::matmul;
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::{Accum, Mat, MatMut, Par};
 
 use super::cholesky::{check_finite, check_pattern, not_positive_definite, solve_checked};
 use super::error::LinearError;
 use super::matrix::{BlockMatrix, check_added_diagonal};
 use super::pattern::BlockPattern;
+use crate::interrupt::Interrupt;
+
+/// Systems of at most so many scalars are factored at once, in some 20 ms.
+const WHOLE: usize = 1024;
+
+/// Columns of a panel of larger ones, and rows that are solved for at a time.
+const PANEL: usize = 128;
+const STRIP: usize = 2048;
 
 /// A dense factorization, to be renewed for each set of values.
 pub struct DenseCholesky {
@@ -41,11 +51,12 @@ impl DenseCholesky {
     /// [`LinearError::OutOfMemory`] where the workspace cannot be had.
     pub fn new(pattern: Arc<BlockPattern>) -> Result<Self, LinearError> {
         let dimension = pattern.dimension();
+        let whole = dimension.min(WHOLE.max(PANEL));
         if dimension.checked_mul(dimension).is_none_or(|n| n > isize::MAX as usize / 8) {
             return Err(LinearError::TooLarge { dimension });
         }
         let scratch =
-            factor::cholesky_in_place_scratch::<f64>(dimension, Par::Seq, faer::Spec::default())
+            factor::cholesky_in_place_scratch::<f64>(whole, Par::Seq, faer::Spec::default())
                 .or(solve::solve_in_place_scratch::<f64>(dimension, 1, Par::Seq));
         let Ok(memory) = MemBuffer::try_new(scratch) else {
             return Err(LinearError::OutOfMemory { dimension });
@@ -62,19 +73,25 @@ impl DenseCholesky {
         matrix: &BlockMatrix,
         added_diagonal: &[f64],
     ) -> Result<(), LinearError> {
+        self.factor_until(matrix, added_diagonal, &Interrupt::NEVER)
+    }
+
+    /// The same, ending once `interrupt` is due.
+    ///
+    /// # Errors
+    /// As [`DenseCholesky::factor`], and [`LinearError::Interrupted`].
+    pub fn factor_until(
+        &mut self,
+        matrix: &BlockMatrix,
+        added_diagonal: &[f64],
+        interrupt: &Interrupt,
+    ) -> Result<(), LinearError> {
         self.factored = false;
         check_pattern(&self.pattern, matrix)?;
         check_added_diagonal(self.pattern.dimension(), added_diagonal)?;
         check_finite(matrix, added_diagonal)?;
         self.scatter(matrix, added_diagonal);
-        let outcome = factor::cholesky_in_place(
-            self.factor.as_mut(),
-            LltRegularization::default(),
-            Par::Seq,
-            MemStack::new(&mut self.memory),
-            faer::Spec::default(),
-        );
-        if let Err(LltError::NonPositivePivot { index }) = outcome {
+        if let Some(index) = self.factor_panels(interrupt)? {
             return Err(not_positive_definite(&self.pattern, index));
         }
         for k in 0..self.pattern.dimension() {
@@ -84,6 +101,66 @@ impl DenseCholesky {
         }
         self.factored = true;
         Ok(())
+    }
+
+    /// Cholesky in place, panel by panel where the whole would take long; the failing pivot, if any.
+    ///
+    /// Panels depend on the dimension only, so the bits are the same with an interrupt and without.
+    fn factor_panels(&mut self, interrupt: &Interrupt) -> Result<Option<usize>, LinearError> {
+        let dimension = self.pattern.dimension();
+        let panel = if dimension <= WHOLE { dimension.max(1) } else { PANEL };
+        let stack = MemStack::new(&mut self.memory);
+        for first in (0..dimension).step_by(panel) {
+            if interrupt.is_due() {
+                return Err(LinearError::Interrupted);
+            }
+            let width = panel.min(dimension - first);
+            let rest = self.factor.as_mut().submatrix_mut(
+                first,
+                first,
+                dimension - first,
+                dimension - first,
+            );
+            let (mut pivots, _, mut below, mut trailing) = rest.split_at_mut(width, width);
+            let outcome = factor::cholesky_in_place(
+                pivots.as_mut(),
+                LltRegularization::default(),
+                Par::Seq,
+                stack,
+                faer::Spec::default(),
+            );
+            if let Err(LltError::NonPositivePivot { index }) = outcome {
+                return Ok(Some(first + index));
+            }
+            let rows = dimension - first - width;
+            // L₂₁ = A₂₁ L₁₁⁻ᵀ, then A₂₂ −= L₂₁ L₂₁ᵀ below its diagonal, a strip of columns at a time.
+            for row in (0..rows).step_by(STRIP) {
+                let count = STRIP.min(rows - row);
+                let strip = below.as_mut().subrows_mut(row, count);
+                let right = strip.transpose_mut();
+                solve_lower_triangular_in_place(pivots.as_ref(), right, Par::Seq);
+            }
+            for column in (0..rows).step_by(panel) {
+                if interrupt.is_due() {
+                    return Err(LinearError::Interrupted);
+                }
+                let count = panel.min(rows - column);
+                let left = below.as_ref().subrows(column, rows - column);
+                let right = below.as_ref().subrows(column, count).transpose();
+                let target = trailing.as_mut().submatrix_mut(column, column, rows - column, count);
+                matmul(target, Accum::Add, left, right, -1.0, Par::Seq);
+            }
+        }
+        Ok(None)
+    }
+
+    /// Bytes that a system of so many scalars takes.
+    pub(super) fn bytes(dimension: usize) -> u64 {
+        let n = dimension as u64;
+        // faer pads columns to whole vectors; its workspace is a few columns.
+        n.saturating_mul(n.next_multiple_of(8))
+            .saturating_mul(8)
+            .saturating_add(256 * n + (1 << 18))
     }
 
     fn scatter(&mut self, matrix: &BlockMatrix, added_diagonal: &[f64]) {
