@@ -14,6 +14,7 @@ use tonic::codegen::http::{Request, Response};
 use tonic::server::NamedService;
 
 use super::Access;
+use crate::service::deadline::Arrival;
 
 /// A service that serves those whom [`Access`] admits.
 #[derive(Clone, Debug)]
@@ -49,6 +50,7 @@ where
         match self.access.admit(request.uri().path(), request.headers()) {
             Ok(caller) => {
                 request.extensions_mut().insert(caller);
+                request.extensions_mut().insert(Arrival::now());
                 Either::Right(self.service.call(request))
             }
             Err(error) => Either::Left(ready(Ok(Status::from(error).into_http()))),

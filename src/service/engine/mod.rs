@@ -41,6 +41,8 @@ mod turns;
 mod watch;
 mod work;
 
+use covis_solvers::price::Ceiling;
+
 pub use acks::{Ack, AckStatus, SolveReport, StreamEvent};
 pub use certificate::{GaugeKind, SolveCertificate, SolverKind};
 pub use error::EngineError;
@@ -61,13 +63,34 @@ pub struct EngineConfig {
     pub lock_step: bool,
     /// Items of a map that wait for its engine, at least 1 (64). A full queue slows streams down.
     pub queue_capacity: usize,
+    /// Most memory of a solve, estimated before it is begun, bytes (1 GiB).
+    pub max_solve_bytes: u64,
+    /// Most work of an iteration of a solve, estimated likewise, Gflop (1000).
+    pub max_solve_gflops: u64,
     /// A bug to be staged (none); for tests.
     pub fault: Option<Fault>,
 }
 
 impl Default for EngineConfig {
     fn default() -> Self {
-        Self { lock_step: false, queue_capacity: 64, fault: None }
+        Self {
+            lock_step: false,
+            queue_capacity: 64,
+            max_solve_bytes: 1 << 30,
+            max_solve_gflops: 1000,
+            fault: None,
+        }
+    }
+}
+
+impl EngineConfig {
+    /// What a solve may take.
+    #[must_use]
+    pub fn ceiling(&self) -> Ceiling {
+        Ceiling {
+            bytes: Some(self.max_solve_bytes),
+            flops_per_iteration: Some(1e9 * self.max_solve_gflops as f64),
+        }
     }
 }
 
