@@ -3,7 +3,8 @@
 //! One value is passed by reference to everything that may take long. Whoever works asks
 //! [`Interrupt::is_due`] at bounded intervals and returns early, with whatever is in its buffers: the
 //! layer above asks too and throws a half-done result away. That is safe because an interrupt that
-//! is due stays due. It never changes a number of work that is finished.
+//! is due stays due. When it comes never changes a number of work that is finished. Whether one is
+//! set at all does: a large dense factorization that may be interrupted is cut into panels.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -49,6 +50,13 @@ impl Interrupt {
         // A deadline that the clock cannot express never comes.
         let own = time.and_then(|time| start.checked_add(time));
         Self { deadline: self.deadline.into_iter().chain(own).min(), cancel: self.cancel.clone() }
+    }
+
+    /// Whether nothing is set that could ever end work.
+    #[inline]
+    #[must_use]
+    pub fn is_never(&self) -> bool {
+        self.deadline.is_none() && self.cancel.is_none()
     }
 
     /// Whether work must end. Once true, it stays true.

@@ -7,7 +7,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::llt::factor::{self, LltError, LltRegularization};
 use faer::linalg::cholesky::llt::solve;
 use faer::linalg::matmul::matmul;
@@ -20,7 +20,7 @@ use super::matrix::{BlockMatrix, check_added_diagonal};
 use super::pattern::BlockPattern;
 use crate::interrupt::Interrupt;
 
-/// Systems of at most so many scalars are factored at once, in some 20 ms.
+/// Systems of at most so many scalars are factored at once whatever may interrupt, in some 20 ms.
 const WHOLE: usize = 1024;
 
 /// Columns of a panel of larger ones, and rows that are solved for at a time.
@@ -44,6 +44,12 @@ impl fmt::Debug for DenseCholesky {
     }
 }
 
+/// What faer needs to factor and to solve.
+fn workspace(dimension: usize) -> StackReq {
+    factor::cholesky_in_place_scratch::<f64>(dimension, Par::Seq, faer::Spec::default())
+        .or(solve::solve_in_place_scratch::<f64>(dimension, 1, Par::Seq))
+}
+
 impl DenseCholesky {
     /// Takes the memory for systems on `pattern`.
     ///
@@ -51,14 +57,10 @@ impl DenseCholesky {
     /// [`LinearError::OutOfMemory`] where the workspace cannot be had.
     pub fn new(pattern: Arc<BlockPattern>) -> Result<Self, LinearError> {
         let dimension = pattern.dimension();
-        let whole = dimension.min(WHOLE.max(PANEL));
         if dimension.checked_mul(dimension).is_none_or(|n| n > isize::MAX as usize / 8) {
             return Err(LinearError::TooLarge { dimension });
         }
-        let scratch =
-            factor::cholesky_in_place_scratch::<f64>(whole, Par::Seq, faer::Spec::default())
-                .or(solve::solve_in_place_scratch::<f64>(dimension, 1, Par::Seq));
-        let Ok(memory) = MemBuffer::try_new(scratch) else {
+        let Ok(memory) = MemBuffer::try_new(workspace(dimension)) else {
             return Err(LinearError::OutOfMemory { dimension });
         };
         Ok(Self { pattern, factor: Mat::zeros(dimension, dimension), factored: false, memory })
@@ -103,12 +105,13 @@ impl DenseCholesky {
         Ok(())
     }
 
-    /// Cholesky in place, panel by panel where the whole would take long; the failing pivot, if any.
-    ///
-    /// Panels depend on the dimension only, so the bits are the same with an interrupt and without.
+    /// Cholesky in place; the failing pivot, if any. Where something may interrupt it and the whole
+    /// would take long, it goes panel by panel, which rounds in another order. Panels depend on the
+    /// dimension only: any two deadlines give the same bits.
     fn factor_panels(&mut self, interrupt: &Interrupt) -> Result<Option<usize>, LinearError> {
         let dimension = self.pattern.dimension();
-        let panel = if dimension <= WHOLE { dimension.max(1) } else { PANEL };
+        let at_once = dimension <= WHOLE || interrupt.is_never();
+        let panel = if at_once { dimension.max(1) } else { PANEL };
         let stack = MemStack::new(&mut self.memory);
         for first in (0..dimension).step_by(panel) {
             if interrupt.is_due() {
@@ -157,10 +160,11 @@ impl DenseCholesky {
     /// Bytes that a system of so many scalars takes.
     pub(super) fn bytes(dimension: usize) -> u64 {
         let n = dimension as u64;
-        // faer pads columns to whole vectors; its workspace is a few columns.
-        n.saturating_mul(n.next_multiple_of(8))
+        // faer pads columns to whole cache lines; a few vectors of the solve come on top.
+        n.saturating_mul(n.next_multiple_of(16))
             .saturating_mul(8)
-            .saturating_add(256 * n + (1 << 18))
+            .saturating_add(workspace(dimension).unaligned_bytes_required() as u64)
+            .saturating_add(512 * n + (1 << 18))
     }
 
     fn scatter(&mut self, matrix: &BlockMatrix, added_diagonal: &[f64]) {
