@@ -1,7 +1,7 @@
 //! What a solve takes, estimated from its structure, and the ceiling it is held to.
 //!
 //! An estimate is an upper bound of the bytes that are allocated at once besides the problem itself,
-//! and not far above it: `tests/price` holds it between the truth and three times that.
+//! and not far above it: `tests/memory.rs` holds it between the truth and four times that.
 
 use std::fmt;
 
