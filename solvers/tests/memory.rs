@@ -28,7 +28,7 @@ const MOST: f64 = 4.0;
 static LIVE: AtomicIsize = AtomicIsize::new(0);
 static PEAK: AtomicIsize = AtomicIsize::new(0);
 
-/// One test at a time, so that none counts another's memory.
+/// One test at a time, its problem included, so that none counts another's memory.
 static TURN: Mutex<()> = Mutex::new(());
 
 struct Counted;
@@ -132,7 +132,6 @@ fn three_iterations() -> optimizer::Options {
 }
 
 fn check_bundle(name: &str, problem: &BundleProblem, solvers: &[LinearSolver]) {
-    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     for &linear_solver in solvers {
         for threads in [1, 4] {
             let mut options = bundle_adjustment::Options {
@@ -160,6 +159,7 @@ const ALL: [LinearSolver; 4] = [
 
 #[test]
 fn a_bundle_whose_views_all_share_landmarks() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let poses = 300;
     let mut rng = seeded(6);
     let problem =
@@ -169,6 +169,7 @@ fn a_bundle_whose_views_all_share_landmarks() {
 
 #[test]
 fn a_bundle_along_a_street() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let poses = 800;
     let problem = bundle(poses, 16_000, 6, |i, j| (i % poses + j).min(poses - 1));
     check_bundle("street", &problem, &ALL);
@@ -176,6 +177,7 @@ fn a_bundle_along_a_street() {
 
 #[test]
 fn a_bundle_of_many_poses_that_see_little() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let problem = bundle(700, 20, 35, |i, j| 35 * i + j);
     check_bundle("little", &problem, &ALL);
 }
