@@ -46,6 +46,7 @@ mod rpc_optimization;
 mod rpc_optimize_map;
 mod rpc_overload;
 mod rpc_pose_graph;
+mod rpc_prices;
 mod rpc_server;
 mod rpc_watch;
 #[cfg(feature = "opentelemetry")]
