@@ -5,7 +5,7 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | 0 | `simd`: eight lanes of f64 for each instruction set |
+//! | 0 | `simd`: eight lanes of f64 for each instruction set; [`interrupt`]: when work ends early; [`price`]: what a solve takes |
 //! | 1 | [`geometry`]: groups with their Jacobians, camera models |
 //! | 2 | [`information`], [`loss`] |
 //! | 3 | [`factors`]; `lanes`: camera models and losses, eight observations at a time |
@@ -28,6 +28,7 @@ pub mod factors;
 pub mod geometry;
 pub mod information;
 pub mod initialization;
+pub mod interrupt;
 pub mod io;
 mod lanes;
 pub mod linear;
@@ -36,6 +37,7 @@ pub mod marginalization;
 pub mod optimizer;
 pub mod pose_graph;
 pub mod pose_refinement;
+pub mod price;
 pub mod problem;
 pub mod robust;
 mod simd;

@@ -17,6 +17,7 @@ mod linear;
 mod marginalization;
 mod pose_graph;
 mod pose_refinement;
+mod prices;
 mod robust;
 mod robust_live;
 mod sparse_cholesky;

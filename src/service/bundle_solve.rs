@@ -1,12 +1,12 @@
 //! `SolveBundle`: from the request to the answer, on a thread of the solver pool.
 //! What the request holds constant is the gauge; costs come from the evaluator.
 
-use std::time::Duration;
-
 use covis_solvers::bundle_adjustment::{self, Options};
 use covis_solvers::evaluation::bundle_cost;
+use covis_solvers::interrupt::Interrupt;
 use covis_solvers::loss::Loss;
-use covis_solvers::optimizer::Observer;
+use covis_solvers::optimizer::{self, ignore_iterations};
+use covis_solvers::price::Ceiling;
 use covis_solvers::problem::BundleProblem;
 
 use super::convert::certificate::add_costs;
@@ -26,18 +26,18 @@ pub(super) struct Input {
 pub(super) fn input(
     request: &v1::SolveBundleRequest,
     threads: usize,
-    time: Option<Duration>,
+    ceiling: Ceiling,
 ) -> Result<Input, ServiceError> {
     let input = convert(|out| {
         let loss = loss(Path::root("loss"), request.loss.as_ref(), out);
-        let options = options(request.options.as_ref(), Systems::Bundle, threads, time, out);
+        let options = options(request.options.as_ref(), Systems::Bundle, threads, None, out);
         let loss = loss?.unwrap_or(Loss::Trivial);
         let message = request.problem.as_ref();
         let mut bundle = problem::bundle(message, loss, request.refine_intrinsics, out)?;
         let gauge = problem::hold_gauge(request.gauge, &mut bundle, out);
         let options = options?;
         let options = Options {
-            optimizer: options.optimizer,
+            optimizer: optimizer::Options { ceiling, ..options.optimizer },
             linear_solver: options.linear_solver,
             ..Options::default()
         };
@@ -50,12 +50,13 @@ pub(super) fn input(
 pub(super) fn run(
     request: v1::SolveBundleRequest,
     input: Input,
-    observer: &mut Observer<'_>,
+    interrupt: &Interrupt,
 ) -> Result<v1::SolveBundleResponse, ServiceError> {
     let Input { mut bundle, gauge, options } = input;
     let before = bundle_cost(&bundle);
-    let solved = bundle_adjustment::solve(&mut bundle, &options, observer)
-        .map_err(|error| ServiceError::Unsolvable { field: "problem", error })?;
+    let solved =
+        bundle_adjustment::solve_until(&mut bundle, &options, interrupt, &mut ignore_iterations);
+    let solved = solved.map_err(|error| ServiceError::Unsolvable { field: "problem", error })?;
     let mut summary = to_summary(&solved.solve, options.optimizer.method);
     add_costs(&mut summary, &before, &bundle_cost(&bundle));
     summary.linear_solver = to_linear_solver(solved.linear_solver).into();

@@ -1,27 +1,57 @@
 //! Deadlines and cancellation of calls that solve.
 //!
-//! A client's `grpc-timeout` becomes the solve's deadline, a little earlier, so that the best state
-//! so far still travels back. A call that is dropped (canceled, timed out, link broken) drops its
-//! [`CancelOnDrop`], which the solve's observer asks after each iteration.
+//! A client's `grpc-timeout` counts from when the call's head arrived, as the transport counts it, and
+//! becomes the solve's deadline, earlier by what the answer needs: a share of the time, at least
+//! some milliseconds, and more for a large one. Waiting for a turn counts. A call that is dropped
+//! (canceled, timed out, link broken) drops its [`CancelOnDrop`], whose flag a solve asks within its
+//! iterations.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use covis_solvers::interrupt::Interrupt;
 use covis_solvers::optimizer::{Control, IterationSummary};
+use tonic::Request;
 use tonic::metadata::MetadataMap;
 
 /// The share of a call's time that is kept for the answer: one part in so many.
 const ANSWER_SHARE: u32 = 10;
+
+/// What is kept at least, unless that is more than half of the time.
+const ANSWER_LEAST: Duration = Duration::from_millis(10);
+/// What is kept for each byte of an answer, nanoseconds: costs, conversion, encoding, transport.
+const ANSWER_BYTE_NS: u64 = 40;
+
+/// When the head of a call arrived.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Arrival(Instant);
+
+impl Arrival {
+    pub(super) fn now() -> Self {
+        Self(Instant::now())
+    }
+}
 
 /// The time that a call has; `None` when it names no deadline.
 pub(super) fn call_time(metadata: &MetadataMap) -> Option<Duration> {
     parse(metadata.get("grpc-timeout")?.to_str().ok()?)
 }
 
-/// The time that a call leaves for solving; `None` when it names no deadline.
-pub(super) fn solve_time(metadata: &MetadataMap) -> Option<Duration> {
-    call_time(metadata).map(|time| time - time / ANSWER_SHARE)
+/// When the solve of a call must end for an answer of about `answer_bytes` to arrive in time; `None`
+/// when the call names no deadline.
+pub(super) fn solve_deadline<T>(request: &Request<T>, answer_bytes: usize) -> Option<Instant> {
+    let time = call_time(request.metadata())?;
+    let arrival = request.extensions().get::<Arrival>().copied().unwrap_or_else(Arrival::now);
+    // A deadline that the clock cannot express never comes.
+    arrival.0.checked_add(time - kept(time, answer_bytes))
+}
+
+/// What of `time` is kept for the answer, at most half.
+fn kept(time: Duration, answer_bytes: usize) -> Duration {
+    let bytes = Duration::from_nanos(ANSWER_BYTE_NS.saturating_mul(answer_bytes as u64));
+    let share = (time / ANSWER_SHARE).max(ANSWER_LEAST);
+    share.saturating_add(bytes).min(time / 2)
 }
 
 /// `TimeoutValue TimeoutUnit` of the gRPC protocol: at most 8 digits, then H, M, S, m, u or n.
@@ -47,6 +77,11 @@ fn parse(text: &str) -> Option<Duration> {
 pub(super) struct CancelOnDrop(Arc<AtomicBool>);
 
 impl CancelOnDrop {
+    /// What ends the solve at `deadline`, or once this guard is gone.
+    pub(super) fn interrupt(&self, deadline: Option<Instant>) -> Interrupt {
+        Interrupt::at(deadline).or_when(Arc::clone(&self.0))
+    }
+
     /// An observer that stops the solve once this guard is gone.
     pub(super) fn observer(
         &self,
@@ -70,7 +105,7 @@ mod tests {
 
     use covis_solvers::optimizer::{Control, IterationSummary};
 
-    use super::{CancelOnDrop, parse};
+    use super::{CancelOnDrop, kept, parse};
 
     #[test]
     fn reads_the_units_of_grpc() {
@@ -84,6 +119,16 @@ mod tests {
         for bad in ["", "S", "12", "-1S", "123456789S", "1.5S", "1x", "1µ"] {
             check(bad, None);
         }
+    }
+
+    #[test]
+    fn the_answer_keeps_a_share_a_minimum_and_time_for_its_bytes() {
+        let ms = Duration::from_millis;
+        assert_eq!(kept(ms(1000), 0), ms(100));
+        assert_eq!(kept(ms(50), 0), ms(10));
+        assert_eq!(kept(ms(4), 0), ms(2));
+        assert_eq!(kept(ms(1000), 1_000_000), ms(140));
+        assert_eq!(kept(ms(1000), usize::MAX), ms(500));
     }
 
     #[test]

@@ -7,6 +7,7 @@
 
 use std::path::Path;
 
+use covis_solvers::interrupt::Interrupt;
 use covis_solvers::optimizer::Control;
 use prost::Message as _;
 
@@ -15,6 +16,7 @@ pub use super::access::fuzzing::jwt;
 use super::convert::item::{digest, item};
 use super::convert::map::{ServerCeilings, display_name, policy};
 use super::convert::{convert, ids};
+use super::engine::EngineConfig;
 use super::{bundle_solve, graph_solve, listing, optimization_service, refine, tls};
 use crate::map::{
     Cause, Ceilings, Change, ClientIndex, EntityId, Event, Map, Recall, choose_window,
@@ -147,11 +149,13 @@ pub fn wire_requests(input: &[u8]) {
 
 fn solve_bundle(mut request: v1::SolveBundleRequest) {
     bound(&mut request.options);
-    let Ok(read) = bundle_solve::input(&request, THREADS, None) else { return };
+    let Ok(read) = bundle_solve::input(&request, THREADS, EngineConfig::default().ceiling()) else {
+        return;
+    };
     let problem = request.problem.as_ref();
     let size = problem.map_or((0, 0), |p| (p.poses.len(), p.observations.len()));
     if is_small(size) && problem.is_some_and(|p| p.points.len() <= MOST_FACTORS) {
-        judge(bundle_solve::run(request, read, &mut |_row| Control::Continue));
+        judge(bundle_solve::run(request, read, &Interrupt::NEVER));
     }
 }
 
@@ -162,9 +166,11 @@ fn solve_pose_graph(mut request: v1::SolvePoseGraphRequest) {
         Some(Graph::Se2(graph)) => (graph.vertices.len(), graph.edges.len()),
         None => (0, 0),
     };
-    let Ok(read) = graph_solve::input(request, THREADS, None) else { return };
+    let Ok(read) = graph_solve::input(request, THREADS, EngineConfig::default().ceiling()) else {
+        return;
+    };
     if is_small(size) {
-        judge(graph_solve::run(read, &mut |_row| Control::Continue));
+        judge(graph_solve::run(read, &Interrupt::NEVER));
     }
 }
 

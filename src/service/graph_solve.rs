@@ -2,15 +2,17 @@
 //! Without a marked vertex the one with the lowest id is held; costs come from the evaluator. With
 //! `robust` they are those of the edges at their weights.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use covis_solvers::certificate::certify;
+use covis_solvers::certificate::certify_within;
 use covis_solvers::evaluation::{CostReport, FactorCost, ReferencePose, pose_graph_cost};
 use covis_solvers::geometry::{RigidMotion, Se2, Se3};
-use covis_solvers::initialization::{Start, initialize};
+use covis_solvers::initialization::{Start, initialize, initialize_within};
+use covis_solvers::interrupt::Interrupt;
 use covis_solvers::loss::Loss;
-use covis_solvers::optimizer::{Observer, Options, SolveSummary};
+use covis_solvers::optimizer::{Options, SolveSummary, ignore_iterations};
 use covis_solvers::pose_graph;
+use covis_solvers::price::{Ceiling, Limits};
 use covis_solvers::problem::{PoseGraph, SolveError};
 use covis_solvers::robust::{self, Kernel, Verdict};
 
@@ -51,11 +53,11 @@ enum AnyGraph {
 pub(super) fn input(
     request: v1::SolvePoseGraphRequest,
     threads: usize,
-    time: Option<Duration>,
+    ceiling: Ceiling,
 ) -> Result<Input, ServiceError> {
     let input = convert(|out| {
         let graph_loss = loss(Path::root("loss"), request.loss.as_ref(), out);
-        let options = options(request.options.as_ref(), Systems::PoseGraph, threads, time, out);
+        let options = options(request.options.as_ref(), Systems::PoseGraph, threads, None, out);
         let at = Path::root("robust");
         let robust = robustness(at, request.robust.as_ref(), ClosureRobustness::NONE, out);
         let graph_loss = graph_loss?.unwrap_or(Loss::Trivial);
@@ -72,7 +74,7 @@ pub(super) fn input(
             }
         };
         let (certify, include_iterations) = (request.certify, request.include_iterations);
-        let options = options?.optimizer;
+        let options = Options { ceiling, ..options?.optimizer };
         let settings = Settings { options, robust, certify, include_iterations };
         Some(Input { graph: graph?, settings })
     })?;
@@ -103,12 +105,12 @@ fn adapted<G, const N: usize>(
 /// Solves the graph.
 pub(super) fn run(
     input: Input,
-    observer: &mut Observer<'_>,
+    interrupt: &Interrupt,
 ) -> Result<v1::SolvePoseGraphResponse, ServiceError> {
     let Input { graph, settings } = input;
     let (graph, mut answer) = match graph {
         AnyGraph::Se3(graph) => {
-            let (graph, answer) = answer("se3", graph, &settings, observer)?;
+            let (graph, answer) = answer("se3", graph, &settings, interrupt)?;
             let vertices = vertices(&graph).map(|(id, pose, fixed)| v1::PoseGraphVertexSe3 {
                 id,
                 world_from_vertex: Some(to_rigid_transform(pose)),
@@ -118,7 +120,7 @@ pub(super) fn run(
             (SolvedGraph::Se3(v1::PoseGraphSe3 { vertices, edges: Vec::new() }), answer)
         }
         AnyGraph::Se2(graph) => {
-            let (graph, answer) = answer("se2", graph, &settings, observer)?;
+            let (graph, answer) = answer("se2", graph, &settings, interrupt)?;
             let vertices = vertices(&graph).map(|(id, pose, fixed)| v1::PoseGraphVertexSe2 {
                 id,
                 world_from_vertex: Some(to_rigid_transform2(pose)),
@@ -141,7 +143,7 @@ fn answer<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usiz
     field: &'static str,
     input: GraphToSolve<G, N>,
     settings: &Settings,
-    observer: &mut Observer<'_>,
+    interrupt: &Interrupt,
 ) -> Result<(PoseGraph<G, N>, v1::SolvePoseGraphResponse), ServiceError> {
     let (mut graph, start) = (input.graph, (input.start, input.has_poses));
     let marked = graph.constant.contains(&true);
@@ -149,7 +151,7 @@ fn answer<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usiz
         graph.fix_lowest_id();
     }
     let solved = match settings.robust.kernel {
-        None => plain(&mut graph, start, settings, observer),
+        None => plain(&mut graph, start, settings, interrupt),
         Some(kernel) => {
             let options = robust::Options {
                 threshold: settings.robust.threshold,
@@ -158,7 +160,7 @@ fn answer<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usiz
                 pose_graph: pose_graph::Options { optimizer: settings.options },
                 ..robust::Options::new(kernel)
             };
-            judged(&mut graph, input.has_poses, &options, settings.certify, observer)
+            judged(&mut graph, input.has_poses, &options, settings.certify, interrupt)
         }
     };
     let solved = solved.map_err(|error| ServiceError::Unsolvable { field, error })?;
@@ -201,12 +203,20 @@ fn plain<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize
     graph: &mut PoseGraph<G, N>,
     (start, has_poses): (Start, bool),
     settings: &Settings,
-    observer: &mut Observer<'_>,
+    interrupt: &Interrupt,
 ) -> Result<Solved, SolveError> {
     let begin = Instant::now();
-    initialize(graph, start, has_poses)?;
-    let certificate = settings.certify.then(|| certified(graph)).transpose()?;
-    last(graph, settings.options, begin, certificate, observer)
+    let limits = Limits { ceiling: settings.options.ceiling, interrupt };
+    match initialize_within(graph, start, has_poses, limits) {
+        Err(SolveError::Interrupted) => {
+            // The start that is asked for takes longer than there is time: one that is at hand.
+            let at_hand = if has_poses { Start::Given } else { Start::Odometry };
+            initialize(graph, at_hand, has_poses)?
+        }
+        other => other?,
+    };
+    let certificate = if settings.certify { certified(graph, limits)? } else { None };
+    last(graph, settings.options, begin, certificate, interrupt)
 }
 
 fn judged<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize>(
@@ -214,14 +224,16 @@ fn judged<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usiz
     has_poses: bool,
     options: &robust::Options,
     certify: bool,
-    observer: &mut Observer<'_>,
+    interrupt: &Interrupt,
 ) -> Result<Solved, SolveError> {
     let begin = Instant::now();
-    let solved = robust::solve(graph, has_poses, options, observer)?;
+    let solved = robust::solve_until(graph, has_poses, options, interrupt, &mut ignore_iterations)?;
     let mut kept = robust::weighted(graph, &solved.closures);
     let mut last = if certify {
-        let certificate = Some(certified(&mut kept)?);
-        let last = last(&mut kept, options.pose_graph.optimizer, begin, certificate, observer)?;
+        let optimizer = options.pose_graph.optimizer;
+        let limits = Limits { ceiling: optimizer.ceiling, interrupt };
+        let certificate = certified(&mut kept, limits)?;
+        let last = last(&mut kept, optimizer, begin, certificate, interrupt)?;
         graph.poses = kept.poses;
         last
     } else {
@@ -236,13 +248,20 @@ fn judged<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usiz
     Ok(last)
 }
 
-/// Moves the poses to the chordal optimum.
+/// Moves the poses to the chordal optimum; without a certificate where there is no time for one.
 fn certified<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
-) -> Result<v1::ChordalCertificate, SolveError> {
+    limits: Limits<'_>,
+) -> Result<Option<v1::ChordalCertificate>, SolveError> {
     let begin = Instant::now();
-    let certificate = certify(graph)?;
-    Ok(to_chordal_certificate(&certificate, begin.elapsed().as_secs_f64()))
+    match certify_within(graph, limits) {
+        Err(SolveError::Interrupted) => Ok(None),
+        Err(error) => Err(error),
+        Ok(certificate) => {
+            let seconds = begin.elapsed().as_secs_f64();
+            Ok(Some(to_chordal_certificate(&certificate, seconds)))
+        }
+    }
 }
 
 /// The last solve; its clock is set to `begin`, and what is left of the deadline is its own.
@@ -251,13 +270,13 @@ fn last<G: ReferencePose<N>, const N: usize>(
     options: Options,
     begin: Instant,
     certificate: Option<v1::ChordalCertificate>,
-    observer: &mut Observer<'_>,
+    interrupt: &Interrupt,
 ) -> Result<Solved, SolveError> {
     let before = pose_graph_cost(graph);
     let passed = begin.elapsed();
     let deadline = options.deadline.map(|deadline| deadline.saturating_sub(passed));
     let options = pose_graph::Options { optimizer: Options { deadline, ..options } };
-    let mut summary = pose_graph::solve(graph, &options, observer)?;
+    let mut summary = pose_graph::solve_until(graph, &options, interrupt, &mut ignore_iterations)?;
     summary.solve_seconds += passed.as_secs_f64();
     summary.iterations.iter_mut().for_each(|row| row.seconds += passed.as_secs_f64());
     let after = pose_graph_cost(graph);

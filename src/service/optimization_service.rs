@@ -3,8 +3,11 @@
 //! Stateless solves run on the solver pool. A call that is dropped stops its solve; a call with a
 //! deadline stops it in time for the best state so far to be answered.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
 
+use covis_solvers::price::Ceiling;
+use prost::Message;
 use tokio::sync::mpsc;
 use tonic::{Request, Response, Status};
 
@@ -14,7 +17,7 @@ use super::convert::entities::to_switched_off;
 use super::convert::robust::to_chordal_certificate;
 use super::convert::solve::{Systems, gauge, loss, options, to_certificate, to_iteration};
 use super::convert::{Path, convert, count, ids};
-use super::deadline::{CancelOnDrop, call_time, solve_time};
+use super::deadline::{CancelOnDrop, call_time, solve_deadline};
 use super::engine::{GaugeKind, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError};
 use super::error::ServiceError;
 use super::{bundle_solve, graph_solve, refine};
@@ -35,65 +38,99 @@ impl Optimization {
         Self { context }
     }
 
-    /// Runs a solve on the pool.
+    /// Runs a solve on the pool. One whose `deadline` passes before its turn comes is taken back and
+    /// run beside the pool: its time is over, so that it answers the start.
     async fn solve<R: Send + 'static>(
         &self,
         caller: &Caller,
+        deadline: Option<Instant>,
         work: impl FnOnce() -> R + Send + 'static,
     ) -> Result<R, ServiceError> {
         let faulty = self.context.config.engine.panics_in_solve();
         let meters = self.context.maps.meters();
         let (queued, span) = (meters.request_solve(), tracing::debug_span!("solve"));
+        let held = Arc::new(Mutex::new(Some(work)));
+        let take =
+            |held: &Mutex<Option<_>>| held.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let offered = Arc::clone(&held);
         let work = move || {
             let _entered = span.entered();
             queued.run(|| {
                 assert!(!faulty, "the fault that a test asked for");
-                work()
+                take(&offered).map(|work| work())
             })
         };
         let pool = self.context.maps.pool();
-        let solved = pool.run(&pool.accounts().tenant(caller.tenant()), work).await;
+        let account = pool.accounts().tenant(caller.tenant());
+        let mut solved = std::pin::pin!(pool.run(&account, work));
+        let solved = tokio::select! {
+            biased;
+            solved = &mut solved => solved,
+            () = reached(deadline) => match take(&held) {
+                Some(work) => return Context::blocking(move || Ok(work())).await,
+                // It runs, and ends soon.
+                None => solved.await,
+            },
+        };
         if let Err(PoolError::Panicked(_)) = solved {
             meters.solve_panics.increment();
         }
-        Ok(solved?)
+        // Without a result it was taken back, which is answered above.
+        solved?.ok_or(ServiceError::DeadlineExceeded)
+    }
+
+    /// What a solve may take.
+    fn ceiling(&self) -> Ceiling {
+        self.context.config.engine.ceiling()
     }
 
     async fn refine(
         &self,
         request: Request<v1::RefinePoseRequest>,
     ) -> Result<v1::RefinePoseResponse, ServiceError> {
-        let (caller, time) = (Caller::of(&request)?, solve_time(request.metadata()));
+        let caller = Caller::of(&request)?;
+        let deadline = solve_deadline(&request, request.get_ref().encoded_len());
         let threads = self.context.maps.pool().threads();
-        let input = refine::input(&request.into_inner(), threads, time)?;
+        let input = refine::input(&request.into_inner(), threads, deadline)?;
         let cancel = CancelOnDrop::default();
         let mut observer = cancel.observer();
-        self.solve(&caller, move || refine::run(&input, &mut observer)).await?
+        self.solve(&caller, deadline, move || refine::run(&input, &mut observer)).await?
     }
 
     async fn bundle(
         &self,
         request: Request<v1::SolveBundleRequest>,
     ) -> Result<v1::SolveBundleResponse, ServiceError> {
-        let (caller, time) = (Caller::of(&request)?, solve_time(request.metadata()));
+        let caller = Caller::of(&request)?;
+        let deadline = solve_deadline(&request, request.get_ref().encoded_len());
         let request = request.into_inner();
         let threads = self.context.maps.pool().threads();
-        let input = bundle_solve::input(&request, threads, time)?;
+        let input = bundle_solve::input(&request, threads, self.ceiling())?;
         let cancel = CancelOnDrop::default();
-        let mut observer = cancel.observer();
-        self.solve(&caller, move || bundle_solve::run(request, input, &mut observer)).await?
+        let interrupt = cancel.interrupt(deadline);
+        let work = move || bundle_solve::run(request, input, &interrupt);
+        self.solve(&caller, deadline, work).await?
     }
 
     async fn graph(
         &self,
         request: Request<v1::SolvePoseGraphRequest>,
     ) -> Result<v1::SolvePoseGraphResponse, ServiceError> {
-        let (caller, time) = (Caller::of(&request)?, solve_time(request.metadata()));
+        let caller = Caller::of(&request)?;
+        let deadline = solve_deadline(&request, request.get_ref().encoded_len());
         let threads = self.context.maps.pool().threads();
-        let input = graph_solve::input(request.into_inner(), threads, time)?;
+        let input = graph_solve::input(request.into_inner(), threads, self.ceiling())?;
         let cancel = CancelOnDrop::default();
-        let mut observer = cancel.observer();
-        self.solve(&caller, move || graph_solve::run(input, &mut observer)).await?
+        let interrupt = cancel.interrupt(deadline);
+        self.solve(&caller, deadline, move || graph_solve::run(input, &interrupt)).await?
+    }
+}
+
+/// Resolves at `deadline`; never without one.
+async fn reached(deadline: Option<Instant>) {
+    match deadline {
+        Some(deadline) => tokio::time::sleep_until(deadline.into()).await,
+        None => std::future::pending().await,
     }
 }
 
@@ -101,7 +138,7 @@ impl Optimization {
 pub(super) fn map_options(
     request: &v1::OptimizeMapRequest,
     threads: usize,
-    time: Option<std::time::Duration>,
+    deadline: Option<Instant>,
 ) -> Result<(String, OptimizeOptions), ServiceError> {
     let converted = convert(|out| {
         let map_id = ids::map_id(&request.map_id, out);
@@ -113,7 +150,7 @@ pub(super) fn map_options(
             OptimizeProblem::Full => Systems::Bundle,
             OptimizeProblem::PoseGraph { .. } => Systems::PoseGraph,
         };
-        let options = options(request.options.as_ref(), systems, threads, time, out);
+        let options = options(request.options.as_ref(), systems, threads, None, out);
         let observation =
             loss(Path::root("observation_loss"), request.observation_loss.as_ref(), out);
         let constraint = loss(Path::root("constraint_loss"), request.constraint_loss.as_ref(), out);
@@ -138,6 +175,7 @@ pub(super) fn map_options(
                 constraint_loss: constraint?,
                 problem,
                 gauge: gauge?,
+                deadline,
             },
         ))
     })?;
@@ -179,12 +217,12 @@ impl OptimizationService for Optimization {
         request: Request<v1::OptimizeMapRequest>,
     ) -> Result<Response<Self::OptimizeMapStream>, Status> {
         let time = call_time(request.metadata());
-        let solve_time = solve_time(request.metadata());
+        let deadline = solve_deadline(&request, 0);
         let caller = Caller::of(&request);
         let (context, request) = (Arc::clone(&self.context), request.into_inner());
         self.context.stream("OptimizeMap", time, |sink| async move {
             let threads = context.maps.pool().threads();
-            let (map_id, options) = map_options(&request, threads, solve_time)?;
+            let (map_id, options) = map_options(&request, threads, deadline)?;
             let map = context.maps.get(&caller?.engine_name(&map_id))?;
             let (progress, mut rows) = mpsc::channel(16);
             let forwarding = async {

@@ -1,14 +1,14 @@
 //! `RefinePose`: from the request to the answer, on a thread of the solver pool.
 //! Solver and evaluator do the maths; here an observation is only compared with its quantile.
 
-use std::time::Duration;
+use std::time::Instant;
 
 use covis_solvers::evaluation::bundle_cost;
 use covis_solvers::factors::{DepthReprojection, PosePrior};
 use covis_solvers::geometry::{Camera, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
-use covis_solvers::optimizer::Observer;
+use covis_solvers::optimizer::{self, Observer};
 use covis_solvers::pose_refinement::{self, PointObservation, Prior};
 use covis_solvers::problem::BundleProblem;
 
@@ -37,13 +37,15 @@ pub(super) struct Input {
     prior: Option<Prior>,
     options: pose_refinement::Options,
     include_information: bool,
+    /// When the solve must have ended.
+    deadline: Option<Instant>,
 }
 
 /// Reads a request.
 pub(super) fn input(
     request: &v1::RefinePoseRequest,
     threads: usize,
-    time: Option<Duration>,
+    deadline: Option<Instant>,
 ) -> Result<Input, ServiceError> {
     let input = convert(|out| {
         let at = Path::root("camera");
@@ -52,7 +54,7 @@ pub(super) fn input(
         let start = rigid_transform(Path::root("world_from_camera"), start, out);
         let observations = observations(&request.observations, out);
         let loss = loss(Path::root("loss"), request.loss.as_ref(), out);
-        let options = options(request.options.as_ref(), Systems::SinglePose, threads, time, out);
+        let options = options(request.options.as_ref(), Systems::SinglePose, threads, None, out);
         let prior = prior(request.prior.as_ref(), out);
         if request.include_covariance {
             let _: Option<()> = out.unimplemented(Path::root("include_covariance"));
@@ -65,6 +67,7 @@ pub(super) fn input(
             prior: prior?,
             options: pose_refinement::Options { optimizer: options?.optimizer, loss, class: None },
             include_information: request.include_information,
+            deadline,
         })
     })?;
     Ok(input)
@@ -75,7 +78,13 @@ pub(super) fn run(
     input: &Input,
     observer: &mut Observer<'_>,
 ) -> Result<v1::RefinePoseResponse, ServiceError> {
-    let Input { camera, start, observations, options, .. } = input;
+    let Input { camera, start, observations, .. } = input;
+    // What the wait for a turn left of the time.
+    let left = input.deadline.map(|at| at.saturating_duration_since(Instant::now()));
+    let optimizer = input.options.optimizer;
+    let deadline = optimizer.deadline.into_iter().chain(left).min();
+    let optimizer = optimizer::Options { deadline, ..optimizer };
+    let options = &pose_refinement::Options { optimizer, ..input.options };
     let refined = pose_refinement::refine(
         camera,
         start,

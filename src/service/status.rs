@@ -7,6 +7,7 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
+use covis_solvers::price::{Resource, TooExpensive};
 use covis_solvers::problem::SolveError;
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, FieldViolation, StatusExt};
@@ -208,6 +209,10 @@ fn engine(error: EngineError) -> Parts {
         EngineError::Solve(SolveError::Empty(_)) => {
             parts(Code::FailedPrecondition, "NOTHING_TO_SOLVE")
         }
+        EngineError::Solve(SolveError::TooExpensive(error)) => too_expensive(error),
+        EngineError::Solve(SolveError::Interrupted) => {
+            parts(Code::DeadlineExceeded, "DEADLINE_EXCEEDED")
+        }
         EngineError::Solve(error) => {
             parts(Code::FailedPrecondition, wire_name(solve_reason(&error)))
         }
@@ -268,9 +273,27 @@ fn unsolvable(field: &str, error: &SolveError) -> Parts {
     if let SolveError::Threads { .. } = error {
         return bug(None, &error.to_string());
     }
-    let reason = wire_name(solve_reason(error));
+    if let SolveError::TooExpensive(error) = error {
+        return too_expensive(*error);
+    }
     let message = error.to_string();
+    if let SolveError::Interrupted = error {
+        return Parts::new(Code::DeadlineExceeded, "DEADLINE_EXCEEDED", message);
+    }
+    let reason = wire_name(solve_reason(error));
     Parts::new(Code::InvalidArgument, reason, message.clone()).violation(field, reason, &message)
+}
+
+/// The same request never fits: there is nothing to wait for, so no `RetryInfo`.
+fn too_expensive(error: TooExpensive) -> Parts {
+    let limit = match error.resource {
+        Resource::Bytes => "max_solve_bytes",
+        Resource::FlopsPerIteration => "max_solve_gflops",
+    };
+    Parts::new(Code::ResourceExhausted, "SOLVE_TOO_EXPENSIVE", error.to_string())
+        .with("limit", limit)
+        .with("estimate", error.estimate)
+        .with("maximum", error.limit)
 }
 
 fn draining() -> Parts {
@@ -322,7 +345,9 @@ pub(super) fn solve_reason(error: &SolveError) -> ViolationReason {
         }
         SolveError::Disconnected { .. } => ViolationReason::Disconnected,
         SolveError::DuplicateId { .. } => ViolationReason::Duplicate,
-        SolveError::TooLarge { .. } => ViolationReason::TooLarge,
+        SolveError::TooLarge { .. } | SolveError::TooExpensive(_) | SolveError::Interrupted => {
+            ViolationReason::TooLarge
+        }
         SolveError::InvalidOption { .. } | SolveError::Threads { .. } => {
             ViolationReason::OutOfRange
         }

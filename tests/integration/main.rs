@@ -51,6 +51,7 @@ mod rpc_optimization;
 mod rpc_optimize_map;
 mod rpc_overload;
 mod rpc_pose_graph;
+mod rpc_prices;
 mod rpc_server;
 mod rpc_violations;
 mod rpc_watch;

@@ -6,6 +6,7 @@
 //! landmarks for L, and entries of a block for the products. Jacobians live in a tile and are never
 //! written out; a landmark leaves only L, g_l and D behind.
 
+use crate::interrupt::Interrupt;
 use crate::lanes::models::LaneModel;
 use crate::simd::{Kernel, Lanes, Line, WIDTH};
 
@@ -15,6 +16,9 @@ use super::landmarks::{LandmarkGroup, TileLandmarks};
 use super::layout::Layout;
 use super::observe::{Inputs, linearize};
 use super::sorted::{Chunk, GROUPS, Tile};
+
+/// A row of so many pairs of a landmark takes some ten microseconds.
+const MANY_PAIRS: usize = 256;
 
 /// What a chunk sums for a view.
 #[derive(Clone, Copy, Debug)]
@@ -92,6 +96,12 @@ impl<const T: usize, const R: usize> Eight<T, R> {
 }
 
 impl<const D: usize, const V: usize, const T: usize, const R: usize> ChunkSums<D, V, T, R> {
+    /// Bytes of a view's sum, and of an observation of the longest tile.
+    pub(super) const VIEW_BYTES: usize = size_of::<ViewSum<D, V, T>>();
+    pub(super) const OBSERVATION_BYTES: usize = size_of::<[[Line; V]; R]>()
+        + size_of::<Eight<T, R>>().div_ceil(WIDTH)
+        + size_of::<[Line; 2]>();
+
     pub(super) fn new(layout: &Layout, chunk: &Chunk, pairs: Option<&ChunkPairs>) -> Self {
         let room = layout.sorted.longest_tile + 2 * WIDTH;
         let track = if pairs.is_some() { layout.sorted.longest_track } else { 0 };
@@ -120,6 +130,8 @@ pub(super) struct Accumulate<'a, M, const D: usize, const V: usize, const T: usi
     /// `None`: only the diagonal of the reduced system.
     pub(super) pairs: Option<&'a ChunkPairs>,
     pub(super) damping: f64,
+    /// Asked after each tile, and within landmarks of many pairs.
+    pub(super) interrupt: &'a Interrupt,
     pub(super) sums: &'a mut ChunkSums<D, V, T, R>,
     /// [`GROUPS`] for each tile of the chunk.
     pub(super) groups: &'a mut [LandmarkGroup],
@@ -138,6 +150,9 @@ impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usiz
         self.sums.positive_definite = true;
         let chunk = self.chunk;
         for (t, tile) in self.layout.tiles(chunk) {
+            if self.interrupt.is_due() {
+                return;
+            }
             let first = tile.observations.start;
             for o in tile.observations.clone().step_by(WIDTH) {
                 self.observe(l, o, o - first);
@@ -336,6 +351,9 @@ impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usiz
         let eliminated = &sums.scratch.eliminated[..length];
         let tails = &sums.scratch.eliminated_tails[..length];
         for (i, left) in eliminated.iter().enumerate() {
+            if i >= MANY_PAIRS && self.interrupt.is_due() {
+                return;
+            }
             let row = &pairs.slot_of[pair..pair + i];
             pair += i;
             for ((&slot, right), right_tail) in row.iter().zip(eliminated).zip(tails) {

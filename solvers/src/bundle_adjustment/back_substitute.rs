@@ -3,6 +3,7 @@
 //! δ_l = −(L Lᵀ)⁻¹ (g_l + Σ J_lᵀ J_v δ_v) with the Jacobians of the linearization point computed anew,
 //! which is cheaper than reading them back from memory.
 
+use crate::interrupt::Interrupt;
 use crate::lanes::models::LaneModel;
 use crate::loss::Loss;
 use crate::simd::{Kernel, Lanes, WIDTH};
@@ -78,6 +79,8 @@ pub(super) struct BackSubstitute<
     pub(super) groups: &'a [LandmarkGroup],
     /// Four numbers for each landmark of the chunk, in sorted order; the last is zero.
     pub(super) steps: &'a mut [f64],
+    /// Asked after each tile.
+    pub(super) interrupt: &'a Interrupt,
 }
 
 impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize> Kernel
@@ -92,6 +95,9 @@ impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usiz
         let zero = l.splat(0.0);
         let (mut decrease, mut squared) = (zero, zero);
         for (t, tile) in self.layout.tiles(self.chunk) {
+            if self.interrupt.is_due() {
+                break;
+            }
             let first = tile.observations.start;
             for o in tile.observations.clone().step_by(WIDTH) {
                 let lin = linearize::<L, M, R>(l, &self.inputs, o);

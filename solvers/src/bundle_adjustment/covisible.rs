@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::layout::Layout;
 use super::sorted::Chunk;
+use crate::interrupt::Interrupt;
 
 /// Marks a pair of observations that has no block: a view that is constant.
 pub(super) const NO_SLOT: u32 = u32::MAX;
@@ -23,21 +24,100 @@ pub(super) struct ChunkPairs {
     pub(super) slot_of: Vec<u32>,
 }
 
-/// The pairs of every chunk.
-pub(super) fn covisible_pairs(layout: &Layout) -> Vec<ChunkPairs> {
-    layout.chunks().par_iter().map(|chunk| chunk_pairs(layout, chunk)).collect()
+/// Where a walk over pairs is asked whether to go on: after so many of them.
+const PAIRS_A_LOOK: usize = 1 << 16;
+
+/// The pairs of every chunk, or `None` where the walk was interrupted.
+pub(super) fn covisible_pairs(layout: &Layout, interrupt: &Interrupt) -> Option<Vec<ChunkPairs>> {
+    let pairs = |chunk| {
+        let mut pairs = ChunkPairs::default();
+        walk(layout, chunk, interrupt, &mut pairs).then_some(pairs)
+    };
+    layout.chunks().par_iter().map(pairs).collect()
 }
 
-fn chunk_pairs(layout: &Layout, chunk: &Chunk) -> ChunkPairs {
-    let mut pairs = ChunkPairs::default();
+/// How many slots [`covisible_pairs`] would have, without forming them; `None` where the walk was
+/// interrupted.
+pub(super) fn slot_count(layout: &Layout, interrupt: &Interrupt) -> Option<u64> {
+    let count = |chunk| {
+        let mut slots = Slots::default();
+        walk(layout, chunk, interrupt, &mut slots).then_some(u64::from(slots.0))
+    };
+    layout.chunks().par_iter().map(count).sum()
+}
+
+/// At least as many slots as there are: no more than pairs of observations, nor than pairs of views.
+pub(super) fn most_slots(layout: &Layout) -> u64 {
+    let of = |chunk: &Chunk| {
+        let views = chunk.views.len() as u64;
+        pair_count(layout, chunk).min(views * (views + 1) / 2)
+    };
+    layout.chunks().iter().map(of).sum()
+}
+
+/// Whether the pairs of every chunk can be numbered.
+pub(super) fn can_be_numbered(layout: &Layout) -> bool {
+    layout.chunks().iter().all(|chunk| pair_count(layout, chunk) < u64::from(NO_SLOT))
+}
+
+fn pair_count(layout: &Layout, chunk: &Chunk) -> u64 {
+    let moves = chunk.landmarks.clone().filter(|&k| !layout.sorted.constant[k]);
+    let length = |k: usize| layout.track(k).len() as u64;
+    moves.map(|k| length(k) * (length(k).saturating_sub(1)) / 2).sum()
+}
+
+/// What is done with the pairs that a walk meets.
+trait Visitor {
+    /// First of all: the first pair of each landmark, and the pairs in all.
+    fn begin(&mut self, starts: Vec<u32>, total: u32);
+    /// Views that meet for the first time; the number of their slot.
+    fn slot(&mut self, later: u32, earlier: u32) -> u32;
+    /// A pair of observations.
+    fn pair(&mut self, pair: usize, slot: u32);
+}
+
+impl Visitor for ChunkPairs {
+    fn begin(&mut self, starts: Vec<u32>, total: u32) {
+        self.starts = starts;
+        self.slot_of = vec![NO_SLOT; total as usize];
+    }
+
+    fn slot(&mut self, later: u32, earlier: u32) -> u32 {
+        self.slots.push((later, earlier));
+        self.slots.len() as u32 - 1
+    }
+
+    fn pair(&mut self, pair: usize, slot: u32) {
+        self.slot_of[pair] = slot;
+    }
+}
+
+/// Counts slots.
+#[derive(Default)]
+struct Slots(u32);
+
+impl Visitor for Slots {
+    fn begin(&mut self, _starts: Vec<u32>, _total: u32) {}
+
+    fn slot(&mut self, _later: u32, _earlier: u32) -> u32 {
+        self.0 += 1;
+        self.0 - 1
+    }
+
+    fn pair(&mut self, _pair: usize, _slot: u32) {}
+}
+
+/// Shows the pairs of a chunk to `visitor`; false where it was interrupted.
+fn walk(layout: &Layout, chunk: &Chunk, interrupt: &Interrupt, visitor: &mut impl Visitor) -> bool {
     let first = chunk.observations.start;
     let locals = &layout.sorted.locals;
     let active: Vec<bool> = chunk.views.iter().map(|&view| layout.active[view as usize]).collect();
     let mut total = 0;
     // Position in the track and first pair of the row, for each observation of the chunk.
     let mut rows = vec![(0_u32, 0_u32); chunk.observations.len()];
+    let mut starts = Vec::with_capacity(chunk.landmarks.len());
     for k in chunk.landmarks.clone() {
-        pairs.starts.push(total);
+        starts.push(total);
         if layout.sorted.constant[k] {
             continue;
         }
@@ -46,7 +126,7 @@ fn chunk_pairs(layout: &Layout, chunk: &Chunk) -> ChunkPairs {
             total += i as u32;
         }
     }
-    pairs.slot_of = vec![NO_SLOT; total as usize];
+    visitor.begin(starts, total);
     // Observations by view, so that one stamp a view tells whether a pair was met.
     let count = chunk.views.len();
     let mut next = vec![0_u32; count + 1];
@@ -63,12 +143,20 @@ fn chunk_pairs(layout: &Layout, chunk: &Chunk) -> ChunkPairs {
         *slot += 1;
     }
     let mut stamp = vec![(u32::MAX, 0_u32); count];
+    let mut unasked = 0;
     for &o in &by_view {
         let local = locals[first + o as usize];
         if !active[local as usize] {
             continue;
         }
         let (length, row) = rows[o as usize];
+        unasked += length as usize;
+        if unasked >= PAIRS_A_LOOK {
+            unasked = 0;
+            if interrupt.is_due() {
+                return false;
+            }
+        }
         for j in 0..length {
             let other = locals[first + (o - length + j) as usize];
             if !active[other as usize] {
@@ -76,11 +164,12 @@ fn chunk_pairs(layout: &Layout, chunk: &Chunk) -> ChunkPairs {
             }
             let (owner, slot) = &mut stamp[other as usize];
             if *owner != local {
-                (*owner, *slot) = (local, pairs.slots.len() as u32);
-                pairs.slots.push((chunk.views[local as usize], chunk.views[other as usize]));
+                let later = chunk.views[local as usize];
+                *owner = local;
+                *slot = visitor.slot(later, chunk.views[other as usize]);
             }
-            pairs.slot_of[(row + j) as usize] = *slot;
+            visitor.pair((row + j) as usize, *slot);
         }
     }
-    pairs
+    true
 }

@@ -6,6 +6,7 @@
 
 use rayon::prelude::*;
 
+use crate::interrupt::Interrupt;
 use crate::lanes::models::LaneModel;
 use crate::linear::{BlockJacobi, BlockMatrix, LinearError, Pcg};
 use crate::simd::Class;
@@ -35,6 +36,7 @@ pub(super) struct Linearization<'a, M> {
     pub(super) pose_hessian: Option<&'a BlockMatrix>,
     /// λD.
     pub(super) added: &'a [f64],
+    pub(super) interrupt: &'a Interrupt,
 }
 
 /// The solver's memory.
@@ -71,7 +73,8 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Iterative<D
         let multiply = |p: &[f64], q: &mut [f64]| {
             linearization.multiply::<D, V, T, R>(p, q, (vectors, sums, pose_product));
         };
-        let outcome = pcg.solve(multiply, jacobi, g, x, (FORCING, MAX_PRODUCTS))?;
+        let interrupt = linearization.interrupt;
+        let outcome = pcg.solve(multiply, jacobi, g, x, (FORCING, MAX_PRODUCTS), interrupt)?;
         Ok(outcome.relative_residual)
     }
 }
@@ -105,13 +108,20 @@ impl<M: LaneModel> Linearization<'_, M> {
             &mut Vec<f64>,
         ),
     ) {
-        let Self { inputs, layout, class, offsets, groups, .. } = *self;
+        let Self { inputs, layout, class, offsets, groups, interrupt, .. } = *self;
         gather(layout, offsets, p, vectors);
         let vectors = vectors.as_slice();
         layout.chunks().par_iter().zip(sums.par_iter_mut()).for_each(|(chunk, sums)| {
             let groups = &groups[chunk.tiles.start * GROUPS..chunk.tiles.end * GROUPS];
-            let product = Product::<M, D, V, T, R> { inputs, layout, chunk, groups, vectors, sums };
-            class.run(product);
+            class.run(Product::<M, D, V, T, R> {
+                inputs,
+                layout,
+                chunk,
+                groups,
+                vectors,
+                sums,
+                interrupt,
+            });
         });
         for ((q, p), added) in q.iter_mut().zip(p).zip(self.added) {
             *q = added * p;

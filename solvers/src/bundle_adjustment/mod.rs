@@ -14,6 +14,7 @@ mod landmarks;
 mod layout;
 mod observe;
 mod pose_factors;
+mod price;
 mod product;
 mod reduce;
 mod reduced_solver;
@@ -23,13 +24,17 @@ mod system;
 use std::time::Instant;
 
 use crate::geometry::Camera;
+use crate::interrupt::Interrupt;
 use crate::lanes::models::{AnyLanes, LaneModel, PinholeLanes, SnavelyLanes};
-use crate::optimizer::{self, Observer, SolveSummary, minimize, with_threads};
+use crate::optimizer::{self, Observer, SolveSummary, Unmoved, minimize_until, with_threads};
+use crate::price::{Limits, Price};
 use crate::problem::{BundleProblem, SolveError};
 pub use crate::simd::Class;
 
 use layout::Layout;
-use system::BundleSystem;
+use price::Costs;
+use reduced_solver::plan;
+use system::{BundleSystem, cost_of};
 
 /// How the reduced camera system is stored and factored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -62,7 +67,7 @@ pub struct Options {
 pub struct BundleSummary {
     /// What the loop did.
     pub solve: SolveSummary,
-    /// The solver that was used, never [`LinearSolver::Auto`].
+    /// The solver that was used; [`LinearSolver::Auto`] only where the time was up before the choice.
     pub linear_solver: LinearSolver,
     /// Observations whose landmark is at or behind the camera's center plane in the result; they
     /// count in the cost.
@@ -77,66 +82,191 @@ pub struct BundleSummary {
 /// of threads.
 ///
 /// # Errors
-/// [`SolveError`] where the problem or an option is invalid; not converging is no error.
+/// [`SolveError`] where the problem or an option is invalid, [`SolveError::TooExpensive`] where the
+/// estimate passes the ceiling of the options; not converging is no error.
 pub fn solve(
     problem: &mut BundleProblem,
     options: &Options,
     observer: &mut Observer<'_>,
 ) -> Result<BundleSummary, SolveError> {
+    solve_until(problem, options, &Interrupt::NEVER, observer)
+}
+
+/// As [`solve`], ending once `interrupt` is due as well: within an iteration, at the best state so
+/// far. Where it is due before the first, the start is the answer.
+///
+/// # Errors
+/// As [`solve`].
+pub fn solve_until(
+    problem: &mut BundleProblem,
+    options: &Options,
+    interrupt: &Interrupt,
+    observer: &mut Observer<'_>,
+) -> Result<BundleSummary, SolveError> {
     let start = Instant::now();
+    options.optimizer.validate()?;
+    problem.validate()?;
+    let interrupt = interrupt.or_after(start, options.optimizer.deadline);
+    with_threads(options.optimizer.threads, || {
+        let layout = Layout::new(problem)?;
+        let run = Solve { problem, options, start, interrupt: &interrupt, observer };
+        dispatch(&layout, run)
+    })?
+}
+
+/// What [`solve`] would take, as far as it allocates memory besides the problem.
+///
+/// With a ceiling in the options, counting ends where it is passed: [`SolveError::TooExpensive`] then
+/// has an estimate that the truth may be above.
+///
+/// # Errors
+/// As [`solve`].
+pub fn price(problem: &BundleProblem, options: &Options) -> Result<Price, SolveError> {
     options.optimizer.validate()?;
     problem.validate()?;
     with_threads(options.optimizer.threads, || {
         let layout = Layout::new(problem)?;
-        dispatch(problem, &layout, options, start, observer)
+        dispatch(&layout, Estimate { problem, options })
     })?
 }
 
+/// At least what [`solve`] takes with any solver that [`LinearSolver::Auto`] would choose, in the time
+/// of one pass over the observations: for telling small problems from others.
+#[must_use]
+pub fn price_bound(problem: &BundleProblem) -> Price {
+    let mut lengths = vec![0_u64; problem.landmarks.len()];
+    let (plain, depth) = (&problem.reprojections, &problem.depth_reprojections);
+    for &landmark in plain.landmarks.iter().chain(&depth.landmarks) {
+        if let Some(length) = lengths.get_mut(landmark as usize) {
+            *length += 1;
+        }
+    }
+    let pairs: u64 = lengths.iter().map(|k| k.saturating_mul(k.saturating_sub(1)) / 2).sum();
+    let observations = problem.observation_count() as u64;
+    let variables = problem.poses.len() + problem.landmarks.len() + problem.cameras.len();
+    let blocks = problem.constant_poses.iter().filter(|&&constant| !constant).count()
+        + problem.constant_cameras.iter().filter(|&&constant| !constant).count();
+    // A pose with a camera of its own has up to this many unknowns.
+    let dimension = 15.0 * blocks as f64;
+    let bytes = 16.0 * dimension * dimension
+        + 2200.0 * pairs as f64
+        + 1000.0 * observations as f64
+        + 4000.0 * variables as f64
+        + 1e6;
+    let flops_per_iteration =
+        1500.0 * observations as f64 + 1400.0 * pairs as f64 + dimension.powi(3) / 3.0;
+    Price { bytes: bytes as u64, flops_per_iteration }
+}
+
+/// What is done once the kernels are known.
+trait Run {
+    type Output;
+
+    fn problem(&self) -> &BundleProblem;
+
+    fn run<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize>(
+        self,
+        layout: &Layout,
+        model: M,
+    ) -> Result<Self::Output, SolveError>;
+}
+
 /// Picks the kernels: how many columns a view has, how many rows an observation, which model.
-fn dispatch(
-    problem: &mut BundleProblem,
-    layout: &Layout,
-    options: &Options,
-    start: Instant,
-    observer: &mut Observer<'_>,
-) -> Result<BundleSummary, SolveError> {
+fn dispatch<W: Run>(layout: &Layout, work: W) -> Result<W::Output, SolveError> {
+    let problem = work.problem();
     let all = |is: fn(&Camera) -> bool| problem.cameras.iter().all(is);
     let snavely = all(|c| matches!(c, Camera::Snavely(_)));
     let pinhole = all(|c| matches!(c, Camera::Pinhole(_)));
     let depth = !problem.depth_reprojections.is_empty();
     let known = layout.camera_parameters == 0;
-    let run = (layout, options, start);
     if snavely && !depth && known {
-        solve_with::<_, 6, 1, 0, 2>(problem, run, SnavelyLanes, observer)
+        work.run::<_, 6, 1, 0, 2>(layout, SnavelyLanes)
     } else if snavely && !depth {
-        solve_with::<_, 9, 1, 1, 2>(problem, run, SnavelyLanes, observer)
+        work.run::<_, 9, 1, 1, 2>(layout, SnavelyLanes)
     } else if pinhole && known && !depth {
-        solve_with::<_, 6, 1, 0, 2>(problem, run, PinholeLanes, observer)
+        work.run::<_, 6, 1, 0, 2>(layout, PinholeLanes)
     } else if pinhole && known {
-        solve_with::<_, 6, 1, 0, 3>(problem, run, PinholeLanes, observer)
+        work.run::<_, 6, 1, 0, 3>(layout, PinholeLanes)
     } else {
         let view_cameras: Vec<u32> = layout.views.iter().map(|v| v.camera).collect();
         let model = AnyLanes { view_cameras: &view_cameras };
         match (known, depth) {
-            (true, false) => solve_with::<_, 6, 1, 0, 2>(problem, run, model, observer),
-            (true, true) => solve_with::<_, 6, 1, 0, 3>(problem, run, model, observer),
-            (false, false) => solve_with::<_, 15, 2, 0, 2>(problem, run, model, observer),
-            (false, true) => solve_with::<_, 15, 2, 0, 3>(problem, run, model, observer),
+            (true, false) => work.run::<_, 6, 1, 0, 2>(layout, model),
+            (true, true) => work.run::<_, 6, 1, 0, 3>(layout, model),
+            (false, false) => work.run::<_, 15, 2, 0, 2>(layout, model),
+            (false, true) => work.run::<_, 15, 2, 0, 3>(layout, model),
         }
     }
 }
 
-fn solve_with<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize>(
-    problem: &mut BundleProblem,
-    (layout, options, start): (&Layout, &Options, Instant),
-    model: M,
-    observer: &mut Observer<'_>,
-) -> Result<BundleSummary, SolveError> {
-    let choice = (options.linear_solver, options.class.unwrap_or_else(Class::detect));
-    let mut system = BundleSystem::<M, D, V, T, R>::new(problem, layout, model, choice)?;
-    let linear_solver = system.linear_solver();
-    let solve = minimize(&mut system, &options.optimizer, start, observer);
-    system.finish();
-    let behind_camera = problem.behind_camera_count();
-    Ok(BundleSummary { solve, linear_solver, behind_camera, class: choice.1 })
+/// Solving.
+struct Solve<'a, 'o> {
+    problem: &'a mut BundleProblem,
+    options: &'a Options,
+    start: Instant,
+    interrupt: &'a Interrupt,
+    observer: &'a mut Observer<'o>,
+}
+
+impl Run for Solve<'_, '_> {
+    type Output = BundleSummary;
+
+    fn problem(&self) -> &BundleProblem {
+        self.problem
+    }
+
+    fn run<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize>(
+        self,
+        layout: &Layout,
+        model: M,
+    ) -> Result<BundleSummary, SolveError> {
+        let Self { problem, options, start, interrupt, observer } = self;
+        let class = options.class.unwrap_or_else(Class::detect);
+        let choice = (options.linear_solver, class);
+        let limits = Limits { ceiling: options.optimizer.ceiling, interrupt };
+        let system = BundleSystem::<M, D, V, T, R>::new(problem, layout, model, choice, limits);
+        let run = (start, interrupt);
+        let (solve, linear_solver) = match system {
+            Ok(mut system) => {
+                let solve = minimize_until(&mut system, &options.optimizer, run, observer);
+                let linear_solver = system.linear_solver();
+                system.finish();
+                (solve, linear_solver)
+            }
+            Err(SolveError::Interrupted) => {
+                let mut start = Unmoved(cost_of::<M, R>(problem, layout, (model, class)));
+                let solve = minimize_until(&mut start, &options.optimizer, run, observer);
+                (solve, options.linear_solver)
+            }
+            Err(error) => return Err(error),
+        };
+        let behind_camera = problem.behind_camera_count();
+        Ok(BundleSummary { solve, linear_solver, behind_camera, class })
+    }
+}
+
+/// Pricing.
+struct Estimate<'a> {
+    problem: &'a BundleProblem,
+    options: &'a Options,
+}
+
+impl Run for Estimate<'_> {
+    type Output = Price;
+
+    fn problem(&self) -> &BundleProblem {
+        self.problem
+    }
+
+    fn run<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize>(
+        self,
+        layout: &Layout,
+        _model: M,
+    ) -> Result<Price, SolveError> {
+        let problem = self.problem;
+        let costs = Costs::of::<D, V, T, R>(problem, layout);
+        let ceiling = self.options.optimizer.ceiling;
+        let limits = Limits { ceiling, interrupt: &Interrupt::NEVER };
+        plan(problem, layout, self.options.linear_solver, &costs, limits).map(|plan| plan.price)
+    }
 }

@@ -5,6 +5,7 @@
 //! the pairs of views need never be known (Agarwal et al., "Bundle adjustment in the large", 2010).
 //! A chunk sums into its own views; the sums are added in the chunks' order.
 
+use crate::interrupt::Interrupt;
 use crate::lanes::models::LaneModel;
 use crate::simd::{Kernel, Lanes, Line, WIDTH};
 
@@ -37,6 +38,10 @@ struct Eight<const D: usize, const R: usize> {
 }
 
 impl<const D: usize, const V: usize, const T: usize, const R: usize> ProductSums<D, V, T, R> {
+    /// Bytes of an observation of the longest tile.
+    pub(super) const OBSERVATION_BYTES: usize =
+        size_of::<Eight<D, R>>().div_ceil(WIDTH) + size_of::<[Line; 1]>();
+
     pub(super) fn new(layout: &Layout, chunk: &Chunk) -> Self {
         let room = layout.sorted.longest_tile + 2 * WIDTH;
         let zero = Eight {
@@ -62,6 +67,8 @@ pub(super) struct Product<'a, M, const D: usize, const V: usize, const T: usize,
     /// p_v of each view, zero where constant.
     pub(super) vectors: &'a [ViewVector<V, T>],
     pub(super) sums: &'a mut ProductSums<D, V, T, R>,
+    /// Asked after each tile.
+    pub(super) interrupt: &'a Interrupt,
 }
 
 impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize> Kernel
@@ -71,10 +78,13 @@ impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usiz
 
     #[inline(always)]
     fn run<L: Lanes>(self, l: L) {
-        let Self { inputs, layout, chunk, groups, vectors, sums } = self;
+        let Self { inputs, layout, chunk, groups, vectors, sums, interrupt } = self;
         let sorted = inputs.sorted;
         sums.views.fill(ViewVector::ZERO);
         for (t, tile) in layout.tiles(chunk) {
+            if interrupt.is_due() {
+                return;
+            }
             let first = tile.observations.start;
             let eights = sums.eights.iter_mut();
             for (o, eight) in tile.observations.clone().step_by(WIDTH).zip(eights) {

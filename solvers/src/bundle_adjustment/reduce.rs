@@ -11,6 +11,7 @@ use super::accumulate::ChunkSums;
 use super::blocks::Block;
 use super::covisible::ChunkPairs;
 use super::layout::{Layout, Part};
+use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, BlockPattern, BlockRowMut};
 
 /// One sub-block of a view's or a pair's sum and where it lands in its block row.
@@ -30,6 +31,9 @@ struct Source {
     rows: u8,
     columns: u8,
 }
+
+/// Bytes of one source.
+pub(super) const SOURCE_BYTES: u64 = size_of::<Source>() as u64;
 
 /// Where every sum goes, worked out once a solve.
 #[derive(Debug)]
@@ -127,11 +131,15 @@ impl Reduction {
         chunks: &[ChunkSums<D, V, T, R>],
         reduced: &mut BlockMatrix,
         vectors: &mut ReducedVectors,
+        interrupt: &Interrupt,
     ) {
-        reduced.set_zero();
         let sizes = &layout.block_sizes;
         let rows = reduced.rows_mut().into_par_iter().zip(&self.rows);
         rows.with_min_len(8).for_each(|(mut row, sources)| {
+            if interrupt.is_due() {
+                return;
+            }
+            row.values_mut().fill(0.0);
             let stride = sizes[row.index()];
             for source in sources {
                 add_source(&mut row, stride, source, chunks);

@@ -6,13 +6,16 @@
 
 use std::sync::Arc;
 
-use crate::linear::{BlockPattern, Cholesky, LinearError};
+use crate::linear::{BlockPattern, Cholesky, LinearError, Ordered, dense_price};
+use crate::optimizer::from_linear;
+use crate::price::{Limits, Price};
 use crate::problem::{BundleProblem, SolveError};
 
 use super::LinearSolver;
-use super::covisible::{ChunkPairs, covisible_pairs};
+use super::covisible::{ChunkPairs, can_be_numbered, covisible_pairs, most_slots, slot_count};
 use super::layout::Layout;
 use super::pose_factors;
+use super::price::Costs;
 use super::reduce::block_pairs;
 
 /// What a multiplication with the pairs of a landmark costs, as a share of one with its observations
@@ -29,6 +32,9 @@ const DENSE_DIMENSION: usize = 300;
 /// Fuller reduced systems than this are dense rather than sparse.
 const DENSE_FILL: f64 = 0.4;
 
+/// More pairs of observations than this are not walked over for a price: their bound counts.
+const MOST_COUNTED: usize = 1 << 28;
+
 /// The chosen solver and what it needs.
 pub(super) struct Choice {
     /// Never [`LinearSolver::Auto`].
@@ -39,54 +45,161 @@ pub(super) struct Choice {
     pub(super) direct: Option<(Box<Cholesky>, Vec<ChunkPairs>)>,
 }
 
-/// Chooses as `wish` says, or the cheapest.
+/// A choice for which nothing large was allocated yet, and what it takes.
+pub(super) struct Plan {
+    kind: Kind,
+    pub(super) price: Price,
+}
+
+enum Kind {
+    Dense,
+    Sparse { pattern: Arc<BlockPattern>, pairs: Vec<ChunkPairs>, ordered: Ordered },
+    Iterative,
+}
+
+/// Chooses as `wish` says, or the cheapest that stays within the ceiling.
+///
+/// # Errors
+/// [`SolveError::TooExpensive`], [`SolveError::TooLarge`], [`SolveError::Interrupted`].
 pub(super) fn choose(
     problem: &BundleProblem,
     layout: &Layout,
     wish: LinearSolver,
+    costs: &Costs,
+    limits: Limits<'_>,
 ) -> Result<Choice, SolveError> {
     let sizes = layout.block_sizes.clone();
     let dimension: usize = sizes.iter().sum();
-    let too_large = |_error: LinearError| SolveError::TooLarge { dimension };
-    let iterative = |sizes| {
-        let pattern = Arc::new(BlockPattern::new(sizes, []));
-        Choice { linear_solver: LinearSolver::IterativeSchur, pattern, direct: None }
-    };
-    let dense = |sizes, pairs| {
-        let pattern = Arc::new(BlockPattern::full(sizes));
-        let cholesky = Box::new(Cholesky::dense(Arc::clone(&pattern)).map_err(too_large)?);
-        let direct = Some((cholesky, pairs));
-        Ok(Choice { linear_solver: LinearSolver::DenseSchur, pattern, direct })
-    };
+    let failed = |error: LinearError| from_linear(error, dimension);
+    match plan(problem, layout, wish, costs, limits)?.kind {
+        Kind::Dense => {
+            let pairs = covisible_pairs(layout, limits.interrupt).ok_or(SolveError::Interrupted)?;
+            let pattern = Arc::new(BlockPattern::full(sizes));
+            let cholesky = Box::new(Cholesky::dense(Arc::clone(&pattern)).map_err(failed)?);
+            let direct = Some((cholesky, pairs));
+            Ok(Choice { linear_solver: LinearSolver::DenseSchur, pattern, direct })
+        }
+        Kind::Sparse { pattern, pairs, ordered } => {
+            let cholesky = Cholesky::ordered(Arc::clone(&pattern), ordered).map_err(failed)?;
+            let direct = Some((Box::new(cholesky), pairs));
+            Ok(Choice { linear_solver: LinearSolver::SparseSchur, pattern, direct })
+        }
+        Kind::Iterative => {
+            let pattern = Arc::new(BlockPattern::new(sizes, []));
+            let linear_solver = LinearSolver::IterativeSchur;
+            Ok(Choice { linear_solver, pattern, direct: None })
+        }
+    }
+}
+
+/// Plans as [`choose`] would.
+pub(super) fn plan(
+    problem: &BundleProblem,
+    layout: &Layout,
+    wish: LinearSolver,
+    costs: &Costs,
+    limits: Limits<'_>,
+) -> Result<Plan, SolveError> {
     let auto = wish == LinearSolver::Auto;
+    let direct = match plan_direct(problem, layout, wish, costs, limits) {
+        // The matrix does not fit; without it, it may.
+        Err(SolveError::TooExpensive(_) | SolveError::TooLarge { .. }) if auto => None,
+        other => other?,
+    };
+    if let Some(direct) = direct {
+        return Ok(direct);
+    }
+    let price = costs.iterative();
+    limits.ceiling.admit(&price)?;
+    Ok(Plan { kind: Kind::Iterative, price })
+}
+
+/// A plan with the matrix; `None` where conjugate gradients are wished or expected to be cheaper.
+fn plan_direct(
+    problem: &BundleProblem,
+    layout: &Layout,
+    wish: LinearSolver,
+    costs: &Costs,
+    limits: Limits<'_>,
+) -> Result<Option<Plan>, SolveError> {
+    let dimension: usize = layout.block_sizes.iter().sum();
+    let auto = wish == LinearSolver::Auto;
+    let dense = || -> Result<Plan, SolveError> {
+        let matrix = dense_price(dimension).plus_bytes(costs.full_matrix_bytes());
+        let price = paired(layout, costs, |_slots| matrix, limits)?;
+        Ok(Plan { kind: Kind::Dense, price })
+    };
+    let numbered = || match can_be_numbered(layout) {
+        true => Ok(()),
+        false => Err(SolveError::TooLarge { dimension }),
+    };
     if wish == LinearSolver::DenseSchur || (auto && dimension <= DENSE_DIMENSION) {
-        return dense(sizes, covisible_pairs(layout));
+        numbered()?;
+        return dense().map(Some);
     }
     let observations = layout.sorted.observation_count() as f64;
     let affordable = PRODUCTS * observations - PAIR_COST * layout.sorted.pair_count as f64;
     if wish == LinearSolver::IterativeSchur
         || (auto && FLOP_COST * least_factor_flops(layout) > affordable)
     {
-        return Ok(iterative(sizes));
+        return Ok(None);
     }
-    let pairs = covisible_pairs(layout);
+    numbered()?;
+    // The lists of pairs alone may be too many.
+    let lists = |slots| Price { bytes: costs.pattern_lists(slots), ..Price::default() };
+    let base = paired(layout, costs, lists, limits)?;
+    let pairs = covisible_pairs(layout, limits.interrupt).ok_or(SolveError::Interrupted)?;
     let mut tied = pose_factors::block_pairs(problem, layout);
     tied.extend(block_pairs(layout, &pairs));
-    let pattern = Arc::new(BlockPattern::new(sizes.clone(), tied));
+    let pattern = Arc::new(BlockPattern::new(layout.block_sizes.clone(), tied));
     if auto && pattern.density() > DENSE_FILL {
         let flops = (dimension as f64).powi(3) / 3.0;
-        return if FLOP_COST * flops > affordable {
-            Ok(iterative(sizes))
-        } else {
-            dense(sizes, pairs)
-        };
+        return if FLOP_COST * flops > affordable { Ok(None) } else { dense().map(Some) };
     }
-    let cholesky = Box::new(Cholesky::sparse(Arc::clone(&pattern)).map_err(too_large)?);
-    if auto && FLOP_COST * cholesky.factor_flops() > affordable {
-        return Ok(iterative(sizes));
+    let failed = |error: LinearError| from_linear(error, dimension);
+    let ordered = Cholesky::order(&pattern, limits.interrupt).map_err(failed)?;
+    if auto && FLOP_COST * ordered.price().flops_per_iteration > affordable {
+        return Ok(None);
     }
-    let direct = Some((cholesky, pairs));
-    Ok(Choice { linear_solver: LinearSolver::SparseSchur, pattern, direct })
+    let values = 8 * pattern.value_count() as u64 + 24 * pattern.stored_block_count() as u64;
+    let price = Price {
+        bytes: base.bytes.saturating_add(values).saturating_add(ordered.price().bytes),
+        flops_per_iteration: base.flops_per_iteration + ordered.price().flops_per_iteration,
+    };
+    limits.ceiling.admit(&price)?;
+    Ok(Some(Plan { kind: Kind::Sparse { pattern, pairs, ordered }, price }))
+}
+
+/// What a solve takes with the pairs of views and `more`, which may grow with their slots.
+///
+/// A bound that is cheap to know is enough where it stays within the ceiling; else slots are counted.
+fn paired(
+    layout: &Layout,
+    costs: &Costs,
+    more: impl Fn(u64) -> Price,
+    limits: Limits<'_>,
+) -> Result<Price, SolveError> {
+    let price = |slots: u64| {
+        let (pairs, more) = (costs.paired(slots), more(slots));
+        Price {
+            bytes: pairs.bytes.saturating_add(more.bytes),
+            flops_per_iteration: pairs.flops_per_iteration + more.flops_per_iteration,
+        }
+    };
+    // Whatever the slots are, it takes this much.
+    limits.ceiling.admit(&price(0))?;
+    let most = price(most_slots(layout));
+    if !limits.ceiling.is_none() && limits.ceiling.admit(&most).is_ok() {
+        return Ok(most);
+    }
+    if layout.sorted.pair_count > MOST_COUNTED {
+        limits.ceiling.admit(&most)?;
+        return Ok(most);
+    }
+    let slots = slot_count(layout, limits.interrupt).ok_or(SolveError::Interrupted)?;
+    let exact = price(slots);
+    limits.ceiling.admit(&exact)?;
+    Ok(exact)
 }
 
 /// What a factorization without any fill would cost, from the neighbors of a few views: cheap to

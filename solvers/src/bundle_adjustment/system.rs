@@ -14,16 +14,19 @@ use super::blocks::ViewVector;
 use super::covisible::ChunkPairs;
 use super::iterative::{Iterative, Linearization, gather, split_groups};
 use super::landmarks::LandmarkGroup;
-use super::layout::{Layout, NO_BLOCK};
+use super::layout::{Layout, NO_BLOCK, View};
 use super::observe::{Inputs, ViewRecord, view_record};
 use super::pose_factors;
+use super::price::Costs;
 use super::reduce::{ReducedVectors, Reduction};
 use super::reduced_solver::{Choice, choose};
 use super::sorted::{GROUPS, split};
 use crate::geometry::{Camera, LieGroup, Se3};
+use crate::interrupt::Interrupt;
 use crate::lanes::models::LaneModel;
 use crate::linear::{BlockMatrix, Cholesky, LinearError};
 use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale};
+use crate::price::Limits;
 use crate::problem::{BundleProblem, SolveError};
 use crate::simd::Class;
 
@@ -43,6 +46,7 @@ pub(super) struct BundleSystem<
     layout: &'a Layout,
     model: M,
     class: Class,
+    interrupt: &'a Interrupt,
     linear_solver: LinearSolver,
     offsets: Vec<usize>,
     /// None where the reduced system is not formed.
@@ -63,6 +67,45 @@ pub(super) struct BundleSystem<
     view_steps: Vec<ViewVector<V, T>>,
     point_steps: Vec<f64>,
     backup: Values,
+}
+
+/// The landmarks in the kernels' order, and one more: eight numbers are read from any landmark on.
+fn points_in_order(problem: &BundleProblem, layout: &Layout) -> Vec<f64> {
+    let order = &layout.sorted.order;
+    let mut points = Vec::with_capacity((order.len() + 1) * POINT);
+    for &landmark in order {
+        let p = &problem.landmarks[landmark as usize];
+        points.extend([p.x, p.y, p.z, 0.0]);
+    }
+    points.extend([0.0; POINT]);
+    points
+}
+
+fn records(problem: &BundleProblem, layout: &Layout) -> impl Iterator<Item = ViewRecord> {
+    let (poses, cameras) = (&problem.poses, &problem.cameras);
+    let record = |v: &View| view_record(&poses[v.pose as usize], &cameras[v.camera as usize]);
+    layout.views.iter().map(record)
+}
+
+/// The cost of a problem for which there is no system, to the bit what the system says.
+pub(super) fn cost_of<M: LaneModel, const R: usize>(
+    problem: &BundleProblem,
+    layout: &Layout,
+    (model, class): (M, Class),
+) -> f64 {
+    let records: Vec<ViewRecord> = records(problem, layout).collect();
+    let points = points_in_order(problem, layout);
+    let inputs = Inputs {
+        sorted: &layout.sorted,
+        records: &records,
+        cameras: &problem.cameras,
+        points: &points,
+        loss: problem.observation_loss,
+        model,
+    };
+    let chunks = layout.chunks().par_iter();
+    let sums: Vec<f64> = chunks.map(|chunk| class.run(Cost::<M, R> { inputs, chunk })).collect();
+    sums.iter().sum::<f64>() + pose_factors::cost(problem)
 }
 
 /// How the reduced system is solved.
@@ -89,27 +132,25 @@ impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: 
         layout: &'a Layout,
         model: M,
         (wish, class): (LinearSolver, Class),
+        limits: Limits<'a>,
     ) -> Result<Self, SolveError> {
-        let Choice { linear_solver, pattern, direct } = choose(problem, layout, wish)?;
+        let costs = Costs::of::<D, V, T, R>(problem, layout);
+        let Choice { linear_solver, pattern, direct } =
+            choose(problem, layout, wish, &costs, limits)?;
         let (solver, pairs) = match direct {
             Some((cholesky, pairs)) => (Solver::Cholesky(cholesky), Some(pairs)),
             None => (Solver::Iterative(Box::new(Iterative::new(layout))), None),
         };
         let dimension = pattern.dimension();
         let sorted = &layout.sorted;
-        // One landmark more: the kernels read eight numbers from any landmark on.
-        let mut points = Vec::with_capacity((sorted.order.len() + 1) * POINT);
-        for &landmark in &sorted.order {
-            let p = &problem.landmarks[landmark as usize];
-            points.extend([p.x, p.y, p.z, 0.0]);
-        }
-        points.extend([0.0; POINT]);
+        let points = points_in_order(problem, layout);
         let chunk_pairs = |i: usize| pairs.as_ref().map(|pairs| &pairs[i]);
         let chunks = layout.chunks().par_iter().enumerate();
         let pose_pairs = || pose_factors::block_pairs(problem, layout);
         Ok(Self {
             model,
             class,
+            interrupt: limits.interrupt,
             linear_solver,
             offsets: (0..pattern.block_count()).map(|b| pattern.offset(b)).collect(),
             reduction: Reduction::new(layout, pairs.as_deref().unwrap_or(&[]), &pattern),
@@ -145,12 +186,8 @@ impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: 
     }
 
     fn fill_view_records(&mut self) {
-        let (poses, cameras) = (&self.problem.poses, &self.problem.cameras);
-        let record = |v: &super::layout::View| {
-            view_record(&poses[v.pose as usize], &cameras[v.camera as usize])
-        };
         self.view_records.clear();
-        self.view_records.extend(self.layout.views.iter().map(record));
+        self.view_records.extend(records(self.problem, self.layout));
     }
 
     fn inputs(&self) -> Inputs<'_, M> {
@@ -171,6 +208,7 @@ impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: 
         let mut groups = std::mem::take(&mut self.groups);
         let inputs = self.inputs();
         let (layout, class, pairs) = (self.layout, self.class, self.pairs.as_ref());
+        let interrupt = self.interrupt;
         let pieces = split_groups(layout, &mut groups);
         let chunks = layout.chunks().par_iter().enumerate();
         chunks.zip(&mut sums).zip(pieces).for_each(|(((i, chunk), sums), groups)| {
@@ -181,11 +219,12 @@ impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: 
                 chunk,
                 pairs,
                 damping,
+                interrupt,
                 sums,
                 groups,
             });
         });
-        self.reduction.sum(layout, &sums, &mut self.reduced, &mut self.vectors);
+        self.reduction.sum(layout, &sums, &mut self.reduced, &mut self.vectors, interrupt);
         self.sums = sums;
         self.groups = groups;
         if let Some(hessian) = &mut self.pose_hessian {
@@ -210,7 +249,7 @@ impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: 
         }
         match &mut self.solver {
             Solver::Cholesky(cholesky) => {
-                cholesky.factor(&self.reduced, added)?;
+                cholesky.factor_until(&self.reduced, added, self.interrupt)?;
                 Ok(cholesky.solve_checked(&self.reduced, added, &right, &mut self.step))
             }
             Solver::Iterative(iterative) => {
@@ -229,6 +268,7 @@ impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: 
                     groups: &self.groups,
                     pose_hessian: self.pose_hessian.as_ref(),
                     added,
+                    interrupt: self.interrupt,
                 };
                 iterative.solve(&linearization, &self.reduced, &right, &mut self.step)
             }
@@ -240,7 +280,7 @@ impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: 
         gather(self.layout, &self.offsets, &self.step, &mut self.view_steps);
         let mut steps = std::mem::take(&mut self.point_steps);
         let inputs = self.inputs();
-        let (layout, class) = (self.layout, self.class);
+        let (layout, class, interrupt) = (self.layout, self.class, self.interrupt);
         let pieces = split(&mut steps, layout.chunks().iter().map(|c| c.landmarks.len() * POINT));
         let view_steps = &self.view_steps;
         let sums: Vec<StepSums> = layout
@@ -257,6 +297,7 @@ impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: 
                     view_steps,
                     groups,
                     steps,
+                    interrupt,
                 })
             })
             .collect();
@@ -299,6 +340,9 @@ impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usiz
     fn solve(&mut self, damping: f64) -> Result<Step, StepFailure> {
         if self.eliminated_for != Some(damping) {
             self.eliminate(damping);
+        }
+        if self.interrupt.is_due() {
+            return Err(StepFailure);
         }
         if self.sums.iter().any(|s| !s.positive_definite) {
             return Err(StepFailure);

@@ -9,10 +9,12 @@ use nalgebra::{DMatrix, SMatrix};
 
 use super::manifold::{multipliers, subtract_multiplied};
 use super::quadratic::{Lifted, add};
+use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, Cholesky, LinearError};
+use crate::price::Ceiling;
 
 /// Steps of Lanczos.
-const LANCZOS_STEPS: usize = 40;
+pub(super) const LANCZOS_STEPS: usize = 40;
 
 /// η beyond which nothing is proved any more, over the mean diagonal of M.
 const LARGEST_MARGIN: f64 = 10.0;
@@ -31,17 +33,21 @@ pub(super) struct Dual {
 /// Looks for the smallest margin from `margin` on, tenfold each time.
 ///
 /// # Errors
-/// [`LinearError`] where no margin makes the matrix positive definite: a state that is not finite.
+/// [`LinearError`] where no margin makes the matrix positive definite: a state that is not finite;
+/// [`LinearError::Interrupted`].
 pub(super) fn dual<const D: usize>(
     matrix: &BlockMatrix,
     x: &Lifted,
     margin: f64,
+    interrupt: &Interrupt,
 ) -> Result<Dual, LinearError> {
     let multipliers = multipliers::<D>(x, &x.times(matrix));
     let slack = slack::<D>(matrix, &multipliers);
     let diagonal = matrix.diagonal();
     let mean = diagonal.iter().sum::<f64>() / diagonal.len().max(1) as f64;
-    let mut factor = Cholesky::new(std::sync::Arc::clone(slack.pattern()))?;
+    // Of the size of the preconditioner, which was within the limits.
+    let pattern = std::sync::Arc::clone(slack.pattern());
+    let mut factor = Cholesky::within(pattern, Ceiling::NONE, interrupt)?;
     let mut margin = margin;
     let mut added = vec![0.0; diagonal.len()];
     loop {
@@ -50,7 +56,7 @@ pub(super) fn dual<const D: usize>(
         }
         // Moving all positions alike changes nothing: the first is held.
         added[D] = mean;
-        match factor.factor(&slack, &added) {
+        match factor.factor_until(&slack, &added, interrupt) {
             Ok(()) => break,
             Err(LinearError::NotPositiveDefinite { .. }) if margin < LARGEST_MARGIN * mean => {
                 margin *= 10.0;
@@ -58,7 +64,10 @@ pub(super) fn dual<const D: usize>(
             Err(error) => return Err(error),
         }
     }
-    let (top, direction) = lanczos::<D>(&mut factor, x);
+    let (top, direction) = lanczos::<D>(&mut factor, x, interrupt);
+    if interrupt.is_due() {
+        return Err(LinearError::Interrupted);
+    }
     Ok(Dual { margin, min_eigenvalue: 1.0 / top - margin, direction })
 }
 
@@ -75,7 +84,11 @@ fn slack<const D: usize>(matrix: &BlockMatrix, multipliers: &[SMatrix<f64, D, D>
 ///
 /// The rows of a critical point span eigenvectors of value 0 of S, which say nothing of other states
 /// and would hide a negative eigenvalue that is not far below; so they are taken out.
-fn lanczos<const D: usize>(factor: &mut Cholesky, x: &Lifted) -> (f64, Vec<f64>) {
+fn lanczos<const D: usize>(
+    factor: &mut Cholesky,
+    x: &Lifted,
+    interrupt: &Interrupt,
+) -> (f64, Vec<f64>) {
     let length = x.rows[0].len();
     let dot = |a: &[f64], b: &[f64]| -> f64 {
         let rotation = |k: &usize| k % (D + 1) != D;
@@ -99,7 +112,10 @@ fn lanczos<const D: usize>(factor: &mut Cholesky, x: &Lifted) -> (f64, Vec<f64>)
     let mut norm = dot(&v, &v).max(0.0).sqrt();
     let steps = LANCZOS_STEPS.min(length.saturating_sub(known.len()));
     let mut largest = 0.0_f64;
-    while basis.len() < steps && norm > 1e-12 * largest.max(f64::MIN_POSITIVE) {
+    while basis.len() < steps
+        && norm > 1e-12 * largest.max(f64::MIN_POSITIVE)
+        && !interrupt.is_due()
+    {
         v.iter_mut().for_each(|v| *v /= norm);
         basis.push(v.clone());
         for (k, v) in v.iter_mut().enumerate() {

@@ -7,7 +7,9 @@
 use nalgebra::SMatrix;
 
 use super::quadratic::Lifted;
+use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, Cholesky, LinearError};
+use crate::price::Limits;
 
 /// Most outer steps.
 const MAX_STEPS: usize = 200;
@@ -19,18 +21,22 @@ const MAX_INNER_STEPS: usize = 200;
 pub(super) struct Problem<'a> {
     pub(super) matrix: &'a BlockMatrix,
     preconditioner: Cholesky,
+    /// Asked before each step, inner ones too; the state is then as good as it became.
+    interrupt: &'a Interrupt,
 }
 
 impl<'a> Problem<'a> {
     /// Factors M, a little of its diagonal added, which preconditions every step.
-    pub(super) fn new(matrix: &'a BlockMatrix) -> Result<Self, LinearError> {
+    pub(super) fn new(matrix: &'a BlockMatrix, limits: Limits<'a>) -> Result<Self, LinearError> {
+        let Limits { ceiling, interrupt } = limits;
         let diagonal = matrix.diagonal();
-        let mut preconditioner = Cholesky::new(std::sync::Arc::clone(matrix.pattern()))?;
+        let pattern = std::sync::Arc::clone(matrix.pattern());
+        let mut preconditioner = Cholesky::within(pattern, ceiling, interrupt)?;
         let mut share = 1e-10;
         loop {
             let added: Vec<f64> = diagonal.iter().map(|d| share * d).collect();
-            match preconditioner.factor(matrix, &added) {
-                Ok(()) => return Ok(Self { matrix, preconditioner }),
+            match preconditioner.factor_until(matrix, &added, interrupt) {
+                Ok(()) => return Ok(Self { matrix, preconditioner, interrupt }),
                 // Rounding may leave the semidefinite matrix indefinite.
                 Err(LinearError::NotPositiveDefinite { .. }) if share < 1.0 => share *= 100.0,
                 Err(error) => return Err(error),
@@ -47,6 +53,9 @@ impl<'a> Problem<'a> {
         let largest_radius = 10.0 * radius;
         let scale = self.matrix.diagonal().iter().fold(0.0_f64, |m, d| m.max(*d));
         for _ in 0..MAX_STEPS {
+            if self.interrupt.is_due() {
+                break;
+            }
             let multipliers = multipliers::<D>(x, &product);
             let mut gradient = product.clone();
             subtract_multiplied::<D>(&mut gradient, x, &multipliers);
@@ -96,6 +105,9 @@ impl<'a> Problem<'a> {
         let first = rz;
         let mut model = 0.0;
         for _ in 0..MAX_INNER_STEPS {
+            if self.interrupt.is_due() {
+                break;
+            }
             // Half the Hessian of F: V ↦ P(V M − V_R Λ).
             let mut curved = direction.times(self.matrix);
             subtract_multiplied::<D>(&mut curved, &direction, multipliers);

@@ -18,7 +18,10 @@ use quadratic::{Lifted, data_matrix};
 
 use crate::geometry::RigidMotion;
 pub use crate::initialization::IsotropicPrecision;
-use crate::linear::LinearError;
+use crate::interrupt::Interrupt;
+use crate::linear::{BlockPattern, Cholesky, LinearError};
+use crate::optimizer::from_linear;
+use crate::price::{Ceiling, Limits, Price};
 use crate::problem::{PoseGraph, SolveError};
 
 /// Rows that may be added to the rotations.
@@ -60,6 +63,40 @@ pub struct Certificate {
 pub fn certify<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
 ) -> Result<Certificate, SolveError> {
+    certify_within(graph, Limits::NONE)
+}
+
+/// What [`certify`] takes besides the graph.
+///
+/// # Errors
+/// [`SolveError::Interrupted`].
+pub fn price<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &PoseGraph<G, N>,
+    interrupt: &Interrupt,
+) -> Result<Price, SolveError> {
+    let pattern = quadratic::pattern(graph);
+    let factor = Cholesky::price(&pattern, interrupt);
+    let factor = factor.map_err(|error| from_linear(error, pattern.dimension()))?;
+    // The preconditioner stands while the dual is factored.
+    let bytes = 2 * factor.bytes + linear_bytes::<D>(&pattern);
+    Ok(Price { bytes, flops_per_iteration: factor.flops_per_iteration })
+}
+
+/// Bytes besides the two factors: the matrix and the dual's, states, and the vectors of Lanczos.
+fn linear_bytes<const D: usize>(pattern: &BlockPattern) -> u64 {
+    let rows = 2 * (D + MAX_LIFTS) + 8 * (D + MAX_LIFTS) + dual::LANCZOS_STEPS + 8;
+    let matrices = 2 * 8 * pattern.value_count() as u64;
+    matrices + 8 * (rows * pattern.dimension()) as u64 + pattern.bytes()
+}
+
+/// As [`certify`], within `limits`. `graph` is untouched after an error.
+///
+/// # Errors
+/// As [`certify`]; [`SolveError::TooExpensive`], [`SolveError::Interrupted`].
+pub fn certify_within<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    limits: Limits<'_>,
+) -> Result<Certificate, SolveError> {
     graph.validate()?;
     if graph.constant.iter().filter(|&&constant| constant).count() > 1 {
         let reason = "a graph with several constant poses cannot be certified";
@@ -67,16 +104,27 @@ pub fn certify<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     }
     let matrix = data_matrix(graph);
     let dimension = matrix.pattern().dimension();
-    let failed = |_error: LinearError| SolveError::TooLarge { dimension };
-    let mut problem = Problem::new(&matrix).map_err(failed)?;
+    let failed = |error: LinearError| from_linear(error, dimension);
+    // Half of what is left is for the dual, whose factor is of the same size.
+    let linear = linear_bytes::<D>(matrix.pattern());
+    let rest = limits.less(linear);
+    let half = Ceiling { bytes: rest.ceiling.bytes.map(|bytes| bytes / 2), ..rest.ceiling };
+    let each = Limits { ceiling: half, ..limits };
+    let mut problem =
+        Problem::new(&matrix, each).map_err(|error| failed(error).twice().beside(linear))?;
+    let interrupted = || match limits.interrupt.is_due() {
+        true => Err(SolveError::Interrupted),
+        false => Ok(()),
+    };
     let count = graph.poses.len();
     let mut x = Lifted::of::<G, D, N>(&graph.poses);
     let mut cost = problem.minimize::<D>(&mut x, GRADIENT_TOLERANCE);
+    interrupted()?;
     // Below this, the factorization would prove its own rounding.
     let rounding = 1e-13 * matrix.diagonal().iter().fold(0.0_f64, |m, d| m.max(*d));
     let margin = |cost: f64| (0.1 * CERTIFIED_GAP * cost / (D * count) as f64).max(rounding);
     let mut lifts = 0;
-    let mut proof = dual::<D>(&matrix, &x, margin(cost)).map_err(failed)?;
+    let mut proof = dual::<D>(&matrix, &x, margin(cost), limits.interrupt).map_err(failed)?;
     // The margins tried are a tenth of the largest that will do, then ten times that: give or take
     // its rounding.
     let largest = (1.0 + 1e-9) * CERTIFIED_GAP;
@@ -87,12 +135,14 @@ pub fn certify<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         lifts += 1;
         descend::<D>(&mut x, &proof.direction, &matrix, cost);
         cost = problem.minimize::<D>(&mut x, GRADIENT_TOLERANCE);
-        proof = dual::<D>(&matrix, &x, margin(cost)).map_err(failed)?;
+        interrupted()?;
+        proof = dual::<D>(&matrix, &x, margin(cost), limits.interrupt).map_err(failed)?;
     }
     if lifts > 0 {
         x = rounded::<G, D, N>(&x);
         cost = problem.minimize::<D>(&mut x, GRADIENT_TOLERANCE);
-        proof = dual::<D>(&matrix, &x, margin(cost)).map_err(failed)?;
+        interrupted()?;
+        proof = dual::<D>(&matrix, &x, margin(cost), limits.interrupt).map_err(failed)?;
     }
     write_back(graph, &x)?;
     Ok(Certificate {

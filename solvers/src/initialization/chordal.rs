@@ -15,7 +15,10 @@ use rayon::prelude::*;
 use crate::factors::RelativePose;
 use crate::geometry::RigidMotion;
 use crate::information::Information;
+use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky, LinearError};
+use crate::optimizer::from_linear;
+use crate::price::{Limits, Price};
 use crate::problem::{PoseGraph, SolveError};
 
 /// Edges that a task looks at at least.
@@ -82,14 +85,26 @@ fn inverse_trace<const D: usize>(omega: &SMatrix<f64, D, D>) -> f64 {
 pub fn chordal<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
 ) -> Result<(), SolveError> {
+    chordal_within(graph, Limits::NONE)
+}
+
+/// As [`chordal`], within `limits`.
+///
+/// # Errors
+/// As [`chordal`]; [`SolveError::TooExpensive`], [`SolveError::Interrupted`].
+pub fn chordal_within<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    limits: Limits<'_>,
+) -> Result<(), SolveError> {
     graph.validate()?;
     let rows = Rows::new(graph);
     if rows.poses.is_empty() {
         return Ok(());
     }
-    let pairs = graph.edges.iter().filter_map(|edge| rows.pair(edge));
-    let pattern = Arc::new(BlockPattern::new(vec![D; rows.poses.len()], pairs));
-    let mut system = Linear::<D>::new(Arc::clone(&pattern), &rows.poses)?;
+    let pattern = Arc::new(pattern(graph, &rows));
+    let linear = linear_bytes(graph, &pattern);
+    let system = Linear::<D>::new(Arc::clone(&pattern), &rows.poses, limits.less(linear));
+    let mut system = system.map_err(|error| error.beside(linear))?;
 
     let rotations = relaxed_rotations(graph, &rows, &mut system)?;
     let mut poses = graph.poses.clone();
@@ -105,6 +120,38 @@ pub fn chordal<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     }
     graph.poses = poses;
     Ok(())
+}
+
+/// What the chordal start of `graph` takes besides the graph.
+///
+/// # Errors
+/// [`SolveError::Interrupted`].
+pub fn chordal_price<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &PoseGraph<G, N>,
+    interrupt: &Interrupt,
+) -> Result<Price, SolveError> {
+    let pattern = pattern(graph, &Rows::new(graph));
+    let price = Cholesky::price(&pattern, interrupt);
+    let price = price.map_err(|error| from_linear(error, pattern.dimension()))?;
+    Ok(price.plus_bytes(linear_bytes(graph, &pattern)))
+}
+
+fn pattern<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &PoseGraph<G, N>,
+    rows: &Rows,
+) -> BlockPattern {
+    let pairs = graph.edges.iter().filter_map(|edge| rows.pair(edge));
+    BlockPattern::new(vec![D; rows.poses.len()], pairs)
+}
+
+/// Bytes besides the factor: matrix, right-hand sides, poses, a factor an edge.
+fn linear_bytes<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &PoseGraph<G, N>,
+    pattern: &BlockPattern,
+) -> u64 {
+    let poses = graph.poses.len() * (2 * size_of::<G>() + 8 * (3 * D * D + D) + 32);
+    let edges = graph.edges.len() * (8 * (D * D + D) + 16);
+    (poses + edges) as u64 + 8 * pattern.value_count() as u64 + pattern.bytes()
 }
 
 /// Which poses move, and their block rows.
@@ -142,14 +189,20 @@ struct Linear<'a, const D: usize> {
     factor: Cholesky,
     /// Which pose each row is, for errors.
     poses: &'a [usize],
+    interrupt: &'a Interrupt,
 }
 
 impl<'a, const D: usize> Linear<'a, D> {
-    fn new(pattern: Arc<BlockPattern>, poses: &'a [usize]) -> Result<Self, SolveError> {
+    fn new(
+        pattern: Arc<BlockPattern>,
+        poses: &'a [usize],
+        limits: Limits<'a>,
+    ) -> Result<Self, SolveError> {
         let dimension = pattern.dimension();
-        let factor = Cholesky::new(Arc::clone(&pattern))
-            .map_err(|_too_large| SolveError::TooLarge { dimension })?;
-        Ok(Self { matrix: BlockMatrix::new(pattern), factor, poses })
+        let Limits { ceiling, interrupt } = limits;
+        let factor = Cholesky::within(Arc::clone(&pattern), ceiling, interrupt)
+            .map_err(|error| from_linear(error, dimension))?;
+        Ok(Self { matrix: BlockMatrix::new(pattern), factor, poses, interrupt })
     }
 
     /// Adds `block` to block (i, j) of the symmetric matrix.
@@ -164,16 +217,17 @@ impl<'a, const D: usize> Linear<'a, D> {
 
     fn factor(&mut self, ids: &[i64], what: &'static str) -> Result<(), SolveError> {
         // The matrix is on the pattern planned for, so that only its values can be at fault.
-        self.factor.factor(&self.matrix, &[]).map_err(|error| match error {
+        let factored = self.factor.factor_until(&self.matrix, &[], self.interrupt);
+        factored.map_err(|error| match error {
             LinearError::NotPositiveDefinite { block, .. } | LinearError::NonFinite { block } => {
                 SolveError::Singular { what, id: ids[self.poses[block]] }
             }
             LinearError::DimensionMismatch { .. }
             | LinearError::PatternMismatch { .. }
+            | LinearError::TooExpensive(_)
+            | LinearError::Interrupted
             | LinearError::TooLarge { .. }
-            | LinearError::OutOfMemory { .. } => {
-                SolveError::TooLarge { dimension: D * self.poses.len() }
-            }
+            | LinearError::OutOfMemory { .. } => from_linear(error, D * self.poses.len()),
         })
     }
 }

@@ -5,9 +5,9 @@ mod spanning_tree;
 mod start;
 mod triangulation;
 
-pub use chordal::{IsotropicPrecision, chordal};
+pub use chordal::{IsotropicPrecision, chordal, chordal_price, chordal_within};
 pub use spanning_tree::{odometry, spanning_tree};
-pub use start::{Start, initialize};
+pub use start::{Start, initialize, initialize_within};
 pub use triangulation::{
     LeastWorstError, Triangulated, TriangulationError, TriangulationOptions, View,
     least_worst_error, triangulate,

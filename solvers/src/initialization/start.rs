@@ -5,9 +5,10 @@
 //! still, as in a graph that was solved before. It weighs all closures alike: where some may be
 //! false, start from the odometry.
 
-use super::{chordal, odometry, spanning_tree};
+use super::{chordal_within, odometry, spanning_tree};
 use crate::factors::cost;
 use crate::geometry::RigidMotion;
+use crate::price::Limits;
 use crate::problem::{PoseGraph, SolveError};
 
 /// Where the poses come from that a solve starts with.
@@ -40,6 +41,21 @@ pub fn initialize<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     start: Start,
     has_poses: bool,
 ) -> Result<Start, SolveError> {
+    initialize_within(graph, start, has_poses, Limits::NONE)
+}
+
+/// As [`initialize`], within `limits`. [`Start::Auto`] that is interrupted, or whose chordal start is
+/// too expensive, takes the given poses, or the spanning tree where there are none.
+///
+/// # Errors
+/// As [`initialize`]; [`SolveError::TooExpensive`] and [`SolveError::Interrupted`] from
+/// [`Start::Chordal`].
+pub fn initialize_within<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    start: Start,
+    has_poses: bool,
+    limits: Limits<'_>,
+) -> Result<Start, SolveError> {
     match start {
         Start::Given if !has_poses => {
             let reason = "the graph has edges only, a start must be made";
@@ -48,8 +64,8 @@ pub fn initialize<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         Start::Given => graph.validate()?,
         Start::Odometry => odometry(graph)?,
         Start::SpanningTree => spanning_tree(graph)?,
-        Start::Chordal => chordal(graph)?,
-        Start::Auto => return automatic(graph, has_poses),
+        Start::Chordal => chordal_within(graph, limits)?,
+        Start::Auto => return automatic(graph, has_poses, limits),
     }
     Ok(start)
 }
@@ -57,20 +73,31 @@ pub fn initialize<G: RigidMotion<D, N>, const D: usize, const N: usize>(
 fn automatic<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     has_poses: bool,
+    limits: Limits<'_>,
 ) -> Result<Start, SolveError> {
+    let is_open = |error: &SolveError| {
+        matches!(
+            error,
+            SolveError::Singular { .. } | SolveError::TooExpensive(_) | SolveError::Interrupted
+        )
+    };
     let cost = |graph: &PoseGraph<G, N>| cost(&graph.edges, &graph.poses, graph.loss);
     let given = has_poses.then(|| (cost(graph), graph.poses.clone()));
-    match (chordal(graph), given) {
+    match (chordal_within(graph, limits), given) {
         (Ok(()), None) => Ok(Start::Chordal),
         // A cost that is no number never wins.
         (Ok(()), Some((before, _))) if before.is_nan() || before > cost(graph) => {
             Ok(Start::Chordal)
         }
-        (Ok(()) | Err(SolveError::Singular { .. }), Some((_, poses))) => {
+        (Ok(()), Some((_, poses))) => {
             graph.poses = poses;
             Ok(Start::Given)
         }
-        (Err(SolveError::Singular { .. }), None) => {
+        (Err(error), Some((_, poses))) if is_open(&error) => {
+            graph.poses = poses;
+            Ok(Start::Given)
+        }
+        (Err(error), None) if is_open(&error) => {
             spanning_tree(graph)?;
             Ok(Start::SpanningTree)
         }

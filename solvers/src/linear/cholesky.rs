@@ -9,9 +9,11 @@ use std::sync::Arc;
 use super::dense::DenseCholesky;
 use super::error::LinearError;
 use super::matrix::BlockMatrix;
-use super::ordering::cheapest;
+use super::ordering::{BlockOrdering, Elimination, cheapest};
 use super::pattern::BlockPattern;
-use super::sparse::SparseCholesky;
+use super::sparse::{self, SparseCholesky};
+use crate::interrupt::Interrupt;
+use crate::price::{Ceiling, Price};
 
 /// Relative residual above which a solution is refined once.
 const REFINE_ABOVE: f64 = 1e-10;
@@ -38,16 +40,56 @@ impl Cholesky {
     /// # Errors
     /// Too large to index, or no memory.
     pub fn new(pattern: Arc<BlockPattern>) -> Result<Self, LinearError> {
-        let dimension = pattern.dimension();
-        if dimension <= ALWAYS_DENSE {
-            return Self::dense(pattern);
+        Self::within(pattern, Ceiling::NONE, &Interrupt::NEVER)
+    }
+
+    /// The same, unless the factorization passes `ceiling` or planning is interrupted.
+    ///
+    /// # Errors
+    /// As [`Cholesky::new`]; [`LinearError::TooExpensive`], [`LinearError::Interrupted`].
+    pub fn within(
+        pattern: Arc<BlockPattern>,
+        ceiling: Ceiling,
+        interrupt: &Interrupt,
+    ) -> Result<Self, LinearError> {
+        let choice = choose(&pattern, interrupt)?;
+        ceiling.admit(&choice.price(&pattern))?;
+        match choice {
+            Choice::Dense => Self::dense(pattern),
+            Choice::Sparse(ordering, elimination) => {
+                let sparse = SparseCholesky::planned(pattern, ordering, &elimination)?;
+                Ok(Self::Sparse(Box::new(sparse)))
+            }
         }
-        let (ordering, elimination) = cheapest(&pattern);
-        let dense_flops = (dimension as f64).powi(3) / 3.0;
-        if dense_flops <= DENSE_ADVANTAGE * ordering.flops {
-            return Self::dense(pattern);
-        }
-        Ok(Self::Sparse(Box::new(SparseCholesky::planned(pattern, ordering, &elimination)?)))
+    }
+
+    /// What [`Cholesky::new`] would allocate, planning included, and the flops of one factorization.
+    /// Time and memory of this are nearly linear in the pattern.
+    ///
+    /// # Errors
+    /// [`LinearError::Interrupted`].
+    pub fn price(pattern: &BlockPattern, interrupt: &Interrupt) -> Result<Price, LinearError> {
+        Ok(choose(pattern, interrupt)?.price(pattern))
+    }
+
+    /// Orders `pattern` for a sparse factorization, which [`Cholesky::ordered`] then plans.
+    ///
+    /// # Errors
+    /// [`LinearError::Interrupted`].
+    pub fn order(pattern: &BlockPattern, interrupt: &Interrupt) -> Result<Ordered, LinearError> {
+        let (ordering, elimination) = cheapest(pattern, interrupt)?;
+        let price = sparse_price(pattern, &ordering, &elimination);
+        Ok(Ordered { ordering, elimination, price })
+    }
+
+    /// Plans a sparse factorization in an order that was made for this pattern.
+    ///
+    /// # Errors
+    /// As [`SparseCholesky::new`].
+    pub fn ordered(pattern: Arc<BlockPattern>, ordered: Ordered) -> Result<Self, LinearError> {
+        let Ordered { ordering, elimination, .. } = ordered;
+        let sparse = SparseCholesky::planned(pattern, ordering, &elimination)?;
+        Ok(Self::Sparse(Box::new(sparse)))
     }
 
     /// Plans a dense factorization.
@@ -76,9 +118,22 @@ impl Cholesky {
         matrix: &BlockMatrix,
         added_diagonal: &[f64],
     ) -> Result<(), LinearError> {
+        self.factor_until(matrix, added_diagonal, &Interrupt::NEVER)
+    }
+
+    /// The same, ending once `interrupt` is due.
+    ///
+    /// # Errors
+    /// As [`Cholesky::factor`], and [`LinearError::Interrupted`].
+    pub fn factor_until(
+        &mut self,
+        matrix: &BlockMatrix,
+        added_diagonal: &[f64],
+        interrupt: &Interrupt,
+    ) -> Result<(), LinearError> {
         match self {
-            Self::Dense(dense) => dense.factor(matrix, added_diagonal),
-            Self::Sparse(sparse) => sparse.factor(matrix, added_diagonal),
+            Self::Dense(dense) => dense.factor_until(matrix, added_diagonal, interrupt),
+            Self::Sparse(sparse) => sparse.factor_until(matrix, added_diagonal, interrupt),
         }
     }
 
@@ -112,6 +167,80 @@ impl Cholesky {
             Self::Sparse(sparse) => sparse.factor_flops(),
         }
     }
+}
+
+/// An elimination order with what a factorization in it takes.
+#[derive(Debug)]
+pub struct Ordered {
+    ordering: BlockOrdering,
+    elimination: Elimination,
+    price: Price,
+}
+
+impl Ordered {
+    /// What the factorization takes, planning included.
+    pub fn price(&self) -> Price {
+        self.price
+    }
+}
+
+/// Which factorization suits a pattern.
+enum Choice {
+    Dense,
+    Sparse(BlockOrdering, Elimination),
+}
+
+fn choose(pattern: &BlockPattern, interrupt: &Interrupt) -> Result<Choice, LinearError> {
+    let dimension = pattern.dimension();
+    if dimension <= ALWAYS_DENSE {
+        return Ok(Choice::Dense);
+    }
+    let (ordering, elimination) = cheapest(pattern, interrupt)?;
+    if dense_flops(dimension) <= DENSE_ADVANTAGE * ordering.flops {
+        return Ok(Choice::Dense);
+    }
+    Ok(Choice::Sparse(ordering, elimination))
+}
+
+impl Choice {
+    fn price(&self, pattern: &BlockPattern) -> Price {
+        match self {
+            // The ordering was made all the same.
+            Self::Dense => dense_price(pattern.dimension()).plus_bytes(ordering_bytes(pattern)),
+            Self::Sparse(ordering, elimination) => sparse_price(pattern, ordering, elimination),
+        }
+    }
+}
+
+fn dense_flops(dimension: usize) -> f64 {
+    (dimension as f64).powi(3) / 3.0
+}
+
+/// What a dense factorization of so many scalars takes.
+pub fn dense_price(dimension: usize) -> Price {
+    let bytes = DenseCholesky::bytes(dimension);
+    Price { bytes, flops_per_iteration: dense_flops(dimension) }
+}
+
+fn sparse_price(
+    pattern: &BlockPattern,
+    ordering: &BlockOrdering,
+    elimination: &Elimination,
+) -> Price {
+    let planned = sparse::bytes(pattern, &ordering.order, elimination);
+    // The graph is gone when the factor is planned.
+    let bytes = planned.max(ordering_bytes(pattern)).saturating_add(elimination_bytes(pattern));
+    Price { bytes, flops_per_iteration: ordering.flops }
+}
+
+/// The block graph, its lists while vertices are taken out, and the work of the orderings.
+fn ordering_bytes(pattern: &BlockPattern) -> u64 {
+    64 * pattern.block_count() as u64 + 40 * pattern.stored_block_count() as u64
+}
+
+/// The tree and the heights of the order that is kept.
+fn elimination_bytes(pattern: &BlockPattern) -> u64 {
+    32 * pattern.block_count() as u64
 }
 
 /// The checked solve over any `solve`; see [`Cholesky::solve_checked`].

@@ -7,15 +7,25 @@
 use std::fmt;
 use std::sync::Arc;
 
-use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::llt::factor::{self, LltError, LltRegularization};
 use faer::linalg::cholesky::llt::solve;
-use faer::{Mat, MatMut, Par};
+use faer::linalg::matmul::matmul;
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::{Accum, Mat, MatMut, Par};
 
 use super::cholesky::{check_finite, check_pattern, not_positive_definite, solve_checked};
 use super::error::LinearError;
 use super::matrix::{BlockMatrix, check_added_diagonal};
 use super::pattern::BlockPattern;
+use crate::interrupt::Interrupt;
+
+/// Systems of at most so many scalars are factored at once whatever may interrupt, in some 20 ms.
+const WHOLE: usize = 1024;
+
+/// Columns of a panel of larger ones, and rows that are solved for at a time.
+const PANEL: usize = 128;
+const STRIP: usize = 2048;
 
 /// A dense factorization, to be renewed for each set of values.
 pub struct DenseCholesky {
@@ -34,6 +44,12 @@ impl fmt::Debug for DenseCholesky {
     }
 }
 
+/// What faer needs to factor and to solve.
+fn workspace(dimension: usize) -> StackReq {
+    factor::cholesky_in_place_scratch::<f64>(dimension, Par::Seq, faer::Spec::default())
+        .or(solve::solve_in_place_scratch::<f64>(dimension, 1, Par::Seq))
+}
+
 impl DenseCholesky {
     /// Takes the memory for systems on `pattern`.
     ///
@@ -44,10 +60,7 @@ impl DenseCholesky {
         if dimension.checked_mul(dimension).is_none_or(|n| n > isize::MAX as usize / 8) {
             return Err(LinearError::TooLarge { dimension });
         }
-        let scratch =
-            factor::cholesky_in_place_scratch::<f64>(dimension, Par::Seq, faer::Spec::default())
-                .or(solve::solve_in_place_scratch::<f64>(dimension, 1, Par::Seq));
-        let Ok(memory) = MemBuffer::try_new(scratch) else {
+        let Ok(memory) = MemBuffer::try_new(workspace(dimension)) else {
             return Err(LinearError::OutOfMemory { dimension });
         };
         Ok(Self { pattern, factor: Mat::zeros(dimension, dimension), factored: false, memory })
@@ -62,19 +75,25 @@ impl DenseCholesky {
         matrix: &BlockMatrix,
         added_diagonal: &[f64],
     ) -> Result<(), LinearError> {
+        self.factor_until(matrix, added_diagonal, &Interrupt::NEVER)
+    }
+
+    /// The same, ending once `interrupt` is due.
+    ///
+    /// # Errors
+    /// As [`DenseCholesky::factor`], and [`LinearError::Interrupted`].
+    pub fn factor_until(
+        &mut self,
+        matrix: &BlockMatrix,
+        added_diagonal: &[f64],
+        interrupt: &Interrupt,
+    ) -> Result<(), LinearError> {
         self.factored = false;
         check_pattern(&self.pattern, matrix)?;
         check_added_diagonal(self.pattern.dimension(), added_diagonal)?;
         check_finite(matrix, added_diagonal)?;
         self.scatter(matrix, added_diagonal);
-        let outcome = factor::cholesky_in_place(
-            self.factor.as_mut(),
-            LltRegularization::default(),
-            Par::Seq,
-            MemStack::new(&mut self.memory),
-            faer::Spec::default(),
-        );
-        if let Err(LltError::NonPositivePivot { index }) = outcome {
+        if let Some(index) = self.factor_panels(interrupt)? {
             return Err(not_positive_definite(&self.pattern, index));
         }
         for k in 0..self.pattern.dimension() {
@@ -84,6 +103,68 @@ impl DenseCholesky {
         }
         self.factored = true;
         Ok(())
+    }
+
+    /// Cholesky in place; the failing pivot, if any. Where something may interrupt it and the whole
+    /// would take long, it goes panel by panel, which rounds in another order. Panels depend on the
+    /// dimension only: any two deadlines give the same bits.
+    fn factor_panels(&mut self, interrupt: &Interrupt) -> Result<Option<usize>, LinearError> {
+        let dimension = self.pattern.dimension();
+        let at_once = dimension <= WHOLE || interrupt.is_never();
+        let panel = if at_once { dimension.max(1) } else { PANEL };
+        let stack = MemStack::new(&mut self.memory);
+        for first in (0..dimension).step_by(panel) {
+            if interrupt.is_due() {
+                return Err(LinearError::Interrupted);
+            }
+            let width = panel.min(dimension - first);
+            let rest = self.factor.as_mut().submatrix_mut(
+                first,
+                first,
+                dimension - first,
+                dimension - first,
+            );
+            let (mut pivots, _, mut below, mut trailing) = rest.split_at_mut(width, width);
+            let outcome = factor::cholesky_in_place(
+                pivots.as_mut(),
+                LltRegularization::default(),
+                Par::Seq,
+                stack,
+                faer::Spec::default(),
+            );
+            if let Err(LltError::NonPositivePivot { index }) = outcome {
+                return Ok(Some(first + index));
+            }
+            let rows = dimension - first - width;
+            // L₂₁ = A₂₁ L₁₁⁻ᵀ, then A₂₂ −= L₂₁ L₂₁ᵀ below its diagonal, a strip of columns at a time.
+            for row in (0..rows).step_by(STRIP) {
+                let count = STRIP.min(rows - row);
+                let strip = below.as_mut().subrows_mut(row, count);
+                let right = strip.transpose_mut();
+                solve_lower_triangular_in_place(pivots.as_ref(), right, Par::Seq);
+            }
+            for column in (0..rows).step_by(panel) {
+                if interrupt.is_due() {
+                    return Err(LinearError::Interrupted);
+                }
+                let count = panel.min(rows - column);
+                let left = below.as_ref().subrows(column, rows - column);
+                let right = below.as_ref().subrows(column, count).transpose();
+                let target = trailing.as_mut().submatrix_mut(column, column, rows - column, count);
+                matmul(target, Accum::Add, left, right, -1.0, Par::Seq);
+            }
+        }
+        Ok(None)
+    }
+
+    /// Bytes that a system of so many scalars takes.
+    pub(super) fn bytes(dimension: usize) -> u64 {
+        let n = dimension as u64;
+        // faer pads columns to whole cache lines; a few vectors of the solve come on top.
+        n.saturating_mul(n.next_multiple_of(16))
+            .saturating_mul(8)
+            .saturating_add(workspace(dimension).unaligned_bytes_required() as u64)
+            .saturating_add(512 * n + (1 << 18))
     }
 
     fn scatter(&mut self, matrix: &BlockMatrix, added_diagonal: &[f64]) {

@@ -5,6 +5,8 @@
 
 use thiserror::Error;
 
+use crate::price::TooExpensive;
+
 /// Why a plan or a factorization was refused.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum LinearError {
@@ -44,6 +46,12 @@ pub enum LinearError {
         /// Scalars in the system.
         dimension: usize,
     },
+    /// Planning showed that the factorization would pass the ceiling; nothing large was allocated.
+    #[error(transparent)]
+    TooExpensive(#[from] TooExpensive),
+    /// The deadline passed, or the caller left, within the work.
+    #[error("the work was interrupted")]
+    Interrupted,
     /// Memory for the factor could not be had.
     #[error("no memory for the factor of a system of dimension {dimension}")]
     OutOfMemory {

@@ -24,7 +24,7 @@ pub mod sparse;
 mod tests;
 
 pub use crate::simd::Class;
-pub use cholesky::Cholesky;
+pub use cholesky::{Cholesky, Ordered, dense_price};
 pub use dense::DenseCholesky;
 pub use error::LinearError;
 pub use matrix::{BlockMatrix, BlockRowMut};

@@ -2,7 +2,7 @@
 //!
 //! Eliminating a block of b rows whose factor column has h scalar rows below it costs about
 //! b³/3 + b²h + bh² flops (with equal blocks and c = h/b: b³(1/3 + c + c²)). Candidates are tried in
-//! turn and the cheapest is kept; counting stops as soon as a candidate is seen to lose.
+//! turn and the cheapest is kept.
 //!
 //! - `minimum_degree`: AMD behind an exact reduction; `dissection`, `multilevel`,
 //!   `refinement`: nested dissection; `elimination`: tree and fill of an order.
@@ -17,10 +17,12 @@ mod minimum_degree;
 mod multilevel;
 mod refinement;
 
+use super::error::LinearError;
 use super::pattern::BlockPattern;
+use crate::interrupt::Interrupt;
 
 use dissection::nested_dissection;
-use elimination::{Bound, eliminate};
+use elimination::eliminate;
 pub(super) use elimination::{Elimination, NO_PARENT, earlier_neighbors};
 use graph::Graph;
 use minimum_degree::{minimum_degree, reduced};
@@ -68,7 +70,16 @@ pub fn block_order(pattern: &BlockPattern) -> Vec<u32> {
 
 /// The cheapest elimination order found, with its cost; ties go to the earlier candidate.
 pub fn cheapest_ordering(pattern: &BlockPattern) -> BlockOrdering {
-    cheapest(pattern).0
+    // Only an interrupt could fail it.
+    cheapest(pattern, &Interrupt::NEVER).map_or_else(
+        |_never| BlockOrdering {
+            order: (0..pattern.block_count() as u32).collect(),
+            flops: f64::INFINITY,
+            factor_entries: f64::INFINITY,
+            method: OrderingMethod::Natural,
+        },
+        |(ordering, _)| ordering,
+    )
 }
 
 /// The elimination in a given order, postordered; `None` where `order` is not a permutation.
@@ -76,7 +87,7 @@ pub(super) fn postordered(
     pattern: &BlockPattern,
     order: &[u32],
 ) -> Option<(Vec<u32>, Elimination)> {
-    let elimination = eliminate(pattern, order, Bound::NONE)?;
+    let elimination = eliminate(pattern, order)?;
     let postorder = elimination.postorder();
     let order = postorder.iter().map(|&k| order[k as usize]).collect();
     Some((order, elimination.renumbered(&postorder)))
@@ -94,13 +105,22 @@ pub(super) fn ordered_with_last(
     postordered(pattern, &order).unwrap_or_default()
 }
 
-/// [`cheapest_ordering`] with its elimination tree.
-pub(super) fn cheapest(pattern: &BlockPattern) -> (BlockOrdering, Elimination) {
+/// [`cheapest_ordering`] with its elimination tree; `interrupt` is asked between candidates.
+///
+/// # Errors
+/// [`LinearError::Interrupted`].
+pub(super) fn cheapest(
+    pattern: &BlockPattern,
+    interrupt: &Interrupt,
+) -> Result<(BlockOrdering, Elimination), LinearError> {
     let count = pattern.block_count();
     let natural = || (0..count as u32).collect::<Vec<u32>>();
     let graph = Graph::new(pattern);
     let mut best: Option<(OrderingMethod, Vec<u32>, Elimination)> = None;
     for method in CANDIDATES {
+        if interrupt.is_due() {
+            return Err(LinearError::Interrupted);
+        }
         let flops = best.as_ref().map_or(f64::INFINITY, |(_, _, elimination)| elimination.flops);
         let order = match method {
             // Where every block is stored there is nothing to choose.
@@ -113,21 +133,22 @@ pub(super) fn cheapest(pattern: &BlockPattern) -> (BlockOrdering, Elimination) {
             OrderingMethod::Natural => Some(natural()),
         };
         let Some(order) = order else { continue };
-        let bound = best.as_ref().map_or(Bound::NONE, |(_, _, elimination)| Bound {
-            flops: elimination.flops,
-            blocks: elimination.blocks.saturating_mul(2),
+        let Some(elimination) = eliminate(pattern, &order) else { continue };
+        let is_better = best.as_ref().is_none_or(|(_, _, best)| {
+            elimination.flops <= best.flops && elimination.blocks <= best.blocks.saturating_mul(2)
         });
-        if let Some(elimination) = eliminate(pattern, &order, bound) {
+        if is_better {
             best = Some((method, order, elimination));
         }
     }
-    // The natural order without a bound always answers, so the fallback is never taken.
+    // The natural order always answers, so the fallback is never taken.
     let (method, order, elimination) =
         best.unwrap_or_else(|| (OrderingMethod::Natural, natural(), Elimination::default()));
     let postorder = elimination.postorder();
     let order = postorder.iter().map(|&k| order[k as usize]).collect();
     let Elimination { flops, factor_entries, .. } = elimination;
-    (BlockOrdering { order, flops, factor_entries, method }, elimination.renumbered(&postorder))
+    let elimination = elimination.renumbered(&postorder);
+    Ok((BlockOrdering { order, flops, factor_entries, method }, elimination))
 }
 
 /// Flops of a factorization that eliminates blocks in the given order.
@@ -135,7 +156,7 @@ pub(super) fn cheapest(pattern: &BlockPattern) -> (BlockOrdering, Elimination) {
 /// `None` where `order` is not a permutation of the blocks.
 pub fn elimination_flops(pattern: &BlockPattern, order: &[u32]) -> Option<f64> {
     inverse_permutation(order, pattern.block_count())?;
-    eliminate(pattern, order, Bound::NONE).map(|elimination| elimination.flops)
+    eliminate(pattern, order).map(|elimination| elimination.flops)
 }
 
 /// `position[order[k]] = k`, or `None` where `order` is not a permutation of `0..count`.

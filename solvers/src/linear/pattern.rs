@@ -87,6 +87,11 @@ impl BlockPattern {
         Self { sizes, offsets, row_starts, columns, value_starts }
     }
 
+    /// Bytes that building it took: the stored blocks, and their keys while they are collected.
+    pub fn bytes(&self) -> u64 {
+        (self.columns.len() * (4 + 8 + 24) + self.sizes.len() * 32) as u64
+    }
+
     /// Number of block rows (and columns).
     pub fn block_count(&self) -> usize {
         self.sizes.len()

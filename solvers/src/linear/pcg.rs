@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::error::LinearError;
 use super::matrix::BlockMatrix;
+use crate::interrupt::Interrupt;
 
 /// How a solve ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +34,8 @@ impl Pcg {
     /// q = A p.
     ///
     /// # Errors
-    /// Not positive definite, seen in a direction; then `x` is not a solution.
+    /// Not positive definite, seen in a direction, or [`LinearError::Interrupted`]; then `x` is not a
+    /// solution.
     pub fn solve(
         &mut self,
         mut multiply: impl FnMut(&[f64], &mut [f64]),
@@ -41,6 +43,7 @@ impl Pcg {
         g: &[f64],
         x: &mut [f64],
         (tolerance, max_iterations): (f64, usize),
+        interrupt: &Interrupt,
     ) -> Result<PcgOutcome, LinearError> {
         for vector in [&mut self.z, &mut self.p, &mut self.q] {
             vector.resize(g.len(), 0.0);
@@ -56,6 +59,9 @@ impl Pcg {
         let mut rho = 0.0;
         let mut quadratic = 0.0;
         for k in 1..=max_iterations {
+            if interrupt.is_due() {
+                return Err(LinearError::Interrupted);
+            }
             preconditioner.apply(&self.r, &mut self.z);
             let before = rho;
             rho = dot(&self.r, &self.z);

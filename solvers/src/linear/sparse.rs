@@ -14,6 +14,7 @@ use super::error::LinearError;
 use super::matrix::{BlockMatrix, check_added_diagonal};
 use super::ordering::{BlockOrdering, Elimination, cheapest, postordered};
 use super::pattern::BlockPattern;
+use crate::interrupt::Interrupt;
 use crate::simd::{Class, WIDTH};
 
 mod branch;
@@ -24,6 +25,7 @@ mod kernels;
 mod numeric;
 mod plan;
 mod shape;
+mod size;
 mod supernodes;
 mod sweep;
 mod triangular;
@@ -31,6 +33,7 @@ mod triangular;
 pub use growing::{GrowingCholesky, PairTerm, Updated};
 use numeric::Numeric;
 use plan::Plan;
+pub(super) use size::bytes;
 use triangular::Triangular;
 
 /// A sparse factorization, planned once and renewed for each set of values.
@@ -67,7 +70,7 @@ impl SparseCholesky {
     /// # Errors
     /// Too large to index, or no memory.
     pub fn new(pattern: Arc<BlockPattern>) -> Result<Self, LinearError> {
-        let (ordering, elimination) = cheapest(&pattern);
+        let (ordering, elimination) = cheapest(&pattern, &Interrupt::NEVER)?;
         Self::planned(pattern, ordering, &elimination)
     }
 
@@ -124,6 +127,19 @@ impl SparseCholesky {
         matrix: &BlockMatrix,
         added_diagonal: &[f64],
     ) -> Result<(), LinearError> {
+        self.factor_until(matrix, added_diagonal, &Interrupt::NEVER)
+    }
+
+    /// The same, ending once `interrupt` is due.
+    ///
+    /// # Errors
+    /// As [`SparseCholesky::factor`], and [`LinearError::Interrupted`].
+    pub fn factor_until(
+        &mut self,
+        matrix: &BlockMatrix,
+        added_diagonal: &[f64],
+        interrupt: &Interrupt,
+    ) -> Result<(), LinearError> {
         self.factored = false;
         check_pattern(&self.pattern, matrix)?;
         check_added_diagonal(self.pattern.dimension(), added_diagonal)?;
@@ -134,9 +150,14 @@ impl SparseCholesky {
             values,
             added: added_diagonal,
             class: self.class,
+            interrupt,
             is_parallel: rayon::current_num_threads() > 1,
         };
-        numeric.run(self.factor.slice_mut(), self.space.slice_mut()).map_err(|bad| {
+        let outcome = numeric.run(self.factor.slice_mut(), self.space.slice_mut());
+        if interrupt.is_due() {
+            return Err(LinearError::Interrupted);
+        }
+        outcome.map_err(|bad| {
             let scalar = self.plan.scalars[bad.column] as usize;
             if bad.is_finite {
                 not_positive_definite(&self.pattern, scalar)

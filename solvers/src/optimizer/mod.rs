@@ -5,15 +5,17 @@
 //! [`Termination`], and the system is left at the best state that was found.
 
 mod damping;
+mod failure;
 mod options;
 mod summary;
 mod threads;
 mod trust_region;
 
 pub(crate) use damping::{SCALE_RANGE, damping_scale};
+pub(crate) use failure::from_linear;
 pub use options::{Method, Options};
 pub use summary::{
     Control, IterationSummary, Observer, SolveSummary, Termination, Tolerance, ignore_iterations,
 };
 pub use threads::with_threads;
-pub use trust_region::{Gradient, Step, StepFailure, System, minimize};
+pub use trust_region::{Gradient, Step, StepFailure, System, Unmoved, minimize, minimize_until};

@@ -4,6 +4,7 @@
 
 use std::time::Duration;
 
+use crate::price::Ceiling;
 use crate::problem::SolveError;
 
 /// The step of the trust-region loop.
@@ -34,8 +35,10 @@ pub struct Options {
     pub step_tolerance: f64,
     /// λ of the first step, or of Gauss-Newton's first step that must be damped (1e-4).
     pub initial_damping: f64,
-    /// Ends after this much time, checked between steps (none).
+    /// Ends after this much time, looked at within steps as well (none).
     pub deadline: Option<Duration>,
+    /// A solve that is estimated to take more is not begun (no limit).
+    pub ceiling: Ceiling,
     /// Worker threads; `None` uses those of the caller's rayon pool.
     pub threads: Option<usize>,
 }
@@ -50,6 +53,7 @@ impl Default for Options {
             step_tolerance: 1e-12,
             initial_damping: 1e-4,
             deadline: None,
+            ceiling: Ceiling::NONE,
             threads: None,
         }
     }

@@ -87,7 +87,7 @@ pub struct SolveSummary {
     pub final_cost: f64,
     /// The start and every step.
     pub iterations: Vec<IterationSummary>,
-    /// Largest scaled gradient entry at the last linearization.
+    /// Largest scaled gradient entry at the last linearization; 0 where the time was up before one.
     pub gradient_max_norm: f64,
     /// ‖(H + λD) δ + g‖ / ‖g‖ of the last linear solve.
     pub linear_residual: f64,

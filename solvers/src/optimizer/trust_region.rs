@@ -7,6 +7,7 @@
 use std::time::Instant;
 
 use super::{Control, Method, Observer, Options, SolveSummary, Termination, Tolerance};
+use crate::interrupt::{Interrupt, Interruption};
 use crate::optimizer::IterationSummary;
 
 /// λ leaves this range only by ending the loop.
@@ -45,6 +46,9 @@ pub struct Step {
 pub struct StepFailure;
 
 /// A nonlinear least-squares problem as the loop sees it: state, linearization, step.
+///
+/// A system that was given the loop's [`Interrupt`] may return early from any of these once it is due,
+/// with any numbers: the loop asks too, and looks at none of them.
 pub trait System {
     /// ½ Σ ρ at the current state; may be infinite or NaN where it cannot be evaluated.
     fn cost(&mut self) -> f64;
@@ -66,6 +70,30 @@ pub trait System {
     fn restore(&mut self);
 }
 
+/// A state of this cost that is not to be moved: what is left to a loop whose time is up.
+#[derive(Clone, Copy, Debug)]
+pub struct Unmoved(pub f64);
+
+impl System for Unmoved {
+    fn cost(&mut self) -> f64 {
+        self.0
+    }
+
+    fn linearize(&mut self, _damping: f64) -> Gradient {
+        Gradient { max_norm: 0.0 }
+    }
+
+    fn solve(&mut self, _damping: f64) -> Result<Step, StepFailure> {
+        Err(StepFailure)
+    }
+
+    fn apply(&mut self) -> f64 {
+        self.0
+    }
+
+    fn restore(&mut self) {}
+}
+
 /// Minimizes `system` and leaves it at the best state found. `start` is when the caller's clock
 /// began, so that its preparations are counted.
 pub fn minimize(
@@ -74,7 +102,20 @@ pub fn minimize(
     start: Instant,
     observer: &mut Observer<'_>,
 ) -> SolveSummary {
-    let mut run = Run::new(options, start, system.cost());
+    let interrupt = Interrupt::NEVER.or_after(start, options.deadline);
+    minimize_until(system, options, (start, &interrupt), observer)
+}
+
+/// As [`minimize`], ending at `interrupt`, which is that of the system and alone decides: the
+/// deadline of the options is the caller's to put into it. The cost of the start is counted whatever
+/// the time is, since the answer needs it.
+pub fn minimize_until(
+    system: &mut impl System,
+    options: &Options,
+    (start, interrupt): (Instant, &Interrupt),
+    observer: &mut Observer<'_>,
+) -> SolveSummary {
+    let mut run = Run::new(options, (start, interrupt), system.cost());
     let termination = run.iterate(system, observer);
     SolveSummary {
         termination,
@@ -91,6 +132,7 @@ pub fn minimize(
 struct Run<'a> {
     options: &'a Options,
     start: Instant,
+    interrupt: &'a Interrupt,
     initial_cost: f64,
     cost: f64,
     damping: f64,
@@ -101,7 +143,7 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn new(options: &'a Options, start: Instant, cost: f64) -> Self {
+    fn new(options: &'a Options, (start, interrupt): (Instant, &'a Interrupt), cost: f64) -> Self {
         let damping = match options.method {
             Method::LevenbergMarquardt => options.initial_damping,
             Method::GaussNewton => 0.0,
@@ -109,6 +151,7 @@ impl<'a> Run<'a> {
         Self {
             options,
             start,
+            interrupt,
             initial_cost: cost,
             cost,
             damping,
@@ -123,7 +166,9 @@ impl<'a> Run<'a> {
         if !self.cost.is_finite() {
             return Termination::NumericalFailure;
         }
-        self.gradient_max_norm = system.linearize(self.damping).max_norm;
+        if let Some(end) = self.linearize(system) {
+            return self.record(0, true, None, observer).unwrap_or(end);
+        }
         if let Some(end) = self.record(0, true, None, observer) {
             return end;
         }
@@ -140,7 +185,11 @@ impl<'a> Run<'a> {
             if iteration > self.options.max_iterations {
                 return Termination::MaxIterations;
             }
-            let step = match system.solve(self.damping) {
+            let solved = system.solve(self.damping);
+            if let Some(end) = self.interrupted() {
+                return end;
+            }
+            let step = match solved {
                 Ok(step) if step.is_inexact || step.linear_residual <= LINEAR_RESIDUAL_LIMIT => {
                     step
                 }
@@ -157,6 +206,11 @@ impl<'a> Run<'a> {
             let short = step.norm <= self.options.step_tolerance * step.state_norm;
             let light = self.damping <= self.options.initial_damping;
             let trial = system.apply();
+            if let Some(end) = self.interrupted() {
+                // Its cost may be half counted.
+                system.restore();
+                return end;
+            }
             let decrease = self.cost - trial;
             let quality = decrease / step.predicted_decrease;
             if trial.is_finite() && decrease >= 0.0 && quality > 0.0 {
@@ -164,9 +218,9 @@ impl<'a> Run<'a> {
                 self.cost = trial;
                 let damping_used = self.damping;
                 self.accept(quality);
-                self.gradient_max_norm = system.linearize(self.damping).max_norm;
+                let end = self.linearize(system);
                 let stats = Some((step, quality, damping_used));
-                if let Some(end) = self.record(iteration, true, stats, observer) {
+                if let Some(end) = self.record(iteration, true, stats, observer).or(end) {
                     return end;
                 }
                 // A small decrease proves a minimum only where the model agrees with the cost.
@@ -196,6 +250,21 @@ impl<'a> Run<'a> {
                 }
             }
         }
+    }
+
+    /// Linearizes; without an interruption the gradient is then that of the state.
+    fn linearize(&mut self, system: &mut impl System) -> Option<Termination> {
+        let gradient = system.linearize(self.damping);
+        let end = self.interrupted();
+        if end.is_none() {
+            self.gradient_max_norm = gradient.max_norm;
+        }
+        end
+    }
+
+    /// How the loop ends where the interrupt is due.
+    fn interrupted(&self) -> Option<Termination> {
+        self.interrupt.reason().map(Termination::from)
     }
 
     /// Whether the gradient allows that no more than `share` of the cost is left to gain.
@@ -263,7 +332,15 @@ impl<'a> Run<'a> {
         if observer(&row) == Control::Cancel {
             return Some(Termination::Cancelled);
         }
-        let late = self.options.deadline.is_some_and(|limit| self.start.elapsed() >= limit);
-        late.then_some(Termination::Deadline)
+        self.interrupted()
+    }
+}
+
+impl From<Interruption> for Termination {
+    fn from(interruption: Interruption) -> Self {
+        match interruption {
+            Interruption::Deadline => Self::Deadline,
+            Interruption::Cancelled => Self::Cancelled,
+        }
     }
 }

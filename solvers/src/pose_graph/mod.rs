@@ -16,8 +16,11 @@ pub use growing::{GrowingPoseGraph, Growth};
 use system::PoseGraphSystem;
 pub use undetermined::{Undetermined, undetermined};
 
+use crate::factors::cost;
 use crate::geometry::LieGroup;
-use crate::optimizer::{self, Observer, SolveSummary, minimize, with_threads};
+use crate::interrupt::Interrupt;
+use crate::optimizer::{self, Observer, SolveSummary, Unmoved, minimize_until, with_threads};
+use crate::price::{Limits, Price};
 use crate::problem::{PoseGraph, SolveError};
 
 /// Options of a pose-graph solve.
@@ -56,6 +59,20 @@ pub fn solve<G: LieGroup<N>, const N: usize>(
     options: &Options,
     observer: &mut Observer<'_>,
 ) -> Result<SolveSummary, SolveError> {
+    solve_until(graph, options, &Interrupt::NEVER, observer)
+}
+
+/// As [`solve`], ending once `interrupt` is due as well: within an iteration, at the best state so
+/// far. Where it is due before the first, the start is the answer.
+///
+/// # Errors
+/// As [`solve`].
+pub fn solve_until<G: LieGroup<N>, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    options: &Options,
+    interrupt: &Interrupt,
+    observer: &mut Observer<'_>,
+) -> Result<SolveSummary, SolveError> {
     let start = Instant::now();
     options.optimizer.validate()?;
     graph.validate()?;
@@ -66,7 +83,40 @@ pub fn solve<G: LieGroup<N>, const N: usize>(
         return Err(SolveError::Empty("every pose is constant"));
     }
     with_threads(options.optimizer.threads, || {
-        let mut system = PoseGraphSystem::new(graph)?;
-        Ok(minimize(&mut system, &options.optimizer, start, observer))
+        let interrupt = interrupt.or_after(start, options.optimizer.deadline);
+        let limits = Limits { ceiling: options.optimizer.ceiling, interrupt: &interrupt };
+        let run = (start, &interrupt);
+        match PoseGraphSystem::new(graph, limits) {
+            Ok(mut system) => Ok(minimize_until(&mut system, &options.optimizer, run, observer)),
+            Err(SolveError::Interrupted) => {
+                let mut start = Unmoved(cost(&graph.edges, &graph.poses, graph.loss));
+                Ok(minimize_until(&mut start, &options.optimizer, run, observer))
+            }
+            Err(error) => Err(error),
+        }
     })?
+}
+
+/// What [`solve`] takes besides the graph. The fill is counted and never formed: time and memory of
+/// this are nearly linear in the edges. Without a constant pose it is counted as if all moved.
+///
+/// # Errors
+/// Those of [`PoseGraph::validate`]; [`SolveError::Interrupted`].
+pub fn price<G: LieGroup<N>, const N: usize>(
+    graph: &PoseGraph<G, N>,
+    interrupt: &Interrupt,
+) -> Result<Price, SolveError> {
+    graph.validate()?;
+    system::price(graph, interrupt)
+}
+
+/// At least what [`solve`] takes, whatever the edges tie together: for telling small graphs from
+/// others.
+#[must_use]
+pub fn price_bound<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>) -> Price {
+    let dimension = (N * graph.poses.len()) as f64;
+    let edges = graph.edges.len() as f64;
+    let bytes = 16.0 * dimension * dimension + 3000.0 * edges + 1000.0 * dimension;
+    let flops_per_iteration = dimension.powi(3) / 3.0 + (40 * N * N) as f64 * edges;
+    Price { bytes: bytes as u64, flops_per_iteration }
 }

@@ -13,8 +13,10 @@ use rayon::prelude::*;
 use super::assembly::{Incidences, linearize_edges};
 use crate::factors::{RelativePose, cost};
 use crate::geometry::LieGroup;
+use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky, PairTerm};
-use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale};
+use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale, from_linear};
+use crate::price::{Limits, Price};
 use crate::problem::{PoseGraph, SolveError};
 
 /// Least damping of a graph whose edges may leave a direction of a pose open: far above the
@@ -28,6 +30,69 @@ const LEAST_SCALE: f64 = 1e-3;
 /// Poses a task moves at least.
 const MIN_POSES_PER_TASK: usize = 128;
 
+/// The block rows of the poses that move.
+pub(super) struct Rows {
+    /// `None` for constant poses.
+    of: Vec<Option<usize>>,
+    count: usize,
+}
+
+impl Rows {
+    fn new<G, const N: usize>(graph: &PoseGraph<G, N>) -> Self {
+        let mut count = 0;
+        let row = |&constant: &bool| {
+            (!constant).then(|| {
+                count += 1;
+                count - 1
+            })
+        };
+        let of = graph.constant.iter().map(row).collect();
+        Self { of, count }
+    }
+
+    /// The rows of both poses of each edge.
+    fn of_edges<'a, G, const N: usize>(
+        &'a self,
+        graph: &'a PoseGraph<G, N>,
+    ) -> impl Iterator<Item = (Option<usize>, Option<usize>)> + Clone + 'a {
+        graph.edges.iter().map(|edge| (self.of[edge.i], self.of[edge.j]))
+    }
+}
+
+/// What solving `graph` takes besides the graph.
+pub(super) fn price<G: LieGroup<N>, const N: usize>(
+    graph: &PoseGraph<G, N>,
+    interrupt: &Interrupt,
+) -> Result<Price, SolveError> {
+    let rows = Rows::new(graph);
+    let pairs = rows.of_edges(graph).filter_map(|(i, j)| i.zip(j));
+    let pattern = BlockPattern::new(vec![N; rows.count], pairs);
+    let price = Cholesky::price(&pattern, interrupt);
+    let price = price.map_err(|error| from_linear(error, pattern.dimension()))?;
+    let edge_flops = (graph.edges.len() * 40 * N * N) as f64;
+    let flops_per_iteration = price.flops_per_iteration + edge_flops;
+    let bytes = price.bytes.saturating_add(linear_bytes(graph, &pattern));
+    Ok(Price { bytes, flops_per_iteration })
+}
+
+/// Bytes besides the factor: a term and two incidences an edge, poses, vectors, H.
+fn linear_bytes<G, const N: usize>(graph: &PoseGraph<G, N>, pattern: &BlockPattern) -> u64 {
+    let edges = graph.edges.len() * (size_of::<PairTerm<N>>() + 24);
+    let poses = graph.poses.len() * (2 * size_of::<G>() + 8 * 9 * N + 48);
+    (edges + poses) as u64 + 8 * pattern.value_count() as u64 + pattern.bytes()
+}
+
+/// Only a cost that is not finite is worth a search for the edge behind it.
+fn check_start<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>) -> Result<(), SolveError> {
+    let not_finite = |edge: &RelativePose<G, N>| !edge.rho(&graph.poses, graph.loss).is_finite();
+    if !cost(&graph.edges, &graph.poses, graph.loss).is_finite()
+        && let Some(index) = graph.edges.iter().position(not_finite)
+    {
+        return Err(SolveError::ResidualNotFinite { factor: "edge", index });
+    }
+    Ok(())
+}
+
 pub(super) struct PoseGraphSystem<'a, G, const N: usize> {
     graph: &'a mut PoseGraph<G, N>,
     /// The poses before the last applied step.
@@ -36,6 +101,7 @@ pub(super) struct PoseGraphSystem<'a, G, const N: usize> {
     row_of: Vec<Option<usize>>,
     edge_blocks: Vec<PairTerm<N>>,
     incidences: Incidences,
+    interrupt: &'a Interrupt,
     hessian: BlockMatrix,
     factor: Cholesky,
     gradient: Vec<f64>,
@@ -55,34 +121,21 @@ pub(super) struct PoseGraphSystem<'a, G, const N: usize> {
 
 impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
     /// The system at the graph's poses; `graph` is valid and has a pose that may move.
-    pub(super) fn new(graph: &'a mut PoseGraph<G, N>) -> Result<Self, SolveError> {
-        // Only a cost that is not finite is worth a search for the edge behind it.
-        let not_finite =
-            |edge: &RelativePose<G, N>| !edge.rho(&graph.poses, graph.loss).is_finite();
-        if !cost(&graph.edges, &graph.poses, graph.loss).is_finite()
-            && let Some(index) = graph.edges.iter().position(not_finite)
-        {
-            return Err(SolveError::ResidualNotFinite { factor: "edge", index });
-        }
-        let mut rows = 0;
-        let row_of: Vec<Option<usize>> = graph
-            .constant
-            .iter()
-            .map(|&constant| {
-                (!constant).then(|| {
-                    rows += 1;
-                    rows - 1
-                })
-            })
-            .collect();
-        let rows_of_edges = graph.edges.iter().map(|edge| (row_of[edge.i], row_of[edge.j]));
-        let pairs = rows_of_edges.clone().filter_map(|(i, j)| i.zip(j));
-        let pattern = Arc::new(BlockPattern::new(vec![N; rows], pairs));
-        let incidences = Incidences::new(&pattern, rows_of_edges);
+    pub(super) fn new(
+        graph: &'a mut PoseGraph<G, N>,
+        limits: Limits<'a>,
+    ) -> Result<Self, SolveError> {
+        check_start(graph)?;
+        let rows = Rows::new(graph);
+        let pairs = rows.of_edges(graph).filter_map(|(i, j)| i.zip(j));
+        let pattern = Arc::new(BlockPattern::new(vec![N; rows.count], pairs));
+        let linear = linear_bytes(graph, &pattern);
         let scalars = pattern.dimension();
-        // Planning fails only for want of memory or of 32-bit indices.
-        let factor = Cholesky::new(Arc::clone(&pattern))
-            .map_err(|_error| SolveError::TooLarge { dimension: scalars })?;
+        let Limits { ceiling, interrupt } = limits.less(linear);
+        let factor = Cholesky::within(Arc::clone(&pattern), ceiling, interrupt)
+            .map_err(|error| from_linear(error, scalars).beside(linear))?;
+        let incidences = Incidences::new(&pattern, rows.of_edges(graph));
+        let row_of = rows.of;
         let norm_squared: f64 = graph.poses.iter().map(|pose| pose.log().norm_squared()).sum();
         Ok(Self {
             backup: graph.poses.clone(),
@@ -90,6 +143,7 @@ impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
             edge_blocks: Vec::new(),
             row_of,
             incidences,
+            interrupt,
             hessian: BlockMatrix::new(pattern),
             factor,
             gradient: vec![0.0; scalars],
@@ -112,6 +166,9 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
     fn linearize(&mut self, _damping: f64) -> Gradient {
         let graph = &*self.graph;
         linearize_edges(&graph.edges, &graph.poses, graph.loss, &mut self.edge_blocks);
+        if self.interrupt.is_due() {
+            return Gradient { max_norm: f64::NAN };
+        }
         self.incidences.assemble(&self.edge_blocks, &mut self.hessian, &mut self.gradient);
         for (scaling, h) in self.scaling.iter_mut().zip(self.hessian.diagonal()) {
             *scaling = damping_scale(h);
@@ -140,7 +197,7 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
             *added = damping * scaling;
         }
         self.factor
-            .factor(&self.hessian, &self.added_diagonal)
+            .factor_until(&self.hessian, &self.added_diagonal, self.interrupt)
             .map_err(|_not_positive_definite| StepFailure)?;
         let linear_residual = self.factor.solve_checked(
             &self.hessian,

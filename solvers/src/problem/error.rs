@@ -4,6 +4,7 @@
 //! index or the id; nothing here is prose of another module.
 
 use super::Piece;
+use crate::price::TooExpensive;
 
 /// A problem that no solver could solve as posed, with the variable or factor that makes it so.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -95,10 +96,36 @@ pub enum SolveError {
         /// Scalars in the system.
         dimension: usize,
     },
+    /// The estimate of memory or work passes the ceiling of the options; nothing was begun.
+    #[error(transparent)]
+    TooExpensive(#[from] TooExpensive),
+    /// The time was up, or the caller left, before there was anything to answer but the start.
+    #[error("the time was up before the solve began")]
+    Interrupted,
     /// The worker threads could not be started.
     #[error("{count} worker threads could not be started")]
     Threads {
         /// How many were asked for.
         count: usize,
     },
+}
+
+impl SolveError {
+    /// The same of a whole that takes `bytes` more: those that a part was not told of.
+    #[must_use]
+    pub fn beside(self, bytes: u64) -> Self {
+        match self {
+            Self::TooExpensive(error) => Self::TooExpensive(error.beside(bytes)),
+            other => other,
+        }
+    }
+
+    /// The same of two parts alike, each of which had half the ceiling.
+    #[must_use]
+    pub fn twice(self) -> Self {
+        match self {
+            Self::TooExpensive(error) => Self::TooExpensive(error.twice()),
+            other => other,
+        }
+    }
 }

@@ -10,6 +10,7 @@ use std::time::Instant;
 use super::{Options, RobustSummary, Weighted, prepare};
 use crate::geometry::LieGroup;
 use crate::initialization::Start;
+use crate::interrupt::Interrupt;
 use crate::optimizer::{Observer, SolveSummary, with_threads};
 use crate::problem::{PoseGraph, SolveError};
 
@@ -38,10 +39,25 @@ pub fn update<G: LieGroup<N>, const N: usize>(
     options: &Options,
     observer: &mut Observer<'_>,
 ) -> Result<RobustSummary, SolveError> {
+    update_until(graph, off, options, &Interrupt::NEVER, observer)
+}
+
+/// As [`update`], ending once `interrupt` is due as well, as [`super::solve_until`] does.
+///
+/// # Errors
+/// As [`update`].
+pub fn update_until<G: LieGroup<N>, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    off: &[usize],
+    options: &Options,
+    interrupt: &Interrupt,
+    observer: &mut Observer<'_>,
+) -> Result<RobustSummary, SolveError> {
     let begin = Instant::now();
+    let interrupt = interrupt.or_after(begin, options.pose_graph.optimizer.deadline);
     let threshold = prepare(graph, options)?;
     with_threads(options.pose_graph.optimizer.threads, || {
-        let mut weighted = Weighted::new(graph, options, threshold, begin);
+        let mut weighted = Weighted::new(graph, options, threshold, (begin, &interrupt));
         let solve = weighted.update(off, observer)?;
         Ok(weighted.summary(solve, Start::Given))
     })?

@@ -15,13 +15,15 @@ mod screening;
 use std::time::Instant;
 
 pub use graduated::Kernel;
-pub use live::update;
+pub use live::{update, update_until};
 
 use crate::factors::RelativePose;
 use crate::geometry::{LieGroup, RigidMotion};
-use crate::initialization::{Start, initialize};
+use crate::initialization::{Start, chordal_price, initialize, initialize_within};
+use crate::interrupt::Interrupt;
 use crate::optimizer::{self, Observer, SolveSummary, Termination, with_threads};
 use crate::pose_graph;
+use crate::price::{Limits, Price};
 use crate::problem::{PoseGraph, SolveError};
 
 /// Rounds of judging all closures after the weights have settled.
@@ -103,16 +105,53 @@ pub fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     options: &Options,
     observer: &mut Observer<'_>,
 ) -> Result<RobustSummary, SolveError> {
+    solve_until(graph, has_poses, options, &Interrupt::NEVER, observer)
+}
+
+/// As [`solve`], ending once `interrupt` is due as well, within a stage and within its solves. What
+/// the stages found until then is the answer; where they found nothing, the given poses, or the
+/// odometry of a graph without poses.
+///
+/// # Errors
+/// As [`solve`].
+pub fn solve_until<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    has_poses: bool,
+    options: &Options,
+    interrupt: &Interrupt,
+    observer: &mut Observer<'_>,
+) -> Result<RobustSummary, SolveError> {
     let begin = Instant::now();
+    let interrupt = interrupt.or_after(begin, options.pose_graph.optimizer.deadline);
     let threshold = prepare(graph, options)?;
     with_threads(options.pose_graph.optimizer.threads, || {
-        let mut weighted = Weighted::new(graph, options, threshold, begin);
+        let mut weighted = Weighted::new(graph, options, threshold, (begin, &interrupt));
         let start = weighted.start(options.start, has_poses)?;
         weighted.graduate(observer)?;
         weighted.judge(observer)?;
         let last = weighted.solve(&options.pose_graph, observer)?;
         Ok(weighted.summary(last, start))
     })?
+}
+
+/// What [`solve`] takes besides the graph: a solve over a copy of it, its start, and the weights.
+///
+/// # Errors
+/// As [`pose_graph::price`].
+pub fn price<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &PoseGraph<G, N>,
+    interrupt: &Interrupt,
+) -> Result<Price, SolveError> {
+    let solve = pose_graph::price(graph, interrupt)?;
+    let start = chordal_price(graph, interrupt)?;
+    Ok(solve.or(start).plus_bytes(copies_bytes(graph)))
+}
+
+/// Bytes of the weighted copy, of states that may be come back to, and of the screening.
+fn copies_bytes<G, const N: usize>(graph: &PoseGraph<G, N>) -> u64 {
+    let edge = size_of::<RelativePose<G, N>>() + size_of::<G>() + 8 * N * N + 160;
+    let pose = 4 * size_of::<G>() + 64;
+    (graph.edges.len() * edge + graph.poses.len() * pose) as u64
 }
 
 /// Checks graph and options, holds the gauge, and returns the threshold.
@@ -188,9 +227,12 @@ struct Weighted<'a, G, const N: usize> {
     weights: Vec<f64>,
     solves: usize,
     begin: Instant,
+    interrupt: &'a Interrupt,
     /// Whether a solve was canceled or ran out of time: the stages end then.
     is_stopped: bool,
     options: pose_graph::Options,
+    /// Bytes that are taken beside each solve.
+    copies: u64,
 }
 
 impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
@@ -198,14 +240,15 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         graph: &'a mut PoseGraph<G, N>,
         options: &Options,
         threshold: f64,
-        begin: Instant,
+        (begin, interrupt): (Instant, &'a Interrupt),
     ) -> Self {
         let is_closure = |&edge: &usize| {
             let RelativePose { i, j, .. } = graph.edges[edge];
             graph.ids[i].abs_diff(graph.ids[j]) > 1 && options.trusted.binary_search(&edge).is_err()
         };
         let closures: Vec<usize> = (0..graph.edges.len()).filter(is_closure).collect();
-        let is_supported = screening::supported(graph, &closures, threshold);
+        let is_supported = screening::supported(graph, &closures, threshold, interrupt);
+        let copies = copies_bytes(graph);
         let mut weighted = Self {
             graph,
             kernel: options.kernel,
@@ -215,8 +258,10 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
             is_supported,
             solves: 0,
             begin,
+            interrupt,
             is_stopped: false,
             options: options.pose_graph,
+            copies,
         };
         weighted.weigh_by_support();
         weighted
@@ -240,13 +285,22 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
     {
         let mut copy = self.weighted_graph();
         let any = self.is_supported.contains(&true);
-        let taken = match start {
+        let wished = match start {
             // The poses of a file often come from all closures, the false ones among them.
-            Start::Auto if any => initialize(&mut copy, Start::Chordal, has_poses)?,
-            Start::Auto => initialize(&mut copy, Start::Odometry, has_poses)?,
+            Start::Auto if any => Start::Chordal,
+            Start::Auto => Start::Odometry,
             other @ (Start::Given | Start::Odometry | Start::SpanningTree | Start::Chordal) => {
-                initialize(&mut copy, other, has_poses)?
+                other
             }
+        };
+        let ceiling = self.options.optimizer.ceiling;
+        let limits = Limits { ceiling, interrupt: self.interrupt }.less(self.copies);
+        let taken = match initialize_within(&mut copy, wished, has_poses, limits) {
+            Err(SolveError::Interrupted) => {
+                let at_hand = if has_poses { Start::Given } else { Start::Odometry };
+                initialize(&mut copy, at_hand, has_poses)?
+            }
+            other => other.map_err(|error| error.beside(self.copies))?,
         };
         self.graph.poses = copy.poses;
         Ok(taken)
@@ -269,9 +323,13 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         observer: &mut Observer<'_>,
     ) -> Result<SolveSummary, SolveError> {
         let mut copy = self.weighted_graph();
-        let deadline = options.optimizer.deadline.map(|d| d.saturating_sub(self.begin.elapsed()));
-        let optimizer = optimizer::Options { deadline, threads: None, ..options.optimizer };
-        let summary = pose_graph::solve(&mut copy, &pose_graph::Options { optimizer }, observer)?;
+        // The interrupt has the deadline of all solves together.
+        let ceiling = options.optimizer.ceiling.less(self.copies);
+        let whole = optimizer::Options { deadline: None, threads: None, ..options.optimizer };
+        let optimizer = optimizer::Options { ceiling, ..whole };
+        let options = pose_graph::Options { optimizer };
+        let summary = pose_graph::solve_until(&mut copy, &options, self.interrupt, observer)
+            .map_err(|error| error.beside(self.copies))?;
         self.graph.poses = copy.poses;
         self.solves += 1;
         self.is_stopped |=

@@ -12,6 +12,7 @@ use nalgebra::{SMatrix, SVector};
 
 use crate::factors::RelativePose;
 use crate::geometry::LieGroup;
+use crate::interrupt::Interrupt;
 use crate::problem::PoseGraph;
 
 /// Most steps of odometry at either end of a loop.
@@ -58,11 +59,12 @@ struct Closure<G, const N: usize> {
 }
 
 /// For each of `closures`, edges of `graph`, whether a neighbor closes a short loop with it in which
-/// χ² is at most `threshold`.
+/// χ² is at most `threshold`. Those not looked at before `interrupt` was due count as unsupported.
 pub(super) fn supported<G: LieGroup<N>, const N: usize>(
     graph: &PoseGraph<G, N>,
     closures: &[usize],
     threshold: f64,
+    interrupt: &Interrupt,
 ) -> Vec<bool> {
     let steps = odometry(graph);
     let mut list: Vec<(usize, Closure<G, N>)> = Vec::with_capacity(closures.len());
@@ -83,6 +85,9 @@ pub(super) fn supported<G: LieGroup<N>, const N: usize>(
         for (l, b) in &list[place + 1..] {
             if b.from > a.from.saturating_add(REACH) {
                 break;
+            }
+            if interrupt.is_due() {
+                return is_supported;
             }
             let is_known = is_supported[*k] && is_supported[*l];
             if is_known || b.to.abs_diff(a.to) > REACH.unsigned_abs() {

@@ -15,6 +15,7 @@ use tonic::server::NamedService;
 
 use super::Access;
 use crate::service::connections::Peer;
+use crate::service::deadline::Arrival;
 
 /// A service that serves those whom [`Access`] admits.
 #[derive(Clone, Debug)]
@@ -56,6 +57,7 @@ where
                     request = request.map(|body| peer.arriving(body));
                 }
                 request.extensions_mut().insert(caller);
+                request.extensions_mut().insert(Arrival::now());
                 Either::Right(self.service.call(request))
             }
             Err(error) => Either::Left(ready(Ok(Status::from(error).into_http()))),

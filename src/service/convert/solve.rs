@@ -133,6 +133,7 @@ pub(in crate::service) fn options(
         initial_damping: damping?,
         deadline,
         threads,
+        ..Options::default()
     };
     Some(SolveOptions { optimizer, linear_solver: linear_solver? })
 }

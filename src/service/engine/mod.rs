@@ -46,6 +46,8 @@ mod watch;
 mod watch_log;
 mod work;
 
+use covis_solvers::price::Ceiling;
+
 pub use account::{
     Account, AccountLimits, AccountRow, Accounts, Reservation, Resource, SEPARATOR, tenant_of,
 };
@@ -71,6 +73,10 @@ pub struct EngineConfig {
     pub lock_step: bool,
     /// Items of a map that wait for its engine, at least 1 (64). A full queue slows streams down.
     pub queue_capacity: usize,
+    /// Most memory of a solve, estimated before it is begun, bytes (1 GiB).
+    pub max_solve_bytes: u64,
+    /// Most work of an iteration of a solve, estimated likewise, Gflop (1000).
+    pub max_solve_gflops: u64,
     /// A bug to be staged (none).
     #[cfg(feature = "faults")]
     pub fault: Option<Fault>,
@@ -81,8 +87,21 @@ impl Default for EngineConfig {
         Self {
             lock_step: false,
             queue_capacity: 64,
+            max_solve_bytes: 1 << 30,
+            max_solve_gflops: 1000,
             #[cfg(feature = "faults")]
             fault: None,
+        }
+    }
+}
+
+impl EngineConfig {
+    /// What a solve may take.
+    #[must_use]
+    pub fn ceiling(&self) -> Ceiling {
+        Ceiling {
+            bytes: Some(self.max_solve_bytes),
+            flops_per_iteration: Some(1e9 * self.max_solve_gflops as f64),
         }
     }
 }

@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
 use covis_solvers::bundle_adjustment::LinearSolver;
 use covis_solvers::loss::Loss;
@@ -45,6 +46,8 @@ pub struct OptimizeOptions {
     /// What holds the frame; a pose graph holds the first keyframe of each piece. [`GaugeKind::FixedPoses`] holds the first keyframe, as a map marks no
     /// others.
     pub gauge: GaugeKind,
+    /// When the solve must have ended; time that it waits for its turn counts (never).
+    pub deadline: Option<Instant>,
 }
 
 /// What an optimization did.

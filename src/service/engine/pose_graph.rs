@@ -7,12 +7,14 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use covis_solvers::certificate::{Certificate, certify};
+use covis_solvers::certificate::{Certificate, certify_within};
 use covis_solvers::evaluation::{CostReport, FactorCost, pose_graph_cost};
 use covis_solvers::initialization::Start;
+use covis_solvers::interrupt::Interrupt;
 use covis_solvers::loss::Loss;
-use covis_solvers::optimizer::{self, Observer, SolveSummary};
+use covis_solvers::optimizer::{self, SolveSummary, ignore_iterations};
 use covis_solvers::pose_graph::{self, Options};
+use covis_solvers::price::Limits;
 use covis_solvers::problem::SolveError;
 use covis_solvers::robust;
 
@@ -38,11 +40,11 @@ pub struct ChordalProof {
     pub seconds: f64,
 }
 
-/// Pose-graph optimization; `observer` sees the rows of every solve on the way.
+/// Pose-graph optimization, until `interrupt` is due.
 pub(super) fn solve_graph(
     map: Arc<Map>,
     settings: &GraphSettings,
-    observer: &mut Observer<'_>,
+    interrupt: &Interrupt,
 ) -> Outcome {
     let mut problem = loop_problem(&map);
     let robustness = map.policy().loop_closure_robustness;
@@ -55,10 +57,10 @@ pub(super) fn solve_graph(
     }
     let options = Options { optimizer: settings.optimizer };
     let begin = Instant::now();
-    let solved = match judge(&mut problem, robustness, &options, observer) {
+    let solved = match judge(&mut problem, robustness, &options, interrupt) {
         Ok(Judged { solve, kept }) if settings.certify => {
             drop(solve);
-            prove(&mut problem, kept, &options, begin, observer)?
+            prove(&mut problem, kept, &options, begin, interrupt)?
         }
         Ok(Judged { solve, kept }) => {
             let after = pose_graph_cost(&kept.graph);
@@ -106,11 +108,16 @@ fn judge(
     problem: &mut GraphProblem,
     robustness: ClosureRobustness,
     options: &Options,
-    observer: &mut Observer<'_>,
+    interrupt: &Interrupt,
 ) -> Result<Judged, SolveError> {
     let Some(kernel) = robustness.kernel else {
         problem.closures.iter_mut().for_each(|closure| closure.switched_off = None);
-        let solve = pose_graph::solve(&mut problem.graph, options, observer)?;
+        let solve = pose_graph::solve_until(
+            &mut problem.graph,
+            options,
+            interrupt,
+            &mut ignore_iterations,
+        )?;
         return Ok(Judged { solve, kept: problem.clone() });
     };
     let robust = robust::Options {
@@ -122,7 +129,8 @@ fn judge(
     };
     let off = problem.closures.iter().filter(|closure| closure.switched_off.is_some());
     let off: Vec<usize> = off.map(|closure| closure.edge).collect();
-    let summary = robust::update(&mut problem.graph, &off, &robust, observer)?;
+    let summary =
+        robust::update_until(&mut problem.graph, &off, &robust, interrupt, &mut ignore_iterations)?;
     let kept = problem.weighted(&summary.closures);
     for closure in &mut problem.closures {
         let place = summary.closures.binary_search_by_key(&closure.edge, |verdict| verdict.edge);
@@ -141,16 +149,24 @@ fn prove(
     mut kept: GraphProblem,
     options: &Options,
     begin: Instant,
-    observer: &mut Observer<'_>,
+    interrupt: &Interrupt,
 ) -> Result<Solved, SolveError> {
     let start = Instant::now();
-    let certificate = certify(&mut kept.graph)?;
-    let proof = ChordalProof { certificate, seconds: start.elapsed().as_secs_f64() };
+    let limits = Limits { ceiling: options.optimizer.ceiling, interrupt };
+    let proof = match certify_within(&mut kept.graph, limits) {
+        // There is no time for a proof: the best state is the answer.
+        Err(SolveError::Interrupted) => None,
+        certified => {
+            let certificate = certified?;
+            Some(ChordalProof { certificate, seconds: start.elapsed().as_secs_f64() })
+        }
+    };
     let before = pose_graph_cost(&kept.graph);
     let passed = begin.elapsed();
     let deadline = options.optimizer.deadline.map(|deadline| deadline.saturating_sub(passed));
     let options = Options { optimizer: optimizer::Options { deadline, ..options.optimizer } };
-    let mut solve = pose_graph::solve(&mut kept.graph, &options, observer)?;
+    let mut solve =
+        pose_graph::solve_until(&mut kept.graph, &options, interrupt, &mut ignore_iterations)?;
     solve.solve_seconds += passed.as_secs_f64();
     solve.iterations.iter_mut().for_each(|row| row.seconds += passed.as_secs_f64());
     let after = pose_graph_cost(&kept.graph);
@@ -162,7 +178,7 @@ fn prove(
             off.chi2 = edge.chi2(&graph.poses[edge.i], &graph.poses[edge.j]);
         }
     }
-    Ok(Solved { solve, before, after, proof: Some(proof) })
+    Ok(Solved { solve, before, after, proof })
 }
 
 /// The costs where the last solve started: its poses are gone, but they are of one kind.

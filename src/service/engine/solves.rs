@@ -62,9 +62,9 @@ impl Actor {
     }
 
     fn start_loop(&mut self, triggers: Vec<u64>) {
-        let map = Arc::clone(&self.map);
+        let (map, ceiling) = (Arc::clone(&self.map), self.config.ceiling());
         self.launch(SolveKind::PoseGraph, triggers, cancel_flag(), move |cancel| {
-            solve_loop(map, cancel)
+            solve_loop(map, ceiling, cancel)
         });
     }
 
@@ -74,7 +74,8 @@ impl Actor {
         }
         let Some(job) = &self.job else { return };
         let _entered = job.span.clone().entered();
-        let (options, rows, cancel) = (job.options, job.rows.clone(), Arc::clone(&job.cancel));
+        let (mut options, rows, cancel) = (job.options, job.rows.clone(), Arc::clone(&job.cancel));
+        options.optimizer.ceiling = self.config.ceiling();
         let map = Arc::clone(&self.map);
         match options.problem {
             OptimizeProblem::Full => {
@@ -103,8 +104,9 @@ impl Actor {
             return self.acknowledge(&triggers, 0, &SolveReport::Nothing);
         }
         let max_iterations = self.map.policy().max_local_iterations;
+        let ceiling = self.config.ceiling();
         self.launch(SolveKind::LocalBundle, triggers, cancel_flag(), move |cancel| {
-            solve_window(problem, max_iterations, cancel)
+            solve_window(problem, max_iterations, ceiling, cancel)
         });
     }
 
@@ -113,7 +115,7 @@ impl Actor {
         kind: SolveKind,
         triggers: Vec<u64>,
         cancel: Arc<AtomicBool>,
-        work: impl FnOnce(&AtomicBool) -> Outcome + Send + 'static,
+        work: impl FnOnce(&Arc<AtomicBool>) -> Outcome + Send + 'static,
     ) {
         self.last_solve_id += 1;
         let id = self.last_solve_id;

@@ -1,15 +1,18 @@
 //! The bodies of solves, run on the pool: problem in, moved problem and certificate out.
 //!
-//! Nothing here knows the engine's state; a canceled solve ends at its next iteration and its
+//! Nothing here knows the engine's state; a canceled solve ends within its iteration and its
 //! result is dropped by the engine. A snapshot is let go as soon as its problem is built, because
 //! the engine copies a map that somebody else still holds.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
+use std::time::Instant;
 
 use covis_solvers::bundle_adjustment::{self, LinearSolver};
 use covis_solvers::evaluation::bundle_cost;
-use covis_solvers::optimizer::{self, Control, IterationSummary};
+use covis_solvers::interrupt::Interrupt;
+use covis_solvers::optimizer::{self, Control, IterationSummary, ignore_iterations};
+use covis_solvers::price::Ceiling;
 use covis_solvers::problem::SolveError;
 use tokio::sync::mpsc;
 
@@ -47,9 +50,10 @@ pub(super) type Outcome = Result<Option<Solution>, SolveError>;
 pub(super) fn solve_window(
     problem: MapProblem,
     max_iterations: usize,
-    cancel: &AtomicBool,
+    ceiling: Ceiling,
+    cancel: &Arc<AtomicBool>,
 ) -> Outcome {
-    let optimizer = optimizer::Options { max_iterations, ..optimizer::Options::default() };
+    let optimizer = optimizer::Options { max_iterations, ceiling, ..optimizer::Options::default() };
     let options = bundle_adjustment::Options {
         optimizer,
         linear_solver: LinearSolver::Auto,
@@ -60,7 +64,7 @@ pub(super) fn solve_window(
         () if !problem.problem.pose_priors.is_empty() => GaugeKind::Priors,
         () => GaugeKind::Free,
     };
-    solve_bundle(problem, &options, gauge, &mut |_row| control(cancel))
+    solve_bundle(problem, &options, gauge, &interrupt(None, cancel), &mut ignore_iterations)
 }
 
 /// Bundle adjustment of the whole map.
@@ -68,7 +72,7 @@ pub(super) fn solve_map(
     map: Arc<Map>,
     options: &OptimizeOptions,
     rows: &mpsc::UnboundedSender<IterationSummary>,
-    cancel: &AtomicBool,
+    cancel: &Arc<AtomicBool>,
 ) -> Outcome {
     let fix_first_keyframe = match options.gauge {
         GaugeKind::FirstKeyframeFixed | GaugeKind::FixedPoses => true,
@@ -86,16 +90,19 @@ pub(super) fn solve_map(
         linear_solver: options.linear_solver,
         ..bundle_adjustment::Options::default()
     };
-    solve_bundle(problem, &bundle, options.gauge, &mut |row| {
+    let interrupt = interrupt(options.deadline, cancel);
+    solve_bundle(problem, &bundle, options.gauge, &interrupt, &mut |row| {
         // Nobody reads when the caller went away; it has then canceled.
         let _gone = rows.send(*row);
-        control(cancel)
+        Control::Continue
     })
 }
 
 /// Pose-graph optimization after a loop closure.
-pub(super) fn solve_loop(map: Arc<Map>, cancel: &AtomicBool) -> Outcome {
-    solve_graph(map, &GraphSettings::default(), &mut |_row| control(cancel))
+pub(super) fn solve_loop(map: Arc<Map>, ceiling: Ceiling, cancel: &Arc<AtomicBool>) -> Outcome {
+    let optimizer = optimizer::Options { ceiling, ..optimizer::Options::default() };
+    let settings = GraphSettings { optimizer, ..GraphSettings::default() };
+    solve_graph(map, &settings, &interrupt(None, cancel))
 }
 
 /// Pose-graph optimization on request; `rows` gets those of the last solve.
@@ -104,11 +111,11 @@ pub(super) fn solve_map_graph(
     options: &OptimizeOptions,
     certify: bool,
     rows: &mpsc::UnboundedSender<IterationSummary>,
-    cancel: &AtomicBool,
+    cancel: &Arc<AtomicBool>,
 ) -> Outcome {
     let OptimizeOptions { optimizer, constraint_loss, .. } = *options;
     let settings = GraphSettings { optimizer, constraint_loss, certify };
-    let outcome = solve_graph(map, &settings, &mut |_row| control(cancel));
+    let outcome = solve_graph(map, &settings, &interrupt(options.deadline, cancel));
     if let Ok(Some(solution)) = &outcome {
         for row in &solution.certificate.solve.iterations {
             let _gone = rows.send(*row);
@@ -121,17 +128,19 @@ fn solve_bundle(
     mut problem: MapProblem,
     options: &bundle_adjustment::Options,
     gauge: GaugeKind,
+    interrupt: &Interrupt,
     observer: &mut optimizer::Observer<'_>,
 ) -> Outcome {
     if !problem.is_solvable() {
         return Ok(None);
     }
     let before = bundle_cost(&problem.problem);
-    let summary = match bundle_adjustment::solve(&mut problem.problem, options, observer) {
-        Ok(summary) => summary,
-        Err(SolveError::Empty(_)) => return Ok(None),
-        Err(error) => return Err(error),
-    };
+    let summary =
+        match bundle_adjustment::solve_until(&mut problem.problem, options, interrupt, observer) {
+            Ok(summary) => summary,
+            Err(SolveError::Empty(_)) => return Ok(None),
+            Err(error) => return Err(error),
+        };
     let bundle = &problem.problem;
     let fixed_poses = bundle.constant_poses.iter().filter(|&&c| c).count();
     let certificate = SolveCertificate {
@@ -158,8 +167,9 @@ fn solve_bundle(
     Ok(Some(Solution { moved, certificate, counts, proof: None }))
 }
 
-fn control(cancel: &AtomicBool) -> Control {
-    if cancel.load(Ordering::Relaxed) { Control::Cancel } else { Control::Continue }
+/// What ends a solve within its iterations.
+fn interrupt(deadline: Option<Instant>, cancel: &Arc<AtomicBool>) -> Interrupt {
+    Interrupt::at(deadline).or_when(Arc::clone(cancel))
 }
 
 /// A new cancel flag.

@@ -22,7 +22,7 @@ impl Numeric<'_> {
     ) -> Result<(), BadPivot> {
         let class = self.class;
         let parallel = self.is_parallel && node.shape().flops() > PARALLEL_FLOPS;
-        let strip = parallel.then_some(COLUMNS_PER_TASK);
+        let strip = (parallel.then_some(COLUMNS_PER_TASK), self.interrupt);
         let lift = |target: Target<'_>| {
             let Target { columns, stride, first_row, first_column } = target;
             for (child, update) in children {
@@ -35,7 +35,7 @@ impl Numeric<'_> {
         strips((stride, 0), panel, strip, |first_column, columns| {
             lift(Target { columns, stride, first_row: 0, first_column });
         });
-        cholesky(class, panel, (stride, node.pivots), parallel)
+        cholesky(class, panel, (stride, node.pivots), parallel, self.interrupt)
             .map_err(|bad| bad.after(node.first))?;
         let source = Source { columns: panel, stride };
         let (stride, first_row) = (node.update_stride(), node.update_row());

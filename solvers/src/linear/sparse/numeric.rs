@@ -10,6 +10,7 @@
 use super::branch::Updated;
 use super::kernels::BadPivot;
 use super::plan::{Node, Plan, Run};
+use crate::interrupt::Interrupt;
 use crate::simd::Class;
 
 /// Work of fewer flops is not dealt out.
@@ -23,6 +24,8 @@ pub(super) struct Numeric<'a> {
     /// D in the caller's order, or empty.
     pub(super) added: &'a [f64],
     pub(super) class: Class,
+    /// Where it is due, what is done so far is left as it is, without an error.
+    pub(super) interrupt: &'a Interrupt,
     /// Whether there is more than one thread.
     pub(super) is_parallel: bool,
 }

@@ -103,7 +103,7 @@ impl Node {
 }
 
 /// What a sparse factorization keeps from planning.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Plan {
     /// `scalars[k]` is the caller's scalar that is eliminated k-th.
     pub(super) scalars: Vec<u32>,
@@ -317,7 +317,7 @@ impl Default for Stored {
     }
 }
 
-fn range(start: usize, end: usize) -> Range<u32> {
+pub(super) fn range(start: usize, end: usize) -> Range<u32> {
     start as u32..end as u32
 }
 
@@ -339,7 +339,7 @@ fn push_run(runs: &mut Vec<Run>, first: usize, from: usize, to: usize, length: u
 }
 
 /// Children of each node, ascending: list, starts, and the nodes without a parent.
-fn children(parents: &[u32]) -> (Vec<u32>, Vec<usize>, Vec<u32>) {
+pub(super) fn children(parents: &[u32]) -> (Vec<u32>, Vec<usize>, Vec<u32>) {
     let count = parents.len();
     let mut starts = vec![0usize; count + 1];
     let mut roots = Vec::new();
@@ -402,7 +402,7 @@ pub(super) fn row_structure(
 
 impl Plan {
     /// Gives every update matrix its place.
-    fn place_updates(&mut self) {
+    pub(super) fn place_updates(&mut self) {
         let total: f64 = self.roots.iter().map(|&root| self.nodes[root as usize].flops).sum();
         let least = (BRANCH_SHARE * total).max(BRANCH_FLOPS);
         for s in 0..self.nodes.len() {

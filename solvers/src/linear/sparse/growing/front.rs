@@ -5,6 +5,7 @@
 
 use super::terms::Terms;
 use super::tree::{NONE, Node, Tree};
+use crate::interrupt::Interrupt;
 use crate::linear::LinearError;
 use crate::linear::sparse::Aligned;
 use crate::linear::sparse::columns::{COLUMNS_PER_TASK, cholesky, strips};
@@ -102,7 +103,8 @@ impl<const N: usize> Shared<'_, N> {
         };
         lift(0, &mut *panel);
         let is_dealt = is_dealt && shape.flops() > PARALLEL_FLOPS;
-        let outcome = cholesky(self.class, panel, (shape.stride, shape.pivots), is_dealt);
+        let outcome =
+            cholesky(self.class, panel, (shape.stride, shape.pivots), is_dealt, &Interrupt::NEVER);
         let outcome = outcome.map_err(|BadPivot { column, is_finite }| {
             let block = pivots[column / N] as usize;
             if is_finite {
@@ -116,16 +118,21 @@ impl<const N: usize> Shared<'_, N> {
             // Columns of a block stay together.
             let strip = is_dealt.then_some(COLUMNS_PER_TASK / N * N);
             let stride = shape.update_stride();
-            strips((stride, shape.pivots), update, strip, |first_column, columns| {
-                let target = Target {
-                    columns: &mut *columns,
-                    stride,
-                    first_row: shape.update_row(),
-                    first_column,
-                };
-                self.class.run(Downdate { source, start: Start::Zero, target });
-                lift(first_column, columns);
-            });
+            strips(
+                (stride, shape.pivots),
+                update,
+                (strip, &Interrupt::NEVER),
+                |first_column, columns| {
+                    let target = Target {
+                        columns: &mut *columns,
+                        stride,
+                        first_row: shape.update_row(),
+                        first_column,
+                    };
+                    self.class.run(Downdate { source, start: Start::Zero, target });
+                    lift(first_column, columns);
+                },
+            );
         }
         let solved = panel.chunks_exact(shape.stride).map(|column| column[shape.rows]);
         work.decrease = solved.map(|y| 0.5 * y * y).sum();

@@ -1,0 +1,160 @@
+//! What a solve takes, estimated from its structure, and the ceiling it is held to.
+//!
+//! An estimate is an upper bound of the bytes that are allocated at once besides the problem itself,
+//! and not far above it: `tests/memory.rs` holds it between the truth and four times that.
+
+use std::fmt;
+
+use crate::interrupt::Interrupt;
+
+/// What a solve takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Price {
+    /// Most bytes allocated at once, besides the problem.
+    pub bytes: u64,
+    /// Floating-point operations of one iteration, about.
+    pub flops_per_iteration: f64,
+}
+
+impl Price {
+    /// What two stages take that run one after the other.
+    #[must_use]
+    pub fn or(self, other: Self) -> Self {
+        Self {
+            bytes: self.bytes.max(other.bytes),
+            flops_per_iteration: self.flops_per_iteration.max(other.flops_per_iteration),
+        }
+    }
+
+    /// The same with `bytes` more.
+    #[must_use]
+    pub fn plus_bytes(self, bytes: u64) -> Self {
+        Self { bytes: self.bytes.saturating_add(bytes), ..self }
+    }
+}
+
+/// What a solve may take; what is absent is not limited.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ceiling {
+    /// Most bytes.
+    pub bytes: Option<u64>,
+    /// Most floating-point operations of one iteration.
+    pub flops_per_iteration: Option<f64>,
+}
+
+/// How far work may go.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits<'a> {
+    /// What is estimated to pass it is not begun.
+    pub ceiling: Ceiling,
+    /// What has begun ends once this is due.
+    pub interrupt: &'a Interrupt,
+}
+
+impl Limits<'static> {
+    /// No limits.
+    pub const NONE: Self = Self { ceiling: Ceiling::NONE, interrupt: &Interrupt::NEVER };
+}
+
+impl Limits<'_> {
+    /// What is left beside `bytes`.
+    #[must_use]
+    pub fn less(self, bytes: u64) -> Self {
+        Self { ceiling: self.ceiling.less(bytes), ..self }
+    }
+}
+
+/// What there is too little of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Resource {
+    /// Memory, in bytes.
+    Bytes,
+    /// Floating-point operations of one iteration.
+    FlopsPerIteration,
+}
+
+impl fmt::Display for Resource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Bytes => "bytes",
+            Self::FlopsPerIteration => "flops an iteration",
+        })
+    }
+}
+
+/// A price beyond its ceiling.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the solve takes an estimated {estimate} {resource}, the limit is {limit}")]
+pub struct TooExpensive {
+    /// What there is too little of.
+    pub resource: Resource,
+    /// The estimate; where counting ended at the ceiling, at least that.
+    pub estimate: u64,
+    /// The ceiling.
+    pub limit: u64,
+}
+
+impl TooExpensive {
+    /// The same of the whole, of which `bytes` were left out on both sides.
+    #[must_use]
+    pub fn beside(self, bytes: u64) -> Self {
+        match self.resource {
+            Resource::Bytes => Self {
+                estimate: self.estimate.saturating_add(bytes),
+                limit: self.limit.saturating_add(bytes),
+                ..self
+            },
+            Resource::FlopsPerIteration => self,
+        }
+    }
+
+    /// The same of two parts alike, each of which had half the bytes.
+    #[must_use]
+    pub fn twice(self) -> Self {
+        let bytes = self.estimate;
+        match self.resource {
+            Resource::Bytes => Self {
+                estimate: bytes.saturating_mul(2),
+                limit: self.limit.saturating_mul(2),
+                ..self
+            },
+            Resource::FlopsPerIteration => self,
+        }
+    }
+}
+
+impl Ceiling {
+    /// No limit.
+    pub const NONE: Self = Self { bytes: None, flops_per_iteration: None };
+
+    /// Whether `price` stays within the ceiling.
+    ///
+    /// # Errors
+    /// [`TooExpensive`] names the first limit that it passes.
+    pub fn admit(&self, price: &Price) -> Result<(), TooExpensive> {
+        if let Some(limit) = self.bytes.filter(|&limit| price.bytes > limit) {
+            return Err(TooExpensive { resource: Resource::Bytes, estimate: price.bytes, limit });
+        }
+        // NaN passes no comparison: what cannot be estimated is not admitted.
+        match self.flops_per_iteration {
+            Some(limit) if !(price.flops_per_iteration <= limit) => Err(TooExpensive {
+                resource: Resource::FlopsPerIteration,
+                estimate: price.flops_per_iteration as u64,
+                limit: limit as u64,
+            }),
+            Some(_) | None => Ok(()),
+        }
+    }
+
+    /// What is left once `bytes` are taken.
+    #[must_use]
+    pub fn less(self, bytes: u64) -> Self {
+        Self { bytes: self.bytes.map(|limit| limit.saturating_sub(bytes)), ..self }
+    }
+
+    /// Whether nothing is limited.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        self.bytes.is_none() && self.flops_per_iteration.is_none()
+    }
+}

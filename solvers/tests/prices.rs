@@ -1,0 +1,62 @@
+//! What a solve takes is known before it is begun, and its time ends it within an iteration.
+
+use std::time::Duration;
+
+use covis_solvers::geometry::{LieGroup, Se2};
+use covis_solvers::interrupt::Interrupt;
+use covis_solvers::optimizer::{self, Termination, ignore_iterations};
+use covis_solvers::pose_graph::{self, Options};
+use covis_solvers::price::Ceiling;
+use covis_solvers::problem::{PoseGraph, SolveError};
+use covis_solvers::testing::random::seeded;
+
+use crate::pose_graph::graphs::{Recipe, edge, make};
+
+/// Odometry and edges between any two poses: large fill in every order.
+fn random_graph(poses: usize, extra: usize) -> PoseGraph<Se2, 3> {
+    let recipe = Recipe { seed: 7, poses, measurement_sigma: 0.01, start_sigma: 0.1 };
+    let (mut graph, truth) = make::<Se2, 3>(recipe);
+    let mut rng = seeded(8);
+    let mut state = 12345_usize;
+    let mut next = || {
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) % poses
+    };
+    for _ in 0..extra {
+        let (i, j) = (next(), next());
+        if i != j {
+            let added = edge(&mut rng, &truth, (i, j), 0.01);
+            graph.edges.push(added);
+        }
+    }
+    graph
+}
+
+fn solve(
+    graph: &mut PoseGraph<Se2, 3>,
+    optimizer: optimizer::Options,
+) -> Result<Termination, SolveError> {
+    let options = Options { optimizer };
+    pose_graph::solve(graph, &options, &mut ignore_iterations).map(|summary| summary.termination)
+}
+
+#[test]
+fn a_graph_with_large_fill_is_refused_before_it_is_begun() {
+    let mut graph = random_graph(3000, 9000);
+    let price = pose_graph::price(&graph, &Interrupt::NEVER).unwrap();
+    let ceiling = Ceiling { bytes: Some(price.bytes / 2), ..Ceiling::NONE };
+    let options = optimizer::Options { ceiling, ..optimizer::Options::default() };
+    let refused = solve(&mut graph, options);
+    assert!(matches!(refused, Err(SolveError::TooExpensive(_))), "{refused:?}");
+}
+
+#[test]
+fn time_that_is_over_leaves_the_start() {
+    let mut graph = random_graph(3000, 9000);
+    let before = graph.poses.clone();
+    let options =
+        optimizer::Options { deadline: Some(Duration::ZERO), ..optimizer::Options::default() };
+    assert_eq!(solve(&mut graph, options), Ok(Termination::Deadline));
+    assert!(before.iter().zip(&graph.poses).all(|(a, b)| a.log() == b.log()));
+}
