@@ -135,11 +135,12 @@ impl Ceiling {
         if let Some(limit) = self.bytes.filter(|&limit| price.bytes > limit) {
             return Err(TooExpensive { resource: Resource::Bytes, estimate: price.bytes, limit });
         }
-        // NaN passes no comparison: what cannot be estimated is not admitted.
+        let flops = price.flops_per_iteration;
         match self.flops_per_iteration {
-            Some(limit) if !(price.flops_per_iteration <= limit) => Err(TooExpensive {
+            // What cannot be estimated is not admitted.
+            Some(limit) if flops.is_nan() || flops > limit => Err(TooExpensive {
                 resource: Resource::FlopsPerIteration,
-                estimate: price.flops_per_iteration as u64,
+                estimate: flops as u64,
                 limit: limit as u64,
             }),
             Some(_) | None => Ok(()),

@@ -115,7 +115,9 @@ impl Retries {
         // The standard library's hash keys are random, and good enough to spread robots in time.
         let bits = match self.policy.seed {
             None => RandomState::new().build_hasher().finish(),
-            Some(seed) => BuildHasherDefault::<DefaultHasher>::default().hash_one((seed, self.failed)),
+            Some(seed) => {
+                BuildHasherDefault::<DefaultHasher>::default().hash_one((seed, self.failed))
+            }
         };
         f64::from((bits >> 32) as u32) / f64::from(u32::MAX)
     }

@@ -46,8 +46,10 @@ fn no_promise_is_broken_whatever_crashes_and_is_cut_off() {
             }
         }
     }
-    println!("{count} runs from seed {first}: {crashes} crashes, {stops} of them in the middle of \
-              one of {operations} operations of the disk; broken: {failed:?}");
+    println!(
+        "{count} runs from seed {first}: {crashes} crashes, {stops} of them in the middle of \
+              one of {operations} operations of the disk; broken: {failed:?}"
+    );
     assert!(failed.is_empty());
 }
 

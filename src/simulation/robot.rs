@@ -173,7 +173,7 @@ impl Robot {
                     Code::Internal | Code::ResourceExhausted | Code::FailedPrecondition,
                     _,
                 ) => tokio::time::sleep(Duration::from_millis(20)).await,
-                answer => return Ok(answer),
+                answer @ (Answer::Some(_) | Answer::Refused(..)) => return Ok(answer),
             }
         }
         broken(format!("{what} was never answered"))
@@ -232,13 +232,11 @@ impl Robot {
         let text = &name.text;
         let creates = matches!(name.state, State::Creating) && self.rng.random();
         if creates {
-            let created = self.answered("CreateMap", |c| async move {
-                c.create_map(text, policy()).await
-            });
+            let created =
+                self.answered("CreateMap", |c| async move { c.create_map(text, policy()).await });
             match created.await? {
                 Answer::Some(map) => {
-                    name.state =
-                        State::Present(Contents { uid: map.uid, ..Contents::default() });
+                    name.state = State::Present(Contents { uid: map.uid, ..Contents::default() });
                 }
                 Answer::Refused(Code::AlreadyExists, _) => {
                     let found = self.answered("GetMap", |c| async move { c.get_map(text).await });
@@ -253,7 +251,9 @@ impl Robot {
                         Answer::Refused(..) | Answer::None => {}
                     }
                 }
-                other => return broken(format!("{text}: CreateMap answered {other:?}")),
+                other @ (Answer::Refused(..) | Answer::None) => {
+                    return broken(format!("{text}: CreateMap answered {other:?}"));
+                }
             }
             return Ok(());
         }
@@ -261,7 +261,9 @@ impl Robot {
         let deleted = self.answered("DeleteMap", |c| async move { c.delete_map(text).await });
         match deleted.await? {
             Answer::Some(()) | Answer::Refused(Code::NotFound, _) => name.state = State::Absent,
-            other => return broken(format!("{text}: DeleteMap answered {other:?}")),
+            other @ (Answer::Refused(..) | Answer::None) => {
+                return broken(format!("{text}: DeleteMap answered {other:?}"));
+            }
         }
         Ok(())
     }
@@ -443,12 +445,10 @@ async fn finish(map: &str, session: IngestSession) -> Step<Answer<()>> {
 
 /// The client itself sees some promises that do not hold.
 fn lost(map: &str, error: ClientError) -> Step<Answer<()>> {
-    match &error {
-        ClientError::ItemsLost { .. } | ClientError::MapReplaced { .. } => {
-            broken(format!("{map}: {error}"))
-        }
-        _ => Ok(answer(Err(error))),
+    if matches!(error, ClientError::ItemsLost { .. } | ClientError::MapReplaced { .. }) {
+        return broken(format!("{map}: {error}"));
     }
+    Ok(answer(Err(error)))
 }
 
 fn answer<T>(outcome: Result<T, ClientError>) -> Answer<T> {

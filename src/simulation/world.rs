@@ -112,7 +112,8 @@ pub(crate) fn run(plan: &Plan) -> Result<Report, Broken> {
             Ok(())
         });
     }
-    let mut machine = Machine { disk, rng, up: true, since: 0, back_at: 0, report: Report::default() };
+    let mut machine =
+        Machine { disk, rng, up: true, since: 0, back_at: 0, report: Report::default() };
     machine.faults();
     let mut ended = false;
     let mut tick = 0;

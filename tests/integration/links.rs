@@ -25,8 +25,12 @@ const QUICK: Duration = Duration::from_millis(300);
 fn patient() -> SessionOptions {
     let delay = Duration::from_millis(1);
     let max_attempts = u32::MAX;
-    let retry =
-        RetryPolicy { max_attempts, first_delay: delay, longest_delay: delay, ..RetryPolicy::default() };
+    let retry = RetryPolicy {
+        max_attempts,
+        first_delay: delay,
+        longest_delay: delay,
+        ..RetryPolicy::default()
+    };
     SessionOptions { retry, ..SessionOptions::default() }
 }
 

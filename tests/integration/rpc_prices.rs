@@ -109,7 +109,7 @@ fn a_dense_bundle_beyond_the_memory_is_refused() {
 #[test]
 fn a_pose_graph_with_large_fill_is_refused() {
     run(async {
-        let server = TestServer::start().await;
+        let server = TestServer::with(|config| config.max_message_bytes = 16 << 20).await;
         let graph = Some(Graph::Se2(tangle(20_000)));
         let request = v1::SolvePoseGraphRequest { graph, ..Default::default() };
         let status = server.optimization().solve_pose_graph(request).await.unwrap_err();

@@ -114,18 +114,18 @@ impl SolveError {
     /// The same of a whole that takes `bytes` more: those that a part was not told of.
     #[must_use]
     pub fn beside(self, bytes: u64) -> Self {
-        match self {
-            Self::TooExpensive(error) => Self::TooExpensive(error.beside(bytes)),
-            other => other,
+        if let Self::TooExpensive(error) = self {
+            return Self::TooExpensive(error.beside(bytes));
         }
+        self
     }
 
     /// The same of two parts alike, each of which had half the ceiling.
     #[must_use]
     pub fn twice(self) -> Self {
-        match self {
-            Self::TooExpensive(error) => Self::TooExpensive(error.twice()),
-            other => other,
+        if let Self::TooExpensive(error) = self {
+            return Self::TooExpensive(error.twice());
         }
+        self
     }
 }

@@ -16,8 +16,8 @@ use super::meters::ConditionCell;
 use super::optimize::Job;
 use super::stream::Queued;
 use super::{
-    Account, EngineConfig, EngineError, EngineMeters, IngestStream, OptimizeOptions, OptimizeOutcome,
-    Watch,
+    Account, EngineConfig, EngineError, EngineMeters, IngestStream, OptimizeOptions,
+    OptimizeOutcome, Watch,
 };
 use crate::map::Map;
 use crate::store::{Flushed, Store};

@@ -71,7 +71,11 @@ impl SolverPool {
             .thread_name(|index| format!("covis-solver-{index}"))
             .build();
         let threads = pool.map_err(|_error| EngineError::Threads { count })?;
-        Ok(Arc::new(Self { threads: Some(threads), turns: Mutex::new(Turns::new(count)), accounts }))
+        Ok(Arc::new(Self {
+            threads: Some(threads),
+            turns: Mutex::new(Turns::new(count)),
+            accounts,
+        }))
     }
 
     /// A pool without threads, for simulations: work runs as a task of the caller's runtime, one after

@@ -186,7 +186,7 @@ impl Part {
 }
 
 /// Writes the segments of polylines, and takes from each what was written.
-fn edges(paths: &mut Vec<PlyPath>, most: usize, out: &mut Vec<u8>) -> bool {
+fn edges(paths: &mut [PlyPath], most: usize, out: &mut Vec<u8>) -> bool {
     for path in paths.iter_mut() {
         while path.count > 1 {
             if out.len() > most {

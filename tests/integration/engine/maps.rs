@@ -6,9 +6,7 @@ use std::task::Poll;
 use async_trait::async_trait;
 use covis::map::{Event, Map, MapPolicy};
 use covis::service::engine::{EngineConfig, EngineError, Maps, SolverPool};
-use covis::store::{
-    Damage, Durability, Epoch, Flushed, MemoryStore, Position, Store, StoreError,
-};
+use covis::store::{Damage, Durability, Epoch, Flushed, MemoryStore, Position, Store, StoreError};
 use tokio::sync::{Semaphore, watch};
 
 /// A store whose creations and deletions wait until the test lets them go on, or fail.
@@ -172,7 +170,8 @@ async fn of_two_creations_of_a_name_at_once_one_makes_the_map() {
     let store = HeldStore::new();
     let maps = store.maps().await;
     store.release(1);
-    let (a, b) = tokio::join!(maps.create("house", "", policy()), maps.create("house", "", policy()));
+    let (a, b) =
+        tokio::join!(maps.create("house", "", policy()), maps.create("house", "", policy()));
     let outcomes = [a.is_ok(), b.is_ok()];
     assert!(outcomes == [true, false] || outcomes == [false, true], "{outcomes:?}");
 }
