@@ -5,8 +5,8 @@
 //!
 //! | floor | modules |
 //! |---|---|
-//! | 0 | `simd`: eight lanes of f64 for each instruction set; [`interrupt`]: when work ends early; [`price`]: what a solve takes |
-//! | 1 | [`geometry`]: groups with their Jacobians, camera models |
+//! | 0 | `simd`: eight lanes of f64 for each instruction set; [`interrupt`]: when work ends early |
+//! | 1 | [`geometry`]: groups with their Jacobians, camera models; [`price`]: what a solve takes |
 //! | 2 | [`information`], [`loss`] |
 //! | 3 | [`factors`]; `lanes`: camera models and losses, eight observations at a time |
 //! | 4 | [`problem`]: variables, factor batches, gauge, validation |

@@ -5,8 +5,8 @@ use crate::source::rust_files;
 
 /// The modules of `solvers/src`, lowest floor first. A file uses its own module and lower floors.
 const FLOORS: [&[&str]; 13] = [
-    &["simd", "interrupt", "price"],
-    &["geometry"],
+    &["simd", "interrupt"],
+    &["price", "geometry"],
     &["information", "loss"],
     &["factors", "lanes"],
     &["problem"],
