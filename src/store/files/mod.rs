@@ -155,6 +155,9 @@ impl FileStore {
             };
             maps.insert(name, entry);
         }
+        // A deletion whose process was killed before its sync counts from here on, so it must stay.
+        let folder = root.join("maps");
+        disk.sync_folder(&folder).map_err(|error| file_error("cannot sync", &folder, &error))?;
         let inner = Inner {
             disk,
             root,
