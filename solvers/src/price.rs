@@ -3,8 +3,6 @@
 //! An estimate is an upper bound of the bytes that are allocated at once besides the problem itself,
 //! and not far above it: `tests/memory.rs` holds it between the truth and four times that.
 
-use std::fmt;
-
 use crate::interrupt::Interrupt;
 
 /// What a solve takes.
@@ -73,18 +71,25 @@ pub enum Resource {
     FlopsPerIteration,
 }
 
-impl fmt::Display for Resource {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Bytes => "bytes",
-            Self::FlopsPerIteration => "flops an iteration",
-        })
+impl Resource {
+    /// So much of it, in words.
+    fn with_unit(self, amount: u64) -> String {
+        match self {
+            Self::Bytes => format!("{amount} bytes"),
+            Self::FlopsPerIteration => format!("{} Gflop an iteration", to_gflop(amount)),
+        }
     }
+}
+
+/// Floating-point operations in units of 1e9, rounded up: above a limit in these units it stays above.
+#[must_use]
+pub fn to_gflop(flops: u64) -> u64 {
+    flops.div_ceil(1_000_000_000)
 }
 
 /// A price beyond its ceiling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the solve takes an estimated {estimate} {resource}, the limit is {limit}")]
+#[error("the solve takes an estimated {}, the limit is {}", .resource.with_unit(*.estimate), .resource.with_unit(*.limit))]
 pub struct TooExpensive {
     /// What there is too little of.
     pub resource: Resource,

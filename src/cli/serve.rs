@@ -206,7 +206,7 @@ pub(super) fn server_config(config: &Config) -> ServerConfig {
     let engine = EngineConfig {
         lock_step: config.lock_step,
         queue_capacity: config.queue_capacity,
-        ..EngineConfig::default()
+        ..config.solve_limits.over(EngineConfig::default())
     };
     let default = ServerConfig::default();
     let connections = ConnectionLimits {

@@ -12,6 +12,7 @@ use covis_solvers::problem::BundleProblem;
 use super::convert::certificate::add_costs;
 use super::convert::solve::{Systems, loss, options, to_iterations, to_linear_solver, to_summary};
 use super::convert::{Path, convert, count, problem};
+use super::engine::Estimate;
 use super::error::ServiceError;
 use crate::wire::v1;
 
@@ -20,6 +21,15 @@ pub(super) struct Input {
     bundle: BundleProblem,
     gauge: v1::Gauge,
     options: Options,
+}
+
+impl Input {
+    /// What its solve is expected to take.
+    pub(super) fn estimate(&self) -> Estimate {
+        let optimizer = &self.options.optimizer;
+        let bound = bundle_adjustment::price_bound(&self.bundle);
+        Estimate::new(bound, optimizer.max_iterations, &optimizer.ceiling)
+    }
 }
 
 /// Reads a request.

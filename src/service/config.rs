@@ -34,9 +34,9 @@ pub fn default_ceilings() -> Ceilings {
     }
 }
 
-/// Limits of a server on a machine of 8 GiB: 4 GiB for all maps, 2 GiB for solves and half a GiB each
-/// for exports and for journals that wait for the disk leave the rest to queues and the system. A stream takes some ten kilobytes with
-/// its queue.
+/// Limits of a server on a machine of 8 GiB: 4 GiB for all maps, 2 GiB for solves and half a GiB for
+/// journals that wait for the disk leave the rest to queues, exports and the system. A stream takes
+/// some ten kilobytes with its queue, an export the snapshot that it holds and a chunk.
 #[must_use]
 pub fn default_limits() -> AccountLimits {
     AccountLimits {
@@ -44,10 +44,10 @@ pub fn default_limits() -> AccountLimits {
         max_maps: None,
         max_streams: Some(2000),
         max_watchers: Some(1000),
-        max_export_bytes: Some(GIB / 2),
+        max_exports: Some(64),
         max_solves: None,
         max_waiting_solves: Some(256),
-        max_solve_bytes: Some(2 * GIB),
+        max_running_solve_bytes: Some(2 * GIB),
         max_journal_bytes: Some(GIB / 2),
     }
 }

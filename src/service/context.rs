@@ -24,7 +24,6 @@ use super::connections::Connections;
 use super::convert::map::ServerCeilings;
 use super::engine::{EngineError, Maps};
 use super::error::ServiceError;
-use super::export::Exports;
 use super::telemetry::ServerMeters;
 
 /// Small messages that wait for a slow reader of a stream.
@@ -48,8 +47,6 @@ pub(super) struct Context {
     pub access: Arc<Access>,
     /// Who is connected.
     pub connections: Arc<Connections>,
-    /// The exports that are being read.
-    pub exports: Exports,
     /// Random for each start.
     pub instance_id: String,
     /// Start of the server, nanoseconds of Unix time.

@@ -22,6 +22,7 @@ use super::convert::problem::{GraphToSolve, graph_se2, graph_se3};
 use super::convert::robust::{robustness, to_chordal_certificate};
 use super::convert::solve::{Systems, loss, options, to_iterations, to_summary};
 use super::convert::{Path, Violations, convert, count, small};
+use super::engine::Estimate;
 use super::error::ServiceError;
 use crate::map::{ClosureRobustness, Reason};
 use crate::wire::v1;
@@ -47,6 +48,18 @@ struct Settings {
 enum AnyGraph {
     Se3(GraphToSolve<Se3, 6>),
     Se2(GraphToSolve<Se2, 3>),
+}
+
+impl Input {
+    /// What its solve is expected to take.
+    pub(super) fn estimate(&self) -> Estimate {
+        let optimizer = &self.settings.options;
+        let bound = match &self.graph {
+            AnyGraph::Se3(input) => pose_graph::price_bound(&input.graph),
+            AnyGraph::Se2(input) => pose_graph::price_bound(&input.graph),
+        };
+        Estimate::new(bound, optimizer.max_iterations, &optimizer.ceiling)
+    }
 }
 
 /// Reads a request.

@@ -1,10 +1,10 @@
-//! Limits as they are written in files: `[map_limits]`, `[tenant_limits]` and `[server_limits]` of
-//! `covis.toml`, and `[[tenant]]` in the file of tokens. An absent key is the default, or what stands
+//! Limits as they are written in files: `[map_limits]`, `[tenant_limits]`, `[server_limits]` and
+//! `[solve_limits]` of `covis.toml`, and `[[tenant]]` in the file of tokens. An absent key is the default, or what stands
 //! above.
 
 use serde::Deserialize;
 
-use super::engine::AccountLimits;
+use super::engine::{AccountLimits, EngineConfig};
 use crate::map::Ceilings;
 
 /// Limits of a map; counts from 1.
@@ -54,6 +54,28 @@ impl From<MapLimits> for Ceilings {
     }
 }
 
+/// What one solve may take by its estimate; past it the solve is not begun.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SolveLimits {
+    /// Memory in bytes.
+    pub max_bytes: Option<u64>,
+    /// Work of one iteration, Gflop.
+    pub max_gflops: Option<u64>,
+}
+
+impl SolveLimits {
+    /// These limits where they are given, else those of `default`.
+    #[must_use]
+    pub fn over(&self, default: EngineConfig) -> EngineConfig {
+        EngineConfig {
+            max_solve_bytes: self.max_bytes.unwrap_or(default.max_solve_bytes),
+            max_solve_gflops: self.max_gflops.unwrap_or(default.max_solve_gflops),
+            ..default
+        }
+    }
+}
+
 /// Limits of a tenant, or of the server; counts from 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -80,14 +102,14 @@ pub struct TenantLimits {
     pub max_streams: Option<u64>,
     /// Watchers at once.
     pub max_watchers: Option<u64>,
-    /// Bytes of exports that are built or wait for their readers.
-    pub max_export_bytes: Option<u64>,
-    /// Solves that run at once.
+    /// Exports that are read at once.
+    pub max_exports: Option<u64>,
+    /// Solves that run at once, small ones and large ones counted apart.
     pub max_solves: Option<u64>,
     /// Calls for solves that wait for their turn.
     pub max_waiting_solves: Option<u64>,
-    /// Bytes that solves which run or wait are priced at.
-    pub max_solve_bytes: Option<u64>,
+    /// Bytes that the solves which run are priced at; more wait for their turn.
+    pub max_running_solve_bytes: Option<u64>,
     /// Bytes of journals that wait for the disk.
     pub max_journal_bytes: Option<u64>,
 }
@@ -102,10 +124,12 @@ impl TenantLimits {
             max_maps: given.max_maps.or(default.max_maps),
             max_streams: given.max_streams.or(default.max_streams),
             max_watchers: given.max_watchers.or(default.max_watchers),
-            max_export_bytes: given.max_export_bytes.or(default.max_export_bytes),
+            max_exports: given.max_exports.or(default.max_exports),
             max_solves: given.max_solves.or(default.max_solves),
             max_waiting_solves: given.max_waiting_solves.or(default.max_waiting_solves),
-            max_solve_bytes: given.max_solve_bytes.or(default.max_solve_bytes),
+            max_running_solve_bytes: given
+                .max_running_solve_bytes
+                .or(default.max_running_solve_bytes),
             max_journal_bytes: given.max_journal_bytes.or(default.max_journal_bytes),
         }
     }
@@ -115,8 +139,8 @@ impl From<TenantLimits> for AccountLimits {
     fn from(limits: TenantLimits) -> Self {
         let TenantLimits { max_clients, max_cameras, max_keyframes, max_landmarks, .. } = limits;
         let TenantLimits { max_observations, max_constraints, max_priors, max_bytes, .. } = limits;
-        let TenantLimits { max_maps, max_streams, max_watchers, max_export_bytes, .. } = limits;
-        let TenantLimits { max_solves, max_waiting_solves, max_solve_bytes, .. } = limits;
+        let TenantLimits { max_maps, max_streams, max_watchers, max_exports, .. } = limits;
+        let TenantLimits { max_solves, max_waiting_solves, max_running_solve_bytes, .. } = limits;
         let max_journal_bytes = limits.max_journal_bytes;
         let held = Ceilings {
             max_clients,
@@ -133,10 +157,10 @@ impl From<TenantLimits> for AccountLimits {
             max_maps,
             max_streams,
             max_watchers,
-            max_export_bytes,
+            max_exports,
             max_solves,
             max_waiting_solves,
-            max_solve_bytes,
+            max_running_solve_bytes,
             max_journal_bytes,
         }
     }

@@ -13,7 +13,7 @@ use super::context::{Answers, Context};
 use super::convert::map::{display_name, policy, to_map};
 use super::convert::{Path, convert, ids};
 use super::deadline::call_time;
-use super::engine::MapHandle;
+use super::engine::{MapHandle, Resource};
 use super::error::ServiceError;
 use super::watch::Wanted;
 use super::{export, listing, watch};
@@ -170,7 +170,7 @@ impl MapService for MapRpcs {
         self.context.read_stream("ExportMap", time, |sink| async move {
             let map = rpcs.map(&caller?, &request.map_id)?;
             let format = export::format(request.format)?;
-            let _place = rpcs.context.exports.begin(map.name())?;
+            let _place = map.account().reserve(Resource::Exports, 1)?;
             let snapshot = map.snapshot().await?;
             let map_id = request.map_id.clone();
             let started = move || export::Export::new(map_id, snapshot, format);

@@ -51,7 +51,7 @@ pub use access::{AccessError, JwtOptions};
 pub use clock::Clock;
 pub use config::{KeepAlive, ServerConfig, default_ceilings, default_limits};
 pub use connections::ConnectionLimits;
-pub use limits::{MapLimits, TenantLimits};
+pub use limits::{MapLimits, SolveLimits, TenantLimits};
 #[cfg(test)]
 pub(crate) use server::Backend;
 pub use server::{RunningServer, Server, ServerError, StartingServer};

@@ -18,7 +18,9 @@ use super::convert::robust::to_chordal_certificate;
 use super::convert::solve::{Systems, gauge, loss, options, to_certificate, to_iteration};
 use super::convert::{Path, convert, count, ids};
 use super::deadline::{CancelOnDrop, call_time, solve_deadline};
-use super::engine::{GaugeKind, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError};
+use super::engine::{
+    Estimate, GaugeKind, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError,
+};
 use super::error::ServiceError;
 use super::{bundle_solve, graph_solve, refine};
 use crate::map::Reason;
@@ -43,6 +45,7 @@ impl Optimization {
     async fn solve<R: Send + 'static>(
         &self,
         caller: &Caller,
+        estimate: Estimate,
         deadline: Option<Instant>,
         work: impl FnOnce() -> R + Send + 'static,
     ) -> Result<R, ServiceError> {
@@ -62,7 +65,7 @@ impl Optimization {
         };
         let pool = self.context.maps.pool();
         let account = pool.accounts().tenant(caller.tenant());
-        let mut solved = std::pin::pin!(pool.run(&account, work));
+        let mut solved = std::pin::pin!(pool.run(&account, estimate, work));
         let solved = tokio::select! {
             biased;
             solved = &mut solved => solved,
@@ -94,7 +97,8 @@ impl Optimization {
         let input = refine::input(&request.into_inner(), threads, deadline)?;
         let cancel = CancelOnDrop::default();
         let mut observer = cancel.observer();
-        self.solve(&caller, deadline, move || refine::run(&input, &mut observer)).await?
+        let estimate = input.estimate(self.ceiling());
+        self.solve(&caller, estimate, deadline, move || refine::run(&input, &mut observer)).await?
     }
 
     async fn bundle(
@@ -106,10 +110,10 @@ impl Optimization {
         let request = request.into_inner();
         let threads = self.context.maps.pool().threads();
         let input = bundle_solve::input(&request, threads, self.ceiling())?;
-        let cancel = CancelOnDrop::default();
+        let (estimate, cancel) = (input.estimate(), CancelOnDrop::default());
         let interrupt = cancel.interrupt(deadline);
         let work = move || bundle_solve::run(request, input, &interrupt);
-        self.solve(&caller, deadline, work).await?
+        self.solve(&caller, estimate, deadline, work).await?
     }
 
     async fn graph(
@@ -120,9 +124,10 @@ impl Optimization {
         let deadline = solve_deadline(&request, request.get_ref().encoded_len());
         let threads = self.context.maps.pool().threads();
         let input = graph_solve::input(request.into_inner(), threads, self.ceiling())?;
-        let cancel = CancelOnDrop::default();
+        let (estimate, cancel) = (input.estimate(), CancelOnDrop::default());
         let interrupt = cancel.interrupt(deadline);
-        self.solve(&caller, deadline, move || graph_solve::run(input, &interrupt)).await?
+        let work = move || graph_solve::run(input, &interrupt);
+        self.solve(&caller, estimate, deadline, work).await?
     }
 }
 

@@ -10,6 +10,7 @@ use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{self, Observer};
 use covis_solvers::pose_refinement::{self, PointObservation, Prior};
+use covis_solvers::price::Ceiling;
 use covis_solvers::problem::BundleProblem;
 
 use super::convert::camera::camera;
@@ -18,6 +19,7 @@ use super::convert::geometry::{rigid_transform, to_information6, to_rigid_transf
 use super::convert::refine::{observations, prior};
 use super::convert::solve::{Systems, loss, options, to_summary};
 use super::convert::{Path, convert};
+use super::engine::Estimate;
 use super::error::ServiceError;
 use crate::wire::v1;
 
@@ -39,6 +41,14 @@ pub(super) struct Input {
     include_information: bool,
     /// When the solve must have ended.
     deadline: Option<Instant>,
+}
+
+impl Input {
+    /// What its solve is expected to take.
+    pub(super) fn estimate(&self, ceiling: Ceiling) -> Estimate {
+        let bound = pose_refinement::price_bound(self.observations.len());
+        Estimate::new(bound, self.options.optimizer.max_iterations, &ceiling)
+    }
 }
 
 /// Reads a request.

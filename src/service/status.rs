@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 use std::time::Duration;
 
-use covis_solvers::price::{Resource, TooExpensive};
+use covis_solvers::price::{Resource, TooExpensive, to_gflop};
 use covis_solvers::problem::SolveError;
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, FieldViolation, StatusExt};
@@ -286,14 +286,15 @@ fn unsolvable(field: &str, error: &SolveError) -> Parts {
 
 /// The same request never fits: there is nothing to wait for, so no `RetryInfo`.
 fn too_expensive(error: TooExpensive) -> Parts {
-    let limit = match error.resource {
-        Resource::Bytes => "max_solve_bytes",
-        Resource::FlopsPerIteration => "max_solve_gflops",
+    let TooExpensive { resource, estimate, limit } = error;
+    let (name, estimate, maximum) = match resource {
+        Resource::Bytes => ("max_solve_bytes", estimate, limit),
+        Resource::FlopsPerIteration => ("max_solve_gflops", to_gflop(estimate), to_gflop(limit)),
     };
     Parts::new(Code::ResourceExhausted, "SOLVE_TOO_EXPENSIVE", error.to_string())
-        .with("limit", limit)
-        .with("estimate", error.estimate)
-        .with("maximum", error.limit)
+        .with("limit", name)
+        .with("estimate", estimate)
+        .with("maximum", maximum)
 }
 
 fn draining() -> Parts {

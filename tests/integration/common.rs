@@ -5,10 +5,13 @@
 //! that are a little off by a fixed pattern. No randomness.
 
 use std::future::Future;
+use std::sync::Arc;
 use std::time::Duration;
 
+use covis::service::engine::{Estimate, SolverPool};
 use covis::service::{RunningServer, Server, ServerConfig};
 use covis::wire::v1;
+use covis_solvers::price::{Ceiling, Price};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{Channel, Endpoint};
@@ -90,15 +93,47 @@ impl TestServer {
     }
 }
 
-/// Holds the pool's one thread until the answer is dropped: what is asked for next waits.
-pub(crate) async fn occupy(server: &TestServer) -> std::sync::mpsc::Sender<()> {
+/// Holds the threads of a solver pool that has one of each kind, until it is dropped: what is asked
+/// for next waits.
+pub(crate) struct Occupied {
+    _release: [std::sync::mpsc::Sender<()>; 2],
+}
+
+impl Occupied {
+    pub(crate) async fn new(pool: &Arc<SolverPool>) -> Self {
+        assert_eq!(pool.threads(), 1);
+        let release = [hold(pool, small()).await, hold(pool, large()).await];
+        Self { _release: release }
+    }
+}
+
+/// Holds one thread for solves of that size until the answer is dropped.
+pub(crate) async fn hold(
+    pool: &Arc<SolverPool>,
+    estimate: Estimate,
+) -> std::sync::mpsc::Sender<()> {
     let (release, released) = std::sync::mpsc::channel();
     let (begun, began) = tokio::sync::oneshot::channel();
-    let pool = server.running.solver_pool();
-    let hold = move || begun.send(()).is_ok() && released.recv().is_ok();
-    tokio::spawn(async move { pool.run(&pool.accounts().tenant(""), hold).await });
+    let work = move || begun.send(()).is_ok() && released.recv().is_ok();
+    let pool = Arc::clone(pool);
+    tokio::spawn(async move { pool.run(&pool.accounts().tenant(""), estimate, work).await });
     began.await.unwrap();
     release
+}
+
+/// What a small solve is expected to take.
+pub(crate) fn small() -> Estimate {
+    Estimate::new(Price::default(), 1, &Ceiling::NONE)
+}
+
+/// The same of a large one, of 1 GiB.
+pub(crate) fn large() -> Estimate {
+    Estimate::new(Price { bytes: 1 << 30, flops_per_iteration: 1e12 }, 1, &Ceiling::NONE)
+}
+
+/// [`Occupied`] for a server.
+pub(crate) async fn occupy(server: &TestServer) -> Occupied {
+    Occupied::new(&server.running.solver_pool()).await
 }
 
 /// A request with a bearer token, where it is not empty.

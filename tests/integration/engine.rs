@@ -192,28 +192,3 @@ pub(crate) fn optimized(acks: &[Ack]) -> Vec<(i64, i64)> {
         })
         .collect()
 }
-
-/// Occupies the one thread of the pool until dropped, so that solves wait.
-pub(crate) struct Blocker {
-    _release: std::sync::mpsc::Sender<()>,
-}
-
-impl Blocker {
-    pub(crate) async fn new(maps: &Maps) -> Self {
-        assert_eq!(maps.pool().threads(), 1);
-        let (release, released) = std::sync::mpsc::channel::<()>();
-        let (started, starts) = tokio::sync::oneshot::channel();
-        let pool = Arc::clone(maps.pool());
-        tokio::spawn(async move {
-            let tenant = pool.accounts().tenant("");
-            pool.run(&tenant, move || {
-                started.send(()).unwrap();
-                // Ends when the sender is dropped.
-                released.recv().unwrap_err();
-            })
-            .await
-        });
-        starts.await.unwrap();
-        Self { _release: release }
-    }
-}

@@ -24,6 +24,7 @@ use crate::geometry::{Camera, LieGroup, Se3};
 use crate::information::Information;
 use crate::loss::Loss;
 use crate::optimizer::{self, Observer, SolveSummary, minimize};
+use crate::price::Price;
 use crate::problem::SolveError;
 pub use crate::simd::Class;
 pub use batch::{BatchObserver, PoseProblem, refine_batch};
@@ -89,6 +90,13 @@ pub struct Refined {
     pub squared_errors: Vec<f64>,
     /// Whether each observation's landmark is at or behind the camera's center plane.
     pub behind_camera: Vec<bool>,
+}
+
+/// At least what [`refine`] takes.
+#[must_use]
+pub fn price_bound(observations: usize) -> Price {
+    let observations = observations as f64;
+    Price { bytes: (1000.0 * observations) as u64, flops_per_iteration: 1500.0 * observations }
 }
 
 /// Refines `world_from_camera` on `observations` and an optional `prior`.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use crate::service::{MapLimits, TenantLimits};
+use crate::service::{MapLimits, SolveLimits, TenantLimits};
 
 /// How log lines look.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
@@ -71,6 +71,8 @@ pub struct Layer {
     pub tenant_limits: Option<TenantLimits>,
     /// See [`super::Config::server_limits`].
     pub server_limits: Option<TenantLimits>,
+    /// What one solve may take.
+    pub solve_limits: Option<SolveLimits>,
     /// Address at which a server answers `GET /metrics`, `host:port`.
     pub metrics_listen: Option<String>,
     /// Seconds that a server waits for running calls at its end.
@@ -208,6 +210,7 @@ impl Layer {
             map_limits: self.map_limits.or(lower.map_limits),
             tenant_limits: self.tenant_limits.or(lower.tenant_limits),
             server_limits: self.server_limits.or(lower.server_limits),
+            solve_limits: self.solve_limits.or(lower.solve_limits),
             metrics_listen: self.metrics_listen.or(lower.metrics_listen),
             drain_budget: self.drain_budget.or(lower.drain_budget),
             log: self.log.or(lower.log),

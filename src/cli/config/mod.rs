@@ -13,7 +13,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use crate::client::Token;
-use crate::service::{ConnectionLimits, MapLimits, TenantLimits};
+use crate::service::{ConnectionLimits, MapLimits, SolveLimits, TenantLimits};
 
 pub use environment::Environment;
 pub use layer::{ConfigError, Layer, LogFormat};
@@ -80,6 +80,9 @@ pub struct Config {
     pub tenant_limits: TenantLimits,
     /// Limits of the server as a whole (see `service::default_limits`).
     pub server_limits: TenantLimits,
+    /// What one solve may take; in the file only (see
+    /// [`EngineConfig`](crate::service::engine::EngineConfig)).
+    pub solve_limits: SolveLimits,
     /// Folder that a server keeps its maps in (the platform's folder for data of programs).
     pub data_dir: Option<PathBuf>,
     /// Whether a server keeps its maps in memory only (no).
@@ -156,6 +159,7 @@ impl Config {
             map_limits: layer.map_limits.unwrap_or_default(),
             tenant_limits: layer.tenant_limits.unwrap_or_default(),
             server_limits: layer.server_limits.unwrap_or_default(),
+            solve_limits: layer.solve_limits.unwrap_or_default(),
             data_dir: layer.data_dir,
             in_memory: layer.in_memory.unwrap_or(false),
             metrics_listen: layer.metrics_listen,

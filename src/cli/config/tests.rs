@@ -123,3 +123,12 @@ fn limits_of_the_server_stand_over_their_defaults() {
     let ceilings = config.map_limits.over(crate::service::default_ceilings());
     assert_eq!((ceilings.max_cameras, ceilings.max_keyframes), (Some(3), Some(100_000)));
 }
+
+#[test]
+fn limits_of_a_solve_stand_over_their_defaults() {
+    let file = file("[solve_limits]\nmax_gflops = 20\n");
+    let path = Some(file.path().to_owned());
+    let (config, _) = Config::load(Layer::default(), path, environment(&[])).unwrap();
+    let engine = crate::cli::serve::server_config(&config).engine;
+    assert_eq!((engine.max_solve_gflops, engine.max_solve_bytes), (20, 1 << 30));
+}

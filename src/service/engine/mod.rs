@@ -25,6 +25,7 @@ mod actor;
 mod certificate;
 mod durable;
 mod error;
+mod estimate;
 mod fault;
 mod handle;
 mod history;
@@ -54,6 +55,7 @@ pub use account::{
 pub use acks::{Ack, AckStatus, SolveReport, StreamEvent};
 pub use certificate::{GaugeKind, SolveCertificate, SolverKind};
 pub use error::EngineError;
+pub use estimate::Estimate;
 #[cfg(feature = "faults")]
 pub use fault::Fault;
 pub use handle::{MapHandle, MapInfo, MapState};

@@ -1,8 +1,10 @@
-//! The solver pool: one set of rayon threads for all solves of a server, with turns among tenants.
+//! The solver pool: the threads for all solves of a server, with turns among tenants.
 //!
-//! As many solves run at once as there are threads; what waits is given its turn by [`Turns`]. Work
-//! runs under `catch_unwind`, so that a panic costs one solve and no thread. A solve that is
-//! parallel inside spreads over the same pool. Nothing async runs here and nothing waits here.
+//! Small solves have threads of their own, so that none waits behind a large one; the system shares
+//! the processors between both. Of each kind as many run at once as there are threads, large ones
+//! as far as their memory fits besides; what waits is given its turn by [`Turns`]. Work runs under
+//! `catch_unwind`, so that a panic costs one solve and no thread. A solve that is parallel inside
+//! spreads over the threads of its kind. Nothing async runs here and nothing waits here.
 
 use std::any::Any;
 use std::fmt;
@@ -13,7 +15,7 @@ use std::time::Instant;
 use tokio::sync::oneshot;
 
 use super::turns::{Turn, Turns};
-use super::{Account, Accounts, EngineError, Resource};
+use super::{Account, Accounts, EngineError, Estimate, Resource};
 
 /// Work that panicked.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -36,12 +38,26 @@ pub enum PoolError {
 
 type Work = Box<dyn FnOnce() + Send>;
 
-/// Threads for solves.
-pub struct SolverPool {
+/// A solve that waits for its turn.
+struct Waiting {
+    work: Work,
+    bytes: u64,
+    /// Of the map or the tenant that wants it.
+    account: Arc<Account>,
+}
+
+/// Threads for solves of one kind, and who waits for them.
+struct Lane {
     /// `None`: work runs as a task of the async runtime, so that one thread and one clock drive
     /// everything.
     threads: Option<rayon::ThreadPool>,
-    turns: Mutex<Turns<Work>>,
+    turns: Mutex<Turns<Waiting>>,
+}
+
+/// Threads for solves.
+pub struct SolverPool {
+    small: Lane,
+    large: Lane,
     accounts: Accounts,
 }
 
@@ -65,31 +81,22 @@ impl SolverPool {
     /// # Errors
     /// As [`SolverPool::new`].
     pub fn shared_by(accounts: Accounts, threads: usize) -> Result<Arc<Self>, EngineError> {
-        let count = threads.max(1);
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(count)
-            .thread_name(|index| format!("covis-solver-{index}"))
-            .build();
-        let threads = pool.map_err(|_error| EngineError::Threads { count })?;
-        Ok(Arc::new(Self {
-            threads: Some(threads),
-            turns: Mutex::new(Turns::new(count)),
-            accounts,
-        }))
+        let (small, large) = (Lane::new("small", threads)?, Lane::new("large", threads)?);
+        Ok(Arc::new(Self { small, large, accounts }))
     }
 
     /// A pool without threads, for simulations: work runs as a task of the caller's runtime, one after
     /// the other.
     #[cfg(test)]
     pub(crate) fn in_place() -> Arc<Self> {
-        let (turns, accounts) = (Mutex::new(Turns::new(1)), Accounts::default());
-        Arc::new(Self { threads: None, turns, accounts })
+        let lane = || Lane { threads: None, turns: Mutex::new(Turns::new(1)) };
+        Arc::new(Self { small: lane(), large: lane(), accounts: Accounts::default() })
     }
 
-    /// How many threads there are.
+    /// How many threads there are for a solve.
     #[must_use]
     pub fn threads(&self) -> usize {
-        self.threads.as_ref().map_or(1, rayon::ThreadPool::current_num_threads)
+        self.large.threads.as_ref().map_or(1, rayon::ThreadPool::current_num_threads)
     }
 
     /// What the tenants that share the pool hold.
@@ -98,11 +105,12 @@ impl SolverPool {
         &self.accounts
     }
 
-    /// Has `work` done when the turn of the account's tenant comes and answers through the receiver; dropping the
-    /// receiver does not stop it.
+    /// Has `work` done when the turn of the account's tenant comes and answers through the receiver;
+    /// dropping the receiver does not stop it.
     pub(super) fn start<R: Send + 'static>(
         self: &Arc<Self>,
-        tenant: &Account,
+        account: &Arc<Account>,
+        estimate: Estimate,
         work: impl FnOnce() -> R + Send + 'static,
     ) -> oneshot::Receiver<Result<R, SolvePanicked>> {
         let (reply, answer) = oneshot::channel();
@@ -112,8 +120,10 @@ impl SolverPool {
             // Nobody waits for the result of work that was superseded.
             let _unread = reply.send(result);
         });
-        self.lock().push(&Arc::from(tenant.tenant()), work);
-        self.begin();
+        let waiting = Waiting { work, bytes: estimate.bytes(), account: Arc::clone(account) };
+        let is_small = estimate.is_small();
+        self.lane(is_small).lock().push(&Arc::from(account.tenant()), waiting);
+        self.begin(is_small);
         answer
     }
 
@@ -124,6 +134,7 @@ impl SolverPool {
     pub async fn run<R: Send + 'static>(
         self: &Arc<Self>,
         tenant: &Arc<Account>,
+        estimate: Estimate,
         work: impl FnOnce() -> R + Send + 'static,
     ) -> Result<R, PoolError> {
         let waits = tenant.reserve(Resource::WaitingSolves, 1).map_err(PoolError::Full)?;
@@ -131,22 +142,34 @@ impl SolverPool {
             drop(waits);
             work()
         };
-        Ok(answered(self.start(tenant, work).await)?)
+        Ok(answered(self.start(tenant, estimate, work).await)?)
+    }
+
+    fn lane(&self, is_small: bool) -> &Lane {
+        if is_small { &self.small } else { &self.large }
     }
 
     /// Begins what may run now.
-    fn begin(self: &Arc<Self>) {
-        let most = |tenant: &str| self.accounts.tenant(tenant).limits().max_solves;
+    fn begin(self: &Arc<Self>, is_small: bool) {
+        let lane = self.lane(is_small);
         loop {
-            let next = self.lock().next(most);
-            let Some((turn, work)) = next else { return };
+            let mut turns = lane.lock();
+            let next = turns.next(
+                |tenant, running, waiting| self.tenant_may(tenant, running, waiting),
+                |running, waiting| is_small || running == 0 || self.fits(waiting),
+            );
+            let Some((turn, Waiting { work, bytes, account })) = next else { return };
+            // While the turns are held, so that no other takes the same memory.
+            let bytes = account.reserve_existing(Resource::RunningSolveBytes, bytes);
+            drop(turns);
             let pool = Arc::clone(self);
             let run = move || {
                 let begin = Instant::now();
                 work();
-                pool.ended(&turn, begin);
+                drop(bytes);
+                pool.ended(is_small, &turn, begin);
             };
-            match &self.threads {
+            match &lane.threads {
                 Some(threads) => threads.spawn(run),
                 None => {
                     tokio::spawn(async { run() });
@@ -155,13 +178,47 @@ impl SolverPool {
         }
     }
 
-    fn ended(self: &Arc<Self>, turn: &Turn, begin: Instant) {
-        let took_ns = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        self.lock().ended(turn, took_ns);
-        self.begin();
+    /// Whether a tenant of whom `running` solves of this kind run may have one more.
+    fn tenant_may(&self, tenant: &str, running: u64, waiting: &Waiting) -> bool {
+        let account = self.accounts.tenant(tenant);
+        let limits = account.limits();
+        let held = account.held(Resource::RunningSolveBytes);
+        let more = held.saturating_add(waiting.bytes);
+        running == 0
+            || (limits.max_solves.is_none_or(|most| running < most)
+                && limits.max_running_solve_bytes.is_none_or(|most| more <= most))
     }
 
-    fn lock(&self) -> MutexGuard<'_, Turns<Work>> {
+    /// Whether the server has the memory for one more.
+    fn fits(&self, waiting: &Waiting) -> bool {
+        let server = self.accounts.server();
+        let more = server.held(Resource::RunningSolveBytes).saturating_add(waiting.bytes);
+        server.limits().max_running_solve_bytes.is_none_or(|most| more <= most)
+    }
+
+    fn ended(self: &Arc<Self>, is_small: bool, turn: &Turn, begin: Instant) {
+        let took_ns = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        self.lane(is_small).lock().ended(turn, took_ns);
+        self.begin(is_small);
+        if is_small {
+            // Its memory may be what a large one waits for.
+            self.begin(false);
+        }
+    }
+}
+
+impl Lane {
+    fn new(kind: &'static str, threads: usize) -> Result<Self, EngineError> {
+        let count = threads.max(1);
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(count)
+            .thread_name(move |index| format!("covis-{kind}-{index}"))
+            .build();
+        let threads = pool.map_err(|_error| EngineError::Threads { count })?;
+        Ok(Self { threads: Some(threads), turns: Mutex::new(Turns::new(count)) })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Turns<Waiting>> {
         self.turns.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -8,6 +8,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use covis_solvers::{bundle_adjustment, optimizer};
 use tokio::sync::oneshot;
 
 use super::actor::Actor;
@@ -16,7 +17,7 @@ use super::pool::{SolvePanicked, answered};
 use super::work::{
     Outcome, Solution, cancel_flag, solve_loop, solve_map, solve_map_graph, solve_window,
 };
-use super::{EngineError, OptimizeOutcome, OptimizeProblem, SolveReport};
+use super::{EngineError, Estimate, OptimizeOutcome, OptimizeProblem, SolveReport};
 use crate::map::{
     Change, EntityId, Map, SolveKind, SwitchedOff, applied, choose_window, local_problem,
 };
@@ -63,7 +64,9 @@ impl Actor {
 
     fn start_loop(&mut self, triggers: Vec<u64>) {
         let (map, ceiling) = (Arc::clone(&self.map), self.config.ceiling());
-        self.launch(SolveKind::PoseGraph, triggers, cancel_flag(), move |cancel| {
+        let max_iterations = optimizer::Options::default().max_iterations;
+        let estimate = Estimate::of_map(map.usage(), max_iterations, &ceiling);
+        self.launch(SolveKind::PoseGraph, estimate, triggers, cancel_flag(), move |cancel| {
             solve_loop(map, ceiling, cancel)
         });
     }
@@ -77,16 +80,19 @@ impl Actor {
         let (mut options, rows, cancel) = (job.options, job.rows.clone(), Arc::clone(&job.cancel));
         options.optimizer.ceiling = self.config.ceiling();
         let map = Arc::clone(&self.map);
+        let optimizer = &options.optimizer;
+        let estimate = Estimate::of_map(map.usage(), optimizer.max_iterations, &optimizer.ceiling);
         match options.problem {
             OptimizeProblem::Full => {
-                self.launch(SolveKind::Global, self.schedule.all(), cancel, move |cancel| {
+                let triggers = self.schedule.all();
+                self.launch(SolveKind::Global, estimate, triggers, cancel, move |cancel| {
                     solve_map(map, &options, &rows, cancel)
                 });
             }
             OptimizeProblem::PoseGraph { certify } => {
                 // Windows are still to be solved: this moves no landmark against its keyframes.
                 let loops = self.schedule.loops();
-                self.launch(SolveKind::PoseGraph, loops, cancel, move |cancel| {
+                self.launch(SolveKind::PoseGraph, estimate, loops, cancel, move |cancel| {
                     solve_map_graph(map, &options, certify, &rows, cancel)
                 });
             }
@@ -105,7 +111,9 @@ impl Actor {
         }
         let max_iterations = self.map.policy().max_local_iterations;
         let ceiling = self.config.ceiling();
-        self.launch(SolveKind::LocalBundle, triggers, cancel_flag(), move |cancel| {
+        let bound = bundle_adjustment::price_bound(&problem.problem);
+        let estimate = Estimate::new(bound, max_iterations, &ceiling);
+        self.launch(SolveKind::LocalBundle, estimate, triggers, cancel_flag(), move |cancel| {
             solve_window(problem, max_iterations, ceiling, cancel)
         });
     }
@@ -113,6 +121,7 @@ impl Actor {
     fn launch(
         &mut self,
         kind: SolveKind,
+        estimate: Estimate,
         triggers: Vec<u64>,
         cancel: Arc<AtomicBool>,
         work: impl FnOnce(&Arc<AtomicBool>) -> Outcome + Send + 'static,
@@ -123,7 +132,7 @@ impl Actor {
         let queued = self.shared.meters.solve(kind);
         let panics = self.config.panics_in_solve();
         let flag = Arc::clone(&cancel);
-        let answer = self.pool.start(&self.shared.account, move || {
+        let answer = self.pool.start(&self.shared.account, estimate, move || {
             let _entered = span.entered();
             let started = queued.started();
             if panics {

@@ -65,17 +65,24 @@ impl<T> Turns<T> {
         lane.waiting.push_back(work);
     }
 
-    /// The next work, if a slot is free; `most` says how many of a tenant may run at once.
-    pub(super) fn next(&mut self, most: impl Fn(&str) -> Option<u64>) -> Option<(Turn, T)> {
+    /// The next work, if a slot is free. `may` says whether a tenant, of whom so many run, may have
+    /// its next one begun: else another tenant is next. `fits` says whether it can be begun now, while so many run in
+    /// all: else nothing is, so that what needs much is not passed by what needs little.
+    pub(super) fn next(
+        &mut self,
+        may: impl Fn(&str, u64, &T) -> bool,
+        fits: impl Fn(usize, &T) -> bool,
+    ) -> Option<(Turn, T)> {
         if self.running >= self.slots {
             return None;
         }
         let may_run = |name: &str, lane: &Lane<T>| {
-            !lane.waiting.is_empty() && most(name).is_none_or(|most| (lane.running as u64) < most)
+            lane.waiting.front().is_some_and(|next| may(name, lane.running as u64, next))
         };
         let waiting = self.lanes.iter_mut().filter(|(name, lane)| may_run(name, lane));
         let (name, lane) = waiting.min_by_key(|(_, lane)| lane.clock_ns)?;
-        let work = lane.waiting.pop_front()?;
+        let running = self.running;
+        let work = lane.waiting.pop_front_if(|next| fits(running, next))?;
         self.now_ns = self.now_ns.max(lane.clock_ns);
         let turn = Turn { tenant: Arc::clone(name), guess_ns: lane.guess_ns };
         lane.clock_ns = lane.clock_ns.saturating_add(turn.guess_ns);
@@ -102,7 +109,8 @@ impl<T> Turns<T> {
 mod tests {
     use super::*;
 
-    const UNLIMITED: fn(&str) -> Option<u64> = |_| None;
+    const MAY: fn(&str, u64, &&str) -> bool = |_, _, _| true;
+    const FITS: fn(usize, &&str) -> bool = |_, _| true;
 
     fn name(text: &str) -> Arc<str> {
         Arc::from(text)
@@ -118,8 +126,8 @@ mod tests {
             if step >= 4 {
                 turns.push(&quiet, "quiet");
             }
-            let (turn, work) = turns.next(UNLIMITED).unwrap();
-            assert!(turns.next(UNLIMITED).is_none(), "one slot");
+            let (turn, work) = turns.next(MAY, FITS).unwrap();
+            assert!(turns.next(MAY, FITS).is_none(), "one slot");
             order.push(work);
             turns.ended(&turn, 5_000_000);
         }
@@ -136,7 +144,7 @@ mod tests {
         }
         let (mut long_ns, mut short_ns) = (0_u64, 0);
         for _ in 0..200 {
-            let (turn, work) = turns.next(UNLIMITED).unwrap();
+            let (turn, work) = turns.next(MAY, FITS).unwrap();
             let (sum, took) = if work == "long" {
                 (&mut long_ns, 10_000_000)
             } else {
@@ -153,18 +161,18 @@ mod tests {
         let mut turns = Turns::new(1);
         let (a, b) = (name("a"), name("b"));
         turns.push(&b, "b");
-        let (turn, _) = turns.next(UNLIMITED).unwrap();
+        let (turn, _) = turns.next(MAY, FITS).unwrap();
         turns.ended(&turn, 1_000_000);
         for _ in 0..50 {
             turns.push(&a, "a");
-            let (turn, _) = turns.next(UNLIMITED).unwrap();
+            let (turn, _) = turns.next(MAY, FITS).unwrap();
             turns.ended(&turn, 1_000_000);
         }
         (0..10).for_each(|_| turns.push(&a, "a"));
         (0..10).for_each(|_| turns.push(&b, "b"));
         let mut order = Vec::new();
         for _ in 0..10 {
-            let (turn, work) = turns.next(UNLIMITED).unwrap();
+            let (turn, work) = turns.next(MAY, FITS).unwrap();
             order.push(work);
             turns.ended(&turn, 1_000_000);
         }
@@ -177,13 +185,27 @@ mod tests {
         let mut turns = Turns::new(4);
         (0..4).for_each(|_| turns.push(&name("a"), "a"));
         turns.push(&name("b"), "b");
-        let most = |name: &str| (name == "a").then_some(2);
+        let may = |name: &str, running, _: &&str| name != "a" || running < 2;
         let mut begun: Vec<&str> = Vec::new();
-        while let Some((_turn, work)) = turns.next(most) {
+        while let Some((_turn, work)) = turns.next(may, FITS) {
             begun.push(work);
         }
         begun.sort_unstable();
         assert_eq!(begun, ["a", "a", "b"]);
         assert_eq!(turns.waiting("a"), 2);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_not_passed_by_others() {
+        let mut turns = Turns::new(4);
+        let fits = |running, work: &&str| running == 0 || *work != "needs all";
+        turns.push(&name("a"), "first");
+        let (first, _) = turns.next(MAY, fits).unwrap();
+        turns.push(&name("b"), "needs all");
+        turns.push(&name("c"), "small");
+        assert!(turns.next(MAY, fits).is_none(), "b is next and waits");
+        turns.ended(&first, 1);
+        assert_eq!(turns.next(MAY, fits).unwrap().1, "needs all");
+        assert_eq!(turns.next(MAY, fits).unwrap().1, "small");
     }
 }

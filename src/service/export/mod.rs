@@ -7,7 +7,6 @@
 
 mod colmap;
 mod parts;
-mod places;
 #[cfg(test)]
 mod tests;
 
@@ -19,8 +18,6 @@ use covis_solvers::io::ply::PlyEncoding;
 use covis_solvers::io::trajectory::Trajectory;
 
 use self::colmap::Numbers;
-pub(super) use self::places::Exports;
-
 use self::parts::{Cursor, Part, PlyPath};
 use super::convert::entities::clients_by_name;
 use super::error::ServiceError;

@@ -11,10 +11,11 @@ use covis::store::{MemoryStore, Store};
 
 use futures_util::FutureExt;
 
-use super::{Blocker, Client, Fixture, noisy_keyframe};
+use super::{Client, Fixture, noisy_keyframe};
+use crate::common::{Occupied, hold, large, small};
 use crate::map_support::{camera_item, id, landmark};
 
-fn small(when_full: WhenFull) -> MapPolicy {
+fn tight(when_full: WhenFull) -> MapPolicy {
     let ceilings = Ceilings { max_keyframes: Some(6), ..Ceilings::default() };
     MapPolicy { ceilings, when_full, ..MapPolicy::default() }
 }
@@ -23,7 +24,7 @@ fn small(when_full: WhenFull) -> MapPolicy {
 async fn a_full_map_that_may_forget_takes_every_keyframe() {
     for when_full in [WhenFull::Marginalize, WhenFull::Sparsify] {
         let fixture = Fixture::lock_step().await;
-        let map = fixture.map(small(when_full)).await;
+        let map = fixture.map(tight(when_full)).await;
         let mut client = Client::open(&map).await;
         client.send_street(0..20).await;
         let acks = client.finish().await;
@@ -134,7 +135,7 @@ async fn a_tenant_has_so_many_maps_and_streams_and_no_more() {
 async fn solves_of_a_flooding_tenant_leave_their_turns_to_another() {
     let maps = maps_with(AccountLimits::default()).await;
     let pool = Arc::clone(maps.pool());
-    let blocker = Blocker::new(&maps).await;
+    let blocker = Occupied::new(maps.pool()).await;
     let (flood, quiet) = (pool.accounts().tenant("flood"), pool.accounts().tenant("quiet"));
     let (order, ran) = std::sync::mpsc::channel();
     let mut calls = Vec::new();
@@ -142,7 +143,7 @@ async fn solves_of_a_flooding_tenant_leave_their_turns_to_another() {
         for _ in 0..count {
             let (pool, tenant, order) = (Arc::clone(&pool), Arc::clone(tenant), order.clone());
             let mut call = Box::pin(async move {
-                pool.run(&tenant, move || {
+                pool.run(&tenant, small(), move || {
                     // Work of some length, so that the tenants' clocks move.
                     let sum: f64 = (0..200_000).map(|k| f64::from(k).sqrt()).sum();
                     order.send((name, sum)).unwrap();
@@ -164,23 +165,49 @@ async fn solves_of_a_flooding_tenant_leave_their_turns_to_another() {
 }
 
 #[tokio::test]
+async fn a_small_solve_does_not_wait_behind_a_large_one() {
+    let maps = maps_with(AccountLimits::default()).await;
+    let pool = Arc::clone(maps.pool());
+    let _large = hold(&pool, large()).await;
+    let tenant = pool.accounts().tenant("acme");
+    assert_eq!(pool.run(&tenant, small(), || 1).await, Ok(1));
+    let mut second = Box::pin(pool.run(&tenant, large(), || 2));
+    assert!((&mut second).now_or_never().is_none());
+}
+
+#[tokio::test]
+async fn large_solves_wait_until_their_memory_is_free() {
+    let none = AccountLimits::default();
+    let budget = AccountLimits { max_running_solve_bytes: Some(3 << 29), ..none };
+    let pool = SolverPool::shared_by(Accounts::new(budget, none, none), 2).unwrap();
+    let first = hold(&pool, large()).await;
+    let server = Arc::clone(pool.accounts().server());
+    assert_eq!(server.held(Resource::RunningSolveBytes), 1 << 30);
+    let tenant = pool.accounts().tenant("acme");
+    let mut second = Box::pin(pool.run(&tenant, large(), || 2));
+    assert!((&mut second).now_or_never().is_none(), "two have 2 GiB, of 1.5");
+    drop(first);
+    assert_eq!(second.await, Ok(2));
+}
+
+#[tokio::test]
 async fn calls_that_wait_for_a_solve_have_a_ceiling() {
     let ceilings = AccountLimits { max_waiting_solves: Some(1), ..AccountLimits::default() };
     let maps = maps_with(ceilings).await;
     let pool = Arc::clone(maps.pool());
-    let _blocker = Blocker::new(&maps).await;
+    let _blocker = Occupied::new(maps.pool()).await;
     let tenant = pool.accounts().tenant("acme");
-    let mut waits = Box::pin(pool.run(&tenant, || 1));
+    let mut waits = Box::pin(pool.run(&tenant, small(), || 1));
     assert!((&mut waits).now_or_never().is_none());
     let limit = "tenant_max_waiting_solve_count";
     let full = PoolError::Full(EngineError::TenantCeiling { limit, maximum: 1 });
-    assert_eq!(pool.run(&tenant, || 2).await, Err(full));
+    assert_eq!(pool.run(&tenant, small(), || 2).await, Err(full));
 }
 
 #[tokio::test]
 async fn a_watcher_is_told_of_what_a_retired_keyframe_took_along() {
     let fixture = Fixture::lock_step().await;
-    let map = fixture.map(small(WhenFull::Marginalize)).await;
+    let map = fixture.map(tight(WhenFull::Marginalize)).await;
     let mut watch = map.watch(None).await.unwrap();
     let mut client = Client::open(&map).await;
     client.send_street(0..6).await;

@@ -7,7 +7,8 @@ use covis_solvers::optimizer::IterationSummary;
 use futures_util::FutureExt;
 use tokio::sync::mpsc;
 
-use super::{Blocker, Client, Fixture, noisy_keyframe, optimized};
+use super::{Client, Fixture, noisy_keyframe, optimized};
+use crate::common::Occupied;
 use crate::map_support::{
     camera_item, corner, id, observe, pose_at, relative_pose, street_keyframe,
 };
@@ -22,7 +23,7 @@ async fn windows_that_wait_are_joined() {
     let fixture = Fixture::plain().await;
     let map = fixture.map(MapPolicy::default()).await;
     let mut client = Client::open(&map).await;
-    let blocker = Blocker::new(&fixture.maps).await;
+    let blocker = Occupied::new(fixture.maps.pool()).await;
     client.send_street(0..5).await;
     // RECEIVED does not wait for solves.
     let mut acks = Vec::new();
@@ -41,7 +42,7 @@ async fn a_loop_closure_supersedes_the_running_window() {
     let fixture = Fixture::plain().await;
     let map = fixture.map(MapPolicy::default()).await;
     let mut client = Client::open(&map).await;
-    let blocker = Blocker::new(&fixture.maps).await;
+    let blocker = Occupied::new(fixture.maps.pool()).await;
     client.send_street(0..4).await;
     let sequence = client.send(closure(1, 0, 3)).await;
     client.received(sequence).await;
@@ -192,7 +193,7 @@ async fn a_canceled_optimization_leaves_the_map_as_it_was() {
     client.send_street(0..6).await;
     client.finish().await;
     let before = map.snapshot().await.unwrap();
-    let blocker = Blocker::new(&fixture.maps).await;
+    let blocker = Occupied::new(fixture.maps.pool()).await;
     let (progress, rows) = mpsc::channel(1);
     let mut running = Box::pin(map.optimize(OptimizeOptions::default(), progress));
     // Polled once, so that its request comes before the second one.
@@ -217,7 +218,7 @@ async fn keyframes_that_arrive_during_an_optimization_are_carried_along() {
     let mut client = Client::open(&map).await;
     client.send_street(0..4).await;
     client.received(5).await;
-    let blocker = Blocker::new(&fixture.maps).await;
+    let blocker = Occupied::new(fixture.maps.pool()).await;
     let (progress, mut rows) = mpsc::channel(64);
     let mut optimizing = Box::pin(map.optimize(OptimizeOptions::default(), progress));
     assert!((&mut optimizing).now_or_never().is_none());

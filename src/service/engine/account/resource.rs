@@ -12,12 +12,12 @@ pub enum Resource {
     Streams,
     /// Watchers of maps; each is a stream as well.
     Watchers,
-    /// Bytes of exports that are built or wait for their readers.
-    ExportBytes,
+    /// Exports that are being read; each holds a snapshot of its map.
+    Exports,
     /// Calls for solves that wait for their turn.
     WaitingSolves,
-    /// Bytes that solves which run or wait are priced at.
-    SolveBytes,
+    /// Bytes that the solves which run are priced at; more wait for their turn.
+    RunningSolveBytes,
     /// Bytes of journals that wait for the disk.
     JournalBytes,
 }
@@ -28,9 +28,9 @@ impl Resource {
         Self::Maps,
         Self::Streams,
         Self::Watchers,
-        Self::ExportBytes,
+        Self::Exports,
         Self::WaitingSolves,
-        Self::SolveBytes,
+        Self::RunningSolveBytes,
         Self::JournalBytes,
     ];
 
@@ -39,9 +39,9 @@ impl Resource {
             Self::Maps => "maps",
             Self::Streams => "streams",
             Self::Watchers => "watchers",
-            Self::ExportBytes => "export_bytes",
+            Self::Exports => "exports",
             Self::WaitingSolves => "waiting_solves",
-            Self::SolveBytes => "solve_bytes",
+            Self::RunningSolveBytes => "running_solve_bytes",
             Self::JournalBytes => "journal_bytes",
         }
     }
@@ -58,14 +58,14 @@ pub struct AccountLimits {
     pub max_streams: Option<u64>,
     /// Watchers at once.
     pub max_watchers: Option<u64>,
-    /// Bytes of exports that are built or wait for their readers.
-    pub max_export_bytes: Option<u64>,
-    /// Solves that run at once.
+    /// Exports that are being read; each holds a snapshot of its map.
+    pub max_exports: Option<u64>,
+    /// Solves that run at once, small ones and large ones counted apart.
     pub max_solves: Option<u64>,
     /// Calls for solves that wait for their turn.
     pub max_waiting_solves: Option<u64>,
-    /// Bytes that solves which run or wait are priced at.
-    pub max_solve_bytes: Option<u64>,
+    /// Bytes that the solves which run are priced at; more wait for their turn.
+    pub max_running_solve_bytes: Option<u64>,
     /// Bytes of journals that wait for the disk. One map has 64 MiB at most: then its items wait.
     pub max_journal_bytes: Option<u64>,
 }
@@ -78,9 +78,9 @@ impl AccountLimits {
             Resource::Maps => self.max_maps,
             Resource::Streams => self.max_streams,
             Resource::Watchers => self.max_watchers,
-            Resource::ExportBytes => self.max_export_bytes,
+            Resource::Exports => self.max_exports,
             Resource::WaitingSolves => self.max_waiting_solves,
-            Resource::SolveBytes => self.max_solve_bytes,
+            Resource::RunningSolveBytes => self.max_running_solve_bytes,
             Resource::JournalBytes => self.max_journal_bytes,
         }
     }
@@ -101,16 +101,16 @@ impl Owner {
             (Self::Tenant, Resource::Maps) => "tenant_max_map_count",
             (Self::Tenant, Resource::Streams) => "tenant_max_stream_count",
             (Self::Tenant, Resource::Watchers) => "tenant_max_watcher_count",
-            (Self::Tenant, Resource::ExportBytes) => "tenant_max_export_bytes",
+            (Self::Tenant, Resource::Exports) => "tenant_max_export_count",
             (Self::Tenant, Resource::WaitingSolves) => "tenant_max_waiting_solve_count",
-            (Self::Tenant, Resource::SolveBytes) => "tenant_max_solve_bytes",
+            (Self::Tenant, Resource::RunningSolveBytes) => "tenant_max_running_solve_bytes",
             (Self::Tenant, Resource::JournalBytes) => "tenant_max_journal_bytes",
             (Self::Map | Self::Server, Resource::Maps) => "max_map_count",
             (Self::Map | Self::Server, Resource::Streams) => "max_stream_count",
             (Self::Map | Self::Server, Resource::Watchers) => "max_watcher_count",
-            (Self::Map | Self::Server, Resource::ExportBytes) => "max_export_bytes",
+            (Self::Map | Self::Server, Resource::Exports) => "max_export_count",
             (Self::Map | Self::Server, Resource::WaitingSolves) => "max_waiting_solve_count",
-            (Self::Map | Self::Server, Resource::SolveBytes) => "max_solve_bytes",
+            (Self::Map | Self::Server, Resource::RunningSolveBytes) => "max_running_solve_bytes",
             (Self::Map | Self::Server, Resource::JournalBytes) => "max_journal_bytes",
         }
     }

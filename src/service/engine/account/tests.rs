@@ -55,8 +55,8 @@ fn a_reservation_counts_here_and_above_and_gives_itself_back() {
     assert_eq!(of_a.amount(), 1);
     drop((of_a, of_b));
     assert_eq!(accounts.server().held(Resource::Streams), 0);
-    let huge = a.reserve(Resource::ExportBytes, u64::MAX).unwrap();
-    assert!(b.reserve(Resource::ExportBytes, 1).is_err(), "sums do not wrap");
+    let huge = a.reserve(Resource::Exports, u64::MAX).unwrap();
+    assert!(b.reserve(Resource::Exports, 1).is_err(), "sums do not wrap");
     drop(huge);
 }
 
