@@ -4,12 +4,14 @@
 //! | module | role |
 //! |---|---|
 //! | `disk`, `nodes` | a disk that keeps written and synced apart, and fails, fills up and stops on demand |
+//! | `items` | what a client sends |
 //! | `robot` | a client that remembers what it was told, and holds every answer against it |
 //! | `world` | one run: the server, its robots, crashes and restarts |
 //!
 //! How to run many, repeat one and add a fault is told in docs/simulation.md.
 
 mod disk;
+mod items;
 mod nodes;
 mod robot;
 mod world;

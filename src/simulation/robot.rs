@@ -14,6 +14,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use tonic::Code;
 
+use super::items::{CAMERA, camera, keyframe};
 use super::world::World;
 use crate::client::{Client, ClientError, IngestSession, RetryPolicy, SessionOptions};
 use crate::wire::v1;
@@ -57,7 +58,8 @@ enum State {
 #[derive(Clone, Debug, Default)]
 struct Contents {
     uid: String,
-    /// Sequences of the keyframes that were sent, which are their ids too.
+    /// The last sequence that was sent: the camera's, then those of keyframes, which are their ids
+    /// too.
     sent: i64,
     /// The last that was acknowledged as durable.
     durable: Arc<Mutex<i64>>,
@@ -326,12 +328,12 @@ impl Robot {
         }
         let ids = trajectory.poses.iter().filter_map(|pose| pose.keyframe.as_ref()).map(|k| k.id);
         let ids: Vec<i64> = ids.collect();
-        let last = ids.len() as i64;
-        if !ids.iter().copied().eq(1..=last) {
+        let last = CAMERA + ids.len() as i64;
+        if !ids.iter().copied().eq(CAMERA + 1..=last) {
             return broken(format!("{}: lost, doubled or out of order: {ids:?}", name.text));
         }
-        if !(durable..=contents.sent).contains(&last) {
-            return broken(format!("{}: {last} keyframes of {contents:?}", name.text));
+        if !(durable..=contents.sent.max(CAMERA)).contains(&last) {
+            return broken(format!("{}: {last} items of {contents:?}", name.text));
         }
         Ok(())
     }
@@ -345,7 +347,7 @@ impl Robot {
             Ok(watch.next().await?.keyframes.len())
         });
         match watched.await {
-            Answer::Some(count) if (count as i64) < durable => {
+            Answer::Some(count) if CAMERA + (count as i64) < durable => {
                 broken(format!("{}: a watcher sees {count} keyframes of {durable}", name.text))
             }
             Answer::Some(_) | Answer::Refused(..) | Answer::None => Ok(()),
@@ -425,7 +427,11 @@ async fn send(
         return broken(format!("{map}: goes on at {next} of {contents:?}"));
     }
     for id in first..=contents.sent {
-        if let Err(error) = session.send_as(id, keyframe(id)).await {
+        let sent = match id {
+            CAMERA => session.send_as(id, camera()).await,
+            _ => session.send_as(id, keyframe(id)).await,
+        };
+        if let Err(error) = sent {
             return lost(&map, error);
         }
         if pause > 0 {
@@ -470,18 +476,4 @@ fn answer<T>(outcome: Result<T, ClientError>) -> Answer<T> {
 
 fn policy() -> Option<v1::MapPolicy> {
     None
-}
-
-/// A keyframe without observations.
-fn keyframe(id: i64) -> v1::Keyframe {
-    let pose = v1::RigidTransform {
-        translation: Some(v1::Vector3 { x: id as f64, y: 0.0, z: 0.0 }),
-        rotation: Some(v1::Quaternion { w: 1.0, x: 0.0, y: 0.0, z: 0.0 }),
-    };
-    v1::Keyframe {
-        id,
-        capture_time: Some(prost_types::Timestamp { seconds: id, nanos: 0 }),
-        world_from_camera: Some(pose),
-        ..v1::Keyframe::default()
-    }
 }
