@@ -105,7 +105,20 @@ impl Args {
 /// Serves until a signal comes.
 pub(super) fn run(_args: Args, config: &Config) -> anyhow::Result<ExitCode> {
     let runtime = tokio::runtime::Runtime::new().context("the async runtime")?;
+    raise_descriptors();
     runtime.block_on(serve(config))
+}
+
+/// Lets the process open as many files and connections as the system allows it: the usual soft limit of
+/// 1024 is for programs that cannot count further.
+fn raise_descriptors() {
+    #[cfg(unix)]
+    {
+        use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+        let Rlimit { maximum, .. } = getrlimit(Resource::Nofile);
+        // Where that is refused the limits of connections follow what there is.
+        let _as_it_is = setrlimit(Resource::Nofile, Rlimit { current: maximum, maximum });
+    }
 }
 
 async fn serve(config: &Config) -> anyhow::Result<ExitCode> {

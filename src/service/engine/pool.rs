@@ -36,6 +36,11 @@ pub enum PoolError {
     Full(EngineError),
 }
 
+/// Priority of threads for large solves, as `nice` counts: a thread of normal priority gets nine times
+/// the processor time of one of these.
+#[cfg(target_os = "linux")]
+const LARGE_NICE: i32 = 10;
+
 type Work = Box<dyn FnOnce() + Send>;
 
 /// A solve that waits for its turn.
@@ -213,6 +218,11 @@ impl Lane {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(count)
             .thread_name(move |index| format!("covis-{kind}-{index}"))
+            .start_handler(move |_index| {
+                if kind == "large" {
+                    yield_processor();
+                }
+            })
             .build();
         let threads = pool.map_err(|_error| EngineError::Threads { count })?;
         Ok(Self { threads: Some(threads), turns: Mutex::new(Turns::new(count)) })
@@ -221,6 +231,15 @@ impl Lane {
     fn lock(&self) -> MutexGuard<'_, Turns<Waiting>> {
         self.turns.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Lets other threads of the machine go before this one, so that acks and small solves do not wait for
+/// their processor while a large solve computes. Where all are idle a solve takes no longer.
+fn yield_processor() {
+    // Linux counts priorities by thread; elsewhere the whole process would be slowed down.
+    #[cfg(target_os = "linux")]
+    // A system that refuses leaves the priority as it is.
+    let _as_it_is = rustix::process::setpriority_process(None, LARGE_NICE);
 }
 
 /// A lost answer can only mean that its thread died.
