@@ -66,7 +66,7 @@ impl MapRpcs {
         let last = handles.last().map(|map| shown(map.name()).to_owned());
         let mut maps = Vec::with_capacity(handles.len());
         for handle in handles {
-            match handle.info().await {
+            match handle.listed().await {
                 Ok(info) => maps.push(to_map(&info, queued)),
                 // Deleted since the list was made.
                 Err(super::engine::EngineError::MapNotFound { .. }) => {}

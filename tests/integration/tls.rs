@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Child, ChildStderr, Command, Stdio};
 
-use covis::client::{Client, ClientError, Credentials};
+use covis::client::{Client, ClientError, Credentials, Token};
 use covis::service::{RunningServer, Server, ServerConfig, ServerError, TlsFiles};
 use rcgen::{BasicConstraints, CertificateParams, DnType, IsCa, Issuer, KeyPair};
 use tempfile::TempDir;
@@ -264,4 +264,33 @@ fn the_command_line_serves_and_calls_with_certificates_and_tokens() {
         run(command)
     };
     refused.expect_failure(&["the token is not known"]);
+}
+
+#[test]
+fn a_flood_of_wrong_tokens_does_not_flood_the_log() {
+    let workspace = Workspace::new();
+    workspace.file("tokens.toml", &tokens_toml(&[("robot", "acme", "admin")]));
+    let mut command = workspace.command();
+    command.args(["serve", "--listen", "127.0.0.1:0", "--in-memory", "--threads", "1"]);
+    workspace.file("keys.json", &crate::jwt::Issuer::new("k").jwks());
+    command.args(["--tokens", "tokens.toml", "--jwks", "keys.json", "--jwt-issuer", "an issuer"]);
+    command.args(["--jwt-audience", "covis", "--log", "info"]);
+    let mut served = Served::start(command);
+    let url = served.url.clone();
+    run(async move {
+        let token = |secret: &str| Credentials {
+            token: Some(Token::new(secret)),
+            ..Credentials::default()
+        };
+        let stranger = Client::connect_with(&url, &token("a.false.token")).await.unwrap();
+        for _ in 0..500 {
+            stranger.list_maps().await.unwrap_err();
+        }
+        // Told in any case, so that it ends what is looked at.
+        let robot = Client::connect_with(&url, &token("secret-of-robot")).await.unwrap();
+        robot.delete_map("house").await.unwrap_err();
+    });
+    let log = served.log_until("DeleteMap");
+    let lines = log.lines().filter(|line| line.contains("refused")).count();
+    assert!((1..100).contains(&lines), "{lines} lines of 500 calls");
 }

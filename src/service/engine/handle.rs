@@ -92,6 +92,8 @@ pub(super) struct Shared {
     pub(super) flushed: watch::Receiver<Flushed>,
     /// Why the engine ended.
     pub(super) ended: OnceLock<EngineError>,
+    /// Why the map could not be opened; then nobody knows what it holds.
+    pub(super) unopened: Option<EngineError>,
 }
 
 /// A map of the server. Cheap to clone; outlives the map, calls then answer an error.
@@ -115,7 +117,7 @@ impl MapHandle {
         &self.shared.name
     }
 
-    /// Tells the map from a later one of the same name.
+    /// Tells the map from a later one of the same name; empty where it could not be opened.
     #[must_use]
     pub fn uid(&self) -> &str {
         &self.shared.uid
@@ -130,8 +132,21 @@ impl MapHandle {
     /// The map with its state.
     ///
     /// # Errors
-    /// [`EngineError::MapNotFound`] when it was deleted, [`EngineError::ShuttingDown`].
+    /// [`EngineError::MapNotFound`] when it was deleted, [`EngineError::ShuttingDown`],
+    /// [`EngineError::Store`] when it could not be opened.
     pub async fn info(&self) -> Result<MapInfo, EngineError> {
+        match &self.shared.unopened {
+            Some(error) => Err(error.clone()),
+            None => self.listed().await,
+        }
+    }
+
+    /// As [`MapHandle::info`], for lists: a map that could not be opened is poisoned, empty and has no
+    /// uid.
+    ///
+    /// # Errors
+    /// [`EngineError::MapNotFound`] when it was deleted, [`EngineError::ShuttingDown`].
+    pub async fn listed(&self) -> Result<MapInfo, EngineError> {
         self.call(|reply| Control::Info { reply }).await
     }
 
@@ -166,6 +181,9 @@ impl MapHandle {
     /// [`EngineError::RevisionAhead`] when the map has not reached `from_revision`, and as
     /// [`MapHandle::info`].
     pub async fn watch(&self, from_revision: Option<i64>) -> Result<Watch, EngineError> {
+        if let Some(error) = &self.shared.unopened {
+            return Err(error.clone());
+        }
         let handle = self.clone();
         let asked = self.call(|reply| Control::Watch { from_revision, handle, reply });
         let (mut watch, past) = asked.await??;
@@ -241,6 +259,15 @@ impl MapHandle {
 
     pub(super) async fn send(&self, control: Control) -> Result<(), EngineError> {
         self.control.send(control).await.map_err(|_closed| self.end_error())
+    }
+
+    /// Ends the engine; returns when it has ended.
+    pub(super) async fn stop(&self) {
+        let (reply, ended) = oneshot::channel();
+        if self.send(Control::Shutdown { reply }).await.is_ok() {
+            // The engine drops the reply when it has ended.
+            let _ended = ended.await;
+        }
     }
 
     pub(super) async fn call<T>(

@@ -62,6 +62,11 @@ impl fmt::Debug for Maps {
     }
 }
 
+/// When a map for which the system had nothing left is opened again: after this time, then each time
+/// twice as long, up to the longest.
+const FIRST_OPENING: Duration = Duration::from_millis(100);
+const LONGEST_OPENING: Duration = Duration::from_secs(5);
+
 /// What an engine starts from.
 struct Start {
     name: String,
@@ -69,6 +74,8 @@ struct Start {
     map: Map,
     state: MapState,
     refusal: Option<EngineError>,
+    /// Why it could not be opened.
+    unopened: Option<EngineError>,
     /// Revision of the snapshot that it was made from.
     snapshot: i64,
     unsolved: Vec<Unsolved>,
@@ -107,7 +114,8 @@ impl Maps {
     }
 
     /// Opens every map that the store holds. Needs a tokio runtime, as every call here. A map that
-    /// cannot be opened is poisoned and holds up no other.
+    /// cannot be opened answers with the reason and holds up no other. Where the system had no
+    /// descriptors for it, it is opened later.
     ///
     /// # Errors
     /// [`EngineError::Store`] when the store cannot be read.
@@ -124,23 +132,58 @@ impl Maps {
             Ok(None) => return,
             Err(error) => {
                 tracing::error!(map = name, %error, "a map cannot be opened");
+                if let StoreError::Unavailable { .. } = error {
+                    self.open_later(name.clone());
+                }
+                let error = EngineError::Store(error);
                 Start {
                     name,
                     epoch: Epoch::default(),
                     map: Map::new(),
                     state: MapState::Poisoned,
-                    refusal: Some(EngineError::Store(error)),
+                    refusal: Some(error.clone()),
+                    unopened: Some(error),
                     snapshot: 0,
                     unsolved: Vec::new(),
                     flushed: watch::channel(Flushed::default()).1,
                 }
             }
         };
-        // Ceilings close no map that exists.
-        let accounts = self.inner.pool.accounts();
-        let tenant = accounts.tenant(tenant_of(&start.name));
-        let handle = self.spawn(start, tenant.reserve_existing(Resource::Maps, 1));
-        self.inner.table.insert(handle);
+        self.inner.table.insert(self.spawn_existing(start));
+    }
+
+    /// The engine of a map that exists: ceilings close none.
+    fn spawn_existing(&self, start: Start) -> MapHandle {
+        let tenant = self.inner.pool.accounts().tenant(tenant_of(&start.name));
+        self.spawn(start, tenant.reserve_existing(Resource::Maps, 1))
+    }
+
+    /// Tries to open a map until the system has what it takes, the map is deleted, or it fails for
+    /// another reason.
+    fn open_later(&self, name: String) {
+        let maps = self.clone();
+        tokio::spawn(async move {
+            let mut wait = FIRST_OPENING;
+            loop {
+                tokio::time::sleep(wait).await;
+                wait = (2 * wait).min(LONGEST_OPENING);
+                let Ok(mut claim) = maps.claim(&name).await else { return };
+                let unopened = claim.map().filter(|map| map.shared.unopened.is_some()).cloned();
+                let Some(unopened) = unopened else { return };
+                let start = match maps.load_map(&name).await {
+                    Err(StoreError::Unavailable { .. }) => continue,
+                    Err(error) => {
+                        tracing::error!(map = name, %error, "a map cannot be opened");
+                        return;
+                    }
+                    Ok(start) => start,
+                };
+                unopened.stop().await;
+                claim.set(start.map(|start| maps.spawn_existing(start)));
+                tracing::info!(map = name, "a map could be opened at last");
+                return;
+            }
+        });
     }
 
     /// Brings a map back; `None` for one whose creation was never answered.
@@ -193,6 +236,7 @@ impl Maps {
             map,
             state,
             refusal,
+            unopened: None,
             snapshot,
             unsolved,
             flushed,
@@ -259,6 +303,7 @@ impl Maps {
             map,
             state: MapState::Open,
             refusal: None,
+            unopened: None,
             snapshot: 0,
             unsolved: Vec::new(),
             flushed,
@@ -360,13 +405,7 @@ impl Maps {
         let ends = async {
             // A map that is being created gets its engine first.
             self.inner.table.idle().await;
-            let ends = self.list().into_iter().map(|handle| async move {
-                let (reply, ended) = tokio::sync::oneshot::channel();
-                if handle.send(Control::Shutdown { reply }).await.is_ok() {
-                    // The engine drops the reply when it has ended.
-                    let _ended = ended.await;
-                }
-            });
+            let ends = self.list().into_iter().map(|handle| async move { handle.stop().await });
             futures_util::future::join_all(ends).await;
         };
         if tokio::time::timeout(budget, ends).await.is_err() {
@@ -380,7 +419,10 @@ impl Maps {
         let (item_queue, items) = mpsc::channel(config.queue_capacity.max(1));
         let (control_queue, control) = mpsc::channel(CONTROL_QUEUE);
         let shared = Arc::new(Shared {
-            uid: uid(&start.name, start.map.create_time_ns()),
+            uid: match start.unopened {
+                Some(_) => String::new(),
+                None => uid(&start.name, start.map.create_time_ns()),
+            },
             account: pool.accounts().of_map(&start.name),
             name: start.name,
             config: *config,
@@ -390,6 +432,7 @@ impl Maps {
             history: Arc::clone(&self.inner.history),
             flushed: start.flushed.clone(),
             ended: OnceLock::new(),
+            unopened: start.unopened,
         });
         let span = tracing::info_span!("map", map = %shared.name);
         let actor = Actor {

@@ -81,7 +81,10 @@ pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, S
     }
     for name in names.iter().filter(|name| name.ends_with(".tmp")) {
         let path = folder.join(name);
-        disk.remove(&path).map_err(|e| file_error("cannot remove", &path, &e))?;
+        // It is no part of the map: the next start tries again, and whoever writes it anew too.
+        if let Err(error) = disk.remove(&path) {
+            tracing::warn!(file = %path.display(), %error, "what a crash left cannot be removed");
+        }
     }
     let base = found.snapshots.last().copied().unwrap_or(0);
     found.last = base;

@@ -1,11 +1,13 @@
 //! Creating and deleting maps while callers go away and the store fails.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::task::Poll;
+use std::time::Duration;
 
 use async_trait::async_trait;
 use covis::map::{Event, Map, MapPolicy};
-use covis::service::engine::{EngineConfig, EngineError, Maps, SolverPool};
+use covis::service::engine::{EngineConfig, EngineError, MapState, Maps, SolverPool};
 use covis::store::{Damage, Durability, Epoch, Flushed, MemoryStore, Position, Store, StoreError};
 use tokio::sync::{Semaphore, watch};
 
@@ -18,13 +20,18 @@ struct HeldStore {
     released: Semaphore,
     /// Calls that fail once they go on.
     failing: Semaphore,
+    /// Openings that find nothing left of what the system has.
+    unavailable: Semaphore,
+    /// Whether openings fail for good.
+    unreadable: AtomicBool,
 }
 
 impl HeldStore {
     fn new() -> Arc<Self> {
         let none = || Semaphore::new(0);
-        let (entered, released, failing) = (none(), none(), none());
-        Arc::new(Self { inner: MemoryStore::new(), entered, released, failing })
+        let (entered, released, failing, unavailable) = (none(), none(), none(), none());
+        let (inner, unreadable) = (MemoryStore::new(), AtomicBool::new(false));
+        Arc::new(Self { inner, entered, released, failing, unavailable, unreadable })
     }
 
     async fn maps(self: &Arc<Self>) -> Maps {
@@ -72,6 +79,14 @@ impl Store for HeldStore {
     }
 
     async fn acquire(&self, map: &str) -> Result<Epoch, StoreError> {
+        let (of, cause) = (map.to_owned(), "staged by a test".to_owned());
+        if self.unreadable.load(Ordering::Relaxed) {
+            return Err(StoreError::Failed { map: of, cause });
+        }
+        if let Ok(permit) = self.unavailable.try_acquire() {
+            permit.forget();
+            return Err(StoreError::Unavailable { map: of, cause });
+        }
         self.inner.acquire(map).await
     }
 
@@ -228,4 +243,42 @@ async fn a_server_that_stops_waits_for_the_creation_that_has_begun() {
     store.release(1);
     stop.await;
     assert_eq!(store.inner.read("house", 0).await.unwrap().len(), 1);
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_map_without_descriptors_at_the_start_opens_once_there_are_some() {
+    let store = HeldStore::new();
+    store.release(1);
+    let before = store.maps().await.create("house", "", policy()).await.unwrap();
+    store.unavailable.add_permits(3);
+    let maps = store.maps().await;
+    let unopened = maps.get("house").unwrap().info().await.unwrap_err();
+    assert!(matches!(unopened, EngineError::Store(StoreError::Unavailable { .. })), "{unopened:?}");
+    let info = loop {
+        match maps.get("house").unwrap().info().await {
+            Ok(info) => break info,
+            Err(_unopened) => tokio::time::sleep(Duration::from_millis(50)).await,
+        }
+    };
+    assert_eq!((info.uid, info.state), (before.uid, MapState::Open));
+    maps.get("house").unwrap().open_stream("robot".to_owned(), 0, false).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_map_that_cannot_be_opened_says_why_and_is_no_other_map() {
+    let store = HeldStore::new();
+    store.release(1);
+    store.maps().await.create("house", "", policy()).await.unwrap();
+    store.unreadable.store(true, Ordering::Relaxed);
+    let maps = store.maps().await;
+    let house = maps.get("house").unwrap();
+    let cause = "staged by a test".to_owned();
+    let failed = EngineError::Store(StoreError::Failed { map: "house".to_owned(), cause });
+    assert_eq!(house.info().await.unwrap_err(), failed);
+    assert_eq!(house.snapshot().await.unwrap_err(), failed);
+    assert_eq!(house.watch(None).await.unwrap_err(), failed);
+    let listed = house.listed().await.unwrap();
+    assert_eq!((listed.uid.as_str(), listed.state), ("", MapState::Poisoned));
+    store.release(1);
+    maps.delete("house").await.unwrap();
 }
