@@ -187,7 +187,8 @@ impl Robot {
 
     async fn create(&mut self, name: &mut Name) -> Step<()> {
         let text = name.text.clone();
-        let outcome = self.call(|client| async move { client.create_map(&text, policy()).await });
+        let outcome =
+            self.call(|client| async move { client.create_map(&text, policy(&text)).await });
         match (outcome.await, &name.state) {
             (Answer::Some(map), State::Absent) => {
                 let contents = Contents { uid: map.uid, ..Contents::default() };
@@ -234,8 +235,8 @@ impl Robot {
         let text = &name.text;
         let creates = matches!(name.state, State::Creating) && self.rng.random();
         if creates {
-            let created =
-                self.answered("CreateMap", |c| async move { c.create_map(text, policy()).await });
+            let created = self
+                .answered("CreateMap", |c| async move { c.create_map(text, policy(text)).await });
             match created.await? {
                 Answer::Some(map) => {
                     name.state = State::Present(Contents { uid: map.uid, ..Contents::default() });
@@ -474,6 +475,8 @@ fn answer<T>(outcome: Result<T, ClientError>) -> Answer<T> {
     }
 }
 
-fn policy() -> Option<v1::MapPolicy> {
-    None
+/// Windows are solved in one of a robot's two maps.
+fn policy(name: &str) -> Option<v1::MapPolicy> {
+    let local_bundle_adjustment = Some(name.ends_with('a'));
+    Some(v1::MapPolicy { local_bundle_adjustment, ..v1::MapPolicy::default() })
 }

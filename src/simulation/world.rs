@@ -177,7 +177,9 @@ impl Machine {
         let now = self.disk.operations();
         let mut faults = Faults::default();
         if rng.random_range(0..10) < 7 {
-            faults.stop_at = Some(now + rng.random_range(0..60));
+            // Half of them early, while the store still brings back what it finds.
+            let longest = if rng.random() { 15 } else { 60 };
+            faults.stop_at = Some(now + rng.random_range(0..longest));
         }
         match rng.random_range(0..10) {
             0 => faults.failing_syncs = 30_000,

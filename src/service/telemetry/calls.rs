@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::future::Future;
 use std::pin::Pin;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::task::{Context, Poll};
 use std::time::Instant;
 
@@ -77,17 +77,8 @@ pub(in crate::service) struct CallMeters {
 impl CallMeters {
     /// One for each RPC of the wire and of health.
     pub(super) fn new() -> Self {
-        let sets = [v1::FILE_DESCRIPTOR_SET, tonic_health::pb::FILE_DESCRIPTOR_SET];
-        let files = sets.into_iter().filter_map(|set| FileDescriptorSet::decode(set).ok());
-        let mut known = BTreeMap::new();
-        for file in files.flat_map(|set| set.file) {
-            for service in &file.service {
-                let service_name = format!("{}.{}", file.package(), service.name());
-                for method in &service.method {
-                    known.insert(format!("{service_name}/{}", method.name()), CallMeter::new());
-                }
-            }
-        }
+        static RPCS: LazyLock<Vec<String>> = LazyLock::new(rpcs);
+        let known = RPCS.iter().map(|rpc| (rpc.clone(), CallMeter::new())).collect();
         Self { known, other: CallMeter::new() }
     }
 
@@ -103,6 +94,21 @@ impl CallMeters {
         let known = self.known.get_key_value(path.trim_start_matches('/'));
         known.map_or(("other", &self.other), |(name, meter)| (name, meter))
     }
+}
+
+/// Each RPC as `package.Service/Method`.
+fn rpcs() -> Vec<String> {
+    let sets = [v1::FILE_DESCRIPTOR_SET, tonic_health::pb::FILE_DESCRIPTOR_SET];
+    let files = sets.into_iter().filter_map(|set| FileDescriptorSet::decode(set).ok());
+    let mut rpcs = Vec::new();
+    for file in files.flat_map(|set| set.file) {
+        for service in &file.service {
+            let service_name = format!("{}.{}", file.package(), service.name());
+            let names = service.method.iter().map(|method| method.name());
+            rpcs.extend(names.map(|name| format!("{service_name}/{name}")));
+        }
+    }
+    rpcs
 }
 
 /// A service whose calls are counted.
