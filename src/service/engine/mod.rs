@@ -33,6 +33,7 @@ mod items;
 mod journal;
 mod maps;
 mod meters;
+mod opening;
 mod optimize;
 mod pool;
 mod pose_graph;

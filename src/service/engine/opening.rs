@@ -1,0 +1,232 @@
+//! Opening maps: from what the store holds to a running engine.
+//!
+//! A map whose journal is damaged or does not replay opens poisoned at the last revision that does, so
+//! that it can be read and exported. One that cannot be opened answers with the reason; where the
+//! system had nothing left for it, it is tried again. The others are not held up by it.
+
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+
+use sha2::{Digest as _, Sha256};
+use tokio::sync::{mpsc, watch};
+use tracing::Instrument;
+
+use super::account::HeldEntities;
+use super::actor::{Actor, report_bug};
+use super::durable::{DurableAcks, Snapshots};
+use super::handle::Shared;
+use super::items::{Unsolved, unsolved};
+use super::journal::{replay, stored};
+use super::maps::Inner;
+use super::meters::ConditionCell;
+use super::schedule::Schedule;
+use super::streams::Streams;
+use super::watch::Watchers;
+use super::{EngineError, MapHandle, MapState, Maps, Reservation, Resource, tenant_of};
+use crate::map::Map;
+use crate::store::{Durability, Epoch, Flushed, StoreError};
+
+/// Control messages that wait; the engine answers them at once.
+const CONTROL_QUEUE: usize = 64;
+/// When a map for which the system had nothing left is opened again: after this time, then each time
+/// twice as long, up to the longest.
+const FIRST_OPENING: Duration = Duration::from_millis(100);
+const LONGEST_OPENING: Duration = Duration::from_secs(5);
+
+/// What an engine starts from.
+pub(super) struct Start {
+    pub(super) name: String,
+    pub(super) epoch: Epoch,
+    pub(super) map: Map,
+    pub(super) state: MapState,
+    pub(super) refusal: Option<EngineError>,
+    /// Why it could not be opened.
+    pub(super) unopened: Option<EngineError>,
+    /// Revision of the snapshot that it was made from.
+    pub(super) snapshot: i64,
+    pub(super) unsolved: Vec<Unsolved>,
+    pub(super) flushed: watch::Receiver<Flushed>,
+}
+
+impl Maps {
+    /// Opens a map that the store holds.
+    pub(super) async fn reopen(&self, name: String) {
+        let start = match self.load_map(&name).await {
+            Ok(Some(start)) => start,
+            Ok(None) => return,
+            Err(error) => {
+                tracing::error!(map = name, %error, "a map cannot be opened");
+                if let StoreError::Unavailable { .. } = error {
+                    self.open_later(name.clone());
+                }
+                let error = EngineError::Store(error);
+                Start {
+                    name,
+                    epoch: Epoch::default(),
+                    map: Map::new(),
+                    state: MapState::Poisoned,
+                    refusal: Some(error.clone()),
+                    unopened: Some(error),
+                    snapshot: 0,
+                    unsolved: Vec::new(),
+                    flushed: watch::channel(Flushed::default()).1,
+                }
+            }
+        };
+        self.inner.table.insert(self.spawn_existing(start));
+    }
+
+    /// The engine of a map that exists: ceilings close none.
+    fn spawn_existing(&self, start: Start) -> MapHandle {
+        let tenant = self.inner.pool.accounts().tenant(tenant_of(&start.name));
+        self.spawn(start, tenant.reserve_existing(Resource::Maps, 1))
+    }
+
+    /// Tries to open a map until the system has what it takes, the map is deleted, or it fails for
+    /// another reason.
+    fn open_later(&self, name: String) {
+        let maps = self.clone();
+        tokio::spawn(async move {
+            let mut wait = FIRST_OPENING;
+            loop {
+                tokio::time::sleep(wait).await;
+                wait = (2 * wait).min(LONGEST_OPENING);
+                let Ok(mut claim) = maps.claim(&name).await else { return };
+                let unopened = claim.map().filter(|map| map.shared.unopened.is_some()).cloned();
+                let Some(unopened) = unopened else { return };
+                let start = match maps.load_map(&name).await {
+                    Err(StoreError::Unavailable { .. }) => continue,
+                    Err(error) => {
+                        tracing::error!(map = name, %error, "a map cannot be opened");
+                        return;
+                    }
+                    Ok(start) => start,
+                };
+                unopened.stop().await;
+                claim.set(start.map(|start| maps.spawn_existing(start)));
+                tracing::info!(map = name, "a map could be opened at last");
+                return;
+            }
+        });
+    }
+
+    /// Brings a map back; `None` for one whose creation was never answered.
+    async fn load_map(&self, name: &str) -> Result<Option<Start>, StoreError> {
+        let store = &self.inner.store;
+        let epoch = store.acquire(name).await?;
+        let (map, events) = stored(&**store, name).await?;
+        let damage = store.damage(name).await?;
+        let snapshot = map.revision();
+        if snapshot == 0 && events.is_empty() && damage.is_empty() {
+            tracing::warn!(map = name, "a map without events is removed");
+            store.delete_map(name).await?;
+            return Ok(None);
+        }
+        let (map, stopped) = replay(map, events.iter().map(AsRef::as_ref));
+        for damage in &damage {
+            tracing::error!(map = name, %damage, "damage on disk");
+        }
+        let flushed = store.follow(name).await?;
+        let lost = damage.into_iter().find(|damage| damage.lost.is_some());
+        let reached = u64::try_from(map.revision()).unwrap_or(0);
+        let Flushed { through, failed, unavailable } = flushed.borrow().clone();
+        // What could not be brought to the disk yet lies ahead of what is durable.
+        let is_settled = failed.is_none() && unavailable.is_none();
+        let is_short = store.durability() != Durability::Memory
+            && (reached < through || (is_settled && reached != through));
+        let refusal = lost
+            .map(|damage| StoreError::Damaged { map: name.to_owned(), damage })
+            .or(failed)
+            .map(EngineError::Store);
+        let state = match &stopped {
+            Some(details) => {
+                report_bug(&format!("map {name:?} does not replay: {details}"));
+                MapState::Poisoned
+            }
+            None if is_short => {
+                report_bug(&format!("map {name:?} replays to {reached} of {through} events"));
+                MapState::Poisoned
+            }
+            None if refusal.is_some() => MapState::Poisoned,
+            None => MapState::Open,
+        };
+        let unsolved = match state {
+            MapState::Open => unsolved(&map, &events),
+            MapState::Poisoned => Vec::new(),
+        };
+        Ok(Some(Start {
+            name: name.to_owned(),
+            epoch,
+            map,
+            state,
+            refusal,
+            unopened: None,
+            snapshot,
+            unsolved,
+            flushed,
+        }))
+    }
+
+    /// Starts the engine of a map.
+    pub(super) fn spawn(&self, start: Start, place: Reservation) -> MapHandle {
+        let Inner { store, pool, config, .. } = &*self.inner;
+        let (item_queue, items) = mpsc::channel(config.queue_capacity.max(1));
+        let (control_queue, control) = mpsc::channel(CONTROL_QUEUE);
+        let shared = Arc::new(Shared {
+            uid: match start.unopened {
+                Some(_) => String::new(),
+                None => uid(&start.name, start.map.create_time_ns()),
+            },
+            account: pool.accounts().of_map(&start.name),
+            name: start.name,
+            config: *config,
+            meters: Arc::clone(&self.inner.meters),
+            condition: ConditionCell::new(start.state, start.refusal.is_some()),
+            store: Arc::clone(store),
+            history: Arc::clone(&self.inner.history),
+            flushed: start.flushed.clone(),
+            ended: OnceLock::new(),
+            unopened: start.unopened,
+        });
+        let span = tracing::info_span!("map", map = %shared.name);
+        let actor = Actor {
+            shared: Arc::clone(&shared),
+            config: *config,
+            store: Arc::clone(store),
+            pool: Arc::clone(pool),
+            _place: place,
+            entities: HeldEntities::existing(&shared.account, start.map.usage()),
+            journal: shared.account.reserve_existing(Resource::JournalBytes, 0),
+            store_epoch: start.epoch,
+            last_solve_id: start.map.solve_count(),
+            map: Arc::new(start.map),
+            state: start.state,
+            refusal: start.refusal,
+            durable: DurableAcks::new(start.flushed),
+            snapshots: Snapshots::new(start.snapshot),
+            applying: None,
+            items,
+            control,
+            streams: Streams::default(),
+            watchers: Watchers::new(),
+            schedule: Schedule::default(),
+            running: None,
+            job: None,
+            unsolved: start.unsolved,
+            drained: false,
+            answered: false,
+            closing: Vec::new(),
+        };
+        tokio::spawn(actor.run().instrument(span));
+        MapHandle { shared, items: item_queue, control: control_queue }
+    }
+}
+
+/// Half a SHA-256 of name and creation time, in hex: the same after a restart, another for a map
+/// that was deleted and made again.
+fn uid(name: &str, create_time_ns: i64) -> String {
+    let mut hash = Sha256::new();
+    hash.update(create_time_ns.to_le_bytes());
+    hash.update(name.as_bytes());
+    hash.finalize().iter().take(16).map(|byte| format!("{byte:02x}")).collect()
+}
