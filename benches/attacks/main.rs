@@ -6,8 +6,10 @@
 //! with a history, and one attack (`readers` and `all` are several at once). Without a name all of them,
 //! one after the other, and then `all`. Told for each: how many calls the attack got answered and
 //! refused, the server's memory before and at its highest, the robot's waits from send to RECEIVED and to
-//! DURABLE, and how long new connections with a token took. Everything shares the machine, so the
-//! attackers' own work counts against the robot. It ends by itself and stops what it started.
+//! DURABLE, and how long new connections with a token took. Everything shares the machine. The
+//! attackers, who would have machines of their own, have threads of the lowest priority, so that it is
+//! the server's work for them and not their own that the robot notices. It ends by itself and stops what
+//! it started.
 
 #![allow(clippy::print_stdout, reason = "a bench shows what it measured")]
 
@@ -29,6 +31,7 @@ use std::time::{Duration, Instant};
 use clap::{Parser, ValueEnum};
 use covis::client::Client;
 use covis::wire::v1;
+use tokio::runtime::{Handle, Runtime};
 use tokio::task::JoinSet;
 
 use crate::server::{Server, connect};
@@ -229,9 +232,9 @@ async fn measure(attack: Attack, args: &Args, data: &Path) -> anyhow::Result<()>
     let tally = Arc::new(Tally::default());
     let target =
         Target { url: server.url.clone(), tally: Arc::clone(&tally), strangers: args.strangers };
-    let mut attackers = JoinSet::new();
+    let (runtime, mut attackers) = (attackers_runtime()?, JoinSet::new());
     for part in attack.parts() {
-        launch(part, &target, &mut attackers);
+        launch(part, &target, &mut attackers, runtime.handle());
     }
     let mut connecting = connect_often(&server.url);
     let mut clock = tokio::time::interval(Duration::from_millis(200));
@@ -254,6 +257,7 @@ async fn measure(attack: Attack, args: &Args, data: &Path) -> anyhow::Result<()>
     waits.received_s.extend(open(&waits.unreceived));
     waits.durable_s.extend(open(&waits.undurable));
     attackers.abort_all();
+    runtime.shutdown_background();
     connecting.tasks.abort_all();
     let ([r50, r99, _], [d50, d99, _]) =
         (milliseconds(&mut waits.received_s), milliseconds(&mut waits.durable_s));
@@ -281,34 +285,46 @@ async fn measure(attack: Attack, args: &Args, data: &Path) -> anyhow::Result<()>
     Ok(())
 }
 
-fn launch(part: Attack, target: &Target, attackers: &mut JoinSet<()>) {
+/// Threads of the lowest priority.
+fn attackers_runtime() -> std::io::Result<Runtime> {
+    let mut builder = tokio::runtime::Builder::new_multi_thread();
+    builder.worker_threads(2).enable_all();
+    // Linux counts priorities by thread.
+    #[cfg(target_os = "linux")]
+    builder.on_thread_start(|| {
+        let _refused = rustix::process::setpriority_process(None, 19);
+    });
+    builder.build()
+}
+
+fn launch(part: Attack, target: &Target, attackers: &mut JoinSet<()>, on: &Handle) {
     match part {
-        Attack::Cuts => drop(attackers.spawn(maps::cuts(target.clone()))),
-        Attack::Dense => drop(attackers.spawn(solves::dense(target.clone()))),
-        Attack::Fill => drop(attackers.spawn(solves::fill(target.clone()))),
-        Attack::Strangers => drop(attackers.spawn(strangers::idle(target.clone()))),
+        Attack::Cuts => drop(attackers.spawn_on(maps::cuts(target.clone()), on)),
+        Attack::Dense => drop(attackers.spawn_on(solves::dense(target.clone()), on)),
+        Attack::Fill => drop(attackers.spawn_on(solves::fill(target.clone()), on)),
+        Attack::Strangers => drop(attackers.spawn_on(strangers::idle(target.clone()), on)),
         Attack::HalfSent => {
             for _ in 0..2 {
-                attackers.spawn(strangers::half_sent(target.clone()));
+                attackers.spawn_on(strangers::half_sent(target.clone()), on);
             }
         }
         Attack::Watchers => {
             for _ in 0..4 {
-                attackers.spawn(maps::watch_from_one(target.clone()));
+                attackers.spawn_on(maps::watch_from_one(target.clone()), on);
             }
         }
         Attack::Exports => {
             for _ in 0..20 {
-                attackers.spawn(maps::unread_export(target.clone()));
+                attackers.spawn_on(maps::unread_export(target.clone()), on);
             }
         }
-        Attack::Solve => drop(attackers.spawn(solves::whole_map(target.clone()))),
-        Attack::Cameras => drop(attackers.spawn(maps::cameras(target.clone()))),
-        Attack::Landmark => drop(attackers.spawn(maps::one_landmark(target.clone()))),
-        Attack::Constraints => drop(attackers.spawn(maps::constraints(target.clone()))),
+        Attack::Solve => drop(attackers.spawn_on(solves::whole_map(target.clone()), on)),
+        Attack::Cameras => drop(attackers.spawn_on(maps::cameras(target.clone()), on)),
+        Attack::Landmark => drop(attackers.spawn_on(maps::one_landmark(target.clone()), on)),
+        Attack::Constraints => drop(attackers.spawn_on(maps::constraints(target.clone()), on)),
         Attack::Logins => {
             for _ in 0..8 {
-                attackers.spawn(strangers::wrong_tokens(target.clone()));
+                attackers.spawn_on(strangers::wrong_tokens(target.clone()), on);
             }
         }
         Attack::None | Attack::Readers | Attack::All => {}
