@@ -92,7 +92,7 @@ pub struct Refined {
     pub behind_camera: Vec<bool>,
 }
 
-/// At least what [`refine`] takes.
+/// No less than what [`refine`] takes with so many observations.
 #[must_use]
 pub fn price_bound(observations: usize) -> Price {
     let observations = observations as f64;

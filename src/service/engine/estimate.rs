@@ -8,8 +8,8 @@ use covis_solvers::price::{Ceiling, Price};
 
 use crate::map::Usage;
 
-/// A small solve takes no more work than this in all its iterations, flop: about a second on one
-/// core of today. A window of ten keyframes with 400 observations each takes a tenth of it.
+/// A small solve takes no more work than this in all its iterations, flop. By the bound, a window of
+/// ten keyframes with 400 observations each takes a tenth of it in ten iterations.
 const SMALL_FLOPS: f64 = 4e9;
 /// And no more memory than this.
 const SMALL_BYTES: u64 = 64 << 20;
@@ -22,7 +22,7 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Of a solve of that price or less. More than `ceiling` it never takes, because it is then refused.
+    /// Of a solve of that price or less. It never takes more than `ceiling`: past that it is refused.
     #[must_use]
     pub fn new(bound: Price, max_iterations: usize, ceiling: &Ceiling) -> Self {
         let flops = bound.flops_per_iteration * max_iterations.max(1) as f64;
@@ -35,7 +35,8 @@ impl Estimate {
     #[must_use]
     pub fn of_map(usage: Usage, max_iterations: usize, ceiling: &Ceiling) -> Self {
         let (poses, observations) = (usage.keyframes as f64, usage.observations as f64);
-        // A landmark is seen once by a keyframe, so that an observation has a pair with each of the others at most.
+        // One pair of an observation with each other keyframe: a bound as long as no keyframe sees a
+        // landmark twice.
         let pairs = 0.5 * observations * poses;
         let edges = usage.constraints as f64 + pairs.min(0.5 * poses * poses);
         let dimension = 15.0 * poses;

@@ -220,7 +220,7 @@ impl Lane {
             .thread_name(move |index| format!("covis-{kind}-{index}"))
             .start_handler(move |_index| {
                 if kind == "large" {
-                    yield_processor();
+                    lower_priority();
                 }
             })
             .build();
@@ -235,7 +235,7 @@ impl Lane {
 
 /// Lets other threads of the machine go before this one, so that acks and small solves do not wait for
 /// their processor while a large solve computes. Where all are idle a solve takes no longer.
-fn yield_processor() {
+fn lower_priority() {
     // Linux counts priorities by thread; elsewhere the whole process would be slowed down.
     #[cfg(target_os = "linux")]
     // A system that refuses leaves the priority as it is.
