@@ -71,7 +71,7 @@ async fn snapshot(folder: &Path) -> Result<String, Failure> {
                 camera: None,
                 world_from_camera: Se3::identity(),
                 odom_from_camera: Se3::identity(),
-                observations: Arc::from(observations),
+                observations: observations.into(),
                 added_revision: k,
             },
         ))

@@ -155,12 +155,10 @@ fn late_poses(
     start_revision: i64,
     solved: &BTreeMap<EntityId, Se3>,
 ) -> Vec<(EntityId, Se3)> {
-    let late: Vec<(EntityId, &Keyframe)> = map
-        .keyframes()
-        .iter()
-        .filter(|(_, k)| k.added_revision > start_revision)
-        .map(|(&id, k)| (id, k))
-        .collect();
+    let since = start_revision.saturating_add(1)..=i64::MAX;
+    let late = map.by_age.range(since).map(|(_, &id)| id);
+    let late: Vec<(EntityId, &Keyframe)> =
+        late.filter_map(|id| Some((id, map.keyframes().get(&id)?))).collect();
     let clients: BTreeSet<ClientIndex> = late.iter().map(|(id, _)| id.client).collect();
     // What was there when the solve began, by client in capture time.
     let known: BTreeMap<ClientIndex, Vec<(EntityId, &Keyframe)>> = clients

@@ -227,9 +227,11 @@ const LANDMARK: u64 = entry(size_of::<Landmark>());
 const UNSEEN: u64 = entry(size_of::<i64>());
 /// Also stands in its landmark's list of observers, which may be twice as long as it needs.
 const OBSERVATION: u64 = (size_of::<Observation>() + 2 * size_of::<EntityId>()) as u64;
-const CONSTRAINT: u64 = entry(size_of::<Constraint>()) + entry(size_of::<Digest>());
+/// In the index of its keyframe.
+const TIE: u64 = entry(size_of::<EntityId>());
+const CONSTRAINT: u64 = entry(size_of::<Constraint>()) + entry(size_of::<Digest>()) + 2 * TIE;
 const SWITCHED_OFF: u64 = entry(size_of::<SwitchedOff>());
-const PRIOR: u64 = entry(size_of::<Prior>()) + entry(size_of::<Digest>());
+const PRIOR: u64 = entry(size_of::<Prior>()) + entry(size_of::<Digest>()) + TIE;
 const SHARED_PAIR: u64 = entry(size_of::<u32>());
 /// An observer of a landmark with many, in a list that may be twice as long as it needs.
 const LONG_OBSERVER: u64 = 2 * size_of::<(i64, EntityId)>() as u64;
@@ -245,6 +247,21 @@ pub(super) fn descriptor_bytes(observations: &[Observation]) -> u64 {
     let descriptors = observations.iter().filter_map(|o| o.descriptor.as_ref());
     descriptors.map(|d| (d.data.len() + d.name.len()) as u64 + DESCRIPTOR).sum()
 }
+
+const NOTHING: Usage = Usage {
+    clients: 0,
+    cameras: 0,
+    keyframes: 0,
+    landmarks: 0,
+    observations: 0,
+    constraints: 0,
+    priors: 0,
+    bytes: 0,
+};
+/// What every item adds: its digest.
+const NEW_ITEM: Usage = Usage { bytes: ITEM, ..NOTHING };
+/// A keyframe without what it sees.
+const NEW_KEYFRAME: Usage = Usage { keyframes: 1, bytes: KEYFRAME + ITEM, ..NOTHING };
 
 impl Map {
     /// What the map holds.
@@ -274,32 +291,52 @@ impl Map {
         Usage { clients, cameras, keyframes, landmarks, observations, constraints, priors, bytes }
     }
 
+    /// At least what [`Map::growth`] tells, from the lengths of the change's lists alone: most changes
+    /// are far from every ceiling, and looking up each landmark to know so is dear.
+    #[must_use]
+    pub fn growth_bound(&self, change: &Change) -> Usage {
+        let by_landmarks = |new: &[NewLandmark]| {
+            let landmarks = new.len() as u64;
+            Usage { landmarks, bytes: landmarks * (LANDMARK + UNSEEN), ..NOTHING }
+        };
+        let by_observations = |added: &[Observation]| {
+            let neighbors = (added.len() * 2 * NEAREST).min(self.keyframes.len()) as u64;
+            growth_by(added, neighbors, added.len() as u64 * (NOT_LONG as u64 + 1))
+        };
+        match change {
+            Change::KeyframeAdded { observations, landmarks, .. } => {
+                NEW_KEYFRAME + by_landmarks(landmarks) + by_observations(observations)
+            }
+            Change::LandmarksAdded { landmarks } => NEW_ITEM + by_landmarks(landmarks),
+            Change::ObservationsAdded { observations, .. } => {
+                NEW_ITEM + by_observations(observations)
+            }
+            other => self.growth(other),
+        }
+    }
+
     /// The most that a client's change would add to [`Map::usage`].
     #[must_use]
     pub fn growth(&self, change: &Change) -> Usage {
-        let none = Usage::default();
         match change {
             Change::KeyframeAdded { observations, landmarks, .. } => {
-                let keyframe = Usage { keyframes: 1, bytes: KEYFRAME + ITEM, ..none };
-                keyframe + self.growth_by_landmarks(landmarks) + self.growth_by(observations)
+                NEW_KEYFRAME + self.growth_by_landmarks(landmarks) + self.growth_by(observations)
             }
-            Change::LandmarksAdded { landmarks } => {
-                Usage { bytes: ITEM, ..none } + self.growth_by_landmarks(landmarks)
-            }
+            Change::LandmarksAdded { landmarks } => NEW_ITEM + self.growth_by_landmarks(landmarks),
             Change::ObservationsAdded { observations, .. } => {
-                Usage { bytes: ITEM, ..none } + self.growth_by(observations)
+                NEW_ITEM + self.growth_by(observations)
             }
             Change::ConstraintAdded { .. } => {
-                Usage { constraints: 1, bytes: CONSTRAINT + ITEM, ..none }
+                Usage { constraints: 1, bytes: CONSTRAINT + ITEM, ..NOTHING }
             }
-            Change::PriorAdded { .. } => Usage { priors: 1, bytes: PRIOR + ITEM, ..none },
+            Change::PriorAdded { .. } => Usage { priors: 1, bytes: PRIOR + ITEM, ..NOTHING },
             Change::CameraSet { id, .. } if !self.cameras.contains_key(id) => {
-                Usage { cameras: 1, bytes: CAMERA + ITEM, ..none }
+                Usage { cameras: 1, bytes: CAMERA + ITEM, ..NOTHING }
             }
             Change::ClientOpened { name, .. } if self.client_named(name).is_none() => {
-                Usage { clients: 1, bytes: CLIENT, ..none }
+                Usage { clients: 1, bytes: CLIENT, ..NOTHING }
             }
-            Change::ItemRepeated => Usage { bytes: ITEM, ..none },
+            Change::ItemRepeated => NEW_ITEM,
             Change::Created { .. }
             | Change::ClientOpened { .. }
             | Change::CameraSet { .. }
@@ -311,14 +348,14 @@ impl Map {
             | Change::KeyframeRemoved { .. }
             | Change::KeyframeRetired { .. }
             | Change::ConstraintRevoked { .. }
-            | Change::PolicySet { .. } => none,
+            | Change::PolicySet { .. } => NOTHING,
         }
     }
 
     fn growth_by_landmarks(&self, landmarks: &[NewLandmark]) -> Usage {
         let is_new = |new: &&NewLandmark| !self.landmarks.contains_key(&new.id);
         let landmarks = landmarks.iter().filter(is_new).count() as u64;
-        Usage { landmarks, bytes: landmarks * (LANDMARK + UNSEEN), ..Usage::default() }
+        Usage { landmarks, bytes: landmarks * (LANDMARK + UNSEEN), ..NOTHING }
     }
 
     fn growth_by(&self, observations: &[Observation]) -> Usage {
@@ -335,12 +372,16 @@ impl Map {
                 _ => 1,
             };
         }
-        let neighbors = neighbors.min(self.keyframes.len()) as u64;
-        let added = observations.len() as u64;
-        let bytes = added * OBSERVATION
-            + descriptor_bytes(observations)
-            + 2 * neighbors * SHARED_PAIR
-            + long * LONG_OBSERVER;
-        Usage { observations: added, bytes, ..Usage::default() }
+        growth_by(observations, neighbors.min(self.keyframes.len()) as u64, long)
     }
+}
+
+/// Of observations with so many new neighbors of their keyframe and entries in lists of observers.
+fn growth_by(added: &[Observation], neighbors: u64, long: u64) -> Usage {
+    let observations = added.len() as u64;
+    let bytes = observations * OBSERVATION
+        + descriptor_bytes(added)
+        + 2 * neighbors * SHARED_PAIR
+        + long * LONG_OBSERVER;
+    Usage { observations, bytes, ..NOTHING }
 }

@@ -27,11 +27,11 @@ type Observer = (i64, EntityId);
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Covisibility {
     /// Rows are shared with the snapshots that readers hold and copied on write.
-    rows: BTreeMap<EntityId, Arc<BTreeMap<EntityId, u32>>>,
+    rows: SharedMap<EntityId, Arc<BTreeMap<EntityId, u32>>>,
     /// Entries of all rows.
     entry_count: u64,
     /// The observers of each landmark that has more than [`NEAREST`] + 1, by age.
-    long: BTreeMap<EntityId, Arc<Vec<Observer>>>,
+    long: SharedMap<EntityId, Arc<Vec<Observer>>>,
     /// Observers in all lists of `long`.
     long_count: u64,
 }
@@ -124,7 +124,7 @@ impl Covisibility {
             return;
         }
         let long_count = &mut self.long_count;
-        let order = self.long.entry(landmark).or_insert_with(|| {
+        let order = self.long.get_or_insert(landmark, || {
             let mut order: Vec<Observer> = observers.iter().map(|&id| (age(id), id)).collect();
             order.sort_unstable();
             *long_count += order.len() as u64;
@@ -195,7 +195,7 @@ impl Covisibility {
     }
 
     fn count(&mut self, a: EntityId, b: EntityId, landmarks: u32) {
-        let row = self.rows.entry(a).or_default();
+        let row = self.rows.get_or_insert(a, Default::default);
         let count = Arc::make_mut(row).entry(b).or_insert(0);
         self.entry_count += u64::from(*count == 0);
         *count += landmarks;

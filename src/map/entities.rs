@@ -9,7 +9,7 @@ use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use covis_solvers::information::Information;
 use nalgebra::{Vector2, Vector3};
 
-use super::{EntityId, SharedMap};
+use super::{EntityId, Observations, SharedMap};
 
 /// A SHA-256 digest.
 pub type Digest = [u8; 32];
@@ -137,7 +137,7 @@ pub struct Keyframe {
     /// the client sent none.
     pub odom_from_camera: Se3,
     /// Features seen, in the order of arrival; each [`Observation::key`] once.
-    pub observations: Arc<[Observation]>,
+    pub observations: Observations,
     /// The revision that added it.
     pub added_revision: i64,
 }
@@ -150,10 +150,10 @@ impl Keyframe {
         self.world_from_camera.compose(&self.odom_from_camera.inverse())
     }
 
-    /// The first observation of `landmark`, if there is one; linear in the number of observations.
+    /// The first observation of `landmark`, if there is one.
     #[must_use]
     pub fn observation_of(&self, landmark: EntityId) -> Option<&Observation> {
-        self.observations.iter().find(|o| o.landmark == landmark)
+        self.observations.of(landmark)
     }
 }
 

@@ -22,6 +22,11 @@ pub struct EntityId {
 }
 
 impl EntityId {
+    /// Before all others.
+    pub(super) const MIN: Self = Self { client: ClientIndex(0), id: i64::MIN };
+    /// Behind all others.
+    pub(super) const MAX: Self = Self { client: ClientIndex(u32::MAX), id: i64::MAX };
+
     /// The entity `id` of `client`.
     #[must_use]
     pub fn new(client: ClientIndex, id: i64) -> Self {

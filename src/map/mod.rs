@@ -6,7 +6,7 @@
 //! what a solve leaves into a change. No solve runs here and nothing here waits: no tokio, tonic or
 //! prost.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 mod applied;
 mod ceilings;
@@ -19,6 +19,7 @@ mod event;
 mod fold;
 mod ids;
 mod item;
+mod observations;
 mod parts;
 mod placement;
 mod policy;
@@ -26,6 +27,7 @@ pub mod problem;
 mod rejection;
 mod retirement;
 pub mod shared_map;
+mod ties;
 mod triangulation;
 mod window;
 
@@ -41,6 +43,7 @@ pub use error::{EntityKind, MapError};
 pub use event::{AppliedSolve, Cause, Change, Event, NewLandmark, Retired, SolveKind};
 pub use ids::{ClientIndex, EntityId};
 pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, PartialItem};
+pub use observations::Observations;
 pub use parts::MapParts;
 pub use policy::{ClosureRobustness, MapPolicy, WhenFull};
 pub use problem::{
@@ -50,6 +53,7 @@ pub use problem::{
 pub use rejection::{FieldViolation, Reason, Rejection};
 pub use retirement::retire;
 pub use shared_map::SharedMap;
+pub use ties::Ties;
 pub use triangulation::triangulate;
 pub use window::{Window, choose_window};
 
@@ -79,15 +83,17 @@ pub struct Map {
     constraints: SharedMap<EntityId, Constraint>,
     /// Those of the constraints that do not count.
     switched_off: BTreeMap<EntityId, SwitchedOff>,
-    priors: BTreeMap<EntityId, Prior>,
+    priors: SharedMap<EntityId, Prior>,
+    /// Where constraints and priors stand.
+    ties: Ties,
     covisibility: Covisibility,
     observation_count: u64,
     /// Memory of the observations' descriptors.
     descriptor_bytes: u64,
     /// The keyframes by the revision that added them.
-    by_age: BTreeMap<i64, EntityId>,
+    by_age: SharedMap<i64, EntityId>,
     /// The landmarks that no keyframe sees, by the revision that added them.
-    unseen: BTreeSet<(i64, EntityId)>,
+    unseen: SharedMap<(i64, EntityId), ()>,
     /// Solves that were applied.
     solve_count: i64,
     /// Digests of cameras and keyframes as they were sent; solves change the entities, not these.
@@ -180,6 +186,12 @@ impl Map {
         &self.switched_off
     }
 
+    /// A relative-pose constraint, if it counts.
+    #[must_use]
+    pub fn active_constraint(&self, id: EntityId) -> Option<&Constraint> {
+        self.constraints.get(&id).filter(|_| !self.switched_off.contains_key(&id))
+    }
+
     /// The relative-pose constraints that count.
     pub fn active_constraints(&self) -> impl Iterator<Item = (EntityId, &Constraint)> {
         let active = self.constraints.iter().filter(|(id, _)| !self.switched_off.contains_key(id));
@@ -188,8 +200,14 @@ impl Map {
 
     /// The priors.
     #[must_use]
-    pub fn priors(&self) -> &BTreeMap<EntityId, Prior> {
+    pub fn priors(&self) -> &SharedMap<EntityId, Prior> {
         &self.priors
+    }
+
+    /// The constraints and priors of each keyframe.
+    #[must_use]
+    pub fn ties(&self) -> &Ties {
+        &self.ties
     }
 
     /// How many landmarks keyframes share.

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use super::{
     CameraEntity, Client, Constraint, Content, Covisibility, Digest, EntityId, EntityKind,
-    Keyframe, Landmark, Map, MapError, MapPolicy, Prior, SharedMap, SwitchedOff,
+    Keyframe, Landmark, Map, MapError, MapPolicy, Prior, SharedMap, SwitchedOff, Ties,
 };
 
 /// What a map consists of. [`Landmark::observers`] is not read: it follows from the keyframes.
@@ -40,7 +40,7 @@ pub struct MapParts {
     /// See [`Map::switched_off`].
     pub switched_off: BTreeMap<EntityId, SwitchedOff>,
     /// See [`Map::priors`].
-    pub priors: BTreeMap<EntityId, Prior>,
+    pub priors: SharedMap<EntityId, Prior>,
     /// See [`Map::contents`].
     pub contents: SharedMap<(Content, EntityId), Digest>,
 }
@@ -104,7 +104,7 @@ impl Map {
         landmarks.values_mut().for_each(|landmark| landmark.observers.clear());
         let mut observation_count = 0;
         let mut descriptor_bytes = 0;
-        let mut by_age = BTreeMap::new();
+        let mut by_age = SharedMap::default();
         // By rising id, so that each list of observers comes out sorted.
         for (&id, keyframe) in &keyframes {
             if let Some(camera) = keyframe.camera.filter(|camera| !cameras.contains_key(camera)) {
@@ -134,8 +134,14 @@ impl Map {
             return Err(unknown(EntityKind::Constraint, id));
         }
         let unseen = landmarks.iter().filter(|(_, landmark)| landmark.observers.is_empty());
-        let unseen = unseen.map(|(&id, landmark)| (landmark.added_revision, id)).collect();
+        let mut unseen: Vec<_> = unseen.map(|(&id, l)| ((l.added_revision, id), ())).collect();
+        unseen.sort_unstable();
+        let unseen = unseen.into_iter().collect();
         let covisibility = Covisibility::product(&keyframes);
+        let ties = Ties::new(
+            constraints.iter().map(|(&id, constraint)| (id, constraint)),
+            priors.iter().map(|(&id, prior)| (id, prior)),
+        );
         Ok(Self {
             revision,
             create_time_ns,
@@ -149,6 +155,7 @@ impl Map {
             constraints,
             switched_off,
             priors,
+            ties,
             covisibility,
             observation_count,
             descriptor_bytes,

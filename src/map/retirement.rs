@@ -7,7 +7,7 @@
 //! so do those that are older than it and that nobody ever saw.
 
 use std::cmp::Reverse;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{LieGroup, Se3};
@@ -90,7 +90,7 @@ fn orphans(map: &Map, id: EntityId, keyframe: &Keyframe) -> Vec<EntityId> {
         map.landmarks().get(landmark).is_some_and(|l| l.observers.as_slice() == [id])
     };
     let seen = keyframe.observations.iter().map(|o| o.landmark).filter(only);
-    let unseen = map.unseen.iter().take(UNSEEN);
+    let unseen = map.unseen.keys().take(UNSEEN);
     let unseen = unseen.take_while(|&&(added, _)| added < keyframe.added_revision);
     let mut orphans: Vec<EntityId> = seen.chain(unseen.map(|&(_, id)| id)).collect();
     orphans.sort_unstable();
@@ -136,12 +136,15 @@ fn keep(map: &Map, problem: &MapProblem, marginal: Marginal, retired: &mut Retir
 
 /// What earlier keyframes left between the keyframes of the problem, by pair.
 fn earlier(map: &Map, problem: &MapProblem) -> BTreeMap<(EntityId, EntityId), EntityId> {
-    let held = |id: &EntityId| problem.keyframes.contains(id);
-    let marginal = map.constraints().iter().filter(|(_, c)| c.kind == ConstraintKind::Marginal);
-    let between = marginal.filter(|(_, c)| held(&c.keyframe_i) && held(&c.keyframe_j));
-    between
-        .map(|(&id, c)| ((c.keyframe_i.min(c.keyframe_j), c.keyframe_i.max(c.keyframe_j)), id))
-        .collect()
+    let held: BTreeSet<EntityId> = problem.keyframes.iter().copied().collect();
+    let tied: BTreeSet<EntityId> = held.iter().flat_map(|&id| map.ties().of(id)).collect();
+    let pair = |id: EntityId| {
+        let constraint = map.constraints().get(&id)?;
+        let (i, j) = (constraint.keyframe_i, constraint.keyframe_j);
+        let is_earlier = constraint.kind == ConstraintKind::Marginal;
+        (is_earlier && held.contains(&i) && held.contains(&j)).then(|| ((i.min(j), i.max(j)), id))
+    };
+    tied.into_iter().filter_map(pair).collect()
 }
 
 /// Both measurements of one pair as one, in the direction of the one that is known.

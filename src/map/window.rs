@@ -49,10 +49,8 @@ pub fn choose_window(map: &Map, keyframe: EntityId) -> Window {
         .flat_map(|l| l.observers.iter().copied())
         .filter(|id| !free.contains(id))
         .collect();
-    let has_pose_prior = map
-        .priors()
-        .values()
-        .any(|p| matches!(p, Prior::Pose { keyframe, .. } if free.contains(keyframe)));
+    let is_pose_prior = |id| matches!(map.priors().get(&id), Some(Prior::Pose { .. }));
+    let has_pose_prior = free.iter().any(|&id| map.ties().of(id).any(is_pose_prior));
     if fixed.is_empty()
         && !has_pose_prior
         && let Some(&oldest) = free.iter().min_by_key(|&&id| (time(id), id))

@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
 
 use covis::map::{
-    Cause, Change, ClientIndex, ConstraintKind, EntityId, EntityRef, Event, Item, ItemLandmark,
-    ItemObservation, Map, MapPolicy, Rejection,
+    Cause, Change, ClientIndex, ConstraintKind, Counted, EntityId, EntityRef, Event, Item,
+    ItemLandmark, ItemObservation, Map, MapPolicy, Rejection,
 };
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3, So3};
 use nalgebra::{Matrix6, Vector2, Vector3};
@@ -39,12 +39,20 @@ impl Journal {
         self.events.push(event);
     }
 
+    /// Whatever is sent in any test adds no more than was said before.
     pub(crate) fn send(&mut self, client: ClientIndex, item: &Item) -> Result<(), Rejection> {
         let change = self.map.check(client, item)?;
+        let before = self.map.usage();
+        let (growth, bound) = (self.map.growth(&change), self.map.growth_bound(&change));
         self.sequence += 1;
         let digest = [self.sequence as u8; 32];
         let epoch = self.map.client(client).unwrap().epoch;
         self.append(change, Some(Cause { client, epoch, sequence: self.sequence, digest }));
+        let added = self.map.usage() - before;
+        for counted in Counted::ALL {
+            let [added, growth, bound] = [added, growth, bound].map(|usage| usage.of(counted));
+            assert!(added <= growth && growth <= bound, "{counted:?}: {added} {growth} {bound}");
+        }
         Ok(())
     }
 }

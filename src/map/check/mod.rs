@@ -314,14 +314,16 @@ impl Check<'_> {
     }
 
     fn landmarks(&mut self, path: &str, sent: &[super::ItemLandmark]) -> Vec<NewLandmark> {
-        let mut seen = std::collections::BTreeSet::new();
+        let mut ids: Vec<_> = sent.iter().enumerate().map(|(index, l)| (l.id, index)).collect();
+        ids.sort_unstable();
+        for pair in ids.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+            let (id, index) = pair[1];
+            let text = format!("landmark {id} occurs twice");
+            self.fields.add(format_args!("{path}[{index}].id"), Reason::Duplicate, text);
+        }
         for (index, landmark) in sent.iter().enumerate() {
             let at = format_args!("{path}[{index}]");
             let id = self.own(format_args!("{at}.id"), landmark.id);
-            if !seen.insert(id) {
-                let text = format!("landmark {} occurs twice", id.id);
-                self.fields.add(format_args!("{at}.id"), Reason::Duplicate, text);
-            }
             if let Some(position) = &landmark.position {
                 self.fields.vector(format_args!("{at}.point_in_world"), position);
             }

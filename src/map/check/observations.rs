@@ -2,7 +2,6 @@
 //!
 //! An observation whose landmark lies behind its camera passes: it is a fact about the estimate.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Arguments;
 
 use covis_solvers::geometry::{LieGroup, Se3};
@@ -33,9 +32,10 @@ impl Check<'_> {
         sent: &[ItemObservation],
         view: &View<'_>,
     ) -> Vec<Observation> {
-        let new: BTreeMap<EntityId, Option<Vector3<f64>>> =
-            view.new_landmarks.iter().map(|l| (l.id, l.position)).collect();
-        let mut seen: BTreeSet<_> = view.present.iter().map(Observation::key).collect();
+        let mut new: Vec<&NewLandmark> = view.new_landmarks.iter().collect();
+        new.sort_by_key(|landmark| landmark.id);
+        let present = view.present.iter().map(|known| (known.key(), None));
+        let mut keys: Vec<_> = present.collect();
         let mut observations = Vec::with_capacity(sent.len());
         for (index, sent) in sent.iter().enumerate() {
             let at = format_args!("{path}[{index}]");
@@ -47,9 +47,9 @@ impl Check<'_> {
             // The map's estimate is the better one where it knows the landmark already.
             let position = match self.map.landmarks.get(&landmark) {
                 Some(known) => known.position,
-                None => match new.get(&landmark) {
-                    Some(position) => *position,
-                    None => {
+                None => match new.binary_search_by_key(&landmark, |new| new.id) {
+                    Ok(place) => new[place].position,
+                    Err(_absent) => {
                         self.unknown(format_args!("{at}.landmark"), "landmark", &sent.landmark);
                         None
                     }
@@ -65,12 +65,20 @@ impl Check<'_> {
                 depth: sent.depth,
                 descriptor: sent.descriptor.clone(),
             };
-            let is_pixel = sent.pixel.iter().all(|value| value.is_finite());
-            if is_pixel && !seen.insert(observation.key()) {
-                let text = format!("landmark {} is observed twice at this pixel", landmark.id);
-                self.fields.add(format_args!("{at}.landmark"), Reason::Duplicate, text);
+            if sent.pixel.iter().all(|value| value.is_finite()) {
+                keys.push((observation.key(), Some(index)));
             }
             observations.push(observation);
+        }
+        keys.sort_unstable();
+        for pair in keys.windows(2) {
+            if let [(before, _), ((landmark, pixel), Some(index))] = pair
+                && *before == (*landmark, *pixel)
+            {
+                let text = format!("landmark {} is observed twice at this pixel", landmark.id);
+                let at = format_args!("{path}[{index}].landmark");
+                self.fields.add(at, Reason::Duplicate, text);
+            }
         }
         observations
     }

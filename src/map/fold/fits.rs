@@ -82,11 +82,10 @@ impl Fit<'_> {
                 }
                 self.pose(*id, world_from_camera)?;
                 self.pose(*id, odom_from_camera)?;
-                self.new_landmarks(landmarks)?;
-                let new: BTreeSet<EntityId> = landmarks.iter().map(|l| l.id).collect();
+                let new = self.new_landmarks(landmarks)?;
                 self.observations(observations, &new, &[])
             }
-            Change::LandmarksAdded { landmarks } => self.new_landmarks(landmarks),
+            Change::LandmarksAdded { landmarks } => self.new_landmarks(landmarks).map(drop),
             Change::ObservationsAdded { keyframe, observations } => {
                 self.keyframe(*keyframe)?;
                 let known = self.map.keyframes.get(keyframe);
@@ -94,7 +93,7 @@ impl Fit<'_> {
                     self.sees_nothing(*keyframe, observations)?;
                 }
                 let present = known.map(|k| &*k.observations).unwrap_or_default();
-                self.observations(observations, &BTreeSet::new(), present)
+                self.observations(observations, &[], present)
             }
             Change::ConstraintAdded { id, constraint } => {
                 self.new_constraint(*id)?;
@@ -183,36 +182,41 @@ impl Fit<'_> {
         }
     }
 
-    fn new_landmarks(&self, landmarks: &[NewLandmark]) -> Outcome {
-        let mut seen = BTreeSet::new();
+    /// Their ids, sorted.
+    fn new_landmarks(&self, landmarks: &[NewLandmark]) -> Result<Vec<EntityId>, MapError> {
         for new in landmarks {
             let repeats = match self.map.landmarks.get(&new.id) {
                 Some(known) => known.sent_position == new.position,
                 None => true,
             };
-            self.absent(repeats && seen.insert(new.id), EntityKind::Landmark, new.id)?;
+            self.absent(repeats, EntityKind::Landmark, new.id)?;
             let is_finite = new.position.as_ref().is_none_or(finite);
             self.finite(is_finite, EntityKind::Landmark, new.id)?;
         }
-        Ok(())
+        let mut ids: Vec<EntityId> = landmarks.iter().map(|l| l.id).collect();
+        ids.sort_unstable();
+        let twice = ids.windows(2).find(|pair| pair[0] == pair[1]);
+        twice.map_or(Ok(()), |pair| self.absent(false, EntityKind::Landmark, pair[0]))?;
+        Ok(ids)
     }
 
     fn observations(
         &self,
         observations: &[Observation],
-        new: &BTreeSet<EntityId>,
+        new: &[EntityId],
         present: &[Observation],
     ) -> Outcome {
-        let mut seen: BTreeSet<_> = present.iter().map(Observation::key).collect();
         for observation in observations {
             let id = observation.landmark;
-            let known = new.contains(&id) || self.map.landmarks.contains_key(&id);
+            let known = new.binary_search(&id).is_ok() || self.map.landmarks.contains_key(&id);
             self.present(known, EntityKind::Landmark, id)?;
-            self.absent(seen.insert(observation.key()), EntityKind::Observation, id)?;
             let pixel = observation.pixel.x.is_finite() && observation.pixel.y.is_finite();
             self.finite(pixel && observation.sigma_px.is_finite(), EntityKind::Observation, id)?;
         }
-        Ok(())
+        let mut keys: Vec<_> = present.iter().chain(observations).map(Observation::key).collect();
+        keys.sort_unstable();
+        let twice = keys.windows(2).find(|pair| pair[0] == pair[1]);
+        twice.map_or(Ok(()), |pair| self.absent(false, EntityKind::Observation, pair[0].0))
     }
 
     /// What a keyframe without camera must.

@@ -7,13 +7,11 @@
 mod fits;
 mod removal;
 
-use std::sync::Arc;
-
 use super::ceilings::descriptor_bytes;
 use super::digest::{self, Content};
 use super::{
-    AppliedSolve, Cause, Change, Client, ClientIndex, EntityId, Event, Keyframe, Landmark, Map,
-    MapError, NewLandmark, Observation,
+    AppliedSolve, Cause, Change, Client, ClientIndex, Constraint, EntityId, Event, Keyframe,
+    Landmark, Map, MapError, NewLandmark, Observation, Observations, Prior,
 };
 
 /// Items of a client whose digests are kept. Nobody sends an item again that lies further back:
@@ -28,6 +26,12 @@ impl Map {
     /// a value that is not finite. The map is then unchanged.
     pub fn apply(&mut self, event: &Event) -> Result<(), MapError> {
         self.fits(event)?;
+        self.fold(event);
+        Ok(())
+    }
+
+    /// Applies one event that [`Map::fits`] found to fit this map.
+    pub(crate) fn fold(&mut self, event: &Event) {
         self.revision = event.revision;
         // An event of a journal that did not record it is no older than the one before.
         self.update_time_ns = self.update_time_ns.max(event.time_ns);
@@ -35,7 +39,6 @@ impl Map {
         if let Some(cause) = &event.cause {
             self.remember(cause);
         }
-        Ok(())
     }
 
     fn change(&mut self, change: &Change) {
@@ -67,7 +70,7 @@ impl Map {
                     camera: *camera,
                     world_from_camera: *world_from_camera,
                     odom_from_camera: *odom_from_camera,
-                    observations: Arc::from([]),
+                    observations: Observations::default(),
                     added_revision: self.revision,
                 };
                 self.keyframes.insert(*id, keyframe);
@@ -79,11 +82,11 @@ impl Map {
                 self.add_observations(*keyframe, observations);
             }
             Change::ConstraintAdded { id, constraint } => {
-                self.constraints.insert(*id, *constraint);
+                self.add_constraint(*id, *constraint);
                 self.contents.insert((Content::Constraint, *id), digest::content(change));
             }
             Change::PriorAdded { id, prior } => {
-                self.priors.insert(*id, *prior);
+                self.add_prior(*id, *prior);
                 self.contents.insert((Content::Constraint, *id), digest::content(change));
             }
             Change::LandmarksTriangulated { positions } => {
@@ -146,7 +149,7 @@ impl Map {
             if self.landmarks.contains_key(&new.id) {
                 continue;
             }
-            self.unseen.insert((revision, new.id));
+            self.unseen.insert((revision, new.id), ());
             let landmark = Landmark {
                 position: new.position,
                 sent_position: new.position,
@@ -181,6 +184,17 @@ impl Map {
             landmark.reference.get_or_insert(keyframe_id);
         }
         covisibility.add(keyframe_id, &mut sharing);
+    }
+
+    fn add_constraint(&mut self, id: EntityId, constraint: Constraint) {
+        self.ties.add(constraint.keyframe_i, id);
+        self.ties.add(constraint.keyframe_j, id);
+        self.constraints.insert(id, constraint);
+    }
+
+    fn add_prior(&mut self, id: EntityId, prior: Prior) {
+        self.ties.add(prior.keyframe(), id);
+        self.priors.insert(id, prior);
     }
 
     fn take_solve(&mut self, solve: &AppliedSolve) {

@@ -3,11 +3,9 @@
 //! A landmark whose reference keyframe goes moves on with its lowest remaining observer. A landmark
 //! that lost all observers stays until it is removed itself.
 
-use std::sync::Arc;
-
 use super::super::ceilings::descriptor_bytes;
 use super::super::digest::Content;
-use super::super::{Constraint, EntityId, Map, Retired};
+use super::super::{EntityId, Map, Retired};
 use super::insert_sorted;
 
 impl Map {
@@ -48,28 +46,21 @@ impl Map {
         for observation in keyframe.observations.iter() {
             self.forget_observer(observation.landmark, id);
         }
-        let Self { constraints, switched_off, priors, contents, .. } = self;
-        contents.remove(&(Content::Keyframe, id));
-        let ends_here = |c: &Constraint| c.keyframe_i == id || c.keyframe_j == id;
-        let of_it = constraints.iter().filter(|(_, constraint)| ends_here(constraint));
-        for constraint in of_it.map(|(&id, _)| id).collect::<Vec<_>>() {
-            constraints.remove(&constraint);
-            contents.remove(&(Content::Constraint, constraint));
-            switched_off.remove(&constraint);
+        self.contents.remove(&(Content::Keyframe, id));
+        for tie in self.ties.of(id).collect::<Vec<_>>() {
+            self.revoke(tie);
         }
-        priors.retain(|&prior_id, prior| {
-            let keep = prior.keyframe() != id;
-            if !keep {
-                contents.remove(&(Content::Constraint, prior_id));
-            }
-            keep
-        });
     }
 
     pub(super) fn revoke(&mut self, id: EntityId) {
-        self.constraints.remove(&id);
+        if let Some(constraint) = self.constraints.remove(&id) {
+            self.ties.remove(constraint.keyframe_i, id);
+            self.ties.remove(constraint.keyframe_j, id);
+        }
+        if let Some(prior) = self.priors.remove(&id) {
+            self.ties.remove(prior.keyframe(), id);
+        }
         self.switched_off.remove(&id);
-        self.priors.remove(&id);
         self.contents.remove(&(Content::Constraint, id));
     }
 
@@ -77,8 +68,11 @@ impl Map {
         self.remove_keyframe(retired.keyframe);
         retired.landmarks.iter().for_each(|&id| self.remove_landmark(id));
         retired.revoked.iter().for_each(|&id| self.revoke(id));
-        self.constraints.extend(retired.constraints.iter().copied());
-        self.priors.extend(retired.priors.iter().copied());
+        retired
+            .constraints
+            .iter()
+            .for_each(|&(id, constraint)| self.add_constraint(id, constraint));
+        retired.priors.iter().for_each(|&(id, prior)| self.add_prior(id, prior));
     }
 
     /// `kept` takes over the observations of `absorbed`; where a keyframe sees both, that of `kept`
@@ -109,7 +103,7 @@ impl Map {
         }
         let mut observations = keyframe.observations.to_vec();
         observations.iter_mut().filter(|o| o.landmark == from).for_each(|o| o.landmark = to);
-        keyframe.observations = Arc::from(observations);
+        keyframe.observations = observations.into();
         self.forget_observer(from, keyframe_id);
         let Self { landmarks, keyframes, unseen, covisibility, .. } = self;
         if let Some(landmark) = landmarks.get_mut(&to) {
@@ -129,7 +123,7 @@ impl Map {
         landmark.observers.remove(place);
         self.covisibility.forget(landmark_id, &landmark.observers, keyframe);
         if landmark.observers.is_empty() {
-            self.unseen.insert((landmark.added_revision, landmark_id));
+            self.unseen.insert((landmark.added_revision, landmark_id), ());
         }
         if landmark.reference == Some(keyframe) {
             landmark.reference = landmark.observers.first().copied();

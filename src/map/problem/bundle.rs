@@ -6,7 +6,7 @@
 //! where it is, and an observation without finite projection at the current estimates is left out:
 //! neither may stop the whole solve.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use covis_solvers::factors::{DepthReprojection, PosePrior, PositionPrior, RelativePose};
 use covis_solvers::loss::Loss;
@@ -187,13 +187,13 @@ impl<'a> Builder<'a> {
     /// Adds constraints and priors; a pose that one of them ties fully counts as measured.
     fn pose_factors(&mut self, measured: &mut [usize]) {
         let constant = self.problem.constant_poses.clone();
-        for (_, constraint) in self.map.active_constraints() {
+        let free = self.keyframes.iter().zip(&constant).filter(|&(_, &constant)| !constant);
+        let ties: BTreeSet<EntityId> =
+            free.flat_map(|(&keyframe, _)| self.map.ties().of(keyframe)).collect();
+        for constraint in ties.iter().filter_map(|&id| self.map.active_constraint(id)) {
             let i = self.pose_of.get(&constraint.keyframe_i).copied();
             let j = self.pose_of.get(&constraint.keyframe_j).copied();
             let (Some(i), Some(j)) = (i, j) else { continue };
-            if constant[i] && constant[j] {
-                continue;
-            }
             self.problem.relative_poses.push(RelativePose {
                 i,
                 j,
@@ -203,11 +203,8 @@ impl<'a> Builder<'a> {
             measured[i] += MIN_OBSERVATIONS;
             measured[j] += MIN_OBSERVATIONS;
         }
-        for prior in self.map.priors().values() {
+        for prior in ties.iter().filter_map(|id| self.map.priors().get(id)) {
             let Some(&pose) = self.pose_of.get(&prior.keyframe()) else { continue };
-            if constant[pose] {
-                continue;
-            }
             match *prior {
                 Prior::Pose { world_from_camera, information, .. } => {
                     let prior = PosePrior { pose, world_from_camera, information };

@@ -20,10 +20,10 @@ pub fn retirement_problem(map: &Map, keyframe: EntityId) -> MapProblem {
     let mut near: Vec<(EntityId, u32)> = map.covisibility().neighbors(keyframe).collect();
     near.sort_by_key(|&(id, shared)| (Reverse(shared), id));
     near.truncate(NEIGHBORS);
-    let tied = map.active_constraints().filter_map(|(_, c)| match keyframe {
-        id if id == c.keyframe_i => Some(c.keyframe_j),
-        id if id == c.keyframe_j => Some(c.keyframe_i),
-        _ => None,
+    let tied = map.ties().of(keyframe).filter_map(|id| {
+        let constraint = map.active_constraint(id)?;
+        let is_i = constraint.keyframe_i == keyframe;
+        Some(if is_i { constraint.keyframe_j } else { constraint.keyframe_i })
     });
     let neighbors: BTreeSet<EntityId> = near.into_iter().map(|(id, _)| id).chain(tied).collect();
     let mut builder = Builder::new(map, map.policy().observation_loss);

@@ -1,38 +1,39 @@
 //! A sorted map whose copies share what neither has changed.
 //!
-//! Entries stand in leaves of up to 32, each behind an `Arc`: a copy of the map copies the list
-//! of leaves, and a change copies the leaf that it touches where another map still has it. So a
-//! reader may hold a map of a million landmarks while the engine changes its own. Names and order are
-//! those of `BTreeMap`; knows nothing of what it holds.
+//! A tree of three levels: branches of up to 64 leaves of up to 32 entries, each behind an `Arc`. A
+//! copy of the map copies the list of branches, one pointer for some thousand entries; a change copies
+//! the leaf that it touches and the branch that the leaf stands in, where another map still has them.
+//! So a reader may hold a map of a million landmarks while the engine changes its own. Names and order
+//! are those of `BTreeMap`; knows nothing of what it holds.
 
 #[cfg(test)]
 mod tests;
 
-use std::collections::{BTreeMap, btree_map};
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::slice;
 use std::sync::Arc;
 
-/// Entries of a leaf at most. Twice as many make the list of leaves half as long and the copy of a
-/// leaf twice.
+/// Entries of a leaf at most. Twice as many make a branch half as long and the copy of a leaf twice.
 const LEAF: usize = 32;
-/// A leaf with fewer looks for a neighbor to join.
-const FEW: usize = LEAF / 4;
+/// Leaves of a branch at most.
+const BRANCH: usize = 64;
 
-type Leaf<K, V> = Arc<Vec<(K, V)>>;
+/// Parts of one level in order. Each stands under a key that is not above its first and is above the
+/// last of the part before it; none is empty.
+type Parts<K, T> = Vec<(K, Arc<Vec<T>>)>;
+type Leaves<K, V> = Parts<K, (K, V)>;
 
-/// The map. Every leaf has entries; it stands under a key that is not above its first and is above
-/// the last of the leaf before it.
+/// The map.
 #[derive(Clone)]
 pub struct SharedMap<K, V> {
-    leaves: BTreeMap<K, Leaf<K, V>>,
+    branches: Parts<K, (K, Arc<Vec<(K, V)>>)>,
     len: usize,
 }
 
 impl<K, V> Default for SharedMap<K, V> {
     fn default() -> Self {
-        Self { leaves: BTreeMap::new(), len: 0 }
+        Self { branches: Vec::new(), len: 0 }
     }
 }
 
@@ -52,7 +53,9 @@ impl<K, V> SharedMap<K, V> {
     /// The entries by rising key.
     #[must_use]
     pub fn iter(&self) -> Iter<'_, K, V> {
-        Iter { leaves: self.leaves.values(), leaf: [].iter(), len: self.len }
+        let entries =
+            Entries { branches: self.branches.iter(), leaves: [].iter(), leaf: [].iter() };
+        Iter { entries, len: self.len }
     }
 
     /// The keys, rising.
@@ -66,11 +69,28 @@ impl<K, V> SharedMap<K, V> {
     }
 }
 
+/// Where a key stands or would stand: its branch, its leaf and its place in it.
+type Place = (usize, usize, Result<usize, usize>);
+
+/// The part that holds a key if any does; `None` below the first.
+fn part_of<K: Ord, T>(parts: &[(K, T)], key: &K) -> Option<usize> {
+    parts.partition_point(|part| part.0 <= *key).checked_sub(1)
+}
+
 impl<K: Ord + Copy, V> SharedMap<K, V> {
+    /// `None` below all entries.
+    fn place(&self, key: &K) -> Option<Place> {
+        let branch = part_of(&self.branches, key)?;
+        let leaves = &self.branches[branch].1;
+        let leaf = part_of(leaves, key)?;
+        Some((branch, leaf, leaves[leaf].1.binary_search_by_key(key, |entry| entry.0)))
+    }
+
     /// The value of a key.
     #[must_use]
     pub fn get(&self, key: &K) -> Option<&V> {
-        let (_, leaf) = self.leaves.range(..=key).next_back()?;
+        let leaves = &self.branches[part_of(&self.branches, key)?].1;
+        let leaf = &leaves[part_of(leaves, key)?].1;
         let at = leaf.binary_search_by_key(key, |entry| entry.0).ok()?;
         Some(&leaf[at].1)
     }
@@ -84,102 +104,132 @@ impl<K: Ord + Copy, V> SharedMap<K, V> {
     /// The entry of the highest key.
     #[must_use]
     pub fn last_key_value(&self) -> Option<(&K, &V)> {
-        let (_, leaf) = self.leaves.last_key_value()?;
+        let (_, leaves) = self.branches.last()?;
+        let (_, leaf) = leaves.last()?;
         leaf.last().map(|(key, value)| (key, value))
     }
 
     /// The entries of these keys, rising.
     pub fn range(&self, keys: RangeInclusive<K>) -> impl Iterator<Item = (&K, &V)> {
         let (first, last) = keys.into_inner();
-        let start = self.leaves.range(..=first).next_back().map_or(first, |(&key, _)| key);
-        // A range that ends before it starts is empty here and a panic there.
-        let leaves = (first <= last).then(|| self.leaves.range(start..=last));
-        let entries = leaves.into_iter().flatten().flat_map(|(_, leaf)| leaf.iter());
-        entries
-            .map(|(key, value)| (key, value))
-            .skip_while(move |&(key, _)| *key < first)
-            .take_while(move |&(key, _)| *key <= last)
+        let entries = match self.place(&first) {
+            None => self.iter().entries,
+            Some((branch, leaf, at)) => {
+                let leaves = &self.branches[branch].1;
+                let at = at.unwrap_or_else(|at| at);
+                Entries {
+                    branches: self.branches[branch + 1..].iter(),
+                    leaves: leaves[leaf + 1..].iter(),
+                    leaf: leaves[leaf].1[at..].iter(),
+                }
+            }
+        };
+        entries.take_while(move |&(key, _)| *key <= last)
     }
 }
 
 impl<K: Ord + Copy, V: Clone> SharedMap<K, V> {
+    /// The leaves of a branch, to be changed.
+    fn leaves_mut(&mut self, branch: usize) -> &mut Leaves<K, V> {
+        Arc::make_mut(&mut self.branches[branch].1)
+    }
+
     /// The value of a key, to be changed.
     pub fn get_mut(&mut self, key: &K) -> Option<&mut V> {
-        let (_, leaf) = self.leaves.range_mut(..=key).next_back()?;
-        let at = leaf.binary_search_by_key(key, |entry| entry.0).ok()?;
-        Some(&mut Arc::make_mut(leaf)[at].1)
+        let (branch, leaf, at) = self.place(key)?;
+        let at = at.ok()?;
+        Some(&mut Arc::make_mut(&mut self.leaves_mut(branch)[leaf].1)[at].1)
+    }
+
+    /// The value of a key, to be changed; `value` where it has none yet.
+    pub fn get_or_insert(&mut self, key: K, value: impl FnOnce() -> V) -> &mut V {
+        let (branch, leaf, at) = match self.place(&key) {
+            Some((branch, leaf, Ok(at))) => (branch, leaf, at),
+            vacant => self.insert_at(vacant, key, value()),
+        };
+        &mut Arc::make_mut(&mut self.leaves_mut(branch)[leaf].1)[at].1
     }
 
     /// The values by rising key, to be changed.
     pub fn values_mut(&mut self) -> impl Iterator<Item = &mut V> {
-        let leaves = self.leaves.values_mut();
-        leaves.flat_map(|leaf| Arc::make_mut(leaf).iter_mut().map(|(_, value)| value))
+        let branches = self.branches.iter_mut();
+        let leaves = branches.flat_map(|(_, leaves)| Arc::make_mut(leaves));
+        leaves.flat_map(|(_, leaf)| Arc::make_mut(leaf).iter_mut().map(|(_, value)| value))
     }
 
     /// Gives a key a value; answers the one that it had.
     pub fn insert(&mut self, key: K, value: V) -> Option<V> {
-        let Some((_, leaf)) = self.leaves.range_mut(..=key).next_back() else {
-            return self.insert_first(key, value);
-        };
-        let at = match leaf.binary_search_by_key(&key, |entry| entry.0) {
-            Ok(at) => return Some(std::mem::replace(&mut Arc::make_mut(leaf)[at].1, value)),
-            Err(at) => at,
-        };
-        self.len += 1;
-        if leaf.len() < LEAF {
-            Arc::make_mut(leaf).insert(at, (key, value));
-        } else if at == LEAF {
-            // Rising keys leave full leaves behind.
-            self.leaves.insert(key, Arc::new(vec![(key, value)]));
-        } else {
-            let lower = Arc::make_mut(leaf);
-            let mut upper = lower.split_off(LEAF / 2);
-            if at <= LEAF / 2 {
-                lower.insert(at, (key, value));
-            } else {
-                upper.insert(at - LEAF / 2, (key, value));
+        match self.place(&key) {
+            Some((branch, leaf, Ok(at))) => {
+                let entry = &mut Arc::make_mut(&mut self.leaves_mut(branch)[leaf].1)[at];
+                Some(std::mem::replace(&mut entry.1, value))
             }
-            self.leaves.insert(upper[0].0, Arc::new(upper));
+            vacant => {
+                self.insert_at(vacant, key, value);
+                None
+            }
         }
-        None
     }
 
-    /// Of a key below all leaves.
-    fn insert_first(&mut self, key: K, value: V) -> Option<V> {
+    /// Inserts a key that has no value at its place; answers where it stands then.
+    fn insert_at(&mut self, place: Option<Place>, key: K, value: V) -> (usize, usize, usize) {
         self.len += 1;
-        let leaf = match self.leaves.pop_first() {
-            Some((_, mut leaf)) if leaf.len() < LEAF => {
-                Arc::make_mut(&mut leaf).insert(0, (key, value));
-                leaf
-            }
-            full => {
-                self.leaves.extend(full);
-                Arc::new(vec![(key, value)])
+        if self.branches.is_empty() {
+            self.branches.push((key, Arc::new(vec![(key, Arc::new(Vec::new()))])));
+        }
+        let (branch, leaf, at) = match place {
+            Some((branch, leaf, at)) => (branch, leaf, at.unwrap_or_else(|at| at)),
+            None => {
+                self.branches[0].0 = key;
+                self.leaves_mut(0)[0].0 = key;
+                (0, 0, 0)
             }
         };
-        self.leaves.insert(key, leaf);
-        None
+        let leaves = self.leaves_mut(branch);
+        let full = &mut leaves[leaf].1;
+        if full.len() < LEAF {
+            Arc::make_mut(full).insert(at, (key, value));
+            return (branch, leaf, at);
+        }
+        // Rising keys leave full leaves behind.
+        let (kept, next) = (if at == LEAF { LEAF } else { LEAF / 2 }, leaf + 1);
+        let lower = Arc::make_mut(full);
+        let mut upper = lower.split_off(kept);
+        let goes_up = at > kept || kept == LEAF;
+        if goes_up {
+            upper.insert(at - kept, (key, value));
+        } else {
+            lower.insert(at, (key, value));
+        }
+        leaves.insert(next, (upper[0].0, Arc::new(upper)));
+        let (leaf, at) = if goes_up { (next, at - kept) } else { (leaf, at) };
+        let (branch, leaf) = self.split_branch(branch, leaf);
+        (branch, leaf, at)
+    }
+
+    /// Splits a branch that has become too long; answers where its leaf stands then.
+    fn split_branch(&mut self, branch: usize, leaf: usize) -> (usize, usize) {
+        let leaves = self.leaves_mut(branch);
+        if leaves.len() <= BRANCH {
+            return (branch, leaf);
+        }
+        let kept = if leaf == BRANCH { BRANCH } else { BRANCH / 2 };
+        let upper = leaves.split_off(kept);
+        self.branches.insert(branch + 1, (upper[0].0, Arc::new(upper)));
+        if leaf < kept { (branch, leaf) } else { (branch + 1, leaf - kept) }
     }
 
     /// Removes a key; answers its value.
     pub fn remove(&mut self, key: &K) -> Option<V> {
-        let (&place, leaf) = self.leaves.range_mut(..=key).next_back()?;
-        let at = leaf.binary_search_by_key(key, |entry| entry.0).ok()?;
-        let entries = Arc::make_mut(leaf);
-        let (_, value) = entries.remove(at);
-        if entries.capacity() / 4 > entries.len() {
-            entries.shrink_to(entries.len() * 2);
-        }
+        let (branch, leaf, at) = self.place(key)?;
+        let at = at.ok()?;
         self.len -= 1;
-        match entries.len() {
-            0 => drop(self.leaves.remove(&place)),
-            few if few < FEW => {
-                let before = self.leaves.range(..place).next_back().map(|(&before, _)| before);
-                if !before.is_some_and(|before| self.join(before)) {
-                    self.join(place);
-                }
-            }
-            _ => {}
+        let leaves = self.leaves_mut(branch);
+        let (_, value) = Arc::make_mut(&mut leaves[leaf].1).remove(at);
+        let before = leaves.len();
+        join_few(leaves, leaf, LEAF);
+        if leaves.len() < before {
+            join_few(&mut self.branches, branch, BRANCH);
         }
         Some(value)
     }
@@ -189,21 +239,32 @@ impl<K: Ord + Copy, V: Clone> SharedMap<K, V> {
         let &key = self.keys().next()?;
         self.remove(&key).map(|value| (key, value))
     }
+}
 
-    /// Joins the leaf at `place` with the next, where they make one with room left.
-    fn join(&mut self, place: K) -> bool {
-        let mut from_here = self.leaves.range(place..);
-        let (Some((_, leaf)), Some((&next, other))) = (from_here.next(), from_here.next()) else {
-            return false;
-        };
-        if leaf.len() + other.len() > LEAF - FEW {
-            return false;
+/// After the part at `at` lost something: drops it where it is empty, and joins it with a neighbor where
+/// both make one of up to `most` with room left.
+fn join_few<K, T: Clone>(parts: &mut Parts<K, T>, at: usize, most: usize) {
+    let few = most / 4;
+    match parts[at].1.len() {
+        0 => drop(parts.remove(at)),
+        left if left < few => {
+            let fits = |first: usize, parts: &Parts<K, T>| {
+                parts
+                    .get(first + 1)
+                    .is_some_and(|next| parts[first].1.len() + next.1.len() <= most - few)
+            };
+            let before = at.checked_sub(1).filter(|&before| fits(before, parts));
+            if let Some(first) = before.or_else(|| fits(at, parts).then_some(at)) {
+                let (_, next) = parts.remove(first + 1);
+                Arc::make_mut(&mut parts[first].1).extend(Arc::unwrap_or_clone(next));
+            }
         }
-        let Some(other) = self.leaves.remove(&next) else { return false };
-        if let Some(leaf) = self.leaves.get_mut(&place) {
-            Arc::make_mut(leaf).extend(Arc::unwrap_or_clone(other));
+        left => {
+            let part = Arc::make_mut(&mut parts[at].1);
+            if part.capacity() / 4 > left {
+                part.shrink_to(left * 2);
+            }
         }
-        true
     }
 }
 
@@ -247,8 +308,7 @@ impl<'a, K, V> IntoIterator for &'a SharedMap<K, V> {
 /// The entries of a [`SharedMap`] by rising key.
 #[derive(Debug)]
 pub struct Iter<'a, K, V> {
-    leaves: btree_map::Values<'a, K, Leaf<K, V>>,
-    leaf: slice::Iter<'a, (K, V)>,
+    entries: Entries<'a, K, V>,
     len: usize,
 }
 
@@ -256,12 +316,9 @@ impl<'a, K, V> Iterator for Iter<'a, K, V> {
     type Item = (&'a K, &'a V);
 
     fn next(&mut self) -> Option<Self::Item> {
-        if self.leaf.len() == 0 {
-            self.leaf = self.leaves.next()?.iter();
-        }
-        let (key, value) = self.leaf.next()?;
+        let entry = self.entries.next()?;
         self.len -= 1;
-        Some((key, value))
+        Some(entry)
     }
 
     fn size_hint(&self) -> (usize, Option<usize>) {
@@ -270,3 +327,27 @@ impl<'a, K, V> Iterator for Iter<'a, K, V> {
 }
 
 impl<K, V> ExactSizeIterator for Iter<'_, K, V> {}
+
+/// The entries from some place on.
+#[derive(Debug)]
+struct Entries<'a, K, V> {
+    branches: slice::Iter<'a, (K, Arc<Leaves<K, V>>)>,
+    leaves: slice::Iter<'a, (K, Arc<Vec<(K, V)>>)>,
+    leaf: slice::Iter<'a, (K, V)>,
+}
+
+impl<'a, K, V> Iterator for Entries<'a, K, V> {
+    type Item = (&'a K, &'a V);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some((key, value)) = self.leaf.next() {
+                return Some((key, value));
+            }
+            match self.leaves.next() {
+                Some((_, leaf)) => self.leaf = leaf.iter(),
+                None => self.leaves = self.branches.next()?.1.iter(),
+            }
+        }
+    }
+}

@@ -1,25 +1,39 @@
 //! A shared map is a `BTreeMap` in what it answers, and two copies differ in memory by what changed.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use proptest::prelude::*;
 
-use super::{LEAF, SharedMap};
+use super::{BRANCH, LEAF, SharedMap};
 
-/// Leaves that two maps do not have in common.
-fn own_leaves(a: &SharedMap<i64, i64>, b: &SharedMap<i64, i64>) -> usize {
-    let shared = |leaf: &Arc<_>| b.leaves.values().any(|other| Arc::ptr_eq(leaf, other));
-    a.leaves.values().filter(|leaf| !shared(leaf)).count()
+type Leaf = Arc<Vec<(i64, i64)>>;
+
+fn leaves(map: &SharedMap<i64, i64>) -> impl Iterator<Item = &Leaf> {
+    map.branches.iter().flat_map(|(_, leaves)| leaves.iter().map(|(_, leaf)| leaf))
 }
 
-/// What the type's comment says of leaves.
+/// Leaves and branches that two maps do not have in common.
+fn own_parts(a: &SharedMap<i64, i64>, b: &SharedMap<i64, i64>) -> (usize, usize) {
+    let others: BTreeSet<_> = leaves(b).map(Arc::as_ptr).collect();
+    let branches: BTreeSet<_> = b.branches.iter().map(|(_, leaves)| Arc::as_ptr(leaves)).collect();
+    (
+        leaves(a).filter(|leaf| !others.contains(&Arc::as_ptr(leaf))).count(),
+        a.branches.iter().filter(|(_, leaves)| !branches.contains(&Arc::as_ptr(leaves))).count(),
+    )
+}
+
+/// What the comment on parts says.
 fn check(map: &SharedMap<i64, i64>) {
     let mut last = None;
-    for (&place, leaf) in &map.leaves {
-        assert!((1..=LEAF).contains(&leaf.len()));
-        assert!(last.is_none_or(|last| last < place) && place <= leaf[0].0);
-        last = leaf.last().map(|entry| entry.0);
+    for (branch, leaves) in &map.branches {
+        assert!((1..=BRANCH).contains(&leaves.len()));
+        assert!(last.is_none_or(|last| last < *branch) && *branch <= leaves[0].0);
+        for (place, leaf) in leaves.iter() {
+            assert!((1..=LEAF).contains(&leaf.len()));
+            assert!(last.is_none_or(|last| last < *place) && *place <= leaf[0].0);
+            last = leaf.last().map(|entry| entry.0);
+        }
     }
     assert_eq!(map.iter().len(), map.iter().count());
 }
@@ -27,20 +41,21 @@ fn check(map: &SharedMap<i64, i64>) {
 #[test]
 fn a_change_copies_one_leaf_of_a_map_that_is_shared() {
     let mut map: SharedMap<i64, i64> = (0..100_000).map(|key| (key, key)).collect();
-    assert_eq!(map.leaves.len(), 100_000 / LEAF, "rising keys fill their leaves");
+    assert_eq!(leaves(&map).count(), 100_000 / LEAF, "rising keys fill their leaves");
+    assert_eq!(map.branches.len(), (100_000 / LEAF).div_ceil(BRANCH), "and their branches");
     let held = map.clone();
-    assert_eq!(own_leaves(&map, &held), 0);
+    assert_eq!(own_parts(&map, &held), (0, 0));
     *map.get_mut(&50_000).unwrap() = -1;
     map.remove(&70_000);
     assert_eq!((held.get(&50_000), held.get(&70_000)), (Some(&50_000), Some(&70_000)));
     assert_eq!((map.get(&50_000), map.get(&70_000)), (Some(&-1), None));
-    assert_eq!(own_leaves(&map, &held), 2);
+    assert_eq!(own_parts(&map, &held), (2, 2));
     // Nobody else has them now: the next change copies nothing.
     let before = map.clone();
     drop(before);
-    let leaf = Arc::as_ptr(map.leaves.range(..=50_000).next_back().unwrap().1);
+    let before: Vec<_> = leaves(&map).map(Arc::as_ptr).collect();
     *map.get_mut(&50_001).unwrap() = -1;
-    assert_eq!(Arc::as_ptr(map.leaves.range(..=50_001).next_back().unwrap().1), leaf);
+    assert!(leaves(&map).map(Arc::as_ptr).eq(before));
 }
 
 #[test]
@@ -51,13 +66,15 @@ fn what_is_left_of_many_entries_takes_few_leaves() {
     }
     check(&map);
     assert_eq!(map.len(), 100_000 / LEAF);
-    assert!(map.leaves.len() <= map.len() / 8, "{} leaves of {}", map.leaves.len(), map.len());
+    let (leaves, branches) = (leaves(&map).count(), map.branches.len());
+    assert!(leaves <= map.len() / 8, "{leaves} leaves of {}", map.len());
+    assert!(branches <= leaves.div_ceil(BRANCH / 4), "{branches} branches of {leaves} leaves");
 }
 
 proptest! {
     #[test]
     fn it_answers_as_a_btree_map_does(
-        steps in proptest::collection::vec((0..6_u8, -150..150_i64), 0..600),
+        steps in proptest::collection::vec((0..7_u8, -150..150_i64), 0..600),
         first in -160..160_i64,
         last in -160..160_i64,
     ) {
@@ -69,6 +86,10 @@ proptest! {
                 0..3 => prop_assert_eq!(map.insert(key, step), model.insert(key, step)),
                 3 => prop_assert_eq!(map.remove(&key), model.remove(&key)),
                 4 => prop_assert_eq!(map.get_mut(&key), model.get_mut(&key)),
+                5 => {
+                    let value = *map.get_or_insert(key, || step);
+                    prop_assert_eq!(value, *model.entry(key).or_insert(step));
+                }
                 _ if key < -140 => prop_assert_eq!(map.pop_first(), model.pop_first()),
                 _ if key > 140 => copies.push((map.clone(), model.clone())),
                 _ => prop_assert_eq!(map.contains_key(&key), model.contains_key(&key)),

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::map::{
-    Cause, Change, ClientIndex, Constraint, ConstraintKind, Counted, EntityId, Event, Item,
-    MAX_NUMBER, Map, PartialItem, Reason, Recall, Rejection, Retired, Usage, retire, triangulate,
+    Cause, Change, ClientIndex, ConstraintKind, Counted, EntityId, Event, Item, MAX_NUMBER, Map,
+    PartialItem, Reason, Recall, Rejection, Retired, Usage, has_unplaced, retire, triangulate,
 };
 
 use super::actor::Actor;
@@ -153,13 +153,20 @@ impl Actor {
     /// Sees whether there is room for a change; where there is none and the policy says so, one
     /// keyframe goes.
     pub(super) async fn make_room(&mut self, change: &Change) -> Room {
-        let growth = self.map.growth(change);
         let account = Arc::clone(&self.shared.account);
         let ceilings = self.map.policy().ceilings.lower(&account.limits().held);
-        let Some(passed) = ceilings.passed(self.map.usage(), growth) else {
-            // A disk that cannot keep up fills the memory of the server, however many maps wait for it.
-            let journal = account.reserve(Resource::JournalBytes, 1);
-            return match journal.and_then(|_room| self.entities.grow(growth)) {
+        // A disk that cannot keep up fills the memory of the server, however many maps wait for it.
+        if let Err(error) = account.reserve(Resource::JournalBytes, 1) {
+            return Room::None(error);
+        }
+        let usage = self.map.usage();
+        let bound = self.map.growth_bound(change);
+        if ceilings.passed(usage, bound).is_none() && self.entities.grow(bound).is_ok() {
+            return Room::There;
+        }
+        let growth = self.map.growth(change);
+        let Some(passed) = ceilings.passed(usage, growth) else {
+            return match self.entities.grow(growth) {
                 Ok(()) => Room::There,
                 Err(error) => Room::None(error),
             };
@@ -170,8 +177,9 @@ impl Actor {
         if is_huge {
             return Room::None(account.passed(passed));
         }
-        let Some(retired) = retire(&self.map).filter(|r| frees(&self.map, r, passed.counted))
-        else {
+        let counted = passed.counted;
+        let retired = retire(&self.map).filter(|r| frees(&self.map, r, counted));
+        let Some(retired) = retired else {
             return Room::None(account.passed(passed));
         };
         match self.commit(None, Change::KeyframeRetired { retired }).await {
@@ -290,16 +298,15 @@ fn added(change: &Change) -> Added {
 /// Whether a keyframe that goes leaves less of what there is too much of. Clients and cameras stay
 /// when keyframes go, and what a keyframe told may become more constraints than it had.
 fn frees(map: &Map, retired: &Retired, counted: Counted) -> bool {
-    let keyframe = retired.keyframe;
+    let ties = || map.ties().of(retired.keyframe);
     match counted {
         Counted::Clients | Counted::Cameras => false,
         Counted::Constraints => {
-            let ends_here = |c: &Constraint| c.keyframe_i == keyframe || c.keyframe_j == keyframe;
-            let gone = map.constraints().values().filter(|c| ends_here(c)).count();
+            let gone = ties().filter(|id| map.constraints().contains_key(id)).count();
             gone + retired.revoked.len() > retired.constraints.len()
         }
         Counted::Priors => {
-            let gone = map.priors().values().filter(|prior| prior.keyframe() == keyframe).count();
+            let gone = ties().filter(|id| map.priors().contains_key(id)).count();
             gone > retired.priors.len()
         }
         Counted::Keyframes | Counted::Landmarks | Counted::Observations | Counted::Bytes => true,

@@ -43,10 +43,7 @@ impl Actor {
             std::panic::panic_any("staged by a test");
         }
         self.watchers.tell(&event.change, &self.map);
-        if let Err(error) = Arc::make_mut(&mut self.map).apply(&event) {
-            let details = format!("an event that fits was refused: {error}");
-            return Err(self.poisoned(&details));
-        }
+        Arc::make_mut(&mut self.map).fold(&event);
         self.applying = None;
         self.entities.settle(self.map.usage());
         self.watchers.wake();

@@ -111,12 +111,7 @@ impl Touched {
         if let Some(entity) = map.keyframes().get(&keyframe) {
             self.landmarks.extend(entity.observations.iter().map(|o| o.landmark));
         }
-        let constraints = map.constraints().iter();
-        let gone =
-            constraints.filter(|(_, c)| c.keyframe_i == keyframe || c.keyframe_j == keyframe);
-        self.constraints.extend(gone.map(|(&id, _)| id));
-        let gone = map.priors().iter().filter(|(_, p)| p.keyframe() == keyframe);
-        self.constraints.extend(gone.map(|(&id, _)| id));
+        self.constraints.extend(map.ties().of(keyframe));
     }
 
     /// How many ids it has.

@@ -34,7 +34,7 @@ struct Rest<'a> {
     landmarks: shared_map::Iter<'a, EntityId, Landmark>,
     constraints: shared_map::Iter<'a, EntityId, Constraint>,
     switched_off: btree_map::Iter<'a, EntityId, SwitchedOff>,
-    priors: btree_map::Iter<'a, EntityId, Prior>,
+    priors: shared_map::Iter<'a, EntityId, Prior>,
     contents: shared_map::Iter<'a, (Content, EntityId), Digest>,
 }
 

@@ -4,7 +4,6 @@
 //! The head carries the state hash; a reader that does not arrive at it refuses what it read.
 
 use std::io::{Read, Write};
-use std::sync::Arc;
 
 use prost::Message;
 
@@ -310,7 +309,7 @@ fn decode_keyframe(keyframe: v1::Keyframe) -> Result<(EntityId, Keyframe), Encod
         camera: keyframe.camera.map(decode_id),
         world_from_camera: decode_pose(keyframe.world_from_camera, "world_from_camera")?,
         odom_from_camera: decode_pose(keyframe.odom_from_camera, "odom_from_camera")?,
-        observations: Arc::from(decode_observations(keyframe.observations)?),
+        observations: decode_observations(keyframe.observations)?.into(),
         added_revision: keyframe.added_revision,
     };
     Ok((id, keyframe))

@@ -331,7 +331,7 @@ fn a_map_that_differs_from_its_file_in_one_thing_is_told() {
             let (&id, &prior) = p.priors.last_key_value().unwrap();
             p.priors.insert(EntityId::new(id.client, id.id + 1), prior);
         }),
-        ("one prior less", |p| _ = p.priors.pop_last()),
+        ("one prior less", |p| _ = p.priors.pop_first()),
         ("a digest", |p| *p.contents.values_mut().last().unwrap() = [9; 32]),
         ("one digest less", |p| _ = p.contents.pop_first()),
     ];

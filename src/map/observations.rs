@@ -1,0 +1,94 @@
+//! The observations of a keyframe, found by landmark.
+//!
+//! A list that does not change: a keyframe that gains or loses observations gets a new one. It stands
+//! in the order of arrival, which the solvers' results and the map's hash depend on. The index is
+//! made when a landmark is first looked for: many maps never need it. Knows nothing of maps.
+
+use std::ops::Deref;
+use std::sync::{Arc, OnceLock};
+
+use super::{EntityId, Observation};
+
+/// Observations in the order of arrival. Clones share their memory.
+#[derive(Clone, Debug, Default)]
+pub struct Observations(Arc<Inner>);
+
+#[derive(Debug, Default)]
+struct Inner {
+    list: Box<[Observation]>,
+    /// Places in `list` by landmark, then by arrival.
+    by_landmark: OnceLock<Box<[u32]>>,
+}
+
+impl Observations {
+    /// The first observation of `landmark`, if there is one.
+    #[must_use]
+    pub fn of(&self, landmark: EntityId) -> Option<&Observation> {
+        let Inner { list, by_landmark } = &*self.0;
+        let places = by_landmark.get_or_init(|| places(list));
+        let seen = |&place: &u32| list.get(place as usize).map(|o| o.landmark);
+        let first = places.partition_point(|place| seen(place) < Some(landmark));
+        let observation = list.get(*places.get(first)? as usize)?;
+        (observation.landmark == landmark).then_some(observation)
+    }
+}
+
+fn places(list: &[Observation]) -> Box<[u32]> {
+    // An item brings 65,536 observations at most, and memory ends long before 2³² of them.
+    let mut places: Vec<u32> = (0..u32::MAX).take(list.len()).collect();
+    places.sort_by_key(|&place| list.get(place as usize).map(|o| o.landmark));
+    places.into()
+}
+
+impl Deref for Observations {
+    type Target = [Observation];
+
+    fn deref(&self) -> &[Observation] {
+        &self.0.list
+    }
+}
+
+impl From<Vec<Observation>> for Observations {
+    fn from(list: Vec<Observation>) -> Self {
+        Self(Arc::new(Inner { list: list.into(), by_landmark: OnceLock::new() }))
+    }
+}
+
+impl FromIterator<Observation> for Observations {
+    fn from_iter<I: IntoIterator<Item = Observation>>(observations: I) -> Self {
+        observations.into_iter().collect::<Vec<_>>().into()
+    }
+}
+
+impl PartialEq for Observations {
+    fn eq(&self, other: &Self) -> bool {
+        self.0.list == other.0.list
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector2;
+
+    use super::*;
+    use crate::map::ClientIndex;
+
+    #[test]
+    fn a_landmark_is_found_where_it_was_first_seen() {
+        let landmark = |id: i64| EntityId::new(ClientIndex(u32::from(id % 2 == 0)), id);
+        let observation = |place: i64| Observation {
+            landmark: landmark(place * 7 % 50),
+            pixel: Vector2::new(place as f64, 0.0),
+            sigma_px: 1.0,
+            depth: None,
+            descriptor: None,
+        };
+        // Each landmark is seen twice, some are not.
+        let list: Observations = (0..80).map(observation).collect();
+        for id in 0..60 {
+            let id = landmark(id);
+            assert_eq!(list.of(id), list.iter().find(|o| o.landmark == id));
+        }
+        assert_eq!(Observations::default().of(landmark(1)), None);
+    }
+}

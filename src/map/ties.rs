@@ -1,0 +1,40 @@
+//! Which constraints and priors stand on a keyframe.
+//!
+//! An index that the fold keeps, so that a window or a keyframe that goes costs what it has and not
+//! what the map has. Constraints and priors share one id space; those that are switched off are in.
+
+use super::{Constraint, EntityId, Prior, SharedMap};
+
+/// Constraints and priors by keyframe.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Ties(SharedMap<(EntityId, EntityId), ()>);
+
+impl Ties {
+    /// Those of a whole map.
+    pub(super) fn new<'a>(
+        constraints: impl Iterator<Item = (EntityId, &'a Constraint)>,
+        priors: impl Iterator<Item = (EntityId, &'a Prior)>,
+    ) -> Self {
+        let of_constraints = constraints.flat_map(|(id, constraint)| {
+            [constraint.keyframe_i, constraint.keyframe_j].map(|keyframe| (keyframe, id))
+        });
+        let of_priors = priors.map(|(id, prior)| (prior.keyframe(), id));
+        let mut ties: Vec<_> = of_constraints.chain(of_priors).collect();
+        ties.sort_unstable();
+        Self(ties.into_iter().map(|tie| (tie, ())).collect())
+    }
+
+    /// The ids of the constraints and priors of a keyframe, rising.
+    pub fn of(&self, keyframe: EntityId) -> impl Iterator<Item = EntityId> + '_ {
+        let all = (keyframe, EntityId::MIN)..=(keyframe, EntityId::MAX);
+        self.0.range(all).map(|(&(_, id), ())| id)
+    }
+
+    pub(super) fn add(&mut self, keyframe: EntityId, id: EntityId) {
+        self.0.insert((keyframe, id), ());
+    }
+
+    pub(super) fn remove(&mut self, keyframe: EntityId, id: EntityId) {
+        self.0.remove(&(keyframe, id));
+    }
+}
