@@ -54,7 +54,7 @@ pub use rejection::{FieldViolation, Reason, Rejection};
 pub use retirement::retire;
 pub use shared_map::SharedMap;
 pub use ties::Ties;
-pub use triangulation::triangulate;
+pub use triangulation::{has_unplaced, triangulate};
 pub use window::{Window, choose_window};
 
 /// Whether the map already has what an item of a stream brings.

@@ -11,6 +11,15 @@ use nalgebra::Vector3;
 
 use super::{EntityId, Keyframe, Map, Observation};
 
+/// Whether `keyframe` sees a landmark without position.
+#[must_use]
+pub fn has_unplaced(map: &Map, keyframe: EntityId) -> bool {
+    let observations = map.keyframes().get(&keyframe).map(|k| &*k.observations);
+    let mut seen =
+        observations.unwrap_or_default().iter().map(|o| map.landmarks().get(&o.landmark));
+    seen.any(|landmark| landmark.is_some_and(|l| l.position.is_none()))
+}
+
 /// Positions for those landmarks of `keyframe` that have none and can be placed now, by id.
 #[must_use]
 pub fn triangulate(map: &Map, keyframe: EntityId) -> Vec<(EntityId, Vector3<f64>)> {

@@ -119,7 +119,7 @@ impl Actor {
     async fn step(&mut self) -> Flow {
         if !self.unsolved.is_empty() {
             self.start_unsolved().await;
-            self.start_solves();
+            self.start_solves().await;
         }
         let takes_items = !self.drained && (self.is_idle() || !self.is_lock_step());
         let answered = std::mem::take(&mut self.answered);
@@ -151,9 +151,24 @@ impl Actor {
             // Nothing else waits: it is the readers' turn again.
             () = std::future::ready(()), if answered => Flow::Continue,
         };
-        self.start_solves();
+        self.start_solves().await;
         self.streams.close_finished(|client| self.schedule.is_waiting(client));
         flow
+    }
+
+    /// Computes something from the map on the pool. The engine waits, its thread does not.
+    pub(super) async fn compute<R: Send + 'static>(
+        &self,
+        work: impl FnOnce(&Map) -> R + Send + 'static,
+    ) -> R {
+        let map = Arc::clone(&self.map);
+        let work = move || {
+            let result = work(&map);
+            // Before the answer: the next change must find the map unshared.
+            drop(map);
+            result
+        };
+        self.pool.compute(work).await
     }
 
     async fn answer(&mut self, control: Control) -> Flow {

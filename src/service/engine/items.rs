@@ -178,8 +178,8 @@ impl Actor {
             return Room::None(account.passed(passed));
         }
         let counted = passed.counted;
-        let retired = retire(&self.map).filter(|r| frees(&self.map, r, counted));
-        let Some(retired) = retired else {
+        let retired = self.compute(move |map| retire(map).filter(|r| frees(map, r, counted)));
+        let Some(retired) = retired.await else {
             return Room::None(account.passed(passed));
         };
         match self.commit(None, Change::KeyframeRetired { retired }).await {
@@ -202,7 +202,10 @@ impl Actor {
     async fn start(&mut self, client: ClientIndex, sequence: i64, added: Added) {
         match added {
             Added::Views(keyframe) => {
-                let positions = triangulate(&self.map, keyframe);
+                let positions = match has_unplaced(&self.map, keyframe) {
+                    true => self.compute(move |map| triangulate(map, keyframe)).await,
+                    false => Vec::new(),
+                };
                 if !positions.is_empty() {
                     let change = Change::LandmarksTriangulated { positions };
                     if let Err(error) = self.commit(None, change).await {

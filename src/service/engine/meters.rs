@@ -3,6 +3,8 @@
 //! One set for all maps of a server, so that a server of many maps has no more rows than one of few.
 //! What the sets are called to the outside is known in `service/telemetry`.
 
+use std::future::poll_fn;
+use std::pin::pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::Instant;
@@ -201,6 +203,8 @@ pub struct EngineMeters {
     pub solves: [Arc<SolveMeters>; 4],
     /// Solves of windows whose result was dropped for a loop closure or an optimization.
     pub superseded: Counter,
+    /// For how long an engine held a thread of the async runtime at a time, ns.
+    pub held_ns: Histogram,
     /// Panics that were caught in an engine.
     pub engine_panics: Counter,
     /// Panics that were caught in a solve.
@@ -221,6 +225,7 @@ impl Default for EngineMeters {
             optimized_ns: Histogram::of_durations(),
             solves: ["local_bundle", "pose_graph", "global", "request"].map(SolveMeters::new),
             superseded: Counter::default(),
+            held_ns: Histogram::of_durations(),
             engine_panics: Counter::default(),
             solve_panics: Counter::default(),
         }
@@ -228,6 +233,18 @@ impl Default for EngineMeters {
 }
 
 impl EngineMeters {
+    /// Runs the task of an engine and measures each time that it holds its thread.
+    pub(super) async fn measure(self: Arc<Self>, engine: impl Future<Output = ()>) {
+        let mut engine = pin!(engine);
+        poll_fn(|context| {
+            let begin = Instant::now();
+            let poll = engine.as_mut().poll(context);
+            self.held_ns.observe_time(begin.elapsed());
+            poll
+        })
+        .await;
+    }
+
     /// Rejected items by the reason of their first violation.
     pub fn rejected(&self) -> impl Iterator<Item = (&'static str, &Counter)> {
         REASONS.into_iter().zip(&self.rejected)

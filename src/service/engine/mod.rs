@@ -2,6 +2,8 @@
 //!
 //! A client's item goes check → event → journal → map → `RECEIVED`; solves run beside the task on
 //! the [`SolverPool`], from the values at the revision where they start, and come back as events.
+//! What takes more than a look at each entity of an item is computed on the pool too, while the task
+//! waits: the thread that carries it is free for other maps and calls.
 //! Readers get snapshots ([`std::sync::Arc`] of the map, copied on write). In lock-step the next
 //! item waits for the solve, so that the same items give the same bits. The semantics of acks,
 //! epochs, resume and watching are those of `docs/wire.md`. No tonic, no wire types, no maths here.
@@ -16,7 +18,7 @@
 //! | `solves`, `work`, `pose_graph`, `optimize` | starting, superseding and applying solves; their bodies |
 //! | `watch`, `watch_log`, `touched`, `history` | changes for readers, coalesced; what a reader missed |
 //! | `meters` | what is counted |
-//! | `pool`, `turns` | the threads of the solves, and whose solve is next |
+//! | `pool`, `turns` | the threads of solves and computations, and whose solve is next |
 //! | `account` | what each map, each tenant and the server hold, and how much they may |
 
 mod account;

@@ -217,7 +217,8 @@ impl Maps {
             answered: false,
             closing: Vec::new(),
         };
-        tokio::spawn(actor.run().instrument(span));
+        let meters = Arc::clone(&shared.meters);
+        tokio::spawn(meters.measure(actor.run()).instrument(span));
         MapHandle { shared, items: item_queue, control: control_queue }
     }
 }

@@ -4,11 +4,13 @@
 //! the processors between both. Of each kind as many run at once as there are threads, large ones
 //! as far as their memory fits besides; what waits is given its turn by [`Turns`]. Work runs under
 //! `catch_unwind`, so that a panic costs one solve and no thread. A solve that is parallel inside
-//! spreads over the threads of its kind. Nothing async runs here and nothing waits here.
+//! spreads over the threads of its kind. What an engine computes between its orders (a window, a first
+//! position, a keyframe's marginal) has threads of its own as well and is given no turns: it takes
+//! milliseconds. Nothing async runs here and nothing waits here.
 
 use std::any::Any;
 use std::fmt;
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -63,6 +65,8 @@ struct Lane {
 pub struct SolverPool {
     small: Lane,
     large: Lane,
+    /// Threads for what engines compute; `None` as in a lane.
+    brief: Option<rayon::ThreadPool>,
     accounts: Accounts,
 }
 
@@ -87,7 +91,8 @@ impl SolverPool {
     /// As [`SolverPool::new`].
     pub fn shared_by(accounts: Accounts, threads: usize) -> Result<Arc<Self>, EngineError> {
         let (small, large) = (Lane::new("small", threads)?, Lane::new("large", threads)?);
-        Ok(Arc::new(Self { small, large, accounts }))
+        let brief = Some(start_threads("brief", threads)?);
+        Ok(Arc::new(Self { small, large, brief, accounts }))
     }
 
     /// A pool without threads, for simulations: work runs as a task of the caller's runtime, one after
@@ -95,7 +100,8 @@ impl SolverPool {
     #[cfg(test)]
     pub(crate) fn in_place() -> Arc<Self> {
         let lane = || Lane { threads: None, turns: Mutex::new(Turns::new(1)) };
-        Arc::new(Self { small: lane(), large: lane(), accounts: Accounts::default() })
+        let accounts = Accounts::default();
+        Arc::new(Self { small: lane(), large: lane(), brief: None, accounts })
     }
 
     /// How many threads there are for a solve.
@@ -148,6 +154,24 @@ impl SolverPool {
             work()
         };
         Ok(answered(self.start(tenant, estimate, work).await)?)
+    }
+
+    /// Computes what an engine waits for. A panic of `work` goes on in the caller.
+    pub(super) async fn compute<R: Send + 'static>(
+        &self,
+        work: impl FnOnce() -> R + Send + 'static,
+    ) -> R {
+        let Some(threads) = &self.brief else { return work() };
+        let (reply, answer) = oneshot::channel();
+        threads.spawn(move || {
+            // The engine may be gone by now.
+            let _unread = reply.send(catch_unwind(AssertUnwindSafe(work)));
+        });
+        match answer.await {
+            Ok(Ok(result)) => result,
+            Ok(Err(panic)) => resume_unwind(panic),
+            Err(lost) => resume_unwind(Box::new(lost.to_string())),
+        }
     }
 
     fn lane(&self, is_small: bool) -> &Lane {
@@ -214,23 +238,27 @@ impl SolverPool {
 
 impl Lane {
     fn new(kind: &'static str, threads: usize) -> Result<Self, EngineError> {
-        let count = threads.max(1);
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(count)
-            .thread_name(move |index| format!("covis-{kind}-{index}"))
-            .start_handler(move |_index| {
-                if kind == "large" {
-                    lower_priority();
-                }
-            })
-            .build();
-        let threads = pool.map_err(|_error| EngineError::Threads { count })?;
-        Ok(Self { threads: Some(threads), turns: Mutex::new(Turns::new(count)) })
+        let turns = Mutex::new(Turns::new(threads.max(1)));
+        Ok(Self { threads: Some(start_threads(kind, threads)?), turns })
     }
 
     fn lock(&self) -> MutexGuard<'_, Turns<Waiting>> {
         self.turns.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+fn start_threads(kind: &'static str, count: usize) -> Result<rayon::ThreadPool, EngineError> {
+    let count = count.max(1);
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(count)
+        .thread_name(move |index| format!("covis-{kind}-{index}"))
+        .start_handler(move |_index| {
+            if kind == "large" {
+                lower_priority();
+            }
+        })
+        .build();
+    pool.map_err(|_error| EngineError::Threads { count })
 }
 
 /// Lets other threads of the machine go before this one, so that acks and small solves do not wait for

@@ -2,8 +2,8 @@
 //!
 //! Order: loop closures first, then an optimization that was asked for (in lock-step it waits for
 //! the windows), then windows. A loop closure or an optimization supersedes a window that is being
-//! solved: its result is dropped, and the window is solved again from the newer state. Windows are
-//! built here, where the map is at hand, so that a local solve holds no snapshot and costs no copy.
+//! solved: its result is dropped, and the window is solved again from the newer state. A window is
+//! built on the pool while the engine waits: a local solve holds no snapshot and costs no copy.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -47,7 +47,7 @@ impl Running {
 
 impl Actor {
     /// Starts the next solve, if none runs and one is wanted.
-    pub(super) fn start_solves(&mut self) {
+    pub(super) async fn start_solves(&mut self) {
         while self.running.is_none() {
             let loops = self.schedule.loops();
             if !loops.is_empty() {
@@ -55,7 +55,7 @@ impl Actor {
             } else if self.job.is_some() && (!self.is_lock_step() || self.schedule.is_empty()) {
                 self.start_job();
             } else if let Some(keyframe) = self.schedule.next_window() {
-                self.start_window(keyframe);
+                self.start_window(keyframe).await;
             } else {
                 return;
             }
@@ -102,17 +102,23 @@ impl Actor {
         }
     }
 
-    fn start_window(&mut self, keyframe: EntityId) {
-        let window = choose_window(&self.map, keyframe);
-        let triggers = self.schedule.within(keyframe, &window.free);
-        let problem = local_problem(&self.map, &window);
-        if !problem.is_solvable() {
-            return self.acknowledge(&triggers, 0, &SolveReport::Nothing);
-        }
+    async fn start_window(&mut self, keyframe: EntityId) {
         let max_iterations = self.map.policy().max_local_iterations;
         let ceiling = self.config.ceiling();
-        let bound = bundle_adjustment::price_bound(&problem.problem);
-        let estimate = Estimate::new(bound, max_iterations, &ceiling);
+        let built = self.compute(move |map| {
+            let window = choose_window(map, keyframe);
+            let problem = local_problem(map, &window);
+            let estimate = problem.is_solvable().then(|| {
+                let bound = bundle_adjustment::price_bound(&problem.problem);
+                Estimate::new(bound, max_iterations, &ceiling)
+            });
+            (window.free, problem, estimate)
+        });
+        let (free, problem, estimate) = built.await;
+        let triggers = self.schedule.within(keyframe, &free);
+        let Some(estimate) = estimate else {
+            return self.acknowledge(&triggers, 0, &SolveReport::Nothing);
+        };
         self.launch(SolveKind::LocalBundle, estimate, triggers, cancel_flag(), move |cancel| {
             solve_window(problem, max_iterations, ceiling, cancel)
         });
@@ -188,7 +194,7 @@ impl Actor {
         }
         let report = match outcome {
             Ok(Some(solution)) => {
-                let Ok(()) = self.apply(&running, &solution).await else { return };
+                let Ok(solution) = self.apply(&running, solution).await else { return };
                 SolveReport::Solved(Arc::new(solution.certificate))
             }
             Ok(None) => SolveReport::Nothing,
@@ -206,9 +212,9 @@ impl Actor {
             _ if canceled => Err(EngineError::Cancelled { map }),
             Err(error) => Err(EngineError::Solve(error)),
             Ok(None) => Err(EngineError::NothingToSolve { map }),
-            Ok(Some(solution)) => match self.apply(&running, &solution).await {
+            Ok(Some(solution)) => match self.apply(&running, solution).await {
                 Err(error) => Err(error),
-                Ok(()) => {
+                Ok(solution) => {
                     let certificate = Arc::new(solution.certificate);
                     let report = SolveReport::Solved(Arc::clone(&certificate));
                     self.acknowledge(&running.triggers, running.id, &report);
@@ -230,22 +236,29 @@ impl Actor {
     }
 
     /// Makes a solution the map's newest revision. A failing journal ends the streams.
-    async fn apply(&mut self, running: &Running, solution: &Solution) -> Result<(), EngineError> {
+    async fn apply(
+        &mut self,
+        running: &Running,
+        solution: Solution,
+    ) -> Result<Solution, EngineError> {
         let summary = &solution.certificate.solve;
         if !summary.final_cost.is_finite() {
             // The estimates stay; the certificate tells of the numerical failure.
-            return Ok(());
+            return Ok(solution);
         }
         let covered = self.schedule.preview(&running.triggers);
-        let costs = (summary.initial_cost, summary.final_cost);
-        let solve = applied(&self.map, solution.moved.solved(), running.kind, covered, costs);
+        let (kind, costs) = (running.kind, (summary.initial_cost, summary.final_cost));
+        let moved = self.compute(move |map| {
+            (applied(map, solution.moved.solved(), kind, covered, costs), solution)
+        });
+        let (solve, solution) = moved.await;
         let committed = self.commit(None, Change::SolveApplied { solve }).await;
         if let Err(error) = &committed {
             tracing::warn!(%error, solve = running.id, "a solve could not be applied");
             self.streams.end_all(error);
             self.schedule.clear();
         }
-        committed.map(|_position| ())
+        committed.map(|_position| solution)
     }
 
     /// Closes triggers and sends the OPTIMIZED acks that this completes.

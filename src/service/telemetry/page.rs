@@ -164,6 +164,8 @@ fn solves(text: &mut Text, engine: &EngineMeters) {
     }
     let help = "Local solves whose result was dropped for a loop closure or an optimization.";
     text.counter("covis_solves_superseded_total", help).row(&[], engine.superseded.get());
+    let help = "How long an engine held a thread of the async runtime at a time.";
+    text.histogram("covis_engine_held_seconds", help).seconds(&[], &engine.held_ns);
 }
 
 fn store(text: &mut Text, store: &StoreMeters) {
