@@ -67,6 +67,12 @@ impl Interrupt {
             || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
     }
 
+    /// For loops of short steps: asks once in `every` of them.
+    #[must_use]
+    pub fn in_steps(&self, every: u32) -> Steps<'_> {
+        Steps { interrupt: self, every, left: every, is_due: false }
+    }
+
     /// Why work must end, or `None` where it may go on. A caller that left counts before the time.
     #[must_use]
     pub fn reason(&self) -> Option<Interruption> {
@@ -75,5 +81,27 @@ impl Interrupt {
         }
         let late = self.deadline.is_some_and(|deadline| Instant::now() >= deadline);
         late.then_some(Interruption::Deadline)
+    }
+}
+
+/// Asks an [`Interrupt`] once in so many steps.
+#[derive(Clone, Debug)]
+pub struct Steps<'a> {
+    interrupt: &'a Interrupt,
+    every: u32,
+    left: u32,
+    is_due: bool,
+}
+
+impl Steps<'_> {
+    /// Takes `steps` steps; whether work must end, as far as was asked.
+    #[inline]
+    pub fn is_due_after(&mut self, steps: u32) -> bool {
+        self.left = self.left.saturating_sub(steps);
+        if self.left == 0 {
+            self.left = self.every;
+            self.is_due = self.is_due || self.interrupt.is_due();
+        }
+        self.is_due
     }
 }

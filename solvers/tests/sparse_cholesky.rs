@@ -2,8 +2,10 @@
 //! on the Hessians of public pose graphs.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use covis_solvers::geometry::LieGroup;
+use covis_solvers::interrupt::Interrupt;
 use covis_solvers::io::g2o::G2oGraph;
 use covis_solvers::linear::{BlockMatrix, BlockPattern, Class, LinearError, SparseCholesky};
 use covis_solvers::problem::PoseGraph;
@@ -247,4 +249,20 @@ fn hessians_of_public_graphs_are_solved_to_rounding() {
         let residual = solver.solve_checked(&matrix, &[], &gradient, &mut x);
         assert!(residual < 1e-8, "{name}: {residual:e}");
     }
+}
+
+#[test]
+fn a_solve_ends_when_the_factorization_may_not_go_on() {
+    let pattern = Arc::new(BlockPattern::new(vec![6; 300], (1..300).map(|i| (i, i / 2))));
+    let matrix = random_matrix(&pattern, 5);
+    let mut solver = SparseCholesky::new(pattern).unwrap();
+    let flag = Arc::new(AtomicBool::new(false));
+    let interrupt = Interrupt::NEVER.or_when(Arc::clone(&flag));
+    solver.factor_until(&matrix, &[], &interrupt).unwrap();
+    let mut x = vec![1.0; 1800];
+    solver.solve(&mut x);
+    assert!(x.iter().all(|value| value.is_finite()));
+    flag.store(true, Ordering::Relaxed);
+    solver.solve(&mut x);
+    assert!(x.iter().all(|value| value.is_nan()));
 }

@@ -13,6 +13,6 @@ mod reprojection;
 pub use depth_reprojection::{DepthReprojection, DepthReprojectionBatch};
 pub use pose_prior::PosePrior;
 pub use position_prior::PositionPrior;
-pub(crate) use relative_pose::{FACTORS_PER_CHUNK, cost};
+pub(crate) use relative_pose::{FACTORS_PER_CHUNK, FACTORS_PER_QUESTION, cost};
 pub use relative_pose::{PairLinearization, RelativePose};
 pub use reprojection::{Linearization, Reprojection, ReprojectionBatch};

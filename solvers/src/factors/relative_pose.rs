@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::geometry::LieGroup;
 use crate::information::Information;
+use crate::interrupt::Interrupt;
 use crate::loss::Loss;
 
 /// A measured relative pose between poses `i` and `j` of group `G` with `N` tangent dimensions.
@@ -67,14 +68,22 @@ impl<G: LieGroup<N>, const N: usize> RelativePose<G, N> {
 /// Factors that a task handles at a time; part of the definition of every sum over them.
 pub(crate) const FACTORS_PER_CHUNK: usize = 128;
 
-/// ½ Σ ρ(rᵀΩr), summed within chunks in parallel, then over chunks in order.
+/// Factors that a loop handles between two questions to an interrupt: less than a millisecond.
+pub(crate) const FACTORS_PER_QUESTION: u32 = 512;
+
+/// ½ Σ ρ(rᵀΩr), summed within chunks in parallel, then over chunks in order. Once `interrupt` is due
+/// the rest count nothing.
 pub(crate) fn cost<G: LieGroup<N>, const N: usize>(
     factors: &[RelativePose<G, N>],
     poses: &[G],
     loss: Loss,
+    interrupt: &Interrupt,
 ) -> f64 {
-    let chunks = factors.par_chunks(FACTORS_PER_CHUNK);
     let half = |factor: &RelativePose<G, N>| 0.5 * factor.rho(poses, loss);
-    let partial: Vec<f64> = chunks.map(|chunk| chunk.iter().map(half).sum()).collect();
+    let sum = |chunk: &[RelativePose<G, N>]| match interrupt.is_due() {
+        true => 0.0,
+        false => chunk.iter().map(half).sum(),
+    };
+    let partial: Vec<f64> = factors.par_chunks(FACTORS_PER_CHUNK).map(sum).collect();
     partial.iter().sum()
 }

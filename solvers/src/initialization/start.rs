@@ -8,6 +8,7 @@
 use super::{chordal_within, odometry, spanning_tree};
 use crate::factors::cost;
 use crate::geometry::RigidMotion;
+use crate::interrupt::Interrupt;
 use crate::price::Limits;
 use crate::problem::{PoseGraph, SolveError};
 
@@ -81,7 +82,8 @@ fn automatic<G: RigidMotion<D, N>, const D: usize, const N: usize>(
             SolveError::Singular { .. } | SolveError::TooExpensive(_) | SolveError::Interrupted
         )
     };
-    let cost = |graph: &PoseGraph<G, N>| cost(&graph.edges, &graph.poses, graph.loss);
+    let never = Interrupt::NEVER;
+    let cost = |graph: &PoseGraph<G, N>| cost(&graph.edges, &graph.poses, graph.loss, &never);
     let given = has_poses.then(|| (cost(graph), graph.poses.clone()));
     match (chordal_within(graph, limits), given) {
         (Ok(()), None) => Ok(Start::Chordal),

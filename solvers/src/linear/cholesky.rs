@@ -121,7 +121,7 @@ impl Cholesky {
         self.factor_until(matrix, added_diagonal, &Interrupt::NEVER)
     }
 
-    /// The same, ending once `interrupt` is due.
+    /// The same, ending once `interrupt` is due, as do solves with a sparse factor.
     ///
     /// # Errors
     /// As [`Cholesky::factor`], and [`LinearError::Interrupted`].

@@ -17,6 +17,8 @@ mod minimum_degree;
 mod multilevel;
 mod refinement;
 
+use std::sync::Arc;
+
 use super::error::LinearError;
 use super::pattern::BlockPattern;
 use crate::interrupt::Interrupt;
@@ -25,7 +27,7 @@ use dissection::nested_dissection;
 use elimination::eliminate;
 pub(super) use elimination::{Elimination, NO_PARENT, earlier_neighbors};
 use graph::Graph;
-use minimum_degree::{minimum_degree, reduced};
+use minimum_degree::{minimum_degree, minimum_degree_until, reduced};
 
 /// Which algorithm made an elimination order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -105,7 +107,7 @@ pub(super) fn ordered_with_last(
     postordered(pattern, &order).unwrap_or_default()
 }
 
-/// [`cheapest_ordering`] with its elimination tree; `interrupt` is asked between candidates.
+/// [`cheapest_ordering`] with its elimination tree.
 ///
 /// # Errors
 /// [`LinearError::Interrupted`].
@@ -115,23 +117,25 @@ pub(super) fn cheapest(
 ) -> Result<(BlockOrdering, Elimination), LinearError> {
     let count = pattern.block_count();
     let natural = || (0..count as u32).collect::<Vec<u32>>();
-    let graph = Graph::new(pattern);
+    let graph = Arc::new(Graph::new(pattern));
     let mut best: Option<(OrderingMethod, Vec<u32>, Elimination)> = None;
     for method in CANDIDATES {
-        if interrupt.is_due() {
-            return Err(LinearError::Interrupted);
-        }
         let flops = best.as_ref().map_or(f64::INFINITY, |(_, _, elimination)| elimination.flops);
         let order = match method {
             // Where every block is stored there is nothing to choose.
             OrderingMethod::MinimumDegree if pattern.density() >= 1.0 => None,
-            OrderingMethod::MinimumDegree => minimum_degree(&graph),
+            OrderingMethod::MinimumDegree => minimum_degree_until(&graph, interrupt),
             OrderingMethod::NestedDissection if flops < DISSECTION_FLOPS * count as f64 => None,
             OrderingMethod::NestedDissection if pattern.density() > DENSE => None,
-            OrderingMethod::NestedDissection => reduced(&graph, nested_dissection),
+            OrderingMethod::NestedDissection => {
+                reduced(&graph, |core| nested_dissection(core, interrupt))
+            }
             OrderingMethod::Natural if best.is_some() && count > NATURAL => None,
             OrderingMethod::Natural => Some(natural()),
         };
+        if interrupt.is_due() {
+            return Err(LinearError::Interrupted);
+        }
         let Some(order) = order else { continue };
         let Some(elimination) = eliminate(pattern, &order) else { continue };
         let is_better = best.as_ref().is_none_or(|(_, _, best)| {

@@ -50,6 +50,8 @@ pub struct SparseCholesky {
     front: Aligned,
     class: Class,
     factored: bool,
+    /// Of the last factorization.
+    interrupt: Interrupt,
 }
 
 impl fmt::Debug for SparseCholesky {
@@ -106,6 +108,7 @@ impl SparseCholesky {
             front: memory(plan.longest)?,
             class: Class::detect(),
             factored: false,
+            interrupt: Interrupt::NEVER,
             pattern,
             ordering,
             plan,
@@ -130,7 +133,7 @@ impl SparseCholesky {
         self.factor_until(matrix, added_diagonal, &Interrupt::NEVER)
     }
 
-    /// The same, ending once `interrupt` is due.
+    /// The same, ending once `interrupt` is due, as do the solves with this factor.
     ///
     /// # Errors
     /// As [`SparseCholesky::factor`], and [`LinearError::Interrupted`].
@@ -166,11 +169,12 @@ impl SparseCholesky {
             }
         })?;
         self.factored = true;
+        self.interrupt = interrupt.clone();
         Ok(())
     }
 
     /// Solves in place with the last factor; without one, or with a vector of another length,
-    /// the result is NaN.
+    /// the result is NaN. So it may be once the interrupt of the factorization is due.
     pub fn solve(&mut self, rhs: &mut [f64]) {
         let dimension = self.pattern.dimension();
         if !self.factored || rhs.len() != dimension {
@@ -187,7 +191,12 @@ impl SparseCholesky {
             factor: self.factor.slice(),
             x: permuted,
             front: self.front.slice_mut(),
+            interrupt: &self.interrupt,
         });
+        if self.interrupt.is_due() {
+            rhs.fill(f64::NAN);
+            return;
+        }
         for (value, &scalar) in permuted.iter().zip(&self.plan.scalars) {
             rhs[scalar as usize] = *value;
         }

@@ -8,8 +8,9 @@
 use nalgebra::{SMatrix, SMatrixViewMut, SVector};
 use rayon::prelude::*;
 
-use crate::factors::{FACTORS_PER_CHUNK, RelativePose};
+use crate::factors::{FACTORS_PER_CHUNK, FACTORS_PER_QUESTION, RelativePose};
 use crate::geometry::LieGroup;
+use crate::interrupt::{Interrupt, Steps};
 use crate::linear::{BlockMatrix, BlockPattern, BlockRowMut, PairTerm};
 use crate::loss::Loss;
 
@@ -34,15 +35,24 @@ pub(super) fn pair_term<G: LieGroup<N>, const N: usize>(
     }
 }
 
-/// Linearizes every edge into `blocks`, which has one entry an edge afterwards.
+/// Linearizes every edge into `blocks`, which has one entry an edge afterwards. Once `interrupt` is due
+/// the rest are zero.
 pub(super) fn linearize_edges<G: LieGroup<N>, const N: usize>(
     edges: &[RelativePose<G, N>],
     poses: &[G],
     loss: Loss,
+    interrupt: &Interrupt,
     blocks: &mut Vec<PairTerm<N>>,
 ) {
-    let term = |edge: &RelativePose<G, N>| pair_term(edge, (&poses[edge.i], &poses[edge.j]), loss);
-    edges.par_iter().with_min_len(FACTORS_PER_CHUNK).map(term).collect_into_vec(blocks);
+    let term = |steps: &mut Steps<'_>, edge: &RelativePose<G, N>| {
+        if steps.is_due_after(1) {
+            return PairTerm::zeros();
+        }
+        pair_term(edge, (&poses[edge.i], &poses[edge.j]), loss)
+    };
+    let steps = || interrupt.in_steps(FACTORS_PER_QUESTION);
+    let edges = edges.par_iter().with_min_len(FACTORS_PER_CHUNK);
+    edges.map_init(steps, term).collect_into_vec(blocks);
 }
 
 /// An edge as the row of one of its poses sees it.
@@ -103,10 +113,11 @@ impl Incidences {
         Self { starts, list }
     }
 
-    /// Sums `blocks`, one an edge, into H and g.
+    /// Sums `blocks`, one an edge, into H and g. Once `interrupt` is due the rest stay as they are.
     pub(super) fn assemble<const N: usize>(
         &self,
         blocks: &[PairTerm<N>],
+        interrupt: &Interrupt,
         hessian: &mut BlockMatrix,
         gradient: &mut [f64],
     ) {
@@ -115,7 +126,15 @@ impl Incidences {
             .into_par_iter()
             .zip(gradient.par_chunks_exact_mut(N))
             .with_min_len(MIN_ROWS_PER_TASK)
-            .for_each(|(row, gradient)| self.assemble_row(blocks, row, gradient));
+            .for_each_init(
+                || interrupt.in_steps(FACTORS_PER_QUESTION),
+                |steps, (row, gradient)| {
+                    let edges = self.starts[row.index() + 1] - self.starts[row.index()];
+                    if !steps.is_due_after(edges as u32) {
+                        self.assemble_row(blocks, row, gradient);
+                    }
+                },
+            );
     }
 
     fn assemble_row<const N: usize>(

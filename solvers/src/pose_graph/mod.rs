@@ -89,7 +89,8 @@ pub fn solve_until<G: LieGroup<N>, const N: usize>(
         match PoseGraphSystem::new(graph, limits) {
             Ok(mut system) => Ok(minimize_until(&mut system, &options.optimizer, run, observer)),
             Err(SolveError::Interrupted) => {
-                let mut start = Unmoved(cost(&graph.edges, &graph.poses, graph.loss));
+                let mut start =
+                    Unmoved(cost(&graph.edges, &graph.poses, graph.loss, &Interrupt::NEVER));
                 Ok(minimize_until(&mut start, &options.optimizer, run, observer))
             }
             Err(error) => Err(error),

@@ -85,7 +85,7 @@ fn linear_bytes<G, const N: usize>(graph: &PoseGraph<G, N>, pattern: &BlockPatte
 /// Only a cost that is not finite is worth a search for the edge behind it.
 fn check_start<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>) -> Result<(), SolveError> {
     let not_finite = |edge: &RelativePose<G, N>| !edge.rho(&graph.poses, graph.loss).is_finite();
-    if !cost(&graph.edges, &graph.poses, graph.loss).is_finite()
+    if !cost(&graph.edges, &graph.poses, graph.loss, &Interrupt::NEVER).is_finite()
         && let Some(index) = graph.edges.iter().position(not_finite)
     {
         return Err(SolveError::ResidualNotFinite { factor: "edge", index });
@@ -160,16 +160,18 @@ impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
 
 impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
     fn cost(&mut self) -> f64 {
-        cost(&self.graph.edges, &self.graph.poses, self.graph.loss)
+        cost(&self.graph.edges, &self.graph.poses, self.graph.loss, &Interrupt::NEVER)
     }
 
     fn linearize(&mut self, _damping: f64) -> Gradient {
         let graph = &*self.graph;
-        linearize_edges(&graph.edges, &graph.poses, graph.loss, &mut self.edge_blocks);
-        if self.interrupt.is_due() {
+        let (loss, interrupt) = (graph.loss, self.interrupt);
+        linearize_edges(&graph.edges, &graph.poses, loss, interrupt, &mut self.edge_blocks);
+        let (hessian, gradient) = (&mut self.hessian, &mut self.gradient);
+        self.incidences.assemble(&self.edge_blocks, interrupt, hessian, gradient);
+        if interrupt.is_due() {
             return Gradient { max_norm: f64::NAN };
         }
-        self.incidences.assemble(&self.edge_blocks, &mut self.hessian, &mut self.gradient);
         for (scaling, h) in self.scaling.iter_mut().zip(self.hessian.diagonal()) {
             *scaling = damping_scale(h);
         }
@@ -232,7 +234,7 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
                     *pose = pose.plus(&SVector::from_column_slice(&step[row * N..][..N]));
                 }
             });
-        self.cost()
+        cost(&self.graph.edges, &self.graph.poses, self.graph.loss, self.interrupt)
     }
 
     fn restore(&mut self) {

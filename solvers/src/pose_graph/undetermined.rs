@@ -12,6 +12,7 @@ use nalgebra::{DMatrix, SVector};
 
 use super::assembly::{Incidences, linearize_edges};
 use crate::geometry::LieGroup;
+use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky, PairTerm};
 use crate::loss::Loss;
 use crate::problem::{PoseGraph, SolveError};
@@ -89,10 +90,10 @@ fn hessian<G: LieGroup<N>, const N: usize>(
     let pattern = Arc::new(BlockPattern::new(vec![N; rows], pairs));
     let incidences = Incidences::new(&pattern, rows_of_edges);
     let mut blocks = vec![PairTerm::zeros(); graph.edges.len()];
-    linearize_edges(&graph.edges, &graph.poses, graph.loss, &mut blocks);
+    linearize_edges(&graph.edges, &graph.poses, graph.loss, &Interrupt::NEVER, &mut blocks);
     let mut hessian = BlockMatrix::new(pattern);
     let mut gradient = vec![0.0; rows * N];
-    incidences.assemble(&blocks, &mut hessian, &mut gradient);
+    incidences.assemble(&blocks, &Interrupt::NEVER, &mut hessian, &mut gradient);
     hessian
 }
 

@@ -9,6 +9,7 @@
 use super::graph::Graph;
 use super::minimum_degree::approximate;
 use super::multilevel::{Level, SEPARATOR, separate};
+use crate::interrupt::Interrupt;
 
 /// Graphs of at most so many vertices are not cut.
 const LEAF: usize = 100;
@@ -16,19 +17,19 @@ const LEAF: usize = 100;
 /// Graphs of at least so many vertices are worth a task of their own.
 const TASK: usize = 600;
 
-/// The order, or `None` for want of memory or of index range.
-pub(super) fn nested_dissection(graph: &Graph) -> Option<Vec<u32>> {
+/// The order, or `None` for want of memory or of index range, or once `interrupt` is due.
+pub(super) fn nested_dissection(graph: &Graph, interrupt: &Interrupt) -> Option<Vec<u32>> {
     let count = graph.count();
     let mut order = vec![0u32; count];
-    dissect(graph.clone(), (0..count as u32).collect(), &mut order).then_some(order)
+    dissect(graph.clone(), (0..count as u32).collect(), &mut order, interrupt).then_some(order)
 }
 
 /// Writes the order of `graph`, whose vertices are called `names`, to `order`.
-fn dissect(graph: Graph, names: Vec<u32>, order: &mut [u32]) -> bool {
+fn dissect(graph: Graph, names: Vec<u32>, order: &mut [u32], interrupt: &Interrupt) -> bool {
     let count = graph.count();
     if count > LEAF {
         let level = Level::of(graph);
-        let sides = separate(&level);
+        let Some(sides) = separate(&level, interrupt) else { return false };
         let [left, right, separator] =
             [0, 1, SEPARATOR].map(|side| sides.iter().filter(|&&found| found == side).count());
         if left > 0 && right > 0 {
@@ -42,8 +43,8 @@ fn dissect(graph: Graph, names: Vec<u32>, order: &mut [u32]) -> bool {
             let (left, left_names) = part(&level.graph, &names, &sides, 0);
             let (right, right_names) = part(&level.graph, &names, &sides, 1);
             drop((level, sides, names));
-            let first = || dissect(left, left_names, left_order);
-            let second = || dissect(right, right_names, right_order);
+            let first = || dissect(left, left_names, left_order, interrupt);
+            let second = || dissect(right, right_names, right_order, interrupt);
             let (first, second) =
                 if count >= TASK { rayon::join(first, second) } else { (first(), second()) };
             return first && second;

@@ -4,15 +4,52 @@
 //! chains of a trajectory away in linear time. Removing a vertex of two neighbors joins them, so a
 //! neighbor's list never grows and everything happens in place.
 
+use std::sync::Arc;
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread;
+use std::time::Duration;
+
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::amd;
 
 use super::graph::Graph;
+use crate::interrupt::Interrupt;
+
+/// Entries of the neighbor lists from which the order takes more than some 10 ms.
+const LONG: usize = 50_000;
+
+/// How often a wait for an order asks whether it must end.
+const QUESTION_EVERY: Duration = Duration::from_millis(5);
 
 /// The order, or `None` for want of memory or of index range.
 pub(super) fn minimum_degree(graph: &Graph) -> Option<Vec<u32>> {
     reduced(graph, approximate)
+}
+
+/// The same; `None` once `interrupt` is due as well. faer's AMD asks nobody: of a graph where it may
+/// take long it runs on a thread of its own, which is left to itself then.
+pub(super) fn minimum_degree_until(graph: &Arc<Graph>, interrupt: &Interrupt) -> Option<Vec<u32>> {
+    if interrupt.is_never() || graph.neighbors.len() < LONG {
+        return minimum_degree(graph);
+    }
+    let (reply, answer) = mpsc::channel();
+    let for_thread = Arc::clone(graph);
+    let work = move || {
+        // Nobody may wait for it any more.
+        let _unread = reply.send(minimum_degree(&for_thread));
+    };
+    if thread::Builder::new().name("covis-ordering".to_owned()).spawn(work).is_err() {
+        return minimum_degree(graph);
+    }
+    loop {
+        match answer.recv_timeout(QUESTION_EVERY) {
+            Ok(order) => return order,
+            Err(RecvTimeoutError::Disconnected) => return None,
+            Err(RecvTimeoutError::Timeout) if interrupt.is_due() => return None,
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+    }
 }
 
 /// The reduction, then `order_core` on what is left.

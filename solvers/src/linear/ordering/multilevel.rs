@@ -7,6 +7,7 @@
 
 use super::graph::Graph;
 use super::refinement::Cut;
+use crate::interrupt::Interrupt;
 
 /// The side of the vertices that part the other two.
 pub(super) const SEPARATOR: u8 = 2;
@@ -132,14 +133,17 @@ fn by_degree(graph: &Graph) -> Vec<u32> {
     order
 }
 
-/// The side of each vertex: 0, 1 or [`SEPARATOR`]. A side may be empty.
-pub(super) fn separate(finest: &Level) -> Vec<u8> {
+/// The side of each vertex: 0, 1 or [`SEPARATOR`]. A side may be empty. `None` once `interrupt` is due.
+pub(super) fn separate(finest: &Level, interrupt: &Interrupt) -> Option<Vec<u8>> {
     let mut coarser: Vec<(Level, Vec<u32>)> = Vec::new();
     loop {
         let level = coarser.last().map_or(finest, |(level, _)| level);
         let count = level.graph.count();
         if count <= COARSEST {
             break;
+        }
+        if interrupt.is_due() {
+            return None;
         }
         let (next, coarse_of) = level.coarsened();
         let stalls = next.graph.count() as f64 > LEAST_SHRINKAGE * count as f64;
@@ -153,13 +157,16 @@ pub(super) fn separate(finest: &Level) -> Vec<u8> {
     let coarsest = coarser.last().map_or(finest, |(level, _)| level);
     let mut sides = first_cut(coarsest);
     while let Some((_, coarse_of)) = coarser.pop() {
+        if interrupt.is_due() {
+            return None;
+        }
         let level = coarser.last().map_or(finest, |(level, _)| level);
         let projected = coarse_of.iter().map(|&k| sides[k as usize]).collect();
         let mut cut = Cut::new(level, projected);
         cut.refine();
         sides = cut.sides;
     }
-    sides
+    Some(sides)
 }
 
 /// The best refined cut around regions grown from a few seeds.

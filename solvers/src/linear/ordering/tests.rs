@@ -1,5 +1,7 @@
 //! Orders are permutations, flop counts are those of known graphs, fill is counted exactly.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use super::multilevel::{Level, SEPARATOR, separate};
 use super::*;
 
@@ -114,11 +116,29 @@ fn tangle(side: usize) -> BlockPattern {
     BlockPattern::new(vec![3; count], chain.chain(closures))
 }
 
+fn dissected(graph: &Graph) -> Option<Vec<u32>> {
+    nested_dissection(graph, &Interrupt::NEVER)
+}
+
+#[test]
+fn an_order_that_may_be_interrupted_is_the_same_and_ends_when_it_is() {
+    let pattern = tangle(130);
+    assert!(Graph::new(&pattern).neighbors.len() > 50_000, "long enough for a thread of its own");
+    let flag = Arc::new(AtomicBool::new(false));
+    let interrupt = Interrupt::NEVER.or_when(Arc::clone(&flag));
+    let (whole, _) = cheapest(&pattern, &interrupt).unwrap();
+    assert_eq!(whole, cheapest_ordering(&pattern));
+    flag.store(true, Ordering::Relaxed);
+    let ended = cheapest(&pattern, &interrupt);
+    assert!(matches!(ended, Err(LinearError::Interrupted)), "{ended:?}");
+    assert_eq!(nested_dissection(&Graph::new(&pattern), &interrupt), None);
+}
+
 #[test]
 fn a_separator_separates_and_is_small_on_a_grid() {
     for (pattern, most) in [(grid(40, 3), 44), (tangle(25), 300)] {
         let graph = Graph::new(&pattern);
-        let sides = separate(&Level::of(graph.clone()));
+        let sides = separate(&Level::of(graph.clone()), &Interrupt::NEVER).unwrap();
         for v in 0..graph.count() {
             let crosses = |&w: &u32| sides[v] + sides[w as usize] == 1;
             assert!(sides[v] == SEPARATOR || !graph.of(v).iter().any(crosses));
@@ -134,7 +154,7 @@ fn dissection_is_a_permutation_that_beats_the_callers_order() {
     let scattered = BlockPattern::new(vec![3; 900], (0..450).map(|i| (2 * i, 2 * i + 1)));
     for pattern in [grid(40, 3), tangle(25), scattered, chain(500, 6), grid(1, 2), chain(0, 1)] {
         let graph = Graph::new(&pattern);
-        for order in [nested_dissection(&graph), reduced(&graph, nested_dissection)] {
+        for order in [dissected(&graph), reduced(&graph, dissected)] {
             let order = order.unwrap();
             let flops = elimination_flops(&pattern, &order).expect("a permutation");
             let natural: Vec<u32> = (0..order.len() as u32).collect();
@@ -145,7 +165,7 @@ fn dissection_is_a_permutation_that_beats_the_callers_order() {
             }
             let threads = |count| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap();
-                pool.install(|| nested_dissection(&graph))
+                pool.install(|| dissected(&graph))
             };
             assert_eq!(threads(1), threads(3));
         }

@@ -5,6 +5,7 @@
 //! streamed once in each direction. Nothing is allocated.
 
 use super::plan::{Node, Plan, Run};
+use crate::interrupt::Interrupt;
 use crate::simd::{Kernel, Lanes, Row, WIDTH};
 
 /// Solves in place, in elimination order.
@@ -14,6 +15,16 @@ pub(super) struct Triangular<'a> {
     pub(super) x: &'a mut [f64],
     /// At least as long as the longest column of a front.
     pub(super) front: &'a mut [f64],
+    /// Once it is due the solve ends; `x` is then of no use.
+    pub(super) interrupt: &'a Interrupt,
+}
+
+/// Entries of the factor between two questions to the interrupt: some ms.
+const ENTRIES_PER_QUESTION: u32 = 1 << 20;
+
+/// Steps of a node: the entries of its panel.
+fn entries(node: &Node) -> u32 {
+    u32::try_from(node.panel_size()).unwrap_or(u32::MAX)
 }
 
 impl Kernel for Triangular<'_> {
@@ -21,8 +32,12 @@ impl Kernel for Triangular<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { plan, factor, x, front } = self;
+        let Self { plan, factor, x, front, interrupt } = self;
+        let mut steps = interrupt.in_steps(ENTRIES_PER_QUESTION);
         for node in &plan.nodes {
+            if steps.is_due_after(entries(node)) {
+                return;
+            }
             let panel = &factor[node.panel..][..node.panel_size()];
             let front = &mut front[..node.stride];
             let (pivots, rows) = front.split_at_mut(node.pivots);
@@ -39,6 +54,9 @@ impl Kernel for Triangular<'_> {
             }
         }
         for node in plan.nodes.iter().rev() {
+            if steps.is_due_after(entries(node)) {
+                return;
+            }
             let panel = &factor[node.panel..][..node.panel_size()];
             let front = &mut front[..node.stride];
             front[..node.pivots].copy_from_slice(&x[node.first..][..node.pivots]);

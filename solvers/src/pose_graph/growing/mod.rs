@@ -18,6 +18,7 @@ use nalgebra::SVector;
 use super::{Options, solve};
 use crate::factors::{RelativePose, cost};
 use crate::geometry::RigidMotion;
+use crate::interrupt::Interrupt;
 use crate::linear::GrowingCholesky;
 use crate::loss::Loss;
 use crate::optimizer::ignore_iterations;
@@ -198,11 +199,11 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
     #[must_use]
     pub fn cost(&self) -> f64 {
         if !self.places.contains(&Place::Waiting) {
-            return cost(&self.graph.edges, &self.graph.poses, Loss::Trivial);
+            return cost(&self.graph.edges, &self.graph.poses, Loss::Trivial, &Interrupt::NEVER);
         }
         let placed = |edge: &&RelativePose<G, N>| self.is_placed(edge.i);
         let edges: Vec<_> = self.graph.edges.iter().filter(placed).copied().collect();
-        cost(&edges, &self.graph.poses, Loss::Trivial)
+        cost(&edges, &self.graph.poses, Loss::Trivial, &Interrupt::NEVER)
     }
 
     /// Takes in what was added since the last update and moves the estimate to the new optimum.
