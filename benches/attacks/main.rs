@@ -1,6 +1,6 @@
 //! What a robot and the server's memory notice while somebody means harm.
 //!
-//! `cargo bench --bench attacks -- [NAME]... [--minutes M] [--folder DIR]`
+//! `cargo bench --bench attacks -- [NAME]... [--minutes M] [--folder DIR] [--config FILE]`
 //!
 //! For each name a server with tokens in a process of its own, a robot that streams at 5 Hz into a map
 //! with a history, and one attack (`readers` and `all` are several at once). Without a name all of them,
@@ -55,6 +55,9 @@ struct Args {
     /// Connections of strangers.
     #[arg(long, default_value_t = 10_000)]
     strangers: usize,
+    /// The server's configuration file, with other limits for instance (none).
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
     /// Given by cargo.
     #[arg(long, hide = true)]
     bench: bool,
@@ -212,7 +215,7 @@ fn with_more_descriptors() -> anyhow::Result<Option<i32>> {
 }
 
 async fn measure(attack: Attack, args: &Args, data: &Path) -> anyhow::Result<()> {
-    let mut server = Server::start(data)?;
+    let mut server = Server::start(data, args.config.as_deref())?;
     let robot = server.client("robot").await?;
     let street = Street::new(400, 40);
     let waits = Arc::new(Mutex::new(Waits::default()));

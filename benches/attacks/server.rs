@@ -22,8 +22,8 @@ pub(crate) struct Server {
 }
 
 impl Server {
-    /// Starts a server over a folder and waits until it serves.
-    pub(crate) fn start(folder: &Path) -> anyhow::Result<Self> {
+    /// Starts a server over a folder, configured by a file if there is one, and waits until it serves.
+    pub(crate) fn start(folder: &Path, config: Option<&Path>) -> anyhow::Result<Self> {
         let mut tokens = String::new();
         for (name, tenant, role) in CALLERS {
             let digest = Sha256::digest(secret(name));
@@ -33,7 +33,8 @@ impl Server {
         }
         let (file, log) = (folder.join("tokens.toml"), folder.join("log"));
         fs_err::write(&file, tokens)?;
-        let mut process = Command::new("sh")
+        let mut command = Command::new("sh");
+        command
             .args(["-c", "ulimit -n $(ulimit -Hn); exec \"$0\" \"$@\""])
             .arg(env!("CARGO_BIN_EXE_covis"))
             .args(["--log", "off", "serve", "--listen", "127.0.0.1:0", "--data-dir"])
@@ -41,8 +42,11 @@ impl Server {
             .arg("--tokens")
             .arg(file)
             .stdout(Stdio::piped())
-            .stderr(std::fs::File::create(&log)?)
-            .spawn()?;
+            .stderr(std::fs::File::create(&log)?);
+        if let Some(file) = config {
+            command.arg("--config").arg(file);
+        }
+        let mut process = command.spawn()?;
         let output = process.stdout.take().context("the server's output")?;
         let mut line = String::new();
         BufReader::new(output).read_line(&mut line)?;
