@@ -11,6 +11,7 @@ use covis_solvers::io::bal::BalFile;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{Control, Termination, ignore_iterations};
 use covis_solvers::problem::{BundleProblem, SolveError};
+use covis_solvers::testing::data;
 use covis_solvers::testing::random::{normal_vector, perturbed, seeded};
 use covis_solvers::testing::scene::{Scene, SceneOptions};
 use nalgebra::{SVector, Vector3};
@@ -32,15 +33,7 @@ fn twin() -> BundleProblem {
 }
 
 fn shared(name: &str) -> Option<BundleProblem> {
-    let root = std::env::var_os("COVIS_TEST_DATA").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"),
-        PathBuf::from,
-    );
-    let path = root.join("bal").join(name);
-    if !path.exists() {
-        println!("skipped: no data");
-        return None;
-    }
+    let path = data(&format!("bal/{name}"))?;
     Some(BalFile::read(&path).unwrap().to_problem())
 }
 

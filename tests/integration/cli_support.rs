@@ -171,17 +171,7 @@ pub(crate) fn golden_json(name: &str) -> Value {
     serde_json::from_slice(&fs_err::read(golden(name)).unwrap()).unwrap()
 }
 
-/// A file of the shared data, if there is any; says so once a test otherwise.
-pub(crate) fn data(name: &str) -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
-    let root = std::env::var_os("COVIS_TEST_DATA").map_or_else(beside, PathBuf::from);
-    let path = root.join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("skipped: no data ({name})");
-    None
-}
+pub(crate) use covis_solvers::testing::data;
 
 /// A number of a JSON object by its key.
 pub(crate) fn number(object: &Value, key: &str) -> f64 {

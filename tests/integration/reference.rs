@@ -8,6 +8,7 @@ use std::process::{Command, Output};
 
 use covis_solvers::evaluation::bundle_cost;
 use covis_solvers::io::bal::BalFile;
+use covis_solvers::testing::skip;
 use serde_json::Value;
 
 use crate::cli_support::{Ran, Workspace, close, number};
@@ -24,7 +25,7 @@ fn script(name: &str, folder: &Path, arguments: &[&str]) -> Option<Ran> {
         command.args(first).args(rest).current_dir(folder).output()
     };
     if !python(&["-c", "import numpy"], &[]).is_ok_and(|found| found.status.success()) {
-        eprintln!("skipped: no python3 with numpy ({name})");
+        skip(&format!("no python3 with numpy ({name})"));
         return None;
     }
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/reference").join(name);

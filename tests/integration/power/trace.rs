@@ -26,7 +26,7 @@ pub(super) fn library() -> Option<&'static Path> {
                 Some(path)
             }
             Err(error) => {
-                eprintln!("skipped: no C compiler ({error})");
+                covis_solvers::testing::skip(&format!("no C compiler ({error})"));
                 None
             }
         }

@@ -155,13 +155,7 @@ fn the_truth_beside_a_sequence_stays_closed() {
 
 #[test]
 fn the_recorded_sequence_is_read_whole() {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
-    let root = std::env::var_os("COVIS_TEST_DATA").map_or_else(beside, PathBuf::from);
-    let path = root.join("rgbd/tum_fr1_rpy");
-    if !path.exists() {
-        println!("skipped: no data");
-        return;
-    }
+    let Some(path) = covis_solvers::testing::data("rgbd/tum_fr1_rpy") else { return };
     let mut open = open_folder(&path, None).unwrap();
     assert!(matches!(open.camera_origin, CameraOrigin::File(_)));
     assert_eq!(open.source.camera().fx, 517.3);
