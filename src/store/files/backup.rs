@@ -39,7 +39,7 @@ pub fn back_up(directory: &Path, copy: &Path) -> Result<Vec<MapCheckup>, StoreEr
     let mut checkups = Vec::new();
     for name in folders {
         match folders::look(&RealDisk, &maps, &name) {
-            Folder::Map { .. } | Folder::Later(_) | Folder::Nameless(_) => {
+            Folder::Map { .. } | Folder::Later(_) | Folder::Nameless(_) | Folder::Unknown(_) => {
                 checkups.extend(copy_map(&maps, &copy.join("maps"), &name)?);
             }
             // What an unfinished creation or deletion left.

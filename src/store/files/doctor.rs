@@ -97,7 +97,7 @@ fn look_at(maps: &Path, entry: &str) -> Option<(MapCheckup, Option<Found>)> {
             }
             Some((checkup, None))
         }
-        Folder::Map { .. } | Folder::Nameless(_) => {
+        Folder::Map { .. } | Folder::Nameless(_) | Folder::Unknown(_) => {
             let found = look(&mut checkup);
             let map = checkup.map.clone().unwrap_or_default();
             let found = found.map_err(|error| {

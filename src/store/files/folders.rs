@@ -10,6 +10,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use super::disk::Disk;
+use super::failure::passes;
 use super::record::{Header, Uid, read_header, scan};
 use super::sealed::{self, SealError};
 use super::{file_error, journal_name};
@@ -25,6 +26,8 @@ pub(super) enum Folder {
     Later(StoreError),
     /// A map whose name cannot be read, and why.
     Nameless(String),
+    /// What cannot be told now, for want of descriptors or memory.
+    Unknown(StoreError),
     /// What a creation or deletion left that did not end.
     Leftover,
     /// None of ours, and why.
@@ -61,6 +64,9 @@ pub(super) fn look(disk: &dyn Disk, maps: &Path, entry: &str) -> Folder {
         Err(error) if error.kind() == ErrorKind::NotADirectory => {
             return Folder::Stray("it is no folder");
         }
+        Err(error) if passes(&error) => {
+            return Folder::Unknown(file_error("cannot list", &folder, &error));
+        }
         Err(error) => return Folder::Nameless(error.to_string()),
     };
     if names.iter().all(|name| name.ends_with(".tmp")) {
@@ -76,6 +82,9 @@ pub(super) fn look(disk: &dyn Disk, maps: &Path, entry: &str) -> Folder {
             Folder::Stray("it holds what belongs to another folder")
         }
         Ok((_, (version, body))) => named(disk, &folder, &names, uid, version, &body),
+        Err(SealError::Disk(error)) if passes(&error) => {
+            Folder::Unknown(file_error("cannot read", &path, &error))
+        }
         Err(error) => Folder::Nameless(error.to_string()),
     }
 }
@@ -128,7 +137,8 @@ pub(super) type Claim = Result<(Uid, PathBuf), StoreError>;
 /// The maps of a directory by name. What is unfinished is removed; what is not ours is told. Blocks.
 ///
 /// # Errors
-/// [`StoreError::File`] where `maps/` cannot be listed.
+/// [`StoreError::File`] where `maps/` cannot be listed, or a folder in it not be looked at for the
+/// moment: the name of its map would be taken for free.
 pub(super) fn at_start(
     disk: &dyn Disk,
     maps: &Path,
@@ -148,6 +158,7 @@ pub(super) fn at_start(
                     claims.entry(map.clone()).or_default().push((entry, Err(error)));
                 }
             }
+            Folder::Unknown(error) => return Err(error),
             Folder::Nameless(reason) => {
                 tracing::error!(%folder, reason, "a map's name cannot be read, it is not opened");
             }

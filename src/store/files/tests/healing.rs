@@ -1,9 +1,12 @@
 //! No space, no descriptors: the journal waits, takes nothing new, and goes on by itself.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use super::faulty::{FaultyDisk, Lack, Survives};
 use super::script::{event, fold, open, stored};
+use crate::store::files::disk::Disk;
+use crate::store::files::folders::{self, Folder};
 use crate::store::{Store, StoreError};
 
 #[tokio::test]
@@ -67,4 +70,27 @@ async fn a_read_without_descriptors_fails_that_call_only() {
     disk.lack(None);
     assert_eq!(store.read("a", 0).await.unwrap().len(), 1);
     store.append("a", epoch, 1, vec![event(2, 1)]).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_folder_that_cannot_be_looked_at_for_want_of_descriptors_is_not_taken_for_nameless() {
+    let disk = FaultyDisk::new();
+    let store = open(&disk).unwrap();
+    let epoch = store.create_map("a").await.unwrap();
+    store.append("a", epoch, 0, vec![event(1, 1)]).await.unwrap();
+    let maps = Path::new("/data/maps");
+    let names = disk.list(maps).unwrap();
+    disk.lack(Some(Lack::Descriptors));
+    for name in &names {
+        let found = folders::look(&disk, maps, name);
+        assert!(
+            matches!(&found, Folder::Unknown(StoreError::File { passes: true, .. })),
+            "{found:?}"
+        );
+    }
+    // A start that took the name for free would let another map have it.
+    let refused = folders::at_start(&disk, maps).unwrap_err();
+    assert!(matches!(refused, StoreError::File { passes: true, .. }), "{refused:?}");
+    disk.lack(None);
+    assert!(matches!(folders::look(&disk, maps, &names[0]), Folder::Map { .. }));
 }
