@@ -1,11 +1,12 @@
 //! How long a keyframe waits for its local bundle adjustment while several robots stream at once.
 //!
-//! `cargo bench --bench load -- [--robots N] [--hz F] [--keyframes N] [--landmarks N]`
+//! `cargo bench --bench load -- [--robots N] [--hz F] [--keyframes N] [--landmarks N] [--monocular]`
 //!
 //! A real server on a loopback port, one map and one ingest session a robot, each walking its own
-//! scene with depth. Keyframes leave at fixed times, whatever the server does. A keyframe's wait is
+//! scene with depth, or without and with landmarks that the server places. Keyframes leave at fixed times, whatever the server does. A keyframe's wait is
 //! from the call of `send` to the OPTIMIZED ack that covers it, so it holds encoding, transport,
-//! checks, the journal, the queue, the solve and the way back. Robots and server share the machine.
+//! checks, the journal, the queue, the solve and the way back. The last row is the server's own: how
+//! long a map's task held a thread of the async runtime at a time. Robots and server share the machine.
 
 #![allow(clippy::print_stdout, reason = "a bench shows what it measured")]
 
@@ -22,6 +23,7 @@ use covis::wire::v1;
 use covis_solvers::geometry::{Camera, Se3};
 use covis_solvers::testing::{Scene, SceneOptions};
 use nalgebra::{Vector2, Vector3};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 
 use crate::timing::milliseconds;
 
@@ -40,6 +42,9 @@ struct Args {
     /// Landmarks of each scene.
     #[arg(long, default_value_t = 4000)]
     landmarks: usize,
+    /// Send neither depths nor positions.
+    #[arg(long)]
+    monocular: bool,
     /// Given by cargo.
     #[arg(long, hide = true)]
     bench: bool,
@@ -61,7 +66,9 @@ struct Waits {
 async fn main() -> anyhow::Result<()> {
     let args = Args::parse();
     let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await?;
-    let server = Server::start(listener, ServerConfig::default()).await?;
+    let metrics_listen = Some("127.0.0.1:0".to_owned());
+    let config = ServerConfig { metrics_listen, ..ServerConfig::default() };
+    let server = Server::start(listener, config).await?;
     let url = format!("http://{}", server.local_addr());
     let robots: Vec<_> = (0..args.robots)
         .map(|robot| tokio::spawn(walk(url.clone(), robot, args.clone())))
@@ -75,6 +82,10 @@ async fn main() -> anyhow::Result<()> {
         all.iterations += waits.iterations;
         observations += sent;
     }
+    let page = match server.metrics_addr() {
+        Some(address) => page(address).await?,
+        None => String::new(),
+    };
     server.shutdown().await;
     let keyframes = args.robots * args.keyframes;
     println!(
@@ -87,6 +98,7 @@ async fn main() -> anyhow::Result<()> {
     println!("{:>28} {:>8} {:>8} {:>8} {:>8}", "milliseconds", "count", "p50", "p99", "max");
     print_row("send to OPTIMIZED", &mut all.waits_s);
     print_row("local bundle adjustment", &mut all.solves_s);
+    print_held(&page);
     let solves = all.solves_s.len().max(1);
     println!("{:.1} iterations a solve", all.iterations as f64 / solves as f64);
     Ok(())
@@ -95,6 +107,37 @@ async fn main() -> anyhow::Result<()> {
 fn print_row(name: &str, seconds: &mut [f64]) {
     let [p50, p99, max] = milliseconds(seconds);
     println!("{name:>28} {:>8} {p50:>8.2} {p99:>8.2} {max:>8.2}", seconds.len());
+}
+
+/// The metrics page.
+async fn page(address: std::net::SocketAddr) -> anyhow::Result<String> {
+    let mut stream = tokio::net::TcpStream::connect(address).await?;
+    stream.write_all(b"GET /metrics HTTP/1.0\r\n\r\n").await?;
+    let mut page = String::new();
+    stream.read_to_string(&mut page).await?;
+    Ok(page)
+}
+
+/// Which share of the times that engines held a thread stayed below which bound.
+fn print_held(page: &str) {
+    let rows = page.lines().filter_map(|line| {
+        let rest = line.strip_prefix("covis_engine_held_seconds_bucket{le=\"")?;
+        let (bound, count) = rest.split_once("\"} ")?;
+        // What passes every bound is infinite, which is a number to the parser.
+        Some((bound.replace("+Inf", "inf").parse::<f64>().ok()?, count.trim().parse::<f64>().ok()?))
+    });
+    let rows: Vec<(f64, f64)> = rows.collect();
+    let all = rows.last().map_or(0.0, |row| row.1);
+    let within = |share: f64| {
+        let row = rows.iter().find(|row| row.1 >= share * all);
+        row.map_or(f64::NAN, |row| 1000.0 * row.0)
+    };
+    let [half, most, nearly_all] = [0.5, 0.99, 0.999].map(within);
+    println!(
+        "{:>28} {all:>8} times, half within {half} ms, 99 % within {most} ms, 99.9 % within \
+         {nearly_all} ms",
+        "an engine held a thread"
+    );
 }
 
 /// Streams one robot's walk; returns what it waited for and how many observations it sent.
@@ -121,7 +164,13 @@ async fn walk(url: String, robot: usize, args: Args) -> anyhow::Result<(Waits, u
     let mut is_known = vec![false; scene.landmarks.len()];
     let mut observations = 0;
     for (index, pose) in scene.odometry.iter().enumerate() {
-        let keyframe = keyframe(&scene, index, pose, &mut is_known);
+        let mut keyframe = keyframe(&scene, index, pose, &mut is_known);
+        if args.monocular {
+            keyframe.landmarks.iter_mut().for_each(|landmark| landmark.point_in_world = None);
+            for observation in &mut keyframe.observations {
+                (observation.depth_m, observation.sigma_depth_m) = (None, None);
+            }
+        }
         observations += keyframe.observations.len();
         clock.tick().await;
         let sequence = session.next_sequence();
