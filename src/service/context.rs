@@ -24,6 +24,7 @@ use super::connections::Connections;
 use super::convert::map::ServerCeilings;
 use super::engine::{EngineError, Maps};
 use super::error::ServiceError;
+use super::readers::Readers;
 use super::telemetry::ServerMeters;
 
 /// Small messages that wait for a slow reader of a stream.
@@ -55,6 +56,8 @@ pub(super) struct Context {
     pub ready: AtomicBool,
     /// Turns true when the server shuts down.
     pub draining: watch::Receiver<bool>,
+    /// Threads for streams that read maps.
+    pub readers: Readers,
 }
 
 /// A stream of answers.
@@ -160,11 +163,14 @@ impl Context {
         H: Future<Output = Result<(), ServiceError>> + Send + 'static,
     {
         let (messages, receiver) = mpsc::channel(STREAM_QUEUE);
-        self.run(rpc, time, Sink { messages, longest_unread: None }, receiver, handler)
+        let sink = Sink { messages, longest_unread: None };
+        let (running, answers) = self.prepare(rpc, time, sink, receiver, handler);
+        tokio::spawn(running);
+        Ok(answers)
     }
 
     /// Starts the handler of a streaming call that reads a map: as [`Context::stream`], for large
-    /// messages. It also ends when nobody takes them.
+    /// messages, on the threads of readers. It also ends when nobody takes them.
     pub(super) fn read_stream<T, H>(
         self: &Arc<Self>,
         rpc: &'static str,
@@ -177,17 +183,20 @@ impl Context {
     {
         let (messages, receiver) = mpsc::channel(LARGE_QUEUE);
         let sink = Sink { messages, longest_unread: Some(LONGEST_UNREAD) };
-        self.run(rpc, time, sink, receiver, handler)
+        let (running, answers) = self.prepare(rpc, time, sink, receiver, handler);
+        self.readers.spawn(running);
+        Ok(answers)
     }
 
-    fn run<T, H>(
+    /// The task of a stream, and what its caller gets.
+    fn prepare<T, H>(
         self: &Arc<Self>,
         rpc: &'static str,
         time: Option<Duration>,
         sink: Sink<T>,
         messages: mpsc::Receiver<T>,
         handler: impl FnOnce(Sink<T>) -> H,
-    ) -> Result<Response<Answers<T>>, Status>
+    ) -> (impl Future<Output = ()> + Send + 'static, Response<Answers<T>>)
     where
         T: Send + 'static,
         H: Future<Output = Result<(), ServiceError>> + Send + 'static,
@@ -207,8 +216,7 @@ impl Context {
                 let _unread = end.send(error.into());
             }
         };
-        tokio::spawn(running.in_current_span());
-        Ok(Response::new(Answers { messages, end: Some(ended) }))
+        (running.in_current_span(), Response::new(Answers { messages, end: Some(ended) }))
     }
 
     /// Refuses while maps are still opened, and catches a panic of the handler.

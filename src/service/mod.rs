@@ -39,6 +39,7 @@ mod log_limit;
 mod map_service;
 mod optimization_service;
 mod random;
+mod readers;
 mod refine;
 mod server;
 mod server_service;
@@ -52,6 +53,8 @@ pub use clock::Clock;
 pub use config::{KeepAlive, ServerConfig, default_ceilings, default_limits};
 pub use connections::ConnectionLimits;
 pub use limits::{MapLimits, SolveLimits, TenantLimits};
+#[cfg(test)]
+pub(crate) use readers::Readers;
 #[cfg(test)]
 pub(crate) use server::Backend;
 pub use server::{RunningServer, Server, ServerError, StartingServer};

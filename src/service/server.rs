@@ -40,6 +40,7 @@ use super::job_service::Jobs;
 use super::map_service::MapRpcs;
 use super::optimization_service::Optimization;
 use super::random::random_id;
+use super::readers::Readers;
 use super::server_service::ServerInfo;
 use super::telemetry::{self, Metered, ServerMeters};
 use super::tls::{Tls, TlsError};
@@ -172,7 +173,7 @@ impl Server {
             Accounts::new(config.account_limits(), config.tenant_limits, config.map_limits());
         accounts.set_tenants(access.tenant_limits());
         let metrics = metrics_listener(&config).await?;
-        let Backend { store, counted, pool } = match backend {
+        let Backend { store, counted, pool, readers } = match backend {
             Some(backend) => backend,
             None => Backend::open(&config, accounts).await?,
         };
@@ -192,6 +193,7 @@ impl Server {
             start_time_ns,
             ready,
             draining,
+            readers,
         });
         let (health, task) = serve(incoming, tls.clone(), Arc::clone(&context)).await?;
         let metrics = metrics.map(|(address, listener)| {
@@ -208,18 +210,23 @@ pub(crate) struct Backend {
     /// What the store counts.
     pub(crate) counted: Arc<StoreMeters>,
     pub(crate) pool: Arc<SolverPool>,
+    /// Who puts together what is read of maps.
+    pub(crate) readers: Readers,
 }
 
 impl Backend {
     /// The one that a configuration asks for.
     async fn open(config: &ServerConfig, accounts: Accounts) -> Result<Self, ServerError> {
         let pool = SolverPool::shared_by(accounts, config.threads)?;
+        let count = pool.threads();
+        let readers = Readers::start(count).map_err(|_error| EngineError::Threads { count })?;
         let Some(directory) = &config.data_dir else {
-            return Ok(Self { store: Arc::new(MemoryStore::new()), counted: Arc::default(), pool });
+            let store = Arc::new(MemoryStore::new());
+            return Ok(Self { store, counted: Arc::default(), pool, readers });
         };
         let opened = FileStore::open(directory, FileStoreOptions::default()).await;
         let store = opened.map_err(EngineError::Store)?;
-        Ok(Self { counted: store.meters(), store: Arc::new(store), pool })
+        Ok(Self { counted: store.meters(), store: Arc::new(store), pool, readers })
     }
 }
 

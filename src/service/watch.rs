@@ -1,4 +1,4 @@
-//! `WatchMap`: the steps of a map as deltas in parts of at most about 1 MiB.
+//! `WatchMap`: the steps of a map as deltas in parts of at most about 256 KiB.
 //!
 //! Entities come whole, read from the newest snapshot; what a step touched and the snapshot no longer
 //! holds is told as removed. A part is sent as soon as the next entity does not fit it, so that a
@@ -16,9 +16,13 @@ use super::convert::ids::{to_constraint_ref, to_keyframe_ref, to_landmark_ref};
 use super::convert::map::to_state;
 use super::engine::{MapHandle, MapState, Touched, Watch};
 use super::error::ServiceError;
-use super::listing::{ENTRY_OVERHEAD, MESSAGE_BYTES};
+use super::listing::ENTRY_OVERHEAD;
 use crate::map::{ClientIndex, EntityId, Map};
 use crate::wire::v1;
+
+/// A part that is full. Larger ones would keep what else the connection's thread has to send waiting
+/// while they are encoded.
+const PART_BYTES: usize = 256 << 10;
 
 /// What a watcher wants.
 #[derive(Clone, Debug)]
@@ -124,7 +128,7 @@ impl<'a> Parts<'a> {
     /// Makes room for an entry, sending the part when it is full, and returns where to put it.
     async fn room(&mut self, entry: &impl Message) -> Result<&mut v1::MapDelta, ServiceError> {
         let size = entry.encoded_len() + ENTRY_OVERHEAD;
-        if self.bytes > 0 && self.bytes + size > MESSAGE_BYTES {
+        if self.bytes > 0 && self.bytes + size > PART_BYTES {
             self.send(false).await?;
         }
         self.bytes += size;

@@ -23,7 +23,7 @@ use super::nodes::Crash;
 use super::robot::{Broken, Robot};
 use crate::client::Client;
 use crate::service::engine::SolverPool;
-use crate::service::{Backend, Server, ServerConfig};
+use crate::service::{Backend, Readers, Server, ServerConfig};
 use crate::store::{FileStore, FileStoreOptions};
 
 /// Small, so that a short run fills several files and takes snapshots.
@@ -257,7 +257,8 @@ async fn serve(disk: SimDisk) -> turmoil::Result {
     });
     let config = ServerConfig { max_maps: 4, ..ServerConfig::default() };
     let (counted, pool) = (store.meters(), SolverPool::in_place());
-    let backend = Some(Backend { store: Arc::new(store), counted, pool });
+    let readers = Readers::in_place();
+    let backend = Some(Backend { store: Arc::new(store), counted, pool, readers });
     let incoming = ReceiverStream::new(incoming);
     let Ok(starting) = Server::listen_to(incoming, address, config, backend).await else {
         return Ok(());

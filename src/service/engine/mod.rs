@@ -65,7 +65,7 @@ pub use handle::{MapHandle, MapInfo, MapState};
 pub use maps::Maps;
 pub use meters::{EngineMeters, MapCounts, QueuedSolve, SolveMeters};
 pub use optimize::{OptimizeCounts, OptimizeOptions, OptimizeOutcome, OptimizeProblem};
-pub use pool::{PoolError, SolvePanicked, SolverPool};
+pub use pool::{PoolError, SolvePanicked, SolverPool, lower_priority};
 pub use pose_graph::ChordalProof;
 pub use stream::{IngestStream, ItemSender, Opened};
 pub use touched::Touched;

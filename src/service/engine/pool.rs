@@ -263,7 +263,7 @@ fn start_threads(kind: &'static str, count: usize) -> Result<rayon::ThreadPool, 
 
 /// Lets other threads of the machine go before this one, so that acks and small solves do not wait for
 /// their processor while a large solve computes. Where all are idle a solve takes no longer.
-fn lower_priority() {
+pub fn lower_priority() {
     // Linux counts priorities by thread; elsewhere the whole process would be slowed down.
     #[cfg(target_os = "linux")]
     // A system that refuses leaves the priority as it is.

@@ -1,0 +1,84 @@
+//! Threads for streams that read whole maps: of lower priority than those of calls and engines.
+//!
+//! A delta or a chunk of a large map takes milliseconds to put together. In the queue of the threads
+//! that carry acknowledgments, four readers would make a robot wait for each of them; here the system
+//! lets the robot go first. They take what is computed for one stream and nothing of the engines.
+
+use std::future::Future;
+use std::io;
+
+use tokio::runtime::{Builder, Runtime};
+
+use super::engine::lower_priority;
+
+/// The threads; `None` runs streams beside everything else, for simulations on one thread.
+#[derive(Debug)]
+pub(crate) struct Readers(Option<Runtime>);
+
+impl Readers {
+    /// Starts `threads` threads, at least one.
+    ///
+    /// # Errors
+    /// Where the system refuses them.
+    pub(super) fn start(threads: usize) -> io::Result<Self> {
+        let mut threads_of_readers = Builder::new_multi_thread();
+        let builder = threads_of_readers
+            .worker_threads(threads.max(1))
+            .thread_name("covis-readers")
+            .on_thread_start(lower_priority)
+            .enable_all();
+        Ok(Self(Some(builder.build()?)))
+    }
+
+    /// Without threads.
+    #[cfg(test)]
+    pub(crate) fn in_place() -> Self {
+        Self(None)
+    }
+
+    /// Runs the task of a stream to its end.
+    pub(super) fn spawn(&self, task: impl Future<Output = ()> + Send + 'static) {
+        let _detached = match &self.0 {
+            Some(runtime) => runtime.spawn(task),
+            None => tokio::spawn(task),
+        };
+    }
+}
+
+impl Drop for Readers {
+    fn drop(&mut self) {
+        if let Some(runtime) = self.0.take() {
+            // The last stream may be what drops it: nothing is waited for.
+            runtime.shutdown_background();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::sync::oneshot;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn a_stream_runs_on_a_thread_that_yields_to_others() {
+        let readers = Readers::start(1).unwrap();
+        let (reply, answer) = oneshot::channel();
+        readers.spawn(async move {
+            let name = std::thread::current().name().map(str::to_owned);
+            #[cfg(target_os = "linux")]
+            assert_eq!(rustix::process::getpriority_process(None).unwrap(), 10);
+            reply.send(name).unwrap();
+        });
+        assert_eq!(answer.await.unwrap().as_deref(), Some("covis-readers"));
+        // The end of the last stream may drop it, which waits for nobody.
+        let last = Readers::start(1).map(std::sync::Arc::new).unwrap();
+        let (held, (reply, answer)) = (std::sync::Arc::clone(&last), oneshot::channel());
+        last.spawn(async move {
+            drop(held);
+            reply.send(()).unwrap();
+        });
+        drop(last);
+        answer.await.unwrap();
+    }
+}
