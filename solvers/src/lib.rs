@@ -16,7 +16,8 @@
 //! | 8 | [`bundle_adjustment`], [`pose_graph`], [`pose_refinement`] |
 //! | 9 | [`robust`]: pose graphs with false loop closures; [`certificate`]: a proven global optimum; [`marginalization`]: a keyframe removed, its knowledge kept |
 //! | 10 | [`evaluation`]: every cost again, independent of the fast paths |
-//! | 11 | [`io`]: BAL, g2o, COLMAP, TUM files |
+//! | 11 | [`graph_optimization`]: a pose graph from its start to its result, closures judged and proved |
+//! | 12 | [`io`]: BAL, g2o, COLMAP, TUM files |
 //!
 //! The crate is synchronous and knows nothing of servers, maps or the wire.
 //! Conventions (frames, tangent order, units) are those of `docs/conventions.md`.
@@ -26,6 +27,7 @@ pub mod certificate;
 pub mod evaluation;
 pub mod factors;
 pub mod geometry;
+pub mod graph_optimization;
 pub mod information;
 pub mod initialization;
 pub mod interrupt;

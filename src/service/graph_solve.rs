@@ -2,19 +2,17 @@
 //! Without a marked vertex the one with the lowest id is held; costs come from the evaluator. With
 //! `robust` they are those of the edges at their weights.
 
-use std::time::Instant;
-
-use covis_solvers::certificate::certify_within;
-use covis_solvers::evaluation::{CostReport, FactorCost, ReferencePose, pose_graph_cost};
+use covis_solvers::evaluation::ReferencePose;
 use covis_solvers::geometry::{RigidMotion, Se2, Se3};
-use covis_solvers::initialization::{Start, initialize, initialize_within};
+use covis_solvers::graph_optimization::{self, Judging, optimize};
+use covis_solvers::initialization::Start;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::loss::Loss;
-use covis_solvers::optimizer::{Options, SolveSummary, ignore_iterations};
+use covis_solvers::optimizer::{Options, ignore_iterations};
 use covis_solvers::pose_graph;
-use covis_solvers::price::{Ceiling, Limits};
-use covis_solvers::problem::{PoseGraph, SolveError};
-use covis_solvers::robust::{self, Kernel, Verdict};
+use covis_solvers::price::Ceiling;
+use covis_solvers::problem::PoseGraph;
+use covis_solvers::robust::Kernel;
 
 use super::convert::certificate::add_costs;
 use super::convert::geometry::{to_rigid_transform, to_rigid_transform2};
@@ -158,26 +156,15 @@ fn answer<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usiz
     settings: &Settings,
     interrupt: &Interrupt,
 ) -> Result<(PoseGraph<G, N>, v1::SolvePoseGraphResponse), ServiceError> {
-    let (mut graph, start) = (input.graph, (input.start, input.has_poses));
+    let GraphToSolve { mut graph, start, has_poses, trusted } = input;
     let marked = graph.constant.contains(&true);
-    if !marked {
-        graph.fix_lowest_id();
-    }
-    let solved = match settings.robust.kernel {
-        None => plain(&mut graph, start, settings, interrupt),
-        Some(kernel) => {
-            let options = robust::Options {
-                threshold: settings.robust.threshold,
-                start: input.start,
-                trusted: input.trusted,
-                pose_graph: pose_graph::Options { optimizer: settings.options },
-                ..robust::Options::new(kernel)
-            };
-            judged(&mut graph, input.has_poses, &options, settings.certify, interrupt)
-        }
-    };
+    let ClosureRobustness { kernel, threshold } = settings.robust;
+    let judging = kernel.map(|kernel| Judging { kernel, threshold, trusted, switched_off: None });
+    let (certify, optimizer) = (settings.certify, settings.options);
+    let options = graph_optimization::Options { start, judging, certify, optimizer };
+    let solved = optimize(&mut graph, has_poses, &options, interrupt, &mut ignore_iterations);
     let solved = solved.map_err(|error| ServiceError::Unsolvable { field, error })?;
-    let mut summary = to_summary(&solved.summary, settings.options.method);
+    let mut summary = to_summary(&solved.solve, settings.options.method);
     add_costs(&mut summary, &solved.before, &solved.after);
     summary.linear_solver = v1::LinearSolver::SparseCholesky.into();
     let gauge = if marked { v1::Gauge::FixedPoses } else { v1::Gauge::FirstKeyframeFixed };
@@ -185,113 +172,17 @@ fn answer<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usiz
     let free = graph.constant.iter().filter(|&&constant| !constant).count();
     summary.free_pose_count = count(free);
     summary.fixed_pose_count = count(graph.constant.len() - free);
-    let off = solved.closures.iter().filter(|verdict| verdict.is_switched_off);
-    let off = off.map(|verdict| {
-        // At the poses that are answered, which the chordal start may have moved since the verdict.
-        let edge = &graph.edges[verdict.edge];
-        let chi2 = edge.chi2(&graph.poses[edge.i], &graph.poses[edge.j]);
-        let switched_off = Some(v1::SwitchedOff { chi2, weight: verdict.weight });
+    let closures = solved.judged.iter().flat_map(|judged| &judged.closures);
+    let off = closures.filter(|verdict| verdict.is_switched_off).map(|verdict| {
+        let switched_off = Some(v1::SwitchedOff { chi2: verdict.chi2, weight: verdict.weight });
         v1::SwitchedOffEdge { edge_index: small(verdict.edge), switched_off }
     });
     let answer = v1::SolvePoseGraphResponse {
         graph: None,
         summary: Some(summary),
-        iterations: to_iterations(&solved.summary, settings.include_iterations),
+        iterations: to_iterations(&solved.solve, settings.include_iterations),
         switched_off_edges: off.collect(),
-        chordal_certificate: solved.certificate,
+        chordal_certificate: solved.proof.as_ref().map(to_chordal_certificate),
     };
     Ok((graph, answer))
-}
-
-/// What a solve leaves besides the poses.
-struct Solved {
-    summary: SolveSummary,
-    before: CostReport,
-    after: CostReport,
-    closures: Vec<Verdict>,
-    certificate: Option<v1::ChordalCertificate>,
-}
-
-fn plain<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &mut PoseGraph<G, N>,
-    (start, has_poses): (Start, bool),
-    settings: &Settings,
-    interrupt: &Interrupt,
-) -> Result<Solved, SolveError> {
-    let begin = Instant::now();
-    let limits = Limits { ceiling: settings.options.ceiling, interrupt };
-    match initialize_within(graph, start, has_poses, limits) {
-        Err(SolveError::Interrupted) => {
-            // The start that is asked for takes longer than there is time: one that is at hand.
-            let at_hand = if has_poses { Start::Given } else { Start::Odometry };
-            initialize(graph, at_hand, has_poses)?
-        }
-        other => other?,
-    };
-    let certificate = if settings.certify { certified(graph, limits)? } else { None };
-    last(graph, settings.options, begin, certificate, interrupt)
-}
-
-fn judged<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &mut PoseGraph<G, N>,
-    has_poses: bool,
-    options: &robust::Options,
-    certify: bool,
-    interrupt: &Interrupt,
-) -> Result<Solved, SolveError> {
-    let begin = Instant::now();
-    let solved = robust::solve_until(graph, has_poses, options, interrupt, &mut ignore_iterations)?;
-    let mut kept = robust::weighted(graph, &solved.closures);
-    let mut last = if certify {
-        let optimizer = options.pose_graph.optimizer;
-        let limits = Limits { ceiling: optimizer.ceiling, interrupt };
-        let certificate = certified(&mut kept, limits)?;
-        let last = last(&mut kept, optimizer, begin, certificate, interrupt)?;
-        graph.poses = kept.poses;
-        last
-    } else {
-        let after = pose_graph_cost(&kept);
-        let initial = solved.solve.initial_cost;
-        // Its start is gone, but its cost is known, and it is of one kind.
-        let relative_pose = FactorCost { cost: initial, ..after.relative_pose };
-        let before = CostReport { total: initial, relative_pose, ..after };
-        Solved { summary: solved.solve, before, after, closures: Vec::new(), certificate: None }
-    };
-    last.closures = solved.closures;
-    Ok(last)
-}
-
-/// Moves the poses to the chordal optimum; without a certificate where there is no time for one.
-fn certified<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-    graph: &mut PoseGraph<G, N>,
-    limits: Limits<'_>,
-) -> Result<Option<v1::ChordalCertificate>, SolveError> {
-    let begin = Instant::now();
-    match certify_within(graph, limits) {
-        Err(SolveError::Interrupted) => Ok(None),
-        Err(error) => Err(error),
-        Ok(certificate) => {
-            let seconds = begin.elapsed().as_secs_f64();
-            Ok(Some(to_chordal_certificate(&certificate, seconds)))
-        }
-    }
-}
-
-/// The last solve; its clock is set to `begin`, and what is left of the deadline is its own.
-fn last<G: ReferencePose<N>, const N: usize>(
-    graph: &mut PoseGraph<G, N>,
-    options: Options,
-    begin: Instant,
-    certificate: Option<v1::ChordalCertificate>,
-    interrupt: &Interrupt,
-) -> Result<Solved, SolveError> {
-    let before = pose_graph_cost(graph);
-    let passed = begin.elapsed();
-    let deadline = options.deadline.map(|deadline| deadline.saturating_sub(passed));
-    let options = pose_graph::Options { optimizer: Options { deadline, ..options } };
-    let mut summary = pose_graph::solve_until(graph, &options, interrupt, &mut ignore_iterations)?;
-    summary.solve_seconds += passed.as_secs_f64();
-    summary.iterations.iter_mut().for_each(|row| row.seconds += passed.as_secs_f64());
-    let after = pose_graph_cost(graph);
-    Ok(Solved { summary, before, after, closures: Vec::new(), certificate })
 }

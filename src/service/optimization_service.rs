@@ -192,7 +192,7 @@ fn to_result(outcome: &OptimizeOutcome) -> v1::OptimizeMapResult {
         constraint: Some(v1::ConstraintRef { client_id: client.clone(), id: *id }),
         switched_off: Some(to_switched_off(off)),
     });
-    let proof = outcome.proof.map(|p| to_chordal_certificate(&p.certificate, p.seconds));
+    let proof = outcome.proof.as_ref().map(to_chordal_certificate);
     v1::OptimizeMapResult {
         summary: Some(to_certificate(&outcome.certificate)),
         revision: outcome.revision,

@@ -157,7 +157,7 @@ fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
         linear_solver: args.linear_solver.into(),
         ..bundle_adjustment::Options::default()
     };
-    let mut report = Report::start(shared.json, start.elapsed())?;
+    let mut report = Report::start(shared.json, start.elapsed());
     let mut observer = |row: &optimizer::IterationSummary| report.observe(row);
     let summary = bundle_adjustment::solve(problem, &options, &mut observer).with_context(name)?;
     let details = BundleDetails {

@@ -12,17 +12,18 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::Context;
-use covis_solvers::certificate::certify;
+use covis_solvers::evaluation::ReferencePose;
 use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::RigidMotion;
-use covis_solvers::initialization::{Start, initialize};
+use covis_solvers::graph_optimization::{Judging, Optimized, Options, optimize};
+use covis_solvers::initialization::Start;
+use covis_solvers::interrupt::Interrupt;
 use covis_solvers::io::g2o::G2oGraph;
 use covis_solvers::optimizer::{
-    self, Method, SolveSummary, Termination, Tolerance, ignore_iterations,
+    self, IterationSummary, Method, SolveSummary, Termination, Tolerance,
 };
-use covis_solvers::pose_graph::{self, Options};
 use covis_solvers::problem::PoseGraph;
-use covis_solvers::robust::{self, Kernel};
+use covis_solvers::robust::Kernel;
 use serde::Serialize;
 
 use super::Shared;
@@ -191,7 +192,7 @@ struct Whole {
 }
 
 impl Run<'_> {
-    fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    fn solve<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize>(
         &self,
         graph: &mut PoseGraph<G, N>,
         diagnosis: Diagnosis,
@@ -205,123 +206,59 @@ impl Run<'_> {
             let incremental = incremental::solve(graph, self.group, diagnosis);
             return Ok(Outcome::Incremental(Box::new(incremental.with_context(|| self.name())?)));
         }
-        let mut options = Options::default();
-        options.optimizer.max_iterations = shared.max_iterations;
-        options.optimizer.threads = None;
-        options.optimizer.method = match self.args.method {
-            MethodName::Lm => Method::LevenbergMarquardt,
-            MethodName::Gn => Method::GaussNewton,
-        };
-        let mut details = GraphDetails {
-            problem: "pose-graph",
-            group: self.group,
-            method: self.args.method,
-            init: self.args.init,
-            init_seconds: None,
-            robust: None,
-            certificate: None,
-            vertices: graph.poses.len(),
-            edges: graph.edges.len(),
-            diagnosis,
-        };
         let kernel = match self.args.robust {
             RobustName::None => None,
             RobustName::GncTls => Some(Kernel::TruncatedLeastSquares),
             RobustName::GncGm => Some(Kernel::GemanMcClure),
         };
-        let (report, summary) = match kernel {
-            Some(kernel) => self.robust(graph, kernel, &options, &mut details)?,
-            None => self.plain(graph, &options, &mut details)?,
+        let judging = |kernel| {
+            let trusted = trusted(graph, &self.args.trusted).with_context(|| self.name())?;
+            let threshold = self.args.robust_threshold;
+            anyhow::Ok(Judging { kernel, threshold, trusted, switched_off: None })
         };
-        details.diagnosis.of_solution(graph).with_context(|| self.name())?;
-        Ok(Outcome::Whole(Box::new(Whole { report, summary, details })))
-    }
-
-    /// A start, and the solve from it.
-    fn plain<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-        &self,
-        graph: &mut PoseGraph<G, N>,
-        options: &Options,
-        details: &mut GraphDetails,
-    ) -> anyhow::Result<(Report, SolveSummary)> {
-        let before = self.start.elapsed();
+        let judging = kernel.map(judging).transpose()?;
         let start = match self.args.init {
             // What is to be proved is best started near itself.
-            Init::Auto if self.args.certify => Start::Chordal,
+            Init::Auto if self.args.certify && kernel.is_none() => Start::Chordal,
             init @ (Init::Given
             | Init::Odometry
             | Init::SpanningTree
             | Init::Chordal
             | Init::Auto) => Start::from(init),
         };
-        let start = initialize(graph, start, self.from_file).with_context(|| self.name())?;
-        details.init = taken(start);
-        details.init_seconds = Some((self.start.elapsed() - before).as_secs_f64());
-        if self.args.certify {
-            details.certificate = Some(self.certify(graph)?);
-        }
-        self.report(graph, options)
-    }
-
-    /// Closures judged; then, to certify, those that are kept once more from the chordal optimum.
-    fn robust<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-        &self,
-        graph: &mut PoseGraph<G, N>,
-        kernel: Kernel,
-        options: &Options,
-        details: &mut GraphDetails,
-    ) -> anyhow::Result<(Report, SolveSummary)> {
-        let robust = robust::Options {
-            threshold: self.args.robust_threshold,
-            start: Start::from(self.args.init),
-            trusted: trusted(graph, &self.args.trusted).with_context(|| self.name())?,
-            pose_graph: *options,
-            ..robust::Options::new(kernel)
+        let mut options =
+            Options { start, judging, certify: self.args.certify, ..Options::default() };
+        options.optimizer.max_iterations = shared.max_iterations;
+        options.optimizer.threads = None;
+        options.optimizer.method = match self.args.method {
+            MethodName::Lm => Method::LevenbergMarquardt,
+            MethodName::Gn => Method::GaussNewton,
         };
-        let before = self.start.elapsed();
-        let solved = robust::solve(graph, self.from_file, &robust, &mut ignore_iterations)
+        let mut report = Report::start(shared.json, self.start.elapsed());
+        let rows = &mut |row: &IterationSummary| report.observe(row);
+        let optimized = optimize(graph, self.from_file, &options, &Interrupt::NEVER, rows)
             .with_context(|| self.name())?;
-        let told = if self.args.certify {
-            let mut kept = robust::weighted(graph, &solved.closures);
-            details.certificate = Some(self.certify(&mut kept)?);
-            let told = self.report(&mut kept, options)?;
-            graph.poses = kept.poses;
-            told
-        } else {
-            let mut report = Report::start(self.args.shared.json, before)?;
-            for row in &solved.solve.iterations {
-                report.observe(row);
-            }
-            (report, solved.solve.clone())
+        let Optimized { solve: summary, start, start_seconds, judged, proof, .. } = optimized;
+        let mut details = GraphDetails {
+            problem: "pose-graph",
+            group: self.group,
+            method: self.args.method,
+            init: taken(start),
+            init_seconds: start_seconds,
+            robust: judged.map(|judged| RobustDetails::new(graph, self.args.robust, &judged)),
+            certificate: proof.map(|proof| {
+                CertificateDetails::new(&proof.certificate, graph.loss, proof.seconds)
+            }),
+            vertices: graph.poses.len(),
+            edges: graph.edges.len(),
+            diagnosis,
         };
-        details.init = taken(solved.start);
-        details.robust = Some(RobustDetails::new(graph, self.args.robust, &solved));
-        Ok(told)
-    }
-
-    /// The solve that the rows are of.
-    fn report<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-        &self,
-        graph: &mut PoseGraph<G, N>,
-        options: &Options,
-    ) -> anyhow::Result<(Report, SolveSummary)> {
-        let mut report = Report::start(self.args.shared.json, self.start.elapsed())?;
-        let solved = pose_graph::solve(graph, options, &mut |row| report.observe(row));
-        Ok((report, solved.with_context(|| self.name())?))
+        details.diagnosis.of_solution(graph).with_context(|| self.name())?;
+        Ok(Outcome::Whole(Box::new(Whole { report, summary, details })))
     }
 
     fn name(&self) -> String {
         self.args.input.display().to_string()
-    }
-
-    fn certify<G: RigidMotion<D, N>, const D: usize, const N: usize>(
-        &self,
-        graph: &mut PoseGraph<G, N>,
-    ) -> anyhow::Result<CertificateDetails> {
-        let before = Instant::now();
-        let certificate = certify(graph).with_context(|| self.name())?;
-        let seconds = before.elapsed().as_secs_f64();
-        Ok(CertificateDetails::new(&certificate, graph.loss, seconds))
     }
 }
 

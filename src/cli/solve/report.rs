@@ -38,6 +38,13 @@ struct Row {
     step_quality: f64,
 }
 
+fn head() -> String {
+    format!(
+        "{:>9}  {:>18}  {:>11}  {:>9}  {:>8}  {:>11}",
+        "iteration", "cost", "decrease", "damping", "quality", "time"
+    )
+}
+
 /// Facts about a problem that only its kind has.
 pub(super) trait Details: Serialize {
     /// Lines `name value` under the table.
@@ -54,19 +61,9 @@ pub(super) struct Report {
 }
 
 impl Report {
-    /// Starts a report; `preparation` is what passed before the solver was called. The table's
-    /// head is written at once.
-    ///
-    /// # Errors
-    /// Where standard output cannot be written to.
-    pub(super) fn start(json: bool, preparation: Duration) -> anyhow::Result<Self> {
-        if !json {
-            print(format_args!(
-                "{:>9}  {:>18}  {:>11}  {:>9}  {:>8}  {:>11}",
-                "iteration", "cost", "decrease", "damping", "quality", "time"
-            ))?;
-        }
-        Ok(Self { json, preparation, last_cost: f64::NAN, failure: None })
+    /// Starts a report; `preparation` is what passed before the solver was called.
+    pub(super) fn start(json: bool, preparation: Duration) -> Self {
+        Self { json, preparation, last_cost: f64::NAN, failure: None }
     }
 
     /// The solver's observer: writes a row of the table. Ends the solve when nobody reads.
@@ -76,7 +73,8 @@ impl Report {
         }
         let line = self.line(row);
         self.last_cost = row.cost;
-        match print(line) {
+        let head = if row.iteration == 0 { print(head()) } else { Ok(()) };
+        match head.and_then(|()| print(line)) {
             Ok(()) => Control::Continue,
             Err(error) => {
                 self.failure = Some(error);

@@ -12,7 +12,6 @@ mod retirement;
 use covis_solvers::geometry::Se3;
 use covis_solvers::loss::Loss;
 use covis_solvers::problem::{BundleProblem, PoseGraph};
-use covis_solvers::robust::{Verdict, weighted};
 
 use super::{EntityId, SwitchedOff};
 
@@ -97,12 +96,6 @@ impl GraphProblem {
     pub fn trusted(&self) -> Vec<usize> {
         let is_closure = |edge| self.closures.binary_search_by_key(&edge, |c| c.edge).is_ok();
         (0..self.graph.edges.len()).filter(|&edge| !is_closure(edge)).collect()
-    }
-
-    /// The problem with its closures at their weights in `closures`, as a solver judged them.
-    #[must_use]
-    pub fn weighted(&self, closures: &[Verdict]) -> Self {
-        Self { graph: weighted(&self.graph, closures), closures: Vec::new(), ..self.clone() }
     }
 
     /// Whether there is an edge and a pose that may move.

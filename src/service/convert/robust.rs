@@ -1,6 +1,6 @@
 //! Robustness to false loop closures, and what a solve found of them and of the chordal cost.
 
-use covis_solvers::certificate::Certificate;
+use covis_solvers::graph_optimization::Proof;
 use covis_solvers::robust::Kernel;
 
 use super::{Path, Violations, small};
@@ -44,8 +44,7 @@ pub(in crate::service) fn to_robustness(robustness: &ClosureRobustness) -> v1::C
 
 /// The message of a chordal certificate that took `seconds`.
 pub(in crate::service) fn to_chordal_certificate(
-    certificate: &Certificate,
-    seconds: f64,
+    Proof { certificate, seconds }: &Proof,
 ) -> v1::ChordalCertificate {
     v1::ChordalCertificate {
         certified: certificate.certified,
@@ -53,6 +52,6 @@ pub(in crate::service) fn to_chordal_certificate(
         gap: certificate.gap,
         min_eigenvalue: certificate.min_eigenvalue,
         lift_count: small(certificate.lifts),
-        duration_us: super::solve::microseconds(seconds),
+        duration_us: super::solve::microseconds(*seconds),
     }
 }

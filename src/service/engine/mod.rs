@@ -66,7 +66,6 @@ pub use maps::Maps;
 pub use meters::{EngineMeters, MapCounts, QueuedSolve, SolveMeters};
 pub use optimize::{OptimizeCounts, OptimizeOptions, OptimizeOutcome, OptimizeProblem};
 pub use pool::{PoolError, SolvePanicked, SolverPool, lower_priority};
-pub use pose_graph::ChordalProof;
 pub use stream::{IngestStream, ItemSender, Opened};
 pub use touched::Touched;
 pub use watch::{MapChange, Watch};

@@ -8,13 +8,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use covis_solvers::bundle_adjustment::LinearSolver;
+use covis_solvers::graph_optimization::Proof;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{self, IterationSummary};
 use tokio::sync::mpsc;
 use tracing::Span;
 
 use super::handle::Reply;
-use super::{ChordalProof, EngineError, GaugeKind, SolveCertificate};
+use super::{EngineError, GaugeKind, SolveCertificate};
 use crate::map::SwitchedOff;
 
 /// What of a map is optimized.
@@ -62,7 +63,7 @@ pub struct OptimizeOutcome {
     /// What was in the problem.
     pub counts: OptimizeCounts,
     /// What is proved of the chordal cost where the last solve started; where it was asked for.
-    pub proof: Option<ChordalProof>,
+    pub proof: Option<Proof>,
     /// Every constraint of the map that is switched off after it, by client name, then id.
     pub switched_off: Vec<(String, i64, SwitchedOff)>,
 }

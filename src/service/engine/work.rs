@@ -10,13 +10,14 @@ use std::time::Instant;
 
 use covis_solvers::bundle_adjustment::{self, LinearSolver};
 use covis_solvers::evaluation::bundle_cost;
+use covis_solvers::graph_optimization::Proof;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::optimizer::{self, Control, IterationSummary, ignore_iterations};
 use covis_solvers::price::Ceiling;
 use covis_solvers::problem::SolveError;
 use tokio::sync::mpsc;
 
-use super::pose_graph::{ChordalProof, GraphSettings, solve_graph};
+use super::pose_graph::{GraphSettings, solve_graph};
 use super::{GaugeKind, OptimizeCounts, OptimizeOptions, SolveCertificate, SolverKind};
 use crate::map::{GlobalOptions, GraphProblem, Map, MapProblem, Solved, global_problem};
 
@@ -40,7 +41,7 @@ pub(super) struct Solution {
     pub(super) moved: Moved,
     pub(super) certificate: SolveCertificate,
     pub(super) counts: OptimizeCounts,
-    pub(super) proof: Option<ChordalProof>,
+    pub(super) proof: Option<Proof>,
 }
 
 /// `Ok(None)` when there was nothing to solve.

@@ -1,0 +1,229 @@
+//! A pose graph from its start to its result: a start, loop closures judged, a proof, the last solve.
+//!
+//! The stages of [`crate::initialization`], [`crate::robust`], [`crate::certificate`] and
+//! [`crate::pose_graph`] in the order in which a service, a map and a command line want them, with one
+//! clock and one deadline. Costs are those of the evaluator. No stage is done here.
+
+use std::time::{Duration, Instant};
+
+use crate::certificate::{Certificate, certify_within};
+use crate::evaluation::{CostReport, FactorCost, ReferencePose, pose_graph_cost};
+use crate::geometry::RigidMotion;
+use crate::initialization::{Start, initialize, initialize_within};
+use crate::interrupt::Interrupt;
+use crate::optimizer::{self, IterationSummary, Observer, SolveSummary, ignore_iterations};
+use crate::pose_graph;
+use crate::price::Limits;
+use crate::problem::{PoseGraph, SolveError};
+use crate::robust::{self, Kernel, RobustSummary};
+
+/// Which stages a graph goes through.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Options {
+    /// Where the poses come from that the first solve starts with. What [`Judging::switched_off`]
+    /// continues starts from the given ones.
+    pub start: Start,
+    /// How loop closures are judged; `None` takes all edges for true.
+    pub judging: Option<Judging>,
+    /// Whether the last solve starts at the optimum of the chordal objective, which is proved.
+    pub certify: bool,
+    /// Of each solve; the deadline is that of all together.
+    pub optimizer: optimizer::Options,
+}
+
+/// How loop closures are judged; see [`crate::robust`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Judging {
+    /// How weights follow from residuals.
+    pub kernel: Kernel,
+    /// The largest χ² of a true closure; `None` takes the 99 % quantile for its dimension.
+    pub threshold: Option<f64>,
+    /// Edges that are trusted although their ids are not consecutive, rising.
+    pub trusted: Vec<usize>,
+    /// The edges that were found false before, rising, where the poses fit all but what is new
+    /// ([`robust::update`]); `None` judges all from the start ([`robust::solve`]).
+    pub switched_off: Option<Vec<usize>>,
+}
+
+/// What is proved of the chordal optimum where the last solve started.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Proof {
+    /// The proof.
+    pub certificate: Certificate,
+    /// How long it took.
+    pub seconds: f64,
+}
+
+/// What [`optimize`] leaves besides the poses.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Optimized {
+    /// The last solve; its times count from the beginning of all.
+    pub solve: SolveSummary,
+    /// The start taken, never [`Start::Auto`].
+    pub start: Start,
+    /// How long the start took, where it was a stage of its own.
+    pub start_seconds: Option<f64>,
+    /// Costs where the last solve started and ended, of the edges at their weights.
+    pub before: CostReport,
+    /// See `before`.
+    pub after: CostReport,
+    /// The verdicts, with χ² at the result.
+    pub judged: Option<RobustSummary>,
+    /// `None` without [`Options::certify`], and where there was no time for a proof.
+    pub proof: Option<Proof>,
+}
+
+/// Optimizes `graph` in place until `interrupt` is due; the best state by then is the answer.
+///
+/// `has_poses` is whether the graph came with poses. Without a constant pose the lowest id is held.
+/// `observer` sees the rows of the last solve; those of a robust solve once it has ended.
+///
+/// # Errors
+/// Those of [`pose_graph::solve`], [`initialize`], [`robust::solve`] and
+/// [`crate::certificate::certify`].
+pub fn optimize<G, const D: usize, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    has_poses: bool,
+    options: &Options,
+    interrupt: &Interrupt,
+    observer: &mut Observer<'_>,
+) -> Result<Optimized, SolveError>
+where
+    G: ReferencePose<N> + RigidMotion<D, N>,
+{
+    let run = Run { begin: Instant::now(), options, interrupt };
+    if !graph.constant.contains(&true) {
+        graph.fix_lowest_id();
+    }
+    match &options.judging {
+        None => run.plain(graph, has_poses, observer),
+        Some(judging) => run.judged(graph, has_poses, judging, observer),
+    }
+}
+
+struct Run<'a> {
+    begin: Instant,
+    options: &'a Options,
+    interrupt: &'a Interrupt,
+}
+
+impl Run<'_> {
+    fn limits(&self) -> Limits<'_> {
+        Limits { ceiling: self.options.optimizer.ceiling, interrupt: self.interrupt }
+    }
+
+    fn plain<G, const D: usize, const N: usize>(
+        &self,
+        graph: &mut PoseGraph<G, N>,
+        has_poses: bool,
+        observer: &mut Observer<'_>,
+    ) -> Result<Optimized, SolveError>
+    where
+        G: ReferencePose<N> + RigidMotion<D, N>,
+    {
+        let start = match initialize_within(graph, self.options.start, has_poses, self.limits()) {
+            Err(SolveError::Interrupted) => {
+                // The start that is asked for takes longer than there is time: one that is at hand.
+                let at_hand = if has_poses { Start::Given } else { Start::Odometry };
+                initialize(graph, at_hand, has_poses)?
+            }
+            other => other?,
+        };
+        let start_seconds = Some(self.begin.elapsed().as_secs_f64());
+        let proof = self.prove(graph)?;
+        let (solve, before) = self.last(graph, observer)?;
+        let after = pose_graph_cost(graph);
+        Ok(Optimized { solve, start, start_seconds, before, after, judged: None, proof })
+    }
+
+    fn judged<G, const D: usize, const N: usize>(
+        &self,
+        graph: &mut PoseGraph<G, N>,
+        has_poses: bool,
+        judging: &Judging,
+        observer: &mut Observer<'_>,
+    ) -> Result<Optimized, SolveError>
+    where
+        G: ReferencePose<N> + RigidMotion<D, N>,
+    {
+        let robust = robust::Options {
+            kernel: judging.kernel,
+            threshold: judging.threshold,
+            start: self.options.start,
+            trusted: judging.trusted.clone(),
+            pose_graph: pose_graph::Options { optimizer: self.options.optimizer },
+        };
+        let rows = &mut ignore_iterations;
+        let mut judged = match &judging.switched_off {
+            Some(off) => robust::update_until(graph, off, &robust, self.interrupt, rows)?,
+            None => robust::solve_until(graph, has_poses, &robust, self.interrupt, rows)?,
+        };
+        let mut kept = robust::weighted(graph, &judged.closures);
+        let (solve, before, after, proof) = if self.options.certify {
+            let proof = self.prove(&mut kept)?;
+            let (solve, before) = self.last(&mut kept, observer)?;
+            let after = pose_graph_cost(&kept);
+            graph.poses = kept.poses;
+            for verdict in &mut judged.closures {
+                let edge = &graph.edges[verdict.edge];
+                verdict.chi2 = edge.chi2(&graph.poses[edge.i], &graph.poses[edge.j]);
+            }
+            (solve, before, after, proof)
+        } else {
+            for row in &judged.solve.iterations {
+                // It has ended: there is nothing to cancel.
+                let _control = observer(row);
+            }
+            let after = pose_graph_cost(&kept);
+            // The poses of its start are gone, but its cost is known, and it is of one kind.
+            let initial = judged.solve.initial_cost;
+            let relative_pose = FactorCost { cost: initial, ..after.relative_pose };
+            let before = CostReport { total: initial, relative_pose, ..after };
+            (judged.solve.clone(), before, after, None)
+        };
+        let (start, judged) = (judged.start, Some(judged));
+        Ok(Optimized { solve, start, start_seconds: None, before, after, judged, proof })
+    }
+
+    /// Moves the poses to the chordal optimum, where that is asked for and there is time.
+    fn prove<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+        &self,
+        graph: &mut PoseGraph<G, N>,
+    ) -> Result<Option<Proof>, SolveError> {
+        if !self.options.certify {
+            return Ok(None);
+        }
+        let begin = Instant::now();
+        match certify_within(graph, self.limits()) {
+            Err(SolveError::Interrupted) => Ok(None),
+            certified => {
+                let certificate = certified?;
+                Ok(Some(Proof { certificate, seconds: begin.elapsed().as_secs_f64() }))
+            }
+        }
+    }
+
+    /// The last solve, on the clock of all, with the costs of its start; what is left of the deadline
+    /// is its own.
+    fn last<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize>(
+        &self,
+        graph: &mut PoseGraph<G, N>,
+        observer: &mut Observer<'_>,
+    ) -> Result<(SolveSummary, CostReport), SolveError> {
+        let before = pose_graph_cost(graph);
+        let passed = self.begin.elapsed();
+        let left = |deadline: Duration| deadline.saturating_sub(passed);
+        let mut optimizer = self.options.optimizer;
+        optimizer.deadline = optimizer.deadline.map(left);
+        let later = |row: &IterationSummary| IterationSummary {
+            seconds: row.seconds + passed.as_secs_f64(),
+            ..*row
+        };
+        let options = pose_graph::Options { optimizer };
+        let mut rows = |row: &IterationSummary| observer(&later(row));
+        let mut solve = pose_graph::solve_until(graph, &options, self.interrupt, &mut rows)?;
+        solve.solve_seconds += passed.as_secs_f64();
+        solve.iterations.iter_mut().for_each(|row| *row = later(row));
+        Ok((solve, before))
+    }
+}
