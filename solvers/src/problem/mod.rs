@@ -5,10 +5,12 @@
 //! unsolvable as posed; how to solve it stands on higher floors.
 
 mod bundle;
+mod disjoint_sets;
 mod error;
 mod observations;
 mod pose_graph;
 
 pub use bundle::BundleProblem;
+pub use disjoint_sets::DisjointSets;
 pub use error::SolveError;
 pub use pose_graph::{Piece, PoseGraph};

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use super::SolveError;
+use super::{DisjointSets, SolveError};
 use crate::factors::RelativePose;
 use crate::geometry::LieGroup;
 use crate::loss::Loss;
@@ -141,23 +141,17 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
     /// other edges may determine it or may leave a direction open.
     #[must_use]
     pub fn is_rigid(&self) -> bool {
-        let mut parent: Vec<usize> = (0..self.poses.len()).collect();
-        let mut pieces = self.poses.len();
-        let mut constant = (0..self.poses.len()).filter(|&pose| self.constant[pose]);
-        if let Some(first) = constant.next() {
-            for pose in constant {
-                parent[pose] = first;
-                pieces -= 1;
-            }
-        }
+        let mut sets = DisjointSets::new(self.poses.len());
+        let constant = (0..self.poses.len()).filter(|&pose| self.constant[pose]);
+        let mut pieces = self.poses.len() - constant.clone().count().saturating_sub(1);
+        sets.join_all(constant);
         for edge in &self.edges {
             if pieces <= 1 {
                 break;
             }
-            let (i, j) = (root(&mut parent, edge.i), root(&mut parent, edge.j));
             // Only an edge that would join two pieces is looked at: a spanning tree of them.
-            if i != j && edge.information.is_definite() {
-                parent[i.max(j)] = i.min(j);
+            if sets.root(edge.i) != sets.root(edge.j) && edge.information.is_definite() {
+                sets.join(edge.i, edge.j);
                 pieces -= 1;
             }
         }
@@ -167,22 +161,14 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
     /// The connected components, the one with the lowest id first. Constant poses hang together.
     #[must_use]
     pub fn pieces(&self) -> Vec<Piece> {
-        let mut parent: Vec<usize> = (0..self.poses.len()).collect();
-        let mut join = |a: usize, b: usize| {
-            let (a, b) = (root(&mut parent, a), root(&mut parent, b));
-            parent[a.max(b)] = a.min(b);
-        };
+        let mut sets = DisjointSets::new(self.poses.len());
         for edge in &self.edges {
-            join(edge.i, edge.j);
+            sets.join(edge.i, edge.j);
         }
-        if let Some(first) = self.constant.iter().position(|&c| c) {
-            for (index, _) in self.constant.iter().enumerate().filter(|&(_, &c)| c) {
-                join(first, index);
-            }
-        }
+        sets.join_all((0..self.poses.len()).filter(|&pose| self.constant[pose]));
         let mut pieces: BTreeMap<usize, Piece> = BTreeMap::new();
         for (index, &id) in self.ids.iter().enumerate() {
-            let piece = pieces.entry(root(&mut parent, index)).or_insert(Piece {
+            let piece = pieces.entry(sets.root(index)).or_insert(Piece {
                 lowest_id: id,
                 highest_id: id,
                 size: 0,
@@ -201,13 +187,4 @@ impl<G: LieGroup<N>, const N: usize> Default for PoseGraph<G, N> {
     fn default() -> Self {
         Self::new()
     }
-}
-
-/// The root of `index` in a union-find forest, halving paths on the way.
-fn root(parent: &mut [usize], mut index: usize) -> usize {
-    while parent[index] != index {
-        parent[index] = parent[parent[index]];
-        index = parent[index];
-    }
-    index
 }

@@ -24,7 +24,7 @@ use crate::interrupt::Interrupt;
 use crate::optimizer::{self, Observer, SolveSummary, Termination, with_threads};
 use crate::pose_graph;
 use crate::price::{Limits, Price};
-use crate::problem::{PoseGraph, SolveError};
+use crate::problem::{DisjointSets, PoseGraph, SolveError};
 
 /// Rounds of judging all closures after the weights have settled.
 const MAX_JUDGMENTS: usize = 20;
@@ -198,7 +198,9 @@ fn at_weights<G: LieGroup<N>, const N: usize>(
         edges: Vec::with_capacity(graph.edges.len()),
         loss: graph.loss,
     };
-    let mut pieces = Pieces::new(&copy.constant);
+    let mut pieces = DisjointSets::new(copy.poses.len());
+    // Poses that are held hang together.
+    pieces.join_all((0..copy.poses.len()).filter(|&pose| copy.constant[pose]));
     for (edge, &weight) in graph.edges.iter().zip(&weights) {
         if weight > 0.0 {
             pieces.join(edge.i, edge.j);
@@ -412,38 +414,6 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
             is_switched_off: chi2[k] > self.threshold || chi2[k].is_nan(),
         };
         self.closures.iter().enumerate().map(verdict).collect()
-    }
-}
-
-/// Which poses hang together.
-struct Pieces {
-    parents: Vec<usize>,
-}
-
-impl Pieces {
-    /// Poses that are held hang together.
-    fn new(constant: &[bool]) -> Self {
-        let mut pieces = Self { parents: (0..constant.len()).collect() };
-        let held: Vec<usize> = (0..constant.len()).filter(|&i| constant[i]).collect();
-        for pair in held.windows(2) {
-            pieces.join(pair[0], pair[1]);
-        }
-        pieces
-    }
-
-    fn root(&mut self, mut i: usize) -> usize {
-        while self.parents[i] != i {
-            self.parents[i] = self.parents[self.parents[i]];
-            i = self.parents[i];
-        }
-        i
-    }
-
-    /// Ties two poses; whether they were apart before.
-    fn join(&mut self, i: usize, j: usize) -> bool {
-        let (a, b) = (self.root(i), self.root(j));
-        self.parents[a.max(b)] = a.min(b);
-        a != b
     }
 }
 

@@ -10,9 +10,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use covis_solvers::factors::{DepthReprojection, PosePrior, PositionPrior, RelativePose};
 use covis_solvers::loss::Loss;
-use covis_solvers::problem::BundleProblem;
+use covis_solvers::problem::{BundleProblem, DisjointSets};
 
-use super::pieces::Pieces;
 use super::{GlobalOptions, MapProblem};
 use crate::map::window::is_usable;
 use crate::map::{Depth, EntityId, Keyframe, Map, Prior, Window};
@@ -94,7 +93,7 @@ impl<'a> Builder<'a> {
 
     /// Holds the lowest keyframe of each piece; see [`global_problem`].
     fn fix_pieces(&mut self) {
-        let mut pieces = Pieces::new(self.keyframes.len());
+        let mut pieces = DisjointSets::new(self.keyframes.len());
         for id in self.landmark_of.keys() {
             let Some(landmark) = self.map.landmarks().get(id) else { continue };
             for pair in landmark.observers.windows(2) {
@@ -117,7 +116,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn join(&self, pieces: &mut Pieces, a: EntityId, b: EntityId) {
+    fn join(&self, pieces: &mut DisjointSets, a: EntityId, b: EntityId) {
         if let (Some(&a), Some(&b)) = (self.pose_of.get(&a), self.pose_of.get(&b)) {
             pieces.join(a, b);
         }

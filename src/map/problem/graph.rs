@@ -16,10 +16,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Information;
-use covis_solvers::problem::PoseGraph;
+use covis_solvers::problem::{DisjointSets, PoseGraph};
 use nalgebra::Vector6;
 
-use super::pieces::Pieces;
 use super::{ClosureEdge, GraphProblem};
 use crate::map::{ClientIndex, ConstraintKind, EntityId, Map};
 
@@ -67,8 +66,8 @@ pub fn loop_problem(map: &Map) -> GraphProblem {
             graph.edges.push(RelativePose { i, j, i_from_j, information });
         }
     }
-    let mut pieces = Pieces::new(keyframes.len());
-    graph.edges.iter().for_each(|edge| pieces.join(edge.i, edge.j));
+    let mut pieces = DisjointSets::new(keyframes.len());
+    graph.edges.iter().for_each(|edge| _ = pieces.join(edge.i, edge.j));
     for root in pieces.roots() {
         graph.constant[root] = true;
     }

@@ -6,7 +6,6 @@
 
 mod bundle;
 mod graph;
-mod pieces;
 mod retirement;
 
 use covis_solvers::geometry::Se3;
