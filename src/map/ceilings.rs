@@ -311,7 +311,21 @@ impl Map {
             Change::ObservationsAdded { observations, .. } => {
                 NEW_ITEM + by_observations(observations)
             }
-            other => self.growth(other),
+            Change::Created { .. }
+            | Change::ClientOpened { .. }
+            | Change::CameraSet { .. }
+            | Change::ConstraintAdded { .. }
+            | Change::PriorAdded { .. }
+            | Change::LandmarksTriangulated { .. }
+            | Change::SolveApplied { .. }
+            | Change::ObservationsRemoved { .. }
+            | Change::LandmarksFused { .. }
+            | Change::LandmarksRemoved { .. }
+            | Change::KeyframeRemoved { .. }
+            | Change::KeyframeRetired { .. }
+            | Change::ConstraintRevoked { .. }
+            | Change::ItemRepeated
+            | Change::PolicySet { .. } => self.growth(change),
         }
     }
 

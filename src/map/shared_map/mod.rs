@@ -22,12 +22,13 @@ const BRANCH: usize = 64;
 /// Parts of one level in order. Each stands under a key that is not above its first and is above the
 /// last of the part before it; none is empty.
 type Parts<K, T> = Vec<(K, Arc<Vec<T>>)>;
-type Leaves<K, V> = Parts<K, (K, V)>;
+type Leaf<K, V> = Arc<Vec<(K, V)>>;
+type Leaves<K, V> = Vec<(K, Leaf<K, V>)>;
 
 /// The map.
 #[derive(Clone)]
 pub struct SharedMap<K, V> {
-    branches: Parts<K, (K, Arc<Vec<(K, V)>>)>,
+    branches: Vec<(K, Arc<Leaves<K, V>>)>,
     len: usize,
 }
 
@@ -332,7 +333,7 @@ impl<K, V> ExactSizeIterator for Iter<'_, K, V> {}
 #[derive(Debug)]
 struct Entries<'a, K, V> {
     branches: slice::Iter<'a, (K, Arc<Leaves<K, V>>)>,
-    leaves: slice::Iter<'a, (K, Arc<Vec<(K, V)>>)>,
+    leaves: slice::Iter<'a, (K, Leaf<K, V>)>,
     leaf: slice::Iter<'a, (K, V)>,
 }
 
