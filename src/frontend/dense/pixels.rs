@@ -82,7 +82,7 @@ impl Scratches {
         Self { width, spare: Mutex::default() }
     }
 
-    /// One that nobody has.
+    /// Takes a free scratch buffer from the pool, or makes one.
     pub(super) fn borrow(&self) -> Borrowed<'_> {
         let spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
         Borrowed { scratch: spare.unwrap_or_else(|| Scratch::new(self.width)), home: self }

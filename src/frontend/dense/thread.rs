@@ -20,7 +20,7 @@ use super::paged::PagedVolume;
 /// frames may take longer than a camera's period for a second; tracking waits for none of them.
 const QUEUE: usize = 16;
 
-/// What dense mapping is told.
+/// A message to the thread of dense mapping.
 enum Message {
     /// A frame, and where its keyframe stands.
     Frame(Box<TiedFrame>, Se3),
@@ -118,7 +118,7 @@ fn work(
         }
     }
     mapper.finish(&mut |again, all| {
-        // Nobody listens any more where whoever waited has gone.
+        // The receiver is gone when the caller has stopped waiting.
         let _gone = progress.send((again, all));
     })?;
     let rebuilt = mapper.rebuilt();

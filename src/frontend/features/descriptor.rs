@@ -198,7 +198,7 @@ fn upright_pairs() -> Vec<[f64; 4]> {
     pairs
 }
 
-/// Rows, then columns; the rim's pixels go on outside.
+/// Smooths rows, then columns. Outside the image the border pixels are repeated.
 fn smooth(image: &Image<u8>) -> Image<u16> {
     const REACH: usize = SMOOTHING.len() / 2;
     let (width, height) = image.size();

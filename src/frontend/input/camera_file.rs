@@ -61,7 +61,7 @@ pub(super) struct CameraChoice {
     pub(super) origin: CameraOrigin,
 }
 
-/// What holds where nobody gave a camera.
+/// The camera that is assumed where no file gives one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Fallback {
     /// A TUM set by the folder's name, else its fr1.

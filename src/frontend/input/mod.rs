@@ -58,7 +58,7 @@ pub trait FrameSource: Send {
 pub struct OpenFolder {
     /// Its frames.
     pub source: Box<dyn FrameSource>,
-    /// Where the camera came from; whoever runs warns where it was assumed.
+    /// Where the camera came from. The command line warns where it was assumed.
     pub camera_origin: CameraOrigin,
     /// Color images that no depth image is near enough in time; they are no frames.
     pub without_depth: usize,

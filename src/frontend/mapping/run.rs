@@ -4,7 +4,7 @@
 //! The paper's four threads: tracking is here, dense mapping is handed what tracking leaves
 //! ([`DenseThread`]), local mapping and loop closing are the server's. In lock-step, so that a run
 //! repeats to the digit. Frames are decoded ahead on a thread of their own; a frame that cannot be
-//! read is told and passed over.
+//! read is reported and skipped.
 
 use std::sync::mpsc;
 use std::time::Instant;

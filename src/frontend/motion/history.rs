@@ -431,7 +431,7 @@ mod tests {
         assert_eq!(say(view(100.0, 1.5)), Votes { moves: 10.0, stands: 0.0 });
         assert_eq!(say(view(100.0, 1.98)), Votes { moves: 0.0, stands: 5.0 });
         assert_eq!(say(view(140.0, 2.02)), Votes { moves: 10.0, stands: 0.0 });
-        // Hidden by the wall, or without depth: nobody knows.
+        // Hidden by the wall, or without depth: no vote.
         assert_eq!(say(view(100.0, 2.5)), Votes::default());
         assert_eq!(say(view(100.0, 0.0)), Votes::default());
         // Too bright to tell.

@@ -59,13 +59,13 @@ const MOST_COASTED: usize = 5;
 const COASTING_RESIDUAL: f32 = 25.0;
 /// Landmarks that the first keyframe needs.
 const LEAST_LANDMARKS: usize = 50;
-/// A mask that leaves fewer pixels than this share is not obeyed.
+/// A mask that leaves a smaller share of the pixels than this is ignored.
 const LEAST_STILL_SHARE: f64 = 0.25;
-/// A keyframe this long ago says what was free space then, seconds.
+/// Free space is looked up in keyframes that are at least this old, seconds.
 const NEIGHBOR_AGE_S: f64 = 0.7;
-/// Keyframes that are asked, and how far apart in time they are, seconds.
+/// How many such keyframes are looked up, and the time between them, seconds.
 const NEIGHBORS: (usize, f64) = (4, 0.5);
-/// How far a keyframe may be turned (rad, and per meter of distance) and still be asked.
+/// Largest rotation to such a keyframe, rad, and how many rad a meter of distance counts as.
 const NEIGHBOR_REACH: (f64, f64) = (0.5, 0.3);
 
 /// Options of all stages.

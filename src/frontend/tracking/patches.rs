@@ -169,7 +169,7 @@ impl<const N: usize> Squares<N> {
     }
 }
 
-/// What the reference tells of some points on one level.
+/// Reference intensities and Jacobians of up to [`LANES`] points on one pyramid level.
 #[derive(Clone, Debug)]
 struct Batch {
     points: Vec<usize>,

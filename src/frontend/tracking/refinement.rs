@@ -1,8 +1,9 @@
 //! D. The pose that explains the static matches best (the paper's equation 8, with depth).
 //!
-//! Robust first, then once more without what does not fit. Landmarks count the more the more frames
-//! they fitted; until then those near to each other share their doubt, for they may move together:
-//! where nothing is known yet, each part of the image has the same say, and not each corner.
+//! A robust solve first, then one more without the outliers. A landmark's weight rises with the number
+//! of frames that it fitted. New landmarks in the same part of the image share one weight, because
+//! they may belong to one moving object: each part of the image counts the same, however many corners
+//! it has.
 //! Gives the pose, its information, and which matches are inliers.
 
 use std::collections::BTreeMap;

@@ -16,11 +16,11 @@ use crate::frontend::image::Image;
 
 /// Distance of the points on the grid, pixels.
 const GRID: usize = 16;
-/// How far the neighbors are by which a normal is told, pixels.
+/// Distance of the neighbors from which a normal is computed, pixels.
 const REACH: usize = 5;
 /// Depths that differ by less than this, and three standard deviations, are of one surface, meters.
 const SAME_M: f64 = 0.01;
-/// Fewer points that are measured in both frames say nothing.
+/// With fewer points that are measured in both frames there is no estimate.
 const LEAST_MEASURED: usize = 60;
 
 /// The surfaces that a frame shows.

@@ -219,7 +219,7 @@ impl Fit<'_> {
         twice.map_or(Ok(()), |pair| self.absent(false, EntityKind::Observation, pair[0].0))
     }
 
-    /// What a keyframe without camera must.
+    /// A keyframe without a camera must not have observations.
     fn sees_nothing(&self, keyframe: EntityId, observations: &[Observation]) -> Outcome {
         let revision = self.revision;
         let holds = observations.is_empty();
