@@ -20,7 +20,7 @@ const LEAF: usize = 32;
 const BRANCH: usize = 64;
 
 /// Parts of one level in order. Each stands under a key that is not above its first and is above the
-/// last of the part before it; none is empty.
+/// last of the part before it; none is empty. A branch stands under the key of its first leaf.
 type Parts<K, T> = Vec<(K, Arc<Vec<T>>)>;
 type Leaf<K, V> = Arc<Vec<(K, V)>>;
 type Leaves<K, V> = Vec<(K, Leaf<K, V>)>;
@@ -229,7 +229,12 @@ impl<K: Ord + Copy, V: Clone> SharedMap<K, V> {
         let (_, value) = Arc::make_mut(&mut leaves[leaf].1).remove(at);
         let before = leaves.len();
         join_few(leaves, leaf, LEAF);
-        if leaves.len() < before {
+        let (left, first) = (leaves.len(), leaves.first().map(|(first, _)| *first));
+        if left < before {
+            // With its first leaf gone, the keys below the next belong to the branch before.
+            if let Some(first) = first {
+                self.branches[branch].0 = first;
+            }
             join_few(&mut self.branches, branch, BRANCH);
         }
         Some(value)

@@ -28,7 +28,7 @@ fn check(map: &SharedMap<i64, i64>) {
     let mut last = None;
     for (branch, leaves) in &map.branches {
         assert!((1..=BRANCH).contains(&leaves.len()));
-        assert!(last.is_none_or(|last| last < *branch) && *branch <= leaves[0].0);
+        assert!(last.is_none_or(|last| last < *branch) && *branch == leaves[0].0);
         for (place, leaf) in leaves.iter() {
             assert!((1..=LEAF).contains(&leaf.len()));
             assert!(last.is_none_or(|last| last < *place) && *place <= leaf[0].0);
@@ -71,6 +71,22 @@ fn what_is_left_of_many_entries_takes_few_leaves() {
     assert!(branches <= leaves.div_ceil(BRANCH / 4), "{branches} branches of {leaves} leaves");
 }
 
+#[test]
+fn keys_between_two_branches_are_found_where_they_belong() {
+    let mut map: SharedMap<i64, i64> = (0..5000).map(|key| (key, key)).collect();
+    // The first leaf of the second branch goes.
+    let second = map.branches[1].0;
+    for key in second..second + LEAF as i64 {
+        map.remove(&key);
+    }
+    check(&map);
+    assert_eq!(map.range(second + 2..=second + 12).count(), 0);
+    assert_eq!(map.insert(second + 2, -1), None);
+    check(&map);
+    assert_eq!((map.get(&5), map.get(&(second + 2))), (Some(&5), Some(&-1)));
+    assert!(map.iter().is_sorted_by_key(|(key, _)| *key));
+}
+
 proptest! {
     #[test]
     fn it_answers_as_a_btree_map_does(
@@ -108,6 +124,36 @@ proptest! {
             for key in -150..150 {
                 prop_assert_eq!(map.get(&key), model.get(&key));
             }
+        }
+    }
+
+    #[test]
+    fn it_answers_so_with_many_branches_too(
+        runs in proptest::collection::vec((0..3_u8, 0..9000_i64, 1..900_i64), 1..40),
+        asked in proptest::collection::vec((0..10_000_i64, 0..200_i64), 20),
+    ) {
+        let mut model: BTreeMap<i64, i64> = (0..6000).map(|key| (key, key)).collect();
+        let mut map: SharedMap<i64, i64> = model.iter().map(|(&key, &value)| (key, value)).collect();
+        for (what, first, count) in runs {
+            for key in first..first + count {
+                match what {
+                    // Whole leaves and branches go.
+                    0 => prop_assert_eq!(map.remove(&key), model.remove(&key)),
+                    1 => prop_assert_eq!(map.insert(key, first), model.insert(key, first)),
+                    // Falling keys meet gaps from above.
+                    _ => {
+                        let key = 2 * first - key + count;
+                        prop_assert_eq!(map.insert(key, count), model.insert(key, count));
+                    }
+                }
+            }
+            check(&map);
+        }
+        prop_assert!(map.iter().eq(model.iter()));
+        for (first, length) in asked {
+            let keys = first..=first + length;
+            prop_assert!(map.range(keys.clone()).eq(model.range(keys)));
+            prop_assert_eq!(map.get(&first), model.get(&first));
         }
     }
 }
