@@ -230,6 +230,16 @@ impl<'a, const D: usize> Linear<'a, D> {
             | LinearError::OutOfMemory { .. } => from_linear(error, D * self.poses.len()),
         })
     }
+
+    /// Solves in place with the last factor.
+    fn solve(&mut self, right: &mut [f64]) -> Result<(), SolveError> {
+        self.factor.solve(right);
+        match self.interrupt.is_due() {
+            // What is there may be a part of a solution.
+            true => Err(SolveError::Interrupted),
+            false => Ok(()),
+        }
+    }
 }
 
 /// Matrices near the rotations of the poses that move, in row order.
@@ -273,7 +283,7 @@ fn relaxed_rotations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         }
     }
     system.factor(&graph.ids, "rotation of pose")?;
-    right.iter_mut().for_each(|right| system.factor.solve(right));
+    right.iter_mut().try_for_each(|right| system.solve(right))?;
     let matrix = |row: usize| SMatrix::from_fn(|r, c| right[r][D * row + c]);
     Ok((0..rows.poses.len()).map(matrix).collect())
 }
@@ -317,6 +327,6 @@ fn translations<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         }
     }
     system.factor(&graph.ids, "position of pose")?;
-    system.factor.solve(&mut right);
+    system.solve(&mut right)?;
     Ok(right.chunks_exact(D).map(SVector::from_column_slice).collect())
 }

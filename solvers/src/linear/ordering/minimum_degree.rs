@@ -5,6 +5,7 @@
 //! neighbor's list never grows and everything happens in place.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
@@ -22,22 +23,38 @@ const LONG: usize = 50_000;
 /// How often a wait for an order asks whether it must end.
 const QUESTION_EVERY: Duration = Duration::from_millis(5);
 
+/// Orders that nobody waits for any more and that are still computed. With this many of them nobody
+/// leaves another one behind.
+const MOST_ABANDONED: usize = 4;
+static ABANDONED: AtomicUsize = AtomicUsize::new(0);
+
+/// States of an order on a thread of its own.
+const RUNNING: u8 = 0;
+const ENDED: u8 = 1;
+const LEFT: u8 = 2;
+
 /// The order, or `None` for want of memory or of index range.
 pub(super) fn minimum_degree(graph: &Graph) -> Option<Vec<u32>> {
     reduced(graph, approximate)
 }
 
 /// The same; `None` once `interrupt` is due as well. faer's AMD asks nobody: of a graph where it may
-/// take long it runs on a thread of its own, which is left to itself then.
+/// take long it runs on a thread of its own, which is left to itself then. A few at most are: where
+/// more were left behind, the order is waited for.
 pub(super) fn minimum_degree_until(graph: &Arc<Graph>, interrupt: &Interrupt) -> Option<Vec<u32>> {
     if interrupt.is_never() || graph.neighbors.len() < LONG {
         return minimum_degree(graph);
     }
     let (reply, answer) = mpsc::channel();
-    let for_thread = Arc::clone(graph);
+    let state = Arc::new(AtomicU8::new(RUNNING));
+    let (for_thread, state_of_thread) = (Arc::clone(graph), Arc::clone(&state));
     let work = move || {
+        let order = minimum_degree(&for_thread);
+        if state_of_thread.swap(ENDED, Ordering::AcqRel) == LEFT {
+            ABANDONED.fetch_sub(1, Ordering::AcqRel);
+        }
         // Nobody may wait for it any more.
-        let _unread = reply.send(minimum_degree(&for_thread));
+        let _unread = reply.send(order);
     };
     if thread::Builder::new().name("covis-ordering".to_owned()).spawn(work).is_err() {
         return minimum_degree(graph);
@@ -46,10 +63,25 @@ pub(super) fn minimum_degree_until(graph: &Arc<Graph>, interrupt: &Interrupt) ->
         match answer.recv_timeout(QUESTION_EVERY) {
             Ok(order) => return order,
             Err(RecvTimeoutError::Disconnected) => return None,
-            Err(RecvTimeoutError::Timeout) if interrupt.is_due() => return None,
+            Err(RecvTimeoutError::Timeout) if interrupt.is_due() && may_leave(&state) => {
+                return None;
+            }
             Err(RecvTimeoutError::Timeout) => {}
         }
     }
+}
+
+/// Leaves an order to itself, where that may be.
+fn may_leave(state: &AtomicU8) -> bool {
+    let one_more = |abandoned: usize| (abandoned < MOST_ABANDONED).then_some(abandoned + 1);
+    if ABANDONED.fetch_update(Ordering::AcqRel, Ordering::Acquire, one_more).is_err() {
+        return false;
+    }
+    if state.swap(LEFT, Ordering::AcqRel) == ENDED {
+        // It ended just now.
+        ABANDONED.fetch_sub(1, Ordering::AcqRel);
+    }
+    true
 }
 
 /// The reduction, then `order_core` on what is left.
