@@ -225,8 +225,9 @@ const KEYFRAME: u64 = entry(size_of::<Keyframe>()) + entry(size_of::<Digest>()) 
 const LANDMARK: u64 = entry(size_of::<Landmark>());
 /// A landmark that nobody sees stands in a list of its own.
 const UNSEEN: u64 = entry(size_of::<i64>());
-/// Also stands in its landmark's list of observers, which may be twice as long as it needs.
-const OBSERVATION: u64 = (size_of::<Observation>() + 2 * size_of::<EntityId>()) as u64;
+/// Also stands in its landmark's list of observers, which may be twice as long as it needs, and in the
+/// index of its keyframe.
+const OBSERVATION: u64 = (size_of::<Observation>() + 2 * size_of::<EntityId>() + 4) as u64;
 /// In the index of its keyframe.
 const TIE: u64 = entry(size_of::<EntityId>());
 const CONSTRAINT: u64 = entry(size_of::<Constraint>()) + entry(size_of::<Digest>()) + 2 * TIE;

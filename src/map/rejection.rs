@@ -55,7 +55,7 @@ pub struct FieldViolation {
 /// An item that was refused and changed nothing.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct Rejection {
-    /// What is wrong, in the order of the item's fields; at most 32 are told.
+    /// What is wrong; at most 32 are told.
     pub violations: Vec<FieldViolation>,
 }
 

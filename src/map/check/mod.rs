@@ -316,8 +316,10 @@ impl Check<'_> {
     fn landmarks(&mut self, path: &str, sent: &[super::ItemLandmark]) -> Vec<NewLandmark> {
         let mut ids: Vec<_> = sent.iter().enumerate().map(|(index, l)| (l.id, index)).collect();
         ids.sort_unstable();
-        for pair in ids.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
-            let (id, index) = pair[1];
+        let twice = ids.windows(2).filter(|pair| pair[0].0 == pair[1].0);
+        let mut twice: Vec<_> = twice.map(|pair| (pair[1].1, pair[1].0)).collect();
+        twice.sort_unstable();
+        for (index, id) in twice {
             let text = format!("landmark {id} occurs twice");
             self.fields.add(format_args!("{path}[{index}].id"), Reason::Duplicate, text);
         }

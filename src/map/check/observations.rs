@@ -71,14 +71,13 @@ impl Check<'_> {
             observations.push(observation);
         }
         keys.sort_unstable();
-        for pair in keys.windows(2) {
-            if let [(before, _), ((landmark, pixel), Some(index))] = pair
-                && *before == (*landmark, *pixel)
-            {
-                let text = format!("landmark {} is observed twice at this pixel", landmark.id);
-                let at = format_args!("{path}[{index}].landmark");
-                self.fields.add(at, Reason::Duplicate, text);
-            }
+        let twice = keys.windows(2).filter(|pair| pair[0].0 == pair[1].0);
+        let mut twice: Vec<_> =
+            twice.filter_map(|pair| Some((pair[1].1?, pair[1].0.0.id))).collect();
+        twice.sort_unstable();
+        for (index, landmark) in twice {
+            let text = format!("landmark {landmark} is observed twice at this pixel");
+            self.fields.add(format_args!("{path}[{index}].landmark"), Reason::Duplicate, text);
         }
         observations
     }

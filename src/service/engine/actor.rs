@@ -156,7 +156,7 @@ impl Actor {
         flow
     }
 
-    /// Computes something from the map on the pool. The engine waits, its thread does not.
+    /// Computes something from the map on another thread. The engine waits, its thread does not.
     pub(super) async fn compute<R: Send + 'static>(
         &self,
         work: impl FnOnce(&Map) -> R + Send + 'static,

@@ -18,6 +18,9 @@ use super::{Ack, AckStatus, EngineError, Resource, SolveReport, StreamEvent};
 /// An item of which this many would fill the map has no keyframe retired for it.
 const LARGEST_SHARE: u64 = 4;
 
+/// So many times the bound of what an item adds must have room for the bound to be reserved.
+const FAR: u64 = 8;
+
 /// Whether the map has room.
 pub(super) enum Room {
     There,
@@ -161,7 +164,9 @@ impl Actor {
         }
         let usage = self.map.usage();
         let bound = self.map.growth_bound(change);
-        if ceilings.passed(usage, bound).is_none() && self.entities.grow(bound).is_ok() {
+        // Far from every limit the bound will do; near one it would keep out what has room.
+        let is_far = ceilings.passed(usage, bound * FAR).is_none();
+        if is_far && self.entities.have_room(bound * FAR) && self.entities.grow(bound).is_ok() {
             return Room::There;
         }
         let growth = self.map.growth(change);

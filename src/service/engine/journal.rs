@@ -73,6 +73,7 @@ impl Actor {
     pub(super) fn poisoned(&mut self, details: &str) -> EngineError {
         let bug = report_bug(details);
         self.state = MapState::Poisoned;
+        self.entities.settle(self.map.usage());
         self.cancel_solves(&bug);
         self.streams.end_all(&bug);
         self.watchers.wake();

@@ -2,7 +2,7 @@
 //!
 //! A client's item goes check → event → journal → map → `RECEIVED`; solves run beside the task on
 //! the [`SolverPool`], from the values at the revision where they start, and come back as events.
-//! What takes more than a look at each entity of an item is computed on the pool too, while the task
+//! What takes more than a look at each entity of an item is computed on other threads while the task
 //! waits: the thread that carries it is free for other maps and calls.
 //! Readers get snapshots ([`std::sync::Arc`] of the map, copied on write). In lock-step the next
 //! item waits for the solve, so that the same items give the same bits. The semantics of acks,

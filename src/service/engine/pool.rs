@@ -5,8 +5,8 @@
 //! as far as their memory fits besides; what waits is given its turn by [`Turns`]. Work runs under
 //! `catch_unwind`, so that a panic costs one solve and no thread. A solve that is parallel inside
 //! spreads over the threads of its kind. What an engine computes between its orders (a window, a first
-//! position, a keyframe's marginal) has threads of its own as well and is given no turns: it takes
-//! milliseconds. Nothing async runs here and nothing waits here.
+//! position, a keyframe's marginal, the change that a result makes) is given no turns: an engine has
+//! one such work at a time, and each has a thread.
 
 use std::any::Any;
 use std::fmt;
@@ -38,7 +38,7 @@ pub enum PoolError {
     Full(EngineError),
 }
 
-/// Priority of threads for large solves, as `nice` counts: a thread of normal priority gets nine times
+/// Priority of threads for large solves and for readers, as `nice` counts: a thread of normal priority gets nine times
 /// the processor time of one of these.
 #[cfg(target_os = "linux")]
 const LARGE_NICE: i32 = 10;
@@ -65,8 +65,6 @@ struct Lane {
 pub struct SolverPool {
     small: Lane,
     large: Lane,
-    /// Threads for what engines compute; `None` as in a lane.
-    brief: Option<rayon::ThreadPool>,
     accounts: Accounts,
 }
 
@@ -91,8 +89,7 @@ impl SolverPool {
     /// As [`SolverPool::new`].
     pub fn shared_by(accounts: Accounts, threads: usize) -> Result<Arc<Self>, EngineError> {
         let (small, large) = (Lane::new("small", threads)?, Lane::new("large", threads)?);
-        let brief = Some(start_threads("brief", threads)?);
-        Ok(Arc::new(Self { small, large, brief, accounts }))
+        Ok(Arc::new(Self { small, large, accounts }))
     }
 
     /// A pool without threads, for simulations: work runs as a task of the caller's runtime, one after
@@ -100,8 +97,7 @@ impl SolverPool {
     #[cfg(test)]
     pub(crate) fn in_place() -> Arc<Self> {
         let lane = || Lane { threads: None, turns: Mutex::new(Turns::new(1)) };
-        let accounts = Accounts::default();
-        Arc::new(Self { small: lane(), large: lane(), brief: None, accounts })
+        Arc::new(Self { small: lane(), large: lane(), accounts: Accounts::default() })
     }
 
     /// How many threads there are for a solve.
@@ -161,16 +157,16 @@ impl SolverPool {
         &self,
         work: impl FnOnce() -> R + Send + 'static,
     ) -> R {
-        let Some(threads) = &self.brief else { return work() };
-        let (reply, answer) = oneshot::channel();
-        threads.spawn(move || {
-            // The engine may be gone by now.
-            let _unread = reply.send(catch_unwind(AssertUnwindSafe(work)));
-        });
-        match answer.await {
-            Ok(Ok(result)) => result,
-            Ok(Err(panic)) => resume_unwind(panic),
-            Err(lost) => resume_unwind(Box::new(lost.to_string())),
+        if self.small.threads.is_none() {
+            return work();
+        }
+        match tokio::task::spawn_blocking(work).await {
+            Ok(result) => result,
+            Err(lost) => match lost.try_into_panic() {
+                Ok(panic) => resume_unwind(panic),
+                // The runtime ends, and the engine with it.
+                Err(canceled) => resume_unwind(Box::new(canceled.to_string())),
+            },
         }
     }
 
@@ -238,27 +234,23 @@ impl SolverPool {
 
 impl Lane {
     fn new(kind: &'static str, threads: usize) -> Result<Self, EngineError> {
-        let turns = Mutex::new(Turns::new(threads.max(1)));
-        Ok(Self { threads: Some(start_threads(kind, threads)?), turns })
+        let count = threads.max(1);
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(count)
+            .thread_name(move |index| format!("covis-{kind}-{index}"))
+            .start_handler(move |_index| {
+                if kind == "large" {
+                    lower_priority();
+                }
+            })
+            .build();
+        let threads = pool.map_err(|_error| EngineError::Threads { count })?;
+        Ok(Self { threads: Some(threads), turns: Mutex::new(Turns::new(count)) })
     }
 
     fn lock(&self) -> MutexGuard<'_, Turns<Waiting>> {
         self.turns.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
-
-fn start_threads(kind: &'static str, count: usize) -> Result<rayon::ThreadPool, EngineError> {
-    let count = count.max(1);
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(count)
-        .thread_name(move |index| format!("covis-{kind}-{index}"))
-        .start_handler(move |_index| {
-            if kind == "large" {
-                lower_priority();
-            }
-        })
-        .build();
-    pool.map_err(|_error| EngineError::Threads { count })
 }
 
 /// Lets other threads of the machine go before this one, so that acks and small solves do not wait for

@@ -3,7 +3,7 @@
 //! Order: loop closures first, then an optimization that was asked for (in lock-step it waits for
 //! the windows), then windows. A loop closure or an optimization supersedes a window that is being
 //! solved: its result is dropped, and the window is solved again from the newer state. A window is
-//! built on the pool while the engine waits: a local solve holds no snapshot and costs no copy.
+//! built on another thread while the engine waits: a local solve holds no snapshot and costs no copy.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -286,6 +286,13 @@ impl HeldEntities {
         Ok(())
     }
 
+    /// Whether none of the accounts is full with `growth` more.
+    pub(super) fn have_room(&self, growth: Usage) -> bool {
+        self.account
+            .chain()
+            .all(|account| account.limits().held.passed(account.entities(), growth).is_none())
+    }
+
     /// The map holds `now`, after a change that was applied or was not.
     pub(super) fn settle(&mut self, now: Usage) {
         for account in self.account.chain() {
