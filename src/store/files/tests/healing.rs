@@ -78,6 +78,7 @@ async fn a_folder_that_cannot_be_looked_at_for_want_of_descriptors_is_not_taken_
     let store = open(&disk).unwrap();
     let epoch = store.create_map("a").await.unwrap();
     store.append("a", epoch, 0, vec![event(1, 1)]).await.unwrap();
+    store.follow("a").await.unwrap().wait_for(|f| f.through == 1).await.unwrap();
     let maps = Path::new("/data/maps");
     let names = disk.list(maps).unwrap();
     disk.lack(Some(Lack::Descriptors));
