@@ -18,7 +18,7 @@ use crate::problem::{PoseGraph, SolveError};
 use crate::robust::{self, Kernel, RobustSummary};
 
 /// Which stages a graph goes through.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// Where the poses come from that the first solve starts with. What [`Judging::switched_off`]
     /// continues starts from the given ones.
@@ -28,8 +28,18 @@ pub struct Options {
     /// Whether the last solve starts at the optimum of the chordal objective, which is proved. Given
     /// poses are solved before that too.
     pub certify: bool,
+    /// Whether the evaluator counts the costs. It is independent of the solver and slower.
+    pub costs: bool,
     /// Of each solve; the deadline is that of all together.
     pub optimizer: optimizer::Options,
+}
+
+impl Default for Options {
+    /// One solve with the options of [`pose_graph`], no costs.
+    fn default() -> Self {
+        let optimizer = pose_graph::Options::default().optimizer;
+        Self { start: Start::default(), judging: None, certify: false, costs: false, optimizer }
+    }
 }
 
 /// How loop closures are judged; see [`crate::robust`].
@@ -64,9 +74,10 @@ pub struct Optimized {
     pub start: Start,
     /// How long the start took, where it was a stage of its own.
     pub start_seconds: Option<f64>,
-    /// Costs where the last solve started and ended, of the edges at their weights.
+    /// Costs where the last solve started, of the edges at their weights; zero without
+    /// [`Options::costs`].
     pub before: CostReport,
-    /// See `before`.
+    /// The same where it ended.
     pub after: CostReport,
     /// The verdicts, with χ² at the result.
     pub judged: Option<RobustSummary>,
@@ -113,6 +124,10 @@ impl Run<'_> {
         Limits { ceiling: self.options.optimizer.ceiling, interrupt: self.interrupt }
     }
 
+    fn cost<G: ReferencePose<N>, const N: usize>(&self, graph: &PoseGraph<G, N>) -> CostReport {
+        if self.options.costs { pose_graph_cost(graph) } else { CostReport::default() }
+    }
+
     fn plain<G, const D: usize, const N: usize>(
         &self,
         graph: &mut PoseGraph<G, N>,
@@ -137,7 +152,7 @@ impl Run<'_> {
         }
         let proof = self.prove(graph)?;
         let (solve, before) = self.last(graph, observer)?;
-        let after = pose_graph_cost(graph);
+        let after = self.cost(graph);
         Ok(Optimized { solve, start, start_seconds, before, after, judged: None, proof })
     }
 
@@ -167,7 +182,7 @@ impl Run<'_> {
         let (solve, before, after, proof) = if self.options.certify {
             let proof = self.prove(&mut kept)?;
             let (solve, before) = self.last(&mut kept, observer)?;
-            let after = pose_graph_cost(&kept);
+            let after = self.cost(&kept);
             graph.poses = kept.poses;
             for verdict in &mut judged.closures {
                 let edge = &graph.edges[verdict.edge];
@@ -179,11 +194,14 @@ impl Run<'_> {
                 // It has ended: there is nothing to cancel.
                 let _control = observer(row);
             }
-            let after = pose_graph_cost(&kept);
+            let after = self.cost(&kept);
             // The poses of its start are gone, but its cost is known, and it is of one kind.
             let initial = judged.solve.initial_cost;
             let relative_pose = FactorCost { cost: initial, ..after.relative_pose };
-            let before = CostReport { total: initial, relative_pose, ..after };
+            let before = match self.options.costs {
+                true => CostReport { total: initial, relative_pose, ..after },
+                false => after,
+            };
             (judged.solve.clone(), before, after, None)
         };
         let (start, judged) = (judged.start, Some(judged));
@@ -215,7 +233,7 @@ impl Run<'_> {
         graph: &mut PoseGraph<G, N>,
         observer: &mut Observer<'_>,
     ) -> Result<(SolveSummary, CostReport), SolveError> {
-        let before = pose_graph_cost(graph);
+        let before = self.cost(graph);
         let passed = self.begin.elapsed();
         let left = |deadline: Duration| deadline.saturating_sub(passed);
         let mut optimizer = self.options.optimizer;
@@ -230,5 +248,16 @@ impl Run<'_> {
         solve.solve_seconds += passed.as_secs_f64();
         solve.iterations.iter_mut().for_each(|row| *row = later(row));
         Ok((solve, before))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_are_those_of_a_pose_graph() {
+        // Those of the optimizer alone take twice the iterations to the optimum of city10000.
+        assert_eq!(Options::default().optimizer, pose_graph::Options::default().optimizer);
     }
 }

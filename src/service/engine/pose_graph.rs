@@ -50,7 +50,8 @@ pub(super) fn solve_graph(
             switched_off: Some(off.map(|closure| closure.edge).collect()),
         }
     });
-    let options = Options { start: Start::Given, judging, certify: settings.certify, optimizer };
+    let options =
+        Options { start: Start::Given, judging, certify: settings.certify, costs: true, optimizer };
     let rows = &mut ignore_iterations;
     let solved = match optimize(&mut problem.graph, true, &options, interrupt, rows) {
         Ok(solved) => solved,
