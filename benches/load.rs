@@ -3,8 +3,8 @@
 //! `cargo bench --bench load -- [--robots N] [--hz F] [--keyframes N] [--landmarks N] [--monocular]`
 //!
 //! A real server on a loopback port, one map and one ingest session a robot, each walking its own
-//! scene with depth, or without and with landmarks that the server places. Keyframes leave at fixed times, whatever the server does. A keyframe's wait is
-//! from the call of `send` to the OPTIMIZED ack that covers it, so it holds encoding, transport,
+//! scene with depth, or without and with landmarks that the server places. Keyframes leave at fixed
+//! times, whatever the server does. A keyframe's wait is from the call of `send` to the OPTIMIZED ack that covers it, so it holds encoding, transport,
 //! checks, the journal, the queue, the solve and the way back. The last row is the server's own: how
 //! long a map's task held a thread of the async runtime at a time. Robots and server share the machine.
 

@@ -296,14 +296,30 @@ impl Map {
     /// are far from every ceiling, and looking up each landmark to know so is dear.
     #[must_use]
     pub fn growth_bound(&self, change: &Change) -> Usage {
-        let by_landmarks = |new: &[NewLandmark]| {
-            let landmarks = new.len() as u64;
-            Usage { landmarks, bytes: landmarks * (LANDMARK + UNSEEN), ..NOTHING }
-        };
         let by_observations = |added: &[Observation]| {
             let neighbors = (added.len() * 2 * NEAREST).min(self.keyframes.len()) as u64;
             growth_by(added, neighbors, added.len() as u64 * (NOT_LONG as u64 + 1))
         };
+        self.growth_of(change, |new| growth_by_landmarks(new.len()), by_observations)
+    }
+
+    /// The most that a client's change would add to [`Map::usage`].
+    #[must_use]
+    pub fn growth(&self, change: &Change) -> Usage {
+        let by_landmarks = |new: &[NewLandmark]| {
+            let is_new = |new: &&NewLandmark| !self.landmarks.contains_key(&new.id);
+            growth_by_landmarks(new.iter().filter(is_new).count())
+        };
+        self.growth_of(change, by_landmarks, |added| self.growth_by(added))
+    }
+
+    /// What a change adds, with what its landmarks and its observations add.
+    fn growth_of(
+        &self,
+        change: &Change,
+        by_landmarks: impl Fn(&[NewLandmark]) -> Usage,
+        by_observations: impl Fn(&[Observation]) -> Usage,
+    ) -> Usage {
         match change {
             Change::KeyframeAdded { observations, landmarks, .. } => {
                 NEW_KEYFRAME + by_landmarks(landmarks) + by_observations(observations)
@@ -311,35 +327,6 @@ impl Map {
             Change::LandmarksAdded { landmarks } => NEW_ITEM + by_landmarks(landmarks),
             Change::ObservationsAdded { observations, .. } => {
                 NEW_ITEM + by_observations(observations)
-            }
-            Change::Created { .. }
-            | Change::ClientOpened { .. }
-            | Change::CameraSet { .. }
-            | Change::ConstraintAdded { .. }
-            | Change::PriorAdded { .. }
-            | Change::LandmarksTriangulated { .. }
-            | Change::SolveApplied { .. }
-            | Change::ObservationsRemoved { .. }
-            | Change::LandmarksFused { .. }
-            | Change::LandmarksRemoved { .. }
-            | Change::KeyframeRemoved { .. }
-            | Change::KeyframeRetired { .. }
-            | Change::ConstraintRevoked { .. }
-            | Change::ItemRepeated
-            | Change::PolicySet { .. } => self.growth(change),
-        }
-    }
-
-    /// The most that a client's change would add to [`Map::usage`].
-    #[must_use]
-    pub fn growth(&self, change: &Change) -> Usage {
-        match change {
-            Change::KeyframeAdded { observations, landmarks, .. } => {
-                NEW_KEYFRAME + self.growth_by_landmarks(landmarks) + self.growth_by(observations)
-            }
-            Change::LandmarksAdded { landmarks } => NEW_ITEM + self.growth_by_landmarks(landmarks),
-            Change::ObservationsAdded { observations, .. } => {
-                NEW_ITEM + self.growth_by(observations)
             }
             Change::ConstraintAdded { .. } => {
                 Usage { constraints: 1, bytes: CONSTRAINT + ITEM, ..NOTHING }
@@ -367,12 +354,6 @@ impl Map {
         }
     }
 
-    fn growth_by_landmarks(&self, landmarks: &[NewLandmark]) -> Usage {
-        let is_new = |new: &&NewLandmark| !self.landmarks.contains_key(&new.id);
-        let landmarks = landmarks.iter().filter(is_new).count() as u64;
-        Usage { landmarks, bytes: landmarks * (LANDMARK + UNSEEN), ..NOTHING }
-    }
-
     fn growth_by(&self, observations: &[Observation]) -> Usage {
         // Each observer of a landmark that counts may be a new neighbor, in both rows; there are no
         // more neighbors than keyframes.
@@ -389,6 +370,12 @@ impl Map {
         }
         growth_by(observations, neighbors.min(self.keyframes.len()) as u64, long)
     }
+}
+
+/// Of so many new landmarks.
+fn growth_by_landmarks(count: usize) -> Usage {
+    let landmarks = count as u64;
+    Usage { landmarks, bytes: landmarks * (LANDMARK + UNSEEN), ..NOTHING }
 }
 
 /// Of observations with so many new neighbors of their keyframe and entries in lists of observers.
