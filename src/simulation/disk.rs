@@ -44,8 +44,11 @@ struct World {
     nodes: Vec<Node>,
     faults: Faults,
     rng: ChaCha8Rng,
-    /// Operations so far, with the simulated time.
-    log: Vec<(Duration, &'static str)>,
+    /// The tick of the run. The clock of a host that has just started is no measure: it begins with
+    /// the real time since its last life.
+    tick: u64,
+    /// Operations so far, with their ticks.
+    log: Vec<(u64, &'static str)>,
     stopped: bool,
     /// Handles of earlier processes are of no use.
     process: u64,
@@ -65,6 +68,7 @@ impl SimDisk {
             nodes: vec![Node::Folder(FolderNode::default())],
             faults: Faults::default(),
             rng: ChaCha8Rng::seed_from_u64(seed),
+            tick: 0,
             log: Vec::new(),
             stopped: false,
             process: 0,
@@ -76,13 +80,18 @@ impl SimDisk {
         self.world().faults = faults;
     }
 
+    /// Tells the time, ticks since the beginning of the run.
+    pub(crate) fn tick(&self, tick: u64) {
+        self.world().tick = tick;
+    }
+
     /// Operations so far.
     pub(crate) fn operations(&self) -> u64 {
         self.world().count()
     }
 
-    /// The operations, each with the simulated time: equal for runs that are equal.
-    pub(crate) fn log(&self) -> Vec<(Duration, &'static str)> {
+    /// The operations, each with its tick: equal for runs that are equal.
+    pub(crate) fn log(&self) -> Vec<(u64, &'static str)> {
         self.world().log.clone()
     }
 
@@ -181,7 +190,7 @@ impl World {
     fn operation(&mut self, kind: Kind, what: &'static str) -> io::Result<()> {
         self.alive()?;
         let number = self.count();
-        self.log.push((turmoil::sim_elapsed().unwrap_or_default(), what));
+        self.log.push((self.tick, what));
         if self.faults.stop_at.is_some_and(|at| number >= at) {
             self.stopped = true;
             return Err(error(ErrorKind::BrokenPipe));
@@ -235,7 +244,7 @@ impl Disk for SimDisk {
     }
 
     fn now(&self) -> SystemTime {
-        // Rises with every folder that is made.
+        // Rises with every operation.
         UNIX_EPOCH + Duration::from_secs(1_700_000_000) + Duration::from_micros(self.operations())
     }
 

@@ -18,6 +18,11 @@ mod world;
 
 use self::world::{Plan, run};
 
+/// Solves that are parallel inside stay on the thread of their run in this pool.
+fn one_thread() -> rayon::ThreadPool {
+    rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap()
+}
+
 /// How many seeds a run of the tests takes.
 const SEEDS: u64 = 20;
 
@@ -33,15 +38,15 @@ fn no_promise_is_broken_whatever_crashes_and_is_cut_off() {
         Some(Some((first, count))) => (first.parse().unwrap(), count.parse().unwrap()),
         Some(None) => panic!("COVIS_TEST_SEEDS is FIRST+COUNT"),
     };
-    let (mut crashes, mut stops, mut operations) = (0, 0, 0);
+    let (mut crashes, mut stops, mut cuts, mut operations) = (0, 0, 0, 0);
     let mut failed = Vec::new();
-    // Solves that are parallel inside then stay on the thread of their run.
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let one = one_thread();
     for seed in first..first + count {
         match one.install(|| run(&plan(seed))) {
             Ok(report) => {
                 crashes += report.crashes;
                 stops += report.stops;
+                cuts += report.cuts;
                 operations += report.operations;
             }
             Err(broken) => {
@@ -52,7 +57,7 @@ fn no_promise_is_broken_whatever_crashes_and_is_cut_off() {
     }
     println!(
         "{count} runs from seed {first}: {crashes} crashes, {stops} of them in the middle of \
-              one of {operations} operations of the disk; broken: {failed:?}"
+         one of {operations} operations of the disk; {cuts} dead links; broken: {failed:?}"
     );
     assert!(failed.is_empty());
 }
@@ -61,12 +66,13 @@ fn no_promise_is_broken_whatever_crashes_and_is_cut_off() {
 #[cfg(tokio_unstable)]
 #[test]
 fn a_run_is_repeated_by_its_seed() {
-    for seed in 0..5 {
-        let (first, second) = (run(&plan(seed)).unwrap(), run(&plan(seed)).unwrap());
+    let one = one_thread();
+    for seed in 0..10 {
+        let [first, second] = [(); 2].map(|()| one.install(|| run(&plan(seed))).unwrap());
         let differ = first.log.iter().zip(&second.log).position(|(a, b)| a != b);
         if let Some(at) = differ {
             let from = at.saturating_sub(3);
-            let part = |log: &[(std::time::Duration, &str)]| format!("{:?}", &log[from..=at]);
+            let part = |log: &[(u64, &str)]| format!("{:?}", &log[from..=at]);
             panic!("seed {seed}: operation {at}: {} {}", part(&first.log), part(&second.log));
         }
         assert_eq!(first, second, "seed {seed}");

@@ -16,7 +16,9 @@ use tonic::Code;
 
 use super::items::{CAMERA, camera, keyframe};
 use super::world::World;
-use crate::client::{Client, ClientError, IngestSession, RetryPolicy, SessionOptions};
+use crate::client::{
+    Client, ClientError, IngestSession, RetryPolicy, SessionOptions, WatchOptions,
+};
 use crate::wire::v1;
 
 /// A promise that does not hold.
@@ -33,7 +35,7 @@ fn broken<T>(text: impl Into<String>) -> Step<T> {
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Within this time all that is on its way has arrived.
 const SETTLED: Duration = Duration::from_millis(250);
-/// How often an answer is asked for before it counts as never to come.
+/// How often an answer is asked for, while nothing else goes wrong, before it counts as never to come.
 const TRIES: usize = 200;
 
 /// What the robot knows of one of its names.
@@ -166,7 +168,10 @@ impl Robot {
         what: &str,
         call: impl Fn(Client) -> F,
     ) -> Step<Answer<T>> {
-        for _ in 0..TRIES {
+        let (mut tries, mut before) = (0, self.upsets());
+        while tries < TRIES {
+            tries = if self.upsets() == before { tries + 1 } else { 0 };
+            before = self.upsets();
             let outcome = call(self.client.with_deadline(PATIENCE)).await;
             match answer(outcome) {
                 // A disk that is full or fails, and a map that needs a restart.
@@ -179,6 +184,12 @@ impl Robot {
             }
         }
         broken(format!("{what} was never answered"))
+    }
+
+    /// How often the server or a link broke down or came back.
+    fn upsets(&self) -> u64 {
+        let world = self.world.borrow();
+        world.crashes + world.link_changes
     }
 
     fn crashes(&self) -> u64 {
@@ -344,7 +355,8 @@ impl Robot {
         let State::Present(contents) = &name.state else { return Ok(()) };
         let (text, durable) = (name.text.clone(), contents.durable());
         let watched = self.call(|client| async move {
-            let mut watch = client.watch(&text, crate::client::WatchOptions::default()).await?;
+            let options = WatchOptions { retry: retries(), ..WatchOptions::default() };
+            let mut watch = client.watch(&text, options).await?;
             Ok(watch.next().await?.keyframes.len())
         });
         match watched.await {
@@ -392,6 +404,17 @@ impl Robot {
     }
 }
 
+/// Short, and the same in every run of a seed.
+fn retries() -> RetryPolicy {
+    RetryPolicy {
+        max_attempts: 4,
+        first_delay: Duration::from_millis(5),
+        longest_delay: Duration::from_millis(40),
+        give_up_after: None,
+        seed: Some(0),
+    }
+}
+
 /// Sends the keyframes from `first` on, waiting for every ack.
 async fn send(
     client: Client,
@@ -401,14 +424,8 @@ async fn send(
     pause: u64,
 ) -> Step<Answer<()>> {
     let durable = Arc::clone(&contents.durable);
-    let retry = RetryPolicy {
-        max_attempts: 4,
-        first_delay: Duration::from_millis(5),
-        longest_delay: Duration::from_millis(40),
-        give_up_after: None,
-        seed: Some(0),
-    };
-    let options = SessionOptions { max_unanswered: 8, retry, ..SessionOptions::default() };
+    let options =
+        SessionOptions { max_unanswered: 8, retry: retries(), ..SessionOptions::default() };
     let options = options.on_ack(move |ack| {
         if ack.status() == v1::AckStatus::Durable {
             let mut durable = durable.lock().unwrap_or_else(PoisonError::into_inner);

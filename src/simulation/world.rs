@@ -33,6 +33,8 @@ const SERVER: &str = "server";
 const TICK: Duration = Duration::from_millis(1);
 /// A server without a crash lives this long at most, ticks: a journal whose sync failed needs a restart.
 const LONGEST_LIFE: u64 = 3_000;
+/// A link is dead for this long at most, ticks: longer than both ends wait for a sign of life.
+const LONGEST_CUT: u64 = 3_000;
 /// A run that takes longer hangs, ticks.
 const LONGEST_RUN: u64 = 600_000;
 /// The last things that happened are told with a broken promise.
@@ -54,10 +56,14 @@ pub(crate) struct Report {
     pub(crate) crashes: u64,
     /// Those in the middle of an operation of the disk.
     pub(crate) stops: u64,
+    /// How often a link lost everything for a while.
+    pub(crate) cuts: u64,
     /// Operations of the disk.
     pub(crate) operations: u64,
-    /// What the disk did, and when: equal for runs that are equal.
-    pub(crate) log: Vec<(Duration, &'static str)>,
+    /// What the disk did, and at which tick: equal for runs that are equal.
+    pub(crate) log: Vec<(u64, &'static str)>,
+    /// What happened, as robots saw it.
+    pub(crate) notes: Vec<String>,
 }
 
 /// What robots see of the run.
@@ -65,6 +71,10 @@ pub(crate) struct Report {
 pub(crate) struct World {
     /// How often the server crashed.
     pub(crate) crashes: u64,
+    /// How often a link died or worked again.
+    pub(crate) link_changes: u64,
+    /// The time, ticks since the beginning of the run.
+    tick: u64,
     /// Stages that robots have ended: their work, and each look at the end.
     done: usize,
     /// 0 while things go wrong; then one more with each restart.
@@ -77,9 +87,17 @@ pub(crate) struct World {
 impl World {
     /// Remembers something with its time.
     pub(crate) fn note(&mut self, text: String) {
-        let time = turmoil::sim_elapsed().unwrap_or_default();
+        let time = TICK * u32::try_from(self.tick).unwrap_or(u32::MAX);
         self.notes.push(format!("{:.3} s  {text}", time.as_secs_f64()));
     }
+}
+
+/// Tokio drops the tasks of a runtime in an order that follows from their ids, modulo a small power of
+/// two. Ids count up through the process: a run begins at a multiple, to be repeated by its seed.
+fn align_task_ids() {
+    let Ok(runtime) = tokio::runtime::Builder::new_current_thread().build() else { return };
+    let next = || runtime.spawn(async {}).id().to_string().parse::<u64>();
+    while next().is_ok_and(|id| !id.is_multiple_of(64)) {}
 }
 
 /// Runs a plan.
@@ -87,6 +105,7 @@ impl World {
 /// # Errors
 /// The promise that does not hold.
 pub(crate) fn run(plan: &Plan) -> Result<Report, Broken> {
+    align_task_ids();
     let mut rng = ChaCha8Rng::seed_from_u64(plan.seed);
     let disk = SimDisk::new(plan.seed);
     let world = Rc::new(RefCell::new(World::default()));
@@ -103,7 +122,7 @@ pub(crate) fn run(plan: &Plan) -> Result<Report, Broken> {
     sim.host(SERVER, move || serve(server_disk.clone()));
     for number in 0..plan.robots {
         let (world, seed, actions) = (Rc::clone(&world), plan.seed, plan.actions);
-        sim.client(format!("robot-{number}"), async move {
+        sim.client(host(number), async move {
             let mut robot = Robot::new(number, seed, client(), &world);
             let outcome = work(&mut robot, actions, &world).await;
             if let Err(broken) = outcome {
@@ -113,13 +132,15 @@ pub(crate) fn run(plan: &Plan) -> Result<Report, Broken> {
         });
     }
     let mut machine =
-        Machine { disk, rng, up: true, since: 0, back_at: 0, report: Report::default() };
+        Machine { disk, rng, up: true, since: 0, back_at: 0, cut: None, report: Report::default() };
     machine.faults();
     let mut ended = false;
     let mut tick = 0;
     while !ended {
         ended = sim.step().map_err(|error| Broken(format!("the simulation: {error}")))?;
         tick += 1;
+        machine.disk.tick(tick);
+        world.borrow_mut().tick = tick;
         let broken = world.borrow().broken.clone();
         if let Some(Broken(promise)) = broken {
             let world = world.borrow();
@@ -136,10 +157,12 @@ pub(crate) fn run(plan: &Plan) -> Result<Report, Broken> {
             machine.crash(&mut sim, tick, crash, &world);
             world.borrow_mut().calm += 1;
         }
+        machine.links(&sim, tick, plan.robots, &world);
         machine.step(&mut sim, tick, &world);
     }
     machine.report.operations = machine.disk.operations();
     machine.report.log = machine.disk.log();
+    machine.report.notes = std::mem::take(&mut world.borrow_mut().notes);
     Ok(machine.report)
 }
 
@@ -158,7 +181,12 @@ async fn work(robot: &mut Robot, actions: usize, world: &Rc<RefCell<World>>) -> 
     Ok(())
 }
 
-/// The machine with the server on it.
+/// The name of a robot's host.
+fn host(number: usize) -> String {
+    format!("robot-{number}")
+}
+
+/// The machine with the server on it, and its links.
 struct Machine {
     disk: SimDisk,
     rng: ChaCha8Rng,
@@ -167,6 +195,8 @@ struct Machine {
     since: u64,
     /// The tick at which it starts again.
     back_at: u64,
+    /// The robot whose link is dead, and the tick at which it works again.
+    cut: Option<(usize, u64)>,
     report: Report,
 }
 
@@ -192,6 +222,36 @@ impl Machine {
             faults.slowest = Duration::from_millis(rng.random_range(1..40));
         }
         self.disk.set(faults);
+    }
+
+    /// Cuts the link of a robot for a while: what is sent meanwhile is lost, and nobody is told.
+    fn links(
+        &mut self,
+        sim: &turmoil::Sim<'_>,
+        tick: u64,
+        robots: usize,
+        world: &Rc<RefCell<World>>,
+    ) {
+        let is_calm = world.borrow().calm > 0;
+        match self.cut {
+            Some((robot, until)) if is_calm || tick >= until => {
+                sim.repair(SERVER, host(robot));
+                let mut world = world.borrow_mut();
+                world.link_changes += 1;
+                world.note(format!("the link of {} works again", host(robot)));
+                self.cut = None;
+            }
+            None if !is_calm && self.rng.random_range(0..500) == 0 => {
+                let robot = self.rng.random_range(0..robots);
+                sim.partition(SERVER, host(robot));
+                let mut world = world.borrow_mut();
+                world.link_changes += 1;
+                world.note(format!("the link of {} is dead", host(robot)));
+                self.cut = Some((robot, tick + self.rng.random_range(1..LONGEST_CUT)));
+                self.report.cuts += 1;
+            }
+            Some(_) | None => {}
+        }
     }
 
     fn step(&mut self, sim: &mut turmoil::Sim<'_>, tick: u64, world: &Rc<RefCell<World>>) {

@@ -14,6 +14,7 @@
 
 use std::fmt;
 use std::sync::Arc;
+use std::time::SystemTime;
 
 use async_trait::async_trait;
 use tokio::sync::watch;
@@ -101,6 +102,11 @@ fn sequence_of(revision: i64) -> u64 {
 /// Keeps the journals and snapshots of many maps.
 #[async_trait]
 pub trait Store: Send + Sync + 'static {
+    /// The time that events are stamped with: the system's, but where a simulation owns it.
+    fn now(&self) -> SystemTime {
+        SystemTime::now()
+    }
+
     /// The names of the maps, sorted.
     ///
     /// # Errors

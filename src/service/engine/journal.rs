@@ -7,7 +7,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::UNIX_EPOCH;
 
 use super::actor::{Actor, report_bug};
 use super::{EngineError, MapState};
@@ -26,8 +26,8 @@ impl Actor {
         change: Change,
     ) -> Result<Position, EngineError> {
         let revision = self.map.revision();
-        let event =
-            Arc::new(Event { revision: revision + 1, time_ns: unix_time_ns(), cause, change });
+        let time_ns = unix_time_ns(&*self.store);
+        let event = Arc::new(Event { revision: revision + 1, time_ns, cause, change });
         if let Err(error) = self.map.fits(&event) {
             let details = format!("an event does not fit: {error}");
             return Err(self.poisoned(&details));
@@ -122,8 +122,8 @@ pub(super) fn replay<'a>(
     (map, None)
 }
 
-/// Nanoseconds since 1970 by the server's clock; 0 where it stands before that.
-pub(super) fn unix_time_ns() -> i64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+/// Nanoseconds since 1970 by the store's clock; 0 where it stands before that.
+pub(super) fn unix_time_ns(store: &dyn Store) -> i64 {
+    let since = store.now().duration_since(UNIX_EPOCH).unwrap_or_default();
     i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
 }

@@ -266,7 +266,7 @@ impl Maps {
     }
 
     fn create_time_ns(&self) -> i64 {
-        let now = unix_time_ns();
+        let now = unix_time_ns(&*self.inner.store);
         let last = &self.inner.last_create_time_ns;
         let later = |last: i64| Some(now.max(last.saturating_add(1)));
         match last.fetch_update(Ordering::AcqRel, Ordering::Acquire, later) {

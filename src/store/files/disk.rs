@@ -18,7 +18,7 @@ pub(crate) trait Disk: fmt::Debug + Send + Sync + 'static {
     fn spawn(&self, work: Box<dyn FnOnce() + Send>) {
         tokio::task::spawn_blocking(work);
     }
-    /// The time, from which the names of new folders are made.
+    /// The time, from which the names of new folders are made and which events are stamped with.
     fn now(&self) -> SystemTime {
         SystemTime::now()
     }

@@ -51,7 +51,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::UNIX_EPOCH;
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use async_trait::async_trait;
 use sha2::{Digest as _, Sha256};
@@ -258,6 +258,10 @@ fn create_root(disk: &dyn Disk, root: &Path) -> Result<(), StoreError> {
 
 #[async_trait]
 impl Store for FileStore {
+    fn now(&self) -> SystemTime {
+        self.inner.disk.now()
+    }
+
     async fn list_maps(&self) -> Result<Vec<String>, StoreError> {
         let maps = self.inner.maps();
         let is_map = |entry: &Entry| matches!(entry, Entry::Map(_) | Entry::Refused(_));
