@@ -9,18 +9,11 @@
 //! | [`map`] | the map and its invariants; no async, no wire |
 //! | [`store`] | journal of a map's events |
 //! | [`service`] | the engine that owns a map, and the gRPC edge |
-//! | [`wire`] | generated from `proto/` |
-//! | `decoding` | what a message takes in memory, before it is decoded |
-//! | [`client`] | what a Rust frontend links |
-//! | [`frontend`] | the reference frontend: tracks RGB-D images, maps through the client |
 //! | [`evaluation`] | trajectory errors as evo and the TUM scripts define them, overlap of masks |
 //! | [`cli`] | one file a subcommand |
 
 pub mod cli;
-pub mod client;
-mod decoding;
 pub mod evaluation;
-pub mod frontend;
 #[cfg(any(test, feature = "fuzzing"))]
 #[doc(hidden)]
 pub mod fuzzing;
@@ -30,4 +23,7 @@ pub mod service;
 #[cfg(test)]
 mod simulation;
 pub mod store;
-pub mod wire;
+
+pub use covis_client as client;
+pub use covis_client::{decoding, wire};
+pub use covis_frontend as frontend;

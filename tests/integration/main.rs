@@ -19,6 +19,7 @@ mod demo;
 mod doctor;
 mod durable;
 mod engine;
+mod generated;
 mod jwt;
 mod links;
 mod logs;

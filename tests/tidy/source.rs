@@ -72,7 +72,10 @@ impl File {
 pub(crate) fn files() -> Vec<File> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut paths = Vec::new();
-    for room in ["src", "solvers", "proto", "docs", "tests", "examples", "benches", "fuzz", ".ci"] {
+    for room in [
+        "src", "client", "frontend", "solvers", "proto", "docs", "tests", "examples", "benches",
+        "fuzz", ".ci",
+    ] {
         walk(&root.join(room), &mut paths);
     }
     for path in fs::read_dir(root).into_iter().flatten().flatten().map(|entry| entry.path()) {
@@ -100,7 +103,7 @@ pub(crate) fn rust_files() -> Vec<File> {
 fn walk(folder: &Path, paths: &mut Vec<PathBuf>) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     for path in entries.filter_map(|entry| entry.ok().map(|e| e.path())) {
-        let made = ["target", "__pycache__", "node_modules", "corpus", "artifacts"];
+        let made = ["target", "generated", "__pycache__", "node_modules", "corpus", "artifacts"];
         if !path.is_dir() {
             paths.push(path);
         } else if !made.iter().any(|name| path.ends_with(name)) {

@@ -130,7 +130,10 @@ fn absolute(line: &str, home: &str) -> bool {
 #[test]
 fn spelling_is_american() {
     let mut offenders = Vec::new();
-    let rooms = ["src", "solvers", "docs", "proto", "tests", "examples", "benches", "fuzz"];
+    let rooms = [
+        "src", "client", "frontend", "solvers", "docs", "proto", "tests", "examples", "benches",
+        "fuzz",
+    ];
     let read = ["rs", "proto", "md", "toml", "py"];
     for file in files() {
         let top = !file.path.contains('/');

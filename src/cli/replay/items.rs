@@ -9,7 +9,7 @@ use prost::Message;
 
 use super::recording::Recording;
 use crate::client::Item;
-use crate::wire::geometry;
+use crate::frontend::mapping::messages;
 use crate::wire::v1;
 
 /// Room for what surrounds lists in a message: tags, lengths, sequence, references.
@@ -54,13 +54,13 @@ impl<'a> Items<'a> {
             camera.filter(|&c| !std::mem::replace(&mut self.is_camera_sent[c], true))
         {
             let model = &problem.cameras[camera];
-            items.push(geometry::camera(camera_ids[camera], model, image_sizes[camera]).into());
+            items.push(messages::camera(camera_ids[camera], model, image_sizes[camera]).into());
         }
         let keyframe_id = self.recording.keyframe_ids[index];
         let keyframe = v1::Keyframe {
             id: keyframe_id,
-            capture_time: Some(geometry::timestamp(index as f64)),
-            world_from_camera: Some(geometry::rigid(&problem.poses[index])),
+            capture_time: Some(messages::timestamp(index as f64)),
+            world_from_camera: Some(messages::rigid(&problem.poses[index])),
             sensor: camera.map(|c| v1::keyframe::Sensor::CameraId(camera_ids[c])),
             ..v1::Keyframe::default()
         };
@@ -71,7 +71,7 @@ impl<'a> Items<'a> {
             if !landmarks.is_empty() {
                 items.push(v1::LandmarkBatch { landmarks }.into());
             }
-            let keyframe = Some(geometry::keyframe_ref(keyframe_id));
+            let keyframe = Some(messages::keyframe_ref(keyframe_id));
             items.push(v1::ObservationBatch { keyframe, observations }.into());
         }
         items
@@ -89,15 +89,15 @@ impl<'a> Items<'a> {
             let landmark = batch.landmarks[o] as usize;
             let id = landmark_ids[landmark];
             let observation = v1::Observation {
-                landmark: Some(geometry::landmark_ref(id)),
-                pixel: Some(geometry::vector2(&batch.pixels[o])),
+                landmark: Some(messages::landmark_ref(id)),
+                pixel: Some(messages::vector2(&batch.pixels[o])),
                 sigma_px: Some(batch.sigmas_px[o]),
                 ..v1::Observation::default()
             };
             let is_new = !std::mem::replace(&mut self.is_landmark_sent[landmark], true);
             let landmark = is_new.then(|| v1::Landmark {
                 id,
-                point_in_world: Some(geometry::vector3(&problem.landmarks[landmark])),
+                point_in_world: Some(messages::vector3(&problem.landmarks[landmark])),
                 ..v1::Landmark::default()
             });
             let bytes = in_list(&observation) + landmark.as_ref().map_or(0, in_list);

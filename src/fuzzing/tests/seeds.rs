@@ -160,7 +160,7 @@ fn images() -> Vec<(&'static str, Vec<u8>)> {
 }
 
 /// The JPEG of the decoder's own tests.
-const ORANGE: &[u8] = include_bytes!("../../frontend/input/decode/tests/orange.jpg");
+const ORANGE: &[u8] = include_bytes!("../../../frontend/src/input/decode/tests/orange.jpg");
 
 /// An interlaced PNG with four colors, one of them transparent.
 fn palette() -> Option<Vec<u8>> {

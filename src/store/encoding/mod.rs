@@ -27,11 +27,10 @@ mod v1 {
     #![allow(clippy::all, reason = "generated code")]
     #![allow(clippy::allow_attributes_without_reason, reason = "generated code")]
     #![allow(unreachable_pub, reason = "generated code")]
-    include!(concat!(env!("OUT_DIR"), "/covis.storage.v1.rs"));
+    include!("generated/covis.storage.v1.rs");
 
     /// The encoded `FileDescriptorSet` of the package.
-    pub const FILE_DESCRIPTOR_SET: &[u8] =
-        include_bytes!(concat!(env!("OUT_DIR"), "/covis.storage.v1.bin"));
+    pub const FILE_DESCRIPTOR_SET: &[u8] = include_bytes!("generated/covis.storage.v1.bin");
 }
 
 static SHAPES: LazyLock<Shapes> = LazyLock::new(|| Shapes::of(v1::FILE_DESCRIPTOR_SET));

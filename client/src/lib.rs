@@ -1,0 +1,209 @@
+//! What a Rust frontend links: connect, keep maps, stream keyframes in, follow corrections.
+//!
+//! Speaks `covis.v1` (docs/wire.md) and knows nothing of the server: only the messages in [`wire`] and
+//! tonic. Messages stay the wire's own, so that nothing is lost in between.
+//!
+//! | module | role |
+//! |---|---|
+//! | [`Client`] | one call a method |
+//! | `credentials` | [`Credentials`]: token, certificates, trust |
+//! | `link` | [`LinkOptions`]: how a link that is gone is found |
+//! | `ingest` | [`IngestSession`]: send with back-pressure, acks, finish |
+//! | `stream` | the task behind a session: reconnects and resumes |
+//! | `outbox` | the items that the server has not answered yet |
+//! | `spill` | the file of those that memory does not hold |
+//! | `shared` | the outbox between a session's handle and its task |
+//! | `watch` | [`MapWatch`]: a [`MapMirror`] that deltas keep up to date |
+//! | `retry`, `error` | what is tried again, and when to give up |
+//! | [`wire`] | generated from `proto/covis/v1`, and the codec of every call |
+//! | [`decoding`] | what a message takes in memory, before it is decoded |
+
+mod calls;
+mod credentials;
+pub mod decoding;
+mod error;
+mod export;
+mod ingest;
+mod items;
+mod link;
+mod mirror;
+mod outbox;
+mod retry;
+mod shared;
+mod spill;
+mod stream;
+mod watch;
+pub mod wire;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tonic::Request;
+use tonic::codegen::InterceptedService;
+use tonic::transport::{Channel, Endpoint};
+
+use crate::wire::v1;
+use v1::ingest_service_client::IngestServiceClient;
+use v1::map_service_client::MapServiceClient;
+use v1::optimization_service_client::OptimizationServiceClient;
+use v1::server_service_client::ServerServiceClient;
+
+use credentials::Bearer;
+
+pub use calls::{Landmarks, MapDigests, Trajectory};
+pub use credentials::{Credentials, Token};
+pub use error::{ClientError, describe_violation};
+pub use export::MapExport;
+pub use ingest::{
+    IngestReport, IngestSession, Item, KEPT_REJECTIONS, OnAck, RejectedItem, SessionOptions,
+};
+pub use link::LinkOptions;
+pub use mirror::{Key, MapMirror};
+pub use retry::RetryPolicy;
+pub use spill::{LeftOver, SpillDamage, SpillOptions};
+pub use watch::{MapWatch, WatchOptions};
+
+/// Largest message that is taken: a server sends at most what it is configured to.
+const MAX_ANSWER_BYTES: usize = 256 * 1024 * 1024;
+/// A client of a service, compressing where the link asks for it; the generated ones share no trait.
+macro_rules! packed {
+    ($client:expr, $service:expr) => {{
+        let service = $service;
+        if $client.compress {
+            let encoding = tonic::codec::CompressionEncoding::Gzip;
+            service.send_compressed(encoding).accept_compressed(encoding)
+        } else {
+            service
+        }
+    }};
+}
+
+/// A channel whose calls carry the token.
+type Link = InterceptedService<Channel, Bearer>;
+
+/// A connection to a server; cheap to clone, clones share it. A broken connection is made again by
+/// the next call.
+#[derive(Clone, Debug)]
+pub struct Client {
+    channel: Link,
+    url: Arc<str>,
+    deadline: Duration,
+    compress: bool,
+}
+
+impl Client {
+    /// Connects to a server without credentials, for instance `http://127.0.0.1:7411`.
+    ///
+    /// # Errors
+    /// As [`Client::connect_with`].
+    pub async fn connect(url: &str) -> Result<Self, ClientError> {
+        Self::connect_with(url, &Credentials::default()).await
+    }
+
+    /// Connects to a server, for instance `https://maps.example:7411`. An `https` URL takes TLS; its
+    /// host must stand in the server's certificate.
+    ///
+    /// # Errors
+    /// [`ClientError::InvalidUrl`], [`ClientError::Unreachable`]; for credentials that cannot be used
+    /// [`ClientError::Tls`], [`ClientError::InvalidToken`], [`ClientError::TokenInPlainText`].
+    pub async fn connect_with(url: &str, credentials: &Credentials) -> Result<Self, ClientError> {
+        Self::connect_over(url, credentials, LinkOptions::default()).await
+    }
+
+    /// As [`Client::connect_with`], with other times than the usual ones.
+    ///
+    /// # Errors
+    /// As [`Client::connect_with`].
+    pub async fn connect_over(
+        url: &str,
+        credentials: &Credentials,
+        link: LinkOptions,
+    ) -> Result<Self, ClientError> {
+        let invalid = || ClientError::InvalidUrl { url: url.to_owned() };
+        let endpoint = Endpoint::from_shared(url.to_owned()).map_err(|_invalid| invalid())?;
+        let is_http = matches!(endpoint.uri().scheme_str(), Some("http" | "https"));
+        if !is_http || endpoint.uri().host().is_none() {
+            return Err(invalid());
+        }
+        let bearer = credentials.bearer(&endpoint)?;
+        let endpoint = link.set(credentials.secure(endpoint)?);
+        let channel = endpoint.connect().await.map_err(|source| ClientError::Unreachable {
+            url: url.to_owned(),
+            source: Arc::new(source),
+        })?;
+        let channel = InterceptedService::new(channel, bearer);
+        Ok(Self { channel, url: url.into(), deadline: link.deadline, compress: link.compress })
+    }
+
+    /// A client without credentials on a channel that the caller made, for instance over a socket of
+    /// its own. `url` is for messages only.
+    #[must_use]
+    pub fn on_channel(channel: Channel, url: &str, deadline: Duration) -> Self {
+        let channel = InterceptedService::new(channel, Bearer::default());
+        Self { channel, url: url.into(), deadline, compress: false }
+    }
+
+    /// The same client with another deadline of calls that solve nothing.
+    #[must_use]
+    pub fn with_deadline(&self, deadline: Duration) -> Self {
+        Self { deadline, ..self.clone() }
+    }
+
+    /// The server's address as it was given.
+    #[must_use]
+    pub fn url(&self) -> &str {
+        &self.url
+    }
+
+    /// Opens a session that sends items of `client_id` into a map; the map must exist.
+    ///
+    /// # Errors
+    /// NOT_FOUND for the map, [`ClientError::RetriesExhausted`] when the server stays away, any
+    /// other code of `Ingest`.
+    pub async fn ingest(
+        &self,
+        map_id: &str,
+        client_id: &str,
+        options: SessionOptions,
+    ) -> Result<IngestSession, ClientError> {
+        IngestSession::open(self, map_id, client_id, options).await
+    }
+
+    /// Follows a map from its full state on.
+    ///
+    /// # Errors
+    /// NOT_FOUND for the map, any other code of `WatchMap`.
+    pub async fn watch(
+        &self,
+        map_id: &str,
+        options: WatchOptions,
+    ) -> Result<MapWatch, ClientError> {
+        MapWatch::open(self, map_id, options).await
+    }
+
+    /// A request with the deadline of calls that solve nothing.
+    fn timed<T>(&self, message: T) -> Request<T> {
+        let mut request = Request::new(message);
+        request.set_timeout(self.deadline);
+        request
+    }
+
+    fn ingest_service(&self) -> IngestServiceClient<Link> {
+        packed!(self, IngestServiceClient::new(self.channel.clone()))
+            .max_decoding_message_size(MAX_ANSWER_BYTES)
+    }
+
+    fn map_service(&self) -> MapServiceClient<Link> {
+        packed!(self, MapServiceClient::new(self.channel.clone()))
+            .max_decoding_message_size(MAX_ANSWER_BYTES)
+    }
+
+    fn optimization_service(&self) -> OptimizationServiceClient<Link> {
+        packed!(self, OptimizationServiceClient::new(self.channel.clone()))
+            .max_decoding_message_size(MAX_ANSWER_BYTES)
+    }
+
+    fn server_service(&self) -> ServerServiceClient<Link> {
+        ServerServiceClient::new(self.channel.clone())
+    }
+}

@@ -1,0 +1,238 @@
+//! The frames that were integrated, kept so that they can be integrated again at corrected poses.
+//!
+//! They stand compressed in a temporary file that has no name, one behind the other; memory holds
+//! where each begins. Depth is kept in steps of 0.2 mm, so that what is integrated live has to be
+//! what [`FrameLog::append`] hands back. Knows no poses.
+
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+
+use crate::image::Image;
+
+/// Steps of depth a meter: those of the TUM RGB-D benchmark, five to the millimeter of others.
+const STEPS_PER_M: f32 = 5000.0;
+/// The fastest that still halves a frame.
+const COMPRESSION_LEVEL: i32 = 1;
+
+/// What is integrated of a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoggedFrame {
+    /// Distance along the optical axis in meters, 0 where none was measured.
+    pub depth_m: Image<f32>,
+    /// Red, green, blue.
+    pub color: Image<[u8; 3]>,
+    /// 255 where something moves.
+    pub moving: Option<Image<u8>>,
+}
+
+/// Frames in a file.
+#[derive(Debug)]
+pub struct FrameLog {
+    file: File,
+    entries: Vec<Entry>,
+    end: u64,
+    buffer: Vec<u8>,
+    packed: Vec<u8>,
+}
+
+/// Where a frame stands, and its size in pixels.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    offset: u64,
+    bytes: usize,
+    size: (usize, usize),
+    has_mask: bool,
+}
+
+impl FrameLog {
+    /// An empty one, in the system's temporary folder.
+    ///
+    /// # Errors
+    /// No file can be made there.
+    pub fn new() -> io::Result<Self> {
+        let (entries, buffer, packed) = (Vec::new(), Vec::new(), Vec::new());
+        Ok(Self { file: tempfile::tempfile()?, entries, end: 0, buffer, packed })
+    }
+
+    /// How many frames it holds.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Whether it holds none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
+    /// Bytes of the file.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.end
+    }
+
+    /// Puts a frame behind the others and rounds its depth as the log keeps it.
+    ///
+    /// # Errors
+    /// The file cannot be written, or the images differ in size; the log is as before.
+    pub fn append(&mut self, frame: &mut LoggedFrame) -> io::Result<()> {
+        let size = frame.depth_m.size();
+        let mask_size = frame.moving.as_ref().map_or(size, Image::size);
+        if frame.color.size() != size || mask_size != size {
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, "images differ in size"));
+        }
+        self.buffer.clear();
+        put_depth(&mut frame.depth_m, &mut self.buffer);
+        put_color(&frame.color, &mut self.buffer);
+        if let Some(moving) = &frame.moving {
+            self.buffer.extend_from_slice(moving.pixels());
+        }
+        let packed = zstd::bulk::compress(&self.buffer, COMPRESSION_LEVEL)?;
+        self.file.seek(SeekFrom::Start(self.end))?;
+        self.file.write_all(&packed)?;
+        let has_mask = frame.moving.is_some();
+        self.entries.push(Entry { offset: self.end, bytes: packed.len(), size, has_mask });
+        self.end += packed.len() as u64;
+        Ok(())
+    }
+
+    /// Takes the last frame off, if there is one.
+    pub fn forget_last(&mut self) {
+        if let Some(last) = self.entries.pop() {
+            self.end = last.offset;
+        }
+    }
+
+    /// The frame at an index below [`FrameLog::len`].
+    ///
+    /// # Errors
+    /// The file cannot be read, or there is no such frame.
+    pub fn read(&mut self, index: usize) -> io::Result<LoggedFrame> {
+        let damaged = || io::Error::new(io::ErrorKind::InvalidData, format!("frame {index}"));
+        let Entry { offset, bytes, size, has_mask } =
+            *self.entries.get(index).ok_or_else(damaged)?;
+        self.packed.resize(bytes, 0);
+        self.file.seek(SeekFrom::Start(offset))?;
+        self.file.read_exact(&mut self.packed)?;
+        let pixels = size.0 * size.1;
+        let buffer = zstd::bulk::decompress(&self.packed, 6 * pixels)?;
+        let (depth, rest) = buffer.split_at_checked(2 * pixels).ok_or_else(damaged)?;
+        let (color, moving) = rest.split_at_checked(3 * pixels).ok_or_else(damaged)?;
+        let image = |pixels| Image::from_pixels(size.0, size.1, pixels).ok_or_else(damaged);
+        let moving = has_mask.then(|| image(moving.to_vec())).transpose()?;
+        let depth_m = Image::from_pixels(size.0, size.1, take_depth(depth)).ok_or_else(damaged)?;
+        let color = Image::from_pixels(size.0, size.1, take_color(color)).ok_or_else(damaged)?;
+        Ok(LoggedFrame { depth_m, color, moving })
+    }
+}
+
+/// Depth in steps, as differences to the pixel before: all low bytes, then all high ones.
+fn put_depth(depth_m: &mut Image<f32>, out: &mut Vec<u8>) {
+    let start = out.len();
+    let count = depth_m.pixels().len();
+    out.resize(start + 2 * count, 0);
+    let (low, high) = out[start..].split_at_mut(count);
+    let mut before = 0_u16;
+    for ((depth, low), high) in depth_m.pixels_mut().iter_mut().zip(low).zip(high) {
+        let steps = (*depth * STEPS_PER_M).round();
+        // Not a number, negative and too far all become 0.
+        let steps = if steps > 0.0 && steps <= f32::from(u16::MAX) { steps as u16 } else { 0 };
+        *depth = meters(steps);
+        [*low, *high] = steps.wrapping_sub(before).to_le_bytes();
+        before = steps;
+    }
+}
+
+fn take_depth(bytes: &[u8]) -> Vec<f32> {
+    let (low, high) = bytes.split_at(bytes.len() / 2);
+    let mut steps = 0_u16;
+    let next = |(&low, &high): (&u8, &u8)| {
+        steps = steps.wrapping_add(u16::from_le_bytes([low, high]));
+        meters(steps)
+    };
+    low.iter().zip(high).map(next).collect()
+}
+
+/// A quotient, as the decoders of depth images form it.
+fn meters(steps: u16) -> f32 {
+    f32::from(steps) / STEPS_PER_M
+}
+
+/// Channel by channel, as differences to the pixel before.
+fn put_color(color: &Image<[u8; 3]>, out: &mut Vec<u8>) {
+    for channel in 0..3 {
+        let mut before = 0_u8;
+        out.extend(color.pixels().iter().map(|pixel| {
+            let difference = pixel[channel].wrapping_sub(before);
+            before = pixel[channel];
+            difference
+        }));
+    }
+}
+
+fn take_color(bytes: &[u8]) -> Vec<[u8; 3]> {
+    let mut pixels = vec![[0; 3]; bytes.len() / 3];
+    for (channel, plane) in bytes.chunks_exact((bytes.len() / 3).max(1)).take(3).enumerate() {
+        let mut value = 0_u8;
+        for (pixel, &difference) in pixels.iter_mut().zip(plane) {
+            value = value.wrapping_add(difference);
+            pixel[channel] = value;
+        }
+    }
+    pixels
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(seed: u8, moving: bool) -> LoggedFrame {
+        let count = 7 * 5;
+        let pixel = |i: usize| (i as u8).wrapping_mul(37).wrapping_add(seed);
+        let depth = (0..count).map(|i| f32::from(u16::from(pixel(i)) * 211) / STEPS_PER_M);
+        let color = (0..count).map(|i| [pixel(i), pixel(i + 1), pixel(2 * i)]);
+        let mask = (0..count).map(|i| if pixel(i) > 127 { 255 } else { 0 });
+        LoggedFrame {
+            depth_m: Image::from_pixels(7, 5, depth.collect()).unwrap(),
+            color: Image::from_pixels(7, 5, color.collect()).unwrap(),
+            moving: moving.then(|| Image::from_pixels(7, 5, mask.collect()).unwrap()),
+        }
+    }
+
+    #[test]
+    fn frames_come_back_to_the_bit_in_any_order() {
+        let mut log = FrameLog::new().unwrap();
+        let frames: Vec<_> = (0..9).map(|i| frame(i * 29, i % 2 == 0)).collect();
+        for frame in &frames {
+            let mut given = frame.clone();
+            log.append(&mut given).unwrap();
+            assert_eq!(given, *frame, "steps of the log are not rounded");
+        }
+        for index in [8, 0, 3, 3, 7] {
+            assert_eq!(log.read(index).unwrap(), frames[index]);
+        }
+        assert_eq!(log.len(), 9);
+        assert!(log.read(9).is_err());
+    }
+
+    #[test]
+    fn depth_that_is_none_becomes_0_for_the_live_frame_too() {
+        let mut log = FrameLog::new().unwrap();
+        let mut given = frame(0, false);
+        let odd = [f32::NAN, -1.0, f32::INFINITY, 13.2, 1.000_04, 1.000_16];
+        given.depth_m.pixels_mut()[..6].copy_from_slice(&odd);
+        log.append(&mut given).unwrap();
+        assert_eq!(given.depth_m.pixels()[..6], [0.0, 0.0, 0.0, 0.0, 1.0, 1.0002]);
+        assert_eq!(log.read(0).unwrap(), given);
+    }
+
+    #[test]
+    fn images_of_unequal_size_are_refused() {
+        let mut log = FrameLog::new().unwrap();
+        let mut odd = frame(0, true);
+        odd.moving = Some(Image::filled(5, 7, 0));
+        assert!(log.append(&mut odd).is_err());
+        assert!(log.is_empty() && log.bytes() == 0);
+    }
+}

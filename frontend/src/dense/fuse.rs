@@ -1,0 +1,347 @@
+//! What a frame does to the voxels of a block: sixteen at a time, two rows along x.
+//!
+//! A voxel is projected, reads its pixel and takes the distance to the plane through what the pixel
+//! shows: (measured depth − own depth) / |n|, where n is the normal of depth as a function of the ray.
+//! The distance is averaged by weight (Curless and Levoy, SIGGRAPH 1996); what disagrees with what a
+//! voxel remembers is for `dynamic`.
+
+use super::block::{Block, DISTANCE_ONE, WEIGHT_ONE};
+use super::dynamic::{self, FREE};
+use super::lanes::{Lanes, WIDTH};
+use super::pixels::{DEPTH_UNITS, FACING_ONE, SLOPE_UNIT};
+use super::sight::{Lens, NEAREST_M};
+use super::tiles::Range;
+
+/// Rows of two that a layer of a block has.
+const PAIRS: usize = 4;
+/// Measurements have full weight up to this depth; beyond, it falls with the fourth power, as the
+/// variance of depth rises.
+const FULL_WEIGHT_M: f32 = 1.0;
+/// Colors follow at least this share of what is new, in 1 / 256.
+const LEAST_COLOR_SHARE: f32 = 16.0;
+
+/// What is the same for all blocks of a frame.
+#[derive(Clone, Debug)]
+pub(super) struct Frame<'a> {
+    pub(super) lens: Lens,
+    /// Packed pixels, see `pixels`.
+    pub(super) pixels: &'a [u64],
+    /// Pixels from row to row.
+    pub(super) stride: usize,
+    /// From the first voxel of two rows to each, in the camera's axes; see [`Frame::steps`].
+    pub(super) lanes: [[f32; WIDTH]; 3],
+    /// The least and the greatest z of them, meters.
+    pub(super) spread_m: [f32; 2],
+    /// From two rows to the next two, and from layer to layer.
+    pub(super) pair: [f32; 3],
+    pub(super) layer: [f32; 3],
+    /// The depth of the largest unit, meters.
+    pub(super) farthest_m: f32,
+    pub(super) truncation_m: f32,
+    /// The truncation behind a surface grows to this many standard deviations of depth.
+    pub(super) behind_sigmas: f32,
+    /// No measurement has less, as stored.
+    pub(super) least_weight: f32,
+    /// No voxel has more, as stored.
+    pub(super) most_weight: f32,
+    /// Distances for which color is kept, and beyond which a voxel behind a surface is hidden by it,
+    /// as stored.
+    pub(super) near: f32,
+    /// Distances disagree beyond this many standard deviations of depth, as stored for a meter.
+    pub(super) slack: f32,
+    /// A number of the frame, 0 to 255, that rounds colors up or down.
+    pub(super) dither: i32,
+    /// Whether the dynamic update is on.
+    pub(super) is_dynamic: bool,
+}
+
+/// What pixels say about sixteen voxels.
+pub(super) struct Measured<L: Lanes> {
+    /// Which voxels were seen; the others' numbers mean nothing.
+    pub(super) seen: L::M,
+    /// As stored, cut off at one truncation on both sides.
+    pub(super) distance: L::F,
+    /// As stored, whole and not 0.
+    pub(super) weight: L::F,
+    /// Color in the three lower bytes; negative where depth jumps nearby.
+    pub(super) word: L::I,
+    /// What the pixels measured, meters.
+    pub(super) depth_m: L::F,
+}
+
+/// What sixteen voxels store.
+pub(super) struct Stored<L: Lanes> {
+    pub(super) distance: L::F,
+    pub(super) weight: L::F,
+}
+
+/// Old and new by their weights.
+pub(super) struct Mean<L: Lanes> {
+    pub(super) distance: L::F,
+    /// Of both.
+    pub(super) weight: L::F,
+    /// How much of the new color is taken, in 1 / 256.
+    pub(super) color_share: L::I,
+}
+
+impl<L: Lanes> Stored<L> {
+    /// Whether all of them are known to be free space.
+    #[inline(always)]
+    fn is_free(&self, l: L) -> bool {
+        let known = l.less(l.splat(0.0), self.weight);
+        l.all(l.both(known, l.less(l.splat(FREE), self.distance)))
+    }
+
+    #[inline(always)]
+    pub(super) fn mean(&self, l: L, new: &Measured<L>) -> Mean<L> {
+        let weight = l.add(self.weight, new.weight);
+        let share = l.div(new.weight, weight);
+        let step = l.sub(new.distance, self.distance);
+        let color_share = l.max(l.mul(share, l.splat(256.0)), l.splat(LEAST_COLOR_SHARE));
+        let color_share = l.round(color_share);
+        Mean { distance: l.fma(step, share, self.distance), weight, color_share }
+    }
+}
+
+/// What became of a block.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Outcome {
+    /// A distance or a weight.
+    pub(super) changed: bool,
+    /// How far colors moved at most, as [`Lanes::color_difference`] tells it; 0 where anything else
+    /// changed.
+    pub(super) recolored: u32,
+    /// Voxels at or behind a surface were written.
+    pub(super) solid: bool,
+    /// All voxels were seen and are free.
+    pub(super) free: bool,
+}
+
+impl Frame<'_> {
+    /// Makes a point, or a step, what the kernel interpolates: for a pinhole (u z, v z, z), with half
+    /// a pixel added to u and v so that truncation rounds; otherwise itself.
+    pub(super) fn steps(lens: &Lens, [x, y, z]: [f32; 3]) -> [f32; 3] {
+        if lens.is_pinhole {
+            [lens.fx * x + (lens.cx + 0.5) * z, lens.fy * y + (lens.cy + 0.5) * z, z]
+        } else {
+            [x, y, z]
+        }
+    }
+
+    /// The frame into a block whose first voxel is at `corner` (made by [`Frame::steps`]). Nearer than
+    /// the range, meters, space is free, and beyond it nothing is seen.
+    #[inline(always)]
+    pub(super) fn fuse<L: Lanes>(
+        &self,
+        l: L,
+        block: &mut Block,
+        corner: [f32; 3],
+        range: Range,
+    ) -> Outcome {
+        match (self.lens.is_pinhole, self.is_dynamic) {
+            (true, false) => self.fuse_as::<L, true, false>(l, block, corner, range),
+            (true, true) => self.fuse_as::<L, true, true>(l, block, corner, range),
+            (false, false) => self.fuse_as::<L, false, false>(l, block, corner, range),
+            (false, true) => self.fuse_as::<L, false, true>(l, block, corner, range),
+        }
+    }
+
+    #[inline(always)]
+    fn fuse_as<L: Lanes, const PINHOLE: bool, const DYNAMIC: bool>(
+        &self,
+        l: L,
+        block: &mut Block,
+        corner: [f32; 3],
+        [nearest_m, farthest_m]: Range,
+    ) -> Outcome {
+        let mut outcome = Outcome { changed: false, recolored: 0, solid: false, free: true };
+        let mut moved = l.splat_int(0);
+        let lanes = [l.load(&self.lanes[0]), l.load(&self.lanes[1]), l.load(&self.lanes[2])];
+        let distances = block.distances.as_chunks_mut::<WIDTH>().0;
+        let weights = block.weights.as_chunks_mut::<WIDTH>().0;
+        let colors = block.colors.as_chunks_mut::<WIDTH>().0;
+        let rows = distances.iter_mut().zip(weights).zip(colors);
+        for (row, ((distances, weights), colors)) in rows.enumerate() {
+            let (layer, pair) = ((row / PAIRS) as f32, (row % PAIRS) as f32);
+            let start = |k: usize| corner[k] + layer * self.layer[k] + pair * self.pair[k];
+            let depth = start(2);
+            if depth + self.spread_m[0] > farthest_m {
+                outcome.free = false;
+                continue;
+            }
+            let (old_distance, old_weight) = (l.load_i16(distances), l.load_u16(weights));
+            let old = Stored { distance: l.float(old_distance), weight: l.float(old_weight) };
+            if depth + self.spread_m[1] < nearest_m && old.is_free(l) {
+                continue;
+            }
+            let p = l.add(l.splat(start(0)), lanes[0]);
+            let q = l.add(l.splat(start(1)), lanes[1]);
+            let z = l.add(l.splat(depth), lanes[2]);
+            let per_z = l.div(l.splat(1.0), z);
+            let (a, b) = (l.mul(p, per_z), l.mul(q, per_z));
+            let mut seen = l.less(l.splat(NEAREST_M), z);
+            let (u, v) = if PINHOLE { (a, b) } else { self.distort(l, a, b, &mut seen) };
+            let (column, line) = (l.truncate(u), l.truncate(v));
+            seen = l.both(seen, l.below_int(column, l.splat_int(self.lens.size[0] as i32)));
+            seen = l.both(seen, l.below_int(line, l.splat_int(self.lens.size[1] as i32)));
+            let index = l.add_int(l.mul_int(line, l.splat_int(self.stride as i32)), column);
+            let (low, high) = l.gather(self.pixels, index, seen);
+            let units = l.and_int(low, l.splat_int(0xffff));
+            seen = l.both(seen, l.above_int(units, l.splat_int(0)));
+            let depth = l.mul(l.float(units), l.splat(self.farthest_m / DEPTH_UNITS));
+            // The plane at the voxel's own ray, not at the pixel's center.
+            let half = l.splat(0.5);
+            let du = l.sub(l.sub(u, l.float(column)), half);
+            let dv = l.sub(l.sub(v, l.float(line)), half);
+            let slope_u = l.float(l.shift_down_signed::<24>(l.shift_up::<8>(low)));
+            let slope_v = l.float(l.shift_down_signed::<24>(low));
+            let tilt = l.fma(slope_u, du, l.mul(slope_v, dv));
+            let tilt = l.mul(tilt, l.splat(SLOPE_UNIT));
+            let before = l.sub(l.fma(depth, tilt, depth), z);
+            let mut behind = l.splat(self.truncation_m);
+            if self.behind_sigmas > 0.0 {
+                let sigma_m = sigma_m(l, depth);
+                behind = l.max(behind, l.mul(sigma_m, l.splat(self.behind_sigmas)));
+            }
+            seen = l.both(seen, l.less(l.splat(0.0), l.add(before, behind)));
+            if !l.any(seen) {
+                outcome.free = false;
+                continue;
+            }
+            let facing = l.float(l.and_int(l.shift_down::<24>(high), l.splat_int(127)));
+            let facing = l.mul(facing, l.splat(1.0 / FACING_ONE));
+            let scale = l.splat(DISTANCE_ONE / self.truncation_m);
+            let far = l.mul(l.mul(before, scale), facing);
+            let one = l.splat(DISTANCE_ONE);
+            let distance = l.max(l.min(far, one), l.splat(-DISTANCE_ONE));
+
+            let square = l.mul(l.splat(FULL_WEIGHT_M), per_z);
+            let square = l.mul(square, square);
+            let full = l.min(l.mul(square, square), l.splat(1.0));
+            let oblique = l.min(l.mul(facing, facing), l.splat(1.0));
+            let weight = l.mul(full, l.mul(oblique, l.splat(f32::from(WEIGHT_ONE))));
+            let weight = l.float(l.round(l.max(weight, l.splat(self.least_weight))));
+
+            let measured = Measured { seen, distance, weight, word: high, depth_m: depth };
+            let new = if DYNAMIC {
+                dynamic::update(l, self, &measured, &old, colors, &mut moved)
+            } else {
+                self.average(l, &measured, &old, colors, &mut moved)
+            };
+            let (new_distance, new_weight) = (l.round(new.distance), l.round(new.weight));
+            let changed = l.either(
+                l.differ_int(new_distance, old_distance),
+                l.differ_int(new_weight, old_weight),
+            );
+            if l.any(changed) {
+                l.store_i16(new_distance, distances);
+                l.store_u16(new_weight, weights);
+                outcome.changed = true;
+            }
+            let solid = l.both(seen, l.less(new.distance, l.splat(FREE)));
+            outcome.solid |= l.any(solid);
+            outcome.free &= l.all(l.but_not(seen, solid));
+        }
+        if !outcome.changed {
+            outcome.recolored = most(l, moved);
+        }
+        outcome
+    }
+
+    /// What voxels store when all measurements are averaged; `moved` grows to how far colors moved.
+    #[inline(always)]
+    fn average<L: Lanes>(
+        &self,
+        l: L,
+        new: &Measured<L>,
+        old: &Stored<L>,
+        colors: &mut [[u8; 4]; WIDTH],
+        moved: &mut L::I,
+    ) -> Stored<L> {
+        let mean = old.mean(l, new);
+        let weight = l.min(mean.weight, l.splat(self.most_weight));
+        let near = l.both(new.seen, l.at_most(l.abs(new.distance), l.splat(self.near)));
+        if l.any(near) {
+            let word = l.load_bytes(colors);
+            let blend = self.blend(l, word, new.word, mean.color_share);
+            let next = l.select_int(near, blend, word);
+            l.store_bytes(next, colors);
+            *moved = l.max_int(*moved, l.color_difference(next, word));
+        }
+        Stored {
+            distance: l.select(new.seen, mean.distance, old.distance),
+            weight: l.select(new.seen, weight, old.weight),
+        }
+    }
+
+    /// Two colors mixed: `share` / 256 of the new one. The highest byte stays.
+    #[inline(always)]
+    pub(super) fn blend<L: Lanes>(&self, l: L, old: L::I, new: L::I, share: L::I) -> L::I {
+        let rest = l.sub_int(l.splat_int(256), share);
+        // Red and blue, and green alone: 16 bits each, which the weighted sums just fill.
+        let pick = l.splat_int(0x00ff_00ff);
+        let dither = l.splat_int(self.dither * 0x0001_0001);
+        let mixed = Mix { rest, share, dither };
+        let red_blue = mixed.pairs(l, l.and_int(old, pick), l.and_int(new, pick));
+        let byte = l.splat_int(0xff);
+        let old_green = l.and_int(l.shift_down::<8>(old), byte);
+        let new_green = l.and_int(l.shift_down::<8>(new), byte);
+        let green = mixed.pairs(l, old_green, new_green);
+        let last = l.and_int(old, l.splat_int(0xff00_0000_u32.cast_signed()));
+        l.or_int(last, l.or_int(red_blue, l.shift_up::<8>(green)))
+    }
+
+    /// From x/z and y/z to pixels through the lens, half a pixel added.
+    #[inline(always)]
+    fn distort<L: Lanes>(&self, l: L, a: L::F, b: L::F, seen: &mut L::M) -> (L::F, L::F) {
+        let Lens { fx, fy, cx, cy, distortion, .. } = self.lens;
+        let [k1, k2, k3, p1, p2] = distortion;
+        let [k1, k2, k3] = [l.splat(k1), l.splat(k2), l.splat(k3)];
+        let [p1, p2] = [l.splat(p1), l.splat(p2)];
+        let (aa, bb, ab) = (l.mul(a, a), l.mul(b, b), l.mul(a, b));
+        let ab = l.add(ab, ab);
+        let r2 = l.add(aa, bb);
+        *seen = l.both(*seen, l.less(r2, l.splat(self.lens.largest_tangent2)));
+        let radial = l.fma(r2, l.fma(r2, l.fma(r2, k3, k2), k1), l.splat(1.0));
+        let x = l.fma(p2, l.add(r2, l.add(aa, aa)), l.mul(p1, ab));
+        let y = l.fma(p1, l.add(r2, l.add(bb, bb)), l.mul(p2, ab));
+        let u = l.fma(l.fma(a, radial, x), l.splat(fx), l.splat(cx + 0.5));
+        let v = l.fma(l.fma(b, radial, y), l.splat(fy), l.splat(cy + 0.5));
+        (u, v)
+    }
+}
+
+/// How colors are mixed: shares of old and new that sum to 256, and what rounds up or down.
+struct Mix<L: Lanes> {
+    rest: L::I,
+    share: L::I,
+    dither: L::I,
+}
+
+impl<L: Lanes> Mix<L> {
+    /// Of two levels a lane, in its halves: the weighted sums just fill them.
+    #[inline(always)]
+    fn pairs(&self, l: L, old: L::I, new: L::I) -> L::I {
+        let sum = l.add_int(l.mul_int(old, self.rest), l.mul_int(new, self.share));
+        let level = l.shift_down::<8>(l.add_int(sum, self.dither));
+        l.and_int(level, l.splat_int(0x00ff_00ff))
+    }
+}
+
+/// The largest of sixteen numbers, none of them negative and none above 2²².
+#[inline(always)]
+fn most<L: Lanes>(l: L, numbers: L::I) -> u32 {
+    if !l.any(l.above_int(numbers, l.splat_int(0))) {
+        return 0;
+    }
+    let mut out = [0.0; WIDTH];
+    l.store(l.float(numbers), &mut out);
+    out.into_iter().fold(0.0, f32::max) as u32
+}
+
+/// Standard deviation of depth, meters: see [`crate::depth::sigma_m`].
+#[inline(always)]
+pub(super) fn sigma_m<L: Lanes>(l: L, depth_m: L::F) -> L::F {
+    let beyond = l.max(l.sub(depth_m, l.splat(0.4)), l.splat(0.0));
+    l.fma(l.mul(beyond, beyond), l.splat(0.0019), l.splat(0.0012))
+}

@@ -1,0 +1,363 @@
+//! Frames into a volume: which blocks a frame reaches, and what it does to those it sees.
+//!
+//! Four passes, each parallel over fixed pieces on the pool of the caller: pixels are packed and rays
+//! mark blocks; blocks that exist take their marks away; what is left is allocated, in order; all
+//! blocks in view are fused. Bits do not depend on the number of threads.
+
+use covis_solvers::geometry::Se3;
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use super::block::{DISTANCE_ONE, WEIGHT_ONE};
+use super::dilation::dilated;
+use super::frustum::Frustum;
+use super::fuse::{Frame, Outcome};
+use super::lanes::{Class, Kernel, Lanes};
+pub use super::options::IntegrationOptions;
+use super::pages::PageError;
+use super::pixels::{self, BAND, PackBand, Scratches, Source};
+use super::rays::Rays;
+use super::reach::Reach;
+use super::sight::{Lens, NEAREST_M, Seen, Sight};
+use super::tiles::{TILE, Tiles};
+use super::volume::{Piece, Volume, VolumeOptions};
+use crate::camera::FrameCamera;
+use crate::image::Image;
+
+/// Blocks that a task fuses.
+const PIECE: usize = 16;
+/// A block of which only colors changed counts as changed when they moved by so much, summed up over
+/// frames: eight levels of gray, as [`Lanes::color_difference`] tells it. So what was made of a block
+/// never shows a color that is off by more.
+const VISIBLE: u32 = 32;
+/// Blocks that a task looks up.
+const CLEAR_PIECE: usize = 1024;
+
+/// A frame to be integrated. All images have the camera's size.
+#[derive(Clone, Copy, Debug)]
+pub struct DenseFrame<'a> {
+    /// Along the optical axis, meters; what is not a number, negative or too far is not used.
+    pub depth_m: &'a Image<f32>,
+    /// Red, green, blue.
+    pub color: &'a Image<[u8; 3]>,
+    /// Not 0 where something moves: those pixels say nothing.
+    pub moving: Option<&'a Image<u8>>,
+    /// Where the camera is.
+    pub world_from_camera: &'a Se3,
+}
+
+/// Why a frame was not integrated; the volume is as before.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum IntegrateError {
+    /// An image has another size than the camera.
+    #[error(
+        "`{image}` is {width} × {height} pixels, the camera's images are {camera_width} × {camera_height}"
+    )]
+    ImageSize {
+        /// Which image.
+        image: &'static str,
+        /// Its columns.
+        width: usize,
+        /// Its rows.
+        height: usize,
+        /// The camera's columns.
+        camera_width: usize,
+        /// The camera's rows.
+        camera_height: usize,
+    },
+    /// The pose is not finite.
+    #[error("`world_from_camera` is not finite")]
+    Pose,
+    /// The grid does not reach where the camera is.
+    #[error("`world_from_camera` is too far from the origin for blocks of this size")]
+    TooFar,
+    /// A measure is not positive and finite, or does not fit the others.
+    #[error("`{option}` is out of range")]
+    Options {
+        /// Which one.
+        option: &'static str,
+    },
+    /// What the frame needs is on disk and does not come back, or there is no room for what it does not
+    /// need.
+    #[error(transparent)]
+    Pages(#[from] PageError),
+}
+
+/// Integrates frames of one camera.
+#[derive(Debug)]
+pub struct Integrator {
+    options: IntegrationOptions,
+    camera: FrameCamera,
+    lens: Lens,
+    pixels: Vec<u64>,
+    scratches: Scratches,
+    tiles: Tiles,
+    reach: Reach,
+    /// What moves in the frame at hand.
+    dilated: Option<Image<u8>>,
+    class: Class,
+}
+
+impl Integrator {
+    /// For frames of this camera.
+    #[must_use]
+    pub fn new(camera: &FrameCamera, options: IntegrationOptions) -> Self {
+        let (width, height) = camera.size();
+        Self {
+            options,
+            camera: camera.clone(),
+            lens: Lens::new(camera),
+            pixels: vec![0; pixels::stride(width) * height],
+            scratches: Scratches::new(width),
+            tiles: Tiles::new(width, height),
+            reach: Reach::default(),
+            dilated: None,
+            class: Class::detect(),
+        }
+    }
+
+    /// As [`Integrator::new`] with vectors of this class.
+    #[cfg(test)]
+    pub(super) fn with_class(mut self, class: Class) -> Self {
+        self.class = class;
+        self
+    }
+
+    /// How frames become a surface.
+    #[must_use]
+    pub fn options(&self) -> &IntegrationOptions {
+        &self.options
+    }
+
+    /// A frame into a volume, on the current pool of threads. That is one revision.
+    ///
+    /// # Errors
+    ///
+    /// Where the frame or an option makes no sense; the volume is as before then.
+    pub fn integrate(
+        &mut self,
+        volume: &mut Volume,
+        frame: &DenseFrame<'_>,
+    ) -> Result<(), IntegrateError> {
+        self.check(volume.options(), frame)?;
+        let measures = *volume.options();
+        self.begin_reach(frame.world_from_camera, &measures)?;
+        self.dilated = frame.moving.map(|moving| dilated(moving, self.options.dilation_px));
+        self.pack_and_mark(frame, &measures);
+        self.tiles.build();
+        self.allocate(volume);
+        self.fuse(volume, frame.world_from_camera);
+        Ok(())
+    }
+
+    fn check(
+        &self,
+        measures: &VolumeOptions,
+        frame: &DenseFrame<'_>,
+    ) -> Result<(), IntegrateError> {
+        let (camera_width, camera_height) = self.camera.size();
+        let sizes = [
+            ("depth_m", Some(frame.depth_m.size())),
+            ("color", Some(frame.color.size())),
+            ("moving", frame.moving.map(Image::size)),
+        ];
+        for (image, size) in sizes {
+            if let Some((width, height)) = size
+                && (width, height) != (camera_width, camera_height)
+            {
+                return Err(IntegrateError::ImageSize {
+                    image,
+                    width,
+                    height,
+                    camera_width,
+                    camera_height,
+                });
+            }
+        }
+        let pose = frame.world_from_camera;
+        let finite =
+            pose.translation.iter().chain(pose.rotation.matrix().iter()).all(|x| x.is_finite());
+        if !finite {
+            return Err(IntegrateError::Pose);
+        }
+        match self.options.refused(measures) {
+            Some(option) => Err(IntegrateError::Options { option }),
+            None => Ok(()),
+        }
+    }
+
+    /// The space that a frame may change.
+    ///
+    /// # Errors
+    /// Where the frame or an option makes no sense.
+    pub(super) fn frustum(
+        &self,
+        measures: &VolumeOptions,
+        frame: &DenseFrame<'_>,
+    ) -> Result<Frustum, IntegrateError> {
+        self.check(measures, frame)?;
+        let farthest_m = f64::from(self.farthest_m(measures));
+        // A pixel beyond the outermost ones' centers, and a little more.
+        let wider = 0.02 + 1.0 / f64::from(self.lens.fx.min(self.lens.fy));
+        Ok(Frustum::new(self.lens.field, wider, frame.world_from_camera, farthest_m))
+    }
+
+    /// The depth up to which voxels are looked at, meters.
+    fn farthest_m(&self, measures: &VolumeOptions) -> f32 {
+        let farthest = self.options.max_depth_m;
+        farthest + self.options.behind_m(farthest, measures.truncation_m)
+    }
+
+    /// Marks of all blocks that the camera may see.
+    fn begin_reach(
+        &mut self,
+        world_from_camera: &Se3,
+        measures: &VolumeOptions,
+    ) -> Result<(), IntegrateError> {
+        let block_m = measures.block_m();
+        let z = f64::from(self.farthest_m(measures));
+        let [left, right, top, bottom] = self.lens.field.map(f64::from);
+        let mut points = vec![[0.0; 3]; 5];
+        let rays = [
+            [0.0, 0.0, 0.0],
+            [left, top, 1.0],
+            [right, top, 1.0],
+            [left, bottom, 1.0],
+            [right, bottom, 1.0],
+        ];
+        for (point, ray) in points.iter_mut().zip(rays) {
+            let at = world_from_camera.transform(&(Vector3::from(ray) * z)) / block_m;
+            *point = [at.x, at.y, at.z];
+        }
+        self.reach.begin(&points).ok_or(IntegrateError::TooFar)
+    }
+
+    /// Packs the frame, and marks the blocks that its rays reach.
+    fn pack_and_mark(&mut self, frame: &DenseFrame<'_>, measures: &VolumeOptions) {
+        let (width, _) = self.camera.size();
+        let stride = pixels::stride(width);
+        let source = Source {
+            depth_m: frame.depth_m,
+            color: frame.color,
+            moving: self.dilated.as_ref(),
+            nearest_m: NEAREST_M,
+            farthest_m: self.options.max_depth_m,
+            pinhole: [self.lens.fx, self.lens.fy, self.lens.cx, self.lens.cy],
+        };
+        let mut tiles = std::mem::take(&mut self.tiles);
+        let mut words = std::mem::take(&mut self.pixels);
+        let tiles_width = tiles.width();
+        let rays =
+            Rays::new(&self.reach, &self.camera, &self.options, frame.world_from_camera, measures);
+        let bands = words
+            .par_chunks_mut(BAND * stride)
+            .zip(tiles.smallest_mut().par_chunks_mut(BAND / TILE * tiles_width))
+            .enumerate();
+        bands.for_each_init(
+            || self.scratches.borrow(),
+            |scratch, (band, (out, tiles))| {
+                let first_row = band * BAND;
+                self.class.run(PackBand { source, first_row, scratch, out, tiles });
+                rays.mark(first_row, scratch, tiles);
+            },
+        );
+        self.tiles = tiles;
+        self.pixels = words;
+    }
+
+    /// Makes the blocks that are marked and not there.
+    fn allocate(&self, volume: &mut Volume) {
+        volume.keys().par_chunks(CLEAR_PIECE).for_each(|keys| {
+            for &key in keys {
+                self.reach.clear(key);
+            }
+        });
+        self.reach.for_each(|key| {
+            volume.allocate(key);
+        });
+    }
+
+    fn fuse(&self, volume: &mut Volume, world_from_camera: &Se3) {
+        let measures = *volume.options();
+        let sight = Sight::new(self.lens, world_from_camera, measures.block_m());
+        let steps = sight.steps().map(|step| Frame::steps(&self.lens, step));
+        let revision = volume.advance();
+        let weight_one = f32::from(WEIGHT_ONE);
+        let lanes: [[f32; 16]; 3] = std::array::from_fn(|k| {
+            std::array::from_fn(|i| (i % 8) as f32 * steps[0][k] + (i / 8) as f32 * steps[1][k])
+        });
+        let frame = Frame {
+            lens: self.lens,
+            pixels: &self.pixels,
+            stride: pixels::stride(self.camera.size().0),
+            lanes,
+            spread_m: [
+                lanes[2].iter().copied().fold(f32::INFINITY, f32::min),
+                lanes[2].iter().copied().fold(f32::NEG_INFINITY, f32::max),
+            ],
+            pair: steps[1].map(|step| 2.0 * step),
+            layer: steps[2],
+            farthest_m: self.options.max_depth_m,
+            truncation_m: measures.truncation_m,
+            behind_sigmas: self.options.truncation_sigmas,
+            least_weight: if self.options.weigh_noise { 1.0 } else { weight_one },
+            most_weight: (self.options.max_weight * weight_one).floor(),
+            near: (2.0 * measures.voxel_m / measures.truncation_m).min(1.0) * DISTANCE_ONE,
+            slack: 3.0 / measures.truncation_m * DISTANCE_ONE,
+            // Van der Corput: each share of the range comes equally often.
+            dither: i32::from((revision as u8).reverse_bits()),
+            is_dynamic: self.options.dynamic,
+        };
+        let behind_m = self.options.behind_m(self.options.max_depth_m, measures.truncation_m);
+        let before_m = measures.truncation_m;
+        let pieces = volume.pieces_mut(PIECE);
+        pieces.for_each(|piece| {
+            let (frame, sight, tiles) = (&frame, &sight, &self.tiles);
+            self.class.run(FusePiece { frame, sight, tiles, behind_m, before_m, revision, piece });
+        });
+    }
+}
+
+/// Fuses a frame into what it sees of a piece.
+struct FusePiece<'a> {
+    frame: &'a Frame<'a>,
+    sight: &'a Sight,
+    tiles: &'a Tiles,
+    behind_m: f32,
+    before_m: f32,
+    revision: u64,
+    piece: Piece<'a>,
+}
+
+impl Kernel for FusePiece<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Piece { keys, blocks, changed, solid, recolored } = self.piece;
+        let seen: [Seen; PIECE] = std::array::from_fn(|slot| {
+            let corner = keys.get(slot).map(|&key| self.sight.corner(key));
+            let seen = corner.map_or(Seen::No, |corner| {
+                self.sight.look(corner, self.tiles, self.behind_m, self.before_m)
+            });
+            // Where there is nothing to forget, nothing is seen through.
+            if matches!(seen, Seen::Through(_)) && !solid[slot] { Seen::No } else { seen }
+        });
+        for slot in 0..blocks.len() {
+            let (Seen::Through(range) | Seen::Near(range)) = seen[slot] else { continue };
+            if let Some(next) = (slot + 1..blocks.len()).find(|&next| seen[next] != Seen::No) {
+                lanes.prefetch(&blocks[next]);
+            }
+            let corner = Frame::steps(&self.sight.lens, self.sight.corner(keys[slot]));
+            let outcome: Outcome = self.frame.fuse(lanes, &mut blocks[slot], corner, range);
+            let moved = u32::from(recolored[slot]) + outcome.recolored;
+            if outcome.changed || moved >= VISIBLE {
+                changed[slot] = self.revision;
+                recolored[slot] = 0;
+            } else {
+                recolored[slot] = moved as u8;
+            }
+            solid[slot] = (solid[slot] || outcome.solid) && !outcome.free;
+        }
+    }
+}

@@ -1,0 +1,301 @@
+//! A volume that follows corrections of its frames' poses (decision 0017).
+//!
+//! Frames stand where their keyframes stand. When keyframes are moved, the volume is built a second
+//! time from the log of frames, at the poses as they are then, a few frames whenever a new one comes;
+//! once it has caught up it takes the first one's place. What comes out is, to the bit, what would
+//! have come of the corrected poses in the first place, the dynamic update included. Knows no server
+//! and no thread.
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::io;
+use std::path::PathBuf;
+
+use covis_solvers::geometry::{LieGroup, Se3};
+
+use super::frame_log::{FrameLog, LoggedFrame};
+use super::integrate::{DenseFrame, IntegrateError, IntegrationOptions, Integrator};
+use super::paged::PagedVolume;
+use super::volume::VolumeOptions;
+use crate::camera::FrameCamera;
+
+/// Frames that are integrated again with each new one. With one the second volume would never catch
+/// up; two bound the time of a frame to three integrations.
+const AGAIN_A_FRAME: usize = 2;
+/// A frame that stands off by less than this, in voxels at [`USUAL_RANGE_M`], is not worth building
+/// the volume again; and at the end of a run.
+const TOLERANCE_VOXELS: f64 = 0.25;
+const FINAL_TOLERANCE_VOXELS: f64 = 0.02;
+/// How far away what is seen usually is, meters: a turn counts by what it does there.
+const USUAL_RANGE_M: f64 = 2.0;
+
+/// Why a frame is not in the volume.
+#[derive(Debug, thiserror::Error)]
+pub enum DenseError {
+    /// The frame makes no sense.
+    #[error(transparent)]
+    Frame(#[from] IntegrateError),
+    /// The log of frames cannot be written or read.
+    #[error("the log of dense mapping's frames: {0}")]
+    Log(#[from] io::Error),
+    /// There is no place for blocks that are to be on disk.
+    #[error("no page file can be made: {0}")]
+    PageFile(io::Error),
+}
+
+/// How much memory the blocks may take, those of a volume that is built again included.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MemoryCeiling {
+    /// Bytes. While a volume is built again, each of the two has half of them.
+    pub bytes: usize,
+    /// Where the rest goes; the system's folder for temporary files where there is none.
+    pub folder: Option<PathBuf>,
+}
+
+impl MemoryCeiling {
+    /// An empty volume with one of so many equal shares.
+    ///
+    /// # Errors
+    /// No page file can be made.
+    pub fn volume(&self, options: VolumeOptions, shares: usize) -> io::Result<PagedVolume> {
+        PagedVolume::with_ceiling(options, self.bytes / shares.max(1), self.folder.as_deref())
+    }
+}
+
+/// A frame, and the keyframe that it stands beside.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TiedFrame {
+    /// What it shows.
+    pub frame: LoggedFrame,
+    /// Its keyframe.
+    pub keyframe: usize,
+    /// Where it stands beside it.
+    pub keyframe_from_camera: Se3,
+}
+
+/// A frame of the log.
+#[derive(Clone, Copy, Debug)]
+struct Placed {
+    keyframe: usize,
+    keyframe_from_camera: Se3,
+    /// Its pose in the volume.
+    world_from_camera: Se3,
+}
+
+/// A volume that is built again.
+#[derive(Debug)]
+struct Rebuild {
+    volume: PagedVolume,
+    /// The poses of the frames that it has, in the order of the log.
+    poses: Vec<Se3>,
+}
+
+/// Builds a volume from frames tied to keyframes, and builds it again where keyframes move.
+#[derive(Debug)]
+pub struct DenseMapper {
+    integrator: Integrator,
+    volume: PagedVolume,
+    ceiling: Option<MemoryCeiling>,
+    log: FrameLog,
+    frames: Vec<Placed>,
+    keyframes: BTreeMap<usize, Se3>,
+    /// Whether keyframes moved since no frame was found to stand off.
+    moved: bool,
+    rebuild: Option<Rebuild>,
+    rebuilt: usize,
+}
+
+impl DenseMapper {
+    /// An empty volume for frames of this camera.
+    ///
+    /// # Errors
+    /// [`DenseError::Log`] and [`DenseError::PageFile`] where there is no place for these files.
+    pub fn new(
+        camera: &FrameCamera,
+        volume: VolumeOptions,
+        integration: IntegrationOptions,
+        ceiling: Option<MemoryCeiling>,
+    ) -> Result<Self, DenseError> {
+        Ok(Self {
+            integrator: Integrator::new(camera, integration),
+            volume: empty(volume, ceiling.as_ref(), 1)?,
+            ceiling,
+            log: FrameLog::new()?,
+            frames: Vec::new(),
+            keyframes: BTreeMap::new(),
+            moved: false,
+            rebuild: None,
+            rebuilt: 0,
+        })
+    }
+
+    /// The volume as far as it has followed.
+    #[must_use]
+    pub fn volume(&self) -> &PagedVolume {
+        &self.volume
+    }
+
+    /// The volume, without what it needs to follow.
+    #[must_use]
+    pub fn into_volume(self) -> PagedVolume {
+        self.volume
+    }
+
+    /// How many times the volume was built again so far.
+    #[must_use]
+    pub fn rebuilt(&self) -> usize {
+        self.rebuilt
+    }
+
+    /// Integrates a frame. A keyframe that is new stands at `world_from_keyframe`, until it is moved.
+    ///
+    /// # Errors
+    /// [`DenseError`]; the volume is as before then.
+    pub fn integrate(
+        &mut self,
+        mut tied: TiedFrame,
+        world_from_keyframe: &Se3,
+    ) -> Result<(), DenseError> {
+        let TiedFrame { frame, keyframe, keyframe_from_camera } = &mut tied;
+        let known = self.keyframes.get(keyframe).copied();
+        let world_from_camera = known.unwrap_or(*world_from_keyframe).compose(keyframe_from_camera);
+        self.log.append(frame)?;
+        if let Err(error) =
+            integrate(&mut self.integrator, &mut self.volume, frame, &world_from_camera)
+        {
+            self.log.forget_last();
+            return Err(error.into());
+        }
+        self.keyframes.entry(*keyframe).or_insert(*world_from_keyframe);
+        let (keyframe, keyframe_from_camera) = (*keyframe, *keyframe_from_camera);
+        self.frames.push(Placed { keyframe, keyframe_from_camera, world_from_camera });
+        Ok(())
+    }
+
+    /// Takes where keyframes stand now; those that are not known are left.
+    pub fn correct(&mut self, poses: &[(usize, Se3)]) {
+        for (id, pose) in poses {
+            if let Some(known) = self.keyframes.get_mut(id) {
+                self.moved |= *known != *pose;
+                *known = *pose;
+            }
+        }
+    }
+
+    /// Follows the keyframes by a bounded number of frames. Whether there is more to do.
+    ///
+    /// # Errors
+    /// [`DenseError::Log`].
+    pub fn follow(&mut self) -> Result<bool, DenseError> {
+        if self.rebuild.is_none() {
+            // All frames are looked at where keyframes moved, and not after each frame of a long run.
+            self.moved = self.moved && self.is_stale(TOLERANCE_VOXELS);
+            if !self.moved {
+                return Ok(false);
+            }
+        }
+        for _ in 0..AGAIN_A_FRAME {
+            if self.integrate_again()? {
+                break;
+            }
+        }
+        Ok(self.rebuild.is_some())
+    }
+
+    /// Follows the keyframes to where they stand now. `done` hears after each frame how many of how
+    /// many were integrated again.
+    ///
+    /// # Errors
+    /// [`DenseError::Log`].
+    pub fn finish(&mut self, done: &mut dyn FnMut(usize, usize)) -> Result<(), DenseError> {
+        // What was begun at older poses would only have to be done again.
+        self.rebuild = None;
+        self.share_memory(1);
+        if self.is_stale(FINAL_TOLERANCE_VOXELS) {
+            while !self.integrate_again()? {
+                let again = self.rebuild.as_ref().map_or(0, |rebuild| rebuild.poses.len());
+                done(again, self.frames.len());
+            }
+        }
+        Ok(())
+    }
+
+    /// Lets the volume have one of so many equal shares of the memory.
+    fn share_memory(&mut self, volumes: usize) {
+        if let Some(ceiling) = &self.ceiling {
+            self.volume.set_ceiling(ceiling.bytes / volumes);
+        }
+    }
+
+    /// Where a frame stands now.
+    fn pose(&self, placed: &Placed) -> Se3 {
+        match self.keyframes.get(&placed.keyframe) {
+            Some(keyframe) => keyframe.compose(&placed.keyframe_from_camera),
+            None => placed.world_from_camera,
+        }
+    }
+
+    /// Whether a frame stands elsewhere than where it was integrated.
+    fn is_stale(&self, tolerance_voxels: f64) -> bool {
+        let tolerance_m = tolerance_voxels * f64::from(self.volume.options().voxel_m);
+        self.frames.iter().any(|placed| {
+            let moved = placed.world_from_camera.inverse().compose(&self.pose(placed));
+            let turned = moved.rotation.log().norm() * USUAL_RANGE_M;
+            moved.translation.norm() + turned > tolerance_m
+        })
+    }
+
+    /// One more frame into the second volume; whether it has caught up and taken the first one's
+    /// place.
+    fn integrate_again(&mut self) -> Result<bool, DenseError> {
+        let next = self.rebuild.as_ref().map_or(0, |rebuild| rebuild.poses.len());
+        if let Some(placed) = self.frames.get(next) {
+            let pose = self.pose(placed);
+            let frame = self.log.read(next)?;
+            if self.rebuild.is_none() {
+                self.share_memory(2);
+            }
+            let rebuild = match &mut self.rebuild {
+                Some(rebuild) => rebuild,
+                none => {
+                    let volume = empty(*self.volume.options(), self.ceiling.as_ref(), 2)?;
+                    none.insert(Rebuild { volume, poses: Vec::new() })
+                }
+            };
+            integrate(&mut self.integrator, &mut rebuild.volume, &frame, &pose)?;
+            rebuild.poses.push(pose);
+        }
+        let caught_up = |rebuild: &mut Rebuild| rebuild.poses.len() == self.frames.len();
+        let Some(rebuild) = self.rebuild.take_if(caught_up) else { return Ok(false) };
+        for (placed, pose) in self.frames.iter_mut().zip(rebuild.poses) {
+            placed.world_from_camera = pose;
+        }
+        self.volume = rebuild.volume;
+        self.share_memory(1);
+        self.rebuilt += 1;
+        Ok(true)
+    }
+}
+
+/// An empty volume that has one of so many equal shares of the memory.
+fn empty(
+    options: VolumeOptions,
+    ceiling: Option<&MemoryCeiling>,
+    volumes: usize,
+) -> Result<PagedVolume, DenseError> {
+    let volume = ceiling.map(|ceiling| ceiling.volume(options, volumes)).transpose();
+    Ok(volume.map_err(DenseError::PageFile)?.unwrap_or_else(|| PagedVolume::new(options)))
+}
+
+fn integrate(
+    integrator: &mut Integrator,
+    volume: &mut PagedVolume,
+    frame: &LoggedFrame,
+    world_from_camera: &Se3,
+) -> Result<(), IntegrateError> {
+    let LoggedFrame { depth_m, color, moving } = frame;
+    let moving = moving.as_ref();
+    volume.integrate(integrator, &DenseFrame { depth_m, color, moving, world_from_camera })
+}

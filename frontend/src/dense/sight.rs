@@ -1,0 +1,217 @@
+//! Where blocks lie in an image, and whether its depth can say anything about them. Answers are on the
+//! safe side: a block that is said not to be seen is not.
+
+use covis_solvers::geometry::{LieGroup, PinholeRadialTangential, Se3};
+use nalgebra::{Matrix3, Vector3};
+
+use super::block::{BlockKey, EDGE};
+use super::tiles::{Range, Tiles};
+use crate::camera::FrameCamera;
+
+/// Voxels that lie nearer than this to the camera's plane are not looked at, meters.
+pub(super) const NEAREST_M: f32 = 0.05;
+/// From a block's center to its farthest voxel, in voxels, and a little more.
+const RADIUS: f32 = 6.1;
+/// How far a lens may bend the image of a block beyond that of its corners, as a share of its size.
+const BEND: f32 = 0.1;
+
+/// A lens in single precision.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lens {
+    pub(super) fx: f32,
+    pub(super) fy: f32,
+    pub(super) cx: f32,
+    pub(super) cy: f32,
+    /// k1, k2, k3, p1, p2.
+    pub(super) distortion: [f32; 5],
+    /// Points farther from the axis than this, as a tangent squared, are not seen.
+    pub(super) largest_tangent2: f32,
+    largest_tangent: f32,
+    pub(super) is_pinhole: bool,
+    /// Columns and rows.
+    pub(super) size: [f32; 2],
+    /// Least and greatest x/z, least and greatest y/z of the pixels' rays.
+    pub(super) field: [f32; 4],
+}
+
+/// A camera at its place over a grid.
+#[derive(Clone, Debug)]
+pub(super) struct Sight {
+    pub(super) lens: Lens,
+    /// Camera from blocks: axes and the grid's origin, meters.
+    rotation: Matrix3<f64>,
+    translation: Vector3<f64>,
+    block_m: f64,
+    voxel_m: f32,
+    /// From a block's first voxel to its center, in the camera's axes, meters.
+    to_center: [f32; 3],
+    /// From there to the outermost voxels, axis by axis.
+    corners: [[f32; 8]; 3],
+}
+
+/// What a frame can say about a block.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Seen {
+    /// It lies outside of the image or behind all that is seen.
+    No,
+    /// It lies before all that is seen. The range as for `Near`.
+    Through(Range),
+    /// Depth may be in it. Nearer than the range, meters, space is free, and beyond it nothing is seen.
+    Near(Range),
+}
+
+impl Lens {
+    pub(super) fn new(camera: &FrameCamera) -> Self {
+        let model: &PinholeRadialTangential = camera.model();
+        let PinholeRadialTangential { fx, fy, cx, cy, k1, k2, p1, p2, k3 } = *model;
+        let distortion = [k1, k2, k3, p1, p2].map(|x| x as f32);
+        let (width, height) = camera.size();
+        let mut field = [f32::INFINITY, f32::NEG_INFINITY, f32::INFINITY, f32::NEG_INFINITY];
+        let mut largest = 0.0_f32;
+        for &[a, b] in camera.rays().pixels() {
+            field = [field[0].min(a), field[1].max(a), field[2].min(b), field[3].max(b)];
+            largest = largest.max(a * a + b * b);
+        }
+        let [fx, fy, cx, cy] = [fx, fy, cx, cy].map(|x| x as f32);
+        Self {
+            fx,
+            fy,
+            cx,
+            cy,
+            distortion,
+            // Half a pixel beyond the outermost centers, and a little more.
+            largest_tangent2: largest * 1.02 + 1e-4,
+            largest_tangent: (largest * 1.02 + 1e-4).sqrt(),
+            is_pinhole: distortion == [0.0; 5],
+            size: [width as f32, height as f32],
+            field,
+        }
+    }
+
+    /// Columns and rows of points before the camera. Points outside of what the lens is known for are
+    /// moved to its border.
+    #[inline(always)]
+    fn pixels(&self, x: &[f32; 8], y: &[f32; 8], z: &[f32; 8]) -> [[f32; 8]; 2] {
+        let [k1, k2, k3, p1, p2] = self.distortion;
+        let mut out = [[0.0; 8]; 2];
+        for i in 0..8 {
+            let per_z = 1.0 / z[i];
+            let (mut a, mut b) = (x[i] * per_z, y[i] * per_z);
+            if !self.is_pinhole {
+                let tangent = (a * a + b * b).sqrt();
+                let inside = if tangent > self.largest_tangent {
+                    self.largest_tangent / tangent
+                } else {
+                    1.0
+                };
+                (a, b) = (a * inside, b * inside);
+                let r2 = a * a + b * b;
+                let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+                (a, b) = (
+                    a * radial + 2.0 * p1 * a * b + p2 * (r2 + 2.0 * a * a),
+                    b * radial + p1 * (r2 + 2.0 * b * b) + 2.0 * p2 * a * b,
+                );
+            }
+            out[0][i] = self.fx * a + self.cx;
+            out[1][i] = self.fy * b + self.cy;
+        }
+        out
+    }
+}
+
+impl Sight {
+    pub(super) fn new(lens: Lens, world_from_camera: &Se3, block_m: f64) -> Self {
+        let camera_from_world = world_from_camera.inverse();
+        let half = 0.5 * (EDGE - 1) as f64 * block_m / EDGE as f64;
+        let to_center = camera_from_world.rotation.matrix() * Vector3::repeat(half);
+        let edge = 2.0 * half;
+        let corners = std::array::from_fn::<_, 8, _>(|i| {
+            let bits = Vector3::new(i & 1, i >> 1 & 1, i >> 2).map(|bit| bit as f64);
+            camera_from_world.rotation.matrix() * (bits * edge)
+        });
+        Self {
+            lens,
+            corners: std::array::from_fn(|k| corners.map(|corner| corner[k] as f32)),
+            to_center: to_center.map(|x| x as f32).into(),
+            rotation: camera_from_world.rotation.matrix().into_owned(),
+            translation: camera_from_world.translation,
+            block_m,
+            voxel_m: (block_m / EDGE as f64) as f32,
+        }
+    }
+
+    /// From a voxel to the next along each axis of the grid, in the camera's axes, meters.
+    pub(super) fn steps(&self) -> [[f32; 3]; 3] {
+        let voxel_m = self.block_m / EDGE as f64;
+        std::array::from_fn(|axis| {
+            std::array::from_fn(|k| (self.rotation[(k, axis)] * voxel_m) as f32)
+        })
+    }
+
+    /// A block's first voxel in the camera's axes, meters.
+    pub(super) fn corner(&self, key: BlockKey) -> [f32; 3] {
+        let at = Vector3::new(f64::from(key.x), f64::from(key.y), f64::from(key.z)) * self.block_m;
+        let at = self.rotation * at + self.translation;
+        [at.x as f32, at.y as f32, at.z as f32]
+    }
+
+    /// What the depth of `tiles` can say about the block with this corner; `behind_m` is how far
+    /// behind a surface voxels are looked at, and `before_m` how far before it space is surely free.
+    #[inline(always)]
+    pub(super) fn look(
+        &self,
+        corner: [f32; 3],
+        tiles: &Tiles,
+        behind_m: f32,
+        before_m: f32,
+    ) -> Seen {
+        let lens = &self.lens;
+        let [x, y, z] = std::array::from_fn(|k| corner[k] + self.to_center[k]);
+        let radius = RADIUS * self.voxel_m;
+        // Most blocks lie outside of the cone around the image.
+        let away = (x * x + y * y).sqrt() - radius;
+        if z + radius < NEAREST_M || away > lens.largest_tangent * (z + radius) {
+            return Seen::No;
+        }
+        let place =
+            |k: usize| -> [f32; 8] { std::array::from_fn(|i| corner[k] + self.corners[k][i]) };
+        let [x, y, z] = [place(0), place(1), place(2)];
+        let [nearest_z, farthest_z] = extent(&z);
+        let [mut left, mut top] = [0.0_f32; 2];
+        let [mut right, mut bottom] = lens.size.map(|size| size - 1.0);
+        if nearest_z > NEAREST_M {
+            let pixels = lens.pixels(&x, &y, &z);
+            let [columns, rows] = [extent(&pixels[0]), extent(&pixels[1])];
+            // Lenses bend what is between the corners.
+            let bend = if lens.is_pinhole { 0.0 } else { BEND };
+            let margins = [columns, rows].map(|[low, high]| 1.0 + bend * (high - low));
+            left = left.max(columns[0] - margins[0]);
+            right = right.min(columns[1] + margins[0]);
+            top = top.max(rows[0] - margins[1]);
+            bottom = bottom.min(rows[1] + margins[1]);
+            if left > right || top > bottom {
+                return Seen::No;
+            }
+        }
+        let [nearest, farthest] =
+            tiles.range(left as usize, top as usize, right as usize, bottom as usize);
+        let range = [nearest - before_m, farthest + behind_m];
+        if nearest_z > range[1] {
+            Seen::No
+        } else if farthest_z < range[0] {
+            Seen::Through(range)
+        } else {
+            Seen::Near(range)
+        }
+    }
+}
+
+/// The least and the greatest.
+#[inline(always)]
+fn extent(x: &[f32; 8]) -> [f32; 2] {
+    let mut out = [x[0]; 2];
+    for &x in x {
+        out = [if x < out[0] { x } else { out[0] }, if x > out[1] { x } else { out[1] }];
+    }
+    out
+}

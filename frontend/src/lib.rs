@@ -1,0 +1,38 @@
+//! The reference frontend: semi-direct RGB-D tracking that ignores what moves.
+//!
+//! It shows how a frontend uses covis: it reaches the server through [`covis_client`] alone, like a
+//! stranger. Rooms, lowest floor first:
+//!
+//! | module | role |
+//! |---|---|
+//! | [`simd`] | loops compiled for wide vectors |
+//! | [`image`] | images, and a frame with color and depth |
+//! | [`input`] | where frames come from: recorded folders |
+//! | [`synthetic`] | ray-cast sequences with known truth |
+//! | [`features`] | corners, descriptors, matches and the pose they tell |
+//! | [`pyramid`] | an image and its halvings |
+//! | [`camera`] | the lens, and the ray of each pixel |
+//! | [`shutter`] | rows that are exposed one after the other |
+//! | [`depth`] | noise of depth, depth at a pixel |
+//! | [`local_map`] | keyframes and landmarks as the server last told them |
+//! | [`tracking`] | where the camera is |
+//! | [`motion`] | what moves |
+//! | [`pipeline`] | a frame through all stages |
+//! | [`mapping`] | keyframes to the server, corrections back |
+//! | [`dense`] | a surface from depth and poses |
+
+pub mod camera;
+pub mod dense;
+pub mod depth;
+pub mod features;
+pub mod image;
+pub mod input;
+pub mod local_map;
+pub mod mapping;
+pub mod motion;
+pub mod pipeline;
+pub mod pyramid;
+pub mod shutter;
+pub mod simd;
+pub mod synthetic;
+pub mod tracking;

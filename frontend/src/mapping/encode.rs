@@ -1,0 +1,50 @@
+//! What tracking knows of a keyframe, as messages.
+
+use covis_client::wire::v1;
+use covis_solvers::geometry::Camera;
+
+use super::messages;
+use crate::camera::FrameCamera;
+use crate::tracking::keyframe::NewKeyframe;
+
+/// The name of the frontend's descriptors.
+const DESCRIPTOR: &str = "covis-brief-256";
+
+/// The camera with its image size.
+pub(super) fn camera(id: i64, camera: &FrameCamera) -> v1::Camera {
+    let (width, height) = camera.size();
+    let size = |pixels: usize| i32::try_from(pixels).unwrap_or(0);
+    messages::camera(id, &Camera::from(*camera.model()), (size(width), size(height)))
+}
+
+/// A keyframe with its new landmarks and all that it sees.
+pub(super) fn keyframe(camera_id: i64, keyframe: &NewKeyframe) -> v1::Keyframe {
+    let landmarks = keyframe.landmarks.iter().map(|landmark| v1::Landmark {
+        id: landmark.id as i64,
+        point_in_world: Some(messages::vector3(&landmark.point_in_world)),
+        ..v1::Landmark::default()
+    });
+    let observations = keyframe.observations.iter().map(|(seen, descriptor)| v1::Observation {
+        landmark: Some(messages::landmark_ref(seen.landmark as i64)),
+        pixel: Some(messages::vector2(&seen.straight)),
+        sigma_px: Some(seen.sigma_px),
+        depth_m: seen.depth_m.map(|(z, _)| z),
+        sigma_depth_m: seen.depth_m.map(|(_, sigma)| sigma),
+        descriptor: descriptor.map(|descriptor| v1::Descriptor {
+            kind: v1::DescriptorKind::Binary.into(),
+            name: DESCRIPTOR.to_owned(),
+            data: descriptor.to_bytes().to_vec(),
+        }),
+        ..v1::Observation::default()
+    });
+    v1::Keyframe {
+        id: keyframe.id as i64,
+        capture_time: Some(messages::timestamp(keyframe.timestamp_s)),
+        sensor: Some(v1::keyframe::Sensor::CameraId(camera_id)),
+        world_from_camera: Some(messages::rigid(&keyframe.world_from_camera)),
+        odom_from_camera: Some(messages::rigid(&keyframe.odom_from_camera)),
+        observations: observations.collect(),
+        landmarks: landmarks.collect(),
+        ..v1::Keyframe::default()
+    }
+}

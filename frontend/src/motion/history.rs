@@ -1,0 +1,482 @@
+//! What earlier frames say of this one: space that was seen to be free, surfaces that were there.
+//!
+//! A point of the current frame is looked up in frames of the last second and in older keyframes.
+//! Where such a witness saw something clearly behind the point, the space was free then, so that the
+//! point has moved there: no occlusion explains it. Where it saw the same depth, gray levels say
+//! whether it is the same surface. What moved when it was seen does not testify that it stands.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use covis_solvers::geometry::{LieGroup, Se3};
+
+use super::cells::CellRays;
+use super::gaussian::CellView;
+use super::warp::{CellWarp, Exposure, Places};
+use crate::camera::FrameCamera;
+use crate::depth::sigma_m;
+use crate::image::Image;
+use crate::simd::{self, Kernel};
+
+/// Parameters of the comparison.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HistoryOptions {
+    /// How many frames back it looks.
+    pub lags: [usize; 5],
+    /// How far behind a point free space must reach, meters.
+    pub free_m: f32,
+    /// The same, relative to its depth.
+    pub free_share: f32,
+    /// Gray levels beyond those around a place from which on it is another surface.
+    pub other_gray: f32,
+    /// How far back gray levels count against a cell, frames: exposures add up beyond.
+    pub other_lag: usize,
+    /// From how far back on the same surface counts in full, frames: what is slow seems to stand.
+    pub full_lag: usize,
+    /// Votes of a witness of free space; one that saw the same surface has one.
+    pub free_votes: f32,
+    /// Votes of a witness of another surface.
+    pub other_votes: f32,
+}
+
+impl Default for HistoryOptions {
+    fn default() -> Self {
+        Self {
+            lags: [2, 5, 10, 18, 30],
+            free_m: 0.05,
+            free_share: 0.03,
+            other_gray: 15.0,
+            other_lag: 10,
+            full_lag: 10,
+            free_votes: 2.0,
+            other_votes: 2.0,
+        }
+    }
+}
+
+/// The range of what a frame shows within a cell of each: edges of depth and of color differ. In
+/// whole millimeters and gray levels, since every keyframe keeps it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Around {
+    /// Least depth; 0 where too little was measured.
+    nearest_mm: u16,
+    /// Largest depth.
+    farthest_mm: u16,
+    /// Least mean.
+    darkest: u8,
+    /// Largest mean.
+    brightest: u8,
+    /// Whether something moved there.
+    is_moving: bool,
+}
+
+/// A frame that was.
+#[derive(Clone, Debug)]
+struct Snapshot {
+    odom_from_camera: Se3,
+    around: Image<Around>,
+    /// From its gray levels to those of the newest frame.
+    exposure: Exposure,
+}
+
+/// What the witnesses say of a cell together.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Votes {
+    /// That it moves.
+    pub moves: f32,
+    /// That it stands still.
+    pub stands: f32,
+}
+
+/// A keyframe that shows about what the current frame shows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Neighbor {
+    /// Its id.
+    pub keyframe: usize,
+    /// Where the current camera is beside it.
+    pub keyframe_from_camera: Se3,
+}
+
+/// The frames of the last second, newest first, and all keyframes.
+#[derive(Clone, Debug, Default)]
+pub struct History {
+    frames: VecDeque<Snapshot>,
+    keyframes: BTreeMap<usize, Image<Around>>,
+}
+
+/// The current frame, which is not part of the history yet.
+#[derive(Clone, Copy, Debug)]
+pub struct Current<'a> {
+    /// Its lens.
+    pub camera: &'a FrameCamera,
+    /// The rays of its cells.
+    pub rays: &'a CellRays,
+    /// What its cells show.
+    pub cells: &'a Image<CellView>,
+    /// About where it is.
+    pub odom_from_camera: &'a Se3,
+    /// The change from the frame before it.
+    pub exposure: Exposure,
+}
+
+impl History {
+    /// Adds the current frame, in which those cells move.
+    pub fn push(&mut self, current: &Current<'_>, moving: &Image<bool>, options: &HistoryOptions) {
+        for frame in &mut self.frames {
+            frame.exposure = current.exposure.after(&frame.exposure);
+        }
+        self.frames.push_front(Snapshot {
+            odom_from_camera: *current.odom_from_camera,
+            around: around(current.cells, moving),
+            exposure: Exposure::SAME,
+        });
+        self.frames.truncate(options.lags.iter().copied().max().unwrap_or(1));
+    }
+
+    /// Corrects the pose of the newest frame.
+    pub fn settle(&mut self, odom_from_camera: &Se3) {
+        if let Some(newest) = self.frames.front_mut() {
+            newest.odom_from_camera = *odom_from_camera;
+        }
+    }
+
+    /// Keeps the newest frame as a keyframe.
+    pub fn keep(&mut self, keyframe: usize) {
+        if let Some(newest) = self.frames.front() {
+            self.keyframes.insert(keyframe, newest.around.clone());
+        }
+    }
+
+    /// What the frames, and the keyframes beside it, say of each cell of the current one.
+    #[must_use]
+    pub fn ask(
+        &self,
+        current: &Current<'_>,
+        neighbors: &[Neighbor],
+        options: &HistoryOptions,
+    ) -> Image<Votes> {
+        let mut votes = current.cells.map(|_| Votes::default());
+        for &lag in &options.lags {
+            let Some(frame) = lag.checked_sub(1).and_then(|index| self.frames.get(index)) else {
+                continue;
+            };
+            let witness = Witness {
+                around: &frame.around,
+                motion: frame.odom_from_camera.inverse().compose(current.odom_from_camera),
+                exposure: Some(current.exposure.after(&frame.exposure)),
+                other_votes: if lag <= options.other_lag { options.other_votes } else { 0.0 },
+                same_votes: (lag as f32 / options.full_lag as f32).min(1.0),
+            };
+            witness.testify(current, options, &mut votes);
+        }
+        for neighbor in neighbors {
+            let Some(around) = self.keyframes.get(&neighbor.keyframe) else { continue };
+            let motion = neighbor.keyframe_from_camera;
+            let witness =
+                Witness { around, motion, exposure: None, other_votes: 0.0, same_votes: 1.0 };
+            witness.testify(current, options, &mut votes);
+        }
+        votes
+    }
+}
+
+/// A frame that is asked.
+struct Witness<'a> {
+    around: &'a Image<Around>,
+    /// Its own frame from the current camera's.
+    motion: Se3,
+    /// From its gray levels to the current ones; `None` where they do not compare.
+    exposure: Option<Exposure>,
+    other_votes: f32,
+    same_votes: f32,
+}
+
+impl Witness<'_> {
+    /// Adds what the frame says of each cell.
+    fn testify(&self, current: &Current<'_>, options: &HistoryOptions, votes: &mut Image<Votes>) {
+        let warp = CellWarp::new(current.camera, current.rays, &self.motion);
+        let places = warp.places(current.cells.pixels().iter().map(|cell| cell.depth_m));
+        simd::run(Testimony { witness: self, places: &places, current, options, votes });
+    }
+
+    /// What it saw around a place.
+    #[inline(always)]
+    fn around(&self, x: f32, y: f32) -> Around {
+        let (columns, rows) = self.around.size();
+        let (x, y) = (x + 0.5, y + 0.5);
+        if x >= 0.0 && y >= 0.0 && x < columns as f32 && y < rows as f32 {
+            self.around.at(x as usize, y as usize)
+        } else {
+            Around::default()
+        }
+    }
+}
+
+/// A witness is asked about all cells.
+struct Testimony<'a> {
+    witness: &'a Witness<'a>,
+    places: &'a Places,
+    current: &'a Current<'a>,
+    options: &'a HistoryOptions,
+    votes: &'a mut Image<Votes>,
+}
+
+impl Kernel for Testimony<'_> {
+    type Output = ();
+
+    /// Row by row: what it saw is looked up first, what that means is computed without branches.
+    #[inline(always)]
+    fn run(self) {
+        let Self { witness, places, current, options, votes } = self;
+        let (options, exposure) = (*options, witness.exposure);
+        let (free_votes, other_votes) = (options.free_votes, witness.other_votes);
+        let same_votes = witness.same_votes;
+        let columns = votes.width();
+        let mut row_around = vec![Around::default(); columns];
+        for row in 0..votes.height() {
+            let cells = row * columns..(row + 1) * columns;
+            let (x, y) = (&places.x[cells.clone()], &places.y[cells.clone()]);
+            for (around, (&x, &y)) in row_around.iter_mut().zip(x.iter().zip(y)) {
+                *around = witness.around(x, y);
+            }
+            let votes = votes.row_mut(row).iter_mut().zip(current.cells.row(row));
+            let seen = row_around.iter().zip(&places.depth_m[cells]);
+            for ((votes, cell), (around, &expected_m)) in votes.zip(seen) {
+                let look = look(around, cell, expected_m, exposure.as_ref(), &options);
+                let moves = if look.is_other { other_votes } else { 0.0 };
+                votes.moves += if look.is_free { free_votes } else { moves };
+                let stands = look.is_same & !around.is_moving;
+                votes.stands += if stands { same_votes } else { 0.0 };
+            }
+        }
+    }
+}
+
+/// What a witness saw where a cell is; nothing of this where that is unclear.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Look {
+    is_free: bool,
+    is_same: bool,
+    is_other: bool,
+}
+
+/// What a witness saw around the place where a cell, if it stood still, was at a depth.
+#[inline(always)]
+fn look(
+    around: &Around,
+    cell: &CellView,
+    expected_m: f32,
+    exposure: Option<&Exposure>,
+    options: &HistoryOptions,
+) -> Look {
+    /// Mean gray level of a cell from which on part of it may have been saturated.
+    const BRIGHT: f32 = 245.0;
+    let (nearest_m, farthest_m) =
+        (f32::from(around.nearest_mm) * 1e-3, f32::from(around.farthest_mm) * 1e-3);
+    let (darkest, brightest) = (f32::from(around.darkest), f32::from(around.brightest));
+    let is_known = (around.nearest_mm > 0) & (cell.depth_m > 0.0);
+    let sigma_m = sigma_m(f64::from(expected_m)) as f32;
+    let margin_m = options.free_m + options.free_share * expected_m + 3.0 * sigma_m;
+    let is_free = is_known & (nearest_m > expected_m + margin_m);
+    let is_there =
+        is_known & (expected_m <= farthest_m + margin_m) & (expected_m >= nearest_m - margin_m);
+    let is_alike = exposure.is_none_or(|exposure| {
+        let limit = |gray: f32| options.other_gray + exposure.doubt(gray);
+        cell.is_saturated()
+            | (brightest >= BRIGHT)
+            | (cell.mean > exposure.apply(darkest) - limit(darkest))
+                & (cell.mean < exposure.apply(brightest) + limit(brightest))
+    });
+    Look { is_free, is_same: is_there & is_alike, is_other: is_there & !is_alike }
+}
+
+/// The ranges around each cell.
+fn around(cells: &Image<CellView>, moving: &Image<bool>) -> Image<Around> {
+    let mut all = cells.map(|_| Around::default());
+    simd::run(Ranging { cells, moving, all: &mut all });
+    all
+}
+
+struct Ranging<'a> {
+    cells: &'a Image<CellView>,
+    moving: &'a Image<bool>,
+    all: &'a mut Image<Around>,
+}
+
+/// What three cells or three of such show.
+#[derive(Clone, Copy, Default)]
+struct Range {
+    nearest_m: f32,
+    farthest_m: f32,
+    darkest: f32,
+    brightest: f32,
+    known: u8,
+    is_moving: bool,
+}
+
+impl Range {
+    #[inline(always)]
+    fn of(cell: &CellView, is_moving: bool) -> Self {
+        let is_known = cell.depth_m > 0.0;
+        Self {
+            nearest_m: if is_known { cell.depth_m } else { f32::MAX },
+            farthest_m: cell.depth_m,
+            darkest: cell.mean,
+            brightest: cell.mean,
+            known: u8::from(is_known),
+            is_moving,
+        }
+    }
+
+    #[inline(always)]
+    fn and(&self, other: &Self) -> Self {
+        Self {
+            nearest_m: self.nearest_m.min(other.nearest_m),
+            farthest_m: self.farthest_m.max(other.farthest_m),
+            darkest: self.darkest.min(other.darkest),
+            brightest: self.brightest.max(other.brightest),
+            known: self.known + other.known,
+            is_moving: self.is_moving | other.is_moving,
+        }
+    }
+}
+
+impl Kernel for Ranging<'_> {
+    type Output = ();
+
+    /// Three cells down, then three of those along.
+    #[inline(always)]
+    fn run(self) {
+        /// Of nine cells, how many must be measured.
+        const LEAST_KNOWN: u8 = 6;
+        let Self { cells, moving, all } = self;
+        let (columns, rows) = cells.size();
+        let mut down = vec![Range::default(); columns];
+        for row in 1..rows.saturating_sub(1) {
+            for (column, down) in down.iter_mut().enumerate() {
+                let range =
+                    |row: usize| Range::of(&cells.row(row)[column], moving.row(row)[column]);
+                *down = range(row - 1).and(&range(row)).and(&range(row + 1));
+            }
+            for (out, three) in all.row_mut(row)[1..].iter_mut().zip(down.windows(3)) {
+                let range = three[0].and(&three[1]).and(&three[2]);
+                let millimeters = |meters: f32| (meters * 1e3).round() as u16;
+                if range.known >= LEAST_KNOWN {
+                    *out = Around {
+                        nearest_mm: millimeters(range.nearest_m),
+                        farthest_mm: millimeters(range.farthest_m),
+                        darkest: range.darkest.round() as u8,
+                        brightest: range.brightest.round() as u8,
+                        is_moving: range.is_moving,
+                    };
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use covis_solvers::geometry::PinholeRadialTangential;
+    use nalgebra::Vector3;
+
+    use super::super::cells::cell_rays;
+    use super::*;
+
+    fn camera() -> FrameCamera {
+        let lens = PinholeRadialTangential {
+            fx: 100.0,
+            fy: 100.0,
+            cx: 79.5,
+            cy: 59.5,
+            k1: 0.0,
+            k2: 0.0,
+            p1: 0.0,
+            p2: 0.0,
+            k3: 0.0,
+        };
+        FrameCamera::new(lens, 160, 120).unwrap()
+    }
+
+    fn view(mean: f32, depth_m: f32) -> CellView {
+        CellView { mean, least: mean, largest: mean, depth_m }
+    }
+
+    /// The votes on the middle cell of a frame 0.1 m to the right of one that saw a wall at 2 m of
+    /// gray level 100, ten frames before.
+    fn vote(seen: CellView, was_moving: bool, exposure: Exposure) -> Votes {
+        let camera = camera();
+        let rays = cell_rays(&camera);
+        let options = HistoryOptions { lags: [10; 5], ..HistoryOptions::default() };
+        let wall = rays.map(|_| view(100.0, 2.0));
+        let moving = rays.map(|_| was_moving);
+        let mut history = History::default();
+        let origin = Se3::identity();
+        let frame = Current {
+            camera: &camera,
+            rays: &rays,
+            cells: &wall,
+            odom_from_camera: &origin,
+            exposure: Exposure::SAME,
+        };
+        (0..10).for_each(|_| history.push(&frame, &moving, &options));
+        let cells = rays.map(|_| seen);
+        let right = Se3::new(origin.rotation, Vector3::new(0.1, 0.0, 0.0));
+        let frame = Current { cells: &cells, odom_from_camera: &right, exposure, ..frame };
+        history.ask(&frame, &[], &options).at(20, 15)
+    }
+
+    #[test]
+    fn a_cell_before_a_wall_has_moved_and_one_on_it_stands_unless_it_looks_otherwise() {
+        let say = |seen| vote(seen, false, Exposure::SAME);
+        assert_eq!(say(view(100.0, 1.5)), Votes { moves: 10.0, stands: 0.0 });
+        assert_eq!(say(view(100.0, 1.98)), Votes { moves: 0.0, stands: 5.0 });
+        assert_eq!(say(view(140.0, 2.02)), Votes { moves: 10.0, stands: 0.0 });
+        // Hidden by the wall, or without depth: no vote.
+        assert_eq!(say(view(100.0, 2.5)), Votes::default());
+        assert_eq!(say(view(100.0, 0.0)), Votes::default());
+        // Too bright to tell.
+        assert_eq!(say(view(250.0, 2.0)), Votes { moves: 0.0, stands: 5.0 });
+    }
+
+    #[test]
+    fn gray_levels_compare_at_the_same_exposure() {
+        let brighter = Exposure { gain: 1.0, offset: 60.0 };
+        let stands = Votes { moves: 0.0, stands: 5.0 };
+        assert_eq!(vote(view(160.0, 2.0), false, brighter), stands);
+        // 60 gray levels of change are known to 30, with 15 for the surface.
+        assert_eq!(vote(view(110.0, 2.0), false, brighter).moves, 10.0);
+        assert_eq!(vote(view(120.0, 2.0), false, brighter), stands);
+    }
+
+    #[test]
+    fn what_moved_does_not_testify_that_it_stands() {
+        assert_eq!(vote(view(100.0, 2.0), true, Exposure::SAME), Votes::default());
+        assert_eq!(vote(view(100.0, 1.5), true, Exposure::SAME).moves, 10.0);
+    }
+
+    #[test]
+    fn a_keyframe_says_what_was_free_long_ago() {
+        let camera = camera();
+        let rays = cell_rays(&camera);
+        let options = HistoryOptions::default();
+        let origin = Se3::identity();
+        let (wall, chair) = (rays.map(|_| view(100.0, 2.0)), rays.map(|_| view(30.0, 1.2)));
+        let frame = Current {
+            camera: &camera,
+            rays: &rays,
+            cells: &wall,
+            odom_from_camera: &origin,
+            exposure: Exposure::SAME,
+        };
+        let still = rays.map(|_| false);
+        let mut history = History::default();
+        history.push(&frame, &still, &options);
+        history.keep(7);
+        let now = Current { cells: &chair, ..frame };
+        (0..40).for_each(|_| history.push(&now, &still, &options));
+        assert_eq!(history.ask(&now, &[], &options).at(20, 15).moves, 0.0);
+        let neighbor = |keyframe| Neighbor { keyframe, keyframe_from_camera: origin };
+        assert_eq!(history.ask(&now, &[neighbor(7)], &options).at(20, 15).moves, 2.0);
+        assert_eq!(history.ask(&now, &[neighbor(8)], &options).at(20, 15).moves, 0.0);
+    }
+}

@@ -1,0 +1,251 @@
+//! The Gaussian models carried along by the camera: the previous frame's, as this frame should see
+//! them.
+//!
+//! Each cell of the current frame looks back: its point, by pose and depth, lies among four cells of
+//! the previous frame, whose models are mixed by how much of it they cover.
+
+use covis_solvers::geometry::Se3;
+
+use super::cells::{CELL, CellRays};
+use super::gaussian::{DualMode, GaussianOptions, Mode, ModeLanes, mix};
+use crate::camera::FrameCamera;
+use crate::image::Image;
+use crate::simd::{self, Kernel};
+
+/// How gray levels changed between two frames: later = gain · earlier + offset.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exposure {
+    /// Factor.
+    pub gain: f32,
+    /// Gray levels.
+    pub offset: f32,
+}
+
+impl Exposure {
+    /// None.
+    pub const SAME: Self = Self { gain: 1.0, offset: 0.0 };
+
+    /// What a gray level has become.
+    #[must_use]
+    pub fn apply(&self, gray: f32) -> f32 {
+        self.gain * gray + self.offset
+    }
+
+    /// Standard deviation of that, gray levels: half of the change, which is no straight line.
+    #[must_use]
+    pub fn doubt(&self, gray: f32) -> f32 {
+        0.5 * (self.apply(gray) - gray).abs()
+    }
+
+    /// From the earliest to the latest of three frames: this after `before`.
+    #[must_use]
+    pub fn after(&self, before: &Self) -> Self {
+        Self { gain: self.gain * before.gain, offset: self.apply(before.offset) }
+    }
+}
+
+/// Places of the cells of one frame in the image of another, in cells.
+pub struct CellWarp<'a> {
+    camera: &'a FrameCamera,
+    rays: &'a CellRays,
+    rotation: [[f32; 3]; 3],
+    translation: [f32; 3],
+}
+
+impl<'a> CellWarp<'a> {
+    /// For a motion.
+    #[must_use]
+    pub fn new(camera: &'a FrameCamera, rays: &'a CellRays, other_from_current: &Se3) -> Self {
+        let rotation = other_from_current.rotation.matrix();
+        let row = |i: usize| [0, 1, 2].map(|j| rotation[(i, j)] as f32);
+        let t = other_from_current.translation;
+        let translation = [t.x as f32, t.y as f32, t.z as f32];
+        Self { camera, rays, rotation: [row(0), row(1), row(2)], translation }
+    }
+
+    /// Where the middles of cells at these depths, cell by cell, lie.
+    pub fn places(&self, depths_m: impl Iterator<Item = f32>) -> Places {
+        let mut places = Places::of(depths_m);
+        simd::run(Placing { warp: self, places: &mut places });
+        places
+    }
+}
+
+/// Where cells lie in another image; not numbers where it cannot show them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Places {
+    /// Columns of cells.
+    pub x: Vec<f32>,
+    /// Rows of cells.
+    pub y: Vec<f32>,
+    /// How deep they are there, meters.
+    pub depth_m: Vec<f32>,
+}
+
+impl Places {
+    fn of(depths_m: impl Iterator<Item = f32>) -> Self {
+        let depth_m: Vec<f32> = depths_m.collect();
+        Self { x: vec![0.0; depth_m.len()], y: vec![0.0; depth_m.len()], depth_m }
+    }
+}
+
+/// Finds the places of cells whose depths are given.
+struct Placing<'a> {
+    warp: &'a CellWarp<'a>,
+    places: &'a mut Places,
+}
+
+impl Kernel for Placing<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let CellWarp { camera, rays, rotation, translation } = *self.warp;
+        let lens = camera.fast();
+        let Places { x, y, depth_m } = self.places;
+        let cell = |coordinate: f32| (coordinate + 0.5) / CELL as f32 - 0.5;
+        let cells = x.iter_mut().zip(y).zip(depth_m).zip(rays.pixels());
+        for (((x, y), z), &[a, b]) in cells {
+            let ray = [a * *z, b * *z, *z];
+            let mut point = translation;
+            for (value, row) in point.iter_mut().zip(&rotation) {
+                *value += row[0] * ray[0] + row[1] * ray[1] + row[2] * ray[2];
+            }
+            let [u, v] = lens.project(point);
+            (*x, *y, *z) = (cell(u), cell(v), point[2]);
+        }
+    }
+}
+
+/// Carries the models of the previous frame over; `depths_m` has a depth for every cell, measured
+/// or not. A cell that the previous frame did not show has models of age 0.
+#[must_use]
+pub fn carry(
+    warp: &CellWarp<'_>,
+    previous: &Image<DualMode>,
+    depths_m: &Image<f32>,
+    exposure: Exposure,
+    options: &GaussianOptions,
+) -> Image<DualMode> {
+    let mut carried = Image::filled(depths_m.width(), depths_m.height(), DualMode::default());
+    let places = warp.places(depths_m.pixels().iter().copied());
+    simd::run(Carrying { previous, places: &places, exposure, options, carried: &mut carried });
+    carried
+}
+
+struct Carrying<'a> {
+    previous: &'a Image<DualMode>,
+    places: &'a Places,
+    exposure: Exposure,
+    options: &'a GaussianOptions,
+    carried: &'a mut Image<DualMode>,
+}
+
+impl Kernel for Carrying<'_> {
+    type Output = ();
+
+    /// Some cells at a time: their models are looked up first and mixed then.
+    #[inline(always)]
+    fn run(self) {
+        const LANES: usize = 32;
+        let Self { previous, places, exposure, options, carried } = self;
+        let places = places.x.chunks(LANES).zip(places.y.chunks(LANES));
+        for (carried, (x, y)) in carried.pixels_mut().chunks_mut(LANES).zip(places) {
+            let mut weights = [[0.0; LANES]; 4];
+            let mut background = [ModeLanes::<LANES>::NONE; 4];
+            let mut candidate = [ModeLanes::<LANES>::NONE; 4];
+            for (lane, (&x, &y)) in x.iter().zip(y).enumerate() {
+                let Some((shares, cells)) = around(previous.size(), x, y) else { continue };
+                for corner in 0..4 {
+                    let modes = &previous.pixels()[cells[corner]];
+                    weights[corner][lane] = shares[corner];
+                    background[corner].set(lane, &modes.background);
+                    candidate[corner].set(lane, &modes.candidate);
+                }
+            }
+            let (background, candidate) = (mix(&weights, &background), mix(&weights, &candidate));
+            for (lane, modes) in carried.iter_mut().enumerate() {
+                let exposed = |mut mode: Mode| {
+                    if mode.age <= 0.0 {
+                        return Mode::default();
+                    }
+                    mode.fade(options);
+                    let doubt = exposure.doubt(mode.mean);
+                    mode.mean = exposure.apply(mode.mean);
+                    mode.variance = exposure.gain * exposure.gain * mode.variance + doubt * doubt;
+                    mode
+                };
+                modes.background = exposed(background.get(lane));
+                modes.candidate = exposed(candidate.get(lane));
+            }
+        }
+    }
+}
+
+/// The four cells around a place with the shares of it that they cover.
+#[inline(always)]
+fn around((columns, rows): (usize, usize), x: f32, y: f32) -> Option<([f32; 4], [usize; 4])> {
+    let (right, bottom) = ((columns - 1) as f32, (rows - 1) as f32);
+    if !(x > -0.5 && y > -0.5 && x < right + 0.5 && y < bottom + 0.5) {
+        return None;
+    }
+    let (x, y) = (x.clamp(0.0, right), y.clamp(0.0, bottom));
+    let (left, top) = (x as usize, y as usize);
+    let (s, t) = (x - left as f32, y - top as f32);
+    let (next, below) = ((left + 1).min(columns - 1), (top + 1).min(rows - 1));
+    let shares = [(1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t];
+    let (top, below) = (top * columns, below * columns);
+    Some((shares, [top + left, top + next, below + left, below + next]))
+}
+
+#[cfg(test)]
+mod tests {
+    use covis_solvers::geometry::{LieGroup, PinholeRadialTangential, So3};
+    use nalgebra::Vector3;
+
+    use super::super::cells::cell_rays;
+    use super::*;
+
+    #[test]
+    fn models_are_carried_by_a_known_rotation_to_within_a_fraction_of_a_cell() {
+        let [k1, k2, p1, p2, k3] = [0.0; 5];
+        let (fx, fy, cx, cy) = (160.0, 160.0, 79.5, 59.5);
+        let lens = PinholeRadialTangential { fx, fy, cx, cy, k1, k2, p1, p2, k3 };
+        let camera = FrameCamera::new(lens, 160, 120).unwrap();
+        let rays = cell_rays(&camera);
+        // Gray levels that grow by ten from column to column tell where a model came from.
+        let mut models = rays.map(|_| DualMode::default());
+        for row in 0..30 {
+            for column in 0..40 {
+                let background = Mode { mean: 10.0 * column as f32, variance: 4.0, age: 8.0 };
+                models.set(column, row, DualMode { background, ..DualMode::default() });
+            }
+        }
+        let angle = 0.08;
+        let turn = Se3::new(So3::exp(&Vector3::new(0.0, angle, 0.0)), Vector3::zeros());
+        let warp = CellWarp::new(&camera, &rays, &turn);
+        let exposure = Exposure { gain: 1.0, offset: 6.0 };
+        let options = GaussianOptions::default();
+        let carried = carry(&warp, &models, &rays.map(|_| 2.0), exposure, &options);
+        for column in 2..34 {
+            let middle = 4.0 * column as f64 + 1.5;
+            let from = cx + fx * (((middle - cx) / fx).atan() + angle).tan();
+            let expected = 10.0 * ((from as f32 + 0.5) / 4.0 - 0.5) + 6.0;
+            let mode = carried.at(column, 15).background;
+            assert!((mode.mean - expected).abs() < 0.5, "{column}: {} {expected}", mode.mean);
+            assert!((mode.age - 8.0).abs() < 1e-3);
+        }
+        // The last columns were not seen before.
+        assert_eq!(carried.at(39, 15), DualMode::default());
+    }
+
+    #[test]
+    fn exposures_follow_each_other_and_a_large_change_is_doubtful() {
+        let (first, second) =
+            (Exposure { gain: 2.0, offset: 3.0 }, Exposure { gain: 0.5, offset: -1.0 });
+        let both = second.after(&first);
+        assert_eq!(both.apply(10.0), second.apply(first.apply(10.0)));
+        assert_eq!(Exposure::SAME.doubt(200.0), 0.0);
+        assert_eq!(first.doubt(10.0), 6.5);
+    }
+}

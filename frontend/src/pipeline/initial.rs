@@ -1,0 +1,153 @@
+//! A. The initial pose of a frame: from several starts, the alignment that fits best. Compares with
+//! the last frame only; the map comes later. As long as that knows nothing, surfaces may contradict:
+//! one textured thing that walks can have more gray levels to say than the room. The turn of the small
+//! image comes first then: there each part of the view has its area as its say.
+
+use covis_solvers::geometry::{LieGroup, Se3};
+use nalgebra::Vector2;
+
+use super::Last;
+use crate::camera::FrameCamera;
+use crate::image::RgbdFrame;
+use crate::input::SensorTiming;
+use crate::motion::warp::Exposure;
+use crate::pyramid::Pyramid;
+use crate::shutter::Shutter;
+use crate::tracking::alignment::{Alignment, AlignmentOptions, Reference};
+use crate::tracking::rotation::SmallImage;
+use crate::tracking::surfaces::{CurrentDepth, Surfaces};
+
+/// An alignment that fits so well needs no other start, gray levels.
+const GOOD_RESIDUAL: f32 = 6.0;
+
+/// An alignment that this share of the surfaces agrees with needs no other opinion.
+const GOOD_SHARE: f64 = 0.8;
+/// By how much larger the share must be that agrees with an alignment which is not as good.
+const CLEAR_SHARE: f64 = 0.2;
+
+/// Where a frame is beside the last one.
+pub(super) struct InitialPose {
+    pub(super) last_from_camera: Se3,
+    pub(super) exposure: Exposure,
+    /// Of the alignment, gray levels.
+    pub(super) median_residual: f32,
+}
+
+/// The pose of a frame that was taken `elapsed_s` after the last one.
+pub(super) fn initial_pose(
+    camera: &FrameCamera,
+    last: &Last,
+    pyramid: &Pyramid,
+    frame: &RgbdFrame,
+    timing: &SensorTiming,
+    options: &AlignmentOptions,
+) -> Option<InitialPose> {
+    let elapsed_s = frame.timestamp_s - last.timestamp_s;
+    let (motion, motion_s) = &last.motion;
+    let rate = if *motion_s > 0.0 { 1.0 / motion_s } else { 0.0 };
+    // As it went on, for as long as it took this time.
+    let predicted = Se3::exp(&(motion.log() * (elapsed_s * rate))).inverse();
+    let shutter = Shutter::new(camera, &(motion.rotation.log() * rate), timing.readout_s);
+    let is_moving = |pixel: &Vector2<f64>| {
+        let at = |x: f64, size: usize| (x.max(0.0) as usize).min(size - 1);
+        let value = |mask: &crate::image::Image<u8>| {
+            mask.at(at(pixel.x, mask.width()), at(pixel.y, mask.height()))
+        };
+        last.moving.as_ref().is_some_and(|mask| value(mask) > 127)
+    };
+    let small = SmallImage::new(pyramid);
+    let turned = last.small.rotation_to(&small, camera, &predicted.rotation, is_moving);
+    let turned = turned.map(|rotation| Se3::new(rotation, predicted.translation));
+    let reference = Reference::new(camera, &last.pyramid, &last.points, options);
+    let delay_s = frame.depth_delay_s + timing.depth_late_s;
+    let delay_share = if elapsed_s > 0.0 { delay_s / elapsed_s } else { 0.0 };
+    let current = CurrentDepth { camera, depth_m: &frame.depth_m, delay_share };
+    let mut best: Option<Alignment> = None;
+    for start in turned.into_iter().chain([predicted, Se3::identity()]) {
+        let Some(found) = reference.align((camera, &shutter), pyramid, &start) else { continue };
+        let is_good = found.median_residual < GOOD_RESIDUAL;
+        if best.as_ref().is_none_or(|best| found.median_residual < best.median_residual) {
+            best = Some(found);
+        }
+        if is_good {
+            break;
+        }
+    }
+    let mut found = best?;
+    if let (Some(surfaces), Some(turned)) = (&last.surfaces, &turned)
+        && prefer_turn(surfaces, &current, &found.current_from_reference, turned)
+    {
+        found.current_from_reference = *turned;
+    }
+    Some(InitialPose {
+        last_from_camera: found.current_from_reference.inverse(),
+        exposure: Exposure { gain: found.gain as f32, offset: found.offset as f32 },
+        median_residual: found.median_residual,
+    })
+}
+
+/// Whether surfaces prefer the turn of the small image, with the translation as it went on, to an
+/// alignment. It has less freedom, and so less to be misled by: the alignment must agree with most
+/// of the surfaces, or with clearly more. Depth is of another time than color, and while the
+/// camera's turn changes, no motion agrees with all.
+fn prefer_turn(
+    surfaces: &Surfaces,
+    current: &CurrentDepth<'_>,
+    aligned: &Se3,
+    turned: &Se3,
+) -> bool {
+    let share = |motion: &Se3| surfaces.agreement(current, motion);
+    share(aligned)
+        .filter(|&share| share < GOOD_SHARE)
+        .zip(share(turned))
+        .is_some_and(|(aligned, turned)| aligned <= turned + CLEAR_SHARE)
+}
+
+#[cfg(test)]
+mod tests {
+    use covis_solvers::geometry::So3;
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::synthetic::{SceneName, Sequence, SequenceOptions};
+    use crate::tracking::local_matching::View;
+
+    /// Whether the turn is preferred between two frames of a still room, half a second apart, if
+    /// alignment and turn are off by motions.
+    fn turn_is_preferred(aligned_off: &Se3, turned_off: &Se3) -> bool {
+        let options = SequenceOptions { width: 320, height: 240, frames: 9, seed: 3, noise: false };
+        let sequence = Sequence::new(SceneName::Static, &options);
+        let camera = FrameCamera::new(*sequence.camera(), 320, 240).unwrap();
+        let [last, next] = [0, 8].map(|index| sequence.frame(index));
+        let (pyramid, depth_m) = (&Pyramid::new(last.gray(), 4), &last.depth_m);
+        let (shutter, moving) = (Shutter::default(), None);
+        let view = View { camera: &camera, pyramid, depth_m, shutter, moving };
+        let current = CurrentDepth { camera: &camera, depth_m: &next.depth_m, delay_share: 0.0 };
+        let truth = sequence.world_from_camera(8).inverse().compose(&sequence.world_from_camera(0));
+        let [aligned, turned] = [aligned_off, turned_off].map(|off| truth.compose(off));
+        prefer_turn(&Surfaces::new(&view), &current, &aligned, &turned)
+    }
+
+    fn off(turned: [f64; 3], moved: [f64; 3]) -> Se3 {
+        Se3::new(So3::exp(&Vector3::from(turned)), Vector3::from(moved))
+    }
+
+    #[test]
+    fn an_alignment_that_surfaces_agree_with_needs_no_other_opinion() {
+        assert!(!turn_is_preferred(&off([0.002, 0.0, 0.0], [0.0; 3]), &Se3::identity()));
+    }
+
+    #[test]
+    fn an_alignment_that_rode_along_with_something_yields_to_the_turn_of_the_image() {
+        let rode_along = off([0.03, -0.02, 0.01], [0.01, -0.02, 0.04]);
+        assert!(turn_is_preferred(&rode_along, &off([0.0, 0.004, 0.0], [0.004, 0.0, 0.0])));
+        // As wrong as the other, and simpler.
+        assert!(turn_is_preferred(&rode_along, &rode_along));
+    }
+
+    #[test]
+    fn a_turn_that_surfaces_contradict_clearly_more_is_not_preferred() {
+        let [less, more] = [0.02, 0.15].map(|angle| off([angle, -angle, 0.0], [0.0; 3]));
+        assert!(!turn_is_preferred(&less, &more));
+    }
+}

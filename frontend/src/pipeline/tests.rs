@@ -1,0 +1,171 @@
+//! The pipeline on drawn sequences, without a server: corrections come from the test.
+
+use covis_solvers::geometry::{LieGroup, Se3};
+use nalgebra::Vector6;
+
+use super::{Outcome, Pipeline, PipelineOptions, TrackedFrame};
+use crate::camera::FrameCamera;
+use crate::image::{Image, RgbdFrame};
+use crate::local_map::Corrections;
+use crate::synthetic::{SceneName, Sequence, SequenceOptions};
+
+const SIZE: (usize, usize) = (320, 240);
+
+fn sequence(scene: SceneName, frames: usize) -> Sequence {
+    let (width, height) = SIZE;
+    Sequence::new(scene, &SequenceOptions { width, height, frames, seed: 1, noise: false })
+}
+
+fn pipeline(sequence: &Sequence) -> Pipeline {
+    let camera = FrameCamera::new(*sequence.camera(), SIZE.0, SIZE.1).unwrap();
+    Pipeline::new(camera, PipelineOptions::default())
+}
+
+fn black(timestamp_s: f64) -> RgbdFrame {
+    let color = Image::filled(SIZE.0, SIZE.1, [0; 3]);
+    RgbdFrame {
+        timestamp_s,
+        depth_delay_s: 0.0,
+        color,
+        depth_m: Image::filled(SIZE.0, SIZE.1, 0.0),
+    }
+}
+
+/// How far a pose is from the truth, both beside their first frame.
+fn error(sequence: &Sequence, index: usize, tracked: &TrackedFrame) -> (f64, f64) {
+    let first = sequence.world_from_camera(0).inverse();
+    let truth = first.compose(&sequence.world_from_camera(index));
+    let error = truth.inverse().compose(&tracked.world_from_camera);
+    (error.translation.norm(), error.rotation.log().norm())
+}
+
+#[test]
+fn a_static_scene_is_tracked_to_millimeters() {
+    let sequence = sequence(SceneName::Static, 16);
+    let mut pipeline = pipeline(&sequence);
+    for index in 0..16 {
+        let outcome = pipeline.track(&sequence.frame(index), None);
+        let tracked = outcome.tracked.unwrap();
+        let (meters, radians) = error(&sequence, index, &tracked);
+        assert!(meters < 0.006 && radians < 0.004, "frame {index}: {meters} m, {radians} rad");
+        let moving = outcome.moving.unwrap();
+        let share = moving.pixels().iter().filter(|&&pixel| pixel > 0).count();
+        assert!(share < moving.pixels().len() / 50, "frame {index}: {share} pixels move");
+    }
+}
+
+#[test]
+fn a_correction_moves_the_map_and_odometry_does_not_jump() {
+    let sequence = sequence(SceneName::Static, 8);
+    let frames: Vec<RgbdFrame> = (0..8).map(|index| sequence.frame(index)).collect();
+    let run = |shift: Option<Se3>| -> Vec<TrackedFrame> {
+        let mut pipeline = pipeline(&sequence);
+        let track = |(index, frame): (usize, &RgbdFrame)| {
+            let tracked = pipeline.track(frame, None).tracked.unwrap();
+            if let (4, Some(shift)) = (index, shift) {
+                let map = pipeline.map();
+                let pose = |k: &crate::local_map::MapKeyframe| shift.compose(&k.world_from_camera);
+                let keyframes = map.keyframes.iter().map(pose).enumerate().collect();
+                let points = map.landmarks.iter().map(|l| shift.transform(&l.point_in_world));
+                let landmarks = points.enumerate().collect();
+                pipeline.correct(&Corrections { keyframes, landmarks });
+            }
+            tracked
+        };
+        frames.iter().enumerate().map(track).collect()
+    };
+    let shift = Se3::exp(&Vector6::new(0.3, -0.2, 0.1, 0.05, -0.1, 0.2));
+    let (plain, corrected) = (run(None), run(Some(shift)));
+    for (index, (a, b)) in plain.iter().zip(&corrected).enumerate() {
+        let odometry = a.odom_from_camera.inverse().compose(&b.odom_from_camera);
+        assert!(odometry.log().norm() < 1e-6, "frame {index}: odometry moved by {odometry:?}");
+        let expected = if index > 4 { shift } else { Se3::identity() };
+        let moved = b.world_from_camera.compose(&a.world_from_camera.inverse());
+        assert!(expected.inverse().compose(&moved).log().norm() < 1e-6, "frame {index}");
+    }
+}
+
+#[test]
+fn black_frames_are_lost_and_tracking_resumes_where_the_camera_is() {
+    let sequence = sequence(SceneName::Static, 14);
+    let mut pipeline = pipeline(&sequence);
+    let track = |pipeline: &mut Pipeline, index: usize| {
+        pipeline.track(&sequence.frame(index), None).tracked
+    };
+    for index in 0..6 {
+        assert!(track(&mut pipeline, index).is_some(), "frame {index}");
+    }
+    for index in 6..10 {
+        let outcome = pipeline.track(&black(sequence.timestamp_s(index)), None);
+        assert_eq!(outcome.tracked, None, "frame {index}");
+    }
+    for index in 10..14 {
+        let tracked = track(&mut pipeline, index).unwrap();
+        let (meters, radians) = error(&sequence, index, &tracked);
+        assert!(meters < 0.02 && radians < 0.01, "frame {index}: {meters} m, {radians} rad");
+    }
+}
+
+#[test]
+fn a_sequence_may_begin_in_the_dark() {
+    let sequence = sequence(SceneName::Static, 3);
+    let mut pipeline = pipeline(&sequence);
+    assert_eq!(pipeline.track(&black(-1.0), None).tracked, None);
+    assert!(pipeline.track(&sequence.frame(0), None).tracked.is_some());
+    let second = pipeline.track(&sequence.frame(1), None);
+    assert_eq!(second.tracked.unwrap().keyframe, 0);
+    // Only then is it known how the first was exposed.
+    assert_eq!(second.keyframe.unwrap().timestamp_s, sequence.timestamp_s(0));
+}
+
+#[test]
+fn an_image_of_another_size_has_no_pose_and_changes_nothing() {
+    let sequence = sequence(SceneName::Static, 3);
+    let mut pipeline = pipeline(&sequence);
+    pipeline.track(&sequence.frame(0), None);
+    let mut small = black(sequence.timestamp_s(1));
+    small.color = Image::filled(100, 80, [9; 3]);
+    let outcome = pipeline.track(&small, None);
+    assert_eq!(Outcome { seconds: outcome.seconds, ..Outcome::default() }, outcome);
+    assert!(pipeline.track(&sequence.frame(2), None).tracked.is_some());
+}
+
+#[test]
+fn a_frame_without_depth_is_tracked_by_its_gray_levels() {
+    let sequence = sequence(SceneName::Static, 6);
+    let mut pipeline = pipeline(&sequence);
+    for index in 0..6 {
+        let mut frame = sequence.frame(index);
+        if index == 3 {
+            frame.depth_m = Image::filled(SIZE.0, SIZE.1, 0.0);
+        }
+        let tracked = pipeline.track(&frame, None).tracked.unwrap();
+        let (meters, _) = error(&sequence, index, &tracked);
+        assert!(meters < 0.01, "frame {index}: {meters} m");
+    }
+}
+
+#[test]
+fn a_given_mask_is_merged_and_one_that_takes_all_away_is_not_obeyed() {
+    let sequence = sequence(SceneName::Static, 4);
+    let mut half = Image::filled(SIZE.0, SIZE.1, 0_u8);
+    for v in 0..SIZE.1 {
+        half.row_mut(v)[..SIZE.0 / 2].fill(255);
+    }
+    let all = Image::filled(SIZE.0, SIZE.1, 255_u8);
+    let mut masked = pipeline(&sequence);
+    for index in 0..4 {
+        let outcome = masked.track(&sequence.frame(index), Some(&half));
+        let moving = outcome.moving.unwrap();
+        assert!(moving.pixels().iter().zip(half.pixels()).all(|(m, h)| m >= h));
+        let keyframes = outcome.keyframe.iter();
+        for (seen, _) in keyframes.flat_map(|keyframe| &keyframe.observations) {
+            assert!(seen.pixel.x > (SIZE.0 / 2) as f64 - 1.0, "frame {index}: {:?}", seen.pixel);
+        }
+    }
+    let mut covered = pipeline(&sequence);
+    for index in 0..4 {
+        let tracked = covered.track(&sequence.frame(index), Some(&all)).tracked.unwrap();
+        assert!(error(&sequence, index, &tracked).0 < 0.01);
+    }
+}

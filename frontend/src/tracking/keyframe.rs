@@ -1,0 +1,165 @@
+//! When a frame becomes a keyframe, and which landmarks it brings: corners (FAST) in cells that no
+//! match covers, with a descriptor each. What is kept here goes to the server as it is.
+
+use std::sync::Arc;
+
+use covis_solvers::geometry::{LieGroup, Se3};
+use nalgebra::{Vector2, Vector3};
+
+use super::local_matching::{Match, SIGMA_PX, View};
+use crate::depth;
+use crate::features::corners::{Corner, CornerOptions, detect};
+use crate::features::descriptor::{Describer, Descriptor};
+use crate::local_map::{LocalMap, MapKeyframe, MapLandmark};
+use crate::pyramid::Pyramid;
+
+/// Pixels at the image's rim without landmarks: a patch needs them.
+const BORDER_PX: usize = 8;
+/// The distance of a scene that has no depth, meters.
+const USUAL_DEPTH_M: f64 = 2.0;
+
+/// When to take a keyframe.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KeyframeOptions {
+    /// Below this share of the reference keyframe's observations.
+    pub least_share: f64,
+    /// Turned by more than this, radians.
+    pub angle_rad: f64,
+    /// Moved by more than this share of the scene's distance.
+    pub distance_share: f64,
+    /// Never sooner than this after the last one, frames.
+    pub least_frames: usize,
+    /// Side of the cells of which each may bring a landmark, pixels.
+    pub cell_px: usize,
+}
+
+impl Default for KeyframeOptions {
+    fn default() -> Self {
+        let angle_rad = 8.0_f64.to_radians();
+        Self { least_share: 0.6, angle_rad, distance_share: 0.08, least_frames: 3, cell_px: 20 }
+    }
+}
+
+/// A landmark that a keyframe brings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewLandmark {
+    /// Its id.
+    pub id: usize,
+    /// Where its depth puts it, in the map, meters.
+    pub point_in_world: Vector3<f64>,
+}
+
+/// What a keyframe tells the server.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewKeyframe {
+    /// Its id.
+    pub id: usize,
+    /// When it was captured, seconds.
+    pub timestamp_s: f64,
+    /// Its pose in the map, as tracked.
+    pub world_from_camera: Se3,
+    /// Its pose in the odometry frame.
+    pub odom_from_camera: Se3,
+    /// Landmarks that are new with it.
+    pub landmarks: Vec<NewLandmark>,
+    /// What it sees, the new ones included, and what it looks like where that can be told.
+    pub observations: Vec<(Match, Option<Descriptor>)>,
+}
+
+/// Whether a frame should become a keyframe.
+#[must_use]
+pub fn is_due(
+    options: &KeyframeOptions,
+    reference: &MapKeyframe,
+    world_from_camera: &Se3,
+    inliers: &[Match],
+) -> bool {
+    let motion = reference.world_from_camera.inverse().compose(world_from_camera);
+    let mut depths: Vec<f64> = inliers.iter().filter_map(|found| Some(found.depth_m?.0)).collect();
+    depths.sort_by(f64::total_cmp);
+    let median_depth_m = depths.get(depths.len() / 2).copied().unwrap_or(USUAL_DEPTH_M);
+    let share = inliers.len() as f64 / reference.observations.len().max(1) as f64;
+    share < options.least_share
+        || motion.rotation.log().norm() > options.angle_rad
+        || motion.translation.norm() > options.distance_share * median_depth_m
+}
+
+/// Adds a keyframe to the map, with a landmark in each cell that has a corner and no match.
+pub fn add_keyframe(
+    map: &mut LocalMap,
+    view: &View<'_>,
+    pyramid: &Arc<Pyramid>,
+    (world_from_camera, odom_from_camera): (&Se3, &Se3),
+    timestamp_s: f64,
+    matches: &[Match],
+    options: &KeyframeOptions,
+) -> NewKeyframe {
+    let id = map.keyframes.len();
+    let describer = Describer::new(view.pyramid.level(0));
+    let describe = |pixel: &Vector2<f64>| describer.describe(pixel.x as f32, pixel.y as f32);
+    let mut observations = Vec::with_capacity(matches.len());
+    let mut landmarks = Vec::new();
+    for found in matches {
+        map.landmarks[found.landmark].observations.push((id, found.pixel));
+        observations.push((*found, describe(&found.pixel)));
+    }
+    for (pixel, z) in free_corners(view, matches, options.cell_px) {
+        let ray = view.shutter.ray(view.camera, &pixel);
+        let point_in_world = world_from_camera.transform(&(ray * z));
+        let straight = view.shutter.straightened(view.camera, &pixel);
+        let (landmark, descriptor) = (map.landmarks.len(), describe(&pixel));
+        map.landmarks.push(MapLandmark {
+            point_in_world,
+            observations: vec![(id, pixel)],
+            times_tracked: 0,
+            descriptor,
+        });
+        landmarks.push(NewLandmark { id: landmark, point_in_world });
+        let depth_m = Some((z, depth::sigma_m(z)));
+        observations
+            .push((Match { landmark, pixel, straight, sigma_px: SIGMA_PX, depth_m }, descriptor));
+    }
+    map.keyframes.push(MapKeyframe {
+        timestamp_s,
+        pyramid: Arc::clone(pyramid),
+        world_from_camera: *world_from_camera,
+        observations: observations.iter().map(|(o, _)| (o.landmark, o.pixel)).collect(),
+    });
+    NewKeyframe {
+        id,
+        timestamp_s,
+        world_from_camera: *world_from_camera,
+        odom_from_camera: *odom_from_camera,
+        landmarks,
+        observations,
+    }
+}
+
+/// Corners with their depths, at most one in each cell that has no match: where depth is that of a
+/// surface and nothing moves.
+#[must_use]
+pub fn free_corners(
+    view: &View<'_>,
+    matches: &[Match],
+    cell_px: usize,
+) -> Vec<(Vector2<f64>, f64)> {
+    let gray = view.pyramid.level(0);
+    let columns = gray.width().div_ceil(cell_px);
+    let mut is_taken = vec![false; columns * gray.height().div_ceil(cell_px)];
+    let cell = |u: usize, v: usize| v / cell_px * columns + u / cell_px;
+    for found in matches {
+        is_taken[cell(found.pixel.x as usize, found.pixel.y as usize)] = true;
+    }
+    let is_allowed = |u: usize, v: usize| {
+        !is_taken[cell(u, v)]
+            && depth::on_surface(view.depth_m, u, v).is_some()
+            && !view.is_moving(&Vector2::new(u as f64, v as f64))
+    };
+    let options = CornerOptions { cell_px, border_px: BORDER_PX, ..CornerOptions::default() };
+    let corners = detect(gray, &options, is_allowed);
+    let with_depth = |corner: Corner| {
+        let pixel = Vector2::new(corner.u as f64, corner.v as f64);
+        (pixel, f64::from(view.depth_m.at(corner.u, corner.v)))
+    };
+    corners.into_iter().map(with_depth).collect()
+}
