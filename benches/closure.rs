@@ -23,7 +23,7 @@ use covis::client::Client;
 use covis::frontend::camera::FrameCamera;
 use covis::frontend::dense::frame_log::LoggedFrame;
 use covis::frontend::dense::integrate::IntegrationOptions;
-use covis::frontend::dense::mapper::{DenseMapper, TiedFrame};
+use covis::frontend::dense::mapper::{AnchoredFrame, DenseMapper};
 use covis::frontend::dense::thread::{DenseReport, DenseThread};
 use covis::frontend::dense::volume::VolumeOptions;
 use covis::frontend::image::{Image, RgbdFrame};
@@ -118,8 +118,11 @@ impl Companion for Feed {
             let truth = self.keyframes.iter().map(|(&id, &pose)| (id, pose)).collect();
             self.thread.correct(truth);
         }
-        let tied =
-            TiedFrame { frame: logged, keyframe: tracked.keyframe, keyframe_from_camera: beside };
+        let tied = AnchoredFrame {
+            frame: logged,
+            keyframe: tracked.keyframe,
+            keyframe_from_camera: beside,
+        };
         let start = Instant::now();
         self.thread.integrate(tied, drift(share).compose(&truth));
         self.wait_s.push(start.elapsed().as_secs_f64());

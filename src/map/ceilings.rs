@@ -58,7 +58,7 @@ pub struct Usage {
 
 /// Which ceiling something would pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Passed {
+pub struct Exceeded {
     /// What there is too much of.
     pub counted: Counted,
     /// The ceiling's value.
@@ -147,12 +147,12 @@ impl Ceilings {
 
     /// The first ceiling that `growth` on top of `usage` passes. What does not grow passes none.
     #[must_use]
-    pub fn passed(&self, usage: Usage, growth: Usage) -> Option<Passed> {
+    pub fn exceeded(&self, usage: Usage, growth: Usage) -> Option<Exceeded> {
         Counted::ALL.into_iter().find_map(|counted| {
             let maximum = self.of(counted)?;
             let (present, added) = (usage.of(counted), growth.of(counted));
             let passes = added > 0 && present.saturating_add(added) > maximum;
-            passes.then_some(Passed { counted, maximum })
+            passes.then_some(Exceeded { counted, maximum })
         })
     }
 }

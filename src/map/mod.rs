@@ -32,7 +32,7 @@ mod triangulation;
 mod window;
 
 pub use applied::{Solved, applied};
-pub use ceilings::{Ceilings, Counted, Passed, Usage};
+pub use ceilings::{Ceilings, Counted, Exceeded, Usage};
 pub use covisibility::Covisibility;
 pub use digest::Content;
 pub use entities::{

@@ -79,9 +79,9 @@ async fn session(
     let (sender, events) = stream.split();
     let client = &open.client;
     let reading = async { Ok(read_items(&context, &caller, client, &mut inbound, sender).await) };
-    let forwarding = forward(events, &sink, open.omit_summary);
+    let sending = send_acks(events, &sink, open.omit_summary);
     // What ended the reading is told once everything that was taken is answered.
-    let (read, ()) = tokio::try_join!(reading, forwarding)?;
+    let (read, ()) = tokio::try_join!(reading, sending)?;
     read
 }
 
@@ -205,7 +205,7 @@ fn broken(status: &Status) -> ServiceError {
 }
 
 /// Sends the events of a stream to its client.
-async fn forward(
+async fn send_acks(
     mut events: mpsc::Receiver<StreamEvent>,
     sink: &Sink<v1::IngestResponse>,
     omit_summary: bool,

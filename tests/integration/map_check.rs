@@ -5,8 +5,8 @@
 use std::sync::Arc;
 
 use covis::map::{
-    Ceilings, Change, ConstraintKind, Counted, Depth, EntityRef, Item, ItemLandmark,
-    ItemObservation, MapPolicy, Passed, Reason, Usage,
+    Ceilings, Change, ConstraintKind, Counted, Depth, EntityRef, Exceeded, Item, ItemLandmark,
+    ItemObservation, MapPolicy, Reason, Usage,
 };
 use covis_solvers::geometry::{Camera, Se3, Snavely};
 use nalgebra::{Matrix3, Matrix6, Vector3};
@@ -320,7 +320,7 @@ fn what_an_item_adds_is_counted_before_it_is_taken() {
         (Counted::Bytes, usage.bytes, Ceilings { max_bytes: Some(usage.bytes), ..none }),
     ];
     for (counted, maximum, ceilings) in cases {
-        assert_eq!(ceilings.passed(usage, growth), Some(Passed { counted, maximum }));
+        assert_eq!(ceilings.exceeded(usage, growth), Some(Exceeded { counted, maximum }));
     }
     let roomy = Ceilings {
         max_keyframes: Some(3),
@@ -329,8 +329,8 @@ fn what_an_item_adds_is_counted_before_it_is_taken() {
         max_bytes: Some(usage.bytes + growth.bytes),
         ..none
     };
-    assert_eq!(roomy.passed(usage, growth), None);
-    assert_eq!(roomy.passed(roomy_usage(), Usage::default()), None, "what adds nothing has room");
+    assert_eq!(roomy.exceeded(usage, growth), None);
+    assert_eq!(roomy.exceeded(roomy_usage(), Usage::default()), None, "what adds nothing has room");
     journal.send(ROBOT, &item).unwrap();
     let now = journal.map.usage();
     assert_eq!((now.keyframes, now.landmarks, now.observations), (3, 31, 53));

@@ -345,7 +345,13 @@ fn errors_carry_data() {
     for file in rust_files().iter().filter(|f| !f.is_test()) {
         for (number, line) in file.text.lines().enumerate() {
             let line = line.trim_start();
-            if line.starts_with("Other(String)") || line.starts_with("Unknown(String)") {
+            let is_bare = |name: &str| {
+                let text = line.strip_prefix(name);
+                text.is_some_and(|t| {
+                    ["(String)", "(&'static str)"].iter().any(|b| t.starts_with(b))
+                })
+            };
+            if is_bare("Other") || is_bare("Unknown") {
                 offenders.push(format!("{}:{}: {line}", file.path, number + 1));
             }
         }

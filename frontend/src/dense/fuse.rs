@@ -9,8 +9,8 @@ use super::block::{Block, DISTANCE_ONE, WEIGHT_ONE};
 use super::dynamic::{self, FREE};
 use super::lanes::{Lanes, WIDTH};
 use super::pixels::{DEPTH_UNITS, FACING_ONE, SLOPE_UNIT};
-use super::sight::{Lens, NEAREST_M};
 use super::tiles::Range;
+use super::visibility::{Lens, NEAREST_M};
 
 /// Rows of two that a layer of a block has.
 const PAIRS: usize = 4;

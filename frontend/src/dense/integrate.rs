@@ -16,10 +16,10 @@ use super::lanes::{Class, Kernel, Lanes};
 pub use super::options::IntegrationOptions;
 use super::pages::PageError;
 use super::pixels::{self, BAND, PackBand, Scratches, Source};
+use super::ray_blocks::RayBlocks;
 use super::rays::Rays;
-use super::reach::Reach;
-use super::sight::{Lens, NEAREST_M, Seen, Sight};
 use super::tiles::{TILE, Tiles};
+use super::visibility::{Lens, NEAREST_M, Seen, Visibility};
 use super::volume::{Piece, Volume, VolumeOptions};
 use crate::camera::FrameCamera;
 use crate::image::Image;
@@ -92,7 +92,7 @@ pub struct Integrator {
     pixels: Vec<u64>,
     scratches: Scratches,
     tiles: Tiles,
-    reach: Reach,
+    ray_blocks: RayBlocks,
     /// What moves in the frame at hand.
     dilated: Option<Image<u8>>,
     class: Class,
@@ -110,7 +110,7 @@ impl Integrator {
             pixels: vec![0; pixels::stride(width) * height],
             scratches: Scratches::new(width),
             tiles: Tiles::new(width, height),
-            reach: Reach::default(),
+            ray_blocks: RayBlocks::default(),
             dilated: None,
             class: Class::detect(),
         }
@@ -141,7 +141,7 @@ impl Integrator {
     ) -> Result<(), IntegrateError> {
         self.check(volume.options(), frame)?;
         let measures = *volume.options();
-        self.begin_reach(frame.world_from_camera, &measures)?;
+        self.begin_ray_blocks(frame.world_from_camera, &measures)?;
         self.dilated = frame.moving.map(|moving| dilated(moving, self.options.dilation_px));
         self.pack_and_mark(frame, &measures);
         self.tiles.build();
@@ -209,7 +209,7 @@ impl Integrator {
     }
 
     /// Marks of all blocks that the camera may see.
-    fn begin_reach(
+    fn begin_ray_blocks(
         &mut self,
         world_from_camera: &Se3,
         measures: &VolumeOptions,
@@ -229,7 +229,7 @@ impl Integrator {
             let at = world_from_camera.transform(&(Vector3::from(ray) * z)) / block_m;
             *point = [at.x, at.y, at.z];
         }
-        self.reach.begin(&points).ok_or(IntegrateError::TooFar)
+        self.ray_blocks.begin(&points).ok_or(IntegrateError::TooFar)
     }
 
     /// Packs the frame, and marks the blocks that its rays reach.
@@ -247,8 +247,13 @@ impl Integrator {
         let mut tiles = std::mem::take(&mut self.tiles);
         let mut words = std::mem::take(&mut self.pixels);
         let tiles_width = tiles.width();
-        let rays =
-            Rays::new(&self.reach, &self.camera, &self.options, frame.world_from_camera, measures);
+        let rays = Rays::new(
+            &self.ray_blocks,
+            &self.camera,
+            &self.options,
+            frame.world_from_camera,
+            measures,
+        );
         let bands = words
             .par_chunks_mut(BAND * stride)
             .zip(tiles.smallest_mut().par_chunks_mut(BAND / TILE * tiles_width))
@@ -269,18 +274,18 @@ impl Integrator {
     fn allocate(&self, volume: &mut Volume) {
         volume.keys().par_chunks(CLEAR_PIECE).for_each(|keys| {
             for &key in keys {
-                self.reach.clear(key);
+                self.ray_blocks.clear(key);
             }
         });
-        self.reach.for_each(|key| {
+        self.ray_blocks.for_each(|key| {
             volume.allocate(key);
         });
     }
 
     fn fuse(&self, volume: &mut Volume, world_from_camera: &Se3) {
         let measures = *volume.options();
-        let sight = Sight::new(self.lens, world_from_camera, measures.block_m());
-        let steps = sight.steps().map(|step| Frame::steps(&self.lens, step));
+        let visibility = Visibility::new(self.lens, world_from_camera, measures.block_m());
+        let steps = visibility.steps().map(|step| Frame::steps(&self.lens, step));
         let revision = volume.advance();
         let weight_one = f32::from(WEIGHT_ONE);
         let lanes: [[f32; 16]; 3] = std::array::from_fn(|k| {
@@ -312,8 +317,16 @@ impl Integrator {
         let before_m = measures.truncation_m;
         let pieces = volume.pieces_mut(PIECE);
         pieces.for_each(|piece| {
-            let (frame, sight, tiles) = (&frame, &sight, &self.tiles);
-            self.class.run(FusePiece { frame, sight, tiles, behind_m, before_m, revision, piece });
+            let (frame, visibility, tiles) = (&frame, &visibility, &self.tiles);
+            self.class.run(FusePiece {
+                frame,
+                visibility,
+                tiles,
+                behind_m,
+                before_m,
+                revision,
+                piece,
+            });
         });
     }
 }
@@ -321,7 +334,7 @@ impl Integrator {
 /// Fuses a frame into what it sees of a piece.
 struct FusePiece<'a> {
     frame: &'a Frame<'a>,
-    sight: &'a Sight,
+    visibility: &'a Visibility,
     tiles: &'a Tiles,
     behind_m: f32,
     before_m: f32,
@@ -336,9 +349,9 @@ impl Kernel for FusePiece<'_> {
     fn run<L: Lanes>(self, lanes: L) {
         let Piece { keys, blocks, changed, solid, recolored } = self.piece;
         let seen: [Seen; PIECE] = std::array::from_fn(|slot| {
-            let corner = keys.get(slot).map(|&key| self.sight.corner(key));
+            let corner = keys.get(slot).map(|&key| self.visibility.corner(key));
             let seen = corner.map_or(Seen::No, |corner| {
-                self.sight.look(corner, self.tiles, self.behind_m, self.before_m)
+                self.visibility.look(corner, self.tiles, self.behind_m, self.before_m)
             });
             // Where there is nothing to forget, nothing is seen through.
             if matches!(seen, Seen::Through(_)) && !solid[slot] { Seen::No } else { seen }
@@ -348,7 +361,7 @@ impl Kernel for FusePiece<'_> {
             if let Some(next) = (slot + 1..blocks.len()).find(|&next| seen[next] != Seen::No) {
                 lanes.prefetch(&blocks[next]);
             }
-            let corner = Frame::steps(&self.sight.lens, self.sight.corner(keys[slot]));
+            let corner = Frame::steps(&self.visibility.lens, self.visibility.corner(keys[slot]));
             let outcome: Outcome = self.frame.fuse(lanes, &mut blocks[slot], corner, range);
             let moved = u32::from(recolored[slot]) + outcome.recolored;
             if outcome.changed || moved >= VISIBLE {

@@ -3,12 +3,12 @@
 //! | file | role |
 //! |---|---|
 //! | `block` | 8³ voxels |
-//! | `slabs`, `supply` | memory for blocks |
+//! | `slabs`, `slab_pool` | memory for blocks |
 //! | `volume` | the sparse grid of blocks |
 //! | `packing` | blocks as bytes |
 //! | `pages` | bytes that are put away on disk |
 //! | `region` | what goes to disk and comes back together |
-//! | `residence` | which regions stay in memory |
+//! | `page_cache` | which regions stay in memory |
 //! | `paged` | a volume part of which may be on disk |
 //! | `lanes` | sixteen numbers at a time |
 //! | `options` | how frames become a surface |
@@ -16,8 +16,8 @@
 //! | `tiles` | nearest and farthest depth of parts of an image |
 //! | `pixels` | a frame as voxels read it |
 //! | `frustum` | the space that a camera sees |
-//! | `reach`, `rays` | which blocks a frame's rays pass near their depth |
-//! | `sight` | which blocks a frame sees |
+//! | `ray_blocks`, `rays` | which blocks a frame's rays pass near their depth |
+//! | `visibility` | which blocks a frame sees |
 //! | `fuse` | what a frame does to a block |
 //! | `dynamic` | what a voxel does with what disagrees |
 //! | `integrate` | frames into a volume |
@@ -44,17 +44,16 @@ pub mod mapper;
 pub mod navigation;
 mod options;
 mod packing;
+mod page_cache;
 pub mod paged;
 pub mod pages;
 mod pixels;
 pub mod pose_track;
+mod ray_blocks;
 mod rays;
-mod reach;
 mod region;
-mod residence;
-mod sight;
+mod slab_pool;
 mod slabs;
-mod supply;
 pub mod surface;
 #[cfg(test)]
 mod testing;
@@ -62,4 +61,5 @@ mod testing;
 mod tests;
 pub mod thread;
 mod tiles;
+mod visibility;
 pub mod volume;

@@ -2,7 +2,7 @@
 //! frame may see it (decision 0018).
 //!
 //! Each frame needs the regions that its frustum meets, with a margin; who else stays is for
-//! `residence`. Integration, surfaces and files see ordinary volumes and know nothing of pages. What
+//! `page_cache`. Integration, surfaces and files see ordinary volumes and know nothing of pages. What
 //! comes out is, to the bit of each block, what it is without a ceiling.
 
 use std::io;
@@ -12,10 +12,10 @@ use nalgebra::Vector3;
 
 use super::block::{Block, BlockKey};
 use super::integrate::{DenseFrame, IntegrateError, Integrator};
+pub use super::page_cache::PagingFigures;
+use super::page_cache::{Access, PageCache};
 use super::pages::PageError;
 use super::region::Region;
-pub use super::residence::PagingFigures;
-use super::residence::{Access, Residence};
 use super::volume::{Volume, VolumeOptions};
 
 /// Bytes of a block.
@@ -29,13 +29,13 @@ pub struct PagedVolume {
     /// What is in memory.
     resident: Volume,
     /// Who stays, where there is a ceiling.
-    residence: Option<Residence>,
+    cache: Option<PageCache>,
 }
 
 impl From<Volume> for PagedVolume {
     /// All of it in memory, without a ceiling.
     fn from(resident: Volume) -> Self {
-        Self { resident, residence: None }
+        Self { resident, cache: None }
     }
 }
 
@@ -57,14 +57,14 @@ impl PagedVolume {
         ceiling_bytes: usize,
         folder: Option<&Path>,
     ) -> io::Result<Self> {
-        let residence = Some(Residence::new(ceiling_bytes / BLOCK, folder)?);
-        Ok(Self { resident: Volume::new(options), residence })
+        let cache = Some(PageCache::new(ceiling_bytes / BLOCK, folder)?);
+        Ok(Self { resident: Volume::new(options), cache })
     }
 
     /// Another ceiling; it holds from the next frame on. Without one there is none from now on either.
     pub fn set_ceiling(&mut self, ceiling_bytes: usize) {
-        if let Some(residence) = &mut self.residence {
-            residence.set_ceiling(ceiling_bytes / BLOCK);
+        if let Some(cache) = &mut self.cache {
+            cache.set_ceiling(ceiling_bytes / BLOCK);
         }
     }
 
@@ -107,13 +107,13 @@ impl PagedVolume {
     /// Bytes of the page file.
     #[must_use]
     pub fn page_file_bytes(&self) -> u64 {
-        self.residence.as_ref().map_or(0, Residence::page_file_bytes)
+        self.cache.as_ref().map_or(0, PageCache::page_file_bytes)
     }
 
     /// What paging did so far; `None` where there is no ceiling.
     #[must_use]
     pub fn paging(&self) -> Option<PagingFigures> {
-        self.residence.as_ref().map(Residence::figures)
+        self.cache.as_ref().map(PageCache::figures)
     }
 
     /// A frame into the volume, on the current pool of threads. That is one revision.
@@ -126,7 +126,7 @@ impl PagedVolume {
         integrator: &mut Integrator,
         frame: &DenseFrame<'_>,
     ) -> Result<(), IntegrateError> {
-        let Some(residence) = &mut self.residence else {
+        let Some(cache) = &mut self.cache else {
             return integrator.integrate(&mut self.resident, frame);
         };
         let options = *self.resident.options();
@@ -136,11 +136,11 @@ impl PagedVolume {
             let (middle, half_m) = region.cube(&options);
             frustum.meets(&middle, half_m + margin_m)
         };
-        let needed: Vec<_> = residence.regions().filter(is_needed).collect();
-        residence.bring(&mut self.resident, Access::Write, &needed)?;
+        let needed: Vec<_> = cache.regions().filter(is_needed).collect();
+        cache.bring(&mut self.resident, Access::Write, &needed)?;
         let before = self.resident.len();
         integrator.integrate(&mut self.resident, frame)?;
-        residence.settle(&mut self.resident, before);
+        cache.register_new(&mut self.resident, before);
         Ok(())
     }
 
@@ -150,8 +150,8 @@ impl PagedVolume {
     /// Where its region does not come back from disk or others have no room there; the volume is as
     /// before then.
     pub fn insert(&mut self, key: BlockKey, block: Block) -> Result<(), PageError> {
-        if let Some(residence) = &mut self.residence {
-            residence.bring(&mut self.resident, Access::Write, &[Region::of(key)])?;
+        if let Some(cache) = &mut self.cache {
+            cache.bring(&mut self.resident, Access::Write, &[Region::of(key)])?;
         }
         self.put(key, block);
         Ok(())
@@ -162,8 +162,8 @@ impl PagedVolume {
     /// # Errors
     /// As [`PagedVolume::insert`].
     pub(super) fn insert_new(&mut self, key: BlockKey, block: Block) -> Result<bool, PageError> {
-        if let Some(residence) = &mut self.residence {
-            residence.bring(&mut self.resident, Access::Write, &[Region::of(key)])?;
+        if let Some(cache) = &mut self.cache {
+            cache.bring(&mut self.resident, Access::Write, &[Region::of(key)])?;
         }
         let is_new = self.resident.slot(key).is_none();
         if is_new {
@@ -176,8 +176,8 @@ impl PagedVolume {
     fn put(&mut self, key: BlockKey, block: Block) {
         let before = self.resident.len();
         self.resident.insert(key, block);
-        if let Some(residence) = &mut self.residence {
-            residence.settle(&mut self.resident, before);
+        if let Some(cache) = &mut self.cache {
+            cache.register_new(&mut self.resident, before);
         }
     }
 
@@ -195,8 +195,8 @@ impl PagedVolume {
     /// # Errors
     /// As [`PagedVolume::insert`].
     pub(super) fn bring(&mut self, regions: &[Region]) -> Result<&Volume, PageError> {
-        if let Some(residence) = &mut self.residence {
-            residence.bring(&mut self.resident, Access::Read, regions)?;
+        if let Some(cache) = &mut self.cache {
+            cache.bring(&mut self.resident, Access::Read, regions)?;
         }
         Ok(&self.resident)
     }
@@ -210,25 +210,25 @@ impl PagedVolume {
         low: Vector3<f64>,
         high: Vector3<f64>,
     ) -> Result<&Volume, PageError> {
-        let regions = self.residence.iter().flat_map(Residence::regions);
+        let regions = self.cache.iter().flat_map(PageCache::regions);
         let regions: Vec<_> = regions.filter(|region| region.is_between(&low, &high)).collect();
         self.bring(&regions)
     }
 
     /// Where there is a ceiling: who stays.
     #[cfg(test)]
-    pub(super) fn residence(&mut self) -> &mut Residence {
-        self.residence.as_mut().unwrap()
+    pub(super) fn cache(&mut self) -> &mut PageCache {
+        self.cache.as_mut().unwrap()
     }
 
     /// The regions that are on disk only and have a block that changed after a revision, in order.
     pub(super) fn on_disk_since(&self, revision: u64) -> Vec<Region> {
-        self.residence.as_ref().map_or_else(Vec::new, |residence| residence.away_since(revision))
+        self.cache.as_ref().map_or_else(Vec::new, |cache| cache.away_since(revision))
     }
 
     /// Whether a region is on disk only.
     pub(super) fn is_on_disk(&self, region: Region) -> bool {
-        self.residence.as_ref().is_some_and(|residence| residence.is_away(region))
+        self.cache.as_ref().is_some_and(|cache| cache.is_away(region))
     }
 
     /// Shows all blocks, at most `most` at a time (fewer at the end only): those in memory in the order
@@ -248,8 +248,8 @@ impl PagedVolume {
             show(blocks)?;
         }
         let mut left: Vec<_> = rest.iter().map(|&(key, block)| (key, block.clone())).collect();
-        if let Some(residence) = &mut self.residence {
-            residence.visit_away::<E>(|blocks| {
+        if let Some(cache) = &mut self.cache {
+            cache.visit_away::<E>(|blocks| {
                 left.extend(blocks.into_iter().map(|(key, _, block)| (key, block)));
                 let whole = left.len() / most * most;
                 left[..whole].chunks(most).try_for_each(|blocks| show(&pairs(blocks)))?;

@@ -5,18 +5,18 @@ use covis_solvers::geometry::Se3;
 
 use super::options::IntegrationOptions;
 use super::pixels::Scratch;
-use super::reach::{Ray, Reach};
-use super::sight::NEAREST_M;
+use super::ray_blocks::{Ray, RayBlocks};
 use super::tiles::{Range, TILE};
+use super::visibility::NEAREST_M;
 use super::volume::VolumeOptions;
 use crate::camera::FrameCamera;
 
 /// The rays of a frame over the grid.
 pub(super) struct Rays<'a> {
-    reach: &'a Reach,
+    ray_blocks: &'a RayBlocks,
     camera: &'a FrameCamera,
     options: &'a IntegrationOptions,
-    /// The camera's center and axes in blocks, from the corner of the reach.
+    /// The camera's center and axes in blocks, from the corner of `ray_blocks`.
     origin: [f32; 3],
     axes: [[f32; 3]; 3],
     /// Pixels that a block covers at one meter.
@@ -27,19 +27,19 @@ pub(super) struct Rays<'a> {
 
 impl<'a> Rays<'a> {
     pub(super) fn new(
-        reach: &'a Reach,
+        ray_blocks: &'a RayBlocks,
         camera: &'a FrameCamera,
         options: &'a IntegrationOptions,
         world_from_camera: &Se3,
         measures: &VolumeOptions,
     ) -> Self {
         let block_m = measures.block_m();
-        let corner = reach.origin();
+        let corner = ray_blocks.origin();
         let center = world_from_camera.translation / block_m;
         let rotation = world_from_camera.rotation.matrix();
         let model = camera.model();
         Self {
-            reach,
+            ray_blocks,
             camera,
             options,
             origin: std::array::from_fn(|k| (center[k] - f64::from(corner[k])) as f32),
@@ -98,6 +98,6 @@ impl<'a> Rays<'a> {
         let behind = self.options.behind_m(depth, self.truncation_m);
         let ray = Ray { origin: self.origin, direction };
         let from = (depth - self.truncation_m).max(NEAREST_M);
-        self.reach.mark(&ray, from, depth + behind, before)
+        self.ray_blocks.mark(&ray, from, depth + behind, before)
     }
 }

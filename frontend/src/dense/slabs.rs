@@ -6,7 +6,7 @@ use std::ops::{Index, IndexMut, Range};
 use rayon::prelude::*;
 
 use super::block::Block;
-use super::supply::{SLAB, Slab, Supply};
+use super::slab_pool::{SLAB, Slab, SlabPool};
 
 /// Where the blocks of a volume stand.
 #[derive(Clone, Debug, Default)]
@@ -15,7 +15,7 @@ pub(super) struct Slabs {
     len: usize,
     /// Slots from here on were never used.
     used: usize,
-    supply: Supply,
+    slab_pool: SlabPool,
 }
 
 /// The blocks of a volume, slot by slot.
@@ -28,7 +28,7 @@ impl Slabs {
     /// Appends a block of which nothing was seen.
     pub(super) fn push(&mut self) {
         if self.len == self.slabs.len() * SLAB {
-            self.slabs.push(self.supply.take());
+            self.slabs.push(self.slab_pool.take());
         }
         let slot = self.len;
         self.len += 1;
@@ -53,7 +53,7 @@ impl Slabs {
     }
 
     /// Gives memory back that is neither in use nor among the first `blocks`.
-    pub(super) fn give_back(&mut self, blocks: usize) {
+    pub(super) fn shrink_to(&mut self, blocks: usize) {
         self.slabs.truncate(self.len.max(blocks).div_ceil(SLAB));
         self.used = self.used.min(self.slabs.len() * SLAB);
     }

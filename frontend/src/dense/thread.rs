@@ -13,7 +13,7 @@ use covis_solvers::geometry::Se3;
 use rayon::ThreadPool;
 
 use super::integrate::IntegrateError;
-use super::mapper::{DenseError, DenseMapper, TiedFrame};
+use super::mapper::{AnchoredFrame, DenseError, DenseMapper};
 use super::paged::PagedVolume;
 
 /// Frames that wait to be integrated, some 2.5 MB each at 640 × 480. While the volume is built again
@@ -23,7 +23,7 @@ const QUEUE: usize = 16;
 /// A message to the thread of dense mapping.
 enum Message {
     /// A frame, and where its keyframe stands.
-    Frame(Box<TiedFrame>, Se3),
+    Frame(Box<AnchoredFrame>, Se3),
     /// Where keyframes stand now.
     Correct(Vec<(usize, Se3)>),
 }
@@ -62,7 +62,7 @@ impl DenseThread {
     }
 
     /// Hands a frame over; one that is tied to a new keyframe brings where that stands.
-    pub fn integrate(&self, frame: TiedFrame, world_from_keyframe: Se3) {
+    pub fn integrate(&self, frame: AnchoredFrame, world_from_keyframe: Se3) {
         // A thread that ended says why when it is asked for its report.
         let _ended = self.messages.send(Message::Frame(Box::new(frame), world_from_keyframe));
     }

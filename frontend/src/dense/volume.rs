@@ -10,9 +10,9 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use rayon::prelude::*;
 
 use super::block::{Block, BlockKey, EDGE};
+use super::slab_pool::SLAB;
 pub use super::slabs::Blocks;
 use super::slabs::Slabs;
-use super::supply::SLAB;
 
 /// The grid's measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -177,8 +177,8 @@ impl Volume {
     }
 
     /// Gives memory back that blocks had which were taken away, but for what so many blocks need.
-    pub(super) fn give_back(&mut self, blocks: usize) {
-        self.blocks.give_back(blocks);
+    pub(super) fn shrink_to(&mut self, blocks: usize) {
+        self.blocks.shrink_to(blocks);
     }
 
     /// How many blocks there is memory for.

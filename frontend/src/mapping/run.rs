@@ -13,7 +13,7 @@ use covis_solvers::geometry::{LieGroup, Se3};
 
 use super::Mapper;
 use crate::dense::frame_log::LoggedFrame;
-use crate::dense::mapper::TiedFrame;
+use crate::dense::mapper::AnchoredFrame;
 use crate::dense::thread::DenseThread;
 use crate::image::{Image, RgbdFrame};
 use crate::input::{FrameError, FrameSource};
@@ -193,7 +193,7 @@ impl Run<'_> {
         };
         let TrackedFrame { keyframe, keyframe_from_camera, .. } = tracked;
         let world_from_keyframe = self.pipeline.map().keyframes[keyframe].world_from_camera;
-        let tied = TiedFrame { frame, keyframe, keyframe_from_camera };
+        let tied = AnchoredFrame { frame, keyframe, keyframe_from_camera };
         thread.integrate(tied, world_from_keyframe);
     }
 

@@ -133,7 +133,7 @@ impl History {
     }
 
     /// Corrects the pose of the newest frame.
-    pub fn settle(&mut self, odom_from_camera: &Se3) {
+    pub fn correct_newest(&mut self, odom_from_camera: &Se3) {
         if let Some(newest) = self.frames.front_mut() {
             newest.odom_from_camera = *odom_from_camera;
         }

@@ -105,8 +105,8 @@ impl MotionDetector {
     }
 
     /// Corrects the pose of the frame that was detected last.
-    pub fn settle(&mut self, odom_from_camera: &Se3) {
-        self.history.settle(odom_from_camera);
+    pub fn correct_newest(&mut self, odom_from_camera: &Se3) {
+        self.history.correct_newest(odom_from_camera);
         self.odom_from_camera = *odom_from_camera;
     }
 }

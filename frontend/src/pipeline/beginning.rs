@@ -8,7 +8,7 @@ use std::sync::Arc;
 use covis_solvers::geometry::{LieGroup, Se3};
 
 use super::initial::{self, InitialPose};
-use super::{LEAST_LANDMARKS, Now, Outcome, Pipeline, obeyed};
+use super::{LEAST_LANDMARKS, Now, Outcome, Pipeline, usable_mask};
 use crate::image::{Image, RgbdFrame};
 use crate::local_map::LocalMap;
 use crate::motion::MotionDetector;
@@ -39,12 +39,12 @@ impl Pipeline {
         outcome.moving = self.moving(frame, (&pyramid, &frame.depth_m), &origin, None, mask);
         let shutter = Shutter::default();
         let now = Now { frame, pyramid: Arc::clone(&pyramid), depth_m: &frame.depth_m, shutter };
-        let view = now.view(&self.camera, obeyed(outcome.moving.as_ref()));
+        let view = now.view(&self.camera, usable_mask(outcome.moving.as_ref()));
         let corners = keyframe::free_corners(&view, &[], self.options.keyframes.cell_px);
         if corners.len() < LEAST_LANDMARKS {
             return;
         }
-        self.settle(&now, outcome, (origin, origin), (origin, 0.0), &[], true);
+        self.finish_frame(&now, outcome, (origin, origin), (origin, 0.0), &[], true);
         let keyframe = outcome.keyframe.take();
         self.first = Some(First { frame: frame.clone(), pyramid, mask: mask.cloned(), keyframe });
     }
@@ -67,7 +67,7 @@ impl Pipeline {
             let initial =
                 initial::initial_pose(&self.camera, last, pyramid, next, &timing, options);
             let Some(InitialPose { last_from_camera, .. }) = initial else { return };
-            let (shutter, synchronized) = self.taken(frame, &last_from_camera, elapsed_s);
+            let (shutter, synchronized) = self.synchronize(frame, &last_from_camera, elapsed_s);
             let depth_m = synchronized.as_ref().unwrap_or(&frame.depth_m);
             let mut outcome = Outcome::default();
             self.map = LocalMap::default();
@@ -77,7 +77,7 @@ impl Pipeline {
             let now = Now { frame, pyramid: Arc::clone(&first.pyramid), depth_m, shutter };
             self.last = None;
             let motion = (last_from_camera, elapsed_s);
-            self.settle(&now, &mut outcome, (origin, origin), motion, &[], true);
+            self.finish_frame(&now, &mut outcome, (origin, origin), motion, &[], true);
             first.keyframe = outcome.keyframe;
         }
     }

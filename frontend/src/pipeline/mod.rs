@@ -223,7 +223,7 @@ impl Pipeline {
         if frame.color.size() == self.camera.size() {
             let pyramid = Arc::new(Pyramid::new(frame.gray(), LEVELS));
             if self.last.is_some() {
-                self.go_on(frame, pyramid, mask, &mut outcome);
+                self.track_next(frame, pyramid, mask, &mut outcome);
             } else {
                 self.begin(frame, pyramid, mask, &mut outcome);
             }
@@ -234,7 +234,7 @@ impl Pipeline {
 
     /// How the rows of a frame were exposed, and its depth when they were, by a motion that took so
     /// long; `None` where the depth is right as it is.
-    fn taken(
+    fn synchronize(
         &self,
         frame: &RgbdFrame,
         motion: &Se3,
@@ -248,7 +248,7 @@ impl Pipeline {
     }
 
     /// A frame after the first.
-    fn go_on(
+    fn track_next(
         &mut self,
         frame: &RgbdFrame,
         pyramid: Arc<Pyramid>,
@@ -276,14 +276,14 @@ impl Pipeline {
             return self.relocalize(frame, pyramid, outcome);
         };
         let (world, odom) = (last.world_from_camera, last.odom_from_camera);
-        let (shutter, synchronized) = self.taken(frame, &last_from_camera, elapsed_s);
+        let (shutter, synchronized) = self.synchronize(frame, &last_from_camera, elapsed_s);
         let depth_m = synchronized.as_ref().unwrap_or(&frame.depth_m);
         let start = world.compose(&last_from_camera);
 
         let stage = Instant::now();
         let now = Now { frame, pyramid, depth_m, shutter };
         let given = mask.filter(|mask| mask.size() == self.camera.size());
-        let view = now.view(&self.camera, obeyed(given));
+        let view = now.view(&self.camera, usable_mask(given));
         // B. With what moves among it: only a pose that is right tells that.
         let found = find_pose(&self.map, &view, &start, &self.options.matching);
         let (at, matches) =
@@ -297,7 +297,7 @@ impl Pipeline {
         outcome.seconds.mask = stage.elapsed().as_secs_f64();
 
         let stage = Instant::now();
-        let view = now.view(&self.camera, obeyed(outcome.moving.as_ref()));
+        let view = now.view(&self.camera, usable_mask(outcome.moving.as_ref()));
         let matching = &self.options.matching;
         let refined = pose_without_moving(&mut self.map, &view, matches, &at, matching);
         outcome.seconds.refine += stage.elapsed().as_secs_f64();
@@ -317,7 +317,7 @@ impl Pipeline {
         };
         let motion = world.inverse().compose(&pose);
         let poses = (pose, odom.compose(&motion));
-        self.settle(&now, outcome, poses, (motion, elapsed_s), &inliers, false);
+        self.finish_frame(&now, outcome, poses, (motion, elapsed_s), &inliers, false);
         outcome.synchronized_depth_m = synchronized;
     }
 
@@ -347,7 +347,7 @@ impl Pipeline {
     }
 
     /// Keeps what the next frame needs; makes the frame a keyframe where one is due.
-    fn settle(
+    fn finish_frame(
         &mut self,
         now: &Now<'_>,
         outcome: &mut Outcome,
@@ -372,10 +372,10 @@ impl Pipeline {
                     &world_from_camera,
                     inliers,
                 );
-        let view = now.view(&self.camera, obeyed(outcome.moving.as_ref()));
+        let view = now.view(&self.camera, usable_mask(outcome.moving.as_ref()));
         let timestamp_s = now.frame.timestamp_s;
         if let Some(detector) = &mut self.detector {
-            detector.settle(&odom_from_camera);
+            detector.correct_newest(&odom_from_camera);
         }
         if is_due {
             self.since_keyframe = 0;
@@ -409,7 +409,7 @@ impl Pipeline {
         self.last = Some(Last {
             timestamp_s,
             small: SmallImage::new(&now.pyramid),
-            moving: obeyed(outcome.moving.as_ref()).cloned(),
+            moving: usable_mask(outcome.moving.as_ref()).cloned(),
             points: select_points(&view),
             surfaces: (known.count() < FEW_INLIERS).then(|| Surfaces::new(&view)),
             pyramid: Arc::clone(&now.pyramid),
@@ -423,7 +423,7 @@ impl Pipeline {
     /// Looks for the place of a frame whose motion is not known.
     fn relocalize(&mut self, frame: &RgbdFrame, pyramid: Arc<Pyramid>, outcome: &mut Outcome) {
         let now = Now { frame, pyramid, depth_m: &frame.depth_m, shutter: Shutter::default() };
-        let view = now.view(&self.camera, obeyed(outcome.moving.as_ref()));
+        let view = now.view(&self.camera, usable_mask(outcome.moving.as_ref()));
         let Some(start) = relocalization::locate(&self.map, &view) else { return };
         let refined = find_pose(&self.map, &view, &start, &self.options.matching);
         let Some((RefinedPose { world_from_camera, inliers, .. }, _)) = refined else { return };
@@ -436,7 +436,7 @@ impl Pipeline {
         let odom_from_camera = last.odom_from_camera.compose(&motion);
         self.coasted = 0;
         let poses = (world_from_camera, odom_from_camera);
-        self.settle(&now, outcome, poses, (Se3::identity(), 0.0), &inliers, false);
+        self.finish_frame(&now, outcome, poses, (Se3::identity(), 0.0), &inliers, false);
     }
 }
 
@@ -448,7 +448,7 @@ impl Now<'_> {
 }
 
 /// The mask, unless it takes too much away to track on.
-fn obeyed(moving: Option<&Image<u8>>) -> Option<&Image<u8>> {
+fn usable_mask(moving: Option<&Image<u8>>) -> Option<&Image<u8>> {
     moving.filter(|mask| {
         let pixels = mask.pixels();
         let still = pixels.iter().filter(|&&pixel| pixel <= 127).count();

@@ -86,7 +86,7 @@ impl<G: LieGroup<N>, const N: usize> Weighted<'_, G, N> {
         }
         if !self.fits(&asked) {
             self.graph.poses.clone_from(&given);
-            self.judge(observer)?;
+            self.judge_closures(observer)?;
             let judged = self.last(observer)?;
             asked.retain(|&edge| self.chi2_of(edge) <= self.threshold);
             self.restore(&plain);
@@ -174,7 +174,7 @@ impl<G: LieGroup<N>, const N: usize> Weighted<'_, G, N> {
         self.graph.poses = poses.to_vec();
         self.weigh_by_support();
         self.graduate(observer)?;
-        self.judge(observer)?;
+        self.judge_closures(observer)?;
         self.last(observer)
     }
 }

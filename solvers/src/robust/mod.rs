@@ -63,7 +63,7 @@ impl Options {
 
 /// What became of a loop closure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Verdict {
+pub struct ClosureVerdict {
     /// Index of the edge.
     pub edge: usize,
     /// χ² = rᵀΩr at the result.
@@ -84,7 +84,7 @@ pub struct RobustSummary {
     /// The start taken, never [`Start::Auto`].
     pub start: Start,
     /// Every loop closure, in edge order.
-    pub closures: Vec<Verdict>,
+    pub closures: Vec<ClosureVerdict>,
     /// The largest χ² that a closure may have.
     pub threshold: f64,
     /// Solves in all.
@@ -128,7 +128,7 @@ pub fn solve_until<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         let mut weighted = Weighted::new(graph, options, threshold, (begin, &interrupt));
         let start = weighted.start(options.start, has_poses)?;
         weighted.graduate(observer)?;
-        weighted.judge(observer)?;
+        weighted.judge_closures(observer)?;
         let last = weighted.solve(&options.pose_graph, observer)?;
         Ok(weighted.summary(last, start))
     })?
@@ -176,7 +176,7 @@ fn prepare<G: LieGroup<N>, const N: usize>(
 #[must_use]
 pub fn weighted<G: LieGroup<N>, const N: usize>(
     graph: &PoseGraph<G, N>,
-    closures: &[Verdict],
+    closures: &[ClosureVerdict],
 ) -> PoseGraph<G, N> {
     at_weights(graph, closures.iter().map(|verdict| (verdict.edge, verdict.weight)))
 }
@@ -249,7 +249,7 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
             graph.ids[i].abs_diff(graph.ids[j]) > 1 && options.trusted.binary_search(&edge).is_err()
         };
         let closures: Vec<usize> = (0..graph.edges.len()).filter(is_closure).collect();
-        let is_supported = screening::supported(graph, &closures, threshold, interrupt);
+        let is_supported = screening::closures_with_support(graph, &closures, threshold, interrupt);
         let copies = copies_bytes(graph);
         let mut weighted = Self {
             graph,
@@ -377,7 +377,7 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
 
     /// Judges every closure at the poses and solves, until no verdict changes; the weights are then
     /// those of the last verdicts.
-    fn judge(&mut self, observer: &mut Observer<'_>) -> Result<(), SolveError> {
+    fn judge_closures(&mut self, observer: &mut Observer<'_>) -> Result<(), SolveError> {
         let options = self.options;
         let mut before: Vec<Vec<bool>> = Vec::new();
         for _ in 0..MAX_JUDGMENTS {
@@ -404,9 +404,9 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         RobustSummary { solve, start, closures, threshold: self.threshold, solves: self.solves }
     }
 
-    fn verdicts(&self) -> Vec<Verdict> {
+    fn verdicts(&self) -> Vec<ClosureVerdict> {
         let chi2 = self.chi2();
-        let verdict = |(k, &edge): (usize, &usize)| Verdict {
+        let verdict = |(k, &edge): (usize, &usize)| ClosureVerdict {
             edge,
             chi2: chi2[k],
             weight: self.weights[k],

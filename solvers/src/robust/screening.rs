@@ -60,7 +60,7 @@ struct Closure<G, const N: usize> {
 
 /// For each of `closures`, edges of `graph`, whether a neighbor closes a short loop with it in which
 /// χ² is at most `threshold`. Those not looked at before `interrupt` was due count as unsupported.
-pub(super) fn supported<G: LieGroup<N>, const N: usize>(
+pub(super) fn closures_with_support<G: LieGroup<N>, const N: usize>(
     graph: &PoseGraph<G, N>,
     closures: &[usize],
     threshold: f64,

@@ -69,7 +69,7 @@ async fn session(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
     for (map, removes_motion) in MAPS.into_iter().zip([true, false]) {
         let options = RunOptions { removes_motion, threads, ..RunOptions::default() };
         let (run, _) = sequence(&source, &options, &server.client, map).await?;
-        print(told(map, &run))?;
+        print(summary(map, &run))?;
         estimates.push(report::trajectory(&run));
     }
 
@@ -87,7 +87,7 @@ async fn session(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
 }
 
 /// What became of a run.
-fn told(map: &str, run: &RunReport) -> String {
+fn summary(map: &str, run: &RunReport) -> String {
     format!(
         "{:<12}  {} frames tracked, {} lost; {} keyframes, {} landmarks; {:.1} ms a frame",
         map,

@@ -114,7 +114,7 @@ impl From<Init> for Start {
 }
 
 /// The start that a solve took.
-fn taken(start: Start) -> Init {
+fn init_of(start: Start) -> Init {
     match start {
         Start::Given => Init::Given,
         Start::Odometry => Init::Odometry,
@@ -243,7 +243,7 @@ impl Run<'_> {
             problem: "pose-graph",
             group: self.group,
             method: self.args.method,
-            init: taken(start),
+            init: init_of(start),
             init_seconds: start_seconds,
             robust: judged.map(|judged| RobustDetails::new(graph, self.args.robust, &judged)),
             certificate: proof.map(|proof| {

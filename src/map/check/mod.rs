@@ -103,7 +103,7 @@ impl Check<'_> {
             Item::Camera { id, camera, width_px, height_px } => {
                 let id = self.own("camera.id", *id);
                 if self.map.cameras.contains_key(&id) {
-                    self.taken("camera.id", "camera", id);
+                    self.duplicate("camera.id", "camera", id);
                 }
                 self.fields.camera(camera);
                 let entity =
@@ -187,7 +187,7 @@ impl Check<'_> {
         };
         let id = self.own("keyframe.id", *id);
         if self.map.keyframes.contains_key(&id) {
-            self.taken("keyframe.id", "keyframe", id);
+            self.duplicate("keyframe.id", "keyframe", id);
         }
         let camera_id = self.camera_ref("keyframe.camera_id", camera.as_ref());
         if camera.is_none() && !observations.is_empty() {
@@ -249,12 +249,12 @@ impl Check<'_> {
     fn new_constraint(&mut self, field: &str, id: i64) -> EntityId {
         let id = self.own(field, id);
         if self.map.constraints.contains_key(&id) || self.map.priors.contains_key(&id) {
-            self.taken(field, "constraint", id);
+            self.duplicate(field, "constraint", id);
         }
         id
     }
 
-    fn taken(&mut self, field: impl Display, kind: &str, id: EntityId) {
+    fn duplicate(&mut self, field: impl Display, kind: &str, id: EntityId) {
         let text = format!("{kind} {} exists already with other content", id.id);
         self.fields.add(field, Reason::AlreadyExists, text);
     }
@@ -331,7 +331,7 @@ impl Check<'_> {
             }
             let known = self.map.landmarks.get(&id);
             if known.is_some_and(|known| known.sent_position != landmark.position) {
-                self.taken(format_args!("{at}.id"), "landmark", id);
+                self.duplicate(format_args!("{at}.id"), "landmark", id);
             }
         }
         sent.iter()

@@ -120,7 +120,7 @@ struct Jwk {
 /// Why an entry gives no key.
 enum Unusable {
     /// It is for something else.
-    Other(&'static str),
+    Unsuited { why: &'static str },
     /// The file is to be corrected.
     Bad(&'static str),
 }
@@ -144,7 +144,7 @@ impl Keys {
                         return Err(AccessError::Key { path: path.to_owned(), number, reason });
                     }
                 }
-                Err(Unusable::Other(why)) => {
+                Err(Unusable::Unsuited { why }) => {
                     tracing::info!("{}: key {number} is not used: {why}", path.display());
                 }
                 Err(Unusable::Bad(reason)) => {
@@ -172,10 +172,10 @@ fn read_key(entry: serde_json::Value) -> Result<(String, Key), Unusable> {
         return Err(Unusable::Bad("it is a private key, which has no place here"));
     }
     if jwk.usage.is_some_and(|usage| usage != "sig") {
-        return Err(Unusable::Other("it is not for signatures"));
+        return Err(Unusable::Unsuited { why: "it is not for signatures" });
     }
     let only = match jwk.alg.as_deref().map(Algorithm::of_name) {
-        Some(None) => return Err(Unusable::Other("its algorithm is not taken")),
+        Some(None) => return Err(Unusable::Unsuited { why: "its algorithm is not taken" }),
         only => only.flatten(),
     };
     let key = match (jwk.kty.as_str(), jwk.crv.as_deref()) {
@@ -194,7 +194,7 @@ fn read_key(entry: serde_json::Value) -> Result<(String, Key), Unusable> {
             }
             Key::Ed25519(x)
         }
-        _ => return Err(Unusable::Other("its kind is not taken")),
+        _ => return Err(Unusable::Unsuited { why: "its kind is not taken" }),
     };
     if only.is_some_and(|only| !key.serves(only)) {
         return Err(Unusable::Bad("its alg is not of its kind"));

@@ -57,12 +57,12 @@ pub(in crate::service) struct Refused {
 pub(in crate::service) fn item(item: &WireItem, sender: &str) -> Result<Item, Refused> {
     let mut out = Violations::default();
     let read = read(item, sender, &mut out);
-    if out.told.is_empty() {
+    if out.rejection.is_empty() {
         return out.finish(read).map_err(|rejection| Refused { rejection, partial: None });
     }
     let unreadable = std::mem::take(&mut out.unreadable);
     let partial = read.map(|item| Box::new(PartialItem { item, unreadable }));
-    Err(Refused { rejection: out.told, partial })
+    Err(Refused { rejection: out.rejection, partial })
 }
 
 /// The item, with placeholders for what cannot be read.

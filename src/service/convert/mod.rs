@@ -74,7 +74,7 @@ impl fmt::Display for Path<'_> {
 /// Collects what is wrong with a message.
 #[derive(Debug, Default)]
 pub(super) struct Violations {
-    told: Rejection,
+    rejection: Rejection,
     /// Paths of fields that placeholders stand for.
     unreadable: Vec<String>,
 }
@@ -87,7 +87,7 @@ impl Violations {
         reason: Reason,
         description: impl Into<String>,
     ) -> Option<T> {
-        self.told.push(at.to_string(), reason, description);
+        self.rejection.push(at.to_string(), reason, description);
         None
     }
 
@@ -188,14 +188,14 @@ impl Violations {
     /// The converted message, or everything that is wrong with it.
     pub(super) fn finish<T>(mut self, value: Option<T>) -> Result<T, Rejection> {
         match value {
-            Some(value) if self.told.is_empty() => Ok(value),
+            Some(value) if self.rejection.is_empty() => Ok(value),
             _ => {
-                if self.told.is_empty() {
+                if self.rejection.is_empty() {
                     // Cannot happen while every `None` is reported; an empty refusal would tell
                     // the client nothing.
-                    self.told.push("", Reason::Missing, "the message could not be read");
+                    self.rejection.push("", Reason::Missing, "the message could not be read");
                 }
-                Err(self.told)
+                Err(self.rejection)
             }
         }
     }

@@ -268,7 +268,7 @@ impl Actor {
             self.streams.end(client, older);
         }
         if let Err(error) = self.commit(None, opening).await {
-            self.entities.settle(self.map.usage());
+            self.entities.update(self.map.usage());
             return Err(error);
         }
         let Some(client) = self.map.client_named(&name) else {

@@ -29,7 +29,7 @@ pub(super) enum Room {
 }
 
 /// What becomes of an item.
-enum Verdict {
+enum Admission {
     /// It is journaled under this sequence already.
     Duplicate,
     Reject(Rejection),
@@ -64,21 +64,21 @@ impl Actor {
     async fn ingest(&mut self, client: ClientIndex, epoch: i64, queued: QueuedItem) {
         let QueuedItem { sequence, digest, item, receipt, durable, optimized } = queued;
         let ack = |revision, status| StreamEvent::Ack(Ack { sequence, revision, status });
-        let verdict = loop {
-            match self.judge(client, sequence, &digest, &item) {
-                Verdict::Take(change) => match self.make_room(&change).await {
-                    Room::There => break Verdict::Take(change),
+        let admission = loop {
+            match self.admit(client, sequence, &digest, &item) {
+                Admission::Take(change) => match self.make_room(&change).await {
+                    Room::There => break Admission::Take(change),
                     // What the item refers to may be what has gone.
                     Room::Made => {}
-                    Room::None(error) => break Verdict::Full(error),
+                    Room::None(error) => break Admission::Full(error),
                 },
-                verdict @ (Verdict::Duplicate | Verdict::Reject(_) | Verdict::Full(_)) => {
-                    break verdict;
+                admission @ (Admission::Duplicate | Admission::Reject(_) | Admission::Full(_)) => {
+                    break admission;
                 }
             }
         };
-        match verdict {
-            Verdict::Duplicate => {
+        match admission {
+            Admission::Duplicate => {
                 let revision = self.map.revision();
                 receipt.send(ack(revision, AckStatus::Received { duplicate: true }));
                 if let Some(durable) = durable {
@@ -90,18 +90,18 @@ impl Actor {
                     self.acknowledge_unsolved(client, sequence);
                 }
             }
-            Verdict::Reject(rejection) => {
+            Admission::Reject(rejection) => {
                 receipt.send(ack(0, AckStatus::Rejected(rejection)));
             }
-            Verdict::Full(error) => self.streams.end(client, |_epoch| error),
-            Verdict::Take(change) => {
+            Admission::Full(error) => self.streams.end(client, |_epoch| error),
+            Admission::Take(change) => {
                 let added = added(&change);
                 let repeated = *change == Change::ItemRepeated;
                 let cause = Cause { client, epoch, sequence, digest };
                 let position = match self.commit(Some(cause), *change).await {
                     Ok(position) => position,
                     Err(error) => {
-                        self.entities.settle(self.map.usage());
+                        self.entities.update(self.map.usage());
                         return self.streams.end(client, |_epoch| error);
                     }
                 };
@@ -124,32 +124,38 @@ impl Actor {
         }
     }
 
-    fn judge(&self, client: ClientIndex, sequence: i64, digest: &[u8; 32], item: &Item) -> Verdict {
+    fn admit(
+        &self,
+        client: ClientIndex,
+        sequence: i64,
+        digest: &[u8; 32],
+        item: &Item,
+    ) -> Admission {
         match self.map.recall(client, sequence, digest) {
-            Recall::Duplicate => return Verdict::Duplicate,
+            Recall::Duplicate => return Admission::Duplicate,
             Recall::Conflict => {
                 let text = format!("sequence {sequence} was taken by another item");
-                return Verdict::Reject(Rejection::of("sequence", Reason::AlreadyExists, text));
+                return Admission::Reject(Rejection::of("sequence", Reason::AlreadyExists, text));
             }
             Recall::New => {}
         }
         if sequence > MAX_NUMBER {
             let text = format!("{sequence} is above {MAX_NUMBER}: no other could follow it");
-            return Verdict::Reject(Rejection::of("sequence", Reason::OutOfRange, text));
+            return Admission::Reject(Rejection::of("sequence", Reason::OutOfRange, text));
         }
         let next = self.map.client(client).map_or(1, |c| c.next_sequence);
         if sequence < next {
             let text = format!(
                 "sequence {sequence} was passed over or lies too far back; the next is {next}"
             );
-            return Verdict::Reject(Rejection::of("sequence", Reason::OutOfRange, text));
+            return Admission::Reject(Rejection::of("sequence", Reason::OutOfRange, text));
         }
         if self.map.holds(client, item) {
-            return Verdict::Take(Box::new(Change::ItemRepeated));
+            return Admission::Take(Box::new(Change::ItemRepeated));
         }
         match self.map.check(client, item) {
-            Ok(change) => Verdict::Take(Box::new(change)),
-            Err(rejection) => Verdict::Reject(rejection),
+            Ok(change) => Admission::Take(Box::new(change)),
+            Err(rejection) => Admission::Reject(rejection),
         }
     }
 
@@ -165,12 +171,12 @@ impl Actor {
         let usage = self.map.usage();
         let bound = self.map.growth_bound(change);
         // Far from every limit the bound will do; near one it would keep out what has room.
-        let is_far = ceilings.passed(usage, bound * FAR).is_none();
+        let is_far = ceilings.exceeded(usage, bound * FAR).is_none();
         if is_far && self.entities.have_room(bound * FAR) && self.entities.grow(bound).is_ok() {
             return Room::There;
         }
         let growth = self.map.growth(change);
-        let Some(passed) = ceilings.passed(usage, growth) else {
+        let Some(exceeded) = ceilings.exceeded(usage, growth) else {
             return match self.entities.grow(growth) {
                 Ok(()) => Room::There,
                 Err(error) => Room::None(error),
@@ -178,14 +184,14 @@ impl Actor {
         };
         // What would push out a good part of the map is refused: it could only be a mistake.
         let alone = Usage { keyframes: 0, ..growth };
-        let is_huge = ceilings.passed(alone * (LARGEST_SHARE - 1), alone).is_some();
+        let is_huge = ceilings.exceeded(alone * (LARGEST_SHARE - 1), alone).is_some();
         if is_huge {
-            return Room::None(account.passed(passed));
+            return Room::None(account.exceeded(exceeded));
         }
-        let counted = passed.counted;
+        let counted = exceeded.counted;
         let retired = self.compute(move |map| retire(map).filter(|r| frees(map, r, counted)));
         let Some(retired) = retired.await else {
-            return Room::None(account.passed(passed));
+            return Room::None(account.exceeded(exceeded));
         };
         match self.commit(None, Change::KeyframeRetired { retired }).await {
             Ok(_position) => {

@@ -45,7 +45,7 @@ impl Actor {
         self.watchers.tell(&event.change, &self.map);
         Arc::make_mut(&mut self.map).fold(&event);
         self.applying = None;
-        self.entities.settle(self.map.usage());
+        self.entities.update(self.map.usage());
         self.watchers.wake();
         if snapshot_due {
             self.take_snapshot();
@@ -73,7 +73,7 @@ impl Actor {
     pub(super) fn poisoned(&mut self, details: &str) -> EngineError {
         let bug = report_bug(details);
         self.state = MapState::Poisoned;
-        self.entities.settle(self.map.usage());
+        self.entities.update(self.map.usage());
         self.cancel_solves(&bug);
         self.streams.end_all(&bug);
         self.watchers.wake();

@@ -18,7 +18,7 @@
 //! | `solves`, `work`, `pose_graph`, `optimize` | starting, superseding and applying solves; their bodies |
 //! | `watch`, `watch_log`, `touched`, `history` | changes for readers, coalesced; what a reader missed |
 //! | `meters` | what is counted |
-//! | `pool`, `turns` | the threads of solves and computations, and whose solve is next |
+//! | `pool`, `fair_queue` | the threads of solves and computations, and whose solve is next |
 //! | `account` | what each map, each tenant and the server hold, and how much they may |
 
 mod account;
@@ -28,6 +28,7 @@ mod certificate;
 mod durable;
 mod error;
 mod estimate;
+mod fair_queue;
 mod fault;
 mod handle;
 mod history;
@@ -45,7 +46,6 @@ mod stream;
 mod streams;
 mod table;
 mod touched;
-mod turns;
 mod watch;
 mod watch_log;
 mod work;

@@ -2,7 +2,7 @@
 //!
 //! Small solves have threads of their own, so that none waits behind a large one; the system shares
 //! the processors between both. Of each kind as many run at once as there are threads, large ones
-//! as far as their memory fits besides; what waits is given its turn by [`Turns`]. Work runs under
+//! as far as their memory fits besides; what waits is given its turn by [`FairQueue`]. Work runs under
 //! `catch_unwind`, so that a panic costs one solve and no thread. A solve that is parallel inside
 //! spreads over the threads of its kind. What an engine computes between its orders (a window, a first
 //! position, a keyframe's marginal, the change that a result makes) is given no turns: an engine has
@@ -16,7 +16,7 @@ use std::time::Instant;
 
 use tokio::sync::oneshot;
 
-use super::turns::{Turn, Turns};
+use super::fair_queue::{FairQueue, Turn};
 use super::{Account, Accounts, EngineError, Estimate, Resource};
 
 /// Work that panicked.
@@ -54,17 +54,17 @@ struct Waiting {
 }
 
 /// Threads for solves of one kind, and who waits for them.
-struct Lane {
+struct Workers {
     /// `None`: work runs as a task of the async runtime, so that one thread and one clock drive
     /// everything.
     threads: Option<rayon::ThreadPool>,
-    turns: Mutex<Turns<Waiting>>,
+    queue: Mutex<FairQueue<Waiting>>,
 }
 
 /// Threads for solves.
 pub struct SolverPool {
-    small: Lane,
-    large: Lane,
+    small: Workers,
+    large: Workers,
     accounts: Accounts,
 }
 
@@ -88,7 +88,7 @@ impl SolverPool {
     /// # Errors
     /// As [`SolverPool::new`].
     pub fn shared_by(accounts: Accounts, threads: usize) -> Result<Arc<Self>, EngineError> {
-        let (small, large) = (Lane::new("small", threads)?, Lane::new("large", threads)?);
+        let (small, large) = (Workers::new("small", threads)?, Workers::new("large", threads)?);
         Ok(Arc::new(Self { small, large, accounts }))
     }
 
@@ -96,8 +96,8 @@ impl SolverPool {
     /// the other.
     #[cfg(test)]
     pub(crate) fn in_place() -> Arc<Self> {
-        let lane = || Lane { threads: None, turns: Mutex::new(Turns::new(1)) };
-        Arc::new(Self { small: lane(), large: lane(), accounts: Accounts::default() })
+        let workers = || Workers { threads: None, queue: Mutex::new(FairQueue::new(1)) };
+        Arc::new(Self { small: workers(), large: workers(), accounts: Accounts::default() })
     }
 
     /// How many threads there are for a solve.
@@ -129,7 +129,7 @@ impl SolverPool {
         });
         let waiting = Waiting { work, bytes: estimate.bytes(), account: Arc::clone(account) };
         let is_small = estimate.is_small();
-        self.lane(is_small).lock().push(&Arc::from(account.tenant()), waiting);
+        self.workers(is_small).lock().push(&Arc::from(account.tenant()), waiting);
         self.begin(is_small);
         answer
     }
@@ -170,23 +170,23 @@ impl SolverPool {
         }
     }
 
-    fn lane(&self, is_small: bool) -> &Lane {
+    fn workers(&self, is_small: bool) -> &Workers {
         if is_small { &self.small } else { &self.large }
     }
 
     /// Begins what may run now.
     fn begin(self: &Arc<Self>, is_small: bool) {
-        let lane = self.lane(is_small);
+        let workers = self.workers(is_small);
         loop {
-            let mut turns = lane.lock();
-            let next = turns.next(
+            let mut queue = workers.lock();
+            let next = queue.next(
                 |tenant, running, waiting| self.tenant_may(tenant, running, waiting),
                 |running, waiting| is_small || running == 0 || self.fits(waiting),
             );
             let Some((turn, Waiting { work, bytes, account })) = next else { return };
-            // While the turns are held, so that no other takes the same memory.
+            // While the queue is held, so that no other takes the same memory.
             let bytes = account.reserve_existing(Resource::RunningSolveBytes, bytes);
-            drop(turns);
+            drop(queue);
             let pool = Arc::clone(self);
             let run = move || {
                 let begin = Instant::now();
@@ -194,7 +194,7 @@ impl SolverPool {
                 drop(bytes);
                 pool.ended(is_small, &turn, begin);
             };
-            match &lane.threads {
+            match &workers.threads {
                 Some(threads) => threads.spawn(run),
                 None => {
                     tokio::spawn(async { run() });
@@ -223,7 +223,7 @@ impl SolverPool {
 
     fn ended(self: &Arc<Self>, is_small: bool, turn: &Turn, begin: Instant) {
         let took_ns = u64::try_from(begin.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        self.lane(is_small).lock().ended(turn, took_ns);
+        self.workers(is_small).lock().ended(turn, took_ns);
         self.begin(is_small);
         if is_small {
             // Its memory may be what a large one waits for.
@@ -232,7 +232,7 @@ impl SolverPool {
     }
 }
 
-impl Lane {
+impl Workers {
     fn new(kind: &'static str, threads: usize) -> Result<Self, EngineError> {
         let count = threads.max(1);
         let pool = rayon::ThreadPoolBuilder::new()
@@ -245,11 +245,11 @@ impl Lane {
             })
             .build();
         let threads = pool.map_err(|_error| EngineError::Threads { count })?;
-        Ok(Self { threads: Some(threads), turns: Mutex::new(Turns::new(count)) })
+        Ok(Self { threads: Some(threads), queue: Mutex::new(FairQueue::new(count)) })
     }
 
-    fn lock(&self) -> MutexGuard<'_, Turns<Waiting>> {
-        self.turns.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, FairQueue<Waiting>> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

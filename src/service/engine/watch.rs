@@ -98,11 +98,11 @@ pub struct Watch {
     /// Names of clients that opened a stream before the log begins.
     opened: Vec<String>,
     /// What the reader was told last, the start included.
-    told: (i64, MapState),
+    sent: (i64, MapState),
     /// Whether the map may have changed since.
     due: bool,
     /// A change that is not durable yet.
-    taken: Option<MapChange>,
+    pending: Option<MapChange>,
     _place: [Reservation; 2],
     _open: Held,
 }
@@ -116,11 +116,11 @@ impl Watch {
     /// [`EngineError::ShuttingDown`].
     pub async fn next(&mut self) -> Result<MapChange, EngineError> {
         loop {
-            if let Some(change) = &self.taken {
+            if let Some(change) = &self.pending {
                 // Once no crash can take it back.
                 self.handle.durable(change.revision).await?;
             }
-            if let Some(change) = self.taken.take() {
+            if let Some(change) = self.pending.take() {
                 return Ok(change);
             }
             if !self.due {
@@ -132,10 +132,10 @@ impl Watch {
             self.fold(revision).await;
             // From here on nothing waits: the step is taken whole.
             self.due = false;
-            if self.told == (revision, state) && !self.gathered.reset {
+            if self.sent == (revision, state) && !self.gathered.reset {
                 continue;
             }
-            self.taken = Some(self.step(info.snapshot, state));
+            self.pending = Some(self.step(info.snapshot, state));
         }
     }
 
@@ -164,8 +164,8 @@ impl Watch {
         let Gathered { mut touched, reset, .. } = std::mem::replace(&mut self.gathered, next);
         let opened = std::mem::take(&mut self.opened).into_iter();
         touched.clients.extend(opened.filter_map(|name| snapshot.client_named(&name)));
-        let (revision, base_revision) = (snapshot.revision(), self.told.0);
-        self.told = (revision, state);
+        let (revision, base_revision) = (snapshot.revision(), self.sent.0);
+        self.sent = (revision, state);
         MapChange { reset, base_revision, revision, state, touched, snapshot }
     }
 
@@ -194,7 +194,7 @@ impl Watch {
     ) -> Result<(), EngineError> {
         let through = self.log.at();
         self.base_revision = revision;
-        self.told.0 = revision;
+        self.sent.0 = revision;
         if revision >= through {
             return Ok(());
         }
@@ -216,7 +216,7 @@ impl Watch {
         }
         let info = self.handle.info().await?;
         (self.base_revision, self.state) = (info.snapshot.revision(), info.state);
-        self.told = (self.base_revision, self.state);
+        self.sent = (self.base_revision, self.state);
         self.fold(self.base_revision).await;
         self.gathered = Gathered::new(most_touched(&info.snapshot));
         self.reset = Some(info.snapshot);
@@ -252,9 +252,9 @@ impl Watchers {
             signal: self.signal.subscribe(),
             gathered: Gathered::new(most_touched(map)),
             opened: Vec::new(),
-            told: (revision, state),
+            sent: (revision, state),
             due: false,
-            taken: None,
+            pending: None,
             _place: place,
             _open: handle.shared.meters.watchers.hold(),
             handle,

@@ -17,7 +17,7 @@ use crate::map::{
 /// Reads the parts of a map and compares them with it.
 ///
 /// # Errors
-/// [`EncodingError`] where the parts are damaged; [`EncodingError::Other`] where they are those of
+/// [`EncodingError`] where the parts are damaged; [`EncodingError::Different`] where they are those of
 /// another map.
 pub(in crate::store) fn compare_map(input: &mut dyn Read, map: &Map) -> Result<(), EncodingError> {
     let mut rest = Rest::of(map);
@@ -100,8 +100,8 @@ impl<'a> Rest<'a> {
     }
 }
 
-fn same(is_same: bool, what: &'static str) -> Result<(), EncodingError> {
-    if is_same { Ok(()) } else { Err(EncodingError::Other(what)) }
+fn same(is_same: bool, part: &'static str) -> Result<(), EncodingError> {
+    if is_same { Ok(()) } else { Err(EncodingError::Different { part }) }
 }
 
 /// What was `read` must be the next of `expected`.

@@ -57,8 +57,11 @@ pub enum EncodingError {
     #[error("the decoded map has another state hash than was written")]
     Hash,
     /// What is read is not what was written.
-    #[error("{0} are not what was written")]
-    Other(&'static str),
+    #[error("{part} are not what was written")]
+    Different {
+        /// What differs, in the plural.
+        part: &'static str,
+    },
     /// The stream of parts cannot be read or written.
     #[error("{0}")]
     Stream(String),

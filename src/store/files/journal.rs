@@ -132,7 +132,7 @@ impl Journal {
         // Whoever appends before all is settled must not start a second flush.
         state.flushing = true;
         drop(state);
-        *self.writer() = Writer::of(found.segments, found.settle);
+        *self.writer() = Writer::of(found.segments, found.unsynced);
         self.tell();
         self.flush()
     }
@@ -203,7 +203,7 @@ impl Journal {
     ///
     /// # Errors
     /// Why it does not become so, or not soon.
-    pub(super) async fn settle(&self) -> Result<(), StoreError> {
+    pub(super) async fn wait_durable(&self) -> Result<(), StoreError> {
         let last = self.state().last;
         let mut flushed = self.follow();
         let reached = flushed.wait_for(|f| f.through >= last || f.trouble().is_some()).await;

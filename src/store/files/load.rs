@@ -5,7 +5,7 @@
 //! the mark beside the journal:
 //!
 //! - A bad place behind which nothing was ever acknowledged is what a crash leaves: it is cut off
-//!   (`settle.rs`).
+//!   (`make_durable.rs`).
 //! - Lost events that a snapshot holds are told and cost nothing.
 //! - Lost events that were acknowledged freeze the map: it opens with what is contiguous, takes no
 //!   changes, and its files stay as they are.
@@ -13,9 +13,9 @@
 use std::path::Path;
 
 use super::disk::Disk;
+use super::make_durable::{Tail, Unsynced};
 use super::record::{HEAD, HEADER, Header, Uid, read_header, read_mark, scan};
 use super::sealed::{Label, SealError, later};
-use super::settle::{Settle, Tail};
 use super::{MARK, file_error, journal_name, sealed, sequence_in};
 use crate::store::{Damage, StoreError};
 
@@ -32,7 +32,7 @@ pub(super) struct Found {
     pub(super) durable: u64,
     /// What must reach the disk before all of it counts as durable; `None` where the files stay as
     /// they are.
-    pub(super) settle: Option<Settle>,
+    pub(super) unsynced: Option<Unsynced>,
     /// Bytes of the journal behind the newest snapshot, about.
     pub(super) bytes_since_snapshot: u64,
     /// What is damaged.
@@ -111,7 +111,7 @@ pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, S
         if tail.is_some_and(|tail| tail.write_on && tail.keep < HEADER as u64) {
             found.segments.pop();
         }
-        found.settle = Some(Settle { tail, last: found.last });
+        found.unsynced = Some(Unsynced { tail, last: found.last });
     }
     Ok(found)
 }

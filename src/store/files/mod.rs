@@ -20,7 +20,7 @@
 //! | `failure` | which failures pass by themselves, and what callers read of them |
 //! | `folders`, `changes` | what the folders in `maps/` are; creating and deleting maps |
 //! | `record`, `sealed` | the bytes of journals, and of files that are written once |
-//! | `load`, `settle` | opening a map's folder; bringing what was found to the disk before it counts |
+//! | `load`, `make_durable` | opening a map's folder; bringing what was found to the disk before it counts |
 //! | `read` | reading events and snapshots |
 //! | `journal`, `writer` | a map's journal: order, groups, the mark; writing them, healing |
 //! | `doctor` | looking at a directory without a server, repairing it |
@@ -37,11 +37,11 @@ pub(in crate::store) mod fuzzing;
 mod journal;
 mod load;
 mod lock;
+mod make_durable;
 mod read;
 mod reader;
 mod record;
 mod sealed;
-mod settle;
 mod writer;
 
 pub use self::backup::back_up;
@@ -319,7 +319,7 @@ impl Store for FileStore {
             return Ok(events);
         }
         // A journal that stopped still reads what it has.
-        let _stopped = journal.settle().await;
+        let _stopped = journal.wait_durable().await;
         let reading = Arc::clone(&journal);
         let events = blocking(&*self.inner.disk, move || read::events(&reading, from, last));
         let events = events.await.map_err(|error| of_map(map, error))?;
@@ -360,7 +360,7 @@ impl Store for FileStore {
             }
         }
         // A snapshot must not hold what a crash could still take from the journal.
-        journal.settle().await?;
+        journal.wait_durable().await?;
         let written = blocking(&*self.inner.disk, move || {
             let _exclusive = exclusive;
             read::put_snapshot(&journal, &snapshot)
@@ -429,7 +429,7 @@ async fn close(inner: Arc<Inner>) {
         // No snapshot is being written from here on.
         let _exclusive = Arc::clone(&journal.exclusive).lock_owned().await;
         // A journal that failed has told so.
-        let _failed = journal.settle().await;
+        let _failed = journal.wait_durable().await;
         let closing = Arc::clone(&journal);
         let closed = blocking(&*inner.disk, move || {
             closing.close();

@@ -57,7 +57,7 @@ impl EventReader for Reader {
             Some(piece) => piece,
             None => {
                 // A journal that stopped still reads what it has.
-                let _stopped = self.journal.settle().await;
+                let _stopped = self.journal.wait_durable().await;
                 let (journal, at, through) = (Arc::clone(&self.journal), self.at, self.through);
                 let file = self.file.take();
                 let disk = Arc::clone(&self.journal.disk);

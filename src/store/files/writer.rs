@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use super::disk::{Disk, DiskFile};
 use super::failure::{lacks_descriptors, passes};
 use super::journal_name;
+use super::make_durable::{Unsynced, make_durable};
 use super::record::{HEADER, Uid, header};
-use super::settle::{Settle, settle};
 
 /// Records that are written and synced together.
 #[derive(Debug)]
@@ -44,7 +44,7 @@ enum Repair {
     /// A new file holds part of a group.
     Remove(PathBuf),
     /// What was found at the start is not known to be on disk.
-    Settle(Settle),
+    Unsynced(Unsynced),
 }
 
 /// The file that is written.
@@ -72,8 +72,8 @@ pub(super) struct Place<'a> {
 
 impl Writer {
     /// The writer of files that were found. The first thing that it does is to settle them.
-    pub(super) fn of(segments: Vec<u64>, settle: Option<Settle>) -> Self {
-        Self { segments, repair: settle.map(Repair::Settle), ..Self::default() }
+    pub(super) fn of(segments: Vec<u64>, unsynced: Option<Unsynced>) -> Self {
+        Self { segments, repair: unsynced.map(Repair::Unsynced), ..Self::default() }
     }
 
     /// Whether there is nothing to do.
@@ -152,8 +152,8 @@ impl Writer {
                 Err(error) if error.kind() == ErrorKind::NotFound => {}
                 removed => removed?,
             },
-            Some(Repair::Settle(found)) => {
-                let tail = settle(place.disk, place.folder, place.uid, found)?;
+            Some(Repair::Unsynced(found)) => {
+                let tail = make_durable(place.disk, place.folder, place.uid, found)?;
                 let (file, length) = tail.map_or((None, 0), |(file, length)| (Some(file), length));
                 (self.file, self.length) = (file, length);
             }

@@ -66,7 +66,7 @@ impl MemoryCeiling {
 
 /// A frame, and the keyframe that it stands beside.
 #[derive(Clone, Debug, PartialEq)]
-pub struct TiedFrame {
+pub struct AnchoredFrame {
     /// What it shows.
     pub frame: LoggedFrame,
     /// Its keyframe.
@@ -155,10 +155,10 @@ impl DenseMapper {
     /// [`DenseError`]; the volume is as before then.
     pub fn integrate(
         &mut self,
-        mut tied: TiedFrame,
+        mut tied: AnchoredFrame,
         world_from_keyframe: &Se3,
     ) -> Result<(), DenseError> {
-        let TiedFrame { frame, keyframe, keyframe_from_camera } = &mut tied;
+        let AnchoredFrame { frame, keyframe, keyframe_from_camera } = &mut tied;
         let known = self.keyframes.get(keyframe).copied();
         let world_from_camera = known.unwrap_or(*world_from_keyframe).compose(keyframe_from_camera);
         self.log.append(frame)?;

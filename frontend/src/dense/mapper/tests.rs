@@ -33,7 +33,7 @@ fn drift(keyframe: usize) -> Se3 {
 }
 
 /// What is handed over of frame `index`, and where its keyframe truly stands.
-fn tied(sequence: &Sequence, index: usize) -> (TiedFrame, Se3) {
+fn tied(sequence: &Sequence, index: usize) -> (AnchoredFrame, Se3) {
     let keyframe = index / STEP;
     let world_from_keyframe = sequence.world_from_camera(keyframe * STEP);
     let camera = sequence.world_from_camera(index);
@@ -44,7 +44,7 @@ fn tied(sequence: &Sequence, index: usize) -> (TiedFrame, Se3) {
         moving: Some(sequence.moving_mask(index)),
     };
     let keyframe_from_camera = world_from_keyframe.inverse().compose(&camera);
-    (TiedFrame { frame, keyframe, keyframe_from_camera }, world_from_keyframe)
+    (AnchoredFrame { frame, keyframe, keyframe_from_camera }, world_from_keyframe)
 }
 
 fn true_keyframes(sequence: &Sequence) -> Vec<(usize, Se3)> {

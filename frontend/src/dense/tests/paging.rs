@@ -147,7 +147,7 @@ fn a_page_that_is_damaged_is_an_error_of_the_frame_that_needs_it_and_of_no_other
     for frame in 0..FRAMES / 2 {
         show(&mut integrator, &mut paged, frame).unwrap();
     }
-    paged.residence().flip_pages(true);
+    paged.cache().flip_pages(true);
     let (before, revision) = (paged.len(), paged.resident().revision());
     let refused = (FRAMES / 2..FRAMES).find_map(|frame| {
         let error = show(&mut integrator, &mut paged, frame).err()?;
@@ -158,7 +158,7 @@ fn a_page_that_is_damaged_is_an_error_of_the_frame_that_needs_it_and_of_no_other
     assert_eq!(paged.resident().revision(), revision + (frame - FRAMES / 2) as u64);
     assert!(paged.len() >= before, "blocks are lost");
     // Once the page is whole again, so is the volume.
-    paged.residence().flip_pages(false);
+    paged.cache().flip_pages(false);
     for frame in frame..FRAMES {
         show(&mut integrator, &mut paged, frame).unwrap();
     }
@@ -171,7 +171,7 @@ fn a_page_that_is_damaged_is_an_error_of_the_frame_that_needs_it_and_of_no_other
 fn on_a_full_disk_frames_are_refused_and_nothing_is_lost() {
     let folder = tempfile::tempdir().unwrap();
     let mut paged = with_ceiling(500);
-    paged.residence().use_disk_of(100_000, folder.path());
+    paged.cache().use_disk_of(100_000, folder.path());
     let mut integrator = Integrator::new(&small_camera(), IntegrationOptions::default());
     let refused = (0..FRAMES).find_map(|frame| {
         let before = blocks(&mut paged);
@@ -372,7 +372,7 @@ fn slots_and_memory_of_blocks_that_are_taken_away_serve_others() {
     }
     assert_eq!((volume.len(), volume.capacity()), (934, capacity));
     (1000..1600).for_each(|x| assert!(volume.remove(key(x))));
-    volume.give_back(0);
+    volume.shrink_to(0);
     assert_eq!(volume.capacity(), 2 * 256);
     assert!((0..1000).step_by(3).all(|x| volume.block(key(x)) == Some(&block(x))));
 }

@@ -16,7 +16,7 @@ mod resource;
 mod tests;
 
 use super::EngineError;
-use crate::map::{Counted, Passed, Usage};
+use crate::map::{Counted, Exceeded, Usage};
 use resource::{Owner, name_of};
 
 pub use resource::{AccountLimits, AccountRow, Resource};
@@ -165,8 +165,8 @@ impl Account {
         }
     }
 
-    /// The error of a ceiling of entities that would be passed.
-    pub(super) fn passed(&self, Passed { counted, maximum }: Passed) -> EngineError {
+    /// The error of a ceiling of entities that would be exceeded.
+    pub(super) fn exceeded(&self, Exceeded { counted, maximum }: Exceeded) -> EngineError {
         self.full(self.owner.ceiling_of(counted), maximum)
     }
 
@@ -257,7 +257,7 @@ impl HeldEntities {
     /// Those of a map that exists, whatever the limits are by now.
     pub(super) fn existing(account: &Arc<Account>, usage: Usage) -> Self {
         let mut held = Self { account: Arc::clone(account), counted: Usage::default() };
-        held.settle(usage);
+        held.update(usage);
         held
     }
 
@@ -270,15 +270,16 @@ impl HeldEntities {
         for account in self.account.chain() {
             let ceilings = account.limits().held;
             let mut entities = account.lock();
-            let passed = ceilings.passed(*entities, growth).filter(|_| account.owner != Owner::Map);
-            if let Some(passed) = passed {
+            let exceeded =
+                ceilings.exceeded(*entities, growth).filter(|_| account.owner != Owner::Map);
+            if let Some(exceeded) = exceeded {
                 drop(entities);
                 let taken = self.account.chain().take_while(|taken| !std::ptr::eq(*taken, account));
                 taken.for_each(|taken| {
                     let mut entities = taken.lock();
                     *entities = *entities - growth;
                 });
-                return Err(account.passed(passed));
+                return Err(account.exceeded(exceeded));
             }
             *entities = *entities + growth;
         }
@@ -290,11 +291,11 @@ impl HeldEntities {
     pub(super) fn have_room(&self, growth: Usage) -> bool {
         self.account
             .chain()
-            .all(|account| account.limits().held.passed(account.entities(), growth).is_none())
+            .all(|account| account.limits().held.exceeded(account.entities(), growth).is_none())
     }
 
     /// The map holds `now`, after a change that was applied or was not.
-    pub(super) fn settle(&mut self, now: Usage) {
+    pub(super) fn update(&mut self, now: Usage) {
         for account in self.account.chain() {
             let mut entities = account.lock();
             *entities = *entities - self.counted + now;
@@ -305,7 +306,7 @@ impl HeldEntities {
 
 impl Drop for HeldEntities {
     fn drop(&mut self) {
-        self.settle(Usage::default());
+        self.update(Usage::default());
     }
 }
 

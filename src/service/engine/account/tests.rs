@@ -32,7 +32,7 @@ fn what_maps_hold_adds_up_and_is_given_back() {
     assert_eq!(accounts.tenant("").entities(), keyframes(1));
     assert_eq!(accounts.tenant("acme").entities(), keyframes(10));
     // The change was not made after all.
-    a.settle(keyframes(4));
+    a.update(keyframes(4));
     b.grow(keyframes(1)).unwrap();
     drop((a, b, house));
     assert_eq!(accounts.server().entities(), Usage::default());

@@ -14,8 +14,8 @@ const FIRST_GUESS_NS: u64 = 1_000_000;
 
 /// Who waits for what.
 #[derive(Debug)]
-pub(super) struct Turns<T> {
-    lanes: BTreeMap<Arc<str>, Lane<T>>,
+pub(super) struct FairQueue<T> {
+    tenants: BTreeMap<Arc<str>, TenantQueue<T>>,
     /// The clock of the tenant that had the last turn.
     now_ns: u64,
     running: usize,
@@ -23,7 +23,7 @@ pub(super) struct Turns<T> {
 }
 
 #[derive(Debug)]
-struct Lane<T> {
+struct TenantQueue<T> {
     waiting: VecDeque<T>,
     running: usize,
     clock_ns: u64,
@@ -38,31 +38,31 @@ pub(super) struct Turn {
     guess_ns: u64,
 }
 
-impl<T> Turns<T> {
+impl<T> FairQueue<T> {
     /// At most `slots` run at once.
     pub(super) fn new(slots: usize) -> Self {
-        Self { lanes: BTreeMap::new(), now_ns: 0, running: 0, slots: slots.max(1) }
+        Self { tenants: BTreeMap::new(), now_ns: 0, running: 0, slots: slots.max(1) }
     }
 
     /// How many wait of a tenant.
     #[cfg(test)]
     pub(super) fn waiting(&self, tenant: &str) -> usize {
-        self.lanes.get(tenant).map_or(0, |lane| lane.waiting.len())
+        self.tenants.get(tenant).map_or(0, |tenant_queue| tenant_queue.waiting.len())
     }
 
     /// Adds work of a tenant behind what it has waiting.
     pub(super) fn push(&mut self, tenant: &Arc<str>, work: T) {
         let now_ns = self.now_ns;
-        let lane = self.lanes.entry(Arc::clone(tenant)).or_insert_with(|| Lane {
+        let tenant_queue = self.tenants.entry(Arc::clone(tenant)).or_insert_with(|| TenantQueue {
             waiting: VecDeque::new(),
             running: 0,
             clock_ns: now_ns,
             guess_ns: FIRST_GUESS_NS,
         });
-        if lane.waiting.is_empty() && lane.running == 0 {
-            lane.clock_ns = lane.clock_ns.max(now_ns);
+        if tenant_queue.waiting.is_empty() && tenant_queue.running == 0 {
+            tenant_queue.clock_ns = tenant_queue.clock_ns.max(now_ns);
         }
-        lane.waiting.push_back(work);
+        tenant_queue.waiting.push_back(work);
     }
 
     /// The next work, if a slot is free. `may` says whether a tenant, of whom so many run, may have
@@ -76,17 +76,21 @@ impl<T> Turns<T> {
         if self.running >= self.slots {
             return None;
         }
-        let may_run = |name: &str, lane: &Lane<T>| {
-            lane.waiting.front().is_some_and(|next| may(name, lane.running as u64, next))
+        let may_run = |name: &str, tenant_queue: &TenantQueue<T>| {
+            tenant_queue
+                .waiting
+                .front()
+                .is_some_and(|next| may(name, tenant_queue.running as u64, next))
         };
-        let waiting = self.lanes.iter_mut().filter(|(name, lane)| may_run(name, lane));
-        let (name, lane) = waiting.min_by_key(|(_, lane)| lane.clock_ns)?;
+        let waiting =
+            self.tenants.iter_mut().filter(|(name, tenant_queue)| may_run(name, tenant_queue));
+        let (name, tenant_queue) = waiting.min_by_key(|(_, tenant_queue)| tenant_queue.clock_ns)?;
         let running = self.running;
-        let work = lane.waiting.pop_front_if(|next| fits(running, next))?;
-        self.now_ns = self.now_ns.max(lane.clock_ns);
-        let turn = Turn { tenant: Arc::clone(name), guess_ns: lane.guess_ns };
-        lane.clock_ns = lane.clock_ns.saturating_add(turn.guess_ns);
-        lane.running += 1;
+        let work = tenant_queue.waiting.pop_front_if(|next| fits(running, next))?;
+        self.now_ns = self.now_ns.max(tenant_queue.clock_ns);
+        let turn = Turn { tenant: Arc::clone(name), guess_ns: tenant_queue.guess_ns };
+        tenant_queue.clock_ns = tenant_queue.clock_ns.saturating_add(turn.guess_ns);
+        tenant_queue.running += 1;
         self.running += 1;
         Some((turn, work))
     }
@@ -94,13 +98,17 @@ impl<T> Turns<T> {
     /// A turn is over after `took_ns`.
     pub(super) fn ended(&mut self, turn: &Turn, took_ns: u64) {
         self.running = self.running.saturating_sub(1);
-        let Some(lane) = self.lanes.get_mut(&turn.tenant) else { return };
-        lane.running = lane.running.saturating_sub(1);
-        lane.clock_ns = lane.clock_ns.saturating_sub(turn.guess_ns).saturating_add(took_ns);
-        lane.guess_ns = took_ns.max(1);
+        let Some(tenant_queue) = self.tenants.get_mut(&turn.tenant) else { return };
+        tenant_queue.running = tenant_queue.running.saturating_sub(1);
+        tenant_queue.clock_ns =
+            tenant_queue.clock_ns.saturating_sub(turn.guess_ns).saturating_add(took_ns);
+        tenant_queue.guess_ns = took_ns.max(1);
         // An idle tenant that is not ahead of the others begins anew as well as it would go on.
-        if lane.running == 0 && lane.waiting.is_empty() && lane.clock_ns <= self.now_ns {
-            self.lanes.remove(&turn.tenant);
+        if tenant_queue.running == 0
+            && tenant_queue.waiting.is_empty()
+            && tenant_queue.clock_ns <= self.now_ns
+        {
+            self.tenants.remove(&turn.tenant);
         }
     }
 }
@@ -118,18 +126,18 @@ mod tests {
 
     #[test]
     fn a_flood_of_one_tenant_leaves_every_second_turn_to_another() {
-        let mut turns = Turns::new(1);
+        let mut queue = FairQueue::new(1);
         let (flood, quiet) = (name("flood"), name("quiet"));
-        (0..100).for_each(|_| turns.push(&flood, "flood"));
+        (0..100).for_each(|_| queue.push(&flood, "flood"));
         let mut order = Vec::new();
         for step in 0..20 {
             if step >= 4 {
-                turns.push(&quiet, "quiet");
+                queue.push(&quiet, "quiet");
             }
-            let (turn, work) = turns.next(MAY, FITS).unwrap();
-            assert!(turns.next(MAY, FITS).is_none(), "one slot");
+            let (turn, work) = queue.next(MAY, FITS).unwrap();
+            assert!(queue.next(MAY, FITS).is_none(), "one slot");
             order.push(work);
-            turns.ended(&turn, 5_000_000);
+            queue.ended(&turn, 5_000_000);
         }
         assert!(order[..4].iter().all(|&work| work == "flood"));
         let quiet = order[4..].iter().filter(|&&work| work == "quiet").count();
@@ -138,43 +146,43 @@ mod tests {
 
     #[test]
     fn time_is_shared_and_not_the_number_of_solves() {
-        let mut turns = Turns::new(1);
+        let mut queue = FairQueue::new(1);
         for (tenant, count) in [("long", 100), ("short", 1000)] {
-            (0..count).for_each(|_| turns.push(&name(tenant), tenant));
+            (0..count).for_each(|_| queue.push(&name(tenant), tenant));
         }
         let (mut long_ns, mut short_ns) = (0_u64, 0);
         for _ in 0..200 {
-            let (turn, work) = turns.next(MAY, FITS).unwrap();
+            let (turn, work) = queue.next(MAY, FITS).unwrap();
             let (sum, took) = if work == "long" {
                 (&mut long_ns, 10_000_000)
             } else {
                 (&mut short_ns, 1_000_000)
             };
             *sum += took;
-            turns.ended(&turn, took);
+            queue.ended(&turn, took);
         }
         assert!(long_ns.abs_diff(short_ns) <= 20_000_000, "{long_ns} and {short_ns}");
     }
 
     #[test]
     fn who_was_idle_has_saved_nothing_up() {
-        let mut turns = Turns::new(1);
+        let mut queue = FairQueue::new(1);
         let (a, b) = (name("a"), name("b"));
-        turns.push(&b, "b");
-        let (turn, _) = turns.next(MAY, FITS).unwrap();
-        turns.ended(&turn, 1_000_000);
+        queue.push(&b, "b");
+        let (turn, _) = queue.next(MAY, FITS).unwrap();
+        queue.ended(&turn, 1_000_000);
         for _ in 0..50 {
-            turns.push(&a, "a");
-            let (turn, _) = turns.next(MAY, FITS).unwrap();
-            turns.ended(&turn, 1_000_000);
+            queue.push(&a, "a");
+            let (turn, _) = queue.next(MAY, FITS).unwrap();
+            queue.ended(&turn, 1_000_000);
         }
-        (0..10).for_each(|_| turns.push(&a, "a"));
-        (0..10).for_each(|_| turns.push(&b, "b"));
+        (0..10).for_each(|_| queue.push(&a, "a"));
+        (0..10).for_each(|_| queue.push(&b, "b"));
         let mut order = Vec::new();
         for _ in 0..10 {
-            let (turn, work) = turns.next(MAY, FITS).unwrap();
+            let (turn, work) = queue.next(MAY, FITS).unwrap();
             order.push(work);
-            turns.ended(&turn, 1_000_000);
+            queue.ended(&turn, 1_000_000);
         }
         let b = order.iter().filter(|&&work| work == "b").count();
         assert!((4..=6).contains(&b), "{order:?}");
@@ -182,30 +190,30 @@ mod tests {
 
     #[test]
     fn a_tenant_runs_no_more_at_once_than_it_may() {
-        let mut turns = Turns::new(4);
-        (0..4).for_each(|_| turns.push(&name("a"), "a"));
-        turns.push(&name("b"), "b");
+        let mut queue = FairQueue::new(4);
+        (0..4).for_each(|_| queue.push(&name("a"), "a"));
+        queue.push(&name("b"), "b");
         let may = |name: &str, running, _: &&str| name != "a" || running < 2;
         let mut begun: Vec<&str> = Vec::new();
-        while let Some((_turn, work)) = turns.next(may, FITS) {
+        while let Some((_turn, work)) = queue.next(may, FITS) {
             begun.push(work);
         }
         begun.sort_unstable();
         assert_eq!(begun, ["a", "a", "b"]);
-        assert_eq!(turns.waiting("a"), 2);
+        assert_eq!(queue.waiting("a"), 2);
     }
 
     #[test]
     fn what_does_not_fit_is_not_passed_by_others() {
-        let mut turns = Turns::new(4);
+        let mut queue = FairQueue::new(4);
         let fits = |running, work: &&str| running == 0 || *work != "needs all";
-        turns.push(&name("a"), "first");
-        let (first, _) = turns.next(MAY, fits).unwrap();
-        turns.push(&name("b"), "needs all");
-        turns.push(&name("c"), "small");
-        assert!(turns.next(MAY, fits).is_none(), "b is next and waits");
-        turns.ended(&first, 1);
-        assert_eq!(turns.next(MAY, fits).unwrap().1, "needs all");
-        assert_eq!(turns.next(MAY, fits).unwrap().1, "small");
+        queue.push(&name("a"), "first");
+        let (first, _) = queue.next(MAY, fits).unwrap();
+        queue.push(&name("b"), "needs all");
+        queue.push(&name("c"), "small");
+        assert!(queue.next(MAY, fits).is_none(), "b is next and waits");
+        queue.ended(&first, 1);
+        assert_eq!(queue.next(MAY, fits).unwrap().1, "needs all");
+        assert_eq!(queue.next(MAY, fits).unwrap().1, "small");
     }
 }

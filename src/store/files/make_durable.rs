@@ -18,7 +18,7 @@ use super::{MARK, journal_name};
 
 /// What is to be brought to the disk.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Settle {
+pub(super) struct Unsynced {
     /// The last journal file, if there is one.
     pub(super) tail: Option<Tail>,
     /// The last sequence that can be read, which is durable afterwards.
@@ -40,11 +40,11 @@ pub(super) struct Tail {
 
 /// Brings the folder's end to the disk, and opens the file to write on with its length. Where it
 /// fails the journal is as it was, and all of it can be tried again. Blocks.
-pub(super) fn settle(
+pub(super) fn make_durable(
     disk: &dyn Disk,
     folder: &Path,
     uid: &Uid,
-    found: &Settle,
+    found: &Unsynced,
 ) -> io::Result<Option<(Box<dyn DiskFile>, u64)>> {
     let mut is_copied = false;
     let mut open = None;

@@ -36,7 +36,7 @@ pub struct PagingFigures {
 
 /// Which regions of a volume are in memory, and where the others are.
 #[derive(Debug)]
-pub(super) struct Residence {
+pub(super) struct PageCache {
     /// Blocks.
     ceiling: usize,
     pages: PageFile,
@@ -78,7 +78,7 @@ pub(super) enum Access {
     Write,
 }
 
-impl Residence {
+impl PageCache {
     /// Of a volume without blocks, with so many at most in memory.
     ///
     /// # Errors
@@ -235,7 +235,7 @@ impl Residence {
     }
 
     /// Takes note of the blocks from a slot on, which are new, and keeps to the ceiling again.
-    pub(super) fn settle(&mut self, resident: &mut Volume, first_new: usize) {
+    pub(super) fn register_new(&mut self, resident: &mut Volume, first_new: usize) {
         let mut before = None;
         for &key in &resident.keys()[first_new..] {
             let region = Region::of(key);
@@ -273,14 +273,14 @@ impl Residence {
                 outgoing += keys.len();
                 some.push((region, keys));
             }
-            self.put_away(resident, &some)?;
+            self.evict(resident, &some)?;
         }
-        resident.give_back(self.ceiling);
+        resident.shrink_to(self.ceiling);
         Ok(())
     }
 
     /// Puts regions on disk.
-    fn put_away(
+    fn evict(
         &mut self,
         resident: &mut Volume,
         regions: &[(Region, Vec<BlockKey>)],

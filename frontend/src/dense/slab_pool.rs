@@ -15,14 +15,14 @@ const AHEAD: usize = 8;
 /// Slabs of empty blocks.
 pub(super) type Slab = Box<[Block]>;
 
-/// Slabs that are ready. The thread starts with the first that is taken and ends with the supply.
+/// Slabs that are ready. The thread starts with the first that is taken and ends with the pool.
 #[derive(Debug, Default)]
-pub(super) struct Supply {
+pub(super) struct SlabPool {
     /// Behind a lock that is never taken: volumes are read by many threads, slabs are taken by one.
     ready: Mutex<Option<Receiver<Slab>>>,
 }
 
-impl Supply {
+impl SlabPool {
     /// A slab: one that is ready, or one that is made now.
     pub(super) fn take(&mut self) -> Slab {
         let ready = self.ready.get_mut().unwrap_or_else(PoisonError::into_inner);
@@ -37,7 +37,7 @@ impl Supply {
     }
 }
 
-impl Clone for Supply {
+impl Clone for SlabPool {
     fn clone(&self) -> Self {
         Self::default()
     }

@@ -14,7 +14,7 @@ const MOST_BITS: usize = 1 << 31;
 
 /// Bits of blocks in a box.
 #[derive(Debug, Default)]
-pub(super) struct Reach {
+pub(super) struct RayBlocks {
     origin: [i32; 3],
     size: [usize; 3],
     words: Vec<AtomicU64>,
@@ -27,7 +27,7 @@ pub(super) struct Ray {
     pub(super) direction: [f32; 3],
 }
 
-impl Reach {
+impl RayBlocks {
     /// Starts anew with the blocks that hold these points, in blocks, and all between them. `None`
     /// where those are too many or too far away for a key.
     pub(super) fn begin(&mut self, points: &[[f64; 3]]) -> Option<()> {
@@ -172,17 +172,17 @@ mod tests {
 
     #[test]
     fn a_ray_marks_each_block_that_it_passes_once() {
-        let mut reach = Reach::default();
-        reach.begin(&[[-3.0, -200.0, 5.0], [80.5, -180.0, 9.0]]).unwrap();
-        let corner = reach.origin();
+        let mut ray_blocks = RayBlocks::default();
+        ray_blocks.begin(&[[-3.0, -200.0, 5.0], [80.5, -180.0, 9.0]]).unwrap();
+        let corner = ray_blocks.origin();
         let direction = [0.83, 0.19, -0.04];
         let start = [0.3_f32, -199.7, 8.6];
         let origin = std::array::from_fn(|k| start[k] - corner[k] as f32);
         let none = [[i32::MIN; 3]; 2];
-        let ends = reach.mark(&Ray { origin, direction }, 0.5, 80.0, none);
-        assert_eq!(reach.mark(&Ray { origin, direction }, 0.5, 80.0, ends), ends);
+        let ends = ray_blocks.mark(&Ray { origin, direction }, 0.5, 80.0, none);
+        assert_eq!(ray_blocks.mark(&Ray { origin, direction }, 0.5, 80.0, ends), ends);
         let mut marked = Vec::new();
-        reach.for_each(|key| marked.push(key));
+        ray_blocks.for_each(|key| marked.push(key));
         let mut passed: Vec<BlockKey> = (0..=100_000)
             .map(|i| {
                 let z = 0.5 + 79.5 * i as f32 / 100_000.0;
@@ -199,20 +199,20 @@ mod tests {
         // Roundings at a corner.
         assert!(wrong <= 2, "{wrong}");
         for key in marked {
-            reach.clear(key);
+            ray_blocks.clear(key);
         }
-        reach.clear(BlockKey { x: i32::MAX, y: i32::MIN, z: 0 });
-        reach.for_each(|key| panic!("{key:?}"));
+        ray_blocks.clear(BlockKey { x: i32::MAX, y: i32::MIN, z: 0 });
+        ray_blocks.for_each(|key| panic!("{key:?}"));
     }
 
     #[test]
     fn boxes_that_are_too_large_or_too_far_are_refused() {
-        let mut reach = Reach::default();
+        let mut ray_blocks = RayBlocks::default();
         for far in [1e4, -1e9, 1e300, f64::INFINITY] {
-            assert_eq!(reach.begin(&[[0.0; 3], [0.0, far, 0.0]]), None, "{far}");
+            assert_eq!(ray_blocks.begin(&[[0.0; 3], [0.0, far, 0.0]]), None, "{far}");
         }
         let all = f64::from(i32::MAX);
-        assert_eq!(reach.begin(&[[all; 3], [all; 3]]), None);
-        assert_eq!(reach.begin(&[[0.0; 3], [2000.0; 3]]), None);
+        assert_eq!(ray_blocks.begin(&[[all; 3], [all; 3]]), None);
+        assert_eq!(ray_blocks.begin(&[[0.0; 3], [2000.0; 3]]), None);
     }
 }

@@ -36,7 +36,7 @@ pub(super) struct Lens {
 
 /// A camera at its place over a grid.
 #[derive(Clone, Debug)]
-pub(super) struct Sight {
+pub(super) struct Visibility {
     pub(super) lens: Lens,
     /// Camera from blocks: axes and the grid's origin, meters.
     rotation: Matrix3<f64>,
@@ -119,7 +119,7 @@ impl Lens {
     }
 }
 
-impl Sight {
+impl Visibility {
     pub(super) fn new(lens: Lens, world_from_camera: &Se3, block_m: f64) -> Self {
         let camera_from_world = world_from_camera.inverse();
         let half = 0.5 * (EDGE - 1) as f64 * block_m / EDGE as f64;
