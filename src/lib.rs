@@ -25,5 +25,6 @@ mod simulation;
 pub mod store;
 
 pub use covis_client as client;
-pub use covis_client::{decoding, wire};
+pub(crate) use covis_client::decoding;
+pub use covis_client::wire;
 pub use covis_frontend as frontend;

@@ -16,10 +16,11 @@
 //! | `watch` | [`MapWatch`]: a [`MapMirror`] that deltas keep up to date |
 //! | `retry`, `error` | what is tried again, and when to give up |
 //! | [`wire`] | generated from `proto/covis/v1`, and the codec of every call |
-//! | [`decoding`] | what a message takes in memory, before it is decoded |
+//! | `decoding` | what a message takes in memory, before it is decoded |
 
 mod calls;
 mod credentials;
+#[doc(hidden)]
 pub mod decoding;
 mod error;
 mod export;

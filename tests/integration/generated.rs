@@ -1,7 +1,9 @@
 //! The code that is generated from `proto/` stands in the repository, so that a build needs no
 //! compiler of protos. Here it is generated again, by protox and tonic-prost-build.
 //!
-//! `COVIS_REGENERATE=1 cargo test --test integration generated` writes what has changed.
+//! `COVIS_TEST_REGENERATE=1 cargo test --test integration generated` writes what has changed.
+//! The test itself is built with the code that is there: where that does not compile, bring back what
+//! git has first.
 
 use std::path::{Path, PathBuf};
 
@@ -25,7 +27,7 @@ fn compiler(root: &Path, folder: &str) -> protox::Compiler {
 #[test]
 fn generated_code_is_that_of_the_protos() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let writes = std::env::var_os("COVIS_REGENERATE").is_some();
+    let writes = std::env::var_os("COVIS_TEST_REGENERATE").is_some();
     let mut stale = Vec::new();
     for (folder, package, at) in PACKAGES {
         let package_compiler = compiler(root, folder);

@@ -167,7 +167,7 @@ fn a_replay_waits_for_a_server_that_is_not_there_yet() {
     let mut server = Running::start(&workspace, &folder);
     server.kill();
     let mut command = workspace.command();
-    command.args(["--log", "off,covis::client::retry=debug", "replay"]);
+    command.args(["--log", "off,covis_client::retry=debug", "replay"]);
     command.arg(golden("twins/window-6-80.txt"));
     command.args(["--server", &server.url, "--map", "twin", "--reconnect-for", "60"]);
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();

@@ -67,13 +67,27 @@ struct Room {
     why: &'static str,
 }
 
-const ROOMS: [Room; 15] = [
+const ROOMS: [Room; 17] = [
     Room {
         rooms: &["src/meter"],
         except: &[],
         forbidden: &["tokio*", "tonic*", "prost*", "hyper*", "opentelemetry*", "crate"],
         but: &["crate::meter"],
         why: "instruments are plain atomics that every room can hold",
+    },
+    Room {
+        rooms: &["src"],
+        except: &["src/lib"],
+        forbidden: &["covis_client", "covis_frontend"],
+        but: &[],
+        why: "here their names are crate::client, crate::wire and crate::frontend, which the walls know",
+    },
+    Room {
+        rooms: &["src/map", "src/store", "src/service"],
+        except: &[],
+        forbidden: &["crate::frontend"],
+        but: &[],
+        why: "a server does not know the frontend",
     },
     Room {
         rooms: &["src/map"],
@@ -180,7 +194,7 @@ const ROOMS: [Room; 15] = [
     Room {
         rooms: &["solvers"],
         except: &[],
-        forbidden: &["tokio*", "tonic*", "prost*", "covis"],
+        forbidden: &["tokio*", "tonic*", "prost*", "covis", "covis_client", "covis_frontend"],
         but: &[],
         why: "the solver crate is synchronous and stands alone",
     },

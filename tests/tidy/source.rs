@@ -20,8 +20,8 @@ pub(crate) struct Reference {
 }
 
 impl File {
-    /// Whether the path is `room` or lies in it; `room` has no extension: `src/client` holds
-    /// `src/client.rs` and all of `src/client/`.
+    /// Whether the path is `room` or lies in it; `room` has no extension: `src/meter` holds
+    /// `src/meter.rs` and all of `src/meter/`.
     pub(crate) fn is_in(&self, room: &str) -> bool {
         let rest = self.path.strip_prefix(room);
         rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('/') || rest == ".rs")
