@@ -37,6 +37,8 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const SETTLED: Duration = Duration::from_millis(250);
 /// How often an answer is asked for, while nothing else goes wrong, before it counts as never to come.
 const TRIES: usize = 200;
+/// The same, whatever else goes wrong.
+const MOST_TRIES: usize = 20 * TRIES;
 
 /// What the robot knows of one of its names.
 #[derive(Clone, Debug, Default)]
@@ -169,7 +171,10 @@ impl Robot {
         call: impl Fn(Client) -> F,
     ) -> Step<Answer<T>> {
         let (mut tries, mut before) = (0, self.upsets());
-        while tries < TRIES {
+        for _ in 0..MOST_TRIES {
+            if tries >= TRIES {
+                break;
+            }
             tries = if self.upsets() == before { tries + 1 } else { 0 };
             before = self.upsets();
             let outcome = call(self.client.with_deadline(PATIENCE)).await;

@@ -23,7 +23,7 @@ use super::nodes::Crash;
 use super::robot::{Broken, Robot};
 use crate::client::Client;
 use crate::service::engine::SolverPool;
-use crate::service::{Backend, Readers, Server, ServerConfig};
+use crate::service::{Backend, KeepAlive, Readers, Server, ServerConfig};
 use crate::store::{FileStore, FileStoreOptions};
 
 /// Small, so that a short run fills several files and takes snapshots.
@@ -37,6 +37,8 @@ const LONGEST_LIFE: u64 = 3_000;
 const LONGEST_CUT: u64 = 3_000;
 /// A run that takes longer hangs, ticks.
 const LONGEST_RUN: u64 = 600_000;
+/// An end of a link that hears nothing for so long asks, and gives up after as long again.
+const PATIENCE: Duration = Duration::from_millis(500);
 /// The last things that happened are told with a broken promise.
 const NOTES: usize = 40;
 
@@ -141,14 +143,14 @@ pub(crate) fn run(plan: &Plan) -> Result<Report, Broken> {
         tick += 1;
         machine.disk.tick(tick);
         world.borrow_mut().tick = tick;
-        let broken = world.borrow().broken.clone();
+        let mut broken = world.borrow().broken.clone();
+        if tick > LONGEST_RUN {
+            broken.get_or_insert(Broken("the run does not end".to_owned()));
+        }
         if let Some(Broken(promise)) = broken {
             let world = world.borrow();
             let from = world.notes.len().saturating_sub(NOTES);
             return Err(Broken(format!("{promise}\n  {}", world.notes[from..].join("\n  "))));
-        }
-        if tick > LONGEST_RUN {
-            return Err(Broken("the run does not end".to_owned()));
         }
         let calm = world.borrow().calm;
         let stage_ends = world.borrow().done == plan.robots * (calm as usize + 1);
@@ -224,7 +226,8 @@ impl Machine {
         self.disk.set(faults);
     }
 
-    /// Cuts the link of a robot for a while: what is sent meanwhile is lost, and nobody is told.
+    /// Cuts the link of a robot for a while: what is sent on open connections is lost, and neither end
+    /// is told. New connections are refused.
     fn links(
         &mut self,
         sim: &turmoil::Sim<'_>,
@@ -315,7 +318,9 @@ async fn serve(disk: SimDisk) -> turmoil::Result {
             }
         }
     });
-    let config = ServerConfig { max_maps: 4, ..ServerConfig::default() };
+    // As short as the robots', so that both ends find out by themselves that a link is dead.
+    let keep_alive = KeepAlive { interval: PATIENCE, timeout: PATIENCE, ..KeepAlive::default() };
+    let config = ServerConfig { max_maps: 4, keep_alive, ..ServerConfig::default() };
     let (counted, pool) = (store.meters(), SolverPool::in_place());
     let readers = Readers::in_place();
     let backend = Some(Backend { store: Arc::new(store), counted, pool, readers });
@@ -334,12 +339,11 @@ fn client() -> Client {
         let socket = turmoil::net::TcpStream::connect((SERVER, PORT)).await?;
         std::io::Result::Ok(TokioIo::new(socket))
     };
-    let patience = Duration::from_millis(500);
     let channel = Endpoint::from_static("http://server:7411")
-        .connect_timeout(patience)
-        .http2_keep_alive_interval(patience)
-        .keep_alive_timeout(patience)
+        .connect_timeout(PATIENCE)
+        .http2_keep_alive_interval(PATIENCE)
+        .keep_alive_timeout(PATIENCE)
         .keep_alive_while_idle(true)
         .connect_with_connector_lazy(tower::service_fn(connect));
-    Client::on_channel(channel, &url, patience)
+    Client::on_channel(channel, &url, PATIENCE)
 }
