@@ -199,7 +199,7 @@ impl Check<'_> {
             self.fields.pose("keyframe.odom_from_camera", pose);
         }
         let new = self.landmarks("keyframe.landmarks", landmarks);
-        let view = self::observations::View {
+        let view = self::observations::Viewpoint {
             camera: camera_id.flatten().and_then(|c| self.map.cameras.get(&c)).copied(),
             world_from_camera: *world_from_camera,
             new_landmarks: &new,
@@ -229,7 +229,7 @@ impl Check<'_> {
             let text = "the keyframe has no camera to observe with";
             self.fields.add("observations.keyframe", Reason::Inconsistent, text);
         }
-        let view = self::observations::View {
+        let view = self::observations::Viewpoint {
             camera: keyframe.camera.and_then(|c| self.map.cameras.get(&c)).copied(),
             world_from_camera: keyframe.world_from_camera,
             new_landmarks: &[],
@@ -314,12 +314,8 @@ impl Check<'_> {
     }
 
     fn landmarks(&mut self, path: &str, sent: &[super::ItemLandmark]) -> Vec<NewLandmark> {
-        let mut ids: Vec<_> = sent.iter().enumerate().map(|(index, l)| (l.id, index)).collect();
-        ids.sort_unstable();
-        let twice = ids.windows(2).filter(|pair| pair[0].0 == pair[1].0);
-        let mut twice: Vec<_> = twice.map(|pair| (pair[1].1, pair[1].0)).collect();
-        twice.sort_unstable();
-        for (index, id) in twice {
+        let ids = sent.iter().enumerate().map(|(index, l)| (l.id, Some(index)));
+        for (index, id) in repeated(ids.collect()) {
             let text = format!("landmark {id} occurs twice");
             self.fields.add(format_args!("{path}[{index}].id"), Reason::Duplicate, text);
         }
@@ -338,4 +334,20 @@ impl Check<'_> {
             .map(|l| NewLandmark { id: EntityId::new(self.client, l.id), position: l.position })
             .collect()
     }
+}
+
+/// The indices, in order, whose key occurs before, each with its key; a key without an index is in the
+/// map already.
+fn repeated<K: Ord>(mut keyed: Vec<(K, Option<usize>)>) -> Vec<(usize, K)> {
+    keyed.sort_unstable();
+    let mut repeated = Vec::new();
+    let mut last: Option<K> = None;
+    for (key, index) in keyed {
+        match index {
+            Some(index) if last.as_ref() == Some(&key) => repeated.push((index, key)),
+            _ => last = Some(key),
+        }
+    }
+    repeated.sort_unstable();
+    repeated
 }

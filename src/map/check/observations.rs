@@ -8,13 +8,13 @@ use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector3;
 
 use super::super::{CameraEntity, EntityId, ItemObservation, NewLandmark, Observation, Reason};
-use super::Check;
+use super::{Check, repeated};
 
 /// Side of the largest image in pixels, where the camera does not say how large its images are.
 const LARGEST_IMAGE: f64 = 65_536.0;
 
 /// Where observations are made from.
-pub(super) struct View<'a> {
+pub(super) struct Viewpoint<'a> {
     /// `None` where the camera is unknown or missing, which is a violation of its own.
     pub(super) camera: Option<CameraEntity>,
     pub(super) world_from_camera: Se3,
@@ -30,7 +30,7 @@ impl Check<'_> {
         &mut self,
         path: &str,
         sent: &[ItemObservation],
-        view: &View<'_>,
+        view: &Viewpoint<'_>,
     ) -> Vec<Observation> {
         let mut new: Vec<&NewLandmark> = view.new_landmarks.iter().collect();
         new.sort_by_key(|landmark| landmark.id);
@@ -70,19 +70,14 @@ impl Check<'_> {
             }
             observations.push(observation);
         }
-        keys.sort_unstable();
-        let twice = keys.windows(2).filter(|pair| pair[0].0 == pair[1].0);
-        let mut twice: Vec<_> =
-            twice.filter_map(|pair| Some((pair[1].1?, pair[1].0.0.id))).collect();
-        twice.sort_unstable();
-        for (index, landmark) in twice {
-            let text = format!("landmark {landmark} is observed twice at this pixel");
+        for (index, (landmark, ..)) in repeated(keys) {
+            let text = format!("landmark {} is observed twice at this pixel", landmark.id);
             self.fields.add(format_args!("{path}[{index}].landmark"), Reason::Duplicate, text);
         }
         observations
     }
 
-    fn numbers(&mut self, at: Arguments<'_>, sent: &ItemObservation, view: &View<'_>) {
+    fn numbers(&mut self, at: Arguments<'_>, sent: &ItemObservation, view: &Viewpoint<'_>) {
         let sizes = view.camera.map_or([0, 0], |c| [c.width_px, c.height_px]);
         for ((name, value), size) in ["x", "y"].into_iter().zip(sent.pixel.iter()).zip(sizes) {
             let (field, size) = (format_args!("{at}.pixel.{name}"), f64::from(size));
@@ -106,7 +101,7 @@ impl Check<'_> {
         at: Arguments<'_>,
         id: EntityId,
         position: &Vector3<f64>,
-        view: &View<'_>,
+        view: &Viewpoint<'_>,
     ) {
         // Values that are not finite have their own violation.
         let numbers = view.world_from_camera.is_finite() && position.iter().all(|v| v.is_finite());
