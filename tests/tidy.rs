@@ -1,4 +1,4 @@
-//! The house rules as ordinary tests: floors, file heads and sizes, names, manifests, the wire.
+//! The house rules as ordinary tests: floors, file heads, names, manifests, the wire.
 //!
 //! Each test reads the project's own files, collects every offender and prints them all at once, with
 //! file, line and what is wrong. Only the standard library is used. What a rule is for stands in

@@ -5,9 +5,6 @@ use std::path::Path;
 use crate::report;
 use crate::source::{File, files, rust_files};
 
-/// A longer file is two files.
-const LONGEST: usize = 500;
-
 /// A file longer than this has more to say at its head than one line.
 const SHORT: usize = 60;
 
@@ -65,21 +62,6 @@ fn every_file_opens_with_its_head() {
         );
     }
     report("Every Rust file says at its head what it is.", &offenders);
-}
-
-#[test]
-fn no_file_is_too_long() {
-    let mut offenders = Vec::new();
-    for file in files() {
-        let lines = file.text.lines().count();
-        if ["rs", "proto", "py", "cc", "sh"].contains(&file.extension()) && lines > LONGEST {
-            offenders.push(format!("{}: {lines} lines", file.path));
-        }
-        if file.path == "ARCHITECTURE.md" && lines > 250 {
-            offenders.push(format!("{}: {lines} lines, at most 250", file.path));
-        }
-    }
-    report("No source file has more than 500 lines.", &offenders);
 }
 
 #[test]
