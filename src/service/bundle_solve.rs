@@ -1,5 +1,5 @@
-//! `SolveBundle`: from the request to the answer, on a thread of the solver pool.
-//! What the request holds constant is the gauge; costs come from the evaluator.
+//! `SolveBundle`: from the request to the answer, on a thread of the solver pool. The variables
+//! that the request fixes are the gauge; costs come from the evaluator.
 
 use covis_solvers::bundle_adjustment::{self, Options};
 use covis_solvers::evaluation::bundle_cost;
@@ -24,7 +24,7 @@ pub(super) struct Input {
 }
 
 impl Input {
-    /// What its solve is expected to take.
+    /// The expected cost of its solve.
     pub(super) fn estimate(&self) -> Estimate {
         let optimizer = &self.options.optimizer;
         let bound = bundle_adjustment::price_bound(&self.bundle);
@@ -56,7 +56,7 @@ pub(super) fn input(
     Ok(input)
 }
 
-/// Solves the problem of `request`, which `input` was read from.
+/// Solves the problem of `request`, from which `input` was read.
 pub(super) fn run(
     request: v1::SolveBundleRequest,
     input: Input,

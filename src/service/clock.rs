@@ -1,27 +1,27 @@
-//! What time it is, where that decides who may come in. Tests set it by hand: nothing waits for real
-//! time to pass.
+//! The clock that decides whether tokens have expired. Tests set it by hand, so that they do not
+//! wait for real time.
 //!
-//! Only expiry is measured by it; waits and budgets run on the runtime's own timers.
+//! It is used for expiry only; waits and budgets use the runtime's timers.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use tokio::sync::watch;
 
-/// Longest sleep before the time is looked at again: the system's clock may be set, and does not
-/// count while the machine is suspended.
+/// Longest sleep before the time is read again: the system's clock may be set, and timers do not
+/// run while the machine is suspended.
 const LONGEST_SLEEP: Duration = Duration::from_secs(30);
 
 /// A clock of whole seconds since 1970 (UTC).
 #[derive(Clone, Debug)]
 pub enum Clock {
-    /// The system's.
+    /// The system's clock.
     System,
-    /// One that stands still until the other end of the channel sets it.
+    /// A clock that does not advance until the other end of the channel sets it.
     Manual(watch::Receiver<i64>),
 }
 
 impl Clock {
-    /// The present time.
+    /// The current time.
     pub(super) fn now(&self) -> i64 {
         match self {
             Self::System => {
@@ -32,7 +32,7 @@ impl Clock {
         }
     }
 
-    /// Resolves once it is `time`.
+    /// Resolves once the clock reaches `time`.
     pub(super) async fn reached(&self, time: i64) {
         match self {
             Self::System => {
@@ -42,7 +42,7 @@ impl Clock {
                 }
             }
             Self::Manual(now) => {
-                // A clock that nobody sets any more never gets there.
+                // If the sender is gone, the clock never reaches the time.
                 if now.clone().wait_for(|&now| now >= time).await.is_err() {
                     std::future::pending::<()>().await;
                 }

@@ -1,5 +1,5 @@
-//! What a server is started with. Who may come in stands in files, which can be read again while it
-//! runs; all else holds until the end.
+//! The settings of a server. Tokens, keys and certificates are in files that can be read again
+//! while it runs; all other settings stay until it ends.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -17,9 +17,9 @@ const DEFAULT_MESSAGE_BYTES: usize = 4 * 1024 * 1024;
 /// 1 GiB.
 const GIB: u64 = 1 << 30;
 
-/// Ceilings of one map, for a machine of 8 GiB: 2 GiB of estimated memory, which is half of what all
-/// maps may take together, and numbers that no robot or collection of pictures comes near. Cameras
-/// are as many as keyframes, because a model made from pictures may have one for each.
+/// Ceilings of one map, for a machine of 8 GiB: 2 GiB of estimated memory, which is half of what
+/// all maps may take together, and counts that no robot or collection of pictures comes near. There
+/// may be as many cameras as keyframes, because a model made from pictures may have one for each.
 #[must_use]
 pub fn default_ceilings() -> Ceilings {
     Ceilings {
@@ -34,9 +34,9 @@ pub fn default_ceilings() -> Ceilings {
     }
 }
 
-/// Limits of a server on a machine of 8 GiB: 4 GiB for all maps, 2 GiB for solves and half a GiB for
-/// journals that wait for the disk leave the rest to queues, exports and the system. A stream takes
-/// some ten kilobytes with its queue, an export the snapshot that it holds and a chunk.
+/// Limits of a server on a machine of 8 GiB: 4 GiB for all maps, 2 GiB for solves and half a GiB
+/// for journals that wait for the disk leave the rest to queues, exports and the system. A stream
+/// needs some ten kilobytes with its queue; an export needs its snapshot and one chunk.
 #[must_use]
 pub fn default_limits() -> AccountLimits {
     AccountLimits {
@@ -55,29 +55,29 @@ pub fn default_limits() -> AccountLimits {
 /// Settings of a server; each with its default.
 #[derive(Clone, Debug)]
 pub struct ServerConfig {
-    /// Largest message that is taken or sent, in bytes (4 MiB).
+    /// Largest message that is accepted or sent, bytes (4 MiB).
     pub max_message_bytes: usize,
     /// Streams that one connection may hold at once (64).
     pub max_concurrent_streams: u32,
-    /// How many connections are held, and how long one may be without use.
+    /// How many connections are kept, and how long a connection may be idle.
     pub connections: ConnectionLimits,
-    /// How a peer that went away without a word is found.
+    /// How a peer that disappeared is detected.
     pub keep_alive: KeepAlive,
     /// Maps that the server keeps (1000).
     pub max_maps: usize,
     /// Ceilings of a map, which its policy can only lower; see [`default_ceilings`].
     pub ceilings: Ceilings,
-    /// Limits of a tenant that has none of its own in the file of tokens (none: those of the server).
+    /// Limits of a tenant that has no limits in the file of tokens (none: those of the server).
     pub tenant_limits: AccountLimits,
     /// Limits of the server as a whole, besides `max_maps`; see [`default_limits`].
     pub server_limits: AccountLimits,
-    /// Where maps are kept (nowhere: in memory, and gone at the end).
+    /// The folder where maps are kept (none: in memory, lost at the end).
     pub data_dir: Option<PathBuf>,
     /// Certificate and key of the listener (none: plain text).
     pub tls: Option<TlsFiles>,
     /// The file of tokens (none). Without it and `jwt` everybody may do everything.
     pub tokens: Option<PathBuf>,
-    /// Whose JSON Web Tokens are taken (nobody's).
+    /// Whose JSON Web Tokens are accepted (nobody's).
     pub jwt: Option<JwtOptions>,
     /// Whether plain text is served beyond the loopback interface (no).
     pub insecure_plain_text: bool,
@@ -89,22 +89,23 @@ pub struct ServerConfig {
     pub engine: EngineConfig,
     /// How long a shutdown waits for calls that are still running (10 s).
     pub drain_budget: Duration,
-    /// What says whether a token has expired (the system's clock).
+    /// The clock that decides whether a token has expired (the system's).
     pub clock: Clock,
-    /// A fault that a test stages, from `COVIS_TEST_FAULT`: `rpc:NAME` panics in the handler of that RPC, `rpc:*` of any;
-    /// `panic-in-solve`, `panic-in-engine` and `fail-calls` are faults of the engine.
+    /// A fault that a test injects, from `COVIS_TEST_FAULT`: `rpc:NAME` panics in the handler of
+    /// that RPC, `rpc:*` of any; `panic-in-solve`, `panic-in-engine` and `fail-calls` are faults of
+    /// the engine.
     #[cfg(feature = "faults")]
     pub test_fault: Option<String>,
 }
 
-/// How a server finds links whose other end is gone; their streams then end.
+/// How a server detects connections whose peer is gone; their streams then end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct KeepAlive {
-    /// A connection is probed (HTTP/2 PING) after so long without a word from the peer (10 s).
+    /// After this time without data from the peer, a connection is probed (HTTP/2 PING) (10 s).
     pub interval: Duration,
-    /// It is given up when a probe is not answered for so long (10 s).
+    /// A connection is closed when a probe is not answered within this time (10 s).
     pub timeout: Duration,
-    /// The system's own probes (TCP) begin after so long, which also covers handshakes (60 s).
+    /// The system's own probes (TCP) begin after this time; they also cover handshakes (60 s).
     pub tcp: Duration,
 }
 
@@ -143,14 +144,14 @@ impl Default for ServerConfig {
 }
 
 impl ServerConfig {
-    /// Whether a test wants the handler of `rpc` to panic.
+    /// Whether a test injects a panic into the handler of `rpc`.
     #[cfg(feature = "faults")]
     pub(super) fn panics_in_rpc(&self, rpc: &str) -> bool {
         let fault = self.test_fault.as_deref().and_then(|fault| fault.strip_prefix("rpc:"));
         fault.is_some_and(|name| name == rpc || name == "*")
     }
 
-    /// No test can want a handler to panic.
+    /// Without the feature `faults` no panic is injected.
     #[cfg(not(feature = "faults"))]
     pub(super) const fn panics_in_rpc(&self, _rpc: &str) -> bool {
         false

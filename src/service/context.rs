@@ -1,8 +1,9 @@
-//! What every service shares: the maps, the settings, and how a handler's outcome is answered.
+//! State that all services share: the maps, the settings, and the code that answers with a
+//! handler's outcome.
 //!
 //! [`Context::answer`] and [`Context::stream`] run handlers: an error becomes a status, a panic
 //! becomes INTERNAL instead of a broken connection, a stream ends when its caller leaves, its
-//! deadline passes or the server drains. No handler touches a transport type beyond these.
+//! deadline passes or the server drains. Handlers use no other transport types.
 
 use std::future::Future;
 use std::panic::AssertUnwindSafe;
@@ -27,34 +28,34 @@ use super::error::ServiceError;
 use super::readers::Readers;
 use super::telemetry::ServerMeters;
 
-/// Small messages that wait for a slow reader of a stream.
+/// Most small messages that wait for a slow reader of a stream.
 const STREAM_QUEUE: usize = 8;
-/// Large messages that do: the next one is made while the reader takes this one.
+/// Most large messages that wait: the next one is made while the reader takes this one.
 const LARGE_QUEUE: usize = 1;
-/// How long a large message waits to be taken before the stream is ended: what it holds of a map
-/// is given back then.
+/// How long a large message waits for its reader. Then the stream ends, so that its snapshot of a
+/// map is released.
 const LONGEST_UNREAD: Duration = Duration::from_secs(120);
 
-/// What services share.
+/// State that all services share.
 #[derive(Debug)]
 pub(super) struct Context {
     /// All maps.
     pub maps: Maps,
     /// The settings.
     pub config: ServerConfig,
-    /// What is counted besides what the engines count.
+    /// Meters besides those of the engines.
     pub meters: ServerMeters,
     /// Who may call what.
     pub access: Arc<Access>,
     /// Who is connected.
     pub connections: Arc<Connections>,
-    /// Random for each start.
+    /// Random at each start.
     pub instance_id: String,
     /// Start of the server, nanoseconds of Unix time.
     pub start_time_ns: i64,
     /// Whether all maps are open; until then every call is refused.
     pub ready: AtomicBool,
-    /// Turns true when the server shuts down.
+    /// Becomes true when the server shuts down.
     pub draining: watch::Receiver<bool>,
     /// Threads for streams that read maps.
     pub readers: Readers,
@@ -64,7 +65,8 @@ pub(super) struct Context {
 #[derive(Debug)]
 pub(super) struct Answers<T> {
     messages: mpsc::Receiver<T>,
-    /// Why it ends early. It waits for no reader, so that an unread stream holds nothing else.
+    /// Why it ends early. The error does not wait in the queue, so that an unread stream holds
+    /// nothing else.
     end: Option<oneshot::Receiver<Status>>,
 }
 
@@ -109,11 +111,11 @@ impl<T> Sink<T> {
         Ok(())
     }
 
-    /// Waits until the reader has room for a message, which need not be made before.
+    /// Waits until there is room for a message, so that the message can be made afterwards.
     ///
     /// # Errors
-    /// [`ServiceError::Gone`] when there is no reader any more, [`ServiceError::Unread`] when it
-    /// takes nothing for long.
+    /// [`ServiceError::Gone`] when the reader is gone, [`ServiceError::Unread`] when it has read
+    /// nothing for too long.
     pub(super) async fn room(&self) -> Result<mpsc::Permit<'_, T>, ServiceError> {
         let room = self.messages.reserve();
         let room = match self.longest_unread {
@@ -127,7 +129,7 @@ impl<T> Sink<T> {
 }
 
 impl Context {
-    /// The ceilings that policies are held to.
+    /// The ceilings that policies must not exceed.
     pub(super) fn ceilings(&self) -> ServerCeilings {
         let queued_items = self.config.engine.queue_capacity;
         ServerCeilings { map: self.config.ceilings, queued_items }
@@ -136,7 +138,7 @@ impl Context {
     /// Resolves when the server drains.
     pub(super) async fn drained(&self) {
         let mut draining = self.draining.clone();
-        // A dropped sender means that the server is gone altogether.
+        // A dropped sender means that the server has ended.
         let _closed = draining.wait_for(|&draining| draining).await;
     }
 
@@ -170,7 +172,7 @@ impl Context {
     }
 
     /// Starts the handler of a streaming call that reads a map: as [`Context::stream`], for large
-    /// messages, on the threads of readers. It also ends when nobody takes them.
+    /// messages, on the threads of readers. It also ends when nobody reads them.
     pub(super) fn read_stream<T, H>(
         self: &Arc<Self>,
         rpc: &'static str,
@@ -188,7 +190,7 @@ impl Context {
         Ok(answers)
     }
 
-    /// The task of a stream, and what its caller gets.
+    /// The task of a stream, and the stream that its caller gets.
     fn prepare<T, H>(
         self: &Arc<Self>,
         rpc: &'static str,
@@ -212,14 +214,14 @@ impl Context {
                 () = passed(time) => Err(ServiceError::DeadlineExceeded),
             };
             if let Err(error) = result {
-                // A reader that left misses nothing.
+                // A reader that left needs no reason.
                 let _unread = end.send(error.into());
             }
         };
         (running.in_current_span(), Response::new(Answers { messages, end: Some(ended) }))
     }
 
-    /// Refuses while maps are still opened, and catches a panic of the handler.
+    /// Refuses calls while maps are still being opened, and catches a panic of the handler.
     async fn guarded<T>(
         &self,
         rpc: &'static str,
@@ -242,7 +244,7 @@ impl Context {
         })
     }
 
-    /// Runs work that takes a thread for a while (building files) beside the async threads.
+    /// Runs work that blocks its thread for a while (building files) outside the async threads.
     pub(super) async fn blocking<T: Send + 'static>(
         work: impl FnOnce() -> Result<T, ServiceError> + Send + 'static,
     ) -> Result<T, ServiceError> {
@@ -282,7 +284,7 @@ mod tests {
         // A reader that takes a message in time gets the next one.
         assert_eq!(answers.next().await.unwrap().unwrap(), 1);
         sink.send(3).await.unwrap();
-        // The end waits for nobody, and comes behind what was sent.
+        // The end does not wait for a reader, and arrives after the messages that were sent.
         end.send(unread.into()).unwrap();
         drop(sink);
         assert_eq!(answers.next().await.unwrap().unwrap(), 3);

@@ -1,10 +1,10 @@
 //! Deadlines and cancellation of calls that solve.
 //!
-//! A client's `grpc-timeout` counts from when the call's head arrived, as the transport counts it, and
-//! becomes the solve's deadline, earlier by what the answer needs: a share of the time, at least
-//! some milliseconds, and more for a large one. Waiting for a turn counts. A call that is dropped
-//! (canceled, timed out, link broken) drops its [`CancelOnDrop`], whose flag a solve asks within its
-//! iterations.
+//! A client's `grpc-timeout` starts when the head of the call arrives, as in the transport. The
+//! solve's deadline is earlier by the time that the answer needs: a share of the time, at least
+//! some milliseconds, and more for a large answer. Time in the queue counts. A call that is dropped
+//! (canceled, timed out, link broken) drops its [`CancelOnDrop`]; a solve checks its flag within
+//! its iterations.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,12 +15,13 @@ use covis_solvers::optimizer::{Control, IterationSummary};
 use tonic::Request;
 use tonic::metadata::MetadataMap;
 
-/// The share of a call's time that is kept for the answer: one part in so many.
+/// The share of a call's time that is reserved for the answer: one part in this many.
 const ANSWER_SHARE: u32 = 10;
 
-/// What is kept at least, unless that is more than half of the time.
+/// Least time that is reserved for the answer, unless that is more than half of the call's time.
 const ANSWER_LEAST: Duration = Duration::from_millis(10);
-/// What is kept for each byte of an answer, nanoseconds: costs, conversion, encoding, transport.
+/// Time that is reserved per byte of an answer, nanoseconds: costs, conversion, encoding,
+/// transport.
 const ANSWER_BYTE_NS: u64 = 40;
 
 /// When the head of a call arrived.
@@ -43,11 +44,11 @@ pub(super) fn call_time(metadata: &MetadataMap) -> Option<Duration> {
 pub(super) fn solve_deadline<T>(request: &Request<T>, answer_bytes: usize) -> Option<Instant> {
     let time = call_time(request.metadata())?;
     let arrival = request.extensions().get::<Arrival>().copied().unwrap_or_else(Arrival::now);
-    // A deadline that the clock cannot express never comes.
+    // A deadline that the clock cannot represent is no deadline.
     arrival.0.checked_add(time - kept(time, answer_bytes))
 }
 
-/// What of `time` is kept for the answer, at most half.
+/// The part of `time` that is reserved for the answer, at most half.
 fn kept(time: Duration, answer_bytes: usize) -> Duration {
     let bytes = Duration::from_nanos(ANSWER_BYTE_NS.saturating_mul(answer_bytes as u64));
     let share = (time / ANSWER_SHARE).max(ANSWER_LEAST);
@@ -72,17 +73,17 @@ fn parse(text: &str) -> Option<Duration> {
     }
 }
 
-/// Tells a solve that nobody waits for it any more.
+/// Cancels a solve when its caller is gone.
 #[derive(Debug, Default)]
 pub(super) struct CancelOnDrop(Arc<AtomicBool>);
 
 impl CancelOnDrop {
-    /// What ends the solve at `deadline`, or once this guard is gone.
+    /// Ends the solve at `deadline`, or once this guard is dropped.
     pub(super) fn interrupt(&self, deadline: Option<Instant>) -> Interrupt {
         Interrupt::at(deadline).or_when(Arc::clone(&self.0))
     }
 
-    /// An observer that stops the solve once this guard is gone.
+    /// An observer that stops the solve once this guard is dropped.
     pub(super) fn observer(
         &self,
     ) -> impl FnMut(&IterationSummary) -> Control + Send + 'static + use<> {

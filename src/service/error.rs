@@ -1,5 +1,5 @@
-//! Why a call or stream ends early, in the edge's own terms. [`super::status`] gives each its code.
-//! What ends one item of a stream is no error: that is a `Rejection` in its ack.
+//! Why a call or stream ends early, in the edge's own terms. [`super::status`] assigns the codes.
+//! The rejection of one item of a stream is not an error: it is a `Rejection` in the item's ack.
 
 use covis_solvers::problem::SolveError;
 
@@ -12,14 +12,14 @@ use crate::map::{Reason, Rejection};
 pub(super) enum ServiceError {
     /// Fields of the request are bad, or not served yet.
     Rejected(Rejection),
-    /// Messages came out of order, or one had no content.
+    /// Messages arrived out of order, or one had no content.
     Protocol {
         /// The field at fault.
         field: &'static str,
         /// What was expected.
         description: &'static str,
     },
-    /// What the engine says.
+    /// An error of the engine.
     Engine(EngineError),
     /// The problem in the request cannot be solved as posed.
     Unsolvable {
@@ -39,7 +39,7 @@ pub(super) enum ServiceError {
     FormatCannotHoldMap {
         /// The map.
         map: String,
-        /// What has no place.
+        /// What the format cannot contain.
         reason: String,
     },
     /// Part of the wire, not served yet.
@@ -54,28 +54,28 @@ pub(super) enum ServiceError {
         /// Its value.
         maximum: i64,
     },
-    /// A request message was begun and its rest did not come in time.
+    /// The rest of a request message did not arrive in time.
     SlowMessage {
-        /// The time it has, seconds.
+        /// The time limit, seconds.
         seconds: u64,
     },
-    /// The caller does not say who it is, or nobody knows it.
+    /// The caller sent no token, or an unknown one.
     Unauthenticated {
         /// What is wrong.
         what: &'static str,
     },
     /// The caller's role does not cover the call.
     RoleTooLow {
-        /// The role that does.
+        /// The role that the call needs.
         needed: &'static str,
     },
-    /// The server still opens its maps.
+    /// The server is still opening its maps.
     Starting,
     /// The server is shutting down.
     Draining,
     /// The call's deadline passed.
     DeadlineExceeded,
-    /// The caller took no message for so long that the call was ended.
+    /// The caller read no message for so long that the call was ended.
     Unread {
         /// How long, in seconds.
         seconds: u64,
@@ -86,12 +86,12 @@ pub(super) enum ServiceError {
     Transport {
         /// The transport's code.
         code: tonic::Code,
-        /// What it says.
+        /// Its message.
         message: String,
     },
     /// A bug in a handler or a solve.
     Panicked {
-        /// What the panic said, for the log.
+        /// The message of the panic, for the log.
         message: String,
     },
 }

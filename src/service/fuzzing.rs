@@ -1,9 +1,9 @@
-//! What the fuzz targets run of the edge: items of a stream, requests that hold problems, the files
-//! of tokens and certificates.
+//! The parts of the edge that the fuzz targets run: items of a stream, requests with problems, the
+//! files of tokens and certificates.
 //!
-//! Built for tests and with the feature `fuzzing` only. Each function takes any bytes and panics
-//! where a promise is broken: what a check lets pass fits the map, an event keeps its bits on disk,
-//! its replay leads to the same state. A refusal is no finding.
+//! Built for tests and with the feature `fuzzing` only. Each function accepts any bytes and panics
+//! if a guarantee is broken: what passes a check fits the map, an event keeps its bits on disk, and
+//! its replay leads to the same state. A refusal is not a finding.
 
 use std::path::Path;
 
@@ -53,7 +53,7 @@ impl Engine {
         engine
     }
 
-    /// What was checked must apply, and come back from the journal as it went in.
+    /// A checked change must apply, and must be read back from the journal unchanged.
     fn commit(&mut self, cause: Option<Cause>, change: Change) {
         let revision = self.map.revision() + 1;
         let event = journey(&Event { revision, time_ns: revision, cause, change });
@@ -63,7 +63,7 @@ impl Engine {
         self.journal.push(event);
     }
 
-    /// One item as the engine takes it; the events that it adds are in the journal.
+    /// Handles one item as the engine does; its events are in the journal.
     fn take(&mut self, sequence: i64, sent: v1::ingest_request::Item) {
         let client = ClientIndex(0);
         let (digest, item) = (digest(&sent), item(&sent, SENDER));
@@ -103,8 +103,8 @@ impl Engine {
     }
 }
 
-/// A stream: messages of `IngestRequest`, each behind its length. Of each item that is taken the
-/// event goes to disk and back; in the end the replay and a snapshot lead to the same state.
+/// A stream: messages of `IngestRequest`, each after its length. The event of each accepted item is
+/// encoded and read back; at the end the replay and a snapshot lead to the same state.
 pub fn wire_item(mut input: &[u8]) {
     let mut engine = Engine::new();
     let mut sequence = 0;
@@ -129,7 +129,7 @@ pub fn wire_item(mut input: &[u8]) {
     map_journey(&engine.map);
 }
 
-/// A request behind one byte that says which: the messages that carry problems, policies or names.
+/// A request after one byte that selects its type: the messages with problems, policies or names.
 /// Small problems are solved for a few iterations.
 pub fn wire_requests(input: &[u8]) {
     let Some((&kind, bytes)) = input.split_first() else { return };
@@ -231,7 +231,7 @@ fn create_map(request: v1::CreateMapRequest) {
     }
 }
 
-/// A message as the codec takes it.
+/// A message as the codec decodes it.
 fn decoded<M: prost::Name + Default>(bytes: &[u8]) -> Option<M> {
     check::<M>(bytes).ok()?;
     M::decode(bytes).ok()
@@ -248,14 +248,14 @@ fn is_small((poses, factors): (usize, usize)) -> bool {
     poses <= MOST_POSES && factors <= MOST_FACTORS
 }
 
-/// An error must have its status, whatever it is.
+/// Every error must have a status.
 fn judge<T>(outcome: Result<T, super::error::ServiceError>) {
     if let Err(error) = outcome {
         let _status = tonic::Status::from(error);
     }
 }
 
-/// A file of tokens. Its error does not show what may be a token: nothing longer than a key.
+/// A file of tokens. Its error must not show what may be a token: nothing longer than a key.
 pub fn tokens(input: &[u8]) {
     if let Err(error) = ParsedTokens::parse(&String::from_utf8_lossy(input), Path::new("tokens")) {
         let _told = error.to_string();

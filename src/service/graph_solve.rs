@@ -1,6 +1,6 @@
-//! `SolvePoseGraph`: from the request to the answer, on a thread of the solver pool.
-//! Without a marked vertex the one with the lowest id is held; costs come from the evaluator. With
-//! `robust` they are those of the edges at their weights.
+//! `SolvePoseGraph`: from the request to the answer, on a thread of the solver pool. Without a
+//! marked vertex the one with the lowest id is fixed; costs come from the evaluator. With `robust`
+//! the costs use the weights of the edges.
 
 use covis_solvers::evaluation::ReferencePose;
 use covis_solvers::geometry::{RigidMotion, Se2, Se3};
@@ -49,7 +49,7 @@ enum AnyGraph {
 }
 
 impl Input {
-    /// What its solve is expected to take.
+    /// The expected cost of its solve.
     pub(super) fn estimate(&self) -> Estimate {
         let optimizer = &self.settings.options;
         let bound = match &self.graph {

@@ -1,8 +1,9 @@
 //! `IngestService`: one bidirectional stream by which a client builds a map.
 //!
-//! A session reads items and forwards acks side by side. Bad items are acks; only a broken protocol,
-//! a ceiling, a newer epoch or the end of the map or server ends the stream, after the acks of what
-//! was taken. Nothing is buffered beyond the engine's queue, so that a full one slows the client.
+//! A session reads items and forwards acks side by side. Bad items are answered with acks. Only a
+//! protocol error, a ceiling, a newer epoch or the end of the map or server ends the stream, after
+//! the acks of the accepted items. Nothing is buffered beyond the engine's queue, so that a full
+//! one slows the client.
 
 use std::sync::Arc;
 
@@ -51,7 +52,7 @@ impl IngestService for Ingest {
     }
 }
 
-/// What the first message asks for.
+/// The contents of the first message.
 struct Open {
     map: String,
     client: String,
@@ -80,7 +81,7 @@ async fn session(
     let client = &open.client;
     let reading = async { Ok(read_items(&context, &caller, client, &mut inbound, sender).await) };
     let sending = send_acks(events, &sink, open.omit_summary);
-    // What ended the reading is told once everything that was taken is answered.
+    // The error that ended the reading is returned after everything that was accepted is answered.
     let (read, ()) = tokio::try_join!(reading, sending)?;
     read
 }
@@ -148,7 +149,7 @@ async fn read_items(
         () = context.drained() => Err(ServiceError::Draining),
         reason = context.access.withdrawn(caller) => Err(reason),
     };
-    // A link that broke is left as it is: nobody waits for the acks.
+    // After a broken connection nobody waits for the acks.
     if result != Err(ServiceError::Gone) {
         sender.finish().await;
     }
@@ -175,7 +176,8 @@ async fn hand_over(
             let description = "it must be at least 1 and above the one before";
             return Err(ServiceError::Protocol { field: "sequence", description });
         }
-        // One that is refused for its size keeps no place: others can follow it.
+        // A sequence that is refused because it is too large is not recorded, so that others can
+        // follow.
         if sequence <= MAX_NUMBER {
             last = sequence;
         }
@@ -194,7 +196,7 @@ async fn hand_over(
     Ok(())
 }
 
-/// A message that cannot be read: the transport has a code of its own for it.
+/// A message that cannot be read; the transport has its own code for it.
 fn broken(status: &Status) -> ServiceError {
     let code = status.code();
     if matches!(code, Code::OutOfRange | Code::Internal) {

@@ -1,5 +1,5 @@
-//! `JobService`: part of the wire, not served yet. Every RPC answers UNIMPLEMENTED.
-//! The messages stand in full, so that jobs can come without a break of the wire.
+//! `JobService`: part of the wire, not served yet. Every RPC answers UNIMPLEMENTED. The messages
+//! are complete, so that jobs can be added without breaking the wire.
 
 use tonic::{Request, Response, Status};
 

@@ -1,6 +1,6 @@
 //! Limits as they are written in files: `[map_limits]`, `[tenant_limits]`, `[server_limits]` and
-//! `[solve_limits]` of `covis.toml`, and `[[tenant]]` in the file of tokens. An absent key is the default, or what stands
-//! above.
+//! `[solve_limits]` of `covis.toml`, and `[[tenant]]` in the file of tokens. An absent key means
+//! the default, or the limit of the level above.
 
 use serde::Deserialize;
 
@@ -30,7 +30,7 @@ pub struct MapLimits {
 }
 
 impl MapLimits {
-    /// These ceilings where they are given, else those of `default`.
+    /// These ceilings where they are set, otherwise those of `default`.
     #[must_use]
     pub fn over(&self, default: Ceilings) -> Ceilings {
         Ceilings::from(*self).join(&default, Option::or)
@@ -54,7 +54,7 @@ impl From<MapLimits> for Ceilings {
     }
 }
 
-/// What one solve may take by its estimate; past it the solve is not begun.
+/// Limits of the estimate of one solve; a solve above them is not started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SolveLimits {
@@ -65,7 +65,7 @@ pub struct SolveLimits {
 }
 
 impl SolveLimits {
-    /// These limits where they are given, else those of `default`.
+    /// These limits where they are set, otherwise those of `default`.
     #[must_use]
     pub fn over(&self, default: EngineConfig) -> EngineConfig {
         EngineConfig {
@@ -104,18 +104,18 @@ pub struct TenantLimits {
     pub max_watchers: Option<u64>,
     /// Exports that are read at once.
     pub max_exports: Option<u64>,
-    /// Solves that run at once, small ones and large ones counted apart.
+    /// Solves that run at once, small and large ones counted separately.
     pub max_solves: Option<u64>,
-    /// Calls for solves that wait for their turn.
+    /// Calls whose solves wait in the queue.
     pub max_waiting_solves: Option<u64>,
-    /// Bytes that the solves which run are priced at; more wait for their turn.
+    /// Estimated bytes of the running solves; a solve that would exceed the limit waits.
     pub max_running_solve_bytes: Option<u64>,
     /// Bytes of journals that wait for the disk.
     pub max_journal_bytes: Option<u64>,
 }
 
 impl TenantLimits {
-    /// These limits where they are given, else those of `default`.
+    /// These limits where they are set, otherwise those of `default`.
     #[must_use]
     pub fn over(&self, default: AccountLimits) -> AccountLimits {
         let given = AccountLimits::from(*self);

@@ -1,8 +1,8 @@
 //! Pages and streams of `MapService`: maps, trajectories, landmarks.
 //!
-//! A page token names the last entry of its page, so that a later call goes on behind it whatever
-//! has changed since; it fits the list that it was made for and no other. Streams stay at about 1 MiB
-//! a message.
+//! A page token names the last entry of its page, so that a later call continues after it whatever
+//! has changed since. A token is valid only for the list that it was made for. Streams send about 1
+//! MiB per message.
 
 use prost::Message;
 use sha2::{Digest as _, Sha256};
@@ -14,9 +14,9 @@ use super::error::ServiceError;
 use crate::map::{ClientIndex, EntityId, Landmark, Map, Reason};
 use crate::wire::v1;
 
-/// Where a streamed message is cut, bytes.
+/// Size at which a streamed message is cut, bytes.
 pub(super) const MESSAGE_BYTES: usize = 1 << 20;
-/// Maps in a page where the request names no number.
+/// Maps in a page if the request gives no number.
 const DEFAULT_MAPS: usize = 100;
 /// Most maps in a page.
 const MAX_MAPS: i64 = 1000;
@@ -25,7 +25,7 @@ const MAX_LANDMARKS: i64 = 10_000;
 /// Bytes of a repeated message's tag and length, at most.
 pub(super) const ENTRY_OVERHEAD: usize = 6;
 
-/// A list that comes in pages: its call, and whose entries it has.
+/// A list with pages: its call, and the owner of its entries.
 #[derive(Clone, Debug)]
 pub(super) struct PagedList {
     call: &'static str,
@@ -43,7 +43,7 @@ impl PagedList {
         Self { call: "ListLandmarks", owner: map_id.to_owned() }
     }
 
-    /// The token of the page behind the entry that `last` names.
+    /// The token of the page after the entry that `last` names.
     pub(super) fn token(&self, last: &str) -> String {
         format!("{last}.{}", self.mark(last))
     }
@@ -58,7 +58,8 @@ impl PagedList {
         })
     }
 
-    /// Finds tokens that are made up or belong elsewhere; it keeps nobody from making one.
+    /// Detects tokens that are invalid or belong to another list; it does not protect against
+    /// forgery.
     fn mark(&self, last: &str) -> String {
         let mut hash = Sha256::new();
         for part in [self.call, &self.owner, last] {
@@ -69,7 +70,7 @@ impl PagedList {
     }
 }
 
-/// How many maps a page holds, and the map behind which it begins.
+/// How many maps a page has, and the map after which it begins.
 pub(super) fn map_page(
     request: &v1::ListMapsRequest,
     list: &PagedList,
@@ -116,19 +117,19 @@ pub(super) async fn trajectory(
     Ok(())
 }
 
-/// What `ListLandmarks` asks for.
+/// The options of `ListLandmarks`.
 #[derive(Clone, Debug)]
 pub(super) struct LandmarkPages {
     /// Landmarks in a message; `None` for as many as fit.
     page_size: Option<usize>,
-    /// Goes on behind this one: client name and id.
+    /// Continues after this landmark: client name and id.
     after: Option<(String, i64)>,
-    /// Which fields are answered.
+    /// Which fields are returned.
     mask: Mask,
     list: PagedList,
 }
 
-/// Fields of a landmark that are answered besides its ids.
+/// Fields of a landmark that are returned besides its ids.
 #[derive(Clone, Copy, Debug)]
 struct Mask {
     position: bool,
@@ -166,7 +167,7 @@ fn mask(mask: Option<&prost_types::FieldMask>, out: &mut Violations) -> Option<M
         Mask { position: false, reference: false, observation_count: false, state: false };
     for path in &mask.paths {
         match path.as_str() {
-            // Ids are answered always; descriptors are not kept yet.
+            // Ids are always returned; descriptors are not kept yet.
             "client_id" | "id" | "descriptor" => {}
             "point_in_world" => fields.position = true,
             "reference_keyframe" => fields.reference = true,
@@ -225,7 +226,7 @@ pub(super) async fn landmarks(
     sink.send(page).await
 }
 
-/// The landmarks in the order of the stream, behind the one that a token names.
+/// The landmarks in the order of the stream, after the one that a token names.
 fn behind<'m>(
     map: &'m Map,
     after: Option<&(String, i64)>,

@@ -1,5 +1,5 @@
-//! Bounds how often one thing is told in the log, so that a flood does not fill a disk.
-//! It writes nothing itself: what a line says is its caller's matter.
+//! Limits how often one thing is logged, so that a flood does not fill a disk. It writes nothing
+//! itself; the caller writes the lines.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -9,7 +9,7 @@ use tokio::time::Instant;
 
 /// Lines of one minute that are written one by one.
 const LINES: u32 = 10;
-/// The time after which the others are told of in one line.
+/// The time after which the other lines are summed up in one line.
 const PERIOD: Duration = Duration::from_secs(60);
 
 /// Writes the first lines of a minute, and in one line how many more there were.
@@ -24,8 +24,8 @@ struct Period {
 }
 
 impl LogLimit {
-    /// Calls `line` if it may be written now; else counts it, and calls `summary` with the count when
-    /// the minute is over.
+    /// Calls `line` if it may be written now; otherwise counts it, and calls `summary` with the
+    /// count when the minute is over.
     pub(super) fn log(&self, line: impl FnOnce(), summary: impl FnOnce(u64) + Send + 'static) {
         let mut period = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let now = Instant::now();
@@ -43,7 +43,7 @@ impl LogLimit {
         let end = period.begin.unwrap_or(now) + PERIOD;
         let is_first = period.left_out == 1;
         drop(period);
-        // Only the first that is left out starts a task; without a runtime there is nobody to flood.
+        // Only the first line that is left out starts a task; without a runtime there is no flood.
         if is_first && let Ok(runtime) = Handle::try_current() {
             let limit = self.clone();
             runtime.spawn(async move {

@@ -1,4 +1,4 @@
-//! `MapService`: making, reading, watching and exporting maps.
+//! `MapService`: creating, reading, watching and exporting maps.
 //!
 //! Each handler reads its request, asks the engine and converts the answer. A stream reads one
 //! snapshot, however long it takes.
@@ -68,7 +68,7 @@ impl MapRpcs {
         for handle in handles {
             match handle.listed().await {
                 Ok(info) => maps.push(to_map(&info, queued)),
-                // Deleted since the list was made.
+                // The map was deleted after the list was made.
                 Err(super::engine::EngineError::MapNotFound { .. }) => {}
                 Err(error) => return Err(error.into()),
             }

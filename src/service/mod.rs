@@ -1,20 +1,20 @@
-//! The service: engines that own maps, and the gRPC edge before them.
+//! The service: engines that own maps, and the gRPC edge in front of them.
 //!
-//! A request goes wire → convert → engine and back; handlers are short and hold no maths. What
-//! stands where:
+//! A request goes wire → convert → engine and back; handlers are short and contain no mathematics.
+//! The modules:
 //!
 //! | module | role |
 //! |---|---|
-//! | [`engine`] | one actor a map: journal, fold, solves |
-//! | `convert` | wire ↔ domain, bad fields named |
-//! | `status` | domain error → status code, the only place |
-//! | `context` | how a handler's outcome becomes an answer |
+//! | [`engine`] | one actor per map: journal, fold, solves |
+//! | `convert` | wire ↔ domain; names bad fields |
+//! | `status` | domain error → status code, only here |
+//! | `context` | turns a handler's outcome into an answer |
 //! | `access` | tokens, roles and tenants: who may call what |
-//! | `clock` | what time it is, where that decides |
+//! | `clock` | the clock that decides whether tokens have expired |
 //! | `connections` | who is connected, and for how long |
 //! | `tls` | certificates of the listener |
 //! | `telemetry` | metrics, and spans of calls |
-//! | `*_service` | one file a service of the wire; `watch`, `export`, `listing` serve `MapService` |
+//! | `*_service` | one file per service of the wire; `watch`, `export`, `listing` serve `MapService` |
 
 pub mod engine;
 

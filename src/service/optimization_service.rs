@@ -1,7 +1,7 @@
 //! `OptimizationService`: one pose, a whole map, or a problem that comes with the call.
 //!
 //! Stateless solves run on the solver pool. A call that is dropped stops its solve; a call with a
-//! deadline stops it in time for the best state so far to be answered.
+//! deadline stops it early enough to answer with the best state so far.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -40,8 +40,8 @@ impl Optimization {
         Self { context }
     }
 
-    /// Runs a solve on the pool. One whose `deadline` passes before its turn comes is taken back and
-    /// run beside the pool: its time is over, so that it answers the start.
+    /// Runs a solve on the pool. A solve whose `deadline` passes while it is queued runs outside
+    /// the pool instead: its time is over, so that it returns the start values.
     async fn solve<R: Send + 'static>(
         &self,
         caller: &Caller,
@@ -71,18 +71,18 @@ impl Optimization {
             solved = &mut solved => solved,
             () = reached(deadline) => match take(&held) {
                 Some(work) => return Context::blocking(move || Ok(work())).await,
-                // It runs, and ends soon.
+                // The solve runs already, and ends soon.
                 None => solved.await,
             },
         };
         if let Err(PoolError::Panicked(_)) = solved {
             meters.solve_panics.increment();
         }
-        // Without a result it was taken back, which is answered above.
+        // A solve without a result ran outside the pool, which is answered above.
         solved?.ok_or(ServiceError::DeadlineExceeded)
     }
 
-    /// What a solve may take.
+    /// The limits of a solve.
     fn ceiling(&self) -> Ceiling {
         self.context.config.engine.ceiling()
     }

@@ -1,8 +1,9 @@
-//! Threads for streams that read whole maps: of lower priority than those of calls and engines.
+//! Threads for streams that read whole maps. Their priority is lower than that of calls and
+//! engines.
 //!
-//! A delta or a chunk of a large map takes milliseconds to put together. In the queue of the threads
-//! that carry acknowledgments, four readers would make a robot wait for each of them; here the system
-//! lets the robot go first. They take what is computed for one stream and nothing of the engines.
+//! A delta or a chunk of a large map takes milliseconds to put together. On the threads that send
+//! acknowledgments, a robot would wait for each of four readers; here the system runs the robot's
+//! work first. These threads run only work of one stream and none of the engines.
 
 use std::future::Future;
 use std::io;
@@ -19,7 +20,7 @@ impl Readers {
     /// Starts `threads` threads, at least one.
     ///
     /// # Errors
-    /// Where the system refuses them.
+    /// If the system refuses the threads.
     pub(super) fn start(threads: usize) -> io::Result<Self> {
         let mut threads_of_readers = Builder::new_multi_thread();
         let builder = threads_of_readers
@@ -48,7 +49,7 @@ impl Readers {
 impl Drop for Readers {
     fn drop(&mut self) {
         if let Some(runtime) = self.0.take() {
-            // The last stream may be what drops it: nothing is waited for.
+            // The last stream may drop the runtime, so that nothing may block here.
             runtime.shutdown_background();
         }
     }
@@ -71,7 +72,7 @@ mod tests {
             reply.send(name).unwrap();
         });
         assert_eq!(answer.await.unwrap().as_deref(), Some("covis-readers"));
-        // The end of the last stream may drop it, which waits for nobody.
+        // The end of the last stream may drop the threads, which does not block.
         let last = Readers::start(1).map(std::sync::Arc::new).unwrap();
         let (held, (reply, answer)) = (std::sync::Arc::clone(&last), oneshot::channel());
         last.spawn(async move {

@@ -1,5 +1,5 @@
-//! `RefinePose`: from the request to the answer, on a thread of the solver pool.
-//! Solver and evaluator do the maths; here an observation is only compared with its quantile.
+//! `RefinePose`: from the request to the answer, on a thread of the solver pool. Solver and
+//! evaluator do the mathematics; here observations are only compared with a quantile.
 
 use std::time::Instant;
 
@@ -23,7 +23,7 @@ use super::engine::Estimate;
 use super::error::ServiceError;
 use crate::wire::v1;
 
-/// Loss where the request names none.
+/// Loss if the request names none.
 const DEFAULT_LOSS: Loss = Loss::Huber(2.0);
 /// 95 % quantile of the chi-square distribution with 2 degrees of freedom: a pixel.
 const PIXEL_QUANTILE: f64 = 5.991;
@@ -39,12 +39,12 @@ pub(super) struct Input {
     prior: Option<Prior>,
     options: pose_refinement::Options,
     include_information: bool,
-    /// When the solve must have ended.
+    /// Deadline of the solve.
     deadline: Option<Instant>,
 }
 
 impl Input {
-    /// What its solve is expected to take.
+    /// The expected cost of its solve.
     pub(super) fn estimate(&self, ceiling: Ceiling) -> Estimate {
         let bound = pose_refinement::price_bound(self.observations.len());
         Estimate::new(bound, self.options.optimizer.max_iterations, &ceiling)
@@ -89,7 +89,7 @@ pub(super) fn run(
     observer: &mut Observer<'_>,
 ) -> Result<v1::RefinePoseResponse, ServiceError> {
     let Input { camera, start, observations, .. } = input;
-    // What the wait for a turn left of the time.
+    // The time that is left after the wait in the queue.
     let left = input.deadline.map(|at| at.saturating_duration_since(Instant::now()));
     let optimizer = input.options.optimizer;
     let deadline = optimizer.deadline.into_iter().chain(left).min();
@@ -109,7 +109,7 @@ pub(super) fn run(
     let after = bundle_cost(&as_bundle(input, refined.world_from_camera));
     add_costs(&mut summary, &before, &after);
     summary.linear_solver = v1::LinearSolver::DenseCholesky.into();
-    // Known points hold the frame, for which the wire has no name.
+    // Known points fix the frame; the wire has no name for that.
     let gauge = if input.prior.is_some() { v1::Gauge::Priors } else { v1::Gauge::Unspecified };
     summary.gauge = gauge.into();
     summary.free_pose_count = 1;

@@ -1,18 +1,18 @@
 //! Starts and stops a server on a bound listener.
 //!
-//! Plain text leaves the loopback interface only where the configuration says so.
+//! Plain text is served beyond the loopback interface only if the configuration allows it.
 //!
-//! Metrics have a listener of their own, which answers from the start to the end of the drain.
+//! Metrics have their own listener, which answers from the start to the end of the drain.
 //!
 //! Starting: the transport answers at once, health with NOT_SERVING and calls with UNAVAILABLE, until
 //! every map is open.
 //!
-//! What a stranger can make the server hold is bounded by [`super::connections`].
+//! [`super::connections`] bounds the resources that a client without a token can occupy.
 //!
-//! Shutting down: health turns NOT_SERVING, open streams end with UNAVAILABLE once what they took is
-//! answered, running calls and solves finish within the budget, then the engines stop and the store
-//! is closed: nothing that was acknowledged is lost, also where the budget was too short. New calls of a draining
-//! server are refused by the transport.
+//! Shutting down: health turns NOT_SERVING, open streams end with UNAVAILABLE once their accepted
+//! items are answered, running calls and solves finish within the budget, then the engines stop and
+//! the store is closed. Nothing that was acknowledged is lost, even if the budget was too short.
+//! While the server drains, the transport refuses new calls.
 
 use std::io;
 use std::net::SocketAddr;
@@ -66,7 +66,7 @@ pub enum ServerError {
     /// Certificates or keys cannot be used.
     #[error("TLS")]
     Tls(#[from] TlsError),
-    /// Others on the network could read along.
+    /// Others on the network could read the traffic.
     #[error(
         "plain text is served on loopback only, not on {address}: give a certificate and a key, \
          or allow it by name"
@@ -75,7 +75,7 @@ pub enum ServerError {
         /// Where the listener is bound.
         address: SocketAddr,
     },
-    /// Metrics would be told to others on the network.
+    /// Others on the network could read the metrics.
     #[error(
         "metrics are plain text and served on loopback only, not on {address}: allow plain text by name"
     )]
@@ -83,18 +83,18 @@ pub enum ServerError {
         /// Where they were to be served.
         address: SocketAddr,
     },
-    /// The address for metrics cannot be had.
+    /// The address for metrics cannot be bound.
     #[error("cannot serve metrics on {address}")]
     Metrics {
         /// Where they were to be served.
         address: String,
-        /// What the system said.
+        /// The error of the system.
         source: io::Error,
     },
     /// The descriptors of the wire cannot be served.
     #[error("server reflection")]
     Reflection(#[from] tonic_reflection::server::Error),
-    /// A test fault that nobody knows.
+    /// An unknown test fault.
     #[cfg(feature = "faults")]
     #[error("unknown test fault {name:?}")]
     UnknownFault {
@@ -112,7 +112,7 @@ pub struct Server;
 #[derive(Debug)]
 pub struct StartingServer(RunningServer);
 
-/// A server that takes calls until it is shut down; dropping it ends it at once.
+/// A server that accepts calls until it is shut down; dropping it ends it at once.
 #[derive(Debug)]
 pub struct RunningServer {
     address: SocketAddr,
@@ -128,7 +128,7 @@ impl Server {
     /// Serves on `listener` in the background; returns when every map is open.
     ///
     /// # Errors
-    /// [`ServerError`] where something does not start.
+    /// [`ServerError`] if something does not start.
     pub async fn start(
         listener: TcpListener,
         config: ServerConfig,
@@ -139,7 +139,7 @@ impl Server {
     /// Answers on `listener` in the background; maps are opened by [`StartingServer::open`].
     ///
     /// # Errors
-    /// [`ServerError`] where something does not start.
+    /// [`ServerError`] if something does not start.
     pub async fn listen(
         listener: TcpListener,
         config: ServerConfig,
@@ -149,9 +149,9 @@ impl Server {
         Self::listen_to(incoming, address, config, None).await
     }
 
-    /// As [`Server::listen`], with sockets of any kind that are accepted elsewhere: a simulated network
-    /// gives its own. `address` is where they were connected to. Without a `backend` the server opens
-    /// the one that the configuration asks for.
+    /// As [`Server::listen`], with sockets of any kind that are accepted elsewhere, for example by
+    /// a simulated network. `address` is the address that they connected to. Without a `backend`
+    /// the server opens the one from its configuration.
     pub(crate) async fn listen_to<S: Socket>(
         incoming: impl Stream<Item = io::Result<Accepted<S>>> + Send + 'static,
         address: SocketAddr,
@@ -199,7 +199,7 @@ impl Server {
         let metrics = metrics.map(|(address, listener)| {
             (address, tokio::spawn(telemetry::serve(listener, Arc::clone(&context))))
         });
-        // From here on dropping it ends the transport.
+        // From here on, dropping the server ends the transport.
         Ok(StartingServer(RunningServer { address, context, tls, metrics, drain, health, task }))
     }
 }
@@ -207,15 +207,15 @@ impl Server {
 /// Where a server keeps its maps and runs its solves.
 pub(crate) struct Backend {
     pub(crate) store: Arc<dyn Store>,
-    /// What the store counts.
+    /// The meters of the store.
     pub(crate) counted: Arc<StoreMeters>,
     pub(crate) pool: Arc<SolverPool>,
-    /// Who puts together what is read of maps.
+    /// The threads that build messages from maps.
     pub(crate) readers: Readers,
 }
 
 impl Backend {
-    /// The one that a configuration asks for.
+    /// Opens the backend of a configuration.
     async fn open(config: &ServerConfig, accounts: Accounts) -> Result<Self, ServerError> {
         let pool = SolverPool::shared_by(accounts, config.threads)?;
         let count = pool.threads();
@@ -231,7 +231,7 @@ impl Backend {
 }
 
 impl StartingServer {
-    /// Opens every map; then calls are taken.
+    /// Opens every map; then calls are accepted.
     ///
     /// # Errors
     /// [`ServerError::Engine`] when the store cannot be read.
@@ -245,8 +245,8 @@ impl StartingServer {
 }
 
 impl RunningServer {
-    /// The pool that runs this server's solves. Work of the caller's own goes in the same queue, so a
-    /// test can hold it and see what waits.
+    /// The pool that runs this server's solves. The caller can queue its own work here, so that a
+    /// test can block the pool and observe what waits.
     #[must_use]
     pub fn solver_pool(&self) -> Arc<SolverPool> {
         Arc::clone(self.context.maps.pool())
@@ -258,17 +258,17 @@ impl RunningServer {
         self.address
     }
 
-    /// Where `GET /metrics` is answered, with the port that was taken.
+    /// The address where `GET /metrics` is answered, with the port that was bound.
     #[must_use]
     pub fn metrics_addr(&self) -> Option<SocketAddr> {
         self.metrics.as_ref().map(|(address, _)| *address)
     }
 
-    /// Reads certificates, keys, tokens and the keys of JSON Web Tokens again. New connections get the
-    /// certificate, new calls need a token that is known now, and so do streams that are open.
+    /// Reads certificates, keys, tokens and the keys of JSON Web Tokens again. New connections use
+    /// the new certificate; new calls and open streams need a token that is known now.
     ///
     /// # Errors
-    /// [`ServerError::Tls`], [`ServerError::Access`]; then all is as it was.
+    /// [`ServerError::Tls`], [`ServerError::Access`]; then nothing is changed.
     pub fn reload(&self) -> Result<(), ServerError> {
         let acceptor = self.tls.as_ref().map(|tls| tls.read()).transpose()?;
         let known = self.context.access.read()?;
@@ -287,8 +287,8 @@ impl RunningServer {
         }
     }
 
-    /// Drains and stops the server within its budget; returns when its engines have stopped and what
-    /// they accepted is durable.
+    /// Drains and stops the server within its budget; returns when its engines have stopped and
+    /// everything they accepted is durable.
     pub async fn shutdown(mut self) {
         let start = Instant::now();
         self.tell_health(ServingStatus::NotServing).await;
@@ -302,12 +302,12 @@ impl RunningServer {
                 self.task.abort();
             }
         }
-        // Engines without work need a moment all the same.
+        // Engines without work also need some time to stop.
         let left = budget.saturating_sub(start.elapsed()).max(budget / 10);
         self.context.maps.shutdown(left).await;
         if let Some((_, task)) = &mut self.metrics {
             task.abort();
-            // It is canceled, and its port free when that is done.
+            // Waits for the canceled task, because its port is free only then.
             let _canceled = task.await;
         }
     }
@@ -323,12 +323,12 @@ impl Drop for RunningServer {
     }
 }
 
-/// What a stream may send ahead of a server that does not read yet.
+/// How much a stream may send before the server reads, bytes.
 const STREAM_WINDOW_BYTES: u32 = 256 << 10;
-/// The same of a connection. The transport drops a connection whose unread small frames cost more
-/// than half of it, 256 bytes each: a stream full of the smallest items may not.
+/// The same for a connection. The transport drops a connection whose unread small frames cost more
+/// than half of this, 256 bytes each; a stream full of the smallest items stays below.
 const CONNECTION_WINDOW_BYTES: u32 = 8 << 20;
-/// The largest message to a service that has no need of large ones: health, which is open to strangers.
+/// The largest message to a service that needs no large ones: health, which needs no token.
 const SMALL_MESSAGE_BYTES: usize = 4 << 10;
 /// All headers of a call together; a JSON Web Token is a few KiB.
 const HEADER_LIST_BYTES: u32 = 16 << 10;
@@ -340,7 +340,7 @@ const SERVED: [&str; 4] = [
     OptimizationServiceServer::<Optimization>::NAME,
     ServerServiceServer::<ServerInfo>::NAME,
 ];
-/// Part of the wire, and every call answers UNIMPLEMENTED: health never calls it serving.
+/// Part of the wire, but every call answers UNIMPLEMENTED: health never reports it as serving.
 const UNSERVED: &str = JobServiceServer::<Jobs>::NAME;
 
 /// Starts the transport with all services.
@@ -356,7 +356,7 @@ async fn serve<S: Socket>(
             $service.max_decoding_message_size(bytes).max_encoding_message_size(bytes)
         };
     }
-    // Whoever asks for it sends messages compressed; the limit holds for what they decompress to.
+    // A client may send messages compressed; the limit applies to the decompressed size.
     macro_rules! compressed {
         ($service:expr) => {
             $service.accept_compressed(CompressionEncoding::Gzip)
@@ -377,13 +377,13 @@ async fn serve<S: Socket>(
             Metered::new($service, &context.meters.calls)
         };
     }
-    // Health stays open: whoever watches over servers has no token.
+    // Health needs no token, because monitoring has none.
     macro_rules! guarded {
         ($service:expr) => {
             metered!(Guarded::new(limited!($service), &context.access))
         };
     }
-    // Corrections and exports are what is large on the way back; an ack is not worth it.
+    // Only corrections and exports are large enough to compress in answers; acks are not.
     let maps = compressed!(MapServiceServer::new(MapRpcs::new(Arc::clone(&context))))
         .send_compressed(CompressionEncoding::Gzip);
     let ingest = compressed!(IngestServiceServer::new(Ingest::new(Arc::clone(&context))));
@@ -405,7 +405,7 @@ async fn serve<S: Socket>(
         .add_service(guarded!(JobServiceServer::new(Jobs)))
         .add_service(guarded!(info))
         .add_service(metered!(health_service));
-    // The simulation starts servers by the thousand; reading the descriptors is half of a start.
+    // The simulation starts thousands of servers, and reading the descriptors is half of a start.
     #[cfg(not(test))]
     let routes = routes
         .add_service(guarded!(reflection().build_v1()?))
@@ -416,7 +416,7 @@ async fn serve<S: Socket>(
     Ok((health, task))
 }
 
-/// The listener for metrics, where one is wanted.
+/// The listener for metrics, if one is configured.
 async fn metrics_listener(
     config: &ServerConfig,
 ) -> Result<Option<(SocketAddr, TcpListener)>, ServerError> {
@@ -430,7 +430,7 @@ async fn metrics_listener(
     Ok(Some((address, listener)))
 }
 
-/// Hands a fault of the engine to its configuration; faults of handlers stay with the edge.
+/// Passes a fault of the engine to its configuration; the edge handles faults of handlers.
 #[cfg(feature = "faults")]
 fn staged(mut config: ServerConfig) -> Result<ServerConfig, ServerError> {
     use super::engine::Fault;

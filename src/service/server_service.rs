@@ -1,5 +1,5 @@
-//! `ServerService`: version, limits, durability, features.
-//! Whether the server is well is told by the health service, not here.
+//! `ServerService`: version, limits, durability, features. The health service reports whether the
+//! server is healthy.
 
 use std::sync::Arc;
 

@@ -1,8 +1,8 @@
-//! Domain errors → `tonic::Status`: the one place, matched exhaustively.
+//! Domain errors → `tonic::Status`: only here, matched exhaustively.
 //!
-//! Every status carries an `ErrorInfo` (domain "covis"); bad fields also a `BadRequest`, what may be
-//! tried again later a `RetryInfo`. Codes and reasons are those of docs/wire.md. A bug is answered
-//! with an id under which the log has the details.
+//! Every status carries an `ErrorInfo` (domain "covis"); bad fields also a `BadRequest`, errors
+//! that can be retried a `RetryInfo`. Codes and reasons are those of docs/wire.md. A bug is
+//! answered with an id under which the log has the details.
 
 use std::collections::HashMap;
 use std::time::Duration;
@@ -21,11 +21,11 @@ use crate::wire::v1::ViolationReason;
 
 /// `ErrorInfo.domain`.
 const DOMAIN: &str = "covis";
-/// When a full map or server may be asked again.
+/// Retry delay when a map or the server is full.
 const RETRY_FULL: Duration = Duration::from_secs(1);
-/// When a server that starts may have opened its maps.
+/// Retry delay while a server opens its maps.
 const RETRY_STARTING: Duration = Duration::from_secs(1);
-/// When another server may have taken the place of one that shuts down.
+/// Retry delay while a server shuts down and another may replace it.
 const RETRY_DRAINING: Duration = Duration::from_secs(2);
 
 /// What a status is built from.
@@ -245,19 +245,19 @@ fn store(error: StoreError) -> Parts {
         StoreError::Failed { map, cause: _ } => {
             Parts::new(Code::Internal, "STORE_FAILED", message).with("map_id", map)
         }
-        // The map can be read, and takes changes again once the disk was looked after.
+        // The map can be read; it accepts changes again after the disk was repaired.
         StoreError::Stopped { map, .. }
         | StoreError::Later { map, .. }
         | StoreError::Ambiguous { map, .. } => {
             Parts::new(Code::FailedPrecondition, "MAP_POISONED", message).with("map_id", map)
         }
         StoreError::Damaged { map, mut damage } => {
-            // Callers learn nothing of the server's folders.
+            // Callers learn nothing about the server's folders.
             damage.file = damage.file.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
             let message = StoreError::Damaged { map: map.clone(), damage }.to_string();
             Parts::new(Code::FailedPrecondition, "MAP_POISONED", message).with("map_id", map)
         }
-        // The engine is the one writer of a journal: that it lost its place is a bug.
+        // The engine is the only writer of a journal: if another writer fenced it, that is a bug.
         StoreError::Fenced { .. }
         | StoreError::SequenceMismatch { .. }
         | StoreError::Truncated { .. }
@@ -284,7 +284,7 @@ fn unsolvable(field: &str, error: &SolveError) -> Parts {
     Parts::new(Code::InvalidArgument, reason, message.clone()).violation(field, reason, &message)
 }
 
-/// The same request never fits: there is nothing to wait for, so no `RetryInfo`.
+/// The same request never fits: waiting does not help, so there is no `RetryInfo`.
 fn too_expensive(error: TooExpensive) -> Parts {
     let TooExpensive { resource, estimate, limit } = error;
     let (name, estimate, maximum) = match resource {

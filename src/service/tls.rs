@@ -1,8 +1,8 @@
 //! TLS of the listener: certificate, key, and which authority signs the clients' certificates.
 //!
-//! rustls is driven here and not through tonic, whose acceptor keeps its certificate for good: a
-//! handshake takes what was read last. `connections` makes the handshakes and bounds them. Keys are
-//! never logged.
+//! This module uses rustls directly, because tonic's acceptor never changes its certificate: a
+//! handshake uses the files that were read last. `connections` makes the handshakes and limits
+//! them. Keys are never logged.
 
 use std::fmt;
 use std::io;
@@ -19,7 +19,7 @@ use tokio_rustls::rustls::{self, RootCertStore};
 /// Where certificates and keys are; all in PEM.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TlsFiles {
-    /// The server's certificate, followed by those between it and the authority.
+    /// The server's certificate, followed by the intermediate certificates.
     pub certificate: PathBuf,
     /// Its private key.
     pub key: PathBuf,
@@ -34,23 +34,23 @@ pub enum TlsError {
     /// A file cannot be read.
     #[error("certificates and keys")]
     Read(#[from] io::Error),
-    /// A file holds nothing of what it should.
+    /// A file does not contain what it should.
     #[error("{}: holds no {what} in PEM", path.display())]
     Pem {
         /// The file.
         path: PathBuf,
-        /// What it should hold.
+        /// What it should contain.
         what: &'static str,
     },
-    /// The certificate is none, or the key is not its own.
+    /// The certificate is not valid, or the key does not belong to it.
     #[error("certificate and key")]
     Refused(#[from] rustls::Error),
-    /// The authorities that sign the clients' certificates.
+    /// The authorities that sign the clients' certificates cannot be used.
     #[error("the authorities of clients")]
     ClientCa(#[from] VerifierBuilderError),
 }
 
-/// The listener's side of TLS, as it was read last.
+/// The listener's side of TLS, from the files that were read last.
 pub(super) struct Tls {
     files: TlsFiles,
     acceptor: RwLock<TlsAcceptor>,
@@ -74,12 +74,12 @@ impl Tls {
         acceptor(&self.files)
     }
 
-    /// From now on handshakes are made with `acceptor`.
+    /// From now on handshakes use `acceptor`.
     pub(super) fn put(&self, acceptor: TlsAcceptor) {
         *self.acceptor.write().unwrap_or_else(PoisonError::into_inner) = acceptor;
     }
 
-    /// What handshakes are made with now.
+    /// The acceptor that handshakes use now.
     pub(super) fn current(&self) -> TlsAcceptor {
         self.acceptor.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -117,7 +117,7 @@ fn key(path: &Path) -> Result<PrivateKeyDer<'static>, TlsError> {
     found.ok_or_else(|| TlsError::Pem { path: path.to_owned(), what: "private key" })
 }
 
-/// The certificates of a PEM file; `None` where there is none, or a bad one.
+/// The certificates of a PEM file; `None` if there is none, or a bad one.
 pub(super) fn certificates_in(pem: &[u8]) -> Option<Vec<CertificateDer<'static>>> {
     let found: Result<Vec<_>, _> = CertificateDer::pem_slice_iter(pem).collect();
     found.ok().filter(|certificates| !certificates.is_empty())

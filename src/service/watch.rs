@@ -1,8 +1,8 @@
 //! `WatchMap`: the steps of a map as deltas in parts of at most about 256 KiB.
 //!
-//! Entities come whole, read from the newest snapshot; what a step touched and the snapshot no longer
-//! holds is told as removed. A part is sent as soon as the next entity does not fit it, so that a
-//! large map is never encoded as a whole.
+//! Entities are sent whole, read from the newest snapshot; an entity that a step touched and that
+//! is no longer in the snapshot is reported as removed. A part is sent when the next entity does
+//! not fit, so that a large map is never encoded as a whole.
 
 use std::collections::BTreeSet;
 
@@ -20,18 +20,18 @@ use super::listing::ENTRY_OVERHEAD;
 use crate::map::{ClientIndex, EntityId, Map};
 use crate::wire::v1;
 
-/// A part that is full. Larger ones would keep what else the connection's thread has to send waiting
-/// while they are encoded.
+/// Size of a full part. While a larger part is encoded, other messages of the connection's thread
+/// would wait.
 const PART_BYTES: usize = 256 << 10;
 
-/// What a watcher wants.
+/// The options of a watcher.
 #[derive(Clone, Debug)]
 pub(super) struct Wanted {
-    /// The revision that it holds; absent for the full state.
+    /// The revision that it has; `None` for the full state.
     pub from_revision: Option<i64>,
-    /// Whether landmarks are told.
+    /// Whether landmarks are sent.
     pub landmarks: bool,
-    /// Whether constraints are told.
+    /// Whether constraints are sent.
     pub constraints: bool,
 }
 
@@ -42,7 +42,7 @@ pub(super) async fn watch(
     wanted: &Wanted,
     sink: &Sink<v1::WatchMapResponse>,
 ) -> Result<(), ServiceError> {
-    // What the reader missed may have to be read first.
+    // Opening may take long: changes that the reader missed may be read first.
     let mut watch = tokio::select! {
         watch = map.watch(wanted.from_revision) => watch?,
         () = context.drained() => return Err(ServiceError::Draining),
@@ -75,7 +75,7 @@ pub(super) async fn watch(
     }
 }
 
-/// Sends a delta; what the map does meanwhile is gathered, however slow the reader is.
+/// Sends a delta. Meanwhile gathers the changes of the map, however slow the reader is.
 async fn send(
     watch: &mut Watch,
     header: &Header<'_>,
@@ -86,12 +86,12 @@ async fn send(
 ) -> Result<(), ServiceError> {
     tokio::select! {
         sent = send_delta(header, map, touched, wanted, sink) => sent,
-        // It never ends.
+        // `gather` never returns.
         () = watch.gather() => Ok(()),
     }
 }
 
-/// What all parts of a delta repeat.
+/// The fields that all parts of a delta repeat.
 struct Header<'a> {
     reset: bool,
     base_revision: i64,
@@ -100,8 +100,8 @@ struct Header<'a> {
     uid: &'a str,
 }
 
-/// The ids to be told, of one kind: those of `touched`, or all that the map holds, which are not
-/// collected first.
+/// The ids of one kind to send: those of `touched`, or all ids of the map, which are not collected
+/// first.
 fn ids<'a, I: Iterator<Item = EntityId> + Send + 'a>(
     touched: Option<&'a BTreeSet<EntityId>>,
     all: impl FnOnce() -> I,

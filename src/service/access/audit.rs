@@ -21,8 +21,8 @@ pub(in crate::service) fn deletion(
     tracing::info!(target: "audit", action = "DeleteMap", map, tenant, token, peer, outcome);
 }
 
-/// Refusals, which anybody can cause without end: a flood is summed up. What strangers cause stands
-/// apart, so that they cannot hide what known callers try.
+/// Refusals. Anybody can cause any number of them, so that a flood is logged as a sum. Strangers
+/// are counted separately, so that they cannot hide what known callers try.
 #[derive(Debug, Default)]
 pub(super) struct Refusals {
     known: LogLimit,
@@ -40,7 +40,7 @@ impl Refusals {
         });
     }
 
-    /// A JSON Web Token was not taken; its bearer is not told why.
+    /// A JSON Web Token was refused; its bearer does not learn why.
     pub(super) fn not_taken(&self, path: &str, reason: &Refusal) {
         let line = || tracing::info!(target: "audit", action = path, %reason, outcome = "refused");
         self.strangers.log(line, |count| {

@@ -1,6 +1,6 @@
-//! The guard before a service: who is not admitted reaches no handler.
+//! The guard in front of a service: a request that is not admitted reaches no handler.
 //!
-//! It looks at the path and the headers only and never reads the body.
+//! It reads only the path and the headers, never the body.
 
 use std::future::{Ready, ready};
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use super::Access;
 use crate::service::connections::Peer;
 use crate::service::deadline::Arrival;
 
-/// A service that serves those whom [`Access`] admits.
+/// A service that only serves callers that [`Access`] admits.
 #[derive(Clone, Debug)]
 pub(in crate::service) struct Guarded<S> {
     service: S,
@@ -25,7 +25,7 @@ pub(in crate::service) struct Guarded<S> {
 }
 
 impl<S> Guarded<S> {
-    /// Stands before `service`.
+    /// Puts the guard in front of `service`.
     pub(in crate::service) fn new(service: S, access: &Arc<Access>) -> Self {
         Self { service, access: Arc::clone(access) }
     }
@@ -49,7 +49,7 @@ where
 
     fn call(&mut self, mut request: Request<Body>) -> Self::Future {
         let admitted = self.access.admit(request.uri().path(), request.headers());
-        // Whoever may call holds its connection with better right than a stranger.
+        // An admitted caller keeps its connection longer than a stranger.
         let peer = request.extensions().get::<Peer>();
         match admitted.and_then(|caller| peer.map_or(Ok(()), Peer::admitted).map(|()| caller)) {
             Ok(caller) => {

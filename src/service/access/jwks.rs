@@ -6,9 +6,9 @@
 //! | EC, P-256 | ES256 |
 //! | OKP, Ed25519 | EdDSA |
 //!
-//! The key says which algorithms it serves and the token only picks among them: a public key is never
-//! taken for an HMAC secret. Keys for other things are passed over, as the RFC asks; one that is of
-//! use and broken, or private, makes the whole file be refused.
+//! The key determines its algorithms and the token only chooses among them, so that a public key is
+//! never used as an HMAC secret. Keys for other purposes are skipped, as the RFC requires. A
+//! suitable key that is broken, or a private key, makes the whole file invalid.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -34,7 +34,7 @@ pub(super) enum Algorithm {
 }
 
 impl Algorithm {
-    /// By the name that `alg` gives it.
+    /// The algorithm with this name in `alg`.
     pub(super) fn of_name(name: &str) -> Option<Self> {
         match name {
             "RS256" => Some(Self::Rs256),
@@ -49,7 +49,8 @@ impl Algorithm {
 /// A public key.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Key {
-    /// Big-endian numbers without leading zeros, and the one algorithm it is for, if it says so.
+    /// Big-endian numbers without leading zeros, and the only algorithm of the key, if it names
+    /// one.
     Rsa { modulus: Vec<u8>, exponent: Vec<u8>, only: Option<Algorithm> },
     /// The point, uncompressed (SEC 1).
     P256(Vec<u8>),
@@ -58,7 +59,7 @@ pub(super) enum Key {
 }
 
 impl Key {
-    /// Whether the key serves an algorithm.
+    /// Whether the key may be used with an algorithm.
     pub(super) fn serves(&self, algorithm: Algorithm) -> bool {
         match (self, algorithm) {
             (Self::Rsa { only, .. }, Algorithm::Rs256 | Algorithm::Ps256) => {
@@ -69,7 +70,7 @@ impl Key {
         }
     }
 
-    /// Whether this key made `signature` of `message` by an algorithm that it serves.
+    /// Whether this key made `signature` of `message` by an algorithm of the key.
     pub(super) fn signed(&self, algorithm: Algorithm, message: &[u8], signature: &[u8]) -> bool {
         let verified = match (self, algorithm) {
             _ if !self.serves(algorithm) => return false,
@@ -101,7 +102,7 @@ struct Set {
     keys: Vec<serde_json::Value>,
 }
 
-/// A key as the file has it, with the members of all kinds.
+/// A key as in the file, with the members of all key types.
 #[derive(Deserialize)]
 struct Jwk {
     kty: String,
@@ -119,9 +120,9 @@ struct Jwk {
 
 /// Why an entry gives no key.
 enum Unusable {
-    /// It is for something else.
+    /// It is for another purpose.
     Unsuited { why: &'static str },
-    /// The file is to be corrected.
+    /// The file must be corrected.
     Bad(&'static str),
 }
 
@@ -132,7 +133,7 @@ impl Keys {
     }
 
     pub(super) fn parse(text: &str, path: &Path) -> Result<Self, AccessError> {
-        // What the parser says could quote what the file holds.
+        // The parser's message could quote the file's content.
         let set: Set = serde_json::from_str(text)
             .map_err(|error| AccessError::Keys { path: path.to_owned(), line: error.line() })?;
         let mut keys = BTreeMap::new();
@@ -210,7 +211,7 @@ fn rsa(n: Option<String>, e: Option<String>, only: Option<Algorithm>) -> Result<
         return Err(Unusable::Bad("n must be of 2048 to 8192 bits"));
     }
     let is_odd = exponent.last().is_some_and(|byte| byte % 2 == 1);
-    // The bounds of ring, which would refuse every signature.
+    // The limits of ring, which otherwise refuses every signature.
     if !is_odd || exponent.len() > 4 || exponent == [1] {
         return Err(Unusable::Bad("e must be odd, above 1 and of at most 32 bits"));
     }

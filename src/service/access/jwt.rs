@@ -1,20 +1,20 @@
 //! JSON Web Tokens as bearer tokens (RFC 7519, signed as of RFC 7515, with the advice of RFC 8725).
 //!
-//! A token is taken when a key of the set, named by `kid`, signed it by an algorithm of that key, and
-//! when its claims say for whom and how long it is:
+//! A token is accepted if a key of the set, named by `kid`, signed it by an algorithm of that key,
+//! and if its claims are valid:
 //!
 //! | claim | must be |
 //! |---|---|
 //! | `exp` | not past |
-//! | `nbf` | past, where it is given |
+//! | `nbf` | past, if given |
 //! | `iss` | the issuer |
 //! | `aud` | the audience, or a list that holds it |
 //! | `sub` | the caller's name in the audit log: 1 to 255 printable characters |
 //! | `covis_role` | `read`, `write` or `admin` |
 //! | `covis_tenant` | a tenant; left out for the default tenant |
 //!
-//! Nothing of a token is believed before its signature is checked. The caller of a refused one learns
-//! no more than whether it expired; [`Refusal`] is for the operator's log and never holds the token.
+//! No claim is trusted before the signature is checked. The caller with a refused token only learns
+//! whether it expired; [`Refusal`] is for the operator's log and never contains the token.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -33,18 +33,19 @@ const LEEWAY: i64 = 60;
 /// Longest `sub`, characters.
 const LONGEST_SUBJECT: usize = 255;
 
-/// Whose tokens are taken, and which.
+/// Which issuer's tokens are accepted, and for which audience.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct JwtOptions {
     /// File of the keys that sign them, a JSON Web Key Set.
     pub jwks: PathBuf,
-    /// The issuer that they must name.
+    /// The issuer that tokens must name.
     pub issuer: String,
-    /// The audience that they must be meant for.
+    /// The audience that tokens must name.
     pub audience: String,
 }
 
-/// Why a token is not taken; what it quotes of a token was signed by a known key, but for the `kid`.
+/// Why a token is refused. Whatever it quotes of a token was signed by a known key, except the
+/// `kid`.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(super) enum Refusal {
     #[error("{0} cannot be read")]
@@ -71,17 +72,17 @@ pub(super) enum Refusal {
     Audience,
 }
 
-/// What a token says of its bearer.
+/// What a token says about its bearer.
 #[derive(Debug)]
 pub(super) struct Bearer {
     pub(super) subject: String,
     pub(super) tenant: String,
     pub(super) role: Role,
-    /// When the token no longer counts, Unix time in seconds.
+    /// When the token expires, leeway included, Unix time in seconds.
     pub(super) end: i64,
     /// The name of the key that signed it.
     pub(super) kid: String,
-    /// That key.
+    /// The key that signed it.
     pub(super) key: Arc<Key>,
 }
 
@@ -92,7 +93,7 @@ struct Header {
     crit: Option<serde::de::IgnoredAny>,
 }
 
-/// Each is checked by itself, so that the log can name the one that is wrong.
+/// Each claim is checked separately, so that the log can name the wrong one.
 #[derive(Deserialize)]
 struct Claims {
     exp: Option<serde_json::Value>,
@@ -185,8 +186,8 @@ fn bearer(
     Ok(Bearer { subject, tenant, role, end, kid, key })
 }
 
-/// What claims would say had a key signed them; `None` where they are no JSON. For the fuzz target
-/// only: behind a signature it would never reach them.
+/// Checks claims as if a key had signed them; `None` if they are not JSON. Only for the fuzz
+/// target, which could never produce a valid signature.
 #[cfg(any(test, feature = "fuzzing"))]
 pub(super) fn read_unsigned(
     claims: &str,
@@ -202,11 +203,11 @@ fn part<T: DeserializeOwned>(text: &str) -> Option<T> {
     serde_json::from_slice(&URL_SAFE_NO_PAD.decode(text).ok()?).ok()
 }
 
-/// A `NumericDate`, to the second below.
+/// A `NumericDate`, rounded down to a second.
 fn time(value: Option<&serde_json::Value>) -> Option<i64> {
     let number = value?.as_number()?;
     let whole = number.as_i64();
-    // Far beyond any year that a clock shows; what is larger is no time.
+    // Far later than any real time; larger values are not accepted.
     const LARGEST: f64 = 1e15;
     let rounded = || number.as_f64().map(f64::floor).filter(|time| time.abs() < LARGEST);
     whole.or_else(|| rounded().map(|time| time as i64))

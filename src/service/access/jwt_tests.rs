@@ -1,6 +1,6 @@
-//! Which JSON Web Tokens are taken, and for which reason each bad one is not; which sets of keys are.
+//! Which JSON Web Tokens and key sets are accepted, and the reason why each bad token is refused.
 //!
-//! Keys are made here, but for the RSA key of tests/golden/keys, which signs nothing else.
+//! Keys are generated here, except the RSA key of tests/golden/keys, which signs nothing else.
 
 use std::path::Path;
 
@@ -78,7 +78,7 @@ impl Issuer {
             "PS256" => rsa(&RSA_PSS_SHA256),
             "ES256" => self.p256.sign(&self.random, message).unwrap().as_ref().to_vec(),
             "EdDSA" => self.ed25519.sign(message).as_ref().to_vec(),
-            // The oldest trick: what everybody knows, taken for a secret.
+            // A known attack: the public key used as an HMAC secret.
             "HS256" => {
                 let public = RsaPublicKeyComponents::<Vec<u8>>::from(self.rsa.public());
                 hmac::sign(&hmac::Key::new(hmac::HMAC_SHA256, &public.n), message).as_ref().to_vec()
@@ -106,7 +106,7 @@ fn claims() -> Value {
     })
 }
 
-/// The good claims with one that is other, or left out (null).
+/// The valid claims with one claim changed, or left out (null).
 fn with(claim: &str, value: Value) -> Value {
     let mut claims = claims();
     claims[claim] = value;
@@ -237,7 +237,7 @@ fn what_was_not_signed_is_not_believed() {
     ] {
         assert_eq!(check(&keys, &token).unwrap_err(), expected, "{token}");
     }
-    // Signed, and yet no claims.
+    // Validly signed, but the payload has no claims.
     let signed = format!("{head}.{}", base64("[]"));
     let token = format!("{signed}.{}", base64(issuer.sign("ES256", signed.as_bytes())));
     assert_eq!(check(&keys, &token).unwrap_err(), Refusal::Malformed("its claims"));
@@ -248,7 +248,7 @@ fn a_key_serves_only_what_it_is_for() {
     let issuer = Issuer::new();
     let mut rsa = issuer.rsa_jwk();
     rsa["alg"] = json!("PS256");
-    // Others pad their numbers with zeros.
+    // Other issuers pad their numbers with zeros.
     let modulus = URL_SAFE_NO_PAD.decode(rsa["n"].as_str().unwrap()).unwrap();
     rsa["n"] = json!(base64([&[0], modulus.as_slice()].concat()));
     let (mut encryption, secret) =

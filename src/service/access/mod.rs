@@ -1,9 +1,10 @@
 //! Who may call what: bearer tokens, roles, tenants, and the record of deletions.
 //!
-//! [`Guarded`] stands before every service but health. It admits a request by its token and by the
-//! role that its RPC needs, and hands the [`Caller`] on in the request's extensions. Tokens are those
-//! of a file (`tokens`), and those that an issuer signed (`jwt`, `jwks`); without either everybody is
-//! an administrator of the default tenant. A stream that stays open is watched by `rights`. No token is logged or kept: what is compared are digests.
+//! [`Guarded`] is in front of every service except health. It admits a request by its token and by
+//! the role that its RPC needs, and passes the [`Caller`] on in the request's extensions. Tokens
+//! are listed in a file (`tokens`) or signed by an issuer (`jwt`, `jwks`); without either everybody
+//! is an administrator of the default tenant. `rights` checks streams while they are open. No token
+//! is logged or kept: only digests are compared.
 
 mod audit;
 #[cfg(any(test, feature = "fuzzing"))]
@@ -48,18 +49,18 @@ pub(super) use tokens::Tokens as ParsedTokens;
 const UNKNOWN: ServiceError = ServiceError::Unauthenticated { what: "the token is not known" };
 const EXPIRED: ServiceError = ServiceError::Unauthenticated { what: "the token has expired" };
 
-/// Which tokens are known, and to whom they belong.
+/// The known tokens and their owners.
 #[derive(Debug)]
 pub(super) struct Access {
     tokens: Option<PathBuf>,
     jwt: Option<JwtOptions>,
     clock: Clock,
-    /// Streams that are open see when it changes.
+    /// Open streams are notified when it changes.
     known: watch::Sender<Arc<Known>>,
     refusals: Refusals,
 }
 
-/// What the files say.
+/// The contents of the files.
 #[derive(Debug)]
 pub(super) struct Known {
     tokens: Option<Tokens>,
@@ -83,7 +84,7 @@ impl Access {
         Ok(Self { tokens, jwt, clock, known, refusals })
     }
 
-    /// Whether only those with a token are admitted.
+    /// Whether only callers with a token are admitted.
     pub(super) fn is_guarded(&self) -> bool {
         self.tokens.is_some() || self.jwt.is_some()
     }
@@ -99,7 +100,7 @@ impl Access {
         Known::read(self.tokens.as_ref(), self.jwt.as_ref())
     }
 
-    /// From now on these tokens and keys are known, and no others.
+    /// From now on only these tokens and keys are known.
     pub(super) fn put(&self, known: Arc<Known>) {
         self.known.send_replace(known);
     }
@@ -132,7 +133,7 @@ impl Access {
         self.known().tokens.as_ref()?.caller(token)
     }
 
-    /// The bearer of a JSON Web Token, who learns no more of a bad one than whether it expired.
+    /// The bearer of a JSON Web Token. For a bad token, the bearer only learns whether it expired.
     fn signed(
         &self,
         token: &str,
@@ -158,7 +159,7 @@ impl Caller {
     /// The caller that the guard admitted.
     pub(super) fn of<T>(request: &Request<T>) -> Result<Self, ServiceError> {
         let caller = request.extensions().get::<Self>().cloned();
-        // A service that stands behind no guard serves nobody.
+        // A service without a guard serves nobody.
         caller.ok_or(ServiceError::Unauthenticated { what: "the caller is not known" })
     }
 }

@@ -1,8 +1,9 @@
-//! Whether an open stream may go on: its caller was admitted once, and may lose the right meanwhile.
+//! Whether an open stream may continue: its caller was admitted, but may have lost the right since.
 //!
-//! The token is not kept, only what tells it again: the digest of a listed one; of a signed one the
-//! key and the end. A token that is taken from the file, changes its tenant, expires, or whose key is
-//! gone, is as good as none; one whose role no longer covers the call is refused the call.
+//! The token is not kept, only what identifies it: the digest of a listed token; the key and the
+//! expiry of a signed one. A token that is removed from the file, changes its tenant, expires, or
+//! whose key is removed counts as no token. If its role no longer covers the call, the call is
+//! refused.
 
 use std::sync::Arc;
 
@@ -10,10 +11,10 @@ use super::jwks::Key;
 use super::{Access, Caller, EXPIRED, Known, UNKNOWN, audit};
 use crate::service::error::ServiceError;
 
-/// What a caller showed.
+/// The proof that a caller presented.
 #[derive(Clone, Debug)]
 pub(super) enum Proof {
-    /// Nothing was asked for.
+    /// No proof was required.
     Nothing,
     /// A token of the file, by its digest.
     Listed([u8; 32]),
@@ -21,9 +22,9 @@ pub(super) enum Proof {
     Signed {
         /// The name of the key that signed it.
         kid: Arc<str>,
-        /// That key.
+        /// The key that signed it.
         key: Arc<Key>,
-        /// When the token no longer counts, Unix time in seconds.
+        /// When the token expires, leeway included, Unix time in seconds.
         end: i64,
     },
 }

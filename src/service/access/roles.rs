@@ -1,27 +1,27 @@
-//! What each role may call. A role may do all that the ones below it may.
+//! The calls of each role. A role includes all lower roles.
 //!
-//! What is not listed takes the highest role, so that a new RPC is closed until someone decides;
-//! a test compares the lists with the descriptors.
+//! An RPC that is not listed needs the highest role, so that a new RPC is closed until someone
+//! decides; a test compares the lists with the descriptors.
 
-/// What a token is good for.
+/// The rights of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(in crate::service) enum Role {
-    /// Looks at maps.
+    /// Reads maps.
     Read,
-    /// Makes maps, adds to them and has them solved.
+    /// Creates maps, adds to them and starts solves.
     Write,
-    /// Takes things away for good.
+    /// Deletes permanently.
     Admin,
 }
 
 impl Role {
-    /// By its name.
+    /// The role with this name.
     pub(super) fn of_name(name: &str) -> Option<Self> {
         [Self::Read, Self::Write, Self::Admin].into_iter().find(|role| role.name() == name)
     }
 
-    /// As it is written in the file of tokens.
+    /// The name in the file of tokens.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Read => "read",
@@ -62,7 +62,7 @@ const WRITE: [&str; 10] = [
     "/covis.v1.OptimizationService/SolvePoseGraph",
 ];
 
-/// The role that the RPC at `path` takes.
+/// The role that the RPC at `path` needs.
 pub(super) fn needed(path: &str) -> Role {
     if READ.contains(&path) {
         Role::Read

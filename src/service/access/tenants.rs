@@ -1,4 +1,4 @@
-//! Callers and their tenants. A tenant sees its own maps only, under names of its own choice.
+//! Callers and their tenants. A tenant sees only its own maps, under names of its own choice.
 //!
 //! The engine knows a map as `tenant.name`; neither part can hold a dot, and the maps of the default
 //! tenant have the bare name. The tenant stays inside the server: it is in no answer and no error.
@@ -16,7 +16,7 @@ pub(in crate::service) struct Caller {
     token: Arc<str>,
     tenant: Arc<str>,
     role: Role,
-    /// The role that its call takes.
+    /// The role that its call needs.
     needed: Role,
     proof: Proof,
 }
@@ -28,17 +28,17 @@ impl Caller {
         Self { token, tenant, role, needed: Role::Read, proof: Proof::Nothing }
     }
 
-    /// The same, by what it showed.
+    /// The same caller with this proof.
     pub(super) fn showing(self, proof: Proof) -> Self {
         Self { proof, ..self }
     }
 
-    /// The same, in a call that takes the role `needed`.
+    /// The same caller in a call that needs the role `needed`.
     pub(super) fn calling(self, needed: Role) -> Self {
         Self { needed, ..self }
     }
 
-    /// Who calls a server that knows no tokens.
+    /// The caller of a server without tokens.
     pub(super) fn everybody() -> Self {
         Self::new("", "", Role::Admin)
     }
@@ -53,22 +53,22 @@ impl Caller {
         &self.tenant
     }
 
-    /// What it may do.
+    /// Its role.
     pub(super) fn role(&self) -> Role {
         self.role
     }
 
-    /// The role that its call takes.
+    /// The role that its call needs.
     pub(super) fn needed(&self) -> Role {
         self.needed
     }
 
-    /// What it showed.
+    /// The proof that it presented.
     pub(super) fn proof(&self) -> &Proof {
         &self.proof
     }
 
-    /// What the engine calls this caller's map.
+    /// The engine's name of this caller's map.
     pub(in crate::service) fn engine_name(&self, map_id: &str) -> String {
         match &*self.tenant {
             "" => map_id.to_owned(),

@@ -1,4 +1,4 @@
-//! The file of tokens: who may come in, known by the SHA-256 of the token.
+//! The file of tokens: the known callers, each with the SHA-256 of its token.
 //!
 //! ```toml
 //! [[token]]
@@ -12,8 +12,9 @@
 //! limits = { max_maps = 20, max_keyframes = 1_000_000, max_streams = 50 }
 //! ```
 //!
-//! A plain hash serves because tokens are long and random: there is no list of likely ones to try.
-//! Tokens are found by their digest, whose timing tells nothing that helps to guess a token.
+//! A plain hash is enough because tokens are long and random: there is no list of likely tokens to
+//! try. Tokens are found by their digest, and the timing of that reveals nothing that helps to
+//! guess a token.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -26,7 +27,7 @@ use super::{Caller, Role};
 use crate::service::engine::AccountLimits;
 use crate::service::limits::TenantLimits;
 
-/// Longest file, bytes: some 1,700 tokens. The parser of TOML may take a hundred times as much.
+/// Longest file, bytes: some 1,700 tokens. The TOML parser may need a hundred times as much memory.
 const MAX_BYTES: usize = 256 << 10;
 
 /// A file of tokens or of keys that cannot be used.
@@ -90,7 +91,7 @@ pub enum AccessError {
         /// What is wrong.
         reason: &'static str,
     },
-    /// No token could be taken.
+    /// No token could be accepted.
     #[error("{}: holds no key for signatures by RS256, PS256, ES256 or EdDSA", path.display())]
     NoKey {
         /// The file.
@@ -124,7 +125,7 @@ struct Entry {
     role: Role,
 }
 
-/// Who is known, and the ceilings of tenants.
+/// The known callers, and the ceilings of tenants.
 #[derive(Debug, Default)]
 pub(in crate::service) struct Tokens {
     /// Callers by the digest of their token.
@@ -186,12 +187,12 @@ impl Tokens {
         Ok(Self { callers: tokens, tenants })
     }
 
-    /// Whose token it is.
+    /// The owner of a token.
     pub(super) fn caller(&self, token: &str) -> Option<Caller> {
         self.owner(&Sha256::digest(token.as_bytes()).into()).cloned()
     }
 
-    /// Whose token has this digest.
+    /// The owner of the token with this digest.
     pub(super) fn owner(&self, digest: &[u8; 32]) -> Option<&Caller> {
         self.callers.get(digest)
     }
@@ -202,7 +203,7 @@ impl Tokens {
     }
 }
 
-/// Whether it may be the name of a token or tenant.
+/// Whether `text` is a valid name of a token or tenant.
 pub(super) fn is_name(text: &str) -> bool {
     let allowed = |c: u8| c.is_ascii_lowercase() || c.is_ascii_digit() || c == b'_' || c == b'-';
     (1..=63).contains(&text.len()) && text.bytes().all(allowed)

@@ -1,5 +1,5 @@
-//! How many connections a server holds, and for how long one may hold a place without use.
-//! It holds numbers only; `registry` and `serving` keep to them.
+//! How many connections a server holds, and how long one may keep its place without use. This
+//! module has only the numbers; `registry` and `serving` enforce them.
 
 use std::time::Duration;
 
@@ -9,19 +9,19 @@ use std::time::Duration;
 /// KiB at most, any other up to the 8 MiB of the HTTP/2 window that its streams share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ConnectionLimits {
-    /// Connections at once, strangers among them (512). Half of the files that the process may have
-    /// open is never exceeded, whatever stands here: journals need the rest.
+    /// Most connections at once, strangers included (512). They never exceed half of the files that
+    /// the process may open, because journals need the rest.
     pub max_connections: usize,
-    /// Strangers at once (256). A new one takes the place of the oldest stranger of the network that has
-    /// most of them, so nobody is kept out by strangers.
+    /// Strangers at once (256). A new one takes the place of the oldest stranger of the network
+    /// that has most of them, so that strangers keep nobody out.
     pub max_strangers: usize,
     /// How long a connection may be a stranger: the time for the TLS handshake, the preface of HTTP/2
     /// and the first call that is admitted together (30 s).
     pub stranger_time: Duration,
     /// How long a connection may be without an open call; it is then told to go away (5 min).
     pub idle_time: Duration,
-    /// How long the peer may take for the next 64 KiB of a request message that it has begun, or its
-    /// rest (30 s).
+    /// How long the peer may take for the next 64 KiB of a request message that it has begun, or
+    /// for the rest of it (30 s).
     pub message_time: Duration,
     /// Bytes of request messages that have begun to come and are not complete, of all connections
     /// (256 MiB); messages up to 64 KiB do not count. Further ones wait.
@@ -42,11 +42,11 @@ impl Default for ConnectionLimits {
 }
 
 impl ConnectionLimits {
-    /// These limits where the process may have so many files open: half of them stay free.
+    /// These limits, lowered so that half of the files that the process may open stay free.
     pub(super) fn within(self, descriptors: Option<u64>) -> Self {
         let half = descriptors.and_then(|limit| usize::try_from(limit / 2).ok());
         let max_connections = self.max_connections.min(half.unwrap_or(usize::MAX)).max(2);
-        // Whoever has a token needs a place too.
+        // Callers with a token need a place too.
         let max_strangers = self.max_strangers.clamp(1, max_connections.div_ceil(2));
         if max_connections < self.max_connections {
             tracing::warn!(
@@ -57,7 +57,7 @@ impl ConnectionLimits {
         Self { max_connections, max_strangers, ..self }
     }
 
-    /// Connections that are no strangers.
+    /// Most connections that are not strangers.
     pub(super) fn max_known(&self) -> usize {
         self.max_connections.saturating_sub(self.max_strangers)
     }

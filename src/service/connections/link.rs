@@ -1,5 +1,5 @@
-//! What is known of one connection: who it is with, whether it is a stranger, its open calls, and how
-//! far its end has come.
+//! The state of one connection: its peer, whether it is a stranger, its open calls, and the stage
+//! of its end.
 
 use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,11 +16,11 @@ use super::Connections;
 use super::messages::Arriving;
 use crate::service::error::ServiceError;
 
-/// How far the end of a connection has come.
+/// The stage of a connection's end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     Open,
-    /// The peer is told to go away; calls that run go on.
+    /// The peer is told to go away; running calls continue.
     Draining,
     Closed,
 }
@@ -84,7 +84,7 @@ impl Link {
         self.is_known.send_replace(true);
     }
 
-    /// Resolves when the connection is no stranger any more.
+    /// Resolves when the connection is no longer a stranger.
     pub(super) async fn known(&self) {
         let mut is_known = self.is_known.subscribe();
         // The sender lives as long as `self`.
@@ -97,7 +97,7 @@ impl Link {
         (calls.open == 0).then_some(calls.idle_since)
     }
 
-    /// Whether there was no call for so long.
+    /// Whether there was no call for at least `time`.
     pub(super) fn is_idle_for(&self, time: Duration) -> bool {
         self.idle_since().is_some_and(|since| since.elapsed() >= time)
     }
@@ -149,7 +149,7 @@ impl Link {
     }
 }
 
-/// The connection that a request came by; stands in its extensions.
+/// The connection of a request; it is in the request's extensions.
 #[derive(Clone, Debug)]
 pub(in crate::service) struct Peer(pub(super) Arc<Link>);
 
@@ -159,10 +159,10 @@ impl Peer {
         self.0.peer
     }
 
-    /// The guard has admitted a call: the connection is no stranger any more.
+    /// The guard has admitted a call: the connection is no longer a stranger.
     ///
     /// # Errors
-    /// [`ServiceError::ServerLimit`] where all places are taken by connections with calls.
+    /// [`ServiceError::ServerLimit`] if connections with calls have all places.
     pub(in crate::service) fn admitted(&self) -> Result<(), ServiceError> {
         if self.0.is_known() {
             return Ok(());
@@ -170,7 +170,7 @@ impl Peer {
         self.0.connections.upgrade().map_or(Ok(()), |connections| connections.admit(&self.0))
     }
 
-    /// The body of a request, whose messages must come in time.
+    /// The body of a request, whose messages must arrive in time.
     pub(in crate::service) fn arriving(&self, body: Body) -> Body {
         match self.0.connections.upgrade() {
             Some(connections) => Body::new(Arriving::new(body, &connections)),

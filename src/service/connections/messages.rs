@@ -1,7 +1,9 @@
-//! Request messages that are half there: each must go on within a time, and large ones share a room.
+//! Incomplete request messages: each must make progress within a time limit, and large ones share a
+//! memory budget.
 //!
-//! A decoder reserves what the five bytes before a message announce. Here they are read in passing, so
-//! that the reservation waits until there is room. It reads no message.
+//! A decoder reserves what the five bytes before a message announce. Here these bytes are read on
+//! the way, so that the reservation waits until there is room. The messages themselves are not
+//! read.
 
 use std::future::Future;
 use std::pin::Pin;
@@ -20,16 +22,16 @@ use crate::service::error::ServiceError;
 
 /// Flag and length before each message.
 const PREFIX_BYTES: usize = 5;
-/// Messages up to this size need no room, and so much must come within the time.
+/// Messages up to this size need no room; this much must arrive within the time limit.
 const STEP_BYTES: usize = 64 << 10;
 
-/// Where in the sequence of messages a stream is.
+/// The position of a stream in its sequence of messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Framing {
     prefix: [u8; PREFIX_BYTES],
-    /// Bytes of the prefix that are there.
+    /// Bytes of the prefix that have arrived.
     has: usize,
-    /// The message's size, once the prefix is there.
+    /// The message's size, once the prefix has arrived.
     size: usize,
     /// Bytes of it that are missing.
     missing: usize,
@@ -38,7 +40,7 @@ struct Framing {
 }
 
 impl Framing {
-    /// Goes on by these bytes.
+    /// Advances by these bytes.
     fn read(&mut self, mut data: &[u8]) {
         while !data.is_empty() {
             if self.missing > 0 {
@@ -75,10 +77,10 @@ pub(super) struct Arriving {
     body: Body,
     time: Duration,
     room: Arc<Semaphore>,
-    /// All the room there is, KiB.
+    /// The whole memory budget, KiB.
     all: u32,
     framing: Framing,
-    /// What of the message was there when its time began.
+    /// Bytes of the message that were missing when its time began.
     missing: usize,
     timer: Option<Pin<Box<Sleep>>>,
     held: Option<OwnedSemaphorePermit>,
@@ -102,7 +104,7 @@ impl Arriving {
         }
     }
 
-    /// Takes note of what has come; whether the frame waits for room.
+    /// Records what has arrived; returns the frame unless it waits for room.
     fn take(&mut self, frame: Frame<Bytes>) -> Option<Frame<Bytes>> {
         let Some(data) = frame.data_ref() else { return Some(frame) };
         let before = self.framing.number;
@@ -116,7 +118,7 @@ impl Arriving {
             return Some(frame);
         }
         let wanted = u32::try_from(self.framing.size.div_ceil(1 << 10)).unwrap_or(u32::MAX);
-        // A message that is too large for all of the room is refused by the decoder.
+        // The decoder refuses a message that is larger than the whole room.
         let room = Arc::clone(&self.room).acquire_many_owned(wanted.min(self.all));
         self.waiting = Some((frame, Box::pin(room)));
         None
@@ -167,7 +169,7 @@ impl HttpBody for Arriving {
     }
 
     fn size_hint(&self) -> SizeHint {
-        // A frame that waits is missing in the body's own hint.
+        // The body's own hint does not include a frame that waits.
         if self.waiting.is_some() { SizeHint::default() } else { self.body.size_hint() }
     }
 }
@@ -214,7 +216,7 @@ mod tests {
         drop(first);
         assert!(is_there(&mut second));
         drop(second);
-        // One that is larger than all of the room is left to the decoder.
+        // A message that is larger than the whole room is left to the decoder.
         assert!(is_there(&mut begin(1000)));
     }
 

@@ -1,17 +1,18 @@
-//! Connections from their accept to their end, so that nobody without a token holds the server up.
+//! Connections from their accept to their end, so that nobody without a token can block the server.
 //!
-//! The transport takes any stream of [`Accepted`] sockets. Those of the system come from [`accepted`];
-//! a simulated network brings its own and serves the very same services. Each connection is served by
-//! itself, so that one alone can be told to go away. It is a stranger until the guard admits a call.
+//! The transport takes any stream of [`Accepted`] sockets. Those of the system come from
+//! [`accepted`]; a simulated network has its own sockets for the same services. Each connection is
+//! served separately, so that a single one can be told to go away. A connection is a stranger until
+//! the guard admits a call.
 //!
 //! | module | role |
 //! |---|---|
 //! | `limits` | how many, and for how long |
-//! | `registry` | all connections, and who makes place |
-//! | `link` | what is known of one |
+//! | `registry` | all connections, and which one makes room |
+//! | `link` | the state of one connection |
 //! | `socket` | a socket that can be closed from elsewhere |
-//! | `messages` | request messages that are half there |
-//! | `serving` | the way of a connection |
+//! | `messages` | incomplete request messages |
+//! | `serving` | a connection from accept to end |
 
 mod limits;
 mod link;
@@ -34,7 +35,7 @@ pub(super) use link::{OpenCall, Peer};
 pub(super) use registry::Connections;
 pub(super) use serving::{Transport, serve};
 
-/// What a listener gives: a socket and the address of its peer.
+/// The item of a listener: a socket and the address of its peer.
 pub(crate) type Accepted<S> = (S, SocketAddr);
 
 /// A socket that the transport can serve.
@@ -42,13 +43,13 @@ pub(crate) trait Socket: AsyncRead + AsyncWrite + Unpin + Send + 'static {}
 
 impl<S: AsyncRead + AsyncWrite + Unpin + Send + 'static> Socket for S {}
 
-/// The sockets that connect to `listener`, probed by the system after `keep_alive` without a word.
+/// The sockets that connect to `listener`; the system probes them after `keep_alive` without data.
 pub(super) fn accepted(
     listener: TcpListener,
     keep_alive: Duration,
 ) -> impl Stream<Item = io::Result<Accepted<TcpStream>>> + Send + 'static {
-    // The transport's own switches do not reach a listener that was bound outside; without this one
-    // each small answer waits some 40 ms for the peer's delayed acknowledgment.
+    // The transport's own options do not apply to a listener that was bound outside. Without this
+    // option each small answer waits some 40 ms for the peer's delayed acknowledgment.
     let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
     let incoming = incoming.with_keepalive(Some(keep_alive));
     incoming.map(|socket| {

@@ -1,5 +1,5 @@
-//! All connections of a server, and who goes when there is no place left.
-//! It touches no socket: a connection that is to go is told so by its link.
+//! All connections of a server, and which one is closed when no place is left. This module uses no
+//! sockets: a connection is closed through its link.
 
 use std::collections::BTreeMap;
 use std::net::{IpAddr, SocketAddr};
@@ -17,22 +17,22 @@ use crate::service::error::ServiceError;
 pub(in crate::service) struct Connections {
     limits: ConnectionLimits,
     table: Mutex<Table>,
-    /// Room for request messages that are half there, KiB.
+    /// Memory budget of incomplete request messages, KiB.
     pub(super) unfinished: Arc<Semaphore>,
-    /// What ended connections.
+    /// Counts why connections ended.
     pub(in crate::service) ends: Ends,
-    /// Connections that could not be accepted, for instance for want of descriptors.
+    /// Connections that could not be accepted, for instance for lack of descriptors.
     pub(in crate::service) accept_failures: Counter,
 }
 
 /// Connections that the server ended, by reason.
 #[derive(Debug, Default)]
 pub(in crate::service) struct Ends {
-    /// A stranger that made place for a newer one.
+    /// A stranger that made room for a newer one.
     pub(in crate::service) displaced: Counter,
-    /// A stranger whose time was up.
+    /// A stranger whose time was over.
     pub(in crate::service) stranger_time: Counter,
-    /// No call for too long, or for longest when a place was needed.
+    /// Without a call for too long, or for the longest time when a place was needed.
     pub(in crate::service) idle: Counter,
 }
 
@@ -45,7 +45,7 @@ struct Table {
 }
 
 impl Table {
-    /// The stranger that goes next: the oldest of the network that has most of them.
+    /// The stranger that is closed next: the oldest of the network that has most of them.
     fn displaced(&self) -> Option<u64> {
         let mut networks: BTreeMap<IpAddr, (usize, u64)> = BTreeMap::new();
         for (&id, link) in &self.strangers {
@@ -74,7 +74,7 @@ impl Connections {
         })
     }
 
-    /// The limits that hold.
+    /// The limits in force.
     pub(in crate::service) fn limits(&self) -> &ConnectionLimits {
         &self.limits
     }
@@ -85,7 +85,7 @@ impl Connections {
         (table.strangers.len(), table.known.len())
     }
 
-    /// A place for a new connection, which another stranger leaves where none is free.
+    /// A place for a new connection; if none is free, another stranger loses its place.
     pub(in crate::service) fn enter(self: &Arc<Self>, peer: SocketAddr) -> Place {
         let mut table = self.table();
         while table.strangers.len() >= self.limits.max_strangers {
@@ -102,7 +102,7 @@ impl Connections {
         Place { link, connections: Arc::clone(self) }
     }
 
-    /// Moves a stranger to those who are known.
+    /// Moves a stranger to the known connections.
     pub(super) fn admit(&self, link: &Link) -> Result<(), ServiceError> {
         let mut table = self.table();
         // Another call of the connection may have been faster, or a newer stranger.
@@ -116,7 +116,7 @@ impl Connections {
                 });
             };
             self.ends.idle.increment();
-            // Nothing runs on it; its client opens another one when it has something to ask.
+            // No call runs on it; its client opens another connection when it needs one.
             idle.close();
         }
         stranger.set_known();
@@ -135,7 +135,7 @@ impl Connections {
     }
 }
 
-/// The place of a connection; dropping it ends the connection and gives the place back.
+/// The place of a connection; dropping it ends the connection and releases the place.
 #[derive(Debug)]
 pub(in crate::service) struct Place {
     link: Arc<Link>,

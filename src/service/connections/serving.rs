@@ -1,5 +1,5 @@
-//! Takes sockets, gives each a place, makes TLS where it is wanted, and hands it to the transport; then
-//! watches over its time.
+//! Accepts sockets, gives each a place, makes the TLS handshake if configured, and passes it to the
+//! transport; then enforces its time limits.
 
 use std::io;
 use std::sync::Arc;
@@ -18,19 +18,19 @@ use crate::service::context::Context;
 use crate::service::log_limit::LogLimit;
 use crate::service::tls::Tls;
 
-/// How long a peer has to go away when it is told to.
+/// How long a peer has to close after it was told to go away.
 const GOODBYE_TIME: Duration = Duration::from_secs(1);
-/// How long nothing is accepted after an error that the next socket would meet too.
+/// How long nothing is accepted after an error that would also affect the next socket.
 const BACK_OFF: Duration = Duration::from_millis(100);
 
-/// Services, and how they are spoken to.
+/// Services, and the protocol settings to serve them.
 #[derive(Clone)]
 pub(in crate::service) struct Transport {
     /// The settings of HTTP/2.
     pub(in crate::service) server: tonic::transport::Server,
     /// The services.
     pub(in crate::service) routes: Routes,
-    /// TLS, where it is spoken.
+    /// TLS, if configured.
     pub(in crate::service) tls: Option<Arc<Tls>>,
 }
 
@@ -68,7 +68,7 @@ async fn accept<S: Socket>(
                 }
                 Some(Err(error)) if is_of_one_socket(&error) => {}
                 Some(Err(error)) => {
-                    // Most likely there is no descriptor left: the next try would find none either.
+                    // Most likely no descriptor is left, and the next try would fail too.
                     context.connections.accept_failures.increment();
                     failures.log(
                         || tracing::warn!(%error, "a connection was not accepted"),
@@ -86,7 +86,7 @@ async fn accept<S: Socket>(
     }
 }
 
-/// Whether an error of a listener tells of a socket that was gone before it was accepted.
+/// Whether an error of a listener only concerns one socket that was closed before it was accepted.
 fn is_of_one_socket(error: &io::Error) -> bool {
     use io::ErrorKind::{
         BrokenPipe, ConnectionAborted, ConnectionReset, Interrupted, NotConnected, TimedOut,
@@ -114,7 +114,7 @@ async fn connection<S: Socket>(
         },
     };
     let socket = Connection::new(socket, Arc::clone(&link));
-    // The transport serves what comes and ends when it is told to: one socket, and no other.
+    // The transport serves only this socket, and ends when it is told to.
     let socket = tokio_stream::once(Ok::<_, io::Error>(socket)).chain(tokio_stream::pending());
     let ending = async {
         tokio::select! {
@@ -132,7 +132,7 @@ async fn connection<S: Socket>(
     }
 }
 
-/// The socket with TLS; `None` where it came to nothing.
+/// The socket with TLS; `None` if the handshake failed.
 async fn handshake<S: Socket>(
     tls: &Tls,
     socket: S,
@@ -142,7 +142,7 @@ async fn handshake<S: Socket>(
     let (link, limits) = (place.link(), place.connections().limits());
     let made = tokio::select! {
         made = tls.current().accept(socket) => made,
-        // A newer stranger has its place, which is counted already.
+        // A newer stranger has taken its place, which is already counted.
         () = link.closed() => return None,
         () = sleep_until(link.since + limits.stranger_time) => {
             place.connections().ends.stranger_time.increment();
@@ -159,7 +159,7 @@ async fn handshake<S: Socket>(
     }
 }
 
-/// Ends the connection when its time is up; resolves when it was closed for that.
+/// Ends the connection when its time is over; resolves when it was closed for that reason.
 async fn watch_over(link: &Link, place: &Place) {
     let (limits, ends) = (place.connections().limits(), &place.connections().ends);
     tokio::select! {

@@ -1,5 +1,5 @@
-//! A socket as the transport sees it: plain or with TLS, and closed when its connection is to end.
-//! It reads nothing of what passes.
+//! A socket as the transport sees it: plain or with TLS, and closed when its connection must end.
+//! The data that passes is not read.
 
 use std::io;
 use std::pin::Pin;
@@ -19,7 +19,7 @@ pub(super) enum Secured<S> {
     Tls(Box<TlsStream<S>>),
 }
 
-/// A socket and what is known of its connection.
+/// A socket and the state of its connection.
 pub(super) struct Connection<S> {
     socket: Secured<S>,
     link: Arc<Link>,
@@ -39,7 +39,7 @@ impl<S> Connection<S> {
 }
 
 impl<S> Drop for Connection<S> {
-    /// Whoever waits for the end of the connection learns of it.
+    /// Notifies all that wait for the end of the connection.
     fn drop(&mut self) {
         self.link.close();
     }

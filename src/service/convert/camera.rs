@@ -1,6 +1,6 @@
 //! Cameras with their projection models.
 //!
-//! The formulas stand in `camera.proto`; pixels have integers at their centers on both sides.
+//! The formulas are in `camera.proto`; pixel centers have integer coordinates on both sides.
 
 use covis_solvers::geometry::{Camera, KannalaBrandt, PinholeRadialTangential, Snavely};
 
@@ -11,7 +11,7 @@ use crate::wire::v1;
 /// Widest image, px.
 const MAX_IMAGE_PX: i64 = 65_535;
 
-/// A camera's projection and image size; its id and client are the caller's to read.
+/// A camera's projection and image size; the caller reads its id and client.
 pub(in crate::service) fn camera(
     at: Path<'_>,
     camera: &v1::Camera,

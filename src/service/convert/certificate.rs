@@ -1,4 +1,4 @@
-//! The certificate of a solve: the loop's summary joined with the evaluator's cost reports.
+//! The certificate of a solve: the loop's summary combined with the evaluator's cost reports.
 
 use covis_solvers::evaluation::{CostReport, FactorCost};
 

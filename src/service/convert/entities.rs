@@ -80,7 +80,7 @@ pub(in crate::service) fn to_constraint(
     }))
 }
 
-/// Why a constraint does not count.
+/// Why a constraint is switched off.
 pub(in crate::service) fn to_switched_off(off: &SwitchedOff) -> v1::SwitchedOff {
     v1::SwitchedOff { chi2: off.chi2, weight: off.weight }
 }

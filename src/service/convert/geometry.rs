@@ -129,7 +129,7 @@ pub(in crate::service) fn information6(
     symmetric(at, &out.required(at, information)?.upper_triangle, out)
 }
 
-/// The typed matrix of one that was checked already.
+/// The typed matrix of a matrix that was already checked.
 pub(in crate::service) fn typed<const N: usize>(
     at: Path<'_>,
     matrix: &SMatrix<f64, N, N>,

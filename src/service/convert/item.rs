@@ -1,4 +1,4 @@
-//! Items of an ingest stream, and the digest by which a re-sent one is recognized.
+//! Items of an ingest stream, and the digest that identifies an item that is sent again.
 //!
 //! The digest is SHA-256 over the prost encoding of the item as received, without its sequence.
 //! What needs the map (references, duplicates, projections) is checked by `Map::check`.
@@ -26,10 +26,10 @@ use v1::ingest_request::Item as WireItem;
 const MAX_FEATURE_DESCRIPTOR: usize = 4096;
 /// Longest descriptor of a whole image, bytes.
 const MAX_IMAGE_DESCRIPTOR: usize = 65_536;
-/// Most observations, and most landmarks, of one item: what it becomes in the map takes some hundred
-/// bytes for each, however little it takes on the wire.
+/// Most observations, and most landmarks, of one item: each needs some hundred bytes in the map,
+/// however few on the wire.
 const MAX_ENTRIES: usize = 65_536;
-/// Stands for an id that cannot be read; no client can give it.
+/// Placeholder for an id that cannot be read; no client can use it.
 const UNREADABLE_ID: i64 = -1;
 /// Longest name of a descriptor, bytes.
 const MAX_DESCRIPTOR_NAME: usize = 64;
@@ -41,16 +41,16 @@ pub(in crate::service) fn digest(item: &WireItem) -> Digest {
     Sha256::digest(&bytes).into()
 }
 
-/// An item that cannot be taken.
+/// An item that cannot be accepted.
 #[derive(Debug)]
 pub(in crate::service) struct Refused {
     /// Everything that is wrong with its fields.
     pub rejection: Rejection,
-    /// What can be read of it all the same; `None` where the map has nothing to say of it.
+    /// The part that can be read; `None` if the map cannot check it.
     pub partial: Option<Box<PartialItem>>,
 }
 
-/// The item that the stream of client `sender` brings.
+/// Converts an item from the stream of client `sender`.
 ///
 /// # Errors
 /// [`Refused`] with everything that is wrong with its fields.
@@ -87,7 +87,7 @@ fn read(item: &WireItem, sender: &str, out: &mut Violations) -> Option<Item> {
         WireItem::RemoveLandmarks(_) => out.unimplemented(Path::root("remove_landmarks")),
         WireItem::RemoveKeyframe(_) => out.unimplemented(Path::root("remove_keyframe")),
         WireItem::SetCamera(_) => out.unimplemented(Path::root("set_camera")),
-        // The stream ends at a second open before it comes here.
+        // A second open ends the stream before this point.
         WireItem::Open(_) => out.report(Path::root("open"), Reason::Duplicate, "open already"),
     }
 }
@@ -102,7 +102,7 @@ fn camera_item(
     let place = at.field("id");
     let id = id(place, message.id, out);
     let id = out.or(place, id, UNREADABLE_ID);
-    // What stands for a camera that cannot be read has nothing wrong with it.
+    // The placeholder of a camera that cannot be read causes no violation.
     let entity = camera(at, message, out).unwrap_or(CameraEntity {
         camera: Camera::Pinhole(PinholeRadialTangential::undistorted(1.0, 1.0, 0.0, 0.0)),
         width_px: 0,
@@ -126,7 +126,7 @@ fn keyframe_item(message: &v1::Keyframe, sender: &str, out: &mut Violations) -> 
     }
     let start = at.field("world_from_camera");
     let pose = rigid_transform(start, message.world_from_camera.as_ref(), out);
-    // Nothing is projected from a pose that is not finite.
+    // The placeholder is not finite, so that nothing is projected from it.
     let nowhere = Se3 { translation: Vector3::repeat(f64::NAN), ..Se3::identity() };
     let world_from_camera = out.or(start, pose, nowhere);
     let odom = message.odom_from_camera.as_ref();
@@ -150,8 +150,7 @@ fn keyframe_item(message: &v1::Keyframe, sender: &str, out: &mut Violations) -> 
     })
 }
 
-/// The camera of a keyframe, `None` within where it names none; whether it needs one is the map's
-/// check.
+/// The camera of a keyframe, `Some(None)` if it names none; the map checks whether it needs one.
 fn sensor(at: Path<'_>, message: &v1::Keyframe, out: &mut Violations) -> Option<Option<i64>> {
     match message.sensor {
         None => Some(None),
@@ -275,7 +274,7 @@ fn landmarks(
         let position = message.point_in_world.as_ref();
         let read = position.and_then(|point| vector3(at.field("point_in_world"), Some(point), out));
         if position.is_some() && read.is_none() {
-            // Whether the map holds the landmark with another position cannot be told.
+            // It is unknown whether the map has the landmark with another position.
             out.unreadable.push(place.to_string());
         }
         let _kept = descriptor(
@@ -380,8 +379,8 @@ fn pose_prior(message: &v1::PosePrior, sender: &str, out: &mut Violations) -> Op
     })
 }
 
-/// A loss of a single constraint: not served yet, unless it is the trivial one and that is what the
-/// constraint has anyway.
+/// A loss of a single constraint: not served yet, unless it is the trivial loss and the constraint
+/// has that already.
 fn no_own_loss(
     at: Path<'_>,
     message: Option<&v1::Loss>,

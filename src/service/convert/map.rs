@@ -1,8 +1,8 @@
 //! Maps and their policies.
 //!
-//! A policy's absent fields take the server's defaults, its ceilings are never above the server's.
-//! What the map cannot keep yet (a gauge of its own) is refused with UNIMPLEMENTED rather than taken
-//! and forgotten.
+//! Absent fields of a policy get the server's defaults; its ceilings never exceed the server's.
+//! What the map cannot store yet (its own gauge) is refused with UNIMPLEMENTED, not silently
+//! ignored.
 
 use super::entities::{clients_by_name, to_client_frame};
 use super::geometry::to_vector3;
@@ -28,7 +28,7 @@ pub(in crate::service) struct ServerCeilings {
     pub queued_items: usize,
 }
 
-/// What acknowledged items withstand.
+/// Which failures acknowledged items survive.
 pub(in crate::service) fn to_durability(durability: Durability) -> v1::Durability {
     match durability {
         Durability::Memory => v1::Durability::InMemory,
@@ -143,7 +143,7 @@ fn ceilings(
     })
 }
 
-/// Items of a client that may wait, where that is fewer than the server has.
+/// Items of a client that may wait, if that is fewer than the server's number.
 fn queued_items(
     at: Path<'_>,
     message: Option<&v1::MapLimits>,

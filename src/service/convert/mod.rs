@@ -1,9 +1,10 @@
 //! Wire ↔ domain: the only place that reads or fills generated messages field by field.
 //!
 //! Inward every function takes the field's [`Path`], reports what is wrong into [`Violations`] and
-//! returns `None`; all violations of a message are told, not the first alone. What can be judged
-//! without the map is judged here: presence, finite numbers, ranges, units, lengths, definiteness,
-//! enum values. Outward conversions cannot fail. No maths beyond that, no engine, no status codes.
+//! returns `None`; all violations of a message are reported, not only the first. What can be
+//! checked without the map is checked here: presence, finite numbers, ranges, units, lengths,
+//! definiteness, enum values. Outward conversions cannot fail. No other mathematics, no engine, no
+//! status codes.
 
 pub(super) mod camera;
 pub(super) mod certificate;
@@ -32,7 +33,7 @@ enum Step {
     Index(usize),
 }
 
-/// Where a field stands, from the request on; written out only when something is wrong there.
+/// The path of a field, starting at the request; it is formatted only for a violation.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Path<'a> {
     parent: Option<&'a Path<'a>>,
@@ -47,12 +48,12 @@ impl Path<'static> {
 }
 
 impl<'a> Path<'a> {
-    /// A field of the message that stands here.
+    /// A field of the message at this path.
     pub(super) fn field(&'a self, name: &'static str) -> Path<'a> {
         Path { parent: Some(self), step: Step::Field(name) }
     }
 
-    /// An entry of the list that stands here.
+    /// An entry of the list at this path.
     pub(super) fn index(&'a self, index: usize) -> Path<'a> {
         Path { parent: Some(self), step: Step::Index(index) }
     }
@@ -75,7 +76,7 @@ impl fmt::Display for Path<'_> {
 #[derive(Debug, Default)]
 pub(super) struct Violations {
     rejection: Rejection,
-    /// Paths of fields that placeholders stand for.
+    /// Paths of fields that have placeholders.
     unreadable: Vec<String>,
 }
 
@@ -91,8 +92,8 @@ impl Violations {
         None
     }
 
-    /// A placeholder for a field that cannot be read, so that the rest can be judged; what is wrong
-    /// with the field is reported already.
+    /// A placeholder for a field that cannot be read, so that the rest can be checked; the
+    /// violation of the field is already reported.
     pub(super) fn or<T>(&mut self, at: Path<'_>, value: Option<T>, placeholder: T) -> T {
         value.unwrap_or_else(|| {
             self.unreadable.push(at.to_string());
@@ -110,7 +111,7 @@ impl Violations {
         self.report(at, Reason::Unimplemented, "not served yet")
     }
 
-    /// A message that must be there.
+    /// A message that must be present.
     pub(super) fn required<'m, T>(
         &mut self,
         at: Path<'_>,
@@ -126,7 +127,7 @@ impl Violations {
         }
     }
 
-    /// A list that must not be longer than the server takes.
+    /// A list that must not be longer than the server accepts.
     pub(super) fn at_most<T>(&mut self, at: Path<'_>, list: &[T], most: usize) -> Option<()> {
         if list.len() <= most {
             return Some(());
@@ -178,7 +179,7 @@ impl Violations {
         self.report(at, Reason::OutOfRange, format!("{value} is not in {low} to {high}"))
     }
 
-    /// A known value of an enum; the unspecified one is handed on for the caller to judge.
+    /// A known value of an enum; the unspecified one is returned, and the caller checks it.
     pub(super) fn known<E: TryFrom<i32>>(&mut self, at: Path<'_>, value: i32) -> Option<E> {
         E::try_from(value)
             .ok()
@@ -191,8 +192,8 @@ impl Violations {
             Some(value) if self.rejection.is_empty() => Ok(value),
             _ => {
                 if self.rejection.is_empty() {
-                    // Cannot happen while every `None` is reported; an empty refusal would tell
-                    // the client nothing.
+                    // Cannot happen while every `None` is reported; an empty rejection would be
+                    // useless to the client.
                     self.rejection.push("", Reason::Missing, "the message could not be read");
                 }
                 Err(self.rejection)
@@ -210,7 +211,7 @@ pub(super) fn convert<T>(
     violations.finish(value)
 }
 
-/// All or nothing of a list, with every entry's violations reported.
+/// Converts a whole list or nothing, and reports the violations of every entry.
 pub(super) fn all<'m, M, T>(
     at: Path<'_>,
     messages: &'m [M],
@@ -228,12 +229,12 @@ pub(super) fn all<'m, M, T>(
     complete.then_some(values)
 }
 
-/// A count as the wire has it.
+/// A count in the wire's type.
 pub(super) fn count(value: usize) -> i64 {
     i64::try_from(value).unwrap_or(i64::MAX)
 }
 
-/// A small count as the wire has it.
+/// A small count in the wire's type.
 pub(super) fn small(value: usize) -> i32 {
     i32::try_from(value).unwrap_or(i32::MAX)
 }

@@ -1,7 +1,7 @@
 //! Problems that come with a call: bundle adjustment, pose graphs, one pose over known points.
 //!
-//! Bundles refer by index into their own lists, pose graphs by vertex id. Structure that only the
-//! whole shows (a graph in pieces, a variable that nothing measures) is the solver's to judge.
+//! Bundles refer by index into their own lists, pose graphs by vertex id. The solver checks what
+//! only the whole problem shows (a graph in pieces, a variable that nothing measures).
 
 use std::collections::BTreeMap;
 
@@ -119,7 +119,7 @@ fn index(at: Path<'_>, value: i32, count: usize, out: &mut Violations) -> Option
     }
 }
 
-/// Holds what the gauge of a bundle asks for.
+/// Fixes the variables that the gauge of a bundle requires.
 pub(in crate::service) fn hold_gauge(
     gauge: i32,
     problem: &mut BundleProblem,
@@ -178,15 +178,15 @@ struct Edge<G, const N: usize> {
     trusted: bool,
 }
 
-/// A graph and the start that it asks for.
+/// A graph and the start that the request chooses.
 pub(in crate::service) struct GraphToSolve<G, const N: usize> {
     /// The graph; poses that the request left out are the identity.
     pub graph: PoseGraph<G, N>,
     /// Where the solve is to start.
     pub start: Start,
-    /// Whether every vertex came with a pose.
+    /// Whether every vertex has a pose in the request.
     pub has_poses: bool,
-    /// The edges that are never switched off, rising.
+    /// The edges that are never switched off, in increasing order.
     pub trusted: Vec<usize>,
 }
 

@@ -1,4 +1,5 @@
-//! Robustness to false loop closures, and what a solve found of them and of the chordal cost.
+//! Robustness to false loop closures, and the results of a solve about closures and the chordal
+//! cost.
 
 use covis_solvers::graph_optimization::Proof;
 use covis_solvers::robust::Kernel;

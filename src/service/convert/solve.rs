@@ -17,7 +17,7 @@ use crate::map::Reason;
 use crate::service::engine::{GaugeKind, SolveCertificate, SolverKind};
 use crate::wire::v1;
 
-/// Iterations where the request names none.
+/// Iterations if the request names none.
 const DEFAULT_ITERATIONS: usize = 50;
 /// Most iterations that a request may ask for.
 const MAX_ITERATIONS: i64 = 10_000;
@@ -233,7 +233,7 @@ pub(in crate::service) fn to_summary(solve: &SolveSummary, method: Method) -> v1
     }
 }
 
-/// The rows of a solve, or none where they were not asked for.
+/// The rows of a solve, or none if they were not requested.
 pub(in crate::service) fn to_iterations(
     solve: &SolveSummary,
     wanted: bool,
@@ -263,7 +263,7 @@ pub(in crate::service) fn to_certificate(certificate: &SolveCertificate) -> v1::
     summary
 }
 
-/// What `OptimizeMap` is asked to hold; absent is the map's policy, the first keyframe.
+/// The gauge that `OptimizeMap` requests; if absent, the map's policy: the first keyframe.
 pub(in crate::service) fn gauge(
     at: Path<'_>,
     value: i32,

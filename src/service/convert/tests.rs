@@ -1,4 +1,4 @@
-//! Conversions there and back, field paths, and that all violations are told.
+//! Conversions there and back, field paths, and that all violations are reported.
 
 use covis_solvers::geometry::{Camera, KannalaBrandt, PinholeRadialTangential, Snavely};
 use covis_solvers::loss::Loss;

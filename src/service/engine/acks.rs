@@ -1,4 +1,4 @@
-//! What comes back on an ingest stream: acks of items, and the reason when the stream ends.
+//! Events of an ingest stream: acks of items, and the reason when the stream ends.
 //!
 //! `RECEIVED` and `REJECTED` answer one item each, in the order of the items; `DURABLE` and
 //! `OPTIMIZED` are cumulative.
@@ -15,39 +15,40 @@ use crate::map::Rejection;
 pub enum StreamEvent {
     /// An acknowledgment.
     Ack(Ack),
-    /// The stream is over; nothing follows. A stream that its client finished ends without it.
+    /// The stream has ended; no event follows. A stream that its client finished ends without this
+    /// event.
     End(EngineError),
 }
 
 /// An acknowledgment.
 #[derive(Clone, Debug)]
 pub struct Ack {
-    /// The item's sequence; for cumulative statuses the last that is covered.
+    /// The item's sequence; for cumulative statuses, the last sequence that is covered.
     pub sequence: i64,
-    /// Revision of the map that holds the effect; 0 when rejected.
+    /// Revision of the map that contains the item's effect; 0 when rejected.
     pub revision: i64,
-    /// How far the item has come.
+    /// The stage that the item has reached.
     pub status: AckStatus,
 }
 
-/// How far an item has come.
+/// The stage that an item has reached.
 #[derive(Clone, Debug)]
 pub enum AckStatus {
     /// Checked, journaled, applied.
     Received {
-        /// The map already had this very item; nothing changed.
+        /// The map already had the same item; nothing changed.
         duplicate: bool,
     },
-    /// Every taken item up to the sequence is on stable storage.
+    /// Every accepted item up to the sequence is on stable storage.
     Durable,
-    /// Solves have covered every taken item up to the sequence.
+    /// Solves have covered every accepted item up to the sequence.
     Optimized {
         /// The solve, counted from 1 in each map; 0 when there was nothing to solve.
         solve_id: i64,
         /// What it did.
         outcome: SolveReport,
     },
-    /// Refused for good; nothing changed.
+    /// Refused permanently; nothing changed.
     Rejected(Rejection),
 }
 

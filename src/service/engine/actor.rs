@@ -1,9 +1,10 @@
-//! The task that owns a map: what it waits for, and what it answers.
+//! The task that owns a map: its loop, and its answers to control messages.
 //!
-//! Each step takes one thing: a control message, the end of the running solve, progress of the
-//! journal, or an item, in this order of preference; after a control message all else comes first
-//! once, so that readers who never stop asking hold up no writer. Steps run under `catch_unwind`: a panic poisons the map and nothing else.
-//! In lock-step no item is taken while a solve runs or waits.
+//! Each step handles one of these, in this order of priority: a control message, the end of the
+//! running solve, progress of the journal, an item. After a control message, the others have
+//! priority for one step, so that constant requests of readers cannot block writers. Steps run
+//! under `catch_unwind`: a panic poisons only this map. In lock-step the task accepts no item while
+//! a solve runs or waits.
 
 use std::hash::{BuildHasher, RandomState};
 use std::panic::AssertUnwindSafe;
@@ -32,27 +33,28 @@ use super::{
 use crate::map::{Change, Client, MAX_NUMBER, Map};
 use crate::store::{Durability, Epoch, Store};
 
-/// A map with the one writer that it has.
+/// A map and its only writer.
 pub(super) struct Actor {
     pub(super) shared: Arc<Shared>,
     pub(super) config: EngineConfig,
     pub(super) store: Arc<dyn Store>,
     pub(super) pool: Arc<SolverPool>,
-    /// Gives the map's place back.
+    /// Counts the map in the account of its tenant until it is dropped.
     pub(super) _place: Reservation,
-    /// What the accounts have of this map.
+    /// The map's entities, as its accounts count them.
     pub(super) entities: HeldEntities,
-    /// Its events that wait for the disk.
+    /// Bytes of its journal that wait for the disk.
     pub(super) journal: Reservation,
     /// The store's epoch, which fences other writers.
     pub(super) store_epoch: Epoch,
     pub(super) map: Arc<Map>,
     pub(super) state: MapState,
-    /// Why the map takes no changes, where that is not a bug.
+    /// Why the map accepts no changes, if the reason is not a bug.
     pub(super) refusal: Option<EngineError>,
     pub(super) durable: DurableAcks,
     pub(super) snapshots: Snapshots,
-    /// The revision before the event that is being applied; a panic then leaves half of one.
+    /// The revision before the event that is being applied. While it is set, a panic may leave an
+    /// event half applied.
     pub(super) applying: Option<i64>,
     pub(super) items: mpsc::Receiver<Queued>,
     pub(super) control: mpsc::Receiver<Control>,
@@ -63,17 +65,17 @@ pub(super) struct Actor {
     /// The optimization that waits or runs.
     pub(super) job: Option<Job>,
     pub(super) last_solve_id: i64,
-    /// What a restart cut off.
+    /// Items whose solves were cut off by a restart.
     pub(super) unsolved: Vec<Unsolved>,
     /// Whether the queue is closed and empty.
     pub(super) drained: bool,
     /// Whether the last step answered a control message.
     pub(super) answered: bool,
-    /// Dropped at the end; not empty once the engine is to stop.
+    /// Replies that are dropped when the engine ends. Not empty once it was asked to stop.
     pub(super) closing: Vec<Reply<()>>,
 }
 
-/// Whether the task goes on.
+/// Whether the task continues.
 pub(super) enum Flow {
     Continue,
     Stop,
@@ -106,7 +108,7 @@ impl Actor {
         self.running.is_none() && self.schedule.is_empty() && self.job.is_none()
     }
 
-    /// Whether nothing is to come any more, DURABLE acks included.
+    /// Whether no solve and no DURABLE ack is outstanding.
     fn is_settled(&self) -> bool {
         self.is_idle() && self.durable.is_empty()
     }
@@ -148,7 +150,7 @@ impl Actor {
                 }
                 Flow::Continue
             }
-            // Nothing else waits: it is the readers' turn again.
+            // Nothing else is ready: the next step may answer a control message again.
             () = std::future::ready(()), if answered => Flow::Continue,
         };
         self.start_solves().await;
@@ -156,7 +158,8 @@ impl Actor {
         flow
     }
 
-    /// Computes something from the map on another thread. The engine waits, its thread does not.
+    /// Computes something from the map on another thread. The engine awaits the result; its thread
+    /// is not blocked.
     pub(super) async fn compute<R: Send + 'static>(
         &self,
         work: impl FnOnce(&Map) -> R + Send + 'static,
@@ -164,7 +167,7 @@ impl Actor {
         let map = Arc::clone(&self.map);
         let work = move || {
             let result = work(&map);
-            // Before the answer: the next change must find the map unshared.
+            // Dropped before the answer: the next change would copy a map that is shared.
             drop(map);
             result
         };
@@ -173,7 +176,7 @@ impl Actor {
 
     async fn answer(&mut self, control: Control) -> Flow {
         self.answered = true;
-        // A caller that went away needs no answer: replies are sent without looking back.
+        // A caller that went away needs no answer, so that failed sends are ignored.
         match control {
             Control::Info { reply } => {
                 let _gone = reply.send(self.info());
@@ -301,7 +304,7 @@ impl Actor {
         Ok(IngestStream { opened, sender, events: ends.events })
     }
 
-    /// Constant work, whatever the watcher holds: the journal is read in its own task.
+    /// Takes constant time: the watcher reads the journal in its own task.
     fn watch(
         &self,
         from_revision: Option<i64>,
@@ -325,7 +328,7 @@ impl Actor {
 
 /// Logs a bug and returns the error that names the entry.
 pub(super) fn report_bug(details: &str) -> EngineError {
-    // The hasher's keys are random: enough to tell entries apart, also across restarts.
+    // The hasher's keys are random, so that ids tell entries apart, also across restarts.
     let id = format!("{:016x}", RandomState::new().hash_one(details));
     tracing::error!(%id, details, "bug");
     EngineError::Bug { id }

@@ -6,24 +6,24 @@ use covis_solvers::bundle_adjustment::LinearSolver;
 use covis_solvers::evaluation::CostReport;
 use covis_solvers::optimizer::{Method, SolveSummary};
 
-/// What holds the frame where the measurements leave it free.
+/// What fixes the map's frame where the measurements do not determine it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GaugeKind {
-    /// The first keyframe, and the first one of every further piece of the map.
+    /// The first keyframe of each connected piece of the map.
     #[default]
     FirstKeyframeFixed,
-    /// Nothing but the solver's damping.
+    /// Only the solver's damping.
     Free,
     /// Priors.
     Priors,
-    /// The keyframes around a window.
+    /// The fixed keyframes around a window.
     FixedPoses,
 }
 
 /// The linear system of a solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SolverKind {
-    /// Landmarks eliminated; [`LinearSolver::Auto`] never stands here.
+    /// Landmarks are eliminated; the value is never [`LinearSolver::Auto`].
     Schur(LinearSolver),
     /// Sparse block Cholesky of a pose graph.
     SparseCholesky,
@@ -32,9 +32,9 @@ pub enum SolverKind {
 /// The certificate of a solve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SolveCertificate {
-    /// What the loop did.
+    /// Summary of the optimizer's loop.
     pub solve: SolveSummary,
-    /// The step that was asked for.
+    /// The step method that was requested.
     pub method: Method,
     /// The linear system that was used.
     pub linear_solver: SolverKind,
@@ -42,11 +42,11 @@ pub struct SolveCertificate {
     pub before: CostReport,
     /// Cost after.
     pub after: CostReport,
-    /// What held the frame.
+    /// What fixed the frame.
     pub gauge: GaugeKind,
     /// Poses that could move.
     pub free_poses: usize,
-    /// Poses that were held.
+    /// Poses that were fixed.
     pub fixed_poses: usize,
     /// Landmarks that could move.
     pub free_landmarks: usize,

@@ -1,9 +1,10 @@
-//! DURABLE acks, snapshots, and what becomes of a map whose journal fails.
+//! DURABLE acks, snapshots, and the handling of a journal that fails.
 //!
-//! The engine does not wait for fsync: an event is accepted, applied and answered with RECEIVED, and
-//! its DURABLE ack waits here until the journal tells how far it is on disk. Nothing that a crash
-//! could still take back is told to watchers (`handle.rs`). A journal that fails ends the streams:
-//! what was applied and not durable is not acknowledged, and the map takes no changes any more.
+//! The engine does not wait for fsync: it appends an event, applies it and acknowledges it as
+//! RECEIVED. The DURABLE ack waits here until the journal reports that the event is on disk.
+//! Watchers get no change that a crash could still undo (`handle.rs`). When the journal fails, the
+//! streams end: events that are applied but not durable get no DURABLE ack, and the map accepts no
+//! further changes.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -18,13 +19,13 @@ use super::{Ack, AckStatus, EngineError, MapState, StreamEvent};
 use crate::map::ClientIndex;
 use crate::store::{Flushed, StoreError};
 
-/// Events after which a snapshot that failed is tried again.
+/// Number of events after which a failed snapshot is tried again.
 const RETRY_EVENTS: i64 = 1000;
 
-/// DURABLE acks that are to come.
+/// Outstanding DURABLE acks.
 pub(super) struct DurableAcks {
     flushed: watch::Receiver<Flushed>,
-    /// Whether the journal tells no more; nothing ever becomes durable then.
+    /// Whether the journal reports no more; then nothing further becomes durable.
     closed: bool,
     waiting: VecDeque<(ClientIndex, Ack, Permit)>,
 }
@@ -47,7 +48,8 @@ impl DurableAcks {
         permit: Permit,
     ) {
         let ack = Ack { sequence, revision, status: AckStatus::Durable };
-        // Those that wait come first; where this one is durable they are, and `progress` wakes for them.
+        // Waiting acks are sent first. If this event is durable, theirs are too, and `progress`
+        // wakes for them.
         if self.reaches(revision) && self.waiting.is_empty() {
             permit.is_durable();
             permit.send(StreamEvent::Ack(ack));
@@ -61,7 +63,7 @@ impl DurableAcks {
         self.flushed.borrow().through >= u64::try_from(revision).unwrap_or(0)
     }
 
-    /// Resolves when the journal has gone on or failed.
+    /// Resolves when the journal has made progress or failed.
     pub(super) async fn progress(&mut self) {
         if self.closed {
             return std::future::pending().await;
@@ -72,7 +74,8 @@ impl DurableAcks {
         }
     }
 
-    /// Sends what is due, the last of each client for all before it; returns why no more will be.
+    /// Sends the acks that are due: for each client the last one, which covers all before it.
+    /// Returns the error of a journal that has failed.
     fn send(&mut self) -> Option<StoreError> {
         let Flushed { through, failed, unavailable: _ } = self.flushed.borrow_and_update().clone();
         let mut last = BTreeMap::new();
@@ -93,9 +96,9 @@ impl DurableAcks {
 /// The snapshots of a map, one at a time in the background.
 #[derive(Default)]
 pub(super) struct Snapshots {
-    /// Revision of the last one that stands; 0 without one.
+    /// Revision of the last complete snapshot; 0 without one.
     kept: i64,
-    /// Answers the revision of the last one that stands then.
+    /// Writes a snapshot and returns the revision of the last complete one.
     running: Option<JoinHandle<i64>>,
     not_before: i64,
 }
@@ -149,7 +152,7 @@ impl Actor {
                 tracing::warn!(%error, "no snapshot was written, the journal grows on");
                 return kept;
             }
-            // The snapshot before stays, with all events behind it.
+            // The previous snapshot is kept, with all events after it.
             let before = u64::try_from(kept).unwrap_or(0) + 1;
             if let Err(error) = store.truncate(&shared.name, epoch, before).await {
                 tracing::warn!(%error, "the journal was not truncated");

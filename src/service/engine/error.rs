@@ -1,7 +1,7 @@
-//! Why the engine refuses or ends something. Bad items are no errors: they are answered in acks.
+//! Errors of the engine. A bad item is not an error: its ack rejects it.
 //!
-//! One value may end many streams and calls at once, so that the type is `Clone`. Nothing here
-//! knows status codes; the edge turns an error into one.
+//! One value may end many streams and calls, so that the type is `Clone`. The edge assigns status
+//! codes.
 
 use covis_solvers::problem::SolveError;
 
@@ -17,19 +17,19 @@ pub enum EngineError {
         /// The map.
         map: String,
     },
-    /// The name is taken.
+    /// A map with this name exists already.
     #[error("map {map:?} exists already")]
     MapExists {
         /// The map.
         map: String,
     },
-    /// A bug was hit while changing the map: it can be read and exported, not changed.
+    /// A change of the map hit a bug: the map can be read and exported, but not changed.
     #[error("map {map:?} is poisoned by an earlier bug: it can be read and takes no changes")]
     Poisoned {
         /// The map.
         map: String,
     },
-    /// A stream with a newer epoch writes for the client.
+    /// The client has a stream with a newer epoch.
     #[error("client {client:?} of map {map:?}: epoch {epoch} is fenced, the newest is {newest}")]
     EpochFenced {
         /// The map.
@@ -41,7 +41,7 @@ pub enum EngineError {
         /// The client's newest epoch.
         newest: i64,
     },
-    /// A number of a request is larger than the largest that is taken.
+    /// A number in a request is larger than the largest that is accepted.
     #[error("{field}: at most {maximum} is taken")]
     TooLarge {
         /// Path of the field.
@@ -55,7 +55,7 @@ pub enum EngineError {
         /// The map.
         map: String,
     },
-    /// An item would pass a ceiling of the map; it was not taken and is at no fault.
+    /// An item would exceed a ceiling of the map. It was not accepted, but it is not invalid.
     #[error("map {map:?} is full: {limit} is {maximum}")]
     Ceiling {
         /// The map.
@@ -65,7 +65,7 @@ pub enum EngineError {
         /// Its value.
         maximum: i64,
     },
-    /// A tenant would pass a ceiling of its own; what was asked for was not done and is at no fault.
+    /// A request would exceed a ceiling of its tenant. It was not done, but it is not invalid.
     #[error("the tenant is full: {limit} is {maximum}")]
     TenantCeiling {
         /// The ceiling.
@@ -73,7 +73,7 @@ pub enum EngineError {
         /// Its value.
         maximum: i64,
     },
-    /// The server would pass a limit of its own; what was asked for was not done and is at no fault.
+    /// A request would exceed a limit of the server. It was not done, but it is not invalid.
     #[error("the server is full: {limit} is {maximum}")]
     ServerCeiling {
         /// The limit, as the wire names it.
@@ -86,7 +86,7 @@ pub enum EngineError {
     RevisionAhead {
         /// The map.
         map: String,
-        /// What was asked for.
+        /// The requested revision.
         revision: i64,
         /// The map's revision.
         newest: i64,
@@ -94,7 +94,7 @@ pub enum EngineError {
     /// The map's problem cannot be solved as posed.
     #[error("the problem cannot be solved as posed: {0}")]
     Solve(#[from] SolveError),
-    /// The map holds no factor or nothing that may move.
+    /// The map has no factor, or nothing in it may move.
     #[error("map {map:?} holds nothing to solve")]
     NothingToSolve {
         /// The map.
@@ -106,24 +106,24 @@ pub enum EngineError {
         /// The map.
         map: String,
     },
-    /// The server takes no more work.
+    /// The server accepts no more work.
     #[error("the server is shutting down")]
     ShuttingDown,
-    /// The journal refused or failed.
+    /// The journal refused an operation or failed.
     #[error("the journal: {0}")]
     Store(#[from] StoreError),
-    /// A journal does not replay.
+    /// A journal cannot be replayed.
     #[error("map {map:?} does not replay: {error}")]
     Journal {
         /// The map.
         map: String,
-        /// The event that does not fit.
+        /// Why an event does not fit.
         error: MapError,
     },
     /// The solver pool's threads could not be started.
     #[error("{count} solver threads could not be started")]
     Threads {
-        /// How many were asked for.
+        /// How many were requested.
         count: usize,
     },
     /// A bug; the log holds the details under this id.

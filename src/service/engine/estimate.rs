@@ -1,20 +1,21 @@
-//! What a solve is expected to take before it is begun: on which threads it runs, and how much
-//! memory is set aside for it.
+//! The expected cost of a solve, before it starts. It decides on which threads the solve runs and
+//! how much memory is reserved for it.
 //!
-//! Bounds that are known in the time of one pass over the problem; the exact price, which is held
-//! against the limit of a solve, is counted when it begins. Nothing here looks at values.
+//! The costs are upper bounds that take one pass over the problem. The exact price, which is
+//! compared with the limit of a solve, is computed when the solve starts. No values of the problem
+//! are read.
 
 use covis_solvers::price::{Ceiling, Price};
 
 use crate::map::Usage;
 
-/// A small solve takes no more work than this in all its iterations, flop. By the bound, a window of
-/// ten keyframes with 400 observations each takes a tenth of it in ten iterations.
+/// Most work of a small solve in all its iterations, flop. By the bound, a window of ten keyframes
+/// with 400 observations each takes a tenth of this in ten iterations.
 const SMALL_FLOPS: f64 = 4e9;
-/// And no more memory than this.
+/// Most memory of a small solve, bytes.
 const SMALL_BYTES: u64 = 64 << 20;
 
-/// What a solve is expected to take at most.
+/// An upper bound of the cost of a solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Estimate {
     bytes: u64,
@@ -22,7 +23,8 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// Of a solve of that price or less. It never takes more than `ceiling`: past that it is refused.
+    /// The estimate of a solve that costs at most `bound`. A solve that costs more than `ceiling`
+    /// is refused, so that no more is reserved.
     #[must_use]
     pub fn new(bound: Price, max_iterations: usize, ceiling: &Ceiling) -> Self {
         let flops = bound.flops_per_iteration * max_iterations.max(1) as f64;
@@ -31,12 +33,12 @@ impl Estimate {
         Self { bytes, is_small }
     }
 
-    /// Of bundle adjustment or a pose graph over a whole map that holds `usage`.
+    /// The estimate of bundle adjustment or a pose graph over a whole map that holds `usage`.
     #[must_use]
     pub fn of_map(usage: Usage, max_iterations: usize, ceiling: &Ceiling) -> Self {
         let (poses, observations) = (usage.keyframes as f64, usage.observations as f64);
-        // One pair of an observation with each other keyframe: a bound as long as no keyframe sees a
-        // landmark twice.
+        // Each observation is paired with every other keyframe. This is a bound as long as no
+        // keyframe sees a landmark twice.
         let pairs = 0.5 * observations * poses;
         let edges = usage.constraints as f64 + pairs.min(0.5 * poses * poses);
         let dimension = 15.0 * poses;
@@ -46,13 +48,13 @@ impl Estimate {
         Self::new(Price { bytes: bytes as u64, flops_per_iteration }, max_iterations, ceiling)
     }
 
-    /// Memory that is set aside for it while it runs, bytes.
+    /// Memory that is reserved for it while it runs, bytes.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Whether it ends within moments and may run on the threads for such solves.
+    /// Whether it is short and may run on the threads for small solves.
     #[must_use]
     pub fn is_small(&self) -> bool {
         self.is_small

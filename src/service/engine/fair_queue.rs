@@ -1,18 +1,19 @@
-//! Whose solve runs next: turns among tenants, so that none starves another.
+//! Chooses the next solve fairly among tenants, so that no tenant starves another.
 //!
-//! Start-time fair queueing: each tenant has a clock that its solves move on by the time they took;
-//! the waiting tenant whose clock is behind all others is next. A tenant that comes back does not
-//! keep what it left unused: its clock starts where the last turn was given. Within a tenant, solves
-//! run in the order of their arrival, of which a map has one at a time. Plain state: no threads.
+//! Start-time fair queuing: each tenant has a virtual clock, and each of its solves advances the
+//! clock by its running time. The waiting tenant with the earliest clock is next. An idle tenant
+//! saves up no time: when it has work again, its clock starts at the clock of the last turn. The
+//! solves of a tenant run in the order of their arrival; a map has one at a time. Plain state
+//! without threads.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
-/// A solve counts this much when it begins, until its time is known, nanoseconds: several that
-/// begin at once are not all given to the same tenant.
+/// The running time that is assumed for a tenant's first solve, nanoseconds. Because of it, slots
+/// that are free at the same time do not all go to one tenant.
 const FIRST_GUESS_NS: u64 = 1_000_000;
 
-/// Who waits for what.
+/// The waiting work of all tenants.
 #[derive(Debug)]
 pub(super) struct FairQueue<T> {
     tenants: BTreeMap<Arc<str>, TenantQueue<T>>,
@@ -27,11 +28,12 @@ struct TenantQueue<T> {
     waiting: VecDeque<T>,
     running: usize,
     clock_ns: u64,
-    /// What its last solve took.
+    /// Running time of its last solve; assumed for the next one until it ends.
     guess_ns: u64,
 }
 
-/// A turn that was given, to be handed back at its end.
+/// The right to run one piece of work. It is passed to [`FairQueue::ended`] when the work has
+/// ended.
 #[derive(Clone, Debug)]
 pub(super) struct Turn {
     tenant: Arc<str>,
@@ -44,13 +46,13 @@ impl<T> FairQueue<T> {
         Self { tenants: BTreeMap::new(), now_ns: 0, running: 0, slots: slots.max(1) }
     }
 
-    /// How many wait of a tenant.
+    /// How much work of a tenant waits.
     #[cfg(test)]
     pub(super) fn waiting(&self, tenant: &str) -> usize {
         self.tenants.get(tenant).map_or(0, |tenant_queue| tenant_queue.waiting.len())
     }
 
-    /// Adds work of a tenant behind what it has waiting.
+    /// Appends work to the queue of a tenant.
     pub(super) fn push(&mut self, tenant: &Arc<str>, work: T) {
         let now_ns = self.now_ns;
         let tenant_queue = self.tenants.entry(Arc::clone(tenant)).or_insert_with(|| TenantQueue {
@@ -65,9 +67,10 @@ impl<T> FairQueue<T> {
         tenant_queue.waiting.push_back(work);
     }
 
-    /// The next work, if a slot is free. `may` says whether a tenant, of whom so many run, may have
-    /// its next one begun: else another tenant is next. `fits` says whether it can be begun now, while so many run in
-    /// all: else nothing is, so that what needs much is not passed by what needs little.
+    /// Takes the next work, if a slot is free. `may` gets a tenant and its number of running solves
+    /// and says whether the tenant may start its next work; if not, another tenant is chosen.
+    /// `fits` gets the total number of running solves and says whether the chosen work can start
+    /// now; if not, nothing starts, so that small work does not overtake large work.
     pub(super) fn next(
         &mut self,
         may: impl Fn(&str, u64, &T) -> bool,
@@ -95,7 +98,7 @@ impl<T> FairQueue<T> {
         Some((turn, work))
     }
 
-    /// A turn is over after `took_ns`.
+    /// Ends a turn that took `took_ns`.
     pub(super) fn ended(&mut self, turn: &Turn, took_ns: u64) {
         self.running = self.running.saturating_sub(1);
         let Some(tenant_queue) = self.tenants.get_mut(&turn.tenant) else { return };
@@ -103,7 +106,7 @@ impl<T> FairQueue<T> {
         tenant_queue.clock_ns =
             tenant_queue.clock_ns.saturating_sub(turn.guess_ns).saturating_add(took_ns);
         tenant_queue.guess_ns = took_ns.max(1);
-        // An idle tenant that is not ahead of the others begins anew as well as it would go on.
+        // An idle tenant whose clock is not ahead is removed: a new entry would behave the same.
         if tenant_queue.running == 0
             && tenant_queue.waiting.is_empty()
             && tenant_queue.clock_ns <= self.now_ns

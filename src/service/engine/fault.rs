@@ -1,9 +1,9 @@
-//! Bugs that tests stage. Without the feature `faults` none can be staged, and the questions here are
-//! answered when the program is compiled.
+//! Faults that tests inject. Without the feature `faults` none can be injected, and the checks here
+//! are constant.
 
 use super::EngineConfig;
 
-/// A bug that tests stage.
+/// A fault that tests inject.
 #[cfg(feature = "faults")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
@@ -11,7 +11,7 @@ pub enum Fault {
     PanicInSolve,
     /// The engine panics while it applies a client's item.
     PanicInEngine,
-    /// Every call on a map, and creating and deleting one, answers
+    /// Every call on a map, including its creation and deletion, returns
     /// [`EngineError::Bug`](super::EngineError::Bug).
     FailCalls,
 }

@@ -1,7 +1,7 @@
-//! What callers hold of a map: the handle, and the messages by which it speaks to the engine.
+//! The handle of a map, and the control messages that it sends to the engine.
 //!
 //! Control messages have their own channel and overtake queued items, so that a reader never waits
-//! behind a busy stream. Whatever a caller has seen acknowledged, a later snapshot holds.
+//! behind a busy stream. Once an item is acknowledged, every later snapshot contains it.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -22,13 +22,12 @@ use super::{
 use crate::map::Map;
 use crate::store::{Flushed, Store};
 
-/// Whether a map takes changes.
+/// Whether a map accepts changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MapState {
-    /// It takes items and optimizations.
+    /// It accepts items and optimizations.
     Open,
-    /// A bug was hit while changing it, its journal failed, or acknowledged events are lost: reads
-    /// only.
+    /// Read-only, because a change hit a bug, the journal failed, or acknowledged events are lost.
     Poisoned,
 }
 
@@ -37,18 +36,18 @@ pub enum MapState {
 pub struct MapInfo {
     /// Its name.
     pub name: String,
-    /// Tells it from a later map of the same name.
+    /// Differs from the uid of a later map with the same name.
     pub uid: String,
     /// The map.
     pub snapshot: Arc<Map>,
-    /// Whether it takes changes.
+    /// Whether it accepts changes.
     pub state: MapState,
 }
 
 /// Answers a control message.
 pub(super) type Reply<T> = oneshot::Sender<T>;
 
-/// What the engine is asked besides items.
+/// A request to the engine that is not an item.
 pub(super) enum Control {
     Info {
         reply: Reply<MapInfo>,
@@ -69,34 +68,34 @@ pub(super) enum Control {
     Delete {
         reply: Reply<Result<(), EngineError>>,
     },
-    /// Answered by dropping the reply when the engine has ended.
+    /// The answer is that the engine drops the reply when it has ended.
     Shutdown {
         reply: Reply<()>,
     },
 }
 
-/// What an engine and all holders of its map share.
+/// State that an engine and all handles of its map share.
 pub(super) struct Shared {
     pub(super) name: String,
     pub(super) uid: String,
     pub(super) account: Arc<Account>,
     pub(super) config: EngineConfig,
     pub(super) meters: Arc<EngineMeters>,
-    /// What the map's readers may do with it, for those who count maps.
+    /// Whether the map accepts changes; read when the maps are counted.
     pub(super) condition: ConditionCell,
-    /// Where the journal is read by those who are not the engine.
+    /// The store from which watchers read the journal.
     pub(super) store: Arc<dyn Store>,
-    /// The turns of those who read journals.
+    /// Limits how many watchers read journals at once.
     pub(super) history: Arc<Semaphore>,
     /// How far the journal is durable.
     pub(super) flushed: watch::Receiver<Flushed>,
     /// Why the engine ended.
     pub(super) ended: OnceLock<EngineError>,
-    /// Why the map could not be opened; then nobody knows what it holds.
+    /// Why the map could not be opened; its content is then unknown.
     pub(super) unopened: Option<EngineError>,
 }
 
-/// A map of the server. Cheap to clone; outlives the map, calls then answer an error.
+/// A handle of a map. It is cheap to clone and may outlive the map; calls then return an error.
 #[derive(Clone)]
 pub struct MapHandle {
     pub(super) shared: Arc<Shared>,
@@ -117,13 +116,14 @@ impl MapHandle {
         &self.shared.name
     }
 
-    /// Tells the map from a later one of the same name; empty where it could not be opened.
+    /// Differs from the uid of a later map with the same name; empty if the map could not be
+    /// opened.
     #[must_use]
     pub fn uid(&self) -> &str {
         &self.shared.uid
     }
 
-    /// What the map holds, and how much it may.
+    /// The resources that the map holds, and their limits.
     #[must_use]
     pub fn account(&self) -> &Arc<Account> {
         &self.shared.account
@@ -141,8 +141,8 @@ impl MapHandle {
         }
     }
 
-    /// As [`MapHandle::info`], for lists: a map that could not be opened is poisoned, empty and has no
-    /// uid.
+    /// As [`MapHandle::info`], for lists: a map that could not be opened is listed as poisoned,
+    /// empty and without a uid.
     ///
     /// # Errors
     /// [`EngineError::MapNotFound`] when it was deleted, [`EngineError::ShuttingDown`].
@@ -158,7 +158,8 @@ impl MapHandle {
         Ok(self.info().await?.snapshot)
     }
 
-    /// Opens an ingest stream for `client`, fencing its older one. Epoch 0 takes the next one.
+    /// Opens an ingest stream for `client` and fences its older stream. Epoch 0 means the next
+    /// epoch.
     ///
     /// # Errors
     /// [`EngineError::EpochFenced`] when `epoch` is not newer than the client's newest,
@@ -196,8 +197,9 @@ impl MapHandle {
         Ok(watch)
     }
 
-    /// Waits until the journal is durable up to `revision`, so that no crash takes back what a
-    /// reader is told; at once where nothing ever is durable. Waits for no disk that has no room.
+    /// Waits until the journal is durable up to `revision`, so that no crash can undo what a reader
+    /// was sent. Returns at once if the store makes nothing durable, and with an error if the disk
+    /// is full.
     pub(super) async fn durable(&self, revision: i64) -> Result<(), EngineError> {
         let sequence = u64::try_from(revision).unwrap_or(0);
         let mut flushed = self.shared.flushed.clone();
@@ -214,8 +216,9 @@ impl MapHandle {
         }
     }
 
-    /// Optimizes the whole map; iterations go to `progress` as they come, the result is applied as
-    /// one revision. Dropping the future or the progress' receiver cancels, and nothing is applied.
+    /// Optimizes the whole map. Sends each iteration to `progress` and applies the result as one
+    /// revision. Dropping the future or the receiver of `progress` cancels the solve, and nothing
+    /// is applied.
     ///
     /// # Errors
     /// [`EngineError::OptimizationRunning`], [`EngineError::Poisoned`],
@@ -227,7 +230,7 @@ impl MapHandle {
         progress: mpsc::Sender<IterationSummary>,
     ) -> Result<OptimizeOutcome, EngineError> {
         self.check_fault()?;
-        // Unbounded, so that a slow caller cannot hold up the solve: a solve has few iterations.
+        // Unbounded, so that a slow caller cannot delay the solve; a solve has few iterations.
         let (rows, mut row) = mpsc::unbounded_channel();
         let (reply, mut answer) = oneshot::channel();
         let canceled = CancelOnDrop(Arc::new(AtomicBool::new(false)));
@@ -288,7 +291,7 @@ impl MapHandle {
     }
 }
 
-/// Cancels an optimization whose caller went away.
+/// Cancels an optimization when its caller drops the future.
 struct CancelOnDrop(Arc<AtomicBool>);
 
 impl Drop for CancelOnDrop {

@@ -1,8 +1,8 @@
-//! What lies between the revision that a watcher holds and the one at which it began to watch.
+//! Changes between the revision that a watcher has and the revision where its watch begins.
 //!
-//! It is read from the journal by the watcher's own task, a piece at a time, and folded into a set of
-//! ids: the engine takes no part. A range that costs more than the full state is not read to its
-//! end, and only a few watchers of a server read at once. Must not change anything.
+//! The watcher's own task reads them from the journal, one piece at a time, and folds them into a
+//! set of ids; the engine is not involved. Reading stops when the range costs more than the full
+//! state. Only a few watchers of a server read at once. Reading must not change anything.
 
 use std::collections::BTreeSet;
 
@@ -12,17 +12,17 @@ use super::{EngineError, MapHandle};
 use crate::map::{Change, Event, Map};
 use crate::store::StoreError;
 
-/// Watchers of a server that read the journal at once; the others wait in turn.
+/// Most watchers of a server that read journals at once; the others wait.
 pub(super) const READERS: usize = 2;
-/// So many bytes of a journal are read for a map of any size.
+/// At least this many bytes of a journal may be read, however small the map is.
 const LEAST_BYTES: u64 = 4 << 20;
 
-/// How much history is read: no more than the full state would take.
+/// Limits of the history that is read: about the cost of the full state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Past {
-    /// Events, and ids that they touched.
+    /// Most events, and most ids that they touched.
     entities: usize,
-    /// Bytes of the journal.
+    /// Most bytes of the journal.
     bytes: u64,
 }
 
@@ -34,15 +34,15 @@ impl Past {
     }
 }
 
-/// What was read.
+/// The history that was read.
 pub(super) struct History {
     pub(super) touched: Touched,
     /// Names of the clients that opened streams.
     pub(super) opened: BTreeSet<String>,
 }
 
-/// Reads the events behind `from` up to `through`. `None` where the full state is cheaper or the
-/// events do not tell everything: then it has to be told.
+/// Reads the events after `from` up to `through`. `None` if the full state is cheaper, or if the
+/// events do not name everything that changed: then the reader needs the full state.
 pub(super) async fn read(
     handle: &MapHandle,
     from: i64,
@@ -54,7 +54,7 @@ pub(super) async fn read(
         return None;
     }
     let turn = handle.shared.history.acquire().await;
-    // Nobody closes it.
+    // The semaphore is never closed.
     let _turn = turn.ok()?;
     match pieces(handle, from, through, past).await {
         Ok(history) => history,
@@ -86,16 +86,16 @@ async fn pieces(
         if !is_told || gathered.reset || bytes > past.bytes {
             return Ok(None);
         }
-        // Others have work too, the engine above all.
+        // Lets other tasks run, above all the engine.
         tokio::task::yield_now().await;
     }
-    // A journal that was cut by damage has fewer.
+    // A journal that is cut off by damage has fewer events.
     let history = History { touched: gathered.touched, opened };
     Ok((last == through).then_some(history))
 }
 
-/// Whether the event tells what it touched: what went with a keyframe cannot be told without the map
-/// before it.
+/// Adds the ids that the event touched. False if they are too many, or not all known: what was
+/// removed with a keyframe is known only with the map before it.
 fn add(event: &Event, gathered: &mut Gathered, opened: &mut BTreeSet<String>) -> bool {
     if event.change.removes_keyframe() {
         return false;

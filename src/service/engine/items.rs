@@ -1,6 +1,6 @@
-//! What the engine does with an item: recall, check, commit, acknowledge, start what it starts.
+//! How the engine handles an item: recall, check, commit, acknowledge, start its solve.
 //!
-//! Bad items are answered and the stream lives; a ceiling, a failing journal or a bug ends it.
+//! A bad item is rejected and the stream continues; a ceiling, a failing journal or a bug ends it.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -15,10 +15,10 @@ use super::schedule::Task;
 use super::stream::{Body, Queued, QueuedItem};
 use super::{Ack, AckStatus, EngineError, Resource, SolveReport, StreamEvent};
 
-/// An item of which this many would fill the map has no keyframe retired for it.
+/// No keyframe is retired for an item if this many of its size would exceed a ceiling.
 const LARGEST_SHARE: u64 = 4;
 
-/// So many times the bound of what an item adds must have room for the bound to be reserved.
+/// The bound of an item's growth is reserved only if there is room for this many times the bound.
 const FAR: u64 = 8;
 
 /// Whether the map has room.
@@ -28,9 +28,9 @@ pub(super) enum Room {
     None(EngineError),
 }
 
-/// What becomes of an item.
+/// The decision about an item.
 enum Admission {
-    /// It is journaled under this sequence already.
+    /// It is already journaled under this sequence.
     Duplicate,
     Reject(Rejection),
     Take(Box<Change>),
@@ -39,11 +39,12 @@ enum Admission {
 }
 
 impl Actor {
-    /// Takes one thing from the queue.
+    /// Handles one entry of the queue.
     pub(super) async fn take(&mut self, queued: Queued) {
         let Queued { client, epoch, body, .. } = queued;
         if !self.streams.is_current(client, epoch) {
-            // The stream was told why it ended; its permits go with the item.
+            // The stream was already sent the reason of its end; the permits are dropped with the
+            // item.
             return;
         }
         match body {
@@ -68,7 +69,7 @@ impl Actor {
             match self.admit(client, sequence, &digest, &item) {
                 Admission::Take(change) => match self.make_room(&change).await {
                     Room::There => break Admission::Take(change),
-                    // What the item refers to may be what has gone.
+                    // Checks again: the item may refer to the keyframe that was retired.
                     Room::Made => {}
                     Room::None(error) => break Admission::Full(error),
                 },
@@ -82,7 +83,7 @@ impl Actor {
                 let revision = self.map.revision();
                 receipt.send(ack(revision, AckStatus::Received { duplicate: true }));
                 if let Some(durable) = durable {
-                    // It stands at this revision or before it.
+                    // It was journaled at this revision or before it.
                     self.durable.wait(client, sequence, revision, durable);
                 }
                 if optimized.is_some() {
@@ -159,18 +160,20 @@ impl Actor {
         }
     }
 
-    /// Sees whether there is room for a change; where there is none and the policy says so, one
-    /// keyframe goes.
+    /// Checks whether there is room for a change. If there is none and the policy says so, retires
+    /// one keyframe.
     pub(super) async fn make_room(&mut self, change: &Change) -> Room {
         let account = Arc::clone(&self.shared.account);
         let ceilings = self.map.policy().ceilings.lower(&account.limits().held);
-        // A disk that cannot keep up fills the memory of the server, however many maps wait for it.
+        // A slow disk fills the memory of the server: the limit covers the journals of all maps
+        // together.
         if let Err(error) = account.reserve(Resource::JournalBytes, 1) {
             return Room::None(error);
         }
         let usage = self.map.usage();
         let bound = self.map.growth_bound(change);
-        // Far from every limit the bound will do; near one it would keep out what has room.
+        // Far from every limit the bound is enough; near a limit it would refuse items that have
+        // room.
         let is_far = ceilings.exceeded(usage, bound * FAR).is_none();
         if is_far && self.entities.have_room(bound * FAR) && self.entities.grow(bound).is_ok() {
             return Room::There;
@@ -182,7 +185,8 @@ impl Actor {
                 Err(error) => Room::None(error),
             };
         };
-        // What would push out a good part of the map is refused: it could only be a mistake.
+        // A change that would push out a large part of the map is refused: it can only be a
+        // mistake.
         let alone = Usage { keyframes: 0, ..growth };
         let is_huge = ceilings.exceeded(alone * (LARGEST_SHARE - 1), alone).is_some();
         if is_huge {
@@ -202,14 +206,14 @@ impl Actor {
         }
     }
 
-    /// Starts again what a restart cut off.
+    /// Starts again the solves that a restart cut off.
     pub(super) async fn start_unsolved(&mut self) {
         for Unsolved { client, sequence, added } in std::mem::take(&mut self.unsolved) {
             self.start(client, sequence, added).await;
         }
     }
 
-    /// Starts what a taken item starts.
+    /// Starts the solve that an accepted item triggers.
     async fn start(&mut self, client: ClientIndex, sequence: i64, added: Added) {
         match added {
             Added::Views(keyframe) => {
@@ -238,8 +242,8 @@ impl Actor {
         }
     }
 
-    /// Acknowledges an item that could have started a solve and did not, once no solve for an
-    /// earlier item is to come.
+    /// Acknowledges an item that could have started a solve but did not, once no solve for an
+    /// earlier item is outstanding.
     fn acknowledge_unsolved(&mut self, client: ClientIndex, sequence: i64) {
         if let Some(mark) = self.schedule.push_done(client, sequence) {
             let revision = self.map.revision();
@@ -248,16 +252,16 @@ impl Actor {
     }
 }
 
-/// An item that was taken before a restart and whose solve was not applied.
+/// An item that was accepted before a restart and whose solve was not applied.
 pub(super) struct Unsolved {
     client: ClientIndex,
     sequence: i64,
     added: Added,
 }
 
-/// Each client's last item among `events`, those that led to `map`, that started a solve of which
-/// the map has no result. In lock-step there can be no other; else its solve covers most of what
-/// waited with it.
+/// For each client, the last item that started a solve whose result is not in `map`. `events` are
+/// those that led to `map`. In lock-step no other item is unsolved; otherwise the solve of the last
+/// item covers most of the others.
 pub(super) fn unsolved(map: &Map, events: &[Arc<Event>]) -> Vec<Unsolved> {
     let mut last = BTreeMap::new();
     for event in events {
@@ -273,7 +277,7 @@ pub(super) fn unsolved(map: &Map, events: &[Arc<Event>]) -> Vec<Unsolved> {
     last.into_values().filter(|u| u.sequence > covered(u.client)).collect()
 }
 
-/// What a change adds, as far as solves go.
+/// What a change adds that can start a solve.
 enum Added {
     /// Observations of this keyframe.
     Views(EntityId),
@@ -309,8 +313,8 @@ fn added(change: &Change) -> Added {
     }
 }
 
-/// Whether a keyframe that goes leaves less of what there is too much of. Clients and cameras stay
-/// when keyframes go, and what a keyframe told may become more constraints than it had.
+/// Whether retiring a keyframe reduces the count that is too high. Clients and cameras stay in the
+/// map, and the keyframe may be replaced by more constraints than it had.
 fn frees(map: &Map, retired: &Retired, counted: Counted) -> bool {
     let ties = || map.ties().of(retired.keyframe);
     match counted {

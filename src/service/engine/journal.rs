@@ -1,8 +1,8 @@
-//! Committing events, and what remains of a map after a bug.
+//! Commits events, and restores a map after a panic.
 //!
-//! An event is accepted by the journal before it changes the map, and becomes durable while the
-//! engine goes on (`durable.rs`). A panic poisons the map: streams and solves end, reads go on; where the
-//! panic may have left half of an event, the map is replayed from the journal.
+//! The journal accepts an event before the event changes the map, and makes it durable while the
+//! engine continues (`durable.rs`). A panic poisons the map: streams and solves end, reads still
+//! work. If the panic may have left an event half applied, the map is replayed from the journal.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -53,7 +53,8 @@ impl Actor {
         Ok(position)
     }
 
-    /// Poisons the map after a panic and repairs it where the panic hit the fold.
+    /// Poisons the map after a panic. If the panic may have left an event half applied, restores
+    /// the map.
     pub(super) async fn poison(&mut self, panic: &str) {
         self.poisoned(panic);
         let Some(revision) = self.applying.take() else { return };
@@ -80,7 +81,7 @@ impl Actor {
         bug
     }
 
-    /// Drops every solve that runs or waits.
+    /// Cancels every running or waiting solve.
     pub(super) fn cancel_solves(&mut self, error: &EngineError) {
         if let Some(running) = self.running.take() {
             running.cancel.store(true, Ordering::Relaxed);
@@ -92,7 +93,7 @@ impl Actor {
     }
 }
 
-/// The newest snapshot of a map, or an empty map, and the events behind it.
+/// The newest snapshot of a map, or an empty map, and the events after it.
 ///
 /// # Errors
 /// [`StoreError`].
@@ -106,13 +107,13 @@ pub(super) async fn stored(
     Ok((map, events))
 }
 
-/// Applies events one by one until one is refused or panics; says so in the second value.
+/// Applies events one by one until one is refused or panics; the second value is then the reason.
 pub(super) fn replay<'a>(
     mut map: Map,
     events: impl Iterator<Item = &'a Event>,
 ) -> (Map, Option<String>) {
     for event in events {
-        // On a copy only when the fold panics could half an event be left; refusals change nothing.
+        // A refused event changes nothing; only a panic may leave an event half applied.
         match catch_unwind(AssertUnwindSafe(|| map.apply(event))) {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return (map, Some(error.to_string())),
@@ -122,7 +123,7 @@ pub(super) fn replay<'a>(
     (map, None)
 }
 
-/// Nanoseconds since 1970 by the store's clock; 0 where it stands before that.
+/// Nanoseconds since 1970 by the store's clock; 0 for earlier times.
 pub(super) fn unix_time_ns(store: &dyn Store) -> i64 {
     let since = store.now().duration_since(UNIX_EPOCH).unwrap_or_default();
     i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)

@@ -1,8 +1,8 @@
 //! All maps of a server.
 //!
-//! The store decides which names are taken; the table holds the engines that run. A creation or
-//! deletion that has begun runs to its end in a task of its own, whoever still waits for it: cut off
-//! halfway it would leave a name that is neither free nor a map.
+//! The store decides which names are in use; the table holds the running engines. A creation or
+//! deletion runs to its end in its own task, even if its caller stops waiting: cut off halfway, it
+//! would leave a name that is neither free nor a map.
 
 use std::fmt;
 use std::sync::Arc;
@@ -38,9 +38,10 @@ pub(super) struct Inner {
     pub(super) meters: Arc<EngineMeters>,
     pub(super) table: Table,
     pub(super) closing: AtomicBool,
-    /// The turns of watchers who read a journal.
+    /// Limits how many watchers read journals at once.
     pub(super) history: Arc<Semaphore>,
-    /// Creation times rise strictly, because uids are made of them.
+    /// The last creation time. Creation times increase strictly, because uids are computed from
+    /// them.
     pub(super) last_create_time_ns: AtomicI64,
 }
 
@@ -67,7 +68,7 @@ impl Maps {
         Self { inner: Arc::new(inner) }
     }
 
-    /// The maps of a store, open.
+    /// The maps of a store; opens all of them.
     ///
     /// # Errors
     /// As [`Maps::load`].
@@ -82,8 +83,8 @@ impl Maps {
     }
 
     /// Opens every map that the store holds. Needs a tokio runtime, as every call here. A map that
-    /// cannot be opened answers with the reason and holds up no other. Where the system had no
-    /// descriptors for it, it is opened later.
+    /// cannot be opened answers calls with the reason and does not delay the others. If the system
+    /// had no file descriptors left, it is opened later.
     ///
     /// # Errors
     /// [`EngineError::Store`] when the store cannot be read.
@@ -108,7 +109,7 @@ impl Maps {
         let claim = self.claim(name).await?;
         if let Some(handle) = claim.map().cloned() {
             drop(claim);
-            // Whoever is told that it exists relies on it as its creator does.
+            // The caller relies on the map as its creator does, so that it must be durable.
             handle.durable(1).await?;
             return Err(EngineError::MapExists { map: name.to_owned() });
         }
@@ -116,7 +117,7 @@ impl Maps {
         run_to_end(async move { maps.create_claimed(claim, display_name, policy).await }).await
     }
 
-    /// Creates a map whose name is claimed, and free.
+    /// Creates a map whose name is claimed and free.
     async fn create_claimed(
         &self,
         mut claim: Claim,
@@ -124,11 +125,11 @@ impl Maps {
         policy: MapPolicy,
     ) -> Result<MapInfo, EngineError> {
         let (store, name) = (&self.inner.store, claim.name().to_owned());
-        // Held while the map is being created; given back if that fails.
+        // Reserved before the map is created; released if the creation fails.
         let tenant = self.inner.pool.accounts().tenant(tenant_of(&name));
         let place = tenant.reserve(Resource::Maps, 1)?;
         let epoch = match store.create_map(&name).await {
-            // No engine has it: it is what a creation left that failed and could not be undone.
+            // No engine owns it: a failed creation left it and could not be undone.
             Err(StoreError::MapExists { .. }) => {
                 store.delete_map(&name).await?;
                 store.create_map(&name).await?
@@ -160,15 +161,16 @@ impl Maps {
             flushed,
         };
         let handle = self.spawn(start, place);
-        // A map is answered only when no crash takes it back.
+        // The creation is answered only when no crash can undo it.
         if let Err(error) = handle.durable(1).await {
-            // Where it cannot be undone, the name stands for a map that tells why it takes nothing.
+            // If the creation cannot be undone, the name keeps a map that reports why it accepts
+            // nothing.
             let undone = handle.call(|reply| Control::Delete { reply }).await.flatten();
             claim.set(undone.is_err().then_some(handle));
             return Err(error);
         }
         claim.set(Some(handle.clone()));
-        // Callers find it from here on.
+        // Callers find the map from here on.
         drop(claim);
         tracing::info!(map = handle.name(), "map created");
         handle.info().await
@@ -220,13 +222,13 @@ impl Maps {
         Ok(claim)
     }
 
-    /// What acknowledged items withstand.
+    /// Which failures acknowledged items survive.
     #[must_use]
     pub fn durability(&self) -> Durability {
         self.inner.store.durability()
     }
 
-    /// What the engines count.
+    /// The meters of the engines.
     #[must_use]
     pub fn meters(&self) -> &Arc<EngineMeters> {
         &self.inner.meters
@@ -249,12 +251,12 @@ impl Maps {
     }
 
     /// Finishes queued items and the solves that they start, then stops the engines and closes the
-    /// store. Streams end with [`EngineError::ShuttingDown`]. What is not finished within `budget` is
-    /// dropped; what was accepted by then is made durable in any case.
+    /// store. Streams end with [`EngineError::ShuttingDown`]. Work that is not finished within
+    /// `budget` is dropped; events that were accepted by then are made durable in any case.
     pub async fn shutdown(&self, budget: Duration) {
         self.inner.closing.store(true, Ordering::Release);
         let ends = async {
-            // A map that is being created gets its engine first.
+            // A map that is being created must have its engine first.
             self.inner.table.idle().await;
             let ends = self.list().into_iter().map(|handle| async move { handle.stop().await });
             futures_util::future::join_all(ends).await;
@@ -282,7 +284,7 @@ impl Maps {
     }
 }
 
-/// Runs a change of a map in a task of its own: a caller that stops waiting does not cut it off.
+/// Runs a change of a map in its own task, so that it continues if its caller stops waiting.
 async fn run_to_end<T: Send + 'static>(
     change: impl Future<Output = Result<T, EngineError>> + Send + 'static,
 ) -> Result<T, EngineError> {

@@ -1,7 +1,7 @@
-//! What the engines of a server count while they work: plain atomics, and names for their rows.
+//! The meters of a server's engines: atomic counters, and the names of their rows.
 //!
-//! One set for all maps of a server, so that a server of many maps has no more rows than one of few.
-//! What the sets are called to the outside is known in `service/telemetry`.
+//! All maps of a server share one set, so that the number of rows does not grow with the number of
+//! maps. The public names of the sets are in `service/telemetry`.
 
 use std::future::poll_fn;
 use std::pin::pin;
@@ -68,7 +68,7 @@ const ENDS: [&str; 10] = [
     "answered",
 ];
 const PANICKED: usize = 8;
-/// Of a problem that came with a call: the call's answer says more.
+/// The solve's problem came with a call; the answer of the call says how it ended.
 const ANSWERED: usize = 9;
 
 fn place_of_end(outcome: &Outcome) -> usize {
@@ -95,9 +95,9 @@ pub struct SolveMeters {
     pub waiting_ns: Histogram,
     /// How long it ran, ns.
     pub running_ns: Histogram,
-    /// Now waiting for a thread.
+    /// Solves that wait for a thread now.
     pub waiting: Arc<Gauge>,
-    /// Now running.
+    /// Solves that run now.
     pub running: Arc<Gauge>,
     ends: [Counter; ENDS.len()],
 }
@@ -119,7 +119,7 @@ impl SolveMeters {
         ENDS.into_iter().zip(&self.ends)
     }
 
-    /// A solve is handed to the pool.
+    /// Counts a solve that is queued in the pool.
     pub(super) fn queued(self: &Arc<Self>) -> QueuedSolve {
         QueuedSolve { since: Instant::now(), _held: self.waiting.hold(), meters: Arc::clone(self) }
     }
@@ -134,7 +134,7 @@ pub struct QueuedSolve {
 }
 
 impl QueuedSolve {
-    /// It has its thread.
+    /// The solve has got its thread.
     pub(super) fn started(self) -> StartedSolve {
         self.meters.waiting_ns.observe_time(self.since.elapsed());
         let running = self.meters.running.hold();
@@ -142,7 +142,7 @@ impl QueuedSolve {
         StartedSolve { since: Instant::now(), meters, end: PANICKED, _held: running }
     }
 
-    /// Runs work whose result says nothing of how it ended.
+    /// Runs work whose result does not say how it ended.
     pub fn run<R>(self, work: impl FnOnce() -> R) -> R {
         let mut started = self.started();
         let result = work();
@@ -151,7 +151,7 @@ impl QueuedSolve {
     }
 }
 
-/// Measures a solve that runs; dropped before its end it panicked.
+/// Measures a running solve. If it is dropped before its end is set, the solve panicked.
 #[derive(Debug)]
 pub(super) struct StartedSolve {
     since: Instant,
@@ -161,7 +161,7 @@ pub(super) struct StartedSolve {
 }
 
 impl StartedSolve {
-    /// It has ended.
+    /// The solve has ended.
     pub(super) fn ended(mut self, outcome: Outcome) -> Outcome {
         self.end = place_of_end(&outcome);
         outcome
@@ -193,7 +193,7 @@ pub struct EngineMeters {
     /// Streams that ended at a ceiling.
     pub ceiling: Counter,
     rejected: [Counter; REASONS.len()],
-    /// Keyframes that went because their map was full.
+    /// Keyframes that were retired because their map was full.
     pub retired: Counter,
     /// From an item's arrival until it was durable, ns.
     pub durable_ns: Histogram,
@@ -203,7 +203,7 @@ pub struct EngineMeters {
     pub solves: [Arc<SolveMeters>; 4],
     /// Solves of windows whose result was dropped for a loop closure or an optimization.
     pub superseded: Counter,
-    /// For how long an engine held a thread of the async runtime at a time, ns.
+    /// How long each poll of an engine occupied a thread of the async runtime, ns.
     pub held_ns: Histogram,
     /// Panics that were caught in an engine.
     pub engine_panics: Counter,
@@ -233,7 +233,7 @@ impl Default for EngineMeters {
 }
 
 impl EngineMeters {
-    /// Runs the task of an engine and measures each time that it holds its thread.
+    /// Runs the task of an engine and measures how long each poll takes.
     pub(super) async fn measure(self: Arc<Self>, engine: impl Future<Output = ()>) {
         let mut engine = pin!(engine);
         poll_fn(|context| {
@@ -250,14 +250,14 @@ impl EngineMeters {
         REASONS.into_iter().zip(&self.rejected)
     }
 
-    /// An item was rejected.
+    /// Counts a rejected item.
     pub(super) fn reject(&self, reason: Reason) {
         if let Some(count) = self.rejected.get(place_of_reason(reason)) {
             count.increment();
         }
     }
 
-    /// A solve of a map is handed to the pool.
+    /// Counts a solve of a map that is queued in the pool.
     pub(super) fn solve(&self, kind: SolveKind) -> QueuedSolve {
         let [local_bundle, pose_graph, global, _] = &self.solves;
         match kind {
@@ -267,14 +267,14 @@ impl EngineMeters {
         }
     }
 
-    /// A solve of a problem that came with a call is handed to the pool.
+    /// Counts a solve of a problem that came with a call and is queued in the pool.
     #[must_use]
     pub fn request_solve(&self) -> QueuedSolve {
         let [.., request] = &self.solves;
         request.queued()
     }
 
-    /// A solve panicked.
+    /// Counts a solve that panicked.
     pub(super) fn solve_panicked<R>(
         &self,
         result: Result<R, SolvePanicked>,
@@ -289,11 +289,11 @@ impl EngineMeters {
 /// The maps of a server and their queues at one moment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MapCounts {
-    /// Maps that take changes.
+    /// Maps that accept changes.
     pub open: u64,
     /// Maps that a bug made read-only.
     pub poisoned: u64,
-    /// Maps that lost data or cannot write, read-only.
+    /// Maps that are read-only because they lost data or cannot write.
     pub frozen: u64,
     /// Items that wait in all queues.
     pub queued: u64,
@@ -326,7 +326,7 @@ enum Condition {
     Frozen,
 }
 
-/// Whether a map takes changes, readable without asking its engine.
+/// Whether a map accepts changes; it is read without a message to the engine.
 #[derive(Debug)]
 pub(super) struct ConditionCell(AtomicU8);
 
@@ -337,7 +337,7 @@ impl ConditionCell {
         cell
     }
 
-    /// `is_refused` says that the journal is the reason and no bug.
+    /// `is_refused` says that the reason is the journal, not a bug.
     pub(super) fn put(&self, state: MapState, is_refused: bool) {
         let value = match (state, is_refused) {
             (MapState::Open, _) => 0,

@@ -1,25 +1,26 @@
-//! The engine: one task a map owns it, is its only writer and never waits for a solve.
+//! The engine: each map is owned by one task, which is its only writer and never waits for a solve.
 //!
-//! A client's item goes check → event → journal → map → `RECEIVED`; solves run beside the task on
-//! the [`SolverPool`], from the values at the revision where they start, and come back as events.
-//! What takes more than a look at each entity of an item is computed on other threads while the task
-//! waits: the thread that carries it is free for other maps and calls.
+//! A client's item goes check → event → journal → map → `RECEIVED`. Solves run on the
+//! [`SolverPool`] beside the task, from the values at the revision where they start, and their
+//! results become events. Work that is more than one pass over the entities of an item runs on
+//! another thread; the task awaits it, so that its own thread is free for other maps and calls.
 //! Readers get snapshots ([`std::sync::Arc`] of the map, copied on write). In lock-step the next
-//! item waits for the solve, so that the same items give the same bits. The semantics of acks,
-//! epochs, resume and watching are those of `docs/wire.md`. No tonic, no wire types, no maths here.
+//! item waits for the solve, so that the same items give the same bits. `docs/wire.md` defines
+//! acks, epochs, resume and watching. This module uses no tonic and no wire types, and has no
+//! mathematics.
 //!
 //! | file | role |
 //! |---|---|
 //! | `maps`, `table` | all maps of a server: create, open, delete, shut down; their names |
-//! | `handle`, `stream` | what callers hold |
-//! | `actor`, `journal`, `items` | the task: what it waits for, commits, and does with an item |
+//! | `handle`, `stream` | the caller's side: the handle of a map, an ingest stream |
+//! | `actor`, `journal`, `items` | the task: its loop, its commits, how it handles an item |
 //! | `durable` | DURABLE acks, snapshots, a failing journal |
 //! | `streams`, `schedule` | open streams with their acks; which items wait for which solve |
 //! | `solves`, `work`, `pose_graph`, `optimize` | starting, superseding and applying solves; their bodies |
-//! | `watch`, `watch_log`, `touched`, `history` | changes for readers, coalesced; what a reader missed |
-//! | `meters` | what is counted |
-//! | `pool`, `fair_queue` | the threads of solves and computations, and whose solve is next |
-//! | `account` | what each map, each tenant and the server hold, and how much they may |
+//! | `watch`, `watch_log`, `touched`, `history` | changes for readers, coalesced; missed changes |
+//! | `meters` | counters and histograms |
+//! | `pool`, `fair_queue` | the threads of solves and computations, and the order of solves |
+//! | `account` | resources that each map, each tenant and the server hold, and their limits |
 
 mod account;
 mod acks;
@@ -75,13 +76,14 @@ pub use watch::{MapChange, Watch};
 pub struct EngineConfig {
     /// Whether every stream is in lock-step (false).
     pub lock_step: bool,
-    /// Items of a map that wait for its engine, at least 1 (64). A full queue slows streams down.
+    /// Most items of a map that wait for its engine, at least 1 (64). Streams wait while the queue
+    /// is full.
     pub queue_capacity: usize,
-    /// Most memory of a solve, estimated before it is begun, bytes (1 GiB).
+    /// Most memory of a solve, estimated before it starts, bytes (1 GiB).
     pub max_solve_bytes: u64,
-    /// Most work of an iteration of a solve, estimated likewise, Gflop (1000).
+    /// Most work per iteration of a solve, estimated before it starts, Gflop (1000).
     pub max_solve_gflops: u64,
-    /// A bug to be staged (none).
+    /// A fault to inject for tests (none).
     #[cfg(feature = "faults")]
     pub fault: Option<Fault>,
 }
@@ -100,7 +102,7 @@ impl Default for EngineConfig {
 }
 
 impl EngineConfig {
-    /// What a solve may take.
+    /// The limits of a solve.
     #[must_use]
     pub fn ceiling(&self) -> Ceiling {
         Ceiling {

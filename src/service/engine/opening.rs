@@ -1,8 +1,9 @@
-//! Opening maps: from what the store holds to a running engine.
+//! Opens maps: loads them from the store and starts their engines.
 //!
-//! A map whose journal is damaged or does not replay opens poisoned at the last revision that does, so
-//! that it can be read and exported. One that cannot be opened answers with the reason; where the
-//! system had nothing left for it, it is tried again. The others are not held up by it.
+//! A map whose journal is damaged or cannot be replayed opens poisoned at the last revision that
+//! can be replayed, so that it can be read and exported. A map that cannot be opened answers calls
+//! with the reason; if the system lacked resources, it is tried again. It does not delay the other
+//! maps.
 
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
@@ -26,14 +27,14 @@ use super::{EngineError, MapHandle, MapState, Maps, Reservation, Resource, tenan
 use crate::map::Map;
 use crate::store::{Durability, Epoch, Flushed, StoreError};
 
-/// Control messages that wait; the engine answers them at once.
+/// Most control messages that wait; the engine answers them at once.
 const CONTROL_QUEUE: usize = 64;
-/// When a map for which the system had nothing left is opened again: after this time, then each time
-/// twice as long, up to the longest.
+/// Delay until a map is opened again after the system lacked resources. It doubles with each
+/// attempt, up to [`LONGEST_OPENING`].
 const FIRST_OPENING: Duration = Duration::from_millis(100);
 const LONGEST_OPENING: Duration = Duration::from_secs(5);
 
-/// What an engine starts from.
+/// The state that an engine starts from.
 pub(super) struct Start {
     pub(super) name: String,
     pub(super) epoch: Epoch,
@@ -42,7 +43,7 @@ pub(super) struct Start {
     pub(super) refusal: Option<EngineError>,
     /// Why it could not be opened.
     pub(super) unopened: Option<EngineError>,
-    /// Revision of the snapshot that it was made from.
+    /// Revision of the snapshot that it was loaded from.
     pub(super) snapshot: i64,
     pub(super) unsolved: Vec<Unsolved>,
     pub(super) flushed: watch::Receiver<Flushed>,
@@ -76,14 +77,14 @@ impl Maps {
         self.inner.table.insert(self.spawn_existing(start));
     }
 
-    /// The engine of a map that exists: ceilings close none.
+    /// Starts the engine of an existing map, even above the limits.
     fn spawn_existing(&self, start: Start) -> MapHandle {
         let tenant = self.inner.pool.accounts().tenant(tenant_of(&start.name));
         self.spawn(start, tenant.reserve_existing(Resource::Maps, 1))
     }
 
-    /// Tries to open a map until the system has what it takes, the map is deleted, or it fails for
-    /// another reason.
+    /// Tries to open a map until the system has the resources, the map is deleted, or opening fails
+    /// for another reason.
     fn open_later(&self, name: String) {
         let maps = self.clone();
         tokio::spawn(async move {
@@ -110,7 +111,7 @@ impl Maps {
         });
     }
 
-    /// Brings a map back; `None` for one whose creation was never answered.
+    /// Loads a map; `None` for a map whose creation was never answered.
     async fn load_map(&self, name: &str) -> Result<Option<Start>, StoreError> {
         let store = &self.inner.store;
         let epoch = store.acquire(name).await?;
@@ -130,7 +131,7 @@ impl Maps {
         let lost = damage.into_iter().find(|damage| damage.lost.is_some());
         let reached = u64::try_from(map.revision()).unwrap_or(0);
         let Flushed { through, failed, unavailable } = flushed.borrow().clone();
-        // What could not be brought to the disk yet lies ahead of what is durable.
+        // Events that could not be written to the disk yet are newer than what is durable.
         let is_settled = failed.is_none() && unavailable.is_none();
         let is_short = store.durability() != Durability::Memory
             && (reached < through || (is_settled && reached != through));
@@ -223,8 +224,8 @@ impl Maps {
     }
 }
 
-/// Half a SHA-256 of name and creation time, in hex: the same after a restart, another for a map
-/// that was deleted and made again.
+/// Half a SHA-256 of name and creation time, in hex. It stays the same after a restart and differs
+/// for a map that was deleted and created again.
 fn uid(name: &str, create_time_ns: i64) -> String {
     let mut hash = Sha256::new();
     hash.update(create_time_ns.to_le_bytes());

@@ -1,7 +1,7 @@
 //! Optimizing a whole map on request: options, outcome, and the job that waits or runs.
 //!
-//! One job a map at a time. It starts when the running solve has ended, covers every trigger that
-//! is open then, and is applied as one event. A canceled job leaves the map as it was.
+//! A map has one job at a time. The job starts when the running solve has ended, covers every
+//! trigger that is open then, and is applied as one event. A canceled job leaves the map unchanged.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,15 +18,15 @@ use super::handle::Reply;
 use super::{EngineError, GaugeKind, SolveCertificate};
 use crate::map::SwitchedOff;
 
-/// What of a map is optimized.
+/// Which part of a map is optimized.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OptimizeProblem {
     /// Poses and landmarks over all factors.
     #[default]
     Full,
-    /// Poses over the graph of a loop closure; landmarks follow.
+    /// Poses over the graph of a loop closure; landmarks follow their reference keyframes.
     PoseGraph {
-        /// Whether the chordal optimum is proved, and the last solve starts there.
+        /// Whether the chordal optimum is proved and used as the start of the last solve.
         certify: bool,
     },
 }
@@ -38,16 +38,16 @@ pub struct OptimizeOptions {
     pub optimizer: optimizer::Options,
     /// The linear system.
     pub linear_solver: LinearSolver,
-    /// Loss of the observations; `None` takes the policy's.
+    /// Loss of the observations; `None` uses the policy's.
     pub observation_loss: Option<Loss>,
-    /// Loss of the constraints; `None` takes the policy's.
+    /// Loss of the constraints; `None` uses the policy's.
     pub constraint_loss: Option<Loss>,
     /// What is optimized.
     pub problem: OptimizeProblem,
-    /// What holds the frame; a pose graph holds the first keyframe of each piece. [`GaugeKind::FixedPoses`] holds the first keyframe, as a map marks no
-    /// others.
+    /// What fixes the frame. A pose graph fixes the first keyframe of each connected piece.
+    /// [`GaugeKind::FixedPoses`] fixes the first keyframe, because a map marks no others.
     pub gauge: GaugeKind,
-    /// When the solve must have ended; time that it waits for its turn counts (never).
+    /// Deadline of the solve, which includes its time in the queue (none).
     pub deadline: Option<Instant>,
 }
 
@@ -62,9 +62,9 @@ pub struct OptimizeOutcome {
     pub solve_id: i64,
     /// What was in the problem.
     pub counts: OptimizeCounts,
-    /// What is proved of the chordal cost where the last solve started; where it was asked for.
+    /// What is proved about the chordal cost at the start of the last solve, if it was requested.
     pub proof: Option<Proof>,
-    /// Every constraint of the map that is switched off after it, by client name, then id.
+    /// Every constraint of the map that is switched off after it, sorted by client name, then id.
     pub switched_off: Vec<(String, i64, SwitchedOff)>,
 }
 
@@ -88,7 +88,7 @@ pub(super) struct Job {
     pub(super) options: OptimizeOptions,
     pub(super) rows: mpsc::UnboundedSender<IterationSummary>,
     pub(super) cancel: Arc<AtomicBool>,
-    /// Of the call that asked for it.
+    /// Span of the call that requested it.
     pub(super) span: Span,
     pub(super) reply: Reply<Result<OptimizeOutcome, EngineError>>,
 }
@@ -98,7 +98,7 @@ impl Job {
         self.cancel.load(Ordering::Relaxed)
     }
 
-    /// Tells the caller, if it is still there.
+    /// Sends the outcome to the caller, if it still waits.
     pub(super) fn answer(self, outcome: Result<OptimizeOutcome, EngineError>) {
         let _gone = self.reply.send(outcome);
     }

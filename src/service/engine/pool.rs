@@ -1,12 +1,12 @@
-//! The solver pool: the threads for all solves of a server, with turns among tenants.
+//! The solver pool: the threads for all solves of a server, shared fairly among tenants.
 //!
-//! Small solves have threads of their own, so that none waits behind a large one; the system shares
-//! the processors between both. Of each kind as many run at once as there are threads, large ones
-//! as far as their memory fits besides; what waits is given its turn by [`FairQueue`]. Work runs under
-//! `catch_unwind`, so that a panic costs one solve and no thread. A solve that is parallel inside
-//! spreads over the threads of its kind. What an engine computes between its orders (a window, a first
-//! position, a keyframe's marginal, the change that a result makes) is given no turns: an engine has
-//! one such work at a time, and each has a thread.
+//! Small solves have their own threads, so that none waits for a large one; the system shares the
+//! processors between both. As many solves of each kind run at once as there are threads; a large
+//! solve also waits until its memory fits. [`FairQueue`] chooses which waiting solve is next. Work
+//! runs under `catch_unwind`, so that a panic ends one solve and no thread. A solve that is
+//! parallel inside uses the threads of its kind. What an engine computes itself (a window, a first
+//! position, a keyframe's marginal, the change that a result makes) is not queued: an engine has
+//! one such computation at a time, and each has a thread.
 
 use std::any::Any;
 use std::fmt;
@@ -23,7 +23,7 @@ use super::{Account, Accounts, EngineError, Estimate, Resource};
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("a solve panicked: {message}")]
 pub struct SolvePanicked {
-    /// What the panic said, for the log.
+    /// The message of the panic, for the log.
     pub message: String,
 }
 
@@ -33,27 +33,27 @@ pub enum PoolError {
     /// It panicked.
     #[error(transparent)]
     Panicked(#[from] SolvePanicked),
-    /// Too much work of its tenant waits already; it was not begun.
+    /// Too much work of its tenant waits already; the work was not started.
     #[error(transparent)]
     Full(EngineError),
 }
 
-/// Priority of threads for large solves and for readers, as `nice` counts: a thread of normal priority gets nine times
-/// the processor time of one of these.
+/// Priority of the threads for large solves and for readers, as a `nice` value: a thread of normal
+/// priority gets nine times the processor time of such a thread.
 #[cfg(target_os = "linux")]
 const LARGE_NICE: i32 = 10;
 
 type Work = Box<dyn FnOnce() + Send>;
 
-/// A solve that waits for its turn.
+/// A solve that waits in the queue.
 struct Waiting {
     work: Work,
     bytes: u64,
-    /// Of the map or the tenant that wants it.
+    /// Account of the map or the tenant that requested it.
     account: Arc<Account>,
 }
 
-/// Threads for solves of one kind, and who waits for them.
+/// Threads for solves of one kind, and the solves that wait for them.
 struct Workers {
     /// `None`: work runs as a task of the async runtime, so that one thread and one clock drive
     /// everything.
@@ -78,7 +78,7 @@ impl SolverPool {
     /// Starts `threads` threads, at least 1.
     ///
     /// # Errors
-    /// [`EngineError::Threads`] where the system refuses.
+    /// [`EngineError::Threads`] if the system refuses.
     pub fn new(threads: usize) -> Result<Arc<Self>, EngineError> {
         Self::shared_by(Accounts::default(), threads)
     }
@@ -92,28 +92,28 @@ impl SolverPool {
         Ok(Arc::new(Self { small, large, accounts }))
     }
 
-    /// A pool without threads, for simulations: work runs as a task of the caller's runtime, one after
-    /// the other.
+    /// A pool without threads, for simulations: solves run one after the other as tasks of the
+    /// caller's runtime.
     #[cfg(test)]
     pub(crate) fn in_place() -> Arc<Self> {
         let workers = || Workers { threads: None, queue: Mutex::new(FairQueue::new(1)) };
         Arc::new(Self { small: workers(), large: workers(), accounts: Accounts::default() })
     }
 
-    /// How many threads there are for a solve.
+    /// The number of threads that a solve may use.
     #[must_use]
     pub fn threads(&self) -> usize {
         self.large.threads.as_ref().map_or(1, rayon::ThreadPool::current_num_threads)
     }
 
-    /// What the tenants that share the pool hold.
+    /// The accounts of the tenants that share the pool.
     #[must_use]
     pub fn accounts(&self) -> &Accounts {
         &self.accounts
     }
 
-    /// Has `work` done when the turn of the account's tenant comes and answers through the receiver;
-    /// dropping the receiver does not stop it.
+    /// Queues `work` for the account's tenant; its result is sent to the receiver. Dropping the
+    /// receiver does not stop the work.
     pub(super) fn start<R: Send + 'static>(
         self: &Arc<Self>,
         account: &Arc<Account>,
@@ -124,7 +124,7 @@ impl SolverPool {
         let work = Box::new(move || {
             let result = catch_unwind(AssertUnwindSafe(work))
                 .map_err(|panic| SolvePanicked { message: panic_message(panic.as_ref()) });
-            // Nobody waits for the result of work that was superseded.
+            // The receiver is gone if the work was superseded.
             let _unread = reply.send(result);
         });
         let waiting = Waiting { work, bytes: estimate.bytes(), account: Arc::clone(account) };
@@ -152,7 +152,7 @@ impl SolverPool {
         Ok(answered(self.start(tenant, estimate, work).await)?)
     }
 
-    /// Computes what an engine waits for. A panic of `work` goes on in the caller.
+    /// Computes something that an engine awaits. A panic of `work` continues in the caller.
     pub(super) async fn compute<R: Send + 'static>(
         &self,
         work: impl FnOnce() -> R + Send + 'static,
@@ -164,7 +164,7 @@ impl SolverPool {
             Ok(result) => result,
             Err(lost) => match lost.try_into_panic() {
                 Ok(panic) => resume_unwind(panic),
-                // The runtime ends, and the engine with it.
+                // The runtime is shutting down, and the engine with it.
                 Err(canceled) => resume_unwind(Box::new(canceled.to_string())),
             },
         }
@@ -174,7 +174,7 @@ impl SolverPool {
         if is_small { &self.small } else { &self.large }
     }
 
-    /// Begins what may run now.
+    /// Starts the waiting solves of one kind that may run now.
     fn begin(self: &Arc<Self>, is_small: bool) {
         let workers = self.workers(is_small);
         loop {
@@ -184,7 +184,7 @@ impl SolverPool {
                 |running, waiting| is_small || running == 0 || self.fits(waiting),
             );
             let Some((turn, Waiting { work, bytes, account })) = next else { return };
-            // While the queue is held, so that no other takes the same memory.
+            // Reserved while the queue is locked, so that no other solve gets the same memory.
             let bytes = account.reserve_existing(Resource::RunningSolveBytes, bytes);
             drop(queue);
             let pool = Arc::clone(self);
@@ -203,7 +203,7 @@ impl SolverPool {
         }
     }
 
-    /// Whether a tenant of whom `running` solves of this kind run may have one more.
+    /// Whether a tenant with `running` solves of this kind may start one more.
     fn tenant_may(&self, tenant: &str, running: u64, waiting: &Waiting) -> bool {
         let account = self.accounts.tenant(tenant);
         let limits = account.limits();
@@ -214,7 +214,7 @@ impl SolverPool {
                 && limits.max_running_solve_bytes.is_none_or(|most| more <= most))
     }
 
-    /// Whether the server has the memory for one more.
+    /// Whether the server has the memory for one more solve.
     fn fits(&self, waiting: &Waiting) -> bool {
         let server = self.accounts.server();
         let more = server.held(Resource::RunningSolveBytes).saturating_add(waiting.bytes);
@@ -226,7 +226,7 @@ impl SolverPool {
         self.workers(is_small).lock().ended(turn, took_ns);
         self.begin(is_small);
         if is_small {
-            // Its memory may be what a large one waits for.
+            // A large solve may wait for the memory that is now free.
             self.begin(false);
         }
     }
@@ -253,23 +253,23 @@ impl Workers {
     }
 }
 
-/// Lets other threads of the machine go before this one, so that acks and small solves do not wait for
-/// their processor while a large solve computes. Where all are idle a solve takes no longer.
+/// Lowers the priority of this thread, so that acks and small solves do not wait for a processor
+/// while a large solve computes. On an idle machine the solve takes no longer.
 pub fn lower_priority() {
-    // Linux counts priorities by thread; elsewhere the whole process would be slowed down.
+    // Linux has one priority per thread; elsewhere the whole process would be slowed down.
     #[cfg(target_os = "linux")]
-    // A system that refuses leaves the priority as it is.
+    // If the system refuses, the priority stays unchanged.
     let _as_it_is = rustix::process::setpriority_process(None, LARGE_NICE);
 }
 
-/// A lost answer can only mean that its thread died.
+/// Work loses its answer only if its thread died.
 pub(super) fn answered<R>(
     answer: Result<Result<R, SolvePanicked>, oneshot::error::RecvError>,
 ) -> Result<R, SolvePanicked> {
     answer.unwrap_or_else(|lost| Err(SolvePanicked { message: lost.to_string() }))
 }
 
-/// What a panic said.
+/// The message of a panic.
 pub(super) fn panic_message(panic: &(dyn Any + Send)) -> String {
     if let Some(text) = panic.downcast_ref::<&'static str>() {
         (*text).to_owned()

@@ -1,6 +1,6 @@
 //! The body of a pose-graph solve of a map, run on the pool.
 //!
-//! Verdicts on closures go into the problem, from where they become part of the event. The stages are
+//! Verdicts on loop closures are stored in the problem and become part of the event. The stages are
 //! those of [`covis_solvers::graph_optimization`].
 
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use crate::map::{Map, SwitchedOff, loop_problem};
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct GraphSettings {
     pub(super) optimizer: optimizer::Options,
-    /// `None` takes the policy's.
+    /// `None` uses the policy's.
     pub(super) constraint_loss: Option<Loss>,
     pub(super) certify: bool,
 }
@@ -61,7 +61,7 @@ pub(super) fn solve_graph(
     let verdicts = solved.judged.map(|judged| judged.closures).unwrap_or_default();
     for closure in &mut problem.closures {
         let place = verdicts.binary_search_by_key(&closure.edge, |verdict| verdict.edge);
-        // One that is not judged ties consecutive keyframes.
+        // A closure without a verdict links consecutive keyframes.
         let verdict = place.ok().and_then(|place| verdicts.get(place));
         let off = verdict.filter(|verdict| verdict.is_switched_off && verdict.chi2.is_finite());
         closure.switched_off =

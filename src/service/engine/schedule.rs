@@ -1,15 +1,15 @@
-//! Which items wait for which solve, and up to where each client is optimized.
+//! Which items wait for which solve, and up to which sequence each client is optimized.
 //!
 //! A trigger is an item that starts a solve: a window around a keyframe, or a loop closure. Several
 //! triggers may be covered by one solve. A client's items are optimized up to sequence s once none
-//! of its triggers up to s is open: OPTIMIZED acks are cumulative. Windows are taken newest first
-//! within a batch, and a batch is worked off before the next begins, so that none starves.
+//! of its triggers up to s is open: OPTIMIZED acks are cumulative. Within a batch the newest window
+//! is solved first, and a batch is finished before the next begins, so that no window starves.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::map::{ClientIndex, EntityId};
 
-/// What a trigger asks for.
+/// The solve that a trigger starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Task {
     /// Local bundle adjustment around a keyframe.
@@ -30,7 +30,7 @@ struct Trigger {
 pub(super) struct Schedule {
     open: BTreeMap<u64, Trigger>,
     next_arrival: u64,
-    /// Triggers that arrived before it belong to the batch that is being worked off.
+    /// Triggers that arrived before this one belong to the current batch.
     batch_end: u64,
     /// Triggers that are done but wait for an earlier one of their client.
     done: BTreeMap<ClientIndex, BTreeSet<i64>>,
@@ -64,7 +64,7 @@ impl Schedule {
         self.open.values().filter(|t| t.client == client).map(|t| t.sequence).min()
     }
 
-    /// Forgets everything, as nothing will be solved any more.
+    /// Removes all triggers, because nothing more will be solved.
     pub(super) fn clear(&mut self) {
         self.open.clear();
         self.done.clear();

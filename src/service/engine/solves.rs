@@ -1,9 +1,10 @@
-//! Starting, superseding and applying solves; one at a time a map.
+//! Starts, supersedes and applies solves; a map runs one at a time.
 //!
-//! Order: loop closures first, then an optimization that was asked for (in lock-step it waits for
-//! the windows), then windows. A loop closure or an optimization supersedes a window that is being
-//! solved: its result is dropped, and the window is solved again from the newer state. A window is
-//! built on another thread while the engine waits: a local solve holds no snapshot and costs no copy.
+//! Order: loop closures first, then a requested optimization (in lock-step it waits for the
+//! windows), then windows. A loop closure or an optimization supersedes a window that is being
+//! solved: the window's result is dropped, and it is solved again from the newer state. A window is
+//! built on another thread while the engine waits, so that a local solve holds no snapshot and
+//! causes no copy of the map.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -26,9 +27,9 @@ use crate::map::{
 pub(super) struct Running {
     id: i64,
     kind: SolveKind,
-    /// Whether somebody asked for it.
+    /// Whether it was requested.
     is_job: bool,
-    /// What it covers.
+    /// The triggers that it covers.
     triggers: Vec<u64>,
     superseded: bool,
     pub(super) cancel: Arc<AtomicBool>,
@@ -36,7 +37,7 @@ pub(super) struct Running {
 }
 
 impl Running {
-    /// Resolves when the running solve has ended; never without one.
+    /// Resolves when the running solve has ended; never if none runs.
     pub(super) async fn ended(running: &mut Option<Self>) -> Result<Outcome, SolvePanicked> {
         match running {
             Some(running) => answered((&mut running.answer).await),
@@ -46,7 +47,7 @@ impl Running {
 }
 
 impl Actor {
-    /// Starts the next solve, if none runs and one is wanted.
+    /// Starts the next solve, if none runs and one is due.
     pub(super) async fn start_solves(&mut self) {
         while self.running.is_none() {
             let loops = self.schedule.loops();
@@ -90,7 +91,7 @@ impl Actor {
                 });
             }
             OptimizeProblem::PoseGraph { certify } => {
-                // Windows are still to be solved: this moves no landmark against its keyframes.
+                // Covers no windows: a pose graph moves no landmark relative to its keyframes.
                 let loops = self.schedule.loops();
                 self.launch(SolveKind::PoseGraph, estimate, loops, cancel, move |cancel| {
                     solve_map_graph(map, &options, certify, &rows, cancel)
@@ -150,7 +151,7 @@ impl Actor {
         self.running = Some(Running { id, kind, is_job, triggers, superseded, cancel, answer });
     }
 
-    /// Drops the result of a window that is being solved; it is solved again later.
+    /// Drops the result of a window that is being solved; the window is solved again later.
     pub(super) fn supersede_window(&mut self) {
         if let Some(running) = &mut self.running
             && running.kind == SolveKind::LocalBundle
@@ -160,7 +161,7 @@ impl Actor {
         }
     }
 
-    /// Takes a request to optimize the map.
+    /// Accepts or refuses a request to optimize the map.
     pub(super) fn optimize(&mut self, job: Job) {
         if let Err(error) = self.check_open() {
             return job.answer(Err(error));
@@ -175,7 +176,7 @@ impl Actor {
         }
     }
 
-    /// Takes the end of the running solve.
+    /// Handles the end of the running solve.
     pub(super) async fn solved(&mut self, outcome: Result<Outcome, SolvePanicked>) {
         let Some(running) = self.running.take() else { return };
         let outcome = match self.shared.meters.solve_panicked(outcome) {
@@ -206,7 +207,8 @@ impl Actor {
 
     async fn job_ended(&mut self, running: Running, outcome: Outcome) {
         let map = self.shared.name.clone();
-        // The job stays in place while its result is applied, so that a bug there answers it.
+        // The job is kept while its result is applied, so that a bug there ends the job with an
+        // error.
         let canceled = self.job.as_ref().is_none_or(Job::is_canceled);
         let answer = match outcome {
             _ if canceled => Err(EngineError::Cancelled { map }),
@@ -235,7 +237,7 @@ impl Actor {
         }
     }
 
-    /// Makes a solution the map's newest revision. A failing journal ends the streams.
+    /// Commits a solution as the map's newest revision. If that fails, the streams end.
     async fn apply(
         &mut self,
         running: &Running,
@@ -243,7 +245,7 @@ impl Actor {
     ) -> Result<Solution, EngineError> {
         let summary = &solution.certificate.solve;
         if !summary.final_cost.is_finite() {
-            // The estimates stay; the certificate tells of the numerical failure.
+            // The map keeps its estimates; the certificate reports the numerical failure.
             return Ok(solution);
         }
         let covered = self.schedule.preview(&running.triggers);
@@ -270,7 +272,7 @@ impl Actor {
     }
 }
 
-/// The constraints that do not count, by client name, then id.
+/// The constraints that are switched off, sorted by client name, then id.
 fn switched_off(map: &Map) -> Vec<(String, i64, SwitchedOff)> {
     let named = map.switched_off().iter().map(|(id, &off)| {
         let client = map.client(id.client).map(|client| client.name.clone());

@@ -1,8 +1,7 @@
 //! The caller's side of an ingest stream: items in, events out.
 //!
 //! Sending waits while the engine's queue is full or the events are not read: that is the
-//! back-pressure. The order of the items is the caller's; that sequences rise is checked where they
-//! come in, at the edge.
+//! back-pressure. Items keep the caller's order; the edge checks that sequences increase.
 
 use std::time::Instant;
 
@@ -13,14 +12,15 @@ use super::streams::Permit;
 use super::{EngineError, MapHandle, StreamEvent};
 use crate::map::{ClientIndex, ConstraintKind, Digest, Item, PartialItem, Rejection};
 
-/// What an opened stream starts from.
+/// The state from which an opened stream starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Opened {
     /// The client in the map.
     pub client: ClientIndex,
     /// The last sequence journaled for the client, plus 1.
     pub next_sequence: i64,
-    /// Solves have covered every taken item of the client up to here; 0 where there is none.
+    /// Solves have covered every accepted item of the client up to this sequence; 0 if there is
+    /// none.
     pub optimized_sequence: i64,
     /// The stream's epoch.
     pub epoch: i64,
@@ -33,7 +33,7 @@ pub struct Opened {
 /// An open ingest stream.
 #[derive(Debug)]
 pub struct IngestStream {
-    /// What it starts from.
+    /// The state from which it starts.
     pub opened: Opened,
     pub(super) sender: ItemSender,
     pub(super) events: mpsc::Receiver<StreamEvent>,
@@ -48,11 +48,11 @@ impl IngestStream {
     }
 }
 
-/// What waits in the engine's queue.
+/// An entry of the engine's queue.
 pub(super) struct Queued {
     pub(super) client: ClientIndex,
     pub(super) epoch: i64,
-    /// Of the call that it came by.
+    /// Span of the call that sent it.
     pub(super) span: Span,
     pub(super) body: Body,
 }
@@ -63,7 +63,7 @@ pub(super) enum Body {
     Rejected {
         sequence: i64,
         rejection: Rejection,
-        /// What can be read of it, to be held against the map.
+        /// The readable part of the item, to be checked against the map.
         partial: Option<Box<PartialItem>>,
         receipt: Permit,
     },
@@ -75,9 +75,9 @@ pub(super) struct QueuedItem {
     pub(super) digest: Digest,
     pub(super) item: Item,
     pub(super) receipt: Permit,
-    /// Where the store is durable.
+    /// Present if the store is durable.
     pub(super) durable: Option<Permit>,
-    /// Where the item may start a solve.
+    /// Present if the item may start a solve.
     pub(super) optimized: Option<Permit>,
 }
 
@@ -107,11 +107,12 @@ pub struct ItemSender {
 }
 
 impl ItemSender {
-    /// Queues an item; its acks come through the stream's events. `digest` is of the item as
+    /// Queues an item; its acks are events of the stream. `digest` is computed from the item as
     /// received.
     ///
     /// # Errors
-    /// Why the stream has ended; [`EngineError::Cancelled`] when nobody holds its events any more.
+    /// Why the stream has ended; [`EngineError::Cancelled`] when the receiver of its events was
+    /// dropped.
     pub async fn send(&self, sequence: i64, digest: Digest, item: Item) -> Result<(), EngineError> {
         let arrived = Instant::now();
         let permit = || self.permit(sequence, arrived);
@@ -122,8 +123,9 @@ impl ItemSender {
         self.queue(Body::Item(Box::new(item))).await
     }
 
-    /// Queues the refusal of an item that could not be converted, so that its ack keeps its place.
-    /// What can be read of it is held against the map, so that all that is wrong is told at once.
+    /// Queues the rejection of an item that could not be converted, so that its ack keeps its
+    /// place. The readable part of the item is checked against the map, so that all violations are
+    /// reported at once.
     ///
     /// # Errors
     /// As [`ItemSender::send`].
@@ -137,11 +139,11 @@ impl ItemSender {
         self.queue(Body::Rejected { sequence, rejection, partial, receipt }).await
     }
 
-    /// Half-closes the stream: the outstanding acks are sent, those of solves too, then the events
-    /// end.
+    /// Half-closes the stream: the outstanding acks are sent, including those of solves, then the
+    /// events end.
     pub async fn finish(mut self) {
         self.finished = true;
-        // A stream that has ended already has told so.
+        // A stream that has already ended has reported the reason.
         let _ended = self.queue(Body::Finish).await;
     }
 

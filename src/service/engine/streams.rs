@@ -1,9 +1,9 @@
-//! The engine's side of ingest streams: who may write, and the room for acks that are to come.
+//! The engine's side of ingest streams: which stream may write, and the room for outstanding acks.
 //!
-//! Every ack goes through a permit that its item reserved in the stream's event channel before it
-//! was queued, so that the engine never waits for a slow reader and no ack is lost; the reader that
-//! does not read runs out of permits and is slowed down. At most one stream a client is open: that
-//! with the newest epoch.
+//! Before an item is queued, it reserves a permit in the stream's event channel for each of its
+//! acks, so that the engine never waits for a slow reader and no ack is lost. A client that does
+//! not read its events runs out of permits and has to wait. A client has at most one open stream:
+//! the one with the newest epoch.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -19,9 +19,9 @@ use crate::meter::Held;
 pub(super) struct Permit {
     room: mpsc::OwnedPermit<StreamEvent>,
     meters: Arc<EngineMeters>,
-    /// The item's; 0 for what belongs to none.
+    /// The item's sequence; 0 if the permit belongs to no item.
     pub(super) sequence: i64,
-    /// When the item came.
+    /// When the item arrived.
     pub(super) arrived: Instant,
 }
 
@@ -35,7 +35,7 @@ impl Permit {
         Self { room, meters: Arc::clone(meters), sequence, arrived }
     }
 
-    /// Sends the event that the room was kept for.
+    /// Sends the event for which the room was reserved.
     pub(super) fn send(self, event: StreamEvent) {
         let meters = &self.meters;
         match &event {
@@ -60,40 +60,41 @@ impl Permit {
         self.room.send(event);
     }
 
-    /// The item is durable.
+    /// Measures how long the item took to become durable.
     pub(super) fn is_durable(&self) {
         self.meters.durable_ns.observe_time(self.arrived.elapsed());
     }
 }
 
-/// Permits for OPTIMIZED acks that are kept; solves coalesce, so that at most this many acks are to
-/// come at any time: of the solve that runs, of those that wait, and of an earlier stream.
+/// Permits for OPTIMIZED acks that a stream keeps. Solves coalesce, so that at most this many acks
+/// are outstanding: of the running solve, of those that wait, and of an earlier stream.
 const OPTIMIZED_PERMITS: usize = 4;
 
 /// Events beyond those of queued items: the end, and [`OPTIMIZED_PERMITS`].
 const EXTRA_EVENTS: usize = 1 + OPTIMIZED_PERMITS;
 
-/// Items of a stream whose time to OPTIMIZED is measured at any time.
+/// Most items of a stream whose time to OPTIMIZED is measured at once.
 const MEASURED_ITEMS: usize = 1024;
 
 /// Events that one queued item may have: RECEIVED or REJECTED, DURABLE, OPTIMIZED.
 const EVENTS_PER_ITEM: usize = 3;
 
 struct Stream {
-    /// Let go before the caller learns of the end.
+    /// Dropped before the caller learns of the end.
     _open: Held,
     epoch: i64,
     lock_step: bool,
     finishing: bool,
     end: Option<Permit>,
     optimized: Vec<Permit>,
-    /// When items came whose OPTIMIZED ack is to come; not all where that is long in coming.
+    /// Sequence and arrival of items whose OPTIMIZED ack is outstanding, at most
+    /// [`MEASURED_ITEMS`].
     waiting: VecDeque<(i64, Instant)>,
     ended: watch::Sender<Option<EngineError>>,
     _place: Reservation,
 }
 
-/// What the caller's side of a stream gets.
+/// The ends of the channels that the caller's side of a stream gets.
 pub(super) struct StreamEnds {
     pub(super) sender: mpsc::Sender<StreamEvent>,
     pub(super) events: mpsc::Receiver<StreamEvent>,
@@ -143,7 +144,7 @@ impl Streams {
         self.0.get(&client).is_some_and(|s| s.epoch == epoch && !s.finishing)
     }
 
-    /// Whether one of them is in lock-step.
+    /// Whether one of the streams is in lock-step.
     pub(super) fn any_lock_step(&self) -> bool {
         self.0.values().any(|s| s.lock_step)
     }
@@ -182,7 +183,7 @@ impl Streams {
         }
     }
 
-    /// The client sends no more; the stream closes once no ack is to come.
+    /// Marks that the client sends no more; the stream closes once no ack is outstanding.
     pub(super) fn finish(&mut self, client: ClientIndex, epoch: i64) {
         if let Some(stream) = self.0.get_mut(&client).filter(|s| s.epoch == epoch) {
             stream.finishing = true;

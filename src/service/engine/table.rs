@@ -1,9 +1,9 @@
 //! The maps of a server by name, and the names that are being changed.
 //!
-//! A creation or a deletion claims its name from its first step to its last. Whoever wants to change
-//! the same name waits, so that no two changes of one name meet in the store. A claim that is dropped
-//! leaves the name as it was set last: a change that panics cannot leave a name that nobody can use.
-//! Nothing here knows the store.
+//! A creation or a deletion claims its name from its first step to its last. Another change of the
+//! same name waits, so that two changes of one name never run in the store at once. Dropping a
+//! claim leaves the name as it was last set, so that a name stays usable after a panic. This module
+//! does not use the store.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -12,11 +12,11 @@ use tokio::sync::watch;
 
 use super::MapHandle;
 
-/// The maps by name. Clones share it.
+/// The maps by name. Clones share the table.
 #[derive(Clone, Default)]
 pub(super) struct Table(Arc<Mutex<BTreeMap<String, Entry>>>);
 
-/// A name that is taken.
+/// A name that is in use.
 struct Entry {
     /// The map that callers find; `None` while it is being created.
     map: Option<MapHandle>,
@@ -25,7 +25,7 @@ struct Entry {
 }
 
 impl Table {
-    /// The map called `name`; a map that is being deleted is there until its deletion has ended.
+    /// The map called `name`; a map that is being deleted is found until its deletion has ended.
     pub(super) fn get(&self, name: &str) -> Option<MapHandle> {
         self.lock().get(name).and_then(|entry| entry.map.clone())
     }
@@ -47,12 +47,12 @@ impl Table {
                 Ok(claim) => return claim,
                 Err(running) => running,
             };
-            // The sender sends nothing: it is dropped at the end of the change.
+            // The sender sends no value: it is dropped at the end of the change.
             let _ended = running.changed().await;
         }
     }
 
-    /// Claims a name, or tells how to wait for the change that runs.
+    /// Claims a name, or returns a receiver that closes when the running change has ended.
     fn try_claim(&self, name: &str) -> Result<Claim, watch::Receiver<()>> {
         let mut entries = self.lock();
         let map = match entries.get(name) {
@@ -79,11 +79,11 @@ impl Table {
     }
 }
 
-/// A name that one change holds; dropping it ends the change.
+/// The claim of one change to a name; dropping it ends the change.
 pub(super) struct Claim {
     table: Table,
     name: String,
-    /// What the name stands for when the change ends.
+    /// The map that has the name when the change ends.
     map: Option<MapHandle>,
     _ended: watch::Sender<()>,
 }
@@ -99,7 +99,7 @@ impl Claim {
         self.map.as_ref()
     }
 
-    /// Says what the name stands for when the change ends; `None` leaves it free.
+    /// Sets the map that has the name when the change ends; `None` makes the name free.
     pub(super) fn set(&mut self, map: Option<MapHandle>) {
         self.map = map;
     }

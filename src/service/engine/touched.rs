@@ -1,21 +1,21 @@
-//! What events touch: the ids that a watcher is told.
+//! The ids that events touch, for watchers.
 //!
-//! Values are read in a snapshot later; nothing here keeps any.
+//! No values are kept here; a watcher reads them from a snapshot later.
 
 use std::collections::BTreeSet;
 
 use crate::map::{Change, ClientIndex, EntityId, Map};
 
-/// What events touched. An id that the snapshot does not hold was removed.
+/// The ids that events touched. An id that is not in the snapshot was removed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Touched {
     /// Cameras that are new or changed.
     pub cameras: BTreeSet<EntityId>,
-    /// Keyframes that are new, changed or gone.
+    /// Keyframes that are new, changed or removed.
     pub keyframes: BTreeSet<EntityId>,
-    /// Landmarks that are new, changed or gone.
+    /// Landmarks that are new, changed or removed.
     pub landmarks: BTreeSet<EntityId>,
-    /// Constraints and priors that are new, switched off or on, or gone.
+    /// Constraints and priors that are new, switched off or on, or removed.
     pub constraints: BTreeSet<EntityId>,
     /// Clients that are new or whose keyframes changed.
     pub clients: BTreeSet<ClientIndex>,
@@ -50,8 +50,8 @@ impl Touched {
         }
     }
 
-    /// Adds the ids that `change` itself names. What it does besides needs the map before it: which
-    /// client opened, and what went with a keyframe.
+    /// Adds the ids that `change` itself names. Its other effects need the map before it: which
+    /// client opened a stream, and what was removed with a keyframe.
     pub(super) fn add_values(&mut self, change: &Change) {
         match change {
             Change::Created { .. }
@@ -106,7 +106,7 @@ impl Touched {
         }
     }
 
-    /// A keyframe goes, with its constraints and priors.
+    /// Adds what the removal of a keyframe touches: its landmarks, constraints and priors.
     fn removed(&mut self, keyframe: EntityId, map: &Map) {
         if let Some(entity) = map.keyframes().get(&keyframe) {
             self.landmarks.extend(entity.observations.iter().map(|o| o.landmark));
@@ -128,7 +128,7 @@ impl Touched {
         self.clients.insert(id.client);
     }
 
-    /// Adds what `other` has.
+    /// Adds the ids of `other`.
     pub(super) fn join(&mut self, other: &Self) {
         self.cameras.extend(&other.cameras);
         self.keyframes.extend(&other.keyframes);

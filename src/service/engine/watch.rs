@@ -1,10 +1,10 @@
-//! Watching a map: what changed since a reader last looked, however slow it is.
+//! Watching a map: what changed since a reader's last step, however slow the reader is.
 //!
-//! The engine writes what an event touches into one log for all watchers ([`WatchLog`]) and answers
-//! with snapshots: constant work a watcher. All else is done in the watcher's own task: it folds the
-//! log into a set of ids, and what lies before its start it reads from the journal (`history.rs`). Values
-//! are read in the newest snapshot. The memory of a watcher is bounded by the map, and revisions are
-//! never skipped, only joined.
+//! The engine writes the ids that an event touches into one log for all watchers ([`WatchLog`]) and
+//! answers with snapshots: constant work per watcher. The watcher's own task does the rest: it
+//! folds the log into a set of ids, and reads older changes from the journal (`history.rs`). Values
+//! are read from the newest snapshot. The size of the map bounds the memory of a watcher. Revisions
+//! are never skipped, only joined.
 
 use std::sync::Arc;
 
@@ -17,22 +17,23 @@ use super::{EngineError, MapHandle, MapState, Reservation};
 use crate::map::{Change, Map};
 use crate::meter::Held;
 
-/// More ids than this and than the map has entities are not kept: the reader gets the full state.
+/// A watcher keeps this many ids, or as many as the map has entities, whichever is more. Beyond
+/// that the reader gets the full state.
 const LEAST_TOUCHED: usize = 10_000;
 
 /// A step of a watched map.
 #[derive(Clone, Debug)]
 pub struct MapChange {
-    /// Whether the reader drops what it holds, because too much was touched to be told: then
-    /// `touched` is of no use, and the snapshot is the full state.
+    /// Whether the reader must drop what it has, because too many ids were touched. Then `touched`
+    /// is not valid, and the snapshot is the full state.
     pub reset: bool,
-    /// What the reader held.
+    /// The revision before the step.
     pub base_revision: i64,
-    /// What it holds after the step.
+    /// The revision after the step.
     pub revision: i64,
-    /// Whether the map takes changes.
+    /// Whether the map accepts changes.
     pub state: MapState,
-    /// What lies between the two.
+    /// The ids that were touched between the two revisions.
     pub touched: Touched,
     /// The map at `revision`.
     pub snapshot: Arc<Map>,
@@ -42,9 +43,9 @@ pub struct MapChange {
 #[derive(Debug)]
 pub(super) struct Gathered {
     pub(super) touched: Touched,
-    /// Whether there were too many, or some are not known.
+    /// Whether there were too many ids, or some are unknown.
     pub(super) reset: bool,
-    /// More ids than this are not kept.
+    /// Most ids that are kept.
     most: usize,
 }
 
@@ -53,7 +54,7 @@ impl Gathered {
         Self { touched: Touched::default(), reset: false, most }
     }
 
-    /// Gives up what was gathered: the full state is told.
+    /// Drops the gathered ids: the reader gets the full state.
     pub(super) fn reset(&mut self) {
         self.reset = true;
         self.touched = Touched::default();
@@ -66,7 +67,7 @@ impl Gathered {
         }
     }
 
-    /// Resets where there are too many ids.
+    /// Resets if there are too many ids.
     pub(super) fn check(&mut self) {
         if self.touched.len() > self.most {
             self.reset();
@@ -74,7 +75,7 @@ impl Gathered {
     }
 }
 
-/// How many ids a watcher of `map` keeps.
+/// Most ids that a watcher of `map` keeps.
 pub(super) fn most_touched(map: &Map) -> usize {
     let constraints = map.constraints().len() + map.priors().len();
     let held = map.keyframes().len() + map.landmarks().len() + constraints;
@@ -84,7 +85,7 @@ pub(super) fn most_touched(map: &Map) -> usize {
 /// A watched map.
 #[derive(Debug)]
 pub struct Watch {
-    /// The full state to begin with; absent when the reader goes on from a revision it holds.
+    /// The full state at the start; `None` when the reader continues from a revision that it has.
     pub reset: Option<Arc<Map>>,
     /// The revision that the first change starts from.
     pub base_revision: i64,
@@ -93,11 +94,11 @@ pub struct Watch {
     handle: MapHandle,
     log: LogReader,
     signal: watch::Receiver<()>,
-    /// What the next change has so far.
+    /// The ids gathered so far for the next change.
     gathered: Gathered,
     /// Names of clients that opened a stream before the log begins.
     opened: Vec<String>,
-    /// What the reader was told last, the start included.
+    /// The revision and state that the reader got last, initially those of the start.
     sent: (i64, MapState),
     /// Whether the map may have changed since.
     due: bool,
@@ -108,8 +109,8 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// The next step, joined from everything since the last one; waits until there is something.
-    /// Canceling loses nothing.
+    /// Waits for the next step, which joins all changes since the last one. Canceling loses
+    /// nothing.
     ///
     /// # Errors
     /// Why watching ended: [`EngineError::MapNotFound`] when the map was deleted,
@@ -117,7 +118,7 @@ impl Watch {
     pub async fn next(&mut self) -> Result<MapChange, EngineError> {
         loop {
             if let Some(change) = &self.pending {
-                // Once no crash can take it back.
+                // A change is returned once no crash can undo it.
                 self.handle.durable(change.revision).await?;
             }
             if let Some(change) = self.pending.take() {
@@ -130,7 +131,7 @@ impl Watch {
             let info = self.handle.info().await?;
             let (revision, state) = (info.snapshot.revision(), info.state);
             self.fold(revision).await;
-            // From here on nothing waits: the step is taken whole.
+            // There is no await from here on, so that canceling cannot split the step.
             self.due = false;
             if self.sent == (revision, state) && !self.gathered.reset {
                 continue;
@@ -140,12 +141,12 @@ impl Watch {
     }
 
     /// Gathers what the map's events touch while the reader is busy with an earlier step, so that
-    /// the engine need not keep it. Never ends; canceling loses nothing.
+    /// the log need not keep it. Never returns; canceling loses nothing.
     pub async fn gather(&mut self) {
         loop {
             self.fold(i64::MAX).await;
             if self.changed().await.is_err() {
-                // Whoever asks for the next step is told why.
+                // The next call of [`Watch::next`] returns the reason.
                 std::future::pending::<()>().await;
             }
         }
@@ -169,7 +170,7 @@ impl Watch {
         MapChange { reset, base_revision, revision, state, touched, snapshot }
     }
 
-    /// Takes what the log has, up to `through`.
+    /// Folds the entries of the log up to revision `through`.
     async fn fold(&mut self, through: i64) {
         loop {
             match self.log.take(through) {
@@ -180,13 +181,14 @@ impl Watch {
                     some.iter().for_each(|touched| self.gathered.join(touched));
                 }
             }
-            // Others have work too, the engine above all.
+            // Lets other tasks run, above all the engine.
             tokio::task::yield_now().await;
         }
     }
 
-    /// Goes on from `revision`, which the reader holds: what lies between it and the start is read
-    /// from the journal, beside the engine. Where that cannot be told, the watch begins with a reset.
+    /// Continues from `revision`, which the reader has. The changes between it and the start are
+    /// read from the journal, without the engine. If that is not possible, the watch begins with a
+    /// reset.
     pub(super) async fn go_on_from(
         &mut self,
         revision: i64,
@@ -224,7 +226,7 @@ impl Watch {
     }
 }
 
-/// The engine's side: the log, and who wakes its watchers.
+/// The engine's side: the log, and the signal that wakes the watchers.
 pub(super) struct Watchers {
     signal: watch::Sender<()>,
     log: WatchLog,
@@ -235,7 +237,7 @@ impl Watchers {
         Self { signal: watch::Sender::new(()), log: WatchLog::default() }
     }
 
-    /// Adds a watcher that holds `map`.
+    /// Adds a watcher that has `map`.
     pub(super) fn open(
         &self,
         handle: MapHandle,
@@ -261,7 +263,7 @@ impl Watchers {
         }
     }
 
-    /// Tells the watchers of an event that is about to change `map`.
+    /// Logs an event that is about to change `map`, if there are watchers.
     pub(super) fn tell(&self, change: &Change, map: &Map) {
         if self.log.is_read() {
             let mut touched = Touched::default();

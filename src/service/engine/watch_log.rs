@@ -1,18 +1,19 @@
-//! What the last events touched, once for all watchers of a map.
+//! A log of what the last events touched, shared by all watchers of a map.
 //!
-//! The engine adds one entry an event, whatever the number of watchers; each watcher folds the
-//! entries into its own set, in its own task. An entry goes when every watcher has it, and the oldest go
-//! when there are too many ids: a watcher that has not read them yet gets the full state instead. So
-//! an event costs the engine what the event touches, and a watcher that does not read costs nothing.
+//! The engine adds one entry per event, whatever the number of watchers; each watcher folds the
+//! entries into its own set, in its own task. An entry is dropped when every watcher has read it.
+//! The oldest entries are dropped when there are too many ids; a watcher that has not read them yet
+//! gets the full state instead. So the engine's cost of an event depends only on what the event
+//! touches, and a watcher that does not read costs nothing.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::touched::Touched;
 
-/// Ids that are kept for watchers who have not read them; the newest entry stays in any case.
+/// Most ids that are kept for watchers that have not read them; the newest entry is always kept.
 const MOST_IDS: usize = 1 << 16;
-/// Entries that a watcher takes at once, so that it holds the lock for a moment only.
+/// Most entries that a watcher takes at once, so that it holds the lock only briefly.
 const MOST_TAKEN: usize = 64;
 
 /// The log of a map. Cheap to clone.
@@ -23,33 +24,33 @@ pub(super) struct WatchLog(Arc<Mutex<Entries>>);
 struct Entries {
     /// The revision of the last entry.
     newest: i64,
-    /// One a revision, rising.
+    /// One entry per revision, in increasing order.
     touched: VecDeque<Arc<Touched>>,
-    /// Ids of all entries, and one for each entry.
+    /// Number of ids in all entries, plus one for each entry.
     ids: usize,
     /// Most ids that a watcher keeps.
     most: usize,
-    /// Up to which revision watchers have read, and how many of them.
+    /// Revisions up to which watchers have read, and the number of watchers at each.
     readers: BTreeMap<i64, usize>,
 }
 
 impl WatchLog {
-    /// Whether an event has to be told to anybody.
+    /// Whether the log has a reader.
     pub(super) fn is_read(&self) -> bool {
         !self.lock().readers.is_empty()
     }
 
-    /// Adds what the event of `revision` touches; a watcher keeps up to `most` ids by now.
+    /// Adds what the event of `revision` touches; a watcher now keeps up to `most` ids.
     pub(super) fn push(&self, revision: i64, touched: Touched, most: usize) {
         let mut entries = self.lock();
         entries.most = most;
         let gone = entries.push(revision, Arc::new(touched));
         drop(entries);
-        // Sets are dropped without the lock.
+        // Sets are dropped after the lock is released.
         drop(gone);
     }
 
-    /// Begins to read behind `revision`, which is the map's.
+    /// Adds a reader that starts after `revision`, which is the map's.
     pub(super) fn reader(&self, revision: i64) -> LogReader {
         let mut entries = self.lock();
         if entries.readers.is_empty() {
@@ -71,12 +72,12 @@ impl Entries {
         self.newest.saturating_sub(i64::try_from(self.touched.len()).unwrap_or(i64::MAX))
     }
 
-    /// Returns what nobody needs any more.
+    /// Adds an entry. Returns the entries that are dropped.
     fn push(&mut self, revision: i64, touched: Arc<Touched>) -> Vec<Arc<Touched>> {
         if self.readers.is_empty() {
             return Vec::new();
         }
-        // A panic between an event and its end leaves one that the map does not have.
+        // After a panic the log may have an entry of an event that the map does not have.
         let mut gone = match self.newest.checked_add(1) {
             Some(next) if next == revision => Vec::new(),
             _ => self.drop_first(self.touched.len()),
@@ -90,7 +91,7 @@ impl Entries {
         gone
     }
 
-    /// Moves a reader. Returns what nobody needs any more.
+    /// Moves a reader. Returns the entries that no reader needs any more.
     fn read(&mut self, from: i64, to: Option<i64>) -> Vec<Arc<Touched>> {
         if let Some(count) = self.readers.get_mut(&from) {
             *count -= 1;
@@ -116,15 +117,15 @@ impl Entries {
 /// What [`LogReader::take`] finds.
 #[derive(Debug)]
 pub(super) enum Taken {
-    /// The next entries, in order, and how many ids a watcher keeps by now.
+    /// The next entries, in order, and how many ids a watcher now keeps.
     Some(Vec<Arc<Touched>>, usize),
-    /// All were taken.
+    /// All entries were taken.
     Nothing,
-    /// Entries are gone that were not taken.
+    /// Entries were dropped that the reader had not taken.
     Lost,
 }
 
-/// A watcher's place in the log; dropping it leaves.
+/// A watcher's position in the log; dropping it removes the watcher.
 #[derive(Debug)]
 pub(super) struct LogReader {
     log: WatchLog,
@@ -137,7 +138,7 @@ impl LogReader {
         self.at
     }
 
-    /// Some of the entries that come next, up to that of revision `through`.
+    /// Takes some of the next entries, up to that of revision `through`.
     pub(super) fn take(&mut self, through: i64) -> Taken {
         let mut entries = self.log.lock();
         let through = through.min(entries.newest);
@@ -236,7 +237,7 @@ mod tests {
         log.push(201, touched(1), 0);
         assert_eq!(count(&mut stuck), Some(1), "and goes on from there");
         assert_eq!(count(&mut fast), Some(1));
-        // One event that touches the whole map is told like any other.
+        // One event that touches the whole map is logged like any other.
         log.push(202, touched(2 * MOST_IDS as i64), 0);
         assert_eq!(count(&mut fast), Some(1));
     }

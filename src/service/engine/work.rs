@@ -1,8 +1,9 @@
-//! The bodies of solves, run on the pool: problem in, moved problem and certificate out.
+//! The bodies of solves, which run on the pool: they take a problem and return it with moved values
+//! and a certificate.
 //!
-//! Nothing here knows the engine's state; a canceled solve ends within its iteration and its
-//! result is dropped by the engine. A snapshot is let go as soon as its problem is built, because
-//! the engine copies a map that somebody else still holds.
+//! Nothing here uses the engine's state. A canceled solve ends within its iteration, and the engine
+//! drops its result. A snapshot is dropped as soon as its problem is built, because the engine
+//! copies a map that is still shared.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -36,7 +37,7 @@ impl Moved {
     }
 }
 
-/// What a solve leaves.
+/// The result of a solve.
 pub(super) struct Solution {
     pub(super) moved: Moved,
     pub(super) certificate: SolveCertificate,
@@ -93,7 +94,7 @@ pub(super) fn solve_map(
     };
     let interrupt = interrupt(options.deadline, cancel);
     solve_bundle(problem, &bundle, options.gauge, &interrupt, &mut |row| {
-        // Nobody reads when the caller went away; it has then canceled.
+        // The receiver is gone when the caller went away; the solve is then canceled.
         let _gone = rows.send(*row);
         Control::Continue
     })
@@ -106,7 +107,7 @@ pub(super) fn solve_loop(map: Arc<Map>, ceiling: Ceiling, cancel: &Arc<AtomicBoo
     solve_graph(map, &settings, &interrupt(None, cancel))
 }
 
-/// Pose-graph optimization on request; `rows` gets those of the last solve.
+/// Pose-graph optimization on request; `rows` gets the iterations of the last solve.
 pub(super) fn solve_map_graph(
     map: Arc<Map>,
     options: &OptimizeOptions,
@@ -168,7 +169,7 @@ fn solve_bundle(
     Ok(Some(Solution { moved, certificate, counts, proof: None }))
 }
 
-/// What ends a solve within its iterations.
+/// Ends a solve within its iterations: at the deadline or when it is canceled.
 fn interrupt(deadline: Option<Instant>, cancel: &Arc<AtomicBool>) -> Interrupt {
     Interrupt::at(deadline).or_when(Arc::clone(cancel))
 }

@@ -1,7 +1,7 @@
 //! COLMAP records of a map's entities, and the numbers that name them in a file.
 //!
-//! Numbers are kept as runs of ids, which a client mostly gives one after another, so that a map of a
-//! million landmarks needs a few bytes.
+//! Numbers are stored as runs of consecutive ids. Clients mostly number their entities
+//! consecutively, so that a map of a million landmarks needs a few bytes.
 
 use std::collections::BTreeMap;
 
@@ -13,11 +13,11 @@ use super::LANDMARK_COLOR;
 use crate::map::{CameraEntity, EntityId, Keyframe, Landmark, Map};
 use crate::service::convert::ids::client_name;
 
-/// Ids that follow each other.
+/// Consecutive ids.
 struct Run {
     first: EntityId,
     count: u32,
-    /// The number of the first, from 1.
+    /// The number of the first id, from 1.
     number: u32,
 }
 
@@ -52,7 +52,7 @@ impl Numbering {
 }
 
 impl Run {
-    /// How far behind the first an id is.
+    /// The distance of an id from the first one.
     fn offset(&self, id: EntityId) -> Option<u32> {
         let same = id.client == self.first.client;
         let offset = id.id.checked_sub(self.first.id).filter(|_| same)?;
@@ -60,12 +60,13 @@ impl Run {
     }
 }
 
-/// What names a map's entities in the files.
+/// The numbers of a map's entities in the files.
 pub(super) struct Numbers {
     cameras: Numbering,
     images: Numbering,
     points: Numbering,
-    /// Places of the observations of a keyframe whose landmark is no point; mostly there is none.
+    /// For each keyframe, the indices of its observations whose landmark is not a point; mostly
+    /// there are none.
     left_out: BTreeMap<EntityId, Vec<usize>>,
 }
 
@@ -73,7 +74,7 @@ impl Numbers {
     /// The numbers of `map`.
     ///
     /// # Errors
-    /// What the files cannot hold, for people.
+    /// What the files cannot contain, as text for people.
     pub(super) fn of(map: &Map) -> Result<Self, String> {
         for (id, keyframe) in map.keyframes().iter() {
             if keyframe.camera.is_none_or(|camera| !map.cameras().contains_key(&camera)) {
@@ -167,7 +168,7 @@ impl Numbers {
         encoding.put_point(number.into(), &point, out);
     }
 
-    /// The keypoint of an observation: those that are left out do not count.
+    /// The keypoint of an observation; observations that are left out are not numbered.
     fn keypoint(&self, keyframe: EntityId, place: usize) -> u32 {
         let left_out = self
             .left_out

@@ -1,9 +1,8 @@
-//! Exports: the files of a map in each format, made as the reader takes them.
+//! Exports: the files of a map in each format, made while they are read.
 //!
-//! An [`Export`] has one snapshot and its place in it, and makes the next chunk when it is asked: it
-//! never holds a whole file, however large the map is and however slow its reader. The bytes of a
-//! record are those of `covis_solvers::io`; `parts.rs` gives a map's entities the ids and names that a
-//! format has room for.
+//! An [`Export`] has one snapshot and a position in it, and makes the next chunk on request. It
+//! never holds a whole file, however large the map and however slow the reader. `covis_solvers::io`
+//! writes the records; `parts.rs` gives a map's entities ids and names that a format can contain.
 
 mod colmap;
 mod parts;
@@ -24,7 +23,8 @@ use super::error::ServiceError;
 use crate::map::{Map, Reason};
 use crate::wire::v1;
 
-/// Most bytes of a file in one message. A reader that takes nothing makes the server hold a few.
+/// Most bytes of a file in one message. For a reader that does not read, the server holds a few of
+/// them.
 pub(super) const CHUNK_BYTES: usize = 1 << 18;
 /// Color of landmarks.
 const LANDMARK_COLOR: [u8; 3] = [120, 144, 180];
@@ -36,7 +36,7 @@ const KEYFRAME_COLOR: [u8; 3] = [220, 80, 40];
 pub(super) enum Format {
     /// COLMAP sparse model.
     Colmap(ColmapEncoding),
-    /// TUM trajectories, one a client.
+    /// TUM trajectories, one per client.
     Tum,
     /// Pose graph.
     G2o,
@@ -63,25 +63,25 @@ pub(super) fn format(value: i32) -> Result<Format, ServiceError> {
     }
 }
 
-/// A file of an export, as far as it is not made yet.
+/// The part of an exported file that is not made yet.
 struct File {
     path: String,
     parts: VecDeque<Part>,
 }
 
-/// An export on its way.
+/// An export in progress.
 pub(super) struct Export {
     name: String,
     map: Arc<Map>,
     files: VecDeque<File>,
     /// Bytes of the first file that were sent.
     offset: usize,
-    /// Bytes that were made and not sent: about a chunk at most.
+    /// Bytes that were made and not sent yet: at most about one chunk.
     made: Vec<u8>,
 }
 
 impl Export {
-    /// The export of `map`, which is called `name`. Blocks for a moment.
+    /// The export of `map`, which is called `name`. Blocks briefly.
     ///
     /// # Errors
     /// [`ServiceError::FormatCannotHoldMap`].
@@ -103,18 +103,18 @@ impl Export {
         self.map.revision()
     }
 
-    /// The paths of the files that are to come, in order.
+    /// The paths of the remaining files, in order.
     pub(super) fn paths(&self) -> Vec<String> {
         self.files.iter().map(|file| file.path.clone()).collect()
     }
 
-    /// Makes the next chunk; each file has at least one. Blocks for a moment.
+    /// Makes the next chunk; each file has at least one. Blocks briefly.
     ///
     /// # Errors
     /// [`ServiceError::FormatCannotHoldMap`].
     pub(super) fn next_chunk(&mut self) -> Result<Option<v1::FileChunk>, ServiceError> {
         let Some(file) = self.files.front_mut() else { return Ok(None) };
-        // One byte more than a chunk tells that it is not the last one.
+        // One byte more than a chunk shows that the chunk is not the last one.
         while self.made.len() <= CHUNK_BYTES
             && let Some(part) = file.parts.front_mut()
         {
@@ -145,8 +145,8 @@ fn file(path: impl Into<String>, parts: impl IntoIterator<Item = Part>) -> File 
     File { path: path.into(), parts: parts.into_iter().collect() }
 }
 
-/// Cameras, images and points are numbered from 1 in the map's order, an image is called
-/// `client/keyframe`; landmarks without a position are left out.
+/// Cameras, images and points are numbered from 1 in the map's order. The name of an image is
+/// `client/keyframe`. Landmarks without a position are left out.
 fn colmap(map: &Map, encoding: ColmapEncoding) -> Result<VecDeque<File>, String> {
     let numbers = Arc::new(Numbers::of(map)?);
     let [cameras, images, points] = encoding.file_names();

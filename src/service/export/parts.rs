@@ -1,7 +1,7 @@
 //! Parts of a file, each with its place in the map: a run of records of one kind.
 //!
-//! A part writes until a chunk is full and goes on from there when it is asked again. Nothing here
-//! keeps what was written.
+//! A part writes until a chunk is full and continues from there at the next call. What was written
+//! is not kept here.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use super::colmap::Numbers;
 use super::{KEYFRAME_COLOR, LANDMARK_COLOR};
 use crate::map::{ClientIndex, EntityId, Keyframe, Map, SharedMap};
 
-/// A place in a table: the id from which it goes on, `None` at the end.
+/// A position in a table: the id where it continues, `None` at the end.
 pub(super) struct Cursor(Option<EntityId>);
 
 /// The last id of all.
@@ -25,7 +25,7 @@ impl Cursor {
         Self(Some(EntityId::new(ClientIndex(0), i64::MIN)))
     }
 
-    /// Writes entries until `out` has more than `most` bytes; whether there may be more.
+    /// Writes entries until `out` has more than `most` bytes; returns whether there may be more.
     fn put<'m, V: 'm, I: Iterator<Item = (&'m EntityId, &'m V)>>(
         &mut self,
         entries: impl FnOnce(EntityId) -> I,
@@ -106,7 +106,8 @@ pub(super) enum Part {
     ColmapPoints(ColmapEncoding, Arc<Numbers>, Cursor),
     Tum(Path),
     G2oVertices(Cursor),
-    /// Those that count: a file cannot mark what is switched off, and its reader would be bent by it.
+    /// The edges that are not switched off: a file cannot mark an edge as switched off, and its
+    /// reader would use it.
     G2oEdges(Cursor),
     PlyPoints(Cursor),
     PlyLine(Path),
@@ -122,7 +123,8 @@ impl Part {
         Self::PlyLine(Path { client, order: None })
     }
 
-    /// Appends records to `out` until it has more than `most` bytes; whether there may be more.
+    /// Appends records to `out` until it has more than `most` bytes; returns whether there may be
+    /// more.
     pub(super) fn put(
         &mut self,
         map: &Map,
@@ -185,7 +187,7 @@ impl Part {
     }
 }
 
-/// Writes the segments of polylines, and takes from each what was written.
+/// Writes the segments of polylines, and removes from each what was written.
 fn edges(paths: &mut [PlyPath], most: usize, out: &mut Vec<u8>) -> bool {
     for path in paths.iter_mut() {
         while path.count > 1 {

@@ -1,8 +1,9 @@
-//! Counts every call by RPC and status code and measures how long it took, streams to their end.
+//! Counts every call by RPC and status code and measures its duration; a stream counts until its
+//! end.
 //!
-//! [`Metered`] stands outermost, so that refused calls count too. The code of an answer with a body
-//! is in its trailers; an answer that is dropped before them was canceled. Only RPCs that the server
-//! knows have rows of their own: what a stranger puts in a path is counted as `other`.
+//! [`Metered`] is the outermost layer, so that refused calls count too. The code of an answer with
+//! a body is in its trailers; an answer that is dropped before them was canceled. Only RPCs that
+//! the server knows have their own rows; any other path is counted as `other`.
 
 use std::collections::BTreeMap;
 use std::future::Future;
@@ -60,7 +61,7 @@ impl CallMeter {
         Arc::new(Self { codes: Default::default(), duration_ns: Histogram::of_durations() })
     }
 
-    /// How many calls ended with which code, those that occurred.
+    /// The codes that occurred, with the number of calls that ended with each.
     pub(super) fn codes(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let rows = CODES.into_iter().zip(&self.codes).map(|(code, count)| (code, count.get()));
         rows.filter(|&(_, count)| count > 0)
@@ -75,14 +76,14 @@ pub(in crate::service) struct CallMeters {
 }
 
 impl CallMeters {
-    /// One for each RPC of the wire and of health.
+    /// Instruments for each RPC of the wire and of health.
     pub(super) fn new() -> Self {
         static RPCS: LazyLock<Vec<String>> = LazyLock::new(rpcs);
         let known = RPCS.iter().map(|rpc| (rpc.clone(), CallMeter::new())).collect();
         Self { known, other: CallMeter::new() }
     }
 
-    /// Those that were called, by name.
+    /// The RPCs that were called, by name.
     pub(super) fn rows(&self) -> impl Iterator<Item = (&str, &CallMeter)> {
         let known = self.known.iter().map(|(name, meter)| (name.as_str(), &**meter));
         let rows = known.chain([("other", &*self.other)]);
@@ -119,7 +120,7 @@ pub(in crate::service) struct Metered<S> {
 }
 
 impl<S> Metered<S> {
-    /// Stands before `service`.
+    /// Counts the calls of `service`.
     pub(in crate::service) fn new(service: S, meters: &Arc<CallMeters>) -> Self {
         Self { service, meters: Arc::clone(meters) }
     }
@@ -172,7 +173,7 @@ struct Call {
     meter: Arc<CallMeter>,
     since: Instant,
     code: usize,
-    /// Its connection is not idle until then.
+    /// Keeps its connection from being idle.
     _open: Option<OpenCall>,
 }
 
@@ -197,11 +198,11 @@ fn code(headers: &HeaderMap) -> Option<usize> {
     Some(if number < CODES.len() { number } else { 2 })
 }
 
-/// A body whose trailers are read in passing. The span ends with it.
+/// A body whose trailers are read when they pass. The span ends with the body.
 struct Answer {
     body: Body,
     span: tracing::Span,
-    /// Until it is counted.
+    /// `None` once the call is counted.
     call: Option<Call>,
 }
 

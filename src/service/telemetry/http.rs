@@ -1,8 +1,8 @@
 //! The listener for Prometheus: plain HTTP/1.1, `GET /metrics` and nothing else.
 //!
-//! One answer a connection, few connections at once and little time and room for a request. A new
-//! connection takes the place of the oldest where there are too many, so that nobody keeps a scraper
-//! out. It reads atomics and never waits for an engine.
+//! One answer per connection, few connections at once, and little time and memory for a request. If
+//! there are too many, a new connection replaces the oldest, so that nobody keeps a scraper out.
+//! The listener reads atomics and never waits for an engine.
 
 use std::convert::Infallible;
 use std::sync::Arc;
@@ -57,7 +57,7 @@ pub(in crate::service) async fn serve(listener: TcpListener, context: Arc<Contex
                     || tracing::warn!(%error, "a connection for metrics was not taken"),
                     |count| tracing::warn!(count, "more connections for metrics were not taken"),
                 );
-                // Out of files, most likely: there is nothing to be had at once.
+                // Most likely no descriptor is left, and an immediate try would fail too.
                 tokio::time::sleep(Duration::from_millis(100)).await;
             }
         }

@@ -1,8 +1,8 @@
-//! What operators see of a server: its instruments as a page for Prometheus, and spans of calls.
+//! Telemetry for operators: the instruments as a page for Prometheus, and spans of calls.
 //!
 //! The instruments themselves are plain atomics that the engine, the store and the edge hold; only
 //! here they get names, units and help texts. No label has the name of a map, a client or a tenant,
-//! so that the page does not grow with them. What each row tells is in `docs/operations.md`.
+//! so that the page does not grow with them. `docs/operations.md` explains each row.
 //!
 //! | module | role |
 //! |---|---|
@@ -11,7 +11,7 @@
 //! | `calls` | counts RPCs, opens their span |
 //! | `http` | `GET /metrics` and nothing else |
 //! | `parent` | the caller's trace, in builds with OpenTelemetry |
-//! | `process` | what the system says of the process |
+//! | `process` | what the system reports about the process |
 
 mod calls;
 mod http;
@@ -40,12 +40,12 @@ pub(super) struct ServerMeters {
     pub rpc_panics: Counter,
     /// TLS handshakes that failed or took too long.
     pub failed_handshakes: Counter,
-    /// Those of the store.
+    /// The instruments of the store.
     pub store: Arc<StoreMeters>,
 }
 
 impl ServerMeters {
-    /// New ones, beside those of a store.
+    /// New instruments, with those of a store.
     pub(super) fn new(store: Arc<StoreMeters>) -> Self {
         let (rpc_panics, failed_handshakes) = (Counter::default(), Counter::default());
         Self { calls: Arc::new(CallMeters::new()), rpc_panics, failed_handshakes, store }

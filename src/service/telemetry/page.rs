@@ -1,7 +1,7 @@
 //! Every family of the page, with its name, its help and its rows.
 //!
-//! Counters end in `_total`, other names in their unit. A name that changes here changes in
-//! `docs/operations.md`, which a test compares with the page.
+//! Names of counters end in `_total`, other names in their unit. A name that changes here must
+//! change in `docs/operations.md`; a test compares it with the page.
 
 use std::sync::atomic::Ordering;
 

@@ -1,6 +1,6 @@
 //! The trace that a caller is in: its `traceparent` becomes the parent of the call's span.
 //!
-//! Without the feature `opentelemetry` nothing is read and nothing happens.
+//! Without the feature `opentelemetry` nothing is done.
 
 use tonic::codegen::http::HeaderMap;
 use tracing::Span;
@@ -27,7 +27,7 @@ pub(super) fn adopt(span: &Span, headers: &HeaderMap) {
     }
     if headers.contains_key("traceparent") {
         let context = TraceContextPropagator::new().extract(&Headers(headers));
-        // Refused only where no exporter is there to see it.
+        // Refused only if there is no exporter.
         let _refused = span.set_parent(context);
     }
 }

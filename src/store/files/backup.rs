@@ -1,10 +1,10 @@
 //! Copies a data directory while a server may be writing to it, and proves that the copy opens.
 //!
-//! A journal only grows at its end and a snapshot is written once, so that files copied in the right
-//! order make a map as it was at some moment: first the mark, which may not be ahead of the journal,
-//! then the snapshots, then the journal. The server may remove files meanwhile; what was copied is
-//! looked at as `doctor` does, and a map that lacks something is copied again. The copy is a data
-//! directory of its own: to restore it is to serve it. Everything here blocks.
+//! A journal only grows at its end and a snapshot is written once. Files that are copied in the
+//! right order are therefore a map as it was at some moment: first the mark, which must not be
+//! ahead of the journal, then the snapshots, then the journal. The server may remove files
+//! meanwhile; the copy is checked as `doctor` does, and a map with missing files is copied again.
+//! The copy is a complete data directory: to restore it, serve it. Everything here blocks.
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -15,17 +15,17 @@ use super::folders::{self, Folder};
 use super::{MARK, create_root, file_error};
 use crate::store::StoreError;
 
-/// How often a map is copied before it is given up: each time the server was in the middle of
-/// replacing its files.
+/// How often the copy of a map is tried. A try fails when the server replaces the map's files
+/// meanwhile.
 const TRIES: usize = 5;
 
 /// Copies every map of a data directory to `copy`, which must be missing or empty. Blocks.
 ///
-/// Each map holds at least what was durable when its copy began. The answer tells what each copy is
-/// like; one that is damaged is so in the original.
+/// Each map holds at least what was durable when its copy began. Returns a checkup of each copy; a
+/// copy is damaged only if the original is.
 ///
 /// # Errors
-/// [`StoreError::NotEmpty`] where `copy` holds anything, [`StoreError::File`].
+/// [`StoreError::NotEmpty`] if `copy` is not empty, [`StoreError::File`].
 pub fn back_up(directory: &Path, copy: &Path) -> Result<Vec<MapCheckup>, StoreError> {
     let maps = directory.join("maps");
     let folders = RealDisk.list(&maps).map_err(|e| file_error("cannot list", &maps, &e))?;
@@ -42,7 +42,7 @@ pub fn back_up(directory: &Path, copy: &Path) -> Result<Vec<MapCheckup>, StoreEr
             Folder::Map { .. } | Folder::Later(_) | Folder::Nameless(_) | Folder::Unknown(_) => {
                 checkups.extend(copy_map(&maps, &copy.join("maps"), &name)?);
             }
-            // What an unfinished creation or deletion left.
+            // Left by an unfinished creation or deletion.
             Folder::Leftover => {}
             Folder::Stray(reason) => {
                 let folder = maps.join(&name);
@@ -56,8 +56,8 @@ pub fn back_up(directory: &Path, copy: &Path) -> Result<Vec<MapCheckup>, StoreEr
     Ok(checkups)
 }
 
-/// Copies a map; `None` where it was deleted meanwhile, or was never quite created. One of a later
-/// version is copied as it is.
+/// Copies a map; `None` if it was deleted meanwhile, or its creation never finished. A map of a
+/// later version is copied as it is.
 fn copy_map(maps: &Path, copy: &Path, name: &str) -> Result<Option<MapCheckup>, StoreError> {
     let (from, to) = (&maps.join(name), &copy.join(name));
     let mut tries = 1;
@@ -84,7 +84,7 @@ fn copy_map(maps: &Path, copy: &Path, name: &str) -> Result<Option<MapCheckup>, 
     }
 }
 
-/// Copies the files of a map once; whether none went away meanwhile.
+/// Copies the files of a map once; returns whether none was removed meanwhile.
 fn copy_files(from: &Path, to: &Path) -> Result<bool, StoreError> {
     RealDisk.create_folder(to).map_err(|e| file_error("cannot create", to, &e))?;
     let mark = RealDisk.read(&from.join(MARK)).ok();
@@ -98,7 +98,7 @@ fn copy_files(from: &Path, to: &Path) -> Result<bool, StoreError> {
             is_whole &= copy_file(&from.join(name), &to.join(name))?;
         }
     }
-    // Files of a later version, perhaps.
+    // The folder may have files of a later version.
     if let Ok(names) = RealDisk.list(from) {
         let known = |name: &&String| {
             *name == MARK
@@ -122,7 +122,7 @@ fn copy_files(from: &Path, to: &Path) -> Result<bool, StoreError> {
     Ok(is_whole)
 }
 
-/// Copies a file; whether it was still there.
+/// Copies a file; returns whether it still existed.
 fn copy_file(from: &Path, to: &Path) -> Result<bool, StoreError> {
     match RealDisk.read(from) {
         Ok(bytes) => put(to, &bytes).map(|()| true),

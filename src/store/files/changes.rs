@@ -1,8 +1,9 @@
-//! Creating and deleting maps: once begun it runs to its end, whoever still waits for the answer.
+//! Creating and deleting maps: a change that has begun runs to its end, even if its caller stops
+//! waiting.
 //!
-//! The work and the entry in the table are one closure on the disk's thread, which owns the lock that
-//! lets one name change at a time. A map that was made for a caller who is gone has no event and never
-//! will: its name stays free, and whoever creates it next gets what was made.
+//! The work and the entry in the table are one closure on the disk's thread, which owns the lock
+//! that lets one name change at a time. A map whose caller is gone after the creation never gets an
+//! event: its name stays free, and the next creation of that name reuses the map.
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -21,7 +22,7 @@ impl FileStore {
         let (inner, name) = (Arc::clone(&self.inner), map.to_owned());
         let created = blocking(&*self.inner.disk, move || {
             let epoch = inner.create(&name)?;
-            // Travels with the answer: where nobody takes that, the map is free again.
+            // Sent with the answer: if nobody receives it, the name is free again.
             Ok((epoch, changing))
         });
         let (epoch, _changing) = created.await.map_err(|error| of_map(map, error))?;
@@ -69,7 +70,8 @@ impl Inner {
         let epoch = self.next_epoch();
         let (uid, folder) = self.new_folder(map);
         if let Err(error) = self.write(map, &uid, &folder) {
-            // What is left has no event: it is no map for the next start either.
+            // The remaining files have no event, so that the next start does not take them for a
+            // map.
             if self.remove(&folder).is_err() {
                 self.maps().insert(map.to_owned(), Entry::Leftover(folder));
             }
@@ -77,14 +79,14 @@ impl Inner {
         }
         let disk = Arc::clone(&self.disk);
         let journal = Journal::new(map, uid, folder, disk, self.options, &self.meters);
-        // Nothing was found, so that nothing is to be settled.
+        // Nothing was found, so that nothing must be made durable.
         let _settled = journal.loaded(load::Found::default());
         journal.state().epoch = epoch;
         self.maps().insert(map.to_owned(), Entry::Unclaimed(Arc::new(journal)));
         Ok(epoch)
     }
 
-    /// Writes the folder of a new map, durable.
+    /// Writes the folder of a new map and makes it durable.
     fn write(&self, map: &str, uid: &Uid, folder: &Path) -> Result<(), StoreError> {
         let failed = |error| file_error("cannot create", folder, &error);
         self.disk.create_folder(folder).map_err(failed)?;

@@ -1,9 +1,10 @@
-//! What the store asks of a file system: a trait, the real one, and one that changes nothing.
+//! The file system that the store needs: a trait, the real one, and a read-only one.
 //!
-//! The tests have other implementations, which forget what was not synced, tear writes and fail on
-//! demand. A disk also decides where work that blocks runs, and what time it is, so that a simulation
-//! owns both. Everything here but [`Disk::spawn`] and [`Disk::now`] blocks. A file's contents survive a loss of power after
-//! [`DiskFile::sync`], its name after [`Disk::sync_folder`] on the folder that holds it.
+//! The tests have other implementations, which lose what was not synced, tear writes and fail on
+//! demand. A disk also decides where blocking work runs and provides the time, so that a simulation
+//! controls both. Everything here but [`Disk::spawn`] and [`Disk::now`] blocks. A file's contents
+//! survive a loss of power after [`DiskFile::sync`], its name after [`Disk::sync_folder`] on the
+//! folder that holds it.
 
 use std::fmt;
 use std::fs::{self, File, OpenOptions};
@@ -13,53 +14,53 @@ use std::time::SystemTime;
 
 /// A file system.
 pub(crate) trait Disk: fmt::Debug + Send + Sync + 'static {
-    /// Runs work that blocks, away from the caller: by default on a thread of tokio for it. Work that
-    /// was given is done, whoever waits for it. Needs a tokio runtime.
+    /// Runs blocking work outside the caller's thread: by default on a blocking thread of tokio.
+    /// The work runs to its end even if nobody waits for it. Needs a tokio runtime.
     fn spawn(&self, work: Box<dyn FnOnce() + Send>) {
         tokio::task::spawn_blocking(work);
     }
-    /// The time, from which the names of new folders are made and which events are stamped with.
+    /// The current time, for names of new folders and for the times of events.
     fn now(&self) -> SystemTime {
         SystemTime::now()
     }
-    /// Creates a folder that is not there, with those above it.
+    /// Creates a folder that does not exist, and its missing parents.
     fn create_folder(&self, path: &Path) -> io::Result<()>;
-    /// The names in a folder, sorted. One that is no text comes with its odd parts replaced, and is
-    /// none of ours.
+    /// The names in a folder, sorted. In a name that is not valid text the invalid parts are
+    /// replaced; such a name is never one of the store's.
     fn list(&self, folder: &Path) -> io::Result<Vec<String>>;
     /// A whole file.
     fn read(&self, path: &Path) -> io::Result<Vec<u8>>;
-    /// A file from its beginning on, without holding all of it.
+    /// A stream of a file from its beginning, without the whole file in memory.
     fn stream(&self, path: &Path) -> io::Result<Box<dyn Read + Send>> {
         Ok(Box::new(Cursor::new(self.read(path)?)))
     }
-    /// Creates a file that is not there.
+    /// Creates a file that does not exist.
     fn create(&self, path: &Path) -> io::Result<Box<dyn DiskFile>>;
     /// Opens a file to append to it.
     fn open(&self, path: &Path) -> io::Result<Box<dyn DiskFile>>;
-    /// Writes over the beginning of a file, which is created where it is missing; nothing is synced.
+    /// Overwrites the beginning of a file; creates the file if it is missing. Nothing is synced.
     fn overwrite(&self, path: &Path, bytes: &[u8]) -> io::Result<()>;
-    /// Renames a file or folder; a file that is there is replaced.
+    /// Renames a file or folder; an existing file is replaced.
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()>;
     /// Removes a file.
     fn remove(&self, path: &Path) -> io::Result<()>;
-    /// Removes a folder with all that is in it.
+    /// Removes a folder with its contents.
     fn remove_folder(&self, path: &Path) -> io::Result<()>;
     /// Makes the names in a folder durable.
     fn sync_folder(&self, path: &Path) -> io::Result<()>;
 }
 
-/// A file that is written at its end.
+/// A file that is open for appending.
 pub(crate) trait DiskFile: fmt::Debug + Send {
     /// Appends bytes.
     fn append(&mut self, bytes: &[u8]) -> io::Result<()>;
     /// Makes the contents durable.
     fn sync(&mut self) -> io::Result<()>;
-    /// Cuts the file off.
+    /// Truncates the file to `length` bytes.
     fn truncate(&mut self, length: u64) -> io::Result<()>;
 }
 
-/// The operating system's files. Its errors do not name the file: whoever calls does.
+/// The operating system's files. Its errors do not name the file; the caller adds the name.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::store) struct RealDisk;
 
@@ -122,8 +123,8 @@ impl Disk for RealDisk {
     }
 }
 
-/// The operating system's files, of which nothing is changed: what would change them succeeds and
-/// does nothing.
+/// The operating system's files, read-only: an operation that would change them succeeds and does
+/// nothing.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::store) struct ReadOnly;
 

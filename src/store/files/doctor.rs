@@ -1,8 +1,8 @@
-//! Looks at a data directory that no server uses: reads every byte that a server would, replays every
-//! event, compares the result with the snapshots, and tells what is damaged.
+//! Checks a data directory that no server uses: reads every byte that a server would, replays every
+//! event, compares the result with the snapshots, and reports damage.
 //!
-//! Looking changes nothing. Repairing never deletes: a damaged file gets another name, and a snapshot
-//! of what could be brought back takes the place of the journal. Everything here blocks.
+//! A check changes nothing. A repair never deletes: a damaged file is renamed, and a snapshot of
+//! the recovered map replaces the journal. Everything here blocks.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,41 +19,41 @@ use crate::map::Map;
 use crate::store::encoding::{decode_identity, encode_identity};
 use crate::store::{Damage, StoreError, sequence_of};
 
-/// What the files of a map are like.
+/// The result of checking the files of a map.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MapCheckup {
-    /// The map's name; `None` where it is lost.
+    /// The map's name; `None` if it is lost.
     pub map: Option<String>,
     /// Its folder.
     pub folder: PathBuf,
-    /// The last revision that can be brought back.
+    /// The last revision that can be recovered.
     pub revision: u64,
     /// The names of its journal files, in order.
     pub segments: Vec<String>,
     /// Revision of the newest snapshot that opens.
     pub snapshot: Option<u64>,
-    /// What is damaged; the last byte of what can be read, and which events are lost.
+    /// The damage: the last byte that can be read, and which events are lost.
     pub damage: Vec<Damage>,
-    /// Why it could not be looked at or repaired, if so.
+    /// Why it could not be checked or repaired, if so.
     pub failure: Option<String>,
-    /// What a repair has set aside, under the new name.
+    /// Files that a repair has set aside, with their new names.
     pub set_aside: Vec<PathBuf>,
 }
 
 impl MapCheckup {
-    /// Whether there is anything wrong.
+    /// Whether anything is wrong.
     #[must_use]
     pub fn is_damaged(&self) -> bool {
         !self.damage.is_empty() || self.failure.is_some()
     }
 }
 
-/// Looks at every map of a data directory, in the order of the folders' names, and repairs those that
-/// are damaged where `repair` says so. Blocks.
+/// Checks every map of a data directory, in the order of the folders' names, and repairs damaged
+/// ones if `repair` is set. Blocks.
 ///
 /// # Errors
-/// [`StoreError::InUse`] where a server uses it, [`StoreError::File`] where it is no data directory
-/// or cannot be read.
+/// [`StoreError::InUse`] if a server uses it, [`StoreError::File`] if it is no data directory or
+/// cannot be read.
 pub fn check_up(directory: &Path, repair: bool) -> Result<Vec<MapCheckup>, StoreError> {
     let maps = directory.join("maps");
     let entries = RealDisk.list(&maps).map_err(|e| file_error("cannot list", &maps, &e))?;
@@ -74,7 +74,7 @@ pub fn check_up(directory: &Path, repair: bool) -> Result<Vec<MapCheckup>, Store
     Ok(looked.into_iter().map(|(checkup, _)| checkup).collect())
 }
 
-/// Looks at one entry of `maps`, which nobody writes to; `None` where it is no map. Blocks.
+/// Checks one entry of `maps`, which nobody writes to; `None` if it is no map. Blocks.
 pub(super) fn check_up_map(maps: &Path, entry: &str) -> Option<MapCheckup> {
     look_at(maps, entry).map(|(checkup, _)| checkup)
 }
@@ -83,7 +83,7 @@ fn look_at(maps: &Path, entry: &str) -> Option<(MapCheckup, Option<Found>)> {
     let folder = maps.join(entry);
     let mut checkup = MapCheckup { folder, ..MapCheckup::default() };
     match folders::look(&RealDisk, maps, entry) {
-        // It goes when a server starts.
+        // It is removed when a server starts.
         Folder::Leftover => None,
         Folder::Stray(reason) => {
             let folder = checkup.folder.display();
@@ -112,7 +112,7 @@ fn look_at(maps: &Path, entry: &str) -> Option<(MapCheckup, Option<Found>)> {
     }
 }
 
-/// Tells of maps that have the same name: a server opens none of them, and a person has to choose.
+/// Reports maps that have the same name: a server opens none of them, and a person has to choose.
 pub(super) fn name_ambiguous<'a>(checkups: impl Iterator<Item = &'a mut MapCheckup>) {
     let mut named: BTreeMap<String, Vec<&mut MapCheckup>> = BTreeMap::new();
     for checkup in checkups {
@@ -132,10 +132,10 @@ pub(super) fn name_ambiguous<'a>(checkups: impl Iterator<Item = &'a mut MapCheck
     }
 }
 
-/// What a repair needs to know of a map.
+/// The data that a repair needs of a map.
 struct Found {
     uid: Uid,
-    /// The map at the last revision that can be brought back.
+    /// The map at the last revision that can be recovered.
     map: Map,
     /// Revisions of the snapshots that open.
     snapshots: Vec<u64>,
@@ -172,7 +172,7 @@ fn look(checkup: &mut MapCheckup) -> Result<Found, StoreError> {
     let options = FileStoreOptions::default();
     let journal =
         Journal::new(&name, uid, folder.clone(), Arc::new(ReadOnly), options, &Arc::default());
-    // Nothing changes on this disk, so that nothing is settled.
+    // Nothing changes on this disk, so that nothing is made durable.
     let _settled = journal.loaded(found);
     let map = replay(&journal, last, &snapshots, checkup)?;
     checkup.revision = sequence_of(map.revision());
@@ -188,7 +188,7 @@ fn look(checkup: &mut MapCheckup) -> Result<Found, StoreError> {
     Ok(Found { uid, map, snapshots })
 }
 
-/// The map's uid, by its file or else by its folder.
+/// The map's uid, from its file or otherwise from its folder.
 fn identity(checkup: &mut MapCheckup) -> Result<Uid, StoreError> {
     let path = checkup.folder.join("map");
     if let Ok(mut file) = RealDisk.stream(&path)
@@ -205,8 +205,8 @@ fn identity(checkup: &mut MapCheckup) -> Result<Uid, StoreError> {
     folders::uid_of(&name).ok_or(StoreError::Content { path, message })
 }
 
-/// The map at the last revision that can be brought back: from the first event on, past gaps by
-/// means of snapshots, each of which must be what its events make.
+/// The map at the last revision that can be recovered. Starts at the first event and uses snapshots
+/// to pass gaps; each snapshot must equal the result of its events.
 fn replay(
     journal: &Journal,
     last: u64,
@@ -235,7 +235,7 @@ fn replay(
     }
 }
 
-/// Sets damaged files aside and leaves a map that opens where anything could be brought back.
+/// Sets damaged files aside and leaves a map that opens, if anything could be recovered.
 fn mend(directory: &Path, checkup: &mut MapCheckup, found: &Found) -> Result<(), StoreError> {
     let folder = checkup.folder.clone();
     if checkup.revision == 0 {
@@ -264,7 +264,8 @@ fn mend(directory: &Path, checkup: &mut MapCheckup, found: &Found) -> Result<(),
         checkup.map = Some(name);
     }
     if lost || checkup.damage.iter().any(|damage| is_log(&PathBuf::from(&damage.file))) {
-        // From here on the snapshot has everything; a journal with a gap would not read as one.
+        // From here on the snapshot has everything; a journal with a gap could not be read as a
+        // whole.
         let path = folder.join(snapshot_name(checkup.revision));
         if !found.snapshots.contains(&checkup.revision) || aside.contains(&path) {
             sealed::write_snapshot(&RealDisk, &path, &found.uid, &found.map)?;
@@ -281,7 +282,7 @@ fn mend(directory: &Path, checkup: &mut MapCheckup, found: &Found) -> Result<(),
     RealDisk.sync_folder(&folder).map_err(|e| file_error("cannot sync", &folder, &e))
 }
 
-/// Gives a file or folder a name in `folder` that nothing has and no server looks at.
+/// Renames a file or folder to an unused name in `folder` that no server reads.
 fn set_aside(path: &Path, folder: &Path) -> Result<PathBuf, StoreError> {
     let failed = |error| file_error("cannot rename", path, &error);
     let taken = RealDisk.list(folder).map_err(failed)?;
@@ -298,7 +299,7 @@ fn set_aside(path: &Path, folder: &Path) -> Result<PathBuf, StoreError> {
     Ok(to)
 }
 
-/// A file of which nothing can be used.
+/// The damage of a file of which nothing can be used.
 fn whole_file(path: &Path) -> Damage {
     Damage { file: path.display().to_string(), offset: 0, lost: None }
 }

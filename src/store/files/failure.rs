@@ -1,14 +1,14 @@
-//! Failures of the disk as the store tells them: which pass by themselves, and what callers read.
+//! Failures of the disk as the store reports them: which are temporary, and what callers read.
 //!
 //! An error inside this folder names the file, for the log. What leaves the store names the map and
-//! what is wrong: a caller must learn nothing of the server's folders.
+//! what is wrong: a caller must learn nothing about the server's folders.
 
 use std::io::{self, ErrorKind};
 use std::path::Path;
 
 use crate::store::StoreError;
 
-/// `EMFILE` and `ENFILE`: no kind of the standard library stands for them.
+/// `EMFILE` and `ENFILE`: the standard library has no error kind for them.
 #[cfg(unix)]
 const NO_DESCRIPTORS: [i32; 2] = [24, 23];
 /// `ERROR_TOO_MANY_OPEN_FILES`.
@@ -17,13 +17,14 @@ const NO_DESCRIPTORS: [i32; 1] = [4];
 #[cfg(not(any(unix, windows)))]
 const NO_DESCRIPTORS: [i32; 0] = [];
 
-/// Whether an error says that something is used up that may come back: space, descriptors, memory.
+/// Whether an error is temporary: space, descriptors or memory are used up and may become free
+/// again.
 pub(super) fn passes(error: &io::Error) -> bool {
     let used_up = [ErrorKind::StorageFull, ErrorKind::QuotaExceeded, ErrorKind::OutOfMemory];
     used_up.contains(&error.kind()) || lacks_descriptors(error)
 }
 
-/// Whether no file could be opened, so that nothing was done at all.
+/// Whether no file could be opened, so that the operation did nothing.
 pub(super) fn lacks_descriptors(error: &io::Error) -> bool {
     error.raw_os_error().is_some_and(|number| NO_DESCRIPTORS.contains(&number))
 }
@@ -37,7 +38,7 @@ pub(super) fn file_error(action: &'static str, path: &Path, error: &io::Error) -
     }
 }
 
-/// What a caller of a map's store is told of a failure that names a file; the log has the file.
+/// Turns a failure that names a file into the error that a caller gets; the file is only logged.
 pub(super) fn of_map(map: &str, error: StoreError) -> StoreError {
     let map = map.to_owned();
     if let StoreError::Later { file, reason, .. } = error {

@@ -1,9 +1,9 @@
-//! What the folders in `maps/` are: maps, what covis left unfinished, and what is not ours.
+//! The kinds of folders in `maps/`: maps, leftovers of covis, and foreign entries.
 //!
-//! The server's start, `doctor` and `backup` go by the same rules. A folder is a map's where its name
-//! is a uid and the identity in it carries the same uid. Only what covis itself leaves is ever removed:
-//! folders called `UID.deleted`, and those whose creation never came to a first event. Everything else
-//! stays as it is, and stops nothing.
+//! The server's start, `doctor` and `backup` use the same rules. A folder is a map's if its name is
+//! a uid and the identity in it has the same uid. Only leftovers of covis are ever removed: folders
+//! called `UID.deleted`, and those whose creation did not reach the first event. Everything else
+//! stays as it is, and prevents nothing.
 
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
@@ -17,24 +17,24 @@ use super::{file_error, journal_name};
 use crate::store::StoreError;
 use crate::store::encoding::{EncodingError, decode_identity, decode_later_identity};
 
-/// What a folder is.
+/// The kind of a folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Folder {
     /// A map that was created, or may have been.
     Map { name: String, uid: Uid },
-    /// A map that a later version has given its name.
+    /// A map whose name was written by a later version.
     Later(StoreError),
     /// A map whose name cannot be read, and why.
     Nameless(String),
-    /// What cannot be told now, for want of descriptors or memory.
+    /// Cannot be determined now, for lack of descriptors or memory.
     Unknown(StoreError),
-    /// What a creation or deletion left that did not end.
+    /// The leftover of a creation or deletion that did not finish.
     Leftover,
-    /// None of ours, and why.
+    /// Not a folder of covis, and why.
     Stray(&'static str),
 }
 
-/// The uid that a name is.
+/// The uid in a folder's name.
 pub(super) fn uid_of(name: &str) -> Option<Uid> {
     let mut uid = Uid::default();
     let is_hex = |byte: u8| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte);
@@ -52,7 +52,7 @@ pub(super) fn name_of(uid: &Uid) -> String {
     uid.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Finds out what an entry of `maps/` is. Changes nothing. Blocks.
+/// Determines the kind of an entry of `maps/`. Changes nothing. Blocks.
 pub(super) fn look(disk: &dyn Disk, maps: &Path, entry: &str) -> Folder {
     if entry.strip_suffix(".deleted").is_some_and(|name| uid_of(name).is_some()) {
         return Folder::Leftover;
@@ -115,8 +115,8 @@ fn named(
     }
 }
 
-/// Whether a map never had an event: its creation was not answered. A mark, a snapshot or any other
-/// file says that it had one; a journal that cannot be read is no evidence.
+/// Whether a map never had an event, because its creation was not answered. A mark, a snapshot or
+/// any other file shows that it had one; a journal that cannot be read proves nothing.
 fn is_unfinished(disk: &dyn Disk, folder: &Path, names: &[String], uid: &Uid) -> bool {
     let first = journal_name(1);
     let is_early = |name: &String| name == "map" || *name == first || name.ends_with(".tmp");
@@ -131,14 +131,14 @@ fn is_unfinished(disk: &dyn Disk, folder: &Path, names: &[String], uid: &Uid) ->
     !is_later && scan(&bytes, uid, 1).records.is_empty()
 }
 
-/// A map at the start: its files, or why it takes no calls.
+/// A map at the start: its files, or why it accepts no calls.
 pub(super) type Claim = Result<(Uid, PathBuf), StoreError>;
 
-/// The maps of a directory by name. What is unfinished is removed; what is not ours is told. Blocks.
+/// The maps of a directory by name. Removes leftovers and reports foreign entries. Blocks.
 ///
 /// # Errors
-/// [`StoreError::File`] where `maps/` cannot be listed, or a folder in it not be looked at for the
-/// moment: the name of its map would be taken for free.
+/// [`StoreError::File`] if `maps/` cannot be listed, or a folder in it cannot be read for now: the
+/// name of its map would look free.
 pub(super) fn at_start(
     disk: &dyn Disk,
     maps: &Path,
@@ -173,7 +173,7 @@ pub(super) fn at_start(
     Ok(claims.into_iter().map(|(name, claims)| (name.clone(), one(maps, name, claims))).collect())
 }
 
-/// The one claim to a name; several are none.
+/// The only claim to a name; an error if there are several.
 fn one(maps: &Path, map: String, mut claims: Vec<(String, Claim)>) -> Claim {
     if let [_] = &claims[..]
         && let Some((_, claim)) = claims.pop()
@@ -186,8 +186,8 @@ fn one(maps: &Path, map: String, mut claims: Vec<(String, Claim)>) -> Claim {
     Err(error)
 }
 
-/// Removes the folder of a map that is not wanted any more, so that no moment makes another map of it.
-/// Blocks.
+/// Removes the folder of a map that is no longer needed, so that a crash cannot leave part of it as
+/// a map. Blocks.
 pub(super) fn discard(disk: &dyn Disk, folder: &Path) -> std::io::Result<()> {
     let gone = folder.with_extension("deleted");
     if folder != gone {

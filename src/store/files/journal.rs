@@ -1,13 +1,14 @@
 //! One map's journal: accepts events in order, writes and syncs them in groups, remembers failures.
 //!
-//! An append puts its records into a buffer and returns. At most one flush runs a map: it takes all
-//! that waits, writes it at once, syncs once, and tells how far that reaches; what arrived meanwhile
-//! is the next group. After a flush that leaves nothing waiting a mark is written beside the journal,
-//! so that a last record that is damaged or gone is not taken for an unfinished write.
+//! An append puts its records into a buffer and returns. A map has at most one running flush. It
+//! writes all pending records at once, syncs once, and reports the last durable sequence; records
+//! that arrive meanwhile are the next group. When a flush leaves nothing pending, a mark is written
+//! beside the journal, so that a damaged or missing last record is not taken for an unfinished
+//! write.
 //!
-//! Where space, descriptors or memory are used up, the journal takes nothing new, keeps what it has
-//! accepted and tries again after a while (`writer.rs`). An fsync that fails is never tried again: what
-//! the system kept of it is not known, so the journal stops.
+//! When space, descriptors or memory are used up, the journal accepts nothing new, keeps what it
+//! has accepted and tries again later (`writer.rs`). A failed fsync is never tried again: it is not
+//! known what the system has written, so the journal stops.
 
 use std::collections::VecDeque;
 use std::io;
@@ -26,16 +27,17 @@ use crate::map::Event;
 use crate::store::encoding::encode_event;
 use crate::store::{Damage, Epoch, Flushed, Piece, Position, StoreError, StoreMeters, sequence_of};
 
-/// Bytes that wait for a flush before appends have to wait too.
+/// Bytes that may wait for a flush; beyond that, appends wait too.
 const MOST_PENDING: usize = 64 << 20;
-/// Bytes of encoded events that are kept for readers who were away for a moment.
+/// Bytes of encoded events that are kept in memory for readers that were away briefly.
 const RECENT: usize = 4 << 20;
-/// When a write is tried again that lacked space, descriptors or memory; each time twice as long.
+/// Delay before a write that lacked space, descriptors or memory is tried again; it doubles each
+/// time.
 const FIRST_RETRY: Duration = Duration::from_millis(100);
 /// The longest time between two tries.
 const LONGEST_RETRY: Duration = Duration::from_secs(5);
 
-/// A map's journal and what is known of its files.
+/// A map's journal and the state of its files.
 #[derive(Debug)]
 pub(super) struct Journal {
     pub(super) name: String,
@@ -45,14 +47,14 @@ pub(super) struct Journal {
     options: FileStoreOptions,
     pub(super) meters: Arc<StoreMeters>,
     state: Mutex<State>,
-    /// Locked before `state` where both are.
+    /// Locked before `state` if both are locked.
     writer: Mutex<Writer>,
     flushed: watch::Sender<Flushed>,
     /// Held while the folder is read for the first time, and while a snapshot is written.
     pub(super) exclusive: Arc<tokio::sync::Mutex<()>>,
 }
 
-/// What an append looks at.
+/// The state that an append reads.
 #[derive(Debug, Default)]
 pub(super) struct State {
     /// Whether the folder was read.
@@ -61,20 +63,21 @@ pub(super) struct State {
     pub(super) epoch: Epoch,
     /// The last accepted sequence.
     pub(super) last: u64,
-    /// Sequences up to this one cannot be read any more.
+    /// Sequences up to this one can no longer be read.
     pub(super) dropped: u64,
-    /// Snapshots that can be read, rising.
+    /// Sequences of the snapshots that can be read, in increasing order.
     pub(super) snapshots: Vec<u64>,
     pub(super) damage: Vec<Damage>,
     pub(super) frozen: Option<Damage>,
     durable: u64,
     failed: Option<StoreError>,
-    /// What is used up for now: nothing new is accepted until what was is written.
+    /// Which resource is used up for now: nothing new is accepted until the accepted events are
+    /// written.
     unavailable: Option<StoreError>,
-    /// Tries that failed so since the last write.
+    /// Tries that failed for this reason since the last write.
     retries: u32,
     flushing: bool,
-    /// Encoded records that wait, and the sequence of the first of them.
+    /// Encoded records that wait for a flush, and the sequence of the first one.
     pending: Vec<u8>,
     pending_first: u64,
     /// The last events with the size of their payload, and the sum of the sizes.
@@ -114,8 +117,8 @@ impl Journal {
         self.writer.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes over what was found on disk, and brings it there where that is not certain. Answers when
-    /// to call [`Journal::flush`] where that must be tried again. Blocks.
+    /// Takes over what was found on disk, and makes it durable if that is not certain. If that must
+    /// be tried again, returns the delay until [`Journal::flush`]. Blocks.
     pub(super) fn loaded(&self, found: Found) -> Option<Duration> {
         let mut state = self.state();
         state.loaded = true;
@@ -129,7 +132,7 @@ impl Journal {
         state.damage = found.damage;
         state.frozen = found.frozen;
         state.bytes_since_snapshot = found.bytes_since_snapshot;
-        // Whoever appends before all is settled must not start a second flush.
+        // An append before all is durable must not start a second flush.
         state.flushing = true;
         drop(state);
         *self.writer() = Writer::of(found.segments, found.unsynced);
@@ -137,7 +140,7 @@ impl Journal {
         self.flush()
     }
 
-    /// Tells all who follow how far the journal is.
+    /// Reports to all followers how far the journal is durable.
     fn tell(&self) {
         let state = self.state();
         let (failed, unavailable) = (state.failed.clone(), state.unavailable.clone());
@@ -148,7 +151,7 @@ impl Journal {
         self.flushed.subscribe()
     }
 
-    /// Stops the journal, for good: nothing that waits becomes durable.
+    /// Stops the journal permanently: pending events do not become durable.
     pub(super) fn stop(&self, cause: String) -> StoreError {
         let mut state = self.state();
         let (map, durable) = (self.name.clone(), state.durable);
@@ -166,12 +169,12 @@ impl Journal {
         self.writer().end();
     }
 
-    /// Removes the map's folder; a deletion that failed half way is finished. Where it fails either
+    /// Removes the map's folder, also after a deletion that failed halfway. On failure either
     /// nothing has changed, or the journal has stopped. Blocks.
     pub(super) fn delete(&self, maps: &Path) -> Result<(), StoreError> {
         let (disk, folder) = (&*self.disk, &*self.folder);
         let gone = folder.with_extension("deleted");
-        // No group is written meanwhile: none is acknowledged that goes with the map.
+        // Locked, so that no group is written and acknowledged while its map is removed.
         let mut writer = self.writer();
         let begun = match is_there(disk, folder)? {
             false => Ok(()),
@@ -192,17 +195,17 @@ impl Journal {
         }
         self.stop("the map was deleted".to_owned());
         writer.end();
-        // The map is gone by now; what is left of its files goes at the next start.
+        // The map is deleted by now; the next start removes the rest of its files.
         if let Err(error) = disk.remove_folder(&gone) {
             tracing::warn!(folder = %gone.display(), %error, "files of a deleted map are left");
         }
         Ok(())
     }
 
-    /// Waits until what was accepted by now is durable.
+    /// Waits until all events accepted so far are durable.
     ///
     /// # Errors
-    /// Why it does not become so, or not soon.
+    /// Why they do not become durable, or not soon.
     pub(super) async fn wait_durable(&self) -> Result<(), StoreError> {
         let last = self.state().last;
         let mut flushed = self.follow();
@@ -214,7 +217,7 @@ impl Journal {
         }
     }
 
-    /// Waits while too much waits already and the journal goes on.
+    /// Waits while too much is pending and the journal works.
     pub(super) async fn wait_for_room(&self) {
         let is_full = || {
             let state = self.state();
@@ -229,7 +232,7 @@ impl Journal {
         }
     }
 
-    /// Accepts events; `true` where the caller must start [`Journal::flush`].
+    /// Accepts events; `true` if the caller must start [`Journal::flush`].
     pub(super) fn accept(
         &self,
         epoch: Epoch,
@@ -301,8 +304,8 @@ impl Journal {
         Err(StoreError::Fenced { map: self.name.clone(), epoch, newest: state.epoch })
     }
 
-    /// Runs [`Journal::flush`] where the disk runs what blocks, after `delay`, and again for as long as
-    /// it asks for it. Needs a tokio runtime.
+    /// Runs [`Journal::flush`] after `delay` where the disk runs blocking work, and repeats it
+    /// while it returns a delay. Needs a tokio runtime.
     pub(super) fn start_flush(journal: Arc<Self>, delay: Option<Duration>) {
         let runtime = tokio::runtime::Handle::current();
         if let Some(delay) = delay {
@@ -321,11 +324,12 @@ impl Journal {
         }));
     }
 
-    /// Writes and syncs until nothing waits, or until something is used up: answers when to try again.
-    /// Blocks.
+    /// Writes and syncs until nothing is pending, or until a resource is used up; then returns the
+    /// delay until the next try. Blocks.
     pub(super) fn flush(&self) -> Option<Duration> {
         loop {
-            // Taken anew for each group, so that whoever reads or drops files gets a turn.
+            // Locked again for each group, so that other users of the files get the lock in
+            // between.
             let mut writer = self.writer();
             {
                 let mut state = self.state();
@@ -363,7 +367,7 @@ impl Journal {
             }
             let (is_idle, durable) = {
                 let mut state = self.state();
-                // Without a group it was what the start found.
+                // Without a group, the write made durable what the start found.
                 state.durable = group.as_ref().map_or(state.last, |group| group.last);
                 state.retries = 0;
                 if state.unavailable.take().is_some() {
@@ -372,7 +376,7 @@ impl Journal {
                 (state.pending.is_empty() && group.is_some(), state.durable)
             };
             self.tell();
-            // Evidence and no promise: without it, damage to the end may go unnoticed.
+            // The mark is optional: without it, damage at the end may go unnoticed.
             if is_idle
                 && let Err(error) =
                     self.disk.overwrite(&self.folder.join(MARK), &mark(&self.uid, durable))
@@ -382,7 +386,7 @@ impl Journal {
         }
     }
 
-    /// Something is used up: nothing new is accepted. Answers when to try again.
+    /// A resource is used up: accepts nothing new. Returns the delay until the next try.
     fn wait(&self, error: &io::Error) -> Duration {
         self.meters.journal_retries.increment();
         let mut state = self.state();
@@ -404,7 +408,8 @@ impl Journal {
     }
 
     fn failed_flush(&self, error: &io::Error) {
-        // Whoever is told of it may look.
+        // Counted before the failure is reported, so that a caller that gets the report sees the
+        // count.
         self.meters.journal_failures.increment();
         let stopped = self.stop(error.to_string());
         let folder = self.folder.display();
@@ -412,12 +417,12 @@ impl Journal {
         self.state().flushing = false;
     }
 
-    /// A snapshot stands at `sequence`: later files of the journal can be dropped without those
-    /// before it.
+    /// Records a complete snapshot at `sequence`. The next group starts a new file, so that the
+    /// files before it can be dropped.
     pub(super) fn snapshot_taken(&self, sequence: u64, snapshots: Vec<u64>) {
         let mut state = self.state();
         state.snapshots = snapshots;
-        // What came while it was written counts for the next one, about.
+        // Events that arrived while it was written count approximately for the next one.
         let behind = state.last.saturating_sub(sequence);
         let recent = state.recent.iter().rev().take(usize::try_from(behind).unwrap_or(usize::MAX));
         state.bytes_since_snapshot = recent.map(|(_, size)| *size as u64).sum();
@@ -425,7 +430,7 @@ impl Journal {
         self.writer().roll = true;
     }
 
-    /// Removes the files that hold nothing from `before` on. Blocks.
+    /// Removes the files that have no event from `before` on. Blocks.
     pub(super) fn drop_before(&self, before: u64) -> io::Result<()> {
         let mut writer = self.writer();
         while let [first, next, ..] = writer.segments[..]
@@ -442,8 +447,8 @@ impl Journal {
         self.writer().segments.clone()
     }
 
-    /// Some of the events after `from` and up to `through`, where the last ones that are kept reach
-    /// back so far.
+    /// Some of the events after `from` and up to `through`, if the events in memory reach back that
+    /// far.
     pub(super) fn recent_piece(&self, from: u64, through: u64, most: usize) -> Option<Piece> {
         let state = self.state();
         let behind = usize::try_from(state.last.saturating_sub(from)).ok()?;
@@ -457,7 +462,7 @@ impl Journal {
         Some(piece)
     }
 
-    /// The events after `from`, where the last ones that are kept reach back so far.
+    /// The events after `from`, if the events in memory reach back that far.
     pub(super) fn recent(&self, from: u64) -> Option<Vec<Arc<Event>>> {
         let state = self.state();
         let behind = usize::try_from(state.last.saturating_sub(from)).ok()?;
@@ -466,7 +471,7 @@ impl Journal {
     }
 }
 
-/// Whether a folder is there.
+/// Whether a folder exists.
 fn is_there(disk: &dyn Disk, folder: &Path) -> Result<bool, StoreError> {
     match disk.list(folder) {
         Ok(_) => Ok(true),
@@ -476,7 +481,7 @@ fn is_there(disk: &dyn Disk, folder: &Path) -> Result<bool, StoreError> {
 }
 
 impl State {
-    /// What is used up for now.
+    /// Which resource is used up for now.
     pub(super) fn unavailable(&self) -> Option<&StoreError> {
         self.unavailable.as_ref()
     }

@@ -1,13 +1,13 @@
-//! What is found in a map's folder when it is opened.
+//! Reads a map's folder when the map is opened.
 //!
-//! The journal must reach, without a gap, from the newest snapshot whose checksum fits. Three things
-//! may stand in the way, and they are told apart by the `durable` that every record carries and by
-//! the mark beside the journal:
+//! The journal must reach, without a gap, from the newest snapshot whose checksum fits. There are
+//! three kinds of faults. The `durable` in every record and the mark beside the journal tell them
+//! apart:
 //!
-//! - A bad place behind which nothing was ever acknowledged is what a crash leaves: it is cut off
+//! - A bad place after which nothing was ever acknowledged is left by a crash: it is cut off
 //!   (`make_durable.rs`).
-//! - Lost events that a snapshot holds are told and cost nothing.
-//! - Lost events that were acknowledged freeze the map: it opens with what is contiguous, takes no
+//! - Lost events that a snapshot contains are reported and do no harm.
+//! - Lost events that were acknowledged freeze the map: it opens with what is contiguous, accepts no
 //!   changes, and its files stay as they are.
 
 use std::path::Path;
@@ -22,18 +22,18 @@ use crate::store::{Damage, StoreError};
 /// A map's files as they are after opening.
 #[derive(Debug, Default)]
 pub(super) struct Found {
-    /// The first sequence of each journal file, rising.
+    /// The first sequence of each journal file, in increasing order.
     pub(super) segments: Vec<u64>,
-    /// Snapshots whose checksum fits, rising.
+    /// Snapshots whose checksum fits, in increasing order.
     pub(super) snapshots: Vec<u64>,
     /// The last sequence that can be read.
     pub(super) last: u64,
     /// The last sequence that is known to have been synced.
     pub(super) durable: u64,
-    /// What must reach the disk before all of it counts as durable; `None` where the files stay as
-    /// they are.
+    /// What must be synced before all of it counts as durable; `None` if the files stay as they
+    /// are.
     pub(super) unsynced: Option<Unsynced>,
-    /// Bytes of the journal behind the newest snapshot, about.
+    /// Approximate bytes of the journal after the newest snapshot.
     pub(super) bytes_since_snapshot: u64,
     /// What is damaged.
     pub(super) damage: Vec<Damage>,
@@ -49,16 +49,16 @@ struct Segment {
     clean_last: u64,
     /// First and last sequence of each piece without a gap.
     runs: Vec<(u64, u64)>,
-    /// Where each of them begins, bytes.
+    /// Where each piece begins, bytes.
     starts: Vec<u64>,
     bad: Option<u64>,
     durable: u64,
 }
 
-/// Reads a map's folder, and says what is to be done about what a crash leaves.
+/// Reads a map's folder, and determines what to do about the traces of a crash.
 ///
 /// # Errors
-/// [`StoreError::File`] where the disk fails, [`StoreError::Later`] for files of a later version; then
+/// [`StoreError::File`] if the disk fails, [`StoreError::Later`] for files of a later version; then
 /// nothing was changed.
 pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, StoreError> {
     let mut found = Found::default();
@@ -75,13 +75,14 @@ pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, S
             Some(reason) => bad.push((path, reason)),
         }
     }
-    // From here on nothing is of a later version.
+    // From here on no file is of a later version.
     for (path, reason) in bad {
         set_aside(disk, &path, &reason, &mut found)?;
     }
     for name in names.iter().filter(|name| name.ends_with(".tmp")) {
         let path = folder.join(name);
-        // It is no part of the map: the next start tries again, and whoever writes it anew too.
+        // It is no part of the map: the next start tries again, and so does the next write of the
+        // file.
         if let Err(error) = disk.remove(&path) {
             tracing::warn!(file = %path.display(), %error, "what a crash left cannot be removed");
         }
@@ -96,7 +97,7 @@ pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, S
     let mark = if names.iter().any(|name| name == MARK) {
         let path = folder.join(MARK);
         let bytes = disk.read(&path).map_err(|e| file_error("cannot read", &path, &e))?;
-        // Half a mark is what a crash leaves, and proves nothing.
+        // A crash may leave half a mark, which proves nothing.
         read_mark(&bytes, uid).unwrap_or(0)
     } else {
         0
@@ -116,7 +117,7 @@ pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, S
     Ok(found)
 }
 
-/// What is wrong with a snapshot, if anything.
+/// The damage of a snapshot, if any.
 fn look_at_snapshot(
     disk: &dyn Disk,
     path: &Path,
@@ -132,7 +133,7 @@ fn look_at_snapshot(
     }
 }
 
-/// Renames a snapshot that does not open, so that nobody takes it for one.
+/// Renames a snapshot that does not open, so that it is not used again.
 pub(super) fn set_aside(
     disk: &dyn Disk,
     path: &Path,
@@ -181,8 +182,8 @@ fn read_segment(
     })
 }
 
-/// Finds out what is damaged, and whether anything is lost by it. Answers the last sequence that is
-/// known to have been synced, whether it is still there or not.
+/// Determines what is damaged, and whether events are lost. Returns the last sequence that is known
+/// to have been synced, even if its event is lost.
 fn judge(folder: &Path, segments: &[Segment], mark: u64, found: &mut Found) -> u64 {
     let last_index = segments.len().saturating_sub(1);
     // Every file but the last was synced whole before the next one was made.
@@ -215,7 +216,7 @@ fn judge(folder: &Path, segments: &[Segment], mark: u64, found: &mut Found) -> u
                 damage.clone()
             }
             None => {
-                // Nothing is wrong with what is there: it ends too early.
+                // The existing data is intact, but it ends too early.
                 let offset = home.map_or(0, |segment| segment.length);
                 let damage = Damage { file, offset, lost: Some(lost) };
                 found.damage.push(damage.clone());
@@ -227,14 +228,14 @@ fn judge(folder: &Path, segments: &[Segment], mark: u64, found: &mut Found) -> u
     acknowledged
 }
 
-/// What becomes of the last file: what a crash left is cut off, and what may never have been synced
-/// is brought to the disk.
+/// Decides about the last file: the traces of a crash are cut off, and what may not be synced is
+/// made durable.
 fn tail(segment: &Segment, acknowledged: u64, last: u64) -> Tail {
     let first = segment.first;
     if segment.clean_last != last {
-        // A snapshot reaches further, or what is used lies behind a bad place: a new file follows. What
-        // lies behind a gap was never acknowledged, and would be taken for it in a file that is not
-        // the last.
+        // A snapshot reaches further, or the used events are after a bad place: a new file follows.
+        // Events after a gap were never acknowledged, but in a file that is not the last they would
+        // look acknowledged.
         let mut pieces = segment.runs.iter().zip(&segment.starts);
         let cut = pieces.find(|&(&(first, _), _)| first > last).map(|(_, &start)| start);
         let reached = segment.runs.last().map_or(0, |&(_, last)| last);

@@ -1,4 +1,5 @@
-//! One server a data directory: a lock on a file in it, which the system drops with the process.
+//! One server per data directory: a lock on a file in it, which the system releases when the
+//! process ends.
 
 use std::fs::TryLockError;
 use std::io::Write;
@@ -17,7 +18,7 @@ impl DirectoryLock {
     /// Takes the lock.
     ///
     /// # Errors
-    /// [`StoreError::InUse`] where another process holds it.
+    /// [`StoreError::InUse`] if another process holds it.
     pub(super) fn take(directory: &Path) -> Result<Self, StoreError> {
         let path = directory.join("LOCK");
         let failed = |error| file_error("cannot lock", &path, &error);
@@ -36,7 +37,7 @@ impl DirectoryLock {
             }
             Err(TryLockError::Error(error)) => return Err(failed(error)),
         }
-        // For people only; the lock itself is the system's.
+        // The process id is only for people; the system keeps the lock itself.
         file.set_len(0).and_then(|()| writeln!(file, "{}", std::process::id())).map_err(failed)?;
         Ok(Self { _file: file })
     }

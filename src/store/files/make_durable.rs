@@ -1,13 +1,13 @@
-//! Brings what a start has found to the disk, before it counts as durable.
+//! Makes durable what a start has found in the files.
 //!
-//! A process that was killed leaves in the page cache what it wrote and never synced: the next one
-//! reads it as if it were on disk. A sync alone proves nothing, for after a failed one the system
-//! takes pages for clean that never arrived. So the end of the journal is copied to a new file, which
-//! is synced and renamed, and the folders are synced. Only the last journal file needs that: the one
-//! after a file is made when all of that file is synced. Snapshots and the map's name are synced
-//! before they get their names, so that for them the folder is enough.
+//! A killed process leaves unsynced writes in the page cache, and the next process reads them as if
+//! they were on disk. A sync alone proves nothing: after a failed sync, the system may treat pages
+//! as clean that never reached the disk. So the end of the journal is copied to a new file, which
+//! is synced and renamed, and the folders are synced. Only the last journal file needs this,
+//! because a new file is created only when the previous one is completely synced. Snapshots and the
+//! map's name are synced before they are renamed, so that syncing their folder is enough.
 //!
-//! Where the records themselves or the mark tell that the end was synced, nothing is copied.
+//! If the records or the mark show that the end was synced, nothing is copied.
 
 use std::io::{self, ErrorKind};
 use std::path::Path;
@@ -16,12 +16,12 @@ use super::disk::{Disk, DiskFile};
 use super::record::{HEADER, Uid, mark};
 use super::{MARK, journal_name};
 
-/// What is to be brought to the disk.
+/// What must be made durable.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Unsynced {
     /// The last journal file, if there is one.
     pub(super) tail: Option<Tail>,
-    /// The last sequence that can be read, which is durable afterwards.
+    /// The last sequence that can be read; it is durable afterwards.
     pub(super) last: u64,
 }
 
@@ -30,16 +30,16 @@ pub(super) struct Unsynced {
 pub(super) struct Tail {
     /// Its first sequence.
     pub(super) first: u64,
-    /// The bytes of it that stay; a file without a header goes.
+    /// The number of its bytes that are kept; a file without a header is removed.
     pub(super) keep: u64,
     /// Whether it must be copied: something is cut off, or its end may never have been synced.
     pub(super) copy: bool,
-    /// Whether it is written on; else another file follows it.
+    /// Whether later records are appended to it; otherwise a new file follows.
     pub(super) write_on: bool,
 }
 
-/// Brings the folder's end to the disk, and opens the file to write on with its length. Where it
-/// fails the journal is as it was, and all of it can be tried again. Blocks.
+/// Makes the end of the journal durable, and opens the file for appending; returns it with its
+/// length. On failure the journal is unchanged, and everything can be tried again. Blocks.
 pub(super) fn make_durable(
     disk: &dyn Disk,
     folder: &Path,
@@ -69,7 +69,7 @@ pub(super) fn make_durable(
         disk.sync_folder(maps)?;
     }
     if is_copied {
-        // The next start needs no copy. Evidence and no promise, so that it may fail.
+        // With the mark, the next start needs no copy. The mark is optional, so that this may fail.
         let path = folder.join(MARK);
         let marked = disk
             .overwrite(&path, &mark(uid, found.last))
@@ -82,8 +82,8 @@ pub(super) fn make_durable(
     open.map(|(path, length)| Ok((disk.open(&path)?, length))).transpose()
 }
 
-/// Puts the first `keep` bytes of a file, synced, in its place. The file is whole at every moment:
-/// some of it may have been acknowledged.
+/// Replaces a file by its first `keep` bytes, synced. The file is complete at every moment, because
+/// part of it may have been acknowledged.
 fn copy(disk: &dyn Disk, path: &Path, keep: u64) -> io::Result<()> {
     let mut bytes = disk.read(path)?;
     let length = usize::try_from(keep).unwrap_or(usize::MAX);
@@ -101,7 +101,7 @@ fn copy(disk: &dyn Disk, path: &Path, keep: u64) -> io::Result<()> {
         file.sync()
     });
     copied.and_then(|()| disk.rename(&temporary, path)).inspect_err(|_error| {
-        // What is left goes when it is tried again, or at the next start.
+        // The temporary file is removed by the next try, or at the next start.
         let _left = disk.remove(&temporary);
     })
 }

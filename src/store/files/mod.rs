@@ -1,4 +1,4 @@
-//! Journals and snapshots as files in a data directory; why so is in decision 0011.
+//! Journals and snapshots as files in a data directory; decision 0011 gives the reasons.
 //!
 //! ```text
 //! DIR/LOCK                      held by the one server that uses it
@@ -10,17 +10,17 @@
 //! DIR/set-aside/UID.bad         maps of which nothing could be brought back
 //! ```
 //!
-//! Each map has its own files, so that damage stays in one map. Everything goes
-//! through the trait [`disk::Disk`], by which the tests stage crashes and faults at every operation;
-//! it also runs all work that blocks.
+//! Each map has its own files, so that damage stays in one map. Everything goes through the trait
+//! [`disk::Disk`], with which the tests simulate crashes and faults at every operation; it also
+//! runs all blocking work.
 //!
 //! | module | role |
 //! |---|---|
-//! | `disk`, `lock` | the file system; one server a directory |
-//! | `failure` | which failures pass by themselves, and what callers read of them |
+//! | `disk`, `lock` | the file system; one server per directory |
+//! | `failure` | which failures are temporary, and what callers read of them |
 //! | `folders`, `changes` | what the folders in `maps/` are; creating and deleting maps |
 //! | `record`, `sealed` | the bytes of journals, and of files that are written once |
-//! | `load`, `make_durable` | opening a map's folder; bringing what was found to the disk before it counts |
+//! | `load`, `make_durable` | opening a map's folder; making durable what was found |
 //! | `read` | reading events and snapshots |
 //! | `journal`, `writer` | a map's journal: order, groups, the mark; writing them, healing |
 //! | `doctor` | looking at a directory without a server, repairing it |
@@ -71,7 +71,7 @@ use super::{
 };
 use crate::map::{Event, Map};
 
-/// How files are cut.
+/// Sizes of files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FileStoreOptions {
     /// A journal file of this size is followed by another one (64 MiB).
@@ -86,14 +86,14 @@ impl Default for FileStoreOptions {
     }
 }
 
-/// Maps in a data directory. What it accepts survives a loss of power once
-/// [`Store::follow`] says so.
+/// Maps in a data directory. An accepted event survives a loss of power once [`Store::follow`]
+/// reports it.
 #[derive(Debug)]
 pub struct FileStore {
     inner: Arc<Inner>,
 }
 
-/// What work that outlives its caller needs.
+/// State for work that may outlive its caller.
 #[derive(Debug)]
 struct Inner {
     disk: Arc<dyn Disk>,
@@ -107,24 +107,24 @@ struct Inner {
     lock: Mutex<Option<DirectoryLock>>,
 }
 
-/// What stands behind a name.
+/// The state of a name.
 #[derive(Debug)]
 enum Entry {
     /// A map.
     Map(Arc<Journal>),
-    /// A new map whose creator has not taken the answer.
+    /// A new map whose creator has not received the answer.
     Unclaimed(Arc<Journal>),
-    /// What a failed creation could not remove; it goes before the next one.
+    /// Files that a failed creation could not remove; the next creation removes them first.
     Leftover(PathBuf),
     /// A map whose files stay as they are, and why.
     Refused(StoreError),
 }
 
 impl FileStore {
-    /// Opens a data directory and creates it where it is missing.
+    /// Opens a data directory and creates it if it is missing.
     ///
     /// # Errors
-    /// [`StoreError::InUse`] where another server uses it, [`StoreError::File`].
+    /// [`StoreError::InUse`] if another server uses it, [`StoreError::File`].
     pub async fn open(directory: &Path, options: FileStoreOptions) -> Result<Self, StoreError> {
         let root = directory.to_owned();
         blocking(&RealDisk, move || {
@@ -155,7 +155,8 @@ impl FileStore {
             };
             maps.insert(name, entry);
         }
-        // A deletion whose process was killed before its sync counts from here on, so it must stay.
+        // A deletion whose process was killed before its sync is valid from here on, so that it
+        // must be durable.
         let folder = root.join("maps");
         disk.sync_folder(&folder).map_err(|error| file_error("cannot sync", &folder, &error))?;
         let inner = Inner {
@@ -171,13 +172,13 @@ impl FileStore {
         Ok(Self { inner: Arc::new(inner) })
     }
 
-    /// What it counts.
+    /// The meters of the store.
     #[must_use]
     pub fn meters(&self) -> Arc<StoreMeters> {
         Arc::clone(&self.inner.meters)
     }
 
-    /// The journal of a map, its folder read.
+    /// The journal of a map, after its folder was read.
     async fn journal(&self, map: &str) -> Result<Arc<Journal>, StoreError> {
         let journal = self.inner.find(map)?;
         if journal.state().loaded {
@@ -240,12 +241,12 @@ impl Inner {
     }
 }
 
-/// Creates the data directory where it is missing, so that it is still there after a loss of power.
+/// Creates the data directory if it is missing, so that it survives a loss of power.
 fn create_root(disk: &dyn Disk, root: &Path) -> Result<(), StoreError> {
     let failed = |error| file_error("cannot create", root, &error);
     let missing = root.ancestors().take_while(|folder| disk.list(folder).is_err()).count();
     disk.create_folder(&root.join("maps")).map_err(failed)?;
-    // The folder above holds the name; where it may not be opened, the name is older than this.
+    // The parent folder contains the name. If the parent cannot be opened, the name existed before.
     for folder in root.ancestors().skip(1).take(missing.max(1)) {
         let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
         match disk.sync_folder(folder) {
@@ -280,7 +281,7 @@ impl Store for FileStore {
         let journal = self.journal(map).await?;
         let epoch = self.inner.next_epoch();
         let mut state = journal.state();
-        // Two calls may meet here in either order; the newer epoch wins.
+        // Two calls may arrive here in either order; the newer epoch wins.
         state.epoch = state.epoch.max(epoch);
         Ok(epoch)
     }
@@ -318,12 +319,12 @@ impl Store for FileStore {
         if let Some(events) = journal.recent(from) {
             return Ok(events);
         }
-        // A journal that stopped still reads what it has.
+        // The events of a stopped journal can still be read.
         let _stopped = journal.wait_durable().await;
         let reading = Arc::clone(&journal);
         let events = blocking(&*self.inner.disk, move || read::events(&reading, from, last));
         let events = events.await.map_err(|error| of_map(map, error))?;
-        // Of one that waits, what is not written yet would be missed.
+        // If the journal waits for a resource, events that are not written yet would be missing.
         match journal.state().unavailable() {
             Some(error) if from.saturating_add(events.len() as u64) < last => Err(error.clone()),
             Some(_) | None => Ok(events),
@@ -359,7 +360,7 @@ impl Store for FileStore {
                 return Ok(());
             }
         }
-        // A snapshot must not hold what a crash could still take from the journal.
+        // A snapshot must not contain events that a crash could still remove from the journal.
         journal.wait_durable().await?;
         let written = blocking(&*self.inner.disk, move || {
             let _exclusive = exclusive;
@@ -400,7 +401,7 @@ impl Store for FileStore {
     }
 
     async fn close(&self) {
-        // To its end, whoever waits.
+        // Runs to its end, even if the caller stops waiting.
         let closed = tokio::spawn(close(Arc::clone(&self.inner))).await;
         if let Err(error) = closed {
             tracing::warn!(%error, "the store was not closed");
@@ -412,7 +413,7 @@ impl Store for FileStore {
     }
 }
 
-/// Closes every journal, and gives the directory free.
+/// Closes every journal, and releases the directory.
 async fn close(inner: Arc<Inner>) {
     // Nothing is being created or deleted from here on.
     let _changing = Arc::clone(&inner.changing).lock_owned().await;
@@ -428,7 +429,7 @@ async fn close(inner: Arc<Inner>) {
     for journal in maps {
         // No snapshot is being written from here on.
         let _exclusive = Arc::clone(&journal.exclusive).lock_owned().await;
-        // A journal that failed has told so.
+        // A journal that failed has already reported it.
         let _failed = journal.wait_durable().await;
         let closing = Arc::clone(&journal);
         let closed = blocking(&*inner.disk, move || {
@@ -445,14 +446,15 @@ async fn close(inner: Arc<Inner>) {
 /// The name of a journal's mark.
 const MARK: &str = "durable";
 
-/// Runs blocking work where the disk runs it. Work that has begun ends, also where nobody waits.
+/// Runs blocking work where the disk runs it. Work that has begun runs to its end, even if nobody
+/// waits.
 async fn blocking<T: Send + 'static>(
     disk: &dyn Disk,
     work: impl FnOnce() -> Result<T, StoreError> + Send + 'static,
 ) -> Result<T, StoreError> {
     let (answer, answered) = oneshot::channel();
     disk.spawn(Box::new(move || {
-        // Whoever asked may have gone.
+        // The caller may have stopped waiting.
         let _gone = answer.send(work());
     }));
     answered.await.unwrap_or_else(|_panicked| {
@@ -474,7 +476,7 @@ fn snapshot_name(sequence: u64) -> String {
     format!("{sequence:020}.snap")
 }
 
-/// The sequence in a name that such a function made.
+/// The sequence in the name of a journal file or a snapshot.
 fn sequence_in(name: &str, extension: &str) -> Option<u64> {
     let digits = name.strip_suffix(extension)?;
     let is_ours = digits.len() == 20 && digits.bytes().all(|byte| byte.is_ascii_digit());

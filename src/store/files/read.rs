@@ -11,8 +11,8 @@ use crate::map::{Event, Map};
 use crate::store::encoding::decode_event;
 use crate::store::{Damage, StoreError, sequence_of};
 
-/// Snapshots that are kept: where the newest does not open, the one before it and the journal behind
-/// it still make the whole map.
+/// Snapshots that are kept: if the newest does not open, the previous one and the journal after it
+/// still give the whole map.
 const KEPT_SNAPSHOTS: usize = 2;
 
 /// The events after `from` up to `last`, as far as they are contiguous.
@@ -47,7 +47,7 @@ pub(super) fn events(
     Ok(events)
 }
 
-/// The newest snapshot that opens; those that do not are set aside.
+/// The newest snapshot that opens; snapshots that do not open are set aside.
 ///
 /// # Errors
 /// [`StoreError::File`].
@@ -72,11 +72,11 @@ pub(super) fn newest_snapshot(journal: &Journal) -> Result<Option<Arc<Map>>, Sto
 
 /// Writes a snapshot, reads it back, and removes all but the newest ones.
 ///
-/// It goes to the disk and comes back part by part: neither the file nor a third map ever stands in
-/// memory, beside this one and the engine's, which has changed on.
+/// It is written and read back part by part. Neither the file nor a third map is ever in memory,
+/// besides this map and the engine's newer one.
 ///
 /// # Errors
-/// [`StoreError::File`]; [`StoreError::Content`] where it does not read back, and is removed.
+/// [`StoreError::File`]; [`StoreError::Content`] if it cannot be read back; it is then removed.
 pub(super) fn put_snapshot(journal: &Journal, map: &Map) -> Result<(), StoreError> {
     let (start, meters) = (Instant::now(), &journal.meters);
     let written = write_snapshot(journal, map);
@@ -90,7 +90,7 @@ pub(super) fn put_snapshot(journal: &Journal, map: &Map) -> Result<(), StoreErro
     written.map(|_bytes| ())
 }
 
-/// Answers its size in bytes.
+/// Returns its size in bytes.
 fn write_snapshot(journal: &Journal, map: &Map) -> Result<u64, StoreError> {
     let sequence = sequence_of(map.revision());
     let path = journal.folder.join(snapshot_name(sequence));
@@ -105,7 +105,7 @@ fn write_snapshot(journal: &Journal, map: &Map) -> Result<u64, StoreError> {
     snapshots.push(sequence);
     let old = snapshots.len().saturating_sub(KEPT_SNAPSHOTS);
     let old: Vec<u64> = snapshots.drain(..old).collect();
-    // It stands, whatever becomes of those before it.
+    // The snapshot is complete, whether or not older ones can be removed.
     journal.snapshot_taken(sequence, snapshots);
     for old in old {
         let path = journal.folder.join(snapshot_name(old));

@@ -1,8 +1,8 @@
-//! Reads a journal a piece at a time, while it is written.
+//! Reads a journal one piece at a time while it is written.
 //!
-//! The last events come from memory; older ones from the files, of which one is open and a piece
-//! stands in memory. Only what is durable is read from files: such a record is whole. The writer's
-//! locks are held to copy a list, never across a read.
+//! The last events are read from memory, older ones from the files. Only one file is open and one
+//! piece is in memory. Only durable records are read from files, because they are complete. The
+//! writer's locks are held only to copy a list, never during a read.
 
 use std::io::{self, BufReader, Read};
 use std::path::PathBuf;
@@ -17,16 +17,17 @@ use crate::store::encoding::decode_event;
 use crate::store::reader::PIECE_EVENTS;
 use crate::store::{EventReader, Piece, StoreError};
 
-/// A piece ends with the event that passes so many bytes.
+/// A piece ends with the event that exceeds this many bytes.
 const PIECE_BYTES: u64 = 1 << 20;
 
-/// Where a reader stands.
+/// The position of a reader.
 pub(super) struct Reader {
     journal: Arc<Journal>,
     /// The last sequence that was read.
     at: u64,
     through: u64,
-    /// The file that is read; behind the record of `at`, or before it where it was just opened.
+    /// The file that is read; positioned after the record of `at`, or before it if it was just
+    /// opened.
     file: Option<Open>,
 }
 
@@ -56,7 +57,7 @@ impl EventReader for Reader {
         let piece = match self.journal.recent_piece(self.at, self.through, PIECE_EVENTS) {
             Some(piece) => piece,
             None => {
-                // A journal that stopped still reads what it has.
+                // The events of a stopped journal can still be read.
                 let _stopped = self.journal.wait_durable().await;
                 let (journal, at, through) = (Arc::clone(&self.journal), self.at, self.through);
                 let file = self.file.take();
@@ -72,7 +73,7 @@ impl EventReader for Reader {
     }
 }
 
-/// The events behind `at`, as many as make a piece, and the file behind them.
+/// The events after `at`, as many as make a piece, and the file positioned after them.
 fn read_piece(
     journal: &Journal,
     at: u64,
@@ -132,7 +133,7 @@ fn open_at(journal: &Journal, sequence: u64) -> Result<Option<Open>, StoreError>
     Ok(Some(Open { first, path, input }))
 }
 
-/// Reads the next record; `None` at the end of what is whole. Returns its sequence.
+/// Reads the next record; Returns its sequence; `None` at the end of the complete records.
 fn read_record(
     input: &mut impl Read,
     journal: &Journal,
@@ -145,7 +146,7 @@ fn read_record(
     }
     let Some((length, sequence)) = read_head(&head) else { return Ok(None) };
     payload.clear();
-    // No more is reserved than the file holds.
+    // No more memory is reserved than the file has bytes.
     let read = input.take(length).read_to_end(payload)?;
     let is_whole = read as u64 == length && is_record(&head, payload, &journal.uid);
     Ok(is_whole.then_some(sequence))

@@ -6,14 +6,15 @@
 //! ```
 //!
 //! A record's checksum covers the map's uid, the rest of its head and the payload, so that bytes of
-//! another map or place are no record. `durable` is the last sequence that was synced when the record
-//! was written: what lies behind a bad place tells by it whether anything there was ever
-//! acknowledged. A record without payload is a mark: it stands alone, in a file of its own, and says
-//! how far the journal was synced when nothing waited any more. Reading never fails and never allocates by a length that the file does not hold.
+//! another map or place are not a valid record. `durable` is the last sequence that was synced when
+//! the record was written: records after a bad place show by it whether anything there was ever
+//! acknowledged. A record without payload is a mark: it is alone in its own file and says how far
+//! the journal was synced when nothing was pending. Reading never fails, and never allocates a
+//! length that exceeds the file.
 
 use std::ops::Range;
 
-/// Names a map's files, whatever the map is called.
+/// Names a map's files, independent of the map's name.
 pub(super) type Uid = [u8; 16];
 
 /// The format that is written, and the latest that is read.
@@ -42,7 +43,7 @@ pub(super) fn header(uid: &Uid, first_sequence: u64) -> Vec<u8> {
 pub(super) enum Header {
     /// A journal of this map that begins with this sequence.
     First(u64),
-    /// A version that is not known here.
+    /// A later version, which is not known here.
     Later(u32),
     /// No header.
     Bad,
@@ -63,20 +64,20 @@ pub(super) fn read_header(bytes: &[u8], uid: &Uid) -> Header {
     }
 }
 
-/// The mark of a journal that is durable up to `sequence`.
+/// The mark of a journal that is durable up to `sequence`, encoded.
 pub(super) fn mark(uid: &Uid, sequence: u64) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(HEAD);
     put_record(&mut bytes, uid, sequence, sequence, &[]);
     bytes
 }
 
-/// How far a journal was durable by its mark.
+/// The sequence up to which a journal was durable, from its mark.
 pub(super) fn read_mark(bytes: &[u8], uid: &Uid) -> Option<u64> {
     let is_whole = bytes.len() == HEAD && u32_at(bytes, 0)? == checksum(uid, &bytes[4..]);
     if is_whole { u64_at(bytes, 8) } else { None }
 }
 
-/// Appends a record. `false` where the payload is too long for one.
+/// Appends a record. `false` if the payload is too long.
 pub(super) fn put_record(
     out: &mut Vec<u8>,
     uid: &Uid,
@@ -100,8 +101,8 @@ fn checksum(uid: &Uid, rest: &[u8]) -> u32 {
     crc32c::crc32c_append(crc32c::crc32c(uid), rest)
 }
 
-/// The length of the payload and the sequence that a record's head tells; `None` where no payload
-/// follows. Nothing is checked by it.
+/// The length of the payload and the sequence in a record's head; `None` if no payload follows.
+/// Nothing is checked.
 pub(super) fn read_head(head: &[u8; HEAD]) -> Option<(u64, u64)> {
     let length = u64::from(u32_at(head, 4)?);
     Some((length, u64_at(head, 8)?)).filter(|&(length, _)| length > 0)
@@ -118,22 +119,22 @@ pub(super) fn is_record(head: &[u8; HEAD], payload: &[u8], uid: &Uid) -> bool {
 pub(super) struct Record {
     /// Its event's sequence.
     pub(super) sequence: u64,
-    /// What was durable when it was written.
+    /// The last sequence that was durable when it was written.
     pub(super) durable: u64,
     /// Its payload.
     pub(super) payload: Range<usize>,
 }
 
-/// What a file holds.
+/// The contents of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Scan {
     /// In the order of the file.
     pub(super) records: Vec<Record>,
-    /// How many of them stand before the first bad place.
+    /// How many records are before the first bad place.
     pub(super) clean: usize,
     /// The first byte that belongs to no record, if there is one.
     pub(super) bad: Option<usize>,
-    /// The last sequence that any record knows to be durable.
+    /// The last durable sequence that any record gives.
     pub(super) durable: u64,
 }
 
@@ -142,7 +143,8 @@ pub(super) fn scan(bytes: &[u8], uid: &Uid, first_sequence: u64) -> Scan {
     let mut scan = Scan { records: Vec::new(), clean: 0, bad: None, durable: 0 };
     let mut last = first_sequence.saturating_sub(1);
     let mut at = HEADER;
-    // A bad place is searched byte by byte; no bytes make that take more than a multiple of reading.
+    // After a bad place the search goes byte by byte; the budget bounds its cost to a multiple of
+    // reading.
     let mut budget = bytes.len().saturating_mul(64);
     if read_header(bytes, uid) != Header::First(first_sequence) {
         scan.bad = Some(0);
@@ -170,7 +172,7 @@ pub(super) fn scan(bytes: &[u8], uid: &Uid, first_sequence: u64) -> Scan {
 fn record_at(bytes: &[u8], at: usize, uid: &Uid, last: u64, budget: &mut usize) -> Option<Record> {
     let length = usize::try_from(u32_at(bytes, at + 4)?).ok()?;
     let sequence = u64_at(bytes, at + 8)?;
-    // The cheap questions first: a bad place is searched byte by byte.
+    // The cheap checks are first, because a bad place is searched byte by byte.
     let start = at.checked_add(HEAD)?;
     let end = start.checked_add(length)?;
     if length == 0 || sequence <= last || end > bytes.len() {

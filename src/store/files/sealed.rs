@@ -1,14 +1,16 @@
-//! Files that are written once: sealed by a checksum, never seen half, never held whole in memory.
+//! Files that are written once: sealed by a checksum, never visible half written, never whole in
+//! memory.
 //!
 //! ```text
 //! "covissnp" or "covismap"  version u32  0 u32  uid [16]  sequence u64  length u64
 //! body [length]  crc32c u32 over all that stands before it
 //! ```
 //!
-//! A file is written under a temporary name, synced, renamed and its folder synced: whoever sees the
-//! name sees the whole file. The head and the checksum at the end are the same in every version, so that
-//! a file of a later version is known for one; only the body changes. Snapshots are compressed with zstd; the identity of a map is not.
-//! Whoever reads one gets what it made of the body only once the checksum was seen to fit.
+//! A file is written under a temporary name, synced and renamed, and its folder is synced: a file
+//! with the final name is complete. The head and the checksum at the end are the same in every
+//! version, so that a file of a later version is recognized; only the body changes. Snapshots are
+//! compressed with zstd; the identity of a map is not. A reader gets the decoded body only after
+//! the checksum was verified.
 
 use std::fmt;
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -24,16 +26,17 @@ use crate::store::{StoreError, sequence_of};
 
 /// Bytes before the body.
 const HEAD: usize = 48;
-/// Bytes behind the body.
+/// Bytes after the body.
 const CHECKSUM: usize = 4;
-/// Bytes that are read at once.
+/// Number of bytes that are read at once.
 const READ: u64 = 64 << 10;
-/// Fast, and within a few percent of what more effort would save on poses and pixels.
+/// Fast, and within a few percent of the size that higher levels reach on poses and pixels.
 const COMPRESSION_LEVEL: i32 = 1;
-/// The compressor looks back so far, and takes about so much memory beside a megabyte; more does not
-/// make poses and pixels smaller.
+/// The compressor looks back this far, and needs about this much memory besides a megabyte; a wider
+/// window does not make poses and pixels smaller.
 const WINDOW_LOG: u32 = 17;
-/// The widest window that is opened: earlier versions had 21, a wider one would only cost memory.
+/// The widest window that is accepted: earlier versions wrote 21; a wider one would only cost
+/// memory.
 const WIDEST_WINDOW_LOG: u32 = 23;
 
 /// The kinds of sealed file.
@@ -54,21 +57,21 @@ impl Kind {
     }
 }
 
-/// What a file says of itself.
+/// The label of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Label {
-    /// Whose it is.
+    /// The map that it belongs to.
     pub(super) uid: Uid,
-    /// The sequence that a snapshot stands at; 0 for an identity.
+    /// The sequence of a snapshot; 0 for an identity.
     pub(super) sequence: u64,
 }
 
 /// Why a file does not open.
 #[derive(Debug)]
 pub(super) enum SealError {
-    /// The disk failed, which says nothing of the file.
+    /// The disk failed, which says nothing about the file.
     Disk(io::Error),
-    /// A later version wrote the file; which one, or what of it is not known here.
+    /// A later version wrote the file; which version, or which part is unknown here.
     Later(String),
     /// What is wrong with the file.
     Damaged(String),
@@ -98,8 +101,8 @@ impl fmt::Display for SealError {
 }
 
 impl SealError {
-    /// What is wrong with the file; a failure of the disk, and a file of a later version, are the
-    /// store's.
+    /// What is wrong with the file. A failure of the disk and a file of a later version are
+    /// returned as errors of the store.
     pub(super) fn damage(self, path: &Path) -> Result<String, StoreError> {
         match self {
             Self::Disk(error) => Err(file_error("cannot read", path, &error)),
@@ -109,7 +112,7 @@ impl SealError {
     }
 }
 
-/// A map's file that a later version wrote; the caller knows the map.
+/// The error for a map's file that a later version wrote; the caller knows the map.
 pub(super) fn later(path: &Path, reason: String) -> StoreError {
     let file = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     StoreError::Later { map: String::new(), file, reason }
@@ -129,7 +132,7 @@ pub(super) fn write_identity(
     write(disk, path, (Kind::Identity, &label), |out| out.write_all(body)).map(|_bytes| ())
 }
 
-/// Writes a snapshot; its size in bytes.
+/// Writes a snapshot; returns its size in bytes.
 ///
 /// # Errors
 /// [`StoreError::File`].
@@ -150,7 +153,7 @@ fn put_map(map: &Map, out: &mut dyn Write) -> io::Result<()> {
     encoder.finish().map(|_out| ())
 }
 
-/// Writes a file so that it is there whole and durable, or not at all; its size in bytes.
+/// Writes a file so that it is complete and durable, or does not exist; returns its size in bytes.
 fn write(
     disk: &dyn Disk,
     path: &Path,
@@ -163,7 +166,7 @@ fn write(
         if error.kind() != io::ErrorKind::AlreadyExists {
             return Err(error);
         }
-        // A try that failed, and could not tidy up either.
+        // Left by a failed try that could not remove it.
         disk.remove(&temporary)?;
         disk.create(&temporary)
     });
@@ -181,7 +184,8 @@ fn write(
         Ok(bytes)
     });
     named.map_err(|error| {
-        // Nobody was told of it: nothing is lost with it, and a name that may not last is no help.
+        // Nobody knows of the file yet, so that nothing is lost with it; a name that may not be
+        // durable is of no use.
         let _left = disk.remove(left);
         file_error("cannot write", path, &error)
     })
@@ -199,7 +203,7 @@ impl Write for Appending<'_> {
     }
 }
 
-/// Counts and sums up what passes.
+/// Counts the bytes that pass through and computes their checksum.
 struct Summing<'a> {
     out: &'a mut dyn Write,
     crc: u32,
@@ -219,8 +223,8 @@ impl Write for Summing<'_> {
     }
 }
 
-/// Puts a whole file, its body by `body`. Answers its head, to be written over the one that was put
-/// before the body's length was known, and its size in bytes.
+/// Writes a whole file; `body` writes the body. Returns the size in bytes and the final head, which
+/// must overwrite the first one: that was written before the body's length was known.
 fn seal(
     (kind, label): (Kind, &Label),
     out: &mut dyn Write,
@@ -261,11 +265,11 @@ fn read_head(kind: Kind, head: &[u8; HEAD]) -> Result<(Label, u64, u32), SealErr
     Ok((Label { uid, sequence: number(32) }, number(40), version))
 }
 
-/// Reads a file from its beginning to its end, and its body by `read`.
+/// Reads a whole file; `read` reads the body.
 ///
 /// # Errors
-/// [`SealError`]; damage of the file comes before what `read` says of it, and a later version before
-/// that.
+/// [`SealError`]; a later version has priority over damage of the file, and damage over an error of
+/// `read`.
 pub(super) fn unseal<T>(
     kind: Kind,
     input: &mut dyn Read,
@@ -309,15 +313,15 @@ fn unseal_any<T>(
     Ok((label, body?))
 }
 
-/// All of a file but the checksum at its end, and the sum of what was read.
+/// A reader of a file without the checksum at its end; it also sums up what was read.
 struct Sealed<'a> {
     input: &'a mut dyn Read,
-    /// Read and not used yet from `start` on; the last bytes may be the checksum.
+    /// Bytes that were read; those from `start` on are unused. The last bytes may be the checksum.
     buffer: Vec<u8>,
     start: usize,
     bytes: u64,
     crc: u32,
-    /// A failure of the disk: whoever reads may take it for damage.
+    /// A failure of the disk, because the reader of the body may take it for damage.
     failure: Option<io::Error>,
 }
 
@@ -326,7 +330,7 @@ impl<'a> Sealed<'a> {
         Self { input, buffer: Vec::new(), start: 0, bytes: 0, crc: 0, failure: None }
     }
 
-    /// Reads the rest: the number of bytes before the checksum, and whether it fits them.
+    /// Reads the rest; returns the number of bytes before the checksum, and whether it matches.
     fn finish(mut self) -> io::Result<(u64, bool)> {
         while let Ok(rest @ [_, ..]) = self.fill_buf() {
             let count = rest.len();
@@ -401,7 +405,8 @@ pub(super) fn read_snapshot(input: &mut dyn Read) -> Result<Arc<Map>, SealError>
     .map(|(_label, map)| map)
 }
 
-/// Whether a snapshot holds this map, or what is wrong with it. Takes little memory beside it.
+/// Whether a snapshot holds this map, or what is wrong with it. Needs little memory besides the
+/// map.
 pub(super) fn compare_snapshot(input: &mut dyn Read, map: &Map) -> Result<(), SealError> {
     unseal(Kind::Snapshot, input, |label, body| {
         compare_map(&mut parts(body)?, map)?;
@@ -422,7 +427,7 @@ fn check_sequence(label: &Label, map: &Map) -> Result<(), SealError> {
 pub(super) fn parts(body: &mut dyn BufRead) -> io::Result<impl Read> {
     let mut decoder = zstd::Decoder::with_buffer(body)?;
     decoder.window_log_max(WIDEST_WINDOW_LOG)?;
-    // A part's length is read for itself.
+    // A part's length is read separately.
     Ok(BufReader::new(decoder))
 }
 
@@ -431,7 +436,7 @@ pub(super) fn parts(body: &mut dyn BufRead) -> io::Result<impl Read> {
 pub(super) fn sealed(kind: Kind, uid: &Uid, sequence: u64, body: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let label = Label { uid: *uid, sequence };
-    // A vector takes everything.
+    // Writing to a vector does not fail.
     if let Ok((head, _)) = seal((kind, &label), &mut bytes, |out| out.write_all(body)) {
         bytes[..HEAD].copy_from_slice(&head);
     }
@@ -442,7 +447,7 @@ pub(super) fn sealed(kind: Kind, uid: &Uid, sequence: u64, body: &[u8]) -> Vec<u
 #[cfg(any(test, feature = "fuzzing"))]
 pub(super) fn sealed_map(uid: &Uid, map: &Map) -> Vec<u8> {
     let mut body = Vec::new();
-    // As above.
+    // Writing to a vector does not fail either.
     let _done = put_map(map, &mut body);
     sealed(Kind::Snapshot, uid, sequence_of(map.revision()), &body)
 }

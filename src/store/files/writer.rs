@@ -1,8 +1,10 @@
-//! The journal's file: groups are written and synced here, and what a failed write left is cut off.
+//! The journal's file: groups are written and synced here, and the rest of a failed write is cut
+//! off.
 //!
-//! A write that fails for lack of space, descriptors or memory puts nothing at stake, for nothing of
-//! it was synced: the group stays in memory, the file is cut back, and the group is written again.
-//! After a failed fsync, or any other failure, it is not known what the disk has: that is for good.
+//! A write that fails for lack of space, descriptors or memory loses nothing, because nothing of it
+//! was synced: the group stays in memory, the file is truncated, and the group is written again.
+//! After a failed fsync, or any other failure, the state of the disk is unknown: such a failure is
+//! permanent.
 
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -24,9 +26,9 @@ pub(super) struct Group {
 /// Why a group was not written.
 #[derive(Debug)]
 pub(super) enum WriteError {
-    /// Something is used up: the same group can be written later.
+    /// A resource is used up: the same group can be written later.
     Passes(io::Error),
-    /// What is on disk is not known.
+    /// The state of the disk is unknown.
     Fatal(io::Error),
 }
 
@@ -36,14 +38,14 @@ impl From<io::Error> for WriteError {
     }
 }
 
-/// What must be done before anything is written.
+/// A repair that must be done before anything is written.
 #[derive(Debug)]
 enum Repair {
     /// The file's end holds part of a group.
     Cut,
     /// A new file holds part of a group.
     Remove(PathBuf),
-    /// What was found at the start is not known to be on disk.
+    /// The files that were found at the start may not be durable.
     Unsynced(Unsynced),
 }
 
@@ -54,7 +56,7 @@ pub(super) struct Writer {
     length: u64,
     /// Whether the next group begins a new file.
     pub(super) roll: bool,
-    /// The first sequence of each file, rising.
+    /// The first sequence of each file, in increasing order.
     pub(super) segments: Vec<u64>,
     repair: Option<Repair>,
     /// The group that is being written.
@@ -71,7 +73,7 @@ pub(super) struct Place<'a> {
 }
 
 impl Writer {
-    /// The writer of files that were found. The first thing that it does is to settle them.
+    /// The writer of files that were found. It first makes them durable.
     pub(super) fn of(segments: Vec<u64>, unsynced: Option<Unsynced>) -> Self {
         Self { segments, repair: unsynced.map(Repair::Unsynced), ..Self::default() }
     }
@@ -81,13 +83,13 @@ impl Writer {
         self.group.is_none() && self.repair.is_none()
     }
 
-    /// Lets go of the file, and of what waits.
+    /// Drops the file and the pending group.
     pub(super) fn end(&mut self) {
         (self.file, self.group, self.repair) = (None, None, None);
     }
 
-    /// Puts right what an earlier failure left, and writes and syncs the group, if there is one: in a
-    /// new file where it is time for one. The group stays where it is.
+    /// Repairs what an earlier failure left, then writes and syncs the group, if there is one;
+    /// starts a new file if one is due. The group is kept.
     pub(super) fn write(&mut self, place: &Place<'_>) -> Result<(), WriteError> {
         self.put_right(place)?;
         let Some(group) = &self.group else { return Ok(()) };
@@ -116,7 +118,7 @@ impl Writer {
         }
         file.sync().map_err(WriteError::Fatal)?;
         match place.disk.sync_folder(place.folder) {
-            // The folder was not even opened.
+            // The folder could not be opened, so that no sync of it has failed.
             Err(error) if lacks_descriptors(&error) => {
                 self.repair = Some(Repair::Remove(path));
                 return Err(WriteError::Passes(error));
@@ -129,7 +131,7 @@ impl Writer {
         Ok(())
     }
 
-    /// Puts right what a failed write left, at once where that can be.
+    /// Repairs what a failed write left, at once if possible.
     fn failed(&mut self, place: &Place<'_>, error: io::Error) -> Result<(), WriteError> {
         if !passes(&error) {
             return Err(WriteError::Fatal(error));

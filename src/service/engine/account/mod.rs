@@ -1,10 +1,10 @@
-//! Accounts: the one place that knows what each map, each tenant and the server hold.
+//! Accounts: the only place that counts what each map, each tenant and the server hold.
 //!
-//! A map's account stands under its tenant's, a tenant's under the server's. What is reserved of an
-//! account is reserved of those above it as well: of all or of none. Limits are checked when
-//! something is reserved, and a [`Reservation`] gives itself back when it is dropped, so that nothing
-//! stays counted after a call that was cut off. Entities of maps are counted by
-//! [`HeldEntities`]. Nothing here knows how a tenant is recognized.
+//! Above a map's account is its tenant's, and above that the server's. A reservation in an account
+//! is also made in the accounts above it: in all or in none. Limits are checked when something is
+//! reserved. A [`Reservation`] is released when it is dropped, so that nothing stays counted after
+//! a canceled call. [`HeldEntities`] counts the entities of a map. This module does not know how a
+//! tenant is identified.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -21,7 +21,7 @@ use resource::{Owner, name_of};
 
 pub use resource::{AccountLimits, AccountRow, Resource};
 
-/// Between tenant and name; neither part holds one.
+/// Separates the tenant and the name of a map; neither part contains it.
 pub const SEPARATOR: char = '.';
 
 /// The tenant of the map called `map`; empty for the default tenant.
@@ -30,10 +30,10 @@ pub fn tenant_of(map: &str) -> &str {
     map.split_once(SEPARATOR).map_or("", |(tenant, _)| tenant)
 }
 
-/// What a map, a tenant or the server holds, and how much it may.
+/// The resources that a map, a tenant or the server holds, and their limits.
 pub struct Account {
     owner: Owner,
-    /// Of the map as the engine knows it, or of the tenant.
+    /// Name of the map in the engine, or of the tenant.
     name: String,
     above: Option<Arc<Account>>,
     limits: RwLock<AccountLimits>,
@@ -67,13 +67,13 @@ impl Account {
         })
     }
 
-    /// Of the map or the tenant; empty for the default tenant and for the server.
+    /// Name of the map or the tenant; empty for the default tenant and for the server.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The tenant, of the tenant's account and of those of its maps; empty for the default tenant.
+    /// The tenant's name, for the account of a tenant or of its map; empty for the default tenant.
     #[must_use]
     pub fn tenant(&self) -> &str {
         match self.owner {
@@ -82,13 +82,13 @@ impl Account {
         }
     }
 
-    /// How much it may hold.
+    /// Its limits.
     #[must_use]
     pub fn limits(&self) -> AccountLimits {
         *self.limits.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// From now on `limits` holds; what is held already stays.
+    /// Sets the limits. What is held already is kept.
     fn set_limits(&self, limits: AccountLimits) {
         *self.limits.write().unwrap_or_else(PoisonError::into_inner) = limits;
     }
@@ -108,8 +108,8 @@ impl Account {
     /// Reserves `amount` of a resource here and in the accounts above.
     ///
     /// # Errors
-    /// [`EngineError::Ceiling`], [`EngineError::TenantCeiling`] or [`EngineError::ServerCeiling`] of
-    /// the first account whose limit it would pass; then nothing is reserved.
+    /// [`EngineError::Ceiling`], [`EngineError::TenantCeiling`] or [`EngineError::ServerCeiling`]
+    /// of the first account whose limit would be exceeded; then nothing is reserved.
     pub fn reserve(
         self: &Arc<Self>,
         resource: Resource,
@@ -119,7 +119,7 @@ impl Account {
         Ok(Reservation { account: Arc::clone(self), resource, amount })
     }
 
-    /// Reserves what exists already, whatever the limits are by now.
+    /// Reserves what exists already, even above the limits.
     #[must_use]
     pub fn reserve_existing(self: &Arc<Self>, resource: Resource, amount: u64) -> Reservation {
         for account in self.chain() {
@@ -170,8 +170,8 @@ impl Account {
         self.full(self.owner.ceiling_of(counted), maximum)
     }
 
-    /// What it holds of everything that is counted, by name, with the limit: its own or that of an
-    /// account above it, whichever is lower.
+    /// Everything that is counted, by name: how much the account holds, and the lowest limit among
+    /// its own and those of the accounts above it.
     #[must_use]
     pub fn rows(&self) -> Vec<AccountRow> {
         let lowest = |limit: &dyn Fn(&AccountLimits) -> Option<u64>| {
@@ -196,7 +196,7 @@ impl Account {
     }
 }
 
-/// Something reserved of an account, for as long as it lives.
+/// An amount of a resource that is reserved in an account until this is dropped.
 #[derive(Debug)]
 pub struct Reservation {
     account: Arc<Account>,
@@ -205,16 +205,16 @@ pub struct Reservation {
 }
 
 impl Reservation {
-    /// How much it is.
+    /// The reserved amount.
     #[must_use]
     pub fn amount(&self) -> u64 {
         self.amount
     }
 
-    /// Makes it another amount: a file that grows, a chunk that was sent.
+    /// Changes the amount, for example when a file grows or a chunk was sent.
     ///
     /// # Errors
-    /// As [`Account::reserve`], for what is more; the reservation then stays as it was.
+    /// As [`Account::reserve`], for the additional amount; the reservation is then unchanged.
     pub fn resize(&mut self, amount: u64) -> Result<(), EngineError> {
         match amount.checked_sub(self.amount) {
             Some(more) => self.account.take(self.resource, more)?,
@@ -224,7 +224,7 @@ impl Reservation {
         Ok(())
     }
 
-    /// Makes it what there is, whatever the limits are: for what is known only once it exists.
+    /// Sets the amount without checking limits, where it is known only afterwards.
     pub(super) fn count(&mut self, amount: u64) {
         match amount.checked_sub(self.amount) {
             Some(more) => self.account.chain().for_each(|account| {
@@ -246,7 +246,7 @@ impl Drop for Reservation {
     }
 }
 
-/// The entities of one map, counted in its account and those above until it is dropped.
+/// The entities of one map, counted in its account and those above it until this is dropped.
 #[derive(Debug)]
 pub(super) struct HeldEntities {
     account: Arc<Account>,
@@ -254,15 +254,15 @@ pub(super) struct HeldEntities {
 }
 
 impl HeldEntities {
-    /// Those of a map that exists, whatever the limits are by now.
+    /// The entities of an existing map, even above the limits.
     pub(super) fn existing(account: &Arc<Account>, usage: Usage) -> Self {
         let mut held = Self { account: Arc::clone(account), counted: Usage::default() };
         held.update(usage);
         held
     }
 
-    /// Reserves what a change of the map would add, in the accounts above the map's own; the
-    /// map's own ceilings are the caller's to look at, who may make room.
+    /// Reserves what a change of the map would add. Checks the limits of the accounts above the
+    /// map's; the caller checks the map's own ceilings, because it may make room.
     ///
     /// # Errors
     /// [`EngineError::TenantCeiling`], [`EngineError::ServerCeiling`]; then nothing is reserved.
@@ -287,14 +287,14 @@ impl HeldEntities {
         Ok(())
     }
 
-    /// Whether none of the accounts is full with `growth` more.
+    /// Whether all accounts have room for `growth`.
     pub(super) fn have_room(&self, growth: Usage) -> bool {
         self.account
             .chain()
             .all(|account| account.limits().held.exceeded(account.entities(), growth).is_none())
     }
 
-    /// The map holds `now`, after a change that was applied or was not.
+    /// Sets the map's entities to `now`, after a change was applied or has failed.
     pub(super) fn update(&mut self, now: Usage) {
         for account in self.account.chain() {
             let mut entities = account.lock();
@@ -310,7 +310,7 @@ impl Drop for HeldEntities {
     }
 }
 
-/// The accounts of a server and of all tenants that were heard of. Cheap to clone.
+/// The accounts of a server and of all tenants seen so far. Cheap to clone.
 #[derive(Clone, Debug)]
 pub struct Accounts {
     server: Arc<Account>,
@@ -320,7 +320,7 @@ pub struct Accounts {
 #[derive(Debug, Default)]
 struct Known {
     tenants: BTreeMap<String, Arc<Account>>,
-    /// Limits of every tenant without its own.
+    /// Limits of every tenant that has no limits of its own.
     common: AccountLimits,
     own: BTreeMap<String, AccountLimits>,
     /// Limits of every map.
@@ -344,8 +344,8 @@ impl Accounts {
         }
     }
 
-    /// From now on the tenants in `own` have these limits and all others the common ones; what is
-    /// held already stays.
+    /// Sets the limits of the tenants in `own`; all other tenants have the common limits. What is
+    /// held already is kept.
     pub fn set_tenants(&self, own: BTreeMap<String, AccountLimits>) {
         let mut known = self.lock();
         known.own = own;
@@ -354,13 +354,13 @@ impl Accounts {
         }
     }
 
-    /// The server's own.
+    /// The account of the server.
     #[must_use]
     pub fn server(&self) -> &Arc<Account> {
         &self.server
     }
 
-    /// That of the tenant called `name`.
+    /// The account of the tenant called `name`.
     #[must_use]
     pub fn tenant(&self, name: &str) -> Arc<Account> {
         let mut known = self.lock();
@@ -373,7 +373,7 @@ impl Accounts {
         tenant
     }
 
-    /// A new one for the map called `map`, under that of its tenant. A map has one for as long as its
+    /// A new account for the map called `map`, below its tenant's. It exists as long as the map's
     /// engine runs.
     #[must_use]
     pub(super) fn of_map(&self, map: &str) -> Arc<Account> {

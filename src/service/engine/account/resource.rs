@@ -1,12 +1,12 @@
-//! What accounts count, their limits, and what both are called: on the wire in errors, in
-//! `GetServerInfo`, and on the metrics page. Nothing here holds anything.
+//! The resources that accounts count, their limits, and the names of both: on the wire in errors,
+//! in `GetServerInfo`, and on the metrics page. This module has no state.
 
 use crate::map::{Ceilings, Counted};
 
-/// What is reserved besides the entities of maps.
+/// A resource that is reserved. Entities of maps are counted separately.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Resource {
-    /// Maps, those that are being created too.
+    /// Maps, including those that are being created.
     Maps,
     /// Ingest and watch streams that are open.
     Streams,
@@ -14,16 +14,16 @@ pub enum Resource {
     Watchers,
     /// Exports that are being read; each holds a snapshot of its map.
     Exports,
-    /// Calls for solves that wait for their turn.
+    /// Calls whose solves wait in the queue.
     WaitingSolves,
-    /// Bytes that the solves which run are priced at; more wait for their turn.
+    /// Estimated bytes of the running solves; a solve that would exceed the limit waits.
     RunningSolveBytes,
     /// Bytes of journals that wait for the disk.
     JournalBytes,
 }
 
 impl Resource {
-    /// Each of them.
+    /// All resources.
     pub const ALL: [Self; 7] = [
         Self::Maps,
         Self::Streams,
@@ -60,13 +60,13 @@ pub struct AccountLimits {
     pub max_watchers: Option<u64>,
     /// Exports that are being read; each holds a snapshot of its map.
     pub max_exports: Option<u64>,
-    /// Solves that run at once, small ones and large ones counted apart.
+    /// Solves that run at once, small and large ones counted separately.
     pub max_solves: Option<u64>,
-    /// Calls for solves that wait for their turn.
+    /// Calls whose solves wait in the queue.
     pub max_waiting_solves: Option<u64>,
-    /// Bytes that the solves which run are priced at; more wait for their turn.
+    /// Estimated bytes of the running solves; a solve that would exceed the limit waits.
     pub max_running_solve_bytes: Option<u64>,
-    /// Bytes of journals that wait for the disk. One map has 64 MiB at most: then its items wait.
+    /// Bytes of journals that wait for the disk. One map has at most 64 MiB; then its items wait.
     pub max_journal_bytes: Option<u64>,
 }
 
@@ -95,7 +95,7 @@ pub(super) enum Owner {
 }
 
 impl Owner {
-    /// The name of a resource's limit: in the account of a map or the server as the wire has it.
+    /// The name of a resource's limit; for a map or the server it is the name on the wire.
     pub(super) fn limit_of(self, resource: Resource) -> &'static str {
         match (self, resource) {
             (Self::Tenant, Resource::Maps) => "tenant_max_map_count",
@@ -115,7 +115,7 @@ impl Owner {
         }
     }
 
-    /// The same of a count of entities.
+    /// The name of a ceiling of entities, likewise.
     pub(super) fn ceiling_of(self, counted: Counted) -> &'static str {
         match (self, counted) {
             (Self::Tenant, Counted::Clients) => "tenant_max_client_count",
@@ -143,9 +143,9 @@ impl Owner {
 pub struct AccountRow {
     /// What is counted.
     pub name: &'static str,
-    /// How much there is.
+    /// How much is held.
     pub held: u64,
-    /// How much there may be; `None` is unlimited.
+    /// The limit; `None` is unlimited.
     pub limit: Option<u64>,
 }
 

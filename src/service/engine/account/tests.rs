@@ -1,4 +1,4 @@
-//! Reservations add up over maps, tenants and the server, and give themselves back.
+//! Reservations add up over maps, tenants and the server, and are released when dropped.
 
 use std::collections::BTreeMap;
 
@@ -28,10 +28,10 @@ fn what_maps_hold_adds_up_and_is_given_back() {
     assert_eq!(b.grow(keyframes(1)), Err(full.clone()));
     let server = EngineError::ServerCeiling { limit: "max_keyframe_count", maximum: 12 };
     assert_eq!(house.grow(keyframes(2)), Err(server));
-    // Refused everywhere or nowhere.
+    // A refused reservation changes no account.
     assert_eq!(accounts.tenant("").entities(), keyframes(1));
     assert_eq!(accounts.tenant("acme").entities(), keyframes(10));
-    // The change was not made after all.
+    // The change failed, so that its growth is released.
     a.update(keyframes(4));
     b.grow(keyframes(1)).unwrap();
     drop((a, b, house));

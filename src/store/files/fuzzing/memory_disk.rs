@@ -1,5 +1,5 @@
-//! A flat file system in memory that does all it is asked: nothing tears and nothing fails, so that
-//! whatever goes wrong on it is covis' own doing.
+//! A flat file system in memory on which no operation tears or fails, so that every error on it is
+//! a bug of covis.
 
 use std::collections::BTreeMap;
 use std::io::{self, ErrorKind};

@@ -1,7 +1,7 @@
-//! The files' own functions as the fuzz targets need them: built, sealed, opened, appended to.
+//! Functions on files for the fuzz targets: build, seal, open, append.
 //!
-//! Built for tests and with the feature `fuzzing` only. Checksums are put right here, so that what
-//! lies behind them is reached; nothing judges what was read, that is the target's business.
+//! Built for tests and with the feature `fuzzing` only. Checksums are corrected here, so that the
+//! code after the checksum test is reached. The fuzz targets check what was read.
 
 mod memory_disk;
 
@@ -21,7 +21,7 @@ use crate::store::Epoch;
 use crate::store::encoding::{decode_event, decode_identity, encode_identity};
 use crate::store::fuzzing::fold;
 
-/// Decompressed bytes of a snapshot that a target looks at.
+/// Most decompressed bytes of a snapshot that a target reads.
 const MOST_BYTES: u64 = 1 << 20;
 
 /// The uid that a journal file claims.
@@ -35,8 +35,9 @@ pub(in crate::store) fn first_of(bytes: &[u8]) -> u64 {
     number.map_or(1, u64::from_le_bytes)
 }
 
-/// A journal file of payloads, each behind its length (two bytes; all ones are the rest) and its step
-/// in the sequence (one; 0 is 1, 255 leads to the last sequence there is).
+/// A journal file of payloads. Before each payload are its length (two bytes; all ones mean the
+/// rest of the input) and its step in the sequence (one byte; 0 means 1, 255 leads to the last
+/// possible sequence).
 pub(in crate::store) fn built(uid: &Uid, first: u64, mut parts: &[u8]) -> Vec<u8> {
     let mut bytes = header(uid, first);
     let mut sequence = first.saturating_sub(1);
@@ -56,7 +57,7 @@ pub(in crate::store) fn built(uid: &Uid, first: u64, mut parts: &[u8]) -> Vec<u8
     bytes
 }
 
-/// The payloads that a scan finds, with what it promises of them checked.
+/// The payloads that a scan finds; checks the guarantees of the scan.
 pub(in crate::store) fn payloads<'a>(bytes: &'a [u8], uid: &Uid, first: u64) -> Vec<&'a [u8]> {
     let found = scan(bytes, uid, first);
     let rising = found.records.windows(2).all(|pair| {
@@ -70,11 +71,11 @@ pub(in crate::store) fn payloads<'a>(bytes: &'a [u8], uid: &Uid, first: u64) -> 
     found.records.into_iter().map(|record| &bytes[record.payload]).collect()
 }
 
-/// A snapshot file around a body, compressed on the way where it holds plain parts; its sequence is
-/// the one that the first part claims as revision where that is one byte.
+/// A snapshot file around a body, which is compressed here if it has plain parts. Its sequence is
+/// the revision in the first part, if that is one byte.
 pub(in crate::store) fn sealed_snapshot(body: &[u8], compress: bool) -> Vec<u8> {
     let mut compressed = Vec::new();
-    // Behind the part's length, the head's tag and length, and the field's own tag.
+    // The offset after the part's length, the head's tag and length, and the field's own tag.
     let at = if body.get(9).is_some_and(|length| length & 128 != 0) { 12 } else { 11 };
     let sequence = body.get(at).copied().filter(|&byte| byte < 128).map_or(0, u64::from);
     if compress {
@@ -84,8 +85,8 @@ pub(in crate::store) fn sealed_snapshot(body: &[u8], compress: bool) -> Vec<u8> 
     sealed(Kind::Snapshot, &[7; 16], sequence, body)
 }
 
-/// The map of a snapshot file, if it is one. What is compressed better than anything that a target
-/// is meant to try is passed over: of a snapshot, covis promises to hold what it decompresses to.
+/// The map of a snapshot file, if it is one. Files that decompress to more than a target should try
+/// are skipped, because covis holds the decompressed snapshot in memory.
 pub(in crate::store) fn unsealed(bytes: &[u8]) -> Option<Arc<Map>> {
     let length = unseal(Kind::Snapshot, &mut &*bytes, |_label, body| {
         Ok(io::copy(&mut parts(body)?.take(MOST_BYTES + 1), &mut io::sink()))
@@ -108,7 +109,7 @@ fn folded(parts: &[u8], through: u64) -> Map {
     map
 }
 
-/// An identity around a body: what it holds is written and read back.
+/// An identity around a body: its content is written and read back.
 pub(in crate::store) fn identity(body: &[u8]) {
     let bytes = sealed(Kind::Identity, &[7; 16], 0, body);
     let name = match read_identity(&mut &*bytes) {
@@ -125,15 +126,15 @@ struct Opened {
     journal: Journal,
     /// The last sequence that can be read.
     last: u64,
-    /// Whether the map takes no changes.
+    /// Whether the map accepts no changes.
     frozen: bool,
     /// The newest snapshot.
     map: Option<Arc<Map>>,
-    /// What stands behind it; nothing where a payload is no event.
+    /// The events after it; none if a payload is not an event.
     events: Vec<Arc<Event>>,
 }
 
-/// Opens the folder `/map` of a disk; `None` where it is of a later version.
+/// Opens the folder `/map` of a disk; `None` if it is of a later version.
 fn open(disk: &MemoryDisk, uid: &Uid) -> Option<Opened> {
     let folder = Path::new("/map");
     let disk: Arc<dyn Disk> = Arc::new(disk.clone());
@@ -158,7 +159,7 @@ fn open(disk: &MemoryDisk, uid: &Uid) -> Option<Opened> {
     Some(Opened { journal, last, frozen, map, events })
 }
 
-/// Appends an event and flushes; how far the journal is durable then.
+/// Appends an event and flushes; returns how far the journal is then durable.
 fn append(opened: &Opened, epoch: Epoch, event: Event) -> Result<u64, StoreError> {
     let journal = &opened.journal;
     journal.accept(epoch, opened.last, vec![Arc::new(event)])?;
@@ -168,8 +169,9 @@ fn append(opened: &Opened, epoch: Epoch, event: Event) -> Result<u64, StoreError
 }
 
 /// A map's folder with two journal files, a mark and a snapshot. The input's first eight bytes say
-/// how it is cut and which parts get their checksums; opening mends, opening again finds nothing to
-/// mend and the same events, and a map that is not frozen takes an event and still has it.
+/// how it is cut and which parts get valid checksums. The first opening repairs; the second finds
+/// nothing to repair and the same events. A map that is not frozen accepts an event and still has
+/// it afterwards.
 pub fn journal_folder(input: &[u8]) {
     let Some((head, rest)) = input.split_first_chunk::<8>() else { return };
     let [flags, second, snapshot, mark, a, b, c, d] = *head;

@@ -1,4 +1,5 @@
-//! Creating and deleting maps: cut off at any moment, failing at any operation, found double.
+//! Creating and deleting maps: canceled at any moment, failing at any operation, with duplicate
+//! names.
 
 use std::path::Path;
 
@@ -32,7 +33,7 @@ async fn a_creation_that_nobody_waits_for_leaves_the_name_free_and_one_folder() 
     let store = open(&disk).unwrap();
     for _ in 0..3 {
         if store.create_map("a").now_or_never().is_some() {
-            // Its thread was done before it could be cut off.
+            // Its thread ended before it could be canceled.
             return;
         }
     }

@@ -35,7 +35,7 @@ async fn a_crash_at_any_operation_loses_nothing_that_was_acknowledged() {
     }
 }
 
-/// A crash while a crash is mended.
+/// A crash during the repair after a crash.
 #[tokio::test]
 async fn a_crash_while_opening_loses_nothing_either() {
     for first in (5..90).step_by(4) {

@@ -28,8 +28,9 @@ async fn closed() -> FaultyDisk {
     disk.after(Survives::Everything)
 }
 
-/// A journal lost events that a snapshot holds, and a crash left one behind a gap: that one was never
-/// acknowledged, and goes, or it would pass for acknowledged once another file follows.
+/// A journal lost events that a snapshot contains, and a crash left an event after a gap. That
+/// event was never acknowledged and is removed; otherwise it would look acknowledged once another
+/// file follows.
 #[tokio::test]
 async fn what_a_crash_left_behind_a_gap_does_not_freeze_a_damaged_map_later() {
     let (disk, uid) = (FaultyDisk::new(), [7; 16]);
@@ -77,7 +78,7 @@ async fn a_flipped_bit_anywhere_is_found_and_named() {
                 let (kind, last) = if name == "a" { (1, 20) } else { (3, 2) };
                 let map = match stored(&store, &name).await {
                     Ok(map) => map,
-                    // A version that is not known: nobody touches it.
+                    // An unknown version: the file is not changed.
                     Err(StoreError::Content { .. }) => {
                         hurt += 1;
                         continue;
@@ -92,7 +93,7 @@ async fn a_flipped_bit_anywhere_is_found_and_named() {
                     mended += usize::from(!damage.is_empty());
                     continue;
                 }
-                // What is missing is told, and nothing is written over it.
+                // What is missing is reported, and nothing is overwritten.
                 let lost = damage.iter().find_map(|damage| damage.lost);
                 let first = u64::try_from(revision).unwrap() + 1;
                 let through = u64::try_from(last).unwrap();
@@ -142,7 +143,7 @@ async fn both_snapshots_gone_is_told() {
     assert!(store.get_snapshot("a").await.unwrap().is_none());
 }
 
-/// A window is allocated before anything is decompressed, whatever the file holds.
+/// A window is allocated before anything is decompressed, whatever the file contains.
 #[test]
 fn a_snapshot_that_asks_for_a_wide_window_is_refused() {
     let compressed = |window| {

@@ -1,5 +1,5 @@
 //! The doctor on a directory with snapshots and several journal files: every file, flipped bits and
-//! cuts; nothing is changed by looking, nothing is lost by repairing.
+//! cuts; a check changes nothing, a repair loses nothing.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -75,7 +75,7 @@ async fn damage_anywhere_is_told_and_repaired_without_losing_a_byte() {
             write(folder.path(), &hurt);
             let told = check_up(folder.path(), false).unwrap();
             assert_eq!(files(folder.path()), hurt, "{what}: looking changes nothing");
-            // The mark is evidence and no content.
+            // The mark is not part of the map's content.
             let is_mark = path.ends_with("durable");
             assert_eq!(told[0].is_damaged(), !is_mark, "{what}: {told:?}");
             lost += usize::from(told[0].damage.iter().any(|damage| damage.lost.is_some()));

@@ -1,4 +1,4 @@
-//! A disk that is full or fails: what is acknowledged still holds, and the failure is told.
+//! A disk that is full or fails: acknowledged events are kept, and the failure is reported.
 
 use super::faulty::{Fault, FaultyDisk, Survives};
 use super::script::{Model, check, event, open, session};
@@ -31,7 +31,7 @@ async fn after_a_failed_fsync_nothing_is_acknowledged_any_more() {
     store.append("a", epoch, 0, vec![event(1, 1)]).await.unwrap();
     let mut flushed = store.follow("a").await.unwrap();
     flushed.wait_for(|f| f.through == 1).await.unwrap();
-    // The mark of an append may still be on its way: one of these faults hits an fsync.
+    // The mark of an append may not be written yet: one of these faults hits an fsync.
     let mut next = 2;
     while flushed.borrow().failed.is_none() {
         let operations = disk.log().len();
@@ -51,11 +51,11 @@ async fn after_a_failed_fsync_nothing_is_acknowledged_any_more() {
     let last = next - 1;
     let refused = store.append("a", epoch, last, vec![event(last as i64 + 1, 1)]).await;
     assert!(matches!(refused, Err(StoreError::Stopped { .. })), "{refused:?}");
-    // The other map does not know of it.
+    // The other map is not affected.
     store.append("b", other, 0, vec![event(1, 2)]).await.unwrap();
     let mut flushed = store.follow("b").await.unwrap();
     assert_eq!(flushed.wait_for(|f| f.through == 1).await.unwrap().failed, None);
-    // A new start looks at what is there, and goes on.
+    // A new start reads the files, and continues.
     drop(store);
     let store = open(&disk.after(Survives::Everything)).unwrap();
     store.acquire("a").await.unwrap();

@@ -1,10 +1,11 @@
 //! A disk in memory that loses power, tears writes and fails on demand.
 //!
-//! What a file holds and which names a folder holds exist twice: as they are, and as they were last
-//! synced. A crash stops every operation; [`FaultyDisk::after`] is the disk as the next start finds
-//! it after a loss of power, with none, all or some of what was not synced, [`FaultyDisk::killed`] as
-//! it finds it where only the process ended: everything written is there, and no more of it synced. A
-//! failed sync leaves the bytes readable and never synced, unless they are written again.
+//! The contents of files and the names in folders exist twice: as they are now, and as they were
+//! last synced. A crash stops every operation. [`FaultyDisk::after`] is the disk that the next
+//! start finds after a loss of power, with none, all or some of what was not synced.
+//! [`FaultyDisk::killed`] is the disk after only the process ended: everything written is there,
+//! but no more of it is synced. After a failed sync the bytes are readable but never synced, unless
+//! they are written again.
 
 use std::collections::BTreeMap;
 use std::io::{self, ErrorKind};
@@ -18,7 +19,7 @@ use crate::store::files::disk::{Disk, DiskFile};
 
 #[derive(Clone, Debug)]
 enum Node {
-    /// `clean` bytes were there when a sync failed: the system takes them for written.
+    /// `clean` bytes were in the file when a sync failed: the system treats them as written.
     File {
         data: Vec<u8>,
         synced: Vec<u8>,
@@ -39,19 +40,19 @@ pub(super) enum Survives {
     Some(u64),
 }
 
-/// What is used up until it is given back.
+/// A resource that is used up until it is released.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Lack {
     Space,
     Descriptors,
 }
 
-/// What goes wrong at one operation.
+/// The fault of one operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fault {
-    /// The power goes: this operation is done in part at most, and none after it.
+    /// Power is lost: at most a part of this operation is done, and no later operation.
     Crash,
-    /// The disk is full: a write is done in part.
+    /// The disk is full: only a part of a write is done.
     NoSpace,
     /// The operation fails, later ones work again.
     Broken,
@@ -60,7 +61,7 @@ pub(super) enum Fault {
 #[derive(Clone, Debug)]
 struct World {
     nodes: Vec<Node>,
-    /// Operations that change something, so far; with what they were.
+    /// The kinds of the operations so far that change something.
     log: Vec<&'static str>,
     fault: Option<(usize, Fault)>,
     dead: bool,
@@ -86,12 +87,12 @@ impl FaultyDisk {
         Self(Arc::new(Mutex::new(world)))
     }
 
-    /// Stages a fault at the operation with this number, from 0.
+    /// Injects a fault at the operation with this number, from 0.
     pub(super) fn stage(&self, operation: usize, fault: Fault) {
         self.world().fault = Some((operation, fault));
     }
 
-    /// From now on something is used up, or nothing any more.
+    /// Sets which resource is used up from now on, if any.
     pub(super) fn lack(&self, lack: Option<Lack>) {
         self.world().lack = lack;
     }
@@ -158,7 +159,7 @@ impl FaultyDisk {
         found
     }
 
-    /// A copy of the disk on which a file holds something else.
+    /// A copy of the disk with one file changed.
     pub(super) fn with_file(&self, path: &str, change: impl FnOnce(&mut Vec<u8>)) -> Self {
         let mut world = self.after(Survives::Everything).world().clone();
         let node = world.find(Path::new(path)).unwrap();

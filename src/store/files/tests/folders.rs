@@ -1,5 +1,5 @@
-//! What is not covis' own in a data directory, and what a later version wrote: left alone by the
-//! start, the doctor and the backup.
+//! Foreign entries of a data directory, and files of a later version: the start, the doctor and the
+//! backup do not change them.
 
 use std::path::Path;
 
@@ -73,7 +73,7 @@ async fn with_snapshot() -> FaultyDisk {
     disk.after(Survives::Everything)
 }
 
-/// The first file whose name ends so, as version 2 of the same.
+/// A disk on which the first file with this ending has version 2.
 fn later(disk: &FaultyDisk, ending: &str) -> FaultyDisk {
     let path =
         disk.files().into_iter().map(|(path, _)| path).find(|p| p.ends_with(ending)).unwrap();

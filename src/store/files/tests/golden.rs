@@ -1,6 +1,6 @@
-//! A data directory that an earlier version wrote, under `tests/golden/journal`: it must open, to the
-//! recorded hash, for as long as its version is supported. `COVIS_TEST_RECORD_GOLDEN=1` writes the
-//! directory of the present version anew.
+//! A data directory that an earlier version wrote, under `tests/golden/journal`: it must open, to
+//! the recorded hash, for as long as its version is supported. `COVIS_TEST_RECORD_GOLDEN=1` writes
+//! the directory again with the present version.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use crate::store::Store;
 use crate::store::encoding::tests::every_change;
 use crate::store::files::{FileStore, FileStoreOptions};
 
-/// Revisions in the golden journal; the snapshot stands in the middle.
+/// Revisions in the golden journal; the snapshot is in the middle.
 const LAST: i64 = 24;
 
 fn hex(bytes: &[u8]) -> String {
@@ -67,7 +67,7 @@ async fn what_version_one_wrote_is_read_bit_for_bit() {
         );
         fs_err::write(golden.join("hashes.txt"), hashes).unwrap();
     }
-    // Opening mends and locks: on a copy.
+    // Opening repairs and locks, so that the test uses a copy.
     let folder = tempfile::tempdir().unwrap();
     copy(&golden.join("data"), folder.path());
     let store = FileStore::open(folder.path(), FileStoreOptions::default()).await.unwrap();

@@ -1,4 +1,4 @@
-//! No space, no descriptors: the journal waits, takes nothing new, and goes on by itself.
+//! No space, no descriptors: the journal waits, accepts nothing new, and continues by itself.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -89,7 +89,7 @@ async fn a_folder_that_cannot_be_looked_at_for_want_of_descriptors_is_not_taken_
             "{found:?}"
         );
     }
-    // A start that took the name for free would let another map have it.
+    // A start that treated the name as free would give it to another map.
     let refused = folders::at_start(&disk, maps).unwrap_err();
     assert!(matches!(refused, StoreError::File { passes: true, .. }), "{refused:?}");
     disk.lack(None);

@@ -12,7 +12,7 @@ fn event(revision: i64) -> Arc<Event> {
     Arc::new(Event { revision, time_ns: revision, cause: None, change })
 }
 
-/// The revisions that come, and the most bytes of a piece.
+/// The remaining revisions, and the size of the largest piece, bytes.
 async fn rest(reader: &mut dyn EventReader) -> (Vec<i64>, u64) {
     let (mut revisions, mut most) = (Vec::new(), 0);
     loop {

@@ -1,11 +1,11 @@
-//! A process that was killed leaves what it wrote and never synced: the next start serves it, and so
-//! has to bring it to the disk before it calls it durable.
+//! A killed process leaves unsynced writes: the next start serves them, so that it must sync them
+//! before it reports them as durable.
 
 use super::faulty::{Fault, FaultyDisk, Survives};
 use super::script::{Model, event, fold, open, session, stored};
 use crate::store::{FileStore, Store, StoreError};
 
-/// How far a start says that each map is durable, after all that it settles.
+/// How far each map is durable after a start, as the store reports it.
 async fn told(store: &FileStore) -> Vec<(String, u64)> {
     let mut told = Vec::new();
     for name in store.list_maps().await.unwrap() {
@@ -40,7 +40,7 @@ async fn what_a_start_calls_durable_survives_a_loss_of_power() {
     }
 }
 
-/// A journal of which event 2 was written and never synced, in the hands of a new process.
+/// A journal whose event 2 was written but never synced, opened by a new process.
 async fn unsynced() -> FaultyDisk {
     let disk = FaultyDisk::new();
     let store = open(&disk).unwrap();

@@ -89,12 +89,12 @@ pub(super) fn fold(last: i64, kind: i64) -> Map {
     map
 }
 
-/// What the model knows of a map.
+/// The model of a map.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Known {
-    /// Tells its events from those of other maps.
+    /// Distinguishes its events from those of other maps.
     pub(super) kind: i64,
-    /// The last event that was handed to the store.
+    /// The last event that was passed to the store.
     pub(super) sent: i64,
     /// The last event that was acknowledged as durable.
     pub(super) acknowledged: i64,
@@ -102,7 +102,7 @@ pub(super) struct Known {
     pub(super) deleting: bool,
 }
 
-/// What was asked and answered so far.
+/// The requests and answers so far.
 #[derive(Debug, Default)]
 pub(super) struct Model(pub(super) BTreeMap<&'static str, Known>);
 
@@ -184,7 +184,7 @@ pub(super) async fn session(disk: &FaultyDisk, model: &mut Model) -> Result<(), 
     b.settle(model).await
 }
 
-/// A map as the store has it: snapshot and journal behind it.
+/// A map as the store has it: the snapshot and the journal after it.
 pub(super) async fn stored(store: &FileStore, name: &str) -> Result<Map, StoreError> {
     store.acquire(name).await?;
     let snapshot = store.get_snapshot(name).await?;
@@ -196,7 +196,7 @@ pub(super) async fn stored(store: &FileStore, name: &str) -> Result<Map, StoreEr
     Ok(map)
 }
 
-/// Holds a store that was opened again against the model.
+/// Compares a store that was opened again with the model.
 pub(super) async fn check(disk: &FaultyDisk, model: &Model, what: &str) {
     for round in 0..2_i64 {
         let store = open(disk).unwrap_or_else(|error| panic!("{what}: {error}"));

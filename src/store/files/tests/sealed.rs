@@ -8,7 +8,7 @@ use crate::store::files::sealed::{
     sealed_map,
 };
 
-/// Gives a file out in pieces of some bytes; fails at its end if it should.
+/// Reads a file in pieces of some bytes; fails at its end if requested.
 struct Pieces<'a> {
     bytes: &'a [u8],
     piece: usize,
@@ -65,7 +65,7 @@ fn damage_of_the_file_is_told_before_what_it_makes_of_the_body() {
     bytes[middle] ^= 4;
     let told = read_snapshot(&mut &*bytes).unwrap_err().to_string();
     assert_eq!(told, "the checksum does not fit");
-    // A body that is no map, and its checksum fits.
+    // A body that is no map, with a valid checksum.
     let told = read_snapshot(&mut &*sealed(Kind::Snapshot, &[7; 16], 20, b"no map")).unwrap_err();
     assert!(matches!(told, SealError::Damaged(_)));
     assert_ne!(told.to_string(), "the checksum does not fit");
