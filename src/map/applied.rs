@@ -1,11 +1,11 @@
 //! From a solved problem back to a change of the map, which may have grown meanwhile.
 //!
-//! Every solved keyframe that the map still holds gets its new pose. What arrived after the solve
-//! began moves rigidly with its reference keyframe, T_new = ref_new · ref_now⁻¹ · T_now: a keyframe
-//! with the one before it in capture time of the same client (else the one after it, else the one
-//! that it shares most landmarks with), a landmark with its first observer. Landmarks that had no
-//! part in the solve but belong to a keyframe that moved follow it in the same way, as do those that
-//! a local solve left behind a camera or without parallax (`placement`).
+//! Every solved keyframe that the map still holds gets its new pose. Entities that arrived after the
+//! solve began move rigidly with their reference keyframe, T_new = ref_new · ref_now⁻¹ · T_now: a
+//! keyframe with the one before it in capture time of the same client (else the one after it, else the
+//! one that it shares most landmarks with), a landmark with its first observer. Landmarks that were not
+//! in the solve but belong to a keyframe that moved follow it in the same way, as do those that a local
+//! solve moved behind a camera or left without parallax (`placement`).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -78,7 +78,7 @@ impl Solved<'_> {
     }
 }
 
-/// Which closures a solve switched off and which on again; what is gone meanwhile is left out.
+/// Which closures a solve switched off and which on again, without those removed meanwhile.
 type Verdicts = (Vec<(EntityId, SwitchedOff)>, Vec<EntityId>);
 
 fn verdicts(map: &Map, solved: Solved<'_>) -> Verdicts {
@@ -121,7 +121,7 @@ pub fn applied<'a>(
             let Some(landmark) = map_now.landmarks().get(id) else { return false };
             let pose =
                 |k| poses.get(&k).copied().or(keyframes.get(&k).map(|k| k.world_from_camera));
-            // A window that pushed a landmark out of sight knows less of it than what was sent.
+            // If a window moved a landmark out of sight, the sent position is better.
             kind != SolveKind::LocalBundle || is_well_placed(map_now, *id, landmark, position, pose)
         })
         .collect();
@@ -160,7 +160,7 @@ fn late_poses(
     let late: Vec<(EntityId, &Keyframe)> =
         late.filter_map(|id| Some((id, map.keyframes().get(&id)?))).collect();
     let clients: BTreeSet<ClientIndex> = late.iter().map(|(id, _)| id.client).collect();
-    // What was there when the solve began, by client in capture time.
+    // The keyframes that existed when the solve began, by client in capture time.
     let known: BTreeMap<ClientIndex, Vec<(EntityId, &Keyframe)>> = clients
         .into_iter()
         .map(|client| {

@@ -1,9 +1,9 @@
-//! What maps hold, counted, and the most that they may hold.
+//! Counts of what maps hold, and limits on them.
 //!
-//! [`Usage`] of a map is kept by the fold and costs nothing to ask for; [`Map::growth`] is the most
-//! that a change would add. The same [`Ceilings`] serve for a map, for all maps of a tenant and for
-//! all maps of a server. Every kind of entity counts. Bytes are an estimate of the memory that the
-//! map takes, from the numbers of its entities.
+//! The fold keeps the [`Usage`] of a map, so that reading it costs nothing; [`Map::growth`] is the most
+//! that a change would add. The same [`Ceilings`] apply to a map, to all maps of a tenant and to all
+//! maps of a server. Every kind of entity counts. Bytes are an estimate of the memory that the map
+//! takes, from the numbers of its entities.
 
 use std::mem::size_of;
 use std::ops::{Add, Mul, Sub};
@@ -56,7 +56,7 @@ pub struct Usage {
     pub bytes: u64,
 }
 
-/// Which ceiling something would pass.
+/// Which ceiling a change would exceed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Exceeded {
     /// What there is too much of.
@@ -145,7 +145,8 @@ impl Ceilings {
         })
     }
 
-    /// The first ceiling that `growth` on top of `usage` passes. What does not grow passes none.
+    /// The first ceiling that `growth` on top of `usage` exceeds. A count that does not grow exceeds
+    /// none.
     #[must_use]
     pub fn exceeded(&self, usage: Usage, growth: Usage) -> Option<Exceeded> {
         Counted::ALL.into_iter().find_map(|counted| {
@@ -223,10 +224,10 @@ const CAMERA: u64 = entry(size_of::<CameraEntity>()) + entry(size_of::<Digest>()
 /// With its digest, its place in the order of age and the counters of its shared list.
 const KEYFRAME: u64 = entry(size_of::<Keyframe>()) + entry(size_of::<Digest>()) + entry(8) + 16;
 const LANDMARK: u64 = entry(size_of::<Landmark>());
-/// A landmark that nobody sees stands in a list of its own.
+/// A landmark without observers is in a separate list.
 const UNSEEN: u64 = entry(size_of::<i64>());
-/// Also stands in its landmark's list of observers, which may be twice as long as it needs, and in the
-/// index of its keyframe.
+/// It is also in its landmark's list of observers, which may have twice the capacity that it needs, and
+/// in the index of its keyframe.
 const OBSERVATION: u64 = (size_of::<Observation>() + 2 * size_of::<EntityId>() + 4) as u64;
 /// In the index of its keyframe.
 const TIE: u64 = entry(size_of::<EntityId>());
@@ -261,7 +262,7 @@ const NOTHING: Usage = Usage {
 };
 /// What every item adds: its digest.
 const NEW_ITEM: Usage = Usage { bytes: ITEM, ..NOTHING };
-/// A keyframe without what it sees.
+/// A keyframe without its observations.
 const NEW_KEYFRAME: Usage = Usage { keyframes: 1, bytes: KEYFRAME + ITEM, ..NOTHING };
 
 impl Map {
@@ -292,8 +293,8 @@ impl Map {
         Usage { clients, cameras, keyframes, landmarks, observations, constraints, priors, bytes }
     }
 
-    /// At least what [`Map::growth`] tells, from the lengths of the change's lists alone: most changes
-    /// are far from every ceiling, and looking up each landmark to know so is dear.
+    /// An upper bound of [`Map::growth`], from the lengths of the change's lists alone: most changes
+    /// are far from every ceiling, and looking up each landmark to know so is expensive.
     #[must_use]
     pub fn growth_bound(&self, change: &Change) -> Usage {
         let by_observations = |added: &[Observation]| {

@@ -1,10 +1,10 @@
 //! How many landmarks each pair of keyframes shares.
 //!
-//! A landmark counts for two of its observers unless more than 31 others were added between them:
-//! each observer is a neighbor of the 32 that were added just before it and of the 32 just after it.
-//! So the newest keyframe shares a landmark with the newest that see it, an old one with those of its
-//! time, and one landmark costs at most 64 counts an observer, however many see it. Which pairs count
-//! is a function of the keyframes alone. The fold keeps the counts one observation at a time;
+//! A landmark counts for two of its observers unless more than 31 others were added between them: each
+//! observer is a neighbor of the 32 that were added just before it and of the 32 just after it. So the
+//! newest keyframe shares a landmark with the newest that see it, an old one with those of similar age,
+//! and one landmark costs at most 64 counts per observer, however many see it. Which pairs count is a
+//! function of the keyframes alone. The fold keeps the counts one observation at a time;
 //! [`Covisibility::product`] forms them from scratch: AᵀA of the observation matrix A (landmarks ×
 //! keyframes, entries 0 or 1) for landmarks of at most 33 observers, pair by pair for the others.
 //! Nothing here decides how many shared landmarks make neighbors.
@@ -48,7 +48,7 @@ impl Covisibility {
         self.rows.get(&keyframe).into_iter().flat_map(|row| row.iter().map(|(&id, &n)| (id, n)))
     }
 
-    /// How many counts are kept: two a pair.
+    /// How many counts are kept: two per pair.
     #[must_use]
     pub fn entry_count(&self) -> u64 {
         self.entry_count
@@ -110,7 +110,7 @@ impl Covisibility {
     }
 
     /// `keyframe` sees `landmark`, which `observers` see already: appends to `sharing` those that now
-    /// share it with `keyframe`, for [`Covisibility::add`]. `age` tells the revision that added one.
+    /// share it with `keyframe`, for [`Covisibility::add`]. `age` gives the revision that added one.
     pub(super) fn observe(
         &mut self,
         landmark: EntityId,
@@ -136,7 +136,7 @@ impl Covisibility {
         let first = place.saturating_sub(NEAREST);
         let near = order[first..].iter().take(place - first + NEAREST);
         sharing.extend(near.map(|&(_, id)| id));
-        // The new one stands between them now.
+        // The new one is between them now.
         let apart = |at: usize| Some((order[at].1, order.get(at + NEAREST)?.1));
         let apart: Vec<(EntityId, EntityId)> = (first..place).filter_map(apart).collect();
         order.insert(place, new);
@@ -162,7 +162,7 @@ impl Covisibility {
         let first = place.saturating_sub(NEAREST);
         let near = order[first..].iter().take(place - first + 1 + NEAREST);
         let near: Vec<EntityId> = near.map(|&(_, id)| id).collect();
-        // Nothing stands between them any more.
+        // Nothing is between them any more.
         let closer = |at: usize| Some((order[at].1, order.get(at + NEAREST + 1)?.1));
         let closer: Vec<(EntityId, EntityId)> = (first..place).filter_map(closer).collect();
         order.remove(place);
@@ -181,8 +181,8 @@ impl Covisibility {
     /// Counts landmarks more that `keyframe` shares: `observers` names another keyframe once for each,
     /// in any order, and is left sorted.
     ///
-    /// A row is looked up once a neighbor, not once a landmark: a keyframe shares hundreds of them
-    /// with each.
+    /// A row is looked up once per neighbor, not once per landmark: a keyframe shares hundreds of
+    /// landmarks with each.
     pub(super) fn add(&mut self, keyframe: EntityId, observers: &mut [EntityId]) {
         observers.sort_unstable();
         for run in observers.chunk_by(|a, b| a == b) {

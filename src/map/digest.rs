@@ -1,8 +1,8 @@
 //! SHA-256 over values, bit by bit: the hash of a map's state and of what a client sent.
 //!
-//! Every number goes in as eight little-endian bytes (floats by their bits), every list and option
-//! behind its length, every enum behind a tag, so that no two values share an encoding. The
-//! encoding is not stored anywhere but in digests; it is no journal format.
+//! Every number is hashed as eight little-endian bytes (floats by their bits), every list and option
+//! after its length, every enum after a tag, so that no two values share an encoding. The encoding is
+//! used only in digests; it is no journal format.
 
 use covis_solvers::geometry::{Camera, Se3};
 use covis_solvers::information::Information;
@@ -115,8 +115,8 @@ impl Map {
         hash.finish()
     }
 
-    /// SHA-256 over what the map holds, bit exact, whatever way led there: clients by name, cameras,
-    /// keyframes, landmarks, constraints, those that are switched off, priors.
+    /// SHA-256 over the content of the map, bit exact and independent of its history: clients by name,
+    /// cameras, keyframes, landmarks, constraints, those that are switched off, priors.
     ///
     /// Revisions, epochs and sequences are left out, so that a stream that broke and was resumed
     /// compares equal to one that did not.
@@ -189,7 +189,7 @@ impl Map {
     }
 }
 
-/// A running SHA-256 with one method a type.
+/// A running SHA-256 with one method per type.
 struct Hash(Sha256);
 
 impl Hash {

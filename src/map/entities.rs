@@ -29,8 +29,7 @@ pub struct Client {
     pub items: SharedMap<i64, Digest>,
 }
 
-/// The largest epoch and the largest sequence that are taken: those above it would leave no room for
-/// the next one.
+/// The largest epoch and sequence that are accepted: a larger one would leave no room for the next.
 pub const MAX_NUMBER: i64 = 1 << 62;
 
 impl Client {
@@ -80,7 +79,7 @@ pub enum DescriptorKind {
     Uint8,
 }
 
-/// What a feature looks like; kept for place recognition, not used yet.
+/// The appearance of a feature; kept for place recognition, not used yet.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Descriptor {
     /// How it is compared.
@@ -183,7 +182,7 @@ pub enum ConstraintKind {
     LoopClosure,
     /// Anything else.
     Other,
-    /// What a keyframe that made room told of two others; the server's own, its ids are negative.
+    /// Information on two keyframes that a removed one left; the server's own, its ids are negative.
     Marginal,
 }
 

@@ -1,6 +1,7 @@
 //! Why an event does not fit the map: a damaged journal or a bug, never a client's bad input.
 //!
-//! What a client sent wrong is a rejection (`rejection.rs`), told before the journal.
+//! Bad input of a client is a rejection (`rejection.rs`), which is reported before anything is
+//! journaled.
 
 use super::{ClientIndex, EntityId};
 

@@ -57,7 +57,7 @@ pub enum SolveKind {
     Global,
 }
 
-/// The values that a solve leaves, what arrived meanwhile moved along.
+/// The result of a solve, including the motion of entities that arrived meanwhile.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AppliedSolve {
     /// Which solve.
@@ -80,18 +80,18 @@ pub struct AppliedSolve {
     pub final_cost: f64,
 }
 
-/// A keyframe that made room.
+/// A keyframe that was removed to make room.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Retired {
-    /// It goes with its observations, constraints and priors.
+    /// It is removed with its observations, constraints and priors.
     pub keyframe: EntityId,
-    /// Landmarks that go too: nobody sees them any more.
+    /// Landmarks that are removed too, because they have no observers left.
     pub landmarks: Vec<EntityId>,
-    /// Constraints and priors that new ones take the place of.
+    /// Constraints and priors that new ones replace.
     pub revoked: Vec<EntityId>,
-    /// What it told of its neighbors, [`ConstraintKind::Marginal`](super::ConstraintKind::Marginal).
+    /// Its information on its neighbors, [`ConstraintKind::Marginal`](super::ConstraintKind::Marginal).
     pub constraints: Vec<(EntityId, Constraint)>,
-    /// What it told of where the neighbors are in the world.
+    /// Its information on the neighbors' poses in the world.
     pub priors: Vec<(EntityId, Prior)>,
 }
 
@@ -182,40 +182,40 @@ pub enum Change {
         /// The resulting values.
         solve: AppliedSolve,
     },
-    /// Observations were taken back, each named as (keyframe, landmark).
+    /// Observations were removed, each named as (keyframe, landmark).
     ObservationsRemoved {
         /// Which.
         observations: Vec<(EntityId, EntityId)>,
     },
     /// Several landmarks turned out to be one.
     LandmarksFused {
-        /// Takes over the observations.
+        /// The landmark that receives the observations.
         kept: EntityId,
-        /// Go.
+        /// The landmarks that are removed.
         absorbed: Vec<EntityId>,
     },
-    /// Landmarks went, with their observations.
+    /// Landmarks were removed, with their observations.
     LandmarksRemoved {
         /// Which.
         landmarks: Vec<EntityId>,
     },
-    /// A keyframe went, with its observations, constraints and priors.
+    /// A keyframe was removed, with its observations, constraints and priors.
     KeyframeRemoved {
         /// Which.
         keyframe: EntityId,
     },
-    /// A full map made room: a keyframe went, and what it told of others stays.
+    /// A full map made room: a keyframe was removed, and its information on others is kept.
     KeyframeRetired {
-        /// What went and what stays for it.
+        /// What was removed, and what replaces it.
         retired: Retired,
     },
-    /// A constraint or prior was taken back.
+    /// A constraint or prior was removed.
     ConstraintRevoked {
         /// Which.
         id: EntityId,
     },
-    /// An item brought what the map holds already, under another sequence: only its sequence is new,
-    /// so that what is acknowledged of the client has no gap.
+    /// An item repeated what the map already holds, under another sequence: only the sequence is new,
+    /// so that the client's acknowledged sequences have no gap.
     ItemRepeated,
     /// The policy changed.
     PolicySet {

@@ -139,6 +139,7 @@ pub enum Item {
 pub struct PartialItem {
     /// What can be read of it.
     pub item: Item,
-    /// Paths of what a placeholder stands for and of what it makes no sense to judge because of it.
+    /// Paths of the fields that a placeholder replaces, and of those that cannot be checked because of
+    /// it.
     pub unreadable: Vec<String>,
 }

@@ -1,9 +1,9 @@
 //! The map: clients, cameras, keyframes, landmarks, observations, constraints, covisibility.
 //!
-//! A [`Map`] is the fold of its [`Event`]s, which carry values: the same journal gives the same
-//! bits. [`Map::check`] turns a client's [`Item`] into a [`Change`] or refuses it with the fields'
-//! names; `problem` is the only place that turns a map into a solver problem, and `applied` turns
-//! what a solve leaves into a change. No solve runs here and nothing here waits: no tokio, tonic or
+//! A [`Map`] is the fold of its [`Event`]s, which carry values: the same journal gives the same bits.
+//! [`Map::check`] turns a client's [`Item`] into a [`Change`] or refuses it with the fields' names;
+//! `problem` is the only place that turns a map into a solver problem, and `applied` turns the result
+//! of a solve into a change. No solve runs here and nothing here is asynchronous: no tokio, tonic or
 //! prost.
 
 use std::collections::BTreeMap;
@@ -57,7 +57,7 @@ pub use ties::Ties;
 pub use triangulation::{has_unplaced, triangulate};
 pub use window::{Window, choose_window};
 
-/// Whether the map already has what an item of a stream brings.
+/// Whether the map already has the content of an item of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Recall {
     /// The sequence is not journaled.
@@ -81,10 +81,10 @@ pub struct Map {
     keyframes: SharedMap<EntityId, Keyframe>,
     landmarks: SharedMap<EntityId, Landmark>,
     constraints: SharedMap<EntityId, Constraint>,
-    /// Those of the constraints that do not count.
+    /// The constraints that are switched off.
     switched_off: BTreeMap<EntityId, SwitchedOff>,
     priors: SharedMap<EntityId, Prior>,
-    /// Where constraints and priors stand.
+    /// The constraints and priors of each keyframe.
     ties: Ties,
     covisibility: Covisibility,
     observation_count: u64,
@@ -131,7 +131,7 @@ impl Map {
         &self.display_name
     }
 
-    /// How the map is kept.
+    /// The rules by which the map is kept.
     #[must_use]
     pub fn policy(&self) -> &MapPolicy {
         &self.policy

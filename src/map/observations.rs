@@ -1,8 +1,8 @@
 //! The observations of a keyframe, found by landmark.
 //!
-//! A list that does not change: a keyframe that gains or loses observations gets a new one. It stands
-//! in the order of arrival, which the solvers' results and the map's hash depend on. The index is
-//! made when a landmark is first looked for: many maps never need it. Knows nothing of maps.
+//! The list is immutable: a keyframe that gains or loses observations gets a new one. It is in the
+//! order of arrival, on which the solvers' results and the map's hash depend. The index is made when a
+//! landmark is first looked up: many maps never need it. Independent of maps.
 
 use std::ops::Deref;
 use std::sync::{Arc, OnceLock};

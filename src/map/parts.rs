@@ -1,9 +1,9 @@
 //! A map taken apart and put together again, for snapshots.
 //!
-//! [`MapParts`] holds what events cannot be asked for again; what follows from it (observers of
-//! landmarks, covisibility, the number of observations) is computed anew. Putting together checks
-//! that the parts fit each other, so that a damaged snapshot never becomes a damaged map. How parts
-//! are encoded is the store's business.
+//! [`MapParts`] holds what cannot be derived; the rest (observers of landmarks, covisibility, the
+//! number of observations) is computed again from it. [`Map::from_parts`] checks that the parts fit
+//! each other, so that a damaged snapshot never becomes a damaged map. The store defines how parts are
+//! encoded.
 
 use std::collections::BTreeMap;
 
@@ -58,7 +58,7 @@ impl Map {
         &self.contents
     }
 
-    /// What it consists of; lists are shared, not copied, where they can be.
+    /// The parts of the map; lists are shared, not copied, where possible.
     #[must_use]
     pub fn to_parts(&self) -> MapParts {
         MapParts {
@@ -82,7 +82,7 @@ impl Map {
     /// Puts a map together.
     ///
     /// # Errors
-    /// [`MapError::Unknown`] where a part refers to something that is in none of them.
+    /// [`MapError::Unknown`] where a part refers to something that no part has.
     pub fn from_parts(parts: MapParts) -> Result<Self, MapError> {
         let MapParts {
             revision,
@@ -105,7 +105,7 @@ impl Map {
         let mut observation_count = 0;
         let mut descriptor_bytes = 0;
         let mut by_age = SharedMap::default();
-        // By rising id, so that each list of observers comes out sorted.
+        // By rising id, so that each list of observers is sorted.
         for (&id, keyframe) in &keyframes {
             if let Some(camera) = keyframe.camera.filter(|camera| !cameras.contains_key(camera)) {
                 return Err(unknown(EntityKind::Camera, camera));

@@ -1,10 +1,10 @@
-//! Whether a landmark stands where a local solve may move it.
+//! Whether a local solve may move a landmark.
 //!
-//! Two rays that meet at less than about 1° leave a point's depth to the noise: a window would throw
-//! it far away or behind a camera, and the keyframes to come, even the whole map's solve, would not
-//! bring it back. Such a landmark has no part in local bundle adjustment until it is seen from
-//! further apart; it keeps the position that was sent and follows its reference keyframe. A measured
-//! depth places a landmark by itself. Whole-map solves take all landmarks.
+//! If two rays meet at less than about 1°, noise determines the depth of a point: a window would move
+//! it far away or behind a camera, and neither later keyframes nor a solve of the whole map would
+//! correct it. Such a landmark is left out of local bundle adjustment until it has more parallax; it
+//! keeps the position that was sent and follows its reference keyframe. A measured depth alone is
+//! enough. Whole-map solves include all landmarks.
 
 use covis_solvers::geometry::Se3;
 use nalgebra::Vector3;
@@ -14,8 +14,8 @@ use super::{EntityId, Landmark, Map};
 /// Cosine of the least angle, 1°, between the ray of the first observer and another one.
 const MIN_PARALLAX_COS: f64 = 0.999_847_695_156_391_3;
 
-/// Whether a landmark of the map at `position` lies in front of all its observers and is seen from
-/// far enough apart, or has a measured depth. `pose` tells each observer's `world_from_camera`.
+/// Whether a landmark of the map at `position` lies in front of all its observers and is seen from far
+/// enough apart, or has a measured depth. `pose` gives each observer's `world_from_camera`.
 pub(super) fn is_well_placed(
     map: &Map,
     id: EntityId,

@@ -1,41 +1,40 @@
 //! How a map is kept and optimized.
 //!
-//! A policy is part of the map's state and travels in its first event, so that replaying a journal
-//! needs no configuration. Nothing here checks a policy that came over the wire; the edge does.
+//! A policy is part of the map's state and is stored in its first event, so that replaying a journal
+//! needs no configuration. A policy from the wire is not checked here but at the edge.
 
 use covis_solvers::loss::Loss;
 use covis_solvers::robust::{Kernel, default_threshold};
 
 use super::Ceilings;
 
-/// What is done with an item that a full map has no room for.
+/// What happens to an item for which a full map has no room.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WhenFull {
     /// It is refused; its stream ends.
     #[default]
     Reject,
-    /// The oldest keyframe is marginalized: what it tells of its neighbors becomes constraints
+    /// The oldest keyframe is marginalized: its information on its neighbors becomes constraints
     /// between them.
     Marginalize,
-    /// Of the oldest keyframes the one goes whose landmarks others see best; what it tells of its
-    /// neighbors becomes constraints as well.
+    /// The one of the oldest keyframes whose landmarks others see best is marginalized in the same way.
     Sparsify,
 }
 
-/// How false loop closures are told from true ones.
+/// How false loop closures are distinguished from true ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClosureRobustness {
-    /// How weights follow from residuals; `None` takes every closure for true.
+    /// How weights follow from residuals; with `None` every closure counts as true.
     pub kernel: Option<Kernel>,
     /// The largest χ² of a true closure; `None` takes the 99 % quantile for its dimension.
     pub threshold: Option<f64>,
 }
 
 impl ClosureRobustness {
-    /// Every closure is taken for true.
+    /// Every closure counts as true.
     pub const NONE: Self = Self { kernel: None, threshold: None };
 
-    /// The threshold that holds for residuals of `dimension` numbers.
+    /// The threshold for residuals of `dimension` numbers.
     #[must_use]
     pub fn threshold_of_dimension(&self, dimension: usize) -> f64 {
         self.threshold.unwrap_or_else(|| default_threshold(dimension))
@@ -51,11 +50,11 @@ pub struct MapPolicy {
     pub loop_closure: bool,
     /// Keyframes that local bundle adjustment frees (20).
     pub window_keyframes: usize,
-    /// How loop-closure constraints are judged (truncated least squares, 99 % quantile). What a
-    /// frontend proposes is sometimes false, and one false closure that is believed bends a map for
-    /// good: the estimates carry the bend from then on.
+    /// How loop-closure constraints are judged (truncated least squares, 99 % quantile). Frontends
+    /// sometimes propose false closures, and one that is accepted distorts a map permanently: later
+    /// estimates keep the distortion.
     pub loop_closure_robustness: ClosureRobustness,
-    /// Landmarks that two keyframes must share to be tied in the pose graph (15).
+    /// Landmarks that two keyframes must share to have an edge in the pose graph (15).
     pub min_shared_landmarks: usize,
     /// Loss of reprojection factors in local bundle adjustment (Huber, width 2).
     pub observation_loss: Loss,

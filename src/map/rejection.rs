@@ -5,7 +5,7 @@
 
 use std::fmt;
 
-/// At most so many violations are told of one item; the first ones are what helps.
+/// Most violations that are reported for one item; the first ones are the useful ones.
 const MAX_VIOLATIONS: usize = 32;
 
 /// What is wrong with a field.
@@ -55,7 +55,7 @@ pub struct FieldViolation {
 /// An item that was refused and changed nothing.
 #[derive(Clone, Debug, PartialEq, Eq, Default)]
 pub struct Rejection {
-    /// What is wrong; at most 32 are told.
+    /// What is wrong; at most 32 are reported.
     pub violations: Vec<FieldViolation>,
 }
 
@@ -67,7 +67,7 @@ impl Rejection {
         Self { violations: vec![FieldViolation { field, reason, description }] }
     }
 
-    /// Adds a violation, unless 32 are told already.
+    /// Adds a violation, unless 32 are reported already.
     pub fn push(
         &mut self,
         field: impl Into<String>,
@@ -80,8 +80,8 @@ impl Rejection {
         }
     }
 
-    /// Adds what else is wrong, but for what is told of a field already and for what follows from
-    /// fields that could not be read.
+    /// Adds further violations, except for fields that are reported already and for those that follow
+    /// from fields that could not be read.
     pub fn join(&mut self, more: Self, unreadable: &[String]) {
         let known: Vec<String> = self.violations.iter().map(|v| v.field.clone()).collect();
         for violation in more.violations {

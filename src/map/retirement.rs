@@ -1,10 +1,10 @@
-//! Making room in a full map: which keyframe goes, and what stays of what it told.
+//! Makes room in a full map: chooses the keyframe to remove, and keeps its information.
 //!
-//! The keyframe's observations and constraints are marginalized into relative-pose constraints
-//! between its neighbors (`covis_solvers::marginalization`). A new constraint between a pair takes
-//! the place of the one that an earlier keyframe left there: Ω = Ω₁ + Ω₂,
-//! Z = Z₁ · Exp(Ω⁻¹ Ω₂ Log(Z₁⁻¹ Z₂)). Landmarks that nobody sees any more go with the keyframe, and
-//! so do those that are older than it and that nobody ever saw.
+//! The keyframe's observations and constraints are marginalized into relative-pose constraints between
+//! its neighbors (`covis_solvers::marginalization`). A new constraint between a pair replaces the one
+//! that an earlier keyframe left there: Ω = Ω₁ + Ω₂, Z = Z₁ · Exp(Ω⁻¹ Ω₂ Log(Z₁⁻¹ Z₂)). Landmarks
+//! without observers are removed with the keyframe, and so are older landmarks that never had an
+//! observer.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,22 +17,23 @@ use covis_solvers::marginalization::{Marginal, marginalize_pose};
 use super::problem::{MapProblem, retirement_problem};
 use super::{Constraint, ConstraintKind, EntityId, Keyframe, Map, Prior, Retired, WhenFull};
 
-/// The newest keyframes of each client, which never go: their client is still adding to them.
+/// Newest keyframes of each client that are never removed: the client is still adding to them.
 const PROTECTED: usize = 2;
 
-/// Keyframes among which the best seen one is looked for: the oldest ones.
+/// The best seen keyframe is chosen among this many of the oldest ones.
 const CANDIDATES: usize = 32;
 
 /// Observers besides a keyframe that make one of its landmarks well seen.
 const OTHER_OBSERVERS: usize = 3;
 
-/// Landmarks that nobody ever saw and that go with one keyframe, at most.
+/// Most landmarks without any observer that are removed with one keyframe.
 const UNSEEN: usize = 4096;
 
-/// Ids of the server's own constraints: so many for each revision, below zero.
+/// Number of ids of the server's own constraints for each revision; they are below zero.
 const IDS_PER_REVISION: i64 = 4096;
 
-/// The keyframe that makes room by the map's policy, with what stays of it; `None` where none may go.
+/// The keyframe that the map's policy removes, with the constraints and priors that replace it; `None`
+/// where none may be removed.
 #[must_use]
 pub fn retire(map: &Map) -> Option<Retired> {
     let keyframe = match map.policy().when_full {
@@ -56,13 +57,13 @@ pub fn retire(map: &Map) -> Option<Retired> {
     let problem = retirement_problem(map, keyframe);
     match marginalize_pose(&problem.problem, 0) {
         Ok(marginal) => keep(map, &problem, marginal, &mut retired),
-        // What cannot be linearized tells nothing; the keyframe goes all the same.
+        // Without a linearization no information is kept; the keyframe is removed all the same.
         Err(error) => tracing::debug!(?keyframe, %error, "nothing stays of a keyframe"),
     }
     Some(retired)
 }
 
-/// The keyframes that may go, oldest first.
+/// The keyframes that may be removed, oldest first.
 fn candidates(map: &Map) -> impl Iterator<Item = EntityId> + '_ {
     let mut gone: BTreeMap<_, usize> = BTreeMap::new();
     map.by_age.values().copied().filter(move |id| {
@@ -75,7 +76,7 @@ fn candidates(map: &Map) -> impl Iterator<Item = EntityId> + '_ {
     })
 }
 
-/// How many of the keyframe's landmarks enough others see, in 1/1000.
+/// The share of the keyframe's landmarks that enough other keyframes see, in 1/1000.
 fn well_seen(map: &Map, id: EntityId) -> usize {
     let Some(keyframe) = map.keyframes().get(&id) else { return 0 };
     let observers = |id| map.landmarks().get(&id).map_or(0, |l| l.observers.len());
@@ -84,7 +85,7 @@ fn well_seen(map: &Map, id: EntityId) -> usize {
     1000 * well / keyframe.observations.len().max(1)
 }
 
-/// The landmarks that go with a keyframe, sorted.
+/// The landmarks that are removed with a keyframe, sorted.
 fn orphans(map: &Map, id: EntityId, keyframe: &Keyframe) -> Vec<EntityId> {
     let only = |landmark: &EntityId| {
         map.landmarks().get(landmark).is_some_and(|l| l.observers.as_slice() == [id])
@@ -98,7 +99,7 @@ fn orphans(map: &Map, id: EntityId, keyframe: &Keyframe) -> Vec<EntityId> {
     orphans
 }
 
-/// Turns what stays into entities of the map.
+/// Turns the marginal into constraints and priors of the map.
 fn keep(map: &Map, problem: &MapProblem, marginal: Marginal, retired: &mut Retired) {
     let first = (map.revision() + 1).saturating_mul(-IDS_PER_REVISION);
     let mut ids = (first..).take(IDS_PER_REVISION as usize);
@@ -134,7 +135,7 @@ fn keep(map: &Map, problem: &MapProblem, marginal: Marginal, retired: &mut Retir
     }
 }
 
-/// What earlier keyframes left between the keyframes of the problem, by pair.
+/// The constraints that removed keyframes left between the keyframes of the problem, by pair.
 fn earlier(map: &Map, problem: &MapProblem) -> BTreeMap<(EntityId, EntityId), EntityId> {
     let held: BTreeSet<EntityId> = problem.keyframes.iter().copied().collect();
     let tied: BTreeSet<EntityId> = held.iter().flat_map(|&id| map.ties().of(id)).collect();
@@ -147,15 +148,15 @@ fn earlier(map: &Map, problem: &MapProblem) -> BTreeMap<(EntityId, EntityId), En
     tied.into_iter().filter_map(pair).collect()
 }
 
-/// Both measurements of one pair as one, in the direction of the one that is known.
+/// Joins both measurements of a pair, in the direction of the known one.
 fn joined(
     known: &Constraint,
     edge: &RelativePose<Se3, 6>,
     (i, j): (EntityId, EntityId),
 ) -> Option<Constraint> {
     if (known.keyframe_i, known.keyframe_j) != (i, j) {
-        // The new one in the other direction would need its information turned; two constraints
-        // of one pair are as good, and there are two directions at most.
+        // The information of a new one in the other direction would have to be transformed; two
+        // constraints of one pair are as good, and there are at most two directions.
         return None;
     }
     let sum = known.information.matrix() + edge.information.matrix();

@@ -1,7 +1,8 @@
-//! Which constraints and priors stand on a keyframe.
+//! The constraints and priors of each keyframe.
 //!
-//! An index that the fold keeps, so that a window or a keyframe that goes costs what it has and not
-//! what the map has. Constraints and priors share one id space; those that are switched off are in.
+//! An index that the fold keeps, so that the cost of a window or of a removed keyframe depends on its
+//! own constraints, not on those of the whole map. Constraints and priors share one id space; those
+//! that are switched off are included.
 
 use super::{Constraint, EntityId, Prior, SharedMap};
 

@@ -1,10 +1,10 @@
 //! First positions of landmarks that a client sent without one.
 //!
-//! Every keyframe that sees the landmark is a view; the solver crate finds the point and refuses it
-//! for too little parallax, for lying behind a camera or for views that contradict each other. A
-//! refused landmark has no part in a solve: a wrong match cannot pull at the poses. Its observations
-//! stay, and it is tried again with the next keyframe that sees it, from the poses as they are then.
-//! A measured depth places a landmark from one view. Landmarks with a position are never touched.
+//! Every keyframe that sees the landmark is a view; the solver crate finds the point and refuses it for
+//! too little parallax, for lying behind a camera or for views that contradict each other. A refused
+//! landmark is not part of a solve, so that a wrong match cannot affect the poses. Its observations
+//! stay, and it is tried again with the next keyframe that sees it, at the poses of that time. With a
+//! measured depth one view is enough. Landmarks with a position are never changed.
 
 use covis_solvers::initialization::{TriangulationOptions, View, triangulate as triangulate_views};
 use nalgebra::Vector3;
@@ -20,7 +20,7 @@ pub fn has_unplaced(map: &Map, keyframe: EntityId) -> bool {
     seen.any(|landmark| landmark.is_some_and(|l| l.position.is_none()))
 }
 
-/// Positions for those landmarks of `keyframe` that have none and can be placed now, by id.
+/// Positions for those landmarks of `keyframe` that have none and can be triangulated now, by id.
 #[must_use]
 pub fn triangulate(map: &Map, keyframe: EntityId) -> Vec<(EntityId, Vector3<f64>)> {
     let Some(keyframe) = map.keyframes().get(&keyframe) else { return Vec::new() };

@@ -1,10 +1,10 @@
-//! Which part of the map a local bundle adjustment works on.
+//! Chooses the part of the map for a local bundle adjustment.
 //!
 //! Free are a keyframe and those that share most landmarks with it, by count, then the more recent,
 //! then the lower id. The window's landmarks are those that the free keyframes see; every other
-//! keyframe that sees one of them is held fixed and so ties the window to the rest of the map.
-//! Where nothing would be fixed, the oldest keyframe is (the gauge); a monocular window then still
-//! has its scale free, which the damping of the solver holds.
+//! keyframe that sees one of them is held fixed and so ties the window to the rest of the map. If
+//! nothing would be fixed, the oldest keyframe is fixed (the gauge); the scale of a monocular window is
+//! then still free, and the damping of the solver holds it.
 
 use std::cmp::Reverse;
 use std::collections::BTreeSet;

@@ -1,8 +1,8 @@
 //! Eight by eight by eight voxels: distances, weights, colors.
 //!
 //! A voxel lies at its corner of the grid: voxel (x, y, z) of block (i, j, k) is at
-//! (8i + x, 8j + y, 8k + z) · voxel size in the world. What the numbers mean is here, what changes
-//! them is not.
+//! (8i + x, 8j + y, 8k + z) · voxel size in the world. This file defines what the numbers mean, not how
+//! they change.
 
 /// Voxels along an edge of a block.
 pub const EDGE: usize = 8;
@@ -13,7 +13,7 @@ pub const DISTANCE_ONE: f32 = 32_767.0;
 /// A weight of one, as it is stored.
 pub const WEIGHT_ONE: u16 = 256;
 
-/// Which block of the grid: coordinates in blocks.
+/// A block of the grid, by its coordinates in blocks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct BlockKey {
     /// Along x.
@@ -31,18 +31,18 @@ pub struct Block {
     /// Signed distance to the surface, positive on the camera's side, in truncations /
     /// [`DISTANCE_ONE`].
     pub distances: [i16; VOXELS],
-    /// How much was seen, in 1 / [`WEIGHT_ONE`]; 0 where nothing was.
+    /// Weight of the measurements, in 1 / [`WEIGHT_ONE`]; 0 where there are none.
     pub weights: [u16; VOXELS],
-    /// Red, green, blue, and what the dynamic update remembers.
+    /// Red, green, blue, and the state of the dynamic update.
     pub colors: [[u8; 4]; VOXELS],
 }
 
 impl Block {
-    /// A block of which nothing was seen.
+    /// A block without measurements.
     pub const EMPTY: Self =
         Self { distances: [0; VOXELS], weights: [0; VOXELS], colors: [[0; 4]; VOXELS] };
 
-    /// Where voxel (x, y, z), each below 8, stands in the arrays.
+    /// The index of voxel (x, y, z), each below 8, in the arrays.
     #[must_use]
     pub const fn index(x: usize, y: usize, z: usize) -> usize {
         x + EDGE * (y + EDGE * z)

@@ -1,4 +1,4 @@
-//! Masks that are taken larger: what moves has soft edges and drags shadows of depth along.
+//! Dilates masks: a moving object has soft edges and depth shadows around it.
 
 use crate::image::Image;
 
@@ -8,7 +8,7 @@ pub(super) fn dilated(mask: &Image<u8>, by: usize) -> Image<u8> {
     let mut wide = Image::filled(width, height, 0);
     for v in 0..height {
         let (row, out) = (mask.row(v), wide.row_mut(v));
-        // How many columns ago the last one was.
+        // Counts down the columns that are still within reach of the mask.
         let mut spread = |columns: &mut dyn Iterator<Item = usize>| {
             let mut left = 0;
             for u in columns {

@@ -1,16 +1,17 @@
-//! The dynamic update: what a voxel does with a measurement that disagrees with what it remembers.
+//! The dynamic update: how a voxel handles a measurement that disagrees with its state.
 //!
 //! Disagreement is a distance that differs by more than the noise of depth and two voxels. Then
 //!
-//! - a voxel that is seen through loses three eighths of its weight a frame, and is free when little is
-//!   left: what was taken away vanishes, and a stray pixel does no harm;
-//! - a voxel that lies at another distance, or has another color than its own variance allows, waits
-//!   for some frames in a row that say so, and begins anew: nothing is averaged across a change;
-//! - a voxel that is merely hidden stays, unless it was free: then something was put there.
+//! - a voxel that is seen through loses three eighths of its weight per frame, and is free when little
+//!   is left: removed objects vanish, and a single wrong pixel does no harm;
+//! - a voxel with another distance, or a color outside its own variance, is reset after some frames in
+//!   a row that disagree: nothing is averaged across a change;
+//! - a hidden voxel keeps its state, unless it was free: then an object was put there.
 //!
-//! Where depth jumps nearby nothing is disputed: edges of depth are noisy and shift. What is free is
-//! remembered lightly. A voxel's fourth byte counts the frames that disagree (three bits) and follows
-//! how far its colors vary (five bits, the 67th percentile of the difference by steps up and down).
+//! Near a depth discontinuity nothing counts as disagreement: edges of depth are noisy and shift. Free
+//! space gets little weight. A voxel's fourth byte counts the frames that disagree (three bits) and
+//! tracks how much its color varies (five bits, the 67th percentile of the difference by steps up and
+//! down).
 
 use super::block::DISTANCE_ONE;
 use super::fuse::{Frame, Measured, Stored, sigma_m};
@@ -18,18 +19,18 @@ use super::lanes::{Lanes, WIDTH};
 
 /// Beyond this distance, as stored, a voxel is free space and no part of a surface.
 pub(super) const FREE: f32 = 0.75 * DISTANCE_ONE;
-/// Free space gathers the weight of this many measurements.
+/// Largest weight that free space gains, in measurements.
 const FREE_FRAMES: f32 = 4.0;
 /// Share of its weight that a voxel loses when it is seen through.
 const LOSS: f32 = 0.375;
-/// After so many frames in a row that disagree a voxel begins anew; at most 7.
+/// A voxel is reset after this many frames in a row that disagree; at most 7.
 const PATIENCE: i32 = 6;
-/// How far colors vary when nothing else is known, in eighths of the color difference.
+/// Initial variation of a color, in eighths of the color difference.
 const FIRST_SPREAD: i32 = 4;
-/// A color is another one beyond three times the spread and this, in eighths.
+/// A color has changed if it differs by more than three times the spread plus this, in eighths.
 const COLOR_SLACK: i32 = 6;
 
-/// What a voxel's fourth byte remembers.
+/// The content of a voxel's fourth byte.
 struct Memory<L: Lanes> {
     count: L::I,
     spread: L::I,
@@ -49,7 +50,7 @@ impl<L: Lanes> Memory<L> {
     }
 }
 
-/// What voxels store after a measurement; `moved` grows to how far colors moved.
+/// What voxels store after a measurement; `moved` grows to the largest color change.
 #[inline(always)]
 pub(super) fn update<L: Lanes>(
     l: L,
@@ -64,7 +65,7 @@ pub(super) fn update<L: Lanes>(
     let is_edge = l.above_int(l.splat_int(0), new.word);
     let through = l.both(new.seen, l.at_most(one, new.distance));
     let mean = old.mean(l, new);
-    // Free space gathers little, but keeps what was gathered otherwise.
+    // Free space gains little weight, but keeps the weight that the voxel has.
     let free_weight = l.mul(new.weight, l.splat(FREE_FRAMES));
     let free_weight = l.max(old.weight, l.min(mean.weight, free_weight));
     let mean_weight =
@@ -83,7 +84,7 @@ pub(super) fn update<L: Lanes>(
         let hidden = l.less(new.distance, l.sub(zero, near));
         let was_free = l.less(l.splat(FREE), old.distance);
         let apart = l.both(known, l.either(farther, nearer));
-        // Neither what is hidden nor an edge disputes anything.
+        // Hidden voxels and edges do not disagree.
         let mute = l.either(is_edge, l.but_not(l.both(hidden, nearer), was_free));
         let disputes = l.but_not(apart, mute);
         agrees = l.but_not(new.seen, apart);

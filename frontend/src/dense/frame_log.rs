@@ -1,20 +1,20 @@
-//! The frames that were integrated, kept so that they can be integrated again at corrected poses.
+//! A log of the integrated frames, so that they can be integrated again at corrected poses.
 //!
-//! They stand compressed in a temporary file that has no name, one behind the other; memory holds
-//! where each begins. Depth is kept in steps of 0.2 mm, so that what is integrated live has to be
-//! what [`FrameLog::append`] hands back. Knows no poses.
+//! The frames are compressed one after the other in a temporary file without a name; their offsets are
+//! in memory. Depth is rounded to steps of 0.2 mm, so that the live integration must use the frame as
+//! [`FrameLog::append`] rounds it. Independent of poses.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
 use crate::image::Image;
 
-/// Steps of depth a meter: those of the TUM RGB-D benchmark, five to the millimeter of others.
+/// Depth steps per meter: those of the TUM RGB-D benchmark, and five per millimeter of other formats.
 const STEPS_PER_M: f32 = 5000.0;
-/// The fastest that still halves a frame.
+/// The fastest level that still halves a frame.
 const COMPRESSION_LEVEL: i32 = 1;
 
-/// What is integrated of a frame.
+/// The images of a frame that are integrated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoggedFrame {
     /// Distance along the optical axis in meters, 0 where none was measured.
@@ -35,7 +35,7 @@ pub struct FrameLog {
     packed: Vec<u8>,
 }
 
-/// Where a frame stands, and its size in pixels.
+/// The place of a frame in the file, and its size in pixels.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     offset: u64,
@@ -72,10 +72,10 @@ impl FrameLog {
         self.end
     }
 
-    /// Puts a frame behind the others and rounds its depth as the log keeps it.
+    /// Appends a frame, and rounds its depth as the log stores it.
     ///
     /// # Errors
-    /// The file cannot be written, or the images differ in size; the log is as before.
+    /// The file cannot be written, or the images differ in size; the log is unchanged.
     pub fn append(&mut self, frame: &mut LoggedFrame) -> io::Result<()> {
         let size = frame.depth_m.size();
         let mask_size = frame.moving.as_ref().map_or(size, Image::size);
@@ -97,7 +97,7 @@ impl FrameLog {
         Ok(())
     }
 
-    /// Takes the last frame off, if there is one.
+    /// Removes the last frame, if there is one.
     pub fn forget_last(&mut self) {
         if let Some(last) = self.entries.pop() {
             self.end = last.offset;
@@ -127,7 +127,7 @@ impl FrameLog {
     }
 }
 
-/// Depth in steps, as differences to the pixel before: all low bytes, then all high ones.
+/// Depth in steps, as differences to the previous pixel: all low bytes, then all high ones.
 fn put_depth(depth_m: &mut Image<f32>, out: &mut Vec<u8>) {
     let start = out.len();
     let count = depth_m.pixels().len();
@@ -136,7 +136,7 @@ fn put_depth(depth_m: &mut Image<f32>, out: &mut Vec<u8>) {
     let mut before = 0_u16;
     for ((depth, low), high) in depth_m.pixels_mut().iter_mut().zip(low).zip(high) {
         let steps = (*depth * STEPS_PER_M).round();
-        // Not a number, negative and too far all become 0.
+        // NaN, negative and too large values become 0.
         let steps = if steps > 0.0 && steps <= f32::from(u16::MAX) { steps as u16 } else { 0 };
         *depth = meters(steps);
         [*low, *high] = steps.wrapping_sub(before).to_le_bytes();
@@ -154,12 +154,12 @@ fn take_depth(bytes: &[u8]) -> Vec<f32> {
     low.iter().zip(high).map(next).collect()
 }
 
-/// A quotient, as the decoders of depth images form it.
+/// Computed by a division, as in the decoders of depth images.
 fn meters(steps: u16) -> f32 {
     f32::from(steps) / STEPS_PER_M
 }
 
-/// Channel by channel, as differences to the pixel before.
+/// Channel by channel, as differences to the previous pixel.
 fn put_color(color: &Image<[u8; 3]>, out: &mut Vec<u8>) {
     for channel in 0..3 {
         let mut before = 0_u8;

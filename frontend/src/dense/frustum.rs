@@ -1,21 +1,21 @@
-//! The part of space that a camera sees: between four planes through its center and a depth.
+//! The frustum of a camera: space between four planes through its center, up to a depth.
 //!
-//! Answers are on the safe side: what is said not to be met is not seen. Knows neither frames nor
+//! Answers are conservative: a box that is reported outside is not seen. Independent of frames and
 //! blocks.
 
 use covis_solvers::geometry::Se3;
 use nalgebra::Vector3;
 
-/// Space in view.
+/// A view frustum.
 #[derive(Clone, Debug)]
 pub(super) struct Frustum {
-    /// Normals inwards, and what is added to the product with a point.
+    /// Inward normals, and offsets that are added to the product with a point.
     planes: [(Vector3<f64>, f64); 6],
 }
 
 impl Frustum {
-    /// Of a camera with rays from the first to the second of x/z, and of y/z from the third to the
-    /// fourth, and so much wider, up to a depth in meters.
+    /// The frustum of a camera. `field` has the least and greatest x/z, then y/z of its rays, and
+    /// `wider` is added on each side; the largest depth is in meters.
     pub(super) fn new(
         field: [f32; 4],
         wider: f64,
@@ -39,7 +39,7 @@ impl Frustum {
         }
     }
 
-    /// Whether a box along the world's axes may be in it, by its center and half its edges, meters.
+    /// Whether a box along the world's axes may intersect it, by its center and half its edge, meters.
     pub(super) fn meets(&self, center: &Vector3<f64>, half_m: f64) -> bool {
         self.planes.iter().all(|(normal, offset)| {
             normal.dot(center) + offset + half_m * normal.abs().sum() >= 0.0

@@ -1,9 +1,9 @@
-//! What a frame does to the voxels of a block: sixteen at a time, two rows along x.
+//! Fuses a frame into the voxels of a block: sixteen at a time, two rows along x.
 //!
-//! A voxel is projected, reads its pixel and takes the distance to the plane through what the pixel
-//! shows: (measured depth − own depth) / |n|, where n is the normal of depth as a function of the ray.
-//! The distance is averaged by weight (Curless and Levoy, SIGGRAPH 1996); what disagrees with what a
-//! voxel remembers is for `dynamic`.
+//! A voxel is projected to its pixel, and measures the distance to the plane through the pixel's
+//! surface point: (measured depth − own depth) / |n|, where n is the normal of depth as a function of
+//! the ray. The distance is averaged by weight (Curless and Levoy, SIGGRAPH 1996); `dynamic` handles
+//! measurements that disagree with the voxel.
 
 use super::block::{Block, DISTANCE_ONE, WEIGHT_ONE};
 use super::dynamic::{self, FREE};
@@ -12,15 +12,15 @@ use super::pixels::{DEPTH_UNITS, FACING_ONE, SLOPE_UNIT};
 use super::tiles::Range;
 use super::visibility::{Lens, NEAREST_M};
 
-/// Rows of two that a layer of a block has.
+/// Pairs of rows in a layer of a block.
 const PAIRS: usize = 4;
 /// Measurements have full weight up to this depth; beyond, it falls with the fourth power, as the
 /// variance of depth rises.
 const FULL_WEIGHT_M: f32 = 1.0;
-/// Colors follow at least this share of what is new, in 1 / 256.
+/// Least share of the new color, in 1 / 256.
 const LEAST_COLOR_SHARE: f32 = 16.0;
 
-/// What is the same for all blocks of a frame.
+/// The data of a frame that all blocks share.
 #[derive(Clone, Debug)]
 pub(super) struct Frame<'a> {
     pub(super) lens: Lens,
@@ -28,11 +28,12 @@ pub(super) struct Frame<'a> {
     pub(super) pixels: &'a [u64],
     /// Pixels from row to row.
     pub(super) stride: usize,
-    /// From the first voxel of two rows to each, in the camera's axes; see [`Frame::steps`].
+    /// From the first voxel of two rows to each of the sixteen, in the camera's axes; see
+    /// [`Frame::steps`].
     pub(super) lanes: [[f32; WIDTH]; 3],
     /// The least and the greatest z of them, meters.
     pub(super) spread_m: [f32; 2],
-    /// From two rows to the next two, and from layer to layer.
+    /// Steps from two rows to the next two, and from layer to layer.
     pub(super) pair: [f32; 3],
     pub(super) layer: [f32; 3],
     /// The depth of the largest unit, meters.
@@ -40,32 +41,31 @@ pub(super) struct Frame<'a> {
     pub(super) truncation_m: f32,
     /// The truncation behind a surface grows to this many standard deviations of depth.
     pub(super) behind_sigmas: f32,
-    /// No measurement has less, as stored.
+    /// Least weight of a measurement, as stored.
     pub(super) least_weight: f32,
-    /// No voxel has more, as stored.
+    /// Largest weight of a voxel, as stored.
     pub(super) most_weight: f32,
-    /// Distances for which color is kept, and beyond which a voxel behind a surface is hidden by it,
-    /// as stored.
+    /// Largest distance with color, as stored; a surface hides the voxels farther behind it.
     pub(super) near: f32,
     /// Distances disagree beyond this many standard deviations of depth, as stored for a meter.
     pub(super) slack: f32,
-    /// A number of the frame, 0 to 255, that rounds colors up or down.
+    /// A number of the frame, 0 to 255, that dithers the rounding of colors.
     pub(super) dither: i32,
     /// Whether the dynamic update is on.
     pub(super) is_dynamic: bool,
 }
 
-/// What pixels say about sixteen voxels.
+/// Measurements of sixteen voxels.
 pub(super) struct Measured<L: Lanes> {
-    /// Which voxels were seen; the others' numbers mean nothing.
+    /// Which voxels were seen; the numbers of the others are undefined.
     pub(super) seen: L::M,
-    /// As stored, cut off at one truncation on both sides.
+    /// As stored, clamped to one truncation on both sides.
     pub(super) distance: L::F,
     /// As stored, whole and not 0.
     pub(super) weight: L::F,
     /// Color in the three lower bytes; negative where depth jumps nearby.
     pub(super) word: L::I,
-    /// What the pixels measured, meters.
+    /// Measured depth, meters.
     pub(super) depth_m: L::F,
 }
 
@@ -75,12 +75,12 @@ pub(super) struct Stored<L: Lanes> {
     pub(super) weight: L::F,
 }
 
-/// Old and new by their weights.
+/// Weighted mean of old and new.
 pub(super) struct Mean<L: Lanes> {
     pub(super) distance: L::F,
-    /// Of both.
+    /// Sum of both weights.
     pub(super) weight: L::F,
-    /// How much of the new color is taken, in 1 / 256.
+    /// Share of the new color, in 1 / 256.
     pub(super) color_share: L::I,
 }
 
@@ -103,13 +103,12 @@ impl<L: Lanes> Stored<L> {
     }
 }
 
-/// What became of a block.
+/// How a frame changed a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Outcome {
-    /// A distance or a weight.
+    /// A distance or a weight changed.
     pub(super) changed: bool,
-    /// How far colors moved at most, as [`Lanes::color_difference`] tells it; 0 where anything else
-    /// changed.
+    /// Largest change of color, by [`Lanes::color_difference`]; 0 where anything else changed.
     pub(super) recolored: u32,
     /// Voxels at or behind a surface were written.
     pub(super) solid: bool,
@@ -118,8 +117,8 @@ pub(super) struct Outcome {
 }
 
 impl Frame<'_> {
-    /// Makes a point, or a step, what the kernel interpolates: for a pinhole (u z, v z, z), with half
-    /// a pixel added to u and v so that truncation rounds; otherwise itself.
+    /// Converts a point, or a step, to what the kernel interpolates: for a pinhole (u z, v z, z), with
+    /// half a pixel added to u and v so that truncation rounds; otherwise the point itself.
     pub(super) fn steps(lens: &Lens, [x, y, z]: [f32; 3]) -> [f32; 3] {
         if lens.is_pinhole {
             [lens.fx * x + (lens.cx + 0.5) * z, lens.fy * y + (lens.cy + 0.5) * z, z]
@@ -128,8 +127,8 @@ impl Frame<'_> {
         }
     }
 
-    /// The frame into a block whose first voxel is at `corner` (made by [`Frame::steps`]). Nearer than
-    /// the range, meters, space is free, and beyond it nothing is seen.
+    /// Fuses the frame into a block whose first voxel is at `corner` (made by [`Frame::steps`]). Space
+    /// nearer than the range, meters, is free, and beyond it nothing is seen.
     #[inline(always)]
     pub(super) fn fuse<L: Lanes>(
         &self,
@@ -248,7 +247,8 @@ impl Frame<'_> {
         outcome
     }
 
-    /// What voxels store when all measurements are averaged; `moved` grows to how far colors moved.
+    /// Averages all measurements and returns what voxels store; `moved` grows to the largest color
+    /// change.
     #[inline(always)]
     fn average<L: Lanes>(
         &self,
@@ -274,11 +274,12 @@ impl Frame<'_> {
         }
     }
 
-    /// Two colors mixed: `share` / 256 of the new one. The highest byte stays.
+    /// Mixes two colors, `share` / 256 of the new one. The highest byte stays.
     #[inline(always)]
     pub(super) fn blend<L: Lanes>(&self, l: L, old: L::I, new: L::I, share: L::I) -> L::I {
         let rest = l.sub_int(l.splat_int(256), share);
-        // Red and blue, and green alone: 16 bits each, which the weighted sums just fill.
+        // Red and blue together, and green alone: 16 bits per channel, which just hold the weighted
+        // sums.
         let pick = l.splat_int(0x00ff_00ff);
         let dither = l.splat_int(self.dither * 0x0001_0001);
         let mixed = Mix { rest, share, dither };
@@ -291,7 +292,7 @@ impl Frame<'_> {
         l.or_int(last, l.or_int(red_blue, l.shift_up::<8>(green)))
     }
 
-    /// From x/z and y/z to pixels through the lens, half a pixel added.
+    /// Projects x/z and y/z through the lens to pixels, with half a pixel added.
     #[inline(always)]
     fn distort<L: Lanes>(&self, l: L, a: L::F, b: L::F, seen: &mut L::M) -> (L::F, L::F) {
         let Lens { fx, fy, cx, cy, distortion, .. } = self.lens;
@@ -311,7 +312,7 @@ impl Frame<'_> {
     }
 }
 
-/// How colors are mixed: shares of old and new that sum to 256, and what rounds up or down.
+/// How colors are mixed: shares of old and new that sum to 256, and the dither of the rounding.
 struct Mix<L: Lanes> {
     rest: L::I,
     share: L::I,
@@ -319,7 +320,7 @@ struct Mix<L: Lanes> {
 }
 
 impl<L: Lanes> Mix<L> {
-    /// Of two levels a lane, in its halves: the weighted sums just fill them.
+    /// Mixes two levels per lane, one in each half, which just holds the weighted sum.
     #[inline(always)]
     fn pairs(&self, l: L, old: L::I, new: L::I) -> L::I {
         let sum = l.add_int(l.mul_int(old, self.rest), l.mul_int(new, self.share));

@@ -1,8 +1,8 @@
-//! Frames into a volume: which blocks a frame reaches, and what it does to those it sees.
+//! Integrates frames into a volume: finds the blocks that a frame reaches, and updates those it sees.
 //!
 //! Four passes, each parallel over fixed pieces on the pool of the caller: pixels are packed and rays
-//! mark blocks; blocks that exist take their marks away; what is left is allocated, in order; all
-//! blocks in view are fused. Bits do not depend on the number of threads.
+//! mark blocks; existing blocks clear their marks; the blocks still marked are allocated, in order; all
+//! blocks in view are fused. Results do not depend on the number of threads, to the bit.
 
 use covis_solvers::geometry::Se3;
 use nalgebra::Vector3;
@@ -26,9 +26,9 @@ use crate::image::Image;
 
 /// Blocks that a task fuses.
 const PIECE: usize = 16;
-/// A block of which only colors changed counts as changed when they moved by so much, summed up over
-/// frames: eight levels of gray, as [`Lanes::color_difference`] tells it. So what was made of a block
-/// never shows a color that is off by more.
+/// A block with changes of color only counts as changed when these sum up to this much over frames:
+/// eight levels of gray, by [`Lanes::color_difference`]. A surface of the block never shows a color
+/// that is off by more.
 const VISIBLE: u32 = 32;
 /// Blocks that a task looks up.
 const CLEAR_PIECE: usize = 1024;
@@ -36,17 +36,17 @@ const CLEAR_PIECE: usize = 1024;
 /// A frame to be integrated. All images have the camera's size.
 #[derive(Clone, Copy, Debug)]
 pub struct DenseFrame<'a> {
-    /// Along the optical axis, meters; what is not a number, negative or too far is not used.
+    /// Along the optical axis, meters; NaN, negative and too large values are ignored.
     pub depth_m: &'a Image<f32>,
     /// Red, green, blue.
     pub color: &'a Image<[u8; 3]>,
-    /// Not 0 where something moves: those pixels say nothing.
+    /// Not 0 where something moves: those pixels are ignored.
     pub moving: Option<&'a Image<u8>>,
-    /// Where the camera is.
+    /// The pose of the camera.
     pub world_from_camera: &'a Se3,
 }
 
-/// Why a frame was not integrated; the volume is as before.
+/// Why a frame was not integrated; the volume is unchanged.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum IntegrateError {
     /// An image has another size than the camera.
@@ -71,14 +71,13 @@ pub enum IntegrateError {
     /// The grid does not reach where the camera is.
     #[error("`world_from_camera` is too far from the origin for blocks of this size")]
     TooFar,
-    /// A measure is not positive and finite, or does not fit the others.
+    /// A measure or an option is out of its range.
     #[error("`{option}` is out of range")]
     Options {
         /// Which one.
         option: &'static str,
     },
-    /// What the frame needs is on disk and does not come back, or there is no room for what it does not
-    /// need.
+    /// Blocks that the frame needs cannot be read from disk, or others have no room there.
     #[error(transparent)]
     Pages(#[from] PageError),
 }
@@ -93,7 +92,7 @@ pub struct Integrator {
     scratches: Scratches,
     tiles: Tiles,
     ray_blocks: RayBlocks,
-    /// What moves in the frame at hand.
+    /// The dilated mask of the current frame.
     dilated: Option<Image<u8>>,
     class: Class,
 }
@@ -123,17 +122,17 @@ impl Integrator {
         self
     }
 
-    /// How frames become a surface.
+    /// The options of integration.
     #[must_use]
     pub fn options(&self) -> &IntegrationOptions {
         &self.options
     }
 
-    /// A frame into a volume, on the current pool of threads. That is one revision.
+    /// Integrates a frame into a volume, on the current pool of threads. This is one revision.
     ///
     /// # Errors
     ///
-    /// Where the frame or an option makes no sense; the volume is as before then.
+    /// The frame or an option is invalid; the volume is unchanged then.
     pub fn integrate(
         &mut self,
         volume: &mut Volume,
@@ -189,7 +188,7 @@ impl Integrator {
     /// The space that a frame may change.
     ///
     /// # Errors
-    /// Where the frame or an option makes no sense.
+    /// The frame or an option is invalid.
     pub(super) fn frustum(
         &self,
         measures: &VolumeOptions,
@@ -197,18 +196,18 @@ impl Integrator {
     ) -> Result<Frustum, IntegrateError> {
         self.check(measures, frame)?;
         let farthest_m = f64::from(self.farthest_m(measures));
-        // A pixel beyond the outermost ones' centers, and a little more.
+        // One pixel beyond the centers of the outermost pixels, and a little more.
         let wider = 0.02 + 1.0 / f64::from(self.lens.fx.min(self.lens.fy));
         Ok(Frustum::new(self.lens.field, wider, frame.world_from_camera, farthest_m))
     }
 
-    /// The depth up to which voxels are looked at, meters.
+    /// The depth up to which voxels are updated, meters.
     fn farthest_m(&self, measures: &VolumeOptions) -> f32 {
         let farthest = self.options.max_depth_m;
         farthest + self.options.behind_m(farthest, measures.truncation_m)
     }
 
-    /// Marks of all blocks that the camera may see.
+    /// Prepares the marks of all blocks that the camera may see.
     fn begin_ray_blocks(
         &mut self,
         world_from_camera: &Se3,
@@ -270,7 +269,7 @@ impl Integrator {
         self.pixels = words;
     }
 
-    /// Makes the blocks that are marked and not there.
+    /// Allocates the marked blocks that do not exist.
     fn allocate(&self, volume: &mut Volume) {
         volume.keys().par_chunks(CLEAR_PIECE).for_each(|keys| {
             for &key in keys {
@@ -309,7 +308,7 @@ impl Integrator {
             most_weight: (self.options.max_weight * weight_one).floor(),
             near: (2.0 * measures.voxel_m / measures.truncation_m).min(1.0) * DISTANCE_ONE,
             slack: 3.0 / measures.truncation_m * DISTANCE_ONE,
-            // Van der Corput: each share of the range comes equally often.
+            // Van der Corput sequence: values are evenly distributed over the range.
             dither: i32::from((revision as u8).reverse_bits()),
             is_dynamic: self.options.dynamic,
         };
@@ -331,7 +330,7 @@ impl Integrator {
     }
 }
 
-/// Fuses a frame into what it sees of a piece.
+/// Fuses a frame into the blocks of a piece that it sees.
 struct FusePiece<'a> {
     frame: &'a Frame<'a>,
     visibility: &'a Visibility,
@@ -353,7 +352,7 @@ impl Kernel for FusePiece<'_> {
             let seen = corner.map_or(Seen::No, |corner| {
                 self.visibility.look(corner, self.tiles, self.behind_m, self.before_m)
             });
-            // Where there is nothing to forget, nothing is seen through.
+            // In a block without solid voxels, seeing through it changes nothing.
             if matches!(seen, Seen::Through(_)) && !solid[slot] { Seen::No } else { seen }
         });
         for slot in 0..blocks.len() {

@@ -1,4 +1,4 @@
-//! Dense mapping: a surface from depth, color and poses, which forgets what moved.
+//! Dense mapping: fuses depth and color at known poses into a surface, and forgets what moved.
 //!
 //! | file | role |
 //! |---|---|
@@ -6,25 +6,25 @@
 //! | `slabs`, `slab_pool` | memory for blocks |
 //! | `volume` | the sparse grid of blocks |
 //! | `packing` | blocks as bytes |
-//! | `pages` | bytes that are put away on disk |
-//! | `region` | what goes to disk and comes back together |
+//! | `pages` | pages of bytes in a file on disk |
+//! | `region` | groups of blocks that are paged together |
 //! | `page_cache` | which regions stay in memory |
-//! | `paged` | a volume part of which may be on disk |
+//! | `paged` | a volume that may be partly on disk |
 //! | `lanes` | sixteen numbers at a time |
-//! | `options` | how frames become a surface |
-//! | `dilation` | masks that are taken larger |
+//! | `options` | the options of integration |
+//! | `dilation` | dilated masks |
 //! | `tiles` | nearest and farthest depth of parts of an image |
 //! | `pixels` | a frame as voxels read it |
 //! | `frustum` | the space that a camera sees |
-//! | `ray_blocks`, `rays` | which blocks a frame's rays pass near their depth |
+//! | `ray_blocks`, `rays` | which blocks a frame's rays pass near the measured depth |
 //! | `visibility` | which blocks a frame sees |
-//! | `fuse` | what a frame does to a block |
-//! | `dynamic` | what a voxel does with what disagrees |
-//! | `integrate` | frames into a volume |
+//! | `fuse` | fuses a frame into a block |
+//! | `dynamic` | how a voxel handles measurements that disagree |
+//! | `integrate` | integrates frames into a volume |
 //! | `frame_log` | frames that may have to be integrated again |
 //! | `mapper` | a volume that follows corrections |
 //! | `thread` | dense mapping beside tracking |
-//! | `pose_track` | poses between poses |
+//! | `pose_track` | interpolated poses |
 //! | `surface` | triangles where the distance is zero |
 //! | `export` | meshes as PLY and GLB |
 //! | `file` | volumes as files |

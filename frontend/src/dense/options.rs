@@ -1,23 +1,23 @@
-//! How frames become a surface, and whether what was asked for makes sense.
+//! The options of integration, and their validation.
 
 use super::volume::VolumeOptions;
 use crate::depth::sigma_m;
 
-/// How frames become a surface.
+/// Options of integration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IntegrationOptions {
     /// Depth beyond this is not used, meters; 0.1 to 30. Depth is rounded to this / 65535.
     pub max_depth_m: f32,
-    /// Behind a surface voxels are looked at up to the truncation, or to this many standard deviations
+    /// Voxels behind a surface are updated up to the truncation, or up to this many standard deviations
     /// of depth where that is more. 0: the truncation is fixed.
     pub truncation_sigmas: f32,
-    /// A voxel remembers no more than this many measurements at full weight, 1 to 255.
+    /// Largest weight of a voxel, in measurements at full weight, 1 to 255.
     pub max_weight: f32,
-    /// Whether measurements weigh less where depth is far or the surface is seen at an angle.
+    /// Whether measurements have less weight where depth is large or the surface is oblique.
     pub weigh_noise: bool,
-    /// Whether voxels forget what is gone, and begin anew where they see something else.
+    /// Whether voxels forget what is gone, and are reset where the scene has changed.
     pub dynamic: bool,
-    /// What moves is taken larger by this on each side, pixels.
+    /// The mask of what moves is dilated by this much, pixels.
     pub dilation_px: usize,
 }
 
@@ -35,7 +35,7 @@ impl Default for IntegrationOptions {
 }
 
 impl IntegrationOptions {
-    /// How far behind a depth voxels are looked at, meters.
+    /// How far behind a depth voxels are updated, meters.
     pub(super) fn behind_m(&self, depth_m: f32, truncation_m: f32) -> f32 {
         if self.truncation_sigmas == 0.0 {
             return truncation_m;
@@ -43,7 +43,7 @@ impl IntegrationOptions {
         truncation_m.max(self.truncation_sigmas * sigma_m(f64::from(depth_m)) as f32)
     }
 
-    /// The name of the first measure that makes no sense.
+    /// The name of the first option or measure that is out of range.
     pub(super) fn refused(&self, measures: &VolumeOptions) -> Option<&'static str> {
         let within = |x: f32, least: f32, most: f32| x >= least && x <= most;
         let measures = [

@@ -1,16 +1,15 @@
-//! Blocks as bytes that compress well, and back.
+//! Converts blocks to bytes that compress well, and back.
 //!
-//! Blocks that are packed together stand property by property: keys (3 i32 each), then one plane of
-//! bytes for each byte of a voxel's distance, weight and color, each plane over all voxels of all
-//! blocks. A value is told as its difference to that of the voxel before, where the sign is the lowest
-//! bit, so that what grows evenly and what was not seen are the same bytes again and again. Knows
-//! nothing of files.
+//! Blocks that are packed together are stored property by property: keys (3 i32 each), then one plane
+//! of bytes for each byte of a voxel's distance, weight and color, each plane over all voxels of all
+//! blocks. A value is stored as its difference to the previous voxel, with the sign in the lowest bit,
+//! so that even growth and unseen voxels give the same bytes again and again. Independent of files.
 
 use super::block::{Block, BlockKey, VOXELS};
 
 /// Bytes of a block: key, distances, weights and colors.
 const BLOCK: usize = 12 + 8 * VOXELS;
-/// Higher levels cost twice the time for some percent of the bytes.
+/// Higher levels take twice the time and save some percent of the bytes.
 const COMPRESSION_LEVEL: i32 = 1;
 
 /// The zstd frame of blocks.
@@ -47,7 +46,7 @@ pub(super) fn pack(blocks: &[(BlockKey, &Block)]) -> std::io::Result<Vec<u8>> {
     zstd::bulk::compress(&bytes, COMPRESSION_LEVEL)
 }
 
-/// The blocks of a frame that must have so many, or what is wrong with it.
+/// The blocks of a frame, which must have `blocks` of them, or what is wrong with it.
 pub(super) fn unpack(frame: &[u8], blocks: usize) -> Result<Vec<(BlockKey, Block)>, &'static str> {
     let mut bytes = vec![0; BLOCK * blocks];
     match zstd::bulk::decompress_to_buffer(frame, &mut bytes) {
@@ -88,7 +87,7 @@ fn fold(difference: u16) -> u16 {
     (signed << 1 ^ signed >> 15).cast_unsigned()
 }
 
-/// The difference of a folded one.
+/// The inverse of `fold`.
 fn unfold(folded: u16) -> u16 {
     (folded >> 1) ^ (folded & 1).wrapping_neg()
 }

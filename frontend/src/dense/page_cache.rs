@@ -1,8 +1,9 @@
-//! Who stays in memory: regions that are needed, and of the others those that were needed last.
+//! Decides which regions stay in memory: those that are needed, and of the others the most recently
+//! needed.
 //!
-//! When there are more blocks in memory than the ceiling allows, the regions that were not needed for
-//! longest go to the page file. A region that comes back keeps its page until a frame may have changed
-//! it, so that looking at a volume writes nothing. Knows neither cameras nor frames.
+//! When there are more blocks in memory than the ceiling allows, the least recently needed regions are
+//! evicted to the page file. A region that is read back keeps its page until a frame may have changed
+//! it, so that reading a volume writes nothing. Independent of cameras and frames.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -15,38 +16,38 @@ use super::pages::{Page, PageError, PageFile};
 use super::region::{Region, from_page, to_page};
 use super::volume::{State, Volume};
 
-/// So many blocks less than the ceiling are kept once it is reached, or an eighth of it where that is
-/// less: not every frame pages, and none waits for long.
+/// Once the ceiling is reached, eviction makes room for this many blocks below it, or an eighth of it
+/// where that is less: not every frame pages, and none waits for long.
 const SLACK: usize = 512;
 /// Regions that are packed or unpacked at a time.
 const REGIONS_AT_A_TIME: usize = 32;
 
-/// What paging did so far.
+/// Counts of paging so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PagingFigures {
     /// Blocks that are on disk only.
     pub blocks_on_disk: usize,
-    /// Blocks that went to disk, each time counted.
+    /// Blocks that were evicted, counted each time.
     pub paged_out: usize,
-    /// Blocks that came back, each time counted.
+    /// Blocks that were read back, counted each time.
     pub paged_in: usize,
-    /// Frames after which memory was above the ceiling, because they needed so much.
+    /// Frames that needed so many blocks that memory was above the ceiling.
     pub frames_above_ceiling: usize,
 }
 
 /// Which regions of a volume are in memory, and where the others are.
 #[derive(Debug)]
 pub(super) struct PageCache {
-    /// Blocks.
+    /// Most blocks in memory.
     ceiling: usize,
     pages: PageFile,
     regions: BTreeMap<Region, Standing>,
-    /// How often regions were asked for.
+    /// Number of requests for regions.
     time: u64,
     figures: PagingFigures,
 }
 
-/// What is known of a region.
+/// The state of a region.
 #[derive(Debug)]
 struct Standing {
     /// The time at which it was needed last.
@@ -58,7 +59,7 @@ struct Standing {
 #[derive(Debug)]
 enum Place {
     Memory,
-    /// As they are on disk.
+    /// In memory, and unchanged on disk.
     Both(Stored),
     Disk(Stored),
 }
@@ -79,7 +80,7 @@ pub(super) enum Access {
 }
 
 impl PageCache {
-    /// Of a volume without blocks, with so many at most in memory.
+    /// The cache of an empty volume, with at most `ceiling` blocks in memory.
     ///
     /// # Errors
     /// No file can be made in the folder, or in the system's temporary one.
@@ -93,12 +94,12 @@ impl PageCache {
         })
     }
 
-    /// Another ceiling, from now on.
+    /// Changes the ceiling.
     pub(super) fn set_ceiling(&mut self, ceiling: usize) {
         self.ceiling = ceiling;
     }
 
-    /// What it did so far.
+    /// Counts of paging so far.
     pub(super) fn figures(&self) -> PagingFigures {
         self.figures
     }
@@ -127,10 +128,11 @@ impl PageCache {
         self.regions.get(&region).is_some_and(Standing::is_away)
     }
 
-    /// Shows the blocks of each region that is on disk only, without having them in memory for longer.
+    /// Calls `show` with the blocks of each region that is on disk only, without keeping them in
+    /// memory.
     ///
     /// # Errors
-    /// What `show` says, or that a region does not come back.
+    /// The error of `show`, or a region cannot be read back.
     pub(super) fn visit_away<E: From<PageError>>(
         &mut self,
         mut show: impl FnMut(Vec<(BlockKey, State, Block)>) -> Result<(), E>,
@@ -145,7 +147,7 @@ impl PageCache {
         Ok(())
     }
 
-    /// Has regions in memory, making room for them first.
+    /// Brings regions into memory, after making room for them.
     pub(super) fn bring(
         &mut self,
         resident: &mut Volume,
@@ -176,7 +178,7 @@ impl PageCache {
         Ok(())
     }
 
-    /// Flips a bit of each page that is whole, or of each that is not, which heals it.
+    /// Flips a bit of each intact page, or of each damaged one, which repairs it.
     #[cfg(test)]
     pub(super) fn flip_pages(&mut self, whole: bool) {
         for standing in self.regions.values() {
@@ -188,14 +190,14 @@ impl PageCache {
         }
     }
 
-    /// Has its pages on a disk with so much room, where there is none yet.
+    /// Uses a disk with `room` bytes for its pages; there must be none yet.
     #[cfg(test)]
     pub(super) fn use_disk_of(&mut self, room: u64, folder: &Path) {
         assert_eq!(self.pages.bytes(), 0);
         self.pages = PageFile::on_disk_of(room, folder);
     }
 
-    /// Takes regions from disk.
+    /// Reads regions from disk.
     fn fetch(
         &mut self,
         resident: &mut Volume,
@@ -234,7 +236,7 @@ impl PageCache {
         Ok(())
     }
 
-    /// Takes note of the blocks from a slot on, which are new, and keeps to the ceiling again.
+    /// Registers the new blocks from slot `first_new` on, and evicts others to keep the ceiling.
     pub(super) fn register_new(&mut self, resident: &mut Volume, first_new: usize) {
         let mut before = None;
         for &key in &resident.keys()[first_new..] {
@@ -244,13 +246,13 @@ impl PageCache {
                 self.regions.entry(region).or_insert(new).needed = self.time;
             }
         }
-        // The next frame makes room too, and says why there is none.
+        // The next frame makes room again, and reports why there is none.
         let _full = self.make_room(resident, 0);
         self.figures.frames_above_ceiling += usize::from(resident.len() > self.ceiling);
     }
 
-    /// Where so many blocks more would be above the ceiling, regions that are not needed now go until
-    /// they are below it by some.
+    /// If `incoming` more blocks would exceed the ceiling, evicts regions that are not needed now,
+    /// until memory is somewhat below it.
     fn make_room(&mut self, resident: &mut Volume, incoming: usize) -> Result<(), PageError> {
         if resident.len() + incoming <= self.ceiling {
             return Ok(());
@@ -279,7 +281,7 @@ impl PageCache {
         Ok(())
     }
 
-    /// Puts regions on disk.
+    /// Evicts regions to disk.
     fn evict(
         &mut self,
         resident: &mut Volume,

@@ -1,9 +1,9 @@
-//! A volume part of which may be on disk: what is far from the camera goes, and comes back before a
-//! frame may see it (decision 0018).
+//! A volume that may be partly on disk: regions far from the camera are evicted, and read back before a
+//! frame may see them (decision 0018).
 //!
-//! Each frame needs the regions that its frustum meets, with a margin; who else stays is for
-//! `page_cache`. Integration, surfaces and files see ordinary volumes and know nothing of pages. What
-//! comes out is, to the bit of each block, what it is without a ceiling.
+//! Each frame needs the regions that its frustum intersects, with a margin; `page_cache` decides which
+//! others stay. Integration, surfaces and files use ordinary volumes, without pages. Each block is
+//! identical to the bit to that of a volume without a ceiling.
 
 use std::io;
 use std::path::Path;
@@ -20,15 +20,16 @@ use super::volume::{Volume, VolumeOptions};
 
 /// Bytes of a block.
 const BLOCK: usize = size_of::<Block>();
-/// A frame needs what is within so many blocks of its frustum: what it changes has its neighbors.
+/// A frame needs the blocks within this many blocks of its frustum, so that those it changes have their
+/// neighbors.
 const MARGIN: f64 = 2.0;
 
-/// A volume with a ceiling of what it has in memory, or without.
+/// A volume with or without a ceiling on its memory.
 #[derive(Debug)]
 pub struct PagedVolume {
-    /// What is in memory.
+    /// The part in memory.
     resident: Volume,
-    /// Who stays, where there is a ceiling.
+    /// Decides what stays, where there is a ceiling.
     cache: Option<PageCache>,
 }
 
@@ -46,9 +47,9 @@ impl PagedVolume {
         Volume::new(options).into()
     }
 
-    /// An empty one with so many bytes of blocks in memory at most, but for what a single frame needs.
-    /// The rest goes to a temporary file in `folder`, or in the system's folder for such. What is known
-    /// of all blocks together, and memory that is ready for new ones (8 MB), comes on top.
+    /// An empty one with at most `ceiling_bytes` of blocks in memory, unless a single frame needs more.
+    /// The rest is in a temporary file in `folder`, or in the system's temporary folder. The state of
+    /// all blocks, and prepared memory for new ones (8 MB), are not included.
     ///
     /// # Errors
     /// No file can be made there.
@@ -61,7 +62,7 @@ impl PagedVolume {
         Ok(Self { resident: Volume::new(options), cache })
     }
 
-    /// Another ceiling; it holds from the next frame on. Without one there is none from now on either.
+    /// Changes the ceiling from the next frame on. A volume without a ceiling stays without one.
     pub fn set_ceiling(&mut self, ceiling_bytes: usize) {
         if let Some(cache) = &mut self.cache {
             cache.set_ceiling(ceiling_bytes / BLOCK);
@@ -74,13 +75,13 @@ impl PagedVolume {
         self.resident.options()
     }
 
-    /// What is in memory, without the rest.
+    /// The part in memory, without the rest.
     #[must_use]
     pub fn into_resident(self) -> Volume {
         self.resident
     }
 
-    /// What is in memory: all of it where there is no ceiling.
+    /// The part in memory: the whole volume where there is no ceiling.
     #[must_use]
     pub fn resident(&self) -> &Volume {
         &self.resident
@@ -98,7 +99,7 @@ impl PagedVolume {
         self.resident.len() + self.paging().map_or(0, |paging| paging.blocks_on_disk)
     }
 
-    /// Whether nothing was seen yet.
+    /// Whether it has no blocks.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -110,17 +111,17 @@ impl PagedVolume {
         self.cache.as_ref().map_or(0, PageCache::page_file_bytes)
     }
 
-    /// What paging did so far; `None` where there is no ceiling.
+    /// Counts of paging so far; `None` where there is no ceiling.
     #[must_use]
     pub fn paging(&self) -> Option<PagingFigures> {
         self.cache.as_ref().map(PageCache::figures)
     }
 
-    /// A frame into the volume, on the current pool of threads. That is one revision.
+    /// Integrates a frame into the volume, on the current pool of threads. This is one revision.
     ///
     /// # Errors
-    /// Where the frame or an option makes no sense, or what it needs does not come back from disk or has
-    /// no room there; the volume is as before then.
+    /// The frame or an option is invalid, blocks that it needs cannot be read from disk, or others have
+    /// no room there; the volume is unchanged then.
     pub fn integrate(
         &mut self,
         integrator: &mut Integrator,
@@ -144,11 +145,10 @@ impl PagedVolume {
         Ok(())
     }
 
-    /// Puts a block at a key, in place of the one that is there.
+    /// Puts a block at a key, replacing any that is there.
     ///
     /// # Errors
-    /// Where its region does not come back from disk or others have no room there; the volume is as
-    /// before then.
+    /// Its region cannot be read from disk, or others have no room there; the volume is unchanged then.
     pub fn insert(&mut self, key: BlockKey, block: Block) -> Result<(), PageError> {
         if let Some(cache) = &mut self.cache {
             cache.bring(&mut self.resident, Access::Write, &[Region::of(key)])?;
@@ -157,7 +157,7 @@ impl PagedVolume {
         Ok(())
     }
 
-    /// Puts a block at a key that has none; whether it had none.
+    /// Puts a block at a key if it has none; returns whether it had none.
     ///
     /// # Errors
     /// As [`PagedVolume::insert`].
@@ -190,7 +190,7 @@ impl PagedVolume {
         Ok(volume.block(key))
     }
 
-    /// Has regions in memory, others may go.
+    /// Brings regions into memory; others may be evicted.
     ///
     /// # Errors
     /// As [`PagedVolume::insert`].
@@ -201,7 +201,7 @@ impl PagedVolume {
         Ok(&self.resident)
     }
 
-    /// Has in memory what lies between two places, in voxels; others may go.
+    /// Brings the regions between two places, in voxels, into memory; others may be evicted.
     ///
     /// # Errors
     /// As [`PagedVolume::insert`].
@@ -215,7 +215,7 @@ impl PagedVolume {
         self.bring(&regions)
     }
 
-    /// Where there is a ceiling: who stays.
+    /// The page cache of a volume with a ceiling.
     #[cfg(test)]
     pub(super) fn cache(&mut self) -> &mut PageCache {
         self.cache.as_mut().unwrap()
@@ -231,11 +231,11 @@ impl PagedVolume {
         self.cache.as_ref().is_some_and(|cache| cache.is_away(region))
     }
 
-    /// Shows all blocks, at most `most` at a time (fewer at the end only): those in memory in the order
-    /// of their slots, then those on disk, which stay there.
+    /// Calls `show` with all blocks, `most` at a time (fewer at the end only): those in memory in the
+    /// order of their slots, then those on disk, which stay there.
     ///
     /// # Errors
-    /// What `show` says, or that blocks cannot be read from disk.
+    /// The error of `show`, or blocks cannot be read from disk.
     pub(super) fn visit<E: From<PageError>>(
         &mut self,
         most: usize,

@@ -1,7 +1,7 @@
-//! A file of pages: bytes that are put away, and come back as they were or not at all.
+//! A file of pages: bytes are stored, and read back unchanged or with an error.
 //!
-//! It is a temporary file without a name. Where each page stands, and its checksum, is in memory; the
-//! room of pages that are no longer needed is used again, first where it fits. Knows no blocks.
+//! It is a temporary file without a name. The place and the checksum of each page are in memory. The
+//! room of freed pages is reused, the first that is large enough. Independent of blocks.
 
 use std::collections::BTreeMap;
 use std::fmt::Debug;
@@ -9,27 +9,27 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// Why something was not put on disk, or did not come back.
+/// Why a page was not written or not read back.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PageError {
-    /// The system says no: the disk may be full.
+    /// An error of the system: the disk may be full.
     #[error("the page file in {folder}: cannot {action} {bytes} bytes at byte {offset}: {message}")]
     File {
-        /// Where the file is; it has no name.
+        /// The file's folder; the file has no name.
         folder: String,
-        /// What was tried.
+        /// The action that failed.
         action: &'static str,
-        /// Where.
+        /// Byte offset in the file.
         offset: u64,
-        /// How much.
+        /// Number of bytes.
         bytes: usize,
-        /// What the system says.
+        /// The system's message.
         message: String,
     },
     /// What was read is not what was written.
     #[error("the page file in {folder}: {bytes} bytes at byte {offset} are damaged")]
     Damaged {
-        /// Where the file is.
+        /// The file's folder.
         folder: String,
         /// Where the page begins.
         offset: u64,
@@ -39,12 +39,12 @@ pub enum PageError {
     /// Blocks cannot be packed.
     #[error("blocks cannot be packed: {message}")]
     Packing {
-        /// What the packer says.
+        /// The packer's message.
         message: String,
     },
 }
 
-/// Where bytes stand.
+/// The place and checksum of stored bytes.
 #[derive(Debug)]
 pub(super) struct Page {
     offset: u64,
@@ -52,7 +52,7 @@ pub(super) struct Page {
     crc: u32,
 }
 
-/// Where bytes are put: a file, and in tests one of a disk that is full.
+/// Storage for pages: a file, and in tests one on a full disk.
 pub(super) trait Storage: Read + Write + Seek + Debug + Send + Sync {}
 
 impl Storage for File {}
@@ -61,11 +61,11 @@ impl Storage for File {}
 #[derive(Debug)]
 pub(super) struct PageFile {
     file: Box<dyn Storage>,
-    /// The file's folder, for those who are told of errors.
+    /// The file's folder, for error messages.
     folder: String,
-    /// Behind the last page.
+    /// End of the last page.
     end: u64,
-    /// Room between pages: where it begins, and its bytes. No two touch.
+    /// Free ranges between pages: offset and bytes. No two are adjacent.
     free: BTreeMap<u64, u64>,
 }
 
@@ -84,12 +84,12 @@ impl PageFile {
         Self { file, folder: folder.display().to_string(), end: 0, free: BTreeMap::new() }
     }
 
-    /// Bytes from the file's begin to the end of its last page.
+    /// Bytes from the file's start to the end of its last page.
     pub(super) fn bytes(&self) -> u64 {
         self.end
     }
 
-    /// Puts bytes away.
+    /// Stores bytes.
     ///
     /// # Errors
     /// [`PageError::File`]; no page was changed.
@@ -115,7 +115,7 @@ impl PageFile {
     /// The bytes of a page.
     ///
     /// # Errors
-    /// [`PageError::File`], and [`PageError::Damaged`] where they are not those that were put away.
+    /// [`PageError::File`], and [`PageError::Damaged`] where they differ from what was stored.
     pub(super) fn read(&mut self, page: &Page) -> Result<Vec<u8>, PageError> {
         let mut bytes = vec![0; page.bytes];
         let read = self
@@ -129,7 +129,7 @@ impl PageFile {
         Ok(bytes)
     }
 
-    /// That what was read of a page makes no sense.
+    /// The error for a page with invalid content.
     pub(super) fn damaged(&self, page: &Page) -> PageError {
         PageError::Damaged { folder: self.folder.clone(), offset: page.offset, bytes: page.bytes }
     }
@@ -145,7 +145,7 @@ impl PageFile {
         PageError::File { folder, action, offset, bytes, message }
     }
 
-    /// Gives the room of a page to others.
+    /// Frees the room of a page.
     pub(super) fn free(&mut self, page: &Page) {
         let (mut offset, mut room) = (page.offset, page.bytes as u64);
         if let Some((&before, &bytes)) = self.free.range(..offset).next_back()
@@ -176,7 +176,7 @@ impl PageFile {
     }
 }
 
-/// A disk with so much room, for tests.
+/// A disk with `room` bytes, for tests.
 #[cfg(test)]
 #[derive(Debug)]
 struct Disk {
@@ -204,7 +204,7 @@ impl Seek for Disk {
 #[cfg(test)]
 impl Write for Disk {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        // As a file system does it: what there is room for is taken, and the next byte is refused.
+        // Like a file system: as many bytes as fit are written, and the next byte is refused.
         let left = self.room.saturating_sub(self.file.stream_position()?);
         let taken = usize::try_from(left).map_or(bytes.len(), |left| left.min(bytes.len()));
         if taken == 0 {
@@ -220,7 +220,7 @@ impl Write for Disk {
 
 #[cfg(test)]
 impl PageFile {
-    /// As [`PageFile::new`], on a disk with so much room.
+    /// As [`PageFile::new`], on a disk with `room` bytes.
     pub(super) fn on_disk_of(room: u64, folder: &Path) -> Self {
         let file = tempfile::tempfile_in(folder).unwrap();
         Self::over(Box::new(Disk { file, room }), folder)
@@ -293,7 +293,7 @@ mod tests {
         let expected = format!("the page file in {path}: cannot write 100 bytes at byte 100: ");
         assert!(refused.starts_with(&expected), "{refused}");
         assert_eq!(pages.bytes(), 100);
-        // There is room for smaller ones, and in the place of what is given up.
+        // Smaller pages still fit, and so does a page in the room of a freed one.
         let small = pages.put(&[3; 50]).unwrap();
         assert!(pages.put(&[4; 1]).is_err());
         assert_eq!(pages.read(&first).unwrap(), [1; 100]);

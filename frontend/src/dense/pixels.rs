@@ -1,9 +1,9 @@
 //! A frame as voxels read it: everything about a pixel in eight bytes.
 //!
 //! Bits, from the lowest: depth (16, 0 where there is none), its relative change from column to column
-//! and from row to row (8 each, signed), red, green, blue (8 each), how the distance along the optical
-//! axis relates to that along the surface's normal (7), and whether depth jumps nearby (1).
-//! Depth that is not a number, out of range, or of something that moves is none.
+//! and from row to row (8 each, signed), red, green, blue (8 each), the ratio of the distance along the
+//! surface's normal to that along the optical axis (7), and whether depth jumps nearby (1). Depth that
+//! is NaN, out of range, or of something that moves counts as none.
 
 use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, PoisonError};
@@ -14,23 +14,24 @@ use crate::image::Image;
 
 /// Rows that are packed at a time; a multiple of a tile's.
 pub(super) const BAND: usize = 16;
-/// How far apart depths are compared for their slope, pixels: noise of single pixels stays small.
+/// Distance between depths that are compared for a slope, pixels: it keeps the noise of single pixels
+/// small.
 const BASELINE: usize = 4;
 /// Columns of zeros at each side of a scratch row.
 const MARGIN: usize = WIDTH;
 /// Depth jumps where it changes by more than this share over the baseline.
 const JUMP: f32 = 0.05;
-/// Relative change of depth a pixel, for one unit of what is stored.
+/// Relative change of depth per pixel in one stored unit.
 pub(super) const SLOPE_UNIT: f32 = 1e-4;
-/// Stored for a surface that faces the optical axis.
+/// The stored value for a surface that faces the optical axis.
 pub(super) const FACING_ONE: f32 = 96.0;
-/// Units of depth: the largest depth is one less than this many.
+/// Units of depth: the largest depth has this many.
 pub(super) const DEPTH_UNITS: f32 = 65_535.0;
 
 /// The number of each lane.
 const LANES: [f32; WIDTH] = [0., 1., 2., 3., 4., 5., 6., 7., 8., 9., 10., 11., 12., 13., 14., 15.];
 
-/// What is used of a frame.
+/// The inputs from a frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Source<'a> {
     pub(super) depth_m: &'a Image<f32>,
@@ -43,7 +44,7 @@ pub(super) struct Source<'a> {
     pub(super) pinhole: [f32; 4],
 }
 
-/// Depth of a band and what is around it, as the slopes need it.
+/// Depth of a band, with the margins that slopes need.
 #[derive(Clone, Debug)]
 pub(super) struct Scratch {
     stride: usize,
@@ -62,7 +63,7 @@ impl Scratch {
     }
 }
 
-/// Scratches that tasks borrow: to touch fresh memory for the first time takes longer than to pack a
+/// Scratch buffers that tasks borrow: the first access to fresh memory takes longer than packing a
 /// band.
 #[derive(Debug)]
 pub(super) struct Scratches {
@@ -70,14 +71,14 @@ pub(super) struct Scratches {
     spare: Mutex<Vec<Scratch>>,
 }
 
-/// A scratch that goes back.
+/// A scratch buffer that returns to the pool when it is dropped.
 pub(super) struct Borrowed<'a> {
     scratch: Scratch,
     home: &'a Scratches,
 }
 
 impl Scratches {
-    /// For images this wide.
+    /// Scratch buffers for images this wide.
     pub(super) fn new(width: usize) -> Self {
         Self { width, spare: Mutex::default() }
     }
@@ -142,7 +143,7 @@ impl Kernel for PackBand<'_> {
 }
 
 impl PackBand<'_> {
-    /// Copies the depth that counts, with margins of zeros.
+    /// Copies the valid depth, with margins of zeros.
     #[inline(always)]
     fn select_depth(&mut self) {
         let Source { depth_m, moving, nearest_m, farthest_m, .. } = self.source;
@@ -262,13 +263,13 @@ fn inverse_root<L: Lanes>(l: L, x: L::F) -> L::F {
 struct Smooth<L: Lanes> {
     z: L::F,
     inverse: L::F,
-    /// A change that no surface has.
+    /// The least change of depth at a discontinuity.
     jump: L::F,
 }
 
 impl<L: Lanes> Smooth<L> {
-    /// Relative change of depth a pixel, by the side where it changes less, from depth before and
-    /// after; and whether it jumps at either.
+    /// Relative change of depth per pixel, from the side where it changes less, and whether depth jumps
+    /// on either side.
     #[inline(always)]
     fn slope(&self, l: L, before: L::F, after: L::F) -> (L::F, L::M) {
         let (before, after) = (l.sub(self.z, before), l.sub(after, self.z));

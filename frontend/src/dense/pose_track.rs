@@ -1,5 +1,6 @@
-//! Where a camera was at any time, from poses at some times. Plain functions of a trajectory; knows
-//! neither frames nor volumes.
+//! Interpolates the poses of a trajectory at any time.
+//!
+//! Plain functions, independent of frames and volumes.
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::io::trajectory::Trajectory;
@@ -11,7 +12,7 @@ pub struct PoseTrack {
 }
 
 impl PoseTrack {
-    /// The poses of a trajectory, in any order; of two with one time the first.
+    /// The poses of a trajectory, in any order; of two with the same time the first is kept.
     #[must_use]
     pub fn new(trajectory: &Trajectory) -> Self {
         let times = trajectory.timestamps.iter().copied();
@@ -22,7 +23,7 @@ impl PoseTrack {
     }
 
     /// The pose at a time, on the geodesic between those before and after; `None` where no pose is
-    /// within `reach_s` seconds. Before the first and after the last pose these hold.
+    /// within `reach_s` seconds. Before the first and after the last pose, that pose is returned.
     #[must_use]
     pub fn at(&self, time_s: f64, reach_s: f64) -> Option<Se3> {
         let after = self.poses.partition_point(|&(time, _)| time < time_s);
@@ -61,7 +62,7 @@ mod tests {
     fn between_two_poses_the_camera_goes_evenly() {
         let pose = track().at(1.01, 0.02).unwrap();
         assert!((pose.rotation.log() - Vector3::new(0.0, 0.0, 0.2 / 3.0)).norm() < 1e-12);
-        // On the screw that leads from one to the other, a third of the way.
+        // A third of the way on the screw motion between the two poses.
         assert!((pose.translation.norm() - 1.0).abs() < 0.01, "{}", pose.translation);
         assert_eq!(track().at(1.0, 0.02), Some(Se3::identity()));
     }

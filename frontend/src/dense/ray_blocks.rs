@@ -1,15 +1,15 @@
-//! Which blocks a frame reaches: those that rays pass near the depth that was measured on them.
+//! Finds the blocks that a frame reaches: those that its rays pass near the measured depth.
 //!
-//! One bit a block in a box around all that the camera can see. Rays set bits in parallel, in any
-//! order; blocks that exist already take theirs away, and what is left is new.
+//! There is one bit per block in a box around all that the camera can see. Rays set bits in parallel,
+//! in any order; existing blocks clear theirs, and the remaining bits are new blocks.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::block::BlockKey;
 
-/// No more blocks than this along an axis.
+/// Most blocks along an axis.
 const MOST_ALONG: usize = 2048;
-/// No more bits than this.
+/// Most bits.
 const MOST_BITS: usize = 1 << 31;
 
 /// Bits of blocks in a box.
@@ -20,7 +20,7 @@ pub(super) struct RayBlocks {
     words: Vec<AtomicU64>,
 }
 
-/// A line of points origin + z · direction, z in meters, in blocks from the box's corner.
+/// A ray: points origin + z · direction, z in meters, in blocks from the box's corner.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ray {
     pub(super) origin: [f32; 3],
@@ -28,8 +28,8 @@ pub(super) struct Ray {
 }
 
 impl RayBlocks {
-    /// Starts anew with the blocks that hold these points, in blocks, and all between them. `None`
-    /// where those are too many or too far away for a key.
+    /// Resets the box to the blocks of these points, in blocks, and all between them. `None` where
+    /// those are too many or too far away for a key.
     pub(super) fn begin(&mut self, points: &[[f64; 3]]) -> Option<()> {
         for axis in 0..3 {
             let along = points.iter().map(|point| point[axis]);
@@ -83,9 +83,9 @@ impl RayBlocks {
         }
     }
 
-    /// Sets the blocks that a ray passes between two depths (Amanatides and Woo, Eurographics 1987),
-    /// and tells the first and the last of them. Where those are `before`, as they are for most rays
-    /// next to each other, the blocks between are too, but for corners that are just touched.
+    /// Marks the blocks that a ray passes between two depths (Amanatides and Woo, Eurographics 1987),
+    /// and returns the first and the last of them. Where those equal `before`, as for most neighboring
+    /// rays, the blocks between are marked already, except for corners that are just touched.
     pub(super) fn mark(
         &self,
         ray: &Ray,
@@ -130,7 +130,7 @@ impl RayBlocks {
         [first, last]
     }
 
-    /// Takes a block's bit away.
+    /// Clears a block's bit.
     pub(super) fn clear(&self, key: BlockKey) {
         let cell = [key.x, key.y, key.z];
         let cell = std::array::from_fn(|axis| cell[axis].wrapping_sub(self.origin[axis]));
@@ -160,7 +160,7 @@ impl RayBlocks {
     }
 }
 
-/// The whole number below. `f32::floor` is a call on processors that may lack it.
+/// Rounds down. `f32::floor` is a function call where the processor may lack the instruction.
 fn floor(x: f32) -> i32 {
     let whole = x as i32;
     whole - i32::from(x < whole as f32)
@@ -196,7 +196,7 @@ mod tests {
         assert!(passed.len() > 80);
         let wrong = marked.iter().filter(|key| !passed.contains(key)).count()
             + passed.iter().filter(|key| !marked.contains(key)).count();
-        // Roundings at a corner.
+        // Rounding errors at a corner.
         assert!(wrong <= 2, "{wrong}");
         for key in marked {
             ray_blocks.clear(key);

@@ -1,5 +1,5 @@
-//! The rays of a frame over the grid: blocks near the depth of each are marked. Rays are cast as densely
-//! as blocks ask for; which are there already is not known here.
+//! Casts the rays of a frame through the grid, and marks the blocks near the depth of each. Rays are as
+//! dense as blocks require. Existing blocks are marked too.
 
 use covis_solvers::geometry::Se3;
 
@@ -11,7 +11,7 @@ use super::visibility::NEAREST_M;
 use super::volume::VolumeOptions;
 use crate::camera::FrameCamera;
 
-/// The rays of a frame over the grid.
+/// The rays of a frame through the grid.
 pub(super) struct Rays<'a> {
     ray_blocks: &'a RayBlocks,
     camera: &'a FrameCamera,
@@ -52,8 +52,8 @@ impl<'a> Rays<'a> {
         }
     }
 
-    /// Marks what the rays of a band reach: at least two a block along each axis of the image, more
-    /// where depth is uneven.
+    /// Marks the blocks that the rays of a band reach: at least two rays per block along each axis of
+    /// the image, more where depth is uneven.
     pub(super) fn mark(&self, first_row: usize, scratch: &Scratch, tiles: &[Range]) {
         let rays = self.camera.rays();
         let (width, height) = rays.size();

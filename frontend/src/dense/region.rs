@@ -1,8 +1,8 @@
-//! Regions of the grid: what goes to disk and comes back together.
+//! Regions of the grid: groups of blocks that are evicted and read back together.
 //!
-//! Four by four by four blocks. As a page: for each block when it changed last (u64), whether it is
-//! solid (u8) and how far its colors moved since (u8), little endian, and then the blocks, packed.
-//! Knows no files.
+//! A region has 4 × 4 × 4 blocks. Its page has for each block the revision of its last change (u64),
+//! whether it is solid (u8) and its color change since then (u8), little endian, and then the packed
+//! blocks. Independent of files.
 
 use nalgebra::Vector3;
 
@@ -17,7 +17,7 @@ const BLOCKS: i32 = 1 << SHIFT;
 /// Bytes of a block's state.
 const STATE: usize = 10;
 
-/// Which region of the grid: coordinates in regions.
+/// A region of the grid, by its coordinates in regions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Region([i32; 3]);
 
@@ -75,7 +75,7 @@ pub(super) fn to_page(volume: &Volume, keys: &[BlockKey]) -> Result<Vec<u8>, Pag
     Ok(page)
 }
 
-/// The blocks of a page that has so many; `None` where it makes no sense.
+/// The blocks of a page, which must have `blocks` of them; `None` where it is invalid.
 pub(super) fn from_page(page: &[u8], blocks: usize) -> Option<Vec<(BlockKey, State, Block)>> {
     let (states, frame) = page.split_at_checked(STATE * blocks)?;
     let states = states.as_chunks::<STATE>().0.iter();

@@ -1,5 +1,5 @@
-//! Memory for blocks, made ready on a thread of its own: touching fresh memory for the first time costs
-//! more than what a frame does with it.
+//! Memory for blocks, prepared on a separate thread: the first access to fresh memory costs more than
+//! the work of a frame on it.
 
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::sync::{Mutex, PoisonError};
@@ -9,21 +9,21 @@ use super::block::Block;
 
 /// Blocks of a slab: a megabyte.
 pub(super) const SLAB: usize = 256;
-/// Slabs that are ready at most, besides one in the making.
+/// Most slabs that are ready, besides the one being made.
 const AHEAD: usize = 8;
 
 /// Slabs of empty blocks.
 pub(super) type Slab = Box<[Block]>;
 
-/// Slabs that are ready. The thread starts with the first that is taken and ends with the pool.
+/// Slabs that are ready. The thread starts when the first slab is taken and ends with the pool.
 #[derive(Debug, Default)]
 pub(super) struct SlabPool {
-    /// Behind a lock that is never taken: volumes are read by many threads, slabs are taken by one.
+    /// The mutex is never locked: many threads may read a volume, but only one takes slabs.
     ready: Mutex<Option<Receiver<Slab>>>,
 }
 
 impl SlabPool {
-    /// A slab: one that is ready, or one that is made now.
+    /// Takes a slab that is ready, or makes one.
     pub(super) fn take(&mut self) -> Slab {
         let ready = self.ready.get_mut().unwrap_or_else(PoisonError::into_inner);
         let ready = ready.get_or_insert_with(|| {

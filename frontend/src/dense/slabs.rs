@@ -1,5 +1,5 @@
-//! Blocks in slabs of memory: growing moves nothing. Slabs of blocks that were taken away are used again,
-//! or given back. Knows no keys and does not look into blocks.
+//! Stores blocks in slabs of memory: growing moves nothing. Slabs of removed blocks are reused or
+//! freed. Independent of keys and of the content of blocks.
 
 use std::ops::{Index, IndexMut, Range};
 
@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::block::Block;
 use super::slab_pool::{SLAB, Slab, SlabPool};
 
-/// Where the blocks of a volume stand.
+/// The storage of a volume's blocks.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Slabs {
     slabs: Vec<Slab>,
@@ -25,7 +25,7 @@ pub struct Blocks<'a> {
 }
 
 impl Slabs {
-    /// Appends a block of which nothing was seen.
+    /// Appends an empty block.
     pub(super) fn push(&mut self) {
         if self.len == self.slabs.len() * SLAB {
             self.slabs.push(self.slab_pool.take());
@@ -38,7 +38,7 @@ impl Slabs {
         self.used = self.used.max(self.len);
     }
 
-    /// Takes a block away; the last one moves to its slot, which is one of those there are.
+    /// Removes the block in a slot, which must exist; the last block moves to its slot.
     pub(super) fn swap_remove(&mut self, slot: usize) {
         self.len -= 1;
         let (slab, last) = (slot / SLAB, self.len / SLAB);
@@ -52,7 +52,7 @@ impl Slabs {
         }
     }
 
-    /// Gives memory back that is neither in use nor among the first `blocks`.
+    /// Frees memory that is neither in use nor needed for the first `blocks`.
     pub(super) fn shrink_to(&mut self, blocks: usize) {
         self.slabs.truncate(self.len.max(blocks).div_ceil(SLAB));
         self.used = self.used.min(self.slabs.len() * SLAB);
@@ -64,7 +64,7 @@ impl Slabs {
         self.slabs.len() * SLAB
     }
 
-    /// All blocks, slab by slab; what was not pushed yet comes last and is not to be changed.
+    /// All blocks, slab by slab. Slots that were not pushed yet are last and must not be changed.
     pub(super) fn slabs_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [Block]> {
         self.slabs.par_iter_mut().map(|slab| &mut slab[..])
     }
@@ -112,7 +112,7 @@ impl<'a> Blocks<'a> {
         self.range(0..self.slabs.len)
     }
 
-    /// Those of these slots; slots past the last are passed over.
+    /// The blocks of these slots; slots past the last are skipped.
     pub fn range(&self, slots: Range<usize>) -> impl Iterator<Item = &'a Block> + use<'a> {
         let slabs = self.slabs;
         (slots.start..slots.end.min(slabs.len)).map(move |slot| &slabs[slot])

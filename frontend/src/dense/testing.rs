@@ -1,12 +1,12 @@
 //! Volumes of known shapes, for tests: distances from a formula instead of from frames.
 //!
-//! Built for tests only. Knows blocks and volumes, and nothing of what is made of them.
+//! Built for tests only. Uses nothing but blocks and volumes.
 
 use super::block::{Block, BlockKey, DISTANCE_ONE, EDGE, VOXELS, WEIGHT_ONE};
 use super::volume::{Volume, VolumeOptions};
 
-/// What a voxel shows, from its place in meters: distance in meters, weight in observations, color;
-/// `None` where it was not seen.
+/// The content of a voxel: distance in meters, weight in observations, color; `None` where it was not
+/// seen.
 pub(super) type Shown = Option<(f32, f32, [u8; 3])>;
 
 /// The voxels of the blocks from `lowest` to `highest`, both included.

@@ -1,9 +1,9 @@
-//! The fourth of the paper's threads: dense mapping beside tracking.
+//! The fourth of the paper's threads: dense mapping, in parallel to tracking.
 //!
-//! Frames and corrections are handed over in order and taken one after the other, so that the volume
-//! depends on them alone and not on who was faster. Tracking does not wait for a frame to be
-//! integrated, only for a place in a short queue where it is faster for long: a recorded sequence
-//! leaves nothing out. Each frame costs a bounded time, whatever a correction moved.
+//! Frames and corrections are handed over and processed in order, so that the volume does not depend on
+//! timing. Tracking does not wait until a frame is integrated. It waits only for a place in a short
+//! queue when it is faster for long, so that no frame of a recorded sequence is dropped. Each frame
+//! takes a bounded time, whatever a correction moved.
 
 use std::sync::mpsc::{self, Receiver, Sender, SyncSender};
 use std::thread::JoinHandle;
@@ -16,19 +16,19 @@ use super::integrate::IntegrateError;
 use super::mapper::{AnchoredFrame, DenseError, DenseMapper};
 use super::paged::PagedVolume;
 
-/// Frames that wait to be integrated, some 2.5 MB each at 640 × 480. While the volume is built again
-/// frames may take longer than a camera's period for a second; tracking waits for none of them.
+/// Frames that wait to be integrated, some 2.5 MB each at 640 × 480. While the volume is rebuilt,
+/// frames may take longer than a camera's period for a second; tracking does not wait for them.
 const QUEUE: usize = 16;
 
 /// A message to the thread of dense mapping.
 enum Message {
-    /// A frame, and where its keyframe stands.
+    /// A frame, and the pose of its keyframe.
     Frame(Box<AnchoredFrame>, Se3),
-    /// Where keyframes stand now.
+    /// The current poses of keyframes.
     Correct(Vec<(usize, Se3)>),
 }
 
-/// What dense mapping left.
+/// The result of dense mapping.
 #[derive(Debug)]
 pub struct DenseReport {
     /// The volume, at the keyframes' last poses.
@@ -39,7 +39,7 @@ pub struct DenseReport {
     pub follow_s: Vec<f64>,
     /// Frames that could not be integrated.
     pub skipped: usize,
-    /// How many times the volume was built again to follow the keyframes.
+    /// How many times the volume was rebuilt to follow the keyframes.
     pub rebuilt: usize,
 }
 
@@ -61,25 +61,25 @@ impl DenseThread {
         Self { messages, progress, thread: std::thread::spawn(work) }
     }
 
-    /// Hands a frame over; one that is tied to a new keyframe brings where that stands.
+    /// Hands a frame over; `world_from_keyframe` is used if its keyframe is new.
     pub fn integrate(&self, frame: AnchoredFrame, world_from_keyframe: Se3) {
-        // A thread that ended says why when it is asked for its report.
+        // A thread that ended gives the reason in its report.
         let _ended = self.messages.send(Message::Frame(Box::new(frame), world_from_keyframe));
     }
 
-    /// Tells where keyframes stand now.
+    /// Sends the current poses of keyframes.
     pub fn correct(&self, poses: Vec<(usize, Se3)>) {
         let _ended = self.messages.send(Message::Correct(poses));
     }
 
-    /// Waits until the volume has followed to where the keyframes stand. `done` hears how many of how
-    /// many frames were integrated again.
+    /// Waits until the volume has followed the keyframes. `done` is called with the number of frames
+    /// that were integrated again, and of all.
     ///
     /// # Errors
-    /// Why it ended before.
+    /// The error that ended it before.
     ///
     /// # Panics
-    /// Where the thread did.
+    /// If the thread panicked.
     pub fn finish(self, done: &mut dyn FnMut(usize, usize)) -> Result<DenseReport, DenseError> {
         drop(self.messages);
         for (again, all) in self.progress {

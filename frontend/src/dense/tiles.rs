@@ -1,16 +1,16 @@
 //! Nearest and farthest depth of each part of an image: tiles of 8 × 8 pixels, of 16 × 16, and so on.
 //!
-//! Pixels without depth count for neither.
+//! Pixels without depth are ignored.
 
 /// Edge of the smallest tiles, pixels.
 pub(super) const TILE: usize = 8;
-/// A query looks at no more than this many tiles along each axis, and one more where it lies across.
+/// A query reads at most this many tiles along each axis, and one more where it crosses a border.
 const ACROSS: usize = 4;
 
 /// Nearest and farthest, meters; infinity and 0 where nothing was measured.
 pub(super) type Range = [f32; 2];
 
-/// The range of nothing.
+/// The range without any depth.
 pub(super) const NOTHING: Range = [f32::INFINITY, 0.0];
 
 /// Ranges of tiles, each level half as wide and high as the one before.
@@ -27,7 +27,7 @@ struct Level {
 }
 
 impl Tiles {
-    /// For images of this size.
+    /// Tiles for images of this size.
     pub(super) fn new(width: usize, height: usize) -> Self {
         let (mut width, mut height) = (width.div_ceil(TILE), height.div_ceil(TILE));
         let mut levels = vec![Level::new(width, height)];
@@ -56,8 +56,8 @@ impl Tiles {
         }
     }
 
-    /// Of all pixels from `(left, top)` to `(right, bottom)`, both included and inside of the image,
-    /// and some around them.
+    /// The range of all pixels from `(left, top)` to `(right, bottom)`, both included and inside the
+    /// image, and of some around them.
     #[inline(always)]
     pub(super) fn range(&self, left: usize, top: usize, right: usize, bottom: usize) -> Range {
         let (mut level, mut edge) = (0, TILE);
@@ -95,7 +95,7 @@ impl Level {
     }
 }
 
-/// Of both.
+/// The range of both.
 #[inline]
 pub(super) fn join(a: Range, b: Range) -> Range {
     [if b[0] < a[0] { b[0] } else { a[0] }, if b[1] > a[1] { b[1] } else { a[1] }]

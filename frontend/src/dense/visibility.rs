@@ -1,5 +1,5 @@
-//! Where blocks lie in an image, and whether its depth can say anything about them. Answers are on the
-//! safe side: a block that is said not to be seen is not.
+//! Where blocks lie in an image, and whether its depth concerns them. Answers are conservative: a block
+//! that is reported as not seen is not seen.
 
 use covis_solvers::geometry::{LieGroup, PinholeRadialTangential, Se3};
 use nalgebra::{Matrix3, Vector3};
@@ -8,11 +8,11 @@ use super::block::{BlockKey, EDGE};
 use super::tiles::{Range, Tiles};
 use crate::camera::FrameCamera;
 
-/// Voxels that lie nearer than this to the camera's plane are not looked at, meters.
+/// Voxels nearer than this to the camera's plane are not updated, meters.
 pub(super) const NEAREST_M: f32 = 0.05;
 /// From a block's center to its farthest voxel, in voxels, and a little more.
 const RADIUS: f32 = 6.1;
-/// How far a lens may bend the image of a block beyond that of its corners, as a share of its size.
+/// How far distortion may extend the image of a block beyond its corners, as a share of its size.
 const BEND: f32 = 0.1;
 
 /// A lens in single precision.
@@ -34,29 +34,30 @@ pub(super) struct Lens {
     pub(super) field: [f32; 4],
 }
 
-/// A camera at its place over a grid.
+/// A camera at a pose, and a grid.
 #[derive(Clone, Debug)]
 pub(super) struct Visibility {
     pub(super) lens: Lens,
-    /// Camera from blocks: axes and the grid's origin, meters.
+    /// camera_from_world, meters.
     rotation: Matrix3<f64>,
     translation: Vector3<f64>,
     block_m: f64,
     voxel_m: f32,
     /// From a block's first voxel to its center, in the camera's axes, meters.
     to_center: [f32; 3],
-    /// From there to the outermost voxels, axis by axis.
+    /// From the first voxel to the eight outermost voxels, axis by axis.
     corners: [[f32; 8]; 3],
 }
 
-/// What a frame can say about a block.
+/// How a frame sees a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Seen {
-    /// It lies outside of the image or behind all that is seen.
+    /// It lies outside the image or behind all measured depth.
     No,
-    /// It lies before all that is seen. The range as for `Near`.
+    /// It lies in front of all measured depth. The range is as for `Near`.
     Through(Range),
-    /// Depth may be in it. Nearer than the range, meters, space is free, and beyond it nothing is seen.
+    /// Measured depth may be in it. Space nearer than the range, meters, is free, and beyond it nothing
+    /// is seen.
     Near(Range),
 }
 
@@ -88,8 +89,8 @@ impl Lens {
         }
     }
 
-    /// Columns and rows of points before the camera. Points outside of what the lens is known for are
-    /// moved to its border.
+    /// Columns and rows of points in front of the camera. Points outside the valid range of the lens
+    /// are moved to its border.
     #[inline(always)]
     fn pixels(&self, x: &[f32; 8], y: &[f32; 8], z: &[f32; 8]) -> [[f32; 8]; 2] {
         let [k1, k2, k3, p1, p2] = self.distortion;
@@ -155,8 +156,8 @@ impl Visibility {
         [at.x as f32, at.y as f32, at.z as f32]
     }
 
-    /// What the depth of `tiles` can say about the block with this corner; `behind_m` is how far
-    /// behind a surface voxels are looked at, and `before_m` how far before it space is surely free.
+    /// How the depth of `tiles` sees the block with this corner. Voxels are updated up to `behind_m`
+    /// behind a surface; space more than `before_m` in front of it is free.
     #[inline(always)]
     pub(super) fn look(
         &self,
@@ -182,7 +183,7 @@ impl Visibility {
         if nearest_z > NEAREST_M {
             let pixels = lens.pixels(&x, &y, &z);
             let [columns, rows] = [extent(&pixels[0]), extent(&pixels[1])];
-            // Lenses bend what is between the corners.
+            // Distortion bends the edges between the corners.
             let bend = if lens.is_pinhole { 0.0 } else { BEND };
             let margins = [columns, rows].map(|[low, high]| 1.0 + bend * (high - low));
             left = left.max(columns[0] - margins[0]);

@@ -1,8 +1,8 @@
 //! The volume: a sparse grid of blocks, found by hashing.
 //!
-//! Blocks stand in the order in which they were allocated, but for the last one, which takes the slot of
-//! one that is taken away. That depends on frames and poses alone: results do not depend on hashes or
-//! threads. Knows no cameras.
+//! Blocks are in the order of their allocation, except that the last one takes the slot of a removed
+//! block. The order depends on frames and poses alone: results do not depend on hashes or threads.
+//! Independent of cameras.
 
 use std::collections::HashMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -42,23 +42,23 @@ pub struct Volume {
     changed: Vec<u64>,
     /// Whether a block may have voxels at a surface or behind it.
     solid: Vec<bool>,
-    /// How far colors of each block moved at most since it changed last, frame by frame summed up.
+    /// Largest color change of each block since it changed last, summed over frames.
     recolored: Vec<u8>,
     revision: u64,
 }
 
-/// What is known of a block beside its voxels.
+/// The state of a block besides its voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct State {
     /// The volume's revision at which it changed last.
     pub(super) changed: u64,
     /// Whether it may have voxels at a surface or behind it.
     pub(super) is_solid: bool,
-    /// How far its colors moved at most since then.
+    /// Its largest color change since then.
     pub(super) recolored: u8,
 }
 
-/// Some slots next to each other, to be changed.
+/// Adjacent slots that may be changed.
 pub(super) struct Piece<'a> {
     pub(super) keys: &'a [BlockKey],
     pub(super) blocks: &'a mut [Block],
@@ -83,7 +83,7 @@ impl Volume {
         }
     }
 
-    /// An empty one that finds so many blocks without growing.
+    /// An empty one, with room for this many blocks in its index.
     #[must_use]
     pub fn with_capacity(options: VolumeOptions, blocks: usize) -> Self {
         let mut volume = Self::new(options);
@@ -105,19 +105,19 @@ impl Volume {
         self.keys.len()
     }
 
-    /// Whether nothing was seen yet.
+    /// Whether it has no blocks.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.keys.is_empty()
     }
 
-    /// The revision: one more with each frame that was integrated.
+    /// The revision, which each integrated frame increases by one.
     #[must_use]
     pub fn revision(&self) -> u64 {
         self.revision
     }
 
-    /// Which block stands in a slot.
+    /// The key of the block in each slot.
     #[must_use]
     pub fn keys(&self) -> &[BlockKey] {
         &self.keys
@@ -129,8 +129,8 @@ impl Volume {
         self.blocks.view()
     }
 
-    /// The revision at which the block of each slot changed last; one of which only colors moved, by less
-    /// than an eye sees, did not.
+    /// The revision at which the block of each slot changed last. Invisible changes of color alone do
+    /// not count.
     #[must_use]
     pub fn changed(&self) -> &[u64] {
         &self.changed
@@ -148,8 +148,8 @@ impl Volume {
         self.slot(key).map(|slot| &self.blocks[slot])
     }
 
-    /// Puts a block at a key, in place of the one that is there, and tells its slot. That is a
-    /// revision of its own.
+    /// Puts a block at a key, replacing any that is there, and returns its slot. This is a new
+    /// revision.
     pub fn insert(&mut self, key: BlockKey, block: Block) -> usize {
         self.revision += 1;
         let slot = self.slot(key).unwrap_or_else(|| self.allocate(key));
@@ -160,8 +160,8 @@ impl Volume {
         slot
     }
 
-    /// Takes the block at a key away and tells whether there was one; the last block moves to its slot.
-    /// Its memory stays for others.
+    /// Removes the block at a key and returns whether there was one; the last block moves to its slot.
+    /// Its memory is kept for other blocks.
     pub fn remove(&mut self, key: BlockKey) -> bool {
         let Some(slot) = self.slots.remove(&key) else { return false };
         let slot = slot as usize;
@@ -176,7 +176,7 @@ impl Volume {
         true
     }
 
-    /// Gives memory back that blocks had which were taken away, but for what so many blocks need.
+    /// Frees the memory of removed blocks, except for what `blocks` blocks need.
     pub(super) fn shrink_to(&mut self, blocks: usize) {
         self.blocks.shrink_to(blocks);
     }
@@ -187,7 +187,7 @@ impl Volume {
         self.blocks.capacity()
     }
 
-    /// What is known of the block in a slot beside its voxels.
+    /// The state of the block in a slot besides its voxels.
     pub(super) fn state(&self, slot: usize) -> State {
         State {
             changed: self.changed[slot],
@@ -196,7 +196,7 @@ impl Volume {
         }
     }
 
-    /// Puts a block at a key as it was when it was taken away.
+    /// Puts a block back at a key, with the state that it had when it was removed.
     pub(super) fn put_back(&mut self, key: BlockKey, block: &Block, state: State) {
         let slot = self.slot(key).unwrap_or_else(|| self.allocate(key));
         self.blocks[slot].clone_from(block);
@@ -245,8 +245,8 @@ impl Volume {
 }
 
 /// Hashes of three coordinates: the upper half of a sum of their products with random numbers
-/// (Dietzfelbinger, STACS 1996). No choice of keys makes many of them collide but by luck, whatever file
-/// they come from.
+/// (Dietzfelbinger, STACS 1996). A file cannot choose keys so that many of them collide, except by
+/// luck.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KeyHashes([u64; 3]);
 
@@ -273,7 +273,7 @@ pub(super) struct KeyHasher {
 
 impl Hasher for KeyHasher {
     fn finish(&self) -> u64 {
-        // Tables choose places by the lowest bits.
+        // Hash tables choose buckets by the lowest bits.
         self.sum.rotate_left(32)
     }
 
@@ -304,7 +304,7 @@ mod tests {
         let key = |i: i32| BlockKey { x: 1000 + 5 * i, y: 2000 - 3 * i, z: 9 };
         let first = hashes.hash_one(key(0));
         assert!((0..600).all(|i| hashes.hash_one(key(i)) == first));
-        // But by luck: most of some choices spread them.
+        // Most random choices of factors spread the keys.
         let spreads = |_: &usize| {
             let other = KeyHashes::default();
             let mut places: Vec<_> = (0..600).map(|i| other.hash_one(key(i)) & 0x3ff).collect();

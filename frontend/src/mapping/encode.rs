@@ -1,4 +1,4 @@
-//! What tracking knows of a keyframe, as messages.
+//! Encodes cameras and keyframes as messages.
 
 use covis_client::wire::v1;
 use covis_solvers::geometry::Camera;
@@ -17,7 +17,7 @@ pub(super) fn camera(id: i64, camera: &FrameCamera) -> v1::Camera {
     messages::camera(id, &Camera::from(*camera.model()), (size(width), size(height)))
 }
 
-/// A keyframe with its new landmarks and all that it sees.
+/// A keyframe with its new landmarks and all its observations.
 pub(super) fn keyframe(camera_id: i64, keyframe: &NewKeyframe) -> v1::Keyframe {
     let landmarks = keyframe.landmarks.iter().map(|landmark| v1::Landmark {
         id: landmark.id as i64,

@@ -1,7 +1,6 @@
-//! Poses, points, cameras and times as messages, and back: what a frontend in Rust writes and reads.
+//! Converts poses, points, cameras and times to messages and back, for frontends in Rust.
 //!
-//! Both sides hold the same conventions (docs/conventions.md), so that nothing is converted but the
-//! layout.
+//! Both sides use the same conventions (docs/conventions.md), so that only the layout is converted.
 
 use covis_solvers::geometry::{Camera, Se3, So3};
 use nalgebra::{Vector2, Vector3};

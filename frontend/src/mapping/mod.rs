@@ -1,7 +1,7 @@
-//! The bridge to the server: keyframes go out as items, corrections of `WatchMap` come back.
+//! The bridge to the server: keyframes are sent as items, `WatchMap` returns corrections.
 //!
-//! The one place of the frontend that knows messages and is asynchronous; it decides nothing about
-//! tracking. Ids are those of [`crate::local_map`], the client is the frontend's own.
+//! The only asynchronous part of the frontend, and the only one that uses messages; it decides nothing
+//! about tracking. Ids are those of [`crate::local_map`], the client is the frontend's own.
 
 mod encode;
 pub mod messages;
@@ -20,7 +20,7 @@ use crate::camera::FrameCamera;
 use crate::local_map::Corrections;
 use crate::tracking::keyframe::NewKeyframe;
 
-/// The id of the one camera.
+/// The id of the only camera.
 const CAMERA: i64 = 0;
 
 /// A session with the server and a watch on its map.
@@ -54,10 +54,10 @@ impl Mapper {
         Ok(Self { client: client.clone(), map_id, client_id, session, watch })
     }
 
-    /// Sends a keyframe, waits until a solve has covered it, and tells the map as it is then.
+    /// Sends a keyframe, waits until a solve has included it, and returns the corrected map.
     ///
     /// # Errors
-    /// [`ClientError::Rejected`] where the server refused it; why the session ended.
+    /// [`ClientError::Rejected`] where the server refused it; the error that ended the session.
     pub async fn map_keyframe(
         &mut self,
         keyframe: &NewKeyframe,
@@ -68,10 +68,10 @@ impl Mapper {
         Ok(corrections(mirror, &self.client_id))
     }
 
-    /// Optimizes the whole map and tells it as it is then.
+    /// Optimizes the whole map and returns the result.
     ///
     /// # Errors
-    /// Any code of `OptimizeMap`; what the watch ended with.
+    /// Any code of `OptimizeMap`; the error that ended the watch.
     pub async fn optimize(&mut self) -> Result<Corrections, ClientError> {
         let request = v1::OptimizeMapRequest { map_id: self.map_id.clone(), ..Default::default() };
         self.client.optimize_map(request, |_row| {}).await?;
@@ -83,7 +83,7 @@ impl Mapper {
     /// Ends the session.
     ///
     /// # Errors
-    /// Why it ended before all was answered.
+    /// The error that ended it before everything was answered.
     pub async fn finish(self) -> Result<IngestReport, ClientError> {
         self.session.finish().await
     }

@@ -1,10 +1,10 @@
-//! A whole sequence: frames from a source through the pipeline, keyframes to the server and
-//! corrections back, until the trajectory stands on the final map.
+//! Runs a whole sequence: tracks the frames of a source, sends keyframes to the server and applies its
+//! corrections, and computes the trajectory on the final map.
 //!
-//! The paper's four threads: tracking is here, dense mapping is handed what tracking leaves
-//! ([`DenseThread`]), local mapping and loop closing are the server's. In lock-step, so that a run
-//! repeats to the digit. Frames are decoded ahead on a thread of their own; a frame that cannot be
-//! read is reported and skipped.
+//! Of the paper's four threads tracking is here, dense mapping receives the tracked frames
+//! ([`DenseThread`]), and the server does local mapping and loop closing. The server runs in lock-step,
+//! so that a run repeats to the last digit. Frames are decoded ahead on a separate thread; a frame that
+//! cannot be read is reported and skipped.
 
 use std::sync::mpsc;
 use std::time::Instant;
@@ -24,38 +24,38 @@ use covis_client::{Client, ClientError};
 /// Frames that are decoded ahead.
 const AHEAD: usize = 4;
 
-/// Where the keyframes go.
+/// The map that receives the keyframes.
 #[derive(Clone, Copy, Debug)]
 pub struct Target<'a> {
     /// The server.
     pub client: &'a Client,
     /// A map that exists there.
     pub map_id: &'a str,
-    /// Who sends.
+    /// The client that sends.
     pub client_id: &'a str,
 }
 
-/// Where frames go that were tracked.
+/// Where tracked frames are sent.
 #[derive(Clone, Copy, Debug)]
 pub struct DenseFeed<'a> {
     /// Dense mapping.
     pub thread: &'a DenseThread,
-    /// Every how many frames one goes there; at least 1.
+    /// One of this many frames is sent; at least 1.
     pub every: usize,
 }
 
-/// Durations of one kind, seconds, in the order of frames.
+/// Durations in seconds, in the order of frames.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Durations {
     /// Reading and decoding a frame.
     pub decode: Vec<f64>,
-    /// Tracking it, with what follows.
+    /// Tracking a frame, by stages.
     pub stages: Vec<StageSeconds>,
-    /// Waiting for the server, a keyframe.
+    /// Waiting for the server, per keyframe.
     pub map: Vec<f64>,
 }
 
-/// What a run left.
+/// The result of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunReport {
     /// Frames that were read.
@@ -82,9 +82,9 @@ impl RunReport {
     }
 }
 
-/// What a caller sees of a run while it goes on, and what it knows.
+/// The caller's side of a run: gives masks, and is told about each frame.
 pub trait Companion {
-    /// What the user knows to move in the frame of this time: 255 there.
+    /// The user's mask for the frame of this time: 255 where something moves.
     fn mask(&mut self, timestamp_s: f64) -> Option<Image<u8>>;
 
     /// A frame was tracked, or lost.
@@ -94,7 +94,7 @@ pub trait Companion {
     fn skipped(&mut self, error: &FrameError);
 }
 
-/// A run while it goes on.
+/// The state of a run.
 struct Run<'a> {
     pipeline: Pipeline,
     mapper: Mapper,
@@ -103,11 +103,11 @@ struct Run<'a> {
     report: RunReport,
 }
 
-/// Runs a source through a pipeline. `decodes_ahead` takes a thread more. Dense mapping, where there
-/// is any, has heard of the final map at the end, and is for the caller to wait for.
+/// Runs a source through a pipeline. `decodes_ahead` uses one more thread. At the end, dense mapping,
+/// if there is any, has received the final map; the caller waits for it to finish.
 ///
 /// # Errors
-/// Why the session with the server ended.
+/// The error that ended the session with the server.
 pub async fn run(
     mut source: Box<dyn FrameSource>,
     pipeline: Pipeline,
@@ -125,7 +125,7 @@ pub async fn run(
     };
     if decodes_ahead {
         let (sender, receiver) = mpsc::sync_channel(AHEAD);
-        // It ends with the source, or when nobody receives any more.
+        // It ends with the source, or when the receiver is gone.
         let decoder = std::thread::spawn(move || {
             while let Some(frame) = frames() {
                 if sender.send(frame).is_err() {
@@ -136,7 +136,7 @@ pub async fn run(
         for (frame, seconds) in receiver {
             run.step(frame, seconds).await?;
         }
-        // A decoder that panicked has told so on its own; the frames so far stand.
+        // A decoder that panicked has already reported it; the frames so far are valid.
         let _ended = decoder.join();
     } else {
         while let Some((frame, seconds)) = frames() {
@@ -179,7 +179,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Hands a frame to dense mapping, where it is one of those and its pose rests on landmarks.
+    /// Hands a frame to dense mapping, if it is due and its pose is based on landmarks.
     fn map_densely(&self, frame: RgbdFrame, outcome: Outcome, keyframe_is_new: bool) {
         let Some(DenseFeed { thread, every }) = self.dense else { return };
         let is_due = (self.report.frames - 1).is_multiple_of(every.max(1));
@@ -205,7 +205,7 @@ impl Run<'_> {
         }
     }
 
-    /// Puts the trajectory on the final map.
+    /// Computes the trajectory on the final map.
     async fn finish(mut self) -> Result<RunReport, ClientError> {
         if !self.report.durations.map.is_empty() {
             let corrections = self.mapper.optimize().await?;

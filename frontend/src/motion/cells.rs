@@ -1,5 +1,5 @@
-//! A frame in cells of 4 × 4 pixels: what the motion models see of it.
-//! Knows the lens, for the rays of cells, and no motion.
+//! A frame in cells of 4 × 4 pixels, the input of the motion models. Uses the lens for the rays of
+//! cells, but no motion.
 
 use nalgebra::Vector2;
 
@@ -30,7 +30,8 @@ pub fn cell_rays(camera: &FrameCamera) -> CellRays {
     rays
 }
 
-/// The depth of each cell; where none was measured, about that of the cells before it.
+/// The depth of each cell; where none was measured, a value between that of the previous cell and the
+/// median.
 #[must_use]
 pub fn filled_depths(cells: &Image<CellView>) -> Image<f32> {
     let mut known: Vec<f32> =
@@ -108,7 +109,7 @@ fn lower_median(a: f32, b: f32, c: f32, d: f32) -> f32 {
     let (low, high) = ((a.min(b), c.min(d)), (a.max(b), c.max(d)));
     let least = low.0.min(low.1);
     let middle = (low.0.max(low.1), high.0.min(high.1));
-    // What was not measured is 0 and comes first.
+    // A depth that was not measured is 0 and sorts first.
     if least > 0.0 { middle.0.min(middle.1) } else { middle.0.max(middle.1) }
 }
 

@@ -1,25 +1,25 @@
 //! The dual-mode single Gaussian model of a cell (Yi et al., CVPRW 2013).
 //!
-//! A background and a candidate, each a Gaussian of the cell's gray level with an age. Only the one
-//! that matches is updated, so that what passes by does not spoil the background; a candidate that
-//! has been there for longer than the background takes its place. Knows nothing of cameras.
+//! A background and a candidate, each a Gaussian of the cell's gray level with an age. Only the mode
+//! that matches is updated, so that a passing object does not spoil the background. A candidate that is
+//! older than the background replaces it. Independent of cameras.
 
 /// Parameters of the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GaussianOptions {
     /// θ_s: squared distance to a mean, in variances, up to which a cell matches it.
     pub match_chi2: f32,
-    /// θ_d: the same above which it is foreground.
+    /// θ_d: squared distance to the background, in variances, above which a cell is foreground.
     pub foreground_chi2: f32,
     /// Age from which on a background is known, frames.
     pub known_age: f32,
-    /// Variance of a mode that has just begun, and least variance, gray levels squared.
+    /// Least variance of a mode, gray levels squared.
     pub least_variance: f32,
     /// α_max, frames.
     pub largest_age: f32,
-    /// θ_v: variance above which a mixed model ages backward, gray levels squared.
+    /// θ_v: variance above which the age of a model decreases, gray levels squared.
     pub decay_variance: f32,
-    /// λ: how fast.
+    /// λ: rate of this decrease.
     pub decay: f32,
 }
 
@@ -65,7 +65,7 @@ pub struct CellView {
 }
 
 impl CellView {
-    /// Whether it is too bright for its gray levels to say anything.
+    /// Whether it is so bright that its gray levels carry no information.
     #[must_use]
     pub fn is_saturated(&self) -> bool {
         self.largest >= SATURATED
@@ -75,9 +75,9 @@ impl CellView {
 /// Both modes of a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DualMode {
-    /// What was there for longest.
+    /// The mode that was there for longest.
     pub background: Mode,
-    /// What may take its place.
+    /// The mode that may replace it.
     pub candidate: Mode,
 }
 
@@ -89,14 +89,14 @@ impl Mode {
         Self { mean: view.mean, variance, age: 1.0 }
     }
 
-    /// Whether a cell's mean is one of this model's.
+    /// Whether a cell's mean lies within this model.
     #[must_use]
     pub fn matches(&self, mean: f32, options: &GaussianOptions) -> bool {
         let away = mean - self.mean;
         self.age > 0.0 && away * away < options.match_chi2 * self.variance
     }
 
-    /// Ages backward where the model is wide: such a mixture is of different things.
+    /// Decreases the age where the variance is large: such a model mixes different surfaces.
     #[inline(always)]
     pub fn fade(&mut self, options: &GaussianOptions) {
         if self.variance > options.decay_variance {
@@ -104,7 +104,7 @@ impl Mode {
         }
     }
 
-    /// Takes another frame in.
+    /// Updates the model with another frame.
     pub fn update(&mut self, view: &CellView, options: &GaussianOptions) {
         let Self { mean, variance, age } = *self;
         self.mean = (age * mean + view.mean) / (age + 1.0);
@@ -121,7 +121,7 @@ fn spread(mean: f32, view: &CellView) -> f32 {
 }
 
 impl DualMode {
-    /// Whether a cell is foreground to the background; `None` where that is not known for long.
+    /// Whether a cell is foreground; `None` where it is saturated or the background is not known yet.
     #[must_use]
     pub fn is_foreground(&self, view: &CellView, options: &GaussianOptions) -> Option<bool> {
         if self.background.age < options.known_age || view.is_saturated() {
@@ -131,8 +131,8 @@ impl DualMode {
         Some(away * away > options.foreground_chi2 * self.background.variance)
     }
 
-    /// Updates the mode that matches, begins a candidate where none does, and lets a candidate that
-    /// is older take the background's place. Whether the background matched.
+    /// Updates the mode that matches, begins a candidate where none does, and replaces the background
+    /// by a candidate that is older. Returns whether the background matched.
     pub fn update(&mut self, view: &CellView, options: &GaussianOptions) -> bool {
         let is_background = self.background.matches(view.mean, options);
         if is_background {
@@ -152,7 +152,7 @@ impl DualMode {
     }
 }
 
-/// Modes of many cells, number by number.
+/// Modes of many cells as a structure of arrays.
 #[derive(Clone, Copy, Debug)]
 pub struct ModeLanes<const N: usize> {
     /// μ, gray levels.
@@ -183,8 +183,8 @@ impl<const N: usize> ModeLanes<N> {
     }
 }
 
-/// Modes mixed from others, each by its weight: μ̃ = Σ w μ, σ̃² = Σ w (σ² + (μ − μ̃)²), over the sum
-/// of the weights; the age is 0 where nothing has weight. What is without age has none.
+/// Weighted mixtures of modes: μ̃ = Σ w μ, σ̃² = Σ w (σ² + (μ − μ̃)²), over the sum of the weights. A
+/// mode of age 0 has no weight; the age is 0 where no mode has weight.
 #[inline(always)]
 #[must_use]
 pub fn mix<const N: usize, const P: usize>(
@@ -209,7 +209,7 @@ pub fn mix<const N: usize, const P: usize>(
         }
         mixed.mean[lane] = mean;
         mixed.variance[lane] = variance * share;
-        // What is covered in part is not known for as long.
+        // A cell that is covered only in part gets a lower age.
         mixed.age[lane] = age * share * total.min(1.0);
     }
     mixed
@@ -231,7 +231,7 @@ mod tests {
     fn the_two_models_follow_the_equations_on_a_sequence_computed_by_hand() {
         let options = plain(1.0);
         let mut cell = DualMode::default();
-        // Nothing matches an empty model: the candidate begins and, older than nothing, takes over.
+        // Nothing matches an empty model: a candidate begins and replaces the empty background.
         assert!(!cell.update(&view(100.0, 4.0), &options));
         let first = Mode { mean: 100.0, variance: 16.0, age: 1.0 };
         assert_eq!(cell, DualMode { background: first, candidate: Mode::default() });

@@ -1,9 +1,9 @@
-//! What earlier frames say of this one: space that was seen to be free, surfaces that were there.
+//! Compares a frame with earlier ones: space that was seen to be free, surfaces that were there.
 //!
-//! A point of the current frame is looked up in frames of the last second and in older keyframes.
-//! Where such a witness saw something clearly behind the point, the space was free then, so that the
-//! point has moved there: no occlusion explains it. Where it saw the same depth, gray levels say
-//! whether it is the same surface. What moved when it was seen does not testify that it stands.
+//! A point of the current frame is looked up in frames of the last second and in older keyframes. Where
+//! such a witness saw something clearly behind the point, the space was free then: the point has moved
+//! there, because no occlusion explains it. Where the witness saw the same depth, gray levels decide
+//! whether it is the same surface. A place that moved in the witness gives no vote for standing still.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -20,21 +20,21 @@ use crate::simd::{self, Kernel};
 /// Parameters of the comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HistoryOptions {
-    /// How many frames back it looks.
+    /// How many frames back each witness is.
     pub lags: [usize; 5],
     /// How far behind a point free space must reach, meters.
     pub free_m: f32,
     /// The same, relative to its depth.
     pub free_share: f32,
-    /// Gray levels beyond those around a place from which on it is another surface.
+    /// A mean this far outside the range around a place is another surface, gray levels.
     pub other_gray: f32,
-    /// How far back gray levels count against a cell, frames: exposures add up beyond.
+    /// Gray levels vote for movement up to this many frames back: the errors of exposure add up.
     pub other_lag: usize,
-    /// From how far back on the same surface counts in full, frames: what is slow seems to stand.
+    /// The same surface counts in full from this many frames back on: slow objects seem to stand still.
     pub full_lag: usize,
-    /// Votes of a witness of free space; one that saw the same surface has one.
+    /// Votes of a witness that saw free space; one that saw the same surface has one vote.
     pub free_votes: f32,
-    /// Votes of a witness of another surface.
+    /// Votes of a witness that saw another surface.
     pub other_votes: f32,
 }
 
@@ -53,8 +53,8 @@ impl Default for HistoryOptions {
     }
 }
 
-/// The range of what a frame shows within a cell of each: edges of depth and of color differ. In
-/// whole millimeters and gray levels, since every keyframe keeps it.
+/// The ranges of depth and gray level within one cell of each, because edges of depth and of color
+/// differ. In whole millimeters and gray levels, because every keyframe keeps them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Around {
     /// Least depth; 0 where too little was measured.
@@ -69,7 +69,7 @@ struct Around {
     is_moving: bool,
 }
 
-/// A frame that was.
+/// An earlier frame.
 #[derive(Clone, Debug)]
 struct Snapshot {
     odom_from_camera: Se3,
@@ -78,7 +78,7 @@ struct Snapshot {
     exposure: Exposure,
 }
 
-/// What the witnesses say of a cell together.
+/// The sum of the witnesses' votes on a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Votes {
     /// That it moves.
@@ -87,12 +87,12 @@ pub struct Votes {
     pub stands: f32,
 }
 
-/// A keyframe that shows about what the current frame shows.
+/// A keyframe with about the same view as the current frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Neighbor {
     /// Its id.
     pub keyframe: usize,
-    /// Where the current camera is beside it.
+    /// The pose of the current camera relative to it.
     pub keyframe_from_camera: Se3,
 }
 
@@ -112,14 +112,14 @@ pub struct Current<'a> {
     pub rays: &'a CellRays,
     /// What its cells show.
     pub cells: &'a Image<CellView>,
-    /// About where it is.
+    /// Its approximate pose.
     pub odom_from_camera: &'a Se3,
     /// The change from the frame before it.
     pub exposure: Exposure,
 }
 
 impl History {
-    /// Adds the current frame, in which those cells move.
+    /// Adds the current frame with the mask of cells that move.
     pub fn push(&mut self, current: &Current<'_>, moving: &Image<bool>, options: &HistoryOptions) {
         for frame in &mut self.frames {
             frame.exposure = current.exposure.after(&frame.exposure);
@@ -146,7 +146,7 @@ impl History {
         }
     }
 
-    /// What the frames, and the keyframes beside it, say of each cell of the current one.
+    /// The votes of earlier frames and of neighboring keyframes on each cell of the current frame.
     #[must_use]
     pub fn ask(
         &self,
@@ -179,19 +179,19 @@ impl History {
     }
 }
 
-/// A frame that is asked.
+/// An earlier frame that votes on the current one.
 struct Witness<'a> {
     around: &'a Image<Around>,
-    /// Its own frame from the current camera's.
+    /// witness_from_current, between the cameras.
     motion: Se3,
-    /// From its gray levels to the current ones; `None` where they do not compare.
+    /// From its gray levels to the current ones; `None` where they cannot be compared.
     exposure: Option<Exposure>,
     other_votes: f32,
     same_votes: f32,
 }
 
 impl Witness<'_> {
-    /// Adds what the frame says of each cell.
+    /// Adds its votes on each cell.
     fn testify(&self, current: &Current<'_>, options: &HistoryOptions, votes: &mut Image<Votes>) {
         let warp = CellWarp::new(current.camera, current.rays, &self.motion);
         let places = warp.places(current.cells.pixels().iter().map(|cell| cell.depth_m));
@@ -211,7 +211,7 @@ impl Witness<'_> {
     }
 }
 
-/// A witness is asked about all cells.
+/// Adds the votes of a witness on all cells.
 struct Testimony<'a> {
     witness: &'a Witness<'a>,
     places: &'a Places,
@@ -223,7 +223,7 @@ struct Testimony<'a> {
 impl Kernel for Testimony<'_> {
     type Output = ();
 
-    /// Row by row: what it saw is looked up first, what that means is computed without branches.
+    /// Row by row: first looks up what the witness saw, then computes the votes without branches.
     #[inline(always)]
     fn run(self) {
         let Self { witness, places, current, options, votes } = self;
@@ -251,7 +251,7 @@ impl Kernel for Testimony<'_> {
     }
 }
 
-/// What a witness saw where a cell is; nothing of this where that is unclear.
+/// What a witness saw at the place of a cell; all false where that is unclear.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Look {
     is_free: bool,
@@ -259,7 +259,8 @@ struct Look {
     is_other: bool,
 }
 
-/// What a witness saw around the place where a cell, if it stood still, was at a depth.
+/// Compares a cell with what a witness saw around its place; `expected_m` is the depth that it had
+/// there if it stood still.
 #[inline(always)]
 fn look(
     around: &Around,
@@ -268,7 +269,7 @@ fn look(
     exposure: Option<&Exposure>,
     options: &HistoryOptions,
 ) -> Look {
-    /// Mean gray level of a cell from which on part of it may have been saturated.
+    /// From this mean gray level on, part of a cell may be saturated.
     const BRIGHT: f32 = 245.0;
     let (nearest_m, farthest_m) =
         (f32::from(around.nearest_mm) * 1e-3, f32::from(around.farthest_mm) * 1e-3);
@@ -302,7 +303,7 @@ struct Ranging<'a> {
     all: &'a mut Image<Around>,
 }
 
-/// What three cells or three of such show.
+/// The range over three cells, or over three such ranges.
 #[derive(Clone, Copy, Default)]
 struct Range {
     nearest_m: f32,
@@ -343,10 +344,10 @@ impl Range {
 impl Kernel for Ranging<'_> {
     type Output = ();
 
-    /// Three cells down, then three of those along.
+    /// Joins three cells of a column, then three of these ranges along the row.
     #[inline(always)]
     fn run(self) {
-        /// Of nine cells, how many must be measured.
+        /// Least number of the nine cells with measured depth.
         const LEAST_KNOWN: u8 = 6;
         let Self { cells, moving, all } = self;
         let (columns, rows) = cells.size();
@@ -401,8 +402,8 @@ mod tests {
         CellView { mean, least: mean, largest: mean, depth_m }
     }
 
-    /// The votes on the middle cell of a frame 0.1 m to the right of one that saw a wall at 2 m of
-    /// gray level 100, ten frames before.
+    /// The votes on the middle cell of a frame. Ten frames before, a camera 0.1 m to the left saw a
+    /// wall at 2 m with gray level 100.
     fn vote(seen: CellView, was_moving: bool, exposure: Exposure) -> Votes {
         let camera = camera();
         let rays = cell_rays(&camera);
@@ -434,7 +435,7 @@ mod tests {
         // Hidden by the wall, or without depth: no vote.
         assert_eq!(say(view(100.0, 2.5)), Votes::default());
         assert_eq!(say(view(100.0, 0.0)), Votes::default());
-        // Too bright to tell.
+        // Saturated: gray levels are ignored.
         assert_eq!(say(view(250.0, 2.0)), Votes { moves: 0.0, stands: 5.0 });
     }
 
@@ -443,7 +444,7 @@ mod tests {
         let brighter = Exposure { gain: 1.0, offset: 60.0 };
         let stands = Votes { moves: 0.0, stands: 5.0 };
         assert_eq!(vote(view(160.0, 2.0), false, brighter), stands);
-        // 60 gray levels of change are known to 30, with 15 for the surface.
+        // A change of 60 gray levels is uncertain by 30, plus 15 for the surface.
         assert_eq!(vote(view(110.0, 2.0), false, brighter).moves, 10.0);
         assert_eq!(vote(view(120.0, 2.0), false, brighter), stands);
     }

@@ -4,12 +4,12 @@
 //! |---|---|
 //! | [`cells`] | a frame in cells of 4 × 4 pixels |
 //! | [`gaussian`] | the dual-mode single Gaussian model of a cell |
-//! | [`warp`] | models carried along by the camera's motion |
+//! | [`warp`] | models warped by the camera's motion |
 //! | [`history`] | votes of earlier frames: space that was free, surfaces that were there |
-//! | [`regions`] | votes of cells spread along surfaces, and things that move |
+//! | [`regions`] | votes of cells spread along surfaces, and moving objects |
 //!
 //! Where depth is measured, earlier frames have most of the votes; where it is missing, the Gaussian
-//! models have all. Knows poses and images, and nothing of the map.
+//! models have all. Uses poses and images, but not the map.
 
 pub mod cells;
 pub mod gaussian;
@@ -38,7 +38,7 @@ pub struct MotionOptions {
     pub regions: RegionOptions,
 }
 
-/// Models of what stands still, carried from frame to frame.
+/// Models of the static scene, warped from frame to frame.
 #[derive(Clone, Debug)]
 pub struct MotionDetector {
     options: MotionOptions,
@@ -49,7 +49,7 @@ pub struct MotionDetector {
 }
 
 impl MotionDetector {
-    /// A detector that has seen nothing.
+    /// A detector without any frame yet.
     #[must_use]
     pub fn new(camera: &FrameCamera, options: MotionOptions) -> Self {
         let rays = cell_rays(camera);
@@ -62,7 +62,8 @@ impl MotionDetector {
         }
     }
 
-    /// Takes the next frame, about at a pose: 255 where a pixel shows something that moves.
+    /// Detects movement in the next frame at an approximate pose: 255 where a pixel shows something
+    /// that moves.
     pub fn detect(
         &mut self,
         camera: &FrameCamera,
@@ -99,19 +100,19 @@ impl MotionDetector {
         mask
     }
 
-    /// Keeps the frame that was detected last as a keyframe.
+    /// Keeps the last frame of [`Self::detect`] as a keyframe.
     pub fn keep(&mut self, keyframe: usize) {
         self.history.keep(keyframe);
     }
 
-    /// Corrects the pose of the frame that was detected last.
+    /// Corrects the pose of the last frame of [`Self::detect`].
     pub fn correct_newest(&mut self, odom_from_camera: &Se3) {
         self.history.correct_newest(odom_from_camera);
         self.odom_from_camera = *odom_from_camera;
     }
 }
 
-/// Cells as pixels; at the border of what moves, depth says which side a pixel is on.
+/// Turns the mask of cells into one of pixels; at its border, depth decides on which side a pixel is.
 fn pixels(moving: &Image<bool>, views: &Image<CellView>, depth_m: &Image<f32>) -> Image<u8> {
     let (columns, rows) = moving.size();
     let mut mask = Image::filled(depth_m.width(), depth_m.height(), 0);

@@ -1,17 +1,17 @@
-//! From what is known of single cells to the things that move.
+//! From the votes of single cells to the objects that move.
 //!
-//! Votes spread along surfaces and end at steps of depth (the recursive filter of Gastal and
-//! Oliveira, "Domain transform for edge-aware image and video processing", 2011). A cell moves where
-//! most of the votes that reach it say so.
+//! Votes spread along surfaces and stop at depth discontinuities (the recursive filter of Gastal and
+//! Oliveira, "Domain transform for edge-aware image and video processing", 2011). A cell moves if most
+//! of the votes that reach it are for movement.
 
 use super::history::Votes;
 use crate::image::Image;
 use crate::simd::{self, Kernel};
 
-/// What is known of a cell.
+/// Votes and depth of a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CellEvidence {
-    /// What frames and models say.
+    /// The votes of frames and models.
     pub votes: Votes,
     /// Depth, meters; 0 where none was measured.
     pub depth_m: f32,
@@ -22,7 +22,7 @@ pub struct CellEvidence {
 pub struct RegionOptions {
     /// Votes of the Gaussian model of a cell with depth.
     pub gray_votes: Votes,
-    /// Votes of that of a cell without.
+    /// Votes of the Gaussian model of a cell without depth.
     pub blind_votes: Votes,
     /// How far votes reach, cells.
     pub reach: f32,
@@ -32,11 +32,11 @@ pub struct RegionOptions {
     pub passes_unknown: f32,
     /// Share of the votes above which a cell moves.
     pub moves_share: f32,
-    /// Share above which a cell beside one that moves belongs to it.
+    /// Share above which a cell connected to a moving one moves too.
     pub grows_share: f32,
-    /// Votes that must reach a cell.
+    /// Least votes that must reach a moving cell.
     pub least_votes: f32,
-    /// Least cells of a thing that move.
+    /// Least number of cells above `moves_share` in a moving object.
     pub least_cells: usize,
 }
 
@@ -79,7 +79,7 @@ pub fn moving_cells(evidence: &Image<CellEvidence>, options: &RegionOptions) -> 
     moving
 }
 
-/// Takes the connected cells around `start` that are left.
+/// Moves the connected cells around `start` that are left into `thing`.
 fn take_thing(is_left: &mut Image<bool>, start: (usize, usize), thing: &mut Vec<(usize, usize)>) {
     let (columns, rows) = is_left.size();
     thing.clear();
@@ -107,7 +107,7 @@ fn take_thing(is_left: &mut Image<bool>, start: (usize, usize), thing: &mut Vec<
 
 /// The votes that reach each cell along its surface.
 fn spread(evidence: &Image<CellEvidence>, options: &RegionOptions) -> Image<Votes> {
-    /// After two, votes reach about as far across as along.
+    /// After two rounds, votes reach about as far across rows as along them.
     const ROUNDS: usize = 2;
     let depths = evidence.map(|cell| cell.depth_m);
     let across = transposed(&depths);
@@ -131,7 +131,7 @@ fn spread(evidence: &Image<CellEvidence>, options: &RegionOptions) -> Image<Vote
     votes
 }
 
-/// Columns as rows: a pass along rows is one along columns, many columns at a time.
+/// Swaps columns and rows: a pass along rows becomes one along columns, many columns at a time.
 fn transposed(image: &Image<f32>) -> Image<f32> {
     let (columns, rows) = image.size();
     let mut out = Image::filled(rows, columns, 0.0);
@@ -198,7 +198,7 @@ mod tests {
     const STANDS: Votes = Votes { moves: 0.0, stands: 4.0 };
     const MOVES: Votes = Votes { moves: 4.0, stands: 1.0 };
 
-    /// A wall at 2 m that stands.
+    /// A static wall at 2 m.
     fn wall() -> Image<CellEvidence> {
         Image::filled(100, 80, CellEvidence { votes: STANDS, depth_m: 2.0 })
     }

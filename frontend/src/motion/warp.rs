@@ -1,8 +1,7 @@
-//! The Gaussian models carried along by the camera: the previous frame's, as this frame should see
-//! them.
+//! Warps the Gaussian models of the previous frame into the current one.
 //!
-//! Each cell of the current frame looks back: its point, by pose and depth, lies among four cells of
-//! the previous frame, whose models are mixed by how much of it they cover.
+//! The point of each cell, by pose and depth, is projected into the previous frame. The models of the
+//! four cells around it are mixed by how much of the cell they cover.
 
 use covis_solvers::geometry::Se3;
 
@@ -22,22 +21,23 @@ pub struct Exposure {
 }
 
 impl Exposure {
-    /// None.
+    /// No change.
     pub const SAME: Self = Self { gain: 1.0, offset: 0.0 };
 
-    /// What a gray level has become.
+    /// The later value of a gray level.
     #[must_use]
     pub fn apply(&self, gray: f32) -> f32 {
         self.gain * gray + self.offset
     }
 
-    /// Standard deviation of that, gray levels: half of the change, which is no straight line.
+    /// Standard deviation of [`Self::apply`], gray levels: half of the change, because the true change
+    /// is not linear.
     #[must_use]
     pub fn doubt(&self, gray: f32) -> f32 {
         0.5 * (self.apply(gray) - gray).abs()
     }
 
-    /// From the earliest to the latest of three frames: this after `before`.
+    /// The change from the first to the last of three frames: `before`, then this one.
     #[must_use]
     pub fn after(&self, before: &Self) -> Self {
         Self { gain: self.gain * before.gain, offset: self.apply(before.offset) }
@@ -53,7 +53,7 @@ pub struct CellWarp<'a> {
 }
 
 impl<'a> CellWarp<'a> {
-    /// For a motion.
+    /// The warp of a motion.
     #[must_use]
     pub fn new(camera: &'a FrameCamera, rays: &'a CellRays, other_from_current: &Se3) -> Self {
         let rotation = other_from_current.rotation.matrix();
@@ -63,7 +63,7 @@ impl<'a> CellWarp<'a> {
         Self { camera, rays, rotation: [row(0), row(1), row(2)], translation }
     }
 
-    /// Where the middles of cells at these depths, cell by cell, lie.
+    /// The places of the centers of all cells, given one depth per cell.
     pub fn places(&self, depths_m: impl Iterator<Item = f32>) -> Places {
         let mut places = Places::of(depths_m);
         simd::run(Placing { warp: self, places: &mut places });
@@ -71,14 +71,14 @@ impl<'a> CellWarp<'a> {
     }
 }
 
-/// Where cells lie in another image; not numbers where it cannot show them.
+/// Where cells lie in another image; NaN where it cannot show them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Places {
     /// Columns of cells.
     pub x: Vec<f32>,
     /// Rows of cells.
     pub y: Vec<f32>,
-    /// How deep they are there, meters.
+    /// Their depth in that camera, meters.
     pub depth_m: Vec<f32>,
 }
 
@@ -117,8 +117,8 @@ impl Kernel for Placing<'_> {
     }
 }
 
-/// Carries the models of the previous frame over; `depths_m` has a depth for every cell, measured
-/// or not. A cell that the previous frame did not show has models of age 0.
+/// Warps the models of the previous frame into the current one; `depths_m` has a depth for every cell,
+/// measured or not. A cell that the previous frame did not show has models of age 0.
 #[must_use]
 pub fn carry(
     warp: &CellWarp<'_>,
@@ -144,7 +144,7 @@ struct Carrying<'a> {
 impl Kernel for Carrying<'_> {
     type Output = ();
 
-    /// Some cells at a time: their models are looked up first and mixed then.
+    /// Batch by batch: first looks up the models of the cells, then mixes them.
     #[inline(always)]
     fn run(self) {
         const LANES: usize = 32;
@@ -182,7 +182,7 @@ impl Kernel for Carrying<'_> {
     }
 }
 
-/// The four cells around a place with the shares of it that they cover.
+/// The four cells around a place, and the share of it that each covers.
 #[inline(always)]
 fn around((columns, rows): (usize, usize), x: f32, y: f32) -> Option<([f32; 4], [usize; 4])> {
     let (right, bottom) = ((columns - 1) as f32, (rows - 1) as f32);
@@ -213,7 +213,7 @@ mod tests {
         let lens = PinholeRadialTangential { fx, fy, cx, cy, k1, k2, p1, p2, k3 };
         let camera = FrameCamera::new(lens, 160, 120).unwrap();
         let rays = cell_rays(&camera);
-        // Gray levels that grow by ten from column to column tell where a model came from.
+        // Gray levels grow by ten from column to column, to show where a model came from.
         let mut models = rays.map(|_| DualMode::default());
         for row in 0..30 {
             for column in 0..40 {

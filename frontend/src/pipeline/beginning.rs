@@ -1,7 +1,8 @@
-//! How a sequence begins: the first keyframe, made twice.
+//! How a sequence begins: the first keyframe is made twice.
 //!
-//! A frame of a camera that turns is bent by its shutter, and its depth is of another time. By how
-//! much is known when the next frame has come; until then the first keyframe is kept back.
+//! While the camera turns, the rolling shutter distorts a frame, and depth is measured at another time
+//! than color. Both effects can be corrected once the next frame shows the motion; until then the first
+//! keyframe is held back.
 
 use std::sync::Arc;
 
@@ -16,18 +17,18 @@ use crate::pyramid::Pyramid;
 use crate::shutter::Shutter;
 use crate::tracking::keyframe::{self, NewKeyframe};
 
-/// The first frame, until the next one tells how the camera turned.
+/// The first frame, kept until the next one shows how the camera turned.
 pub(super) struct First {
     frame: RgbdFrame,
     pyramid: Arc<Pyramid>,
-    /// What its user knows to move.
+    /// The user's mask of what moves.
     mask: Option<Image<u8>>,
     pub(super) keyframe: Option<NewKeyframe>,
 }
 
 impl Pipeline {
-    /// The first frame with enough landmarks is the first keyframe, its camera the origin of map and
-    /// odometry. It is handed out with the next frame.
+    /// Makes the first frame with enough landmarks the first keyframe. Its camera is the origin of map
+    /// and odometry. The keyframe is returned with the next frame.
     pub(super) fn begin(
         &mut self,
         frame: &RgbdFrame,
@@ -49,14 +50,15 @@ impl Pipeline {
         self.first = Some(First { frame: frame.clone(), pyramid, mask: mask.cloned(), keyframe });
     }
 
-    /// The first frame once more, now that the next one tells how the camera turned while its rows
-    /// and its depth were taken: landmarks that are off by what a shutter bends never fit again.
+    /// Processes the first frame again, because the next one shows how the camera turned while its rows
+    /// and its depth were captured. Landmarks with an uncorrected shutter distortion would never fit
+    /// again.
     pub(super) fn begin_again(
         &mut self,
         first: &mut First,
         (pyramid, next): (&Pyramid, &RgbdFrame),
     ) {
-        /// The motion is as wrong as the first frame is; both become better together.
+        /// The motion has the error of the first frame; each round improves both.
         const ROUNDS: usize = 3;
         let origin = Se3::identity();
         let (frame, timing) = (&first.frame, self.options.timing);

@@ -1,7 +1,7 @@
-//! A. The initial pose of a frame: from several starts, the alignment that fits best. Compares with
-//! the last frame only; the map comes later. As long as that knows nothing, surfaces may contradict:
-//! one textured thing that walks can have more gray levels to say than the room. The turn of the small
-//! image comes first then: there each part of the view has its area as its say.
+//! A. The initial pose of a frame: the best alignment from several starts. Compares with the last frame
+//! only; the map is used later. While few landmarks are known, surfaces can reject the alignment,
+//! because one textured object that moves can have more gradients than the room. The rotation of the
+//! small image is used instead: there each part of the view counts by its area.
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector2;
@@ -17,19 +17,19 @@ use crate::tracking::alignment::{Alignment, AlignmentOptions, Reference};
 use crate::tracking::rotation::SmallImage;
 use crate::tracking::surfaces::{CurrentDepth, Surfaces};
 
-/// An alignment that fits so well needs no other start, gray levels.
+/// With a median residual below this no other start is tried, gray levels.
 const GOOD_RESIDUAL: f32 = 6.0;
 
-/// An alignment that this share of the surfaces agrees with needs no other opinion.
+/// An alignment that at least this share of the surfaces agrees with is accepted.
 const GOOD_SHARE: f64 = 0.8;
-/// By how much larger the share must be that agrees with an alignment which is not as good.
+/// Below that, its share must exceed the share of the rotation by more than this.
 const CLEAR_SHARE: f64 = 0.2;
 
-/// Where a frame is beside the last one.
+/// The pose of a frame relative to the last one.
 pub(super) struct InitialPose {
     pub(super) last_from_camera: Se3,
     pub(super) exposure: Exposure,
-    /// Of the alignment, gray levels.
+    /// Median residual of the alignment, gray levels.
     pub(super) median_residual: f32,
 }
 
@@ -45,7 +45,7 @@ pub(super) fn initial_pose(
     let elapsed_s = frame.timestamp_s - last.timestamp_s;
     let (motion, motion_s) = &last.motion;
     let rate = if *motion_s > 0.0 { 1.0 / motion_s } else { 0.0 };
-    // As it went on, for as long as it took this time.
+    // The last motion continues at the same rate for the elapsed time.
     let predicted = Se3::exp(&(motion.log() * (elapsed_s * rate))).inverse();
     let shutter = Shutter::new(camera, &(motion.rotation.log() * rate), timing.readout_s);
     let is_moving = |pixel: &Vector2<f64>| {
@@ -86,10 +86,10 @@ pub(super) fn initial_pose(
     })
 }
 
-/// Whether surfaces prefer the turn of the small image, with the translation as it went on, to an
-/// alignment. It has less freedom, and so less to be misled by: the alignment must agree with most
-/// of the surfaces, or with clearly more. Depth is of another time than color, and while the
-/// camera's turn changes, no motion agrees with all.
+/// Whether surfaces prefer the rotation of the small image, with the predicted translation, to an
+/// alignment. The rotation has fewer degrees of freedom and is misled less: the alignment must agree
+/// with most of the surfaces, or with clearly more of them. Depth is taken at another time than color,
+/// so that no motion agrees with all surfaces while the turn rate changes.
 fn prefer_turn(
     surfaces: &Surfaces,
     current: &CurrentDepth<'_>,
@@ -112,8 +112,8 @@ mod tests {
     use crate::synthetic::{SceneName, Sequence, SequenceOptions};
     use crate::tracking::local_matching::View;
 
-    /// Whether the turn is preferred between two frames of a still room, half a second apart, if
-    /// alignment and turn are off by motions.
+    /// Whether the turn is preferred between two frames of a static room, half a second apart, if
+    /// alignment and turn have these errors.
     fn turn_is_preferred(aligned_off: &Se3, turned_off: &Se3) -> bool {
         let options = SequenceOptions { width: 320, height: 240, frames: 9, seed: 3, noise: false };
         let sequence = Sequence::new(SceneName::Static, &options);
@@ -141,7 +141,7 @@ mod tests {
     fn an_alignment_that_rode_along_with_something_yields_to_the_turn_of_the_image() {
         let rode_along = off([0.03, -0.02, 0.01], [0.01, -0.02, 0.04]);
         assert!(turn_is_preferred(&rode_along, &off([0.0, 0.004, 0.0], [0.004, 0.0, 0.0])));
-        // As wrong as the other, and simpler.
+        // With equal errors the simpler one is preferred.
         assert!(turn_is_preferred(&rode_along, &rode_along));
     }
 

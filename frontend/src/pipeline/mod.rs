@@ -1,17 +1,16 @@
-//! A frame through all stages of tracking.
+//! Takes a frame through all stages of tracking.
 //!
 //! | file | role |
 //! |---|---|
 //! | this | the stages in order; the state between frames |
 //! | `beginning` | the first keyframe |
 //! | `initial` | A. the initial pose |
-//! | `pose` | B. and D.: matches, and the pose of those that do not move |
-//! | `relocalization` | where the camera is when it was lost |
+//! | `pose` | B. and D.: matches, and the pose that fits the static ones |
+//! | `relocalization` | the pose after tracking was lost |
 //!
-//! Of the paper's four threads this is the first, tracking. What a frame leaves goes to the second,
-//! dense mapping (`crate::dense::thread`). Local mapping and loop closing are the server's:
-//! keyframes go out and corrections come in as values (`crate::mapping`), and nothing here
-//! knows of a server.
+//! This is tracking, the first of the paper's four threads. Tracked frames are handed to dense mapping
+//! (`crate::dense::thread`). The server does local mapping and loop closing: keyframes are sent and
+//! corrections are received as values (`crate::mapping`), and nothing here depends on a server.
 //!
 //! Two frames of reference are kept apart: the map, which the server corrects, and odometry, which
 //! drifts and never jumps. A correction moves the last frame along with its reference keyframe.
@@ -51,11 +50,11 @@ use pose::{FEW_INLIERS, LEAST_INLIERS, find_pose, pose_without_moving};
 
 /// Levels of the pyramid.
 const LEVELS: usize = 5;
-/// Frames that a landmark fitted from which on it is known.
+/// A landmark that fitted in this many frames is known.
 const KNOWN_TIMES: usize = 5;
-/// Frames in a row whose pose is that of the alignment alone, before tracking is lost.
+/// Most frames in a row with a pose from the alignment alone, before tracking is lost.
 const MOST_COASTED: usize = 5;
-/// Largest median residual of an alignment that counts by itself, gray levels.
+/// An alignment alone gives a pose only below this median residual, gray levels.
 const COASTING_RESIDUAL: f32 = 25.0;
 /// Landmarks that the first keyframe needs.
 const LEAST_LANDMARKS: usize = 50;
@@ -75,7 +74,7 @@ pub struct PipelineOptions {
     pub alignment: AlignmentOptions,
     /// B. Matching.
     pub matching: MatchOptions,
-    /// C. Detection of movement; `None` leaves it out and nothing else.
+    /// C. Detection of movement; `None` leaves out this stage only.
     pub motion: Option<MotionOptions>,
     /// Keyframes.
     pub keyframes: KeyframeOptions,
@@ -100,22 +99,22 @@ impl Default for PipelineOptions {
 pub struct TrackedFrame {
     /// When it was captured, seconds.
     pub timestamp_s: f64,
-    /// The keyframe that it is tied to.
+    /// Its reference keyframe.
     pub keyframe: usize,
-    /// Its pose beside that keyframe.
+    /// Its pose relative to that keyframe.
     pub keyframe_from_camera: Se3,
     /// Its pose in the map at that time.
     pub world_from_camera: Se3,
     /// Its pose in the odometry frame.
     pub odom_from_camera: Se3,
-    /// Matches that fit; 0 where the alignment alone tells the pose.
+    /// Matches that fit; 0 where the pose is from the alignment alone.
     pub inliers: usize,
 }
 
 /// How long the parts of a frame took, seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageSeconds {
-    /// All of tracking, with the rest below.
+    /// All of tracking, including the stages below.
     pub track: f64,
     /// A. Initial pose.
     pub align: f64,
@@ -125,42 +124,42 @@ pub struct StageSeconds {
     pub refine: f64,
 }
 
-/// What became of a frame.
+/// The result of tracking a frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
     /// Its pose; `None` where tracking is lost.
     pub tracked: Option<TrackedFrame>,
-    /// The keyframe that it became.
+    /// The new keyframe, if there is one.
     pub keyframe: Option<NewKeyframe>,
     /// 255 where a pixel shows something that moves, as detected or given; `None` without either.
     pub moving: Option<Image<u8>>,
-    /// Depth as it was when the color was taken, where the frame's own is of another time.
+    /// Depth at the time of the color image, where the frame's own depth was taken at another time.
     pub synchronized_depth_m: Option<Image<f32>>,
     /// How long it took.
     pub seconds: StageSeconds,
 }
 
-/// The frame before.
+/// The previous frame.
 struct Last {
     timestamp_s: f64,
     pyramid: Arc<Pyramid>,
     small: SmallImage,
     moving: Option<Image<u8>>,
     points: Vec<AlignmentPoint>,
-    /// Until enough landmarks fitted for so long that they tell the room from what walks in it.
+    /// Present until enough landmarks are known to distinguish the room from what moves in it.
     surfaces: Option<Surfaces>,
     keyframe: usize,
     world_from_camera: Se3,
     odom_from_camera: Se3,
-    /// last_from_next, if the camera goes on as it did, and in how many seconds.
+    /// last_from_next, if the camera keeps moving as before, and the duration of the motion, seconds.
     motion: (Se3, f64),
 }
 
-/// A frame on its way through the stages.
+/// The frame that is being tracked.
 struct Now<'a> {
     frame: &'a RgbdFrame,
     pyramid: Arc<Pyramid>,
-    /// Depth when the color was taken.
+    /// Depth at the time of the color image.
     depth_m: &'a Image<f32>,
     shutter: Shutter,
 }
@@ -207,7 +206,7 @@ impl Pipeline {
         &self.map
     }
 
-    /// Takes what the server corrected. The odometry frame does not notice.
+    /// Applies the server's corrections to the map. Odometry does not change.
     pub fn correct(&mut self, corrections: &Corrections) {
         let Some(last) = &mut self.last else { return self.map.correct(corrections) };
         let before = self.map.keyframes[last.keyframe].world_from_camera;
@@ -232,8 +231,8 @@ impl Pipeline {
         outcome
     }
 
-    /// How the rows of a frame were exposed, and its depth when they were, by a motion that took so
-    /// long; `None` where the depth is right as it is.
+    /// The shutter of a frame, and its depth at the time of the color image, from a motion that took
+    /// `elapsed_s`. The depth is `None` where it needs no correction.
     fn synchronize(
         &self,
         frame: &RgbdFrame,
@@ -284,7 +283,7 @@ impl Pipeline {
         let now = Now { frame, pyramid, depth_m, shutter };
         let given = mask.filter(|mask| mask.size() == self.camera.size());
         let view = now.view(&self.camera, usable_mask(given));
-        // B. With what moves among it: only a pose that is right tells that.
+        // B. Matches on moving objects are still included: only the right pose shows what moves.
         let found = find_pose(&self.map, &view, &start, &self.options.matching);
         let (at, matches) =
             found.map_or((start, Vec::new()), |(found, all)| (found.world_from_camera, all));
@@ -321,7 +320,7 @@ impl Pipeline {
         outcome.synchronized_depth_m = synchronized;
     }
 
-    /// What moves, as detected about at a pose and as given.
+    /// The mask of what moves, as detected at an approximate pose and as given by the user.
     fn moving(
         &mut self,
         frame: &RgbdFrame,
@@ -420,7 +419,7 @@ impl Pipeline {
         });
     }
 
-    /// Looks for the place of a frame whose motion is not known.
+    /// Relocalizes a frame whose motion is not known.
     fn relocalize(&mut self, frame: &RgbdFrame, pyramid: Arc<Pyramid>, outcome: &mut Outcome) {
         let now = Now { frame, pyramid, depth_m: &frame.depth_m, shutter: Shutter::default() };
         let view = now.view(&self.camera, usable_mask(outcome.moving.as_ref()));
@@ -431,7 +430,7 @@ impl Pipeline {
             return;
         }
         let Some(last) = &self.last else { return };
-        // Odometry goes on by what the map tells, as if nothing had happened.
+        // Odometry continues by the motion in the map, without a gap.
         let motion = last.world_from_camera.inverse().compose(&world_from_camera);
         let odom_from_camera = last.odom_from_camera.compose(&motion);
         self.coasted = 0;
@@ -447,7 +446,7 @@ impl Now<'_> {
     }
 }
 
-/// The mask, unless it takes too much away to track on.
+/// The mask, unless it leaves too few pixels for tracking.
 fn usable_mask(moving: Option<&Image<u8>>) -> Option<&Image<u8>> {
     moving.filter(|mask| {
         let pixels = mask.pixels();
@@ -456,7 +455,7 @@ fn usable_mask(moving: Option<&Image<u8>>) -> Option<&Image<u8>> {
     })
 }
 
-/// The keyframes of some time ago that show most of what a camera at a pose sees, the closest first.
+/// Older keyframes that show most of what a camera at a pose sees, the closest first.
 fn neighbors(map: &LocalMap, world_from_camera: &Se3, timestamp_s: f64) -> Vec<Neighbor> {
     let mut all = Vec::new();
     for (id, keyframe) in map.keyframes.iter().enumerate() {

@@ -1,7 +1,7 @@
-//! B. and D. The landmarks that a frame shows, and the pose that fits those that do not move.
+//! B. and D. Matches of a frame with landmarks, and the pose that fits the static ones.
 //!
-//! Landmarks are matched before movement is detected, as in the paper: only about at the right pose
-//! is it seen what moves.
+//! Landmarks are matched before movement is detected, as in the paper: movement is visible only from
+//! approximately the right pose.
 
 use covis_solvers::geometry::Se3;
 
@@ -9,13 +9,13 @@ use crate::local_map::LocalMap;
 use crate::tracking::local_matching::{Match, MatchOptions, View, match_landmarks};
 use crate::tracking::refinement::{RefinedPose, refine_pose};
 
-/// Fewer matches than this tell no pose.
+/// Fewer matches than this do not determine a pose.
 pub(super) const LEAST_INLIERS: usize = 12;
-/// With fewer than this, patches are sought farther away.
+/// With fewer inliers than this, coarser patches are matched, which reach farther.
 pub(super) const FEW_INLIERS: usize = 40;
 
-/// B. and D. Matches about at a pose, and the pose that fits them. Where the start is too far off
-/// for fine patches, coarse ones come first. With the matches, those that do not fit included.
+/// B. and D. Matches landmarks near a pose and refines the pose. Where the start is too far off for
+/// fine patches, coarse ones are matched first. Also returns all matches, outliers included.
 pub(super) fn find_pose(
     map: &LocalMap,
     view: &View<'_>,
@@ -36,7 +36,7 @@ pub(super) fn find_pose(
     [fine, coarse, again].into_iter().flatten().max_by_key(|(found, _)| found.inliers.len())
 }
 
-/// D. The pose that fits the matches that do not move. Those that do count as new from now on.
+/// D. The pose that fits the static matches. Landmarks that move count as new from now on.
 pub(super) fn pose_without_moving(
     map: &mut LocalMap,
     view: &View<'_>,

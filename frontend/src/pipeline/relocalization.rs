@@ -1,7 +1,7 @@
-//! Where the camera is when tracking was lost: its corners against the landmarks of keyframes.
+//! Relocalization after tracking was lost: matches the frame's corners with the landmarks of keyframes.
 //!
-//! Descriptors are matched with one keyframe after the other, newest first; the first rigid motion
-//! that enough of them agree on is the start of a refinement.
+//! Descriptors are matched with one keyframe after the other, newest first. The first rigid motion with
+//! enough inliers is the start of a refinement.
 
 use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use nalgebra::Vector2;
@@ -16,9 +16,9 @@ use crate::tracking::local_matching::View;
 
 /// Keyframes that a frame is compared with at most.
 const MOST_KEYFRAMES: usize = 60;
-/// Corners that agree on a motion.
+/// Least number of corners that must agree on a motion.
 const LEAST_INLIERS: usize = 15;
-/// How far a corner may be off, px: depth and color are not of one time here.
+/// Largest reprojection error of an inlier, pixels: depth and color are not synchronized here.
 const REACH_PX: f64 = 5.0;
 
 /// The pose of a frame in the map.
@@ -49,7 +49,7 @@ pub(super) fn locate(map: &LocalMap, view: &View<'_>) -> Option<Se3> {
         min_inliers: LEAST_INLIERS,
         ..AlignmentOptions::default()
     };
-    // The newest, and evenly the older ones.
+    // The newest keyframe, and older ones at even steps.
     let stride = map.keyframes.len().div_ceil(MOST_KEYFRAMES).max(1);
     map.keyframes.iter().rev().step_by(stride).find_map(|keyframe| {
         let known = keyframe.observations.iter().filter_map(|(landmark, _)| {

@@ -1,4 +1,4 @@
-//! The pipeline on drawn sequences, without a server: corrections come from the test.
+//! The pipeline on rendered sequences, without a server: the test makes the corrections.
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector6;
@@ -31,7 +31,7 @@ fn black(timestamp_s: f64) -> RgbdFrame {
     }
 }
 
-/// How far a pose is from the truth, both beside their first frame.
+/// The error of a pose in m and rad, each trajectory relative to its first frame.
 fn error(sequence: &Sequence, index: usize, tracked: &TrackedFrame) -> (f64, f64) {
     let first = sequence.world_from_camera(0).inverse();
     let truth = first.compose(&sequence.world_from_camera(index));
@@ -114,7 +114,7 @@ fn a_sequence_may_begin_in_the_dark() {
     assert!(pipeline.track(&sequence.frame(0), None).tracked.is_some());
     let second = pipeline.track(&sequence.frame(1), None);
     assert_eq!(second.tracked.unwrap().keyframe, 0);
-    // Only then is it known how the first was exposed.
+    // Only the second frame shows how the first was exposed.
     assert_eq!(second.keyframe.unwrap().timestamp_s, sequence.timestamp_s(0));
 }
 

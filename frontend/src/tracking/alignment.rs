@@ -1,12 +1,12 @@
 //! A. Initial estimate of the pose: sparse image alignment (the paper's equations 1 to 4).
 //!
-//! Patches of 4 × 4 pixels around points of known depth are moved from a reference image to the
-//! current one until their intensities agree, coarse to fine. Inverse compositional: the gradients
-//! are those of the reference, taken once a level, and the step ξ of equation 3 is undone,
-//! T ← T · T(ξ)⁻¹. Exposure may change by gain and offset, current = gain · reference + offset.
-//! Residuals weigh as of Student's t distribution, so that what moves pulls little.
+//! Patches of 4 × 4 pixels around points of known depth are moved from a reference image to the current
+//! one until their intensities agree, coarse to fine. Inverse compositional: the gradients are those of
+//! the reference, computed once per level, and the step ξ of equation 3 is inverted, T ← T · T(ξ)⁻¹.
+//! Exposure may change by gain and offset, current = gain · reference + offset. Residuals are weighted
+//! by Student's t distribution, so that moving objects have little influence.
 //!
-//! The sums over pixels are in `patches`, many patches at a time.
+//! The sums over pixels are computed in `patches`, many patches at a time.
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::{Matrix6, SVector, Vector2, Vector3, Vector6};
@@ -21,20 +21,20 @@ use crate::shutter::Shutter;
 const LEAST_SCALE: f32 = 3.0;
 /// A step that moves no point by more than this, pixels of the level, is the last.
 const SHORT_PX: f64 = 0.02;
-/// By how much the median residual may grow in a step before it is taken back.
+/// A step is rejected if the median residual grows by more than this factor.
 const GROWTH: f32 = 1.02;
 /// Standard deviations of gain and offset (gray levels) from one frame to the next.
 const EXPOSURE_SIGMA: (f64, f64) = (0.2, 20.0);
 
-/// What a gain can be from one frame to the next.
+/// Range of the gain from one frame to the next.
 const GAINS: (f64, f64) = (0.5, 2.0);
 
 /// A point of the reference image with its place in space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AlignmentPoint {
-    /// Where the reference shows it.
+    /// Its pixel in the reference image.
     pub pixel: Vector2<f64>,
-    /// Where it is, in the reference camera's frame, meters.
+    /// Its position in the reference camera's frame, meters.
     pub point_in_reference: Vector3<f64>,
 }
 
@@ -76,7 +76,7 @@ pub struct Alignment {
 #[derive(Clone, Debug)]
 pub struct Reference {
     points: Points,
-    /// From the coarsest on.
+    /// From the coarsest to the finest.
     levels: Vec<Patches>,
     options: AlignmentOptions,
     focal: f64,
@@ -90,7 +90,7 @@ struct State {
 }
 
 impl Reference {
-    /// Takes the patches around points of an image.
+    /// Reads the patches around points of an image.
     #[must_use]
     pub fn new(
         camera: &FrameCamera,
@@ -106,8 +106,8 @@ impl Reference {
         Self { points, levels, options: *options, focal }
     }
 
-    /// Finds the motion to the current image from `start` on; `None` where too few points are
-    /// visible or their gradients leave it open.
+    /// Finds the motion to the current image from `start` on; `None` where too few points are visible
+    /// or their gradients do not determine it.
     #[must_use]
     pub fn align(
         &self,
@@ -131,7 +131,7 @@ impl Reference {
         })
     }
 
-    /// Steps until they are short; the median residual and the number of visible points.
+    /// Iterates until steps are short. Returns the median residual and the number of visible points.
     fn align_level(
         &self,
         camera: (&FrameCamera, &Shutter),
@@ -145,7 +145,7 @@ impl Reference {
             let sums = patches.sums(image, &places, exposure, scale);
             (sums.visible >= self.options.min_points).then_some(sums)
         };
-        // The first scale is that of the start itself.
+        // The first scale is that of the residuals at the start.
         let first = sums(state, f32::INFINITY)?;
         let mut scale_now = residual_scale(median(&first.histogram));
         let mut now = sums(state, scale_now)?;
@@ -177,8 +177,8 @@ impl Reference {
     }
 }
 
-/// The step that minimizes the weighted squares of the linearized residuals, and those of the
-/// exposure's change.
+/// The step that minimizes the weighted squares of the linearized residuals and of the change of
+/// exposure.
 fn step(sums: &Sums, state: &State, scale: f32) -> Option<SVector<f64, 8>> {
     let (mut hessian, mut gradient) = (sums.hessian, sums.gradient);
     let noise = f64::from(scale * scale);
@@ -199,12 +199,12 @@ fn step(sums: &Sums, state: &State, scale: f32) -> Option<SVector<f64, 8>> {
     step.iter().all(|value| value.is_finite()).then_some(step)
 }
 
-/// Scale of residuals whose absolute median is this, were they normal.
+/// Standard deviation of normal residuals with this median of absolute values.
 fn residual_scale(median: f32) -> f32 {
     (1.4826 * median).max(LEAST_SCALE)
 }
 
-/// The median of values counted by their whole part, between its neighbors by share.
+/// The median of a histogram with bins of width 1, interpolated within its bin.
 fn median(histogram: &[u32; 256]) -> f32 {
     let half = histogram.iter().sum::<u32>() as f32 * 0.5;
     let mut before = 0.0;

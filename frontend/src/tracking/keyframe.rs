@@ -1,5 +1,5 @@
-//! When a frame becomes a keyframe, and which landmarks it brings: corners (FAST) in cells that no
-//! match covers, with a descriptor each. What is kept here goes to the server as it is.
+//! When a frame becomes a keyframe, and which landmarks it adds: FAST corners in cells without a match,
+//! each with a descriptor. Keyframes are sent to the server as they are here.
 
 use std::sync::Arc;
 
@@ -13,23 +13,23 @@ use crate::features::descriptor::{Describer, Descriptor};
 use crate::local_map::{LocalMap, MapKeyframe, MapLandmark};
 use crate::pyramid::Pyramid;
 
-/// Pixels at the image's rim without landmarks: a patch needs them.
+/// Width of the image border without landmarks, pixels: a patch must fit into the image.
 const BORDER_PX: usize = 8;
-/// The distance of a scene that has no depth, meters.
+/// The assumed distance of a scene without depth, meters.
 const USUAL_DEPTH_M: f64 = 2.0;
 
 /// When to take a keyframe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KeyframeOptions {
-    /// Below this share of the reference keyframe's observations.
+    /// Due with fewer matches than this share of the reference keyframe's observations.
     pub least_share: f64,
-    /// Turned by more than this, radians.
+    /// Due after a rotation by more than this, radians.
     pub angle_rad: f64,
-    /// Moved by more than this share of the scene's distance.
+    /// Due after a translation by more than this share of the scene's distance.
     pub distance_share: f64,
-    /// Never sooner than this after the last one, frames.
+    /// Never due earlier than this after the last one, frames.
     pub least_frames: usize,
-    /// Side of the cells of which each may bring a landmark, pixels.
+    /// Side of a cell, pixels; each cell may add one landmark.
     pub cell_px: usize,
 }
 
@@ -40,16 +40,16 @@ impl Default for KeyframeOptions {
     }
 }
 
-/// A landmark that a keyframe brings.
+/// A landmark that a keyframe adds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewLandmark {
     /// Its id.
     pub id: usize,
-    /// Where its depth puts it, in the map, meters.
+    /// Its position in the map, from the measured depth, meters.
     pub point_in_world: Vector3<f64>,
 }
 
-/// What a keyframe tells the server.
+/// A keyframe as it is sent to the server.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewKeyframe {
     /// Its id.
@@ -60,9 +60,9 @@ pub struct NewKeyframe {
     pub world_from_camera: Se3,
     /// Its pose in the odometry frame.
     pub odom_from_camera: Se3,
-    /// Landmarks that are new with it.
+    /// Its new landmarks.
     pub landmarks: Vec<NewLandmark>,
-    /// What it sees, the new ones included, and what it looks like where that can be told.
+    /// Its observations, those of new landmarks included, with a descriptor where one can be computed.
     pub observations: Vec<(Match, Option<Descriptor>)>,
 }
 
@@ -135,8 +135,8 @@ pub fn add_keyframe(
     }
 }
 
-/// Corners with their depths, at most one in each cell that has no match: where depth is that of a
-/// surface and nothing moves.
+/// Corners with their depths, at most one in each cell without a match: only on surfaces, and where
+/// nothing moves.
 #[must_use]
 pub fn free_corners(
     view: &View<'_>,

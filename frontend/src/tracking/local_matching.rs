@@ -1,8 +1,8 @@
 //! B. Which landmarks the current frame shows, and where: tracking of the local map.
 //!
-//! The keyframes whose landmarks project into the frame most often are the local map. In each cell
-//! of the image the landmark that was seen most often is looked for, with the patch of the keyframe
-//! that saw it from the closest direction; where it is not found, the next one.
+//! The local map consists of the keyframes with the most landmarks that project into the frame. In each
+//! cell of the image the landmark that was seen most often is searched for, with the patch of the
+//! keyframe that saw it from the closest direction. If it is not found, the next one is tried.
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::{Matrix2, Vector2, Vector3};
@@ -17,16 +17,16 @@ use crate::shutter::Shutter;
 
 /// Standard deviation of a match on the finest level, pixels.
 pub(super) const SIGMA_PX: f64 = 0.7;
-/// Landmarks of a keyframe by which its overlap is estimated.
+/// Number of landmarks from which a keyframe's overlap is estimated.
 const SAMPLES: usize = 40;
-/// A measured depth that is off by more than this many of its sigmas, and [`FARTHEST_M`], shows
-/// something else than the landmark.
+/// A measured depth that differs by more than this many standard deviations plus [`FARTHEST_M`] does
+/// not belong to the landmark.
 const FARTHEST_SIGMAS: f64 = 5.0;
 /// See [`FARTHEST_SIGMAS`], meters.
 const FARTHEST_M: f64 = 0.04;
-/// Side of a block, pixels: what is nearer to each other than this is often one thing.
+/// Side of a block, pixels: landmarks closer together than this often belong to one object.
 const BLOCK_PX: f64 = 80.0;
-/// Levels on which a patch is looked for: blur takes the finer ones away.
+/// Levels on which a patch is searched for: blur removes the detail of the finer ones.
 const LEVELS: usize = 2;
 /// Candidates that are tried in a cell.
 const TRIES: usize = 3;
@@ -40,7 +40,7 @@ pub struct MatchOptions {
     pub cell_px: usize,
     /// Most matches.
     pub most: usize,
-    /// The finest level that patches are looked for on; coarser ones reach farther.
+    /// The finest level on which patches are searched for; coarser ones reach farther.
     pub finest: usize,
 }
 
@@ -57,7 +57,7 @@ pub struct Match {
     pub landmark: usize,
     /// Where the image shows it.
     pub pixel: Vector2<f64>,
-    /// Where it would, had all rows been exposed at once.
+    /// Where it would be seen if all rows were exposed at once.
     pub straight: Vector2<f64>,
     /// Standard deviation of u and of v, pixels.
     pub sigma_px: f64,
@@ -66,8 +66,8 @@ pub struct Match {
 }
 
 impl Match {
-    /// Column and row of the block of the image that shows it. Landmarks of a block are often of one
-    /// thing and move together, so that many of them say little more than one.
+    /// Column and row of the block of the image that shows it. Landmarks of a block often belong to one
+    /// object and move together, so that many of them say little more than one.
     #[must_use]
     pub fn block(&self) -> (usize, usize) {
         ((self.pixel.x / BLOCK_PX) as usize, (self.pixel.y / BLOCK_PX) as usize)
@@ -85,7 +85,7 @@ pub struct View<'a> {
     pub depth_m: &'a Image<f32>,
     /// How it was read out.
     pub shutter: Shutter,
-    /// Where a pixel shows something that moves, 255.
+    /// 255 where a pixel shows something that moves.
     pub moving: Option<&'a Image<u8>>,
 }
 
@@ -109,7 +109,7 @@ struct Candidate {
     depth_m: f64,
 }
 
-/// Looks for the landmarks of the local map.
+/// Searches for the landmarks of the local map.
 pub fn match_landmarks(
     view: &View<'_>,
     map: &LocalMap,
@@ -131,12 +131,12 @@ pub fn match_landmarks(
             }
         }
     }
-    // By id, so that what is summed over them does not hang on the order of cells.
+    // Sorted by id, so that sums over matches do not depend on the order of cells.
     matches.sort_by_key(|found| found.landmark);
     matches
 }
 
-/// The keyframes that show most of what the frame shows, most first.
+/// The keyframes with the largest overlap with the frame, largest first.
 fn overlapping(
     camera: &FrameCamera,
     map: &LocalMap,
@@ -151,18 +151,18 @@ fn overlapping(
             let point = camera_from_world.transform(&map.landmarks[*landmark].point_in_world);
             camera.project(&point).is_some_and(|pixel| camera.contains(&pixel, 0.0))
         });
-        // What was sampled stands for all.
+        // The samples represent all observations.
         let seen = seen.count() * stride;
         if seen > 0 {
             shares.push((seen, id));
         }
     }
-    // Of two with as much to show, the newer one.
+    // Of two with equal overlap the newer one is first.
     shares.sort_unstable_by(|a, b| b.cmp(a));
     shares.into_iter().take(most).map(|(_, id)| id).collect()
 }
 
-/// What each cell should show, the landmark seen most often first.
+/// The candidates of each cell, the landmark seen most often first.
 fn candidates(
     view: &View<'_>,
     map: &LocalMap,
@@ -199,7 +199,7 @@ fn candidates(
     cells
 }
 
-/// All numbers below a count, neighbors far apart, so that a part of them covers the image.
+/// All indices below a count, with neighbors far apart, so that a part of them covers the image.
 fn spread(count: usize) -> impl Iterator<Item = usize> {
     // Prime and near the golden ratio of a few thousand cells.
     const STRIDE: usize = 1_907;
@@ -241,7 +241,7 @@ fn find(
     Some(Match { landmark: candidate.landmark, pixel: found, straight, sigma_px, depth_m })
 }
 
-/// The keyframe that saw a landmark from the direction closest to the frame's, and where.
+/// The keyframe that saw a landmark from the direction closest to the frame's, and its pixel there.
 fn closest_view(
     map: &LocalMap,
     landmark: &MapLandmark,
@@ -252,8 +252,8 @@ fn closest_view(
     for &(keyframe, pixel) in landmark.observations.iter().rev() {
         let other = map.keyframes[keyframe].world_from_camera.translation - landmark.point_in_world;
         let cosine = ray.dot(&other) / (ray.norm() * other.norm()).max(f64::MIN_POSITIVE);
-        // Below 60° nothing looks alike; a nearer direction must be so clearly, for the newest
-        // image was taken under the light of now.
+        // Views more than 60° apart do not look alike. An older view must be clearly closer, because
+        // the newest one has the current light.
         if cosine > 0.5 && best.is_none_or(|(least, _)| cosine > least + 1e-3) {
             best = Some((cosine, (keyframe, pixel)));
         }

@@ -1,4 +1,4 @@
-//! Tracking: where the camera of the current frame is.
+//! Tracking: the pose of the current frame.
 //!
 //! | file | the paper's section |
 //! |---|---|
@@ -7,8 +7,8 @@
 //! | [`surfaces`] | whether depth agrees with it |
 //! | [`local_matching`], `patch_match` | B. feature points, equations 5 to 7 |
 //! | [`refinement`] | D. pose optimization, equation 8 |
-//! | [`keyframe`] | when a frame is kept, and what it brings |
-//! | [`points`] | what the next frame is aligned by |
+//! | [`keyframe`] | when a frame becomes a keyframe, and its new landmarks |
+//! | [`points`] | the points for the alignment of the next frame |
 //!
 //! C, the detection of movement, is `crate::motion`.
 

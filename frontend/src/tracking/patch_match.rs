@@ -1,8 +1,8 @@
 //! Where a patch of a keyframe lies in the current image (the paper's equations 5 to 7).
 //!
-//! The patch is warped into the view of the current frame by the affine map A and moved over the
-//! image until intensities agree up to γ, which stands for another exposure. Inverse compositional
-//! in two dimensions: gradients are those of the warped patch. Works on one level of the pyramids.
+//! The patch is warped into the view of the current frame by the affine map A and moved over the image
+//! until intensities agree up to the offset γ, which models another exposure. Inverse compositional in
+//! two dimensions: gradients are those of the warped patch. Works on one level of the pyramids.
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
@@ -10,12 +10,12 @@ use crate::image::Image;
 use crate::pyramid::{Pyramid, scale, to_level};
 use crate::simd::{self, Kernel};
 
-/// Columns and rows of a patch: four times the paper's area, which repeats itself too often.
+/// Columns and rows of a patch: four times the paper's area, because smaller patches are too ambiguous.
 pub(super) const SIDE: usize = 8;
 const AREA: usize = SIDE * SIDE;
-/// Columns and rows with a pixel around it, for gradients.
+/// Columns and rows of a patch with a border of one pixel, for gradients.
 const FRAMED: usize = SIDE + 2;
-/// Columns and rows of what a patch is read from.
+/// Columns and rows of the window from which a patch is read.
 const WINDOW: usize = 32;
 /// Most steps.
 const MAX_STEPS: usize = 12;
@@ -32,15 +32,15 @@ const LEAST_TEXTURE: f32 = 400.0;
 /// A patch of a keyframe as the current frame should see it.
 #[derive(Clone, Debug)]
 pub(super) struct WarpedPatch {
-    /// With one pixel around it.
+    /// With a border of one pixel.
     framed: [f32; FRAMED * FRAMED],
     /// The level of the current pyramid that it belongs to.
     pub(super) level: usize,
 }
 
 impl WarpedPatch {
-    /// Warps the patch around `pixel` of a keyframe; `current_from_keyframe` is A on level 0.
-    /// `None` where the image ends, or where the views differ so much that nothing would match.
+    /// Warps the patch around `pixel` of a keyframe; `current_from_keyframe` is A on level 0. `None`
+    /// where the patch leaves the image, or where the views differ so much that nothing would match.
     pub(super) fn new(
         keyframe: &Pyramid,
         pixel: &Vector2<f64>,
@@ -51,14 +51,14 @@ impl WarpedPatch {
         if !(0.02..=50.0).contains(&area) {
             return None;
         }
-        // What looks larger now is matched on a coarser level.
+        // A patch that is larger in the current view is matched on a coarser level.
         let mut level = 0;
         while (area > 3.0 || level < coarser) && level + 1 < keyframe.len() {
             area *= 0.25;
             level += 1;
         }
         let keyframe_from_current = current_from_keyframe.try_inverse()? * scale(level);
-        // And what looks smaller is read from a coarser level of the keyframe.
+        // A patch that is smaller is read from a coarser level of the keyframe.
         let mut source = 0;
         while area < 0.34 && source + 1 < keyframe.len() {
             area *= 4.0;
@@ -67,7 +67,7 @@ impl WarpedPatch {
         let image = keyframe.level(source);
         let warp = keyframe_from_current.map(|value| (value / scale(source)) as f32);
         let (u, v) = (to_level(pixel.x, source) as f32, to_level(pixel.y, source) as f32);
-        // Inside everywhere when the corners are.
+        // The patch is inside the image if its corners are.
         let reach = FRAMED as f32 * 0.5;
         let (du, dv) =
             ((warp.m11.abs() + warp.m12.abs()) * reach, (warp.m21.abs() + warp.m22.abs()) * reach);
@@ -81,7 +81,8 @@ impl WarpedPatch {
         Some(Self { framed, level })
     }
 
-    /// Finds the patch near `expected` (level 0); the place (level 0) and its correlation.
+    /// Searches for the patch near `expected` (level 0). Returns the place (level 0) and its
+    /// correlation.
     pub(super) fn find(
         &self,
         current: &Pyramid,
@@ -103,8 +104,8 @@ struct Window {
 }
 
 impl Window {
-    /// What holds both corners, which are inside of the image, and the pixels right of and below it;
-    /// `None` where that is too large.
+    /// The window with both corners, which are inside the image, and the pixels to their right and
+    /// below; `None` where that is too large.
     fn around(image: &Image<u8>, first: (f32, f32), last: (f32, f32)) -> Option<Self> {
         let (left, top) = (first.0 as usize, first.1 as usize);
         let (columns, rows) = (last.0 as usize + 2 - left, last.1 as usize + 2 - top);
@@ -156,7 +157,7 @@ impl Kernel for Warping<'_> {
         }
         let mut corners = [[0_u8; COUNT]; 4];
         for (i, &at) in at.iter().enumerate() {
-            // The remainder changes nothing and spares a test.
+            // The remainder does not change the index, and avoids a bounds check.
             let pixel = |further: usize| pixels[(usize::from(at) + further) % (WINDOW * WINDOW)];
             corners[0][i] = pixel(0);
             corners[1][i] = pixel(1);
@@ -192,7 +193,7 @@ impl Kernel for Search<'_> {
         let Self { framed, image, start } = self;
         let mut patch = [[0.0; SIDE]; SIDE];
         let mut gradients = [[[0.0; SIDE]; SIDE]; 2];
-        // xx, xy, yy, x, y, and the gray levels.
+        // Sums of gx², gx gy, gy², gx, gy, and the gray levels.
         let mut sums: [Columns; 6] = [[0.0; SIDE]; 6];
         for row in 0..SIDE {
             for column in 0..SIDE {

@@ -1,7 +1,7 @@
-//! The patches of an alignment on one level, and what their residuals tell of the motion.
+//! The patches of an alignment on one level, and the sums over their residuals.
 //!
-//! Patches are worked on in batches, one patch a lane: all numbers of one kind lie side by side, so
-//! that the compiler makes vectors of them. Knows no steps; those are the alignment's.
+//! Patches are processed in batches, one patch per lane: all numbers of one kind are adjacent in
+//! memory, so that the compiler vectorizes the loops. The steps are computed in `alignment`.
 
 use covis_solvers::geometry::Se3;
 use nalgebra::{Matrix2x3, SMatrix, SVector, Vector3};
@@ -26,13 +26,13 @@ const LANES: usize = 32;
 /// Products of a pixel: those of ∂residual/∂(u, v, gain, offset) with each other, the upper triangle
 /// row by row, and with the residual.
 const PRODUCTS: usize = 14;
-/// Different entries of Hessian and gradient of pose, gain and offset.
+/// Distinct entries of Hessian and gradient over pose, gain and offset.
 const ENTRIES: usize = 44;
 
 /// One number of each patch of a batch.
 type Lanes = [f32; LANES];
 
-/// Points of the reference, coordinate by coordinate.
+/// Points of the reference as a structure of arrays.
 #[derive(Clone, Debug)]
 pub(super) struct Points {
     pixels: Vec<[f64; 2]>,
@@ -41,7 +41,7 @@ pub(super) struct Points {
     motions: Vec<[[f32; 6]; 2]>,
 }
 
-/// Where the current image shows points, pixels of level 0; not numbers where it does not.
+/// Where the current image shows points, pixels of level 0; NaN where it does not.
 pub(super) struct Places {
     u: Vec<f32>,
     v: Vec<f32>,
@@ -63,7 +63,7 @@ impl Points {
         all
     }
 
-    /// Where a camera in a pose sees them.
+    /// Projects the points into a camera at a pose.
     pub(super) fn places(
         &self,
         (camera, shutter): (&FrameCamera, &Shutter),
@@ -119,16 +119,16 @@ fn by_motion(by_point: &Matrix2x3<f64>, p: &Vector3<f64>) -> SMatrix<f64, 2, 6> 
     motion
 }
 
-/// Squares of N × N pixels, one a lane, and where between their first two pixels they begin.
+/// Squares of N × N pixels, one per lane, and the fraction of a pixel at which each begins.
 struct Squares<const N: usize> {
     pixels: [[[u8; LANES]; N]; N],
     between: [Lanes; 2],
-    /// 1 where there is one, 0 where it would leave the image.
+    /// 1 where the square is inside the image, 0 elsewhere.
     is_inside: Lanes,
 }
 
 impl<const N: usize> Squares<N> {
-    /// Reads those that begin at these places.
+    /// Reads the squares that begin at these places.
     #[inline(always)]
     fn read(image: &Image<u8>, u: &Lanes, v: &Lanes) -> Self {
         let mut all = Self {
@@ -157,7 +157,7 @@ impl<const N: usize> Squares<N> {
         all
     }
 
-    /// The value of a lane at a pixel, between it and the three to the right and below.
+    /// The value of a lane, interpolated between a pixel and the three to its right and below.
     #[inline(always)]
     fn value(&self, row: usize, column: usize, lane: usize) -> f32 {
         let at = |row: usize, column: usize| f32::from(self.pixels[row][column][lane]);
@@ -181,7 +181,7 @@ struct Batch {
 }
 
 impl Batch {
-    /// Of points that lie there; each has its patch inside of the image.
+    /// Reads the patches at these places; each lies inside the image.
     #[inline(always)]
     fn new(image: &Image<u8>, (u, v): (&Lanes, &Lanes)) -> Self {
         // One pixel more on each side for the gradients, and one for the interpolation.
@@ -225,7 +225,7 @@ impl Patches {
         self.level
     }
 
-    /// Residuals of all patches, weighed by their scale (all alike where it is infinite).
+    /// Sums over the residuals of all patches, weighted by their scale (equally where it is infinite).
     pub(super) fn sums(
         &self,
         image: &Image<u8>,
@@ -237,7 +237,7 @@ impl Patches {
     }
 }
 
-/// Takes the patches around points.
+/// Reads the patches around points.
 struct Taking<'a> {
     image: &'a Image<u8>,
     level: usize,
@@ -259,7 +259,7 @@ impl Kernel for Taking<'_> {
         let inside: Vec<_> = places.enumerate().filter(is_inside).collect();
         let per_pixel = 1.0 / scale(level) as f32;
         let batch = |part: &[(usize, (f32, f32))]| {
-            // Lanes without a point have a patch that is never seen.
+            // The patch of a lane without a point is never visible.
             let (mut u, mut v) = ([-1.0; LANES], [-1.0; LANES]);
             for (lane, &(_, place)) in part.iter().enumerate() {
                 (u[lane], v[lane]) = place;
@@ -279,12 +279,12 @@ impl Kernel for Taking<'_> {
     }
 }
 
-/// What the residuals of all visible patches tell.
+/// Sums over the residuals of all visible patches.
 pub(super) struct Sums {
     /// Over pose, gain and offset.
     pub(super) hessian: SMatrix<f64, 8, 8>,
     pub(super) gradient: SVector<f64, 8>,
-    /// Absolute residuals by their whole gray levels.
+    /// Counts of absolute residuals per whole gray level.
     pub(super) histogram: [u32; 256],
     /// Patches that the image shows.
     pub(super) visible: usize,
@@ -331,7 +331,7 @@ impl Kernel for Summing<'_> {
 }
 
 impl Summing<'_> {
-    /// Sums of the products of each patch; the absolute residuals of its pixels.
+    /// Sums the products of each patch; `bins` receives the absolute residuals of its pixels.
     #[inline(always)]
     fn products(
         &self,
@@ -373,8 +373,8 @@ impl Summing<'_> {
     }
 }
 
-/// Adds what a batch of patches says of pose and exposure: the upper triangle of the pose's Hessian
-/// row by row, pose with gain, offset and residual, then exposure.
+/// Adds the entries of a batch of patches: the upper triangle of the pose's Hessian row by row, pose
+/// with gain, offset and residual, then exposure.
 #[inline(always)]
 fn add_products(
     products: &[Lanes; PRODUCTS],
@@ -415,7 +415,7 @@ fn add_sums(out: &mut Lanes, (a, b): (&Lanes, &Lanes), (c, d): (&Lanes, &Lanes))
     }
 }
 
-/// Hessian and gradient from their different entries.
+/// Hessian and gradient from their distinct entries.
 fn assembled(entries: &[Lanes; ENTRIES]) -> (SMatrix<f64, 8, 8>, SVector<f64, 8>) {
     let mut values = entries.iter().map(|lanes| f64::from(simd::sum(lanes)));
     let mut next = || values.next().unwrap_or_default();

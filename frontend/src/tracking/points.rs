@@ -1,6 +1,6 @@
-//! The points by which the next frame is aligned: one a cell, where the gradient is steepest.
+//! The points for the alignment of the next frame: one per cell, where the gradient is steepest.
 //!
-//! Only where depth is that of a surface, and nothing moves.
+//! Points lie only on surfaces, and where nothing moves.
 
 use nalgebra::Vector2;
 
@@ -12,11 +12,11 @@ use crate::simd::{self, Kernel};
 
 /// Side of a cell, pixels.
 const CELL: usize = 16;
-/// Least squared central difference, gray levels squared: below it is noise.
+/// Least squared central difference, gray levels squared; smaller ones are noise.
 const LEAST: i32 = 18 * 18;
-/// Pixels at the image's rim without points.
+/// Width of the image border without points, pixels.
 const BORDER: usize = 4;
-/// Farthest depth that says where a point is, meters.
+/// Largest depth from which a point is computed, meters.
 const FARTHEST_M: f32 = 8.0;
 
 /// Selects points of a frame.

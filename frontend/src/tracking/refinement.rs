@@ -22,12 +22,12 @@ use crate::local_map::LocalMap;
 const LARGEST_CHI2: f64 = 11.3;
 /// The median of that χ².
 const MEDIAN_CHI2: f64 = 2.37;
-/// By how much blur and a rolling shutter may make matches worse than they are at rest.
+/// Largest factor by which blur and a rolling shutter increase the standard deviations of matches.
 const LARGEST_SCALE: f64 = 4.0;
-/// Variance of a landmark that is new and alone in its block, beyond that of one that fitted for
-/// long: what walks in has none that fits for long while those of the room have the say.
+/// Added variance of a landmark that is new and alone in its block, relative to one that fitted for
+/// long. A moving object has no landmarks that fitted for long, so that those of the room decide.
 const NEW_DOUBT: f64 = 10.0;
-/// Width of the first pass' loss, standard deviations.
+/// Width of the loss in the first two passes, standard deviations.
 const WIDTH: f64 = 1.5;
 
 /// A refined pose.
@@ -39,11 +39,11 @@ pub struct RefinedPose {
     pub information: Matrix6<f64>,
     /// The matches that fit it.
     pub inliers: Vec<Match>,
-    /// By how much the matches are less certain than at rest: 1 or more.
+    /// Factor on the standard deviations of the matches, relative to a camera at rest; at least 1.
     pub scale: f64,
 }
 
-/// Refines a pose; `None` where fewer than `least` matches fit or they leave it open.
+/// Refines a pose; `None` where fewer than `least` matches fit or they do not determine it.
 #[must_use]
 pub fn refine_pose(
     camera: &FrameCamera,
@@ -83,7 +83,7 @@ pub fn refine_pose(
         let refined =
             pose_refinement::refine(&lens, &pose, &observations, None, &options, observer).ok()?;
         pose = refined.world_from_camera;
-        // As of landmarks that are not new: doubt is a weight, and excuses nothing.
+        // Errors without the doubt: it lowers the weight of a match, but must not hide an outlier.
         let errors = refined.squared_errors.iter().zip(&kept);
         let errors: Vec<f64> = errors.map(|(e, found)| e * doubt(found).powi(2)).collect();
         match pass {
@@ -111,12 +111,12 @@ pub fn refine_pose(
     None
 }
 
-/// How little is known of a landmark: 1 for one that never fitted, less with every frame.
+/// How new a landmark is: 1 for one that never fitted, less with every frame that it fitted.
 fn novelty(map: &LocalMap, found: &Match) -> f64 {
     1.0 / (1.0 + map.landmarks[found.landmark].times_tracked as f64)
 }
 
-/// The novelty of all matches of each block.
+/// The sum of novelties of the matches in each block.
 fn crowds(map: &LocalMap, matches: &[Match]) -> BTreeMap<(usize, usize), f64> {
     let mut crowds = BTreeMap::new();
     for found in matches {
@@ -125,8 +125,8 @@ fn crowds(map: &LocalMap, matches: &[Match]) -> BTreeMap<(usize, usize), f64> {
     crowds
 }
 
-/// The value that as much weight is below as above: many landmarks of which nothing is known yet
-/// must not tell by how much all are off.
+/// The value with equal weight below and above: many new landmarks must not determine the scale of all
+/// errors.
 fn weighted_median(mut weighted: Vec<(f64, f64)>) -> f64 {
     weighted.sort_by(|a, b| a.0.total_cmp(&b.0));
     let half = weighted.iter().map(|(_, weight)| weight).sum::<f64>() * 0.5;
@@ -153,7 +153,7 @@ mod tests {
         FrameCamera::new(lens, 640, 480).unwrap()
     }
 
-    /// A landmark that one frame put there and the next sees `moved` away.
+    /// Adds a landmark of one frame that the next one sees displaced by `moved`.
     fn see(
         (map, matches): (&mut LocalMap, &mut Vec<Match>),
         (pixel, z): (Vector2<f64>, f64),
@@ -170,7 +170,7 @@ mod tests {
         matches.push(Match { landmark, pixel, straight: pixel, sigma_px: 0.7, depth_m });
     }
 
-    /// Adds landmarks all over the image, at many depths, that stand still.
+    /// Adds static landmarks all over the image, at many depths.
     fn see_room(map: &mut LocalMap, matches: &mut Vec<Match>, times_tracked: usize) {
         for i in 0..40 {
             let pixel =
@@ -180,7 +180,7 @@ mod tests {
         }
     }
 
-    /// Asserts that the pose is the origin's and that only those fit that stand still.
+    /// Asserts that the pose is the identity and that only static landmarks are inliers.
     fn assert_room_fits(map: &LocalMap, matches: &[Match]) {
         let found = refine_pose(&camera(), map, matches, &Se3::identity(), 12).unwrap();
         let pose = found.world_from_camera;

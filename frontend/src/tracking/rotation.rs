@@ -1,8 +1,8 @@
 //! A first guess of the motion: the rotation between two small blurred images.
 //!
-//! All pixels of the coarsest level that showed nothing moving take part, so that the guess holds
-//! where the camera turns by much more than the patches of an alignment reach (as the tracker of
-//! Klein and Murray, ECCV 2008, begins). Inverse compositional Gauss-Newton over SO(3).
+//! Uses all pixels of the coarsest level that showed nothing moving, so that the guess is good where
+//! the camera turns by much more than the patches of an alignment reach (like the first step of the
+//! tracker of Klein and Murray, ECCV 2008). Inverse compositional Gauss-Newton over SO(3).
 
 use covis_solvers::geometry::{LieGroup, So3};
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -15,7 +15,7 @@ use crate::pyramid::{Pyramid, scale};
 const MAX_STEPS: usize = 15;
 /// A step that turns by less than this, pixels of the level, is the last.
 const SHORT_PX: f64 = 0.02;
-/// Passes of the blur, each of 1 2 1 along both sides.
+/// Passes of the blur, each with weights 1 2 1 along rows and columns.
 const BLURS: usize = 3;
 /// Scale of the robust weights, gray levels.
 const SCALE: f32 = 12.0;
@@ -36,7 +36,7 @@ struct Sample {
 }
 
 impl SmallImage {
-    /// Of the coarsest level.
+    /// The small image of a pyramid's coarsest level.
     #[must_use]
     pub fn new(pyramid: &Pyramid) -> Self {
         let level = pyramid.len() - 1;
@@ -113,7 +113,7 @@ impl SmallImage {
     }
 }
 
-/// Weighs each pixel with its neighbors, 1 2 1 along both sides.
+/// Averages each pixel with its neighbors, with weights 1 2 1 along rows and columns.
 fn blurred(image: &Image<f32>) -> Image<f32> {
     let (width, height) = image.size();
     let pass = |image: &Image<f32>, du: usize, dv: usize| {

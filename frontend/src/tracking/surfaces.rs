@@ -1,10 +1,10 @@
-//! What depth says of a motion: surfaces of the last frame against the depth of the current one.
+//! Checks a motion by depth: compares surfaces of the last frame with the depth of the current one.
 //!
-//! Gray levels are where texture is, and one textured thing that walks can have more of it than a
-//! blurred room. Surfaces are everywhere: points on an even grid, each as good as the next, tell
-//! whether the room moved as assumed. How it did they do not: a few planes leave that to whatever
-//! stands out from them, which may walk. Depth may be taken at another time than color; what the
-//! camera turned in between is part of the assumption.
+//! Gray levels need texture, and one textured object that moves can have more of it than a blurred
+//! room. Surfaces are everywhere: points on an even grid, with equal weights, show whether the room
+//! moved as assumed. They do not estimate the motion: a few planes leave it undetermined, and what
+//! stands out from them may be a moving object. Depth may be taken at another time than color; the
+//! rotation in between is part of the assumption.
 
 use covis_solvers::geometry::{LieGroup, Se3, So3};
 use nalgebra::{Vector2, Vector3};
@@ -18,15 +18,16 @@ use crate::image::Image;
 const GRID: usize = 16;
 /// Distance of the neighbors from which a normal is computed, pixels.
 const REACH: usize = 5;
-/// Depths that differ by less than this, and three standard deviations, are of one surface, meters.
+/// Depths that differ by less than this plus two or three standard deviations belong to one surface,
+/// meters.
 const SAME_M: f64 = 0.01;
-/// With fewer points that are measured in both frames there is no estimate.
+/// With fewer points measured in both frames there is no result.
 const LEAST_MEASURED: usize = 60;
 
 /// The surfaces that a frame shows.
 #[derive(Clone, Debug)]
 pub struct Surfaces {
-    /// Pieces of them, by their middle, in the camera's frame.
+    /// The centers of pieces of surfaces, in the camera's frame.
     pieces: Vec<Vector3<f64>>,
 }
 
@@ -37,12 +38,12 @@ pub struct CurrentDepth<'a> {
     pub camera: &'a FrameCamera,
     /// Its depth, meters, as it was taken.
     pub depth_m: &'a Image<f32>,
-    /// How much later than the color, as a share of the time since the last frame.
+    /// Delay of the depth after the color, as a share of the time since the last frame.
     pub delay_share: f64,
 }
 
 impl Surfaces {
-    /// Of a frame, where nothing moves.
+    /// The surfaces of a frame that do not move.
     #[must_use]
     pub fn new(view: &View<'_>) -> Self {
         let (width, height) = view.depth_m.size();
@@ -57,8 +58,8 @@ impl Surfaces {
         Self { pieces }
     }
 
-    /// The share of the pieces, of those measured again, that are where a motion says; `None` where
-    /// too few are.
+    /// The share of the pieces measured again that lie where a motion predicts them; `None` where too
+    /// few are measured again.
     #[must_use]
     pub fn agreement(&self, current: &CurrentDepth<'_>, current_from_last: &Se3) -> Option<f64> {
         let delayed = current.delayed(current_from_last);
@@ -74,7 +75,7 @@ impl Surfaces {
     }
 }
 
-/// The piece of surface at a pixel, if it is even and does not move.
+/// The piece of surface at a pixel, if it is flat and does not move.
 fn piece(view: &View<'_>, u: usize, v: usize) -> Option<Vector3<f64>> {
     let at = |u: usize, v: usize| {
         let z = f64::from(depth::on_surface(view.depth_m, u, v)?);
@@ -92,12 +93,13 @@ fn piece(view: &View<'_>, u: usize, v: usize) -> Option<Vector3<f64>> {
 }
 
 impl CurrentDepth<'_> {
-    /// From the camera of the color to that of the depth, if it goes on turning as in a motion.
+    /// Rotation from the camera at the time of the color to that of the depth, if it keeps turning as
+    /// in a motion.
     fn delayed(&self, current_from_last: &Se3) -> So3 {
         So3::exp(&(current_from_last.rotation.log() * self.delay_share))
     }
 
-    /// The depth where a point of the depth's camera is seen.
+    /// The measured depth at the pixel of a point, which is in the depth camera's frame.
     fn measured(&self, point: &Vector3<f64>) -> Option<f64> {
         let pixel = self.camera.project(point)?;
         if !self.camera.contains(&pixel, 1.0) {

@@ -1,4 +1,4 @@
-//! The stages on images whose truth is known: drawn sequences, and textures that are functions.
+//! The stages on images with ground truth: rendered sequences, and textures that are functions.
 
 use covis_solvers::geometry::{LieGroup, PinholeRadialTangential, Se3, So3};
 use nalgebra::{Matrix2, Vector2, Vector3};
@@ -97,7 +97,7 @@ fn too_few_points_and_flat_images_have_no_alignment() {
     let options = AlignmentOptions::default();
     let few = Reference::new(&camera, &pyramid, &points[..5], &options);
     assert_eq!(few.align((&camera, &still), &pyramid, &Se3::identity()), None);
-    // From black nothing can be selected in the first place.
+    // No point is selected in a black image.
     assert!(select_points(&view(&camera, &black, &frame.depth_m)).is_empty());
     let no_depth = Image::filled(320, 240, 0.0);
     assert!(select_points(&view(&camera, &pyramid, &no_depth)).is_empty());
@@ -130,7 +130,7 @@ fn a_patch_is_found_to_a_tenth_of_a_pixel() {
             assert!(error < 0.1 && correlation > 0.95, "{angle} {zoom} {pixel}: {error} px");
             count += 1;
         }
-        // The others are where the texture is flat.
+        // The texture is flat at the others.
         assert!(count >= 10, "{angle} {zoom}: {count} of 16 found");
     }
 }
@@ -174,7 +174,7 @@ fn the_first_guess_finds_rotations_of_many_pixels() {
     }
 }
 
-/// Two frames of a still room, half a second apart, and current_from_last.
+/// Two frames of a static room, half a second apart, and current_from_last.
 fn two_frames() -> (FrameCamera, [RgbdFrame; 2], Se3) {
     let sequence = sequence(9);
     let camera = FrameCamera::new(*sequence.camera(), 320, 240).unwrap();
@@ -197,7 +197,7 @@ fn surfaces_agree_with_the_motion_of_the_camera_and_with_no_other() {
         Vector3::new(0.01, -0.02, 0.03),
     ));
     assert!(share(&wrong) < 0.7, "{} agree with what is wrong", share(&wrong));
-    // Nobody knows without depth.
+    // Without depth there is no result.
     let nothing = Image::filled(320, 240, 0.0);
     let blind = CurrentDepth { depth_m: &nothing, ..current };
     assert_eq!(surfaces.agreement(&blind, &truth), None);

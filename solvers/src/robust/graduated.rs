@@ -15,7 +15,7 @@ pub enum Kernel {
     GemanMcClure,
 }
 
-/// A kernel on its way from convex.
+/// A kernel on its way from the convex surrogate to the robust cost.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Schedule {
     kernel: Kernel,
@@ -76,7 +76,7 @@ impl Schedule {
         match self.kernel {
             Kernel::TruncatedLeastSquares => {
                 self.control *= RATE;
-                // By then the weights of all but a sliver of residuals are 0 or 1.
+                // By then almost all weights are 0 or 1.
                 self.control < 1e3
             }
             Kernel::GemanMcClure => {

@@ -1,9 +1,9 @@
-//! One closure more in a map that is solved already.
+//! Adds a closure to a map that is solved already.
 //!
-//! The poses fit everything but what is new, and most closures are true: a plain solve is tried
-//! first, and taken where it strains nothing. The test looks at every edge, not at closures alone,
-//! because a single false closure bends the odometry before it shows a residual of its own. Only
-//! where something is strained do the stages of [`super::solve`] begin.
+//! The poses fit everything except the new closure, and most closures are true: a plain solve is tried
+//! first, and accepted if it strains nothing. The test looks at every edge, not at closures alone,
+//! because a single false closure bends the odometry before it shows a residual of its own. Only where
+//! something is strained do the stages of [`super::solve`] begin.
 
 use std::time::Instant;
 
@@ -17,7 +17,7 @@ use crate::problem::{PoseGraph, SolveError};
 /// The least weight of a closure that counts: Geman and McClure's at the threshold.
 const KEPT_WEIGHT: f64 = 0.25;
 
-/// Optimizes `graph` in place from its poses, which fit it but for closures that are new.
+/// Optimizes `graph` in place from its poses, which fit all edges except new closures.
 ///
 /// `off` are the edges that were found false before, rising. The first of these is taken that strains
 /// nothing, that is, in which every closure that counts and every trusted edge has a χ² within the
@@ -63,7 +63,7 @@ pub fn update_until<G: LieGroup<N>, const N: usize>(
     })?
 }
 
-/// A result that may be come back to.
+/// A result that may be restored.
 struct State<G> {
     poses: Vec<G>,
     weights: Vec<f64>,
@@ -129,7 +129,7 @@ impl<G: LieGroup<N>, const N: usize> Weighted<'_, G, N> {
         self.weights.iter().filter(|&&weight| weight >= KEPT_WEIGHT).count()
     }
 
-    /// A solve with the weights as they are, and what it leaves.
+    /// Solves with the current weights, and returns the resulting state.
     fn last(&mut self, observer: &mut Observer<'_>) -> Result<State<G>, SolveError> {
         let options = self.options;
         let solve = self.solve(&options, observer)?;

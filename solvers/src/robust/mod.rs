@@ -1,12 +1,12 @@
 //! Pose graphs with false loop closures.
 //!
-//! Odometry, the edges between consecutive ids, is trusted; every other edge is a loop closure and
-//! may be false. Three stages: closures that agree with a neighbor over a short loop of odometry are
-//! looked for (`screening`, after Mangelson et al. 2018); graduated non-convexity weighs those
-//! (`graduated`, after Yang et al. 2020); then every closure, supported or not, is judged by its χ²
-//! at the solution, and the graph is solved again with those that pass, until none changes. This
-//! file holds the stages; `live` takes them where a map that is solved already gets a closure more.
-//! It solves through [`crate::pose_graph`] and must not weigh odometry.
+//! Odometry, the edges between consecutive ids, is trusted; every other edge is a loop closure and may
+//! be false. There are three stages: `screening` finds closures that agree with a neighbor over a short
+//! loop of odometry (after Mangelson et al. 2018); graduated non-convexity weighs those (`graduated`,
+//! after Yang et al. 2020); then every closure, supported or not, is judged by its χ² at the solution,
+//! and the graph is solved again with those that pass, until none changes. This file holds the stages;
+//! `live` uses them when a solved map gets one more closure. It solves through [`crate::pose_graph`]
+//! and must not weight odometry.
 
 mod graduated;
 mod live;
@@ -29,7 +29,7 @@ use crate::problem::{DisjointSets, PoseGraph, SolveError};
 /// Rounds of judging all closures after the weights have settled.
 const MAX_JUDGMENTS: usize = 20;
 
-/// Weight of a switched-off closure that alone ties two parts of the graph together.
+/// Weight of a switched-off closure that is the only connection of two parts of the graph.
 const BRIDGE_WEIGHT: f64 = 1e-6;
 
 /// Options of a robust solve.
@@ -61,7 +61,7 @@ impl Options {
     }
 }
 
-/// What became of a loop closure.
+/// The verdict on a loop closure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClosureVerdict {
     /// Index of the edge.
@@ -108,8 +108,8 @@ pub fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     solve_until(graph, has_poses, options, &Interrupt::NEVER, observer)
 }
 
-/// As [`solve`], ending once `interrupt` is due as well, within a stage and within its solves. What
-/// the stages found until then is the answer; where they found nothing, the given poses, or the
+/// As [`solve`], but also ends once `interrupt` is due, within a stage and within its solves. The
+/// result is what the stages found until then; if they found nothing, it is the given poses, or the
 /// odometry of a graph without poses.
 ///
 /// # Errors
@@ -134,7 +134,8 @@ pub fn solve_until<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     })?
 }
 
-/// What [`solve`] takes besides the graph: a solve over a copy of it, its start, and the weights.
+/// The memory and work of [`solve`] besides the graph: a solve over a copy of it, its start, and the
+/// weights.
 ///
 /// # Errors
 /// As [`pose_graph::price`].
@@ -147,7 +148,7 @@ pub fn price<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     Ok(solve.or(start).plus_bytes(copies_bytes(graph)))
 }
 
-/// Bytes of the weighted copy, of states that may be come back to, and of the screening.
+/// Bytes of the weighted copy, of states that may be restored, and of the screening.
 fn copies_bytes<G, const N: usize>(graph: &PoseGraph<G, N>) -> u64 {
     let edge = size_of::<RelativePose<G, N>>() + size_of::<G>() + 8 * N * N + 160;
     let pose = 4 * size_of::<G>() + 64;
@@ -172,7 +173,8 @@ fn prepare<G: LieGroup<N>, const N: usize>(
 }
 
 /// What [`solve`] minimized at its end: the edges of `graph` with `closures` at their weights, in one
-/// piece. A switched-off closure that alone ties two parts together keeps a millionth of its weight.
+/// piece. A switched-off closure that is the only connection of two parts keeps a millionth of its
+/// weight.
 #[must_use]
 pub fn weighted<G: LieGroup<N>, const N: usize>(
     graph: &PoseGraph<G, N>,
@@ -199,7 +201,7 @@ fn at_weights<G: LieGroup<N>, const N: usize>(
         loss: graph.loss,
     };
     let mut pieces = DisjointSets::new(copy.poses.len());
-    // Poses that are held hang together.
+    // Constant poses belong to one piece.
     pieces.join_all((0..copy.poses.len()).filter(|&pose| copy.constant[pose]));
     for (edge, &weight) in graph.edges.iter().zip(&weights) {
         if weight > 0.0 {
@@ -225,7 +227,7 @@ struct Weighted<'a, G, const N: usize> {
     /// Indices of the closures, rising.
     closures: Vec<usize>,
     is_supported: Vec<bool>,
-    /// One a closure.
+    /// One per closure.
     weights: Vec<f64>,
     solves: usize,
     begin: Instant,
@@ -233,7 +235,7 @@ struct Weighted<'a, G, const N: usize> {
     /// Whether a solve was canceled or ran out of time: the stages end then.
     is_stopped: bool,
     options: pose_graph::Options,
-    /// Bytes that are taken beside each solve.
+    /// Bytes that are used besides each solve.
     copies: u64,
 }
 
@@ -269,8 +271,8 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         weighted
     }
 
-    /// Begins with the supported closures; without a single one there is nothing to tell them apart
-    /// by, and all count.
+    /// Begins with the supported closures. If none is supported, they cannot be distinguished, and all
+    /// count.
     fn weigh_by_support(&mut self) {
         let any = self.is_supported.contains(&true);
         let weight = |&supported: &bool| f64::from(u8::from(supported || !any));
@@ -339,7 +341,7 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         Ok(summary)
     }
 
-    /// Weighs the supported closures, from a convex cost to the kernel.
+    /// Computes the weights of the supported closures, from a convex cost to the kernel.
     fn graduate(&mut self, observer: &mut Observer<'_>) -> Result<(), SolveError> {
         let active: Vec<usize> =
             (0..self.weights.len()).filter(|&k| self.weights[k] > 0.0).collect();

@@ -1,10 +1,10 @@
 //! Loop closures that agree with a neighbor.
 //!
-//! Two closures between nearly the same places make a short loop with the odometry at both ends. A
-//! true pair closes it within the noise of its own measurements, however far the odometry has
-//! drifted between the two places; a false closure has a partner by chance only. This is pairwise
-//! consistency (Mangelson, Dominic, Eustice and Vasudevan 2018) kept to loops that are short enough
-//! to decide something. It looks at measurements and ids, never at poses.
+//! Two closures between nearly the same places make a short loop with the odometry at both ends. A true
+//! pair closes it within the noise of its own measurements, however far the odometry has drifted
+//! between the two places; a false closure has a partner by chance only. This is pairwise consistency
+//! (Mangelson, Dominic, Eustice and Vasudevan 2018) kept to loops that are short enough to decide
+//! something. It uses measurements and ids, never poses.
 
 use std::collections::BTreeMap;
 
@@ -58,8 +58,8 @@ struct Closure<G, const N: usize> {
     measured: Measured<G, N>,
 }
 
-/// For each of `closures`, edges of `graph`, whether a neighbor closes a short loop with it in which
-/// χ² is at most `threshold`. Those not looked at before `interrupt` was due count as unsupported.
+/// For each of `closures`, edges of `graph`, whether a neighbor closes a short loop with it in which χ²
+/// is at most `threshold`. Closures not checked before `interrupt` was due count as unsupported.
 pub(super) fn closures_with_support<G: LieGroup<N>, const N: usize>(
     graph: &PoseGraph<G, N>,
     closures: &[usize],

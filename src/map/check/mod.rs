@@ -1,4 +1,4 @@
-//! Where bad input is caught: an item against the map it is meant for.
+//! Detects bad input: checks an item against the map that it is meant for.
 //!
 //! [`Map::check`] collects every violation of an item, with the path of the field, and otherwise
 //! returns the change that the item makes. Nothing is changed here. An observation whose landmark
@@ -47,7 +47,7 @@ impl Map {
     /// duplicate and needs no event, however much solves have changed the entities since.
     #[must_use]
     pub fn holds(&self, client: ClientIndex, item: &Item) -> bool {
-        // References and numbers are judged by digest alone, so violations do not matter here.
+        // References and numbers are compared by digest alone, so violations do not matter here.
         let mut check = Check { map: self, client, fields: Fields::default() };
         let known = |kind, id: i64, change: Option<Change>| {
             let stored = self.contents.get(&(kind, EntityId::new(client, id)));

@@ -1,8 +1,8 @@
 //! Whether an event fits the map, checked in full before anything changes.
 //!
 //! These checks guard the journal, not the clients: an event that was made by
-//! [`Map::check`](crate::map::Map::check) or by a solve passes them. They are what keeps a damaged
-//! journal from becoming a damaged map.
+//! [`Map::check`](crate::map::Map::check) or by a solve passes them. They prevent a damaged journal
+//! from becoming a damaged map.
 
 use std::collections::BTreeSet;
 
@@ -35,7 +35,7 @@ impl Map {
     }
 }
 
-/// The map that an event is held against.
+/// The map against which an event is checked.
 struct Fit<'a> {
     map: &'a Map,
     revision: i64,

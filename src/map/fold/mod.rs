@@ -1,8 +1,8 @@
 //! The fold: what each event does to the map.
 //!
 //! [`Map::apply`] first checks the whole event against the map (`fits.rs`) and only then changes
-//! anything, so a refused event leaves no trace. Covisibility is kept one observation at a time.
-//! The fold never estimates: every value comes out of the event.
+//! anything, so that a refused event changes nothing. Covisibility is updated one observation at a
+//! time. The fold never estimates: every value is taken from the event.
 
 mod fits;
 mod removal;
@@ -14,8 +14,8 @@ use super::{
     Landmark, Map, MapError, NewLandmark, Observation, Observations, Prior,
 };
 
-/// Items of a client whose digests are kept. Nobody sends an item again that lies further back:
-/// a client keeps what is not durable, and that is far less.
+/// Items of a client whose digests are kept. Clients do not resend older items: a client keeps only
+/// what is not durable, and that is far less.
 const REMEMBERED_ITEMS: usize = 1 << 16;
 
 impl Map {
@@ -33,7 +33,7 @@ impl Map {
     /// Applies one event that [`Map::fits`] found to fit this map.
     pub(crate) fn fold(&mut self, event: &Event) {
         self.revision = event.revision;
-        // An event of a journal that did not record it is no older than the one before.
+        // An event without a recorded time is no older than the previous one.
         self.update_time_ns = self.update_time_ns.max(event.time_ns);
         self.change(&event.change);
         if let Some(cause) = &event.cause {
@@ -110,7 +110,7 @@ impl Map {
             Change::KeyframeRemoved { keyframe } => self.remove_keyframe(*keyframe),
             Change::KeyframeRetired { retired } => self.retire(retired),
             Change::ConstraintRevoked { id } => self.revoke(*id),
-            // The cause says it all.
+            // The cause contains everything.
             Change::ItemRepeated => {}
             Change::PolicySet { policy } => self.policy = *policy,
         }

@@ -1,7 +1,7 @@
-//! The parts of the fold that take things out of the map.
+//! The parts of the fold that remove entities from the map.
 //!
-//! A landmark whose reference keyframe goes moves on with its lowest remaining observer. A landmark
-//! that lost all observers stays until it is removed itself.
+//! A landmark whose reference keyframe is removed gets its lowest remaining observer as reference. A
+//! landmark that lost all observers stays until it is removed itself.
 
 use super::super::ceilings::descriptor_bytes;
 use super::super::digest::Content;
@@ -31,7 +31,7 @@ impl Map {
         self.drop_landmark(id);
     }
 
-    /// Takes out a landmark that nobody sees.
+    /// Removes a landmark without observers.
     fn drop_landmark(&mut self, id: EntityId) {
         if let Some(landmark) = self.landmarks.remove(&id) {
             self.unseen.remove(&(landmark.added_revision, id));
@@ -75,8 +75,8 @@ impl Map {
         retired.priors.iter().for_each(|&(id, prior)| self.add_prior(id, prior));
     }
 
-    /// `kept` takes over the observations of `absorbed`; where a keyframe sees both, that of `kept`
-    /// stays. A landmark without position takes the first one that an absorbed landmark has.
+    /// Moves the observations of `absorbed` to `kept`; where a keyframe sees both, that of `kept`
+    /// stays. If `kept` has no position, it gets the first one that an absorbed landmark has.
     pub(super) fn fuse(&mut self, kept: EntityId, absorbed: &[EntityId]) {
         for &from in absorbed {
             let Some(landmark) = self.landmarks.get(&from) else { continue };

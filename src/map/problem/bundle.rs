@@ -1,10 +1,10 @@
 //! Bundle adjustment problems: of a window, and of the whole map.
 //!
-//! Keyframes of a window come first in the problem, then the fixed ones, each group by id; cameras
-//! and landmarks by id. Relative-pose constraints enter when both keyframes are in the problem and
-//! one of them may move (those that are switched off never), priors when theirs may move. A pose that too few measurements hold stays
-//! where it is, and an observation without finite projection at the current estimates is left out:
-//! neither may stop the whole solve.
+//! Keyframes of a window come first in the problem, then the fixed ones, each group by id; cameras and
+//! landmarks by id. Relative-pose constraints enter when both keyframes are in the problem and one of
+//! them may move (those that are switched off never), priors when theirs may move. A pose with too few
+//! measurements is held constant, and an observation without finite projection at the current estimates
+//! is left out: neither may stop the whole solve.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,12 +16,13 @@ use super::{GlobalOptions, MapProblem};
 use crate::map::window::is_usable;
 use crate::map::{Depth, EntityId, Keyframe, Map, Prior, Window};
 
-/// Observations below which a pose that nothing else ties is held: three points fix six unknowns.
+/// With fewer observations and no other measurement a pose is held constant: three points fix six
+/// unknowns.
 const MIN_OBSERVATIONS: usize = 3;
 
 /// The problem of a window, with the policy's losses and constant intrinsics.
 ///
-/// Landmarks and keyframes that the map does not hold any more are left out.
+/// Landmarks and keyframes that were removed from the map are left out.
 #[must_use]
 pub fn local_problem(map: &Map, window: &Window) -> MapProblem {
     let poses = window.free.iter().map(|&id| (id, false));

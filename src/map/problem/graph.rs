@@ -6,10 +6,10 @@
 //!
 //! σ_t = (0.02 d + 0.002 d̄) s,  σ_r = (0.005 rad + 0.02 θ) s,  s = √(m / n) within 0.5 to 2
 //!
-//! with distance d, angle θ, the median distance d̄ of consecutive keyframes (which carries the
-//! map's unknown scale), n shared landmarks and m the policy's `min_shared_landmarks`. A pair that
-//! a loop closure ties gets no estimated edge: the estimate is what the closure corrects. A closure
-//! that is switched off is an edge still, for it may be judged anew, and its pair has both.
+//! with distance d, angle θ, the median distance d̄ of consecutive keyframes (which carries the map's
+//! unknown scale), n shared landmarks and m the policy's `min_shared_landmarks`. A pair with a loop
+//! closure gets no estimated edge: the estimate is what the closure corrects. A closure that is
+//! switched off is still an edge, because it may be judged again, and its pair has both.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -145,7 +145,7 @@ fn consecutive_pairs(map: &Map) -> Vec<(EntityId, EntityId)> {
     pairs
 }
 
-/// The median distance of consecutive keyframes; 1 where there is none to speak of.
+/// The median distance of consecutive keyframes; 1 where it is negligible or there is none.
 fn median_distance(map: &Map, consecutive: &[(EntityId, EntityId)]) -> f64 {
     let mut distances: Vec<f64> = consecutive
         .iter()

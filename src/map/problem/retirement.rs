@@ -1,8 +1,9 @@
-//! What a keyframe that is about to go tells of its neighbors.
+//! The problem whose marginal is the information of a keyframe, which is to be removed, on its
+//! neighbors.
 //!
-//! The problem holds the keyframe first, then those that share most landmarks with it and those
-//! that a constraint ties to it, and every landmark that it sees. Nothing is held: what is asked
-//! for is information, not a solution.
+//! The problem holds the keyframe first, then those that share most landmarks with it and those that a
+//! constraint ties to it, and every landmark that it sees. Nothing is held constant: the result is
+//! information, not a solution.
 
 use std::cmp::Reverse;
 use std::collections::BTreeSet;
@@ -11,7 +12,7 @@ use super::MapProblem;
 use super::bundle::Builder;
 use crate::map::{EntityId, Map};
 
-/// Neighbors by shared landmarks, at most. The others hear little from the keyframe.
+/// Most neighbors by shared landmarks. The keyframe has little information on the others.
 const NEIGHBORS: usize = 20;
 
 /// The problem around `keyframe`, which is pose 0.

@@ -2,9 +2,9 @@
 //!
 //! A tree of three levels: branches of up to 64 leaves of up to 32 entries, each behind an `Arc`. A
 //! copy of the map copies the list of branches, one pointer for some thousand entries; a change copies
-//! the leaf that it touches and the branch that the leaf stands in, where another map still has them.
-//! So a reader may hold a map of a million landmarks while the engine changes its own. Names and order
-//! are those of `BTreeMap`; knows nothing of what it holds.
+//! the leaf that it touches and the branch of the leaf, if another map still has them. So a reader may
+//! hold a map of a million landmarks while the engine changes its own. Names and order are those of
+//! `BTreeMap`; independent of the type of its entries.
 
 #[cfg(test)]
 mod tests;
@@ -14,13 +14,13 @@ use std::ops::RangeInclusive;
 use std::slice;
 use std::sync::Arc;
 
-/// Entries of a leaf at most. Twice as many make a branch half as long and the copy of a leaf twice.
+/// Most entries of a leaf. Twice as many halve the length of a branch and double the copy of a leaf.
 const LEAF: usize = 32;
-/// Leaves of a branch at most.
+/// Most leaves of a branch.
 const BRANCH: usize = 64;
 
-/// Parts of one level in order. Each stands under a key that is not above its first and is above the
-/// last of the part before it; none is empty. A branch stands under the key of its first leaf.
+/// Parts of one level in order. The key of a part is not above its first key and is above the last key
+/// of the previous part; no part is empty. A branch has the key of its first leaf.
 type Parts<K, T> = Vec<(K, Arc<Vec<T>>)>;
 type Leaf<K, V> = Arc<Vec<(K, V)>>;
 type Leaves<K, V> = Vec<(K, Leaf<K, V>)>;
@@ -70,7 +70,7 @@ impl<K, V> SharedMap<K, V> {
     }
 }
 
-/// Where a key stands or would stand: its branch, its leaf and its place in it.
+/// Where a key is or would be inserted: its branch, its leaf and its place in the leaf.
 type Place = (usize, usize, Result<usize, usize>);
 
 /// The part that holds a key if any does; `None` below the first.
@@ -158,7 +158,7 @@ impl<K: Ord + Copy, V: Clone> SharedMap<K, V> {
         leaves.flat_map(|(_, leaf)| Arc::make_mut(leaf).iter_mut().map(|(_, value)| value))
     }
 
-    /// Gives a key a value; answers the one that it had.
+    /// Sets the value of a key; returns the one that it had.
     pub fn insert(&mut self, key: K, value: V) -> Option<V> {
         match self.place(&key) {
             Some((branch, leaf, Ok(at))) => {
@@ -172,7 +172,7 @@ impl<K: Ord + Copy, V: Clone> SharedMap<K, V> {
         }
     }
 
-    /// Inserts a key that has no value at its place; answers where it stands then.
+    /// Inserts a key without a value at its place; returns its new place.
     fn insert_at(&mut self, place: Option<Place>, key: K, value: V) -> (usize, usize, usize) {
         self.len += 1;
         if self.branches.is_empty() {
@@ -208,7 +208,7 @@ impl<K: Ord + Copy, V: Clone> SharedMap<K, V> {
         (branch, leaf, at)
     }
 
-    /// Splits a branch that has become too long; answers where its leaf stands then.
+    /// Splits a branch that has become too long; returns the new place of its leaf.
     fn split_branch(&mut self, branch: usize, leaf: usize) -> (usize, usize) {
         let leaves = self.leaves_mut(branch);
         if leaves.len() <= BRANCH {

@@ -6,16 +6,16 @@
 //! length u32  "BIN\0" indices u32, positions and normals 3 f32, colors 4 u8, in this order
 //! ```
 //!
-//! glTF's y axis points up, that of the volume's frame down, as in the first camera's image (x right,
-//! y down, z ahead). The buffers keep the volume's frame; a half turn around x in the scene's one node
-//! brings y up. glTF wants colors linear, the camera's are sRGB: they are converted. Lengths beyond
-//! 4 GiB cannot be told in this format.
+//! glTF's y axis points up, that of the volume's frame down, as in the first camera's image (x right, y
+//! down, z ahead). The buffers keep the volume's frame; a half turn around x in the scene's only node
+//! makes y point up. glTF requires linear colors; those of the camera are sRGB and are converted. The
+//! format cannot store lengths beyond 4 GiB.
 
 use serde_json::json;
 
 use super::super::surface::Mesh;
 
-/// An index of a glTF buffer's use: corners of triangles, or what belongs to vertices.
+/// The usage of a glTF buffer: indices of triangles, or attributes of vertices.
 const ELEMENT_ARRAY_BUFFER: u32 = 34_963;
 const ARRAY_BUFFER: u32 = 34_962;
 const UNSIGNED_BYTE: u32 = 5_121;
@@ -24,7 +24,7 @@ const FLOAT: u32 = 5_126;
 /// Chunks end on a multiple of this.
 const ALIGNMENT: usize = 4;
 
-/// The bytes of a mesh; `None` where they are more than the format can tell.
+/// The bytes of a mesh; `None` where they are more than the format can store.
 #[must_use]
 pub fn glb(mesh: &Mesh) -> Option<Vec<u8>> {
     let (vertices, corners) = (mesh.positions.len(), 3 * mesh.triangles.len());

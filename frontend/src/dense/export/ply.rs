@@ -8,7 +8,7 @@ use super::super::surface::Mesh;
 
 /// Bytes of a vertex: six floats and three colors.
 const VERTEX: usize = 27;
-/// Bytes of a face: how many corners, and which.
+/// Bytes of a face: the number of corners, and their indices.
 const FACE: usize = 13;
 
 /// The bytes of a mesh.

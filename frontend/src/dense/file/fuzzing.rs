@@ -10,10 +10,10 @@ use super::super::volume::Volume;
 use super::reading::{Bytes, u32_at};
 use super::{BYTES_A_BLOCK, CHUNK_HEAD, HEADER, PagedVolume, VolumeOptions, decode, encode};
 
-/// Blocks of a volume that is looked at beyond reading it.
+/// Most blocks of a volume that is used beyond reading it.
 const SMALL: usize = 8;
 
-/// A file as it stands and with checksums that fit.
+/// Tests a file as it is, and with matching checksums.
 pub fn volume(input: &[u8]) {
     judge(input);
     judge(&resealed(input));
@@ -59,7 +59,7 @@ pub(super) fn bytes_of(volume: impl Into<PagedVolume>) -> Vec<u8> {
     all
 }
 
-/// A file with checksums that fit what stands in it, as far as its chunks are found.
+/// A file with checksums that match its content, as far as its chunks are found.
 pub(super) fn resealed(bytes: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     if bytes.len() < HEADER {

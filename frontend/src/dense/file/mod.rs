@@ -7,12 +7,12 @@
 //!                    frame length u32  crc32c u32  zstd frame, zeros up to 128 bytes a block
 //! ```
 //!
-//! Numbers are little endian. The CRC of a chunk covers its frame length, frame and zeros and goes on
-//! from that of the chunk before, the first from the header's, so that no chunk can be missing, stand
-//! elsewhere or be of another file. Each block has at least 128 bytes of the file: a reader knows from
-//! the file's length how much memory its blocks can take, whatever the numbers in it say, and takes no
-//! more than 33 bytes a byte of the file and 20 MiB, or than the ceiling that it is given. Blocks keep
-//! their order; those that were on disk when the file was written come last.
+//! Numbers are little endian. The CRC of a chunk covers its frame length, frame and zeros. It continues
+//! the CRC of the previous chunk, the first that of the header, so that a chunk that is missing,
+//! misplaced or from another file is detected. Each block has at least 128 bytes of the file, so that
+//! the file's length limits the memory of its blocks, whatever the numbers in it are. A reader uses at
+//! most 33 bytes per byte of the file and 20 MiB, or the ceiling that it is given. Blocks keep their
+//! order; those that were on disk when the file was written are last.
 
 #[cfg(any(test, feature = "fuzzing"))]
 pub mod fuzzing;
@@ -32,7 +32,7 @@ use super::pages::PageError;
 use super::volume::VolumeOptions;
 pub use reading::{decode, load};
 
-/// How a file begins.
+/// The first bytes of a file.
 const MAGIC: &[u8; 8] = b"covisvol";
 /// The version that is written, and the only one that is read.
 const VERSION: u32 = 1;
@@ -40,27 +40,27 @@ const VERSION: u32 = 1;
 const HEADER: usize = 36;
 /// Bytes before a chunk's frame.
 const CHUNK_HEAD: usize = 8;
-/// Blocks of a chunk, the last one excepted.
+/// Blocks of each chunk except the last.
 const BLOCKS_A_CHUNK: usize = 256;
-/// Bytes of the file that a block has at least.
+/// Least bytes of a block in the file.
 const BYTES_A_BLOCK: usize = 128;
 /// Chunks that are packed or unpacked at a time: each holds two megabytes meanwhile.
 const CHUNKS_AT_A_TIME: usize = 4;
 
-/// Why a volume was not written or read. Offsets are bytes from the file's begin.
+/// Why a volume was not written or read. Offsets are bytes from the file's start.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum VolumeFileError {
-    /// The system says no.
+    /// An error of the system.
     #[error("{action} {path}: {message}")]
     File {
-        /// What was tried.
+        /// The action that failed.
         action: &'static str,
         /// The file.
         path: String,
-        /// What the system says.
+        /// The system's message.
         message: String,
     },
-    /// It begins like another kind of file.
+    /// The file is of another kind.
     #[error("this is no volume: it does not begin with \"covisvol\"")]
     Magic,
     /// Another version of covis wrote it.
@@ -76,23 +76,23 @@ pub enum VolumeFileError {
     CutShort {
         /// Bytes of the file.
         length: u64,
-        /// Where the part begins that is not whole.
+        /// Where the incomplete part begins.
         offset: u64,
-        /// Where it would end, at least.
+        /// The least offset at which it would end.
         end: u64,
     },
-    /// The header does not have its checksum.
+    /// The checksum of the header does not match.
     #[error("the header, bytes 0 to {HEADER}, is damaged")]
     Header,
-    /// A size of the header makes no sense.
+    /// A size in the header is invalid.
     #[error("the volume's {what} is {value}")]
     Measure {
-        /// Which.
+        /// The name of the size.
         what: &'static str,
-        /// What it is, as text.
+        /// Its value, as text.
         value: String,
     },
-    /// A chunk does not have its checksum.
+    /// The checksum of a chunk does not match.
     #[error("chunk {chunk}, at byte {offset}, is damaged")]
     Chunk {
         /// Which chunk, from 0.
@@ -100,7 +100,7 @@ pub enum VolumeFileError {
         /// Where it begins.
         offset: u64,
     },
-    /// A chunk has its checksum and cannot be understood.
+    /// The checksum of a chunk matches, but its content is invalid.
     #[error("chunk {chunk}, at byte {offset}, {what}")]
     Content {
         /// Which chunk, from 0.
@@ -110,7 +110,7 @@ pub enum VolumeFileError {
         /// What is wrong with it.
         what: &'static str,
     },
-    /// Something stands behind the last chunk.
+    /// There are bytes after the last chunk.
     #[error("the volume ends at byte {offset}, the file does not")]
     Trailing {
         /// Where the file should end.
@@ -119,16 +119,16 @@ pub enum VolumeFileError {
     /// The volume cannot be written in this format.
     #[error("the volume cannot be packed: {message}")]
     Packing {
-        /// What the packer says.
+        /// The packer's message.
         message: String,
     },
-    /// Blocks that are on disk do not come back.
+    /// Blocks cannot be read from disk.
     #[error(transparent)]
     Pages(#[from] PageError),
 }
 
-/// Writes a volume; the file is there whole or not at all, and one that was there is replaced. Blocks on
-/// disk stay there but for some megabytes at a time.
+/// Writes a volume. The file is written completely or not at all, and replaces an existing one. Blocks
+/// on disk stay there, except for some megabytes at a time.
 ///
 /// # Errors
 /// [`VolumeFileError::File`], [`VolumeFileError::Packing`] and [`VolumeFileError::Pages`].
@@ -151,12 +151,12 @@ pub fn save(volume: &mut PagedVolume, path: &Path) -> Result<(), VolumeFileError
         fs_err::rename(partial, path).map_err(|error| failed("cannot name", error))
     };
     write().inspect_err(|_| {
-        // What cannot be removed either stays; the error is what counts.
+        // A partial file that cannot be removed stays; the first error is returned.
         let _left = fs_err::remove_file(partial);
     })
 }
 
-/// Hands out the bytes of a volume's file, in order.
+/// Passes the bytes of a volume's file to `write`, in order.
 fn encode(
     volume: &mut PagedVolume,
     mut write: impl FnMut(&[u8]) -> Result<(), VolumeFileError>,

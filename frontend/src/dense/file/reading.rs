@@ -1,8 +1,8 @@
-//! A volume out of its file, some chunks at a time: the file is never in memory as a whole.
+//! Reads a volume from its file, some chunks at a time: the whole file is never in memory.
 //!
-//! First all chunks are found, so that a file which is not whole is refused at once; then they are
-//! read, checked and unpacked in order. Blocks go to a volume that may have a ceiling. What stands
-//! where is told at the head of the folder's `mod.rs`.
+//! First all chunks are located, so that an incomplete file is refused at once; then they are read,
+//! checked and unpacked in order. Blocks are put into a volume that may have a ceiling. The format is
+//! described at the head of the folder's `mod.rs`.
 
 use std::fs::File;
 use std::io::{Cursor, Read, Seek, SeekFrom};
@@ -17,11 +17,10 @@ use super::super::volume::{Volume, VolumeOptions};
 use super::{BLOCKS_A_CHUNK, BYTES_A_BLOCK, CHUNK_HEAD, CHUNKS_AT_A_TIME, HEADER};
 use super::{MAGIC, VERSION, VolumeFileError};
 
-/// Reads a volume; with a ceiling, what is beyond it goes to a page file.
+/// Reads a volume; with a ceiling, the blocks beyond it are in a page file.
 ///
 /// # Errors
-/// Where the file cannot be read, is cut short, damaged or no volume; where there is no place for
-/// pages.
+/// The file cannot be read, is cut short, damaged or no volume, or no page file can be made.
 pub fn load(path: &Path, ceiling: Option<&MemoryCeiling>) -> Result<PagedVolume, VolumeFileError> {
     let failed = |action, path: &Path, error: &std::io::Error| VolumeFileError::File {
         action,
@@ -54,11 +53,11 @@ pub fn decode(bytes: &[u8]) -> Result<Volume, VolumeFileError> {
     Ok(volume?.into_resident())
 }
 
-/// A file, or what stands in one.
+/// A file, or the bytes of one in memory.
 pub(super) struct Bytes<'a, R> {
     reader: R,
     length: u64,
-    /// What it is called where it cannot be read.
+    /// Its name in errors.
     path: &'a Path,
 }
 
@@ -70,7 +69,7 @@ impl<'a> Bytes<'a, Cursor<&'a [u8]>> {
 }
 
 impl<R: Read + Seek> Bytes<'_, R> {
-    /// So many bytes from an offset on, which the file has.
+    /// Reads `count` bytes from an offset on, which the file must have.
     fn read(&mut self, offset: u64, count: usize) -> Result<Vec<u8>, VolumeFileError> {
         let mut bytes = vec![0; count];
         let read = self.reader.seek(SeekFrom::Start(offset));
@@ -83,7 +82,7 @@ impl<R: Read + Seek> Bytes<'_, R> {
         Ok(bytes)
     }
 
-    /// The volume, in an empty one that is made for so many blocks.
+    /// Reads the volume into the one that `empty` makes for the number of blocks.
     fn decode(
         mut self,
         empty: impl FnOnce(VolumeOptions, usize) -> Result<PagedVolume, VolumeFileError>,
@@ -121,7 +120,7 @@ impl<R: Read + Seek> Bytes<'_, R> {
         Ok(volume)
     }
 
-    /// The grid's measures, and how many blocks there are; no more than the bytes have room for.
+    /// Reads the grid's measures and the number of blocks, for which the bytes must have room.
     fn read_header(&mut self) -> Result<Header, VolumeFileError> {
         let length = self.length;
         let header = self.read(0, length.min(HEADER as u64) as usize)?;
@@ -151,7 +150,7 @@ impl<R: Read + Seek> Bytes<'_, R> {
         };
         let blocks = u64::from(u32_at(&header, 24)) | u64::from(u32_at(&header, 28)) << 32;
         let chunks = blocks.div_ceil(BLOCKS_A_CHUNK as u64);
-        // As 128 bits, in which no product of the file's numbers overflows.
+        // In 128 bits no product of the file's numbers overflows.
         let least = HEADER as u128
             + u128::from(blocks) * BYTES_A_BLOCK as u128
             + u128::from(chunks) * CHUNK_HEAD as u128;
@@ -162,7 +161,7 @@ impl<R: Read + Seek> Bytes<'_, R> {
         Ok(Header { options, blocks: blocks as usize, crc })
     }
 
-    /// The chunks of so many blocks; they fill the file to its end.
+    /// Locates the chunks of `blocks` blocks, which must fill the file to its end.
     pub(super) fn find_chunks(&mut self, blocks: usize) -> Result<Vec<Chunk>, VolumeFileError> {
         let length = self.length;
         let mut chunks = Vec::with_capacity(blocks.div_ceil(BLOCKS_A_CHUNK));
@@ -185,17 +184,17 @@ impl<R: Read + Seek> Bytes<'_, R> {
     }
 }
 
-/// What the header tells.
+/// The content of the header.
 struct Header {
     options: VolumeOptions,
     blocks: usize,
     crc: u32,
 }
 
-/// Where a chunk stands.
+/// The place of a chunk.
 pub(super) struct Chunk {
     pub(super) start: u64,
-    /// Behind its last byte.
+    /// The offset after its last byte.
     pub(super) end: u64,
     /// Bytes of its zstd frame.
     frame: usize,

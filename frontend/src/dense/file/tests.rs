@@ -1,4 +1,4 @@
-//! Volume files: the same bits again, and nothing but a reason for what is not whole.
+//! Volume files: identical to the bit when read, and refused with a reason when damaged.
 
 use super::super::block::{Block, BlockKey};
 use super::super::packing::pack;
@@ -8,7 +8,7 @@ use super::fuzzing::{bytes_of, resealed};
 use super::reading::Bytes;
 use super::*;
 
-/// A file with something else in it, and checksums that fit again.
+/// A file with changed content and matching checksums.
 fn changed(bytes: &[u8], change: impl Fn(&mut Vec<u8>)) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     change(&mut bytes);
@@ -119,7 +119,7 @@ fn numbers_that_lie_are_refused_although_checksums_fit() {
         "the volume's voxel size is NaN"
     );
     assert_eq!(told(&|b| b[16..20].fill(0)), "the volume's truncation is 0");
-    // No memory is asked for these.
+    // No memory is allocated for these.
     for blocks in [4, 1 << 20, u64::MAX] {
         let cut = told(&|b| b[24..32].copy_from_slice(&blocks.to_le_bytes()));
         assert!(cut.starts_with("the volume is cut short"), "{cut}");

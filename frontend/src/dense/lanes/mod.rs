@@ -1,4 +1,4 @@
-//! Sixteen lanes under one name: AVX-512, or plain arrays that the compiler turns into what there is.
+//! Vectors of sixteen lanes: AVX-512, or plain arrays that the compiler vectorizes for the processor.
 //!
 //! A kernel is written once over [`Lanes`] and compiled for each class; [`Class::detect`] picks the
 //! widest that the processor has. All classes give the same bits: where products are fused with sums,
@@ -23,7 +23,7 @@ pub(super) trait Lanes: Copy {
     /// Yes or no.
     type M: Copy;
 
-    /// Brings what will be needed soon nearer, where the processor can be asked to.
+    /// Prefetches data that is needed soon, where the processor supports it.
     fn prefetch<T>(self, x: &T);
     /// `x` in every lane.
     fn splat(self, x: f32) -> Self::F;
@@ -49,9 +49,9 @@ pub(super) trait Lanes: Copy {
     fn to_bits(self, a: Self::F) -> Self::I;
     /// The number of these bits.
     fn of_bits(self, a: Self::I) -> Self::F;
-    /// The smaller one; b where either is not a number.
+    /// The smaller one; b where either is NaN.
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
-    /// The larger one; b where either is not a number.
+    /// The larger one; b where either is NaN.
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
     /// |a|.
     fn abs(self, a: Self::F) -> Self::F;
@@ -61,9 +61,9 @@ pub(super) trait Lanes: Copy {
     fn round(self, a: Self::F) -> Self::I;
     /// As a number with a fraction.
     fn float(self, a: Self::I) -> Self::F;
-    /// a < b; no where either is not a number.
+    /// a < b; no where either is NaN.
     fn less(self, a: Self::F, b: Self::F) -> Self::M;
-    /// a ≤ b; no where either is not a number.
+    /// a ≤ b; no where either is NaN.
     fn at_most(self, a: Self::F, b: Self::F) -> Self::M;
     /// `yes` where the mask says so.
     fn select(self, mask: Self::M, yes: Self::F, no: Self::F) -> Self::F;

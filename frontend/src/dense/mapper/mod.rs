@@ -1,10 +1,9 @@
 //! A volume that follows corrections of its frames' poses (decision 0017).
 //!
-//! Frames stand where their keyframes stand. When keyframes are moved, the volume is built a second
-//! time from the log of frames, at the poses as they are then, a few frames whenever a new one comes;
-//! once it has caught up it takes the first one's place. What comes out is, to the bit, what would
-//! have come of the corrected poses in the first place, the dynamic update included. Knows no server
-//! and no thread.
+//! Frames move with their keyframes. When keyframes are corrected, a second volume is built from the
+//! log of frames at the current poses, a few frames with each new one. Once it has caught up, it
+//! replaces the first volume. The result is, to the bit, that of integrating at the corrected poses
+//! from the start, the dynamic update included. Independent of the server and of threads.
 
 #[cfg(test)]
 mod tests;
@@ -24,38 +23,38 @@ use crate::camera::FrameCamera;
 /// Frames that are integrated again with each new one. With one the second volume would never catch
 /// up; two bound the time of a frame to three integrations.
 const AGAIN_A_FRAME: usize = 2;
-/// A frame that stands off by less than this, in voxels at [`USUAL_RANGE_M`], is not worth building
-/// the volume again; and at the end of a run.
+/// The volume is rebuilt only if a frame is off by more than this, in voxels at [`USUAL_RANGE_M`]; the
+/// second value is for the end of a run.
 const TOLERANCE_VOXELS: f64 = 0.25;
 const FINAL_TOLERANCE_VOXELS: f64 = 0.02;
-/// How far away what is seen usually is, meters: a turn counts by what it does there.
+/// The usual distance of surfaces, meters: a rotation counts by the displacement there.
 const USUAL_RANGE_M: f64 = 2.0;
 
 /// Why a frame is not in the volume.
 #[derive(Debug, thiserror::Error)]
 pub enum DenseError {
-    /// The frame makes no sense.
+    /// The frame cannot be integrated.
     #[error(transparent)]
     Frame(#[from] IntegrateError),
     /// The log of frames cannot be written or read.
     #[error("the log of dense mapping's frames: {0}")]
     Log(#[from] io::Error),
-    /// There is no place for blocks that are to be on disk.
+    /// No page file can be made for blocks on disk.
     #[error("no page file can be made: {0}")]
     PageFile(io::Error),
 }
 
-/// How much memory the blocks may take, those of a volume that is built again included.
+/// How much memory the blocks may use, those of a volume that is being rebuilt included.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MemoryCeiling {
-    /// Bytes. While a volume is built again, each of the two has half of them.
+    /// Bytes. While a volume is rebuilt, each of the two has half of them.
     pub bytes: usize,
-    /// Where the rest goes; the system's folder for temporary files where there is none.
+    /// The folder for the rest; `None` is the system's folder for temporary files.
     pub folder: Option<PathBuf>,
 }
 
 impl MemoryCeiling {
-    /// An empty volume with one of so many equal shares.
+    /// An empty volume with one of `shares` equal shares.
     ///
     /// # Errors
     /// No page file can be made.
@@ -64,14 +63,14 @@ impl MemoryCeiling {
     }
 }
 
-/// A frame, and the keyframe that it stands beside.
+/// A frame, and its pose relative to a keyframe.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AnchoredFrame {
-    /// What it shows.
+    /// Its images.
     pub frame: LoggedFrame,
     /// Its keyframe.
     pub keyframe: usize,
-    /// Where it stands beside it.
+    /// Its pose relative to the keyframe.
     pub keyframe_from_camera: Se3,
 }
 
@@ -80,11 +79,11 @@ pub struct AnchoredFrame {
 struct Placed {
     keyframe: usize,
     keyframe_from_camera: Se3,
-    /// Its pose in the volume.
+    /// The pose at which it was integrated.
     world_from_camera: Se3,
 }
 
-/// A volume that is built again.
+/// A volume that is being rebuilt.
 #[derive(Debug)]
 struct Rebuild {
     volume: PagedVolume,
@@ -92,7 +91,7 @@ struct Rebuild {
     poses: Vec<Se3>,
 }
 
-/// Builds a volume from frames tied to keyframes, and builds it again where keyframes move.
+/// Builds a volume from frames tied to keyframes, and rebuilds it when keyframes move.
 #[derive(Debug)]
 pub struct DenseMapper {
     integrator: Integrator,
@@ -101,7 +100,7 @@ pub struct DenseMapper {
     log: FrameLog,
     frames: Vec<Placed>,
     keyframes: BTreeMap<usize, Se3>,
-    /// Whether keyframes moved since no frame was found to stand off.
+    /// Whether keyframes moved since the last check found no frame that is off.
     moved: bool,
     rebuild: Option<Rebuild>,
     rebuilt: usize,
@@ -111,7 +110,7 @@ impl DenseMapper {
     /// An empty volume for frames of this camera.
     ///
     /// # Errors
-    /// [`DenseError::Log`] and [`DenseError::PageFile`] where there is no place for these files.
+    /// [`DenseError::Log`] and [`DenseError::PageFile`] where these files cannot be made.
     pub fn new(
         camera: &FrameCamera,
         volume: VolumeOptions,
@@ -131,28 +130,28 @@ impl DenseMapper {
         })
     }
 
-    /// The volume as far as it has followed.
+    /// The volume, with the corrections that were applied so far.
     #[must_use]
     pub fn volume(&self) -> &PagedVolume {
         &self.volume
     }
 
-    /// The volume, without what it needs to follow.
+    /// The volume, without the data for corrections.
     #[must_use]
     pub fn into_volume(self) -> PagedVolume {
         self.volume
     }
 
-    /// How many times the volume was built again so far.
+    /// How many times the volume was rebuilt so far.
     #[must_use]
     pub fn rebuilt(&self) -> usize {
         self.rebuilt
     }
 
-    /// Integrates a frame. A keyframe that is new stands at `world_from_keyframe`, until it is moved.
+    /// Integrates a frame. A new keyframe has the pose `world_from_keyframe` until it is corrected.
     ///
     /// # Errors
-    /// [`DenseError`]; the volume is as before then.
+    /// [`DenseError`]; the volume is unchanged then.
     pub fn integrate(
         &mut self,
         mut tied: AnchoredFrame,
@@ -174,7 +173,7 @@ impl DenseMapper {
         Ok(())
     }
 
-    /// Takes where keyframes stand now; those that are not known are left.
+    /// Sets the current poses of keyframes; unknown keyframes are ignored.
     pub fn correct(&mut self, poses: &[(usize, Se3)]) {
         for (id, pose) in poses {
             if let Some(known) = self.keyframes.get_mut(id) {
@@ -184,13 +183,13 @@ impl DenseMapper {
         }
     }
 
-    /// Follows the keyframes by a bounded number of frames. Whether there is more to do.
+    /// Follows the keyframes by a bounded number of frames. Returns whether there is more to do.
     ///
     /// # Errors
     /// [`DenseError::Log`].
     pub fn follow(&mut self) -> Result<bool, DenseError> {
         if self.rebuild.is_none() {
-            // All frames are looked at where keyframes moved, and not after each frame of a long run.
+            // All frames are checked only after keyframes moved, not after each frame of a long run.
             self.moved = self.moved && self.is_stale(TOLERANCE_VOXELS);
             if !self.moved {
                 return Ok(false);
@@ -204,13 +203,13 @@ impl DenseMapper {
         Ok(self.rebuild.is_some())
     }
 
-    /// Follows the keyframes to where they stand now. `done` hears after each frame how many of how
-    /// many were integrated again.
+    /// Follows the keyframes to their current poses. After each frame `done` is called with the number
+    /// of frames that were integrated again, and of all.
     ///
     /// # Errors
     /// [`DenseError::Log`].
     pub fn finish(&mut self, done: &mut dyn FnMut(usize, usize)) -> Result<(), DenseError> {
-        // What was begun at older poses would only have to be done again.
+        // A rebuild that began at older poses would have to be repeated.
         self.rebuild = None;
         self.share_memory(1);
         if self.is_stale(FINAL_TOLERANCE_VOXELS) {
@@ -222,14 +221,14 @@ impl DenseMapper {
         Ok(())
     }
 
-    /// Lets the volume have one of so many equal shares of the memory.
+    /// Gives the volume one of `volumes` equal shares of the memory.
     fn share_memory(&mut self, volumes: usize) {
         if let Some(ceiling) = &self.ceiling {
             self.volume.set_ceiling(ceiling.bytes / volumes);
         }
     }
 
-    /// Where a frame stands now.
+    /// The current pose of a frame.
     fn pose(&self, placed: &Placed) -> Se3 {
         match self.keyframes.get(&placed.keyframe) {
             Some(keyframe) => keyframe.compose(&placed.keyframe_from_camera),
@@ -237,7 +236,7 @@ impl DenseMapper {
         }
     }
 
-    /// Whether a frame stands elsewhere than where it was integrated.
+    /// Whether a frame's pose differs from the one at which it was integrated.
     fn is_stale(&self, tolerance_voxels: f64) -> bool {
         let tolerance_m = tolerance_voxels * f64::from(self.volume.options().voxel_m);
         self.frames.iter().any(|placed| {
@@ -247,8 +246,8 @@ impl DenseMapper {
         })
     }
 
-    /// One more frame into the second volume; whether it has caught up and taken the first one's
-    /// place.
+    /// Integrates one more frame into the second volume. Returns whether it has caught up and replaced
+    /// the first.
     fn integrate_again(&mut self) -> Result<bool, DenseError> {
         let next = self.rebuild.as_ref().map_or(0, |rebuild| rebuild.poses.len());
         if let Some(placed) = self.frames.get(next) {
@@ -279,7 +278,7 @@ impl DenseMapper {
     }
 }
 
-/// An empty volume that has one of so many equal shares of the memory.
+/// An empty volume with one of `volumes` equal shares of the memory.
 fn empty(
     options: VolumeOptions,
     ceiling: Option<&MemoryCeiling>,

@@ -1,4 +1,4 @@
-//! Corrections: the volume that followed is the one of the corrected poses, to the bit.
+//! Corrections: the volume that followed equals the one of the corrected poses, to the bit.
 
 use covis_solvers::geometry::{LieGroup, Se3, So3};
 use nalgebra::Vector3;
@@ -32,7 +32,7 @@ fn drift(keyframe: usize) -> Se3 {
     Se3::new(turn, Vector3::new(0.2, 0.2, 0.1).scale(share))
 }
 
-/// What is handed over of frame `index`, and where its keyframe truly stands.
+/// Frame `index` as it is handed over, and the true pose of its keyframe.
 fn tied(sequence: &Sequence, index: usize) -> (AnchoredFrame, Se3) {
     let keyframe = index / STEP;
     let world_from_keyframe = sequence.world_from_camera(keyframe * STEP);

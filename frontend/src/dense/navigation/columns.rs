@@ -1,10 +1,10 @@
-//! The grid on the ground, and what stands in the column over a cell.
+//! The grid on the ground, and the content of the column over a cell.
 //!
 //! Cells are as large as voxels, their centers lie at multiples of the voxel size. A column is sampled
 //! at heights that are multiples of it too, by the nearest voxel: with up along an axis of the volume
-//! each sample is a voxel. A voxel is surface where its distance is at most half a voxel's diagonal,
-//! so that a surface of any slope has no holes; and where it lies behind and the next one is free,
-//! since distances of many views need not grow evenly.
+//! each sample is a voxel. A voxel is surface if its distance is at most half a voxel's diagonal, so
+//! that a surface of any slope has no holes. It is also surface if it lies behind and a neighbor is
+//! free, because distances from many views need not grow evenly.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -15,15 +15,15 @@ use super::super::pages::PageError;
 use super::super::volume::Volume;
 use super::{NavigationError, NavigationOptions};
 
-/// Cells that a grid has at most.
+/// Most cells of a grid.
 const MOST_CELLS: f64 = 67_108_864.0;
 
-/// Cells along an edge of a square of the ground that is looked at by itself.
+/// Cells along an edge of the squares of the ground that are processed one at a time.
 const SQUARE: usize = 64;
-/// Blocks that are asked for their keys at a time.
+/// Blocks whose keys are read at a time.
 const BLOCKS_AT_A_TIME: usize = 1024;
 
-/// To the six neighbors of a voxel.
+/// Steps to the six neighbors of a voxel.
 const STEPS: [[i64; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
 
 /// A grid of square cells on the ground, row by row from the least y.
@@ -42,7 +42,8 @@ pub struct Ground {
 }
 
 impl Ground {
-    /// The resolution in meters as the voxel was asked for, without what single precision adds to it.
+    /// The resolution in meters as the voxel size was given, without extra digits from the conversion
+    /// of single precision.
     #[must_use]
     pub fn resolution(&self) -> f32 {
         self.resolution_m as f32
@@ -69,21 +70,21 @@ pub(super) struct Columns {
     thickness: f32,
 }
 
-/// What stands in columns, all of whose blocks are in memory.
+/// The content of columns whose blocks are all in memory.
 pub(super) struct Standing<'a> {
     columns: &'a Columns,
     volume: &'a Volume,
 }
 
 impl Columns {
-    /// Over all of a volume.
+    /// The columns over all of a volume.
     pub(super) fn new(
         volume: &mut PagedVolume,
         options: &NavigationOptions,
     ) -> Result<Self, NavigationError> {
         let axes = axes(options.up)?;
         let [lowest, highest] = options.heights_m;
-        // Not the negation: numbers that are none are no range either.
+        // Not the negated comparison, because NaN must be refused too.
         if !(lowest <= highest && lowest.is_finite() && highest.is_finite()) {
             return Err(NavigationError::Heights { heights_m: options.heights_m });
         }
@@ -113,7 +114,8 @@ impl Columns {
         })
     }
 
-    /// One value a cell, from what stands over it at each height (in resolutions), lowest first.
+    /// One value per cell, folded over the places above it at each height (in resolutions), lowest
+    /// first.
     pub(super) fn fold<T: Copy + Send + Sync>(
         &self,
         volume: &mut PagedVolume,
@@ -127,8 +129,8 @@ impl Columns {
         })
     }
 
-    /// One value a cell, from what stands over it between two heights, in resolutions. Where a part of
-    /// the volume is on disk, it comes from there by squares of the ground.
+    /// One value per cell, from its column between two heights, in resolutions. If part of the volume
+    /// is on disk, it is read by squares of the ground.
     pub(super) fn map<T: Copy + Send + Sync>(
         &self,
         volume: &mut PagedVolume,
@@ -166,7 +168,7 @@ impl Columns {
         axes[0] * x + axes[1] * y + axes[2] * height
     }
 
-    /// The lowest and the highest voxels that are looked at over a square of cells.
+    /// The lowest and the highest voxels that are read over a square of cells.
     fn voxels(&self, square: [[usize; 2]; 2], heights: [f64; 2]) -> (Vector3<f64>, Vector3<f64>) {
         let corners =
             (0..8).map(|k| self.place(square[k & 1][0], square[k >> 1 & 1][1], heights[k >> 2]));
@@ -190,7 +192,7 @@ impl Standing<'_> {
         place
     }
 
-    /// What a voxel is by itself.
+    /// What a voxel is, regardless of its neighbors.
     fn voxel(&self, voxel: Vector3<i64>) -> Place {
         let [bx, by, bz] = [voxel.x, voxel.y, voxel.z].map(|v| v.div_euclid(EDGE as i64) as i32);
         let Some(block) = self.volume.block(BlockKey { x: bx, y: by, z: bz }) else {

@@ -1,10 +1,10 @@
 //! Distances to the nearest surface on a level slice: a slice of the Euclidean distance field.
 //!
-//! Felzenszwalb and Huttenlocher, Distance Transforms of Sampled Functions (2012): the squared
-//! distance to a set is the lower envelope of parabolas, dimension by dimension, exact and in linear
-//! time. The first dimension is up; for one slice it is the nearest surface of each column, and the
-//! two others follow as in the paper. Distances are between the centers of voxels. What was not seen
-//! is no obstacle: the occupancy grid tells where that is.
+//! Felzenszwalb and Huttenlocher, Distance Transforms of Sampled Functions (2012): the squared distance
+//! to a set is the lower envelope of parabolas, dimension by dimension, exact and in linear time. The
+//! first dimension is up; for one slice it is the nearest surface of each column, and the two others
+//! follow as in the paper. Distances are between the centers of voxels. Unseen space is no obstacle:
+//! the occupancy grid shows where it is.
 
 use rayon::prelude::*;
 
@@ -27,8 +27,8 @@ pub struct DistanceSlice {
 /// Distances on the slice at a height.
 ///
 /// # Errors
-/// Where the options make no sense, the volume is empty, its grid too large, or a part of it does not
-/// come back from disk.
+/// The options are invalid, the volume is empty, its grid is too large, or a part of it cannot be read
+/// from disk.
 pub fn distance_slice(
     volume: &mut PagedVolume,
     options: &NavigationOptions,
@@ -75,7 +75,7 @@ impl DistanceSlice {
 
 /// Replaces each value f(q) by the least of (p - q)² + f(q) over all q.
 fn transform(values: &mut [f64]) {
-    // The parabolas of the lower envelope, and where each takes over from the one before.
+    // The parabolas of the lower envelope, and where each begins.
     let mut roots: Vec<(usize, f64)> = Vec::new();
     let mut starts: Vec<f64> = Vec::new();
     for (q, &value) in values.iter().enumerate().filter(|(_, value)| value.is_finite()) {
@@ -104,7 +104,7 @@ fn transform(values: &mut [f64]) {
     }
 }
 
-/// Rows of a width as columns.
+/// Transposes rows of a width to columns.
 fn transposed(values: &[f64], width: usize) -> Vec<f64> {
     let height = values.len() / width.max(1);
     (0..values.len()).map(|i| values[i / height + width * (i % height)]).collect()

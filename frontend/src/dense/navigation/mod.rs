@@ -1,16 +1,16 @@
-//! What a robot plans on: the volume seen from above.
+//! Grids for a robot's planner: the volume seen from above.
 //!
 //! | file | role |
 //! |---|---|
-//! | `columns` | the grid on the ground, and what stands in a column over a cell |
+//! | `columns` | the grid on the ground, and the content of the column over a cell |
 //! | `occupancy` | free, occupied or unknown; the files that ROS reads |
 //! | `distance` | meters to the nearest surface on a slice |
 //!
-//! The ground is spanned by x, the volume's x axis as far as it is level, and y, which makes (x, y, up)
-//! right-handed; heights count along up. All of them begin at the volume's origin. Where up is opposite
-//! to the volume's y axis, as for a camera held level, the ground's y is the volume's z. Reads the
-//! volume, changes nothing in it; of what is on disk it has a square of the ground in memory at a time,
-//! while the grid itself is there as a whole.
+//! The ground has the axes x, the horizontal part of the volume's x axis, and y, which makes (x, y, up)
+//! right-handed; heights are measured along up. All of them start at the volume's origin. Where up is
+//! opposite to the volume's y axis, as for a camera held level, the ground's y is the volume's z. The
+//! volume is only read. Blocks on disk are read one square of the ground at a time, while the whole
+//! grid is in memory.
 
 mod columns;
 mod distance;
@@ -27,14 +27,14 @@ use nalgebra::Vector3;
 use super::pages::PageError;
 use super::surface::SurfaceOptions;
 
-/// Which part of the volume stands in the way.
+/// Which part of the volume is an obstacle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NavigationOptions {
     /// Up in the volume's frame, of any length but zero.
     pub up: Vector3<f64>,
     /// Heights between which a surface is an obstacle, meters along up from the volume's origin.
     pub heights_m: [f64; 2],
-    /// Weight from which on a voxel counts, in weights of one observation.
+    /// Least weight of a voxel that counts, in weights of one observation.
     pub least_weight: f32,
 }
 
@@ -70,7 +70,7 @@ pub enum NavigationError {
         /// Cells that it would have.
         cells: f64,
     },
-    /// Blocks that are on disk do not come back, or others have no room there.
+    /// Blocks cannot be read from disk, or others have no room there.
     #[error(transparent)]
     Pages(#[from] PageError),
 }

@@ -1,13 +1,13 @@
-//! Occupancy of the ground, and the image and text by which ROS' `map_server` reads it.
+//! Occupancy of the ground, and the image and text that ROS' `map_server` reads.
 //!
-//! A cell is occupied where a surface stands over it between the two heights, free where none does and
-//! the camera saw through a voxel there, unknown elsewhere. The image's first row has the greatest y.
+//! A cell is occupied if a surface is above it between the two heights, free if there is none and the
+//! camera saw through a voxel there, unknown otherwise. The image's first row has the greatest y.
 
 use super::super::paged::PagedVolume;
 use super::columns::{Columns, Ground, Place};
 use super::{NavigationError, NavigationOptions};
 
-/// What a cell is for who wants to drive there.
+/// Whether a robot can drive on a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Cell {
     /// Nothing was seen there.
@@ -31,8 +31,8 @@ pub struct OccupancyGrid {
 /// The occupancy of the ground under a volume.
 ///
 /// # Errors
-/// Where the options make no sense, the volume is empty, its grid too large, or a part of it does not
-/// come back from disk.
+/// The options are invalid, the volume is empty, its grid is too large, or a part of it cannot be read
+/// from disk.
 pub fn occupancy_grid(
     volume: &mut PagedVolume,
     options: &NavigationOptions,
@@ -67,7 +67,7 @@ impl OccupancyGrid {
     /// The text that belongs to the image; `image` is the image's path as the text's reader finds it.
     #[must_use]
     pub fn to_yaml(&self, image: &str) -> String {
-        // Micrometers: the rest is single precision's.
+        // Rounded to micrometers: further digits come from single precision.
         let [x, y] = self.ground.corner_m.map(|at| (at * 1e6).round() / 1e6);
         // A JSON string is a YAML string, whatever is in it. 205 is 0.19608, just not free.
         let image = serde_json::Value::from(image);

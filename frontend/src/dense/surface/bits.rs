@@ -1,35 +1,35 @@
-//! Signs and sight of voxels as bits: what a surface crosses is found without looking at distances.
+//! Sign and visibility of voxels as bits: the cells that a surface crosses are found without distances.
 //!
-//! A block's bits are 512, bit x + 8 y of word z. A field is a block with one voxel of its neighbors
-//! all around, 10³ voxels: bit x + 10 y of plane z, where the block's own begin at (1, 1, 1). Knows
-//! nothing of triangles.
+//! A block has 512 bits: bit x + 8 y of word z. A field is a block with a border of one voxel of its
+//! neighbors, 10³ voxels: bit x + 10 y of plane z, where the block's own begin at (1, 1, 1).
+//! Independent of triangles.
 
 use super::super::block::{Block, EDGE, VOXELS, WEIGHT_ONE};
 
 /// A voxel next to a surface lies within √3 voxels of it, less than this where the truncation is three
-/// voxels or more. One beyond it, beside one of the other sign, is free space beside what hides behind
-/// a silhouette: there is no surface between.
+/// voxels or more. A farther voxel, next to one of the other sign, lies at a silhouette, between free
+/// and hidden space: there is no surface between them.
 const STEEP: i16 = i16::MAX / 4 * 3;
 
 /// Voxels along an edge of a field.
 pub(super) const SIDE: usize = EDGE + 2;
 
-/// One bit a voxel of a block.
+/// One bit per voxel of a block.
 pub(super) type BlockBits = [u64; EDGE];
 
-/// What is to be known of a block before its distances are looked at.
+/// The bits of a block, which are used before its distances are read.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Bits {
     /// Behind the surface: negative distance, seen enough.
     pub(super) inside: BlockBits,
-    /// Seen enough, and near enough, to carry a surface.
+    /// Seen enough, and near enough to a surface.
     pub(super) seen: BlockBits,
 }
 
 impl Bits {
     /// The bits of a block, with the weight from which on a voxel counts.
     pub(super) fn of(block: &Block, least_weight: u16) -> Self {
-        // A byte a voxel, all ones or all zeros: the compiler makes vectors of these loops.
+        // One byte per voxel, all ones or all zeros, so that the compiler vectorizes these loops.
         let mut seen = [0_u8; VOXELS];
         let voxels = block.weights.iter().zip(&block.distances);
         for (byte, (&weight, &distance)) in seen.iter_mut().zip(voxels) {
@@ -44,7 +44,7 @@ impl Bits {
         Self { inside: std::array::from_fn(|z| inside[z] & seen[z]), seen }
     }
 
-    /// Where it differs from another.
+    /// The voxels at which it differs from another.
     pub(super) fn difference(&self, other: &Self) -> BlockBits {
         std::array::from_fn(|z| (self.inside[z] ^ other.inside[z]) | (self.seen[z] ^ other.seen[z]))
     }
@@ -97,10 +97,10 @@ pub(super) fn borders(bits: &BlockBits) -> u32 {
     beside
 }
 
-/// One bit a voxel of a block and of the voxels around it.
+/// One bit per voxel of a block and of the voxels around it.
 pub(super) type Field = [u128; SIDE];
 
-/// Signs and sight of a field.
+/// Sign and visibility of a field.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FieldBits {
     pub(super) inside: Field,
@@ -108,7 +108,7 @@ pub(super) struct FieldBits {
 }
 
 impl FieldBits {
-    /// Of a block's 27 neighbors, itself in the middle: neighbor (x, y, z) in -1..=1 stands at
+    /// The field of a block's 27 neighbors, itself in the middle: neighbor (x, y, z) in -1..=1 is at
     /// (x + 1) + 3 (y + 1) + 9 (z + 1).
     pub(super) fn of(around: &[Option<&Bits>; 27]) -> Self {
         let word = |neighbor: usize, z: usize| {

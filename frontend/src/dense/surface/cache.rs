@@ -1,10 +1,10 @@
-//! Pieces that follow a volume: only what changed is made anew.
+//! Keeps the pieces of a volume up to date: only what changed is rebuilt.
 //!
-//! A piece reads its block and the voxels next to it. A block that changed makes its own piece anew,
-//! and of its neighbors' those that read its voxels or, where a sign at their border or the sight of it
-//! changed, may come to do so. Each block that was seen has a place here, whatever its slot in the volume
-//! is: blocks change slots, and those that went to disk keep their pieces. One that comes back is looked
-//! at again only where it changed.
+//! A piece reads its block and the voxels next to it. When a block changes, its own piece is rebuilt,
+//! and those neighboring pieces that read its voxels, or may do so now because a sign or the visibility
+//! at the border changed. Each block has a place here, independent of its slot in the volume: blocks
+//! change slots, and those on disk keep their pieces. A block that is read back is processed again only
+//! if it changed.
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
 
@@ -24,11 +24,11 @@ use super::piece::{MIDDLE, Piece, Source, ones};
 const NONE: u32 = u32::MAX;
 /// All 27 blocks around.
 const ALL: u32 = (1 << 27) - 1;
-/// The revision of a block that was not looked at.
+/// The revision of a block that was not processed yet.
 const NEVER: u64 = u64::MAX;
-/// Blocks that a task takes at least.
+/// Least blocks of a task.
 const BLOCKS_A_TASK: usize = 32;
-/// Regions that come from disk at a time.
+/// Regions that are read from disk at a time.
 const REGIONS_AT_A_TIME: usize = 32;
 
 /// The surface of a volume, kept up to date.
@@ -40,27 +40,27 @@ pub struct SurfaceCache {
     vacant: Vec<usize>,
     /// The place of the block in each of the volume's slots.
     place_of_slot: Vec<u32>,
-    // What is known of each place:
+    // The state of each place:
     keys: Vec<BlockKey>,
     /// Where the block is in the volume.
     slots: Vec<u32>,
-    /// The revision of the block that its bits are of.
+    /// The revision of the block from which its bits were computed.
     revisions: Vec<u64>,
     bits: Vec<Bits>,
     sides: Vec<u8>,
     /// Places of the blocks around, as in [`FieldBits::of`].
     around: Vec<[u32; 27]>,
     pieces: Vec<Option<Box<Piece>>>,
-    /// Which of the blocks around have voxels that the piece was made of, as in [`borders`].
+    /// Which of the blocks around the piece reads, as in [`borders`].
     reads: Vec<u32>,
-    /// Which of the pieces around are made of the block's voxels: the same, the other way around.
+    /// Which of the pieces around read the block: the inverse of `reads`.
     read_by: Vec<u32>,
-    /// The update since which the piece is old, 0 where it is not.
+    /// The update since which the piece is outdated, 0 where it is up to date.
     stale: Vec<u64>,
-    /// The places of old pieces, in the order in which they became old.
+    /// The places of outdated pieces, in the order in which they became so.
     old: VecDeque<usize>,
     updates: u64,
-    /// The volume's revision up to which also what is on disk was looked at.
+    /// The volume's revision up to which blocks on disk were processed too.
     looked: u64,
 }
 
@@ -89,27 +89,27 @@ impl SurfaceCache {
         }
     }
 
-    /// Follows a volume, always the same one; how many pieces were made anew.
+    /// Follows a volume, always the same one. Returns how many pieces were rebuilt.
     pub fn update(&mut self, volume: &Volume) -> usize {
         self.update_oldest(volume, usize::MAX)
     }
 
-    /// As [`SurfaceCache::update`], for a bounded time: of the pieces that are old, `most` are made
-    /// anew, those that have been old for longest first. The others' turn comes with later updates;
-    /// until then the surface may be torn where old and new meet.
+    /// As [`SurfaceCache::update`], in a bounded time: at most `most` outdated pieces are rebuilt, the
+    /// oldest first. Later updates rebuild the others; until then the surface may have cracks where old
+    /// and new pieces meet.
     pub fn update_oldest(&mut self, volume: &Volume, most: usize) -> usize {
         self.look_at(volume, |_| false);
         let old = self.oldest(most);
         self.make(volume, old)
     }
 
-    /// As [`SurfaceCache::update_oldest`] for a volume part of which may be on disk: from there comes, by
-    /// and by, what changed since the last update, and what old pieces are made of. After a frame that is
-    /// little or nothing. Pieces, and 300 bytes of each block, stay in memory.
+    /// As [`SurfaceCache::update_oldest`] for a volume that may be partly on disk. Blocks that changed
+    /// since the last update, and those that outdated pieces read, are read from disk step by step;
+    /// after a frame these are few or none. Pieces, and 300 bytes of each block, stay in memory.
     ///
     /// # Errors
-    /// Where blocks do not come back from disk or others have no room there. What was not looked at or
-    /// made anew is still old then.
+    /// Blocks cannot be read from disk, or others have no room there. What was not processed or rebuilt
+    /// stays outdated then.
     pub fn update_paged(
         &mut self,
         volume: &mut PagedVolume,
@@ -142,13 +142,13 @@ impl SurfaceCache {
         Ok(made)
     }
 
-    /// Whether all that a piece is made of is in memory.
+    /// Whether all blocks that a piece reads are in memory.
     fn is_in_memory(&self, place: usize) -> bool {
         let mut known = self.around[place].iter().filter(|&&place| place != NONE);
         known.all(|&place| self.slots[place as usize] != NONE)
     }
 
-    /// The regions that pieces are made of.
+    /// The regions that pieces read.
     fn regions_around(&self, places: &[usize]) -> Vec<Region> {
         let known = places.iter().flat_map(|&place| self.around[place]);
         let known = known.filter(|&place| place != NONE);
@@ -163,15 +163,14 @@ impl SurfaceCache {
         self.look_at(volume.resident(), |key| volume.is_on_disk(Region::of(key)));
     }
 
-    /// Takes note of what changed in a volume. Blocks that are not there are on disk, or gone.
+    /// Registers what changed in a volume. Missing blocks are on disk, or removed.
     fn look_at(&mut self, volume: &Volume, is_on_disk: impl Fn(BlockKey) -> bool) {
         self.updates += 1;
         self.link(volume, is_on_disk);
         self.look(volume);
     }
 
-    /// The places of old pieces that have to be made anew, `most` at most; the rest stays old and is not
-    /// looked at.
+    /// The places of at most `most` outdated pieces that must be rebuilt; the rest stays outdated.
     fn oldest(&mut self, most: usize) -> Vec<usize> {
         let mut oldest = Vec::new();
         while oldest.len() < most && !self.old.is_empty() {
@@ -192,7 +191,7 @@ impl SurfaceCache {
         oldest
     }
 
-    /// Makes pieces anew; how many.
+    /// Rebuilds pieces and returns how many.
     fn make(&mut self, volume: &Volume, places: Vec<usize>) -> usize {
         let mut made = Vec::with_capacity(places.len());
         for place in places {
@@ -210,7 +209,7 @@ impl SurfaceCache {
         count
     }
 
-    /// Takes over the piece of a place, and from which blocks it is.
+    /// Stores the piece of a place, and which blocks it reads.
     fn keep(&mut self, place: usize, piece: Option<Box<Piece>>, reads: u32) {
         let turned = self.reads[place] ^ reads;
         self.pieces[place] = piece;
@@ -223,13 +222,13 @@ impl SurfaceCache {
         }
     }
 
-    /// Whether pieces are old that an update left for later.
+    /// Whether an update left outdated pieces for later.
     #[must_use]
     pub fn is_behind(&self) -> bool {
         !self.old.is_empty()
     }
 
-    /// For how many updates the piece has been old that waits longest; 0 where none is.
+    /// For how many updates the oldest piece has been outdated; 0 where none is.
     #[must_use]
     pub fn lag(&self) -> u64 {
         let oldest = self.old.iter().map(|&place| self.stale[place]).min();
@@ -245,8 +244,8 @@ impl SurfaceCache {
         })
     }
 
-    /// Finds where the volume's blocks are now, makes places for those that are new and takes them from
-    /// those that are gone.
+    /// Finds the current slots of the volume's blocks, makes places for new blocks, and frees those of
+    /// removed ones.
     fn link(&mut self, volume: &Volume, is_on_disk: impl Fn(BlockKey) -> bool) {
         let (old, keys) = (self.place_of_slot.len(), volume.keys());
         let kept = old.min(keys.len());
@@ -288,7 +287,7 @@ impl SurfaceCache {
         }
     }
 
-    /// Has memory for so many places more: growing step by step would touch twice as much.
+    /// Reserves memory for `places` more: growing step by step would touch twice as much.
     fn reserve(&mut self, places: usize) {
         self.places.reserve(places);
         self.keys.reserve(places);
@@ -324,7 +323,7 @@ impl SurfaceCache {
         place
     }
 
-    /// Takes the place from a block that is gone.
+    /// Frees the place of a block that is gone.
     fn give_up(&mut self, place: usize) {
         for (k, neighbor) in self.around[place].into_iter().enumerate() {
             if neighbor != NONE {
@@ -341,7 +340,7 @@ impl SurfaceCache {
         self.vacant.push(place);
     }
 
-    /// Takes the bits of blocks that changed, and marks the pieces that read them.
+    /// Computes the bits of changed blocks, and marks the pieces that read them as outdated.
     fn look(&mut self, volume: &Volume) {
         let (blocks, changed) = (volume.blocks(), volume.changed());
         let places = self.place_of_slot.iter().map(|&place| place as usize).enumerate();
@@ -368,7 +367,7 @@ impl SurfaceCache {
         }
     }
 
-    /// Of the places around one, and of itself, those whose pieces are not old yet.
+    /// The places around one, itself included, whose pieces are not outdated yet.
     fn fresh_around(&self, place: usize, which: u32) -> u32 {
         let which = ones((which | 1 << MIDDLE).into());
         which.fold(0, |fresh, k| {
@@ -391,7 +390,7 @@ impl SurfaceCache {
         known.fold(0, |sides, &place| sides | self.sides[place as usize]) == 3
     }
 
-    /// What the piece of a place is made of.
+    /// The input for the piece of a place.
     fn source<'a>(&self, volume: &'a Volume, place: usize) -> Source<'a> {
         let around = self.around[place].map(|place| (place != NONE).then_some(place as usize));
         let blocks = volume.blocks();

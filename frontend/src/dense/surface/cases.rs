@@ -1,18 +1,17 @@
-//! Which triangles a cell has: marching cubes' 256 cases, derived from one rule a face.
+//! The triangles of a cell: the 256 cases of marching cubes, derived from one rule per face.
 //!
 //! Corner i of a cell lies at (i & 1, i >> 1 & 1, i >> 2). Edge 4 axis + k runs along an axis; k counts
-//! its place on the other two, the lower axis first. Walking around a face, each run of corners inside
-//! is cut off by one segment of its own. That depends on the face's four corners alone, so that both
-//! cells of a face draw the same segments and the surface is closed whatever the signs are, ambiguous
-//! faces included (Dürst 1988 on the holes in the table of Lorensen and Cline 1987). The segments of a
-//! cell's six faces link to loops, and a loop is a fan of triangles none of whose inner edges lies on
-//! a face. Knows nothing of voxels.
+//! its place on the other two, the lower axis first. Around a face, one segment cuts off each run of
+//! corners inside. The segments depend on the face's four corners alone, so that both cells of a face
+//! have the same segments and the surface is closed for all signs, ambiguous faces included (Dürst 1988
+//! on the holes in the table of Lorensen and Cline 1987). The segments of a cell's six faces form
+//! loops. Each loop becomes a fan of triangles with no inner edge on a face. Independent of voxels.
 
 use std::sync::LazyLock;
 
 /// Edges of a cell.
 const EDGES: usize = 12;
-/// Triangles that a cell has at most.
+/// Most triangles of a cell.
 pub(super) const TRIANGLES: usize = 5;
 
 /// The triangles of one case, as edges on which the corners lie; seen from outside, they turn
@@ -87,7 +86,7 @@ fn case(inside: u8) -> Case {
             if is_inside(at(0)) || !is_inside(at(1)) {
                 continue;
             }
-            // A run of corners inside begins at 1; where does it end?
+            // A run of corners inside begins at 1 and ends at `last`.
             let last = (1..4).take_while(|&k| is_inside(at(k))).last().unwrap_or(1);
             let (enter, exit) = (edge_between(at(0), at(1)), edge_between(at(last), at(last + 1)));
             next[enter] = Some(exit);
@@ -128,7 +127,7 @@ fn push_fan(case: &mut Case, polygon: &[usize]) {
 mod tests {
     use super::*;
 
-    /// Edges of triangles that are not taken back by another triangle of the case.
+    /// Edges without a reverse edge in another triangle of the case.
     fn boundary(case: &Case) -> Vec<(u8, u8)> {
         let turns = |t: &[u8; 3]| [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])];
         let mut all: Vec<_> = case.triangles().iter().flat_map(turns).collect();

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use super::piece::Piece;
 
-/// Triangles that share vertices, each property in its own list. From the side that was seen they
-/// turn counterclockwise.
+/// Triangles that share vertices, each property in its own list. They are counterclockwise as seen from
+/// the observed side.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// Positions in the volume's frame, meters.
@@ -20,7 +20,7 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Joins pieces; `next` has the slots of the pieces that a piece's edges may begin in (order as in
+/// Joins pieces; `next` gives the slots of the pieces in which a piece's edges may begin (order as in
 /// `EdgeName::block`).
 pub(super) fn join(pieces: &[Option<Box<Piece>>], next: impl Fn(usize) -> [u32; 8] + Sync) -> Mesh {
     let mut first = Vec::with_capacity(pieces.len());
@@ -60,14 +60,14 @@ pub(super) fn join(pieces: &[Option<Box<Piece>>], next: impl Fn(usize) -> [u32; 
     mesh
 }
 
-/// Cuts the first items off a list.
+/// Splits the first items off a list.
 fn take<'a, T>(list: &mut &'a mut [T], count: usize) -> &'a mut [T] {
     let (taken, rest) = std::mem::take(list).split_at_mut(count);
     *list = rest;
     taken
 }
 
-/// A piece, and where in the mesh it goes.
+/// A piece, and its place in the mesh.
 struct Part<'a> {
     slot: usize,
     piece: &'a Piece,
@@ -90,7 +90,7 @@ impl Part<'_> {
         });
         for (triangle, names) in self.triangles.iter_mut().zip(&self.piece.triangles) {
             *triangle = names.map(|name| {
-                // A vertex that is not there would be a bug of ours; the first one is at least valid.
+                // A missing vertex would be a bug of ours; index 0 is at least valid.
                 around[name.block()].map_or(0, |(first, piece)| first + piece.vertex(name))
             });
         }

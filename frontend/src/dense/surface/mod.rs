@@ -1,18 +1,18 @@
-//! Out of the volume: the surface where distances change their sign, block by block.
+//! Extracts the surface of a volume, where distances change their sign, block by block.
 //!
 //! | file | role |
 //! |---|---|
 //! | `cases` | which triangles a cell has |
-//! | `bits` | signs and sight of a block's voxels as bits, with their neighbors' |
+//! | `bits` | sign and visibility of a block's voxels as bits, with their neighbors' |
 //! | `piece` | the vertices and triangles of one block |
 //! | `cache` | pieces that follow a volume as it changes |
 //! | `mesh` | pieces joined to one mesh |
 //!
-//! A cell is the cube between eight neighboring voxels; it belongs to the block of its lowest voxel
-//! and has triangles where all eight were seen near the surface. A vertex lies on an edge of cells and belongs to the
-//! block of the edge's lower voxel, which makes it once; pieces name vertices by their edges, so that
-//! the joined mesh is indexed and closed over the borders of blocks. Reads the volume, changes
-//! nothing in it; results do not depend on the number of threads.
+//! A cell is the cube between eight neighboring voxels; it belongs to the block of its lowest voxel and
+//! has triangles where all eight were seen near the surface. A vertex lies on an edge of cells and
+//! belongs to the block of the edge's lower voxel, which creates it once. Pieces refer to vertices by
+//! their edges, so that the joined mesh is indexed and closed across the borders of blocks. The volume
+//! is only read; results do not depend on the number of threads.
 
 mod bits;
 mod cache;
@@ -30,16 +30,15 @@ use super::paged::PagedVolume;
 use super::pages::PageError;
 use super::volume::Volume;
 
-/// What counts as surface.
+/// Which voxels count as surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceOptions {
-    /// Weight that each of a cell's eight voxels must have at least, in weights of one observation.
+    /// Least weight of each of a cell's eight voxels, in weights of one observation.
     pub least_weight: f32,
 }
 
 impl Default for SurfaceOptions {
-    /// Three frames, also of what is as far as depth is used: there one weighs a 256th of what it does
-    /// at a meter.
+    /// Three frames, also at the largest depth in use: there one has 1/256 of its weight at a meter.
     fn default() -> Self {
         Self { least_weight: 3.0 / 256.0 }
     }
@@ -53,12 +52,12 @@ pub fn extract(volume: &Volume, options: SurfaceOptions) -> Mesh {
     cache.mesh()
 }
 
-/// The surface of a whole volume part of which may be on disk, region by region. The mesh, its pieces
-/// and 300 bytes a block are in memory as a whole; of the blocks no more than the volume's ceiling allows,
-/// but for what a single region needs: itself and those next to it.
+/// The surface of a volume that may be partly on disk, region by region. The whole mesh, its pieces and
+/// 300 bytes per block are in memory. Blocks in memory stay below the volume's ceiling, unless a single
+/// region and those next to it need more.
 ///
 /// # Errors
-/// Where blocks do not come back from disk or others have no room there.
+/// Blocks cannot be read from disk, or others have no room there.
 pub fn extract_paged(volume: &mut PagedVolume, options: SurfaceOptions) -> Result<Mesh, PageError> {
     let mut cache = SurfaceCache::new(options);
     cache.update_paged(volume, usize::MAX)?;

@@ -1,9 +1,9 @@
-//! The surface in one block: vertices on the edges that its voxels begin, triangles of its cells.
+//! The surface in one block: vertices on the edges that begin at its voxels, triangles of its cells.
 //!
-//! A vertex lies where the distance between two voxels is zero, linearly; its normal is the gradient
-//! of the distance there (central differences at both voxels, one-sided beside what was not seen), its
-//! color is between theirs. A triangle names vertices by their edges, which may begin in the next
-//! blocks along x, y and z. Knows nothing of other pieces.
+//! A vertex lies where the linearly interpolated distance between two voxels is zero. Its normal is the
+//! gradient of the distance there (central differences at both voxels, one-sided beside unseen voxels),
+//! its color is interpolated. A triangle refers to vertices by their edges, which may begin in the next
+//! blocks along x, y and z. Independent of other pieces.
 
 use std::sync::LazyLock;
 
@@ -16,13 +16,13 @@ use super::cases::{CASES, TRIANGLES, edge_base};
 pub struct Vertex {
     /// Position in the volume's frame, meters.
     pub position: [f32; 3],
-    /// Of length one, to the side from which the surface was seen.
+    /// Unit normal, to the side from which the surface was seen.
     pub normal: [f32; 3],
     /// Red, green, blue.
     pub color: [u8; 3],
 }
 
-/// An edge of the grid as a triangle names it: lower voxel (x, y, z), each 0 to 8 from the block's
+/// An edge of the grid as a triangle refers to it: lower voxel (x, y, z), each 0 to 8 from the block's
 /// first, and axis, in four bits each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct EdgeName(u16);
@@ -43,14 +43,14 @@ impl EdgeName {
 pub(super) struct Piece {
     /// Edges with a vertex: bit x + 8 y of word z, by axis.
     edges: [[u64; EDGE]; 3],
-    /// How many vertices stand before those of a word.
+    /// Number of vertices before those of a word.
     first: [[u16; EDGE]; 3],
     pub(super) vertices: Vec<Vertex>,
     pub(super) triangles: Vec<[EdgeName; 3]>,
 }
 
 impl Piece {
-    /// Which of its vertices lies on an edge that begins in this block; the edge must have one.
+    /// The index of the vertex on an edge that begins in this block; the edge must have one.
     pub(super) fn vertex(&self, name: EdgeName) -> u32 {
         let name = usize::from(name.0);
         let (axis, z, bit) = (name >> 12, name >> 8 & 7, (name >> 1 & 0x38) | (name & 7));
@@ -58,8 +58,8 @@ impl Piece {
         u32::from(self.first[axis][z]) + before.count_ones()
     }
 
-    /// The piece of a block, `None` where there is no surface, and which of the blocks around have
-    /// voxels that it is made of, as in [`borders`]. The memory of an old one is used again.
+    /// The piece of a block, `None` where there is no surface, and which of the blocks around it reads,
+    /// as in [`borders`]. The memory of an old piece is reused.
     pub(super) fn new(source: &Source<'_>, old: Option<Box<Self>>) -> (Option<Box<Self>>, u32) {
         let cells = crossed_cells(&source.bits);
         if cells.iter().all(|&plane| plane == 0) {
@@ -99,7 +99,7 @@ impl Piece {
     }
 
     fn place_vertices(&mut self, source: &Source<'_>) {
-        // Rows of the field with an edge that has a vertex, and the rows around, where slopes end.
+        // Rows of the field with a vertex, and the rows around them, which slopes read.
         let mut wanted = [0; SIDE];
         let mut count = 0;
         for z in 0..EDGE {
@@ -166,7 +166,7 @@ static NAMES: LazyLock<[Named; 256]> = LazyLock::new(|| {
 /// Cells with triangles, by the field's plane of their lower voxels.
 type Cells = [u128; SIDE - 1];
 
-/// Which cells of a field were seen whole and have corners on both sides.
+/// Which cells of a field were seen completely and have corners on both sides.
 fn crossed_cells(bits: &FieldBits) -> Cells {
     // Nine columns of nine rows begin a cell.
     const ROW: u128 = 0x1ff;
@@ -219,7 +219,7 @@ pub(super) fn ones(mut bits: u64) -> impl Iterator<Item = usize> {
 /// The block itself among the 27 around it; steps along x, y and z are 1, 3 and 9.
 pub(super) const MIDDLE: usize = 13;
 
-/// What a piece is made of.
+/// The input for a piece.
 pub(super) struct Source<'a> {
     /// Which block.
     pub(super) key: BlockKey,
@@ -231,8 +231,8 @@ pub(super) struct Source<'a> {
     pub(super) bits: FieldBits,
 }
 
-/// Distances of a field, voxel (x, y, z) at x + 10 (y + 10 z); the rest is there so that an index of
-/// ten bits is always one of the list.
+/// Distances of a field, voxel (x, y, z) at x + 10 (y + 10 z); the length makes every index of ten bits
+/// valid.
 type Distances = [i16; 1024];
 
 /// The distance of a voxel that was not seen enough.
@@ -315,8 +315,8 @@ impl Source<'_> {
     }
 }
 
-/// How much the distance grows a voxel of a field, in a direction: between both neighbors, or the
-/// one that was seen.
+/// Growth of the distance per voxel in a direction: between both neighbors, or to the one that was
+/// seen.
 fn slope(distances: &Distances, place: usize, stride: usize) -> f32 {
     let at = |at: usize| distances[at & 1023];
     let (lower, here, upper) = (at(place - stride), at(place), at(place + stride));

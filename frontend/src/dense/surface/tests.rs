@@ -1,4 +1,4 @@
-//! Surfaces of known shapes: closed, in place, the same whoever makes them.
+//! Surfaces of known shapes: closed, in place, and independent of how they are made.
 
 use std::collections::HashMap;
 
@@ -153,7 +153,7 @@ fn an_updated_surface_is_the_one_made_anew() {
 
 #[test]
 fn any_changes_are_followed_in_any_portions() {
-    // Voxels of a noisy ball come, go and change their distance, a few blocks at a time.
+    // Voxels of a noisy ball appear, disappear and change their distance, a few blocks at a time.
     let mut grid = volume(CENTIMETER, [-2; 3], [1; 3], ball(0.11));
     let mut cache = SurfaceCache::new(SurfaceOptions::default());
     for round in 0..60 {

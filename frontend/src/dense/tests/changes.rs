@@ -1,4 +1,4 @@
-//! What goes, what comes, what walks, and what takes another color.
+//! Objects that disappear, appear, walk through the scene, or change color.
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector3;

@@ -1,4 +1,4 @@
-//! A volume part of which is on disk is the one that is in memory, block by block to the bit.
+//! A volume partly on disk equals the one in memory, block by block to the bit.
 
 use std::collections::BTreeMap;
 
@@ -92,7 +92,8 @@ fn with_ceiling(blocks: usize) -> PagedVolume {
     PagedVolume::with_ceiling(GRID, blocks * size_of::<Block>(), None).unwrap()
 }
 
-/// That two volumes have the same blocks, which one cannot see by a failed comparison of so many.
+/// Asserts that two volumes have the same blocks; a failed comparison of all of them would be
+/// unreadable.
 fn assert_same(a: &mut PagedVolume, b: &mut PagedVolume) {
     let (a, b) = (blocks(a), blocks(b));
     assert!(a.keys().eq(b.keys()), "{} and {} blocks", a.len(), b.len());
