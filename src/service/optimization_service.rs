@@ -28,6 +28,9 @@ use crate::wire::v1;
 use v1::optimization_service_server::OptimizationService;
 use v1::optimize_map_response::Event;
 
+/// A message of at most this many bytes is converted where it arrives, in a fraction of a millisecond.
+const SMALL_MESSAGE: usize = 64 << 10;
+
 /// The service.
 #[derive(Clone, Debug)]
 pub(super) struct Optimization {
@@ -92,9 +95,11 @@ impl Optimization {
         request: Request<v1::RefinePoseRequest>,
     ) -> Result<v1::RefinePoseResponse, ServiceError> {
         let caller = Caller::of(&request)?;
-        let deadline = solve_deadline(&request, request.get_ref().encoded_len());
+        let bytes = request.get_ref().encoded_len();
+        let deadline = solve_deadline(&request, bytes);
         let threads = self.context.maps.pool().threads();
-        let input = refine::input(&request.into_inner(), threads, deadline)?;
+        let request = request.into_inner();
+        let input = read(bytes, move || refine::input(&request, threads, deadline)).await?;
         let cancel = CancelOnDrop::default();
         let mut observer = cancel.observer();
         let estimate = input.estimate(self.ceiling());
@@ -106,10 +111,12 @@ impl Optimization {
         request: Request<v1::SolveBundleRequest>,
     ) -> Result<v1::SolveBundleResponse, ServiceError> {
         let caller = Caller::of(&request)?;
-        let deadline = solve_deadline(&request, request.get_ref().encoded_len());
+        let bytes = request.get_ref().encoded_len();
+        let deadline = solve_deadline(&request, bytes);
+        let (threads, ceiling) = (self.context.maps.pool().threads(), self.ceiling());
         let request = request.into_inner();
-        let threads = self.context.maps.pool().threads();
-        let input = bundle_solve::input(&request, threads, self.ceiling())?;
+        let both = move || Ok((bundle_solve::input(&request, threads, ceiling)?, request));
+        let (input, request) = read(bytes, both).await?;
         let (estimate, cancel) = (input.estimate(), CancelOnDrop::default());
         let interrupt = cancel.interrupt(deadline);
         let work = move || bundle_solve::run(request, input, &interrupt);
@@ -121,14 +128,25 @@ impl Optimization {
         request: Request<v1::SolvePoseGraphRequest>,
     ) -> Result<v1::SolvePoseGraphResponse, ServiceError> {
         let caller = Caller::of(&request)?;
-        let deadline = solve_deadline(&request, request.get_ref().encoded_len());
-        let threads = self.context.maps.pool().threads();
-        let input = graph_solve::input(request.into_inner(), threads, self.ceiling())?;
+        let bytes = request.get_ref().encoded_len();
+        let deadline = solve_deadline(&request, bytes);
+        let (threads, ceiling) = (self.context.maps.pool().threads(), self.ceiling());
+        let request = request.into_inner();
+        let input = read(bytes, move || graph_solve::input(request, threads, ceiling)).await?;
         let (estimate, cancel) = (input.estimate(), CancelOnDrop::default());
         let interrupt = cancel.interrupt(deadline);
         let work = move || graph_solve::run(input, &interrupt);
         self.solve(&caller, estimate, deadline, work).await?
     }
+}
+
+/// Converts a message of so many bytes: a large one on a blocking thread, so that other calls do not
+/// wait behind it.
+async fn read<T: Send + 'static>(
+    bytes: usize,
+    conversion: impl FnOnce() -> Result<T, ServiceError> + Send + 'static,
+) -> Result<T, ServiceError> {
+    if bytes <= SMALL_MESSAGE { conversion() } else { Context::blocking(conversion).await }
 }
 
 /// Resolves at `deadline`; never without one.

@@ -1,9 +1,10 @@
 //! Connections without a token, or without use: they hold neither places nor memory for long, and whoever
 //! has a token gets in.
 
+use std::process::Command;
 use std::time::{Duration, Instant};
 
-use covis::client::{Client, Credentials, Token};
+use covis::client::{Client, Credentials, SessionOptions, Token};
 use covis::service::{ConnectionLimits, ServerConfig};
 use covis::wire::v1;
 use covis_solvers::testing::skip;
@@ -17,7 +18,8 @@ use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_client::HealthClient;
 use v1::map_service_client::MapServiceClient;
 
-use crate::common::{Stream, TestServer, check_retry, check_status, run};
+use crate::cli_support::{Running, Workspace};
+use crate::common::{Stream, TestServer, camera, check_retry, check_status, run};
 use crate::rpc_access::tokens_toml;
 
 const PREFACE: &[u8] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
@@ -131,6 +133,35 @@ fn strangers_in_every_place_do_not_keep_a_robot_out() {
         // The first ones made place.
         for stranger in strangers.drain(..16) {
             read_to_end(stranger).await;
+        }
+    });
+}
+
+/// A process of its own, whose descriptors are soon used up.
+#[cfg(unix)]
+#[test]
+fn strangers_leave_descriptors_for_maps() {
+    let workspace = Workspace::new();
+    let own = workspace.command();
+    let mut command = Command::new("sh");
+    command.args(["-c", "ulimit -n 64 && exec \"$0\" \"$@\""]).arg(own.get_program());
+    own.get_envs().for_each(|(name, _)| {
+        command.env_remove(name);
+    });
+    let server = Running::spawn(command, "127.0.0.1:0", &workspace.path("maps"), &[]);
+    run(async {
+        let address = server.url.strip_prefix("http://").unwrap();
+        let mut strangers = Vec::new();
+        for _ in 0..200 {
+            strangers.push(TcpStream::connect(address).await);
+        }
+        let client = Client::connect(&server.url).await.unwrap();
+        for map in ["room", "hall"] {
+            client.create_map(map, None).await.unwrap();
+            let options = SessionOptions::default();
+            let mut session = client.ingest(map, "robot", options).await.unwrap();
+            session.send(camera(0)).await.unwrap();
+            assert_eq!(session.finish().await.unwrap().acknowledged, 1);
         }
     });
 }
