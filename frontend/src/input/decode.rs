@@ -54,6 +54,12 @@ pub enum DecodeError {
     /// The PNG is damaged.
     #[error("PNG: {0}")]
     Png(#[from] png::DecodingError),
+    /// The palette of the PNG ends within a color.
+    #[error("PNG: the palette has {bytes} bytes, not three for each color")]
+    Palette {
+        /// Its length.
+        bytes: usize,
+    },
     /// The JPEG is damaged or of a kind that is not read.
     #[error("JPEG: {0:?}")]
     Jpeg(DecodeErrors),
@@ -154,6 +160,11 @@ impl Png {
         let (width, height) = (header.width as usize, header.height as usize);
         check_size(width, height, length)?;
         let mut reader = decoder.read_info()?;
+        // The library (0.18.1) panics on such a palette when it expands the first row.
+        let palette = reader.info().palette.as_ref().map_or(0, |palette| palette.len());
+        if palette % 3 != 0 {
+            return Err(DecodeError::Palette { bytes: palette });
+        }
         let size = reader.output_buffer_size().ok_or(DecodeError::Side { width, height })?;
         let mut samples = vec![0; size];
         let frame = reader.next_frame(&mut samples)?;

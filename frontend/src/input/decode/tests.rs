@@ -129,3 +129,15 @@ fn damaged_bytes_are_errors() {
     }
     assert!(color(&JPEG[..JPEG.len() / 2]).is_err());
 }
+
+#[test]
+fn a_palette_that_ends_within_a_color_is_refused() {
+    for length in [4, 5, 764] {
+        let bytes = png(ColorType::Indexed, BitDepth::Eight, &vec![7; length], &[0; 4]);
+        let refused = color(&bytes);
+        assert!(
+            matches!(refused, Err(DecodeError::Palette { bytes }) if bytes == length),
+            "{refused:?}"
+        );
+    }
+}
