@@ -118,13 +118,13 @@ impl Companion for Feed {
             let truth = self.keyframes.iter().map(|(&id, &pose)| (id, pose)).collect();
             self.thread.correct(truth);
         }
-        let tied = AnchoredFrame {
+        let anchored = AnchoredFrame {
             frame: logged,
             keyframe: tracked.keyframe,
             keyframe_from_camera: beside,
         };
         let start = Instant::now();
-        self.thread.integrate(tied, drift(share).compose(&truth));
+        self.thread.integrate(anchored, drift(share).compose(&truth));
         self.wait_s.push(start.elapsed().as_secs_f64());
         self.track_s.push(outcome.seconds.track);
     }

@@ -28,7 +28,8 @@ use crate::wire::v1;
 use v1::optimization_service_server::OptimizationService;
 use v1::optimize_map_response::Event;
 
-/// A message of at most this many bytes is converted where it arrives, in a fraction of a millisecond.
+/// Largest message that is converted on the thread that received it, bytes. The time of a conversion
+/// grows with the message, and other calls would wait behind a large one.
 const SMALL_MESSAGE: usize = 64 << 10;
 
 /// The service.

@@ -80,8 +80,8 @@ impl SimDisk {
         self.world().faults = faults;
     }
 
-    /// Tells the time, ticks since the beginning of the run.
-    pub(crate) fn tick(&self, tick: u64) {
+    /// Sets the time, ticks since the beginning of the run.
+    pub(crate) fn set_tick(&self, tick: u64) {
         self.world().tick = tick;
     }
 

@@ -5,20 +5,24 @@
 //! |---|---|
 //! | `disk`, `nodes` | a disk that keeps written and synced apart, and fails, fills up and stops on demand |
 //! | `items` | what a client sends |
+//! | `answer` | how a call ended, and a promise that does not hold |
+//! | `sending` | how a robot sends keyframes |
 //! | `robot` | a client that remembers what it was told, and holds every answer against it |
 //! | `world` | one run: the server, its robots, crashes and restarts |
 //!
 //! How to run many, repeat one and add a fault is told in docs/simulation.md.
 
+mod answer;
 mod disk;
 mod items;
 mod nodes;
 mod robot;
+mod sending;
 mod world;
 
 use self::world::{Plan, run};
 
-/// Solves that are parallel inside stay on the thread of their run in this pool.
+/// A pool with one thread, so that parallel solves run on the thread of their simulated run.
 fn one_thread() -> rayon::ThreadPool {
     rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap()
 }

@@ -7,29 +7,18 @@
 
 use std::cell::RefCell;
 use std::rc::Rc;
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use tonic::Code;
 
-use super::items::{CAMERA, camera, keyframe};
+use super::answer::{Answer, Step, answer, broken};
+use super::items::CAMERA;
+use super::sending::{Contents, retries, send};
 use super::world::World;
-use crate::client::{
-    Client, ClientError, IngestSession, RetryPolicy, SessionOptions, WatchOptions,
-};
+use crate::client::{Client, ClientError, WatchOptions};
 use crate::wire::v1;
-
-/// A promise that does not hold.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Broken(pub(crate) String);
-
-type Step<T> = Result<T, Broken>;
-
-fn broken<T>(text: impl Into<String>) -> Step<T> {
-    Err(Broken(text.into()))
-}
 
 /// Longest answer to a call that is not cut off.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -56,40 +45,6 @@ enum State {
     Present(Contents),
     /// A deletion was begun and not answered.
     Deleting,
-}
-
-/// A map that was created.
-#[derive(Clone, Debug, Default)]
-struct Contents {
-    uid: String,
-    /// The last sequence that was sent: the camera's, then those of keyframes, which are their ids
-    /// too.
-    sent: i64,
-    /// The last that was acknowledged as durable.
-    durable: Arc<Mutex<i64>>,
-    /// What was durable when a deletion failed: the map may be gone until more is acknowledged.
-    failed_deletion: Option<i64>,
-}
-
-impl Contents {
-    fn durable(&self) -> i64 {
-        *self.durable.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Whether the map may be gone, because a deletion failed and nothing was promised since.
-    fn may_be_gone(&self) -> bool {
-        self.failed_deletion.is_some_and(|durable| durable >= self.durable())
-    }
-}
-
-/// What became of a call.
-#[derive(Debug)]
-enum Answer<T> {
-    Some(T),
-    /// The server answered with this.
-    Refused(Code, String),
-    /// No answer of the server: it may have done what was asked.
-    None,
 }
 
 /// A robot with its names.
@@ -170,13 +125,13 @@ impl Robot {
         what: &str,
         call: impl Fn(Client) -> F,
     ) -> Step<Answer<T>> {
-        let (mut tries, mut before) = (0, self.upsets());
+        let (mut tries, mut before) = (0, self.disturbances());
         for _ in 0..MOST_TRIES {
             if tries >= TRIES {
                 break;
             }
-            tries = if self.upsets() == before { tries + 1 } else { 0 };
-            before = self.upsets();
+            tries = if self.disturbances() == before { tries + 1 } else { 0 };
+            before = self.disturbances();
             let outcome = call(self.client.with_deadline(PATIENCE)).await;
             match answer(outcome) {
                 // A disk that is full or fails, and a map that needs a restart.
@@ -192,7 +147,7 @@ impl Robot {
     }
 
     /// How often the server or a link broke down or came back.
-    fn upsets(&self) -> u64 {
+    fn disturbances(&self) -> u64 {
         let world = self.world.borrow();
         world.crashes + world.link_changes
     }
@@ -406,94 +361,6 @@ impl Robot {
             self.audit(name).await?;
         }
         Ok(())
-    }
-}
-
-/// Short, and the same in every run of a seed.
-fn retries() -> RetryPolicy {
-    RetryPolicy {
-        max_attempts: 4,
-        first_delay: Duration::from_millis(5),
-        longest_delay: Duration::from_millis(40),
-        give_up_after: None,
-        seed: Some(0),
-    }
-}
-
-/// Sends the keyframes from `first` on, waiting for every ack.
-async fn send(
-    client: Client,
-    map: String,
-    contents: Contents,
-    first: i64,
-    pause: u64,
-) -> Step<Answer<()>> {
-    let durable = Arc::clone(&contents.durable);
-    let options =
-        SessionOptions { max_unanswered: 8, retry: retries(), ..SessionOptions::default() };
-    let options = options.on_ack(move |ack| {
-        if ack.status() == v1::AckStatus::Durable {
-            let mut durable = durable.lock().unwrap_or_else(PoisonError::into_inner);
-            *durable = (*durable).max(ack.sequence);
-        }
-    });
-    let mut session = match answer(client.ingest(&map, "robot", options).await) {
-        Answer::Some(session) => session,
-        Answer::Refused(code, text) => return Ok(Answer::Refused(code, text)),
-        Answer::None => return Ok(Answer::None),
-    };
-    let next = session.opened().next_sequence;
-    if session.opened().map_uid != contents.uid {
-        return broken(format!("{map}: another map under its name, {contents:?}"));
-    }
-    if next <= contents.durable() && !contents.may_be_gone() {
-        return broken(format!("{map}: goes on at {next} of {contents:?}"));
-    }
-    for id in first..=contents.sent {
-        let sent = match id {
-            CAMERA => session.send_as(id, camera()).await,
-            _ => session.send_as(id, keyframe(id)).await,
-        };
-        if let Err(error) = sent {
-            return lost(&map, error);
-        }
-        if pause > 0 {
-            tokio::time::sleep(Duration::from_millis(pause)).await;
-        }
-    }
-    finish(&map, session).await
-}
-
-async fn finish(map: &str, session: IngestSession) -> Step<Answer<()>> {
-    match session.finish().await {
-        Ok(report) if report.rejected > 0 => broken(format!("{map}: {:?}", report.rejections)),
-        Ok(_) => Ok(Answer::Some(())),
-        Err(error) => lost(map, error),
-    }
-}
-
-/// The client itself sees some promises that do not hold.
-fn lost(map: &str, error: ClientError) -> Step<Answer<()>> {
-    if matches!(error, ClientError::ItemsLost { .. } | ClientError::MapReplaced { .. }) {
-        return broken(format!("{map}: {error}"));
-    }
-    Ok(answer(Err(error)))
-}
-
-fn answer<T>(outcome: Result<T, ClientError>) -> Answer<T> {
-    match outcome {
-        Ok(answer) => Answer::Some(answer),
-        Err(error) => match error.code() {
-            None
-            | Some(
-                Code::Unavailable
-                | Code::DeadlineExceeded
-                | Code::Cancelled
-                | Code::Unknown
-                | Code::Aborted,
-            ) => Answer::None,
-            Some(code) => Answer::Refused(code, error.to_string()),
-        },
     }
 }
 

@@ -18,9 +18,10 @@ use rand_chacha::ChaCha8Rng;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{Endpoint, Uri};
 
+use super::answer::Broken;
 use super::disk::{Faults, SimDisk};
 use super::nodes::Crash;
-use super::robot::{Broken, Robot};
+use super::robot::Robot;
 use crate::client::Client;
 use crate::service::engine::SolverPool;
 use crate::service::{Backend, KeepAlive, Readers, Server, ServerConfig};
@@ -33,11 +34,11 @@ const SERVER: &str = "server";
 const TICK: Duration = Duration::from_millis(1);
 /// A server without a crash lives this long at most, ticks: a journal whose sync failed needs a restart.
 const LONGEST_LIFE: u64 = 3_000;
-/// A link is dead for this long at most, ticks: longer than both ends wait for a sign of life.
+/// The longest time for which a link is dead, ticks: longer than the keep-alive of both ends.
 const LONGEST_CUT: u64 = 3_000;
 /// A run that takes longer hangs, ticks.
 const LONGEST_RUN: u64 = 600_000;
-/// An end of a link that hears nothing for so long asks, and gives up after as long again.
+/// Keep-alive of both ends: the time without traffic before a probe, and the time to wait for its answer.
 const PATIENCE: Duration = Duration::from_millis(500);
 /// The last things that happened are told with a broken promise.
 const NOTES: usize = 40;
@@ -141,7 +142,7 @@ pub(crate) fn run(plan: &Plan) -> Result<Report, Broken> {
     while !ended {
         ended = sim.step().map_err(|error| Broken(format!("the simulation: {error}")))?;
         tick += 1;
-        machine.disk.tick(tick);
+        machine.disk.set_tick(tick);
         world.borrow_mut().tick = tick;
         let mut broken = world.borrow().broken.clone();
         if tick > LONGEST_RUN {

@@ -12,6 +12,8 @@ use std::time::Instant;
 use covis_solvers::geometry::{LieGroup, Se3};
 
 use super::Mapper;
+use covis_client::{Client, ClientError};
+
 use crate::dense::frame_log::LoggedFrame;
 use crate::dense::mapper::AnchoredFrame;
 use crate::dense::thread::DenseThread;
@@ -19,7 +21,6 @@ use crate::image::{Image, RgbdFrame};
 use crate::input::{FrameError, FrameSource};
 use crate::local_map::Corrections;
 use crate::pipeline::{Outcome, Pipeline, StageSeconds, TrackedFrame};
-use covis_client::{Client, ClientError};
 
 /// Frames that are decoded ahead.
 const AHEAD: usize = 4;
@@ -193,8 +194,8 @@ impl Run<'_> {
         };
         let TrackedFrame { keyframe, keyframe_from_camera, .. } = tracked;
         let world_from_keyframe = self.pipeline.map().keyframes[keyframe].world_from_camera;
-        let tied = AnchoredFrame { frame, keyframe, keyframe_from_camera };
-        thread.integrate(tied, world_from_keyframe);
+        let anchored = AnchoredFrame { frame, keyframe, keyframe_from_camera };
+        thread.integrate(anchored, world_from_keyframe);
     }
 
     /// Passes on what the server corrected.

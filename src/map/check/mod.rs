@@ -336,8 +336,8 @@ impl Check<'_> {
     }
 }
 
-/// The indices, in order, whose key occurs before, each with its key; a key without an index is in the
-/// map already.
+/// The indices of keys that occur earlier in the list too, sorted, each with its key. A key without an
+/// index is one that the map has already.
 fn repeated<K: Ord>(mut keyed: Vec<(K, Option<usize>)>) -> Vec<(usize, K)> {
     keyed.sort_unstable();
     let mut repeated = Vec::new();

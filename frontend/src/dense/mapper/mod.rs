@@ -154,10 +154,10 @@ impl DenseMapper {
     /// [`DenseError`]; the volume is unchanged then.
     pub fn integrate(
         &mut self,
-        mut tied: AnchoredFrame,
+        mut anchored: AnchoredFrame,
         world_from_keyframe: &Se3,
     ) -> Result<(), DenseError> {
-        let AnchoredFrame { frame, keyframe, keyframe_from_camera } = &mut tied;
+        let AnchoredFrame { frame, keyframe, keyframe_from_camera } = &mut anchored;
         let known = self.keyframes.get(keyframe).copied();
         let world_from_camera = known.unwrap_or(*world_from_keyframe).compose(keyframe_from_camera);
         self.log.append(frame)?;

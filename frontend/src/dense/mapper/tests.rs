@@ -33,7 +33,7 @@ fn drift(keyframe: usize) -> Se3 {
 }
 
 /// Frame `index` as it is handed over, and the true pose of its keyframe.
-fn tied(sequence: &Sequence, index: usize) -> (AnchoredFrame, Se3) {
+fn anchored(sequence: &Sequence, index: usize) -> (AnchoredFrame, Se3) {
     let keyframe = index / STEP;
     let world_from_keyframe = sequence.world_from_camera(keyframe * STEP);
     let camera = sequence.world_from_camera(index);
@@ -55,7 +55,7 @@ fn true_keyframes(sequence: &Sequence) -> Vec<(usize, Se3)> {
 fn at_truth(sequence: &Sequence, camera: &FrameCamera) -> DenseMapper {
     let mut mapper = mapper(camera);
     for index in 0..FRAMES {
-        let (frame, world_from_keyframe) = tied(sequence, index);
+        let (frame, world_from_keyframe) = anchored(sequence, index);
         mapper.integrate(frame, &world_from_keyframe).unwrap();
     }
     mapper
@@ -75,7 +75,7 @@ fn after_a_loop_closure_the_volume_is_that_of_the_corrected_poses() {
     let (sequence, camera) = sequence();
     let mut drifted = mapper(&camera);
     for index in 0..FRAMES {
-        let (frame, truth) = tied(&sequence, index);
+        let (frame, truth) = anchored(&sequence, index);
         let pose = truth.compose(&drift(frame.keyframe));
         drifted.integrate(frame, &pose).unwrap();
     }
@@ -98,7 +98,7 @@ fn a_correction_is_followed_while_frames_come_two_for_each() {
     let mut mapper = mapper(&camera);
     let (before, after) = (FRAMES / 2, FRAMES);
     for index in 0..before {
-        let (frame, truth) = tied(&sequence, index);
+        let (frame, truth) = anchored(&sequence, index);
         let pose = truth.compose(&drift(frame.keyframe));
         mapper.integrate(frame, &pose).unwrap();
         assert!(!mapper.follow().unwrap(), "nothing was corrected");
@@ -106,7 +106,7 @@ fn a_correction_is_followed_while_frames_come_two_for_each() {
     mapper.correct(&true_keyframes(&sequence));
     let mut behind = 0;
     for index in before..after {
-        let (frame, truth) = tied(&sequence, index);
+        let (frame, truth) = anchored(&sequence, index);
         mapper.integrate(frame, &truth).unwrap();
         behind += usize::from(mapper.follow().unwrap());
     }
@@ -134,14 +134,14 @@ fn a_correction_below_a_quarter_of_a_voxel_waits_for_the_end() {
 fn a_frame_that_makes_no_sense_is_refused_and_leaves_nothing() {
     let (sequence, camera) = sequence();
     let mut mapper = mapper(&camera);
-    let (mut odd, pose) = tied(&sequence, 0);
+    let (mut odd, pose) = anchored(&sequence, 0);
     odd.frame.color = Image::filled(5, 5, [0; 3]);
     assert!(mapper.integrate(odd, &pose).is_err());
-    let (odd, mut pose) = tied(&sequence, 0);
+    let (odd, mut pose) = anchored(&sequence, 0);
     pose.translation.x = f64::NAN;
     assert!(matches!(mapper.integrate(odd, &pose), Err(DenseError::Frame(_))));
     for index in 0..FRAMES {
-        let (frame, pose) = tied(&sequence, index);
+        let (frame, pose) = anchored(&sequence, index);
         mapper.integrate(frame, &pose).unwrap();
     }
     mapper.finish(&mut |_, _| {}).unwrap();
@@ -158,7 +158,7 @@ fn under_a_ceiling_corrections_are_followed_to_the_same_blocks() {
         let options = IntegrationOptions::default();
         let mut mapper = DenseMapper::new(&camera, GRID, options, ceiling).unwrap();
         for index in 0..FRAMES {
-            let (frame, truth) = tied(&sequence, index);
+            let (frame, truth) = anchored(&sequence, index);
             let keyframe = frame.keyframe;
             let drift = if is_true { Se3::identity() } else { drift(keyframe) };
             mapper.integrate(frame, &room(keyframe).compose(&truth).compose(&drift)).unwrap();
