@@ -19,7 +19,7 @@ use super::convert::solve::{Systems, gauge, loss, options, to_certificate, to_it
 use super::convert::{Path, convert, count, ids};
 use super::deadline::{CancelOnDrop, call_time, solve_deadline};
 use super::engine::{
-    Estimate, GaugeKind, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError,
+    Estimate, Fault, GaugeKind, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError,
 };
 use super::error::ServiceError;
 use super::{bundle_solve, graph_solve, refine};
@@ -53,7 +53,7 @@ impl Optimization {
         deadline: Option<Instant>,
         work: impl FnOnce() -> R + Send + 'static,
     ) -> Result<R, ServiceError> {
-        let faulty = self.context.config.engine.panics_in_solve();
+        let faulty = self.context.config.engine.injects(Fault::PanicInSolve);
         let meters = self.context.maps.meters();
         let (queued, span) = (meters.request_solve(), tracing::debug_span!("solve"));
         let held = Arc::new(Mutex::new(Some(work)));

@@ -1,74 +1,74 @@
-//! The task that owns a map: its loop, and its answers to control messages.
+//! The task that owns a map: its loop, which hands events from one part to another.
 //!
-//! Each step handles one of these, in this order of priority: a control message, the end of the
-//! running solve, progress of the journal, an item. After a control message, the others have
-//! priority for one step, so that constant requests of readers cannot block writers. Steps run
-//! under `catch_unwind`: a panic poisons only this map. In lock-step the task accepts no item while
-//! a solve runs or waits.
+//! The parts are [`Ingest`], [`Durability`], [`Solving`] and [`Watching`]; each owns its state, and
+//! none knows another. Each step handles one of these, in this order of priority: a control message,
+//! the end of the running solve, progress of the journal, an item. After a control message, the
+//! others have priority for one step, so that constant requests of readers cannot block writers. In
+//! lock-step the task accepts no item while a solve runs or waits.
+//!
+//! The journal accepts an event before the event changes the map, and makes it durable while the
+//! task continues. Steps run under `catch_unwind`: a panic poisons only this map. If it may have left
+//! an event half applied, the map is replayed from the journal.
 
-use std::hash::{BuildHasher, RandomState};
-use std::panic::AssertUnwindSafe;
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
 
 use futures_util::FutureExt;
 use tokio::sync::mpsc;
 use tracing::Instrument;
 
-use super::account::HeldEntities;
-use super::durable::{DurableAcks, Snapshots};
+use super::durability::{Durability, unix_time_ns};
+use super::error::report_bug;
 use super::handle::{Control, Reply, Shared};
-use super::history::Past;
-use super::items::{Room, Unsolved};
-use super::optimize::Job;
-use super::pool::panic_message;
-use super::schedule::Schedule;
-use super::solves::Running;
-use super::stream::{ItemSender, Queued};
-use super::streams::Streams;
-use super::watch::Watchers;
+use super::ingest::{Admission, Ingest, Room, frees, size_of_item};
+use super::pool::{SolvePanicked, panic_message};
+use super::solve::{Job, Outcome, Solution};
+use super::solving::{Running, Solving, Task};
+use super::stream::{Body, Queued, QueuedItem};
+use super::touched::{Touched, size_of_change};
+use super::watch::Past;
+use super::watching::Watching;
 use super::{
-    EngineConfig, EngineError, IngestStream, MapHandle, MapInfo, MapState, Opened, Reservation,
-    Resource, SolverPool, Watch,
+    Ack, AckStatus, EngineError, Fault, IngestStream, MapHandle, MapInfo, Opened, OptimizeOutcome,
+    Reservation, Resource, SolveReport, SolverPool, StreamEvent, Watch,
 };
-use crate::map::{Change, Client, MAX_NUMBER, Map};
-use crate::store::{Durability, Epoch, Store};
+use crate::map::{
+    Cause, Change, ClientIndex, ConstraintKind, EntityId, Event, Map, PartialItem, SwitchedOff,
+    applied, has_unplaced, retire, triangulate,
+};
+use crate::store::Position;
+
+/// Most entities of an item or an event that are handled on the task's own thread; a fold takes
+/// about 0.4 µs for each, and the check of an item half of that. Larger ones are handled on a
+/// blocking thread. After this many the task lets others run.
+const SMALL: usize = 512;
+
+/// The cost of a step besides that of its entities, in entities.
+const STEP: usize = 16;
+
+/// A leaf of the map that a reader holds too is copied when it changes: so many times the work.
+const COPIED: usize = 4;
 
 /// A map and its only writer.
 pub(super) struct Actor {
     pub(super) shared: Arc<Shared>,
-    pub(super) config: EngineConfig,
-    pub(super) store: Arc<dyn Store>,
     pub(super) pool: Arc<SolverPool>,
     /// Counts the map in the account of its tenant until it is dropped.
     pub(super) _place: Reservation,
-    /// The map's entities, as its accounts count them.
-    pub(super) entities: HeldEntities,
-    /// Bytes of its journal that wait for the disk.
-    pub(super) journal: Reservation,
-    /// The store's epoch, which fences other writers.
-    pub(super) store_epoch: Epoch,
     pub(super) map: Arc<Map>,
-    pub(super) state: MapState,
-    /// Why the map accepts no changes, if the reason is not a bug.
-    pub(super) refusal: Option<EngineError>,
-    pub(super) durable: DurableAcks,
-    pub(super) snapshots: Snapshots,
     /// The revision before the event that is being applied. While it is set, a panic may leave an
     /// event half applied.
     pub(super) applying: Option<i64>,
-    pub(super) items: mpsc::Receiver<Queued>,
+    pub(super) ingest: Ingest,
+    pub(super) durability: Durability,
+    pub(super) solving: Solving,
+    pub(super) watching: Watching,
     pub(super) control: mpsc::Receiver<Control>,
-    pub(super) streams: Streams,
-    pub(super) watchers: Watchers,
-    pub(super) schedule: Schedule,
-    pub(super) running: Option<Running>,
-    /// The optimization that waits or runs.
-    pub(super) job: Option<Job>,
-    pub(super) last_solve_id: i64,
     /// Items whose solves were cut off by a restart.
     pub(super) unsolved: Vec<Unsolved>,
-    /// Whether the queue is closed and empty.
-    pub(super) drained: bool,
+    /// Entities that were handled since the task let others run.
+    pub(super) handled: usize,
     /// Whether the last step answered a control message.
     pub(super) answered: bool,
     /// Replies that are dropped when the engine ends. Not empty once it was asked to stop.
@@ -76,7 +76,7 @@ pub(super) struct Actor {
 }
 
 /// Whether the task continues.
-pub(super) enum Flow {
+enum Flow {
     Continue,
     Stop,
 }
@@ -90,40 +90,32 @@ impl Actor {
                 Ok(Flow::Stop) => break,
                 Err(panic) => {
                     self.shared.meters.engine_panics.increment();
-                    self.poison(&panic_message(panic.as_ref())).await;
+                    self.restore(&panic_message(panic.as_ref())).await;
                 }
             }
-            self.shared.condition.put(self.state, self.refusal.is_some());
-            if !self.closing.is_empty() && self.drained && self.is_settled() {
+            let is_settled = self.solving.is_idle() && self.durability.is_settled();
+            if !self.closing.is_empty() && self.ingest.is_drained() && is_settled {
                 break;
+            }
+            if self.handled > SMALL {
+                self.handled = 0;
+                tokio::task::yield_now().await;
             }
         }
         let error = self.shared.ended.get_or_init(|| EngineError::ShuttingDown).clone();
-        self.cancel_solves(&error);
-        self.streams.end_all(&error);
-    }
-
-    /// Whether no solve runs or waits.
-    fn is_idle(&self) -> bool {
-        self.running.is_none() && self.schedule.is_empty() && self.job.is_none()
-    }
-
-    /// Whether no solve and no DURABLE ack is outstanding.
-    fn is_settled(&self) -> bool {
-        self.is_idle() && self.durable.is_empty()
-    }
-
-    /// Whether items wait for solves.
-    pub(super) fn is_lock_step(&self) -> bool {
-        self.config.lock_step || self.streams.any_lock_step()
+        self.solving.cancel(&error);
+        self.ingest.end_all(&error);
+        self.pool.discard(self.map);
     }
 
     async fn step(&mut self) -> Flow {
         if !self.unsolved.is_empty() {
-            self.start_unsolved().await;
+            for Unsolved { client, sequence, added } in std::mem::take(&mut self.unsolved) {
+                self.trigger(client, sequence, added).await;
+            }
             self.start_solves().await;
         }
-        let takes_items = !self.drained && (self.is_idle() || !self.is_lock_step());
+        let takes_items = self.solving.is_idle() || !self.ingest.is_lock_step();
         let answered = std::mem::take(&mut self.answered);
         let flow = tokio::select! {
             biased;
@@ -131,22 +123,19 @@ impl Actor {
                 Some(control) => self.answer(control).await,
                 None => Flow::Stop,
             },
-            outcome = Running::ended(&mut self.running) => {
+            outcome = self.solving.ended() => {
                 self.solved(outcome).await;
                 Flow::Continue
             }
-            () = self.durable.progress() => {
+            () = self.durability.progress() => {
                 self.flushed();
                 Flow::Continue
             }
-            item = self.items.recv(), if takes_items => {
-                match item {
-                    Some(item) => {
-                        let parent = &item.span;
-                        let span = tracing::debug_span!(parent: parent, "item", map = %self.shared.name);
-                        self.take(item).instrument(span).await;
-                    }
-                    None => self.drained = true,
+            item = self.ingest.next(), if takes_items => {
+                if let Some(item) = item {
+                    let parent = &item.span;
+                    let span = tracing::debug_span!(parent: parent, "item", map = %self.shared.name);
+                    self.take(item).instrument(span).await;
                 }
                 Flow::Continue
             }
@@ -154,24 +143,8 @@ impl Actor {
             () = std::future::ready(()), if answered => Flow::Continue,
         };
         self.start_solves().await;
-        self.streams.close_finished(|client| self.schedule.is_waiting(client));
+        self.ingest.close_finished(|client| self.solving.schedule.is_waiting(client));
         flow
-    }
-
-    /// Computes something from the map on another thread. The engine awaits the result; its thread
-    /// is not blocked.
-    pub(super) async fn compute<R: Send + 'static>(
-        &self,
-        work: impl FnOnce(&Map) -> R + Send + 'static,
-    ) -> R {
-        let map = Arc::clone(&self.map);
-        let work = move || {
-            let result = work(&map);
-            // Dropped before the answer: the next change would copy a map that is shared.
-            drop(map);
-            result
-        };
-        self.pool.compute(work).await
     }
 
     async fn answer(&mut self, control: Control) -> Flow {
@@ -179,7 +152,12 @@ impl Actor {
         // A caller that went away needs no answer, so that failed sends are ignored.
         match control {
             Control::Info { reply } => {
-                let _gone = reply.send(self.info());
+                let _gone = reply.send(MapInfo {
+                    name: self.shared.name.clone(),
+                    uid: self.shared.uid.clone(),
+                    snapshot: Arc::clone(&self.map),
+                    state: self.shared.state(),
+                });
             }
             Control::Open { client, epoch, lock_step, handle, reply } => {
                 let _gone = reply.send(self.open_stream(client, epoch, lock_step, handle).await);
@@ -189,12 +167,11 @@ impl Actor {
             }
             Control::Optimize(job) => self.optimize(*job),
             Control::Delete { reply } => {
-                let name = &self.shared.name;
-                let deleted = self.store.delete_map(name).await;
+                let map = &self.shared.name;
+                let deleted = self.shared.store.delete_map(map).await;
                 let stop = deleted.is_ok();
                 if stop {
-                    let map = name.clone();
-                    self.shared.ended.get_or_init(|| EngineError::MapNotFound { map });
+                    self.shared.ended.get_or_init(|| EngineError::MapNotFound { map: map.clone() });
                 }
                 let _gone = reply.send(deleted.map_err(EngineError::Store));
                 if stop {
@@ -202,34 +179,16 @@ impl Actor {
                 }
             }
             Control::Shutdown { reply } => {
-                self.items.close();
+                self.ingest.close();
                 self.closing.push(reply);
             }
         }
         Flow::Continue
     }
 
-    fn info(&self) -> MapInfo {
-        MapInfo {
-            name: self.shared.name.clone(),
-            uid: self.shared.uid.clone(),
-            snapshot: Arc::clone(&self.map),
-            state: self.state,
-        }
-    }
-
     /// Refuses changes to a poisoned or ending map.
-    pub(super) fn check_open(&self) -> Result<(), EngineError> {
-        if !self.closing.is_empty() {
-            return Err(EngineError::ShuttingDown);
-        }
-        match self.state {
-            MapState::Open => Ok(()),
-            MapState::Poisoned => Err(self
-                .refusal
-                .clone()
-                .unwrap_or_else(|| EngineError::Poisoned { map: self.shared.name.clone() })),
-        }
+    fn check_open(&self) -> Result<(), EngineError> {
+        if self.closing.is_empty() { self.shared.check_open() } else { Err(EngineError::ShuttingDown) }
     }
 
     async fn open_stream(
@@ -240,68 +199,30 @@ impl Actor {
         handle: MapHandle,
     ) -> Result<IngestStream, EngineError> {
         self.check_open()?;
-        if epoch > MAX_NUMBER {
-            return Err(EngineError::TooLarge { field: "open.epoch", maximum: MAX_NUMBER });
-        }
-        let place = self.shared.account.reserve(Resource::Streams, 1)?;
-        let known = self.map.client_named(&name);
-        let newest = known.and_then(|c| self.map.client(c)).map_or(0, Client::newest_epoch);
-        let map = self.shared.name.clone();
-        let fenced = |epoch: i64, newest: i64| EngineError::EpochFenced {
-            map: map.clone(),
-            client: name.clone(),
-            epoch,
-            newest,
-        };
-        let next = newest.saturating_add(1);
-        let epoch = if epoch == 0 { next } else { epoch };
-        if epoch <= newest {
-            return Err(fenced(epoch, newest));
-        }
-        let older = |older: i64| fenced(older, epoch);
-        let opening = Change::ClientOpened { name: name.clone(), epoch };
-        loop {
-            match self.make_room(&opening).await {
-                Room::There => break,
-                Room::Made => {}
-                Room::None(error) => return Err(error),
-            }
-        }
-        if let Some(client) = known {
-            self.streams.end(client, older);
+        let (opening, epoch, place) = self.ingest.opening(&self.map, &name, epoch)?;
+        while !self.make_room(&opening).await? {}
+        if let Some(client) = self.map.client_named(&name) {
+            self.ingest.fence(client, &name, epoch);
         }
         if let Err(error) = self.commit(None, opening).await {
-            self.entities.update(self.map.usage());
+            self.ingest.count(&self.map);
             return Err(error);
         }
         let Some(client) = self.map.client_named(&name) else {
             return Err(report_bug("an opened client is not in the map"));
         };
         tracing::debug!(client = name, epoch, "stream opened");
-        let lock_step = lock_step || self.config.lock_step;
-        let most = self.map.policy().max_queued_items.map_or(usize::MAX, |most| most as usize);
-        let (room, meters) = (self.config.queue_capacity.min(most), &self.shared.meters);
-        let ends = self.streams.open(client, epoch, lock_step, room, place, meters);
         let next_sequence = self.map.client(client).map_or(1, |c| c.next_sequence);
+        let first_open = self.solving.schedule.first_open(client);
         let opened = Opened {
             client,
             next_sequence,
-            optimized_sequence: self.schedule.first_open(client).unwrap_or(next_sequence) - 1,
+            optimized_sequence: first_open.unwrap_or(next_sequence) - 1,
             epoch,
             revision: self.map.revision(),
-            lock_step,
+            lock_step: lock_step || self.shared.config.lock_step,
         };
-        let sender = ItemSender {
-            queue: handle.items.clone(),
-            handle,
-            client,
-            epoch,
-            durable: self.store.durability() != Durability::Memory,
-            events: ends.sender,
-            ended: ends.ended,
-            finished: false,
-        };
-        Ok(IngestStream { opened, sender, events: ends.events })
+        Ok(self.ingest.open(opened, &self.map, handle, place))
     }
 
     /// Takes constant time: the watcher reads the journal in its own task.
@@ -318,18 +239,421 @@ impl Actor {
             let map = self.shared.name.clone();
             return Err(EngineError::RevisionAhead { map, revision, newest });
         }
-        let mut watch = self.watchers.open(handle, &self.map, self.state, place);
+        let (log, signal) = self.watching.open(newest);
+        let mut watch = Watch::new(handle, &self.map, self.shared.state(), log, signal, place);
         if from_revision.is_none() {
             watch.reset = Some(Arc::clone(&self.map));
         }
         Ok((watch, Past::of(&self.map)))
     }
+
+    /// Accepts or refuses a request to optimize the map.
+    fn optimize(&mut self, job: Job) {
+        match self.check_open() {
+            Ok(()) => self.solving.request(job, self.ingest.is_lock_step()),
+            Err(error) => job.answer(Err(error)),
+        }
+    }
+
+    /// Handles one entry of the queue.
+    async fn take(&mut self, queued: Queued) {
+        let Queued { client, epoch, body, .. } = queued;
+        if !self.ingest.is_current(client, epoch) {
+            // The stream was already sent the reason of its end; the permits are dropped with the
+            // item.
+            return;
+        }
+        match body {
+            Body::Item(item) => self.take_item(client, epoch, *item).await,
+            Body::Rejected { sequence, mut rejection, partial, receipt } => {
+                if let Some(partial) = partial {
+                    let check = move |map: &Map| {
+                        let PartialItem { item, unreadable } = *partial;
+                        if let Err(more) = map.check(client, &item) {
+                            rejection.join(more, &unreadable);
+                        }
+                        rejection
+                    };
+                    rejection = self.compute(check).await;
+                }
+                let status = AckStatus::Rejected(rejection);
+                receipt.send(StreamEvent::Ack(Ack { sequence, revision: 0, status }));
+            }
+            Body::Finish => self.ingest.finish(client, epoch),
+        }
+    }
+
+    /// Admits an item, commits it, acknowledges it and starts its solve.
+    async fn take_item(&mut self, client: ClientIndex, epoch: i64, queued: QueuedItem) {
+        let QueuedItem { sequence, digest, mut item, receipt, durable, optimized } = queued;
+        let ack = |revision, status| StreamEvent::Ack(Ack { sequence, revision, status });
+        let size = size_of_item(&item);
+        self.handled += STEP + size;
+        let change = loop {
+            let admission = if size > SMALL {
+                let admit = move |map: &Map| {
+                    (Ingest::admit(map, client, sequence, &digest, &item), item)
+                };
+                let admission;
+                (admission, item) = self.compute(admit).await;
+                admission
+            } else {
+                Ingest::admit(&self.map, client, sequence, &digest, &item)
+            };
+            match admission {
+                Admission::Take(change) => match self.make_room(&change).await {
+                    Ok(true) => break *change,
+                    // Checks again: the item may refer to the keyframe that was retired.
+                    Ok(false) => {}
+                    Err(full) => return self.ingest.end(client, full),
+                },
+                Admission::Reject(rejection) => {
+                    return receipt.send(ack(0, AckStatus::Rejected(rejection)));
+                }
+                Admission::Duplicate => {
+                    let revision = self.map.revision();
+                    receipt.send(ack(revision, AckStatus::Received { duplicate: true }));
+                    if let Some(durable) = durable {
+                        // It was journaled at this revision or before it.
+                        self.durability.wait(client, sequence, revision, durable);
+                    }
+                    if optimized.is_some() {
+                        self.ingest.keep(client, optimized);
+                        self.nothing_to_solve(client, sequence);
+                    }
+                    return;
+                }
+            }
+        };
+        if size > SMALL {
+            self.pool.discard(item);
+        }
+        let added = added(&change);
+        let duplicate = change == Change::ItemRepeated;
+        let cause = Cause { client, epoch, sequence, digest };
+        let position = match self.commit(Some(cause), change).await {
+            Ok(position) => position,
+            Err(error) => {
+                self.ingest.count(&self.map);
+                return self.ingest.end(client, error);
+            }
+        };
+        let revision = self.map.revision();
+        receipt.send(ack(revision, AckStatus::Received { duplicate }));
+        match durable {
+            Some(durable) if position.durable => durable.send(ack(revision, AckStatus::Durable)),
+            Some(durable) => self.durability.wait(client, sequence, revision, durable),
+            None => {}
+        }
+        let waits = optimized.is_some();
+        self.ingest.keep(client, optimized);
+        if duplicate && waits {
+            self.nothing_to_solve(client, sequence);
+        }
+        self.trigger(client, sequence, added).await;
+    }
+
+    /// Reserves room for a change. If the map is full and the policy says so, retires one keyframe;
+    /// the answer is then `false`, and the change must be checked again.
+    ///
+    /// # Errors
+    /// Why there is no room.
+    async fn make_room(&mut self, change: &Change) -> Result<bool, EngineError> {
+        let exceeded = match self.ingest.reserve(&self.map, change) {
+            Room::There => return Ok(true),
+            Room::Full(exceeded) => exceeded,
+            Room::None(error) => return Err(error),
+        };
+        let counted = exceeded.counted;
+        let retired = self.compute(move |map| retire(map).filter(|r| frees(map, r, counted)));
+        let Some(retired) = retired.await else {
+            return Err(self.shared.account.exceeded(exceeded));
+        };
+        self.commit(None, Change::KeyframeRetired { retired }).await?;
+        self.shared.meters.retired.increment();
+        Ok(false)
+    }
+
+    /// Starts the solve that an accepted item triggers.
+    async fn trigger(&mut self, client: ClientIndex, sequence: i64, added: Added) {
+        let policy = self.map.policy();
+        let (local_bundle, loop_closure) = (policy.local_bundle, policy.loop_closure);
+        match added {
+            Added::Views(id) => {
+                let seen = self.map.keyframes().get(&id).map_or(0, |k| k.observations.len());
+                let positions = match seen > SMALL || has_unplaced(&self.map, id) {
+                    true => self.compute(move |map| triangulate(map, id)).await,
+                    false => Vec::new(),
+                };
+                if !positions.is_empty() {
+                    let change = Change::LandmarksTriangulated { positions };
+                    if let Err(error) = self.commit(None, change).await {
+                        return self.ingest.end(client, error);
+                    }
+                }
+                if local_bundle {
+                    self.solving.schedule.push(client, sequence, Task::Window(id));
+                } else {
+                    self.nothing_to_solve(client, sequence);
+                }
+            }
+            Added::Loop if loop_closure => {
+                self.solving.schedule.push(client, sequence, Task::Loop);
+                self.solving.supersede_window();
+            }
+            Added::Loop => self.nothing_to_solve(client, sequence),
+            Added::Other => {}
+        }
+    }
+
+    /// Acknowledges an item that could have started a solve but did not, once no solve for an
+    /// earlier item is outstanding.
+    fn nothing_to_solve(&mut self, client: ClientIndex, sequence: i64) {
+        let mark = self.solving.schedule.push_done(client, sequence);
+        let marks = mark.map(|mark| (client, mark));
+        self.ingest.optimized(marks, self.map.revision(), 0, &SolveReport::Nothing);
+    }
+
+    /// Starts the next solve, if none runs and one is due.
+    async fn start_solves(&mut self) {
+        let is_lock_step = self.ingest.is_lock_step();
+        while let Some(triggers) = self.solving.start_next(&self.map, is_lock_step).await {
+            self.optimized(&triggers, 0, &SolveReport::Nothing);
+        }
+    }
+
+    /// Closes triggers and sends the OPTIMIZED acks that this completes.
+    fn optimized(&mut self, triggers: &[u64], solve_id: i64, report: &SolveReport) {
+        let marks = self.solving.schedule.close(triggers);
+        self.ingest.optimized(marks, self.map.revision(), solve_id, report);
+    }
+
+    /// Handles the end of the running solve.
+    async fn solved(&mut self, outcome: Result<Outcome, SolvePanicked>) {
+        let (running, outcome) = match self.solving.take_ended(outcome) {
+            Ok(Some(ended)) => ended,
+            Ok(None) => return,
+            Err(panicked) => {
+                self.poison(&panicked.message);
+                return;
+            }
+        };
+        let (id, map) = (running.id, self.shared.name.clone());
+        let answer = match (outcome, running.is_job) {
+            (outcome, true) if self.solving.is_job_canceled() => {
+                self.pool.discard(outcome);
+                Err(EngineError::Cancelled { map })
+            }
+            (Err(error), true) => Err(EngineError::Solve(error)),
+            (Ok(None), true) => Err(EngineError::NothingToSolve { map }),
+            (Err(error), false) => {
+                return self.optimized(&running.triggers, id, &SolveReport::Failed { error });
+            }
+            (Ok(None), false) => {
+                return self.optimized(&running.triggers, 0, &SolveReport::Nothing);
+            }
+            // The job is kept while its result is applied, so that a bug there ends it with an
+            // error.
+            (Ok(Some(solution)), _) => self.apply(&running, solution).await,
+        };
+        if running.is_job {
+            self.solving.answer_job(answer);
+        }
+    }
+
+    /// Commits a solution as the map's newest revision and acknowledges it. If that fails, the
+    /// streams end.
+    async fn apply(
+        &mut self,
+        running: &Running,
+        solution: Solution,
+    ) -> Result<OptimizeOutcome, EngineError> {
+        let Solution { moved, certificate, counts, proof } = solution;
+        let costs = (certificate.solve.initial_cost, certificate.solve.final_cost);
+        if costs.1.is_finite() {
+            let covered = self.solving.schedule.preview(&running.triggers);
+            let kind = running.kind;
+            let solve = self.compute(move |map| applied(map, moved.solved(), kind, covered, costs));
+            let solve = solve.await;
+            if let Err(error) = self.commit(None, Change::SolveApplied { solve }).await {
+                tracing::warn!(%error, solve = running.id, "a solve could not be applied");
+                self.ingest.end_all(&error);
+                self.solving.schedule.clear();
+                return Err(error);
+            }
+        } else {
+            // The map keeps its estimates; the certificate reports the numerical failure.
+            self.pool.discard(moved);
+        }
+        let certificate = Arc::new(certificate);
+        let report = SolveReport::Solved(Arc::clone(&certificate));
+        self.optimized(&running.triggers, running.id, &report);
+        let switched_off = match running.is_job {
+            true => self.compute(switched_off).await,
+            false => Vec::new(),
+        };
+        let (revision, solve_id) = (self.map.revision(), running.id);
+        Ok(OptimizeOutcome { certificate, revision, solve_id, counts, proof, switched_off })
+    }
+
+    /// Acknowledges what has become durable. If the journal has failed, the map accepts no further
+    /// changes.
+    fn flushed(&mut self) {
+        if let Some(error) = self.durability.acknowledge(self.map.revision()) {
+            let error = EngineError::Store(error);
+            tracing::error!(%error, "the map takes no changes any more");
+            self.shared.freeze(&error);
+            self.end(&error);
+        }
+    }
+
+    /// Computes something from the map on another thread. The engine awaits the result; its thread
+    /// is not blocked.
+    async fn compute<R: Send + 'static>(
+        &self,
+        work: impl FnOnce(&Map) -> R + Send + 'static,
+    ) -> R {
+        self.pool.compute_from(&self.map, work).await
+    }
+
+    /// Journals and applies one change.
+    ///
+    /// # Errors
+    /// [`EngineError::Store`]: nothing was changed. [`EngineError::Bug`]: the event does not fit and
+    /// the map is now poisoned.
+    async fn commit(
+        &mut self,
+        cause: Option<Cause>,
+        change: Change,
+    ) -> Result<Position, EngineError> {
+        let revision = self.map.revision();
+        let time_ns = unix_time_ns(&*self.shared.store);
+        let size = size_of_change(&change);
+        self.handled += size;
+        let copies = if Arc::strong_count(&self.map) > 1 { COPIED } else { 1 };
+        let is_large = size > SMALL / copies;
+        let event = Arc::new(Event { revision: revision + 1, time_ns, cause, change });
+        let (checked, is_watched) = (Arc::clone(&event), self.watching.is_watched());
+        let check = move |map: &Map| {
+            let fits = map.fits(&checked);
+            let touched = (is_watched && fits.is_ok()).then(|| Touched::by(&checked.change, map));
+            fits.map(|()| touched)
+        };
+        let fits = if is_large { self.compute(check).await } else { check(&self.map) };
+        let touched = match fits {
+            Ok(touched) => touched,
+            Err(error) => return Err(self.poison(&format!("an event does not fit: {error}"))),
+        };
+        let position = self.durability.append(Arc::clone(&event), is_large, &self.pool).await?;
+        self.applying = Some(revision);
+        if self.shared.config.injects(Fault::PanicInEngine) && event.cause.is_some() {
+            std::panic::panic_any("staged by a test");
+        }
+        if let Some(touched) = touched {
+            self.watching.tell(touched, &self.map);
+        }
+        if is_large {
+            let mut map = std::mem::take(&mut self.map);
+            let fold = move || {
+                let fold = AssertUnwindSafe(|| Arc::make_mut(&mut map).fold(&event));
+                (catch_unwind(fold), map)
+            };
+            let folded;
+            (folded, self.map) = self.pool.compute(fold).await;
+            folded.unwrap_or_else(|panic| resume_unwind(panic));
+        } else {
+            Arc::make_mut(&mut self.map).fold(&event);
+        }
+        self.applying = None;
+        self.ingest.count(&self.map);
+        self.watching.wake();
+        if position.snapshot_due {
+            self.durability.keep_snapshot(&self.map);
+        }
+        Ok(position)
+    }
+
+    /// Poisons the map after a panic. If the panic may have left an event half applied, restores
+    /// the map.
+    async fn restore(&mut self, panic: &str) {
+        self.poison(panic);
+        let Some(revision) = self.applying.take() else { return };
+        if let Some(map) = self.durability.restored(revision).await {
+            self.map = Arc::new(map);
+        }
+        self.watching.wake();
+    }
+
+    /// Poisons the map: ends streams and solves, and returns the bug that was reported.
+    fn poison(&mut self, details: &str) -> EngineError {
+        let bug = report_bug(details);
+        self.shared.poison();
+        self.ingest.count(&self.map);
+        self.end(&bug);
+        bug
+    }
+
+    /// Ends solves and streams, and wakes the watchers.
+    fn end(&mut self, error: &EngineError) {
+        self.solving.cancel(error);
+        self.ingest.end_all(error);
+        self.watching.wake();
+    }
 }
 
-/// Logs a bug and returns the error that names the entry.
-pub(super) fn report_bug(details: &str) -> EngineError {
-    // The hasher's keys are random, so that ids tell entries apart, also across restarts.
-    let id = format!("{:016x}", RandomState::new().hash_one(details));
-    tracing::error!(%id, details, "bug");
-    EngineError::Bug { id }
+/// The constraints that are switched off, sorted by client name, then id.
+fn switched_off(map: &Map) -> Vec<(String, i64, SwitchedOff)> {
+    let named = map.switched_off().iter().map(|(id, &off)| {
+        let client = map.client(id.client).map(|client| client.name.clone());
+        (client.unwrap_or_default(), id.id, off)
+    });
+    let mut named: Vec<_> = named.collect();
+    named.sort_by(|a, b| (&a.0, a.1).cmp(&(&b.0, b.1)));
+    named
+}
+
+/// An item that was accepted before a restart and whose solve was not applied.
+pub(super) struct Unsolved {
+    client: ClientIndex,
+    sequence: i64,
+    added: Added,
+}
+
+/// For each client, the last item that started a solve whose result is not in `map`. `events` are
+/// those that led to `map`. In lock-step no other item is unsolved; otherwise the solve of the last
+/// item covers most of the others.
+pub(super) fn unsolved(map: &Map, events: &[Arc<Event>]) -> Vec<Unsolved> {
+    let mut last = BTreeMap::new();
+    for event in events {
+        let Some(Cause { client, sequence, .. }) = event.cause else { continue };
+        match added(&event.change) {
+            Added::Other => {}
+            added @ (Added::Views(_) | Added::Loop) => {
+                last.insert(client, Unsolved { client, sequence, added });
+            }
+        }
+    }
+    let covered = |client| map.client(client).map_or(0, |c| c.optimized_sequence);
+    last.into_values().filter(|u| u.sequence > covered(u.client)).collect()
+}
+
+/// What a change adds that can start a solve.
+enum Added {
+    /// Observations of this keyframe.
+    Views(EntityId),
+    Loop,
+    Other,
+}
+
+fn added(change: &Change) -> Added {
+    if let Change::KeyframeAdded { id, .. } | Change::ObservationsAdded { keyframe: id, .. } = change
+    {
+        Added::Views(*id)
+    } else if let Change::ConstraintAdded { constraint, .. } = change
+        && constraint.kind == ConstraintKind::LoopClosure
+    {
+        Added::Loop
+    } else {
+        Added::Other
+    }
 }

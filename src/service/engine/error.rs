@@ -3,6 +3,8 @@
 //! One value may end many streams and calls, so that the type is `Clone`. The edge assigns status
 //! codes.
 
+use std::hash::{BuildHasher, RandomState};
+
 use covis_solvers::problem::SolveError;
 
 use crate::map::MapError;
@@ -132,4 +134,12 @@ pub enum EngineError {
         /// Names the entry in the log.
         id: String,
     },
+}
+
+/// Logs a bug and returns the error that names the entry.
+pub(super) fn report_bug(details: &str) -> EngineError {
+    // The hasher's keys are random, so that ids tell entries apart, also across restarts.
+    let id = format!("{:016x}", RandomState::new().hash_one(details));
+    tracing::error!(%id, details, "bug");
+    EngineError::Bug { id }
 }

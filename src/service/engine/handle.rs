@@ -5,22 +5,22 @@
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use covis_solvers::optimizer::IterationSummary;
 use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tracing::Span;
 
-use super::history::Past;
-use super::meters::ConditionCell;
-use super::optimize::Job;
+use super::durability::sequence_of;
+use super::solve::Job;
 use super::stream::Queued;
+use super::watch::Past;
 use super::{
     Account, EngineConfig, EngineError, EngineMeters, IngestStream, OptimizeOptions,
     OptimizeOutcome, Watch,
 };
 use crate::map::Map;
-use crate::store::{Flushed, Store};
+use crate::store::{Durability, Flushed, Store};
 
 /// Whether a map accepts changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,6 +74,15 @@ pub(super) enum Control {
     },
 }
 
+/// Whether a map accepts changes, and why it does not.
+pub(super) enum Condition {
+    Open,
+    /// A change hit a bug.
+    Poisoned,
+    /// The journal failed or lost events.
+    Frozen(EngineError),
+}
+
 /// State that an engine and all handles of its map share.
 pub(super) struct Shared {
     pub(super) name: String,
@@ -81,8 +90,7 @@ pub(super) struct Shared {
     pub(super) account: Arc<Account>,
     pub(super) config: EngineConfig,
     pub(super) meters: Arc<EngineMeters>,
-    /// Whether the map accepts changes; read when the maps are counted.
-    pub(super) condition: ConditionCell,
+    pub(super) condition: Mutex<Condition>,
     /// The store from which watchers read the journal.
     pub(super) store: Arc<dyn Store>,
     /// Limits how many watchers read journals at once.
@@ -93,6 +101,49 @@ pub(super) struct Shared {
     pub(super) ended: OnceLock<EngineError>,
     /// Why the map could not be opened; its content is then unknown.
     pub(super) unopened: Option<EngineError>,
+}
+
+impl Shared {
+    pub(super) fn condition(&self) -> MutexGuard<'_, Condition> {
+        self.condition.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn state(&self) -> MapState {
+        match *self.condition() {
+            Condition::Open => MapState::Open,
+            Condition::Poisoned | Condition::Frozen(_) => MapState::Poisoned,
+        }
+    }
+
+    /// A change hit a bug.
+    pub(super) fn poison(&self) {
+        let mut condition = self.condition();
+        if let Condition::Open = *condition {
+            *condition = Condition::Poisoned;
+        }
+    }
+
+    /// The journal has failed; the first error stays.
+    pub(super) fn freeze(&self, error: &EngineError) {
+        let mut condition = self.condition();
+        if let Condition::Open | Condition::Poisoned = *condition {
+            *condition = Condition::Frozen(error.clone());
+        }
+    }
+
+    /// Refuses changes to a map that accepts none.
+    pub(super) fn check_open(&self) -> Result<(), EngineError> {
+        match &*self.condition() {
+            Condition::Open => Ok(()),
+            Condition::Poisoned => Err(EngineError::Poisoned { map: self.name.clone() }),
+            Condition::Frozen(error) => Err(error.clone()),
+        }
+    }
+
+    /// Whether items that are acknowledged as durable survive a crash.
+    pub(super) fn is_durable(&self) -> bool {
+        self.store.durability() != Durability::Memory
+    }
 }
 
 /// A handle of a map. It is cheap to clone and may outlive the map; calls then return an error.
@@ -201,7 +252,7 @@ impl MapHandle {
     /// was sent. Returns at once if the store makes nothing durable, and with an error if the disk
     /// is full.
     pub(super) async fn durable(&self, revision: i64) -> Result<(), EngineError> {
-        let sequence = u64::try_from(revision).unwrap_or(0);
+        let sequence = sequence_of(revision);
         let mut flushed = self.shared.flushed.clone();
         let ended = |f: &Flushed| f.through >= sequence || f.trouble().is_some();
         match flushed.wait_for(ended).await {
@@ -229,7 +280,7 @@ impl MapHandle {
         options: OptimizeOptions,
         progress: mpsc::Sender<IterationSummary>,
     ) -> Result<OptimizeOutcome, EngineError> {
-        self.check_fault()?;
+        self.shared.config.check_calls()?;
         // Unbounded, so that a slow caller cannot delay the solve; a solve has few iterations.
         let (rows, mut row) = mpsc::unbounded_channel();
         let (reply, mut answer) = oneshot::channel();
@@ -277,17 +328,10 @@ impl MapHandle {
         &self,
         control: impl FnOnce(Reply<T>) -> Control,
     ) -> Result<T, EngineError> {
-        self.check_fault()?;
+        self.shared.config.check_calls()?;
         let (reply, answer) = oneshot::channel();
         self.send(control(reply)).await?;
         answer.await.map_err(|_lost| self.end_error())
-    }
-
-    fn check_fault(&self) -> Result<(), EngineError> {
-        if self.shared.config.fails_calls() {
-            return Err(super::actor::report_bug("staged by a test"));
-        }
-        Ok(())
     }
 }
 

@@ -2,25 +2,27 @@
 //!
 //! The store decides which names are in use; the table holds the running engines. A creation or
 //! deletion runs to its end in its own task, even if its caller stops waiting: cut off halfway, it
-//! would leave a name that is neither free nor a map.
+//! would leave a name that is neither free nor a map. It claims its name from its first step to its
+//! last: another change of the same name waits, so that two never run in the store at once. Dropping
+//! a claim leaves the name as it was last set, so that a name stays usable after a panic.
 
+use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use tokio::sync::Semaphore;
+use tokio::sync::{Semaphore, watch};
 use tracing::Instrument;
 
-use super::actor::report_bug;
-use super::handle::Control;
-use super::history;
-use super::journal::unix_time_ns;
+use super::durability::unix_time_ns;
+use super::error::report_bug;
+use super::handle::{Condition, Control};
 use super::opening::Start;
-use super::table::{Claim, Table};
+use super::watch::READERS;
 use super::{
-    EngineConfig, EngineError, EngineMeters, MapCounts, MapHandle, MapInfo, MapState, Resource,
-    SolverPool, tenant_of,
+    EngineConfig, EngineError, EngineMeters, MapCounts, MapHandle, MapInfo, Resource, SolverPool,
+    tenant_of,
 };
 use crate::map::{Change, Event, Map, MapPolicy};
 use crate::store::{Durability, Store, StoreError};
@@ -62,7 +64,7 @@ impl Maps {
             meters: Arc::default(),
             table: Table::default(),
             closing: AtomicBool::new(false),
-            history: Arc::new(Semaphore::new(history::READERS)),
+            history: Arc::new(Semaphore::new(READERS)),
             last_create_time_ns: AtomicI64::new(0),
         };
         Self { inner: Arc::new(inner) }
@@ -153,8 +155,7 @@ impl Maps {
             name,
             epoch,
             map,
-            state: MapState::Open,
-            refusal: None,
+            condition: Condition::Open,
             unopened: None,
             snapshot: 0,
             unsolved: Vec::new(),
@@ -181,7 +182,7 @@ impl Maps {
     /// # Errors
     /// [`EngineError::MapNotFound`].
     pub fn get(&self, name: &str) -> Result<MapHandle, EngineError> {
-        self.check_fault()?;
+        self.inner.config.check_calls()?;
         let handle = self.inner.table.get(name);
         handle.ok_or_else(|| EngineError::MapNotFound { map: name.to_owned() })
     }
@@ -214,7 +215,7 @@ impl Maps {
 
     /// Claims a name for a change.
     pub(super) async fn claim(&self, name: &str) -> Result<Claim, EngineError> {
-        self.check_fault()?;
+        self.inner.config.check_calls()?;
         let claim = self.inner.table.claim(name).await;
         if self.inner.closing.load(Ordering::Acquire) {
             return Err(EngineError::ShuttingDown);
@@ -238,9 +239,7 @@ impl Maps {
     #[must_use]
     pub fn counts(&self) -> MapCounts {
         let mut counts = MapCounts::default();
-        for handle in self.list() {
-            counts.add(&handle);
-        }
+        self.list().iter().for_each(|handle| counts.add(handle));
         counts
     }
 
@@ -275,13 +274,6 @@ impl Maps {
             Ok(last) | Err(last) => now.max(last.saturating_add(1)),
         }
     }
-
-    fn check_fault(&self) -> Result<(), EngineError> {
-        if self.inner.config.fails_calls() {
-            return Err(report_bug("staged by a test"));
-        }
-        Ok(())
-    }
 }
 
 /// Runs a change of a map in its own task, so that it continues if its caller stops waiting.
@@ -292,5 +284,112 @@ async fn run_to_end<T: Send + 'static>(
         Ok(outcome) => outcome,
         Err(error) if error.is_panic() => Err(report_bug(&format!("a change of a map: {error}"))),
         Err(_canceled) => Err(EngineError::ShuttingDown),
+    }
+}
+
+/// The maps by name. Clones share the table.
+#[derive(Clone, Default)]
+pub(super) struct Table(Arc<Mutex<BTreeMap<String, Entry>>>);
+
+/// A name that is in use.
+struct Entry {
+    /// The map that callers find; `None` while it is being created.
+    map: Option<MapHandle>,
+    /// Closed when the change of the name has ended; `None` where it is not being changed.
+    change: Option<watch::Receiver<()>>,
+}
+
+impl Table {
+    /// The map called `name`; a map that is being deleted is found until its deletion has ended.
+    pub(super) fn get(&self, name: &str) -> Option<MapHandle> {
+        self.lock().get(name).and_then(|entry| entry.map.clone())
+    }
+
+    /// The maps by name.
+    pub(super) fn list(&self) -> Vec<MapHandle> {
+        self.lock().values().filter_map(|entry| entry.map.clone()).collect()
+    }
+
+    /// Adds a map that was found in the store.
+    pub(super) fn insert(&self, map: MapHandle) {
+        self.lock().insert(map.name().to_owned(), Entry { map: Some(map), change: None });
+    }
+
+    /// Claims a name for a change, once no other change of it runs.
+    pub(super) async fn claim(&self, name: &str) -> Claim {
+        loop {
+            let mut running = match self.try_claim(name) {
+                Ok(claim) => return claim,
+                Err(running) => running,
+            };
+            // The sender sends no value: it is dropped at the end of the change.
+            let _ended = running.changed().await;
+        }
+    }
+
+    /// Claims a name, or returns a receiver that closes when the running change has ended.
+    fn try_claim(&self, name: &str) -> Result<Claim, watch::Receiver<()>> {
+        let mut entries = self.lock();
+        let map = match entries.get(name) {
+            Some(Entry { change: Some(running), .. }) => return Err(running.clone()),
+            Some(Entry { map, .. }) => map.clone(),
+            None => None,
+        };
+        let (ended, change) = watch::channel(());
+        entries.insert(name.to_owned(), Entry { map: map.clone(), change: Some(change) });
+        Ok(Claim { table: self.clone(), name: name.to_owned(), map, _ended: ended })
+    }
+
+    /// Resolves when no name is being changed.
+    pub(super) async fn idle(&self) {
+        loop {
+            let running = self.lock().values().find_map(|entry| entry.change.clone());
+            let Some(mut running) = running else { return };
+            let _ended = running.changed().await;
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<String, Entry>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The claim of one change to a name; dropping it ends the change.
+pub(super) struct Claim {
+    table: Table,
+    name: String,
+    /// The map that has the name when the change ends.
+    map: Option<MapHandle>,
+    _ended: watch::Sender<()>,
+}
+
+impl Claim {
+    /// The name.
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The map that has the name.
+    pub(super) fn map(&self) -> Option<&MapHandle> {
+        self.map.as_ref()
+    }
+
+    /// Sets the map that has the name when the change ends; `None` makes the name free.
+    pub(super) fn set(&mut self, map: Option<MapHandle>) {
+        self.map = map;
+    }
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        let mut entries = self.table.lock();
+        match self.map.take() {
+            Some(map) => {
+                entries.insert(self.name.clone(), Entry { map: Some(map), change: None });
+            }
+            None => {
+                entries.remove(&self.name);
+            }
+        }
     }
 }

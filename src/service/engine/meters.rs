@@ -6,14 +6,13 @@
 use std::future::poll_fn;
 use std::pin::pin;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::{Duration, Instant};
 
 use covis_solvers::optimizer::Termination;
 
-use super::pool::SolvePanicked;
-use super::work::Outcome;
-use super::{MapHandle, MapState};
+use super::MapHandle;
+use super::handle::Condition;
+use super::solve::Outcome;
 use crate::map::{Reason, SolveKind};
 use crate::meter::{Counter, Gauge, Held, Histogram};
 
@@ -273,17 +272,6 @@ impl EngineMeters {
         let [.., request] = &self.solves;
         request.queued()
     }
-
-    /// Counts a solve that panicked.
-    pub(super) fn solve_panicked<R>(
-        &self,
-        result: Result<R, SolvePanicked>,
-    ) -> Result<R, SolvePanicked> {
-        if result.is_err() {
-            self.solve_panics.increment();
-        }
-        result
-    }
 }
 
 /// The maps of a server and their queues at one moment.
@@ -306,53 +294,16 @@ pub struct MapCounts {
 impl MapCounts {
     /// Adds a map.
     pub(super) fn add(&mut self, handle: &MapHandle) {
-        match handle.shared.condition.get() {
+        match *handle.shared.condition() {
             Condition::Open => self.open += 1,
             Condition::Poisoned => self.poisoned += 1,
-            Condition::Frozen => self.frozen += 1,
+            Condition::Frozen(_) => self.frozen += 1,
         }
         let capacity = handle.items.max_capacity();
         let queued = capacity - handle.items.capacity().min(capacity);
         self.queued += queued as u64;
         self.queue_capacity += capacity as u64;
         self.fullest = self.fullest.max(queued as f64 / capacity.max(1) as f64);
-    }
-}
-
-#[derive(Clone, Copy)]
-enum Condition {
-    Open,
-    Poisoned,
-    Frozen,
-}
-
-/// Whether a map accepts changes; it is read without a message to the engine.
-#[derive(Debug)]
-pub(super) struct ConditionCell(AtomicU8);
-
-impl ConditionCell {
-    pub(super) fn new(state: MapState, is_refused: bool) -> Self {
-        let cell = Self(AtomicU8::new(0));
-        cell.put(state, is_refused);
-        cell
-    }
-
-    /// `is_refused` says that the reason is the journal, not a bug.
-    pub(super) fn put(&self, state: MapState, is_refused: bool) {
-        let value = match (state, is_refused) {
-            (MapState::Open, _) => 0,
-            (MapState::Poisoned, false) => 1,
-            (MapState::Poisoned, true) => 2,
-        };
-        self.0.store(value, Ordering::Relaxed);
-    }
-
-    fn get(&self) -> Condition {
-        match self.0.load(Ordering::Relaxed) {
-            0 => Condition::Open,
-            1 => Condition::Poisoned,
-            _ => Condition::Frozen,
-        }
     }
 }
 

@@ -11,63 +11,51 @@
 //!
 //! | file | role |
 //! |---|---|
-//! | `maps`, `table` | all maps of a server: create, open, delete, shut down; their names |
+//! | `maps`, `opening` | all maps of a server: create, open, delete, shut down; their names |
 //! | `handle`, `stream` | the caller's side: the handle of a map, an ingest stream |
-//! | `actor`, `journal`, `items` | the task: its loop, its commits, how it handles an item |
-//! | `durable` | DURABLE acks, snapshots, a failing journal |
-//! | `streams`, `schedule` | open streams with their acks; which items wait for which solve |
-//! | `solves`, `work`, `pose_graph`, `optimize` | starting, superseding and applying solves; their bodies |
-//! | `watch`, `watch_log`, `touched`, `history` | changes for readers, coalesced; missed changes |
+//! | `actor` | the task: its loop hands events from one of the parts below to another |
+//! | `ingest` | open streams, their acks, and which items are accepted |
+//! | `durability` | the journal, DURABLE acks, snapshots |
+//! | `solving`, `solve` | which items wait for which solve, starting and ending it; its body |
+//! | `watching`, `touched` | what the engine tells watchers: what the last events touched |
+//! | `watch` | the watcher's side: changes joined, and missed ones read from the journal |
 //! | `meters` | counters and histograms |
 //! | `pool`, `fair_queue` | the threads of solves and computations, and the order of solves |
 //! | `account` | resources that each map, each tenant and the server hold, and their limits |
 
 mod account;
-mod acks;
 mod actor;
-mod certificate;
-mod durable;
+mod durability;
 mod error;
-mod estimate;
 mod fair_queue;
-mod fault;
 mod handle;
-mod history;
-mod items;
-mod journal;
+mod ingest;
 mod maps;
 mod meters;
 mod opening;
-mod optimize;
 mod pool;
-mod pose_graph;
-mod schedule;
-mod solves;
+mod solve;
+mod solving;
 mod stream;
-mod streams;
-mod table;
 mod touched;
 mod watch;
-mod watch_log;
-mod work;
+mod watching;
 
 use covis_solvers::price::Ceiling;
 
 pub use account::{
     Account, AccountLimits, AccountRow, Accounts, Reservation, Resource, SEPARATOR, tenant_of,
 };
-pub use acks::{Ack, AckStatus, SolveReport, StreamEvent};
-pub use certificate::{GaugeKind, SolveCertificate, SolverKind};
 pub use error::EngineError;
-pub use estimate::Estimate;
-#[cfg(feature = "faults")]
-pub use fault::Fault;
 pub use handle::{MapHandle, MapInfo, MapState};
 pub use maps::Maps;
 pub use meters::{EngineMeters, MapCounts, QueuedSolve, SolveMeters};
-pub use optimize::{OptimizeCounts, OptimizeOptions, OptimizeOutcome, OptimizeProblem};
-pub use pool::{PoolError, SolvePanicked, SolverPool, lower_priority};
-pub use stream::{IngestStream, ItemSender, Opened};
+pub use pool::{Estimate, PoolError, SolvePanicked, SolverPool, lower_priority};
+pub use solve::{
+    GaugeKind, OptimizeCounts, OptimizeOptions, OptimizeOutcome, OptimizeProblem, SolveCertificate,
+    SolverKind,
+};
+pub use stream::{Ack, AckStatus, IngestStream, ItemSender, Opened, SolveReport, StreamEvent};
 pub use touched::Touched;
 pub use watch::{MapChange, Watch};
 
@@ -110,4 +98,31 @@ impl EngineConfig {
             flops_per_iteration: Some(1e9 * self.max_solve_gflops as f64),
         }
     }
+
+    /// Whether tests inject this fault; never without the feature `faults`.
+    pub(crate) fn injects(&self, fault: Fault) -> bool {
+        #[cfg(feature = "faults")]
+        return self.fault == Some(fault);
+        #[cfg(not(feature = "faults"))]
+        return {
+            let _ = fault;
+            false
+        };
+    }
+
+    /// Fails the calls on maps if tests inject that.
+    fn check_calls(&self) -> Result<(), EngineError> {
+        if self.injects(Fault::FailCalls) { Err(error::report_bug("staged by a test")) } else { Ok(()) }
+    }
+}
+
+/// A fault that tests inject; only a build with the feature `faults` can.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// Every solve panics.
+    PanicInSolve,
+    /// The engine panics while it applies a client's item.
+    PanicInEngine,
+    /// Every call on a map, including its creation and deletion, returns [`EngineError::Bug`].
+    FailCalls,
 }

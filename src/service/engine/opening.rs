@@ -5,27 +5,24 @@
 //! with the reason; if the system lacked resources, it is tried again. It does not delay the other
 //! maps.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Duration;
 
 use sha2::{Digest as _, Sha256};
 use tokio::sync::{mpsc, watch};
 use tracing::Instrument;
 
-use super::account::HeldEntities;
-use super::actor::{Actor, report_bug};
-use super::durable::{DurableAcks, Snapshots};
-use super::handle::Shared;
-use super::items::{Unsolved, unsolved};
-use super::journal::{replay, stored};
+use super::actor::{Actor, Unsolved, unsolved};
+use super::durability::{Durability, replay, sequence_of, stored};
+use super::error::report_bug;
+use super::handle::{Condition, Shared};
+use super::ingest::Ingest;
 use super::maps::Inner;
-use super::meters::ConditionCell;
-use super::schedule::Schedule;
-use super::streams::Streams;
-use super::watch::Watchers;
-use super::{EngineError, MapHandle, MapState, Maps, Reservation, Resource, tenant_of};
+use super::solving::Solving;
+use super::watching::Watching;
+use super::{EngineError, MapHandle, Maps, Reservation, Resource, tenant_of};
 use crate::map::Map;
-use crate::store::{Durability, Epoch, Flushed, StoreError};
+use crate::store::{self, Epoch, Flushed, StoreError};
 
 /// Most control messages that wait; the engine answers them at once.
 const CONTROL_QUEUE: usize = 64;
@@ -39,8 +36,7 @@ pub(super) struct Start {
     pub(super) name: String,
     pub(super) epoch: Epoch,
     pub(super) map: Map,
-    pub(super) state: MapState,
-    pub(super) refusal: Option<EngineError>,
+    pub(super) condition: Condition,
     /// Why it could not be opened.
     pub(super) unopened: Option<EngineError>,
     /// Revision of the snapshot that it was loaded from.
@@ -65,8 +61,7 @@ impl Maps {
                     name,
                     epoch: Epoch::default(),
                     map: Map::new(),
-                    state: MapState::Poisoned,
-                    refusal: Some(error.clone()),
+                    condition: Condition::Frozen(error.clone()),
                     unopened: Some(error),
                     snapshot: 0,
                     unsolved: Vec::new(),
@@ -129,38 +124,35 @@ impl Maps {
         }
         let flushed = store.follow(name).await?;
         let lost = damage.into_iter().find(|damage| damage.lost.is_some());
-        let reached = u64::try_from(map.revision()).unwrap_or(0);
+        let reached = sequence_of(map.revision());
         let Flushed { through, failed, unavailable } = flushed.borrow().clone();
         // Events that could not be written to the disk yet are newer than what is durable.
         let is_settled = failed.is_none() && unavailable.is_none();
-        let is_short = store.durability() != Durability::Memory
+        let is_short = store.durability() != store::Durability::Memory
             && (reached < through || (is_settled && reached != through));
         let refusal = lost
             .map(|damage| StoreError::Damaged { map: name.to_owned(), damage })
             .or(failed)
             .map(EngineError::Store);
-        let state = match &stopped {
-            Some(details) => {
-                report_bug(&format!("map {name:?} does not replay: {details}"));
-                MapState::Poisoned
-            }
-            None if is_short => {
-                report_bug(&format!("map {name:?} replays to {reached} of {through} events"));
-                MapState::Poisoned
-            }
-            None if refusal.is_some() => MapState::Poisoned,
-            None => MapState::Open,
+        if let Some(details) = &stopped {
+            report_bug(&format!("map {name:?} does not replay: {details}"));
+        } else if is_short {
+            report_bug(&format!("map {name:?} replays to {reached} of {through} events"));
+        }
+        let condition = match refusal {
+            Some(refusal) => Condition::Frozen(refusal),
+            None if stopped.is_some() || is_short => Condition::Poisoned,
+            None => Condition::Open,
         };
-        let unsolved = match state {
-            MapState::Open => unsolved(&map, &events),
-            MapState::Poisoned => Vec::new(),
+        let unsolved = match condition {
+            Condition::Open => unsolved(&map, &events),
+            Condition::Poisoned | Condition::Frozen(_) => Vec::new(),
         };
         Ok(Some(Start {
             name: name.to_owned(),
             epoch,
             map,
-            state,
-            refusal,
+            condition,
             unopened: None,
             snapshot,
             unsolved,
@@ -182,39 +174,27 @@ impl Maps {
             name: start.name,
             config: *config,
             meters: Arc::clone(&self.inner.meters),
-            condition: ConditionCell::new(start.state, start.refusal.is_some()),
+            condition: Mutex::new(start.condition),
             store: Arc::clone(store),
             history: Arc::clone(&self.inner.history),
-            flushed: start.flushed.clone(),
+            flushed: start.flushed,
             ended: OnceLock::new(),
             unopened: start.unopened,
         });
         let span = tracing::info_span!("map", map = %shared.name);
         let actor = Actor {
             shared: Arc::clone(&shared),
-            config: *config,
-            store: Arc::clone(store),
             pool: Arc::clone(pool),
             _place: place,
-            entities: HeldEntities::existing(&shared.account, start.map.usage()),
-            journal: shared.account.reserve_existing(Resource::JournalBytes, 0),
-            store_epoch: start.epoch,
-            last_solve_id: start.map.solve_count(),
+            ingest: Ingest::new(&shared, items, &start.map),
+            durability: Durability::new(&shared, start.epoch, start.snapshot),
+            solving: Solving::new(&shared, pool, start.map.solve_count()),
+            watching: Watching::default(),
             map: Arc::new(start.map),
-            state: start.state,
-            refusal: start.refusal,
-            durable: DurableAcks::new(start.flushed),
-            snapshots: Snapshots::new(start.snapshot),
             applying: None,
-            items,
             control,
-            streams: Streams::default(),
-            watchers: Watchers::new(),
-            schedule: Schedule::default(),
-            running: None,
-            job: None,
             unsolved: start.unsolved,
-            drained: false,
+            handled: 0,
             answered: false,
             closing: Vec::new(),
         };

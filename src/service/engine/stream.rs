@@ -1,16 +1,76 @@
 //! The caller's side of an ingest stream: items in, events out.
 //!
 //! Sending waits while the engine's queue is full or the events are not read: that is the
-//! back-pressure. Items keep the caller's order; the edge checks that sequences increase.
+//! back-pressure. Before an item is queued, it reserves a [`Permit`] in the stream's event channel
+//! for each of its acks, so that the engine never waits for a slow reader and no ack is lost. Items
+//! keep the caller's order; the edge checks that sequences increase. `RECEIVED` and `REJECTED`
+//! answer one item each, in the order of the items; `DURABLE` and `OPTIMIZED` are cumulative.
 
+use std::sync::Arc;
 use std::time::Instant;
 
+use covis_solvers::problem::SolveError;
 use tokio::sync::{mpsc, watch};
 use tracing::Span;
 
-use super::streams::Permit;
-use super::{EngineError, MapHandle, StreamEvent};
+use super::{EngineError, EngineMeters, MapHandle, SolveCertificate};
 use crate::map::{ClientIndex, ConstraintKind, Digest, Item, PartialItem, Rejection};
+
+/// One event of an ingest stream.
+#[derive(Clone, Debug)]
+pub enum StreamEvent {
+    /// An acknowledgment.
+    Ack(Ack),
+    /// The stream has ended; no event follows. A stream that its client finished ends without this
+    /// event.
+    End(EngineError),
+}
+
+/// An acknowledgment.
+#[derive(Clone, Debug)]
+pub struct Ack {
+    /// The item's sequence; for cumulative statuses, the last sequence that is covered.
+    pub sequence: i64,
+    /// Revision of the map that contains the item's effect; 0 when rejected.
+    pub revision: i64,
+    /// The stage that the item has reached.
+    pub status: AckStatus,
+}
+
+/// The stage that an item has reached.
+#[derive(Clone, Debug)]
+pub enum AckStatus {
+    /// Checked, journaled, applied.
+    Received {
+        /// The map already had the same item; nothing changed.
+        duplicate: bool,
+    },
+    /// Every accepted item up to the sequence is on stable storage.
+    Durable,
+    /// Solves have covered every accepted item up to the sequence.
+    Optimized {
+        /// The solve, counted from 1 in each map; 0 when there was nothing to solve.
+        solve_id: i64,
+        /// What it did.
+        outcome: SolveReport,
+    },
+    /// Refused permanently; nothing changed.
+    Rejected(Rejection),
+}
+
+/// What the solve behind an ack did.
+#[derive(Clone, Debug)]
+pub enum SolveReport {
+    /// There was nothing to solve.
+    Nothing,
+    /// It ran; the certificate says how it ended.
+    Solved(Arc<SolveCertificate>),
+    /// The problem could not be solved as posed; the map keeps its estimates.
+    Failed {
+        /// Names the variable or factor.
+        error: SolveError,
+    },
+}
 
 /// The state from which an opened stream starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,6 +153,57 @@ pub(super) fn may_start_solve(item: &Item) -> bool {
     }
 }
 
+/// Room for one event of a stream, reserved for an item.
+pub(super) struct Permit {
+    room: mpsc::OwnedPermit<StreamEvent>,
+    meters: Arc<EngineMeters>,
+    /// The item's sequence; 0 if the permit belongs to no item.
+    pub(super) sequence: i64,
+    /// When the item arrived.
+    pub(super) arrived: Instant,
+}
+
+impl Permit {
+    pub(super) fn new(
+        room: mpsc::OwnedPermit<StreamEvent>,
+        meters: &Arc<EngineMeters>,
+        sequence: i64,
+        arrived: Instant,
+    ) -> Self {
+        Self { room, meters: Arc::clone(meters), sequence, arrived }
+    }
+
+    /// Sends the event for which the room was reserved.
+    pub(super) fn send(self, event: StreamEvent) {
+        let meters = &self.meters;
+        match &event {
+            StreamEvent::Ack(ack) => match &ack.status {
+                AckStatus::Received { duplicate: false } => meters.received.increment(),
+                AckStatus::Received { duplicate: true } => meters.duplicate.increment(),
+                AckStatus::Rejected(rejection) => {
+                    let first = rejection.violations.first();
+                    first.into_iter().for_each(|violation| meters.reject(violation.reason));
+                }
+                AckStatus::Durable | AckStatus::Optimized { .. } => {}
+            },
+            StreamEvent::End(
+                EngineError::Ceiling { .. }
+                | EngineError::TenantCeiling { .. }
+                | EngineError::ServerCeiling { .. },
+            ) => {
+                meters.ceiling.increment();
+            }
+            StreamEvent::End(_) => {}
+        }
+        self.room.send(event);
+    }
+
+    /// Measures how long the item took to become durable.
+    pub(super) fn is_durable(&self) {
+        self.meters.durable_ns.observe_time(self.arrived.elapsed());
+    }
+}
+
 /// Sends the items of one stream. Dropping it finishes the stream.
 #[derive(Debug)]
 pub struct ItemSender {
@@ -100,7 +211,6 @@ pub struct ItemSender {
     pub(super) client: ClientIndex,
     pub(super) epoch: i64,
     pub(super) durable: bool,
-    pub(super) queue: mpsc::Sender<Queued>,
     pub(super) events: mpsc::Sender<StreamEvent>,
     pub(super) ended: watch::Receiver<Option<EngineError>>,
     pub(super) finished: bool,
@@ -153,7 +263,7 @@ impl ItemSender {
         tokio::select! {
             biased;
             error = self.end() => Err(error),
-            sent = self.queue.send(queued) => sent.map_err(|_closed| self.handle.end_error()),
+            sent = self.handle.items.send(queued) => sent.map_err(|_closed| self.handle.end_error()),
         }
     }
 
@@ -184,10 +294,10 @@ impl Drop for ItemSender {
         }
         let (client, epoch, span) = (self.client, self.epoch, Span::none());
         let finish = Queued { client, epoch, span, body: Body::Finish };
-        if let Err(mpsc::error::TrySendError::Full(finish)) = self.queue.try_send(finish)
+        if let Err(mpsc::error::TrySendError::Full(finish)) = self.handle.items.try_send(finish)
             && let Ok(runtime) = tokio::runtime::Handle::try_current()
         {
-            let queue = self.queue.clone();
+            let queue = self.handle.items.clone();
             runtime.spawn(async move {
                 // A closed queue has no streams left to finish.
                 let _closed = queue.send(finish).await;

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::map::{Change, ClientIndex, EntityId, Map};
+use crate::map::{Change, ClientIndex, EntityId, Map, Retired};
 
 /// The ids that events touched. An id that is not in the snapshot was removed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -22,37 +22,27 @@ pub struct Touched {
 }
 
 impl Touched {
-    /// Adds what `change` touches; `map` is the map before it.
-    pub(super) fn add(&mut self, change: &Change, map: &Map) {
-        self.add_values(change);
+    /// What `change` touches; `map` is the map before it.
+    pub(super) fn by(change: &Change, map: &Map) -> Self {
+        let mut touched = Self::default();
+        touched.add(change);
         match change {
             Change::ClientOpened { name, .. } => {
                 let next = u32::try_from(map.clients().len()).unwrap_or(u32::MAX);
-                self.clients.insert(map.client_named(name).unwrap_or(ClientIndex(next)));
+                touched.clients.insert(map.client_named(name).unwrap_or(ClientIndex(next)));
             }
-            Change::KeyframeRemoved { keyframe } => self.removed(*keyframe, map),
-            Change::KeyframeRetired { retired } => self.removed(retired.keyframe, map),
-            Change::Created { .. }
-            | Change::ItemRepeated
-            | Change::PolicySet { .. }
-            | Change::CameraSet { .. }
-            | Change::KeyframeAdded { .. }
-            | Change::LandmarksAdded { .. }
-            | Change::ObservationsAdded { .. }
-            | Change::ConstraintAdded { .. }
-            | Change::PriorAdded { .. }
-            | Change::ConstraintRevoked { .. }
-            | Change::LandmarksTriangulated { .. }
-            | Change::SolveApplied { .. }
-            | Change::ObservationsRemoved { .. }
-            | Change::LandmarksFused { .. }
-            | Change::LandmarksRemoved { .. } => {}
+            Change::KeyframeRemoved { keyframe: id }
+            | Change::KeyframeRetired { retired: Retired { keyframe: id, .. } } => {
+                touched.removed(*id, map);
+            }
+            _ => {}
         }
+        touched
     }
 
     /// Adds the ids that `change` itself names. Its other effects need the map before it: which
     /// client opened a stream, and what was removed with a keyframe.
-    pub(super) fn add_values(&mut self, change: &Change) {
+    pub(super) fn add(&mut self, change: &Change) {
         match change {
             Change::Created { .. }
             | Change::ItemRepeated
@@ -135,5 +125,23 @@ impl Touched {
         self.landmarks.extend(&other.landmarks);
         self.constraints.extend(&other.constraints);
         self.clients.extend(&other.clients);
+    }
+}
+
+/// About how many entities a change concerns.
+pub(super) fn size_of_change(change: &Change) -> usize {
+    match change {
+        Change::KeyframeAdded { observations, landmarks, .. } => {
+            observations.len() + landmarks.len()
+        }
+        Change::LandmarksAdded { landmarks } => landmarks.len(),
+        Change::ObservationsAdded { observations, .. } => observations.len(),
+        Change::LandmarksTriangulated { positions } => positions.len(),
+        Change::SolveApplied { solve } => {
+            solve.poses.len() + solve.landmarks.len() + solve.switched_off.len()
+        }
+        // With the observations, which the change does not name.
+        change if change.removes_keyframe() => usize::MAX / 2,
+        _ => 1,
     }
 }

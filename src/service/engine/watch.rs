@@ -1,25 +1,32 @@
 //! Watching a map: what changed since a reader's last step, however slow the reader is.
 //!
-//! The engine writes the ids that an event touches into one log for all watchers ([`WatchLog`]) and
-//! answers with snapshots: constant work per watcher. The watcher's own task does the rest: it
-//! folds the log into a set of ids, and reads older changes from the journal (`history.rs`). Values
-//! are read from the newest snapshot. The size of the map bounds the memory of a watcher. Revisions
-//! are never skipped, only joined.
+//! The watcher's own task folds the engine's log (`watching.rs`) into a set of ids, as long as they
+//! are not too many; values are read from the newest snapshot. The size of the map bounds the memory
+//! of a watcher. Revisions are never skipped, only joined. The changes between the revision that a
+//! watcher has and the revision where its watch begins are read from the journal, one piece at a
+//! time, unless the range costs more than the full state. Only a few watchers of a server read at
+//! once, and reading changes nothing.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use tokio::sync::watch;
 
-use super::history::{self, Past};
+use super::durability::sequence_of;
 use super::touched::Touched;
-use super::watch_log::{LogReader, Taken, WatchLog};
+use super::watching::{LogReader, Taken};
 use super::{EngineError, MapHandle, MapState, Reservation};
-use crate::map::{Change, Map};
+use crate::map::{Change, Event, Map};
 use crate::meter::Held;
+use crate::store::StoreError;
 
 /// A watcher keeps this many ids, or as many as the map has entities, whichever is more. Beyond
 /// that the reader gets the full state.
 const LEAST_TOUCHED: usize = 10_000;
+/// Most watchers of a server that read journals at once; the others wait.
+pub(super) const READERS: usize = 2;
+/// At least this many bytes of a journal may be read, however small the map is.
+const LEAST_BYTES: u64 = 4 << 20;
 
 /// A step of a watched map.
 #[derive(Clone, Debug)]
@@ -97,7 +104,7 @@ pub struct Watch {
     /// The ids gathered so far for the next change.
     gathered: Gathered,
     /// Names of clients that opened a stream before the log begins.
-    opened: Vec<String>,
+    opened: BTreeSet<String>,
     /// The revision and state that the reader got last, initially those of the start.
     sent: (i64, MapState),
     /// Whether the map may have changed since.
@@ -109,6 +116,33 @@ pub struct Watch {
 }
 
 impl Watch {
+    /// A watch of `map`, whose changes are in `log` from now on.
+    pub(super) fn new(
+        handle: MapHandle,
+        map: &Map,
+        state: MapState,
+        log: LogReader,
+        signal: watch::Receiver<()>,
+        place: [Reservation; 2],
+    ) -> Self {
+        let revision = map.revision();
+        Self {
+            reset: None,
+            base_revision: revision,
+            state,
+            log,
+            signal,
+            gathered: Gathered::new(most_touched(map)),
+            opened: BTreeSet::new(),
+            sent: (revision, state),
+            due: false,
+            pending: None,
+            _place: place,
+            _open: handle.shared.meters.watchers.hold(),
+            handle,
+        }
+    }
+
     /// Waits for the next step, which joins all changes since the last one. Canceling loses
     /// nothing.
     ///
@@ -203,13 +237,13 @@ impl Watch {
         self.due = true;
         let handle = self.handle.clone();
         let read = tokio::select! {
-            read = history::read(&handle, revision, through, &past) => read,
+            read = read(&handle, revision, through, &past) => read,
             () = self.gather() => None,
         };
         match read {
-            Some(read) => {
-                self.gathered.join(&read.touched);
-                self.opened = read.opened.into_iter().collect();
+            Some((touched, opened)) => {
+                self.gathered.join(&touched);
+                self.opened = opened;
             }
             None => self.gathered.reset(),
         }
@@ -226,55 +260,87 @@ impl Watch {
     }
 }
 
-/// The engine's side: the log, and the signal that wakes the watchers.
-pub(super) struct Watchers {
-    signal: watch::Sender<()>,
-    log: WatchLog,
+/// Limits of the history that is read: about the cost of the full state.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Past {
+    /// Most events, and most ids that they touched.
+    entities: usize,
+    /// Most bytes of the journal.
+    bytes: u64,
 }
 
-impl Watchers {
-    pub(super) fn new() -> Self {
-        Self { signal: watch::Sender::new(()), log: WatchLog::default() }
+impl Past {
+    /// The bounds for `map`.
+    pub(super) fn of(map: &Map) -> Self {
+        let entities = most_touched(map);
+        Self { entities, bytes: map.usage().bytes.max(LEAST_BYTES) }
     }
+}
 
-    /// Adds a watcher that has `map`.
-    pub(super) fn open(
-        &self,
-        handle: MapHandle,
-        map: &Map,
-        state: MapState,
-        place: [Reservation; 2],
-    ) -> Watch {
-        let revision = map.revision();
-        Watch {
-            reset: None,
-            base_revision: revision,
-            state,
-            log: self.log.reader(revision),
-            signal: self.signal.subscribe(),
-            gathered: Gathered::new(most_touched(map)),
-            opened: Vec::new(),
-            sent: (revision, state),
-            due: false,
-            pending: None,
-            _place: place,
-            _open: handle.shared.meters.watchers.hold(),
-            handle,
+/// What was touched, and the names of the clients that opened streams.
+type History = (Touched, BTreeSet<String>);
+
+/// Reads the events after `from` up to `through`. `None` if the full state is cheaper, or if the
+/// events do not name everything that changed: then the reader needs the full state.
+async fn read(
+    handle: &MapHandle,
+    from: i64,
+    through: i64,
+    past: &Past,
+) -> Option<History> {
+    let events = usize::try_from(through.saturating_sub(from)).unwrap_or(usize::MAX);
+    if events > past.entities {
+        return None;
+    }
+    let turn = handle.shared.history.acquire().await;
+    // The semaphore is never closed.
+    let _turn = turn.ok()?;
+    match pieces(handle, from, through, past).await {
+        Ok(history) => history,
+        Err(EngineError::Store(StoreError::Truncated { .. })) => None,
+        Err(error) => {
+            tracing::warn!(%error, "the journal cannot be read");
+            None
         }
     }
+}
 
-    /// Logs an event that is about to change `map`, if there are watchers.
-    pub(super) fn tell(&self, change: &Change, map: &Map) {
-        if self.log.is_read() {
-            let mut touched = Touched::default();
-            touched.add(change, map);
-            let most = most_touched(map) + touched.len();
-            self.log.push(map.revision().saturating_add(1), touched, most);
+async fn pieces(
+    handle: &MapHandle,
+    from: i64,
+    through: i64,
+    past: &Past,
+) -> Result<Option<History>, EngineError> {
+    let (store, name) = (&handle.shared.store, &handle.shared.name);
+    let mut reader = store.reader(name, sequence_of(from), sequence_of(through)).await?;
+    let mut gathered = Gathered::new(past.entities);
+    let (mut opened, mut bytes, mut last) = (BTreeSet::new(), 0, from);
+    loop {
+        let piece = reader.next().await?;
+        let Some(end) = piece.events.last() else { break };
+        last = end.revision;
+        bytes += piece.bytes;
+        let is_told = piece.events.iter().all(|event| add(event, &mut gathered, &mut opened));
+        if !is_told || gathered.reset || bytes > past.bytes {
+            return Ok(None);
         }
+        // Lets other tasks run, above all the engine.
+        tokio::task::yield_now().await;
     }
+    // A journal that is cut off by damage has fewer events.
+    Ok((last == through).then_some((gathered.touched, opened)))
+}
 
-    /// Wakes the watchers: the map or its state has changed.
-    pub(super) fn wake(&self) {
-        self.signal.send_replace(());
+/// Adds the ids that the event touched. False if they are too many, or not all known: what was
+/// removed with a keyframe is known only with the map before it.
+fn add(event: &Event, gathered: &mut Gathered, opened: &mut BTreeSet<String>) -> bool {
+    if event.change.removes_keyframe() {
+        return false;
     }
+    if let Change::ClientOpened { name, .. } = &event.change {
+        opened.insert(name.clone());
+    }
+    gathered.touched.add(&event.change);
+    gathered.check();
+    !gathered.reset
 }

@@ -1,24 +1,58 @@
-//! A log of what the last events touched, shared by all watchers of a map.
+//! Watching: a log of what the last events touched, shared by all watchers of a map.
 //!
-//! The engine adds one entry per event, whatever the number of watchers; each watcher folds the
-//! entries into its own set, in its own task. An entry is dropped when every watcher has read it.
-//! The oldest entries are dropped when there are too many ids; a watcher that has not read them yet
-//! gets the full state instead. So the engine's cost of an event depends only on what the event
-//! touches, and a watcher that does not read costs nothing.
+//! The engine adds one entry per event, whatever the number of watchers, and wakes them; each
+//! watcher folds the entries into its own set, in its own task. An entry is dropped when every
+//! watcher has read it. The oldest entries are dropped when there are too many ids; a watcher that
+//! has not read them yet gets the full state instead. So the engine's cost of an event depends only
+//! on what the event touches, and a watcher that does not read costs nothing.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use tokio::sync::watch;
+
 use super::touched::Touched;
+use super::watch::most_touched;
+use crate::map::Map;
 
 /// Most ids that are kept for watchers that have not read them; the newest entry is always kept.
 const MOST_IDS: usize = 1 << 16;
 /// Most entries that a watcher takes at once, so that it holds the lock only briefly.
 const MOST_TAKEN: usize = 64;
 
+/// What the engine tells the watchers of a map.
+#[derive(Default)]
+pub(super) struct Watching {
+    signal: watch::Sender<()>,
+    log: WatchLog,
+}
+
+impl Watching {
+    /// Adds a watcher of a map at `revision`: its place in the log, and the signal that wakes it.
+    pub(super) fn open(&self, revision: i64) -> (LogReader, watch::Receiver<()>) {
+        (self.log.reader(revision), self.signal.subscribe())
+    }
+
+    /// Whether there are watchers.
+    pub(super) fn is_watched(&self) -> bool {
+        self.log.is_read()
+    }
+
+    /// Logs what the next event touches; `map` is the map before it.
+    pub(super) fn tell(&self, touched: Touched, map: &Map) {
+        let most = most_touched(map) + touched.len();
+        self.log.push(map.revision().saturating_add(1), touched, most);
+    }
+
+    /// Wakes the watchers: the map or its state has changed.
+    pub(super) fn wake(&self) {
+        self.signal.send_replace(());
+    }
+}
+
 /// The log of a map. Cheap to clone.
 #[derive(Clone, Debug, Default)]
-pub(super) struct WatchLog(Arc<Mutex<Entries>>);
+struct WatchLog(Arc<Mutex<Entries>>);
 
 #[derive(Debug, Default)]
 struct Entries {
@@ -36,12 +70,12 @@ struct Entries {
 
 impl WatchLog {
     /// Whether the log has a reader.
-    pub(super) fn is_read(&self) -> bool {
+    fn is_read(&self) -> bool {
         !self.lock().readers.is_empty()
     }
 
     /// Adds what the event of `revision` touches; a watcher now keeps up to `most` ids.
-    pub(super) fn push(&self, revision: i64, touched: Touched, most: usize) {
+    fn push(&self, revision: i64, touched: Touched, most: usize) {
         let mut entries = self.lock();
         entries.most = most;
         let gone = entries.push(revision, Arc::new(touched));
@@ -51,7 +85,7 @@ impl WatchLog {
     }
 
     /// Adds a reader that starts after `revision`, which is the map's.
-    pub(super) fn reader(&self, revision: i64) -> LogReader {
+    fn reader(&self, revision: i64) -> LogReader {
         let mut entries = self.lock();
         if entries.readers.is_empty() {
             entries.newest = revision;

@@ -1,0 +1,389 @@
+//! One solve of a map: what is asked for, the body that runs on the pool, its certificate.
+//!
+//! A body takes a problem or a snapshot and returns moved values with a certificate; it uses nothing
+//! of the engine's state. Costs before and after come from the solver crate's independent evaluator,
+//! not from the solver. A canceled solve ends within its iteration, and the engine drops its result.
+//! A snapshot is dropped as soon as its problem is built, because the engine copies a map that is
+//! still shared. The stages of a pose graph are those of [`covis_solvers::graph_optimization`]; its
+//! verdicts on loop closures are stored in the problem and become part of the event.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+use covis_solvers::bundle_adjustment::{self, LinearSolver};
+use covis_solvers::evaluation::{CostReport, bundle_cost};
+use covis_solvers::graph_optimization::{self, Judging, Proof, optimize};
+use covis_solvers::initialization::Start;
+use covis_solvers::interrupt::Interrupt;
+use covis_solvers::loss::Loss;
+use covis_solvers::optimizer::{
+    self, Control, IterationSummary, Method, SolveSummary, ignore_iterations,
+};
+use covis_solvers::price::Ceiling;
+use covis_solvers::problem::SolveError;
+use tokio::sync::mpsc;
+use tracing::Span;
+
+use super::EngineError;
+use super::handle::Reply;
+use crate::map::{
+    GlobalOptions, GraphProblem, Map, MapProblem, Solved, SwitchedOff, global_problem, loop_problem,
+};
+
+/// Which part of a map is optimized.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OptimizeProblem {
+    /// Poses and landmarks over all factors.
+    #[default]
+    Full,
+    /// Poses over the graph of a loop closure; landmarks follow their reference keyframes.
+    PoseGraph {
+        /// Whether the chordal optimum is proved and used as the start of the last solve.
+        certify: bool,
+    },
+}
+
+/// How a whole map is optimized.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct OptimizeOptions {
+    /// Limits and tolerances.
+    pub optimizer: optimizer::Options,
+    /// The linear system.
+    pub linear_solver: LinearSolver,
+    /// Loss of the observations; `None` uses the policy's.
+    pub observation_loss: Option<Loss>,
+    /// Loss of the constraints; `None` uses the policy's.
+    pub constraint_loss: Option<Loss>,
+    /// What is optimized.
+    pub problem: OptimizeProblem,
+    /// What fixes the frame. A pose graph fixes the first keyframe of each connected piece.
+    /// [`GaugeKind::FixedPoses`] fixes the first keyframe, because a map marks no others.
+    pub gauge: GaugeKind,
+    /// Deadline of the solve, which includes its time in the queue (none).
+    pub deadline: Option<Instant>,
+}
+
+/// What an optimization did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OptimizeOutcome {
+    /// The certificate.
+    pub certificate: Arc<SolveCertificate>,
+    /// The revision that holds the result.
+    pub revision: i64,
+    /// The solve's number in the map, from 1.
+    pub solve_id: i64,
+    /// What was in the problem.
+    pub counts: OptimizeCounts,
+    /// What is proved about the chordal cost at the start of the last solve, if it was requested.
+    pub proof: Option<Proof>,
+    /// Every constraint of the map that is switched off after it, sorted by client name, then id.
+    pub switched_off: Vec<(String, i64, SwitchedOff)>,
+}
+
+/// What was in a problem.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct OptimizeCounts {
+    /// Cameras.
+    pub cameras: usize,
+    /// Keyframes.
+    pub keyframes: usize,
+    /// Landmarks.
+    pub landmarks: usize,
+    /// Observations.
+    pub observations: usize,
+    /// Constraints and priors.
+    pub constraints: usize,
+}
+
+/// An optimization that waits or runs.
+pub(super) struct Job {
+    pub(super) options: OptimizeOptions,
+    pub(super) rows: mpsc::UnboundedSender<IterationSummary>,
+    pub(super) cancel: Arc<AtomicBool>,
+    /// Span of the call that requested it.
+    pub(super) span: Span,
+    pub(super) reply: Reply<Result<OptimizeOutcome, EngineError>>,
+}
+
+impl Job {
+    pub(super) fn is_canceled(&self) -> bool {
+        self.cancel.load(Ordering::Relaxed)
+    }
+
+    /// Sends the outcome to the caller, if it still waits.
+    pub(super) fn answer(self, outcome: Result<OptimizeOutcome, EngineError>) {
+        let _gone = self.reply.send(outcome);
+    }
+}
+
+/// What fixes the map's frame where the measurements do not determine it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum GaugeKind {
+    /// The first keyframe of each connected piece of the map.
+    #[default]
+    FirstKeyframeFixed,
+    /// Only the solver's damping.
+    Free,
+    /// Priors.
+    Priors,
+    /// The fixed keyframes around a window.
+    FixedPoses,
+}
+
+/// The linear system of a solve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SolverKind {
+    /// Landmarks are eliminated; the value is never [`LinearSolver::Auto`].
+    Schur(LinearSolver),
+    /// Sparse block Cholesky of a pose graph.
+    SparseCholesky,
+}
+
+/// The certificate of a solve.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SolveCertificate {
+    /// Summary of the optimizer's loop.
+    pub solve: SolveSummary,
+    /// The step method that was requested.
+    pub method: Method,
+    /// The linear system that was used.
+    pub linear_solver: SolverKind,
+    /// Cost before, by kind of factor.
+    pub before: CostReport,
+    /// Cost after.
+    pub after: CostReport,
+    /// What fixed the frame.
+    pub gauge: GaugeKind,
+    /// Poses that could move.
+    pub free_poses: usize,
+    /// Poses that were fixed.
+    pub fixed_poses: usize,
+    /// Landmarks that could move.
+    pub free_landmarks: usize,
+}
+
+/// A problem whose values were moved.
+pub(super) enum Moved {
+    Bundle(Box<MapProblem>),
+    Graph(Box<GraphProblem>),
+}
+
+impl Moved {
+    pub(super) fn solved(&self) -> Solved<'_> {
+        match self {
+            Self::Bundle(problem) => Solved::Bundle(problem),
+            Self::Graph(problem) => Solved::Graph(problem),
+        }
+    }
+}
+
+/// The result of a solve.
+pub(super) struct Solution {
+    pub(super) moved: Moved,
+    pub(super) certificate: SolveCertificate,
+    pub(super) counts: OptimizeCounts,
+    pub(super) proof: Option<Proof>,
+}
+
+/// `Ok(None)` when there was nothing to solve.
+pub(super) type Outcome = Result<Option<Solution>, SolveError>;
+
+/// Bundle adjustment of a window.
+pub(super) fn solve_window(
+    problem: MapProblem,
+    max_iterations: usize,
+    ceiling: Ceiling,
+    cancel: &Arc<AtomicBool>,
+) -> Outcome {
+    let optimizer = optimizer::Options { max_iterations, ceiling, ..optimizer::Options::default() };
+    let options = bundle_adjustment::Options {
+        optimizer,
+        linear_solver: LinearSolver::Auto,
+        ..bundle_adjustment::Options::default()
+    };
+    let gauge = match () {
+        () if problem.problem.constant_poses.contains(&true) => GaugeKind::FixedPoses,
+        () if !problem.problem.pose_priors.is_empty() => GaugeKind::Priors,
+        () => GaugeKind::Free,
+    };
+    solve_bundle(problem, &options, gauge, &interrupt(None, cancel), &mut ignore_iterations)
+}
+
+/// Bundle adjustment of the whole map.
+pub(super) fn solve_map(
+    map: Arc<Map>,
+    options: &OptimizeOptions,
+    rows: &mpsc::UnboundedSender<IterationSummary>,
+    cancel: &Arc<AtomicBool>,
+) -> Outcome {
+    let fix_first_keyframe = match options.gauge {
+        GaugeKind::FirstKeyframeFixed | GaugeKind::FixedPoses => true,
+        GaugeKind::Free | GaugeKind::Priors => false,
+    };
+    let loss = options.observation_loss.unwrap_or(map.policy().observation_loss);
+    let global = GlobalOptions { loss, fix_intrinsics: true, fix_first_keyframe };
+    let mut problem = global_problem(&map, &global);
+    drop(map);
+    if let Some(loss) = options.constraint_loss {
+        problem.problem.relative_pose_loss = loss;
+    }
+    let bundle = bundle_adjustment::Options {
+        optimizer: options.optimizer,
+        linear_solver: options.linear_solver,
+        ..bundle_adjustment::Options::default()
+    };
+    let interrupt = interrupt(options.deadline, cancel);
+    solve_bundle(problem, &bundle, options.gauge, &interrupt, &mut |row| {
+        // The receiver is gone when the caller went away; the solve is then canceled.
+        let _gone = rows.send(*row);
+        Control::Continue
+    })
+}
+
+/// Pose-graph optimization after a loop closure.
+pub(super) fn solve_loop(map: Arc<Map>, ceiling: Ceiling, cancel: &Arc<AtomicBool>) -> Outcome {
+    let optimizer = optimizer::Options { ceiling, ..optimizer::Options::default() };
+    let settings = GraphSettings { optimizer, ..GraphSettings::default() };
+    solve_graph(map, &settings, &interrupt(None, cancel))
+}
+
+/// Pose-graph optimization on request; `rows` gets the iterations of the last solve.
+pub(super) fn solve_map_graph(
+    map: Arc<Map>,
+    options: &OptimizeOptions,
+    certify: bool,
+    rows: &mpsc::UnboundedSender<IterationSummary>,
+    cancel: &Arc<AtomicBool>,
+) -> Outcome {
+    let OptimizeOptions { optimizer, constraint_loss, .. } = *options;
+    let settings = GraphSettings { optimizer, constraint_loss, certify };
+    let outcome = solve_graph(map, &settings, &interrupt(options.deadline, cancel));
+    if let Ok(Some(solution)) = &outcome {
+        for row in &solution.certificate.solve.iterations {
+            let _gone = rows.send(*row);
+        }
+    }
+    outcome
+}
+
+fn solve_bundle(
+    mut problem: MapProblem,
+    options: &bundle_adjustment::Options,
+    gauge: GaugeKind,
+    interrupt: &Interrupt,
+    observer: &mut optimizer::Observer<'_>,
+) -> Outcome {
+    if !problem.is_solvable() {
+        return Ok(None);
+    }
+    let before = bundle_cost(&problem.problem);
+    let summary =
+        match bundle_adjustment::solve_until(&mut problem.problem, options, interrupt, observer) {
+            Ok(summary) => summary,
+            Err(SolveError::Empty(_)) => return Ok(None),
+            Err(error) => return Err(error),
+        };
+    let bundle = &problem.problem;
+    let fixed_poses = bundle.constant_poses.iter().filter(|&&c| c).count();
+    let certificate = SolveCertificate {
+        solve: summary.solve,
+        method: options.optimizer.method,
+        linear_solver: SolverKind::Schur(summary.linear_solver),
+        before,
+        after: bundle_cost(bundle),
+        gauge,
+        free_poses: bundle.poses.len() - fixed_poses,
+        fixed_poses,
+        free_landmarks: bundle.constant_landmarks.iter().filter(|&&c| !c).count(),
+    };
+    let counts = OptimizeCounts {
+        cameras: problem.cameras.len(),
+        keyframes: problem.keyframes.len(),
+        landmarks: problem.landmarks.len(),
+        observations: bundle.observation_count(),
+        constraints: bundle.relative_poses.len()
+            + bundle.pose_priors.len()
+            + bundle.position_priors.len(),
+    };
+    let moved = Moved::Bundle(Box::new(problem));
+    Ok(Some(Solution { moved, certificate, counts, proof: None }))
+}
+
+/// Ends a solve within its iterations: at the deadline or when it is canceled.
+fn interrupt(deadline: Option<Instant>, cancel: &Arc<AtomicBool>) -> Interrupt {
+    Interrupt::at(deadline).or_when(Arc::clone(cancel))
+}
+
+/// How a pose graph is optimized.
+#[derive(Clone, Copy, Debug, Default)]
+struct GraphSettings {
+    optimizer: optimizer::Options,
+    /// `None` uses the policy's.
+    constraint_loss: Option<Loss>,
+    certify: bool,
+}
+
+/// Pose-graph optimization, until `interrupt` is due.
+fn solve_graph(
+    map: Arc<Map>,
+    settings: &GraphSettings,
+    interrupt: &Interrupt,
+) -> Outcome {
+    let mut problem = loop_problem(&map);
+    let robustness = map.policy().loop_closure_robustness;
+    drop(map);
+    if !problem.is_solvable() {
+        return Ok(None);
+    }
+    if let Some(loss) = settings.constraint_loss {
+        problem.graph.loss = loss;
+    }
+    let optimizer = settings.optimizer;
+    let judging = robustness.kernel.map(|kernel| {
+        let off = problem.closures.iter().filter(|closure| closure.switched_off.is_some());
+        Judging {
+            kernel,
+            threshold: robustness.threshold,
+            trusted: problem.trusted(),
+            switched_off: Some(off.map(|closure| closure.edge).collect()),
+        }
+    });
+    let (start, certify) = (Start::Given, settings.certify);
+    let options =
+        graph_optimization::Options { start, judging, certify, costs: true, optimizer };
+    let rows = &mut ignore_iterations;
+    let solved = match optimize(&mut problem.graph, true, &options, interrupt, rows) {
+        Ok(solved) => solved,
+        Err(SolveError::Empty(_)) => return Ok(None),
+        Err(error) => return Err(error),
+    };
+    let verdicts = solved.judged.map(|judged| judged.closures).unwrap_or_default();
+    for closure in &mut problem.closures {
+        let place = verdicts.binary_search_by_key(&closure.edge, |verdict| verdict.edge);
+        // A closure without a verdict links consecutive keyframes.
+        let verdict = place.ok().and_then(|place| verdicts.get(place));
+        let off = verdict.filter(|verdict| verdict.is_switched_off && verdict.chi2.is_finite());
+        closure.switched_off =
+            off.map(|verdict| SwitchedOff { chi2: verdict.chi2, weight: verdict.weight });
+    }
+    let fixed_poses = problem.graph.constant.iter().filter(|&&c| c).count();
+    let certificate = SolveCertificate {
+        solve: solved.solve,
+        method: optimizer.method,
+        linear_solver: SolverKind::SparseCholesky,
+        before: solved.before,
+        after: solved.after,
+        gauge: GaugeKind::FirstKeyframeFixed,
+        free_poses: problem.graph.poses.len() - fixed_poses,
+        fixed_poses,
+        free_landmarks: 0,
+    };
+    let counts = OptimizeCounts {
+        keyframes: problem.keyframes.len(),
+        constraints: problem.graph.edges.len(),
+        ..OptimizeCounts::default()
+    };
+    let moved = Moved::Graph(Box::new(problem));
+    Ok(Some(Solution { moved, certificate, counts, proof: solved.proof }))
+}
