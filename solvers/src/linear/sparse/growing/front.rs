@@ -115,24 +115,24 @@ impl<const N: usize> Shared<'_, N> {
         });
         if outcome.is_ok() && !update.is_empty() {
             let source = Source { columns: panel, stride: shape.stride };
-            // Columns of a block stay together.
-            let strip = is_dealt.then_some(COLUMNS_PER_TASK / N * N);
             let stride = shape.update_stride();
-            strips(
-                (stride, shape.pivots),
-                update,
-                (strip, &Interrupt::NEVER),
-                |first_column, columns| {
-                    let target = Target {
-                        columns: &mut *columns,
-                        stride,
-                        first_row: shape.update_row(),
-                        first_column,
-                    };
-                    self.class.run(Downdate { source, start: Start::Zero, target });
-                    lift(first_column, columns);
-                },
-            );
+            let work = |first_column: usize, columns: &mut [f64]| {
+                let target = Target {
+                    columns: &mut *columns,
+                    stride,
+                    first_row: shape.update_row(),
+                    first_column,
+                };
+                self.class.run(Downdate { source, start: Start::Zero, target });
+                lift(first_column, columns);
+            };
+            // Columns of a block stay together: one task takes all at once, however many there are.
+            if is_dealt {
+                let strip = (Some(COLUMNS_PER_TASK / N * N), &Interrupt::NEVER);
+                strips((stride, shape.pivots), update, strip, work);
+            } else {
+                work(shape.pivots, update);
+            }
         }
         let solved = panel.chunks_exact(shape.stride).map(|column| column[shape.rows]);
         work.decrease = solved.map(|y| 0.5 * y * y).sum();
