@@ -7,7 +7,7 @@
 
 use super::sorted::Sorted;
 use crate::geometry::{Camera, Se3};
-use crate::lanes::models::{LaneModel, PARAMETERS};
+use crate::lanes::models::{LaneModel, LanePoints, PARAMETERS};
 use crate::loss::Loss;
 use crate::simd::{Lanes, Row, WIDTH};
 
@@ -111,6 +111,14 @@ struct Seen<L: Lanes> {
     views: [u32; WIDTH],
 }
 
+impl<L: Lanes> Seen<L> {
+    #[inline(always)]
+    fn points<'a>(&'a self, cameras: &'a [Camera]) -> LanePoints<'a, L> {
+        let Self { point, parameters, views, .. } = self;
+        LanePoints { point, parameters, views, cameras }
+    }
+}
+
 #[inline(always)]
 fn look<L: Lanes, M: LaneModel>(l: L, inputs: &Inputs<'_, M>, first: usize) -> Seen<L> {
     let sorted = inputs.sorted;
@@ -148,8 +156,7 @@ pub(super) fn squared_errors<L: Lanes, M: LaneModel, const R: usize>(
     first: usize,
 ) -> L::V {
     let seen = look(l, inputs, first);
-    let projection =
-        inputs.model.project(l, inputs.cameras, &seen.views, &seen.point, &seen.parameters);
+    let projection = inputs.model.project(l, seen.points(inputs.cameras));
     let residual = whitened::<L, M, R>(l, inputs, first, &projection.pixel, seen.point[2]);
     let mut sum = l.mul(residual[0], residual[0]);
     for r in &residual[1..] {
@@ -187,8 +194,7 @@ pub(super) fn linearize<L: Lanes, M: LaneModel, const R: usize>(
     first: usize,
 ) -> Linearized<L, R> {
     let seen = look(l, inputs, first);
-    let projection =
-        inputs.model.project(l, inputs.cameras, &seen.views, &seen.point, &seen.parameters);
+    let projection = inputs.model.project(l, seen.points(inputs.cameras));
     let mut residual = whitened::<L, M, R>(l, inputs, first, &projection.pixel, seen.point[2]);
     let mut weight = l.load(eight(&inputs.sorted.weights, first));
     let mut depth_weight = weight;

@@ -6,7 +6,8 @@
 use super::observations::Eight;
 use crate::geometry::{Camera, Se3};
 use crate::lanes::models::{
-    AnyLanes, LaneModel, LaneProjection, PARAMETERS, PinholeLanes, SnavelyLanes, UndistortedLanes,
+    AnyLanes, LaneModel, LanePoints, LaneProjection, PARAMETERS, PinholeLanes, SnavelyLanes,
+    UndistortedLanes,
 };
 use crate::simd::{Kernel, Lanes, WIDTH};
 
@@ -102,7 +103,9 @@ impl View<'_> {
             *entry = l.fma(row[2], z, l.fma(row[1], y, l.mul(row[0], x)));
         }
         let cameras = std::slice::from_ref(self.camera);
-        let projection = model.project(l, cameras, &[0; WIDTH], &point, &at.parameters);
+        let parameters = &at.parameters;
+        let points = LanePoints { point: &point, parameters, views: &[0; WIDTH], cameras };
+        let projection = model.project(l, points);
         let weight = l.load(&block.weight);
         let depth_weight = l.load(&block.depth_weight);
         let u = l.mul(l.sub(projection.pixel[0], l.load(&block.pixel[0])), weight);
