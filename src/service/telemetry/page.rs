@@ -164,7 +164,8 @@ fn solves(text: &mut Text, engine: &EngineMeters) {
     }
     let help = "Local solves whose result was dropped for a loop closure or an optimization.";
     text.counter("covis_solves_superseded_total", help).row(&[], engine.superseded.get());
-    let help = "How long an engine held a thread of the async runtime at a time.";
+    let help = "How long an engine held a thread of the async runtime at a time: processor time on \
+                Linux, elapsed time elsewhere.";
     text.histogram("covis_engine_held_seconds", help).seconds(&[], &engine.held_ns);
 }
 
