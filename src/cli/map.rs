@@ -11,8 +11,8 @@ use anyhow::{Context, bail};
 use fs_err as fs;
 use serde::Serialize;
 
-use super::config::{Config, Layer};
-use super::connect::{Connection, connect};
+use super::config::Config;
+use super::connect::connect;
 use super::output::print;
 use crate::client::MapExport;
 use crate::wire::v1;
@@ -22,18 +22,9 @@ use crate::wire::v1;
 pub struct Args {
     #[command(subcommand)]
     action: Action,
-    #[command(flatten)]
-    connection: Connection,
     /// Print JSON instead of text.
     #[arg(long, global = true)]
     json: bool,
-}
-
-impl Args {
-    /// The settings that flags override.
-    pub(super) fn layer(&self) -> Layer {
-        self.connection.layer()
-    }
 }
 
 #[derive(Debug, clap::Subcommand)]

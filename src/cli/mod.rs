@@ -30,9 +30,9 @@ mod synth;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use config::{Config, Environment, Layer, LogFormat};
+use config::{CONNECTION, Config, Environment, LOG, Texts, flags};
 
 /// An optimization-centric SLAM backend: keyframes in over gRPC, optimized maps out.
 #[derive(Debug, Parser)]
@@ -41,12 +41,6 @@ struct Cli {
     /// Configuration file instead of ./covis.toml [env: COVIS_CONFIG].
     #[arg(long, global = true, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Log level (off, error, warn, info, debug, trace) or a list of directives [env: COVIS_LOG].
-    #[arg(long, global = true, value_name = "LEVEL")]
-    log: Option<String>,
-    /// How log lines look [default: text] [env: COVIS_LOG_FORMAT].
-    #[arg(long, global = true, value_name = "FORMAT")]
-    log_format: Option<LogFormat>,
     #[command(subcommand)]
     command: Command,
 }
@@ -54,7 +48,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Serve maps over gRPC until SIGTERM or ctrl-c.
-    Serve(serve::Args),
+    Serve,
     /// Stream a BAL file or a COLMAP folder to a server, as a frontend would, then optimize the map.
     Replay(replay::Args),
     /// Solve a file: bundle adjustment or pose graph.
@@ -83,33 +77,28 @@ enum Command {
     Synth(synth::Args),
 }
 
-impl Command {
-    /// The settings that this command's flags override.
-    fn layer(&self) -> Layer {
-        match self {
-            Self::Serve(args) => args.layer(),
-            Self::Solve(args) => args.layer(),
-            Self::Replay(args) => args.layer(),
-            Self::Map(args) => args.layer(),
-            Self::Run(args) => args.layer(),
-            Self::Doctor(_)
-            | Self::Backup(_)
-            | Self::Eval(_)
-            | Self::Fuse(_)
-            | Self::Mesh(_)
-            | Self::Grid(_)
-            | Self::BenchFrontend(_)
-            | Self::Demo(_)
-            | Self::Synth(_) => Layer::default(),
-        }
+/// The arguments, settings included: each command has the flags of those that it uses.
+fn command() -> clap::Command {
+    let mut command = Cli::command().args(flags(|setting| setting.get_help_heading() == Some(LOG)));
+    for name in ["map", "replay", "run"] {
+        let settings = flags(|setting| setting.get_help_heading() == Some(CONNECTION));
+        command = command.mut_subcommand(name, |client| client.args(settings));
     }
+    let of_server = flags(|setting| setting.get_help_heading().is_none());
+    let of_solvers = flags(|setting| setting.get_id() == "threads");
+    command
+        .mut_subcommand("serve", |server| server.args(of_server))
+        .mut_subcommand("solve", |solver| solver.args(of_solvers))
 }
 
 /// Runs the program with the process' arguments and environment.
 #[must_use]
 pub fn run() -> ExitCode {
-    match Cli::try_parse() {
-        Ok(cli) => output::exit_code(dispatch(cli)),
+    let parsed = command()
+        .try_get_matches()
+        .and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, config::given(&matches))));
+    match parsed {
+        Ok((cli, settings)) => output::exit_code(dispatch(cli, settings)),
         Err(error) => {
             // Help and version go to standard output and are a success; wrong usage is 2.
             let _ = error.print();
@@ -118,18 +107,18 @@ pub fn run() -> ExitCode {
     }
 }
 
-fn dispatch(cli: Cli) -> anyhow::Result<ExitCode> {
-    let flags = Layer { log: cli.log, log_format: cli.log_format, ..cli.command.layer() };
-    let (config, warnings) = Config::load(flags, cli.config, Environment::of_process())?;
+fn dispatch(cli: Cli, settings: Texts) -> anyhow::Result<ExitCode> {
+    let environment = Environment::new(std::env::vars_os());
+    let (config, warnings) = Config::load(settings, cli.config, environment)?;
     // Spans are exported until the command has ended.
-    let is_server = matches!(cli.command, Command::Serve(_));
+    let is_server = matches!(cli.command, Command::Serve);
     let collector = config.otlp_endpoint.as_deref().filter(|_| is_server);
     let _exporter = logging::start(&config, collector)?;
     for warning in warnings {
         tracing::warn!("{warning}");
     }
     match cli.command {
-        Command::Serve(args) => serve::run(args, &config),
+        Command::Serve => serve::run(&config),
         Command::Replay(args) => replay::run(args, &config),
         Command::Solve(args) => solve::run(args, &config),
         Command::Map(args) => map::run(args, &config),
@@ -143,5 +132,15 @@ fn dispatch(cli: Cli) -> anyhow::Result<ExitCode> {
         Command::BenchFrontend(args) => bench_frontend::run(&args, &config),
         Command::Demo(args) => demo::run(args, &config),
         Command::Synth(args) => synth::run(&args),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::command;
+
+    #[test]
+    fn the_arguments_contradict_each_other_nowhere() {
+        command().debug_assert();
     }
 }

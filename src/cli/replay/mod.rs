@@ -20,8 +20,8 @@ use anyhow::{Context, anyhow, bail};
 use tokio::time::Instant;
 use tonic::Code;
 
-use super::config::{Config, Layer};
-use super::connect::{Connection, connect_patiently};
+use super::config::Config;
+use super::connect::connect_patiently;
 use super::output::print;
 use super::progress::Progress;
 use super::signals::Signals;
@@ -53,8 +53,6 @@ const SHOWN_REJECTIONS: usize = 5;
 pub struct Args {
     /// A BAL file, or the folder of a COLMAP sparse model (text or binary).
     file: PathBuf,
-    #[command(flatten)]
-    connection: Connection,
     /// The map; made when it does not exist [default: the file's name].
     #[arg(long, value_name = "NAME")]
     map: Option<String>,
@@ -83,13 +81,6 @@ pub struct Args {
     /// Print one JSON object instead of a table; also after a failure and on SIGTERM.
     #[arg(long)]
     json: bool,
-}
-
-impl Args {
-    /// The settings that flags override.
-    pub(super) fn layer(&self) -> Layer {
-        self.connection.layer()
-    }
 }
 
 /// Streams a BAL file or a COLMAP folder to a server.

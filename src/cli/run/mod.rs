@@ -16,8 +16,8 @@ use std::process::ExitCode;
 use anyhow::{Context, bail};
 use fs_err as fs;
 
-use super::config::{Config, Layer};
-use super::connect::{self, Connection};
+use super::config::Config;
+use super::connect;
 use super::output::print;
 use super::progress::Progress;
 use super::surface::Grid;
@@ -41,8 +41,6 @@ const CLIENT: &str = "frontend";
 pub(super) struct Args {
     /// tum:FOLDER (TUM RGB-D or 7-Scenes layout), or synthetic:SCENE.
     source: Source,
-    #[command(flatten)]
-    connection: Connection,
     /// The map to make on the server.
     #[arg(long, value_name = "NAME", default_value = "run")]
     map: String,
@@ -87,13 +85,6 @@ pub(super) struct Args {
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
-}
-
-impl Args {
-    /// The settings that flags override.
-    pub(super) fn layer(&self) -> Layer {
-        self.connection.layer()
-    }
 }
 
 /// How a sequence is run, apart from where it comes from.
@@ -147,7 +138,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
         .build()
         .context("the async runtime")?;
     let (report, mut volume) = runtime.block_on(async {
-        if args.connection.names_server() {
+        if config.names_server {
             let client = connect::connect(config).await?;
             return sequence(&source, &options, &client, &args.map).await;
         }

@@ -18,7 +18,7 @@ use std::process::ExitCode;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::Termination;
 
-use super::config::{Config, Layer};
+use super::config::Config;
 
 /// Arguments of `covis solve`.
 #[derive(Debug, clap::Args)]
@@ -38,9 +38,6 @@ enum Problem {
 /// What both kinds of problem share.
 #[derive(Debug, clap::Args)]
 struct Shared {
-    /// Worker threads; the result does not depend on it [default: one per processor].
-    #[arg(long, value_name = "N")]
-    threads: Option<usize>,
     /// Most iterations, rejected ones included.
     #[arg(long, value_name = "N", default_value_t = 100)]
     max_iterations: usize,
@@ -53,17 +50,6 @@ struct Shared {
     /// Write the solved problem in the input's own format, with 17 digits.
     #[arg(long, value_name = "PATH")]
     out: Option<PathBuf>,
-}
-
-impl Args {
-    /// The settings that flags override.
-    pub(super) fn layer(&self) -> Layer {
-        let shared = match &self.problem {
-            Problem::Bundle(args) => &args.shared,
-            Problem::PoseGraph(args) => &args.shared,
-        };
-        Layer { threads: shared.threads, ..Layer::default() }
-    }
 }
 
 /// Solves the file and reports.
