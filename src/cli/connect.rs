@@ -1,4 +1,5 @@
-//! The connection of a command to the server that the configuration names.
+//! The connection of a command to the server that the configuration names, or to one in this
+//! process.
 //!
 //! A token comes from a file or from `COVIS_TOKEN`, never from an argument, which every user of the
 //! machine could read.
@@ -7,9 +8,12 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use fs_err as fs;
+use tokio::net::TcpListener;
 
 use super::config::Config;
+use super::serve::server_config;
 use crate::client::{Client, Credentials, RetryPolicy, Token};
+use crate::service::{RunningServer, Server};
 
 /// Connects to the server that the configuration names.
 pub(super) async fn connect(config: &Config) -> anyhow::Result<Client> {
@@ -39,4 +43,26 @@ fn credentials(config: &Config) -> anyhow::Result<Credentials> {
     };
     let ca_pem = config.ca.as_deref().map(read).transpose()?;
     Ok(Credentials { ca_pem, identity_pem, token })
+}
+
+/// A server in this process, in memory, and a client of it: for runs that name no server.
+pub(super) struct Embedded {
+    server: RunningServer,
+    pub(super) client: Client,
+}
+
+impl Embedded {
+    /// Starts it on a free loopback port.
+    pub(super) async fn start(config: &Config) -> anyhow::Result<Self> {
+        let listener = TcpListener::bind("127.0.0.1:0").await.context("no free loopback port")?;
+        let server = Server::start(listener, server_config(config)).await?;
+        let client = Client::connect(&format!("http://{}", server.local_addr())).await?;
+        Ok(Self { server, client })
+    }
+
+    /// Ends it.
+    pub(super) async fn stop(self) {
+        drop(self.client);
+        self.server.shutdown().await;
+    }
 }

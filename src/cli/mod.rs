@@ -2,30 +2,28 @@
 //!
 //! [`run`] parses the arguments, layers the configuration (flags over `COVIS_*` environment over
 //! `covis.toml` over defaults), starts logging and hands over to the subcommand. Exit codes: 0 for
-//! success, 1 for a failure with one line on standard error, 2 for wrong usage. No mathematics here.
+//! success, 1 for a failure with one line on standard error, 2 for wrong usage. No mathematics
+//! here.
 
-mod backup;
 mod bench_frontend;
 pub mod config;
 mod connect;
-pub mod demo;
-mod doctor;
+mod data_dir;
+mod demo;
 mod eval;
 mod fuse;
-mod grid;
 mod logging;
-pub mod map;
-mod mesh;
-pub mod output;
-pub mod progress;
-pub mod replay;
+mod map;
+mod output;
+mod progress;
+mod replay;
 mod run;
 mod serve;
 mod signals;
 mod solve;
 mod spans;
-mod surface;
 mod synth;
+mod volume;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -49,16 +47,17 @@ struct Cli {
 enum Command {
     /// Serve maps over gRPC until SIGTERM or ctrl-c.
     Serve,
-    /// Stream a BAL file or a COLMAP folder to a server, as a frontend would, then optimize the map.
+    /// Stream a BAL file or a COLMAP folder to a server, as a frontend would, then optimize the
+    /// map.
     Replay(replay::Args),
     /// Solve a file: bundle adjustment or pose graph.
     Solve(solve::Args),
     /// List, show, delete or export the maps of a server.
     Map(map::Args),
     /// Look at a data directory without a server: verify, report, repair.
-    Doctor(doctor::Args),
+    Doctor(data_dir::DoctorArgs),
     /// Copy a data directory, also while a server uses it.
-    Backup(backup::Args),
+    Backup(data_dir::BackupArgs),
     /// Compare trajectories: absolute (APE) or relative pose error (RPE).
     Eval(eval::Args),
     /// Track an RGB-D sequence with the reference frontend, through a server.
@@ -66,9 +65,10 @@ enum Command {
     /// Fuse recorded depth and color to a surface, at given poses.
     Fuse(fuse::Args),
     /// Write the surface of a stored volume as PLY or GLB.
-    Mesh(mesh::Args),
-    /// Write the ground of a stored volume for navigation: occupancy (PGM, YAML) or distances (PFM).
-    Grid(grid::Args),
+    Mesh(volume::MeshArgs),
+    /// Write the ground of a stored volume for navigation: occupancy (PGM, YAML) or distances
+    /// (PFM).
+    Grid(volume::GridArgs),
     /// Measure the reference frontend on sequences with truth, with and without the mask.
     BenchFrontend(bench_frontend::Args),
     /// Track a synthetic room in which people walk, with and without the mask, server included.
@@ -107,7 +107,7 @@ pub fn run() -> ExitCode {
     }
 }
 
-fn dispatch(cli: Cli, settings: Texts) -> anyhow::Result<ExitCode> {
+fn dispatch(cli: Cli, settings: Texts) -> anyhow::Result<()> {
     let environment = Environment::new(std::env::vars_os());
     let (config, warnings) = Config::load(settings, cli.config, environment)?;
     // Spans are exported until the command has ended.
@@ -122,13 +122,13 @@ fn dispatch(cli: Cli, settings: Texts) -> anyhow::Result<ExitCode> {
         Command::Replay(args) => replay::run(args, &config),
         Command::Solve(args) => solve::run(args, &config),
         Command::Map(args) => map::run(args, &config),
-        Command::Doctor(args) => doctor::run(&args),
-        Command::Backup(args) => backup::run(&args),
+        Command::Doctor(args) => data_dir::doctor(&args),
+        Command::Backup(args) => data_dir::backup(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Run(args) => run::run(&args, &config),
         Command::Fuse(args) => fuse::run(&args),
-        Command::Mesh(args) => mesh::run(&args),
-        Command::Grid(args) => grid::run(&args),
+        Command::Mesh(args) => volume::mesh(&args),
+        Command::Grid(args) => volume::grid(&args),
         Command::BenchFrontend(args) => bench_frontend::run(&args, &config),
         Command::Demo(args) => demo::run(args, &config),
         Command::Synth(args) => synth::run(&args),

@@ -1,14 +1,13 @@
 //! `covis serve`: the server in the foreground until SIGTERM or ctrl-c.
 //!
-//! Standard output gets two lines once every map is open: `listening on http://ADDRESS` (`https` with TLS), with port 0
-//! the port that was taken, and where maps are kept; a third one tells where metrics are, if they are
-//! served. The first signal drains the server, a second one ends the process at once. SIGHUP has
-//! certificates, tokens and keys read again, where there are any.
+//! Standard output gets two lines once every map is open: `listening on http://ADDRESS` (`https`
+//! with TLS), with port 0 the port that was taken, and where maps are kept; a third one tells where
+//! metrics are, if they are served. The first signal drains the server, a second one ends the
+//! process at once. SIGHUP has certificates, tokens and keys read again, where there are any.
 
 use std::ffi::OsString;
 use std::io;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::time::Duration;
 
 use anyhow::Context;
@@ -21,14 +20,14 @@ use crate::service::engine::EngineConfig;
 use crate::service::{ConnectionLimits, JwtOptions, Server, ServerConfig, TlsFiles};
 
 /// Serves until a signal comes.
-pub(super) fn run(config: &Config) -> anyhow::Result<ExitCode> {
+pub(super) fn run(config: &Config) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Runtime::new().context("the async runtime")?;
     raise_descriptors();
     runtime.block_on(serve(config))
 }
 
-/// Lets the process open as many files and connections as the system allows it: the usual soft limit of
-/// 1024 is for programs that cannot count further.
+/// Lets the process open as many files and connections as the system allows it: the usual soft
+/// limit of 1024 is for programs that cannot count further.
 fn raise_descriptors() {
     #[cfg(unix)]
     {
@@ -39,7 +38,7 @@ fn raise_descriptors() {
     }
 }
 
-async fn serve(config: &Config) -> anyhow::Result<ExitCode> {
+async fn serve(config: &Config) -> anyhow::Result<()> {
     // Signals are caught before the address is told: a script may stop the server at once.
     let mut signals = Signals::new().context("signal handlers")?;
     let mut reloads = Reloads::new(config).context("signal handlers")?;
@@ -80,7 +79,7 @@ async fn serve(config: &Config) -> anyhow::Result<ExitCode> {
     };
     tracing::info!("{signal}: shutting down");
     tokio::select! {
-        () = server.shutdown() => Ok(ExitCode::SUCCESS),
+        () = server.shutdown() => Ok(()),
         signal = signals.next() => anyhow::bail!("{signal} while shutting down"),
     }
 }
@@ -132,7 +131,8 @@ fn guarded(config: &Config) -> ServerConfig {
     }
 }
 
-/// The settings of the configuration that a server takes; where maps are kept and who may come in are not among them.
+/// The settings of the configuration that a server takes; where maps are kept and who may come in
+/// are not among them.
 pub(super) fn server_config(config: &Config) -> ServerConfig {
     let engine = EngineConfig {
         lock_step: config.lock_step,
