@@ -1,19 +1,18 @@
 //! `covis demo`: a room in which people walk, tracked with and without the mask of what moves.
 //!
-//! The reference frontend runs twice on one synthetic sequence, through a server in this process, as
-//! `covis run` does. The truth is known to this file alone; errors are those of
+//! The reference frontend runs twice on one synthetic sequence, through a server in this process,
+//! as `covis run` does. The truth is known to this file alone; errors are those of
 //! [`crate::evaluation`]. In lock-step, so that every run prints the same errors.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::Context;
 use covis_solvers::io::trajectory::Trajectory;
 use fs_err as fs;
 
 use super::config::Config;
+use super::connect::Embedded;
 use super::output::print;
-use super::run::embedded::Embedded;
 use super::run::{RunOptions, Source, report, sequence};
 use crate::evaluation::{ape, rpe_over};
 use crate::frontend::mapping::run::RunReport;
@@ -31,7 +30,7 @@ const DRIFT_S: f64 = 1.0;
 
 /// Arguments of `covis demo`.
 #[derive(Debug, clap::Args)]
-pub struct Args {
+pub(super) struct Args {
     /// Folder for the map and the trajectories; made when it does not exist.
     #[arg(long, value_name = "FOLDER", default_value = "covis-demo")]
     out: PathBuf,
@@ -44,17 +43,16 @@ pub struct Args {
 }
 
 /// Runs the sequence twice and compares both with the truth.
-///
-/// # Errors
-/// A folder that cannot be written, a server that does not start, a trajectory without errors to tell.
-pub fn run(args: Args, config: &Config) -> anyhow::Result<ExitCode> {
+/// Fails for a folder that cannot be written, a server that does not start, a trajectory without
+/// errors to tell.
+pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
     // Seen now rather than after the runs.
     fs::create_dir_all(&args.out)?;
     let runtime = tokio::runtime::Runtime::new().context("the async runtime")?;
     runtime.block_on(session(&args, config))
 }
 
-async fn session(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
+async fn session(args: &Args, config: &Config) -> anyhow::Result<()> {
     let frames = usize::from(args.frames);
     print(format_args!(
         "People walk through a room, and an RGB-D camera is held into it by hand. covis tracks it\n\
@@ -83,7 +81,7 @@ async fn session(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
     super::map::write(export, &args.out.join("map.ply")).await?;
     print(ending(&args.out))?;
     server.stop().await;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// What became of a run.
