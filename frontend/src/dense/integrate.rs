@@ -4,22 +4,22 @@
 //! mark blocks; existing blocks clear their marks; the blocks still marked are allocated, in order; all
 //! blocks in view are fused. Results do not depend on the number of threads, to the bit.
 
+use std::sync::{Mutex, PoisonError};
+
 use covis_solvers::geometry::Se3;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::block::{DISTANCE_ONE, WEIGHT_ONE};
-use super::dilation::dilated;
-use super::frustum::Frustum;
 use super::fuse::{Frame, Outcome};
 use super::lanes::{Class, Kernel, Lanes};
 pub use super::options::IntegrationOptions;
 use super::pages::PageError;
-use super::pixels::{self, BAND, PackBand, Scratches, Source};
-use super::ray_blocks::RayBlocks;
-use super::rays::Rays;
+use super::pixels::{self, BAND, PackBand, Scratch, Source, dilated};
+use super::rays::{RayBlocks, Rays};
 use super::tiles::{TILE, Tiles};
-use super::visibility::{Lens, NEAREST_M, Seen, Visibility};
+use super::update::Rules;
+use super::visibility::{Frustum, Lens, NEAREST_M, Seen, Visibility};
 use super::volume::{Piece, Volume, VolumeOptions};
 use crate::camera::FrameCamera;
 use crate::image::Image;
@@ -89,7 +89,8 @@ pub struct Integrator {
     camera: FrameCamera,
     lens: Lens,
     pixels: Vec<u64>,
-    scratches: Scratches,
+    /// Buffers that no task uses now: the first access to fresh memory takes longer than packing a band.
+    scratches: Mutex<Vec<Scratch>>,
     tiles: Tiles,
     ray_blocks: RayBlocks,
     /// The dilated mask of the current frame.
@@ -107,7 +108,7 @@ impl Integrator {
             camera: camera.clone(),
             lens: Lens::new(camera),
             pixels: vec![0; pixels::stride(width) * height],
-            scratches: Scratches::new(width),
+            scratches: Mutex::default(),
             tiles: Tiles::new(width, height),
             ray_blocks: RayBlocks::default(),
             dilated: None,
@@ -213,10 +214,8 @@ impl Integrator {
         world_from_camera: &Se3,
         measures: &VolumeOptions,
     ) -> Result<(), IntegrateError> {
-        let block_m = measures.block_m();
         let z = f64::from(self.farthest_m(measures));
         let [left, right, top, bottom] = self.lens.field.map(f64::from);
-        let mut points = vec![[0.0; 3]; 5];
         let rays = [
             [0.0, 0.0, 0.0],
             [left, top, 1.0],
@@ -224,10 +223,9 @@ impl Integrator {
             [left, bottom, 1.0],
             [right, bottom, 1.0],
         ];
-        for (point, ray) in points.iter_mut().zip(rays) {
-            let at = world_from_camera.transform(&(Vector3::from(ray) * z)) / block_m;
-            *point = [at.x, at.y, at.z];
-        }
+        let points = rays.map(|ray| {
+            (world_from_camera.transform(&(Vector3::from(ray) * z)) / measures.block_m()).into()
+        });
         self.ray_blocks.begin(&points).ok_or(IntegrateError::TooFar)
     }
 
@@ -243,9 +241,6 @@ impl Integrator {
             farthest_m: self.options.max_depth_m,
             pinhole: [self.lens.fx, self.lens.fy, self.lens.cx, self.lens.cy],
         };
-        let mut tiles = std::mem::take(&mut self.tiles);
-        let mut words = std::mem::take(&mut self.pixels);
-        let tiles_width = tiles.width();
         let rays = Rays::new(
             &self.ray_blocks,
             &self.camera,
@@ -253,29 +248,23 @@ impl Integrator {
             frame.world_from_camera,
             measures,
         );
-        let bands = words
-            .par_chunks_mut(BAND * stride)
-            .zip(tiles.smallest_mut().par_chunks_mut(BAND / TILE * tiles_width))
-            .enumerate();
-        bands.for_each_init(
-            || self.scratches.borrow(),
-            |scratch, (band, (out, tiles))| {
-                let first_row = band * BAND;
-                self.class.run(PackBand { source, first_row, scratch, out, tiles });
-                rays.mark(first_row, scratch, tiles);
-            },
-        );
-        self.tiles = tiles;
-        self.pixels = words;
+        let tiles_a_band = BAND / TILE * self.tiles.width();
+        let bands = self.pixels.par_chunks_mut(BAND * stride);
+        let bands = bands.zip(self.tiles.smallest_mut().par_chunks_mut(tiles_a_band));
+        let scratches = || self.scratches.lock().unwrap_or_else(PoisonError::into_inner);
+        bands.enumerate().for_each(|(band, (out, tiles))| {
+            let first_row = band * BAND;
+            let mut scratch = scratches().pop().unwrap_or_else(|| Scratch::new(width));
+            self.class.run(PackBand { source, first_row, scratch: &mut scratch, out, tiles });
+            rays.mark(first_row, &scratch, tiles);
+            scratches().push(scratch);
+        });
     }
 
     /// Allocates the marked blocks that do not exist.
     fn allocate(&self, volume: &mut Volume) {
-        volume.keys().par_chunks(CLEAR_PIECE).for_each(|keys| {
-            for &key in keys {
-                self.ray_blocks.clear(key);
-            }
-        });
+        let keys = volume.keys().par_iter().with_min_len(CLEAR_PIECE);
+        keys.for_each(|&key| self.ray_blocks.clear(key));
         self.ray_blocks.for_each(|key| {
             volume.allocate(key);
         });
@@ -296,8 +285,8 @@ impl Integrator {
             stride: pixels::stride(self.camera.size().0),
             lanes,
             spread_m: [
-                lanes[2].iter().copied().fold(f32::INFINITY, f32::min),
-                lanes[2].iter().copied().fold(f32::NEG_INFINITY, f32::max),
+                lanes[2].into_iter().fold(f32::INFINITY, f32::min),
+                lanes[2].into_iter().fold(f32::NEG_INFINITY, f32::max),
             ],
             pair: steps[1].map(|step| 2.0 * step),
             layer: steps[2],
@@ -305,24 +294,24 @@ impl Integrator {
             truncation_m: measures.truncation_m,
             behind_sigmas: self.options.truncation_sigmas,
             least_weight: if self.options.weigh_noise { 1.0 } else { weight_one },
-            most_weight: (self.options.max_weight * weight_one).floor(),
-            near: (2.0 * measures.voxel_m / measures.truncation_m).min(1.0) * DISTANCE_ONE,
-            slack: 3.0 / measures.truncation_m * DISTANCE_ONE,
-            // Van der Corput sequence: values are evenly distributed over the range.
-            dither: i32::from((revision as u8).reverse_bits()),
-            is_dynamic: self.options.dynamic,
+            rules: Rules {
+                is_dynamic: self.options.dynamic,
+                most_weight: (self.options.max_weight * weight_one).floor(),
+                near: (2.0 * measures.voxel_m / measures.truncation_m).min(1.0) * DISTANCE_ONE,
+                slack: 3.0 / measures.truncation_m * DISTANCE_ONE,
+                // Van der Corput sequence: values are evenly distributed over the range.
+                dither: i32::from((revision as u8).reverse_bits()),
+            },
         };
         let behind_m = self.options.behind_m(self.options.max_depth_m, measures.truncation_m);
-        let before_m = measures.truncation_m;
-        let pieces = volume.pieces_mut(PIECE);
-        pieces.for_each(|piece| {
-            let (frame, visibility, tiles) = (&frame, &visibility, &self.tiles);
+        let (frame, visibility, tiles) = (&frame, &visibility, &self.tiles);
+        volume.pieces_mut(PIECE).for_each(|piece| {
             self.class.run(FusePiece {
                 frame,
                 visibility,
                 tiles,
                 behind_m,
-                before_m,
+                before_m: measures.truncation_m,
                 revision,
                 piece,
             });
