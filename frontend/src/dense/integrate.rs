@@ -6,7 +6,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use covis_solvers::geometry::Se3;
+use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
@@ -19,7 +19,7 @@ use super::pixels::{self, BAND, PackBand, Scratch, Source, dilated};
 use super::rays::{RayBlocks, Rays};
 use super::tiles::{TILE, Tiles};
 use super::update::Rules;
-use super::visibility::{Frustum, Lens, NEAREST_M, Seen, Visibility};
+use super::visibility::{Frustum, Lens, Seen, Visibility};
 use super::volume::{Piece, Volume, VolumeOptions};
 use crate::camera::FrameCamera;
 use crate::image::Image;
@@ -174,10 +174,7 @@ impl Integrator {
                 });
             }
         }
-        let pose = frame.world_from_camera;
-        let finite =
-            pose.translation.iter().chain(pose.rotation.matrix().iter()).all(|x| x.is_finite());
-        if !finite {
+        if !frame.world_from_camera.is_finite() {
             return Err(IntegrateError::Pose);
         }
         match self.options.refused(measures) {
@@ -237,7 +234,6 @@ impl Integrator {
             depth_m: frame.depth_m,
             color: frame.color,
             moving: self.dilated.as_ref(),
-            nearest_m: NEAREST_M,
             farthest_m: self.options.max_depth_m,
             pinhole: [self.lens.fx, self.lens.fy, self.lens.cx, self.lens.cy],
         };
@@ -335,14 +331,17 @@ impl Kernel for FusePiece<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Piece { keys, blocks, changed, solid, recolored } = self.piece;
+        let Piece { keys, blocks, states } = self.piece;
         let seen: [Seen; PIECE] = std::array::from_fn(|slot| {
             let corner = keys.get(slot).map(|&key| self.visibility.corner(key));
             let seen = corner.map_or(Seen::No, |corner| {
                 self.visibility.look(corner, self.tiles, self.behind_m, self.before_m)
             });
             // In a block without solid voxels, seeing through it changes nothing.
-            if matches!(seen, Seen::Through(_)) && !solid[slot] { Seen::No } else { seen }
+            match seen {
+                Seen::Through(_) if !states[slot].is_solid => Seen::No,
+                Seen::Through(_) | Seen::Near(_) | Seen::No => seen,
+            }
         });
         for slot in 0..blocks.len() {
             let (Seen::Through(range) | Seen::Near(range)) = seen[slot] else { continue };
@@ -351,14 +350,14 @@ impl Kernel for FusePiece<'_> {
             }
             let corner = Frame::steps(&self.visibility.lens, self.visibility.corner(keys[slot]));
             let outcome: Outcome = self.frame.fuse(lanes, &mut blocks[slot], corner, range);
-            let moved = u32::from(recolored[slot]) + outcome.recolored;
+            let state = &mut states[slot];
+            let moved = u32::from(state.recolored) + outcome.recolored;
             if outcome.changed || moved >= VISIBLE {
-                changed[slot] = self.revision;
-                recolored[slot] = 0;
+                (state.changed, state.recolored) = (self.revision, 0);
             } else {
-                recolored[slot] = moved as u8;
+                state.recolored = moved as u8;
             }
-            solid[slot] = (solid[slot] || outcome.solid) && !outcome.free;
+            state.is_solid = (state.is_solid || outcome.solid) && !outcome.free;
         }
     }
 }

@@ -3,12 +3,11 @@
 //! | file | role |
 //! |---|---|
 //! | `block` | 8³ voxels |
-//! | `slabs`, `slab_pool` | memory for blocks |
+//! | `slabs` | memory for blocks |
 //! | `volume` | the sparse grid of blocks |
-//! | `packing` | blocks as bytes |
+//! | `packing` | blocks as bytes, and pages of them |
 //! | `pages` | pages of bytes in a file on disk |
-//! | `region` | groups of blocks that are paged together |
-//! | `page_cache` | which regions stay in memory |
+//! | `page_cache` | regions: groups of blocks that are paged together, and which stay in memory |
 //! | `paged` | a volume that may be partly on disk |
 //! | `lanes` | sixteen numbers at a time |
 //! | `options` | the options of integration |
@@ -45,8 +44,6 @@ pub mod pages;
 mod pixels;
 pub mod pose_track;
 mod rays;
-mod region;
-mod slab_pool;
 mod slabs;
 pub mod surface;
 #[cfg(test)]

@@ -13,9 +13,8 @@ use nalgebra::Vector3;
 use super::block::{Block, BlockKey};
 use super::integrate::{DenseFrame, IntegrateError, Integrator};
 pub use super::page_cache::PagingFigures;
-use super::page_cache::{Access, PageCache};
+use super::page_cache::{Access, PageCache, Region};
 use super::pages::PageError;
-use super::region::Region;
 use super::volume::{Volume, VolumeOptions};
 
 /// Bytes of a block.

@@ -7,6 +7,7 @@
 
 use super::lanes::{Kernel, Lanes, WIDTH};
 use super::tiles::{NOTHING, Range, TILE, join};
+use super::visibility::NEAREST_M;
 use crate::image::Image;
 
 /// Rows that are packed at a time; a multiple of a tile's.
@@ -35,7 +36,6 @@ pub(super) struct Source<'a> {
     pub(super) color: &'a Image<[u8; 3]>,
     /// Not 0 where something moves, dilated.
     pub(super) moving: Option<&'a Image<u8>>,
-    pub(super) nearest_m: f32,
     pub(super) farthest_m: f32,
     /// Focal lengths and principal point, px; the lens' distortion is too small to matter here.
     pub(super) pinhole: [f32; 4],
@@ -95,7 +95,7 @@ impl PackBand<'_> {
     /// Copies the valid depth, with margins of zeros.
     #[inline(always)]
     fn select_depth(&mut self) {
-        let Source { depth_m, moving, nearest_m, farthest_m, .. } = self.source;
+        let Source { depth_m, moving, farthest_m, .. } = self.source;
         let (width, height) = depth_m.size();
         let rows = self.scratch.depth.chunks_exact_mut(self.scratch.stride);
         for (row, out) in rows.enumerate() {
@@ -106,7 +106,7 @@ impl PackBand<'_> {
                 continue;
             }
             for (out, &z) in out.iter_mut().zip(depth_m.row(v)) {
-                *out = if z >= nearest_m && z <= farthest_m { z } else { 0.0 };
+                *out = if z >= NEAREST_M && z <= farthest_m { z } else { 0.0 };
             }
             if let Some(moving) = moving {
                 for (out, &moves) in out.iter_mut().zip(moving.row(v)) {

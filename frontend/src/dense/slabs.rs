@@ -1,16 +1,28 @@
-//! Stores blocks in slabs of memory: growing moves nothing. Slabs of removed blocks are reused or
-//! freed. Independent of keys and of the content of blocks.
+//! Stores blocks in slabs of memory: growing moves nothing. Slabs of removed blocks are reused or freed.
+//!
+//! New slabs are prepared on a separate thread: the first access to fresh memory costs more than the
+//! work of a frame on it. Independent of keys and of the content of blocks.
 
-use std::ops::{Index, IndexMut, Range};
+use std::ops::{Index, IndexMut};
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
 
 use rayon::prelude::*;
 
 use super::block::Block;
-use super::slab_pool::{SLAB, Slab, SlabPool};
 
-/// The storage of a volume's blocks.
+/// Blocks of a slab: a megabyte.
+pub(super) const SLAB: usize = 256;
+/// Most slabs that are ready, besides the one being made.
+const AHEAD: usize = 8;
+
+/// Slabs of empty blocks.
+type Slab = Box<[Block]>;
+
+/// The blocks of a volume, slot by slot.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Slabs {
+pub struct Blocks {
     slabs: Vec<Slab>,
     len: usize,
     /// Slots from here on were never used.
@@ -18,13 +30,30 @@ pub(super) struct Slabs {
     slab_pool: SlabPool,
 }
 
-/// The blocks of a volume, slot by slot.
-#[derive(Clone, Copy, Debug)]
-pub struct Blocks<'a> {
-    slabs: &'a Slabs,
-}
+impl Blocks {
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.len
+    }
 
-impl Slabs {
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// The block in a slot.
+    #[must_use]
+    pub fn get(&self, slot: usize) -> Option<&Block> {
+        (slot < self.len).then(|| &self[slot])
+    }
+
+    /// All of them.
+    pub fn iter(&self) -> impl Iterator<Item = &Block> {
+        (0..self.len).map(|slot| &self[slot])
+    }
+
     /// Appends an empty block.
     pub(super) fn push(&mut self) {
         if self.len == self.slabs.len() * SLAB {
@@ -68,13 +97,9 @@ impl Slabs {
     pub(super) fn slabs_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [Block]> {
         self.slabs.par_iter_mut().map(|slab| &mut slab[..])
     }
-
-    pub(super) fn view(&self) -> Blocks<'_> {
-        Blocks { slabs: self }
-    }
 }
 
-impl Index<usize> for Slabs {
+impl Index<usize> for Blocks {
     type Output = Block;
 
     fn index(&self, slot: usize) -> &Block {
@@ -82,47 +107,40 @@ impl Index<usize> for Slabs {
     }
 }
 
-impl IndexMut<usize> for Slabs {
+impl IndexMut<usize> for Blocks {
     fn index_mut(&mut self, slot: usize) -> &mut Block {
         &mut self.slabs[slot / SLAB][slot % SLAB]
     }
 }
 
-impl<'a> Blocks<'a> {
-    /// How many there are.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.slabs.len
-    }
+/// Slabs that are ready. The thread starts when the first slab is taken and ends with the pool.
+#[derive(Debug, Default)]
+struct SlabPool {
+    /// The mutex is never locked: many threads may read a volume, but only one takes slabs.
+    ready: Mutex<Option<Receiver<Slab>>>,
+}
 
-    /// Whether there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.slabs.len == 0
-    }
-
-    /// The block in a slot.
-    #[must_use]
-    pub fn get(&self, slot: usize) -> Option<&'a Block> {
-        (slot < self.slabs.len).then(|| &self.slabs[slot])
-    }
-
-    /// All of them.
-    pub fn iter(&self) -> impl Iterator<Item = &'a Block> + use<'a> {
-        self.range(0..self.slabs.len)
-    }
-
-    /// The blocks of these slots; slots past the last are skipped.
-    pub fn range(&self, slots: Range<usize>) -> impl Iterator<Item = &'a Block> + use<'a> {
-        let slabs = self.slabs;
-        (slots.start..slots.end.min(slabs.len)).map(move |slot| &slabs[slot])
+impl SlabPool {
+    /// Takes a slab that is ready, or makes one.
+    fn take(&mut self) -> Slab {
+        let ready = self.ready.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let ready = ready.get_or_insert_with(|| {
+            let (give, take) = sync_channel(AHEAD);
+            let make = move || while give.send(fresh()).is_ok() {};
+            // Without a thread nothing is ever ready.
+            let _ = thread::Builder::new().name("blocks".to_owned()).spawn(make);
+            take
+        });
+        ready.try_recv().unwrap_or_else(|_| fresh())
     }
 }
 
-impl Index<usize> for Blocks<'_> {
-    type Output = Block;
-
-    fn index(&self, slot: usize) -> &Block {
-        &self.slabs[slot]
+impl Clone for SlabPool {
+    fn clone(&self) -> Self {
+        Self::default()
     }
+}
+
+fn fresh() -> Slab {
+    vec![Block::EMPTY; SLAB].into_boxed_slice()
 }

@@ -10,9 +10,8 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use rayon::prelude::*;
 
 use super::block::{Block, BlockKey, EDGE};
-use super::slab_pool::SLAB;
 pub use super::slabs::Blocks;
-use super::slabs::Slabs;
+use super::slabs::SLAB;
 
 /// The grid's measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,13 +36,8 @@ pub struct Volume {
     options: VolumeOptions,
     slots: HashMap<BlockKey, u32, KeyHashes>,
     keys: Vec<BlockKey>,
-    blocks: Slabs,
-    /// The volume's revision at which each block changed last.
-    changed: Vec<u64>,
-    /// Whether a block may have voxels at a surface or behind it.
-    solid: Vec<bool>,
-    /// Largest color change of each block since it changed last, summed over frames.
-    recolored: Vec<u8>,
+    blocks: Blocks,
+    states: Vec<State>,
     revision: u64,
 }
 
@@ -54,7 +48,7 @@ pub(super) struct State {
     pub(super) changed: u64,
     /// Whether it may have voxels at a surface or behind it.
     pub(super) is_solid: bool,
-    /// Its largest color change since then.
+    /// Its largest color change since then, summed over frames.
     pub(super) recolored: u8,
 }
 
@@ -62,9 +56,7 @@ pub(super) struct State {
 pub(super) struct Piece<'a> {
     pub(super) keys: &'a [BlockKey],
     pub(super) blocks: &'a mut [Block],
-    pub(super) changed: &'a mut [u64],
-    pub(super) solid: &'a mut [bool],
-    pub(super) recolored: &'a mut [u8],
+    pub(super) states: &'a mut [State],
 }
 
 impl Volume {
@@ -75,10 +67,8 @@ impl Volume {
             options,
             slots: HashMap::default(),
             keys: Vec::new(),
-            blocks: Slabs::default(),
-            changed: Vec::new(),
-            solid: Vec::new(),
-            recolored: Vec::new(),
+            blocks: Blocks::default(),
+            states: Vec::new(),
             revision: 0,
         }
     }
@@ -89,7 +79,7 @@ impl Volume {
         let mut volume = Self::new(options);
         volume.slots.reserve(blocks);
         volume.keys.reserve_exact(blocks);
-        volume.changed.reserve_exact(blocks);
+        volume.states.reserve_exact(blocks);
         volume
     }
 
@@ -125,15 +115,15 @@ impl Volume {
 
     /// The blocks, slot by slot.
     #[must_use]
-    pub fn blocks(&self) -> Blocks<'_> {
-        self.blocks.view()
+    pub fn blocks(&self) -> &Blocks {
+        &self.blocks
     }
 
-    /// The revision at which the block of each slot changed last. Invisible changes of color alone do
-    /// not count.
+    /// The revision at which the block in a slot, which must exist, changed last. Invisible changes of
+    /// color alone do not count.
     #[must_use]
-    pub fn changed(&self) -> &[u64] {
-        &self.changed
+    pub fn changed(&self, slot: usize) -> u64 {
+        self.states[slot].changed
     }
 
     /// The slot of a block.
@@ -154,9 +144,7 @@ impl Volume {
         self.revision += 1;
         let slot = self.slot(key).unwrap_or_else(|| self.allocate(key));
         self.blocks[slot] = block;
-        self.changed[slot] = self.revision;
-        self.solid[slot] = true;
-        self.recolored[slot] = 0;
+        self.states[slot] = State { changed: self.revision, is_solid: true, recolored: 0 };
         slot
     }
 
@@ -167,9 +155,7 @@ impl Volume {
         let slot = slot as usize;
         self.keys.swap_remove(slot);
         self.blocks.swap_remove(slot);
-        self.changed.swap_remove(slot);
-        self.solid.swap_remove(slot);
-        self.recolored.swap_remove(slot);
+        self.states.swap_remove(slot);
         if let Some(moved) = self.keys.get(slot) {
             self.slots.insert(*moved, slot as u32);
         }
@@ -187,22 +173,16 @@ impl Volume {
         self.blocks.capacity()
     }
 
-    /// The state of the block in a slot besides its voxels.
-    pub(super) fn state(&self, slot: usize) -> State {
-        State {
-            changed: self.changed[slot],
-            is_solid: self.solid[slot],
-            recolored: self.recolored[slot],
-        }
+    /// The states of the blocks, slot by slot.
+    pub(super) fn states(&self) -> &[State] {
+        &self.states
     }
 
     /// Puts a block back at a key, with the state that it had when it was removed.
     pub(super) fn put_back(&mut self, key: BlockKey, block: &Block, state: State) {
         let slot = self.slot(key).unwrap_or_else(|| self.allocate(key));
         self.blocks[slot].clone_from(block);
-        let State { changed, is_solid, recolored } = state;
-        (self.changed[slot], self.solid[slot]) = (changed, is_solid);
-        self.recolored[slot] = recolored;
+        self.states[slot] = state;
     }
 
     /// An empty block at a key that has none.
@@ -211,9 +191,7 @@ impl Volume {
         self.slots.insert(key, slot as u32);
         self.keys.push(key);
         self.blocks.push();
-        self.changed.push(self.revision);
-        self.solid.push(false);
-        self.recolored.push(0);
+        self.states.push(State { changed: self.revision, is_solid: false, recolored: 0 });
         slot
     }
 
@@ -225,21 +203,12 @@ impl Volume {
 
     /// All slots in pieces of `size`, which divides a slab.
     pub(super) fn pieces_mut(&mut self, size: usize) -> impl ParallelIterator<Item = Piece<'_>> {
-        let states = self.changed.par_chunks_mut(SLAB).zip(self.solid.par_chunks_mut(SLAB));
-        let states = states.zip(self.recolored.par_chunks_mut(SLAB));
-        let slabs = self.keys.par_chunks(SLAB).zip(self.blocks.slabs_mut()).zip(states);
-        slabs.flat_map(move |((keys, slab), ((changed, solid), recolored))| {
+        let slabs = self.keys.par_chunks(SLAB).zip(self.blocks.slabs_mut());
+        let slabs = slabs.zip(self.states.par_chunks_mut(SLAB));
+        slabs.flat_map(move |((keys, slab), states)| {
             let blocks = slab[..keys.len()].par_chunks_mut(size);
-            let states = changed.par_chunks_mut(size).zip(solid.par_chunks_mut(size));
-            let states = states.zip(recolored.par_chunks_mut(size));
-            let pieces = keys.par_chunks(size).zip(blocks).zip(states);
-            pieces.map(|((keys, blocks), ((changed, solid), recolored))| Piece {
-                keys,
-                blocks,
-                changed,
-                solid,
-                recolored,
-            })
+            let pieces = keys.par_chunks(size).zip(blocks).zip(states.par_chunks_mut(size));
+            pieces.map(|((keys, blocks), states)| Piece { keys, blocks, states })
         })
     }
 }

@@ -1,11 +1,7 @@
 //! Volume files: identical to the bit when read, and refused with a reason when damaged.
 
-use super::super::block::{Block, BlockKey};
-use super::super::packing::pack;
 use super::super::testing::{CENTIMETER, noise, sphere, volume};
-use super::super::volume::Volume;
 use super::fuzzing::{bytes_of, resealed};
-use super::reading::Bytes;
 use super::*;
 
 /// A file with changed content and matching checksums.

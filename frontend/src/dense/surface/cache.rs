@@ -11,14 +11,13 @@ use std::collections::{BTreeMap, HashMap, VecDeque};
 use rayon::prelude::*;
 
 use super::super::block::BlockKey;
+use super::super::page_cache::Region;
 use super::super::paged::PagedVolume;
 use super::super::pages::PageError;
-use super::super::region::Region;
 use super::super::volume::{KeyHashes, Volume};
-use super::SurfaceOptions;
 use super::bits::{Bits, FieldBits, borders, stored_weight};
-use super::mesh::{Mesh, join};
 use super::piece::{MIDDLE, Piece, Source, ones};
+use super::{Mesh, SurfaceOptions, join};
 
 /// No slot, or no place.
 const NONE: u32 = u32::MAX;
@@ -342,9 +341,10 @@ impl SurfaceCache {
 
     /// Computes the bits of changed blocks, and marks the pieces that read them as outdated.
     fn look(&mut self, volume: &Volume) {
-        let (blocks, changed) = (volume.blocks(), volume.changed());
+        let (blocks, states) = (volume.blocks(), volume.states());
         let places = self.place_of_slot.iter().map(|&place| place as usize).enumerate();
-        let is_old = |&(slot, place): &(usize, usize)| self.revisions[place] != changed[slot];
+        let is_old =
+            |&(slot, place): &(usize, usize)| self.revisions[place] != states[slot].changed;
         let old: Vec<_> = places.filter(is_old).collect();
         let tasks = old.par_iter().with_min_len(BLOCKS_A_TASK);
         let looked: Vec<_> = tasks
@@ -358,7 +358,7 @@ impl SurfaceCache {
             })
             .collect();
         for (&(slot, place), (bits, sides, fresh)) in old.iter().zip(looked) {
-            self.revisions[place] = changed[slot];
+            self.revisions[place] = states[slot].changed;
             self.sides[place] = sides;
             self.bits[place] = bits;
             for k in ones(fresh.into()) {
