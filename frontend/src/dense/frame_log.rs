@@ -1,7 +1,7 @@
 //! A log of the integrated frames, so that they can be integrated again at corrected poses.
 //!
-//! The frames are compressed, one page of a file each. Depth is rounded to steps of 0.2 mm, so that the live integration must use the frame as
-//! [`FrameLog::append`] rounds it. Independent of poses.
+//! The frames are compressed, one page of a file each. Depth is rounded to steps of 0.2 mm, so that the
+//! live integration must use the frame as [`FrameLog::append`] rounds it. Independent of poses.
 
 use std::io;
 

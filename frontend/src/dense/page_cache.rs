@@ -81,12 +81,12 @@ pub struct PagingFigures {
 #[derive(Debug)]
 pub(super) struct PageCache {
     /// Most blocks in memory.
-    ceiling: usize,
-    pages: PageFile,
+    pub(super) ceiling: usize,
+    pub(super) pages: PageFile,
     regions: BTreeMap<Region, Standing>,
     /// Number of requests for regions.
     time: u64,
-    figures: PagingFigures,
+    pub(super) figures: PagingFigures,
 }
 
 /// The state of a region.
@@ -122,10 +122,8 @@ pub(super) enum Access {
 }
 
 impl PageCache {
-    /// The cache of an empty volume, with at most `ceiling` blocks in memory.
-    ///
-    /// # Errors
-    /// No file can be made in the folder, or in the system's temporary one.
+    /// The cache of an empty volume, with at most `ceiling` blocks in memory. Its file is in the folder, or
+    /// in the system's temporary one.
     pub(super) fn new(ceiling: usize, folder: Option<&Path>) -> io::Result<Self> {
         Ok(Self {
             ceiling,
@@ -134,21 +132,6 @@ impl PageCache {
             time: 0,
             figures: PagingFigures::default(),
         })
-    }
-
-    /// Changes the ceiling.
-    pub(super) fn set_ceiling(&mut self, ceiling: usize) {
-        self.ceiling = ceiling;
-    }
-
-    /// Counts of paging so far.
-    pub(super) fn figures(&self) -> PagingFigures {
-        self.figures
-    }
-
-    /// Bytes of the page file.
-    pub(super) fn page_file_bytes(&self) -> u64 {
-        self.pages.bytes()
     }
 
     /// All regions, in order.
@@ -167,14 +150,11 @@ impl PageCache {
 
     /// Whether a region is on disk only.
     pub(super) fn is_away(&self, region: Region) -> bool {
-        self.regions.get(&region).is_some_and(Standing::is_away)
+        self.regions.get(&region).is_some_and(|standing| matches!(standing.place, Place::Disk(_)))
     }
 
     /// Calls `show` with the blocks of each region that is on disk only, without keeping them in
-    /// memory.
-    ///
-    /// # Errors
-    /// The error of `show`, or a region cannot be read back.
+    /// memory. Stops at the first error.
     pub(super) fn visit_away<E: From<PageError>>(
         &mut self,
         mut show: impl FnMut(Vec<(BlockKey, State, Block)>) -> Result<(), E>,
@@ -267,8 +247,8 @@ impl PageCache {
             };
             self.figures.paged_in += blocks.len();
             self.figures.blocks_on_disk -= blocks.len();
-            for (key, state, block) in &blocks {
-                resident.put_back(*key, block, *state);
+            for (key, state, block) in blocks {
+                resident.put_back(key, block, state);
             }
             match access {
                 Access::Read => standing.place = Place::Both(stored),
@@ -301,10 +281,9 @@ impl PageCache {
         }
         let kept = self.ceiling - SLACK.min(self.ceiling / 8);
         let target = kept.saturating_sub(incoming);
-        let candidates = self
-            .regions
-            .iter()
-            .filter(|(_, standing)| standing.needed < self.time && !standing.is_away());
+        let candidates = self.regions.iter().filter(|(_, standing)| {
+            standing.needed < self.time && !matches!(standing.place, Place::Disk(_))
+        });
         let mut oldest: Vec<_> =
             candidates.map(|(&region, standing)| (standing.needed, region)).collect();
         oldest.sort_unstable();
@@ -356,11 +335,5 @@ impl PageCache {
             }
         }
         Ok(())
-    }
-}
-
-impl Standing {
-    fn is_away(&self) -> bool {
-        matches!(self.place, Place::Disk(_))
     }
 }

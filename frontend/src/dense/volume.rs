@@ -141,11 +141,8 @@ impl Volume {
     /// Puts a block at a key, replacing any that is there, and returns its slot. This is a new
     /// revision.
     pub fn insert(&mut self, key: BlockKey, block: Block) -> usize {
-        self.revision += 1;
-        let slot = self.slot(key).unwrap_or_else(|| self.allocate(key));
-        self.blocks[slot] = block;
-        self.states[slot] = State { changed: self.revision, is_solid: true, recolored: 0 };
-        slot
+        let changed = self.advance();
+        self.put_back(key, block, State { changed, is_solid: true, recolored: 0 })
     }
 
     /// Removes the block at a key and returns whether there was one; the last block moves to its slot.
@@ -178,11 +175,12 @@ impl Volume {
         &self.states
     }
 
-    /// Puts a block back at a key, with the state that it had when it was removed.
-    pub(super) fn put_back(&mut self, key: BlockKey, block: &Block, state: State) {
+    /// Puts a block back at a key, with the state that it had when it was removed, and returns its slot.
+    pub(super) fn put_back(&mut self, key: BlockKey, block: Block, state: State) -> usize {
         let slot = self.slot(key).unwrap_or_else(|| self.allocate(key));
-        self.blocks[slot].clone_from(block);
+        self.blocks[slot] = block;
         self.states[slot] = state;
+        slot
     }
 
     /// An empty block at a key that has none.

@@ -190,14 +190,10 @@ fn encode(
 /// # Errors
 /// The file cannot be read, is cut short, damaged or no volume, or no page file can be made.
 pub fn load(path: &Path, ceiling: Option<&MemoryCeiling>) -> Result<PagedVolume, VolumeFileError> {
-    let open = || {
-        let file = File::open(path)?;
-        let length = file.metadata()?.len();
-        Ok((file, length))
-    };
-    let (reader, length) = open().map_err(|error| failed("cannot read", path, &error))?;
-    let bytes = Bytes { reader, length, path };
-    bytes.decode(|options, blocks| match ceiling {
+    let unread = |error| failed("cannot read", path, &error);
+    let reader = File::open(path).map_err(unread)?;
+    let length = reader.metadata().map_err(unread)?.len();
+    Bytes { reader, length, path }.decode(|options, blocks| match ceiling {
         Some(ceiling) => ceiling.volume(options, 1).map_err(|error| {
             let folder = ceiling.folder.clone().unwrap_or_else(std::env::temp_dir);
             failed("cannot make a page file in", &folder, &error)
@@ -246,7 +242,7 @@ impl<R: Read + Seek> Bytes<'_, R> {
         mut self,
         empty: impl FnOnce(VolumeOptions, usize) -> Result<PagedVolume, VolumeFileError>,
     ) -> Result<PagedVolume, VolumeFileError> {
-        let Header { options, blocks, mut crc } = self.read_header()?;
+        let (options, blocks, mut crc) = self.read_header()?;
         let chunks = self.find_chunks(blocks)?;
         let mut volume = empty(options, blocks)?;
         for (group, some) in chunks.chunks(CHUNKS_AT_A_TIME).enumerate() {
@@ -270,7 +266,7 @@ impl<R: Read + Seek> Bytes<'_, R> {
                 let content =
                     |what| VolumeFileError::Content { chunk: first + i, offset: chunk.start, what };
                 for (key, block) in unpacked.map_err(content)? {
-                    if !volume.insert_new(key, block)? {
+                    if !volume.insert(key, block)? {
                         return Err(content("has a block that was there already"));
                     }
                 }
@@ -279,8 +275,8 @@ impl<R: Read + Seek> Bytes<'_, R> {
         Ok(volume)
     }
 
-    /// Reads the grid's measures and the number of blocks, for which the bytes must have room.
-    fn read_header(&mut self) -> Result<Header, VolumeFileError> {
+    /// Reads the grid's measures, the number of blocks, for which the bytes must have room, and the CRC.
+    fn read_header(&mut self) -> Result<(VolumeOptions, usize, u32), VolumeFileError> {
         let length = self.length;
         let header = self.read(0, length.min(HEADER as u64) as usize)?;
         if !MAGIC.starts_with(&header[..header.len().min(MAGIC.len())]) {
@@ -317,7 +313,7 @@ impl<R: Read + Seek> Bytes<'_, R> {
             let end = u64::try_from(least).unwrap_or(u64::MAX);
             return Err(VolumeFileError::CutShort { length, offset: HEADER as u64, end });
         }
-        Ok(Header { options, blocks: blocks as usize, crc })
+        Ok((options, blocks as usize, crc))
     }
 
     /// Locates the chunks of `blocks` blocks, which must fill the file to its end.
@@ -341,13 +337,6 @@ impl<R: Read + Seek> Bytes<'_, R> {
         }
         Ok(chunks)
     }
-}
-
-/// The content of the header.
-struct Header {
-    options: VolumeOptions,
-    blocks: usize,
-    crc: u32,
 }
 
 /// The place of a chunk.

@@ -31,7 +31,7 @@ const BLOCKS_A_TASK: usize = 32;
 const REGIONS_AT_A_TIME: usize = 32;
 
 /// The surface of a volume, kept up to date.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct SurfaceCache {
     least_weight: u16,
     places: HashMap<BlockKey, u32, KeyHashes>,
@@ -67,25 +67,7 @@ impl SurfaceCache {
     /// An empty one.
     #[must_use]
     pub fn new(options: SurfaceOptions) -> Self {
-        Self {
-            least_weight: stored_weight(options.least_weight),
-            places: HashMap::default(),
-            vacant: Vec::new(),
-            place_of_slot: Vec::new(),
-            keys: Vec::new(),
-            slots: Vec::new(),
-            revisions: Vec::new(),
-            bits: Vec::new(),
-            sides: Vec::new(),
-            around: Vec::new(),
-            pieces: Vec::new(),
-            reads: Vec::new(),
-            read_by: Vec::new(),
-            stale: Vec::new(),
-            old: VecDeque::new(),
-            updates: 0,
-            looked: 0,
-        }
+        Self { least_weight: stored_weight(options.least_weight), ..Self::default() }
     }
 
     /// Follows a volume, always the same one. Returns how many pieces were rebuilt.

@@ -77,8 +77,8 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Joins pieces to a mesh with their vertices in the order of slots, each once; `next` gives the slots of the pieces in which a piece's edges may begin (order as in
-/// `EdgeName::block`).
+/// Joins pieces to a mesh with their vertices in the order of slots, each once; `next` gives the slots of
+/// the pieces in which a piece's edges may begin (order as in `EdgeName::block`).
 fn join(pieces: &[Option<Box<Piece>>], next: impl Fn(usize) -> [u32; 8] + Sync) -> Mesh {
     let mut first = Vec::with_capacity(pieces.len());
     let (mut vertices, mut triangles) = (0, 0);
@@ -95,61 +95,32 @@ fn join(pieces: &[Option<Box<Piece>>], next: impl Fn(usize) -> [u32; 8] + Sync) 
         colors: vec![[0; 3]; vertices],
         triangles: vec![[0; 3]; triangles],
     };
+    let (mut positions, mut normals) = (&mut mesh.positions[..], &mut mesh.normals[..]);
+    let (mut colors, mut triangles) = (&mut mesh.colors[..], &mut mesh.triangles[..]);
     let mut parts = Vec::new();
-    let mut positions = &mut mesh.positions[..];
-    let mut normals = &mut mesh.normals[..];
-    let mut colors = &mut mesh.colors[..];
-    let mut triangles = &mut mesh.triangles[..];
     for (slot, piece) in pieces.iter().enumerate() {
-        if let Some(piece) = piece {
-            let count = piece.vertices.len();
-            parts.push(Part {
-                slot,
-                piece,
-                positions: take(&mut positions, count),
-                normals: take(&mut normals, count),
-                colors: take(&mut colors, count),
-                triangles: take(&mut triangles, piece.triangles.len()),
-            });
-        }
+        let Some(piece) = piece else { continue };
+        let count = piece.vertices.len();
+        let places = positions.split_off_mut(..count).into_iter().flatten();
+        let places = places.zip(normals.split_off_mut(..count).into_iter().flatten());
+        let places = places.zip(colors.split_off_mut(..count).into_iter().flatten());
+        let faces = triangles.split_off_mut(..piece.triangles.len()).into_iter().flatten();
+        parts.push((slot, piece, places, faces));
     }
-    parts.into_par_iter().for_each(|part| part.fill(pieces, &first, &next));
-    mesh
-}
-
-/// Splits the first items off a list.
-fn take<'a, T>(list: &mut &'a mut [T], count: usize) -> &'a mut [T] {
-    let (taken, rest) = std::mem::take(list).split_at_mut(count);
-    *list = rest;
-    taken
-}
-
-/// A piece, and its place in the mesh.
-struct Part<'a> {
-    slot: usize,
-    piece: &'a Piece,
-    positions: &'a mut [[f32; 3]],
-    normals: &'a mut [[f32; 3]],
-    colors: &'a mut [[u8; 3]],
-    triangles: &'a mut [[u32; 3]],
-}
-
-impl Part<'_> {
-    fn fill(self, pieces: &[Option<Box<Piece>>], first: &[u32], next: &impl Fn(usize) -> [u32; 8]) {
-        for (i, vertex) in self.piece.vertices.iter().enumerate() {
-            self.positions[i] = vertex.position;
-            self.normals[i] = vertex.normal;
-            self.colors[i] = vertex.color;
+    parts.into_par_iter().for_each(|(slot, piece, places, faces)| {
+        for (((position, normal), color), vertex) in places.zip(&piece.vertices) {
+            (*position, *normal, *color) = (vertex.position, vertex.normal, vertex.color);
         }
-        let around = next(self.slot).map(|slot| {
+        let around = next(slot).map(|slot| {
             let piece = pieces.get(slot as usize)?.as_deref()?;
             Some((first[slot as usize], piece))
         });
-        for (triangle, names) in self.triangles.iter_mut().zip(&self.piece.triangles) {
-            *triangle = names.map(|name| {
+        for (face, names) in faces.zip(&piece.triangles) {
+            *face = names.map(|name| {
                 // A missing vertex would be a bug of ours; index 0 is at least valid.
                 around[name.block()].map_or(0, |(first, piece)| first + piece.vertex(name))
             });
         }
-    }
+    });
+    mesh
 }
