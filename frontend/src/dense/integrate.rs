@@ -49,21 +49,18 @@ pub struct DenseFrame<'a> {
 /// Why a frame was not integrated; the volume is unchanged.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum IntegrateError {
-    /// An image has another size than the camera.
+    /// An image has another size than the camera: columns and rows of both.
     #[error(
-        "`{image}` is {width} × {height} pixels, the camera's images are {camera_width} × {camera_height}"
+        "`{image}` is {} × {} pixels, the camera's images are {} × {}",
+        size.0, size.1, camera.0, camera.1
     )]
     ImageSize {
         /// Which image.
         image: &'static str,
-        /// Its columns.
-        width: usize,
-        /// Its rows.
-        height: usize,
-        /// The camera's columns.
-        camera_width: usize,
-        /// The camera's rows.
-        camera_height: usize,
+        /// Its size.
+        size: (usize, usize),
+        /// The camera's.
+        camera: (usize, usize),
     },
     /// The pose is not finite.
     #[error("`world_from_camera` is not finite")]
@@ -123,16 +120,9 @@ impl Integrator {
         self
     }
 
-    /// The options of integration.
-    #[must_use]
-    pub fn options(&self) -> &IntegrationOptions {
-        &self.options
-    }
-
     /// Integrates a frame into a volume, on the current pool of threads. This is one revision.
     ///
     /// # Errors
-    ///
     /// The frame or an option is invalid; the volume is unchanged then.
     pub fn integrate(
         &mut self,
@@ -155,24 +145,14 @@ impl Integrator {
         measures: &VolumeOptions,
         frame: &DenseFrame<'_>,
     ) -> Result<(), IntegrateError> {
-        let (camera_width, camera_height) = self.camera.size();
+        let camera = self.camera.size();
         let sizes = [
-            ("depth_m", Some(frame.depth_m.size())),
-            ("color", Some(frame.color.size())),
-            ("moving", frame.moving.map(Image::size)),
+            ("depth_m", frame.depth_m.size()),
+            ("color", frame.color.size()),
+            ("moving", frame.moving.map_or(camera, Image::size)),
         ];
-        for (image, size) in sizes {
-            if let Some((width, height)) = size
-                && (width, height) != (camera_width, camera_height)
-            {
-                return Err(IntegrateError::ImageSize {
-                    image,
-                    width,
-                    height,
-                    camera_width,
-                    camera_height,
-                });
-            }
+        if let Some(&(image, size)) = sizes.iter().find(|&&(_, size)| size != camera) {
+            return Err(IntegrateError::ImageSize { image, size, camera });
         }
         if !frame.world_from_camera.is_finite() {
             return Err(IntegrateError::Pose);
@@ -183,10 +163,7 @@ impl Integrator {
         }
     }
 
-    /// The space that a frame may change.
-    ///
-    /// # Errors
-    /// The frame or an option is invalid.
+    /// The space that a frame may change, or why the frame or an option is invalid.
     pub(super) fn frustum(
         &self,
         measures: &VolumeOptions,

@@ -86,12 +86,6 @@ impl PagedVolume {
         &self.resident
     }
 
-    /// Bytes of the blocks in memory.
-    #[must_use]
-    pub fn resident_bytes(&self) -> usize {
-        self.resident.len() * BLOCK
-    }
-
     /// How many blocks it has, in memory and on disk.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -70,14 +70,8 @@ impl Blocks {
     /// Removes the block in a slot, which must exist; the last block moves to its slot.
     pub(super) fn swap_remove(&mut self, slot: usize) {
         self.len -= 1;
-        let (slab, last) = (slot / SLAB, self.len / SLAB);
-        if let Ok([slab, last]) = self.slabs.get_disjoint_mut([slab, last]) {
-            slab[slot % SLAB].clone_from(&last[self.len % SLAB]);
-        } else {
-            let (slots, end) = self.slabs[last].split_at_mut(self.len % SLAB);
-            if let (Some(slot), Some(end)) = (slots.get_mut(slot % SLAB), end.first()) {
-                slot.clone_from(end);
-            }
+        if slot < self.len {
+            self[slot] = self[self.len].clone();
         }
     }
 

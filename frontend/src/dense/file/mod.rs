@@ -95,17 +95,9 @@ pub enum VolumeFileError {
         /// Its value, as text.
         value: String,
     },
-    /// The checksum of a chunk does not match.
-    #[error("chunk {chunk}, at byte {offset}, is damaged")]
-    Chunk {
-        /// Which chunk, from 0.
-        chunk: usize,
-        /// Where it begins.
-        offset: u64,
-    },
-    /// The checksum of a chunk matches, but its content is invalid.
+    /// A chunk is damaged, or its checksum matches but its content is invalid.
     #[error("chunk {chunk}, at byte {offset}, {what}")]
-    Content {
+    Chunk {
         /// Which chunk, from 0.
         chunk: usize,
         /// Where it begins.
@@ -248,12 +240,16 @@ impl<R: Read + Seek> Bytes<'_, R> {
         for (group, some) in chunks.chunks(CHUNKS_AT_A_TIME).enumerate() {
             let first = group * CHUNKS_AT_A_TIME;
             let mut frames = Vec::with_capacity(some.len());
+            let refused = |i: usize, what| {
+                let offset = some[i].start;
+                VolumeFileError::Chunk { chunk: first + i, offset, what }
+            };
             for (i, chunk) in some.iter().enumerate() {
                 let mut bytes = self.read(chunk.start, (chunk.end - chunk.start) as usize)?;
                 crc = crc32c::crc32c_append(crc, &bytes[..4]);
                 crc = crc32c::crc32c_append(crc, &bytes[CHUNK_HEAD..]);
                 if crc != u32_at(&bytes, 4) {
-                    return Err(VolumeFileError::Chunk { chunk: first + i, offset: chunk.start });
+                    return Err(refused(i, "is damaged"));
                 }
                 bytes.truncate(CHUNK_HEAD + chunk.frame);
                 frames.push((bytes, chunk.blocks));
@@ -262,12 +258,10 @@ impl<R: Read + Seek> Bytes<'_, R> {
                 .par_iter()
                 .map(|(bytes, blocks)| unpack(&bytes[CHUNK_HEAD..], *blocks))
                 .collect();
-            for (i, (unpacked, chunk)) in unpacked.into_iter().zip(some).enumerate() {
-                let content =
-                    |what| VolumeFileError::Content { chunk: first + i, offset: chunk.start, what };
-                for (key, block) in unpacked.map_err(content)? {
+            for (i, unpacked) in unpacked.into_iter().enumerate() {
+                for (key, block) in unpacked.map_err(|what| refused(i, what))? {
                     if !volume.insert(key, block)? {
-                        return Err(content("has a block that was there already"));
+                        return Err(refused(i, "has a block that was there already"));
                     }
                 }
             }

@@ -98,7 +98,8 @@ fn chunks_that_changed_places_are_refused() {
     let [a, b] = [a, b].map(|chunk| &bytes[chunk.start as usize..chunk.end as usize]);
     let swapped = [&bytes[..HEADER], b, a].concat();
     let refused = decode(&swapped).map(|_| ());
-    assert_eq!(refused, Err(VolumeFileError::Chunk { chunk: 0, offset: HEADER as u64 }));
+    let (offset, what) = (HEADER as u64, "is damaged");
+    assert_eq!(refused, Err(VolumeFileError::Chunk { chunk: 0, offset, what }));
 }
 
 #[test]

@@ -27,7 +27,6 @@ use super::pages::PageError;
 use super::volume::Volume;
 pub use cache::SurfaceCache;
 use piece::Piece;
-pub use piece::Vertex;
 
 /// Which voxels count as surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,22 +100,26 @@ fn join(pieces: &[Option<Box<Piece>>], next: impl Fn(usize) -> [u32; 8] + Sync) 
     for (slot, piece) in pieces.iter().enumerate() {
         let Some(piece) = piece else { continue };
         let count = piece.vertices.len();
-        let places = positions.split_off_mut(..count).into_iter().flatten();
-        let places = places.zip(normals.split_off_mut(..count).into_iter().flatten());
-        let places = places.zip(colors.split_off_mut(..count).into_iter().flatten());
-        let faces = triangles.split_off_mut(..piece.triangles.len()).into_iter().flatten();
-        parts.push((slot, piece, places, faces));
+        parts.push((
+            (slot, piece),
+            positions.split_off_mut(..count).unwrap_or_default(),
+            normals.split_off_mut(..count).unwrap_or_default(),
+            colors.split_off_mut(..count).unwrap_or_default(),
+            triangles.split_off_mut(..piece.triangles.len()).unwrap_or_default(),
+        ));
     }
-    parts.into_par_iter().for_each(|(slot, piece, places, faces)| {
-        for (((position, normal), color), vertex) in places.zip(&piece.vertices) {
-            (*position, *normal, *color) = (vertex.position, vertex.normal, vertex.color);
+    parts.into_par_iter().for_each(|((slot, piece), positions, normals, colors, triangles)| {
+        for (i, vertex) in piece.vertices.iter().enumerate() {
+            positions[i] = vertex.position;
+            normals[i] = vertex.normal;
+            colors[i] = vertex.color;
         }
         let around = next(slot).map(|slot| {
             let piece = pieces.get(slot as usize)?.as_deref()?;
             Some((first[slot as usize], piece))
         });
-        for (face, names) in faces.zip(&piece.triangles) {
-            *face = names.map(|name| {
+        for (triangle, names) in triangles.iter_mut().zip(&piece.triangles) {
+            *triangle = names.map(|name| {
                 // A missing vertex would be a bug of ours; index 0 is at least valid.
                 around[name.block()].map_or(0, |(first, piece)| first + piece.vertex(name))
             });
