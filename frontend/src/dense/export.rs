@@ -3,8 +3,6 @@
 //! Files are in the frame of the mesh, meters, except where a format wants its own. Bytes are a
 //! function of the mesh alone.
 
-use std::fmt::Write as _;
-
 use serde_json::json;
 
 use super::surface::Mesh;
@@ -37,18 +35,19 @@ pub fn point_cloud_ply(mesh: &Mesh) -> Vec<u8> {
 
 /// The header and the vertices of a PLY, with room for what follows.
 fn vertices(mesh: &Mesh, faces: Option<usize>, room: usize) -> Vec<u8> {
-    let mut header = String::from("ply\nformat binary_little_endian 1.0\ncomment covis, meters\n");
-    // Writing to a string does not fail.
-    let _ = writeln!(header, "element vertex {}", mesh.positions.len());
-    for name in ["x", "y", "z", "nx", "ny", "nz"] {
-        let _ = writeln!(header, "property float {name}");
+    let count = mesh.positions.len();
+    let mut header = format!(
+        "ply\nformat binary_little_endian 1.0\ncomment covis, meters\nelement vertex {count}\n"
+    );
+    for name in ["float x", "float y", "float z", "float nx", "float ny", "float nz"] {
+        header += &format!("property {name}\n");
     }
     header += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
     if let Some(faces) = faces {
-        let _ = writeln!(header, "element face {faces}\nproperty list uchar uint vertex_indices");
+        header += &format!("element face {faces}\nproperty list uchar uint vertex_indices\n");
     }
     header += "end_header\n";
-    let mut bytes = Vec::with_capacity(header.len() + VERTEX * mesh.positions.len() + room);
+    let mut bytes = Vec::with_capacity(header.len() + VERTEX * count + room);
     bytes.extend_from_slice(header.as_bytes());
     for ((position, normal), color) in mesh.positions.iter().zip(&mesh.normals).zip(&mesh.colors) {
         let mut vertex = [0; VERTEX];
@@ -97,15 +96,13 @@ pub fn glb(mesh: &Mesh) -> Option<Vec<u8>> {
     bytes.extend_from_slice(b"glTF");
     bytes.extend_from_slice(&2_u32.to_le_bytes());
     bytes.extend_from_slice(&u32::try_from(length).ok()?.to_le_bytes());
-    let put_head = |bytes: &mut Vec<u8>, (length, kind): (usize, [u8; 4])| {
-        bytes.extend_from_slice(&(length as u32).to_le_bytes());
-        bytes.extend_from_slice(&kind);
-    };
-    put_head(&mut bytes, chunks[0]);
-    bytes.append(&mut json);
-    if binary > 0 {
-        put_head(&mut bytes, chunks[1]);
-        put_buffer(&mut bytes, mesh);
+    for (length, kind) in chunks {
+        bytes.extend_from_slice(&(*length as u32).to_le_bytes());
+        bytes.extend_from_slice(kind);
+        match kind {
+            b"JSON" => bytes.append(&mut json),
+            _ => put_buffer(&mut bytes, mesh),
+        }
     }
     Some(bytes)
 }

@@ -131,11 +131,29 @@ impl Integrator {
     ) -> Result<(), IntegrateError> {
         self.check(volume.options(), frame)?;
         let measures = *volume.options();
-        self.begin_ray_blocks(frame.world_from_camera, &measures)?;
+        // All blocks that the camera may see.
+        let z = f64::from(self.farthest_m(&measures));
+        let [left, right, top, bottom] = self.lens.field.map(f64::from);
+        let rays = [
+            [0.0, 0.0, 0.0],
+            [left, top, 1.0],
+            [right, top, 1.0],
+            [left, bottom, 1.0],
+            [right, bottom, 1.0],
+        ];
+        let points = rays.map(|ray| {
+            (frame.world_from_camera.transform(&(Vector3::from(ray) * z)) / measures.block_m())
+                .into()
+        });
+        self.ray_blocks.begin(&points).ok_or(IntegrateError::TooFar)?;
         self.dilated = frame.moving.map(|moving| dilated(moving, self.options.dilation_px));
         self.pack_and_mark(frame, &measures);
         self.tiles.build();
-        self.allocate(volume);
+        let keys = volume.keys().par_iter().with_min_len(CLEAR_PIECE);
+        keys.for_each(|&key| self.ray_blocks.clear(key));
+        self.ray_blocks.for_each(|key| {
+            volume.allocate(key);
+        });
         self.fuse(volume, frame.world_from_camera);
         Ok(())
     }
@@ -182,27 +200,6 @@ impl Integrator {
         farthest + self.options.behind_m(farthest, measures.truncation_m)
     }
 
-    /// Prepares the marks of all blocks that the camera may see.
-    fn begin_ray_blocks(
-        &mut self,
-        world_from_camera: &Se3,
-        measures: &VolumeOptions,
-    ) -> Result<(), IntegrateError> {
-        let z = f64::from(self.farthest_m(measures));
-        let [left, right, top, bottom] = self.lens.field.map(f64::from);
-        let rays = [
-            [0.0, 0.0, 0.0],
-            [left, top, 1.0],
-            [right, top, 1.0],
-            [left, bottom, 1.0],
-            [right, bottom, 1.0],
-        ];
-        let points = rays.map(|ray| {
-            (world_from_camera.transform(&(Vector3::from(ray) * z)) / measures.block_m()).into()
-        });
-        self.ray_blocks.begin(&points).ok_or(IntegrateError::TooFar)
-    }
-
     /// Packs the frame, and marks the blocks that its rays reach.
     fn pack_and_mark(&mut self, frame: &DenseFrame<'_>, measures: &VolumeOptions) {
         let (width, _) = self.camera.size();
@@ -231,15 +228,6 @@ impl Integrator {
             self.class.run(PackBand { source, first_row, scratch: &mut scratch, out, tiles });
             rays.mark(first_row, &scratch, tiles);
             scratches().push(scratch);
-        });
-    }
-
-    /// Allocates the marked blocks that do not exist.
-    fn allocate(&self, volume: &mut Volume) {
-        let keys = volume.keys().par_iter().with_min_len(CLEAR_PIECE);
-        keys.for_each(|&key| self.ray_blocks.clear(key));
-        self.ray_blocks.for_each(|key| {
-            volume.allocate(key);
         });
     }
 

@@ -3,8 +3,7 @@
 //! | file | role |
 //! |---|---|
 //! | `block` | 8³ voxels |
-//! | `slabs` | memory for blocks |
-//! | `volume` | the sparse grid of blocks |
+//! | `volume` | the sparse grid of blocks, and memory for them |
 //! | `packing` | blocks as bytes, and pages of them |
 //! | `pages` | pages of bytes in a file on disk |
 //! | `page_cache` | regions: groups of blocks that are paged together, and which stay in memory |
@@ -44,7 +43,6 @@ pub mod pages;
 mod pixels;
 pub mod pose_track;
 mod rays;
-mod slabs;
 pub mod surface;
 #[cfg(test)]
 mod testing;

@@ -30,21 +30,15 @@ pub(super) fn pack(blocks: &[(BlockKey, &Block)]) -> Result<Vec<u8>, PageError> 
     let plane = VOXELS * blocks.len();
     for (i, (_, block)) in blocks.iter().enumerate() {
         let at = VOXELS * i;
-        let mut put = |first: usize, number: usize, value: u8| {
-            voxels[first * plane + at + number] = value;
-        };
         let mut before = (0, 0, [0; 4]);
         for k in 0..VOXELS {
             let (distance, weight, color) =
                 (block.distances[k].cast_unsigned(), block.weights[k], block.colors[k]);
-            let distances = fold(distance.wrapping_sub(before.0)).to_le_bytes();
-            let weights = fold(weight.wrapping_sub(before.1)).to_le_bytes();
-            put(0, k, distances[0]);
-            put(1, k, distances[1]);
-            put(2, k, weights[0]);
-            put(3, k, weights[1]);
-            for channel in 0..4 {
-                put(4 + channel, k, color[channel].wrapping_sub(before.2[channel]));
+            let [a, b] = fold(distance.wrapping_sub(before.0)).to_le_bytes();
+            let [c, d] = fold(weight.wrapping_sub(before.1)).to_le_bytes();
+            let [e, f, g, h] = std::array::from_fn(|i| color[i].wrapping_sub(before.2[i]));
+            for (p, byte) in [a, b, c, d, e, f, g, h].into_iter().enumerate() {
+                voxels[p * plane + at + k] = byte;
             }
             before = (distance, weight, color);
         }

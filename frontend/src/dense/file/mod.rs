@@ -152,10 +152,9 @@ fn encode(
     let VolumeOptions { voxel_m, truncation_m } = *volume.options();
     let mut header = Vec::with_capacity(HEADER);
     header.extend_from_slice(MAGIC);
-    header.extend_from_slice(&VERSION.to_le_bytes());
-    header.extend_from_slice(&voxel_m.to_le_bytes());
-    header.extend_from_slice(&truncation_m.to_le_bytes());
-    header.extend_from_slice(&[0; 4]);
+    for word in [VERSION, voxel_m.to_bits(), truncation_m.to_bits(), 0] {
+        header.extend_from_slice(&word.to_le_bytes());
+    }
     header.extend_from_slice(&(volume.len() as u64).to_le_bytes());
     let mut crc = crc32c::crc32c(&header);
     header.extend_from_slice(&crc.to_le_bytes());

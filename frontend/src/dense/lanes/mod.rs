@@ -19,7 +19,7 @@ pub(super) const WIDTH: usize = 16;
 pub(super) trait Lanes: Copy {
     /// Numbers with a fraction.
     type F: Copy;
-    /// Whole numbers.
+    /// Whole numbers, signed; sums and products wrap.
     type I: Copy;
     /// Yes or no.
     type M: Copy;
@@ -61,15 +61,10 @@ pub(super) trait Lanes: Copy {
     /// `yes` where the mask says so.
     fn select(self, mask: Self::M, yes: Self::F, no: Self::F) -> Self::F;
     fn select_int(self, mask: Self::M, yes: Self::I, no: Self::I) -> Self::I;
-    /// a + b, wrapping.
     fn add_int(self, a: Self::I, b: Self::I) -> Self::I;
-    /// a − b, wrapping.
     fn sub_int(self, a: Self::I, b: Self::I) -> Self::I;
-    /// a · b, wrapping.
     fn mul_int(self, a: Self::I, b: Self::I) -> Self::I;
-    /// The smaller one, signed.
     fn min_int(self, a: Self::I, b: Self::I) -> Self::I;
-    /// The larger one, signed.
     fn max_int(self, a: Self::I, b: Self::I) -> Self::I;
     fn and_int(self, a: Self::I, b: Self::I) -> Self::I;
     fn or_int(self, a: Self::I, b: Self::I) -> Self::I;

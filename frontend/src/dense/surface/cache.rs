@@ -6,7 +6,7 @@
 //! change slots, and those on disk keep their pieces. A block that is read back is processed again only
 //! if it changed.
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 
 use rayon::prelude::*;
 
@@ -133,11 +133,9 @@ impl SurfaceCache {
     fn regions_around(&self, places: &[usize]) -> Vec<Region> {
         let known = places.iter().flat_map(|&place| self.around[place]);
         let known = known.filter(|&place| place != NONE);
-        let mut regions: Vec<_> =
+        let regions: BTreeSet<_> =
             known.map(|place| Region::of(self.keys[place as usize])).collect();
-        regions.sort_unstable();
-        regions.dedup();
-        regions
+        regions.into_iter().collect()
     }
 
     fn look_at_paged(&mut self, volume: &PagedVolume) {
