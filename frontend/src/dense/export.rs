@@ -1,19 +1,64 @@
-//! GLB: a mesh as binary glTF 2.0, which browsers and engines show.
+//! Meshes as files that other programs read: PLY and GLB.
 //!
-//! ```text
-//! "glTF"  version 2 u32  length u32
-//! length u32  "JSON"  the scene, padded with spaces
-//! length u32  "BIN\0" indices u32, positions and normals 3 f32, colors 4 u8, in this order
-//! ```
-//!
-//! glTF's y axis points up, that of the volume's frame down, as in the first camera's image (x right, y
-//! down, z ahead). The buffers keep the volume's frame; a half turn around x in the scene's only node
-//! makes y point up. glTF requires linear colors; those of the camera are sRGB and are converted. The
-//! format cannot store lengths beyond 4 GiB.
+//! Files are in the frame of the mesh, meters, except where a format wants its own. Bytes are a
+//! function of the mesh alone.
 
 use serde_json::json;
 
-use super::super::surface::Mesh;
+use super::surface::Mesh;
+
+/// Bytes of a vertex in a PLY: six floats and three colors.
+const VERTEX: usize = 27;
+/// Bytes of a face in a PLY: the number of corners, and their indices.
+const FACE: usize = 13;
+
+/// The mesh as PLY, binary little endian: vertices with normals and colors, and faces.
+#[must_use]
+pub fn ply(mesh: &Mesh) -> Vec<u8> {
+    let faces = mesh.triangles.len();
+    let mut bytes = vertices(mesh, Some(faces), FACE * faces);
+    for triangle in &mesh.triangles {
+        let mut face = [3; FACE];
+        for (bytes, index) in face[1..].chunks_exact_mut(4).zip(triangle) {
+            bytes.copy_from_slice(&index.to_le_bytes());
+        }
+        bytes.extend_from_slice(&face);
+    }
+    bytes
+}
+
+/// The mesh's vertices alone as PLY: a point cloud.
+#[must_use]
+pub fn point_cloud_ply(mesh: &Mesh) -> Vec<u8> {
+    vertices(mesh, None, 0)
+}
+
+/// The header and the vertices of a PLY, with room for what follows.
+fn vertices(mesh: &Mesh, faces: Option<usize>, room: usize) -> Vec<u8> {
+    let count = mesh.positions.len();
+    let mut header = format!(
+        "ply\nformat binary_little_endian 1.0\ncomment covis, meters\nelement vertex {count}\n"
+    );
+    for name in ["float x", "float y", "float z", "float nx", "float ny", "float nz"] {
+        header += &format!("property {name}\n");
+    }
+    header += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+    if let Some(faces) = faces {
+        header += &format!("element face {faces}\nproperty list uchar uint vertex_indices\n");
+    }
+    header += "end_header\n";
+    let mut bytes = Vec::with_capacity(header.len() + VERTEX * count + room);
+    bytes.extend_from_slice(header.as_bytes());
+    for ((position, normal), color) in mesh.positions.iter().zip(&mesh.normals).zip(&mesh.colors) {
+        let mut vertex = [0; VERTEX];
+        for (bytes, number) in vertex.chunks_exact_mut(4).zip(position.iter().chain(normal)) {
+            bytes.copy_from_slice(&number.to_le_bytes());
+        }
+        vertex[24..].copy_from_slice(color);
+        bytes.extend_from_slice(&vertex);
+    }
+    bytes
+}
 
 /// The usage of a glTF buffer: indices of triangles, or attributes of vertices.
 const ELEMENT_ARRAY_BUFFER: u32 = 34_963;
@@ -24,7 +69,18 @@ const FLOAT: u32 = 5_126;
 /// Chunks end on a multiple of this.
 const ALIGNMENT: usize = 4;
 
-/// The bytes of a mesh; `None` where they are more than the format can store.
+/// The mesh as binary glTF 2.0 (GLB), which browsers and engines show; `None` where it needs more than
+/// 4 GiB, which the format cannot store.
+///
+/// ```text
+/// "glTF"  version 2 u32  length u32
+/// length u32  "JSON"  the scene, padded with spaces
+/// length u32  "BIN\0" indices u32, positions and normals 3 f32, colors 4 u8, in this order
+/// ```
+///
+/// glTF's y axis points up, that of the volume's frame down, as in the first camera's image (x right, y
+/// down, z ahead). The buffers keep the volume's frame; a half turn around x in the scene's only node
+/// makes y point up. glTF requires linear colors; those of the camera are sRGB and are converted.
 #[must_use]
 pub fn glb(mesh: &Mesh) -> Option<Vec<u8>> {
     let (vertices, corners) = (mesh.positions.len(), 3 * mesh.triangles.len());
@@ -40,15 +96,13 @@ pub fn glb(mesh: &Mesh) -> Option<Vec<u8>> {
     bytes.extend_from_slice(b"glTF");
     bytes.extend_from_slice(&2_u32.to_le_bytes());
     bytes.extend_from_slice(&u32::try_from(length).ok()?.to_le_bytes());
-    let put_head = |bytes: &mut Vec<u8>, (length, kind): (usize, [u8; 4])| {
-        bytes.extend_from_slice(&(length as u32).to_le_bytes());
-        bytes.extend_from_slice(&kind);
-    };
-    put_head(&mut bytes, chunks[0]);
-    bytes.append(&mut json);
-    if binary > 0 {
-        put_head(&mut bytes, chunks[1]);
-        put_buffer(&mut bytes, mesh);
+    for (length, kind) in chunks {
+        bytes.extend_from_slice(&(*length as u32).to_le_bytes());
+        bytes.extend_from_slice(kind);
+        match kind {
+            b"JSON" => bytes.append(&mut json),
+            _ => put_buffer(&mut bytes, mesh),
+        }
     }
     Some(bytes)
 }
@@ -133,9 +187,63 @@ fn bounds(positions: &[[f32; 3]]) -> ([f32; 3], [f32; 3]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::surface::{SurfaceOptions, extract};
-    use super::super::super::testing::{CENTIMETER, sphere, volume};
+    use super::super::surface::{SurfaceOptions, extract};
+    use super::super::testing::{CENTIMETER, sphere, volume};
     use super::*;
+
+    /// Reads a PLY of floats, uchars and lists of three as its header tells, and nothing else.
+    fn read(bytes: &[u8]) -> Mesh {
+        let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+        let header = std::str::from_utf8(&bytes[..end]).unwrap();
+        let mut lines = header.lines();
+        assert_eq!(lines.next(), Some("ply"));
+        assert_eq!(lines.next(), Some("format binary_little_endian 1.0"));
+        let mut at = end;
+        let mut mesh = Mesh::default();
+        let elements: Vec<Vec<&str>> = lines.map(|line| line.split(' ').collect()).collect();
+        for (i, element) in elements.iter().enumerate().filter(|(_, e)| e[0] == "element") {
+            let properties: Vec<_> =
+                elements[i + 1..].iter().take_while(|e| e[0] == "property").collect();
+            for _ in 0..element[2].parse().unwrap() {
+                let (mut floats, mut uchars) = (vec![], vec![]);
+                for property in &properties {
+                    let mut take = |n: usize| {
+                        at += n;
+                        &bytes[at - n..at]
+                    };
+                    match property[1] {
+                        "float" => floats.push(f32::from_le_bytes(take(4).try_into().unwrap())),
+                        "uchar" => uchars.push(take(1)[0]),
+                        "list" => {
+                            assert_eq!(property[2..], ["uchar", "uint", "vertex_indices"]);
+                            assert_eq!(take(1), [3]);
+                            let mut index = || u32::from_le_bytes(take(4).try_into().unwrap());
+                            mesh.triangles.push([index(), index(), index()]);
+                        }
+                        other => panic!("a property of type {other}"),
+                    }
+                }
+                if element[1] == "vertex" {
+                    mesh.positions.push(floats[..3].try_into().unwrap());
+                    mesh.normals.push(floats[3..].try_into().unwrap());
+                    mesh.colors.push(uchars[..].try_into().unwrap());
+                }
+            }
+        }
+        assert_eq!(at, bytes.len());
+        mesh
+    }
+
+    #[test]
+    fn what_is_read_back_is_what_was_written() {
+        let ball = |p| Some((sphere(p, [0.0; 3], 0.05), 1.0, [1, 2, 250]));
+        let mesh = extract(&volume(CENTIMETER, [-1; 3], [0; 3], ball), SurfaceOptions::default());
+        assert!(mesh.triangles.len() > 100);
+        assert_eq!(read(&ply(&mesh)), mesh);
+        let points = Mesh { triangles: vec![], ..mesh };
+        assert_eq!(read(&point_cloud_ply(&points)), points);
+        assert_eq!(read(&ply(&Mesh::default())), Mesh::default());
+    }
 
     fn u32_at(bytes: &[u8], at: usize) -> usize {
         u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize
