@@ -24,7 +24,6 @@ use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::image::{Image, RgbdFrame};
 use crate::frontend::input::{FrameError, SensorTiming};
 use crate::frontend::mapping::run::{Companion, DenseFeed, RunReport, Target, run as track};
-use crate::frontend::motion::MotionOptions;
 use crate::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
 use dense::DenseOptions;
 use masks::{GivenMasks, SavedMasks};
@@ -170,9 +169,8 @@ pub(super) async fn sequence(
         Some(dense) => Some((dense::start(dense, &camera, options.threads)?, dense.every)),
         None => None,
     };
-    let motion = options.removes_motion.then(MotionOptions::default);
-    let pipeline =
-        Pipeline::new(camera, PipelineOptions { motion, timing, ..PipelineOptions::default() });
+    let removes_motion = options.removes_motion;
+    let pipeline = Pipeline::new(camera, PipelineOptions { removes_motion, timing });
     client
         .create_map(map, None)
         .await
