@@ -158,11 +158,10 @@ impl Run<'_> {
             anyhow::Ok(Judging { kernel, threshold, trusted, switched_off: None })
         };
         let judging = kernel.map(judging).transpose()?;
-        let start = match self.args.init {
-            // What is to be proved is best started near itself.
-            Start::Auto if self.args.certify && kernel.is_none() => Start::Chordal,
-            start => start,
-        };
+        // What is to be proved is best started near itself.
+        let proves = self.args.certify && kernel.is_none();
+        let is_auto = self.args.init == Start::Auto;
+        let start = if proves && is_auto { Start::Chordal } else { self.args.init };
         let mut options =
             Options { start, judging, certify: self.args.certify, ..Options::default() };
         options.optimizer.max_iterations = shared.max_iterations;
