@@ -93,6 +93,17 @@ pub(crate) trait Lanes: Copy {
     }
     /// The 8 × 8 matrix with `rows` as columns.
     fn transpose(self, rows: [Self::V; WIDTH]) -> [Self::V; WIDTH];
+    /// Runs `part` as a function of its own, compiled for the class.
+    fn call<P: Part<Self>>(self, part: P) -> P::Output;
+}
+
+/// A part of kernels that is compiled once, not into each of them. `run` must be
+/// `#[inline(always)]` down to the operations.
+pub(crate) trait Part<L: Lanes> {
+    /// What it returns.
+    type Output;
+    /// Does the work.
+    fn run(self, lanes: L) -> Self::Output;
 }
 
 /// Work that runs in one class. `run` must be `#[inline(always)]` down to the operations.

@@ -7,7 +7,7 @@
 use std::arch::aarch64::*;
 use std::array::from_fn;
 
-use super::{Lanes, Row, WIDTH};
+use super::{Lanes, Part, Row, WIDTH};
 
 /// Needs nothing beyond aarch64.
 #[derive(Clone, Copy, Debug)]
@@ -55,5 +55,9 @@ impl Lanes for Neon {
                 if i % 2 == 0 { vzip1q_f64(a, b) } else { vzip2q_f64(a, b) }
             })
         })
+    }
+    #[inline(never)]
+    fn call<P: Part<Self>>(self, part: P) -> P::Output {
+        part.run(self)
     }
 }

@@ -3,7 +3,7 @@
 
 use std::array::from_fn;
 
-use super::{Lanes, Row, WIDTH};
+use super::{Lanes, Part, Row, WIDTH};
 
 /// Needs nothing of the processor.
 #[derive(Clone, Copy, Debug)]
@@ -43,5 +43,9 @@ impl Lanes for Scalar {
     #[inline(always)]
     fn transpose(self, rows: [Row; WIDTH]) -> [Row; WIDTH] {
         from_fn(|i| from_fn(|j| rows[j][i]))
+    }
+    #[inline(never)]
+    fn call<P: Part<Self>>(self, part: P) -> P::Output {
+        part.run(self)
     }
 }

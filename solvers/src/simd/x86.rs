@@ -11,7 +11,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{Kernel, Lanes, Row, WIDTH};
+use super::{Kernel, Lanes, Part, Row, WIDTH};
 
 /// Proof that the processor has AVX-512 F and DQ.
 #[derive(Clone, Copy, Debug)]
@@ -87,6 +87,15 @@ impl Lanes for Avx512 {
             let positive = _mm512_cmp_pd_mask::<_CMP_GT_OQ>(mask, _mm512_setzero_pd());
             _mm512_mask_blend_pd(positive, no, yes)
         }
+    }
+    #[inline(always)]
+    fn call<P: Part<Self>>(self, part: P) -> P::Output {
+        #[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
+        #[inline(never)]
+        fn compiled<P: Part<Avx512>>(lanes: Avx512, part: P) -> P::Output {
+            part.run(lanes)
+        }
+        unsafe { compiled(self, part) }
     }
     #[inline(always)]
     fn transpose(self, r: [__m512d; WIDTH]) -> [__m512d; WIDTH] {
@@ -182,6 +191,15 @@ impl Lanes for Avx2 {
                 _mm256_blendv_pd(no[1], yes[1], _mm256_cmp_pd::<_CMP_GT_OQ>(mask[1], zero)),
             ]
         }
+    }
+    #[inline(always)]
+    fn call<P: Part<Self>>(self, part: P) -> P::Output {
+        #[target_feature(enable = "avx2,fma")]
+        #[inline(never)]
+        fn compiled<P: Part<Avx2>>(lanes: Avx2, part: P) -> P::Output {
+            part.run(lanes)
+        }
+        unsafe { compiled(self, part) }
     }
     #[inline(always)]
     fn transpose(self, r: [Pair; WIDTH]) -> [Pair; WIDTH] {
