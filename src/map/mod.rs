@@ -186,6 +186,11 @@ impl Map {
         &self.switched_off
     }
 
+    /// Whether a constraint or a prior has this id.
+    fn has_constraint(&self, id: EntityId) -> bool {
+        self.constraints.contains_key(&id) || self.priors.contains_key(&id)
+    }
+
     /// A relative-pose constraint, if it counts.
     #[must_use]
     pub fn active_constraint(&self, id: EntityId) -> Option<&Constraint> {
