@@ -21,7 +21,6 @@ mod ids;
 mod item;
 mod observations;
 mod parts;
-mod placement;
 mod policy;
 pub mod problem;
 mod rejection;
