@@ -90,7 +90,7 @@ fn symmetric<const N: usize>(
     at: Path<'_>,
     upper: &[f64],
     out: &mut Violations,
-) -> Option<SMatrix<f64, N, N>> {
+) -> Option<Information<N>> {
     let at = at.field("upper_triangle");
     let expected = N * (N + 1) / 2;
     if upper.len() != expected {
@@ -104,11 +104,9 @@ fn symmetric<const N: usize>(
         matrix[(row, column)] = entry;
         matrix[(column, row)] = entry;
     }
-    if Information::new(&matrix).is_err() {
-        let text = "the matrix is not positive definite";
-        return out.report(at, Reason::NotPositiveDefinite, text);
-    }
-    Some(matrix)
+    Information::new(&matrix).ok().or_else(|| {
+        out.report(at, Reason::NotPositiveDefinite, "the matrix is not positive definite")
+    })
 }
 
 /// A required 3 × 3 information matrix.
@@ -116,7 +114,7 @@ pub(in crate::service) fn information3(
     at: Path<'_>,
     information: Option<&v1::InformationMatrix3>,
     out: &mut Violations,
-) -> Option<SMatrix<f64, 3, 3>> {
+) -> Option<Information<3>> {
     symmetric(at, &out.required(at, information)?.upper_triangle, out)
 }
 
@@ -125,19 +123,8 @@ pub(in crate::service) fn information6(
     at: Path<'_>,
     information: Option<&v1::InformationMatrix6>,
     out: &mut Violations,
-) -> Option<SMatrix<f64, 6, 6>> {
+) -> Option<Information<6>> {
     symmetric(at, &out.required(at, information)?.upper_triangle, out)
-}
-
-/// The typed matrix of a matrix that was already checked.
-pub(in crate::service) fn typed<const N: usize>(
-    at: Path<'_>,
-    matrix: &SMatrix<f64, N, N>,
-    out: &mut Violations,
-) -> Option<Information<N>> {
-    Information::new(matrix).ok().or_else(|| {
-        out.report(at, Reason::NotPositiveDefinite, "the matrix is not positive definite")
-    })
 }
 
 /// The message of a vector in the plane.

@@ -6,7 +6,8 @@
 use std::sync::Arc;
 
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3};
-use nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
+use covis_solvers::information::Information;
+use nalgebra::{Vector2, Vector3};
 use sha2::{Digest as _, Sha256};
 
 use super::camera::camera;
@@ -328,7 +329,7 @@ fn relative_pose(
         keyframe_i,
         keyframe_j,
         keyframe_i_from_keyframe_j: measured.unwrap_or_else(Se3::identity),
-        information: information.unwrap_or_else(Matrix6::identity),
+        information: information.unwrap_or_else(Information::identity),
     })
 }
 
@@ -354,7 +355,7 @@ fn position_prior(message: &v1::PositionPrior, sender: &str, out: &mut Violation
         id,
         keyframe,
         position_in_world: point.unwrap_or_default(),
-        information: information.unwrap_or_else(Matrix3::identity),
+        information: information.unwrap_or_else(Information::identity),
     })
 }
 
@@ -375,7 +376,7 @@ fn pose_prior(message: &v1::PosePrior, sender: &str, out: &mut Violations) -> Op
         id,
         keyframe,
         world_from_camera: pose.unwrap_or_else(Se3::identity),
-        information: information.unwrap_or_else(Matrix6::identity),
+        information: information.unwrap_or_else(Information::identity),
     })
 }
 

@@ -15,7 +15,7 @@ use covis_solvers::problem::{BundleProblem, PoseGraph};
 use super::camera::camera;
 use super::geometry::{
     information3, information6, rigid_transform, rigid_transform2, to_rigid_transform, to_vector3,
-    typed, vector2, vector3,
+    vector2, vector3,
 };
 use super::ids::id;
 use super::item::depth;
@@ -207,12 +207,10 @@ pub(in crate::service) fn graph_se3(
     let edges = all(at.field("edges"), &message.edges, out, |at, m, out| {
         let measured = m.vertex_i_from_vertex_j.as_ref();
         let measured = rigid_transform(at.field("vertex_i_from_vertex_j"), measured, out);
-        let place = at.field("information");
-        let information = information6(place, m.information.as_ref(), out);
+        let information = information6(at.field("information"), m.information.as_ref(), out);
         edge_loss(at, m.loss.as_ref(), graph_loss, out)?;
-        let information = typed(place, &information?, out)?;
         let (vertices, i_from_j) = ((m.vertex_i, m.vertex_j), measured?);
-        Some(Edge { vertices, i_from_j, information, trusted: m.trusted })
+        Some(Edge { vertices, i_from_j, information: information?, trusted: m.trusted })
     });
     out.not_empty(at.field("edges"), &message.edges);
     assemble(at, vertices?, edges?, graph_loss, start, out)
@@ -235,12 +233,10 @@ pub(in crate::service) fn graph_se2(
     let edges = all(at.field("edges"), &message.edges, out, |at, m, out| {
         let measured = m.vertex_i_from_vertex_j.as_ref();
         let measured = rigid_transform2(at.field("vertex_i_from_vertex_j"), measured, out);
-        let place = at.field("information");
-        let information = information3(place, m.information.as_ref(), out);
+        let information = information3(at.field("information"), m.information.as_ref(), out);
         edge_loss(at, m.loss.as_ref(), graph_loss, out)?;
-        let information = typed(place, &information?, out)?;
         let (vertices, i_from_j) = ((m.vertex_i, m.vertex_j), measured?);
-        Some(Edge { vertices, i_from_j, information, trusted: m.trusted })
+        Some(Edge { vertices, i_from_j, information: information?, trusted: m.trusted })
     });
     out.not_empty(at.field("edges"), &message.edges);
     assemble(at, vertices?, edges?, graph_loss, start, out)

@@ -2,7 +2,7 @@
 
 use covis_solvers::pose_refinement::{PointObservation, Prior};
 
-use super::geometry::{information6, rigid_transform, typed, vector2, vector3};
+use super::geometry::{information6, rigid_transform, vector2, vector3};
 use super::item::depth;
 use super::{Path, Violations, all};
 use crate::map::Reason;
@@ -44,8 +44,6 @@ pub(in crate::service) fn prior(
     let at = Path::root("prior");
     let pose = message.world_from_camera.as_ref();
     let pose = rigid_transform(at.field("world_from_camera"), pose, out);
-    let place = at.field("information");
-    let information = information6(place, message.information.as_ref(), out);
-    let information = typed(place, &information?, out)?;
+    let information = information6(at.field("information"), message.information.as_ref(), out)?;
     Some(Some(Prior { world_from_camera: pose?, information }))
 }

@@ -92,9 +92,10 @@ fn transforms_and_matrices_come_back() {
     }
     upper_triangle[1] = 0.25;
     let message = v1::InformationMatrix6 { upper_triangle };
-    let matrix = good(|out| information6(AT, Some(&message), out));
+    let information = good(|out| information6(AT, Some(&message), out));
+    let matrix = information.matrix();
     assert_eq!((matrix[(0, 1)], matrix[(1, 0)], matrix[(5, 5)]), (0.25, 0.25, 7.0));
-    assert_eq!(to_information6(&matrix), message);
+    assert_eq!(to_information6(matrix), message);
 }
 
 #[test]
