@@ -4,7 +4,7 @@
 //! deadline ([`super::LinkOptions::deadline`]). A call is made once: whether it may be repeated
 //! is the caller's to know ([`ClientError::code`]).
 
-use tonic::Streaming;
+use tonic::{Response, Status, Streaming};
 
 use super::{Client, ClientError, MapExport, export};
 use crate::wire::v1;
@@ -43,9 +43,8 @@ impl Client {
     /// # Errors
     /// The codes of `GetServerInfo`.
     pub async fn server_info(&self) -> Result<v1::GetServerInfoResponse, ClientError> {
-        let answer =
-            self.server_service().get_server_info(self.timed(v1::GetServerInfoRequest {})).await;
-        answer.map(tonic::Response::into_inner).map_err(ClientError::rpc("GetServerInfo"))
+        let request = self.timed(v1::GetServerInfoRequest {});
+        answer("GetServerInfo", self.server_service().get_server_info(request).await)
     }
 
     /// Creates an empty map; an absent policy is the server's.
@@ -60,12 +59,8 @@ impl Client {
         const RPC: &str = "CreateMap";
         let map_id = map_id.to_owned();
         let request = v1::CreateMapRequest { map_id, policy, ..v1::CreateMapRequest::default() };
-        let answer = self
-            .map_service()
-            .create_map(self.timed(request))
-            .await
-            .map_err(ClientError::rpc(RPC))?;
-        answer.into_inner().map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })
+        let answer = answer(RPC, self.map_service().create_map(self.timed(request)).await)?;
+        answer.map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })
     }
 
     /// One map with its counts.
@@ -94,9 +89,8 @@ impl Client {
     ) -> Result<(v1::Map, MapDigests), ClientError> {
         const RPC: &str = "GetMap";
         let request = v1::GetMapRequest { map_id: map_id.to_owned(), include_digests };
-        let answer =
-            self.map_service().get_map(self.timed(request)).await.map_err(ClientError::rpc(RPC))?;
-        let v1::GetMapResponse { map, state_hash, keyframe_ids_digest } = answer.into_inner();
+        let answer = answer(RPC, self.map_service().get_map(self.timed(request)).await)?;
+        let v1::GetMapResponse { map, state_hash, keyframe_ids_digest } = answer;
         let map = map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })?;
         Ok((map, MapDigests { state_hash, keyframe_ids_digest }))
     }
@@ -121,8 +115,7 @@ impl Client {
         let mut maps = Vec::new();
         let mut request = v1::ListMapsRequest::default();
         loop {
-            let page = self.map_service().list_maps(self.timed(request)).await;
-            let page = page.map_err(ClientError::rpc("ListMaps"))?.into_inner();
+            let page = answer("ListMaps", self.map_service().list_maps(self.timed(request)).await)?;
             maps.extend(page.maps);
             if page.next_page_token.is_empty() {
                 return Ok(maps);
@@ -137,8 +130,7 @@ impl Client {
     /// The codes of `DeleteMap`.
     pub async fn delete_map(&self, map_id: &str) -> Result<(), ClientError> {
         let request = v1::DeleteMapRequest { map_id: map_id.to_owned() };
-        let answer = self.map_service().delete_map(self.timed(request)).await;
-        answer.map(drop).map_err(ClientError::rpc("DeleteMap"))
+        answer("DeleteMap", self.map_service().delete_map(self.timed(request)).await).map(drop)
     }
 
     /// The poses of a map's keyframes, of one client or (`None`) of all.
@@ -155,8 +147,7 @@ impl Client {
             map_id: map_id.to_owned(),
             client_id: client_id.unwrap_or_default().to_owned(),
         };
-        let answer = self.map_service().get_trajectory(request).await;
-        let mut stream = answer.map_err(ClientError::rpc(RPC))?.into_inner();
+        let mut stream = answer(RPC, self.map_service().get_trajectory(request).await)?;
         let mut trajectory = Trajectory::default();
         while let Some(part) = next(RPC, &mut stream).await? {
             trajectory.revision = part.revision;
@@ -175,8 +166,7 @@ impl Client {
             map_id: map_id.to_owned(),
             ..v1::ListLandmarksRequest::default()
         };
-        let answer = self.map_service().list_landmarks(request).await;
-        let mut stream = answer.map_err(ClientError::rpc(RPC))?.into_inner();
+        let mut stream = answer(RPC, self.map_service().list_landmarks(request).await)?;
         let mut landmarks = Landmarks::default();
         while let Some(part) = next(RPC, &mut stream).await? {
             landmarks.revision = part.revision;
@@ -195,8 +185,7 @@ impl Client {
         format: v1::MapFormat,
     ) -> Result<MapExport, ClientError> {
         let request = v1::ExportMapRequest { map_id: map_id.to_owned(), format: format.into() };
-        let answer = self.map_service().export_map(request).await;
-        MapExport::begin(answer.map_err(ClientError::rpc(export::RPC))?.into_inner()).await
+        MapExport::begin(answer(export::RPC, self.map_service().export_map(request).await)?).await
     }
 
     /// Optimizes a whole map; `on_iteration` sees each iteration as it comes. Dropping the future
@@ -210,8 +199,7 @@ impl Client {
         mut on_iteration: impl FnMut(&v1::IterationSummary),
     ) -> Result<v1::OptimizeMapResult, ClientError> {
         const RPC: &str = "OptimizeMap";
-        let answer = self.optimization_service().optimize_map(request).await;
-        let mut stream = answer.map_err(ClientError::rpc(RPC))?.into_inner();
+        let mut stream = answer(RPC, self.optimization_service().optimize_map(request).await)?;
         while let Some(part) = next(RPC, &mut stream).await? {
             match part.event {
                 Some(Event::Iteration(row)) => on_iteration(&row),
@@ -230,8 +218,7 @@ impl Client {
         &self,
         request: v1::RefinePoseRequest,
     ) -> Result<v1::RefinePoseResponse, ClientError> {
-        let answer = self.optimization_service().refine_pose(request).await;
-        answer.map(tonic::Response::into_inner).map_err(ClientError::rpc("RefinePose"))
+        answer("RefinePose", self.optimization_service().refine_pose(request).await)
     }
 
     /// Solves a bundle adjustment problem that comes with the call.
@@ -242,8 +229,7 @@ impl Client {
         &self,
         request: v1::SolveBundleRequest,
     ) -> Result<v1::SolveBundleResponse, ClientError> {
-        let answer = self.optimization_service().solve_bundle(request).await;
-        answer.map(tonic::Response::into_inner).map_err(ClientError::rpc("SolveBundle"))
+        answer("SolveBundle", self.optimization_service().solve_bundle(request).await)
     }
 
     /// Solves a pose graph that comes with the call.
@@ -254,9 +240,16 @@ impl Client {
         &self,
         request: v1::SolvePoseGraphRequest,
     ) -> Result<v1::SolvePoseGraphResponse, ClientError> {
-        let answer = self.optimization_service().solve_pose_graph(request).await;
-        answer.map(tonic::Response::into_inner).map_err(ClientError::rpc("SolvePoseGraph"))
+        answer("SolvePoseGraph", self.optimization_service().solve_pose_graph(request).await)
     }
+}
+
+/// What a call was answered with.
+pub(super) fn answer<T>(
+    rpc: &'static str,
+    answer: Result<Response<T>, Status>,
+) -> Result<T, ClientError> {
+    answer.map(Response::into_inner).map_err(ClientError::rpc(rpc))
 }
 
 /// The next message of a streamed answer.

@@ -16,13 +16,35 @@ use tokio::task::JoinHandle;
 
 use super::outbox::Outbox;
 use super::retry::{Retries, RetryPolicy};
-use super::shared::Shared;
 use super::spill::{LeftOver, SpillOptions};
-use super::stream::{self, Identity, Session};
+use super::stream::{self, Identity, Session, Shared};
 use super::{Client, ClientError};
 use crate::wire::v1;
 
 pub use v1::ingest_request::Item;
+
+/// What a session sends, without naming the oneof: each kind of message is its item.
+macro_rules! items {
+    ($($message:ident => $variant:ident,)*) => {
+        $(
+            impl From<v1::$message> for Item {
+                fn from(message: v1::$message) -> Self {
+                    Self::$variant(message)
+                }
+            }
+        )*
+    };
+}
+
+items! {
+    Camera => Camera,
+    Keyframe => Keyframe,
+    LandmarkBatch => Landmarks,
+    ObservationBatch => Observations,
+    RelativePoseConstraint => RelativePose,
+    PositionPrior => PositionPrior,
+    PosePrior => PosePrior,
+}
 
 /// Refused items that a progress report keeps in full.
 pub const KEPT_REJECTIONS: usize = 100;

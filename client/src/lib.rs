@@ -12,7 +12,6 @@
 //! | `stream` | the task behind a session: reconnects and resumes |
 //! | `outbox` | the items that the server has not answered yet |
 //! | `spill` | the file of those that memory does not hold |
-//! | `shared` | the outbox between a session's handle and its task |
 //! | `watch` | [`MapWatch`]: a [`MapMirror`] that deltas keep up to date |
 //! | `retry`, `error` | what is tried again, and when to give up |
 //! | [`wire`] | generated from `proto/covis/v1`, and the codec of every call |
@@ -25,12 +24,10 @@ pub mod decoding;
 mod error;
 mod export;
 mod ingest;
-mod items;
 mod link;
 mod mirror;
 mod outbox;
 mod retry;
-mod shared;
 mod spill;
 mod stream;
 mod watch;

@@ -4,16 +4,15 @@
 //! and take acks. A stream that breaks is followed by the next (`retry`); a fenced one, a replaced
 //! map or a server that lost what it had acknowledged ends the session with the reason.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use tokio::sync::{mpsc, oneshot, watch};
+use tokio::sync::{Notify, mpsc, oneshot, watch};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Streaming};
 
 use super::ingest::{KEPT_REJECTIONS, OnAck, RejectedItem, State};
-use super::outbox::Answer;
+use super::outbox::{Answer, Outbox};
 use super::retry::Retries;
-use super::shared::Shared;
 use super::spill::{LeftOver, Spill, SpillOptions};
 use super::{Client, ClientError};
 use crate::wire::v1;
@@ -24,6 +23,29 @@ const RPC: &str = "Ingest";
 
 /// Messages between this task and the transport; the transport has buffers of its own.
 const IN_FLIGHT: usize = 1;
+
+/// What the handle and the task of a session share. The lock is held for moments only, a write to
+/// the spill file among them, and never across an await.
+#[derive(Debug)]
+pub(super) struct Shared {
+    outbox: Mutex<Outbox>,
+    /// Something was pushed, or the outbox was closed.
+    pub(super) arrived: Notify,
+    /// Something left: there may be room.
+    pub(super) left: Notify,
+}
+
+impl Shared {
+    /// With an empty outbox.
+    pub(super) fn new(outbox: Outbox) -> Self {
+        Self { outbox: Mutex::new(outbox), arrived: Notify::new(), left: Notify::new() }
+    }
+
+    /// The outbox.
+    pub(super) fn outbox(&self) -> MutexGuard<'_, Outbox> {
+        self.outbox.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
 
 /// Whose stream it is.
 pub(super) struct Identity {
@@ -129,7 +151,7 @@ impl Session {
         let answer = service.ingest(ReceiverStream::new(requests)).await;
         // Whether or not the server saw it: this epoch is spent.
         self.epoch = self.epoch.max(epoch);
-        Ok((outbound, answer.map_err(ClientError::rpc(RPC))?.into_inner()))
+        Ok((outbound, super::calls::answer(RPC, answer)?))
     }
 
     /// Takes the OPTIMIZED ack that the broken link may have lost: nobody sends it again.

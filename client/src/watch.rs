@@ -5,7 +5,7 @@
 
 use tonic::Streaming;
 
-use super::calls::next;
+use super::calls::{answer, next};
 use super::retry::{Retries, RetryPolicy};
 use super::{Client, ClientError, MapMirror};
 use crate::wire::v1;
@@ -99,8 +99,7 @@ impl MapWatch {
             omit_constraints: self.options.omit_constraints,
             map_uid: self.mirror.uid.clone(),
         };
-        let answer = self.client.map_service().watch_map(request).await;
-        Ok(answer.map_err(ClientError::rpc(RPC))?.into_inner())
+        answer(RPC, self.client.map_service().watch_map(request).await)
     }
 
     /// Takes one whole delta.

@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use covis_solvers::geometry::Se3;
+use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::{Vector2, Vector3};
 
 use super::features::descriptor::Descriptor;
@@ -35,6 +35,29 @@ pub struct MapLandmark {
     pub times_tracked: usize,
     /// What it looked like at first.
     pub descriptor: Option<Descriptor>,
+}
+
+/// Where a camera is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraPose {
+    /// In the map.
+    pub world_from_camera: Se3,
+    /// In the odometry frame.
+    pub odom_from_camera: Se3,
+}
+
+impl CameraPose {
+    /// The origin of both frames.
+    pub(crate) fn origin() -> Self {
+        Self { world_from_camera: Se3::identity(), odom_from_camera: Se3::identity() }
+    }
+
+    /// The pose after the camera moved to a place in the map: odometry has the same motion.
+    pub(crate) fn moved_to(&self, world_from_camera: &Se3) -> Self {
+        let motion = self.world_from_camera.inverse().compose(world_from_camera);
+        let odom_from_camera = self.odom_from_camera.compose(&motion);
+        Self { world_from_camera: *world_from_camera, odom_from_camera }
+    }
 }
 
 /// What the server corrected.

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use crate::certificate::{Certificate, certify_within};
 use crate::evaluation::{CostReport, FactorCost, ReferencePose, pose_graph_cost};
 use crate::geometry::RigidMotion;
-use crate::initialization::{Start, initialize, initialize_within};
+use crate::initialization::{Start, initialize_in_time};
 use crate::interrupt::Interrupt;
 use crate::optimizer::{self, IterationSummary, Observer, SolveSummary, ignore_iterations};
 use crate::pose_graph;
@@ -91,7 +91,7 @@ pub struct Optimized {
 /// `observer` sees the rows of the last solve; those of a robust solve once it has ended.
 ///
 /// # Errors
-/// Those of [`pose_graph::solve`], [`initialize`], [`robust::solve`] and
+/// Those of [`pose_graph::solve`], [`crate::initialization::initialize`], [`robust::solve`] and
 /// [`crate::certificate::certify`].
 pub fn optimize<G, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
@@ -137,14 +137,7 @@ impl Run<'_> {
     where
         G: ReferencePose<N> + RigidMotion<D, N>,
     {
-        let start = match initialize_within(graph, self.options.start, has_poses, self.limits()) {
-            Err(SolveError::Interrupted) => {
-                // The start that is asked for takes longer than there is time: one that is at hand.
-                let at_hand = if has_poses { Start::Given } else { Start::Odometry };
-                initialize(graph, at_hand, has_poses)?
-            }
-            other => other?,
-        };
+        let start = initialize_in_time(graph, self.options.start, has_poses, self.limits())?;
         let start_seconds = Some(self.begin.elapsed().as_secs_f64());
         if self.options.certify && start == Start::Given {
             // The proof is looked for near a solution, and there is one if it takes too long.

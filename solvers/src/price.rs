@@ -103,26 +103,21 @@ impl TooExpensive {
     /// The same of the whole, of which `bytes` were left out on both sides.
     #[must_use]
     pub fn beside(self, bytes: u64) -> Self {
-        match self.resource {
-            Resource::Bytes => Self {
-                estimate: self.estimate.saturating_add(bytes),
-                limit: self.limit.saturating_add(bytes),
-                ..self
-            },
-            Resource::FlopsPerIteration => self,
-        }
+        self.with_bytes(|part| part.saturating_add(bytes))
     }
 
     /// The same of two parts alike, each of which had half the bytes.
     #[must_use]
     pub fn twice(self) -> Self {
-        let bytes = self.estimate;
+        self.with_bytes(|part| part.saturating_mul(2))
+    }
+
+    /// With `whole` of estimate and limit, where they are bytes.
+    fn with_bytes(self, whole: impl Fn(u64) -> u64) -> Self {
         match self.resource {
-            Resource::Bytes => Self {
-                estimate: bytes.saturating_mul(2),
-                limit: self.limit.saturating_mul(2),
-                ..self
-            },
+            Resource::Bytes => {
+                Self { estimate: whole(self.estimate), limit: whole(self.limit), ..self }
+            }
             Resource::FlopsPerIteration => self,
         }
     }

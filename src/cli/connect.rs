@@ -1,54 +1,19 @@
-//! The flags by which a command finds its server and proves who it is, and the connection.
+//! The connection of a command to the server that the configuration names, or to one in this
+//! process.
 //!
 //! A token comes from a file or from `COVIS_TOKEN`, never from an argument, which every user of the
 //! machine could read.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, bail};
 use fs_err as fs;
+use tokio::net::TcpListener;
 
-use super::config::{Config, Layer};
+use super::config::Config;
+use super::serve::server_config;
 use crate::client::{Client, Credentials, RetryPolicy, Token};
-
-/// Which server, and who is asking.
-#[derive(Debug, clap::Args)]
-pub(super) struct Connection {
-    /// The server's URL [default: http://127.0.0.1:7411] [env: COVIS_SERVER].
-    #[arg(long, global = true, value_name = "URL")]
-    server: Option<String>,
-    /// Certificates (PEM) of the authorities to trust instead of the system's [env: COVIS_CA].
-    #[arg(long, global = true, value_name = "FILE")]
-    ca: Option<PathBuf>,
-    /// The client's own certificate (PEM), for mutual TLS [env: COVIS_CERT].
-    #[arg(long, global = true, value_name = "FILE")]
-    cert: Option<PathBuf>,
-    /// The private key of --cert (PEM) [env: COVIS_KEY].
-    #[arg(long, global = true, value_name = "FILE")]
-    key: Option<PathBuf>,
-    /// File that holds the bearer token [env: COVIS_TOKEN_FILE, or the token itself: COVIS_TOKEN].
-    #[arg(long, global = true, value_name = "FILE")]
-    token_file: Option<PathBuf>,
-}
-
-impl Connection {
-    /// Whether a flag names the server.
-    pub(super) fn names_server(&self) -> bool {
-        self.server.is_some()
-    }
-
-    /// The settings that flags override.
-    pub(super) fn layer(&self) -> Layer {
-        Layer {
-            server: self.server.clone(),
-            ca: self.ca.clone(),
-            cert: self.cert.clone(),
-            key: self.key.clone(),
-            token_file: self.token_file.clone(),
-            ..Layer::default()
-        }
-    }
-}
+use crate::service::{RunningServer, Server};
 
 /// Connects to the server that the configuration names.
 pub(super) async fn connect(config: &Config) -> anyhow::Result<Client> {
@@ -78,4 +43,26 @@ fn credentials(config: &Config) -> anyhow::Result<Credentials> {
     };
     let ca_pem = config.ca.as_deref().map(read).transpose()?;
     Ok(Credentials { ca_pem, identity_pem, token })
+}
+
+/// A server in this process, in memory, and a client of it: for runs that name no server.
+pub(super) struct Embedded {
+    server: RunningServer,
+    pub(super) client: Client,
+}
+
+impl Embedded {
+    /// Starts it on a free loopback port.
+    pub(super) async fn start(config: &Config) -> anyhow::Result<Self> {
+        let listener = TcpListener::bind("127.0.0.1:0").await.context("no free loopback port")?;
+        let server = Server::start(listener, server_config(config)).await?;
+        let client = Client::connect(&format!("http://{}", server.local_addr())).await?;
+        Ok(Self { server, client })
+    }
+
+    /// Ends it.
+    pub(super) async fn stop(self) {
+        drop(self.client);
+        self.server.shutdown().await;
+    }
 }

@@ -1,11 +1,10 @@
 //! `covis fuse`: a surface from recorded frames at poses that are given. No tracking, no server.
 //!
-//! Opens the source, takes each frame's pose from the trajectory, and writes the mesh and the volume.
-//! Fusion is [`crate::frontend::dense`]'s.
+//! Opens the source, takes each frame's pose from the trajectory, and writes the mesh and the
+//! volume. Fusion is [`crate::frontend::dense`]'s.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
@@ -13,11 +12,11 @@ use covis_solvers::io::trajectory::Trajectory;
 use fs_err as fs;
 use serde::Serialize;
 
-use super::output::print;
+use super::output::show;
 use super::progress::Progress;
 use super::run::report::Quantiles;
 use super::run::{Drawing, Peeked, Source};
-use super::surface::{Grid, MeshFigures, Paging, write_surface};
+use super::volume::{Measures, MeshFigures, Paging, write_surface};
 use crate::frontend::dense::integrate::{DenseFrame, IntegrationOptions, Integrator};
 use crate::frontend::dense::paged::PagedVolume;
 use crate::frontend::dense::pages::PageError;
@@ -41,7 +40,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
     #[command(flatten)]
-    grid: Grid,
+    measures: Measures,
     /// Follow with the surface after each frame, by this many blocks of those that changed at most,
     /// oldest first; the rest waits for later frames [default: the surface is made at the end].
     #[arg(long, value_name = "BLOCKS", value_parser = clap::value_parser!(u32).range(1..))]
@@ -113,18 +112,17 @@ impl Follower {
 }
 
 /// Fuses a source.
-///
-/// # Errors
-/// A source or trajectory that cannot be read, options out of range, a folder that cannot be written.
-pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+/// Fails for a source or trajectory that cannot be read, options out of range, a folder that cannot
+/// be written.
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let threads = args.threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("threads")?;
     // All of it on the pool: a frame that is handed to it would wait for a thread to wake up.
     pool.install(|| fuse(args))
 }
 
-fn fuse(args: &Args) -> anyhow::Result<ExitCode> {
-    let options = args.grid.options()?;
+fn fuse(args: &Args) -> anyhow::Result<()> {
+    let options = args.measures.options()?;
     if !(args.max_depth > 0.0 && args.max_depth <= 100.0) {
         bail!("--max-depth must be more than 0 and at most 100 m, not {}", args.max_depth);
     }
@@ -137,7 +135,7 @@ fn fuse(args: &Args) -> anyhow::Result<ExitCode> {
     let integration =
         IntegrationOptions { max_depth_m: args.max_depth, ..IntegrationOptions::default() };
     let mut integrator = Integrator::new(&camera, integration);
-    let mut volume = match args.grid.ceiling(&args.out) {
+    let mut volume = match args.measures.ceiling(&args.out) {
         Some(ceiling) => ceiling.volume(options, 1).context("the page file")?,
         None => PagedVolume::new(options),
     };
@@ -199,12 +197,7 @@ fn fuse(args: &Args) -> anyhow::Result<ExitCode> {
         mesh: figures,
         paging,
     };
-    if args.json {
-        print(serde_json::to_string(&document)?)?;
-    } else {
-        print(table(&document, args))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    show(args.json, &document, || table(&document, args))
 }
 
 fn table(document: &Document, args: &Args) -> String {

@@ -1,10 +1,10 @@
-//! Log lines on standard error, filtered by the configuration's `log`, as text or as JSON; spans to a
-//! collector, where one is named.
+//! Log lines on standard error, filtered by the configuration's `log`, as text or as JSON; spans to
+//! a collector, where one is named.
 //!
 //! Standard output belongs to results and stays free of them. Deletions are told at every level,
-//! unless the filter itself says otherwise of their target `audit`. As JSON each line is one object,
-//! panics included: `timestamp`, `level`, `target`, `message`, the event's fields, and `spans` with
-//! theirs.
+//! unless the filter itself says otherwise of their target `audit`. As JSON each line is one
+//! object, panics included: `timestamp`, `level`, `target`, `message`, the event's fields, and
+//! `spans` with theirs.
 
 use std::io::{IsTerminal, stderr};
 
@@ -16,11 +16,9 @@ use tracing_subscriber::{EnvFilter, Layer as _};
 use super::config::{Config, LogFormat};
 use super::spans::Exporter;
 
-/// Starts logging, and exporting to `collector` where there is one; dropping the answer sends what is
-/// left. A second call in one process changes nothing.
-///
-/// # Errors
-/// Where the filter is not a list of directives, or the collector's URL is none.
+/// Starts logging, and exporting to `collector` where there is one; dropping the answer sends what
+/// is left. A second call in one process changes nothing. Fails where the filter is not a list of
+/// directives, or the collector's URL is none.
 pub(super) fn start(config: &Config, collector: Option<&str>) -> anyhow::Result<Option<Exporter>> {
     let filter = EnvFilter::try_new(format!("audit=info,{}", config.log))
         .with_context(|| anyhow!("log filter `{}`", config.log))?;

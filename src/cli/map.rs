@@ -5,35 +5,25 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use fs_err as fs;
 use serde::Serialize;
 
-use super::config::{Config, Layer};
-use super::connect::{Connection, connect};
+use super::config::Config;
+use super::connect::connect;
 use super::output::print;
 use crate::client::MapExport;
 use crate::wire::v1;
 
 /// Lists, shows, deletes and exports the maps of a server.
 #[derive(Debug, clap::Args)]
-pub struct Args {
+pub(super) struct Args {
     #[command(subcommand)]
     action: Action,
-    #[command(flatten)]
-    connection: Connection,
     /// Print JSON instead of text.
     #[arg(long, global = true)]
     json: bool,
-}
-
-impl Args {
-    /// The settings that flags override.
-    pub(super) fn layer(&self) -> Layer {
-        self.connection.layer()
-    }
 }
 
 #[derive(Debug, clap::Subcommand)]
@@ -135,15 +125,14 @@ struct Exported {
 }
 
 /// Lists, shows, deletes and exports the maps of a server.
-///
-/// # Errors
-/// A server that is not there, a map that it does not have, a file that cannot be written.
-pub fn run(args: Args, config: &Config) -> anyhow::Result<ExitCode> {
+/// Fails for a server that is not there, a map that it does not have, a file that cannot be
+/// written.
+pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Runtime::new().context("the async runtime")?;
     runtime.block_on(act(args, config))
 }
 
-async fn act(args: Args, config: &Config) -> anyhow::Result<ExitCode> {
+async fn act(args: Args, config: &Config) -> anyhow::Result<()> {
     let client = connect(config).await?;
     match args.action {
         Action::List => {
@@ -180,7 +169,7 @@ async fn act(args: Args, config: &Config) -> anyhow::Result<ExitCode> {
             }
         }
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }
 
 /// Writes the files of an export and returns their paths. An export of one file goes to `out`

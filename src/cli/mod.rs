@@ -2,37 +2,35 @@
 //!
 //! [`run`] parses the arguments, layers the configuration (flags over `COVIS_*` environment over
 //! `covis.toml` over defaults), starts logging and hands over to the subcommand. Exit codes: 0 for
-//! success, 1 for a failure with one line on standard error, 2 for wrong usage. No mathematics here.
+//! success, 1 for a failure with one line on standard error, 2 for wrong usage. No mathematics
+//! here.
 
-mod backup;
 mod bench_frontend;
 pub mod config;
 mod connect;
-pub mod demo;
-mod doctor;
+mod data_dir;
+mod demo;
 mod eval;
 mod fuse;
-mod grid;
 mod logging;
-pub mod map;
-mod mesh;
-pub mod output;
-pub mod progress;
-pub mod replay;
+mod map;
+mod output;
+mod progress;
+mod replay;
 mod run;
 mod serve;
 mod signals;
 mod solve;
 mod spans;
-mod surface;
 mod synth;
+mod volume;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use config::{Config, Environment, Layer, LogFormat};
+use config::{CONNECTION, Config, Environment, LOG, Texts, flags};
 
 /// An optimization-centric SLAM backend: keyframes in over gRPC, optimized maps out.
 #[derive(Debug, Parser)]
@@ -41,12 +39,6 @@ struct Cli {
     /// Configuration file instead of ./covis.toml [env: COVIS_CONFIG].
     #[arg(long, global = true, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Log level (off, error, warn, info, debug, trace) or a list of directives [env: COVIS_LOG].
-    #[arg(long, global = true, value_name = "LEVEL")]
-    log: Option<String>,
-    /// How log lines look [default: text] [env: COVIS_LOG_FORMAT].
-    #[arg(long, global = true, value_name = "FORMAT")]
-    log_format: Option<LogFormat>,
     #[command(subcommand)]
     command: Command,
 }
@@ -54,17 +46,18 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Serve maps over gRPC until SIGTERM or ctrl-c.
-    Serve(serve::Args),
-    /// Stream a BAL file or a COLMAP folder to a server, as a frontend would, then optimize the map.
+    Serve,
+    /// Stream a BAL file or a COLMAP folder to a server, as a frontend would, then optimize the
+    /// map.
     Replay(replay::Args),
     /// Solve a file: bundle adjustment or pose graph.
     Solve(solve::Args),
     /// List, show, delete or export the maps of a server.
     Map(map::Args),
     /// Look at a data directory without a server: verify, report, repair.
-    Doctor(doctor::Args),
+    Doctor(data_dir::DoctorArgs),
     /// Copy a data directory, also while a server uses it.
-    Backup(backup::Args),
+    Backup(data_dir::BackupArgs),
     /// Compare trajectories: absolute (APE) or relative pose error (RPE).
     Eval(eval::Args),
     /// Track an RGB-D sequence with the reference frontend, through a server.
@@ -72,9 +65,10 @@ enum Command {
     /// Fuse recorded depth and color to a surface, at given poses.
     Fuse(fuse::Args),
     /// Write the surface of a stored volume as PLY or GLB.
-    Mesh(mesh::Args),
-    /// Write the ground of a stored volume for navigation: occupancy (PGM, YAML) or distances (PFM).
-    Grid(grid::Args),
+    Mesh(volume::MeshArgs),
+    /// Write the ground of a stored volume for navigation: occupancy (PGM, YAML) or distances
+    /// (PFM).
+    Grid(volume::GridArgs),
     /// Measure the reference frontend on sequences with truth, with and without the mask.
     BenchFrontend(bench_frontend::Args),
     /// Track a synthetic room in which people walk, with and without the mask, server included.
@@ -83,33 +77,28 @@ enum Command {
     Synth(synth::Args),
 }
 
-impl Command {
-    /// The settings that this command's flags override.
-    fn layer(&self) -> Layer {
-        match self {
-            Self::Serve(args) => args.layer(),
-            Self::Solve(args) => args.layer(),
-            Self::Replay(args) => args.layer(),
-            Self::Map(args) => args.layer(),
-            Self::Run(args) => args.layer(),
-            Self::Doctor(_)
-            | Self::Backup(_)
-            | Self::Eval(_)
-            | Self::Fuse(_)
-            | Self::Mesh(_)
-            | Self::Grid(_)
-            | Self::BenchFrontend(_)
-            | Self::Demo(_)
-            | Self::Synth(_) => Layer::default(),
-        }
+/// The arguments, settings included: each command has the flags of those that it uses.
+fn command() -> clap::Command {
+    let mut command = Cli::command().args(flags(|setting| setting.get_help_heading() == Some(LOG)));
+    for name in ["map", "replay", "run"] {
+        let settings = flags(|setting| setting.get_help_heading() == Some(CONNECTION));
+        command = command.mut_subcommand(name, |client| client.args(settings));
     }
+    let of_server = flags(|setting| setting.get_help_heading().is_none());
+    let of_solvers = flags(|setting| setting.get_id() == "threads");
+    command
+        .mut_subcommand("serve", |server| server.args(of_server))
+        .mut_subcommand("solve", |solver| solver.args(of_solvers))
 }
 
 /// Runs the program with the process' arguments and environment.
 #[must_use]
 pub fn run() -> ExitCode {
-    match Cli::try_parse() {
-        Ok(cli) => output::exit_code(dispatch(cli)),
+    let parsed = command()
+        .try_get_matches()
+        .and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, config::given(&matches))));
+    match parsed {
+        Ok((cli, settings)) => output::exit_code(dispatch(cli, settings)),
         Err(error) => {
             // Help and version go to standard output and are a success; wrong usage is 2.
             let _ = error.print();
@@ -118,30 +107,40 @@ pub fn run() -> ExitCode {
     }
 }
 
-fn dispatch(cli: Cli) -> anyhow::Result<ExitCode> {
-    let flags = Layer { log: cli.log, log_format: cli.log_format, ..cli.command.layer() };
-    let (config, warnings) = Config::load(flags, cli.config, Environment::of_process())?;
+fn dispatch(cli: Cli, settings: Texts) -> anyhow::Result<()> {
+    let environment = Environment::new(std::env::vars_os());
+    let (config, warnings) = Config::load(settings, cli.config, environment)?;
     // Spans are exported until the command has ended.
-    let is_server = matches!(cli.command, Command::Serve(_));
+    let is_server = matches!(cli.command, Command::Serve);
     let collector = config.otlp_endpoint.as_deref().filter(|_| is_server);
     let _exporter = logging::start(&config, collector)?;
     for warning in warnings {
         tracing::warn!("{warning}");
     }
     match cli.command {
-        Command::Serve(args) => serve::run(args, &config),
+        Command::Serve => serve::run(&config),
         Command::Replay(args) => replay::run(args, &config),
         Command::Solve(args) => solve::run(args, &config),
         Command::Map(args) => map::run(args, &config),
-        Command::Doctor(args) => doctor::run(&args),
-        Command::Backup(args) => backup::run(&args),
+        Command::Doctor(args) => data_dir::doctor(&args),
+        Command::Backup(args) => data_dir::backup(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Run(args) => run::run(&args, &config),
         Command::Fuse(args) => fuse::run(&args),
-        Command::Mesh(args) => mesh::run(&args),
-        Command::Grid(args) => grid::run(&args),
+        Command::Mesh(args) => volume::mesh(&args),
+        Command::Grid(args) => volume::grid(&args),
         Command::BenchFrontend(args) => bench_frontend::run(&args, &config),
         Command::Demo(args) => demo::run(args, &config),
         Command::Synth(args) => synth::run(&args),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::command;
+
+    #[test]
+    fn the_arguments_contradict_each_other_nowhere() {
+        command().debug_assert();
     }
 }

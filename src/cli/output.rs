@@ -8,16 +8,18 @@ use std::fmt::Display;
 use std::io::{self, Write};
 use std::process::ExitCode;
 
+use serde::Serialize;
+
 /// The reader of standard output went away; not a failure.
 #[derive(Debug, thiserror::Error)]
 #[error("standard output was closed")]
-pub struct ClosedPipe;
+pub(super) struct ClosedPipe;
 
 /// Writes one line (or several) to standard output and flushes it.
 ///
 /// # Errors
 /// [`ClosedPipe`] where the reader has gone; any other error of the system.
-pub fn print(text: impl Display) -> anyhow::Result<()> {
+pub(super) fn print(text: impl Display) -> anyhow::Result<()> {
     let mut out = io::stdout().lock();
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
         Ok(()) => Ok(()),
@@ -26,10 +28,33 @@ pub fn print(text: impl Display) -> anyhow::Result<()> {
     }
 }
 
+/// Prints what a command found: as one JSON object, or as text for people.
+///
+/// # Errors
+/// As those of [`print()`].
+pub(super) fn show<T: Display>(
+    json: bool,
+    document: &impl Serialize,
+    text: impl FnOnce() -> T,
+) -> anyhow::Result<()> {
+    if json { print(serde_json::to_string(document)?) } else { print(text()) }
+}
+
+/// What a command found bad is printed already; only its exit code is left to tell.
+#[derive(Debug, thiserror::Error)]
+#[error("not all is good")]
+struct Told;
+
+/// Ends a command that has printed all it has to say with success or failure.
+pub(super) fn succeed_if(is_good: bool) -> anyhow::Result<()> {
+    if is_good { Ok(()) } else { Err(Told.into()) }
+}
+
 /// Turns a command's result into an exit code; an error becomes one line on standard error.
-pub(super) fn exit_code(result: anyhow::Result<ExitCode>) -> ExitCode {
+pub(super) fn exit_code(result: anyhow::Result<()>) -> ExitCode {
     match result {
-        Ok(code) => code,
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) if error.is::<Told>() => ExitCode::FAILURE,
         Err(error) if error.is::<ClosedPipe>() => ExitCode::SUCCESS,
         Err(error) => {
             // Nothing can be told when standard error is gone as well.

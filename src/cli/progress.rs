@@ -11,7 +11,7 @@ const LOG_LINES: u64 = 10;
 
 /// A count that goes up to a total.
 #[derive(Debug)]
-pub struct Progress {
+pub(super) struct Progress {
     label: &'static str,
     total: u64,
     done: u64,
@@ -21,10 +21,10 @@ pub struct Progress {
 impl Progress {
     /// Starts at 0 of `total`; `label` says what is counted, for instance `keyframes`.
     #[must_use]
-    pub fn new(label: &'static str, total: u64) -> Self {
+    pub(super) fn new(label: &'static str, total: u64) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::new(total);
-            let template = "{prefix} [{bar:30}] {pos}/{len} {elapsed} {msg}";
+            let template = "{prefix} [{bar:30}] {pos}/{len} {elapsed}";
             if let Ok(style) = ProgressStyle::with_template(template) {
                 bar.set_style(style.progress_chars("=> "));
             }
@@ -35,7 +35,7 @@ impl Progress {
     }
 
     /// Counts `count` more.
-    pub fn advance(&mut self, count: u64) {
+    pub(super) fn advance(&mut self, count: u64) {
         let before = self.done;
         self.done = self.done.saturating_add(count);
         match &self.bar {
@@ -47,15 +47,8 @@ impl Progress {
         }
     }
 
-    /// Shows a short text beside the bar.
-    pub fn message(&self, text: &str) {
-        if let Some(bar) = &self.bar {
-            bar.set_message(text.to_owned());
-        }
-    }
-
     /// Ends the display and leaves the line standing.
-    pub fn finish(self) {
+    pub(super) fn finish(self) {
         if let Some(bar) = &self.bar {
             bar.finish();
         }

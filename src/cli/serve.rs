@@ -1,116 +1,33 @@
 //! `covis serve`: the server in the foreground until SIGTERM or ctrl-c.
 //!
-//! Standard output gets two lines once every map is open: `listening on http://ADDRESS` (`https` with TLS), with port 0
-//! the port that was taken, and where maps are kept; a third one tells where metrics are, if they are
-//! served. The first signal drains the server, a second one ends the process at once. SIGHUP has
-//! certificates, tokens and keys read again, where there are any.
+//! Standard output gets two lines once every map is open: `listening on http://ADDRESS` (`https`
+//! with TLS), with port 0 the port that was taken, and where maps are kept; a third one tells where
+//! metrics are, if they are served. The first signal drains the server, a second one ends the
+//! process at once. SIGHUP has certificates, tokens and keys read again, where there are any.
 
 use std::ffi::OsString;
 use std::io;
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::time::Duration;
 
 use anyhow::Context;
 use tokio::net::TcpListener;
 
-use super::config::{Config, Layer};
+use super::config::Config;
 use super::output::{ClosedPipe, print};
 use super::signals::Signals;
 use crate::service::engine::EngineConfig;
 use crate::service::{ConnectionLimits, JwtOptions, Server, ServerConfig, TlsFiles};
 
-/// Arguments of `covis serve`.
-#[derive(Debug, clap::Args)]
-pub(super) struct Args {
-    /// Address to listen on; port 0 takes a free one [default: 127.0.0.1:7411] [env: COVIS_LISTEN].
-    #[arg(long, value_name = "ADDR")]
-    listen: Option<String>,
-    /// The server's certificate (PEM); with it TLS is spoken [env: COVIS_TLS_CERT].
-    #[arg(long, value_name = "FILE")]
-    tls_cert: Option<PathBuf>,
-    /// The private key of --tls-cert (PEM) [env: COVIS_TLS_KEY].
-    #[arg(long, value_name = "FILE")]
-    tls_key: Option<PathBuf>,
-    /// Take only clients whose certificate these authorities (PEM) signed [env: COVIS_TLS_CLIENT_CA].
-    #[arg(long, value_name = "FILE")]
-    tls_client_ca: Option<PathBuf>,
-    /// Take only calls with a bearer token of this file (TOML) [env: COVIS_TOKENS].
-    #[arg(long, value_name = "FILE")]
-    tokens: Option<PathBuf>,
-    /// Take also JSON Web Tokens that a key of this set (JWKS) signed [env: COVIS_JWKS].
-    #[arg(long, value_name = "FILE")]
-    jwks: Option<PathBuf>,
-    /// The issuer (`iss`) that those tokens must name [env: COVIS_JWT_ISSUER].
-    #[arg(long, value_name = "ISSUER")]
-    jwt_issuer: Option<String>,
-    /// The audience (`aud`) that they must be meant for [env: COVIS_JWT_AUDIENCE].
-    #[arg(long, value_name = "AUDIENCE")]
-    jwt_audience: Option<String>,
-    /// Speak plain text also beyond loopback: others on the network can read and change all of it
-    /// [env: COVIS_INSECURE_PLAIN_TEXT].
-    #[arg(long)]
-    insecure_plain_text: bool,
-    /// Address at which `GET /metrics` is answered for Prometheus, in plain text; port 0 takes a free
-    /// one [default: none] [env: COVIS_METRICS_LISTEN].
-    #[arg(long, value_name = "ADDR")]
-    metrics_listen: Option<String>,
-    /// Seconds that the server waits for running calls when it is told to end [default: 10]
-    /// [env: COVIS_DRAIN_BUDGET].
-    #[arg(long, value_name = "SECONDS")]
-    drain_budget: Option<u64>,
-    /// Export spans of calls, items and solves to this collector by OTLP over gRPC, in builds with the
-    /// feature `opentelemetry` [default: none] [env: COVIS_OTLP_ENDPOINT].
-    #[arg(long, value_name = "URL")]
-    otlp_endpoint: Option<String>,
-    /// Worker threads of the solvers [default: one per processor] [env: COVIS_THREADS].
-    #[arg(long, value_name = "N")]
-    threads: Option<usize>,
-    /// Finish each solve before the next item of a stream is taken [env: COVIS_LOCK_STEP].
-    #[arg(long)]
-    lock_step: bool,
-    /// Folder to keep maps in [default: the platform's folder for data] [env: COVIS_DATA_DIR].
-    #[arg(long, value_name = "DIR", conflicts_with = "in_memory")]
-    data_dir: Option<PathBuf>,
-    /// Keep maps in memory only: they are gone at the end [env: COVIS_IN_MEMORY].
-    #[arg(long)]
-    in_memory: bool,
-}
-
-impl Args {
-    /// The settings that flags override.
-    pub(super) fn layer(&self) -> Layer {
-        Layer {
-            listen: self.listen.clone(),
-            tls_cert: self.tls_cert.clone(),
-            tls_key: self.tls_key.clone(),
-            tls_client_ca: self.tls_client_ca.clone(),
-            tokens: self.tokens.clone(),
-            jwks: self.jwks.clone(),
-            jwt_issuer: self.jwt_issuer.clone(),
-            jwt_audience: self.jwt_audience.clone(),
-            insecure_plain_text: self.insecure_plain_text.then_some(true),
-            metrics_listen: self.metrics_listen.clone(),
-            drain_budget: self.drain_budget,
-            otlp_endpoint: self.otlp_endpoint.clone(),
-            threads: self.threads,
-            lock_step: self.lock_step.then_some(true),
-            data_dir: self.data_dir.clone(),
-            in_memory: self.in_memory.then_some(true),
-            ..Layer::default()
-        }
-    }
-}
-
 /// Serves until a signal comes.
-pub(super) fn run(_args: Args, config: &Config) -> anyhow::Result<ExitCode> {
+pub(super) fn run(config: &Config) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Runtime::new().context("the async runtime")?;
     raise_descriptors();
     runtime.block_on(serve(config))
 }
 
-/// Lets the process open as many files and connections as the system allows it: the usual soft limit of
-/// 1024 is for programs that cannot count further.
+/// Lets the process open as many files and connections as the system allows it: the usual soft
+/// limit of 1024 is for programs that cannot count further.
 fn raise_descriptors() {
     #[cfg(unix)]
     {
@@ -121,7 +38,7 @@ fn raise_descriptors() {
     }
 }
 
-async fn serve(config: &Config) -> anyhow::Result<ExitCode> {
+async fn serve(config: &Config) -> anyhow::Result<()> {
     // Signals are caught before the address is told: a script may stop the server at once.
     let mut signals = Signals::new().context("signal handlers")?;
     let mut reloads = Reloads::new(config).context("signal handlers")?;
@@ -162,7 +79,7 @@ async fn serve(config: &Config) -> anyhow::Result<ExitCode> {
     };
     tracing::info!("{signal}: shutting down");
     tokio::select! {
-        () = server.shutdown() => Ok(ExitCode::SUCCESS),
+        () = server.shutdown() => Ok(()),
         signal = signals.next() => anyhow::bail!("{signal} while shutting down"),
     }
 }
@@ -214,7 +131,8 @@ fn guarded(config: &Config) -> ServerConfig {
     }
 }
 
-/// The settings of the configuration that a server takes; where maps are kept and who may come in are not among them.
+/// The settings of the configuration that a server takes; where maps are kept and who may come in
+/// are not among them.
 pub(super) fn server_config(config: &Config) -> ServerConfig {
     let engine = EngineConfig {
         lock_step: config.lock_step,

@@ -2,8 +2,9 @@
 //! `opentelemetry`. Without it a collector's URL is refused.
 //!
 //! Exported are spans of covis from DEBUG up, whatever the log filter says: `rpc`, `item`, `solve`.
-//! The span `map` is the context of a map's log lines and lasts as long as the server: it is no part
-//! of a trace. The exporter has a thread of its own; what a slow collector does not take is dropped.
+//! The span `map` is the context of a map's log lines and lasts as long as the server: it is no
+//! part of a trace. The exporter has a thread of its own; what a slow collector does not take is
+//! dropped.
 
 #[cfg(feature = "opentelemetry")]
 pub(super) use exporting::Exporter;
@@ -32,9 +33,7 @@ mod exporting {
 
     impl Exporter {
         /// An exporter to the collector at `endpoint`; it connects when there is something to send.
-        ///
-        /// # Errors
-        /// Where `endpoint` is no URL.
+        /// Fails where `endpoint` is no URL.
         pub(in crate::cli) fn new(endpoint: &str) -> anyhow::Result<Self> {
             let runtime = tokio::runtime::Builder::new_multi_thread()
                 .worker_threads(1)

@@ -1,10 +1,10 @@
 //! `covis synth`: writes synthetic data whose truth is known.
 //!
-//! `rgbd` draws a sequence of [`crate::frontend::synthetic`] into a folder of the TUM layout, with the
-//! truth of the camera and of what moves beside it. All drawing is done there; this shows progress.
+//! `rgbd` draws a sequence of [`crate::frontend::synthetic`] into a folder of the TUM layout, with
+//! the truth of the camera and of what moves beside it. All drawing is done there; this shows
+//! progress.
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use super::output::print;
 use super::progress::Progress;
@@ -42,7 +42,7 @@ struct Rgbd {
 }
 
 /// Draws and writes.
-pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let What::Rgbd(Rgbd { out, scene, seed, frames, no_noise }) = &args.what;
     let options =
         SequenceOptions { frames: *frames, seed: *seed, noise: !no_noise, ..Default::default() };
@@ -50,5 +50,5 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     write_sequence(&Sequence::new(*scene, &options), out, |_| progress.advance(1))?;
     progress.finish();
     print(format_args!("{}: {frames} frames of {scene}, seed {seed}", out.display()))?;
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }

@@ -16,7 +16,7 @@
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::io::trajectory::Trajectory;
 
-use super::{Evaluation, EvaluationError, PoseErrors, evaluation};
+use super::{Evaluation, EvaluationError, Statistics, evaluation};
 
 /// Relative pose errors between poses of the estimate that are `delta_s` seconds apart.
 ///
@@ -39,9 +39,10 @@ pub fn rpe_over(
     if pairs < 2 || truth.stamps.len() < 2 {
         return Err(EvaluationError::TooFewPairs { pairs });
     }
-    let limit = 2.0 * median_interval(&truth.stamps);
+    let intervals: Vec<_> = truth.stamps.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let limit = 2.0 * Statistics::of(&intervals).median;
     let last = estimate.stamps.len() - 1;
-    let mut errors = PoseErrors::default();
+    let mut errors = Vec::new();
     for (i, &stamp) in estimate.stamps.iter().enumerate() {
         let j = estimate.nearest(stamp + delta_s);
         if j == last {
@@ -55,9 +56,9 @@ pub fn rpe_over(
             continue;
         }
         let motion = estimate.motion(i, j);
-        errors.push(&motion.inverse().compose(&truth.motion(true_i, true_j)));
+        errors.push(motion.inverse().compose(&truth.motion(true_i, true_j)));
     }
-    let pairs = errors.translation_m.len();
+    let pairs = errors.len();
     if pairs < 2 {
         return Err(EvaluationError::TooFewApart { pairs, delta_s });
     }
@@ -123,14 +124,6 @@ fn matched_poses(truth: &Ordered, estimate: &Ordered) -> usize {
     matched.sort_unstable();
     matched.dedup();
     matched.len()
-}
-
-/// The middle of the differences of at least two stamps; the mean of the two middle ones.
-fn median_interval(stamps: &[f64]) -> f64 {
-    let mut intervals: Vec<f64> = stamps.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    intervals.sort_by(f64::total_cmp);
-    let count = intervals.len();
-    0.5 * (intervals[(count - 1) / 2] + intervals[count / 2])
 }
 
 #[cfg(test)]

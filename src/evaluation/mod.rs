@@ -1,31 +1,28 @@
 //! Trajectory errors as evo and the TUM scripts define them: absolute (APE) and relative pose error
 //! (RPE); and how well masks of what moves agree.
 //!
-//! Poses are matched by timestamp ([`associate`]). APE aligns the estimate to the truth by the
-//! SE(3) that minimizes the squared distances ([`align`]) and compares pose by pose; RPE compares
-//! the motions between neighboring matched poses, without alignment (Sturm et al., "A benchmark
-//! for the evaluation of RGB-D SLAM systems", 2012). Numbers agree with evo 1.38 to rounding.
-//! [`rpe_over`] is the drift over a fixed time, as the TUM scripts count it. Nothing here reads
-//! files.
+//! Poses are matched by timestamp. APE aligns the estimate to the truth by the SE(3) that minimizes
+//! the squared distances and compares pose by pose; RPE compares the motions between neighboring
+//! matched poses, without alignment (Sturm et al., "A benchmark for the evaluation of RGB-D SLAM
+//! systems", 2012). Numbers agree with evo 1.38 to rounding. [`rpe_over`] is the drift over a fixed
+//! time, as the TUM scripts count it. Nothing here reads files.
 
-mod alignment;
-mod association;
 mod drift;
-mod errors;
 mod mask;
+mod matching;
 mod paper_table;
 mod statistics;
 #[cfg(test)]
 mod tests;
 
+use std::f64::consts::SQRT_2;
+
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::io::trajectory::Trajectory;
 
-pub use alignment::align;
-pub use association::associate;
 pub use drift::rpe_over;
-pub use errors::PoseErrors;
 pub use mask::{LEAST_COVERAGE, MaskEvaluation, MaskOverlap};
+use matching::{align, associate};
 pub use paper_table::{Dynamics, MethodFigures, PAPER_TABLE, PaperRow, paper_row};
 pub use statistics::Statistics;
 
@@ -113,8 +110,9 @@ pub fn ape(
     let (truth, estimate) = matched(truth, estimate, max_difference_s)?;
     let positions = |poses: &[Se3]| poses.iter().map(|p| p.translation).collect::<Vec<_>>();
     let truth_from_estimate = align(&positions(&truth), &positions(&estimate))?;
-    let aligned: Vec<Se3> = estimate.iter().map(|p| truth_from_estimate.compose(p)).collect();
-    Ok(evaluation(truth.len(), truth_from_estimate, &PoseErrors::absolute(&truth, &aligned)))
+    let aligned = estimate.iter().map(|pose| truth_from_estimate.compose(pose));
+    let errors = aligned.zip(&truth).map(|(pose, truth)| pose.inverse().compose(truth));
+    Ok(evaluation(truth.len(), truth_from_estimate, &errors.collect::<Vec<_>>()))
 }
 
 /// Relative pose errors between neighboring matched poses (delta 1 frame), without alignment:
@@ -133,16 +131,30 @@ pub fn rpe(
     if truth.len() < 2 {
         return Err(EvaluationError::TooFewPairs { pairs: truth.len() });
     }
-    Ok(evaluation(truth.len(), Se3::identity(), &PoseErrors::relative(&truth, &estimate)))
+    let motions = |poses: &[Se3]| -> Vec<Se3> {
+        poses.windows(2).map(|pair| pair[0].inverse().compose(&pair[1])).collect()
+    };
+    let both = motions(&truth).into_iter().zip(motions(&estimate));
+    let errors: Vec<_> = both.map(|(truth, motion)| truth.inverse().compose(&motion)).collect();
+    Ok(evaluation(truth.len(), Se3::identity(), &errors))
 }
 
-fn evaluation(pairs: usize, truth_from_estimate: Se3, errors: &PoseErrors) -> Evaluation {
+/// Statistics of errors: length of the translation, angle and norm of the rotation.
+///
+/// The angle is 2 atan2(‖v‖, |w|) of the error's quaternion (v, w): an acos of the trace would lose
+/// half of the digits near 0. ‖R − I‖ = 2√2 sin(angle/2) = 2√2 ‖v‖.
+fn evaluation(pairs: usize, truth_from_estimate: Se3, errors: &[Se3]) -> Evaluation {
+    let of =
+        |figure: fn(&Se3) -> f64| Statistics::of(&errors.iter().map(figure).collect::<Vec<_>>());
     Evaluation {
         pairs,
         truth_from_estimate,
-        translation_m: Statistics::of(&errors.translation_m),
-        angle_deg: Statistics::of(&errors.angle_deg),
-        rotation_part: Statistics::of(&errors.rotation_part),
+        translation_m: of(|error| error.translation.norm()),
+        angle_deg: of(|error| {
+            let quaternion = error.rotation.quaternion();
+            (2.0 * quaternion.imag().norm().atan2(quaternion.w.abs())).to_degrees()
+        }),
+        rotation_part: of(|error| 2.0 * SQRT_2 * error.rotation.quaternion().imag().norm()),
     }
 }
 

@@ -17,7 +17,7 @@ pub enum Dynamics {
 }
 
 /// One figure for each method; `None` where it failed.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct MethodFigures {
     /// Dense visual odometry.
     pub dvo: f64,
@@ -32,13 +32,15 @@ pub struct MethodFigures {
 }
 
 /// A sequence's row.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct PaperRow {
     /// The paper's name of it.
     pub sequence: &'static str,
     /// How the name of the benchmark's folder ends.
+    #[serde(skip)]
     pub folder: &'static str,
     /// The group that the paper has it in.
+    #[serde(skip)]
     pub dynamics: Dynamics,
     /// Translation in m/s.
     pub translation_m_per_s: MethodFigures,

@@ -1,9 +1,10 @@
 //! The figures that evo prints for a list of errors.
 
 /// Statistics of `n` errors; all NaN but `sse` and `count` for none.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Statistics {
     /// How many errors there are.
+    #[serde(rename = "values")]
     pub count: usize,
     /// √(Σ e² / n).
     pub rmse: f64,

@@ -4,7 +4,8 @@ use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::io::trajectory::Trajectory;
 use nalgebra::{Vector3, Vector6};
 
-use super::{EvaluationError, Statistics, align, ape, associate, rpe};
+use super::matching::{align, associate};
+use super::{EvaluationError, Statistics, ape, rpe};
 
 #[test]
 fn the_shorter_trajectory_walks_and_ties_go_to_the_earlier_stamp() {

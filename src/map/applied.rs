@@ -5,14 +5,14 @@
 //! keyframe with the one before it in capture time of the same client (else the one after it, else the
 //! one that it shares most landmarks with), a landmark with its first observer. Landmarks that were not
 //! in the solve but belong to a keyframe that moved follow it in the same way, as do those that a local
-//! solve moved behind a camera or left without parallax (`placement`).
+//! solve moved behind a camera or left without parallax (`window`).
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use nalgebra::Vector3;
 
-use super::placement::is_well_placed;
+use super::window::is_well_placed;
 use super::{
     AppliedSolve, ClientIndex, EntityId, GraphProblem, Keyframe, Map, MapProblem, SolveKind,
     SwitchedOff,

@@ -12,9 +12,8 @@ use nalgebra::Vector3;
 use sha2::{Digest as _, Sha256};
 
 use super::{
-    CameraEntity, Change, ClosureRobustness, Constraint, ConstraintKind, Depth, DescriptorKind,
-    Digest, EntityId, Keyframe, Landmark, Map, MapPolicy, NewLandmark, Observation, Prior,
-    SwitchedOff, WhenFull,
+    CameraEntity, Change, ClosureRobustness, Constraint, Depth, Digest, EntityId, Keyframe,
+    Landmark, Map, MapPolicy, NewLandmark, Observation, Prior, SwitchedOff, WhenFull,
 };
 
 /// The kinds of entity whose content as sent is remembered.
@@ -31,54 +30,41 @@ pub enum Content {
 /// The digest of what an event adds, for the kinds whose content is remembered.
 pub(super) fn content(change: &Change) -> Digest {
     let mut hash = Hash::new();
-    match change {
-        Change::CameraSet { id, camera } => {
-            hash.tag(0);
-            hash.id(*id);
-            hash.camera_entity(camera);
-        }
-        Change::KeyframeAdded {
-            id,
-            capture_time_ns,
-            camera,
-            world_from_camera,
-            odom_from_camera,
-            observations,
-            landmarks,
-        } => {
-            hash.tag(1);
-            hash.id(*id);
-            hash.i64(*capture_time_ns);
-            hash.optional_id(*camera);
-            hash.pose(world_from_camera);
-            hash.pose(odom_from_camera);
-            hash.observations(observations);
-            hash.new_landmarks(landmarks);
-        }
-        Change::ConstraintAdded { id, constraint } => {
-            hash.tag(2);
-            hash.id(*id);
-            hash.constraint(constraint);
-        }
-        Change::PriorAdded { id, prior } => {
-            hash.tag(3);
-            hash.id(*id);
-            hash.prior(prior);
-        }
-        Change::Created { .. }
-        | Change::ClientOpened { .. }
-        | Change::LandmarksAdded { .. }
-        | Change::ObservationsAdded { .. }
-        | Change::LandmarksTriangulated { .. }
-        | Change::SolveApplied { .. }
-        | Change::ObservationsRemoved { .. }
-        | Change::LandmarksFused { .. }
-        | Change::LandmarksRemoved { .. }
-        | Change::KeyframeRemoved { .. }
-        | Change::KeyframeRetired { .. }
-        | Change::ConstraintRevoked { .. }
-        | Change::ItemRepeated
-        | Change::PolicySet { .. } => hash.tag(255),
+    if let Change::CameraSet { id, camera } = change {
+        hash.tag(0);
+        hash.id(*id);
+        hash.camera_entity(camera);
+    } else if let Change::KeyframeAdded {
+        id,
+        capture_time_ns,
+        camera,
+        world_from_camera,
+        odom_from_camera,
+        observations,
+        landmarks,
+    } = change
+    {
+        hash.tag(1);
+        hash.id(*id);
+        hash.i64(*capture_time_ns);
+        hash.optional_id(*camera);
+        hash.pose(world_from_camera);
+        hash.pose(odom_from_camera);
+        hash.observations(observations);
+        hash.list(landmarks, |hash, &NewLandmark { id, position }| {
+            hash.id(id);
+            hash.optional_vector(position.as_ref());
+        });
+    } else if let Change::ConstraintAdded { id, constraint } = change {
+        hash.tag(2);
+        hash.id(*id);
+        hash.constraint(constraint);
+    } else if let Change::PriorAdded { id, prior } = change {
+        hash.tag(3);
+        hash.id(*id);
+        hash.prior(prior);
+    } else {
+        hash.tag(255);
     }
     hash.finish()
 }
@@ -93,25 +79,22 @@ impl Map {
         let mut hash = Hash::new();
         hash.i64(self.revision);
         hash.policy(&self.policy);
-        hash.length(self.clients.len());
-        for client in &self.clients {
+        hash.list(&self.clients, |hash, client| {
             hash.text(&client.name);
             hash.i64(client.epoch);
             hash.i64(client.next_sequence);
             hash.i64(client.optimized_sequence);
-            hash.length(client.items.len());
-            for (&sequence, digest) in &client.items {
+            hash.list(&client.items, |hash, (&sequence, digest)| {
                 hash.i64(sequence);
                 hash.0.update(digest);
-            }
-        }
+            });
+        });
         self.hash_entities(&mut hash, Hash::keyframe, Hash::landmark);
-        hash.length(self.contents.len());
-        for (&(kind, id), digest) in &self.contents {
+        hash.list(&self.contents, |hash, (&(kind, id), digest)| {
             hash.tag(kind as u8);
             hash.id(id);
             hash.0.update(digest);
-        }
+        });
         hash.finish()
     }
 
@@ -123,35 +106,27 @@ impl Map {
     #[must_use]
     pub fn content_hash(&self) -> [u8; 32] {
         let mut hash = Hash::new();
-        hash.length(self.clients.len());
-        self.clients.iter().for_each(|client| hash.text(&client.name));
+        hash.list(&self.clients, |hash, client| hash.text(&client.name));
         self.hash_entities(&mut hash, Hash::keyframe_content, Hash::landmark_content);
         hash.finish()
     }
 
-    /// Cameras, keyframes, landmarks and constraints, in the order of their ids.
+    /// Everything with an id, in the order of the ids.
     fn hash_entities(
         &self,
         hash: &mut Hash,
         keyframe: fn(&mut Hash, &Keyframe),
         landmark: fn(&mut Hash, &Landmark),
     ) {
-        hash.length(self.cameras.len());
-        for (&id, camera) in &self.cameras {
-            hash.id(id);
-            hash.camera_entity(camera);
-        }
-        hash.length(self.keyframes.len());
-        for (&id, value) in &self.keyframes {
-            hash.id(id);
-            keyframe(hash, value);
-        }
-        hash.length(self.landmarks.len());
-        for (&id, value) in &self.landmarks {
-            hash.id(id);
-            landmark(hash, value);
-        }
-        self.hash_constraints(hash);
+        hash.entities(&self.cameras, Hash::camera_entity);
+        hash.entities(&self.keyframes, keyframe);
+        hash.entities(&self.landmarks, landmark);
+        hash.entities(&self.constraints, Hash::constraint);
+        hash.entities(&self.switched_off, |hash, SwitchedOff { chi2, weight }| {
+            hash.f64(*chi2);
+            hash.f64(*weight);
+        });
+        hash.entities(&self.priors, Hash::prior);
     }
 
     /// SHA-256 over the ids of all keyframes by client name, then id: the name as text, the id as
@@ -167,25 +142,6 @@ impl Map {
             hash.i64(id);
         }
         hash.finish()
-    }
-
-    fn hash_constraints(&self, hash: &mut Hash) {
-        hash.length(self.constraints.len());
-        for (&id, constraint) in &self.constraints {
-            hash.id(id);
-            hash.constraint(constraint);
-        }
-        hash.length(self.switched_off.len());
-        for (&id, SwitchedOff { chi2, weight }) in &self.switched_off {
-            hash.id(id);
-            hash.f64(*chi2);
-            hash.f64(*weight);
-        }
-        hash.length(self.priors.len());
-        for (&id, prior) in &self.priors {
-            hash.id(id);
-            hash.prior(prior);
-        }
     }
 }
 
@@ -221,6 +177,29 @@ impl Hash {
         self.u64(value.to_bits());
     }
 
+    /// The entries of a list after its length.
+    fn list<L: IntoIterator<IntoIter: ExactSizeIterator>>(
+        &mut self,
+        list: L,
+        mut each: impl FnMut(&mut Self, L::Item),
+    ) {
+        let entries = list.into_iter();
+        self.length(entries.len());
+        entries.for_each(|entry| each(self, entry));
+    }
+
+    /// A list of values, each after its id.
+    fn entities<'a, V: 'a>(
+        &mut self,
+        entities: impl IntoIterator<Item = (&'a EntityId, &'a V), IntoIter: ExactSizeIterator>,
+        each: impl Fn(&mut Self, &V),
+    ) {
+        self.list(entities, |hash, (&id, value)| {
+            hash.id(id);
+            each(hash, value);
+        });
+    }
+
     fn bytes(&mut self, bytes: &[u8]) {
         self.length(bytes.len());
         self.0.update(bytes);
@@ -240,11 +219,6 @@ impl Hash {
         if let Some(id) = id {
             self.id(id);
         }
-    }
-
-    fn ids(&mut self, ids: &[EntityId]) {
-        self.length(ids.len());
-        ids.iter().for_each(|&id| self.id(id));
     }
 
     fn vector(&mut self, vector: &Vector3<f64>) {
@@ -349,10 +323,7 @@ impl Hash {
     }
 
     fn observations(&mut self, observations: &[Observation]) {
-        self.length(observations.len());
-        for observation in observations {
-            self.observation(observation);
-        }
+        self.list(observations, Self::observation);
     }
 
     fn observation(&mut self, observation: &Observation) {
@@ -368,21 +339,9 @@ impl Hash {
         }
         self.tag(u8::from(descriptor.is_some()));
         if let Some(descriptor) = descriptor {
-            self.tag(match descriptor.kind {
-                DescriptorKind::Binary => 0,
-                DescriptorKind::Float32 => 1,
-                DescriptorKind::Uint8 => 2,
-            });
+            self.tag(descriptor.kind as u8);
             self.text(&descriptor.name);
             self.bytes(&descriptor.data);
-        }
-    }
-
-    fn new_landmarks(&mut self, landmarks: &[NewLandmark]) {
-        self.length(landmarks.len());
-        for landmark in landmarks {
-            self.id(landmark.id);
-            self.optional_vector(landmark.position.as_ref());
         }
     }
 
@@ -409,16 +368,11 @@ impl Hash {
         self.optional_vector(landmark.position.as_ref());
         self.optional_vector(landmark.sent_position.as_ref());
         self.optional_id(landmark.reference);
-        self.ids(&landmark.observers);
+        self.list(&landmark.observers, |hash, &id| hash.id(id));
     }
 
     fn constraint(&mut self, constraint: &Constraint) {
-        self.tag(match constraint.kind {
-            ConstraintKind::Odometry => 0,
-            ConstraintKind::LoopClosure => 1,
-            ConstraintKind::Other => 2,
-            ConstraintKind::Marginal => 3,
-        });
+        self.tag(constraint.kind as u8);
         self.id(constraint.keyframe_i);
         self.id(constraint.keyframe_j);
         self.pose(&constraint.keyframe_i_from_keyframe_j);

@@ -68,7 +68,7 @@ pub struct CameraEntity {
     pub height_px: u32,
 }
 
-/// How two descriptors are compared.
+/// How two descriptors are compared. Hashes and journals have the place in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DescriptorKind {
     /// A string of bits, by Hamming distance.
@@ -173,7 +173,7 @@ pub struct Landmark {
     pub positioned_revision: i64,
 }
 
-/// What a relative pose came from.
+/// What a relative pose came from. Hashes and journals have the place in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ConstraintKind {
     /// Tracking from one keyframe to the next.

@@ -34,85 +34,33 @@ impl std::fmt::Display for EntityKind {
 
 /// An event that does not fit; the map is unchanged.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum MapError {
     /// Events are missing, doubled or out of order.
     #[error("the event has revision {actual}, the map needs {expected}")]
-    RevisionGap {
-        /// The map's revision plus 1.
-        expected: i64,
-        /// The event's.
-        actual: i64,
-    },
+    RevisionGap { expected: i64, actual: i64 },
     /// The first event, and no other, creates the map.
     #[error("revision {revision}: a map is created by its first event and by no other")]
-    Creation {
-        /// The event's revision.
-        revision: i64,
-    },
+    Creation { revision: i64 },
     /// The client has not opened a stream.
     #[error("revision {revision}: client {} does not exist", .client.0)]
-    UnknownClient {
-        /// The event's revision.
-        revision: i64,
-        /// The client.
-        client: ClientIndex,
-    },
+    UnknownClient { revision: i64, client: ClientIndex },
     /// An epoch is not newer than the client's last one, or an item's is newer than any opened.
     #[error("revision {revision}: epoch {actual} does not fit the client's epoch {newest}")]
-    Epoch {
-        /// The event's revision.
-        revision: i64,
-        /// The client's newest epoch.
-        newest: i64,
-        /// The event's.
-        actual: i64,
-    },
+    Epoch { revision: i64, newest: i64, actual: i64 },
     /// The client's sequence is journaled already.
     #[error("revision {revision}: sequence {sequence} of client {} stands already", .client.0)]
-    SequenceTaken {
-        /// The event's revision.
-        revision: i64,
-        /// The client.
-        client: ClientIndex,
-        /// The sequence.
-        sequence: i64,
-    },
+    SequenceTaken { revision: i64, client: ClientIndex, sequence: i64 },
     /// The event refers to something that the map does not hold.
     #[error("revision {revision}: {kind} {id} does not exist")]
-    Unknown {
-        /// The event's revision.
-        revision: i64,
-        /// What it refers to.
-        kind: EntityKind,
-        /// Its id.
-        id: EntityId,
-    },
+    Unknown { revision: i64, kind: EntityKind, id: EntityId },
     /// The event gives observations to a keyframe without camera.
     #[error("revision {revision}: keyframe {keyframe} has no camera to observe with")]
-    NoCamera {
-        /// The event's revision.
-        revision: i64,
-        /// The keyframe.
-        keyframe: EntityId,
-    },
+    NoCamera { revision: i64, keyframe: EntityId },
     /// The event adds something that the map holds already.
     #[error("revision {revision}: {kind} {id} exists already")]
-    Exists {
-        /// The event's revision.
-        revision: i64,
-        /// What it adds.
-        kind: EntityKind,
-        /// Its id.
-        id: EntityId,
-    },
+    Exists { revision: i64, kind: EntityKind, id: EntityId },
     /// The event carries a NaN or infinite value.
     #[error("revision {revision}: {kind} {id} has a value that is not finite")]
-    NotFinite {
-        /// The event's revision.
-        revision: i64,
-        /// What would get it.
-        kind: EntityKind,
-        /// Its id.
-        id: EntityId,
-    },
+    NotFinite { revision: i64, kind: EntityKind, id: EntityId },
 }

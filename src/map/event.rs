@@ -46,7 +46,7 @@ pub struct NewLandmark {
     pub position: Option<Vector3<f64>>,
 }
 
-/// Which solve an event carries.
+/// Which solve an event carries. Journals have the place in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SolveKind {
     /// Bundle adjustment of a covisibility window.

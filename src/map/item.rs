@@ -1,13 +1,13 @@
 //! What a client sends, already converted from the wire but not yet checked against the map.
 //!
-//! Numbers may still be NaN and references dangling: [`Map::check`](super::Map::check) is where bad
-//! input is caught. Quaternions are the exception: the conversion from the wire normalizes them
-//! (norm within 1e-3 of 1) or refuses.
+//! The conversion checked every number: finite, in range, definite, quaternions normalized. References
+//! may dangle: [`Map::check`](super::Map::check) looks them up.
 
 use std::sync::Arc;
 
 use covis_solvers::geometry::{Camera, Se3};
-use nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
+use covis_solvers::information::Information;
+use nalgebra::{Vector2, Vector3};
 
 use super::{ConstraintKind, Depth, Descriptor};
 
@@ -108,7 +108,7 @@ pub enum Item {
         /// The measurement.
         keyframe_i_from_keyframe_j: Se3,
         /// Information, translation first.
-        information: Matrix6<f64>,
+        information: Information<6>,
     },
     /// Adds a prior on a keyframe's pose.
     PosePrior {
@@ -119,7 +119,7 @@ pub enum Item {
         /// The measurement.
         world_from_camera: Se3,
         /// Information, translation first.
-        information: Matrix6<f64>,
+        information: Information<6>,
     },
     /// Adds a prior on a keyframe's position.
     PositionPrior {
@@ -130,11 +130,11 @@ pub enum Item {
         /// The measurement in meters.
         position_in_world: Vector3<f64>,
         /// Information over x, y, z of the world frame, in 1/m².
-        information: Matrix3<f64>,
+        information: Information<3>,
     },
 }
 
-/// An item some of whose fields cannot be read; placeholders stand for them.
+/// An item some of whose fields cannot be read; placeholders stand for them: NaN, or a negative id.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PartialItem {
     /// What can be read of it.

@@ -21,7 +21,6 @@ mod ids;
 mod item;
 mod observations;
 mod parts;
-mod placement;
 mod policy;
 pub mod problem;
 mod rejection;
@@ -184,6 +183,11 @@ impl Map {
     #[must_use]
     pub fn switched_off(&self) -> &BTreeMap<EntityId, SwitchedOff> {
         &self.switched_off
+    }
+
+    /// Whether a constraint or a prior has this id.
+    fn has_constraint(&self, id: EntityId) -> bool {
+        self.constraints.contains_key(&id) || self.priors.contains_key(&id)
     }
 
     /// A relative-pose constraint, if it counts.

@@ -9,8 +9,9 @@ use covis_solvers::optimizer::{self, ignore_iterations};
 use covis_solvers::price::Ceiling;
 use covis_solvers::problem::BundleProblem;
 
-use super::convert::certificate::add_costs;
-use super::convert::solve::{Systems, loss, options, to_iterations, to_linear_solver, to_summary};
+use super::convert::solve::{
+    Systems, add_costs, loss, options, to_iterations, to_linear_solver, to_summary,
+};
 use super::convert::{Path, convert, count, problem};
 use super::engine::Estimate;
 use super::error::ServiceError;

@@ -61,6 +61,17 @@ pub(super) struct Context {
     pub readers: Readers,
 }
 
+/// The services of the wire: the files `*_service` have one each.
+#[derive(Clone, Debug)]
+pub(super) struct Rpcs {
+    pub(super) context: Arc<Context>,
+}
+
+/// The answer to a call that is part of the wire and not served yet.
+pub(super) fn unserved<T>(what: &'static str) -> Result<Response<T>, Status> {
+    Err(ServiceError::Unserved { what }.into())
+}
+
 /// A stream of answers.
 #[derive(Debug)]
 pub(super) struct Answers<T> {
@@ -85,6 +96,15 @@ impl<T> Stream for Answers<T> {
         self.end = None;
         Poll::Ready(status.ok().map(Err))
     }
+}
+
+/// How large the messages of a stream are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Messages {
+    /// Acks and progress.
+    Small,
+    /// Parts of a map.
+    Large,
 }
 
 /// Where a stream's handler puts its messages.
@@ -152,57 +172,26 @@ impl Context {
         result.map(Response::new).map_err(Status::from)
     }
 
-    /// Starts the handler of a streaming call with small messages. It ends early when the caller
-    /// leaves, and when `time` has passed.
+    /// Starts the handler of a streaming call. It ends early when the caller leaves, and when `time`
+    /// has passed. A handler with large messages reads a map: it runs on the threads of readers, and
+    /// also ends when nobody reads its messages.
     pub(super) fn stream<T, H>(
         self: &Arc<Self>,
         rpc: &'static str,
         time: Option<Duration>,
+        size: Messages,
         handler: impl FnOnce(Sink<T>) -> H,
     ) -> Result<Response<Answers<T>>, Status>
     where
         T: Send + 'static,
         H: Future<Output = Result<(), ServiceError>> + Send + 'static,
     {
-        let (messages, receiver) = mpsc::channel(STREAM_QUEUE);
-        let sink = Sink { messages, longest_unread: None };
-        let (running, answers) = self.prepare(rpc, time, sink, receiver, handler);
-        tokio::spawn(running);
-        Ok(answers)
-    }
-
-    /// Starts the handler of a streaming call that reads a map: as [`Context::stream`], for large
-    /// messages, on the threads of readers. It also ends when nobody reads them.
-    pub(super) fn read_stream<T, H>(
-        self: &Arc<Self>,
-        rpc: &'static str,
-        time: Option<Duration>,
-        handler: impl FnOnce(Sink<T>) -> H,
-    ) -> Result<Response<Answers<T>>, Status>
-    where
-        T: Send + 'static,
-        H: Future<Output = Result<(), ServiceError>> + Send + 'static,
-    {
-        let (messages, receiver) = mpsc::channel(LARGE_QUEUE);
-        let sink = Sink { messages, longest_unread: Some(LONGEST_UNREAD) };
-        let (running, answers) = self.prepare(rpc, time, sink, receiver, handler);
-        self.readers.spawn(running);
-        Ok(answers)
-    }
-
-    /// The task of a stream, and the stream that its caller gets.
-    fn prepare<T, H>(
-        self: &Arc<Self>,
-        rpc: &'static str,
-        time: Option<Duration>,
-        sink: Sink<T>,
-        messages: mpsc::Receiver<T>,
-        handler: impl FnOnce(Sink<T>) -> H,
-    ) -> (impl Future<Output = ()> + Send + 'static, Response<Answers<T>>)
-    where
-        T: Send + 'static,
-        H: Future<Output = Result<(), ServiceError>> + Send + 'static,
-    {
+        let (queue, longest_unread) = match size {
+            Messages::Small => (STREAM_QUEUE, None),
+            Messages::Large => (LARGE_QUEUE, Some(LONGEST_UNREAD)),
+        };
+        let (sender, messages) = mpsc::channel(queue);
+        let sink = Sink { messages: sender, longest_unread };
         let (end, ended) = oneshot::channel();
         let handler = handler(sink.clone());
         let context = Arc::clone(self);
@@ -218,7 +207,12 @@ impl Context {
                 let _unread = end.send(error.into());
             }
         };
-        (running.in_current_span(), Response::new(Answers { messages, end: Some(ended) }))
+        let running = running.in_current_span();
+        match size {
+            Messages::Small => drop(tokio::spawn(running)),
+            Messages::Large => self.readers.spawn(running),
+        }
+        Ok(Response::new(Answers { messages, end: Some(ended) }))
     }
 
     /// Refuses calls while maps are still being opened, and catches a panic of the handler.

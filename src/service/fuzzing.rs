@@ -66,8 +66,7 @@ impl Engine {
     /// Handles one item as the engine does; its events are in the journal.
     fn take(&mut self, sequence: i64, sent: v1::ingest_request::Item) {
         let client = ClientIndex(0);
-        let (digest, item) = (digest(&sent), item(&sent, SENDER));
-        drop(sent);
+        let (digest, item) = (digest(&sent), item(sent, SENDER));
         let Ok(item) = item else { return };
         if self.map.recall(client, sequence, &digest) != Recall::New
             || self.map.holds(client, &item)

@@ -14,11 +14,12 @@ use covis_solvers::price::Ceiling;
 use covis_solvers::problem::PoseGraph;
 use covis_solvers::robust::Kernel;
 
-use super::convert::certificate::add_costs;
 use super::convert::geometry::{to_rigid_transform, to_rigid_transform2};
 use super::convert::problem::{GraphToSolve, graph_se2, graph_se3};
-use super::convert::robust::{robustness, to_chordal_certificate};
-use super::convert::solve::{Systems, loss, options, to_iterations, to_summary};
+use super::convert::solve::{
+    Systems, add_costs, loss, options, robustness, to_chordal_certificate, to_iterations,
+    to_summary,
+};
 use super::convert::{Path, Violations, convert, count, small};
 use super::engine::Estimate;
 use super::error::ServiceError;

@@ -11,7 +11,7 @@ use tokio::sync::mpsc;
 use tonic::{Code, Request, Response, Status, Streaming};
 
 use super::access::Caller;
-use super::context::{Answers, Context, Sink};
+use super::context::{Answers, Context, Messages, Rpcs, Sink};
 use super::convert::map::{queued, to_durability, to_limits};
 use super::convert::solve::to_certificate;
 use super::convert::{Path, convert, count, ids, item};
@@ -24,21 +24,8 @@ use v1::ingest_request::Item as WireItem;
 use v1::ingest_response::Event;
 use v1::ingest_service_server::IngestService;
 
-/// The service.
-#[derive(Clone, Debug)]
-pub(super) struct Ingest {
-    context: Arc<Context>,
-}
-
-impl Ingest {
-    /// The service over `context`.
-    pub(super) fn new(context: Arc<Context>) -> Self {
-        Self { context }
-    }
-}
-
 #[async_trait::async_trait]
-impl IngestService for Ingest {
+impl IngestService for Rpcs {
     type IngestStream = Answers<v1::IngestResponse>;
 
     async fn ingest(
@@ -48,7 +35,8 @@ impl IngestService for Ingest {
         let context = Arc::clone(&self.context);
         let caller = Caller::of(&request)?;
         let inbound = request.into_inner();
-        self.context.stream("Ingest", None, |sink| session(context, caller, inbound, sink))
+        let session = |sink| session(context, caller, inbound, sink);
+        self.context.stream("Ingest", None, Messages::Small, session)
     }
 }
 
@@ -182,7 +170,7 @@ async fn hand_over(
             last = sequence;
         }
         let digest = item::digest(&wire);
-        let sent = match item::item(&wire, client) {
+        let sent = match item::item(wire, client) {
             Ok(item) => sender.send(sequence, digest, item).await,
             Err(item::Refused { rejection, partial }) => {
                 sender.reject(sequence, rejection, partial).await

@@ -3,21 +3,12 @@
 
 use tonic::{Request, Response, Status};
 
-use super::context::Answers;
-use super::error::ServiceError;
+use super::context::{Answers, Rpcs, unserved};
 use crate::wire::v1;
 use v1::job_service_server::JobService;
 
-/// The service.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Jobs;
-
-fn unserved<T>(what: &'static str) -> Result<Response<T>, Status> {
-    Err(ServiceError::Unserved { what }.into())
-}
-
 #[async_trait::async_trait]
-impl JobService for Jobs {
+impl JobService for Rpcs {
     async fn create_job(
         &self,
         _request: Request<v1::CreateJobRequest>,

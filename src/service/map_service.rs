@@ -3,13 +3,11 @@
 //! Each handler reads its request, asks the engine and converts the answer. A stream reads one
 //! snapshot, however long it takes.
 
-use std::sync::Arc;
-
 use tonic::{Request, Response, Status, Streaming};
 
 use super::access::{Caller, deletion, shown};
 use super::connections::Peer;
-use super::context::{Answers, Context};
+use super::context::{Answers, Context, Messages, Rpcs, unserved};
 use super::convert::map::{display_name, policy, to_map};
 use super::convert::{Path, convert, ids};
 use super::deadline::call_time;
@@ -22,18 +20,7 @@ use crate::wire::v1;
 use v1::export_map_response::Content;
 use v1::map_service_server::MapService;
 
-/// The service.
-#[derive(Clone, Debug)]
-pub(super) struct MapRpcs {
-    context: Arc<Context>,
-}
-
-impl MapRpcs {
-    /// The service over `context`.
-    pub(super) fn new(context: Arc<Context>) -> Self {
-        Self { context }
-    }
-
+impl Rpcs {
     async fn create(
         &self,
         request: Request<v1::CreateMapRequest>,
@@ -78,22 +65,14 @@ impl MapRpcs {
         Ok(v1::ListMapsResponse { maps, next_page_token })
     }
 
-    async fn delete(&self, name: &str) -> Result<(), ServiceError> {
-        Ok(self.context.maps.delete(name).await?)
-    }
-
     fn map(&self, caller: &Caller, map_id: &str) -> Result<MapHandle, ServiceError> {
         let map_id = convert(|out| ids::map_id(map_id, out))?;
         Ok(self.context.maps.get(&caller.engine_name(&map_id))?)
     }
 }
 
-fn unserved<T>(what: &'static str) -> Result<Response<T>, Status> {
-    Err(ServiceError::Unserved { what }.into())
-}
-
 #[async_trait::async_trait]
-impl MapService for MapRpcs {
+impl MapService for Rpcs {
     async fn create_map(
         &self,
         request: Request<v1::CreateMapRequest>,
@@ -144,7 +123,8 @@ impl MapService for MapRpcs {
         let handler = async {
             let caller = Caller::of(&request)?;
             let map_id = convert(|out| ids::map_id(&request.get_ref().map_id, out))?;
-            let deleted = self.delete(&caller.engine_name(&map_id)).await;
+            let deleted = self.context.maps.delete(&caller.engine_name(&map_id)).await;
+            let deleted = deleted.map_err(ServiceError::from);
             let peer = request.extensions().get().map(Peer::address);
             deletion(&caller, peer, &map_id, &deleted);
             deleted.map(|()| v1::DeleteMapResponse {})
@@ -167,7 +147,7 @@ impl MapService for MapRpcs {
     ) -> Result<Response<Self::ExportMapStream>, Status> {
         let (rpcs, time) = (self.clone(), call_time(request.metadata()));
         let (caller, request) = (Caller::of(&request), request.into_inner());
-        self.context.read_stream("ExportMap", time, |sink| async move {
+        self.context.stream("ExportMap", time, Messages::Large, |sink| async move {
             let map = rpcs.map(&caller?, &request.map_id)?;
             let format = export::format(request.format)?;
             let _place = map.account().reserve(Resource::Exports, 1)?;
@@ -211,7 +191,7 @@ impl MapService for MapRpcs {
     ) -> Result<Response<Self::GetTrajectoryStream>, Status> {
         let (rpcs, time) = (self.clone(), call_time(request.metadata()));
         let (caller, request) = (Caller::of(&request), request.into_inner());
-        self.context.read_stream("GetTrajectory", time, |sink| async move {
+        self.context.stream("GetTrajectory", time, Messages::Large, |sink| async move {
             let wanted = match request.client_id.as_str() {
                 "" => None,
                 id => Some(convert(|out| ids::name(Path::root("client_id"), id, out))?),
@@ -246,7 +226,7 @@ impl MapService for MapRpcs {
     ) -> Result<Response<Self::ListLandmarksStream>, Status> {
         let (rpcs, time) = (self.clone(), call_time(request.metadata()));
         let (caller, request) = (Caller::of(&request), request.into_inner());
-        self.context.read_stream("ListLandmarks", time, |sink| async move {
+        self.context.stream("ListLandmarks", time, Messages::Large, |sink| async move {
             let pages = convert(|out| {
                 let map_id = ids::map_id(&request.map_id, out);
                 let pages = listing::landmark_pages(&request, out);
@@ -275,7 +255,7 @@ impl MapService for MapRpcs {
     ) -> Result<Response<Self::WatchMapStream>, Status> {
         let (rpcs, time) = (self.clone(), call_time(request.metadata()));
         let (caller, request) = (Caller::of(&request), request.into_inner());
-        self.context.read_stream("WatchMap", time, |sink| async move {
+        self.context.stream("WatchMap", time, Messages::Large, |sink| async move {
             let caller = caller?;
             let map = rpcs.map(&caller, &request.map_id)?;
             if let Some(revision) = request.from_revision.filter(|&revision| revision < 0) {

@@ -12,10 +12,11 @@ use tokio::sync::mpsc;
 use tonic::{Request, Response, Status};
 
 use super::access::Caller;
-use super::context::{Answers, Context};
+use super::context::{Answers, Context, Messages, Rpcs};
 use super::convert::entities::to_switched_off;
-use super::convert::robust::to_chordal_certificate;
-use super::convert::solve::{Systems, gauge, loss, options, to_certificate, to_iteration};
+use super::convert::solve::{
+    Systems, gauge, loss, options, to_certificate, to_chordal_certificate, to_iteration,
+};
 use super::convert::{Path, convert, count, ids};
 use super::deadline::{CancelOnDrop, call_time, solve_deadline};
 use super::engine::{
@@ -32,18 +33,7 @@ use v1::optimize_map_response::Event;
 /// grows with the message, and other calls would wait behind a large one.
 const SMALL_MESSAGE: usize = 64 << 10;
 
-/// The service.
-#[derive(Clone, Debug)]
-pub(super) struct Optimization {
-    context: Arc<Context>,
-}
-
-impl Optimization {
-    /// The service over `context`.
-    pub(super) fn new(context: Arc<Context>) -> Self {
-        Self { context }
-    }
-
+impl Rpcs {
     /// Runs a solve on the pool. A solve whose `deadline` passes while it is queued runs outside
     /// the pool instead: its time is over, so that it returns the start values.
     async fn solve<R: Send + 'static>(
@@ -226,7 +216,7 @@ fn to_result(outcome: &OptimizeOutcome) -> v1::OptimizeMapResult {
 }
 
 #[async_trait::async_trait]
-impl OptimizationService for Optimization {
+impl OptimizationService for Rpcs {
     async fn refine_pose(
         &self,
         request: Request<v1::RefinePoseRequest>,
@@ -244,7 +234,7 @@ impl OptimizationService for Optimization {
         let deadline = solve_deadline(&request, 0);
         let caller = Caller::of(&request);
         let (context, request) = (Arc::clone(&self.context), request.into_inner());
-        self.context.stream("OptimizeMap", time, |sink| async move {
+        self.context.stream("OptimizeMap", time, Messages::Small, |sink| async move {
             let threads = context.maps.pool().threads();
             let (map_id, options) = map_options(&request, threads, deadline)?;
             let map = context.maps.get(&caller?.engine_name(&map_id))?;

@@ -14,10 +14,9 @@ use covis_solvers::price::Ceiling;
 use covis_solvers::problem::BundleProblem;
 
 use super::convert::camera::camera;
-use super::convert::certificate::add_costs;
 use super::convert::geometry::{rigid_transform, to_information6, to_rigid_transform};
-use super::convert::refine::{observations, prior};
-use super::convert::solve::{Systems, loss, options, to_summary};
+use super::convert::problem::{point_observations, prior};
+use super::convert::solve::{Systems, add_costs, loss, options, to_summary};
 use super::convert::{Path, convert};
 use super::engine::Estimate;
 use super::error::ServiceError;
@@ -62,7 +61,7 @@ pub(super) fn input(
         let camera = out.required(at, request.camera.as_ref()).and_then(|m| camera(at, m, out));
         let start = request.world_from_camera.as_ref();
         let start = rigid_transform(Path::root("world_from_camera"), start, out);
-        let observations = observations(&request.observations, out);
+        let observations = point_observations(&request.observations, out);
         let loss = loss(Path::root("loss"), request.loss.as_ref(), out);
         let options = options(request.options.as_ref(), Systems::SinglePose, threads, None, out);
         let prior = prior(request.prior.as_ref(), out);
@@ -127,7 +126,7 @@ pub(super) fn run(
         observations: results.collect(),
         information: information
             .filter(|_| input.include_information)
-            .map(|information| to_information6(information.matrix())),
+            .map(|information| to_information6(&information)),
         covariance: None,
     })
 }

@@ -33,15 +33,10 @@ use tonic_health::server::HealthReporter;
 use super::access::{Access, AccessError, Guarded};
 use super::config::ServerConfig;
 use super::connections::{self, Accepted, Connections, Socket, Transport};
-use super::context::Context;
+use super::context::{Context, Rpcs};
 use super::engine::{Accounts, EngineError, Maps, SolverPool};
-use super::ingest_service::Ingest;
-use super::job_service::Jobs;
-use super::map_service::MapRpcs;
-use super::optimization_service::Optimization;
 use super::random::random_id;
 use super::readers::Readers;
-use super::server_service::ServerInfo;
 use super::telemetry::{self, Metered, ServerMeters};
 use super::tls::{Tls, TlsError};
 use crate::store::{FileStore, FileStoreOptions, MemoryStore, Store, StoreMeters};
@@ -335,13 +330,13 @@ const HEADER_LIST_BYTES: u32 = 16 << 10;
 
 /// Every service of the wire that is served, by full name.
 const SERVED: [&str; 4] = [
-    IngestServiceServer::<Ingest>::NAME,
-    MapServiceServer::<MapRpcs>::NAME,
-    OptimizationServiceServer::<Optimization>::NAME,
-    ServerServiceServer::<ServerInfo>::NAME,
+    IngestServiceServer::<Rpcs>::NAME,
+    MapServiceServer::<Rpcs>::NAME,
+    OptimizationServiceServer::<Rpcs>::NAME,
+    ServerServiceServer::<Rpcs>::NAME,
 ];
 /// Part of the wire, but every call answers UNIMPLEMENTED: health never reports it as serving.
-const UNSERVED: &str = JobServiceServer::<Jobs>::NAME;
+const UNSERVED: &str = JobServiceServer::<Rpcs>::NAME;
 
 /// Starts the transport with all services.
 async fn serve<S: Socket>(
@@ -384,13 +379,13 @@ async fn serve<S: Socket>(
         };
     }
     // Only corrections and exports are large enough to compress in answers; acks are not.
-    let maps = compressed!(MapServiceServer::new(MapRpcs::new(Arc::clone(&context))))
+    let rpcs = Arc::new(Rpcs { context: Arc::clone(&context) });
+    let maps = compressed!(MapServiceServer::from_arc(Arc::clone(&rpcs)))
         .send_compressed(CompressionEncoding::Gzip);
-    let ingest = compressed!(IngestServiceServer::new(Ingest::new(Arc::clone(&context))));
-    let optimization = Optimization::new(Arc::clone(&context));
-    let optimization = compressed!(OptimizationServiceServer::new(optimization))
+    let ingest = compressed!(IngestServiceServer::from_arc(Arc::clone(&rpcs)));
+    let optimization = compressed!(OptimizationServiceServer::from_arc(Arc::clone(&rpcs)))
         .send_compressed(CompressionEncoding::Gzip);
-    let info = ServerServiceServer::new(ServerInfo::new(Arc::clone(&context)));
+    let info = ServerServiceServer::from_arc(Arc::clone(&rpcs));
     let health_service = health_service.max_decoding_message_size(SMALL_MESSAGE_BYTES);
     let server = tonic::transport::Server::builder()
         .max_concurrent_streams(context.config.max_concurrent_streams)
@@ -402,7 +397,7 @@ async fn serve<S: Socket>(
     let routes = Routes::new(guarded!(maps))
         .add_service(guarded!(ingest))
         .add_service(guarded!(optimization))
-        .add_service(guarded!(JobServiceServer::new(Jobs)))
+        .add_service(guarded!(JobServiceServer::from_arc(rpcs)))
         .add_service(guarded!(info))
         .add_service(metered!(health_service));
     // The simulation starts thousands of servers, and reading the descriptors is half of a start.

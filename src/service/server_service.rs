@@ -1,13 +1,11 @@
 //! `ServerService`: version, limits, durability, features. The health service reports whether the
 //! server is healthy.
 
-use std::sync::Arc;
-
 use covis_solvers::bundle_adjustment::Class;
 use tonic::{Request, Response, Status};
 
 use super::access::Caller;
-use super::context::Context;
+use super::context::Rpcs;
 use super::convert::map::{to_durability, to_limits};
 use super::convert::time::timestamp;
 use super::convert::{count, small};
@@ -38,18 +36,7 @@ const FEATURES: [&str; 20] = [
     "optimization.solve-pose-graph",
 ];
 
-/// The service.
-#[derive(Clone, Debug)]
-pub(super) struct ServerInfo {
-    context: Arc<Context>,
-}
-
-impl ServerInfo {
-    /// The service over `context`.
-    pub(super) fn new(context: Arc<Context>) -> Self {
-        Self { context }
-    }
-
+impl Rpcs {
     fn info(&self, caller: &Caller) -> v1::GetServerInfoResponse {
         let config = &self.context.config;
         let bytes = count(config.max_message_bytes);
@@ -86,7 +73,7 @@ impl ServerInfo {
 }
 
 #[async_trait::async_trait]
-impl ServerService for ServerInfo {
+impl ServerService for Rpcs {
     async fn get_server_info(
         &self,
         request: Request<v1::GetServerInfoRequest>,

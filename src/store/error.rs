@@ -1,47 +1,29 @@
 //! What can go wrong in a store. Causes are kept as text: one failure ends many streams and calls,
 //! so that an error is `Clone`, which those of the system are not.
 
-use super::{Damage, Epoch};
+use std::fmt;
+
+use super::Epoch;
 
 /// A refused or failed call; the journal is as it was.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
 pub enum StoreError {
     /// There is no such map.
     #[error("map {map:?} does not exist")]
-    UnknownMap {
-        /// The map.
-        map: String,
-    },
+    UnknownMap { map: String },
     /// The map is there already.
     #[error("map {map:?} exists already")]
-    MapExists {
-        /// The map.
-        map: String,
-    },
+    MapExists { map: String },
     /// A newer writer owns the map.
     #[error("map {map:?}: epoch {epoch} is fenced by epoch {newest}")]
-    Fenced {
-        /// The map.
-        map: String,
-        /// The caller's epoch.
-        epoch: Epoch,
-        /// The newest one.
-        newest: Epoch,
-    },
+    Fenced { map: String, epoch: Epoch, newest: Epoch },
     /// The journal does not stand where the caller thinks, or an event is not numbered in order.
     #[error("map {map:?}: the journal needs sequence {expected}, the caller gave {actual}")]
-    SequenceMismatch {
-        /// The map.
-        map: String,
-        /// What the journal needs.
-        expected: u64,
-        /// What the caller gave.
-        actual: u64,
-    },
+    SequenceMismatch { map: String, expected: u64, actual: u64 },
     /// Events were dropped behind a snapshot.
     #[error("map {map:?}: events up to sequence {through} are only in the snapshot")]
     Truncated {
-        /// The map.
         map: String,
         /// The last dropped sequence.
         through: u64,
@@ -49,7 +31,6 @@ pub enum StoreError {
     /// Events are to be dropped that no snapshot holds.
     #[error("map {map:?}: no snapshot holds the events before sequence {before}")]
     NoSnapshot {
-        /// The map.
         map: String,
         /// The first sequence that would stay.
         before: u64,
@@ -57,42 +38,29 @@ pub enum StoreError {
     /// A file of the store could not be read or written.
     #[error("{action} {path}: {message}")]
     File {
-        /// What was tried.
         action: &'static str,
-        /// The file or folder.
         path: String,
-        /// What the system said.
         message: String,
         /// Whether it may pass by itself: no space, no descriptors or no memory was left.
         passes: bool,
     },
     /// A file does not hold what it should.
     #[error("{path}: {message}")]
-    Content {
-        /// The file.
-        path: String,
-        /// What is wrong with it.
-        message: String,
-    },
+    Content { path: String, message: String },
     /// Another process keeps its maps in the directory.
     #[error("{path} is in use by another server (process {holder})")]
     InUse {
-        /// The directory.
         path: String,
         /// Its process id, as far as it is known.
         holder: String,
     },
     /// A folder to copy to has something in it.
     #[error("{path} is not empty")]
-    NotEmpty {
-        /// The folder.
-        path: String,
-    },
+    NotEmpty { path: String },
     /// There is no space, no descriptor or no memory just now. Nothing was changed; the same call
     /// succeeds once there is.
     #[error("map {map:?}: the store has run out of something for now: {cause}")]
     Unavailable {
-        /// The map.
         map: String,
         /// What the system said, without the server's paths.
         cause: String,
@@ -100,7 +68,6 @@ pub enum StoreError {
     /// The disk failed this call, or a file does not hold what it should. The log names the file.
     #[error("map {map:?}: {cause}")]
     Failed {
-        /// The map.
         map: String,
         /// What is wrong, without the server's paths.
         cause: String,
@@ -108,7 +75,6 @@ pub enum StoreError {
     /// A later version wrote a file of the map; its files stay as they are.
     #[error("map {map:?} takes no changes: {file} was written by a later version: {reason}")]
     Later {
-        /// The map.
         map: String,
         /// The file's name inside the map's folder.
         file: String,
@@ -118,7 +84,6 @@ pub enum StoreError {
     /// Several folders claim to be the map; they stay as they are until a person has chosen.
     #[error("map {map:?} takes no changes: the folders {} all claim to be it", folders.join(", "))]
     Ambiguous {
-        /// The map.
         map: String,
         /// Their names in `maps/`.
         folders: Vec<String>,
@@ -127,19 +92,36 @@ pub enum StoreError {
     /// acknowledged until the store is opened again and has looked.
     #[error("the journal of map {map:?} stopped at sequence {durable}: {cause}")]
     Stopped {
-        /// The map.
         map: String,
         /// The last sequence that is on disk for certain.
         durable: u64,
-        /// What failed.
         cause: String,
     },
     /// Acknowledged events are lost; what is left can be read.
     #[error("map {map:?} takes no changes: {damage}")]
-    Damaged {
-        /// The map.
-        map: String,
-        /// Where, and what is missing.
-        damage: Damage,
-    },
+    Damaged { map: String, damage: Damage },
+}
+
+/// A damaged place of a map's files.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Damage {
+    /// The file, inside the data directory.
+    pub file: String,
+    /// The first byte that cannot be read.
+    pub offset: u64,
+    /// The first and last sequence that are lost; `None` where a snapshot or a later file still has
+    /// everything.
+    pub lost: Option<(u64, u64)>,
+}
+
+impl fmt::Display for Damage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { file, offset, lost } = self;
+        match lost {
+            Some((first, last)) => {
+                write!(f, "{file} is damaged at byte {offset}: events {first} to {last} are lost")
+            }
+            None => write!(f, "{file} is damaged at byte {offset}, nothing is lost"),
+        }
+    }
 }

@@ -21,7 +21,6 @@ use tokio::sync::watch;
 
 use crate::map::{Event, Map};
 
-mod damage;
 mod encoding;
 mod error;
 mod files;
@@ -31,9 +30,8 @@ mod memory;
 mod meters;
 mod reader;
 
-pub use damage::Damage;
 pub use encoding::EncodingError;
-pub use error::StoreError;
+pub use error::{Damage, StoreError};
 #[cfg(test)]
 #[allow(unused_imports, reason = "for a simulated disk outside this module")]
 pub(crate) use files::{Disk, DiskFile};

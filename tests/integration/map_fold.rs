@@ -10,8 +10,9 @@ use covis::map::{
     Recall, SolveKind, SwitchedOff, WhenFull, global_problem, loop_problem, retire, triangulate,
 };
 use covis_solvers::geometry::{LieGroup, Se3};
+use covis_solvers::information::Information;
 use covis_solvers::testing::random::{normal_vector, seeded};
-use nalgebra::{Matrix3, Matrix6, Vector3};
+use nalgebra::Vector3;
 use rand::RngExt as _;
 
 use crate::map_support::{
@@ -69,14 +70,14 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
                     id: n,
                     keyframe,
                     world_from_camera: pose_at(rng.random()),
-                    information: Matrix6::identity(),
+                    information: Information::identity(),
                 }
             } else {
                 Item::PositionPrior {
                     id: n,
                     keyframe,
                     position_in_world: normal_vector(rng, 1.0),
-                    information: Matrix3::identity(),
+                    information: Information::identity(),
                 }
             };
             journal.send(ROBOT, &item).unwrap();

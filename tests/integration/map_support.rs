@@ -7,6 +7,7 @@ use covis::map::{
     ItemLandmark, ItemObservation, Map, MapPolicy, Rejection,
 };
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3, So3};
+use covis_solvers::information::Information;
 use nalgebra::{Matrix6, Vector2, Vector3};
 
 /// A map and the events that made it.
@@ -144,7 +145,7 @@ pub(crate) fn relative_pose(id: i64, kind: ConstraintKind, i: i64, j: i64, measu
         keyframe_i: EntityRef::own(i),
         keyframe_j: EntityRef::own(j),
         keyframe_i_from_keyframe_j: measured,
-        information: Matrix6::identity() * 1e4,
+        information: Information::new(&(Matrix6::identity() * 1e4)).unwrap(),
     }
 }
 

@@ -1,12 +1,11 @@
 //! A log of the integrated frames, so that they can be integrated again at corrected poses.
 //!
-//! The frames are compressed one after the other in a temporary file without a name; their offsets are
-//! in memory. Depth is rounded to steps of 0.2 mm, so that the live integration must use the frame as
-//! [`FrameLog::append`] rounds it. Independent of poses.
+//! The frames are compressed, one page of a file each. Depth is rounded to steps of 0.2 mm, so that the
+//! live integration must use the frame as [`FrameLog::append`] rounds it. Independent of poses.
 
-use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::io;
 
+use super::pages::{Page, PageFile};
 use crate::image::Image;
 
 /// Depth steps per meter: those of the TUM RGB-D benchmark, and five per millimeter of other formats.
@@ -28,18 +27,15 @@ pub struct LoggedFrame {
 /// Frames in a file.
 #[derive(Debug)]
 pub struct FrameLog {
-    file: File,
+    pages: PageFile,
     entries: Vec<Entry>,
-    end: u64,
     buffer: Vec<u8>,
-    packed: Vec<u8>,
 }
 
-/// The place of a frame in the file, and its size in pixels.
-#[derive(Clone, Copy, Debug)]
+/// The page of a frame, and its size in pixels.
+#[derive(Debug)]
 struct Entry {
-    offset: u64,
-    bytes: usize,
+    page: Page,
     size: (usize, usize),
     has_mask: bool,
 }
@@ -50,8 +46,7 @@ impl FrameLog {
     /// # Errors
     /// No file can be made there.
     pub fn new() -> io::Result<Self> {
-        let (entries, buffer, packed) = (Vec::new(), Vec::new(), Vec::new());
-        Ok(Self { file: tempfile::tempfile()?, entries, end: 0, buffer, packed })
+        Ok(Self { pages: PageFile::new(None)?, entries: Vec::new(), buffer: Vec::new() })
     }
 
     /// How many frames it holds.
@@ -69,7 +64,7 @@ impl FrameLog {
     /// Bytes of the file.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        self.end
+        self.pages.bytes()
     }
 
     /// Appends a frame, and rounds its depth as the log stores it.
@@ -89,18 +84,15 @@ impl FrameLog {
             self.buffer.extend_from_slice(moving.pixels());
         }
         let packed = zstd::bulk::compress(&self.buffer, COMPRESSION_LEVEL)?;
-        self.file.seek(SeekFrom::Start(self.end))?;
-        self.file.write_all(&packed)?;
-        let has_mask = frame.moving.is_some();
-        self.entries.push(Entry { offset: self.end, bytes: packed.len(), size, has_mask });
-        self.end += packed.len() as u64;
+        let page = self.pages.put(&packed).map_err(io::Error::other)?;
+        self.entries.push(Entry { page, size, has_mask: frame.moving.is_some() });
         Ok(())
     }
 
     /// Removes the last frame, if there is one.
     pub fn forget_last(&mut self) {
         if let Some(last) = self.entries.pop() {
-            self.end = last.offset;
+            self.pages.free(&last.page);
         }
     }
 
@@ -110,20 +102,18 @@ impl FrameLog {
     /// The file cannot be read, or there is no such frame.
     pub fn read(&mut self, index: usize) -> io::Result<LoggedFrame> {
         let damaged = || io::Error::new(io::ErrorKind::InvalidData, format!("frame {index}"));
-        let Entry { offset, bytes, size, has_mask } =
-            *self.entries.get(index).ok_or_else(damaged)?;
-        self.packed.resize(bytes, 0);
-        self.file.seek(SeekFrom::Start(offset))?;
-        self.file.read_exact(&mut self.packed)?;
+        let Entry { page, size, has_mask } = self.entries.get(index).ok_or_else(damaged)?;
+        let packed = self.pages.read(page).map_err(io::Error::other)?;
         let pixels = size.0 * size.1;
-        let buffer = zstd::bulk::decompress(&self.packed, 6 * pixels)?;
+        let buffer = zstd::bulk::decompress(&packed, 6 * pixels)?;
         let (depth, rest) = buffer.split_at_checked(2 * pixels).ok_or_else(damaged)?;
         let (color, moving) = rest.split_at_checked(3 * pixels).ok_or_else(damaged)?;
-        let image = |pixels| Image::from_pixels(size.0, size.1, pixels).ok_or_else(damaged);
-        let moving = has_mask.then(|| image(moving.to_vec())).transpose()?;
-        let depth_m = Image::from_pixels(size.0, size.1, take_depth(depth)).ok_or_else(damaged)?;
-        let color = Image::from_pixels(size.0, size.1, take_color(color)).ok_or_else(damaged)?;
-        Ok(LoggedFrame { depth_m, color, moving })
+        let moving = has_mask.then(|| Image::from_pixels(size.0, size.1, moving.to_vec()));
+        Ok(LoggedFrame {
+            depth_m: Image::from_pixels(size.0, size.1, take_depth(depth)).ok_or_else(damaged)?,
+            color: Image::from_pixels(size.0, size.1, take_color(color)).ok_or_else(damaged)?,
+            moving: moving.map(|mask| mask.ok_or_else(damaged)).transpose()?,
+        })
     }
 }
 

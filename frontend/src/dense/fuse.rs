@@ -2,14 +2,13 @@
 //!
 //! A voxel is projected to its pixel, and measures the distance to the plane through the pixel's
 //! surface point: (measured depth − own depth) / |n|, where n is the normal of depth as a function of
-//! the ray. The distance is averaged by weight (Curless and Levoy, SIGGRAPH 1996); `dynamic` handles
-//! measurements that disagree with the voxel.
+//! the ray. The distance is averaged by weight (Curless and Levoy, SIGGRAPH 1996), see `update`.
 
 use super::block::{Block, DISTANCE_ONE, WEIGHT_ONE};
-use super::dynamic::{self, FREE};
 use super::lanes::{Lanes, WIDTH};
 use super::pixels::{DEPTH_UNITS, FACING_ONE, SLOPE_UNIT};
 use super::tiles::Range;
+use super::update::{FREE, Measured, Rules, Stored, sigma_m};
 use super::visibility::{Lens, NEAREST_M};
 
 /// Pairs of rows in a layer of a block.
@@ -17,8 +16,6 @@ const PAIRS: usize = 4;
 /// Measurements have full weight up to this depth; beyond, it falls with the fourth power, as the
 /// variance of depth rises.
 const FULL_WEIGHT_M: f32 = 1.0;
-/// Least share of the new color, in 1 / 256.
-const LEAST_COLOR_SHARE: f32 = 16.0;
 
 /// The data of a frame that all blocks share.
 #[derive(Clone, Debug)]
@@ -43,64 +40,7 @@ pub(super) struct Frame<'a> {
     pub(super) behind_sigmas: f32,
     /// Least weight of a measurement, as stored.
     pub(super) least_weight: f32,
-    /// Largest weight of a voxel, as stored.
-    pub(super) most_weight: f32,
-    /// Largest distance with color, as stored; a surface hides the voxels farther behind it.
-    pub(super) near: f32,
-    /// Distances disagree beyond this many standard deviations of depth, as stored for a meter.
-    pub(super) slack: f32,
-    /// A number of the frame, 0 to 255, that dithers the rounding of colors.
-    pub(super) dither: i32,
-    /// Whether the dynamic update is on.
-    pub(super) is_dynamic: bool,
-}
-
-/// Measurements of sixteen voxels.
-pub(super) struct Measured<L: Lanes> {
-    /// Which voxels were seen; the numbers of the others are undefined.
-    pub(super) seen: L::M,
-    /// As stored, clamped to one truncation on both sides.
-    pub(super) distance: L::F,
-    /// As stored, whole and not 0.
-    pub(super) weight: L::F,
-    /// Color in the three lower bytes; negative where depth jumps nearby.
-    pub(super) word: L::I,
-    /// Measured depth, meters.
-    pub(super) depth_m: L::F,
-}
-
-/// What sixteen voxels store.
-pub(super) struct Stored<L: Lanes> {
-    pub(super) distance: L::F,
-    pub(super) weight: L::F,
-}
-
-/// Weighted mean of old and new.
-pub(super) struct Mean<L: Lanes> {
-    pub(super) distance: L::F,
-    /// Sum of both weights.
-    pub(super) weight: L::F,
-    /// Share of the new color, in 1 / 256.
-    pub(super) color_share: L::I,
-}
-
-impl<L: Lanes> Stored<L> {
-    /// Whether all of them are known to be free space.
-    #[inline(always)]
-    fn is_free(&self, l: L) -> bool {
-        let known = l.less(l.splat(0.0), self.weight);
-        l.all(l.both(known, l.less(l.splat(FREE), self.distance)))
-    }
-
-    #[inline(always)]
-    pub(super) fn mean(&self, l: L, new: &Measured<L>) -> Mean<L> {
-        let weight = l.add(self.weight, new.weight);
-        let share = l.div(new.weight, weight);
-        let step = l.sub(new.distance, self.distance);
-        let color_share = l.max(l.mul(share, l.splat(256.0)), l.splat(LEAST_COLOR_SHARE));
-        let color_share = l.round(color_share);
-        Mean { distance: l.fma(step, share, self.distance), weight, color_share }
-    }
+    pub(super) rules: Rules,
 }
 
 /// How a frame changed a block.
@@ -137,7 +77,7 @@ impl Frame<'_> {
         corner: [f32; 3],
         range: Range,
     ) -> Outcome {
-        match (self.lens.is_pinhole, self.is_dynamic) {
+        match (self.lens.is_pinhole, self.rules.is_dynamic) {
             (true, false) => self.fuse_as::<L, true, false>(l, block, corner, range),
             (true, true) => self.fuse_as::<L, true, true>(l, block, corner, range),
             (false, false) => self.fuse_as::<L, false, false>(l, block, corner, range),
@@ -223,9 +163,9 @@ impl Frame<'_> {
 
             let measured = Measured { seen, distance, weight, word: high, depth_m: depth };
             let new = if DYNAMIC {
-                dynamic::update(l, self, &measured, &old, colors, &mut moved)
+                self.rules.dynamic(l, &measured, &old, colors, &mut moved)
             } else {
-                self.average(l, &measured, &old, colors, &mut moved)
+                self.rules.average(l, &measured, &old, colors, &mut moved)
             };
             let (new_distance, new_weight) = (l.round(new.distance), l.round(new.weight));
             let changed = l.either(
@@ -245,51 +185,6 @@ impl Frame<'_> {
             outcome.recolored = most(l, moved);
         }
         outcome
-    }
-
-    /// Averages all measurements and returns what voxels store; `moved` grows to the largest color
-    /// change.
-    #[inline(always)]
-    fn average<L: Lanes>(
-        &self,
-        l: L,
-        new: &Measured<L>,
-        old: &Stored<L>,
-        colors: &mut [[u8; 4]; WIDTH],
-        moved: &mut L::I,
-    ) -> Stored<L> {
-        let mean = old.mean(l, new);
-        let weight = l.min(mean.weight, l.splat(self.most_weight));
-        let near = l.both(new.seen, l.at_most(l.abs(new.distance), l.splat(self.near)));
-        if l.any(near) {
-            let word = l.load_bytes(colors);
-            let blend = self.blend(l, word, new.word, mean.color_share);
-            let next = l.select_int(near, blend, word);
-            l.store_bytes(next, colors);
-            *moved = l.max_int(*moved, l.color_difference(next, word));
-        }
-        Stored {
-            distance: l.select(new.seen, mean.distance, old.distance),
-            weight: l.select(new.seen, weight, old.weight),
-        }
-    }
-
-    /// Mixes two colors, `share` / 256 of the new one. The highest byte stays.
-    #[inline(always)]
-    pub(super) fn blend<L: Lanes>(&self, l: L, old: L::I, new: L::I, share: L::I) -> L::I {
-        let rest = l.sub_int(l.splat_int(256), share);
-        // Red and blue together, and green alone: 16 bits per channel, which just hold the weighted
-        // sums.
-        let pick = l.splat_int(0x00ff_00ff);
-        let dither = l.splat_int(self.dither * 0x0001_0001);
-        let mixed = Mix { rest, share, dither };
-        let red_blue = mixed.pairs(l, l.and_int(old, pick), l.and_int(new, pick));
-        let byte = l.splat_int(0xff);
-        let old_green = l.and_int(l.shift_down::<8>(old), byte);
-        let new_green = l.and_int(l.shift_down::<8>(new), byte);
-        let green = mixed.pairs(l, old_green, new_green);
-        let last = l.and_int(old, l.splat_int(0xff00_0000_u32.cast_signed()));
-        l.or_int(last, l.or_int(red_blue, l.shift_up::<8>(green)))
     }
 
     /// Projects x/z and y/z through the lens to pixels, with half a pixel added.
@@ -312,23 +207,6 @@ impl Frame<'_> {
     }
 }
 
-/// How colors are mixed: shares of old and new that sum to 256, and the dither of the rounding.
-struct Mix<L: Lanes> {
-    rest: L::I,
-    share: L::I,
-    dither: L::I,
-}
-
-impl<L: Lanes> Mix<L> {
-    /// Mixes two levels per lane, one in each half, which just holds the weighted sum.
-    #[inline(always)]
-    fn pairs(&self, l: L, old: L::I, new: L::I) -> L::I {
-        let sum = l.add_int(l.mul_int(old, self.rest), l.mul_int(new, self.share));
-        let level = l.shift_down::<8>(l.add_int(sum, self.dither));
-        l.and_int(level, l.splat_int(0x00ff_00ff))
-    }
-}
-
 /// The largest of sixteen numbers, none of them negative and none above 2²².
 #[inline(always)]
 fn most<L: Lanes>(l: L, numbers: L::I) -> u32 {
@@ -338,11 +216,4 @@ fn most<L: Lanes>(l: L, numbers: L::I) -> u32 {
     let mut out = [0.0; WIDTH];
     l.store(l.float(numbers), &mut out);
     out.into_iter().fold(0.0, f32::max) as u32
-}
-
-/// Standard deviation of depth, meters: see [`crate::depth::sigma_m`].
-#[inline(always)]
-pub(super) fn sigma_m<L: Lanes>(l: L, depth_m: L::F) -> L::F {
-    let beyond = l.max(l.sub(depth_m, l.splat(0.4)), l.splat(0.0));
-    l.fma(l.mul(beyond, beyond), l.splat(0.0019), l.splat(0.0012))
 }

@@ -4,22 +4,22 @@
 //! mark blocks; existing blocks clear their marks; the blocks still marked are allocated, in order; all
 //! blocks in view are fused. Results do not depend on the number of threads, to the bit.
 
-use covis_solvers::geometry::Se3;
+use std::sync::{Mutex, PoisonError};
+
+use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::block::{DISTANCE_ONE, WEIGHT_ONE};
-use super::dilation::dilated;
-use super::frustum::Frustum;
 use super::fuse::{Frame, Outcome};
 use super::lanes::{Class, Kernel, Lanes};
 pub use super::options::IntegrationOptions;
 use super::pages::PageError;
-use super::pixels::{self, BAND, PackBand, Scratches, Source};
-use super::ray_blocks::RayBlocks;
-use super::rays::Rays;
+use super::pixels::{self, BAND, PackBand, Scratch, Source, dilated};
+use super::rays::{RayBlocks, Rays};
 use super::tiles::{TILE, Tiles};
-use super::visibility::{Lens, NEAREST_M, Seen, Visibility};
+use super::update::Rules;
+use super::visibility::{Frustum, Lens, Seen, Visibility};
 use super::volume::{Piece, Volume, VolumeOptions};
 use crate::camera::FrameCamera;
 use crate::image::Image;
@@ -49,21 +49,18 @@ pub struct DenseFrame<'a> {
 /// Why a frame was not integrated; the volume is unchanged.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum IntegrateError {
-    /// An image has another size than the camera.
+    /// An image has another size than the camera: columns and rows of both.
     #[error(
-        "`{image}` is {width} × {height} pixels, the camera's images are {camera_width} × {camera_height}"
+        "`{image}` is {} × {} pixels, the camera's images are {} × {}",
+        size.0, size.1, camera.0, camera.1
     )]
     ImageSize {
         /// Which image.
         image: &'static str,
-        /// Its columns.
-        width: usize,
-        /// Its rows.
-        height: usize,
-        /// The camera's columns.
-        camera_width: usize,
-        /// The camera's rows.
-        camera_height: usize,
+        /// Its size.
+        size: (usize, usize),
+        /// The camera's.
+        camera: (usize, usize),
     },
     /// The pose is not finite.
     #[error("`world_from_camera` is not finite")]
@@ -89,7 +86,8 @@ pub struct Integrator {
     camera: FrameCamera,
     lens: Lens,
     pixels: Vec<u64>,
-    scratches: Scratches,
+    /// Buffers that no task uses now: the first access to fresh memory takes longer than packing a band.
+    scratches: Mutex<Vec<Scratch>>,
     tiles: Tiles,
     ray_blocks: RayBlocks,
     /// The dilated mask of the current frame.
@@ -107,7 +105,7 @@ impl Integrator {
             camera: camera.clone(),
             lens: Lens::new(camera),
             pixels: vec![0; pixels::stride(width) * height],
-            scratches: Scratches::new(width),
+            scratches: Mutex::default(),
             tiles: Tiles::new(width, height),
             ray_blocks: RayBlocks::default(),
             dilated: None,
@@ -122,16 +120,9 @@ impl Integrator {
         self
     }
 
-    /// The options of integration.
-    #[must_use]
-    pub fn options(&self) -> &IntegrationOptions {
-        &self.options
-    }
-
     /// Integrates a frame into a volume, on the current pool of threads. This is one revision.
     ///
     /// # Errors
-    ///
     /// The frame or an option is invalid; the volume is unchanged then.
     pub fn integrate(
         &mut self,
@@ -140,11 +131,29 @@ impl Integrator {
     ) -> Result<(), IntegrateError> {
         self.check(volume.options(), frame)?;
         let measures = *volume.options();
-        self.begin_ray_blocks(frame.world_from_camera, &measures)?;
+        // All blocks that the camera may see.
+        let z = f64::from(self.farthest_m(&measures));
+        let [left, right, top, bottom] = self.lens.field.map(f64::from);
+        let rays = [
+            [0.0, 0.0, 0.0],
+            [left, top, 1.0],
+            [right, top, 1.0],
+            [left, bottom, 1.0],
+            [right, bottom, 1.0],
+        ];
+        let points = rays.map(|ray| {
+            (frame.world_from_camera.transform(&(Vector3::from(ray) * z)) / measures.block_m())
+                .into()
+        });
+        self.ray_blocks.begin(&points).ok_or(IntegrateError::TooFar)?;
         self.dilated = frame.moving.map(|moving| dilated(moving, self.options.dilation_px));
         self.pack_and_mark(frame, &measures);
         self.tiles.build();
-        self.allocate(volume);
+        let keys = volume.keys().par_iter().with_min_len(CLEAR_PIECE);
+        keys.for_each(|&key| self.ray_blocks.clear(key));
+        self.ray_blocks.for_each(|key| {
+            volume.allocate(key);
+        });
         self.fuse(volume, frame.world_from_camera);
         Ok(())
     }
@@ -154,29 +163,16 @@ impl Integrator {
         measures: &VolumeOptions,
         frame: &DenseFrame<'_>,
     ) -> Result<(), IntegrateError> {
-        let (camera_width, camera_height) = self.camera.size();
+        let camera = self.camera.size();
         let sizes = [
-            ("depth_m", Some(frame.depth_m.size())),
-            ("color", Some(frame.color.size())),
-            ("moving", frame.moving.map(Image::size)),
+            ("depth_m", frame.depth_m.size()),
+            ("color", frame.color.size()),
+            ("moving", frame.moving.map_or(camera, Image::size)),
         ];
-        for (image, size) in sizes {
-            if let Some((width, height)) = size
-                && (width, height) != (camera_width, camera_height)
-            {
-                return Err(IntegrateError::ImageSize {
-                    image,
-                    width,
-                    height,
-                    camera_width,
-                    camera_height,
-                });
-            }
+        if let Some(&(image, size)) = sizes.iter().find(|&&(_, size)| size != camera) {
+            return Err(IntegrateError::ImageSize { image, size, camera });
         }
-        let pose = frame.world_from_camera;
-        let finite =
-            pose.translation.iter().chain(pose.rotation.matrix().iter()).all(|x| x.is_finite());
-        if !finite {
+        if !frame.world_from_camera.is_finite() {
             return Err(IntegrateError::Pose);
         }
         match self.options.refused(measures) {
@@ -185,10 +181,7 @@ impl Integrator {
         }
     }
 
-    /// The space that a frame may change.
-    ///
-    /// # Errors
-    /// The frame or an option is invalid.
+    /// The space that a frame may change, or why the frame or an option is invalid.
     pub(super) fn frustum(
         &self,
         measures: &VolumeOptions,
@@ -207,30 +200,6 @@ impl Integrator {
         farthest + self.options.behind_m(farthest, measures.truncation_m)
     }
 
-    /// Prepares the marks of all blocks that the camera may see.
-    fn begin_ray_blocks(
-        &mut self,
-        world_from_camera: &Se3,
-        measures: &VolumeOptions,
-    ) -> Result<(), IntegrateError> {
-        let block_m = measures.block_m();
-        let z = f64::from(self.farthest_m(measures));
-        let [left, right, top, bottom] = self.lens.field.map(f64::from);
-        let mut points = vec![[0.0; 3]; 5];
-        let rays = [
-            [0.0, 0.0, 0.0],
-            [left, top, 1.0],
-            [right, top, 1.0],
-            [left, bottom, 1.0],
-            [right, bottom, 1.0],
-        ];
-        for (point, ray) in points.iter_mut().zip(rays) {
-            let at = world_from_camera.transform(&(Vector3::from(ray) * z)) / block_m;
-            *point = [at.x, at.y, at.z];
-        }
-        self.ray_blocks.begin(&points).ok_or(IntegrateError::TooFar)
-    }
-
     /// Packs the frame, and marks the blocks that its rays reach.
     fn pack_and_mark(&mut self, frame: &DenseFrame<'_>, measures: &VolumeOptions) {
         let (width, _) = self.camera.size();
@@ -239,13 +208,9 @@ impl Integrator {
             depth_m: frame.depth_m,
             color: frame.color,
             moving: self.dilated.as_ref(),
-            nearest_m: NEAREST_M,
             farthest_m: self.options.max_depth_m,
             pinhole: [self.lens.fx, self.lens.fy, self.lens.cx, self.lens.cy],
         };
-        let mut tiles = std::mem::take(&mut self.tiles);
-        let mut words = std::mem::take(&mut self.pixels);
-        let tiles_width = tiles.width();
         let rays = Rays::new(
             &self.ray_blocks,
             &self.camera,
@@ -253,31 +218,16 @@ impl Integrator {
             frame.world_from_camera,
             measures,
         );
-        let bands = words
-            .par_chunks_mut(BAND * stride)
-            .zip(tiles.smallest_mut().par_chunks_mut(BAND / TILE * tiles_width))
-            .enumerate();
-        bands.for_each_init(
-            || self.scratches.borrow(),
-            |scratch, (band, (out, tiles))| {
-                let first_row = band * BAND;
-                self.class.run(PackBand { source, first_row, scratch, out, tiles });
-                rays.mark(first_row, scratch, tiles);
-            },
-        );
-        self.tiles = tiles;
-        self.pixels = words;
-    }
-
-    /// Allocates the marked blocks that do not exist.
-    fn allocate(&self, volume: &mut Volume) {
-        volume.keys().par_chunks(CLEAR_PIECE).for_each(|keys| {
-            for &key in keys {
-                self.ray_blocks.clear(key);
-            }
-        });
-        self.ray_blocks.for_each(|key| {
-            volume.allocate(key);
+        let tiles_a_band = BAND / TILE * self.tiles.width();
+        let bands = self.pixels.par_chunks_mut(BAND * stride);
+        let bands = bands.zip(self.tiles.smallest_mut().par_chunks_mut(tiles_a_band));
+        let scratches = || self.scratches.lock().unwrap_or_else(PoisonError::into_inner);
+        bands.enumerate().for_each(|(band, (out, tiles))| {
+            let first_row = band * BAND;
+            let mut scratch = scratches().pop().unwrap_or_else(|| Scratch::new(width));
+            self.class.run(PackBand { source, first_row, scratch: &mut scratch, out, tiles });
+            rays.mark(first_row, &scratch, tiles);
+            scratches().push(scratch);
         });
     }
 
@@ -296,8 +246,8 @@ impl Integrator {
             stride: pixels::stride(self.camera.size().0),
             lanes,
             spread_m: [
-                lanes[2].iter().copied().fold(f32::INFINITY, f32::min),
-                lanes[2].iter().copied().fold(f32::NEG_INFINITY, f32::max),
+                lanes[2].into_iter().fold(f32::INFINITY, f32::min),
+                lanes[2].into_iter().fold(f32::NEG_INFINITY, f32::max),
             ],
             pair: steps[1].map(|step| 2.0 * step),
             layer: steps[2],
@@ -305,24 +255,24 @@ impl Integrator {
             truncation_m: measures.truncation_m,
             behind_sigmas: self.options.truncation_sigmas,
             least_weight: if self.options.weigh_noise { 1.0 } else { weight_one },
-            most_weight: (self.options.max_weight * weight_one).floor(),
-            near: (2.0 * measures.voxel_m / measures.truncation_m).min(1.0) * DISTANCE_ONE,
-            slack: 3.0 / measures.truncation_m * DISTANCE_ONE,
-            // Van der Corput sequence: values are evenly distributed over the range.
-            dither: i32::from((revision as u8).reverse_bits()),
-            is_dynamic: self.options.dynamic,
+            rules: Rules {
+                is_dynamic: self.options.dynamic,
+                most_weight: (self.options.max_weight * weight_one).floor(),
+                near: (2.0 * measures.voxel_m / measures.truncation_m).min(1.0) * DISTANCE_ONE,
+                slack: 3.0 / measures.truncation_m * DISTANCE_ONE,
+                // Van der Corput sequence: values are evenly distributed over the range.
+                dither: i32::from((revision as u8).reverse_bits()),
+            },
         };
         let behind_m = self.options.behind_m(self.options.max_depth_m, measures.truncation_m);
-        let before_m = measures.truncation_m;
-        let pieces = volume.pieces_mut(PIECE);
-        pieces.for_each(|piece| {
-            let (frame, visibility, tiles) = (&frame, &visibility, &self.tiles);
+        let (frame, visibility, tiles) = (&frame, &visibility, &self.tiles);
+        volume.pieces_mut(PIECE).for_each(|piece| {
             self.class.run(FusePiece {
                 frame,
                 visibility,
                 tiles,
                 behind_m,
-                before_m,
+                before_m: measures.truncation_m,
                 revision,
                 piece,
             });
@@ -346,14 +296,17 @@ impl Kernel for FusePiece<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Piece { keys, blocks, changed, solid, recolored } = self.piece;
+        let Piece { keys, blocks, states } = self.piece;
         let seen: [Seen; PIECE] = std::array::from_fn(|slot| {
             let corner = keys.get(slot).map(|&key| self.visibility.corner(key));
             let seen = corner.map_or(Seen::No, |corner| {
                 self.visibility.look(corner, self.tiles, self.behind_m, self.before_m)
             });
             // In a block without solid voxels, seeing through it changes nothing.
-            if matches!(seen, Seen::Through(_)) && !solid[slot] { Seen::No } else { seen }
+            match seen {
+                Seen::Through(_) if !states[slot].is_solid => Seen::No,
+                Seen::Through(_) | Seen::Near(_) | Seen::No => seen,
+            }
         });
         for slot in 0..blocks.len() {
             let (Seen::Through(range) | Seen::Near(range)) = seen[slot] else { continue };
@@ -362,14 +315,14 @@ impl Kernel for FusePiece<'_> {
             }
             let corner = Frame::steps(&self.visibility.lens, self.visibility.corner(keys[slot]));
             let outcome: Outcome = self.frame.fuse(lanes, &mut blocks[slot], corner, range);
-            let moved = u32::from(recolored[slot]) + outcome.recolored;
+            let state = &mut states[slot];
+            let moved = u32::from(state.recolored) + outcome.recolored;
             if outcome.changed || moved >= VISIBLE {
-                changed[slot] = self.revision;
-                recolored[slot] = 0;
+                (state.changed, state.recolored) = (self.revision, 0);
             } else {
-                recolored[slot] = moved as u8;
+                state.recolored = moved as u8;
             }
-            solid[slot] = (solid[slot] || outcome.solid) && !outcome.free;
+            state.is_solid = (state.is_solid || outcome.solid) && !outcome.free;
         }
     }
 }

@@ -3,23 +3,19 @@
 //! | file | role |
 //! |---|---|
 //! | `block` | 8³ voxels |
-//! | `slabs`, `slab_pool` | memory for blocks |
-//! | `volume` | the sparse grid of blocks |
-//! | `packing` | blocks as bytes |
+//! | `volume` | the sparse grid of blocks, and memory for them |
+//! | `packing` | blocks as bytes, and pages of them |
 //! | `pages` | pages of bytes in a file on disk |
-//! | `region` | groups of blocks that are paged together |
-//! | `page_cache` | which regions stay in memory |
+//! | `page_cache` | regions: groups of blocks that are paged together, and which stay in memory |
 //! | `paged` | a volume that may be partly on disk |
 //! | `lanes` | sixteen numbers at a time |
 //! | `options` | the options of integration |
-//! | `dilation` | dilated masks |
 //! | `tiles` | nearest and farthest depth of parts of an image |
-//! | `pixels` | a frame as voxels read it |
-//! | `frustum` | the space that a camera sees |
-//! | `ray_blocks`, `rays` | which blocks a frame's rays pass near the measured depth |
-//! | `visibility` | which blocks a frame sees |
+//! | `pixels` | a frame as voxels read it, and its mask dilated |
+//! | `rays` | which blocks a frame's rays pass near the measured depth |
+//! | `visibility` | the space that a camera sees, and which blocks a frame sees |
+//! | `update` | what a measurement does to a voxel, and how one that disagrees is handled |
 //! | `fuse` | fuses a frame into a block |
-//! | `dynamic` | how a voxel handles measurements that disagree |
 //! | `integrate` | integrates frames into a volume |
 //! | `frame_log` | frames that may have to be integrated again |
 //! | `mapper` | a volume that follows corrections |
@@ -31,12 +27,9 @@
 //! | `navigation` | the ground from above: occupancy and distances |
 
 pub mod block;
-mod dilation;
-mod dynamic;
 pub mod export;
 pub mod file;
 pub mod frame_log;
-mod frustum;
 mod fuse;
 pub mod integrate;
 mod lanes;
@@ -49,11 +42,7 @@ pub mod paged;
 pub mod pages;
 mod pixels;
 pub mod pose_track;
-mod ray_blocks;
 mod rays;
-mod region;
-mod slab_pool;
-mod slabs;
 pub mod surface;
 #[cfg(test)]
 mod testing;
@@ -61,5 +50,6 @@ mod testing;
 mod tests;
 pub mod thread;
 mod tiles;
+mod update;
 mod visibility;
 pub mod volume;

@@ -9,18 +9,60 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::block::{Block, BlockKey};
+use super::block::{Block, BlockKey, EDGE};
+use super::packing::{from_page, to_page};
 use super::pages::{Page, PageError, PageFile};
-use super::region::{Region, from_page, to_page};
-use super::volume::{State, Volume};
+use super::volume::{State, Volume, VolumeOptions};
 
 /// Once the ceiling is reached, eviction makes room for this many blocks below it, or an eighth of it
 /// where that is less: not every frame pages, and none waits for long.
 const SLACK: usize = 512;
 /// Regions that are packed or unpacked at a time.
 const REGIONS_AT_A_TIME: usize = 32;
+/// Blocks along an edge of a region, as a power of two.
+const SHIFT: i32 = 2;
+const BLOCKS: i32 = 1 << SHIFT;
+
+/// A region of the grid: 4 × 4 × 4 blocks that are evicted and read back together; by its coordinates in
+/// regions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Region([i32; 3]);
+
+impl Region {
+    /// The region of a block.
+    pub(super) fn of(key: BlockKey) -> Self {
+        Self([key.x, key.y, key.z].map(|k| k >> SHIFT))
+    }
+
+    /// Its middle and half of its edge, meters.
+    pub(super) fn cube(self, options: &VolumeOptions) -> (Vector3<f64>, f64) {
+        let half = f64::from(BLOCKS) * 0.5;
+        let middle = self.0.map(|k| f64::from(k) * f64::from(BLOCKS) + half);
+        (Vector3::from(middle) * options.block_m(), half * options.block_m())
+    }
+
+    /// Whether it has voxels between two places, in voxels.
+    pub(super) fn is_between(self, low: &Vector3<f64>, high: &Vector3<f64>) -> bool {
+        let edge = f64::from(BLOCKS) * EDGE as f64;
+        (0..3).all(|axis| {
+            let first = f64::from(self.0[axis]) * edge;
+            first <= high[axis] && first + edge > low[axis]
+        })
+    }
+
+    /// The keys of its blocks that are in a volume, in the order of z, y, x.
+    pub(super) fn keys(self, volume: &Volume) -> Vec<BlockKey> {
+        let [x, y, z] = self.0.map(|k| k << SHIFT);
+        let all = (0..BLOCKS * BLOCKS * BLOCKS).map(|k| {
+            let [i, j, k] = [k % BLOCKS, k / BLOCKS % BLOCKS, k / (BLOCKS * BLOCKS)];
+            BlockKey { x: x + i, y: y + j, z: z + k }
+        });
+        all.filter(|&key| volume.slot(key).is_some()).collect()
+    }
+}
 
 /// Counts of paging so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -39,12 +81,12 @@ pub struct PagingFigures {
 #[derive(Debug)]
 pub(super) struct PageCache {
     /// Most blocks in memory.
-    ceiling: usize,
-    pages: PageFile,
+    pub(super) ceiling: usize,
+    pub(super) pages: PageFile,
     regions: BTreeMap<Region, Standing>,
     /// Number of requests for regions.
     time: u64,
-    figures: PagingFigures,
+    pub(super) figures: PagingFigures,
 }
 
 /// The state of a region.
@@ -80,10 +122,8 @@ pub(super) enum Access {
 }
 
 impl PageCache {
-    /// The cache of an empty volume, with at most `ceiling` blocks in memory.
-    ///
-    /// # Errors
-    /// No file can be made in the folder, or in the system's temporary one.
+    /// The cache of an empty volume, with at most `ceiling` blocks in memory. Its file is in the folder, or
+    /// in the system's temporary one.
     pub(super) fn new(ceiling: usize, folder: Option<&Path>) -> io::Result<Self> {
         Ok(Self {
             ceiling,
@@ -92,21 +132,6 @@ impl PageCache {
             time: 0,
             figures: PagingFigures::default(),
         })
-    }
-
-    /// Changes the ceiling.
-    pub(super) fn set_ceiling(&mut self, ceiling: usize) {
-        self.ceiling = ceiling;
-    }
-
-    /// Counts of paging so far.
-    pub(super) fn figures(&self) -> PagingFigures {
-        self.figures
-    }
-
-    /// Bytes of the page file.
-    pub(super) fn page_file_bytes(&self) -> u64 {
-        self.pages.bytes()
     }
 
     /// All regions, in order.
@@ -125,14 +150,11 @@ impl PageCache {
 
     /// Whether a region is on disk only.
     pub(super) fn is_away(&self, region: Region) -> bool {
-        self.regions.get(&region).is_some_and(Standing::is_away)
+        self.regions.get(&region).is_some_and(|standing| matches!(standing.place, Place::Disk(_)))
     }
 
     /// Calls `show` with the blocks of each region that is on disk only, without keeping them in
-    /// memory.
-    ///
-    /// # Errors
-    /// The error of `show`, or a region cannot be read back.
+    /// memory. Stops at the first error.
     pub(super) fn visit_away<E: From<PageError>>(
         &mut self,
         mut show: impl FnMut(Vec<(BlockKey, State, Block)>) -> Result<(), E>,
@@ -225,8 +247,8 @@ impl PageCache {
             };
             self.figures.paged_in += blocks.len();
             self.figures.blocks_on_disk -= blocks.len();
-            for (key, state, block) in &blocks {
-                resident.put_back(*key, block, *state);
+            for (key, state, block) in blocks {
+                resident.put_back(key, block, state);
             }
             match access {
                 Access::Read => standing.place = Place::Both(stored),
@@ -259,10 +281,9 @@ impl PageCache {
         }
         let kept = self.ceiling - SLACK.min(self.ceiling / 8);
         let target = kept.saturating_sub(incoming);
-        let candidates = self
-            .regions
-            .iter()
-            .filter(|(_, standing)| standing.needed < self.time && !standing.is_away());
+        let candidates = self.regions.iter().filter(|(_, standing)| {
+            standing.needed < self.time && !matches!(standing.place, Place::Disk(_))
+        });
         let mut oldest: Vec<_> =
             candidates.map(|(&region, standing)| (standing.needed, region)).collect();
         oldest.sort_unstable();
@@ -301,7 +322,7 @@ impl PageCache {
             standing.place = match (std::mem::replace(&mut standing.place, Place::Memory), page) {
                 (_, Some(page)) => {
                     let slots = keys.iter().filter_map(|&key| resident.slot(key));
-                    let changed = slots.map(|slot| resident.changed()[slot]).max().unwrap_or(0);
+                    let changed = slots.map(|slot| resident.changed(slot)).max().unwrap_or(0);
                     Place::Disk(Stored { page, blocks: keys.len(), changed })
                 }
                 (Place::Both(stored) | Place::Disk(stored), None) => Place::Disk(stored),
@@ -314,11 +335,5 @@ impl PageCache {
             }
         }
         Ok(())
-    }
-}
-
-impl Standing {
-    fn is_away(&self) -> bool {
-        matches!(self.place, Place::Disk(_))
     }
 }

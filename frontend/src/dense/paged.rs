@@ -13,9 +13,8 @@ use nalgebra::Vector3;
 use super::block::{Block, BlockKey};
 use super::integrate::{DenseFrame, IntegrateError, Integrator};
 pub use super::page_cache::PagingFigures;
-use super::page_cache::{Access, PageCache};
+use super::page_cache::{Access, PageCache, Region};
 use super::pages::PageError;
-use super::region::Region;
 use super::volume::{Volume, VolumeOptions};
 
 /// Bytes of a block.
@@ -65,7 +64,7 @@ impl PagedVolume {
     /// Changes the ceiling from the next frame on. A volume without a ceiling stays without one.
     pub fn set_ceiling(&mut self, ceiling_bytes: usize) {
         if let Some(cache) = &mut self.cache {
-            cache.set_ceiling(ceiling_bytes / BLOCK);
+            cache.ceiling = ceiling_bytes / BLOCK;
         }
     }
 
@@ -87,12 +86,6 @@ impl PagedVolume {
         &self.resident
     }
 
-    /// Bytes of the blocks in memory.
-    #[must_use]
-    pub fn resident_bytes(&self) -> usize {
-        self.resident.len() * BLOCK
-    }
-
     /// How many blocks it has, in memory and on disk.
     #[must_use]
     pub fn len(&self) -> usize {
@@ -108,13 +101,13 @@ impl PagedVolume {
     /// Bytes of the page file.
     #[must_use]
     pub fn page_file_bytes(&self) -> u64 {
-        self.cache.as_ref().map_or(0, PageCache::page_file_bytes)
+        self.cache.as_ref().map_or(0, |cache| cache.pages.bytes())
     }
 
     /// Counts of paging so far; `None` where there is no ceiling.
     #[must_use]
     pub fn paging(&self) -> Option<PagingFigures> {
-        self.cache.as_ref().map(PageCache::figures)
+        self.cache.as_ref().map(|cache| cache.figures)
     }
 
     /// Integrates a frame into the volume, on the current pool of threads. This is one revision.
@@ -145,40 +138,21 @@ impl PagedVolume {
         Ok(())
     }
 
-    /// Puts a block at a key, replacing any that is there.
+    /// Puts a block at a key, replacing any that is there; returns whether there was none.
     ///
     /// # Errors
     /// Its region cannot be read from disk, or others have no room there; the volume is unchanged then.
-    pub fn insert(&mut self, key: BlockKey, block: Block) -> Result<(), PageError> {
+    pub fn insert(&mut self, key: BlockKey, block: Block) -> Result<bool, PageError> {
         if let Some(cache) = &mut self.cache {
             cache.bring(&mut self.resident, Access::Write, &[Region::of(key)])?;
         }
-        self.put(key, block);
-        Ok(())
-    }
-
-    /// Puts a block at a key if it has none; returns whether it had none.
-    ///
-    /// # Errors
-    /// As [`PagedVolume::insert`].
-    pub(super) fn insert_new(&mut self, key: BlockKey, block: Block) -> Result<bool, PageError> {
-        if let Some(cache) = &mut self.cache {
-            cache.bring(&mut self.resident, Access::Write, &[Region::of(key)])?;
-        }
-        let is_new = self.resident.slot(key).is_none();
-        if is_new {
-            self.put(key, block);
-        }
-        Ok(is_new)
-    }
-
-    /// Puts a block at a key whose region is in memory.
-    fn put(&mut self, key: BlockKey, block: Block) {
         let before = self.resident.len();
         self.resident.insert(key, block);
+        let is_new = self.resident.len() > before;
         if let Some(cache) = &mut self.cache {
             cache.register_new(&mut self.resident, before);
         }
+        Ok(is_new)
     }
 
     /// The block at a key.
@@ -190,10 +164,7 @@ impl PagedVolume {
         Ok(volume.block(key))
     }
 
-    /// Brings regions into memory; others may be evicted.
-    ///
-    /// # Errors
-    /// As [`PagedVolume::insert`].
+    /// Brings regions into memory; others may be evicted. Fails as [`PagedVolume::insert`].
     pub(super) fn bring(&mut self, regions: &[Region]) -> Result<&Volume, PageError> {
         if let Some(cache) = &mut self.cache {
             cache.bring(&mut self.resident, Access::Read, regions)?;
@@ -201,10 +172,7 @@ impl PagedVolume {
         Ok(&self.resident)
     }
 
-    /// Brings the regions between two places, in voxels, into memory; others may be evicted.
-    ///
-    /// # Errors
-    /// As [`PagedVolume::insert`].
+    /// As [`PagedVolume::bring`] for the regions between two places, in voxels.
     pub(super) fn bring_between(
         &mut self,
         low: Vector3<f64>,
@@ -232,10 +200,7 @@ impl PagedVolume {
     }
 
     /// Calls `show` with all blocks, `most` at a time (fewer at the end only): those in memory in the
-    /// order of their slots, then those on disk, which stay there.
-    ///
-    /// # Errors
-    /// The error of `show`, or blocks cannot be read from disk.
+    /// order of their slots, then those on disk, which stay there. Stops at the first error.
     pub(super) fn visit<E: From<PageError>>(
         &mut self,
         most: usize,

@@ -70,10 +70,7 @@ pub(super) struct PageFile {
 }
 
 impl PageFile {
-    /// An empty one in a folder, or in the system's temporary one.
-    ///
-    /// # Errors
-    /// No file can be made there.
+    /// An empty one in a folder, or in the system's temporary one, if a file can be made there.
     pub(super) fn new(folder: Option<&Path>) -> io::Result<Self> {
         let folder = folder.map_or_else(std::env::temp_dir, Path::to_owned);
         let file = tempfile::tempfile_in(&folder)?;
@@ -89,16 +86,13 @@ impl PageFile {
         self.end
     }
 
-    /// Stores bytes.
-    ///
-    /// # Errors
-    /// [`PageError::File`]; no page was changed.
+    /// Stores bytes. With [`PageError::File`] no page was changed.
     pub(super) fn put(&mut self, bytes: &[u8]) -> Result<Page, PageError> {
         let length = bytes.len() as u64;
         let room = self.free.iter().find(|&(_, &room)| room >= length);
         let (offset, room) = room.map_or((self.end, None), |(&offset, &room)| (offset, Some(room)));
-        let written =
-            self.file.seek(SeekFrom::Start(offset)).and_then(|_| self.file.write_all(bytes));
+        let sought = self.file.seek(SeekFrom::Start(offset));
+        let written = sought.and_then(|_| self.file.write_all(bytes));
         written.map_err(|error| self.failed("write", offset, bytes.len(), &error))?;
         match room {
             Some(room) => {
@@ -112,16 +106,11 @@ impl PageFile {
         Ok(Page { offset, bytes: bytes.len(), crc: crc32c::crc32c(bytes) })
     }
 
-    /// The bytes of a page.
-    ///
-    /// # Errors
-    /// [`PageError::File`], and [`PageError::Damaged`] where they differ from what was stored.
+    /// The bytes of a page; [`PageError::Damaged`] where they differ from what was stored.
     pub(super) fn read(&mut self, page: &Page) -> Result<Vec<u8>, PageError> {
         let mut bytes = vec![0; page.bytes];
-        let read = self
-            .file
-            .seek(SeekFrom::Start(page.offset))
-            .and_then(|_| self.file.read_exact(&mut bytes));
+        let sought = self.file.seek(SeekFrom::Start(page.offset));
+        let read = sought.and_then(|_| self.file.read_exact(&mut bytes));
         read.map_err(|error| self.failed("read", page.offset, page.bytes, &error))?;
         if crc32c::crc32c(&bytes) != page.crc {
             return Err(self.damaged(page));

@@ -5,11 +5,9 @@
 //! surface's normal to that along the optical axis (7), and whether depth jumps nearby (1). Depth that
 //! is NaN, out of range, or of something that moves counts as none.
 
-use std::ops::{Deref, DerefMut};
-use std::sync::{Mutex, PoisonError};
-
 use super::lanes::{Kernel, Lanes, WIDTH};
 use super::tiles::{NOTHING, Range, TILE, join};
+use super::visibility::NEAREST_M;
 use crate::image::Image;
 
 /// Rows that are packed at a time; a multiple of a tile's.
@@ -38,7 +36,6 @@ pub(super) struct Source<'a> {
     pub(super) color: &'a Image<[u8; 3]>,
     /// Not 0 where something moves, dilated.
     pub(super) moving: Option<&'a Image<u8>>,
-    pub(super) nearest_m: f32,
     pub(super) farthest_m: f32,
     /// Focal lengths and principal point, px; the lens' distortion is too small to matter here.
     pub(super) pinhole: [f32; 4],
@@ -52,7 +49,8 @@ pub(super) struct Scratch {
 }
 
 impl Scratch {
-    fn new(width: usize) -> Self {
+    /// For images this wide.
+    pub(super) fn new(width: usize) -> Self {
         let stride = stride(width) + 2 * MARGIN;
         Self { stride, depth: vec![0.0; stride * (BAND + 2 * BASELINE)] }
     }
@@ -60,55 +58,6 @@ impl Scratch {
     /// Depth of a row of the band, meters, 0 where there is none.
     pub(super) fn row(&self, row: usize) -> &[f32] {
         &self.depth[(row + BASELINE) * self.stride + MARGIN..][..self.stride - 2 * MARGIN]
-    }
-}
-
-/// Scratch buffers that tasks borrow: the first access to fresh memory takes longer than packing a
-/// band.
-#[derive(Debug)]
-pub(super) struct Scratches {
-    width: usize,
-    spare: Mutex<Vec<Scratch>>,
-}
-
-/// A scratch buffer that returns to the pool when it is dropped.
-pub(super) struct Borrowed<'a> {
-    scratch: Scratch,
-    home: &'a Scratches,
-}
-
-impl Scratches {
-    /// Scratch buffers for images this wide.
-    pub(super) fn new(width: usize) -> Self {
-        Self { width, spare: Mutex::default() }
-    }
-
-    /// Takes a free scratch buffer from the pool, or makes one.
-    pub(super) fn borrow(&self) -> Borrowed<'_> {
-        let spare = self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        Borrowed { scratch: spare.unwrap_or_else(|| Scratch::new(self.width)), home: self }
-    }
-}
-
-impl Deref for Borrowed<'_> {
-    type Target = Scratch;
-
-    fn deref(&self) -> &Scratch {
-        &self.scratch
-    }
-}
-
-impl DerefMut for Borrowed<'_> {
-    fn deref_mut(&mut self) -> &mut Scratch {
-        &mut self.scratch
-    }
-}
-
-impl Drop for Borrowed<'_> {
-    fn drop(&mut self) {
-        let scratch =
-            std::mem::replace(&mut self.scratch, Scratch { stride: 0, depth: Vec::new() });
-        self.home.spare.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
     }
 }
 
@@ -146,7 +95,7 @@ impl PackBand<'_> {
     /// Copies the valid depth, with margins of zeros.
     #[inline(always)]
     fn select_depth(&mut self) {
-        let Source { depth_m, moving, nearest_m, farthest_m, .. } = self.source;
+        let Source { depth_m, moving, farthest_m, .. } = self.source;
         let (width, height) = depth_m.size();
         let rows = self.scratch.depth.chunks_exact_mut(self.scratch.stride);
         for (row, out) in rows.enumerate() {
@@ -157,7 +106,7 @@ impl PackBand<'_> {
                 continue;
             }
             for (out, &z) in out.iter_mut().zip(depth_m.row(v)) {
-                *out = if z >= nearest_m && z <= farthest_m { z } else { 0.0 };
+                *out = if z >= NEAREST_M && z <= farthest_m { z } else { 0.0 };
             }
             if let Some(moving) = moving {
                 for (out, &moves) in out.iter_mut().zip(moving.row(v)) {
@@ -300,4 +249,59 @@ fn load<L: Lanes>(l: L, depth: &[f32], at: usize) -> L::F {
 #[inline(always)]
 pub(super) fn take<T>(x: &[T]) -> &[T; WIDTH] {
     &x.as_chunks::<WIDTH>().0[0]
+}
+
+/// 255 within `by` pixels of what is not 0, along rows and columns: a moving object has soft edges and
+/// depth shadows around it.
+pub(super) fn dilated(mask: &Image<u8>, by: usize) -> Image<u8> {
+    let (width, height) = mask.size();
+    let mut wide = Image::filled(width, height, 0);
+    for v in 0..height {
+        let (row, out) = (mask.row(v), wide.row_mut(v));
+        // Counts down the columns that are still within reach of the mask.
+        let mut spread = |columns: &mut dyn Iterator<Item = usize>| {
+            let mut left = 0;
+            for u in columns {
+                left = if row[u] > 0 { by + 1 } else { left };
+                if left > 0 {
+                    out[u] = 255;
+                    left -= 1;
+                }
+            }
+        };
+        spread(&mut (0..width));
+        spread(&mut (0..width).rev());
+    }
+    let mut tall = Image::filled(width, height, 0);
+    for v in 0..height {
+        let out = tall.row_mut(v);
+        for row in v.saturating_sub(by)..(v + by + 1).min(height) {
+            for (out, &value) in out.iter_mut().zip(wide.row(row)) {
+                *out |= value;
+            }
+        }
+    }
+    tall
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pixel_becomes_a_square() {
+        let mut mask = Image::filled(12, 9, 0);
+        mask.set(1, 1, 1);
+        mask.set(9, 5, 255);
+        let wide = dilated(&mask, 2);
+        for v in 0..9_usize {
+            for u in 0..12_usize {
+                let near = |x: usize, y: usize| u.abs_diff(x) <= 2 && v.abs_diff(y) <= 2;
+                let expected = if near(1, 1) || near(9, 5) { 255 } else { 0 };
+                assert_eq!(wide.at(u, v), expected, "{u} {v}");
+            }
+        }
+        let same = dilated(&mask, 0);
+        assert!(same.pixels().iter().zip(mask.pixels()).all(|(a, b)| (*a > 0) == (*b > 0)));
+    }
 }

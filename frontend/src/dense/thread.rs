@@ -122,6 +122,5 @@ fn work(
         let _gone = progress.send((again, all));
     })?;
     let rebuilt = mapper.rebuilt();
-    let volume = mapper.into_volume();
-    Ok(DenseReport { volume, integrate_s, follow_s, skipped, rebuilt })
+    Ok(DenseReport { volume: mapper.volume, integrate_s, follow_s, skipped, rebuilt })
 }

@@ -2,6 +2,8 @@
 //!
 //! Pixels without depth are ignored.
 
+use crate::image::Image;
+
 /// Edge of the smallest tiles, pixels.
 pub(super) const TILE: usize = 8;
 /// A query reads at most this many tiles along each axis, and one more where it crosses a border.
@@ -14,45 +16,49 @@ pub(super) type Range = [f32; 2];
 pub(super) const NOTHING: Range = [f32::INFINITY, 0.0];
 
 /// Ranges of tiles, each level half as wide and high as the one before.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Tiles {
-    levels: Vec<Level>,
-}
-
-#[derive(Clone, Debug, Default)]
-struct Level {
-    width: usize,
-    height: usize,
-    ranges: Vec<Range>,
+    levels: Vec<Image<Range>>,
 }
 
 impl Tiles {
     /// Tiles for images of this size.
     pub(super) fn new(width: usize, height: usize) -> Self {
         let (mut width, mut height) = (width.div_ceil(TILE), height.div_ceil(TILE));
-        let mut levels = vec![Level::new(width, height)];
+        let mut levels = vec![Image::filled(width, height, NOTHING)];
         while width * height > 1 {
             (width, height) = (width.div_ceil(2), height.div_ceil(2));
-            levels.push(Level::new(width, height));
+            levels.push(Image::filled(width, height, NOTHING));
         }
         Self { levels }
     }
 
     /// Tiles along a row.
     pub(super) fn width(&self) -> usize {
-        self.levels[0].width
+        self.levels[0].width()
     }
 
     /// The smallest tiles, row by row.
     pub(super) fn smallest_mut(&mut self) -> &mut [Range] {
-        &mut self.levels[0].ranges
+        self.levels[0].pixels_mut()
     }
 
     /// Makes the coarser levels from the smallest tiles.
     pub(super) fn build(&mut self) {
         for i in 1..self.levels.len() {
             let (finer, coarser) = self.levels.split_at_mut(i);
-            coarser[0].halve(&finer[i - 1]);
+            let (finer, coarser) = (&finer[i - 1], &mut coarser[0]);
+            for y in 0..coarser.height() {
+                for x in 0..coarser.width() {
+                    let mut range = NOTHING;
+                    for row in 2 * y..(2 * y + 2).min(finer.height()) {
+                        for column in 2 * x..(2 * x + 2).min(finer.width()) {
+                            range = join(range, finer.at(column, row));
+                        }
+                    }
+                    coarser.set(x, y, range);
+                }
+            }
         }
     }
 
@@ -64,34 +70,15 @@ impl Tiles {
         while (right - left).max(bottom - top) > ACROSS * edge && level + 1 < self.levels.len() {
             (level, edge) = (level + 1, 2 * edge);
         }
-        let Level { width, height, ranges } = &self.levels[level];
+        let level = &self.levels[level];
+        let (right, bottom) = (right / edge, bottom / edge);
         let mut out = NOTHING;
-        for row in top / edge..=(bottom / edge).min(height - 1) {
-            for range in &ranges[row * width..][left / edge..=(right / edge).min(width - 1)] {
+        for row in top / edge..=bottom.min(level.height() - 1) {
+            for range in &level.row(row)[left / edge..=right.min(level.width() - 1)] {
                 out = join(out, *range);
             }
         }
         out
-    }
-}
-
-impl Level {
-    fn new(width: usize, height: usize) -> Self {
-        Self { width, height, ranges: vec![NOTHING; width * height] }
-    }
-
-    fn halve(&mut self, finer: &Self) {
-        for y in 0..self.height {
-            for x in 0..self.width {
-                let mut range = NOTHING;
-                for row in 2 * y..(2 * y + 2).min(finer.height) {
-                    for column in 2 * x..(2 * x + 2).min(finer.width) {
-                        range = join(range, finer.ranges[row * finer.width + column]);
-                    }
-                }
-                self.ranges[y * self.width + x] = range;
-            }
-        }
     }
 }
 

@@ -2,17 +2,23 @@
 //!
 //! Blocks are in the order of their allocation, except that the last one takes the slot of a removed
 //! block. The order depends on frames and poses alone: results do not depend on hashes or threads.
-//! Independent of cameras.
+//! They are stored in slabs of memory, so that growing moves nothing. Independent of cameras.
 
 use std::collections::HashMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
+use std::ops::{Index, IndexMut};
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
 
 use rayon::prelude::*;
 
 use super::block::{Block, BlockKey, EDGE};
-use super::slab_pool::SLAB;
-pub use super::slabs::Blocks;
-use super::slabs::Slabs;
+
+/// Blocks of a slab: a megabyte.
+const SLAB: usize = 256;
+/// Most slabs that are ready, besides the one being made.
+const AHEAD: usize = 8;
 
 /// The grid's measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,13 +43,8 @@ pub struct Volume {
     options: VolumeOptions,
     slots: HashMap<BlockKey, u32, KeyHashes>,
     keys: Vec<BlockKey>,
-    blocks: Slabs,
-    /// The volume's revision at which each block changed last.
-    changed: Vec<u64>,
-    /// Whether a block may have voxels at a surface or behind it.
-    solid: Vec<bool>,
-    /// Largest color change of each block since it changed last, summed over frames.
-    recolored: Vec<u8>,
+    blocks: Blocks,
+    states: Vec<State>,
     revision: u64,
 }
 
@@ -54,7 +55,7 @@ pub(super) struct State {
     pub(super) changed: u64,
     /// Whether it may have voxels at a surface or behind it.
     pub(super) is_solid: bool,
-    /// Its largest color change since then.
+    /// Its largest color change since then, summed over frames.
     pub(super) recolored: u8,
 }
 
@@ -62,9 +63,7 @@ pub(super) struct State {
 pub(super) struct Piece<'a> {
     pub(super) keys: &'a [BlockKey],
     pub(super) blocks: &'a mut [Block],
-    pub(super) changed: &'a mut [u64],
-    pub(super) solid: &'a mut [bool],
-    pub(super) recolored: &'a mut [u8],
+    pub(super) states: &'a mut [State],
 }
 
 impl Volume {
@@ -75,10 +74,8 @@ impl Volume {
             options,
             slots: HashMap::default(),
             keys: Vec::new(),
-            blocks: Slabs::default(),
-            changed: Vec::new(),
-            solid: Vec::new(),
-            recolored: Vec::new(),
+            blocks: Blocks::default(),
+            states: Vec::new(),
             revision: 0,
         }
     }
@@ -89,7 +86,7 @@ impl Volume {
         let mut volume = Self::new(options);
         volume.slots.reserve(blocks);
         volume.keys.reserve_exact(blocks);
-        volume.changed.reserve_exact(blocks);
+        volume.states.reserve_exact(blocks);
         volume
     }
 
@@ -125,15 +122,15 @@ impl Volume {
 
     /// The blocks, slot by slot.
     #[must_use]
-    pub fn blocks(&self) -> Blocks<'_> {
-        self.blocks.view()
+    pub fn blocks(&self) -> &Blocks {
+        &self.blocks
     }
 
-    /// The revision at which the block of each slot changed last. Invisible changes of color alone do
-    /// not count.
+    /// The revision at which the block in a slot, which must exist, changed last. Invisible changes of
+    /// color alone do not count.
     #[must_use]
-    pub fn changed(&self) -> &[u64] {
-        &self.changed
+    pub fn changed(&self, slot: usize) -> u64 {
+        self.states[slot].changed
     }
 
     /// The slot of a block.
@@ -151,13 +148,8 @@ impl Volume {
     /// Puts a block at a key, replacing any that is there, and returns its slot. This is a new
     /// revision.
     pub fn insert(&mut self, key: BlockKey, block: Block) -> usize {
-        self.revision += 1;
-        let slot = self.slot(key).unwrap_or_else(|| self.allocate(key));
-        self.blocks[slot] = block;
-        self.changed[slot] = self.revision;
-        self.solid[slot] = true;
-        self.recolored[slot] = 0;
-        slot
+        let changed = self.advance();
+        self.put_back(key, block, State { changed, is_solid: true, recolored: 0 })
     }
 
     /// Removes the block at a key and returns whether there was one; the last block moves to its slot.
@@ -167,9 +159,7 @@ impl Volume {
         let slot = slot as usize;
         self.keys.swap_remove(slot);
         self.blocks.swap_remove(slot);
-        self.changed.swap_remove(slot);
-        self.solid.swap_remove(slot);
-        self.recolored.swap_remove(slot);
+        self.states.swap_remove(slot);
         if let Some(moved) = self.keys.get(slot) {
             self.slots.insert(*moved, slot as u32);
         }
@@ -187,22 +177,17 @@ impl Volume {
         self.blocks.capacity()
     }
 
-    /// The state of the block in a slot besides its voxels.
-    pub(super) fn state(&self, slot: usize) -> State {
-        State {
-            changed: self.changed[slot],
-            is_solid: self.solid[slot],
-            recolored: self.recolored[slot],
-        }
+    /// The states of the blocks, slot by slot.
+    pub(super) fn states(&self) -> &[State] {
+        &self.states
     }
 
-    /// Puts a block back at a key, with the state that it had when it was removed.
-    pub(super) fn put_back(&mut self, key: BlockKey, block: &Block, state: State) {
+    /// Puts a block back at a key, with the state that it had when it was removed, and returns its slot.
+    pub(super) fn put_back(&mut self, key: BlockKey, block: Block, state: State) -> usize {
         let slot = self.slot(key).unwrap_or_else(|| self.allocate(key));
-        self.blocks[slot].clone_from(block);
-        let State { changed, is_solid, recolored } = state;
-        (self.changed[slot], self.solid[slot]) = (changed, is_solid);
-        self.recolored[slot] = recolored;
+        self.blocks[slot] = block;
+        self.states[slot] = state;
+        slot
     }
 
     /// An empty block at a key that has none.
@@ -211,9 +196,7 @@ impl Volume {
         self.slots.insert(key, slot as u32);
         self.keys.push(key);
         self.blocks.push();
-        self.changed.push(self.revision);
-        self.solid.push(false);
-        self.recolored.push(0);
+        self.states.push(State { changed: self.revision, is_solid: false, recolored: 0 });
         slot
     }
 
@@ -225,23 +208,137 @@ impl Volume {
 
     /// All slots in pieces of `size`, which divides a slab.
     pub(super) fn pieces_mut(&mut self, size: usize) -> impl ParallelIterator<Item = Piece<'_>> {
-        let states = self.changed.par_chunks_mut(SLAB).zip(self.solid.par_chunks_mut(SLAB));
-        let states = states.zip(self.recolored.par_chunks_mut(SLAB));
-        let slabs = self.keys.par_chunks(SLAB).zip(self.blocks.slabs_mut()).zip(states);
-        slabs.flat_map(move |((keys, slab), ((changed, solid), recolored))| {
+        let slabs = self.keys.par_chunks(SLAB).zip(self.blocks.slabs_mut());
+        let slabs = slabs.zip(self.states.par_chunks_mut(SLAB));
+        slabs.flat_map(move |((keys, slab), states)| {
             let blocks = slab[..keys.len()].par_chunks_mut(size);
-            let states = changed.par_chunks_mut(size).zip(solid.par_chunks_mut(size));
-            let states = states.zip(recolored.par_chunks_mut(size));
-            let pieces = keys.par_chunks(size).zip(blocks).zip(states);
-            pieces.map(|((keys, blocks), ((changed, solid), recolored))| Piece {
-                keys,
-                blocks,
-                changed,
-                solid,
-                recolored,
-            })
+            let pieces = keys.par_chunks(size).zip(blocks).zip(states.par_chunks_mut(size));
+            pieces.map(|((keys, blocks), states)| Piece { keys, blocks, states })
         })
     }
+}
+
+/// Slabs of empty blocks.
+type Slab = Box<[Block]>;
+
+/// The blocks of a volume, slot by slot.
+#[derive(Clone, Debug, Default)]
+pub struct Blocks {
+    slabs: Vec<Slab>,
+    len: usize,
+    /// Slots from here on were never used.
+    used: usize,
+    slab_pool: SlabPool,
+}
+
+impl Blocks {
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// The block in a slot.
+    #[must_use]
+    pub fn get(&self, slot: usize) -> Option<&Block> {
+        (slot < self.len).then(|| &self[slot])
+    }
+
+    /// All of them.
+    pub fn iter(&self) -> impl Iterator<Item = &Block> {
+        (0..self.len).map(|slot| &self[slot])
+    }
+
+    /// Appends an empty block.
+    fn push(&mut self) {
+        if self.len == self.slabs.len() * SLAB {
+            self.slabs.push(self.slab_pool.take());
+        }
+        let slot = self.len;
+        self.len += 1;
+        if slot < self.used {
+            self[slot] = Block::EMPTY;
+        }
+        self.used = self.used.max(self.len);
+    }
+
+    /// Removes the block in a slot, which must exist; the last block moves to its slot.
+    fn swap_remove(&mut self, slot: usize) {
+        self.len -= 1;
+        if slot < self.len {
+            self[slot] = self[self.len].clone();
+        }
+    }
+
+    /// Frees memory that is neither in use nor needed for the first `blocks`.
+    fn shrink_to(&mut self, blocks: usize) {
+        self.slabs.truncate(self.len.max(blocks).div_ceil(SLAB));
+        self.used = self.used.min(self.slabs.len() * SLAB);
+    }
+
+    /// How many blocks there is memory for.
+    #[cfg(test)]
+    fn capacity(&self) -> usize {
+        self.slabs.len() * SLAB
+    }
+
+    /// All blocks, slab by slab. Slots that were not pushed yet are last and must not be changed.
+    fn slabs_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [Block]> {
+        self.slabs.par_iter_mut().map(|slab| &mut slab[..])
+    }
+}
+
+impl Index<usize> for Blocks {
+    type Output = Block;
+
+    fn index(&self, slot: usize) -> &Block {
+        &self.slabs[slot / SLAB][slot % SLAB]
+    }
+}
+
+impl IndexMut<usize> for Blocks {
+    fn index_mut(&mut self, slot: usize) -> &mut Block {
+        &mut self.slabs[slot / SLAB][slot % SLAB]
+    }
+}
+
+/// Slabs that are ready, prepared on a separate thread: the first access to fresh memory costs more than
+/// the work of a frame on it. The thread starts when the first slab is taken and ends with the pool.
+#[derive(Debug, Default)]
+struct SlabPool {
+    /// The mutex is never locked: many threads may read a volume, but only one takes slabs.
+    ready: Mutex<Option<Receiver<Slab>>>,
+}
+
+impl SlabPool {
+    /// Takes a slab that is ready, or makes one.
+    fn take(&mut self) -> Slab {
+        let ready = self.ready.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let ready = ready.get_or_insert_with(|| {
+            let (give, take) = sync_channel(AHEAD);
+            let make = move || while give.send(fresh()).is_ok() {};
+            // Without a thread nothing is ever ready.
+            let _ = thread::Builder::new().name("blocks".to_owned()).spawn(make);
+            take
+        });
+        ready.try_recv().unwrap_or_else(|_| fresh())
+    }
+}
+
+impl Clone for SlabPool {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+fn fresh() -> Slab {
+    vec![Block::EMPTY; SLAB].into_boxed_slice()
 }
 
 /// Hashes of three coordinates: the upper half of a sum of their products with random numbers

@@ -17,41 +17,22 @@ use crate::depth::sigma_m;
 use crate::image::Image;
 use crate::simd::{self, Kernel};
 
-/// Parameters of the comparison.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HistoryOptions {
-    /// How many frames back each witness is.
-    pub lags: [usize; 5],
-    /// How far behind a point free space must reach, meters.
-    pub free_m: f32,
-    /// The same, relative to its depth.
-    pub free_share: f32,
-    /// A mean this far outside the range around a place is another surface, gray levels.
-    pub other_gray: f32,
-    /// Gray levels vote for movement up to this many frames back: the errors of exposure add up.
-    pub other_lag: usize,
-    /// The same surface counts in full from this many frames back on: slow objects seem to stand still.
-    pub full_lag: usize,
-    /// Votes of a witness that saw free space; one that saw the same surface has one vote.
-    pub free_votes: f32,
-    /// Votes of a witness that saw another surface.
-    pub other_votes: f32,
-}
-
-impl Default for HistoryOptions {
-    fn default() -> Self {
-        Self {
-            lags: [2, 5, 10, 18, 30],
-            free_m: 0.05,
-            free_share: 0.03,
-            other_gray: 15.0,
-            other_lag: 10,
-            full_lag: 10,
-            free_votes: 2.0,
-            other_votes: 2.0,
-        }
-    }
-}
+/// How many frames back each witness is.
+const LAGS: [usize; 5] = [2, 5, 10, 18, 30];
+/// How far behind a point free space must reach, meters.
+const FREE_M: f32 = 0.05;
+/// The same, relative to its depth.
+const FREE_SHARE: f32 = 0.03;
+/// A mean this far outside the range around a place is another surface, gray levels.
+const OTHER_GRAY: f32 = 15.0;
+/// Gray levels vote for movement up to this many frames back: the errors of exposure add up.
+const OTHER_LAG: usize = 10;
+/// The same surface counts in full from this many frames back on: slow objects seem to stand still.
+const FULL_LAG: usize = 10;
+/// Votes of a witness that saw free space; one that saw the same surface has one vote.
+const FREE_VOTES: f32 = 2.0;
+/// Votes of a witness that saw another surface.
+const OTHER_VOTES: f32 = 2.0;
 
 /// The ranges of depth and gray level within one cell of each, because edges of depth and of color
 /// differ. In whole millimeters and gray levels, because every keyframe keeps them.
@@ -97,10 +78,18 @@ pub struct Neighbor {
 }
 
 /// The frames of the last second, newest first, and all keyframes.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct History {
+    /// How many frames back each witness is.
+    lags: [usize; 5],
     frames: VecDeque<Snapshot>,
     keyframes: BTreeMap<usize, Image<Around>>,
+}
+
+impl Default for History {
+    fn default() -> Self {
+        Self { lags: LAGS, frames: VecDeque::new(), keyframes: BTreeMap::new() }
+    }
 }
 
 /// The current frame, which is not part of the history yet.
@@ -120,7 +109,7 @@ pub struct Current<'a> {
 
 impl History {
     /// Adds the current frame with the mask of cells that move.
-    pub fn push(&mut self, current: &Current<'_>, moving: &Image<bool>, options: &HistoryOptions) {
+    pub fn push(&mut self, current: &Current<'_>, moving: &Image<bool>) {
         for frame in &mut self.frames {
             frame.exposure = current.exposure.after(&frame.exposure);
         }
@@ -129,7 +118,7 @@ impl History {
             around: around(current.cells, moving),
             exposure: Exposure::SAME,
         });
-        self.frames.truncate(options.lags.iter().copied().max().unwrap_or(1));
+        self.frames.truncate(self.lags.iter().copied().max().unwrap_or(1));
     }
 
     /// Corrects the pose of the newest frame.
@@ -148,14 +137,9 @@ impl History {
 
     /// The votes of earlier frames and of neighboring keyframes on each cell of the current frame.
     #[must_use]
-    pub fn ask(
-        &self,
-        current: &Current<'_>,
-        neighbors: &[Neighbor],
-        options: &HistoryOptions,
-    ) -> Image<Votes> {
+    pub fn ask(&self, current: &Current<'_>, neighbors: &[Neighbor]) -> Image<Votes> {
         let mut votes = current.cells.map(|_| Votes::default());
-        for &lag in &options.lags {
+        for &lag in &self.lags {
             let Some(frame) = lag.checked_sub(1).and_then(|index| self.frames.get(index)) else {
                 continue;
             };
@@ -163,17 +147,17 @@ impl History {
                 around: &frame.around,
                 motion: frame.odom_from_camera.inverse().compose(current.odom_from_camera),
                 exposure: Some(current.exposure.after(&frame.exposure)),
-                other_votes: if lag <= options.other_lag { options.other_votes } else { 0.0 },
-                same_votes: (lag as f32 / options.full_lag as f32).min(1.0),
+                other_votes: if lag <= OTHER_LAG { OTHER_VOTES } else { 0.0 },
+                same_votes: (lag as f32 / FULL_LAG as f32).min(1.0),
             };
-            witness.testify(current, options, &mut votes);
+            witness.testify(current, &mut votes);
         }
         for neighbor in neighbors {
             let Some(around) = self.keyframes.get(&neighbor.keyframe) else { continue };
             let motion = neighbor.keyframe_from_camera;
             let witness =
                 Witness { around, motion, exposure: None, other_votes: 0.0, same_votes: 1.0 };
-            witness.testify(current, options, &mut votes);
+            witness.testify(current, &mut votes);
         }
         votes
     }
@@ -192,10 +176,10 @@ struct Witness<'a> {
 
 impl Witness<'_> {
     /// Adds its votes on each cell.
-    fn testify(&self, current: &Current<'_>, options: &HistoryOptions, votes: &mut Image<Votes>) {
+    fn testify(&self, current: &Current<'_>, votes: &mut Image<Votes>) {
         let warp = CellWarp::new(current.camera, current.rays, &self.motion);
         let places = warp.places(current.cells.pixels().iter().map(|cell| cell.depth_m));
-        simd::run(Testimony { witness: self, places: &places, current, options, votes });
+        simd::run(Testimony { witness: self, places: &places, current, votes });
     }
 
     /// What it saw around a place.
@@ -216,7 +200,6 @@ struct Testimony<'a> {
     witness: &'a Witness<'a>,
     places: &'a Places,
     current: &'a Current<'a>,
-    options: &'a HistoryOptions,
     votes: &'a mut Image<Votes>,
 }
 
@@ -226,10 +209,9 @@ impl Kernel for Testimony<'_> {
     /// Row by row: first looks up what the witness saw, then computes the votes without branches.
     #[inline(always)]
     fn run(self) {
-        let Self { witness, places, current, options, votes } = self;
-        let (options, exposure) = (*options, witness.exposure);
-        let (free_votes, other_votes) = (options.free_votes, witness.other_votes);
-        let same_votes = witness.same_votes;
+        let Self { witness, places, current, votes } = self;
+        let exposure = witness.exposure;
+        let (other_votes, same_votes) = (witness.other_votes, witness.same_votes);
         let columns = votes.width();
         let mut row_around = vec![Around::default(); columns];
         for row in 0..votes.height() {
@@ -241,9 +223,9 @@ impl Kernel for Testimony<'_> {
             let votes = votes.row_mut(row).iter_mut().zip(current.cells.row(row));
             let seen = row_around.iter().zip(&places.depth_m[cells]);
             for ((votes, cell), (around, &expected_m)) in votes.zip(seen) {
-                let look = look(around, cell, expected_m, exposure.as_ref(), &options);
+                let look = look(around, cell, expected_m, exposure.as_ref());
                 let moves = if look.is_other { other_votes } else { 0.0 };
-                votes.moves += if look.is_free { free_votes } else { moves };
+                votes.moves += if look.is_free { FREE_VOTES } else { moves };
                 let stands = look.is_same & !around.is_moving;
                 votes.stands += if stands { same_votes } else { 0.0 };
             }
@@ -262,13 +244,7 @@ struct Look {
 /// Compares a cell with what a witness saw around its place; `expected_m` is the depth that it had
 /// there if it stood still.
 #[inline(always)]
-fn look(
-    around: &Around,
-    cell: &CellView,
-    expected_m: f32,
-    exposure: Option<&Exposure>,
-    options: &HistoryOptions,
-) -> Look {
+fn look(around: &Around, cell: &CellView, expected_m: f32, exposure: Option<&Exposure>) -> Look {
     /// From this mean gray level on, part of a cell may be saturated.
     const BRIGHT: f32 = 245.0;
     let (nearest_m, farthest_m) =
@@ -276,12 +252,12 @@ fn look(
     let (darkest, brightest) = (f32::from(around.darkest), f32::from(around.brightest));
     let is_known = (around.nearest_mm > 0) & (cell.depth_m > 0.0);
     let sigma_m = sigma_m(f64::from(expected_m)) as f32;
-    let margin_m = options.free_m + options.free_share * expected_m + 3.0 * sigma_m;
+    let margin_m = FREE_M + FREE_SHARE * expected_m + 3.0 * sigma_m;
     let is_free = is_known & (nearest_m > expected_m + margin_m);
     let is_there =
         is_known & (expected_m <= farthest_m + margin_m) & (expected_m >= nearest_m - margin_m);
     let is_alike = exposure.is_none_or(|exposure| {
-        let limit = |gray: f32| options.other_gray + exposure.doubt(gray);
+        let limit = |gray: f32| OTHER_GRAY + exposure.doubt(gray);
         cell.is_saturated()
             | (brightest >= BRIGHT)
             | (cell.mean > exposure.apply(darkest) - limit(darkest))
@@ -407,10 +383,9 @@ mod tests {
     fn vote(seen: CellView, was_moving: bool, exposure: Exposure) -> Votes {
         let camera = camera();
         let rays = cell_rays(&camera);
-        let options = HistoryOptions { lags: [10; 5], ..HistoryOptions::default() };
         let wall = rays.map(|_| view(100.0, 2.0));
         let moving = rays.map(|_| was_moving);
-        let mut history = History::default();
+        let mut history = History { lags: [10; 5], ..History::default() };
         let origin = Se3::identity();
         let frame = Current {
             camera: &camera,
@@ -419,11 +394,11 @@ mod tests {
             odom_from_camera: &origin,
             exposure: Exposure::SAME,
         };
-        (0..10).for_each(|_| history.push(&frame, &moving, &options));
+        (0..10).for_each(|_| history.push(&frame, &moving));
         let cells = rays.map(|_| seen);
         let right = Se3::new(origin.rotation, Vector3::new(0.1, 0.0, 0.0));
         let frame = Current { cells: &cells, odom_from_camera: &right, exposure, ..frame };
-        history.ask(&frame, &[], &options).at(20, 15)
+        history.ask(&frame, &[]).at(20, 15)
     }
 
     #[test]
@@ -459,7 +434,6 @@ mod tests {
     fn a_keyframe_says_what_was_free_long_ago() {
         let camera = camera();
         let rays = cell_rays(&camera);
-        let options = HistoryOptions::default();
         let origin = Se3::identity();
         let (wall, chair) = (rays.map(|_| view(100.0, 2.0)), rays.map(|_| view(30.0, 1.2)));
         let frame = Current {
@@ -471,13 +445,13 @@ mod tests {
         };
         let still = rays.map(|_| false);
         let mut history = History::default();
-        history.push(&frame, &still, &options);
+        history.push(&frame, &still);
         history.keep(7);
         let now = Current { cells: &chair, ..frame };
-        (0..40).for_each(|_| history.push(&now, &still, &options));
-        assert_eq!(history.ask(&now, &[], &options).at(20, 15).moves, 0.0);
+        (0..40).for_each(|_| history.push(&now, &still));
+        assert_eq!(history.ask(&now, &[]).at(20, 15).moves, 0.0);
         let neighbor = |keyframe| Neighbor { keyframe, keyframe_from_camera: origin };
-        assert_eq!(history.ask(&now, &[neighbor(7)], &options).at(20, 15).moves, 2.0);
-        assert_eq!(history.ask(&now, &[neighbor(8)], &options).at(20, 15).moves, 0.0);
+        assert_eq!(history.ask(&now, &[neighbor(7)]).at(20, 15).moves, 2.0);
+        assert_eq!(history.ask(&now, &[neighbor(8)]).at(20, 15).moves, 0.0);
     }
 }

@@ -23,25 +23,14 @@ use super::camera::FrameCamera;
 use super::image::Image;
 use cells::{CELL, CellRays, cell_rays, filled_depths, view_cells};
 use gaussian::{CellView, DualMode, GaussianOptions};
-use history::{Current, History, HistoryOptions, Neighbor};
-use regions::{CellEvidence, RegionOptions, moving_cells};
+use history::{Current, History, Neighbor};
+use regions::{BLIND_VOTES, CellEvidence, GRAY_VOTES, moving_cells};
 use warp::{CellWarp, Exposure, carry};
-
-/// Parameters of the detection.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct MotionOptions {
-    /// Of the models.
-    pub gaussian: GaussianOptions,
-    /// Of the comparison with earlier frames.
-    pub history: HistoryOptions,
-    /// Of the regions.
-    pub regions: RegionOptions,
-}
 
 /// Models of the static scene, warped from frame to frame.
 #[derive(Clone, Debug)]
 pub struct MotionDetector {
-    options: MotionOptions,
+    gaussian: GaussianOptions,
     rays: CellRays,
     modes: Image<DualMode>,
     history: History,
@@ -51,10 +40,10 @@ pub struct MotionDetector {
 impl MotionDetector {
     /// A detector without any frame yet.
     #[must_use]
-    pub fn new(camera: &FrameCamera, options: MotionOptions) -> Self {
+    pub fn new(camera: &FrameCamera) -> Self {
         let rays = cell_rays(camera);
         Self {
-            options,
+            gaussian: GaussianOptions::default(),
             modes: rays.map(|_| DualMode::default()),
             rays,
             history: History::default(),
@@ -67,24 +56,25 @@ impl MotionDetector {
     pub fn detect(
         &mut self,
         camera: &FrameCamera,
-        (gray, depth_m): (&Image<u8>, &Image<f32>),
+        gray: &Image<u8>,
+        depth_m: &Image<f32>,
         odom_from_camera: &Se3,
         exposure: Exposure,
         neighbors: &[Neighbor],
     ) -> Image<u8> {
         let views = view_cells(gray, depth_m);
-        let MotionOptions { gaussian, history, regions } = &self.options;
+        let gaussian = &self.gaussian;
         let motion = self.odom_from_camera.inverse().compose(odom_from_camera);
         let warp = CellWarp::new(camera, &self.rays, &motion);
         self.modes = carry(&warp, &self.modes, &filled_depths(&views), exposure, gaussian);
         let current =
             Current { camera, rays: &self.rays, cells: &views, odom_from_camera, exposure };
-        let votes = self.history.ask(&current, neighbors, history);
+        let votes = self.history.ask(&current, neighbors);
         let mut evidence = Image::filled(views.width(), views.height(), CellEvidence::default());
         let cells = self.modes.pixels_mut().iter_mut().zip(evidence.pixels_mut());
         for (i, (modes, evidence)) in cells.enumerate() {
             let (view, mut votes) = (&views.pixels()[i], votes.pixels()[i]);
-            let gray = if view.depth_m > 0.0 { &regions.gray_votes } else { &regions.blind_votes };
+            let gray = if view.depth_m > 0.0 { GRAY_VOTES } else { BLIND_VOTES };
             match modes.is_foreground(view, gaussian) {
                 Some(true) => votes.moves += gray.moves,
                 Some(false) => votes.stands += gray.stands,
@@ -93,9 +83,9 @@ impl MotionDetector {
             modes.update(view, gaussian);
             *evidence = CellEvidence { votes, depth_m: view.depth_m };
         }
-        let moving = moving_cells(&evidence, regions);
+        let moving = moving_cells(&evidence);
         let mask = pixels(&moving, &views, depth_m);
-        self.history.push(&current, &moving, history);
+        self.history.push(&current, &moving);
         self.odom_from_camera = *odom_from_camera;
         mask
     }

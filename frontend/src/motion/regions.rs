@@ -17,61 +17,41 @@ pub struct CellEvidence {
     pub depth_m: f32,
 }
 
-/// Parameters of the regions.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RegionOptions {
-    /// Votes of the Gaussian model of a cell with depth.
-    pub gray_votes: Votes,
-    /// Votes of the Gaussian model of a cell without depth.
-    pub blind_votes: Votes,
-    /// How far votes reach, cells.
-    pub reach: f32,
-    /// Largest step of depth from one cell of a surface to the next, relative.
-    pub depth_step: f32,
-    /// How much of a vote passes between a cell with depth and one without.
-    pub passes_unknown: f32,
-    /// Share of the votes above which a cell moves.
-    pub moves_share: f32,
-    /// Share above which a cell connected to a moving one moves too.
-    pub grows_share: f32,
-    /// Least votes that must reach a moving cell.
-    pub least_votes: f32,
-    /// Least number of cells above `moves_share` in a moving object.
-    pub least_cells: usize,
-}
-
-impl Default for RegionOptions {
-    fn default() -> Self {
-        Self {
-            gray_votes: Votes { moves: 0.5, stands: 0.5 },
-            blind_votes: Votes { moves: 0.3, stands: 1.0 },
-            reach: 4.0,
-            depth_step: 0.02,
-            passes_unknown: 0.1,
-            moves_share: 0.6,
-            grows_share: 0.45,
-            least_votes: 0.2,
-            least_cells: 20,
-        }
-    }
-}
+/// Votes of the Gaussian model of a cell with depth.
+pub(super) const GRAY_VOTES: Votes = Votes { moves: 0.5, stands: 0.5 };
+/// Votes of the Gaussian model of a cell without depth.
+pub(super) const BLIND_VOTES: Votes = Votes { moves: 0.3, stands: 1.0 };
+/// How far votes reach, cells.
+const REACH: f32 = 4.0;
+/// Largest step of depth from one cell of a surface to the next, relative.
+const DEPTH_STEP: f32 = 0.02;
+/// How much of a vote passes between a cell with depth and one without.
+const PASSES_UNKNOWN: f32 = 0.1;
+/// Share of the votes above which a cell moves.
+const MOVES_SHARE: f32 = 0.6;
+/// Share above which a cell connected to a moving one moves too.
+const GROWS_SHARE: f32 = 0.45;
+/// Least votes that must reach a moving cell.
+const LEAST_VOTES: f32 = 0.2;
+/// Least number of cells above [`MOVES_SHARE`] in a moving object.
+const LEAST_CELLS: usize = 20;
 
 /// The cells that move.
 #[must_use]
-pub fn moving_cells(evidence: &Image<CellEvidence>, options: &RegionOptions) -> Image<bool> {
-    let shares = spread(evidence, options).map(|Votes { moves, stands }| {
+pub fn moving_cells(evidence: &Image<CellEvidence>) -> Image<bool> {
+    let shares = spread(evidence).map(|Votes { moves, stands }| {
         let votes = moves + stands;
-        if votes < options.least_votes { 0.0 } else { moves / votes }
+        if votes < LEAST_VOTES { 0.0 } else { moves / votes }
     });
     let (columns, rows) = shares.size();
     let mut moving = shares.map(|_| false);
-    let mut is_left = shares.map(|share| share >= options.grows_share);
+    let mut is_left = shares.map(|share| share >= GROWS_SHARE);
     let mut thing = Vec::new();
     for row in 0..rows {
         for column in 0..columns {
             take_thing(&mut is_left, (column, row), &mut thing);
-            let is_sure = |&&(c, r): &&(usize, usize)| shares.at(c, r) >= options.moves_share;
-            if thing.iter().filter(is_sure).count() >= options.least_cells {
+            let is_sure = |&&(c, r): &&(usize, usize)| shares.at(c, r) >= MOVES_SHARE;
+            if thing.iter().filter(is_sure).count() >= LEAST_CELLS {
                 thing.iter().for_each(|&(c, r)| moving.set(c, r, true));
             }
         }
@@ -106,12 +86,12 @@ fn take_thing(is_left: &mut Image<bool>, start: (usize, usize), thing: &mut Vec<
 }
 
 /// The votes that reach each cell along its surface.
-fn spread(evidence: &Image<CellEvidence>, options: &RegionOptions) -> Image<Votes> {
+fn spread(evidence: &Image<CellEvidence>) -> Image<Votes> {
     /// After two rounds, votes reach about as far across rows as along them.
     const ROUNDS: usize = 2;
     let depths = evidence.map(|cell| cell.depth_m);
     let across = transposed(&depths);
-    let (passes_across, passes_down) = (passes(&across, options), passes(&depths, options));
+    let (passes_across, passes_down) = (passes(&across), passes(&depths));
     let spread = |votes: Image<f32>| {
         (0..ROUNDS).fold(votes, |votes, _| {
             let mut votes = transposed(&votes);
@@ -143,18 +123,18 @@ fn transposed(image: &Image<f32>) -> Image<f32> {
 }
 
 /// The share of a vote that passes between each cell and the one above it.
-fn passes(depths: &Image<f32>, options: &RegionOptions) -> Image<f32> {
+fn passes(depths: &Image<f32>) -> Image<f32> {
     let (columns, rows) = depths.size();
-    let fade = (-1.0 / options.reach).exp();
+    let fade = (-1.0 / REACH).exp();
     let mut passes = Image::filled(columns, rows, 0.0);
     for row in 1..rows {
         let pairs = depths.row(row - 1).iter().zip(depths.row(row));
         for (share, (&a, &b)) in passes.row_mut(row).iter_mut().zip(pairs) {
             *share = match (a > 0.0, b > 0.0) {
-                (true, true) if (a - b).abs() < options.depth_step * a.min(b) => fade,
+                (true, true) if (a - b).abs() < DEPTH_STEP * a.min(b) => fade,
                 (true, true) => 0.0,
                 (false, false) => fade,
-                _ => options.passes_unknown * fade,
+                _ => PASSES_UNKNOWN * fade,
             };
         }
     }
@@ -221,7 +201,7 @@ mod tests {
             let votes = if column < 60 { MOVES } else { Votes::default() };
             CellEvidence { votes, depth_m: 1.2 }
         });
-        let moving = moving_cells(&evidence, &RegionOptions::default());
+        let moving = moving_cells(&evidence);
         for row in 0..80 {
             for column in 0..100 {
                 assert_eq!(moving.at(column, row), is_box(column, row), "{column} {row}");
@@ -232,7 +212,7 @@ mod tests {
     #[test]
     fn a_thing_that_touches_a_still_wall_ends_near_there() {
         let evidence = with_box(|_, _| CellEvidence { votes: MOVES, depth_m: 1.99 });
-        let moving = moving_cells(&evidence, &RegionOptions::default());
+        let moving = moving_cells(&evidence);
         for row in 0..80 {
             for column in 0..100 {
                 let is_deep = (40..60).contains(&column) && (30..50).contains(&row);
@@ -249,23 +229,19 @@ mod tests {
         let mut evidence = wall();
         evidence.set(5, 5, CellEvidence { votes: MOVES, depth_m: 1.2 });
         evidence.set(20, 20, CellEvidence { votes: MOVES, depth_m: 2.0 });
-        let options = RegionOptions::default();
-        assert!(!moving_cells(&evidence, &options).pixels().contains(&true));
+        assert!(!moving_cells(&evidence).pixels().contains(&true));
         let unknown = evidence.map(|_| CellEvidence { depth_m: 1.0, ..CellEvidence::default() });
-        assert!(!moving_cells(&unknown, &options).pixels().contains(&true));
+        assert!(!moving_cells(&unknown).pixels().contains(&true));
     }
 
     #[test]
     fn without_depth_the_votes_of_gray_levels_decide() {
-        let options = RegionOptions::default();
-        let foreground = Votes { stands: 0.0, ..options.blind_votes };
-        let moving = moving_cells(
-            &with_box(|_, _| CellEvidence { votes: foreground, depth_m: 0.0 }),
-            &options,
-        );
+        let foreground = Votes { stands: 0.0, ..BLIND_VOTES };
+        let moving =
+            moving_cells(&with_box(|_, _| CellEvidence { votes: foreground, depth_m: 0.0 }));
         assert!(moving.at(50, 40) && !moving.at(5, 40), "a patch without depth");
-        let background = Votes { moves: 0.0, ..options.blind_votes };
+        let background = Votes { moves: 0.0, ..BLIND_VOTES };
         let still = with_box(|_, _| CellEvidence { votes: background, depth_m: 0.0 });
-        assert!(!moving_cells(&still, &options).pixels().contains(&true));
+        assert!(!moving_cells(&still).pixels().contains(&true));
     }
 }

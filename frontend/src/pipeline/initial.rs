@@ -6,14 +6,11 @@
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector2;
 
-use super::Last;
-use crate::camera::FrameCamera;
-use crate::image::RgbdFrame;
-use crate::input::SensorTiming;
+use super::{CurrentFrame, Motion, Pipeline};
+use crate::image::Image;
 use crate::motion::warp::Exposure;
-use crate::pyramid::Pyramid;
 use crate::shutter::Shutter;
-use crate::tracking::alignment::{Alignment, AlignmentOptions, Reference};
+use crate::tracking::alignment::{Alignment, FINEST, Reference};
 use crate::tracking::rotation::SmallImage;
 use crate::tracking::surfaces::{CurrentDepth, Surfaces};
 
@@ -25,65 +22,65 @@ const GOOD_SHARE: f64 = 0.8;
 /// Below that, its share must exceed the share of the rotation by more than this.
 const CLEAR_SHARE: f64 = 0.2;
 
-/// The pose of a frame relative to the last one.
+/// A. The motion of a frame since the last one.
 pub(super) struct InitialPose {
-    pub(super) last_from_camera: Se3,
+    /// last_from_camera.
+    pub(super) motion: Motion,
     pub(super) exposure: Exposure,
     /// Median residual of the alignment, gray levels.
     pub(super) median_residual: f32,
 }
 
-/// The pose of a frame that was taken `elapsed_s` after the last one.
-pub(super) fn initial_pose(
-    camera: &FrameCamera,
-    last: &Last,
-    pyramid: &Pyramid,
-    frame: &RgbdFrame,
-    timing: &SensorTiming,
-    options: &AlignmentOptions,
-) -> Option<InitialPose> {
-    let elapsed_s = frame.timestamp_s - last.timestamp_s;
-    let (motion, motion_s) = &last.motion;
-    let rate = if *motion_s > 0.0 { 1.0 / motion_s } else { 0.0 };
-    // The last motion continues at the same rate for the elapsed time.
-    let predicted = Se3::exp(&(motion.log() * (elapsed_s * rate))).inverse();
-    let shutter = Shutter::new(camera, &(motion.rotation.log() * rate), timing.readout_s);
-    let is_moving = |pixel: &Vector2<f64>| {
-        let at = |x: f64, size: usize| (x.max(0.0) as usize).min(size - 1);
-        let value = |mask: &crate::image::Image<u8>| {
-            mask.at(at(pixel.x, mask.width()), at(pixel.y, mask.height()))
+impl Pipeline {
+    /// A. The initial pose; `None` where no alignment is found.
+    pub(super) fn initial_pose(&self, frame: &CurrentFrame<'_>) -> Option<InitialPose> {
+        let (last, camera, timing) = (self.last.as_ref()?, &self.camera, &self.options.timing);
+        let seconds = frame.rgbd.timestamp_s - last.timestamp_s;
+        let Motion { first_from_second, seconds: last_s } = &last.motion;
+        let rate = if *last_s > 0.0 { 1.0 / last_s } else { 0.0 };
+        // The last motion continues at the same rate for the elapsed time.
+        let predicted = Se3::exp(&(first_from_second.log() * (seconds * rate))).inverse();
+        let turn_rate = first_from_second.rotation.log() * rate;
+        let shutter = Shutter::new(camera, &turn_rate, timing.readout_s);
+        let is_moving = |pixel: &Vector2<f64>| {
+            let at = |x: f64, size: usize| (x.max(0.0) as usize).min(size - 1);
+            let value =
+                |mask: &Image<u8>| mask.at(at(pixel.x, mask.width()), at(pixel.y, mask.height()));
+            last.moving.as_ref().is_some_and(|mask| value(mask) > 127)
         };
-        last.moving.as_ref().is_some_and(|mask| value(mask) > 127)
-    };
-    let small = SmallImage::new(pyramid);
-    let turned = last.small.rotation_to(&small, camera, &predicted.rotation, is_moving);
-    let turned = turned.map(|rotation| Se3::new(rotation, predicted.translation));
-    let reference = Reference::new(camera, &last.pyramid, &last.points, options);
-    let delay_s = frame.depth_delay_s + timing.depth_late_s;
-    let delay_share = if elapsed_s > 0.0 { delay_s / elapsed_s } else { 0.0 };
-    let current = CurrentDepth { camera, depth_m: &frame.depth_m, delay_share };
-    let mut best: Option<Alignment> = None;
-    for start in turned.into_iter().chain([predicted, Se3::identity()]) {
-        let Some(found) = reference.align((camera, &shutter), pyramid, &start) else { continue };
-        let is_good = found.median_residual < GOOD_RESIDUAL;
-        if best.as_ref().is_none_or(|best| found.median_residual < best.median_residual) {
-            best = Some(found);
+        let small = SmallImage::new(&frame.pyramid);
+        let turned = last.small.rotation_to(&small, camera, &predicted.rotation, is_moving);
+        let turned = turned.map(|rotation| Se3::new(rotation, predicted.translation));
+        let reference = Reference::new(camera, &last.pyramid, &last.points, FINEST);
+        let mut best: Option<Alignment> = None;
+        for start in turned.into_iter().chain([predicted, Se3::identity()]) {
+            let Some(found) = reference.align(camera, &shutter, &frame.pyramid, &start) else {
+                continue;
+            };
+            let is_good = found.median_residual < GOOD_RESIDUAL;
+            if best.as_ref().is_none_or(|best| found.median_residual < best.median_residual) {
+                best = Some(found);
+            }
+            if is_good {
+                break;
+            }
         }
-        if is_good {
-            break;
+        let mut found = best?;
+        let delay_s = frame.rgbd.depth_delay_s + timing.depth_late_s;
+        let delay_share = if seconds > 0.0 { delay_s / seconds } else { 0.0 };
+        let current = CurrentDepth { camera, depth_m: &frame.rgbd.depth_m, delay_share };
+        if let (Some(surfaces), Some(turned)) = (&last.surfaces, &turned)
+            && prefer_turn(surfaces, &current, &found.current_from_reference, turned)
+        {
+            found.current_from_reference = *turned;
         }
+        let first_from_second = found.current_from_reference.inverse();
+        Some(InitialPose {
+            motion: Motion { first_from_second, seconds },
+            exposure: Exposure { gain: found.gain as f32, offset: found.offset as f32 },
+            median_residual: found.median_residual,
+        })
     }
-    let mut found = best?;
-    if let (Some(surfaces), Some(turned)) = (&last.surfaces, &turned)
-        && prefer_turn(surfaces, &current, &found.current_from_reference, turned)
-    {
-        found.current_from_reference = *turned;
-    }
-    Some(InitialPose {
-        last_from_camera: found.current_from_reference.inverse(),
-        exposure: Exposure { gain: found.gain as f32, offset: found.offset as f32 },
-        median_residual: found.median_residual,
-    })
 }
 
 /// Whether surfaces prefer the rotation of the small image, with the predicted translation, to an
@@ -109,6 +106,8 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
+    use crate::camera::FrameCamera;
+    use crate::pyramid::Pyramid;
     use crate::synthetic::{SceneName, Sequence, SequenceOptions};
     use crate::tracking::local_matching::View;
 

@@ -1,12 +1,14 @@
-//! Takes a frame through all stages of tracking.
+//! Takes a frame through the stages of tracking, named as in the paper's section on visual odometry.
 //!
-//! | file | role |
-//! |---|---|
-//! | this | the stages in order; the state between frames |
-//! | `beginning` | the first keyframe |
-//! | `initial` | A. the initial pose |
-//! | `pose` | B. and D.: matches, and the pose that fits the static ones |
-//! | `relocalization` | the pose after tracking was lost |
+//! | stage | file | gives |
+//! |---|---|---|
+//! | A. initial estimate of the pose | `initial` | [`initial::InitialPose`] |
+//! | B. matches of landmarks | `pose` | [`pose::MatchedPose`] |
+//! | C. detection of movement | `movement` | a mask |
+//! | D. pose from the static matches | `pose` | `RefinedPose` |
+//! | keyframe, and what the next frame needs | this | [`Outcome`] |
+//!
+//! `beginning` makes the first keyframe; `relocalization` finds the pose after tracking was lost.
 //!
 //! This is tracking, the first of the paper's four threads. Tracked frames are handed to dense mapping
 //! (`crate::dense::thread`). The server does local mapping and loop closing: keyframes are sent and
@@ -17,6 +19,7 @@
 
 mod beginning;
 mod initial;
+mod movement;
 mod pose;
 mod relocalization;
 #[cfg(test)]
@@ -31,22 +34,19 @@ use super::camera::FrameCamera;
 use super::depth;
 use super::image::{Image, RgbdFrame};
 use super::input::SensorTiming;
-use super::local_map::{Corrections, LocalMap};
-use super::motion::history::Neighbor;
-use super::motion::warp::Exposure;
-use super::motion::{MotionDetector, MotionOptions};
+use super::local_map::{CameraPose, Corrections, LocalMap};
+use super::motion::MotionDetector;
 use super::pyramid::Pyramid;
 use super::shutter::Shutter;
-use super::tracking::alignment::{AlignmentOptions, AlignmentPoint};
-use super::tracking::keyframe::{self, KeyframeOptions, NewKeyframe};
-use super::tracking::local_matching::{Match, MatchOptions, View};
+use super::tracking::alignment::AlignmentPoint;
+use super::tracking::keyframe::{self, NewKeyframe};
+use super::tracking::local_matching::{Match, View};
 use super::tracking::points::select_points;
-use super::tracking::refinement::RefinedPose;
 use super::tracking::rotation::SmallImage;
 use super::tracking::surfaces::Surfaces;
-use beginning::First;
-use initial::InitialPose;
-use pose::{FEW_INLIERS, LEAST_INLIERS, find_pose, pose_without_moving};
+use beginning::FirstFrame;
+use movement::usable_mask;
+use pose::{FEW_INLIERS, LEAST_INLIERS};
 
 /// Levels of the pyramid.
 const LEVELS: usize = 5;
@@ -56,41 +56,19 @@ const KNOWN_TIMES: usize = 5;
 const MOST_COASTED: usize = 5;
 /// An alignment alone gives a pose only below this median residual, gray levels.
 const COASTING_RESIDUAL: f32 = 25.0;
-/// Landmarks that the first keyframe needs.
-const LEAST_LANDMARKS: usize = 50;
-/// A mask that leaves a smaller share of the pixels than this is ignored.
-const LEAST_STILL_SHARE: f64 = 0.25;
-/// Free space is looked up in keyframes that are at least this old, seconds.
-const NEIGHBOR_AGE_S: f64 = 0.7;
-/// How many such keyframes are looked up, and the time between them, seconds.
-const NEIGHBORS: (usize, f64) = (4, 0.5);
-/// Largest rotation to such a keyframe, rad, and how many rad a meter of distance counts as.
-const NEIGHBOR_REACH: (f64, f64) = (0.5, 0.3);
 
-/// Options of all stages.
+/// Options of a pipeline.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PipelineOptions {
-    /// A. Initial pose.
-    pub alignment: AlignmentOptions,
-    /// B. Matching.
-    pub matching: MatchOptions,
-    /// C. Detection of movement; `None` leaves out this stage only.
-    pub motion: Option<MotionOptions>,
-    /// Keyframes.
-    pub keyframes: KeyframeOptions,
+    /// Whether movement is detected; without it only what the user's masks cover is left out.
+    pub removes_motion: bool,
     /// When rows and depth are taken.
     pub timing: SensorTiming,
 }
 
 impl Default for PipelineOptions {
     fn default() -> Self {
-        Self {
-            alignment: AlignmentOptions::default(),
-            matching: MatchOptions::default(),
-            motion: Some(MotionOptions::default()),
-            keyframes: KeyframeOptions::default(),
-            timing: SensorTiming::default(),
-        }
+        Self { removes_motion: true, timing: SensorTiming::default() }
     }
 }
 
@@ -139,8 +117,22 @@ pub struct Outcome {
     pub seconds: StageSeconds,
 }
 
+/// A motion of the camera and how long it took.
+#[derive(Clone, Copy)]
+struct Motion {
+    first_from_second: Se3,
+    /// 0 where the motion is not known.
+    seconds: f64,
+}
+
+impl Motion {
+    fn unknown() -> Self {
+        Self { first_from_second: Se3::identity(), seconds: 0.0 }
+    }
+}
+
 /// The previous frame.
-struct Last {
+struct LastFrame {
     timestamp_s: f64,
     pyramid: Arc<Pyramid>,
     small: SmallImage,
@@ -149,19 +141,65 @@ struct Last {
     /// Present until enough landmarks are known to distinguish the room from what moves in it.
     surfaces: Option<Surfaces>,
     keyframe: usize,
-    world_from_camera: Se3,
-    odom_from_camera: Se3,
-    /// last_from_next, if the camera keeps moving as before, and the duration of the motion, seconds.
-    motion: (Se3, f64),
+    pose: CameraPose,
+    /// The motion that led to it.
+    motion: Motion,
 }
 
 /// The frame that is being tracked.
-struct Now<'a> {
-    frame: &'a RgbdFrame,
+struct CurrentFrame<'a> {
+    rgbd: &'a RgbdFrame,
     pyramid: Arc<Pyramid>,
-    /// Depth at the time of the color image.
-    depth_m: &'a Image<f32>,
+    /// 255 where the user knows that something moves.
+    given_mask: Option<&'a Image<u8>>,
     shutter: Shutter,
+    /// Depth at the time of the color image, where it was taken at another time.
+    synchronized_depth_m: Option<Image<f32>>,
+}
+
+impl<'a> CurrentFrame<'a> {
+    /// A frame whose motion is not known: shutter and depth are not corrected.
+    fn new(rgbd: &'a RgbdFrame, pyramid: Arc<Pyramid>, given_mask: Option<&'a Image<u8>>) -> Self {
+        let (shutter, synchronized_depth_m) = (Shutter::default(), None);
+        Self { rgbd, pyramid, given_mask, shutter, synchronized_depth_m }
+    }
+
+    /// The frame with the shutter and the depth of a camera that moved like this.
+    fn synchronized(self, camera: &FrameCamera, timing: &SensorTiming, motion: &Motion) -> Self {
+        let rate = motion.first_from_second.rotation.log() / motion.seconds;
+        let turned = So3::exp(&(rate * -(self.rgbd.depth_delay_s + timing.depth_late_s)));
+        Self {
+            shutter: Shutter::new(camera, &rate, timing.readout_s),
+            synchronized_depth_m: depth::synchronized(camera, &self.rgbd.depth_m, &turned),
+            ..self
+        }
+    }
+
+    fn depth_m(&self) -> &Image<f32> {
+        self.synchronized_depth_m.as_ref().unwrap_or(&self.rgbd.depth_m)
+    }
+
+    fn view<'v>(&'v self, camera: &'v FrameCamera, moving: Option<&'v Image<u8>>) -> View<'v> {
+        let (pyramid, depth_m) = (&*self.pyramid, self.depth_m());
+        View { camera, pyramid, depth_m, shutter: self.shutter, moving: usable_mask(moving) }
+    }
+}
+
+/// The pose that the stages found, and what it is based on.
+struct FoundPose {
+    pose: CameraPose,
+    motion: Motion,
+    /// None where the pose is from the alignment alone.
+    inliers: Vec<Match>,
+}
+
+/// What the stages found out about a frame.
+struct Findings<'a> {
+    frame: CurrentFrame<'a>,
+    /// `None` where tracking is lost.
+    pose: Option<FoundPose>,
+    moving: Option<Image<u8>>,
+    seconds: StageSeconds,
 }
 
 /// Tracks a sequence.
@@ -170,8 +208,8 @@ pub struct Pipeline {
     options: PipelineOptions,
     map: LocalMap,
     detector: Option<MotionDetector>,
-    first: Option<First>,
-    last: Option<Last>,
+    first: Option<FirstFrame>,
+    last: Option<LastFrame>,
     since_keyframe: usize,
     coasted: usize,
 }
@@ -180,18 +218,10 @@ impl Pipeline {
     /// Starts with an empty map.
     #[must_use]
     pub fn new(camera: FrameCamera, options: PipelineOptions) -> Self {
-        let detector = options.motion.map(|motion| MotionDetector::new(&camera, motion));
+        let detector = options.removes_motion.then(|| MotionDetector::new(&camera));
         let map = LocalMap::default();
-        Self {
-            camera,
-            options,
-            map,
-            detector,
-            first: None,
-            last: None,
-            since_keyframe: 0,
-            coasted: 0,
-        }
+        let (first, last) = (None, None);
+        Self { camera, options, map, detector, first, last, since_keyframe: 0, coasted: 0 }
     }
 
     /// The lens.
@@ -212,7 +242,8 @@ impl Pipeline {
         let before = self.map.keyframes[last.keyframe].world_from_camera;
         self.map.correct(corrections);
         let after = self.map.keyframes[last.keyframe].world_from_camera;
-        last.world_from_camera = after.compose(&before.inverse().compose(&last.world_from_camera));
+        let keyframe_from_camera = before.inverse().compose(&last.pose.world_from_camera);
+        last.pose.world_from_camera = after.compose(&keyframe_from_camera);
     }
 
     /// Tracks the next frame. `mask` is 255 where its user knows that something moves.
@@ -221,259 +252,156 @@ impl Pipeline {
         let mut outcome = Outcome::default();
         if frame.color.size() == self.camera.size() {
             let pyramid = Arc::new(Pyramid::new(frame.gray(), LEVELS));
-            if self.last.is_some() {
-                self.track_next(frame, pyramid, mask, &mut outcome);
-            } else {
-                self.begin(frame, pyramid, mask, &mut outcome);
-            }
+            let mask = mask.filter(|mask| mask.size() == self.camera.size());
+            let frame = CurrentFrame::new(frame, pyramid, mask);
+            outcome = if self.last.is_some() { self.track_next(frame) } else { self.begin(frame) };
         }
         outcome.seconds.track = start.elapsed().as_secs_f64();
         outcome
     }
 
-    /// The shutter of a frame, and its depth at the time of the color image, from a motion that took
-    /// `elapsed_s`. The depth is `None` where it needs no correction.
-    fn synchronize(
-        &self,
-        frame: &RgbdFrame,
-        motion: &Se3,
-        elapsed_s: f64,
-    ) -> (Shutter, Option<Image<f32>>) {
-        let timing = &self.options.timing;
-        let rate = motion.rotation.log() / elapsed_s;
-        let shutter = Shutter::new(&self.camera, &rate, timing.readout_s);
-        let turned = So3::exp(&(rate * -(frame.depth_delay_s + timing.depth_late_s)));
-        (shutter, depth::synchronized(&self.camera, &frame.depth_m, &turned))
+    /// A frame after the first.
+    fn track_next(&mut self, frame: CurrentFrame<'_>) -> Outcome {
+        let first_keyframe = self.begin_again(&frame);
+        let mut findings = self.follow(frame);
+        if findings.pose.is_none() {
+            let CurrentFrame { rgbd, pyramid, given_mask, .. } = findings.frame;
+            let frame = CurrentFrame::new(rgbd, pyramid, given_mask);
+            findings.pose = self.relocalize(&frame, findings.moving.as_ref());
+            findings.frame = frame;
+        }
+        let mut outcome = self.finish(findings, first_keyframe.is_none());
+        outcome.keyframe = outcome.keyframe.or(first_keyframe);
+        outcome
     }
 
-    /// A frame after the first.
-    fn track_next(
-        &mut self,
-        frame: &RgbdFrame,
-        pyramid: Arc<Pyramid>,
-        mask: Option<&Image<u8>>,
-        outcome: &mut Outcome,
-    ) {
-        if let Some(mut first) = self.first.take() {
-            self.begin_again(&mut first, (&pyramid, frame));
-            outcome.keyframe = first.keyframe;
-        }
-        let Some(last) = &self.last else { return };
-        let timing = self.options.timing;
-        let stage = Instant::now();
-        let elapsed_s = frame.timestamp_s - last.timestamp_s;
-        let initial = initial::initial_pose(
-            &self.camera,
-            last,
-            &pyramid,
-            frame,
-            &timing,
-            &self.options.alignment,
-        );
-        outcome.seconds.align = stage.elapsed().as_secs_f64();
-        let Some(InitialPose { last_from_camera, exposure, median_residual }) = initial else {
-            return self.relocalize(frame, pyramid, outcome);
+    /// The stages A to D: the pose of a frame by its motion since the last one.
+    fn follow<'a>(&mut self, frame: CurrentFrame<'a>) -> Findings<'a> {
+        let mut seconds = StageSeconds::default();
+        let mut stage = Instant::now();
+        let initial = self.initial_pose(&frame);
+        seconds.align = stage.elapsed().as_secs_f64();
+        let (Some(last), Some(initial)) = (&self.last, initial) else {
+            return Findings { frame, pose: None, moving: None, seconds };
         };
-        let (world, odom) = (last.world_from_camera, last.odom_from_camera);
-        let (shutter, synchronized) = self.synchronize(frame, &last_from_camera, elapsed_s);
-        let depth_m = synchronized.as_ref().unwrap_or(&frame.depth_m);
-        let start = world.compose(&last_from_camera);
+        let last_pose = last.pose;
+        let start = last_pose.world_from_camera.compose(&initial.motion.first_from_second);
+        let frame = frame.synchronized(&self.camera, &self.options.timing, &initial.motion);
 
-        let stage = Instant::now();
-        let now = Now { frame, pyramid, depth_m, shutter };
-        let given = mask.filter(|mask| mask.size() == self.camera.size());
-        let view = now.view(&self.camera, usable_mask(given));
         // B. Matches on moving objects are still included: only the right pose shows what moves.
-        let found = find_pose(&self.map, &view, &start, &self.options.matching);
-        let (at, matches) =
-            found.map_or((start, Vec::new()), |(found, all)| (found.world_from_camera, all));
-        outcome.seconds.refine = stage.elapsed().as_secs_f64();
+        stage = Instant::now();
+        let view = frame.view(&self.camera, frame.given_mask);
+        let (near, matches) = match pose::match_map(&self.map, &view, &start) {
+            Some(found) => (found.refined.world_from_camera, found.matches),
+            None => (start, Vec::new()),
+        };
+        seconds.refine = stage.elapsed().as_secs_f64();
 
-        let stage = Instant::now();
-        let odom_at = odom.compose(&world.inverse().compose(&at));
-        let images = (&*now.pyramid, depth_m);
-        outcome.moving = self.moving(frame, images, &odom_at, Some((&at, exposure)), mask);
-        outcome.seconds.mask = stage.elapsed().as_secs_f64();
+        stage = Instant::now();
+        let moving = self.detect_movement(&frame, &last_pose.moved_to(&near), initial.exposure);
+        seconds.mask = stage.elapsed().as_secs_f64();
 
-        let stage = Instant::now();
-        let view = now.view(&self.camera, usable_mask(outcome.moving.as_ref()));
-        let matching = &self.options.matching;
-        let refined = pose_without_moving(&mut self.map, &view, matches, &at, matching);
-        outcome.seconds.refine += stage.elapsed().as_secs_f64();
-        let (pose, inliers) = match refined {
+        stage = Instant::now();
+        let view = frame.view(&self.camera, moving.as_ref());
+        let split = pose::without_moving(&view, matches);
+        // Landmarks that move count as new from now on.
+        for found in &split.moving {
+            self.map.landmarks[found.landmark].times_tracked = 0;
+        }
+        let refined = pose::refine_static(&self.map, &view, &split.still, &near);
+        seconds.refine += stage.elapsed().as_secs_f64();
+
+        let found = match refined {
             Some(refined) => {
                 self.coasted = 0;
-                (refined.world_from_camera, refined.inliers)
+                Some((refined.world_from_camera, refined.inliers))
             }
-            None if median_residual < COASTING_RESIDUAL && self.coasted < MOST_COASTED => {
+            None if initial.median_residual < COASTING_RESIDUAL && self.coasted < MOST_COASTED => {
                 self.coasted += 1;
-                (start, Vec::new())
+                Some((start, Vec::new()))
             }
-            None => {
-                let pyramid = Arc::clone(&now.pyramid);
-                return self.relocalize(frame, pyramid, outcome);
-            }
+            None => None,
         };
-        let motion = world.inverse().compose(&pose);
-        let poses = (pose, odom.compose(&motion));
-        self.finish_frame(&now, outcome, poses, (motion, elapsed_s), &inliers, false);
-        outcome.synchronized_depth_m = synchronized;
+        let pose = found.map(|(world_from_camera, inliers)| {
+            let first_from_second =
+                last_pose.world_from_camera.inverse().compose(&world_from_camera);
+            let motion = Motion { first_from_second, ..initial.motion };
+            FoundPose { pose: last_pose.moved_to(&world_from_camera), motion, inliers }
+        });
+        Findings { frame, pose, moving, seconds }
     }
 
-    /// The mask of what moves, as detected at an approximate pose and as given by the user.
-    fn moving(
-        &mut self,
-        frame: &RgbdFrame,
-        (pyramid, depth_m): (&Pyramid, &Image<f32>),
-        odom_from_camera: &Se3,
-        start: Option<(&Se3, Exposure)>,
-        mask: Option<&Image<u8>>,
-    ) -> Option<Image<u8>> {
-        let given = mask.filter(|mask| mask.size() == self.camera.size());
-        let Some(detector) = &mut self.detector else { return given.cloned() };
-        let neighbors = start
-            .map_or_else(Vec::new, |(world, _)| neighbors(&self.map, world, frame.timestamp_s));
-        let exposure = start.map_or(Exposure::SAME, |(_, exposure)| exposure);
-        let images = (pyramid.level(0), depth_m);
-        let mut moving =
-            detector.detect(&self.camera, images, odom_from_camera, exposure, &neighbors);
-        if let Some(given) = given {
-            for (pixel, &given) in moving.pixels_mut().iter_mut().zip(given.pixels()) {
-                *pixel = (*pixel).max(if given > 127 { 255 } else { 0 });
-            }
-        }
-        Some(moving)
-    }
-
-    /// Keeps what the next frame needs; makes the frame a keyframe where one is due.
-    fn finish_frame(
-        &mut self,
-        now: &Now<'_>,
-        outcome: &mut Outcome,
-        (world_from_camera, odom_from_camera): (Se3, Se3),
-        motion: (Se3, f64),
-        inliers: &[Match],
-        is_first: bool,
-    ) {
-        for found in inliers {
+    /// Keeps what the next frame needs; makes the frame a keyframe where it may be one and one is due.
+    fn finish(&mut self, findings: Findings<'_>, may_be_keyframe: bool) -> Outcome {
+        let Findings { frame, pose, moving, seconds } = findings;
+        let Some(FoundPose { pose, motion, inliers }) = pose else {
+            return Outcome { moving, seconds, ..Outcome::default() };
+        };
+        for found in &inliers {
             self.map.landmarks[found.landmark].times_tracked += 1;
         }
-        let options = &self.options.keyframes;
-        let reference = self.last.as_ref().map_or(0, |last| last.keyframe);
         self.since_keyframe += 1;
-        let is_due = is_first
-            || outcome.keyframe.is_none()
+        let is_due = self.last.as_ref().is_none_or(|last| {
+            may_be_keyframe
                 && inliers.len() >= LEAST_INLIERS
-                && self.since_keyframe >= options.least_frames
+                && self.since_keyframe >= keyframe::LEAST_FRAMES
                 && keyframe::is_due(
-                    options,
-                    &self.map.keyframes[reference],
-                    &world_from_camera,
-                    inliers,
-                );
-        let view = now.view(&self.camera, usable_mask(outcome.moving.as_ref()));
-        let timestamp_s = now.frame.timestamp_s;
+                    &self.map.keyframes[last.keyframe],
+                    &pose.world_from_camera,
+                    &inliers,
+                )
+        });
         if let Some(detector) = &mut self.detector {
-            detector.correct_newest(&odom_from_camera);
+            detector.correct_newest(&pose.odom_from_camera);
         }
-        if is_due {
-            self.since_keyframe = 0;
-            let poses = (&world_from_camera, &odom_from_camera);
-            let new = keyframe::add_keyframe(
+        let view = frame.view(&self.camera, moving.as_ref());
+        let timestamp_s = frame.rgbd.timestamp_s;
+        let new = is_due.then(|| {
+            keyframe::add_keyframe(
                 &mut self.map,
                 &view,
-                &now.pyramid,
-                poses,
+                &frame.pyramid,
+                &pose,
                 timestamp_s,
-                inliers,
-                options,
-            );
+                &inliers,
+            )
+        });
+        if let Some(new) = &new {
+            self.since_keyframe = 0;
             if let Some(detector) = &mut self.detector {
                 detector.keep(new.id);
             }
-            outcome.keyframe = Some(new);
         }
-        let keyframe = outcome.keyframe.as_ref().map_or(reference, |new| new.id);
+        let reference = self.last.as_ref().map_or(0, |last| last.keyframe);
+        let keyframe = new.as_ref().map_or(reference, |new| new.id);
         let world_from_keyframe = self.map.keyframes[keyframe].world_from_camera;
-        outcome.tracked = Some(TrackedFrame {
+        let tracked = TrackedFrame {
             timestamp_s,
             keyframe,
-            keyframe_from_camera: world_from_keyframe.inverse().compose(&world_from_camera),
-            world_from_camera,
-            odom_from_camera,
+            keyframe_from_camera: world_from_keyframe.inverse().compose(&pose.world_from_camera),
+            world_from_camera: pose.world_from_camera,
+            odom_from_camera: pose.odom_from_camera,
             inliers: inliers.len(),
-        });
-        let times = |found: &Match| self.map.landmarks[found.landmark].times_tracked;
+        };
+        let times = |found: &&Match| self.map.landmarks[found.landmark].times_tracked;
         let known = inliers.iter().filter(|found| times(found) >= KNOWN_TIMES);
-        self.last = Some(Last {
+        self.last = Some(LastFrame {
             timestamp_s,
-            small: SmallImage::new(&now.pyramid),
-            moving: usable_mask(outcome.moving.as_ref()).cloned(),
+            small: SmallImage::new(&frame.pyramid),
+            moving: view.moving.cloned(),
             points: select_points(&view),
             surfaces: (known.count() < FEW_INLIERS).then(|| Surfaces::new(&view)),
-            pyramid: Arc::clone(&now.pyramid),
+            pyramid: Arc::clone(&frame.pyramid),
             keyframe,
-            world_from_camera,
-            odom_from_camera,
+            pose,
             motion,
         });
-    }
-
-    /// Relocalizes a frame whose motion is not known.
-    fn relocalize(&mut self, frame: &RgbdFrame, pyramid: Arc<Pyramid>, outcome: &mut Outcome) {
-        let now = Now { frame, pyramid, depth_m: &frame.depth_m, shutter: Shutter::default() };
-        let view = now.view(&self.camera, usable_mask(outcome.moving.as_ref()));
-        let Some(start) = relocalization::locate(&self.map, &view) else { return };
-        let refined = find_pose(&self.map, &view, &start, &self.options.matching);
-        let Some((RefinedPose { world_from_camera, inliers, .. }, _)) = refined else { return };
-        if inliers.len() < FEW_INLIERS {
-            return;
-        }
-        let Some(last) = &self.last else { return };
-        // Odometry continues by the motion in the map, without a gap.
-        let motion = last.world_from_camera.inverse().compose(&world_from_camera);
-        let odom_from_camera = last.odom_from_camera.compose(&motion);
-        self.coasted = 0;
-        let poses = (world_from_camera, odom_from_camera);
-        self.finish_frame(&now, outcome, poses, (Se3::identity(), 0.0), &inliers, false);
-    }
-}
-
-impl Now<'_> {
-    fn view<'a>(&'a self, camera: &'a FrameCamera, moving: Option<&'a Image<u8>>) -> View<'a> {
-        let (pyramid, depth_m, shutter) = (&*self.pyramid, self.depth_m, self.shutter);
-        View { camera, pyramid, depth_m, shutter, moving }
-    }
-}
-
-/// The mask, unless it leaves too few pixels for tracking.
-fn usable_mask(moving: Option<&Image<u8>>) -> Option<&Image<u8>> {
-    moving.filter(|mask| {
-        let pixels = mask.pixels();
-        let still = pixels.iter().filter(|&&pixel| pixel <= 127).count();
-        still as f64 >= LEAST_STILL_SHARE * pixels.len() as f64
-    })
-}
-
-/// Older keyframes that show most of what a camera at a pose sees, the closest first.
-fn neighbors(map: &LocalMap, world_from_camera: &Se3, timestamp_s: f64) -> Vec<Neighbor> {
-    let mut all = Vec::new();
-    for (id, keyframe) in map.keyframes.iter().enumerate() {
-        let keyframe_from_camera = keyframe.world_from_camera.inverse().compose(world_from_camera);
-        let distance = keyframe_from_camera.translation.norm();
-        let away = keyframe_from_camera.rotation.log().norm() + NEIGHBOR_REACH.1 * distance;
-        if timestamp_s - keyframe.timestamp_s > NEIGHBOR_AGE_S && away < NEIGHBOR_REACH.0 {
-            all.push((away, Neighbor { keyframe: id, keyframe_from_camera }));
+        Outcome {
+            tracked: Some(tracked),
+            keyframe: new,
+            moving,
+            synchronized_depth_m: frame.synchronized_depth_m,
+            seconds,
         }
     }
-    all.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let time = |neighbor: &Neighbor| map.keyframes[neighbor.keyframe].timestamp_s;
-    let mut chosen: Vec<Neighbor> = Vec::new();
-    for (_, neighbor) in all {
-        let is_apart = |other: &Neighbor| (time(other) - time(&neighbor)).abs() > NEIGHBORS.1;
-        if chosen.len() < NEIGHBORS.0 && chosen.iter().all(is_apart) {
-            chosen.push(neighbor);
-        }
-    }
-    chosen
 }

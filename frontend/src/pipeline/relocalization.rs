@@ -6,11 +6,14 @@
 use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use nalgebra::Vector2;
 
+use super::pose::{FEW_INLIERS, match_map};
+use super::{CurrentFrame, FoundPose, Motion, Pipeline};
 use crate::depth;
 use crate::features::corners::{CornerOptions, detect};
 use crate::features::descriptor::{Describer, Descriptor};
 use crate::features::matching::{MatchOptions, match_mutual};
 use crate::features::rigid_alignment::{AlignmentOptions, Correspondence, align};
+use crate::image::Image;
 use crate::local_map::LocalMap;
 use crate::tracking::local_matching::View;
 
@@ -21,8 +24,28 @@ const LEAST_INLIERS: usize = 15;
 /// Largest reprojection error of an inlier, pixels: depth and color are not synchronized here.
 const REACH_PX: f64 = 5.0;
 
+impl Pipeline {
+    /// The pose of a frame whose motion is not known. Odometry continues by the motion in the map,
+    /// without a gap.
+    pub(super) fn relocalize(
+        &mut self,
+        frame: &CurrentFrame<'_>,
+        moving: Option<&Image<u8>>,
+    ) -> Option<FoundPose> {
+        let view = frame.view(&self.camera, moving);
+        let start = locate(&self.map, &view)?;
+        let refined = match_map(&self.map, &view, &start)?.refined;
+        if refined.inliers.len() < FEW_INLIERS {
+            return None;
+        }
+        let pose = self.last.as_ref()?.pose.moved_to(&refined.world_from_camera);
+        self.coasted = 0;
+        Some(FoundPose { pose, motion: Motion::unknown(), inliers: refined.inliers })
+    }
+}
+
 /// The pose of a frame in the map.
-pub(super) fn locate(map: &LocalMap, view: &View<'_>) -> Option<Se3> {
+fn locate(map: &LocalMap, view: &View<'_>) -> Option<Se3> {
     let gray = view.pyramid.level(0);
     let describer = Describer::new(gray);
     let is_allowed = |u: usize, v: usize| {

@@ -38,24 +38,14 @@ pub struct AlignmentPoint {
     pub point_in_reference: Vector3<f64>,
 }
 
-/// Options of [`Reference::align`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AlignmentOptions {
-    /// The level to begin with.
-    pub coarsest: usize,
-    /// The level to end with.
-    pub finest: usize,
-    /// Most steps on a level.
-    pub max_iterations: usize,
-    /// Fewer visible points than this determine no pose.
-    pub min_points: usize,
-}
-
-impl Default for AlignmentOptions {
-    fn default() -> Self {
-        Self { coarsest: 4, finest: 1, max_iterations: 12, min_points: 25 }
-    }
-}
+/// The level to begin with.
+const COARSEST: usize = 4;
+/// The level on which tracking ends.
+pub const FINEST: usize = 1;
+/// Most steps on a level.
+const MAX_STEPS: usize = 12;
+/// Fewer visible points than this determine no pose.
+const LEAST_POINTS: usize = 25;
 
 /// What an alignment found.
 #[derive(Clone, Debug, PartialEq)]
@@ -78,7 +68,6 @@ pub struct Reference {
     points: Points,
     /// From the coarsest to the finest.
     levels: Vec<Patches>,
-    options: AlignmentOptions,
     focal: f64,
 }
 
@@ -89,21 +78,28 @@ struct State {
     offset: f64,
 }
 
+/// What a level found.
+struct LevelFit {
+    state: State,
+    median_residual: f32,
+    visible: usize,
+}
+
 impl Reference {
-    /// Reads the patches around points of an image.
+    /// Reads the patches around points of an image, on the levels down to `finest`.
     #[must_use]
     pub fn new(
         camera: &FrameCamera,
         reference: &Pyramid,
         points: &[AlignmentPoint],
-        options: &AlignmentOptions,
+        finest: usize,
     ) -> Self {
         let points = Points::new(camera, points);
-        let coarsest = options.coarsest.min(reference.len() - 1);
-        let levels = (options.finest.min(coarsest)..=coarsest).rev();
+        let coarsest = COARSEST.min(reference.len() - 1);
+        let levels = (finest.min(coarsest)..=coarsest).rev();
         let levels = levels.map(|l| Patches::new(reference.level(l), l, &points)).collect();
         let focal = camera.model().fx.max(camera.model().fy);
-        Self { points, levels, options: *options, focal }
+        Self { points, levels, focal }
     }
 
     /// Finds the motion to the current image from `start` on; `None` where too few points are visible
@@ -111,17 +107,20 @@ impl Reference {
     #[must_use]
     pub fn align(
         &self,
-        (camera, shutter): (&FrameCamera, &Shutter),
+        camera: &FrameCamera,
+        shutter: &Shutter,
         current: &Pyramid,
         start: &Se3,
     ) -> Option<Alignment> {
         let mut state = State { pose: *start, gain: 1.0, offset: 0.0 };
-        let mut outcome = None;
+        let mut fit = None;
         for patches in &self.levels {
             let image = current.level(patches.level());
-            outcome = Some(self.align_level((camera, shutter), patches, image, &mut state)?);
+            let found = self.align_level(camera, shutter, patches, image, state)?;
+            state = found.state;
+            fit = Some(found);
         }
-        let (median_residual, visible) = outcome?;
+        let LevelFit { state, median_residual, visible } = fit?;
         Some(Alignment {
             current_from_reference: state.pose,
             gain: state.gain,
@@ -131,30 +130,31 @@ impl Reference {
         })
     }
 
-    /// Iterates until steps are short. Returns the median residual and the number of visible points.
+    /// Iterates on one level until steps are short.
     fn align_level(
         &self,
-        camera: (&FrameCamera, &Shutter),
+        camera: &FrameCamera,
+        shutter: &Shutter,
         patches: &Patches,
         image: &Image<u8>,
-        state: &mut State,
-    ) -> Option<(f32, usize)> {
+        mut state: State,
+    ) -> Option<LevelFit> {
         let sums = |state: &State, scale| {
-            let places = self.points.places(camera, &state.pose);
+            let places = self.points.places(camera, shutter, &state.pose);
             let exposure = (state.gain as f32, state.offset as f32);
             let sums = patches.sums(image, &places, exposure, scale);
-            (sums.visible >= self.options.min_points).then_some(sums)
+            (sums.visible >= LEAST_POINTS).then_some(sums)
         };
         // The first scale is that of the residuals at the start.
-        let first = sums(state, f32::INFINITY)?;
+        let first = sums(&state, f32::INFINITY)?;
         let mut scale_now = residual_scale(median(&first.histogram));
-        let mut now = sums(state, scale_now)?;
+        let mut now = sums(&state, scale_now)?;
         let mut median_now = median(&now.histogram);
         // Pixels of the level that a radian of rotation, or a meter of translation at a meter's
         // distance, moves a point.
         let focal = self.focal / scale(patches.level());
-        for _ in 0..self.options.max_iterations {
-            let step = step(&now, state, scale_now)?;
+        for _ in 0..MAX_STEPS {
+            let step = step(&now, &state, scale_now)?;
             let motion: Vector6<f64> = step.fixed_rows::<6>(0).into();
             let trial = State {
                 pose: state.pose.compose(&Se3::exp(&motion).inverse()),
@@ -167,13 +167,13 @@ impl Reference {
             if median_then > median_now * GROWTH {
                 break;
             }
-            (*state, now, scale_now, median_now) = (trial, then, scale_then, median_then);
+            (state, now, scale_now, median_now) = (trial, then, scale_then, median_then);
             let moved = motion.fixed_rows::<3>(0).norm() + motion.fixed_rows::<3>(3).norm();
             if moved * focal < SHORT_PX {
                 break;
             }
         }
-        Some((median_now, now.visible))
+        Some(LevelFit { state, median_residual: median_now, visible: now.visible })
     }
 }
 

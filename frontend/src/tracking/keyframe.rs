@@ -10,7 +10,7 @@ use super::local_matching::{Match, SIGMA_PX, View};
 use crate::depth;
 use crate::features::corners::{Corner, CornerOptions, detect};
 use crate::features::descriptor::{Describer, Descriptor};
-use crate::local_map::{LocalMap, MapKeyframe, MapLandmark};
+use crate::local_map::{CameraPose, LocalMap, MapKeyframe, MapLandmark};
 use crate::pyramid::Pyramid;
 
 /// Width of the image border without landmarks, pixels: a patch must fit into the image.
@@ -18,27 +18,16 @@ const BORDER_PX: usize = 8;
 /// The assumed distance of a scene without depth, meters.
 const USUAL_DEPTH_M: f64 = 2.0;
 
-/// When to take a keyframe.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct KeyframeOptions {
-    /// Due with fewer matches than this share of the reference keyframe's observations.
-    pub least_share: f64,
-    /// Due after a rotation by more than this, radians.
-    pub angle_rad: f64,
-    /// Due after a translation by more than this share of the scene's distance.
-    pub distance_share: f64,
-    /// Never due earlier than this after the last one, frames.
-    pub least_frames: usize,
-    /// Side of a cell, pixels; each cell may add one landmark.
-    pub cell_px: usize,
-}
-
-impl Default for KeyframeOptions {
-    fn default() -> Self {
-        let angle_rad = 8.0_f64.to_radians();
-        Self { least_share: 0.6, angle_rad, distance_share: 0.08, least_frames: 3, cell_px: 20 }
-    }
-}
+/// Due with fewer matches than this share of the reference keyframe's observations.
+const LEAST_SHARE: f64 = 0.6;
+/// Due after a rotation by more than this, radians.
+const ANGLE_RAD: f64 = 8.0_f64.to_radians();
+/// Due after a translation by more than this share of the scene's distance.
+const DISTANCE_SHARE: f64 = 0.08;
+/// Never due earlier than this after the last one, frames.
+pub(crate) const LEAST_FRAMES: usize = 3;
+/// Side of a cell, pixels; each cell may add one landmark.
+const CELL_PX: usize = 20;
 
 /// A landmark that a keyframe adds.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,20 +57,15 @@ pub struct NewKeyframe {
 
 /// Whether a frame should become a keyframe.
 #[must_use]
-pub fn is_due(
-    options: &KeyframeOptions,
-    reference: &MapKeyframe,
-    world_from_camera: &Se3,
-    inliers: &[Match],
-) -> bool {
+pub fn is_due(reference: &MapKeyframe, world_from_camera: &Se3, inliers: &[Match]) -> bool {
     let motion = reference.world_from_camera.inverse().compose(world_from_camera);
     let mut depths: Vec<f64> = inliers.iter().filter_map(|found| Some(found.depth_m?.0)).collect();
     depths.sort_by(f64::total_cmp);
     let median_depth_m = depths.get(depths.len() / 2).copied().unwrap_or(USUAL_DEPTH_M);
     let share = inliers.len() as f64 / reference.observations.len().max(1) as f64;
-    share < options.least_share
-        || motion.rotation.log().norm() > options.angle_rad
-        || motion.translation.norm() > options.distance_share * median_depth_m
+    share < LEAST_SHARE
+        || motion.rotation.log().norm() > ANGLE_RAD
+        || motion.translation.norm() > DISTANCE_SHARE * median_depth_m
 }
 
 /// Adds a keyframe to the map, with a landmark in each cell that has a corner and no match.
@@ -89,11 +73,11 @@ pub fn add_keyframe(
     map: &mut LocalMap,
     view: &View<'_>,
     pyramid: &Arc<Pyramid>,
-    (world_from_camera, odom_from_camera): (&Se3, &Se3),
+    pose: &CameraPose,
     timestamp_s: f64,
     matches: &[Match],
-    options: &KeyframeOptions,
 ) -> NewKeyframe {
+    let CameraPose { world_from_camera, odom_from_camera } = *pose;
     let id = map.keyframes.len();
     let describer = Describer::new(view.pyramid.level(0));
     let describe = |pixel: &Vector2<f64>| describer.describe(pixel.x as f32, pixel.y as f32);
@@ -103,7 +87,7 @@ pub fn add_keyframe(
         map.landmarks[found.landmark].observations.push((id, found.pixel));
         observations.push((*found, describe(&found.pixel)));
     }
-    for (pixel, z) in free_corners(view, matches, options.cell_px) {
+    for (pixel, z) in free_corners(view, matches) {
         let ray = view.shutter.ray(view.camera, &pixel);
         let point_in_world = world_from_camera.transform(&(ray * z));
         let straight = view.shutter.straightened(view.camera, &pixel);
@@ -122,31 +106,20 @@ pub fn add_keyframe(
     map.keyframes.push(MapKeyframe {
         timestamp_s,
         pyramid: Arc::clone(pyramid),
-        world_from_camera: *world_from_camera,
+        world_from_camera,
         observations: observations.iter().map(|(o, _)| (o.landmark, o.pixel)).collect(),
     });
-    NewKeyframe {
-        id,
-        timestamp_s,
-        world_from_camera: *world_from_camera,
-        odom_from_camera: *odom_from_camera,
-        landmarks,
-        observations,
-    }
+    NewKeyframe { id, timestamp_s, world_from_camera, odom_from_camera, landmarks, observations }
 }
 
 /// Corners with their depths, at most one in each cell without a match: only on surfaces, and where
 /// nothing moves.
 #[must_use]
-pub fn free_corners(
-    view: &View<'_>,
-    matches: &[Match],
-    cell_px: usize,
-) -> Vec<(Vector2<f64>, f64)> {
+pub fn free_corners(view: &View<'_>, matches: &[Match]) -> Vec<(Vector2<f64>, f64)> {
     let gray = view.pyramid.level(0);
-    let columns = gray.width().div_ceil(cell_px);
-    let mut is_taken = vec![false; columns * gray.height().div_ceil(cell_px)];
-    let cell = |u: usize, v: usize| v / cell_px * columns + u / cell_px;
+    let columns = gray.width().div_ceil(CELL_PX);
+    let mut is_taken = vec![false; columns * gray.height().div_ceil(CELL_PX)];
+    let cell = |u: usize, v: usize| v / CELL_PX * columns + u / CELL_PX;
     for found in matches {
         is_taken[cell(found.pixel.x as usize, found.pixel.y as usize)] = true;
     }
@@ -155,7 +128,8 @@ pub fn free_corners(
             && depth::on_surface(view.depth_m, u, v).is_some()
             && !view.is_moving(&Vector2::new(u as f64, v as f64))
     };
-    let options = CornerOptions { cell_px, border_px: BORDER_PX, ..CornerOptions::default() };
+    let options =
+        CornerOptions { cell_px: CELL_PX, border_px: BORDER_PX, ..CornerOptions::default() };
     let corners = detect(gray, &options, is_allowed);
     let with_depth = |corner: Corner| {
         let pixel = Vector2::new(corner.u as f64, corner.v as f64);

@@ -31,24 +31,12 @@ const LEVELS: usize = 2;
 /// Candidates that are tried in a cell.
 const TRIES: usize = 3;
 
-/// Options of [`match_landmarks`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MatchOptions {
-    /// Keyframes of the local map.
-    pub keyframes: usize,
-    /// Side of a cell, pixels.
-    pub cell_px: usize,
-    /// Most matches.
-    pub most: usize,
-    /// The finest level on which patches are searched for; coarser ones reach farther.
-    pub finest: usize,
-}
-
-impl Default for MatchOptions {
-    fn default() -> Self {
-        Self { keyframes: 10, cell_px: 10, most: 400, finest: 0 }
-    }
-}
+/// Keyframes of the local map.
+const KEYFRAMES: usize = 10;
+/// Side of a cell, pixels.
+const CELL_PX: usize = 10;
+/// Most matches.
+const MOST: usize = 400;
 
 /// A landmark found in the current frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -109,23 +97,24 @@ struct Candidate {
     depth_m: f64,
 }
 
-/// Searches for the landmarks of the local map.
+/// Searches for the landmarks of the local map. `finest` is the finest level on which patches are
+/// searched for; coarser ones reach farther.
 pub fn match_landmarks(
     view: &View<'_>,
     map: &LocalMap,
     world_from_camera: &Se3,
-    options: &MatchOptions,
+    finest: usize,
 ) -> Vec<Match> {
     let camera_from_world = world_from_camera.inverse();
-    let local = overlapping(view.camera, map, &camera_from_world, options.keyframes);
-    let cells = candidates(view, map, &local, &camera_from_world, options);
-    let mut matches = Vec::with_capacity(options.most);
+    let local = overlapping(view.camera, map, &camera_from_world);
+    let cells = candidates(view, map, &local, &camera_from_world);
+    let mut matches = Vec::with_capacity(MOST);
     for cell in spread(cells.len()) {
-        if matches.len() >= options.most {
+        if matches.len() >= MOST {
             break;
         }
         for candidate in cells[cell].iter().take(TRIES) {
-            if let Some(found) = find(view, map, candidate, world_from_camera, options.finest) {
+            if let Some(found) = find(view, map, candidate, world_from_camera, finest) {
                 matches.push(found);
                 break;
             }
@@ -137,12 +126,7 @@ pub fn match_landmarks(
 }
 
 /// The keyframes with the largest overlap with the frame, largest first.
-fn overlapping(
-    camera: &FrameCamera,
-    map: &LocalMap,
-    camera_from_world: &Se3,
-    most: usize,
-) -> Vec<usize> {
+fn overlapping(camera: &FrameCamera, map: &LocalMap, camera_from_world: &Se3) -> Vec<usize> {
     let mut shares = Vec::new();
     for (id, keyframe) in map.keyframes.iter().enumerate() {
         let stride = (keyframe.observations.len() / SAMPLES).max(1);
@@ -159,7 +143,7 @@ fn overlapping(
     }
     // Of two with equal overlap the newer one is first.
     shares.sort_unstable_by(|a, b| b.cmp(a));
-    shares.into_iter().take(most).map(|(_, id)| id).collect()
+    shares.into_iter().take(KEYFRAMES).map(|(_, id)| id).collect()
 }
 
 /// The candidates of each cell, the landmark seen most often first.
@@ -168,11 +152,10 @@ fn candidates(
     map: &LocalMap,
     local: &[usize],
     camera_from_world: &Se3,
-    options: &MatchOptions,
 ) -> Vec<Vec<Candidate>> {
     let (width, height) = view.camera.size();
-    let columns = width.div_ceil(options.cell_px);
-    let rows = height.div_ceil(options.cell_px);
+    let columns = width.div_ceil(CELL_PX);
+    let rows = height.div_ceil(CELL_PX);
     let mut cells: Vec<Vec<Candidate>> = Vec::new();
     cells.resize_with(columns * rows, Vec::new);
     let mut is_taken = vec![false; map.landmarks.len()];
@@ -188,7 +171,7 @@ fn candidates(
                 continue;
             }
             let (column, row) = (expected.x as usize, expected.y as usize);
-            let cell = row / options.cell_px * columns + column / options.cell_px;
+            let cell = row / CELL_PX * columns + column / CELL_PX;
             let times_seen = landmark.observations.len();
             cells[cell].push(Candidate { landmark: id, expected, times_seen, depth_m: point.z });
         }

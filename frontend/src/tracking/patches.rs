@@ -66,7 +66,8 @@ impl Points {
     /// Projects the points into a camera at a pose.
     pub(super) fn places(
         &self,
-        (camera, shutter): (&FrameCamera, &Shutter),
+        camera: &FrameCamera,
+        shutter: &Shutter,
         current_from_reference: &Se3,
     ) -> Places {
         let rotation = current_from_reference.rotation.matrix();

@@ -3,7 +3,7 @@
 use covis_solvers::geometry::{LieGroup, PinholeRadialTangential, Se3, So3};
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use super::alignment::{AlignmentOptions, Reference};
+use super::alignment::{FINEST, Reference};
 use super::local_matching::View;
 use super::patch_match::WarpedPatch;
 use super::points::select_points;
@@ -56,10 +56,9 @@ fn alignment_recovers_a_known_motion_to_a_milliradian_and_a_millimeter() {
     let points = select_points(&view(&camera, &pyramids[0], &frames[0].depth_m));
     assert!(points.len() > 100, "{} points", points.len());
     let truth = sequence.world_from_camera(8).inverse().compose(&sequence.world_from_camera(0));
-    let options = AlignmentOptions { finest: 0, ..AlignmentOptions::default() };
     let still = Shutter::default();
-    let reference = Reference::new(&camera, &pyramids[0], &points, &options);
-    let found = reference.align((&camera, &still), &pyramids[1], &Se3::identity()).unwrap();
+    let reference = Reference::new(&camera, &pyramids[0], &points, 0);
+    let found = reference.align(&camera, &still, &pyramids[1], &Se3::identity()).unwrap();
     let error = truth.inverse().compose(&found.current_from_reference);
     let (angle, distance) = (error.rotation.log().norm(), error.translation.norm());
     let moved = truth.translation.norm();
@@ -77,9 +76,8 @@ fn alignment_tells_a_change_of_exposure_from_a_motion() {
     let points = select_points(&view(&camera, &pyramids[0], &frames[0].depth_m));
     let truth = sequence.world_from_camera(3).inverse().compose(&sequence.world_from_camera(0));
     let still = Shutter::default();
-    let options = AlignmentOptions::default();
-    let reference = Reference::new(&camera, &pyramids[0], &points, &options);
-    let found = reference.align((&camera, &still), &pyramids[1], &Se3::identity()).unwrap();
+    let reference = Reference::new(&camera, &pyramids[0], &points, FINEST);
+    let found = reference.align(&camera, &still, &pyramids[1], &Se3::identity()).unwrap();
     let error = truth.inverse().compose(&found.current_from_reference);
     assert!((found.gain - 0.8).abs() < 0.02 && (found.offset - 30.0).abs() < 3.0, "{found:?}");
     assert!(error.rotation.log().norm() < 2e-3 && error.translation.norm() < 4e-3, "{error:?}");
@@ -94,9 +92,8 @@ fn too_few_points_and_flat_images_have_no_alignment() {
         (Pyramid::new(frame.gray(), 4), Pyramid::new(Image::filled(320, 240, 0), 4));
     let points = select_points(&view(&camera, &pyramid, &frame.depth_m));
     let still = Shutter::default();
-    let options = AlignmentOptions::default();
-    let few = Reference::new(&camera, &pyramid, &points[..5], &options);
-    assert_eq!(few.align((&camera, &still), &pyramid, &Se3::identity()), None);
+    let few = Reference::new(&camera, &pyramid, &points[..5], FINEST);
+    assert_eq!(few.align(&camera, &still, &pyramid, &Se3::identity()), None);
     // No point is selected in a black image.
     assert!(select_points(&view(&camera, &black, &frame.depth_m)).is_empty());
     let no_depth = Image::filled(320, 240, 0.0);

@@ -7,14 +7,13 @@
 //! written out; a landmark leaves only L, g_l and D behind.
 
 use crate::interrupt::Interrupt;
-use crate::lanes::models::LaneModel;
 use crate::simd::{Kernel, Lanes, Line, WIDTH};
 
 use super::blocks::{Block, ViewVector};
 use super::covisible::{ChunkPairs, NO_SLOT};
 use super::landmarks::{LandmarkGroup, TileLandmarks};
 use super::layout::Layout;
-use super::observe::{Inputs, linearize};
+use super::observe::{Inputs, Linearized, Use, linearize};
 use super::sorted::{Chunk, GROUPS, Tile};
 
 /// A row of so many pairs of a landmark takes some ten microseconds.
@@ -122,9 +121,9 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> ChunkSums<D
 }
 
 /// The pass over one chunk.
-pub(super) struct Accumulate<'a, M, const D: usize, const V: usize, const T: usize, const R: usize>
+pub(super) struct Accumulate<'a, const D: usize, const V: usize, const T: usize, const R: usize>
 {
-    pub(super) inputs: Inputs<'a, M>,
+    pub(super) inputs: Inputs<'a>,
     pub(super) layout: &'a Layout,
     pub(super) chunk: &'a Chunk,
     /// `None`: only the diagonal of the reduced system.
@@ -137,8 +136,8 @@ pub(super) struct Accumulate<'a, M, const D: usize, const V: usize, const T: usi
     pub(super) groups: &'a mut [LandmarkGroup],
 }
 
-impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize> Kernel
-    for Accumulate<'_, M, D, V, T, R>
+impl<const D: usize, const V: usize, const T: usize, const R: usize> Kernel
+    for Accumulate<'_, D, V, T, R>
 {
     type Output = ();
 
@@ -155,7 +154,9 @@ impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usiz
             }
             let first = tile.observations.start;
             for o in tile.observations.clone().step_by(WIDTH) {
-                self.observe(l, o, o - first);
+                let scratch = &mut self.sums.scratch;
+                let tile = Observe::<D, V, T, R> { scratch, slot: o - first };
+                linearize::<L, _, D, R>(l, &self.inputs, o, tile);
             }
             let groups = (t - chunk.tiles.start) * GROUPS;
             let groups = &mut self.groups[groups..groups + GROUPS];
@@ -173,14 +174,18 @@ impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usiz
     }
 }
 
-impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize>
-    Accumulate<'_, M, D, V, T, R>
+/// Eight observations into the tile, at `slot`.
+struct Observe<'a, const D: usize, const V: usize, const T: usize, const R: usize> {
+    scratch: &'a mut Scratch<V, T, R>,
+    slot: usize,
+}
+
+impl<L: Lanes, const D: usize, const V: usize, const T: usize, const R: usize> Use<L, R>
+    for Observe<'_, D, V, T, R>
 {
-    /// Eight observations into the tile, at `slot`.
     #[inline(always)]
-    fn observe<L: Lanes>(&mut self, l: L, first: usize, slot: usize) {
-        let lin = linearize::<L, M, R>(l, &self.inputs, first);
-        let scratch = &mut self.sums.scratch;
+    fn take(self, l: L, lin: &Linearized<L, R>) {
+        let Self { scratch, slot } = self;
         for r in 0..R {
             for v in 0..V {
                 let mut columns = [l.splat(0.0); WIDTH];
@@ -201,9 +206,13 @@ impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usiz
             }
             l.store(lin.residual[r], &mut eight.residual[r]);
         }
-        scratch.landmarks.observe::<L, R>(l, &lin, slot);
+        scratch.landmarks.observe::<L, R>(l, lin, slot);
     }
+}
 
+impl<const D: usize, const V: usize, const T: usize, const R: usize>
+    Accumulate<'_, D, V, T, R>
+{
     /// G, M and r − G y of eight observations.
     #[inline(always)]
     fn whiten<L: Lanes>(&mut self, l: L, tile: &Tile, first: usize, index: usize) {

@@ -4,14 +4,13 @@
 //! which is cheaper than reading them back from memory.
 
 use crate::interrupt::Interrupt;
-use crate::lanes::models::LaneModel;
 use crate::loss::Loss;
 use crate::simd::{Kernel, Lanes, WIDTH};
 
 use super::blocks::ViewVector;
 use super::landmarks::{LandmarkGroup, Rows};
 use super::layout::Layout;
-use super::observe::{Inputs, Linearized, eight_indices, linearize, squared_errors};
+use super::observe::{Inputs, Linearized, Use, eight_indices, linearize, squared_errors};
 use super::sorted::{Chunk, GROUPS};
 
 /// What the landmark steps of a chunk add to the step's figures.
@@ -63,13 +62,12 @@ pub(super) fn along<L: Lanes, const D: usize, const V: usize, const T: usize, co
 /// Landmark steps of one chunk.
 pub(super) struct BackSubstitute<
     'a,
-    M,
     const D: usize,
     const V: usize,
     const T: usize,
     const R: usize,
 > {
-    pub(super) inputs: Inputs<'a, M>,
+    pub(super) inputs: Inputs<'a>,
     pub(super) layout: &'a Layout,
     pub(super) chunk: &'a Chunk,
     pub(super) damping: f64,
@@ -83,8 +81,8 @@ pub(super) struct BackSubstitute<
     pub(super) interrupt: &'a Interrupt,
 }
 
-impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize> Kernel
-    for BackSubstitute<'_, M, D, V, T, R>
+impl<const D: usize, const V: usize, const T: usize, const R: usize> Kernel
+    for BackSubstitute<'_, D, V, T, R>
 {
     type Output = StepSums;
 
@@ -100,10 +98,10 @@ impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usiz
             }
             let first = tile.observations.start;
             for o in tile.observations.clone().step_by(WIDTH) {
-                let lin = linearize::<L, M, R>(l, &self.inputs, o);
                 let views = eight_indices(&sorted.views, o);
-                let along = along::<L, D, V, T, R>(l, &lin, self.view_steps, views);
-                rows.put(l, o - first, 0, lin.onto_landmark(l, along));
+                let steps = self.view_steps;
+                let part = LandmarkPart::<D, V, T> { steps, views, slot: o - first, rows: &mut rows };
+                linearize::<L, _, D, R>(l, &self.inputs, o, part);
             }
             rows.sum(l, sorted, &tile);
             let groups = (t - self.chunk.tiles.start) * GROUPS;
@@ -141,13 +139,31 @@ impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usiz
     }
 }
 
+/// J_lᵀ J_v δ_v of eight observations, into `slot` of `rows`.
+struct LandmarkPart<'a, const D: usize, const V: usize, const T: usize> {
+    steps: &'a [ViewVector<V, T>],
+    views: &'a [u32; WIDTH],
+    slot: usize,
+    rows: &'a mut Rows<1>,
+}
+
+impl<L: Lanes, const D: usize, const V: usize, const T: usize, const R: usize> Use<L, R>
+    for LandmarkPart<'_, D, V, T>
+{
+    #[inline(always)]
+    fn take(self, l: L, lin: &Linearized<L, R>) {
+        let along = along::<L, D, V, T, R>(l, lin, self.steps, self.views);
+        self.rows.put(l, self.slot, 0, lin.onto_landmark(l, along));
+    }
+}
+
 /// ½ Σ ρ of one chunk; infinite where an observation has no finite residual.
-pub(super) struct Cost<'a, M, const R: usize> {
-    pub(super) inputs: Inputs<'a, M>,
+pub(super) struct Cost<'a, const R: usize> {
+    pub(super) inputs: Inputs<'a>,
     pub(super) chunk: &'a Chunk,
 }
 
-impl<M: LaneModel, const R: usize> Kernel for Cost<'_, M, R> {
+impl<const R: usize> Kernel for Cost<'_, R> {
     type Output = f64;
 
     #[inline(always)]
@@ -157,7 +173,7 @@ impl<M: LaneModel, const R: usize> Kernel for Cost<'_, M, R> {
         let mut rest = 0.0;
         let mut row = [0.0; WIDTH];
         for first in self.chunk.observations.clone().step_by(WIDTH) {
-            let squared = squared_errors::<L, M, R>(l, &self.inputs, first);
+            let squared = squared_errors::<L, R>(l, &self.inputs, first);
             let lanes = self.chunk.observations.end - first;
             if loss == Loss::Trivial && lanes >= WIDTH {
                 total = l.add(total, squared);

@@ -7,7 +7,6 @@
 use rayon::prelude::*;
 
 use crate::interrupt::Interrupt;
-use crate::lanes::models::LaneModel;
 use crate::linear::{BlockJacobi, BlockMatrix, LinearError, Pcg};
 use crate::simd::Class;
 
@@ -25,8 +24,8 @@ const FORCING: f64 = 0.1;
 const MAX_PRODUCTS: usize = 500;
 
 /// The linearization that is multiplied with.
-pub(super) struct Linearization<'a, M> {
-    pub(super) inputs: Inputs<'a, M>,
+pub(super) struct Linearization<'a> {
+    pub(super) inputs: Inputs<'a>,
     pub(super) layout: &'a Layout,
     pub(super) class: Class,
     /// First unknown of each block.
@@ -61,9 +60,9 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Iterative<D
     }
 
     /// Solves (S + λD) x = g; returns the relative residual.
-    pub(super) fn solve<M: LaneModel>(
+    pub(super) fn solve(
         &mut self,
-        linearization: &Linearization<'_, M>,
+        linearization: &Linearization<'_>,
         diagonal: &BlockMatrix,
         g: &[f64],
         x: &mut [f64],
@@ -97,7 +96,7 @@ pub(super) fn gather<const V: usize, const T: usize>(
     }
 }
 
-impl<M: LaneModel> Linearization<'_, M> {
+impl Linearization<'_> {
     fn multiply<const D: usize, const V: usize, const T: usize, const R: usize>(
         &self,
         p: &[f64],
@@ -113,7 +112,7 @@ impl<M: LaneModel> Linearization<'_, M> {
         let vectors = vectors.as_slice();
         layout.chunks().par_iter().zip(sums.par_iter_mut()).for_each(|(chunk, sums)| {
             let groups = &groups[chunk.tiles.start * GROUPS..chunk.tiles.end * GROUPS];
-            class.run(Product::<M, D, V, T, R> {
+            class.run(Product::<D, V, T, R> {
                 inputs,
                 layout,
                 chunk,

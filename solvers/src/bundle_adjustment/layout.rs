@@ -38,6 +38,8 @@ pub(super) struct View {
 #[derive(Debug)]
 pub(super) struct Layout {
     pub(super) views: Vec<View>,
+    /// The camera of each view.
+    pub(super) view_cameras: Vec<u32>,
     /// Whether each view touches the reduced system.
     pub(super) active: Vec<bool>,
     /// Size of each block.
@@ -57,6 +59,7 @@ impl Layout {
         let (views, view_of) = number_views(problem);
         let mut layout = Self {
             views: Vec::new(),
+            view_cameras: views.iter().map(|&(_, camera)| camera).collect(),
             active: Vec::new(),
             block_sizes: Vec::new(),
             pose_block: vec![NO_BLOCK; problem.poses.len()],

@@ -25,13 +25,13 @@ use std::time::Instant;
 
 use crate::geometry::Camera;
 use crate::interrupt::Interrupt;
-use crate::lanes::models::{AnyLanes, LaneModel, PinholeLanes, SnavelyLanes};
 use crate::optimizer::{self, Observer, SolveSummary, Unmoved, minimize_until, with_threads};
 use crate::price::{Limits, Price};
 use crate::problem::{BundleProblem, SolveError};
 pub use crate::simd::Class;
 
 use layout::Layout;
+use observe::Model;
 use price::Costs;
 use reduced_solver::plan;
 use system::{BundleSystem, cost_of};
@@ -164,10 +164,10 @@ trait Run {
 
     fn problem(&self) -> &BundleProblem;
 
-    fn run<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize>(
+    fn run<const D: usize, const V: usize, const T: usize, const R: usize>(
         self,
         layout: &Layout,
-        model: M,
+        model: Model,
     ) -> Result<Self::Output, SolveError>;
 }
 
@@ -175,27 +175,21 @@ trait Run {
 fn dispatch<W: Run>(layout: &Layout, work: W) -> Result<W::Output, SolveError> {
     let problem = work.problem();
     let all = |is: fn(&Camera) -> bool| problem.cameras.iter().all(is);
-    let snavely = all(|c| matches!(c, Camera::Snavely(_)));
-    let pinhole = all(|c| matches!(c, Camera::Pinhole(_)));
     let depth = !problem.depth_reprojections.is_empty();
     let known = layout.camera_parameters == 0;
-    if snavely && !depth && known {
-        work.run::<_, 6, 1, 0, 2>(layout, SnavelyLanes)
-    } else if snavely && !depth {
-        work.run::<_, 9, 1, 1, 2>(layout, SnavelyLanes)
-    } else if pinhole && known && !depth {
-        work.run::<_, 6, 1, 0, 2>(layout, PinholeLanes)
-    } else if pinhole && known {
-        work.run::<_, 6, 1, 0, 3>(layout, PinholeLanes)
+    let model = if all(|c| matches!(c, Camera::Snavely(_))) {
+        Model::Snavely
+    } else if known && all(|c| matches!(c, Camera::Pinhole(_))) {
+        Model::Pinhole
     } else {
-        let view_cameras: Vec<u32> = layout.views.iter().map(|v| v.camera).collect();
-        let model = AnyLanes { view_cameras: &view_cameras };
-        match (known, depth) {
-            (true, false) => work.run::<_, 6, 1, 0, 2>(layout, model),
-            (true, true) => work.run::<_, 6, 1, 0, 3>(layout, model),
-            (false, false) => work.run::<_, 15, 2, 0, 2>(layout, model),
-            (false, true) => work.run::<_, 15, 2, 0, 3>(layout, model),
-        }
+        Model::Any
+    };
+    match (known, depth) {
+        (true, false) => work.run::<6, 1, 0, 2>(layout, model),
+        (true, true) => work.run::<6, 1, 0, 3>(layout, model),
+        (false, false) if model == Model::Snavely => work.run::<9, 1, 1, 2>(layout, model),
+        (false, false) => work.run::<15, 2, 0, 2>(layout, model),
+        (false, true) => work.run::<15, 2, 0, 3>(layout, model),
     }
 }
 
@@ -215,16 +209,16 @@ impl Run for Solve<'_, '_> {
         self.problem
     }
 
-    fn run<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize>(
+    fn run<const D: usize, const V: usize, const T: usize, const R: usize>(
         self,
         layout: &Layout,
-        model: M,
+        model: Model,
     ) -> Result<BundleSummary, SolveError> {
         let Self { problem, options, start, interrupt, observer } = self;
         let class = options.class.unwrap_or_else(Class::detect);
         let choice = (options.linear_solver, class);
         let limits = Limits { ceiling: options.optimizer.ceiling, interrupt };
-        let system = BundleSystem::<M, D, V, T, R>::new(problem, layout, model, choice, limits);
+        let system = BundleSystem::<D, V, T, R>::new(problem, layout, model, choice, limits);
         let run = (start, interrupt);
         let (solve, linear_solver) = match system {
             Ok(mut system) => {
@@ -234,7 +228,7 @@ impl Run for Solve<'_, '_> {
                 (solve, linear_solver)
             }
             Err(SolveError::Interrupted) => {
-                let mut start = Unmoved(cost_of::<M, R>(problem, layout, (model, class)));
+                let mut start = Unmoved(cost_of::<R>(problem, layout, (model, class)));
                 let solve = minimize_until(&mut start, &options.optimizer, run, observer);
                 (solve, options.linear_solver)
             }
@@ -258,10 +252,10 @@ impl Run for Estimate<'_> {
         self.problem
     }
 
-    fn run<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize>(
+    fn run<const D: usize, const V: usize, const T: usize, const R: usize>(
         self,
         layout: &Layout,
-        _model: M,
+        _model: Model,
     ) -> Result<Price, SolveError> {
         let problem = self.problem;
         let costs = Costs::of::<D, V, T, R>(problem, layout);

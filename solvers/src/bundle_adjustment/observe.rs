@@ -7,9 +7,9 @@
 
 use super::sorted::Sorted;
 use crate::geometry::{Camera, Se3};
-use crate::lanes::models::{LaneModel, PARAMETERS};
+use crate::lanes::models::{AnyLanes, LaneModel, LanePoints, PARAMETERS, PinholeLanes, SnavelyLanes};
 use crate::loss::Loss;
-use crate::simd::{Lanes, Row, WIDTH};
+use crate::simd::{Lanes, Part, Row, WIDTH};
 
 /// A view as the kernels read it: R by rows (9), c (3), camera parameters (9), padding.
 pub(super) type ViewRecord = [Row; 3];
@@ -33,16 +33,36 @@ pub(super) fn view_record(pose: &Se3, camera: &Camera) -> ViewRecord {
     record
 }
 
+/// Which formulas project the observations of a problem.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Model {
+    /// Every camera is [`Camera::Snavely`].
+    Snavely,
+    /// Every camera is [`Camera::Pinhole`] and known.
+    Pinhole,
+    /// Any cameras.
+    Any,
+}
+
 /// What all kernels read.
 #[derive(Clone, Copy)]
-pub(super) struct Inputs<'a, M> {
+pub(super) struct Inputs<'a> {
     pub(super) sorted: &'a Sorted,
     pub(super) records: &'a [ViewRecord],
     pub(super) cameras: &'a [Camera],
     /// Four numbers a landmark, in sorted order: x, y, z and one that is not read; padded by four.
     pub(super) points: &'a [f64],
     pub(super) loss: Loss,
-    pub(super) model: M,
+    pub(super) model: Model,
+    /// The camera of each view.
+    pub(super) view_cameras: &'a [u32],
+}
+
+impl<'a> Inputs<'a> {
+    #[inline(always)]
+    fn any(&self) -> AnyLanes<'a> {
+        AnyLanes { view_cameras: self.view_cameras }
+    }
 }
 
 /// The Jacobians of eight observations, R rows each.
@@ -111,8 +131,16 @@ struct Seen<L: Lanes> {
     views: [u32; WIDTH],
 }
 
+impl<L: Lanes> Seen<L> {
+    #[inline(always)]
+    fn points<'a>(&'a self, cameras: &'a [Camera]) -> LanePoints<'a, L> {
+        let Self { point, parameters, views, .. } = self;
+        LanePoints { point, parameters, views, cameras }
+    }
+}
+
 #[inline(always)]
-fn look<L: Lanes, M: LaneModel>(l: L, inputs: &Inputs<'_, M>, first: usize) -> Seen<L> {
+fn look<L: Lanes, M: LaneModel>(l: L, inputs: &Inputs<'_>, first: usize) -> Seen<L> {
     let sorted = inputs.sorted;
     let views = eight_indices(&sorted.views, first);
     let a = gather(l, inputs.records, views, 0);
@@ -142,15 +170,33 @@ fn look<L: Lanes, M: LaneModel>(l: L, inputs: &Inputs<'_, M>, first: usize) -> S
 
 /// Σ of squared whitened residuals of eight observations, before the loss.
 #[inline(always)]
-pub(super) fn squared_errors<L: Lanes, M: LaneModel, const R: usize>(
+pub(super) fn squared_errors<L: Lanes, const R: usize>(
     l: L,
-    inputs: &Inputs<'_, M>,
+    inputs: &Inputs<'_>,
     first: usize,
 ) -> L::V {
-    let seen = look(l, inputs, first);
-    let projection =
-        inputs.model.project(l, inputs.cameras, &seen.views, &seen.point, &seen.parameters);
-    let residual = whitened::<L, M, R>(l, inputs, first, &projection.pixel, seen.point[2]);
+    match inputs.model {
+        Model::Snavely if R == 2 => errors_of::<L, _, R>(l, inputs, first, SnavelyLanes),
+        Model::Pinhole => errors_of::<L, _, R>(l, inputs, first, PinholeLanes),
+        _ => errors_of::<L, _, R>(l, inputs, first, inputs.any()),
+    }
+}
+
+#[inline(always)]
+fn errors_of<L: Lanes, M: LaneModel, const R: usize>(
+    l: L,
+    inputs: &Inputs<'_>,
+    first: usize,
+    model: M,
+) -> L::V {
+    let seen = look::<L, M>(l, inputs, first);
+    let projection = model.project(l, seen.points(inputs.cameras));
+    let residual = whitened::<L, R>(l, inputs, first, &projection.pixel, seen.point[2]);
+    squared_norm(l, &residual)
+}
+
+#[inline(always)]
+fn squared_norm<L: Lanes, const R: usize>(l: L, residual: &[L::V; R]) -> L::V {
     let mut sum = l.mul(residual[0], residual[0]);
     for r in &residual[1..] {
         sum = l.fma(*r, *r, sum);
@@ -159,9 +205,9 @@ pub(super) fn squared_errors<L: Lanes, M: LaneModel, const R: usize>(
 }
 
 #[inline(always)]
-fn whitened<L: Lanes, M: LaneModel, const R: usize>(
+fn whitened<L: Lanes, const R: usize>(
     l: L,
-    inputs: &Inputs<'_, M>,
+    inputs: &Inputs<'_>,
     first: usize,
     pixel: &[L::V; 2],
     depth: L::V,
@@ -179,72 +225,102 @@ fn whitened<L: Lanes, M: LaneModel, const R: usize>(
     residual
 }
 
-/// Residuals and Jacobians of eight observations, weighted by √ρ'.
+/// What a kernel does with the Jacobians of eight observations.
+pub(super) trait Use<L: Lanes, const R: usize> {
+    /// Must be `#[inline(always)]`, as a kernel's `run`.
+    fn take(self, l: L, lin: &Linearized<L, R>);
+}
+
+/// Linearizes eight observations with D columns a view, weighted by √ρ', and hands them to `user`.
+///
+/// Each written-out model has code of its own in a kernel, so that its Jacobians stay in registers;
+/// all others share a call, whose cost is small beside theirs.
 #[inline(always)]
-pub(super) fn linearize<L: Lanes, M: LaneModel, const R: usize>(
+pub(super) fn linearize<L: Lanes, U: Use<L, R>, const D: usize, const R: usize>(
     l: L,
-    inputs: &Inputs<'_, M>,
+    inputs: &Inputs<'_>,
     first: usize,
-) -> Linearized<L, R> {
-    let seen = look(l, inputs, first);
-    let projection =
-        inputs.model.project(l, inputs.cameras, &seen.views, &seen.point, &seen.parameters);
-    let mut residual = whitened::<L, M, R>(l, inputs, first, &projection.pixel, seen.point[2]);
-    let mut weight = l.load(eight(&inputs.sorted.weights, first));
-    let mut depth_weight = weight;
-    if R > 2 {
-        depth_weight = l.load(eight(&inputs.sorted.depth_weights, first));
+    user: U,
+) {
+    match inputs.model {
+        Model::Snavely if R == 2 && D < 15 => {
+            user.take(l, &Linearize::<_, R> { inputs, first, model: SnavelyLanes }.run(l));
+        }
+        Model::Pinhole if D == 6 => {
+            user.take(l, &Linearize::<_, R> { inputs, first, model: PinholeLanes }.run(l));
+        }
+        _ => user.take(l, &l.call(Linearize::<_, R> { inputs, first, model: inputs.any() })),
     }
-    if inputs.loss != Loss::Trivial {
-        let mut sum = l.mul(residual[0], residual[0]);
-        for r in &residual[1..] {
-            sum = l.fma(*r, *r, sum);
+}
+
+/// The Jacobians of eight observations by one camera model.
+struct Linearize<'a, M, const R: usize> {
+    inputs: &'a Inputs<'a>,
+    first: usize,
+    model: M,
+}
+
+impl<L: Lanes, M: LaneModel, const R: usize> Part<L> for Linearize<'_, M, R> {
+    type Output = Linearized<L, R>;
+
+    #[inline(always)]
+    fn run(self, l: L) -> Linearized<L, R> {
+        let Self { inputs, first, model } = self;
+        let seen = look::<L, M>(l, inputs, first);
+        let projection = model.project(l, seen.points(inputs.cameras));
+        let mut residual = whitened::<L, R>(l, inputs, first, &projection.pixel, seen.point[2]);
+        let mut weight = l.load(eight(&inputs.sorted.weights, first));
+        let mut depth_weight = weight;
+        if R > 2 {
+            depth_weight = l.load(eight(&inputs.sorted.depth_weights, first));
         }
-        let mut roots = [0.0; WIDTH];
-        l.store(sum, &mut roots);
-        for root in &mut roots {
-            *root = inputs.loss.evaluate(*root).weight.sqrt();
-        }
-        let root = l.load(&roots);
-        weight = l.mul(weight, root);
-        depth_weight = l.mul(depth_weight, root);
-        for r in &mut residual {
-            *r = l.mul(*r, root);
-        }
-    }
-    let zero = l.splat(0.0);
-    let mut out = Linearized {
-        residual,
-        pose: [[zero; 6]; R],
-        camera: [[zero; PARAMETERS]; R],
-        landmark: [[zero; 3]; R],
-    };
-    let [px, py, pz] = seen.point;
-    for r in 0..R {
-        let j = if r < 2 {
-            let d = &projection.d_point[r];
-            [l.mul(d[0], weight), l.mul(d[1], weight), l.mul(d[2], weight)]
-        } else {
-            [zero, zero, depth_weight]
-        };
-        out.pose[r] = [
-            l.sub(zero, j[0]),
-            l.sub(zero, j[1]),
-            l.sub(zero, j[2]),
-            l.fnma(j[2], py, l.mul(j[1], pz)),
-            l.fnma(j[0], pz, l.mul(j[2], px)),
-            l.fnma(j[1], px, l.mul(j[0], py)),
-        ];
-        for c in 0..3 {
-            let m = &seen.rotation;
-            let part = l.mul(j[0], m[c]);
-            out.landmark[r][c] = l.fma(j[2], m[6 + c], l.fma(j[1], m[3 + c], part));
-        }
-        if r < 2 {
-            for c in 0..PARAMETERS {
-                out.camera[r][c] = l.mul(projection.d_parameters[r][c], weight);
+        if inputs.loss != Loss::Trivial {
+            let mut roots = [0.0; WIDTH];
+            l.store(squared_norm(l, &residual), &mut roots);
+            for root in &mut roots {
+                *root = inputs.loss.evaluate(*root).weight.sqrt();
+            }
+            let root = l.load(&roots);
+            weight = l.mul(weight, root);
+            depth_weight = l.mul(depth_weight, root);
+            for r in &mut residual {
+                *r = l.mul(*r, root);
             }
         }
+        let zero = l.splat(0.0);
+        let mut out = Linearized {
+            residual,
+            pose: [[zero; 6]; R],
+            camera: [[zero; PARAMETERS]; R],
+            landmark: [[zero; 3]; R],
+        };
+        let [px, py, pz] = seen.point;
+        for r in 0..R {
+            let j = if r < 2 {
+                let d = &projection.d_point[r];
+                [l.mul(d[0], weight), l.mul(d[1], weight), l.mul(d[2], weight)]
+            } else {
+                [zero, zero, depth_weight]
+            };
+            out.pose[r] = [
+                l.sub(zero, j[0]),
+                l.sub(zero, j[1]),
+                l.sub(zero, j[2]),
+                l.fnma(j[2], py, l.mul(j[1], pz)),
+                l.fnma(j[0], pz, l.mul(j[2], px)),
+                l.fnma(j[1], px, l.mul(j[0], py)),
+            ];
+            for c in 0..3 {
+                let m = &seen.rotation;
+                let part = l.mul(j[0], m[c]);
+                out.landmark[r][c] = l.fma(j[2], m[6 + c], l.fma(j[1], m[3 + c], part));
+            }
+            if r < 2 {
+                for c in 0..PARAMETERS {
+                    out.camera[r][c] = l.mul(projection.d_parameters[r][c], weight);
+                }
+            }
+        }
+        out
     }
-    out
 }

@@ -6,14 +6,13 @@
 //! A chunk sums into its own views; the sums are added in the chunks' order.
 
 use crate::interrupt::Interrupt;
-use crate::lanes::models::LaneModel;
 use crate::simd::{Kernel, Lanes, Line, WIDTH};
 
 use super::back_substitute::along;
 use super::blocks::ViewVector;
 use super::landmarks::{LandmarkGroup, Rows};
 use super::layout::Layout;
-use super::observe::{Inputs, Linearized, eight_indices, linearize};
+use super::observe::{Inputs, Linearized, Use, eight_indices, linearize};
 use super::sorted::{Chunk, GROUPS};
 
 /// What a chunk adds to a product, and its tile.
@@ -58,8 +57,8 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> ProductSums
 }
 
 /// The product of one chunk.
-pub(super) struct Product<'a, M, const D: usize, const V: usize, const T: usize, const R: usize> {
-    pub(super) inputs: Inputs<'a, M>,
+pub(super) struct Product<'a, const D: usize, const V: usize, const T: usize, const R: usize> {
+    pub(super) inputs: Inputs<'a>,
     pub(super) layout: &'a Layout,
     pub(super) chunk: &'a Chunk,
     /// [`GROUPS`] for each tile of the chunk.
@@ -71,8 +70,8 @@ pub(super) struct Product<'a, M, const D: usize, const V: usize, const T: usize,
     pub(super) interrupt: &'a Interrupt,
 }
 
-impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize> Kernel
-    for Product<'_, M, D, V, T, R>
+impl<const D: usize, const V: usize, const T: usize, const R: usize> Kernel
+    for Product<'_, D, V, T, R>
 {
     type Output = ();
 
@@ -88,11 +87,10 @@ impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usiz
             let first = tile.observations.start;
             let eights = sums.eights.iter_mut();
             for (o, eight) in tile.observations.clone().step_by(WIDTH).zip(eights) {
-                let lin = linearize::<L, M, R>(l, &inputs, o);
                 let views = eight_indices(&sorted.views, o);
-                let along = along::<L, D, V, T, R>(l, &lin, vectors, views);
-                eight.set(l, &lin, along);
-                sums.rows.put(l, o - first, 0, lin.onto_landmark(l, along));
+                let rows = &mut sums.rows;
+                let tile = Along::<D, V, T, R> { vectors, views, eight, slot: o - first, rows };
+                linearize::<L, _, D, R>(l, &inputs, o, tile);
             }
             sums.rows.sum(l, sorted, &tile);
             let groups = &groups[(t - chunk.tiles.start) * GROUPS..];
@@ -113,6 +111,26 @@ impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usiz
                 eight.scatter(l, rest, &sorted.locals[o..o + lanes], &mut sums.views);
             }
         }
+    }
+}
+
+/// Jacobians and J_v p_v of eight observations, into `slot` of the tile.
+struct Along<'a, const D: usize, const V: usize, const T: usize, const R: usize> {
+    vectors: &'a [ViewVector<V, T>],
+    views: &'a [u32; WIDTH],
+    eight: &'a mut Eight<D, R>,
+    slot: usize,
+    rows: &'a mut Rows<1>,
+}
+
+impl<L: Lanes, const D: usize, const V: usize, const T: usize, const R: usize> Use<L, R>
+    for Along<'_, D, V, T, R>
+{
+    #[inline(always)]
+    fn take(self, l: L, lin: &Linearized<L, R>) {
+        let along = along::<L, D, V, T, R>(l, lin, self.vectors, self.views);
+        self.eight.set(l, lin, along);
+        self.rows.put(l, self.slot, 0, lin.onto_landmark(l, along));
     }
 }
 

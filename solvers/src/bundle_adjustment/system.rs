@@ -15,7 +15,7 @@ use super::covisible::ChunkPairs;
 use super::iterative::{Iterative, Linearization, gather, split_groups};
 use super::landmarks::LandmarkGroup;
 use super::layout::{Layout, NO_BLOCK, View};
-use super::observe::{Inputs, ViewRecord, view_record};
+use super::observe::{Inputs, Model, ViewRecord, view_record};
 use super::pose_factors;
 use super::price::Costs;
 use super::reduce::{ReducedVectors, Reduction};
@@ -23,7 +23,6 @@ use super::reduced_solver::{Choice, choose};
 use super::sorted::{GROUPS, split};
 use crate::geometry::{Camera, LieGroup, Se3};
 use crate::interrupt::Interrupt;
-use crate::lanes::models::LaneModel;
 use crate::linear::{BlockMatrix, Cholesky, LinearError};
 use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale};
 use crate::price::Limits;
@@ -33,10 +32,9 @@ use crate::simd::Class;
 /// Numbers of a landmark in the kernels' order: x, y, z and one of padding.
 const POINT: usize = 4;
 
-/// D columns a view in V vectors and T tails, R rows an observation, camera model M.
+/// D columns a view in V vectors and T tails, R rows an observation.
 pub(super) struct BundleSystem<
     'a,
-    M,
     const D: usize,
     const V: usize,
     const T: usize,
@@ -44,7 +42,7 @@ pub(super) struct BundleSystem<
 > {
     problem: &'a mut BundleProblem,
     layout: &'a Layout,
-    model: M,
+    model: Model,
     class: Class,
     interrupt: &'a Interrupt,
     linear_solver: LinearSolver,
@@ -88,10 +86,10 @@ fn records(problem: &BundleProblem, layout: &Layout) -> impl Iterator<Item = Vie
 }
 
 /// The cost of a problem for which there is no system, to the bit what the system says.
-pub(super) fn cost_of<M: LaneModel, const R: usize>(
+pub(super) fn cost_of<const R: usize>(
     problem: &BundleProblem,
     layout: &Layout,
-    (model, class): (M, Class),
+    (model, class): (Model, Class),
 ) -> f64 {
     let records: Vec<ViewRecord> = records(problem, layout).collect();
     let points = points_in_order(problem, layout);
@@ -102,9 +100,10 @@ pub(super) fn cost_of<M: LaneModel, const R: usize>(
         points: &points,
         loss: problem.observation_loss,
         model,
+        view_cameras: &layout.view_cameras,
     };
     let chunks = layout.chunks().par_iter();
-    let sums: Vec<f64> = chunks.map(|chunk| class.run(Cost::<M, R> { inputs, chunk })).collect();
+    let sums: Vec<f64> = chunks.map(|chunk| class.run(Cost::<R> { inputs, chunk })).collect();
     sums.iter().sum::<f64>() + pose_factors::cost(problem)
 }
 
@@ -124,13 +123,13 @@ struct Values {
     points: Vec<f64>,
 }
 
-impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize>
-    BundleSystem<'a, M, D, V, T, R>
+impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
+    BundleSystem<'a, D, V, T, R>
 {
     pub(super) fn new(
         problem: &'a mut BundleProblem,
         layout: &'a Layout,
-        model: M,
+        model: Model,
         (wish, class): (LinearSolver, Class),
         limits: Limits<'a>,
     ) -> Result<Self, SolveError> {
@@ -190,7 +189,7 @@ impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: 
         self.view_records.extend(records(self.problem, self.layout));
     }
 
-    fn inputs(&self) -> Inputs<'_, M> {
+    fn inputs(&self) -> Inputs<'_> {
         Inputs {
             sorted: &self.layout.sorted,
             records: &self.view_records,
@@ -198,6 +197,7 @@ impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: 
             points: &self.points,
             loss: self.problem.observation_loss,
             model: self.model,
+            view_cameras: &self.layout.view_cameras,
         }
     }
 
@@ -213,7 +213,7 @@ impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: 
         let chunks = layout.chunks().par_iter().enumerate();
         chunks.zip(&mut sums).zip(pieces).for_each(|(((i, chunk), sums), groups)| {
             let pairs = pairs.map(|pairs| &pairs[i]);
-            class.run(Accumulate::<M, D, V, T, R> {
+            class.run(Accumulate::<D, V, T, R> {
                 inputs,
                 layout,
                 chunk,
@@ -261,6 +261,7 @@ impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: 
                         points: &self.points,
                         loss: self.problem.observation_loss,
                         model: self.model,
+                        view_cameras: &self.layout.view_cameras,
                     },
                     layout: self.layout,
                     class: self.class,
@@ -289,7 +290,7 @@ impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: 
             .zip(pieces)
             .map(|(chunk, steps)| {
                 let groups = &self.groups[chunk.tiles.start * GROUPS..chunk.tiles.end * GROUPS];
-                class.run(BackSubstitute::<M, D, V, T, R> {
+                class.run(BackSubstitute::<D, V, T, R> {
                     inputs,
                     layout,
                     chunk,
@@ -315,8 +316,8 @@ impl<'a, M: LaneModel, const D: usize, const V: usize, const T: usize, const R: 
     }
 }
 
-impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usize> System
-    for BundleSystem<'_, M, D, V, T, R>
+impl<const D: usize, const V: usize, const T: usize, const R: usize> System
+    for BundleSystem<'_, D, V, T, R>
 {
     fn cost(&mut self) -> f64 {
         self.fill_view_records();
@@ -324,7 +325,7 @@ impl<M: LaneModel, const D: usize, const V: usize, const T: usize, const R: usiz
         let class = self.class;
         let chunks = self.layout.chunks().par_iter();
         let sums: Vec<f64> =
-            chunks.map(|chunk| class.run(Cost::<M, R> { inputs, chunk })).collect();
+            chunks.map(|chunk| class.run(Cost::<R> { inputs, chunk })).collect();
         sums.iter().sum::<f64>() + pose_factors::cost(self.problem)
     }
 

@@ -229,14 +229,12 @@ fn write_back<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     x: &Lifted,
 ) -> Result<(), SolveError> {
-    let lowest = || (0..graph.ids.len()).min_by_key(|&i| graph.ids[i]);
-    let gauge = graph.constant.iter().position(|&constant| constant).or_else(lowest);
     let mut poses = Vec::with_capacity(graph.poses.len());
     for (i, &id) in graph.ids.iter().enumerate() {
         let pose = G::from_matrix(&x.rotation::<D>(i), &x.translation::<D>(i));
         poses.push(pose.ok_or(SolveError::Singular { what: "rotation of pose", id })?);
     }
-    if let Some(gauge) = gauge {
+    if let Some(&gauge) = graph.held().first() {
         let held = graph.poses[gauge];
         let moved = held.compose(&poses[gauge].inverse());
         poses.iter_mut().for_each(|pose| *pose = moved.compose(pose));

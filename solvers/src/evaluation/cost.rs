@@ -6,8 +6,7 @@
 
 use nalgebra::{SVector, Vector3};
 
-use super::camera::project;
-use super::reference::{ReferencePose, Rigid, prior_residual};
+use super::reference::{ReferencePose, Rigid, prior_residual, project};
 use super::sum::CompensatedSum;
 use crate::factors::RelativePose;
 use crate::information::Information;

@@ -1,11 +1,10 @@
 //! Every cost again: ½ Σ ρ(rᵀΩr) of a problem, evaluated plainly and independently.
 //!
 //! This is the referee of the solvers, so it shares none of their arithmetic: rotations become plain
-//! matrices and quaternions here, logarithms and camera models are written out in its own files,
+//! matrices and quaternions here, logarithms and camera models are written out in `reference`,
 //! sums are compensated. It uses the problem's data, `Information::matrix` and the loss
 //! only, and must not call factors or the groups' own operations. One slow loop, no threads.
 
-mod camera;
 mod cost;
 mod reference;
 mod sum;

@@ -51,6 +51,12 @@ fn half_angle_cotangent(theta: f64) -> f64 {
     if half == 0.0 { 1.0 } else { half / half.tan() }
 }
 
+/// The 3 × 3 matrix of three columns above the row (0, 0, 1).
+#[inline]
+fn columns(x: [f64; 2], y: [f64; 2], omega: [f64; 2]) -> Matrix3<f64> {
+    Matrix3::new(x[0], y[0], omega[0], x[1], y[1], omega[1], 0.0, 0.0, 1.0)
+}
+
 impl LieGroup<3> for Se2 {
     #[inline]
     fn identity() -> Self {
@@ -88,17 +94,7 @@ impl LieGroup<3> for Se2 {
     fn adjoint(&self) -> Matrix3<f64> {
         let r = self.rotation.matrix();
         let t = &self.translation;
-        Matrix3::new(
-            r[(0, 0)],
-            r[(0, 1)],
-            t.y, //
-            r[(1, 0)],
-            r[(1, 1)],
-            -t.x, //
-            0.0,
-            0.0,
-            1.0,
-        )
+        columns([r[(0, 0)], r[(1, 0)]], [r[(0, 1)], r[(1, 1)]], [t.y, -t.x])
     }
 
     #[inline]
@@ -106,17 +102,8 @@ impl LieGroup<3> for Se2 {
         let (vx, vy, omega) = (tangent.x, tangent.y, tangent.z);
         let k = RotationCoefficients::new(omega * omega);
         let (turn, bend) = (k.b * omega, k.c * omega);
-        Matrix3::new(
-            k.a,
-            turn,
-            bend * vx - k.b * vy, //
-            -turn,
-            k.a,
-            k.b * vx + bend * vy, //
-            0.0,
-            0.0,
-            1.0,
-        )
+        let coupling = [bend * vx - k.b * vy, k.b * vx + bend * vy];
+        columns([k.a, -turn], [turn, k.a], coupling)
     }
 
     #[inline]
@@ -125,17 +112,7 @@ impl LieGroup<3> for Se2 {
         let bend = RotationCoefficients::new(omega * omega).d * omega;
         let g = half_angle_cotangent(omega);
         let h = 0.5 * omega;
-        Matrix3::new(
-            g,
-            -h,
-            bend * vx + 0.5 * vy, //
-            h,
-            g,
-            bend * vy - 0.5 * vx, //
-            0.0,
-            0.0,
-            1.0,
-        )
+        columns([g, h], [-h, g], [bend * vx + 0.5 * vy, bend * vy - 0.5 * vx])
     }
 
     #[inline]

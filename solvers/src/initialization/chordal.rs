@@ -164,16 +164,7 @@ struct Rows {
 
 impl Rows {
     fn new<G: RigidMotion<D, N>, const D: usize, const N: usize>(graph: &PoseGraph<G, N>) -> Self {
-        let gauge = match graph.constant.contains(&true) {
-            true => None,
-            false => (0..graph.ids.len()).min_by_key(|&i| graph.ids[i]),
-        };
-        let moves = |&i: &usize| !graph.constant[i] && Some(i) != gauge;
-        let poses: Vec<usize> = (0..graph.poses.len()).filter(moves).collect();
-        let mut of = vec![None; graph.poses.len()];
-        for (row, &pose) in poses.iter().enumerate() {
-            of[pose] = Some(row);
-        }
+        let (poses, of) = graph.free();
         Self { poses, of }
     }
 

@@ -7,6 +7,7 @@ mod triangulation;
 
 pub use chordal::{IsotropicPrecision, chordal, chordal_price, chordal_within};
 pub use spanning_tree::{odometry, spanning_tree};
+pub(crate) use start::initialize_in_time;
 pub use start::{Start, initialize, initialize_within};
 pub use triangulation::{
     LeastWorstError, Triangulated, TriangulationError, TriangulationOptions, View,

@@ -48,7 +48,7 @@ fn span<G: LieGroup<N>, const N: usize>(
     let neighbors = neighbors(graph);
     let mut reached = vec![false; graph.poses.len()];
     let mut frontier = BinaryHeap::new();
-    for root in roots(graph) {
+    for root in graph.held() {
         reached[root] = true;
         let way = |link: &Link| (usize::from(is_costly(link.gap)), 1);
         frontier.extend(
@@ -100,13 +100,4 @@ fn neighbors<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>) -> Vec<Vec
         links[factor.j].push(Link { gap, edge });
     }
     links
-}
-
-/// The poses that the tree grows from.
-fn roots<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>) -> Vec<usize> {
-    let constant: Vec<usize> = (0..graph.poses.len()).filter(|&i| graph.constant[i]).collect();
-    if !constant.is_empty() {
-        return constant;
-    }
-    (0..graph.poses.len()).min_by_key(|&i| graph.ids[i]).into_iter().collect()
 }

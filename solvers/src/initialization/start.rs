@@ -71,6 +71,23 @@ pub fn initialize_within<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     Ok(start)
 }
 
+/// As [`initialize_within`]; where that takes longer than there is time, the given poses, or the odometry
+/// of a graph without poses.
+pub(crate) fn initialize_in_time<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    start: Start,
+    has_poses: bool,
+    limits: Limits<'_>,
+) -> Result<Start, SolveError> {
+    match initialize_within(graph, start, has_poses, limits) {
+        Err(SolveError::Interrupted) => {
+            let at_hand = if has_poses { Start::Given } else { Start::Odometry };
+            initialize(graph, at_hand, has_poses)
+        }
+        other => other,
+    }
+}
+
 fn automatic<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     has_poses: bool,

@@ -4,7 +4,7 @@
 //! geometry floor lane by lane. Points behind the camera project like any other, as in that floor.
 
 use crate::geometry::Camera;
-use crate::simd::{Lanes, WIDTH};
+use crate::simd::{Lanes, Row, Scalar, WIDTH};
 
 /// Most parameters of a camera model.
 pub(crate) const PARAMETERS: usize = 9;
@@ -16,20 +16,30 @@ pub(crate) struct LaneProjection<L: Lanes> {
     pub(crate) d_parameters: [[L::V; PARAMETERS]; 2],
 }
 
+/// Eight points and the cameras that see them.
+pub(crate) struct LanePoints<'a, L: Lanes> {
+    /// In their cameras' frames.
+    pub(crate) point: &'a [L::V; 3],
+    /// Of their cameras.
+    pub(crate) parameters: &'a [L::V; PARAMETERS],
+    pub(crate) views: &'a [u32; WIDTH],
+    pub(crate) cameras: &'a [Camera],
+}
+
 /// A camera model over lanes.
 pub(crate) trait LaneModel: Copy + Send + Sync {
     /// How many camera parameters it reads from the view record.
     const PARAMETERS: usize;
 
-    /// Projects eight points in their cameras' frames.
-    fn project<L: Lanes>(
-        &self,
-        l: L,
-        cameras: &[Camera],
-        views: &[u32; WIDTH],
-        point: &[L::V; 3],
-        parameters: &[L::V; PARAMETERS],
-    ) -> LaneProjection<L>;
+    /// Projects eight points.
+    fn project<L: Lanes>(&self, l: L, points: LanePoints<'_, L>) -> LaneProjection<L>;
+}
+
+/// (x, y) = (p_x, p_y) / p_z, and 1 / p_z.
+#[inline(always)]
+fn divided<L: Lanes>(l: L, point: &[L::V; 3]) -> ([L::V; 2], L::V) {
+    let inverse_depth = l.div(l.splat(1.0), point[2]);
+    ([l.mul(point[0], inverse_depth), l.mul(point[1], inverse_depth)], inverse_depth)
 }
 
 /// A row ∂(u or v)/∂(x, y) taken to ∂/∂p, with (x, y) = (p_x, p_y) / p_z.
@@ -52,18 +62,10 @@ impl LaneModel for SnavelyLanes {
     const PARAMETERS: usize = 3;
 
     #[inline(always)]
-    fn project<L: Lanes>(
-        &self,
-        l: L,
-        _cameras: &[Camera],
-        _views: &[u32; WIDTH],
-        point: &[L::V; 3],
-        parameters: &[L::V; PARAMETERS],
-    ) -> LaneProjection<L> {
-        let [f, k1, k2] = [parameters[0], parameters[1], parameters[2]];
+    fn project<L: Lanes>(&self, l: L, points: LanePoints<'_, L>) -> LaneProjection<L> {
+        let [f, k1, k2, ..] = *points.parameters;
         let zero = l.splat(0.0);
-        let inverse_depth = l.div(l.splat(1.0), point[2]);
-        let (x, y) = (l.mul(point[0], inverse_depth), l.mul(point[1], inverse_depth));
+        let ([x, y], inverse_depth) = divided(l, points.point);
         let n = l.fma(x, x, l.mul(y, y));
         let radial = l.fma(n, l.fma(n, k2, k1), l.splat(1.0));
         // 2 ∂radial/∂n.
@@ -98,20 +100,12 @@ impl LaneModel for PinholeLanes {
     const PARAMETERS: usize = 9;
 
     #[inline(always)]
-    fn project<L: Lanes>(
-        &self,
-        l: L,
-        _cameras: &[Camera],
-        _views: &[u32; WIDTH],
-        point: &[L::V; 3],
-        parameters: &[L::V; PARAMETERS],
-    ) -> LaneProjection<L> {
-        let [fx, fy, cx, cy, k1, k2, p1, p2, k3] = *parameters;
+    fn project<L: Lanes>(&self, l: L, points: LanePoints<'_, L>) -> LaneProjection<L> {
+        let [fx, fy, cx, cy, k1, k2, p1, p2, k3] = *points.parameters;
         let zero = l.splat(0.0);
         let one = l.splat(1.0);
         let two = l.splat(2.0);
-        let inverse_depth = l.div(one, point[2]);
-        let (x, y) = (l.mul(point[0], inverse_depth), l.mul(point[1], inverse_depth));
+        let ([x, y], inverse_depth) = divided(l, points.point);
         let n = l.fma(x, x, l.mul(y, y));
         let radial = l.fma(n, l.fma(n, l.fma(n, k3, k2), k1), one);
         // ∂radial/∂n = k1 + 2 k2 n + 3 k3 n².
@@ -147,18 +141,10 @@ impl LaneModel for UndistortedLanes {
     const PARAMETERS: usize = 4;
 
     #[inline(always)]
-    fn project<L: Lanes>(
-        &self,
-        l: L,
-        _cameras: &[Camera],
-        _views: &[u32; WIDTH],
-        point: &[L::V; 3],
-        parameters: &[L::V; PARAMETERS],
-    ) -> LaneProjection<L> {
-        let [fx, fy, cx, cy] = [parameters[0], parameters[1], parameters[2], parameters[3]];
+    fn project<L: Lanes>(&self, l: L, points: LanePoints<'_, L>) -> LaneProjection<L> {
+        let [fx, fy, cx, cy, ..] = *points.parameters;
         let zero = l.splat(0.0);
-        let inverse_depth = l.div(l.splat(1.0), point[2]);
-        let (x, y) = (l.mul(point[0], inverse_depth), l.mul(point[1], inverse_depth));
+        let ([x, y], inverse_depth) = divided(l, points.point);
         let (du, dv) = (l.mul(fx, inverse_depth), l.mul(fy, inverse_depth));
         LaneProjection {
             pixel: [l.fma(fx, x, cx), l.fma(fy, y, cy)],
@@ -178,19 +164,12 @@ impl LaneModel for AnyLanes<'_> {
     const PARAMETERS: usize = 0;
 
     #[inline(always)]
-    fn project<L: Lanes>(
-        &self,
-        l: L,
-        cameras: &[Camera],
-        views: &[u32; WIDTH],
-        point: &[L::V; 3],
-        _parameters: &[L::V; PARAMETERS],
-    ) -> LaneProjection<L> {
-        let mut points = [[0.0; WIDTH]; 3];
-        for (row, v) in points.iter_mut().zip(point) {
+    fn project<L: Lanes>(&self, l: L, points: LanePoints<'_, L>) -> LaneProjection<L> {
+        let mut point = [[0.0; WIDTH]; 3];
+        for (row, v) in point.iter_mut().zip(points.point) {
             l.store(*v, row);
         }
-        let out = self.each(cameras, views, &points);
+        let out = self.each(points.cameras, points.views, &point);
         let mut d_parameters = [[l.splat(0.0); PARAMETERS]; 2];
         let mut d_point = [[l.splat(0.0); 3]; 2];
         for r in 0..2 {
@@ -209,18 +188,16 @@ impl LaneModel for AnyLanes<'_> {
     }
 }
 
-/// [`LaneProjection`] in memory.
-struct Stored {
-    pixel: [[f64; WIDTH]; 2],
-    d_point: [[[f64; WIDTH]; 3]; 2],
-    d_parameters: [[[f64; WIDTH]; PARAMETERS]; 2],
-}
-
 impl AnyLanes<'_> {
     /// A projection that is not finite becomes NaN, which makes the cost infinite.
     #[inline(never)]
-    fn each(&self, cameras: &[Camera], views: &[u32; WIDTH], points: &[[f64; WIDTH]; 3]) -> Stored {
-        let mut out = Stored {
+    fn each(
+        &self,
+        cameras: &[Camera],
+        views: &[u32; WIDTH],
+        points: &[Row; 3],
+    ) -> LaneProjection<Scalar> {
+        let mut out = LaneProjection::<Scalar> {
             pixel: [[f64::NAN; WIDTH]; 2],
             d_point: [[[0.0; WIDTH]; 3]; 2],
             d_parameters: [[[0.0; WIDTH]; PARAMETERS]; 2],

@@ -14,11 +14,12 @@ use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, Mat, MatMut, Par};
 
-use super::cholesky::{check_finite, check_pattern, not_positive_definite, solve_checked};
+use super::checked::check_system;
 use super::error::LinearError;
-use super::matrix::{BlockMatrix, check_added_diagonal};
+use super::matrix::BlockMatrix;
 use super::pattern::BlockPattern;
 use crate::interrupt::Interrupt;
+use crate::price::Price;
 
 /// Systems of at most so many scalars are factored at once whatever may interrupt, in some 20 ms.
 const WHOLE: usize = 1024;
@@ -37,10 +38,8 @@ pub struct DenseCholesky {
 
 impl fmt::Debug for DenseCholesky {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("DenseCholesky")
-            .field("dimension", &self.pattern.dimension())
-            .field("factored", &self.factored)
-            .finish_non_exhaustive()
+        let dimension = self.pattern.dimension();
+        f.debug_struct("DenseCholesky").field("dimension", &dimension).finish_non_exhaustive()
     }
 }
 
@@ -66,22 +65,11 @@ impl DenseCholesky {
         Ok(Self { pattern, factor: Mat::zeros(dimension, dimension), factored: false, memory })
     }
 
-    /// Factors H + D; `added_diagonal` is D, or empty for zero.
+    /// Factors H + D until `interrupt` is due; `added_diagonal` is D, or empty for zero.
     ///
     /// # Errors
-    /// Not positive definite, not finite, or a matrix or diagonal of another shape.
-    pub fn factor(
-        &mut self,
-        matrix: &BlockMatrix,
-        added_diagonal: &[f64],
-    ) -> Result<(), LinearError> {
-        self.factor_until(matrix, added_diagonal, &Interrupt::NEVER)
-    }
-
-    /// The same, ending once `interrupt` is due.
-    ///
-    /// # Errors
-    /// As [`DenseCholesky::factor`], and [`LinearError::Interrupted`].
+    /// Not positive definite, not finite, a matrix or diagonal of another shape, or
+    /// [`LinearError::Interrupted`].
     pub fn factor_until(
         &mut self,
         matrix: &BlockMatrix,
@@ -89,12 +77,11 @@ impl DenseCholesky {
         interrupt: &Interrupt,
     ) -> Result<(), LinearError> {
         self.factored = false;
-        check_pattern(&self.pattern, matrix)?;
-        check_added_diagonal(self.pattern.dimension(), added_diagonal)?;
-        check_finite(matrix, added_diagonal)?;
+        check_system(&self.pattern, matrix, added_diagonal)?;
         self.scatter(matrix, added_diagonal);
-        if let Some(index) = self.factor_panels(interrupt)? {
-            return Err(not_positive_definite(&self.pattern, index));
+        if let Some(scalar) = self.factor_panels(interrupt)? {
+            let block = self.pattern.block_of(scalar);
+            return Err(LinearError::NotPositiveDefinite { block, scalar });
         }
         for k in 0..self.pattern.dimension() {
             if !self.factor[(k, k)].is_finite() {
@@ -117,13 +104,9 @@ impl DenseCholesky {
             if interrupt.is_due() {
                 return Err(LinearError::Interrupted);
             }
-            let width = panel.min(dimension - first);
-            let rest = self.factor.as_mut().submatrix_mut(
-                first,
-                first,
-                dimension - first,
-                dimension - first,
-            );
+            let left = dimension - first;
+            let width = panel.min(left);
+            let rest = self.factor.as_mut().submatrix_mut(first, first, left, left);
             let (mut pivots, _, mut below, mut trailing) = rest.split_at_mut(width, width);
             let outcome = factor::cholesky_in_place(
                 pivots.as_mut(),
@@ -135,7 +118,7 @@ impl DenseCholesky {
             if let Err(LltError::NonPositivePivot { index }) = outcome {
                 return Ok(Some(first + index));
             }
-            let rows = dimension - first - width;
+            let rows = left - width;
             // L₂₁ = A₂₁ L₁₁⁻ᵀ, then A₂₂ −= L₂₁ L₂₁ᵀ below its diagonal, a strip of columns at a time.
             for row in (0..rows).step_by(STRIP) {
                 let count = STRIP.min(rows - row);
@@ -155,16 +138,6 @@ impl DenseCholesky {
             }
         }
         Ok(None)
-    }
-
-    /// Bytes that a system of so many scalars takes.
-    pub(super) fn bytes(dimension: usize) -> u64 {
-        let n = dimension as u64;
-        // faer pads columns to whole cache lines; a few vectors of the solve come on top.
-        n.saturating_mul(n.next_multiple_of(16))
-            .saturating_mul(8)
-            .saturating_add(workspace(dimension).unaligned_bytes_required() as u64)
-            .saturating_add(512 * n + (1 << 18))
     }
 
     fn scatter(&mut self, matrix: &BlockMatrix, added_diagonal: &[f64]) {
@@ -209,25 +182,21 @@ impl DenseCholesky {
             MemStack::new(&mut self.memory),
         );
     }
+}
 
-    /// Solves, measures the residual, refines once if need be; see [`super::Cholesky::solve_checked`].
-    pub fn solve_checked(
-        &mut self,
-        matrix: &BlockMatrix,
-        added_diagonal: &[f64],
-        rhs: &[f64],
-        x: &mut [f64],
-    ) -> f64 {
-        solve_checked(|v| self.solve(v), matrix, added_diagonal, rhs, x)
-    }
+/// Flops of one factorization: n³/3.
+pub(super) fn dense_flops(dimension: usize) -> f64 {
+    (dimension as f64).powi(3) / 3.0
+}
 
-    /// Flops of one factorization: n³/3.
-    pub fn factor_flops(&self) -> f64 {
-        (self.pattern.dimension() as f64).powi(3) / 3.0
-    }
-
-    /// The pattern planned for.
-    pub fn pattern(&self) -> &Arc<BlockPattern> {
-        &self.pattern
-    }
+/// What a dense factorization of so many scalars takes.
+pub fn dense_price(dimension: usize) -> Price {
+    let n = dimension as u64;
+    // faer pads columns to whole cache lines; a few vectors of the solve come on top.
+    let bytes = n
+        .saturating_mul(n.next_multiple_of(16))
+        .saturating_mul(8)
+        .saturating_add(workspace(dimension).unaligned_bytes_required() as u64)
+        .saturating_add(512 * n + (1 << 18));
+    Price { bytes, flops_per_iteration: dense_flops(dimension) }
 }

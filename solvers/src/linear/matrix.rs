@@ -173,7 +173,7 @@ fn multiply_diagonal(values: &[f64], x: &[f64], y: &mut [f64]) {
 }
 
 /// Refuses an added diagonal that is neither empty nor `dimension` long.
-pub(crate) fn check_added_diagonal(
+pub(super) fn check_added_diagonal(
     dimension: usize,
     added_diagonal: &[f64],
 ) -> Result<(), LinearError> {
@@ -203,12 +203,6 @@ impl BlockRowMut<'_> {
     /// Columns of the stored blocks, ascending; the last is the row itself.
     pub fn columns(&self) -> &[u32] {
         self.columns
-    }
-
-    /// The block in column `j`, column-major, or `None` where it is not stored.
-    pub fn block_mut(&mut self, j: usize) -> Option<&mut [f64]> {
-        let k = self.columns.binary_search_by(|&column| (column as usize).cmp(&j)).ok()?;
-        Some(self.slot_mut(k))
     }
 
     /// The block at position `k` of [`Self::columns`], column-major.

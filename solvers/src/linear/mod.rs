@@ -12,9 +12,11 @@
 //! This floor knows nothing of poses, factors or losses. The sparse factorization uses the rayon
 //! pool that it is called on; all give the same bits each time, on any number of threads.
 
+mod checked;
 pub mod cholesky;
 pub mod dense;
 pub mod error;
+mod lists;
 pub mod matrix;
 pub mod ordering;
 pub mod pattern;
@@ -24,11 +26,11 @@ pub mod sparse;
 mod tests;
 
 pub use crate::simd::Class;
-pub use cholesky::{Cholesky, Ordered, dense_price};
-pub use dense::DenseCholesky;
+pub use cholesky::{Cholesky, Ordered};
+pub use dense::{DenseCholesky, dense_price};
 pub use error::LinearError;
 pub use matrix::{BlockMatrix, BlockRowMut};
-pub use ordering::{BlockOrdering, OrderingMethod, block_order, cheapest_ordering};
+pub use ordering::{BlockOrdering, OrderingMethod, cheapest_ordering};
 pub use pattern::BlockPattern;
 pub use pcg::{BlockJacobi, Pcg, PcgOutcome};
 pub use sparse::{GrowingCholesky, PairTerm, SparseCholesky, Updated};

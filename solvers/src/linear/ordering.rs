@@ -25,7 +25,7 @@ use crate::interrupt::Interrupt;
 
 use dissection::nested_dissection;
 use elimination::eliminate;
-pub(super) use elimination::{Elimination, NO_PARENT, earlier_neighbors};
+pub(super) use elimination::{Elimination, NO_PARENT, earlier_neighbors, postorder_of};
 use graph::Graph;
 use minimum_degree::{minimum_degree, minimum_degree_until, reduced};
 
@@ -65,11 +65,6 @@ pub struct BlockOrdering {
     pub method: OrderingMethod,
 }
 
-/// The cheapest elimination order found: `order[k]` is the block eliminated k-th.
-pub fn block_order(pattern: &BlockPattern) -> Vec<u32> {
-    cheapest_ordering(pattern).order
-}
-
 /// The cheapest elimination order found, with its cost; ties go to the earlier candidate.
 pub fn cheapest_ordering(pattern: &BlockPattern) -> BlockOrdering {
     // Only an interrupt could fail it.
@@ -89,10 +84,13 @@ pub(super) fn postordered(
     pattern: &BlockPattern,
     order: &[u32],
 ) -> Option<(Vec<u32>, Elimination)> {
-    let elimination = eliminate(pattern, order)?;
+    eliminate(pattern, order).map(|elimination| in_postorder(order, &elimination))
+}
+
+fn in_postorder(order: &[u32], elimination: &Elimination) -> (Vec<u32>, Elimination) {
     let postorder = elimination.postorder();
     let order = postorder.iter().map(|&k| order[k as usize]).collect();
-    Some((order, elimination.renumbered(&postorder)))
+    (order, elimination.renumbered(&postorder))
 }
 
 /// A minimum-degree order in which the blocks marked in `is_last` come after all others, postordered,
@@ -148,35 +146,9 @@ pub(super) fn cheapest(
     // The natural order always answers, so the fallback is never taken.
     let (method, order, elimination) =
         best.unwrap_or_else(|| (OrderingMethod::Natural, natural(), Elimination::default()));
-    let postorder = elimination.postorder();
-    let order = postorder.iter().map(|&k| order[k as usize]).collect();
+    let (order, elimination) = in_postorder(&order, &elimination);
     let Elimination { flops, factor_entries, .. } = elimination;
-    let elimination = elimination.renumbered(&postorder);
     Ok((BlockOrdering { order, flops, factor_entries, method }, elimination))
-}
-
-/// Flops of a factorization that eliminates blocks in the given order.
-///
-/// `None` where `order` is not a permutation of the blocks.
-pub fn elimination_flops(pattern: &BlockPattern, order: &[u32]) -> Option<f64> {
-    inverse_permutation(order, pattern.block_count())?;
-    eliminate(pattern, order).map(|elimination| elimination.flops)
-}
-
-/// `position[order[k]] = k`, or `None` where `order` is not a permutation of `0..count`.
-pub(crate) fn inverse_permutation(order: &[u32], count: usize) -> Option<Vec<u32>> {
-    if order.len() != count {
-        return None;
-    }
-    let mut position = vec![u32::MAX; count];
-    for (k, &block) in order.iter().enumerate() {
-        let slot = position.get_mut(block as usize)?;
-        if *slot != u32::MAX {
-            return None;
-        }
-        *slot = k as u32;
-    }
-    Some(position)
 }
 
 #[cfg(test)]

@@ -7,6 +7,8 @@
 
 use std::ops::Range;
 
+use super::lists::Lists;
+
 /// Pairs kept before the first removal of duplicates while a pattern is being built.
 const COMPACTION_START: usize = 1 << 20;
 
@@ -17,10 +19,8 @@ pub struct BlockPattern {
     sizes: Vec<usize>,
     /// First scalar of each block, and the dimension at the end.
     offsets: Vec<usize>,
-    /// First block of each block row, and the block count at the end.
-    row_starts: Vec<usize>,
-    /// Block column of each block.
-    columns: Vec<u32>,
+    /// Block columns of the blocks of each block row.
+    rows: Lists<u32>,
     /// First value of each block, and the number of values at the end.
     value_starts: Vec<usize>,
 }
@@ -48,48 +48,42 @@ impl BlockPattern {
         }
         keys.sort_unstable();
         keys.dedup();
-        let mut row_starts = vec![0; count + 1];
-        for key in &keys {
-            row_starts[(key >> 32) as usize + 1] += 1;
-        }
+        let mut starts = vec![0; count + 1];
+        keys.iter().for_each(|key| starts[(key >> 32) as usize + 1] += 1);
         for i in 0..count {
-            row_starts[i + 1] += row_starts[i];
+            starts[i + 1] += starts[i];
         }
-        let columns = keys.iter().map(|key| (key & 0xffff_ffff) as u32).collect();
-        Self::assemble(sizes, row_starts, columns)
+        let items = keys.iter().map(|key| (key & 0xffff_ffff) as u32).collect();
+        Self::assemble(sizes, Lists { starts, items })
     }
 
     /// The pattern that stores every block of the lower triangle.
     pub fn full(sizes: Vec<usize>) -> Self {
-        let count = sizes.len();
-        let row_starts = (0..=count).map(|i| i * (i + 1) / 2).collect();
-        let columns = (0..count as u32).flat_map(|i| 0..=i).collect();
-        Self::assemble(sizes, row_starts, columns)
+        let starts = (0..=sizes.len()).map(|i| i * (i + 1) / 2).collect();
+        let items = (0..sizes.len() as u32).flat_map(|i| 0..=i).collect();
+        Self::assemble(sizes, Lists { starts, items })
     }
 
-    fn assemble(sizes: Vec<usize>, row_starts: Vec<usize>, columns: Vec<u32>) -> Self {
+    fn assemble(sizes: Vec<usize>, rows: Lists<u32>) -> Self {
         let mut offsets = Vec::with_capacity(sizes.len() + 1);
-        let mut offset = 0;
         offsets.push(0);
-        for size in &sizes {
+        let mut value_starts = Vec::with_capacity(rows.items.len() + 1);
+        value_starts.push(0);
+        let (mut offset, mut start) = (0, 0);
+        for (i, &size) in sizes.iter().enumerate() {
             offset += size;
             offsets.push(offset);
-        }
-        let mut value_starts = Vec::with_capacity(columns.len() + 1);
-        let mut start = 0;
-        value_starts.push(0);
-        for i in 0..sizes.len() {
-            for &j in &columns[row_starts[i]..row_starts[i + 1]] {
-                start += sizes[i] * sizes[j as usize];
+            for &j in rows.of(i) {
+                start += size * sizes[j as usize];
                 value_starts.push(start);
             }
         }
-        Self { sizes, offsets, row_starts, columns, value_starts }
+        Self { sizes, offsets, rows, value_starts }
     }
 
     /// Bytes that building it took: the stored blocks, and their keys while they are collected.
     pub fn bytes(&self) -> u64 {
-        (self.columns.len() * (4 + 8 + 24) + self.sizes.len() * 32) as u64
+        (self.rows.items.len() * (4 + 8 + 24) + self.sizes.len() * 32) as u64
     }
 
     /// Number of block rows (and columns).
@@ -114,22 +108,22 @@ impl BlockPattern {
 
     /// Columns j ≤ i of the blocks stored in block row `i`, ascending; the last is `i`.
     pub fn row(&self, i: usize) -> &[u32] {
-        &self.columns[self.row_range(i)]
+        self.rows.of(i)
     }
 
     /// Numbers of the blocks stored in block row `i`, in the order of [`Self::row`].
     pub fn row_range(&self, i: usize) -> Range<usize> {
-        self.row_starts[i]..self.row_starts[i + 1]
+        self.rows.range(i)
     }
 
     /// Number of stored blocks, diagonal included.
     pub fn stored_block_count(&self) -> usize {
-        self.columns.len()
+        self.rows.items.len()
     }
 
     /// Number of stored scalars, diagonal blocks in full.
     pub fn value_count(&self) -> usize {
-        self.value_starts[self.columns.len()]
+        self.value_starts[self.rows.items.len()]
     }
 
     /// Number of block (i, j), or `None` where it is not stored or lies above the diagonal.
@@ -137,8 +131,8 @@ impl BlockPattern {
         if i >= self.block_count() || j > i {
             return None;
         }
-        let range = self.row_range(i);
-        self.columns[range.clone()].binary_search(&(j as u32)).ok().map(|k| range.start + k)
+        let k = self.row(i).binary_search(&(j as u32)).ok()?;
+        Some(self.rows.starts[i] + k)
     }
 
     /// Where the values of stored block number `block` lie in a matrix's value array.
@@ -162,6 +156,6 @@ impl BlockPattern {
         if count == 0 {
             return 1.0;
         }
-        self.columns.len() as f64 / (count as f64 * (count as f64 + 1.0) / 2.0)
+        self.rows.items.len() as f64 / (count as f64 * (count as f64 + 1.0) / 2.0)
     }
 }

@@ -2,22 +2,20 @@
 //!
 //! P (H + D) Pᵀ = L Lᵀ, with P from the block graph ([`super::ordering`]). Planning joins columns to
 //! supernodes, lays out the factor and takes all memory; factoring (multifrontal, in parallel over
-//! the elimination tree on the rayon pool of the caller) and solving take none. Kernels are compiled for each
-//! instruction set; the classes with fused multiply-add give the same bits, and so does any number
-//! of threads.
+//! the elimination tree on the rayon pool of the caller) and solving take none. Kernels are compiled
+//! for each instruction set; the classes with fused multiply-add give the same bits, and so does any
+//! number of threads.
 
-use std::fmt;
 use std::sync::Arc;
 
-use super::cholesky::{check_finite, check_pattern, not_positive_definite, solve_checked};
+use super::checked::{check_system, solve_checked};
 use super::error::LinearError;
-use super::matrix::{BlockMatrix, check_added_diagonal};
+use super::matrix::BlockMatrix;
 use super::ordering::{BlockOrdering, Elimination, cheapest, postordered};
 use super::pattern::BlockPattern;
 use crate::interrupt::Interrupt;
-use crate::simd::{Class, WIDTH};
+use crate::simd::Class;
 
-mod branch;
 mod columns;
 mod front;
 mod growing;
@@ -25,18 +23,18 @@ mod kernels;
 mod numeric;
 mod plan;
 mod shape;
-mod size;
 mod supernodes;
-mod sweep;
 mod triangular;
 
 pub use growing::{GrowingCholesky, PairTerm, Updated};
 use numeric::Numeric;
 use plan::Plan;
-pub(super) use size::bytes;
+pub(super) use plan::bytes;
+use shape::Aligned;
 use triangular::Triangular;
 
 /// A sparse factorization, planned once and renewed for each set of values.
+#[derive(Debug)]
 pub struct SparseCholesky {
     pattern: Arc<BlockPattern>,
     ordering: BlockOrdering,
@@ -52,18 +50,6 @@ pub struct SparseCholesky {
     factored: bool,
     /// Of the last factorization.
     interrupt: Interrupt,
-}
-
-impl fmt::Debug for SparseCholesky {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("SparseCholesky")
-            .field("dimension", &self.pattern.dimension())
-            .field("method", &self.ordering.method)
-            .field("flops", &self.ordering.flops)
-            .field("supernodes", &self.plan.nodes.len())
-            .field("factored", &self.factored)
-            .finish_non_exhaustive()
-    }
 }
 
 impl SparseCholesky {
@@ -144,13 +130,10 @@ impl SparseCholesky {
         interrupt: &Interrupt,
     ) -> Result<(), LinearError> {
         self.factored = false;
-        check_pattern(&self.pattern, matrix)?;
-        check_added_diagonal(self.pattern.dimension(), added_diagonal)?;
-        check_finite(matrix, added_diagonal)?;
-        let (plan, values) = (&self.plan, matrix.values());
+        check_system(&self.pattern, matrix, added_diagonal)?;
         let numeric = Numeric {
-            plan,
-            values,
+            plan: &self.plan,
+            values: matrix.values(),
             added: added_diagonal,
             class: self.class,
             interrupt,
@@ -162,10 +145,11 @@ impl SparseCholesky {
         }
         outcome.map_err(|bad| {
             let scalar = self.plan.scalars[bad.column] as usize;
+            let block = self.pattern.block_of(scalar);
             if bad.is_finite {
-                not_positive_definite(&self.pattern, scalar)
+                LinearError::NotPositiveDefinite { block, scalar }
             } else {
-                LinearError::NonFinite { block: self.pattern.block_of(scalar) }
+                LinearError::NonFinite { block }
             }
         })?;
         self.factored = true;
@@ -213,52 +197,8 @@ impl SparseCholesky {
         solve_checked(|v| self.solve(v), matrix, added_diagonal, rhs, x)
     }
 
-    /// Flops of one factorization, estimated from the block structure.
-    pub fn factor_flops(&self) -> f64 {
-        self.ordering.flops
-    }
-
     /// The elimination order chosen, before columns of joined supernodes were put side by side.
     pub fn ordering(&self) -> &BlockOrdering {
         &self.ordering
-    }
-
-    /// The pattern planned for.
-    pub fn pattern(&self) -> &Arc<BlockPattern> {
-        &self.pattern
-    }
-}
-
-/// Numbers, zero at first, that begin on a cache line as long as they are not moved to another
-/// allocation.
-#[derive(Debug)]
-struct Aligned {
-    values: Vec<f64>,
-    skipped: usize,
-    length: usize,
-}
-
-impl Aligned {
-    /// `None` where there is no memory.
-    fn new(length: usize) -> Option<Self> {
-        let whole = length.checked_add(WIDTH)?;
-        // Asked for and given back: unlike a vector filled here, one made of zeros gets its pages
-        // from the system as they are used, by the threads that use them.
-        Vec::<f64>::new().try_reserve_exact(whole).ok()?;
-        let values = vec![0.0; whole];
-        let skipped = values.as_ptr().align_offset(size_of::<f64>() * WIDTH).min(WIDTH);
-        Some(Self { values, skipped, length })
-    }
-
-    fn len(&self) -> usize {
-        self.length
-    }
-
-    fn slice(&self) -> &[f64] {
-        &self.values[self.skipped..self.skipped + self.length]
-    }
-
-    fn slice_mut(&mut self) -> &mut [f64] {
-        &mut self.values[self.skipped..self.skipped + self.length]
     }
 }

@@ -46,7 +46,6 @@ fn row_writers_and_block_access_agree() {
         for (k, j) in row.columns().to_vec().into_iter().enumerate() {
             row.slot_mut(k).fill((10 * i + j as usize) as f64);
         }
-        assert!(row.block_mut(2).is_none() || i == 2);
         row.diagonal_mut()[0] += 0.5;
     }
     assert_eq!(matrix.block(3, 0), Some(&[30.0; 8][..]));

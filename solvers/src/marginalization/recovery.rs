@@ -84,12 +84,8 @@ fn spanning_tree(knowledge: &Knowledge, pose: &impl Fn(usize) -> Se3) -> Vec<(us
                 (*parent, *best) = (newest, weight);
             }
         }
-        let mut next = 0;
-        for k in 1..outside.len() {
-            if outside[k].2 > outside[next].2 {
-                next = k;
-            }
-        }
+        let heavier = |best: usize, k: usize| if outside[k].2 > outside[best].2 { k } else { best };
+        let next = (1..outside.len()).fold(0, heavier);
         let (node, parent, _) = outside.remove(next);
         edges.push((parent.min(node), parent.max(node)));
         newest = node;

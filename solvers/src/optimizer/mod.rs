@@ -4,18 +4,31 @@
 //! restores a step; the loop decides. Every run ends in a [`SolveSummary`] with an honest
 //! [`Termination`], and the system is left at the best state that was found.
 
-mod damping;
-mod failure;
 mod options;
 mod summary;
-mod threads;
 mod trust_region;
 
-pub(crate) use damping::{SCALE_RANGE, damping_scale};
-pub(crate) use failure::from_linear;
-pub use options::{Method, Options};
+use crate::linear::LinearError;
+use crate::problem::SolveError;
+
+pub use options::{Method, Options, with_threads};
 pub use summary::{
     Control, IterationSummary, Observer, SolveSummary, Termination, Tolerance, ignore_iterations,
 };
-pub use threads::with_threads;
 pub use trust_region::{Gradient, Step, StepFailure, System, Unmoved, minimize, minimize_until};
+pub(crate) use trust_region::{SCALE_RANGE, damping_scale};
+
+/// The error of a problem for whose system of `dimension` scalars planning or memory failed. Values
+/// at fault are not told here: who knows the variable behind a row names it.
+pub(crate) fn from_linear(error: LinearError, dimension: usize) -> SolveError {
+    match error {
+        LinearError::Interrupted => SolveError::Interrupted,
+        LinearError::TooExpensive(error) => SolveError::TooExpensive(error),
+        LinearError::NotPositiveDefinite { .. }
+        | LinearError::NonFinite { .. }
+        | LinearError::DimensionMismatch { .. }
+        | LinearError::PatternMismatch { .. }
+        | LinearError::TooLarge { .. }
+        | LinearError::OutOfMemory { .. } => SolveError::TooLarge { dimension },
+    }
+}

@@ -1,4 +1,4 @@
-//! How to solve: method, limits and tolerances.
+//! How to solve: method, limits, tolerances, threads.
 //!
 //! Every option says its default; `validate` names the one that is out of range.
 
@@ -65,24 +65,38 @@ impl Options {
     /// # Errors
     /// [`SolveError::InvalidOption`] names the first option that is out of range.
     pub fn validate(&self) -> Result<(), SolveError> {
-        let reason = "must be finite and not negative";
-        for (field, value) in [
-            ("cost_tolerance", self.cost_tolerance),
-            ("gradient_tolerance", self.gradient_tolerance),
-            ("step_tolerance", self.step_tolerance),
+        let is_finite = |value: f64| value.is_finite() && value >= 0.0;
+        let (finite, positive) = ("must be finite and not negative", "must be finite and positive");
+        let damping = self.initial_damping;
+        for (field, is_valid, reason) in [
+            ("cost_tolerance", is_finite(self.cost_tolerance), finite),
+            ("gradient_tolerance", is_finite(self.gradient_tolerance), finite),
+            ("step_tolerance", is_finite(self.step_tolerance), finite),
+            ("initial_damping", is_finite(damping) && damping > 0.0, positive),
+            ("threads", self.threads != Some(0), "must be at least 1"),
         ] {
-            if !(value.is_finite() && value >= 0.0) {
+            if !is_valid {
                 return Err(SolveError::InvalidOption { field, reason });
             }
         }
-        if !(self.initial_damping.is_finite() && self.initial_damping > 0.0) {
-            let reason = "must be finite and positive";
-            return Err(SolveError::InvalidOption { field: "initial_damping", reason });
-        }
-        if self.threads == Some(0) {
-            let reason = "must be at least 1";
-            return Err(SolveError::InvalidOption { field: "threads", reason });
-        }
         Ok(())
+    }
+}
+
+/// Runs `work` in a rayon pool of `threads` threads, or in the caller's pool for `None`.
+///
+/// # Errors
+/// [`SolveError::Threads`] where the pool cannot be started.
+pub fn with_threads<R: Send>(
+    threads: Option<usize>,
+    work: impl FnOnce() -> R + Send,
+) -> Result<R, SolveError> {
+    match threads {
+        None => Ok(work()),
+        Some(count) => rayon::ThreadPoolBuilder::new()
+            .num_threads(count)
+            .build()
+            .map(|pool| pool.install(work))
+            .map_err(|_error| SolveError::Threads { count }),
     }
 }

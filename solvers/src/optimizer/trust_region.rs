@@ -6,12 +6,26 @@
 
 use std::time::Instant;
 
-use super::{Control, Method, Observer, Options, SolveSummary, Termination, Tolerance};
+use super::options::{Method, Options};
+use super::summary::{Control, IterationSummary, Observer, SolveSummary, Termination, Tolerance};
 use crate::interrupt::{Interrupt, Interruption};
-use crate::optimizer::IterationSummary;
 
 /// λ leaves this range only by ending the loop.
 const DAMPING_RANGE: (f64, f64) = (1e-16, 1e32);
+
+/// Diagonal entries of D, Marquardt's scaling of the damping λD, are kept in this range: directions without information are damped, and
+/// products of two entries are finite.
+///
+/// It is wide, since where it cuts, the damping depends on the unit of length. A larger lower end
+/// would hold landmarks on their way to infinity by an absolute length (at a million kilometers a
+/// pixel still says 1e-13 per m²); a smaller upper end would leave a landmark next to a camera's
+/// center plane undamped.
+pub(crate) const SCALE_RANGE: (f64, f64) = (1e-18, 1e150);
+
+/// The entry of D at a diagonal entry of H.
+pub(crate) fn damping_scale(diagonal: f64) -> f64 {
+    diagonal.clamp(SCALE_RANGE.0, SCALE_RANGE.1)
+}
 
 /// A linear residual above this makes a step untrustworthy: it is rejected like one that fails.
 const LINEAR_RESIDUAL_LIMIT: f64 = 1e-3;
@@ -115,11 +129,25 @@ pub fn minimize_until(
     (start, interrupt): (Instant, &Interrupt),
     observer: &mut Observer<'_>,
 ) -> SolveSummary {
-    let mut run = Run::new(options, (start, interrupt), system.cost());
+    let cost = system.cost();
+    let mut run = Run {
+        options,
+        start,
+        interrupt,
+        cost,
+        damping: match options.method {
+            Method::LevenbergMarquardt => options.initial_damping,
+            Method::GaussNewton => 0.0,
+        },
+        damping_growth: 2.0,
+        gradient_max_norm: 0.0,
+        linear_residual: 0.0,
+        rows: Vec::new(),
+    };
     let termination = run.iterate(system, observer);
     SolveSummary {
         termination,
-        initial_cost: run.initial_cost,
+        initial_cost: cost,
         final_cost: run.cost,
         iterations: run.rows,
         gradient_max_norm: run.gradient_max_norm,
@@ -133,7 +161,6 @@ struct Run<'a> {
     options: &'a Options,
     start: Instant,
     interrupt: &'a Interrupt,
-    initial_cost: f64,
     cost: f64,
     damping: f64,
     damping_growth: f64,
@@ -142,34 +169,13 @@ struct Run<'a> {
     rows: Vec<IterationSummary>,
 }
 
-impl<'a> Run<'a> {
-    fn new(options: &'a Options, (start, interrupt): (Instant, &'a Interrupt), cost: f64) -> Self {
-        let damping = match options.method {
-            Method::LevenbergMarquardt => options.initial_damping,
-            Method::GaussNewton => 0.0,
-        };
-        Self {
-            options,
-            start,
-            interrupt,
-            initial_cost: cost,
-            cost,
-            damping,
-            damping_growth: 2.0,
-            gradient_max_norm: 0.0,
-            linear_residual: 0.0,
-            rows: Vec::new(),
-        }
-    }
-
+impl Run<'_> {
     fn iterate(&mut self, system: &mut impl System, observer: &mut Observer<'_>) -> Termination {
         if !self.cost.is_finite() {
             return Termination::NumericalFailure;
         }
-        if let Some(end) = self.linearize(system) {
-            return self.record(0, true, None, observer).unwrap_or(end);
-        }
-        if let Some(end) = self.record(0, true, None, observer) {
+        let end = self.linearize(system);
+        if let Some(end) = self.record(0, true, None, observer).or(end) {
             return end;
         }
         let tolerance = self.options.cost_tolerance;
@@ -189,16 +195,13 @@ impl<'a> Run<'a> {
             if let Some(end) = self.interrupted() {
                 return end;
             }
-            let step = match solved {
-                Ok(step) if step.is_inexact || step.linear_residual <= LINEAR_RESIDUAL_LIMIT => {
-                    step
+            let is_good =
+                |step: &Step| step.is_inexact || step.linear_residual <= LINEAR_RESIDUAL_LIMIT;
+            let Some(step) = solved.ok().filter(is_good) else {
+                if let Some(end) = self.reject(iteration, None, observer) {
+                    return end;
                 }
-                Ok(_) | Err(StepFailure) => {
-                    if let Some(end) = self.reject(iteration, None, observer) {
-                        return end;
-                    }
-                    continue;
-                }
+                continue;
             };
             self.linear_residual = step.linear_residual;
             // Under heavy damping every step is short: then it proves a minimum only where the gradient

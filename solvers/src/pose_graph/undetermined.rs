@@ -55,18 +55,9 @@ pub fn undetermined<G: LieGroup<N>, const N: usize>(
     if graph.is_rigid() && !matches!(graph.loss, Loss::Tukey(_)) {
         return Ok(Vec::new());
     }
-    let held = match graph.constant.contains(&true) {
-        true => None,
-        false => (0..graph.ids.len()).min_by_key(|&pose| graph.ids[pose]),
-    };
-    let moves = |&pose: &usize| !graph.constant[pose] && Some(pose) != held;
-    let poses: Vec<usize> = (0..graph.poses.len()).filter(moves).collect();
+    let (poses, row_of) = graph.free();
     if poses.is_empty() {
         return Ok(Vec::new());
-    }
-    let mut row_of = vec![None; graph.poses.len()];
-    for (row, &pose) in poses.iter().enumerate() {
-        row_of[pose] = Some(row);
     }
     let hessian = hessian(graph, &row_of, poses.len());
     let null_vectors = null_vectors::<N>(&hessian)?;

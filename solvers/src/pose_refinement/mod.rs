@@ -2,32 +2,31 @@
 //!
 //! Minimizes ½ Σ ρ(‖r‖²) over `world_from_camera` (equation 8 of the reference frontend's paper),
 //! with an optional prior. Six unknowns: one dense 6 × 6 system a step, on the caller's thread.
-//! Observations are packed by eight (`observations`) and summed in lanes (`view`,
-//! `normal_equations`: cost, H and g in one pass); `one_by_one` takes over where a number is not
-//! finite. `batch` solves many, a thread each.
+//! Observations are packed by eight (`observations`) and summed in lanes (`normal_equations`: cost, H
+//! and g in one pass); `one_by_one` takes over where a number is not finite.
 
-mod batch;
 mod normal_equations;
 mod observations;
 mod one_by_one;
 mod system;
 #[cfg(test)]
 mod tests;
-mod view;
 
 use std::time::Instant;
 
 use nalgebra::{SMatrix, Vector2, Vector3};
+use rayon::prelude::*;
 
 use crate::factors::PosePrior;
 use crate::geometry::{Camera, LieGroup, Se3};
 use crate::information::Information;
 use crate::loss::Loss;
-use crate::optimizer::{self, Observer, SolveSummary, minimize};
+use crate::optimizer::{
+    self, Control, IterationSummary, Observer, SolveSummary, minimize, with_threads,
+};
 use crate::price::Price;
 use crate::problem::SolveError;
 pub use crate::simd::Class;
-pub use batch::{BatchObserver, PoseProblem, refine_batch};
 
 use observations::Observations;
 use system::{PoseSystem, Terms};
@@ -138,6 +137,49 @@ pub fn refine(
     })
 }
 
+/// One pose of a batch: what [`refine`] takes.
+#[derive(Clone, Copy, Debug)]
+pub struct PoseProblem<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// The start.
+    pub world_from_camera: Se3,
+    /// The landmarks that are seen.
+    pub observations: &'a [PointObservation],
+    /// What is expected of the pose.
+    pub prior: Option<Prior>,
+}
+
+/// Sees every row of every problem, by the problem's index, and may cancel that problem. Called from
+/// the workers.
+pub type BatchObserver<'a> = dyn Fn(usize, &IterationSummary) -> Control + Sync + 'a;
+
+/// Refines each of `problems` as [`refine`] does, a task a problem; entry k of the result belongs to
+/// problem k. Each is solved on one thread: the bits are those of the problems one by one.
+///
+/// The deadline is the batch's: a problem whose turn comes later answers its start.
+///
+/// # Errors
+/// [`SolveError`] where an option is invalid or the threads cannot be started; what is wrong with a
+/// problem stands in its entry.
+pub fn refine_batch(
+    problems: &[PoseProblem<'_>],
+    options: &Options,
+    observer: &BatchObserver<'_>,
+) -> Result<Vec<Result<Refined, SolveError>>, SolveError> {
+    let start = Instant::now();
+    options.validate()?;
+    let solve = |(index, problem): (usize, &PoseProblem<'_>)| {
+        let mut options = *options;
+        options.optimizer.deadline =
+            options.optimizer.deadline.map(|d| d.saturating_sub(start.elapsed()));
+        let PoseProblem { camera, world_from_camera: pose, observations, prior } = problem;
+        let observer = &mut |row: &_| observer(index, row);
+        refine(camera, pose, observations, prior.as_ref(), &options, observer)
+    };
+    with_threads(options.optimizer.threads, || problems.par_iter().enumerate().map(solve).collect())
+}
+
 fn validate(
     camera: &Camera,
     world_from_camera: &Se3,
@@ -147,9 +189,13 @@ fn validate(
     if observations.is_empty() {
         return Err(SolveError::Empty("there are no observations"));
     }
-    let finite =
-        |what, ok: bool| if ok { Ok(()) } else { Err(SolveError::NotFinite { what, index: 0 }) };
-    finite("camera", camera.is_finite())?;
-    finite("pose", world_from_camera.is_finite())?;
-    finite("pose prior", prior.is_none_or(|p| p.world_from_camera.is_finite()))
+    let parts = [
+        ("camera", camera.is_finite()),
+        ("pose", world_from_camera.is_finite()),
+        ("pose prior", prior.is_none_or(|p| p.world_from_camera.is_finite())),
+    ];
+    match parts.into_iter().find(|&(_, is_finite)| !is_finite) {
+        Some((what, _)) => Err(SolveError::NotFinite { what, index: 0 }),
+        None => Ok(()),
+    }
 }

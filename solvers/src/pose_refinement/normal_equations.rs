@@ -12,8 +12,8 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::observations::Eight;
-use super::view::{Seen, View, ViewWork};
+use super::observations::{Eight, Observations, Seen, View, ViewWork};
+use crate::geometry::Se3;
 use crate::lanes::loss::evaluate;
 use crate::lanes::models::LaneModel;
 use crate::loss::Loss;
@@ -215,9 +215,16 @@ fn folded(sums: &[f64; 4 * WIDTH]) -> Evaluation {
     value
 }
 
+impl Observations<'_> {
+    /// Cost, H and g at `pose`; not finite where one of the observations is not.
+    pub(super) fn evaluate(&self, pose: &Se3, loss: Loss) -> Evaluation {
+        self.run(pose, Evaluate { loss })
+    }
+}
+
 /// Sums a view under a loss.
-pub(super) struct Evaluate {
-    pub(super) loss: Loss,
+struct Evaluate {
+    loss: Loss,
 }
 
 impl ViewWork for Evaluate {

@@ -6,32 +6,18 @@
 
 use super::PointObservation;
 use super::normal_equations::Evaluation;
-use crate::factors::{DepthReprojection, Linearization, Reprojection};
+use crate::factors::{Linearization, Observed};
 use crate::geometry::{Camera, Se3};
 use crate::loss::Loss;
 use crate::problem::SolveError;
 
 impl PointObservation {
-    fn reprojection(&self) -> Reprojection {
-        Reprojection { pixel: self.pixel, sigma_px: self.sigma_px }
+    fn factor(&self) -> Observed {
+        Observed::new(self.pixel, self.sigma_px, self.depth_m)
     }
 
-    fn depth_reprojection(&self) -> Option<DepthReprojection> {
-        let (depth_m, sigma_depth_m) = self.depth_m?;
-        let (pixel, sigma_px) = (self.pixel, self.sigma_px);
-        Some(DepthReprojection { pixel, depth_m, sigma_px, sigma_depth_m })
-    }
-
-    /// The whitened squared residual; infinite where the projection is not finite.
     fn squared_error(&self, pose: &Se3, camera: &Camera) -> f64 {
-        match self.depth_reprojection() {
-            Some(f) => f.residual(pose, camera, &self.point_in_world).map(|r| r.norm_squared()),
-            None => self
-                .reprojection()
-                .residual(pose, camera, &self.point_in_world)
-                .map(|r| r.norm_squared()),
-        }
-        .unwrap_or(f64::INFINITY)
+        self.factor().squared_error(pose, camera, &self.point_in_world)
     }
 }
 
@@ -69,11 +55,10 @@ pub(super) fn evaluate(
     let mut sum = Evaluation::zero();
     for o in observations {
         sum.cost += 0.5 * loss.evaluate(o.squared_error(pose, camera)).rho;
-        match o.depth_reprojection() {
-            Some(f) => add(&mut sum, loss, f.linearize(pose, camera, &o.point_in_world)),
-            None => {
-                add(&mut sum, loss, o.reprojection().linearize(pose, camera, &o.point_in_world));
-            }
+        let point = &o.point_in_world;
+        match o.factor() {
+            Observed::Pixel(f) => add(&mut sum, loss, f.linearize(pose, camera, point)),
+            Observed::Depth(f) => add(&mut sum, loss, f.linearize(pose, camera, point)),
         }
     }
     sum

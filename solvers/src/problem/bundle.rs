@@ -6,7 +6,6 @@
 use nalgebra::Vector3;
 
 use super::SolveError;
-use super::observations::{check_depth_reprojections, check_reprojections};
 use crate::factors::{
     DepthReprojectionBatch, PosePrior, PositionPrior, RelativePose, ReprojectionBatch,
 };
@@ -118,24 +117,12 @@ impl BundleProblem {
     /// # Errors
     /// The first [`SolveError`] found.
     pub fn validate(&self) -> Result<(), SolveError> {
-        let length = |what, actual, expected| {
-            if actual == expected {
-                Ok(())
-            } else {
-                Err(SolveError::LengthMismatch { what, actual, expected })
-            }
-        };
-        length("constant_poses", self.constant_poses.len(), self.poses.len())?;
-        length("constant_cameras", self.constant_cameras.len(), self.cameras.len())?;
-        length("constant_landmarks", self.constant_landmarks.len(), self.landmarks.len())?;
-        let finite = |what, position: Option<usize>| match position {
-            None => Ok(()),
-            Some(index) => Err(SolveError::NotFinite { what, index: index as i64 }),
-        };
-        finite("pose", self.poses.iter().position(|p| !p.is_finite()))?;
-        finite("camera", self.cameras.iter().position(|c| !c.is_finite()))?;
-        let bad = self.landmarks.iter().position(|l| !l.iter().all(|x| x.is_finite()));
-        finite("landmark", bad)?;
+        check_length("constant_poses", self.constant_poses.len(), self.poses.len())?;
+        check_length("constant_cameras", self.constant_cameras.len(), self.cameras.len())?;
+        check_length("constant_landmarks", self.constant_landmarks.len(), self.landmarks.len())?;
+        check_finite("pose", &self.poses, Se3::is_finite)?;
+        check_finite("camera", &self.cameras, Camera::is_finite)?;
+        check_finite("landmark", &self.landmarks, |l| l.iter().all(|x| x.is_finite()))?;
         for (field, loss) in [
             ("observation_loss", self.observation_loss),
             ("relative_pose_loss", self.relative_pose_loss),
@@ -186,5 +173,75 @@ impl BundleProblem {
             }
         }
         Ok(())
+    }
+}
+
+/// How many poses, cameras and landmarks there are.
+type Counts = (usize, usize, usize);
+
+/// Checks lengths, indices and that every number is finite, sigmas positive.
+fn check_reprojections(batch: &ReprojectionBatch, counts: Counts) -> Result<(), SolveError> {
+    let factor = "reprojection";
+    check_indices(factor, [&batch.poses, &batch.cameras, &batch.landmarks], batch.len(), counts)?;
+    check_sigmas(factor, &batch.sigmas_px, batch.len())?;
+    check_finite(factor, &batch.pixels, |p| p.x.is_finite() && p.y.is_finite())
+}
+
+/// As [`check_reprojections`], and the depths.
+fn check_depth_reprojections(
+    batch: &DepthReprojectionBatch,
+    counts: Counts,
+) -> Result<(), SolveError> {
+    let factor = "depth reprojection";
+    check_indices(factor, [&batch.poses, &batch.cameras, &batch.landmarks], batch.len(), counts)?;
+    check_sigmas(factor, &batch.sigmas_px, batch.len())?;
+    check_sigmas(factor, &batch.sigmas_depth_m, batch.len())?;
+    check_finite(factor, &batch.pixels, |p| p.x.is_finite() && p.y.is_finite())?;
+    check_length("depths_m", batch.depths_m.len(), batch.len())?;
+    check_finite(factor, &batch.depths_m, |depth| depth.is_finite())
+}
+
+fn check_length(what: &'static str, actual: usize, expected: usize) -> Result<(), SolveError> {
+    if actual == expected {
+        Ok(())
+    } else {
+        Err(SolveError::LengthMismatch { what, actual, expected })
+    }
+}
+
+fn check_indices(
+    factor: &'static str,
+    indices: [&[u32]; 3],
+    expected: usize,
+    counts: Counts,
+) -> Result<(), SolveError> {
+    let names = [("pose", counts.0), ("camera", counts.1), ("landmark", counts.2)];
+    for ((variable, count), indices) in names.into_iter().zip(indices) {
+        check_length(variable, indices.len(), expected)?;
+        if let Some(index) = indices.iter().position(|&v| v as usize >= count) {
+            let value = indices[index] as usize;
+            return Err(SolveError::IndexOutOfRange { factor, index, variable, value, count });
+        }
+    }
+    Ok(())
+}
+
+fn check_sigmas(factor: &'static str, sigmas: &[f64], expected: usize) -> Result<(), SolveError> {
+    check_length("sigmas", sigmas.len(), expected)?;
+    match sigmas.iter().position(|&s| !(s.is_finite() && s > 0.0)) {
+        Some(index) => Err(SolveError::NotPositiveDefinite { factor, index }),
+        None => Ok(()),
+    }
+}
+
+/// Names the first of `values` that is not finite.
+fn check_finite<T>(
+    what: &'static str,
+    values: &[T],
+    is_finite: impl Fn(&T) -> bool,
+) -> Result<(), SolveError> {
+    match values.iter().position(|value| !is_finite(value)) {
+        Some(index) => Err(SolveError::NotFinite { what, index: index as i64 }),
+        None => Ok(()),
     }
 }

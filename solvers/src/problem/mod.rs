@@ -7,7 +7,6 @@
 mod bundle;
 mod disjoint_sets;
 mod error;
-mod observations;
 mod pose_graph;
 
 pub use bundle::BundleProblem;

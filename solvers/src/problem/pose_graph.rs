@@ -78,9 +78,32 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
 
     /// Holds the pose with the lowest id fixed, the convention for graph files.
     pub fn fix_lowest_id(&mut self) {
-        if let Some((index, _)) = self.ids.iter().enumerate().min_by_key(|&(_, id)| *id) {
+        if let Some(index) = self.lowest_id() {
             self.constant[index] = true;
         }
+    }
+
+    /// The index of the pose with the lowest id.
+    fn lowest_id(&self) -> Option<usize> {
+        (0..self.ids.len()).min_by_key(|&pose| self.ids[pose])
+    }
+
+    /// The poses that hold the gauge: the constant ones; without one, that with the lowest id.
+    pub(crate) fn held(&self) -> Vec<usize> {
+        let constant: Vec<usize> = (0..self.poses.len()).filter(|&i| self.constant[i]).collect();
+        if constant.is_empty() { self.lowest_id().into_iter().collect() } else { constant }
+    }
+
+    /// The poses that [`Self::held`] leaves free, and the place of each pose among them.
+    pub(crate) fn free(&self) -> (Vec<usize>, Vec<Option<usize>>) {
+        let held = self.held();
+        let is_free = |pose: &usize| held.binary_search(pose).is_err();
+        let poses: Vec<usize> = (0..self.poses.len()).filter(is_free).collect();
+        let mut place_of = vec![None; self.poses.len()];
+        for (place, &pose) in poses.iter().enumerate() {
+            place_of[pose] = Some(place);
+        }
+        (poses, place_of)
     }
 
     /// Checks that lengths and indices agree, ids are unique, every number is finite and the graph

@@ -5,13 +5,11 @@
 //! because a single false closure bends the odometry before it shows a residual of its own. Only where
 //! something is strained do the stages of [`super::solve`] begin.
 
-use std::time::Instant;
-
-use super::{Options, RobustSummary, Weighted, prepare};
+use super::{Options, RobustSummary, Weighted, run};
 use crate::geometry::LieGroup;
 use crate::initialization::Start;
 use crate::interrupt::Interrupt;
-use crate::optimizer::{Observer, SolveSummary, with_threads};
+use crate::optimizer::{Observer, SolveSummary};
 use crate::problem::{PoseGraph, SolveError};
 
 /// The least weight of a closure that counts: Geman and McClure's at the threshold.
@@ -53,14 +51,7 @@ pub fn update_until<G: LieGroup<N>, const N: usize>(
     interrupt: &Interrupt,
     observer: &mut Observer<'_>,
 ) -> Result<RobustSummary, SolveError> {
-    let begin = Instant::now();
-    let interrupt = interrupt.or_after(begin, options.pose_graph.optimizer.deadline);
-    let threshold = prepare(graph, options)?;
-    with_threads(options.pose_graph.optimizer.threads, || {
-        let mut weighted = Weighted::new(graph, options, threshold, (begin, &interrupt));
-        let solve = weighted.update(off, observer)?;
-        Ok(weighted.summary(solve, Start::Given))
-    })?
+    run(graph, options, interrupt, |weighted| Ok((weighted.update(off, observer)?, Start::Given)))
 }
 
 /// A result that may be restored.

@@ -19,7 +19,7 @@ pub use live::{update, update_until};
 
 use crate::factors::RelativePose;
 use crate::geometry::{LieGroup, RigidMotion};
-use crate::initialization::{Start, chordal_price, initialize, initialize_within};
+use crate::initialization::{Start, chordal_price, initialize_in_time};
 use crate::interrupt::Interrupt;
 use crate::optimizer::{self, Observer, SolveSummary, Termination, with_threads};
 use crate::pose_graph;
@@ -97,7 +97,7 @@ pub struct RobustSummary {
 /// [`pose_graph::solve`]; `observer` sees the rows of every solve.
 ///
 /// # Errors
-/// Those of [`pose_graph::solve`] and [`initialize`]; [`SolveError::InvalidOption`] for a threshold
+/// Those of [`pose_graph::solve`] and [`initialize`](crate::initialization::initialize); [`SolveError::InvalidOption`] for a threshold
 /// that is not finite and positive.
 pub fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
@@ -121,15 +121,36 @@ pub fn solve_until<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     interrupt: &Interrupt,
     observer: &mut Observer<'_>,
 ) -> Result<RobustSummary, SolveError> {
-    let begin = Instant::now();
-    let interrupt = interrupt.or_after(begin, options.pose_graph.optimizer.deadline);
-    let threshold = prepare(graph, options)?;
-    with_threads(options.pose_graph.optimizer.threads, || {
-        let mut weighted = Weighted::new(graph, options, threshold, (begin, &interrupt));
+    run(graph, options, interrupt, |weighted| {
         let start = weighted.start(options.start, has_poses)?;
         weighted.graduate(observer)?;
         weighted.judge_closures(observer)?;
-        let last = weighted.solve(&options.pose_graph, observer)?;
+        Ok((weighted.solve(&options.pose_graph, observer)?, start))
+    })
+}
+
+/// Checks graph and options, holds the gauge, and does `stages` on the threads of the options. They
+/// return the last solve and the start taken.
+fn run<G: LieGroup<N>, const N: usize>(
+    graph: &mut PoseGraph<G, N>,
+    options: &Options,
+    interrupt: &Interrupt,
+    stages: impl FnOnce(&mut Weighted<'_, G, N>) -> Result<(SolveSummary, Start), SolveError> + Send,
+) -> Result<RobustSummary, SolveError> {
+    let begin = Instant::now();
+    let interrupt = interrupt.or_after(begin, options.pose_graph.optimizer.deadline);
+    graph.validate()?;
+    let threshold = options.threshold.unwrap_or_else(|| default_threshold(N));
+    if !(threshold.is_finite() && threshold > 0.0) {
+        let reason = "must be finite and positive";
+        return Err(SolveError::InvalidOption { field: "threshold", reason });
+    }
+    if !graph.constant.contains(&true) {
+        graph.fix_lowest_id();
+    }
+    with_threads(options.pose_graph.optimizer.threads, || {
+        let mut weighted = Weighted::new(graph, options, threshold, (begin, &interrupt));
+        let (last, start) = stages(&mut weighted)?;
         Ok(weighted.summary(last, start))
     })?
 }
@@ -153,23 +174,6 @@ fn copies_bytes<G, const N: usize>(graph: &PoseGraph<G, N>) -> u64 {
     let edge = size_of::<RelativePose<G, N>>() + size_of::<G>() + 8 * N * N + 160;
     let pose = 4 * size_of::<G>() + 64;
     (graph.edges.len() * edge + graph.poses.len() * pose) as u64
-}
-
-/// Checks graph and options, holds the gauge, and returns the threshold.
-fn prepare<G: LieGroup<N>, const N: usize>(
-    graph: &mut PoseGraph<G, N>,
-    options: &Options,
-) -> Result<f64, SolveError> {
-    graph.validate()?;
-    let threshold = options.threshold.unwrap_or_else(|| default_threshold(N));
-    if !(threshold.is_finite() && threshold > 0.0) {
-        let reason = "must be finite and positive";
-        return Err(SolveError::InvalidOption { field: "threshold", reason });
-    }
-    if !graph.constant.contains(&true) {
-        graph.fix_lowest_id();
-    }
-    Ok(threshold)
 }
 
 /// What [`solve`] minimized at its end: the edges of `graph` with `closures` at their weights, in one
@@ -299,13 +303,8 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         };
         let ceiling = self.options.optimizer.ceiling;
         let limits = Limits { ceiling, interrupt: self.interrupt }.less(self.copies);
-        let taken = match initialize_within(&mut copy, wished, has_poses, limits) {
-            Err(SolveError::Interrupted) => {
-                let at_hand = if has_poses { Start::Given } else { Start::Odometry };
-                initialize(&mut copy, at_hand, has_poses)?
-            }
-            other => other.map_err(|error| error.beside(self.copies))?,
-        };
+        let taken = initialize_in_time(&mut copy, wished, has_poses, limits)
+            .map_err(|error| error.beside(self.copies))?;
         self.graph.poses = copy.poses;
         Ok(taken)
     }

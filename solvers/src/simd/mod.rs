@@ -5,7 +5,16 @@
 //! operations is the same everywhere; the classes with fused multiply-add give the same bits, the
 //! scalar one rounds products on their own. Nothing here knows what the numbers mean.
 
-mod line;
+/// Methods of [`Lanes`] that map vectors to one, from a table `name(arguments) = value;`.
+macro_rules! operations {
+    ($($name:ident($($x:ident),*) = $value:expr;)*) => {$(
+        #[inline(always)]
+        fn $name(self, $($x: Self::V),*) -> Self::V {
+            $value
+        }
+    )*};
+}
+
 #[cfg(target_arch = "aarch64")]
 mod neon;
 mod scalar;
@@ -13,9 +22,9 @@ mod scalar;
 mod x86;
 
 use std::fmt;
-use std::sync::atomic::{AtomicU8, Ordering};
+use std::ops::{Deref, DerefMut};
+use std::sync::LazyLock;
 
-pub(crate) use line::Line;
 pub(crate) use scalar::Scalar;
 
 /// How many lanes a vector has, in every class.
@@ -23,6 +32,33 @@ pub(crate) const WIDTH: usize = 8;
 
 /// One vector as memory holds it.
 pub(crate) type Row = [f64; WIDTH];
+
+/// A row that begins on a cache line: a 512-bit access that crosses a line costs two, so buffers that
+/// kernels read and write again and again are made of these.
+#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Line(pub(crate) Row);
+
+impl Line {
+    /// Eight zeros.
+    pub(crate) const ZERO: Self = Self([0.0; WIDTH]);
+}
+
+impl Deref for Line {
+    type Target = Row;
+
+    #[inline(always)]
+    fn deref(&self) -> &Row {
+        &self.0
+    }
+}
+
+impl DerefMut for Line {
+    #[inline(always)]
+    fn deref_mut(&mut self) -> &mut Row {
+        &mut self.0
+    }
+}
 
 /// Operations on vectors of eight lanes. The value proves that the processor has the class.
 pub(crate) trait Lanes: Copy {
@@ -33,19 +69,12 @@ pub(crate) trait Lanes: Copy {
 
     /// `x` in every lane.
     fn splat(self, x: f64) -> Self::V;
-    /// A vector from memory.
     fn load(self, x: &Row) -> Self::V;
-    /// A vector to memory.
     fn store(self, v: Self::V, x: &mut Row);
-    /// a + b.
     fn add(self, a: Self::V, b: Self::V) -> Self::V;
-    /// a − b.
     fn sub(self, a: Self::V, b: Self::V) -> Self::V;
-    /// a · b.
     fn mul(self, a: Self::V, b: Self::V) -> Self::V;
-    /// a / b.
     fn div(self, a: Self::V, b: Self::V) -> Self::V;
-    /// √a.
     fn sqrt(self, a: Self::V) -> Self::V;
     /// The larger one; b where either is not a number.
     fn max(self, a: Self::V, b: Self::V) -> Self::V;
@@ -58,16 +87,28 @@ pub(crate) trait Lanes: Copy {
     /// c − a · b, fused where the class can.
     fn fnma(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
     /// c − a · b of single numbers, rounded as in [`Self::fnma`].
-    fn fnma_one(self, a: f64, b: f64, c: f64) -> f64;
+    #[inline(always)]
+    fn fnma_one(self, a: f64, b: f64, c: f64) -> f64 {
+        (-a).mul_add(b, c)
+    }
     /// The 8 × 8 matrix with `rows` as columns.
     fn transpose(self, rows: [Self::V; WIDTH]) -> [Self::V; WIDTH];
+    /// Runs `part` as a function of its own, compiled for the class.
+    fn call<P: Part<Self>>(self, part: P) -> P::Output;
+}
+
+/// A part of kernels that is compiled once, not into each of them. `run` must be
+/// `#[inline(always)]` down to the operations.
+pub(crate) trait Part<L: Lanes> {
+    /// What it returns.
+    type Output;
+    /// Does the work.
+    fn run(self, lanes: L) -> Self::Output;
 }
 
 /// Work that runs in one class. `run` must be `#[inline(always)]` down to the operations.
 pub(crate) trait Kernel {
-    /// What it returns.
     type Output;
-    /// Does the work.
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;
 }
 
@@ -84,22 +125,15 @@ pub enum Class {
     Scalar,
 }
 
-/// Detected once; 0 means not yet.
-static DETECTED: AtomicU8 = AtomicU8::new(0);
-
 impl Class {
-    const ALL: [Self; 4] = [Self::Avx512, Self::Avx2, Self::Neon, Self::Scalar];
-
     /// The widest class of this processor.
     #[must_use]
     pub fn detect() -> Self {
-        let known = DETECTED.load(Ordering::Relaxed);
-        if known > 0 {
-            return Self::ALL[usize::from(known - 1)];
-        }
-        let index = Self::ALL.iter().position(|c| c.is_available()).unwrap_or(Self::ALL.len() - 1);
-        DETECTED.store(index as u8 + 1, Ordering::Relaxed);
-        Self::ALL[index]
+        static DETECTED: LazyLock<Class> = LazyLock::new(|| {
+            let mut widest = [Class::Avx512, Class::Avx2, Class::Neon].into_iter();
+            widest.find(|class| class.is_available()).unwrap_or(Class::Scalar)
+        });
+        *DETECTED
     }
 
     /// Whether this processor has it.
@@ -121,15 +155,9 @@ impl Class {
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => match x86::Avx512::new() {
-                Some(lanes) => lanes.run(kernel),
-                None => kernel.run(Scalar),
-            },
+            Self::Avx512 if let Some(lanes) = x86::Avx512::new() => lanes.run(kernel),
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2 => match x86::Avx2::new() {
-                Some(lanes) => lanes.run(kernel),
-                None => kernel.run(Scalar),
-            },
+            Self::Avx2 if let Some(lanes) = x86::Avx2::new() => lanes.run(kernel),
             #[cfg(target_arch = "aarch64")]
             Self::Neon => kernel.run(neon::Neon),
             _ => kernel.run(Scalar),

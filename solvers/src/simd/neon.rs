@@ -5,8 +5,9 @@
 #![allow(unsafe_code, reason = "vector instructions that every aarch64 processor has")]
 
 use std::arch::aarch64::*;
+use std::array::from_fn;
 
-use super::{Lanes, Row, WIDTH};
+use super::{Lanes, Part, Row, WIDTH};
 
 /// Needs nothing beyond aarch64.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +26,7 @@ impl Lanes for Neon {
     }
     #[inline(always)]
     fn load(self, x: &Row) -> Four {
-        std::array::from_fn(|i| unsafe { vld1q_f64(x.as_ptr().add(2 * i)) })
+        from_fn(|i| unsafe { vld1q_f64(x.as_ptr().add(2 * i)) })
     }
     #[inline(always)]
     fn store(self, v: Four, x: &mut Row) {
@@ -33,57 +34,30 @@ impl Lanes for Neon {
             unsafe { vst1q_f64(x.as_mut_ptr().add(2 * i), part) }
         }
     }
-    #[inline(always)]
-    fn add(self, a: Four, b: Four) -> Four {
-        std::array::from_fn(|i| unsafe { vaddq_f64(a[i], b[i]) })
-    }
-    #[inline(always)]
-    fn sub(self, a: Four, b: Four) -> Four {
-        std::array::from_fn(|i| unsafe { vsubq_f64(a[i], b[i]) })
-    }
-    #[inline(always)]
-    fn mul(self, a: Four, b: Four) -> Four {
-        std::array::from_fn(|i| unsafe { vmulq_f64(a[i], b[i]) })
-    }
-    #[inline(always)]
-    fn div(self, a: Four, b: Four) -> Four {
-        std::array::from_fn(|i| unsafe { vdivq_f64(a[i], b[i]) })
-    }
-    #[inline(always)]
-    fn sqrt(self, a: Four) -> Four {
-        std::array::from_fn(|i| unsafe { vsqrtq_f64(a[i]) })
-    }
-    #[inline(always)]
-    fn max(self, a: Four, b: Four) -> Four {
-        std::array::from_fn(|i| unsafe { vbslq_f64(vcgtq_f64(a[i], b[i]), a[i], b[i]) })
-    }
-    #[inline(always)]
-    fn min(self, a: Four, b: Four) -> Four {
-        std::array::from_fn(|i| unsafe { vbslq_f64(vcltq_f64(a[i], b[i]), a[i], b[i]) })
-    }
-    #[inline(always)]
-    fn select(self, mask: Four, yes: Four, no: Four) -> Four {
-        std::array::from_fn(|i| unsafe { vbslq_f64(vcgtzq_f64(mask[i]), yes[i], no[i]) })
-    }
-    #[inline(always)]
-    fn fma(self, a: Four, b: Four, c: Four) -> Four {
-        std::array::from_fn(|i| unsafe { vfmaq_f64(c[i], a[i], b[i]) })
-    }
-    #[inline(always)]
-    fn fnma(self, a: Four, b: Four, c: Four) -> Four {
-        std::array::from_fn(|i| unsafe { vfmsq_f64(c[i], a[i], b[i]) })
-    }
-    #[inline(always)]
-    fn fnma_one(self, a: f64, b: f64, c: f64) -> f64 {
-        (-a).mul_add(b, c)
+    operations! {
+        add(a, b) = from_fn(|i| unsafe { vaddq_f64(a[i], b[i]) });
+        sub(a, b) = from_fn(|i| unsafe { vsubq_f64(a[i], b[i]) });
+        mul(a, b) = from_fn(|i| unsafe { vmulq_f64(a[i], b[i]) });
+        div(a, b) = from_fn(|i| unsafe { vdivq_f64(a[i], b[i]) });
+        sqrt(a) = from_fn(|i| unsafe { vsqrtq_f64(a[i]) });
+        max(a, b) = from_fn(|i| unsafe { vbslq_f64(vcgtq_f64(a[i], b[i]), a[i], b[i]) });
+        min(a, b) = from_fn(|i| unsafe { vbslq_f64(vcltq_f64(a[i], b[i]), a[i], b[i]) });
+        fma(a, b, c) = from_fn(|i| unsafe { vfmaq_f64(c[i], a[i], b[i]) });
+        fnma(a, b, c) = from_fn(|i| unsafe { vfmsq_f64(c[i], a[i], b[i]) });
+        select(mask, yes, no) =
+            from_fn(|i| unsafe { vbslq_f64(vcgtzq_f64(mask[i]), yes[i], no[i]) });
     }
     #[inline(always)]
     fn transpose(self, r: [Four; WIDTH]) -> [Four; WIDTH] {
-        std::array::from_fn(|i| {
-            std::array::from_fn(|j| unsafe {
+        from_fn(|i| {
+            from_fn(|j| unsafe {
                 let (a, b) = (r[2 * j][i / 2], r[2 * j + 1][i / 2]);
                 if i % 2 == 0 { vzip1q_f64(a, b) } else { vzip2q_f64(a, b) }
             })
         })
+    }
+    #[inline(never)]
+    fn call<P: Part<Self>>(self, part: P) -> P::Output {
+        part.run(self)
     }
 }

@@ -3,15 +3,15 @@
 //! The only module with `unsafe`: a value of [`Avx512`] or [`Avx2`] exists only after the processor
 //! was asked, so that the instructions behind its methods are there.
 
-#![allow(unsafe_code, reason = "vector instructions; each block says why it is sound")]
 #![allow(
+    unsafe_code,
     clippy::undocumented_unsafe_blocks,
-    reason = "one reason for all: the value proves the feature"
+    reason = "vector instructions; one reason for all blocks: the value proves the feature"
 )]
 
 use std::arch::x86_64::*;
 
-use super::{Kernel, Lanes, Row, WIDTH};
+use super::{Kernel, Lanes, Part, Row, WIDTH};
 
 /// Proof that the processor has AVX-512 F and DQ.
 #[derive(Clone, Copy, Debug)]
@@ -23,11 +23,8 @@ pub(crate) struct Avx2(());
 
 impl Avx512 {
     pub(crate) fn new() -> Option<Self> {
-        (is_x86_feature_detected!("avx512f")
-            && is_x86_feature_detected!("avx512dq")
-            && is_x86_feature_detected!("avx2")
-            && is_x86_feature_detected!("fma"))
-        .then_some(Self(()))
+        let more = is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq");
+        (more && Avx2::new().is_some()).then_some(Self(()))
     }
 
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
@@ -73,33 +70,16 @@ impl Lanes for Avx512 {
     fn store(self, v: __m512d, x: &mut Row) {
         unsafe { _mm512_storeu_pd(x.as_mut_ptr(), v) }
     }
-    #[inline(always)]
-    fn add(self, a: __m512d, b: __m512d) -> __m512d {
-        unsafe { _mm512_add_pd(a, b) }
-    }
-    #[inline(always)]
-    fn sub(self, a: __m512d, b: __m512d) -> __m512d {
-        unsafe { _mm512_sub_pd(a, b) }
-    }
-    #[inline(always)]
-    fn mul(self, a: __m512d, b: __m512d) -> __m512d {
-        unsafe { _mm512_mul_pd(a, b) }
-    }
-    #[inline(always)]
-    fn div(self, a: __m512d, b: __m512d) -> __m512d {
-        unsafe { _mm512_div_pd(a, b) }
-    }
-    #[inline(always)]
-    fn sqrt(self, a: __m512d) -> __m512d {
-        unsafe { _mm512_sqrt_pd(a) }
-    }
-    #[inline(always)]
-    fn max(self, a: __m512d, b: __m512d) -> __m512d {
-        unsafe { _mm512_max_pd(a, b) }
-    }
-    #[inline(always)]
-    fn min(self, a: __m512d, b: __m512d) -> __m512d {
-        unsafe { _mm512_min_pd(a, b) }
+    operations! {
+        add(a, b) = unsafe { _mm512_add_pd(a, b) };
+        sub(a, b) = unsafe { _mm512_sub_pd(a, b) };
+        mul(a, b) = unsafe { _mm512_mul_pd(a, b) };
+        div(a, b) = unsafe { _mm512_div_pd(a, b) };
+        sqrt(a) = unsafe { _mm512_sqrt_pd(a) };
+        max(a, b) = unsafe { _mm512_max_pd(a, b) };
+        min(a, b) = unsafe { _mm512_min_pd(a, b) };
+        fma(a, b, c) = unsafe { _mm512_fmadd_pd(a, b, c) };
+        fnma(a, b, c) = unsafe { _mm512_fnmadd_pd(a, b, c) };
     }
     #[inline(always)]
     fn select(self, mask: __m512d, yes: __m512d, no: __m512d) -> __m512d {
@@ -109,16 +89,13 @@ impl Lanes for Avx512 {
         }
     }
     #[inline(always)]
-    fn fma(self, a: __m512d, b: __m512d, c: __m512d) -> __m512d {
-        unsafe { _mm512_fmadd_pd(a, b, c) }
-    }
-    #[inline(always)]
-    fn fnma(self, a: __m512d, b: __m512d, c: __m512d) -> __m512d {
-        unsafe { _mm512_fnmadd_pd(a, b, c) }
-    }
-    #[inline(always)]
-    fn fnma_one(self, a: f64, b: f64, c: f64) -> f64 {
-        (-a).mul_add(b, c)
+    fn call<P: Part<Self>>(self, part: P) -> P::Output {
+        #[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
+        #[inline(never)]
+        fn compiled<P: Part<Avx512>>(lanes: Avx512, part: P) -> P::Output {
+            part.run(lanes)
+        }
+        unsafe { compiled(self, part) }
     }
     #[inline(always)]
     fn transpose(self, r: [__m512d; WIDTH]) -> [__m512d; WIDTH] {
@@ -192,33 +169,18 @@ impl Lanes for Avx2 {
             _mm256_storeu_pd(x.as_mut_ptr().add(4), v[1]);
         }
     }
-    #[inline(always)]
-    fn add(self, a: Pair, b: Pair) -> Pair {
-        unsafe { [_mm256_add_pd(a[0], b[0]), _mm256_add_pd(a[1], b[1])] }
-    }
-    #[inline(always)]
-    fn sub(self, a: Pair, b: Pair) -> Pair {
-        unsafe { [_mm256_sub_pd(a[0], b[0]), _mm256_sub_pd(a[1], b[1])] }
-    }
-    #[inline(always)]
-    fn mul(self, a: Pair, b: Pair) -> Pair {
-        unsafe { [_mm256_mul_pd(a[0], b[0]), _mm256_mul_pd(a[1], b[1])] }
-    }
-    #[inline(always)]
-    fn div(self, a: Pair, b: Pair) -> Pair {
-        unsafe { [_mm256_div_pd(a[0], b[0]), _mm256_div_pd(a[1], b[1])] }
-    }
-    #[inline(always)]
-    fn sqrt(self, a: Pair) -> Pair {
-        unsafe { [_mm256_sqrt_pd(a[0]), _mm256_sqrt_pd(a[1])] }
-    }
-    #[inline(always)]
-    fn max(self, a: Pair, b: Pair) -> Pair {
-        unsafe { [_mm256_max_pd(a[0], b[0]), _mm256_max_pd(a[1], b[1])] }
-    }
-    #[inline(always)]
-    fn min(self, a: Pair, b: Pair) -> Pair {
-        unsafe { [_mm256_min_pd(a[0], b[0]), _mm256_min_pd(a[1], b[1])] }
+    operations! {
+        add(a, b) = unsafe { [_mm256_add_pd(a[0], b[0]), _mm256_add_pd(a[1], b[1])] };
+        sub(a, b) = unsafe { [_mm256_sub_pd(a[0], b[0]), _mm256_sub_pd(a[1], b[1])] };
+        mul(a, b) = unsafe { [_mm256_mul_pd(a[0], b[0]), _mm256_mul_pd(a[1], b[1])] };
+        div(a, b) = unsafe { [_mm256_div_pd(a[0], b[0]), _mm256_div_pd(a[1], b[1])] };
+        sqrt(a) = unsafe { [_mm256_sqrt_pd(a[0]), _mm256_sqrt_pd(a[1])] };
+        max(a, b) = unsafe { [_mm256_max_pd(a[0], b[0]), _mm256_max_pd(a[1], b[1])] };
+        min(a, b) = unsafe { [_mm256_min_pd(a[0], b[0]), _mm256_min_pd(a[1], b[1])] };
+        fma(a, b, c) =
+            unsafe { [_mm256_fmadd_pd(a[0], b[0], c[0]), _mm256_fmadd_pd(a[1], b[1], c[1])] };
+        fnma(a, b, c) =
+            unsafe { [_mm256_fnmadd_pd(a[0], b[0], c[0]), _mm256_fnmadd_pd(a[1], b[1], c[1])] };
     }
     #[inline(always)]
     fn select(self, mask: Pair, yes: Pair, no: Pair) -> Pair {
@@ -231,16 +193,13 @@ impl Lanes for Avx2 {
         }
     }
     #[inline(always)]
-    fn fma(self, a: Pair, b: Pair, c: Pair) -> Pair {
-        unsafe { [_mm256_fmadd_pd(a[0], b[0], c[0]), _mm256_fmadd_pd(a[1], b[1], c[1])] }
-    }
-    #[inline(always)]
-    fn fnma(self, a: Pair, b: Pair, c: Pair) -> Pair {
-        unsafe { [_mm256_fnmadd_pd(a[0], b[0], c[0]), _mm256_fnmadd_pd(a[1], b[1], c[1])] }
-    }
-    #[inline(always)]
-    fn fnma_one(self, a: f64, b: f64, c: f64) -> f64 {
-        (-a).mul_add(b, c)
+    fn call<P: Part<Self>>(self, part: P) -> P::Output {
+        #[target_feature(enable = "avx2,fma")]
+        #[inline(never)]
+        fn compiled<P: Part<Avx2>>(lanes: Avx2, part: P) -> P::Output {
+            part.run(lanes)
+        }
+        unsafe { compiled(self, part) }
     }
     #[inline(always)]
     fn transpose(self, r: [Pair; WIDTH]) -> [Pair; WIDTH] {

@@ -1,5 +1,5 @@
-//! `covis bench-frontend`: the reference frontend on sequences whose truth is known, with and without
-//! removal of what moves, as the paper's Table 1 has it.
+//! `covis bench-frontend`: the reference frontend on sequences whose truth is known, with and
+//! without removal of what moves, as the paper's Table 1 has it.
 //!
 //! | file | role |
 //! |---|---|
@@ -14,17 +14,16 @@ mod table;
 mod truth;
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::Context;
 use fs_err as fs;
 use serde::Serialize;
 
 use super::config::Config;
-use super::output::print;
-use super::run::embedded::Embedded;
+use super::connect::Embedded;
+use super::output::{show, succeed_if};
 use super::run::{Drawing, RunOptions, Source, report, sequence};
-use crate::evaluation::{MethodFigures, PaperRow, paper_row};
+use crate::evaluation::{PaperRow, paper_row};
 use crate::frontend::mapping::run::RunReport;
 use truth::Truth;
 
@@ -52,8 +51,8 @@ pub(super) struct Args {
 
 /// The object of `--json`.
 #[derive(Debug, Serialize)]
-struct Document {
-    sequences: Vec<Row>,
+struct Document<'a> {
+    sequences: &'a [Row],
 }
 
 /// One sequence. What is not known is null.
@@ -69,7 +68,8 @@ struct Row {
     reduction_percent: Reduction,
     /// Mean over the frames whose truth covers at least 2 %.
     mask_iou: Option<f64>,
-    paper: Option<PaperFigures>,
+    /// The paper's row; null where a method failed.
+    paper: Option<&'static PaperRow>,
 }
 
 #[derive(Clone, Copy, Debug, Default, Serialize)]
@@ -111,45 +111,9 @@ impl RunFigures {
     }
 }
 
-/// The paper's row; null where a method failed.
-#[derive(Debug, Serialize)]
-struct PaperFigures {
-    sequence: &'static str,
-    translation_m_per_s: PaperMethods,
-    rotation_deg_per_s: PaperMethods,
-}
-
-#[derive(Clone, Copy, Debug, Serialize)]
-struct PaperMethods {
-    dvo: f64,
-    bamvo: f64,
-    static_weight: f64,
-    without_removal: Option<f64>,
-    with_removal: Option<f64>,
-}
-
-impl From<&MethodFigures> for PaperMethods {
-    fn from(figures: &MethodFigures) -> Self {
-        let MethodFigures { dvo, bamvo, static_weight, without_removal, with_removal } = *figures;
-        Self { dvo, bamvo, static_weight, without_removal, with_removal }
-    }
-}
-
-impl From<&PaperRow> for PaperFigures {
-    fn from(row: &PaperRow) -> Self {
-        Self {
-            sequence: row.sequence,
-            translation_m_per_s: (&row.translation_m_per_s).into(),
-            rotation_deg_per_s: (&row.rotation_deg_per_s).into(),
-        }
-    }
-}
-
 /// Runs all sequences, compares, prints. The exit code is 1 where one of them failed.
-///
-/// # Errors
-/// An output folder that cannot be written; what fails in a sequence is in its row.
-pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
+/// Fails for an output folder that cannot be written; what fails in a sequence is in its row.
+pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
     fs::create_dir_all(&args.out)?;
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(usize::from(args.threads))
@@ -168,7 +132,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
             without_mask: None,
             reduction_percent: Reduction::default(),
             mask_iou: None,
-            paper: paper_row(&name).filter(|_| matches!(source, Source::Folder(_))).map(Into::into),
+            paper: paper_row(&name).filter(|_| matches!(source, Source::Folder(_))),
             name,
         };
         // Two folders may have one name.
@@ -182,12 +146,8 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
         sequences.push(row);
     }
     let is_whole = sequences.iter().all(|row| row.error.is_none());
-    if args.json {
-        print(serde_json::to_string(&Document { sequences })?)?;
-    } else {
-        print(table::text(&sequences))?;
-    }
-    Ok(if is_whole { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    show(args.json, &Document { sequences: &sequences }, || table::text(&sequences))?;
+    succeed_if(is_whole)
 }
 
 /// Both runs of a sequence, then their errors.

@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::io::Write;
 use std::path::Path;
 
-use super::{Config, Environment, Layer};
+use super::{Config, Environment, Texts};
 
 fn environment(variables: &[(&str, &str)]) -> Environment {
     Environment::new(variables.iter().map(|&(k, v)| (OsString::from(k), OsString::from(v))))
@@ -20,7 +20,7 @@ fn file(text: &str) -> tempfile::NamedTempFile {
 fn flags_win_over_environment_over_file_over_defaults() {
     let file = file("listen = \"[::1]:1\"\nthreads = 2\nlog = \"warn\"\nlock_step = true\n");
     let variables = [("COVIS_THREADS", "3"), ("COVIS_LISTEN", "host:2"), ("COVIS_LOG", "")];
-    let flags = Layer { threads: Some(4), ..Layer::default() };
+    let flags = vec![("threads".to_owned(), OsString::from("4"))];
     let path = Some(file.path().to_owned());
     let (config, warnings) = Config::load(flags, path, environment(&variables)).unwrap();
     assert_eq!((config.threads, config.listen.as_str()), (4, "host:2"));
@@ -34,14 +34,14 @@ fn the_environment_may_name_the_file() {
     let file = file("queue_capacity = 7\n");
     let path = file.path().to_str().unwrap();
     let environment = environment(&[("COVIS_CONFIG", path)]);
-    let (config, _) = Config::load(Layer::default(), None, environment).unwrap();
+    let (config, _) = Config::load(Texts::new(), None, environment).unwrap();
     assert_eq!(config.queue_capacity, 7);
 }
 
 #[test]
 fn an_unknown_variable_warns_and_a_switch_of_the_tests_does_not() {
     let variables = [("COVIS_THREDS", "3"), ("COVIS_TEST_DATA", "x"), ("COVIS_TEST_FAULT", "f")];
-    let (config, warnings) = Config::load(Layer::default(), None, environment(&variables)).unwrap();
+    let (config, warnings) = Config::load(Texts::new(), None, environment(&variables)).unwrap();
     assert_eq!(warnings, ["unknown environment variable COVIS_THREDS is ignored"]);
     #[cfg(feature = "faults")]
     assert_eq!(config.test_fault.as_deref(), Some("f"));
@@ -50,7 +50,7 @@ fn an_unknown_variable_warns_and_a_switch_of_the_tests_does_not() {
 #[test]
 fn a_file_that_cannot_be_used_is_named_with_the_line() {
     let check = |text: &str, parts: &[&str]| {
-        let message = Layer::parse(text, Path::new("covis.toml")).unwrap_err().to_string();
+        let message = Config::parse(text, Path::new("covis.toml")).unwrap_err().to_string();
         for part in parts {
             assert!(message.contains(part), "`{part}` in `{message}`");
         }
@@ -67,7 +67,7 @@ fn a_file_that_cannot_be_used_is_named_with_the_line() {
 #[test]
 fn values_out_of_range_name_their_setting() {
     let check = |variables: &[(&str, &str)], part: &str| {
-        let loaded = Config::load(Layer::default(), None, environment(variables));
+        let loaded = Config::load(Texts::new(), None, environment(variables));
         let message = loaded.unwrap_err().to_string();
         assert!(message.contains(part), "`{part}` in `{message}`");
     };
@@ -81,14 +81,14 @@ fn values_out_of_range_name_their_setting() {
     check(&[("COVIS_MAX_MESSAGE_BYTES", "12")], "setting max_message_bytes");
     check(&[("COVIS_MAX_CONNECTIONS", "1")], "setting max_connections");
     check(&[("COVIS_MAX_STRANGERS", "0")], "setting max_strangers");
-    let missing = Config::load(Layer::default(), Some("no/such.toml".into()), environment(&[]));
+    let missing = Config::load(Texts::new(), Some("no/such.toml".into()), environment(&[]));
     assert!(missing.unwrap_err().to_string().contains("no/such.toml"));
 }
 
 #[test]
 fn certificates_come_with_keys_and_a_token_is_never_shown() {
     let check = |variables: &[(&str, &str)], part: &str| {
-        let loaded = Config::load(Layer::default(), None, environment(variables));
+        let loaded = Config::load(Texts::new(), None, environment(variables));
         let message = loaded.unwrap_err().to_string();
         assert!(message.contains(part), "`{part}` in `{message}`");
     };
@@ -97,14 +97,14 @@ fn certificates_come_with_keys_and_a_token_is_never_shown() {
     check(&[("COVIS_TLS_CLIENT_CA", "a.pem")], "setting tls_client_ca");
     let variables = environment(&[("COVIS_TOKEN", "secret")]);
     assert!(!format!("{variables:?}").contains("secret"));
-    let (config, warnings) = Config::load(Layer::default(), None, variables).unwrap();
+    let (config, warnings) = Config::load(Texts::new(), None, variables).unwrap();
     assert!(config.token.is_some());
     assert_eq!(warnings, Vec::<String>::new());
     assert!(!format!("{config:?}").contains("secret"));
     // A file would be copied about: it may name the token's file only.
-    let quoted = Layer::parse("\"token\" = 'secret'\n", Path::new("covis.toml")).unwrap_err();
+    let quoted = Config::parse("\"token\" = 'secret'\n", Path::new("covis.toml")).unwrap_err();
     assert!(!quoted.to_string().contains("secret"), "{quoted}");
-    let message = Layer::parse("token = 'secret'\n", Path::new("covis.toml")).unwrap_err();
+    let message = Config::parse("token = 'secret'\n", Path::new("covis.toml")).unwrap_err();
     let message = message.to_string();
     assert!(message.contains("token") && !message.contains("secret"), "{message}");
 }
@@ -115,7 +115,7 @@ fn limits_of_the_server_stand_over_their_defaults() {
         "[server_limits]\nmax_bytes = 1000\nmax_watchers = 2\n\n[map_limits]\nmax_cameras = 3\n",
     );
     let path = Some(file.path().to_owned());
-    let (config, _) = Config::load(Layer::default(), path, environment(&[])).unwrap();
+    let (config, _) = Config::load(Texts::new(), path, environment(&[])).unwrap();
     let (limits, default) = (config.server_limits, crate::service::default_limits());
     let limits = limits.over(default);
     assert_eq!((limits.held.max_bytes, limits.max_watchers), (Some(1000), Some(2)));
@@ -128,7 +128,7 @@ fn limits_of_the_server_stand_over_their_defaults() {
 fn limits_of_a_solve_stand_over_their_defaults() {
     let file = file("[solve_limits]\nmax_gflops = 20\n");
     let path = Some(file.path().to_owned());
-    let (config, _) = Config::load(Layer::default(), path, environment(&[])).unwrap();
+    let (config, _) = Config::load(Texts::new(), path, environment(&[])).unwrap();
     let engine = crate::cli::serve::server_config(&config).engine;
     assert_eq!((engine.max_solve_gflops, engine.max_solve_bytes), (20, 1 << 30));
 }

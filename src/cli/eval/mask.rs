@@ -1,18 +1,16 @@
 //! `covis eval mask`: how well masks of what moves agree with the truth.
 //!
-//! A mask is an 8-bit gray PNG, more than 127 is masked, and belongs to the time that its name tells
-//! in seconds. A folder is either full of them or has a `mask.txt` in TUM's form (`time path`). All
-//! counting stands in [`crate::evaluation`]; this file reads and prints.
+//! A mask is an 8-bit gray PNG, more than 127 is masked, and belongs to the time that its name
+//! tells in seconds. A folder is either full of them or has a `mask.txt` in TUM's form (`time
+//! path`). All counting stands in [`crate::evaluation`]; this file reads and prints.
 
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use anyhow::{Context, bail, ensure};
 use serde::Serialize;
 
-use super::super::output::print;
-use super::Figures;
+use super::super::output::show;
 use crate::evaluation::{LEAST_COVERAGE, MaskEvaluation, MaskOverlap, Statistics};
 
 /// Names are told to a microsecond; frames are milliseconds apart.
@@ -21,7 +19,8 @@ const SAME_TIME_S: f64 = 1e-4;
 /// Arguments of `covis eval mask`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// The folder of true masks, then that of estimated ones; with --static the estimated ones only.
+    /// The folder of true masks, then that of estimated ones; with --static the estimated ones
+    /// only.
     #[arg(required = true, num_args = 1..=2, value_name = "FOLDER")]
     folders: Vec<PathBuf>,
     /// Nothing moves in the sequence: all that is masked is false.
@@ -41,13 +40,13 @@ struct Document {
     truth_only: usize,
     estimate_only: usize,
     /// Over the frames whose truth covers at least 2 %; null where there is none.
-    iou: Option<Figures>,
-    false_share: Figures,
-    masked_share: Figures,
+    iou: Option<Statistics>,
+    false_share: Statistics,
+    masked_share: Statistics,
 }
 
 /// Reads the masks of both folders, compares, prints.
-pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let mut frames = Vec::new();
     let (mut truth_only, mut estimate_only) = (0, 0);
     match (&args.folders[..], args.is_static) {
@@ -71,16 +70,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
         frames: frames.len(),
         truth_only,
         estimate_only,
-        iou: (evaluation.iou.count > 0).then(|| (&evaluation.iou).into()),
-        false_share: (&evaluation.false_share).into(),
-        masked_share: (&evaluation.masked_share).into(),
+        iou: (evaluation.iou.count > 0).then_some(evaluation.iou),
+        false_share: evaluation.false_share,
+        masked_share: evaluation.masked_share,
     };
-    if args.json {
-        print(serde_json::to_string(&document)?)?;
-    } else {
-        print(table(&document, &evaluation))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    show(args.json, &document, || table(&document, &evaluation))
 }
 
 /// What two folders of masks have in common.

@@ -1,19 +1,18 @@
 //! `covis eval`: the errors of a TUM trajectory, or of masks of what moves, against the truth.
 //!
-//! The figures agree with `evo_ape tum … -a` and `evo_rpe tum …`; with `--per-second` or `--delta-s`
-//! with `evaluate_rpe.py` of the TUM RGB-D benchmark. All mathematics stands in
+//! The figures agree with `evo_ape tum … -a` and `evo_rpe tum …`; with `--per-second` or
+//! `--delta-s` with `evaluate_rpe.py` of the TUM RGB-D benchmark. All mathematics stands in
 //! [`crate::evaluation`].
 
 pub(super) mod mask;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use anyhow::Context;
 use covis_solvers::io::trajectory::Trajectory;
 use serde::Serialize;
 
-use super::output::print;
+use super::output::show;
 use crate::evaluation::{self, Evaluation, Statistics};
 
 /// Arguments of `covis eval`.
@@ -91,24 +90,12 @@ struct Document {
     estimate_poses: usize,
     pairs: usize,
     #[serde(flatten)]
-    default: Figures,
-    translation_m: Figures,
-    angle_deg: Figures,
-    rotation_part: Figures,
+    default: Statistics,
+    translation_m: Statistics,
+    angle_deg: Statistics,
+    rotation_part: Statistics,
     #[serde(skip_serializing_if = "Option::is_none")]
     alignment: Option<Alignment>,
-}
-
-#[derive(Clone, Copy, Debug, Serialize)]
-struct Figures {
-    values: usize,
-    rmse: f64,
-    mean: f64,
-    median: f64,
-    std: f64,
-    min: f64,
-    max: f64,
-    sse: f64,
 }
 
 /// `truth_from_estimate`.
@@ -116,13 +103,6 @@ struct Figures {
 struct Alignment {
     rotation: [[f64; 3]; 3],
     translation: [f64; 3],
-}
-
-impl From<&Statistics> for Figures {
-    fn from(s: &Statistics) -> Self {
-        let Statistics { count, rmse, mean, median, std, min, max, sse } = *s;
-        Self { values: count, rmse, mean, median, std, min, max, sse }
-    }
 }
 
 /// What is measured of a trajectory.
@@ -134,7 +114,7 @@ enum Measure {
 }
 
 /// Reads both files, compares, prints.
-pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let (measure, files) = match &args.metric {
         Metric::Mask(args) => return mask::run(args),
         Metric::Ape(files) => (Measure::Absolute, files),
@@ -153,12 +133,7 @@ pub(super) fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let result = result
         .with_context(|| format!("{} and {}", files.truth.display(), files.estimate.display()))?;
     let poses = (truth.len(), estimate.len());
-    if files.json {
-        print(serde_json::to_string(&document(measure, poses, &result))?)?;
-    } else {
-        print(table(measure, poses, &result))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    show(files.json, &document(measure, poses, &result), || table(measure, poses, &result))
 }
 
 fn document(measure: Measure, poses: (usize, usize), result: &Evaluation) -> Document {
@@ -179,10 +154,10 @@ fn document(measure: Measure, poses: (usize, usize), result: &Evaluation) -> Doc
         truth_poses: poses.0,
         estimate_poses: poses.1,
         pairs: result.pairs,
-        default: (&result.translation_m).into(),
-        translation_m: (&result.translation_m).into(),
-        angle_deg: (&result.angle_deg).into(),
-        rotation_part: (&result.rotation_part).into(),
+        default: result.translation_m,
+        translation_m: result.translation_m,
+        angle_deg: result.angle_deg,
+        rotation_part: result.rotation_part,
         alignment: matches!(measure, Measure::Absolute).then_some(alignment),
     }
 }
@@ -197,8 +172,7 @@ fn table(measure: Measure, poses: (usize, usize), result: &Evaluation) -> String
         "{title}\n{} pairs of {} true and {} estimated poses\n\n{:>8}  {:>16}  {:>14}",
         result.pairs, poses.0, poses.1, "", "translation (m)", "rotation (deg)"
     );
-    let columns = (Figures::from(&result.translation_m), Figures::from(&result.angle_deg));
-    let rows = |f: Figures| {
+    let rows = |f: &Statistics| {
         [
             ("rmse", f.rmse),
             ("mean", f.mean),
@@ -209,7 +183,9 @@ fn table(measure: Measure, poses: (usize, usize), result: &Evaluation) -> String
             ("sse", f.sse),
         ]
     };
-    for ((name, translation), (_, angle)) in rows(columns.0).into_iter().zip(rows(columns.1)) {
+    for ((name, translation), (_, angle)) in
+        rows(&result.translation_m).into_iter().zip(rows(&result.angle_deg))
+    {
         text.push_str(&format!("\n{name:>8}  {translation:>16.6}  {angle:>14.6}"));
     }
     text

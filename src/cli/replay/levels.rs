@@ -1,4 +1,5 @@
-//! How far a replay has come: which of its items and keyframes are acknowledged, and at which level.
+//! How far a replay has come: which of its items and keyframes are acknowledged, and at which
+//! level.
 //!
 //! RECEIVED and REJECTED come in the order of the items, DURABLE and OPTIMIZED cover all before, so
 //! that the last sequence of each level says everything. What a broken link had acknowledged and

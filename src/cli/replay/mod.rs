@@ -3,16 +3,14 @@
 //! Keyframe by keyframe, each with its observations and the file's start values, so that the server
 //! does all that it does for a robot: checks, acks, local bundle adjustment. Then the whole map is
 //! optimized (trivial loss, intrinsics and first keyframe fixed). RMSE = √(Σ‖r‖² / N). A link that
-//! breaks is made again and the stream resumed, for `--reconnect-for` seconds. Reads files and speaks
-//! through [`crate::client`]; no mathematics here.
+//! breaks is made again and the stream resumed, for `--reconnect-for` seconds. Reads files and
+//! speaks through [`crate::client`]; no mathematics here.
 
-mod items;
 mod levels;
 mod recording;
 mod report;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -20,9 +18,9 @@ use anyhow::{Context, anyhow, bail};
 use tokio::time::Instant;
 use tonic::Code;
 
-use super::config::{Config, Layer};
-use super::connect::{Connection, connect_patiently};
-use super::output::print;
+use super::config::Config;
+use super::connect::connect_patiently;
+use super::output::{print, succeed_if};
 use super::progress::Progress;
 use super::signals::Signals;
 use crate::client::{
@@ -30,9 +28,8 @@ use crate::client::{
     describe_violation,
 };
 use crate::wire::v1;
-use items::Items;
 use levels::Levels;
-use recording::Recording;
+use recording::{Items, Recording};
 
 /// Iterations after which the final optimization stops.
 const MAX_ITERATIONS: i32 = 500;
@@ -50,11 +47,9 @@ const SHOWN_REJECTIONS: usize = 5;
 
 /// Streams a BAL file or a COLMAP folder to a server.
 #[derive(Debug, clap::Args)]
-pub struct Args {
+pub(super) struct Args {
     /// A BAL file, or the folder of a COLMAP sparse model (text or binary).
     file: PathBuf,
-    #[command(flatten)]
-    connection: Connection,
     /// The map; made when it does not exist [default: the file's name].
     #[arg(long, value_name = "NAME")]
     map: Option<String>,
@@ -85,26 +80,17 @@ pub struct Args {
     json: bool,
 }
 
-impl Args {
-    /// The settings that flags override.
-    pub(super) fn layer(&self) -> Layer {
-        self.connection.layer()
-    }
-}
-
 /// Streams a BAL file or a COLMAP folder to a server.
-///
-/// # Errors
-/// A file that cannot be read, a server that is not there, a map that is not empty, a solve that is
-/// refused, a server that stays away, a signal. Refused items are no error: they are shown and make
-/// the exit code 1.
-pub fn run(args: Args, config: &Config) -> anyhow::Result<ExitCode> {
+/// Fails for a file that cannot be read, a server that is not there, a map that is not empty, a
+/// solve that is refused, a server that stays away, a signal. Refused items are no error: they are
+/// shown and make the exit code 1.
+pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
     let recording = Recording::read(&args.file)?;
     let runtime = tokio::runtime::Runtime::new().context("the async runtime")?;
     runtime.block_on(replay(&args, config, &recording))
 }
 
-async fn replay(args: &Args, config: &Config, recording: &Recording) -> anyhow::Result<ExitCode> {
+async fn replay(args: &Args, config: &Config, recording: &Recording) -> anyhow::Result<()> {
     let mut signals = Signals::new().context("signal handlers")?;
     let stem = legal_id(&args.file.file_stem().unwrap_or_default().to_string_lossy());
     let map_id = args.map.clone().unwrap_or_else(|| stem.clone());
@@ -153,7 +139,7 @@ async fn replay(args: &Args, config: &Config, recording: &Recording) -> anyhow::
         print(report::table(&map_id, &report, &levels, &result, summary))?;
     }
     let is_good = report.rejected == 0 && report.unanswered() == 0;
-    Ok(if is_good { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    succeed_if(is_good)
 }
 
 /// Makes the map, or sees that the one that is there may be used.

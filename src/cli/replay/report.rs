@@ -8,8 +8,8 @@ use super::levels::{Keyframes, Levels};
 use crate::client::IngestReport;
 use crate::wire::v1;
 
-/// The object of `--json`. Sent to rejected are numbers of items, received to optimized of keyframes;
-/// the rest is of the optimized problem and missing where it did not come to that.
+/// The object of `--json`. Sent to rejected are numbers of items, received to optimized of
+/// keyframes; the rest is of the optimized problem and missing where it did not come to that.
 #[derive(Debug, Serialize)]
 struct Document<'a> {
     map: &'a str,

@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use fs_err as fs;
 
 use super::super::progress::Progress;
-use super::super::surface::{MeshFigures, write_surface};
+use super::super::volume::{MeshFigures, write_surface};
 use crate::frontend::camera::FrameCamera;
 use crate::frontend::dense::export;
 use crate::frontend::dense::integrate::IntegrationOptions;

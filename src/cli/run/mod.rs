@@ -1,35 +1,31 @@
 //! `covis run`: the reference frontend on a recorded or a synthetic sequence.
 //!
 //! Opens the source, starts a server in this process or connects to one, and writes what the run
-//! left, a mesh where one is asked for. Truth that lies beside a sequence is never opened. Tracking and mapping are
-//! [`crate::frontend`]'s.
+//! left, a mesh where one is asked for. Truth that lies beside a sequence is never opened. Tracking
+//! and mapping are [`crate::frontend`]'s.
 
 pub(super) mod dense;
-pub(super) mod embedded;
 mod masks;
 pub(super) mod report;
 mod source;
 
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 use anyhow::{Context, bail};
 use fs_err as fs;
 
-use super::config::{Config, Layer};
-use super::connect::{self, Connection};
-use super::output::print;
+use super::config::Config;
+use super::connect::{Embedded, connect};
+use super::output::show;
 use super::progress::Progress;
-use super::surface::Grid;
+use super::volume::Measures;
 use crate::client::Client;
 use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::image::{Image, RgbdFrame};
 use crate::frontend::input::{FrameError, SensorTiming};
 use crate::frontend::mapping::run::{Companion, DenseFeed, RunReport, Target, run as track};
-use crate::frontend::motion::MotionOptions;
 use crate::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
 use dense::DenseOptions;
-use embedded::Embedded;
 use masks::{GivenMasks, SavedMasks};
 pub(super) use source::{Drawing, Peeked, Source};
 
@@ -41,8 +37,6 @@ const CLIENT: &str = "frontend";
 pub(super) struct Args {
     /// tum:FOLDER (TUM RGB-D or 7-Scenes layout), or synthetic:SCENE.
     source: Source,
-    #[command(flatten)]
-    connection: Connection,
     /// The map to make on the server.
     #[arg(long, value_name = "NAME", default_value = "run")]
     map: String,
@@ -52,8 +46,8 @@ pub(super) struct Args {
     /// Intrinsics, px: a file, or fx,fy,cx,cy[,k1,k2,p1,p2,k3].
     #[arg(long, value_name = "FILE|NUMBERS")]
     camera: Option<String>,
-    /// From the first row's exposure to the last row's [default: what camera.txt says, else a Kinect's
-    /// 26.1].
+    /// From the first row's exposure to the last row's [default: what camera.txt says, else a
+    /// Kinect's 26.1].
     #[arg(long, value_name = "MILLISECONDS")]
     readout_ms: Option<f64>,
     /// How much later than their timestamps depth images are taken [default: what camera.txt says,
@@ -74,7 +68,7 @@ pub(super) struct Args {
     #[arg(long)]
     mesh: bool,
     #[command(flatten)]
-    grid: Grid,
+    measures: Measures,
     /// Integrate every so many frames.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "mesh",
           value_parser = clap::value_parser!(u16).range(1..))]
@@ -87,13 +81,6 @@ pub(super) struct Args {
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
-}
-
-impl Args {
-    /// The settings that flags override.
-    pub(super) fn layer(&self) -> Layer {
-        self.connection.layer()
-    }
 }
 
 /// How a sequence is run, apart from where it comes from.
@@ -116,21 +103,20 @@ pub(super) struct RunOptions {
 }
 
 /// Runs the frontend.
-///
-/// # Errors
-/// A source that cannot be opened, a server that cannot be reached, a folder that cannot be written.
-pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
+/// Fails for a source that cannot be opened, a server that cannot be reached, a folder that cannot
+/// be written.
+pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
     // Seen now rather than after the run.
     fs::create_dir_all(&args.out)?;
     let available = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = args.threads.map_or(available, usize::from);
     let seconds = |ms: Option<f64>| ms.map(|ms| ms * 1e-3);
-    let volume = args.grid.options()?;
+    let volume = args.measures.options()?;
     let every = usize::from(args.mesh_every);
     let options = RunOptions {
         dense: args.mesh.then_some(DenseOptions {
             volume,
-            ceiling: args.grid.ceiling(&args.out),
+            ceiling: args.measures.ceiling(&args.out),
             every,
         }),
         camera: args.camera.clone(),
@@ -147,8 +133,8 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
         .build()
         .context("the async runtime")?;
     let (report, mut volume) = runtime.block_on(async {
-        if args.connection.names_server() {
-            let client = connect::connect(config).await?;
+        if config.names_server {
+            let client = connect(config).await?;
             return sequence(&source, &options, &client, &args.map).await;
         }
         let server = Embedded::start(config).await?;
@@ -160,12 +146,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<ExitCode> {
     let mesh =
         volume.as_mut().map(|dense| dense::write(&mut dense.volume, &args.out)).transpose()?;
     let document = report::document(&report, volume.as_ref().zip(mesh));
-    if args.json {
-        print(serde_json::to_string(&document)?)?;
-    } else {
-        print(report::table(&document, &args.out))?;
-    }
-    Ok(ExitCode::SUCCESS)
+    show(args.json, &document, || report::table(&document, &args.out))
 }
 
 /// Runs one sequence into a new map.
@@ -188,9 +169,8 @@ pub(super) async fn sequence(
         Some(dense) => Some((dense::start(dense, &camera, options.threads)?, dense.every)),
         None => None,
     };
-    let motion = options.removes_motion.then(MotionOptions::default);
-    let pipeline =
-        Pipeline::new(camera, PipelineOptions { motion, timing, ..PipelineOptions::default() });
+    let removes_motion = options.removes_motion;
+    let pipeline = Pipeline::new(camera, PipelineOptions { removes_motion, timing });
     client
         .create_map(map, None)
         .await

@@ -1,5 +1,5 @@
-//! What a run left: trajectories as files, figures as a table or as JSON. Counts and quantiles only;
-//! errors against a truth are `covis eval`'s.
+//! What a run left: trajectories as files, figures as a table or as JSON. Counts and quantiles
+//! only; errors against a truth are `covis eval`'s.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,7 +8,7 @@ use covis_solvers::geometry::Se3;
 use covis_solvers::io::trajectory::Trajectory;
 use serde::Serialize;
 
-use super::super::surface::{MeshFigures, Paging};
+use super::super::volume::{MeshFigures, Paging};
 use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::mapping::run::RunReport;
 use crate::frontend::pipeline::StageSeconds;

@@ -1,5 +1,5 @@
-//! Where `covis run` gets its frames: `tum:FOLDER` or `synthetic:SCENE`. Says what had to be assumed;
-//! reading is [`crate::frontend::input`]'s.
+//! Where `covis run` gets its frames: `tum:FOLDER` or `synthetic:SCENE`. Says what had to be
+//! assumed; reading is [`crate::frontend::input`]'s.
 
 use std::collections::VecDeque;
 use std::path::PathBuf;

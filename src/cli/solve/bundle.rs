@@ -1,8 +1,8 @@
 //! `covis solve bundle`: a BAL file or a COLMAP folder.
 //!
 //! Minimizes ½ Σ ρ(‖predicted − measured‖²) in px² over every observation, also those behind their
-//! camera, or over those that start in front of it (`--behind-camera drop`). The gauge is free, as in
-//! Ceres' bundle adjuster: the damping holds it.
+//! camera, or over those that start in front of it (`--behind-camera drop`). The gauge is free, as
+//! in Ceres' bundle adjuster: the damping holds it.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -15,7 +15,7 @@ use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel, ColmapProblem};
 use covis_solvers::optimizer::{self, Termination};
 use serde::Serialize;
 
-use super::Shared;
+use super::arguments::{SOLVERS, Shared, choice, name_of};
 use super::report::{Details, Report};
 use crate::cli::config::Config;
 
@@ -26,13 +26,13 @@ pub(super) struct Args {
     #[arg(value_name = "FILE")]
     input: PathBuf,
     #[command(flatten)]
-    pub(super) shared: Shared,
+    shared: Shared,
     /// Hold focal lengths, distortion and principal points fixed.
     #[arg(long)]
     fix_intrinsics: bool,
     /// How the reduced camera system is stored and factored.
-    #[arg(long, value_name = "SOLVER", value_enum, default_value_t = SolverName::Auto)]
-    linear_solver: SolverName,
+    #[arg(long, value_name = "SOLVER", value_parser = choice(SOLVERS), default_value = "auto")]
+    linear_solver: LinearSolver,
     /// What becomes of observations whose landmark starts at or behind the camera's center plane.
     #[arg(long, value_name = "MODE", value_enum, default_value_t = BehindCamera::Count)]
     behind_camera: BehindCamera,
@@ -48,42 +48,11 @@ enum BehindCamera {
     Drop,
 }
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-enum SolverName {
-    Auto,
-    DenseSchur,
-    SparseSchur,
-    IterativeSchur,
-}
-
-impl From<SolverName> for LinearSolver {
-    fn from(name: SolverName) -> Self {
-        match name {
-            SolverName::Auto => Self::Auto,
-            SolverName::DenseSchur => Self::DenseSchur,
-            SolverName::SparseSchur => Self::SparseSchur,
-            SolverName::IterativeSchur => Self::IterativeSchur,
-        }
-    }
-}
-
-impl From<LinearSolver> for SolverName {
-    fn from(solver: LinearSolver) -> Self {
-        match solver {
-            LinearSolver::Auto => Self::Auto,
-            LinearSolver::DenseSchur => Self::DenseSchur,
-            LinearSolver::SparseSchur => Self::SparseSchur,
-            LinearSolver::IterativeSchur => Self::IterativeSchur,
-        }
-    }
-}
-
 #[derive(Debug, Serialize)]
 struct BundleDetails {
     problem: &'static str,
     format: &'static str,
-    linear_solver: SolverName,
+    linear_solver: &'static str,
     fixed_intrinsics: bool,
     poses: usize,
     cameras: usize,
@@ -99,12 +68,6 @@ struct BundleDetails {
 
 impl Details for BundleDetails {
     fn lines(&self) -> Vec<(&'static str, String)> {
-        let solver = match self.linear_solver {
-            SolverName::Auto => "auto",
-            SolverName::DenseSchur => "dense-schur",
-            SolverName::SparseSchur => "sparse-schur",
-            SolverName::IterativeSchur => "iterative-schur",
-        };
         let size = format!(
             "{} poses, {} cameras{}, {} landmarks, {} observations",
             self.poses,
@@ -122,7 +85,11 @@ impl Details for BundleDetails {
             },
             self.behind_camera_observations
         );
-        vec![("linear solver", solver.to_owned()), ("problem", size), ("behind camera", behind)]
+        vec![
+            ("linear solver", self.linear_solver.to_owned()),
+            ("problem", size),
+            ("behind camera", behind),
+        ]
     }
 }
 
@@ -154,7 +121,7 @@ fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
             threads: None,
             ..optimizer::Options::default()
         },
-        linear_solver: args.linear_solver.into(),
+        linear_solver: args.linear_solver,
         ..bundle_adjustment::Options::default()
     };
     let mut report = Report::start(shared.json, start.elapsed());
@@ -163,7 +130,7 @@ fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
     let details = BundleDetails {
         problem: "bundle",
         format: source.format(),
-        linear_solver: summary.linear_solver.into(),
+        linear_solver: name_of(SOLVERS, &summary.linear_solver),
         fixed_intrinsics: args.fix_intrinsics,
         poses: problem.poses.len(),
         cameras: problem.cameras.len(),

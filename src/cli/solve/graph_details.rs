@@ -1,16 +1,21 @@
 //! What the report of a pose graph tells besides rows and costs: the start, the closures that were
-//! switched off, and the certificate, which is never of the cost that stands beside it.
+//! switched off, the certificate, which is never of the cost that stands beside it, and the
+//! diagnosis of the graph itself: gauge, repairs, what stays open.
+//!
+//! The diagnosis is made at the solution and after the clock has stopped.
 
-use clap::ValueEnum;
+use std::path::Path;
+
 use covis_solvers::certificate::Certificate;
 use covis_solvers::geometry::LieGroup;
+use covis_solvers::io::IoError;
+use covis_solvers::io::g2o::{G2oGraph, RepairedEdges};
 use covis_solvers::loss::Loss;
-use covis_solvers::problem::PoseGraph;
+use covis_solvers::pose_graph::{self, Undetermined};
+use covis_solvers::problem::{PoseGraph, SolveError};
 use covis_solvers::robust::RobustSummary;
 use serde::Serialize;
 
-use super::diagnosis::Diagnosis;
-use super::pose_graph::{Init, MethodName, RobustName};
 use super::report::Details;
 
 /// Facts of a pose graph's solve.
@@ -18,8 +23,8 @@ use super::report::Details;
 pub(super) struct GraphDetails {
     pub(super) problem: &'static str,
     pub(super) group: &'static str,
-    pub(super) method: MethodName,
-    pub(super) init: Init,
+    pub(super) method: &'static str,
+    pub(super) init: &'static str,
     /// Absent with `--robust`, which looks for its start itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) init_seconds: Option<f64>,
@@ -51,7 +56,7 @@ pub(super) struct CertificateDetails {
 /// What `--robust` found.
 #[derive(Debug, Serialize)]
 pub(super) struct RobustDetails {
-    kernel: RobustName,
+    kernel: &'static str,
     threshold: f64,
     closures: usize,
     solves: usize,
@@ -72,10 +77,8 @@ struct SwitchedOff {
 impl Details for GraphDetails {
     fn lines(&self) -> Vec<(&'static str, String)> {
         let size = format!("{}, {} vertices, {} edges", self.group, self.vertices, self.edges);
-        let init = self.init.to_possible_value();
-        let name = init.as_ref().map_or("", |value| value.get_name());
         let seconds = self.init_seconds.map(|seconds| format!(", {seconds:.6} s"));
-        let start = format!("{name}{}", seconds.unwrap_or_default());
+        let start = format!("{}{}", self.init, seconds.unwrap_or_default());
         let mut lines = vec![("start", start), ("problem", size)];
         if let Some(robust) = &self.robust {
             let off = robust.switched_off.len();
@@ -96,7 +99,7 @@ impl Details for GraphDetails {
 impl RobustDetails {
     pub(super) fn new<G: LieGroup<N>, const N: usize>(
         graph: &PoseGraph<G, N>,
-        kernel: RobustName,
+        kernel: &'static str,
         solved: &RobustSummary,
     ) -> Self {
         let off = solved.closures.iter().filter(|verdict| verdict.is_switched_off);
@@ -142,5 +145,138 @@ impl CertificateDetails {
              another objective's",
             self.gap, self.min_eigenvalue, self.seconds
         )
+    }
+}
+
+/// Poses that a line of text names.
+const NAMED: usize = 3;
+
+/// Names of a tangent's entries, by its dimension.
+const PLANE: [&str; 3] = ["x", "y", "rotation"];
+const SPACE: [&str; 6] = ["x", "y", "z", "rotation x", "rotation y", "rotation z"];
+
+/// Part of the report's details.
+#[derive(Debug, Default, Serialize)]
+pub(super) struct Diagnosis {
+    /// Ids of the vertices that were held fixed.
+    gauge: Vec<i64>,
+    /// With `--repair-information`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    repaired: Option<Repaired>,
+    /// Vertices that the edges leave open.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    undetermined: Vec<Open>,
+}
+
+/// Information matrices that were replaced.
+#[derive(Debug, Serialize)]
+struct Repaired {
+    edges: usize,
+    #[serde(flatten)]
+    first: Option<FirstRepaired>,
+}
+
+/// The first of them.
+#[derive(Debug, Serialize)]
+struct FirstRepaired {
+    first_line: u64,
+    i: i64,
+    j: i64,
+    smallest_eigenvalue: f64,
+}
+
+/// A vertex and the tangent directions in which it has no information.
+#[derive(Debug, Serialize)]
+struct Open {
+    id: i64,
+    directions: Vec<Vec<f64>>,
+}
+
+/// Reads a file, as it stands or with its information matrices repaired.
+pub(super) fn read(path: &Path, repair: bool) -> anyhow::Result<(G2oGraph, Diagnosis)> {
+    if repair {
+        let (file, repaired) = G2oGraph::read_repaired(path)?;
+        let repaired = Some(Repaired::new(repaired));
+        return Ok((file, Diagnosis { repaired, ..Diagnosis::default() }));
+    }
+    match G2oGraph::read(path) {
+        Ok(file) => Ok((file, Diagnosis::default())),
+        Err(error @ IoError::IndefiniteInformation { .. }) => Err(anyhow::Error::new(error)
+            .context("--repair-information takes the nearest positive semi-definite matrices")),
+        Err(error) => Err(error.into()),
+    }
+}
+
+impl Repaired {
+    fn new(repaired: Option<RepairedEdges>) -> Self {
+        let edges = repaired.map_or(0, |repaired| repaired.count);
+        let first =
+            repaired.map(|RepairedEdges { first_line, i, j, smallest_eigenvalue, .. }| {
+                FirstRepaired { first_line, i, j, smallest_eigenvalue }
+            });
+        Self { edges, first }
+    }
+}
+
+impl Diagnosis {
+    /// Adds what can be seen in the solved graph.
+    pub(super) fn of_solution<G: LieGroup<N>, const N: usize>(
+        &mut self,
+        graph: &PoseGraph<G, N>,
+    ) -> Result<(), SolveError> {
+        let held = graph.ids.iter().zip(&graph.constant).filter(|&(_, &constant)| constant);
+        self.gauge = held.map(|(&id, _)| id).collect();
+        let open = pose_graph::undetermined(graph)?.into_iter();
+        self.undetermined = open
+            .map(|Undetermined { id, directions }| Open {
+                id,
+                directions: directions.iter().map(|d| d.as_slice().to_vec()).collect(),
+            })
+            .collect();
+        Ok(())
+    }
+
+    /// Lines `name value` of the summary.
+    pub(super) fn lines(&self) -> Vec<(&'static str, String)> {
+        let gauge = match self.gauge.as_slice() {
+            [id] => format!("vertex {id} fixed"),
+            ids => format!("{} vertices fixed", ids.len()),
+        };
+        let mut lines = vec![("gauge", gauge)];
+        if let Some(Repaired { edges, first }) = &self.repaired {
+            let first = first.as_ref().map(|first| {
+                format!(
+                    ", the first in line {}, edge {} to {}, smallest eigenvalue {:.3e}",
+                    first.first_line, first.i, first.j, first.smallest_eigenvalue
+                )
+            });
+            let text = format!("{edges} information matrices{}", first.unwrap_or_default());
+            lines.push(("repaired", text));
+        }
+        if !self.undetermined.is_empty() {
+            let named = self.undetermined.iter().take(NAMED).map(Open::describe);
+            let named = named.collect::<Vec<_>>().join("; ");
+            let more = match self.undetermined.len().saturating_sub(NAMED) {
+                0 => String::new(),
+                more => format!("; and {more} more, which --json lists"),
+            };
+            lines.push(("undetermined", format!("{named}{more}")));
+        }
+        lines
+    }
+}
+
+impl Open {
+    /// `vertex 7 (x, rotation z)`: axes by name, other directions by their coordinates.
+    fn describe(&self) -> String {
+        let directions = self.directions.iter().map(|direction| {
+            let names: &[&str] = if direction.len() == PLANE.len() { &PLANE } else { &SPACE };
+            let mut moving = direction.iter().zip(names).filter(|&(&x, _)| x != 0.0);
+            match (moving.next(), moving.next()) {
+                (Some((_, name)), None) => (*name).to_owned(),
+                _ => format!("{direction:.3?}"),
+            }
+        });
+        format!("vertex {} ({})", self.id, directions.collect::<Vec<_>>().join(", "))
     }
 }

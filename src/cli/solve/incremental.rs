@@ -1,8 +1,9 @@
-//! `covis solve pose-graph --incremental`: a file's vertices one by one, as a robot would bring them.
+//! `covis solve pose-graph --incremental`: a file's vertices one by one, as a robot would bring
+//! them.
 //!
 //! Step k appends the k-th vertex in id order with all its edges to lower ids, and is over once the
-//! estimate of every vertex so far stands at its optimum. The vertices' own numbers are not used but
-//! the first's, which is held. Rows are taken between steps, outside of the time of any.
+//! estimate of every vertex so far stands at its optimum. The vertices' own numbers are not used
+//! but the first's, which is held. Rows are taken between steps, outside of the time of any.
 
 use std::time::Instant;
 
@@ -12,7 +13,7 @@ use covis_solvers::pose_graph::GrowingPoseGraph;
 use covis_solvers::problem::PoseGraph;
 use serde::Serialize;
 
-use super::diagnosis::Diagnosis;
+use super::graph_details::Diagnosis;
 use crate::cli::output::print;
 use crate::cli::progress::Progress;
 
@@ -59,10 +60,8 @@ struct Steps {
 }
 
 /// Feeds `graph` vertex by vertex and leaves the last estimate in it.
-///
-/// # Errors
-/// An invalid or disconnected graph, and one that holds another vertex fixed than the one with the
-/// lowest id.
+/// Fails for an invalid or disconnected graph, and one that holds another vertex fixed than the one
+/// with the lowest id.
 pub(super) fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     group: &'static str,
@@ -146,9 +145,7 @@ pub(super) fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
 
 impl Incremental {
     /// Writes the table and its lines, or the JSON object.
-    ///
-    /// # Errors
-    /// Where standard output cannot be written to.
+    /// Fails where standard output cannot be written to.
     pub(super) fn print(&self, json: bool) -> anyhow::Result<()> {
         if json {
             return print(serde_json::to_string(self)?);

@@ -4,21 +4,16 @@
 //! initialization, ordering and thread start are counted. The solvers' own clock starts at their
 //! call; [`report::Report`] adds what came before.
 
+mod arguments;
 mod bundle;
-mod diagnosis;
 mod graph_details;
 mod incremental;
-mod loss;
 mod pose_graph;
 mod report;
 
-use std::path::PathBuf;
-use std::process::ExitCode;
-
-use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::Termination;
 
-use super::config::{Config, Layer};
+use super::config::Config;
 
 /// Arguments of `covis solve`.
 #[derive(Debug, clap::Args)]
@@ -35,39 +30,8 @@ enum Problem {
     PoseGraph(pose_graph::Args),
 }
 
-/// What both kinds of problem share.
-#[derive(Debug, clap::Args)]
-struct Shared {
-    /// Worker threads; the result does not depend on it [default: one per processor].
-    #[arg(long, value_name = "N")]
-    threads: Option<usize>,
-    /// Most iterations, rejected ones included.
-    #[arg(long, value_name = "N", default_value_t = 100)]
-    max_iterations: usize,
-    /// Robust loss of every factor: trivial, huber:W or cauchy:W, W in standard deviations.
-    #[arg(long, value_name = "LOSS", default_value = "trivial", value_parser = loss::parse)]
-    loss: Loss,
-    /// Print one JSON object instead of a table.
-    #[arg(long)]
-    json: bool,
-    /// Write the solved problem in the input's own format, with 17 digits.
-    #[arg(long, value_name = "PATH")]
-    out: Option<PathBuf>,
-}
-
-impl Args {
-    /// The settings that flags override.
-    pub(super) fn layer(&self) -> Layer {
-        let shared = match &self.problem {
-            Problem::Bundle(args) => &args.shared,
-            Problem::PoseGraph(args) => &args.shared,
-        };
-        Layer { threads: shared.threads, ..Layer::default() }
-    }
-}
-
 /// Solves the file and reports.
-pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<ExitCode> {
+pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
     let termination = match args.problem {
         Problem::Bundle(args) => bundle::run(&args, config)?,
         Problem::PoseGraph(args) => pose_graph::run(&args, config)?,
@@ -76,5 +40,5 @@ pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<ExitCode> {
         // Nothing was solved, and a script must see that.
         anyhow::bail!("numerical failure: no step was possible");
     }
-    Ok(ExitCode::SUCCESS)
+    Ok(())
 }

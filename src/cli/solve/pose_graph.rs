@@ -1,11 +1,12 @@
 //! `covis solve pose-graph`: a g2o file in SE(2) or SE(3).
 //!
 //! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), with the lowest id fixed, or the `FIX` lines
-//! of the file where it has some. With `--repair-information` Ω is the nearest positive semi-definite
-//! matrix, and that is what `--out` writes. The time that the start takes is counted. With `--robust` the cost
-//! is that of odometry and the loop closures at their weights, and the rows are those of the last solve.
-//! With `--certify` that solve starts from the optimum of the chordal objective, which is what the
-//! certificate is of: the cost told is still that of the Log objective and has no proof.
+//! of the file where it has some. With `--repair-information` Ω is the nearest positive
+//! semi-definite matrix, and that is what `--out` writes. The time that the start takes is counted.
+//! With `--robust` the cost is that of odometry and the loop closures at their weights, and the
+//! rows are those of the last solve. With `--certify` that solve starts from the optimum of the
+//! chordal objective, which is what the certificate is of: the cost told is still that of the Log
+//! objective and has no proof.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -23,12 +24,9 @@ use covis_solvers::optimizer::{
     self, IterationSummary, Method, SolveSummary, Termination, Tolerance,
 };
 use covis_solvers::problem::PoseGraph;
-use covis_solvers::robust::Kernel;
-use serde::Serialize;
 
-use super::Shared;
-use super::diagnosis::{self, Diagnosis};
-use super::graph_details::{CertificateDetails, GraphDetails, RobustDetails};
+use super::arguments::{KERNELS, METHODS, Robust, STARTS, Shared, choice, name_of};
+use super::graph_details::{self, CertificateDetails, Diagnosis, GraphDetails, RobustDetails};
 use super::incremental::{self, Incremental};
 use super::report::Report;
 use crate::cli::config::Config;
@@ -40,17 +38,17 @@ pub(super) struct Args {
     #[arg(value_name = "FILE")]
     input: PathBuf,
     #[command(flatten)]
-    pub(super) shared: Shared,
+    shared: Shared,
     /// Levenberg-Marquardt or Gauss-Newton.
-    #[arg(long, value_enum, default_value_t = MethodName::Lm)]
-    method: MethodName,
+    #[arg(long, value_parser = choice(METHODS), default_value = "lm")]
+    method: Method,
     /// Where the poses come from that the solve starts with.
-    #[arg(long, value_enum, default_value_t = Init::Auto)]
-    init: Init,
+    #[arg(long, value_parser = choice(STARTS), default_value = "auto")]
+    init: Start,
     /// Find false loop closures (edges between ids that are not consecutive) and leave them out:
     /// graduated non-convexity to truncated least squares or to Geman-McClure.
-    #[arg(long, value_enum, default_value_t = RobustName::None)]
-    robust: RobustName,
+    #[arg(long, value_parser = choice(KERNELS), default_value = "none")]
+    robust: Robust,
     /// Largest χ² of a true closure [default: the 99 % quantile, 11.3 in SE2 and 16.8 in SE3].
     #[arg(long, value_name = "CHI2")]
     robust_threshold: Option<f64>,
@@ -71,59 +69,6 @@ pub(super) struct Args {
     incremental: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, clap::ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum RobustName {
-    None,
-    GncTls,
-    GncGm,
-}
-
-#[derive(Clone, Copy, Debug, clap::ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum MethodName {
-    Lm,
-    Gn,
-}
-
-#[derive(Clone, Copy, Debug, clap::ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Init {
-    /// The vertices of the file.
-    Given,
-    /// Measurements strung together between consecutive ids; closures only where those end.
-    Odometry,
-    /// Measurements strung together, as few as possible to each vertex.
-    SpanningTree,
-    /// Relaxed rotations, then positions.
-    Chordal,
-    /// The vertices of the file or the chordal start, whichever has the lower cost.
-    Auto,
-}
-
-impl From<Init> for Start {
-    fn from(init: Init) -> Self {
-        match init {
-            Init::Given => Self::Given,
-            Init::Odometry => Self::Odometry,
-            Init::SpanningTree => Self::SpanningTree,
-            Init::Chordal => Self::Chordal,
-            Init::Auto => Self::Auto,
-        }
-    }
-}
-
-/// The start that a solve took.
-fn init_of(start: Start) -> Init {
-    match start {
-        Start::Given => Init::Given,
-        Start::Odometry => Init::Odometry,
-        Start::SpanningTree => Init::SpanningTree,
-        Start::Chordal => Init::Chordal,
-        Start::Auto => Init::Auto,
-    }
-}
-
 /// Reads, solves, writes, reports, all on the worker threads: they are there before the clock of
 /// the solve begins.
 pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
@@ -131,7 +76,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
 }
 
 fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
-    let (mut file, diagnosis) = diagnosis::read(&args.input, args.repair_information)?;
+    let (mut file, diagnosis) = graph_details::read(&args.input, args.repair_information)?;
     let start = Instant::now();
     let from_file = file.has_vertices();
     let name = || args.input.display().to_string();
@@ -206,34 +151,22 @@ impl Run<'_> {
             let incremental = incremental::solve(graph, self.group, diagnosis);
             return Ok(Outcome::Incremental(Box::new(incremental.with_context(|| self.name())?)));
         }
-        let kernel = match self.args.robust {
-            RobustName::None => None,
-            RobustName::GncTls => Some(Kernel::TruncatedLeastSquares),
-            RobustName::GncGm => Some(Kernel::GemanMcClure),
-        };
+        let kernel = self.args.robust;
         let judging = |kernel| {
             let trusted = trusted(graph, &self.args.trusted).with_context(|| self.name())?;
             let threshold = self.args.robust_threshold;
             anyhow::Ok(Judging { kernel, threshold, trusted, switched_off: None })
         };
         let judging = kernel.map(judging).transpose()?;
-        let start = match self.args.init {
-            // What is to be proved is best started near itself.
-            Init::Auto if self.args.certify && kernel.is_none() => Start::Chordal,
-            init @ (Init::Given
-            | Init::Odometry
-            | Init::SpanningTree
-            | Init::Chordal
-            | Init::Auto) => Start::from(init),
-        };
+        // What is to be proved is best started near itself.
+        let proves = self.args.certify && kernel.is_none();
+        let is_auto = self.args.init == Start::Auto;
+        let start = if proves && is_auto { Start::Chordal } else { self.args.init };
         let mut options =
             Options { start, judging, certify: self.args.certify, ..Options::default() };
         options.optimizer.max_iterations = shared.max_iterations;
         options.optimizer.threads = None;
-        options.optimizer.method = match self.args.method {
-            MethodName::Lm => Method::LevenbergMarquardt,
-            MethodName::Gn => Method::GaussNewton,
-        };
+        options.optimizer.method = self.args.method;
         let mut report = Report::start(shared.json, self.start.elapsed());
         let rows = &mut |row: &IterationSummary| report.observe(row);
         let optimized = optimize(graph, self.from_file, &options, &Interrupt::NEVER, rows)
@@ -242,10 +175,11 @@ impl Run<'_> {
         let mut details = GraphDetails {
             problem: "pose-graph",
             group: self.group,
-            method: self.args.method,
-            init: init_of(start),
+            method: name_of(METHODS, &self.args.method),
+            init: name_of(STARTS, &start),
             init_seconds: start_seconds,
-            robust: judged.map(|judged| RobustDetails::new(graph, self.args.robust, &judged)),
+            robust: judged
+                .map(|judged| RobustDetails::new(graph, name_of(KERNELS, &kernel), &judged)),
             certificate: proof.map(|proof| {
                 CertificateDetails::new(&proof.certificate, graph.loss, proof.seconds)
             }),

@@ -109,9 +109,7 @@ impl Report {
     }
 
     /// Writes the summary or the JSON object.
-    ///
-    /// # Errors
-    /// Where standard output cannot be written to.
+    /// Fails where standard output cannot be written to.
     pub(super) fn finish(
         self,
         summary: &SolveSummary,

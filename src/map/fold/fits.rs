@@ -127,9 +127,7 @@ impl Fit<'_> {
             Change::KeyframeRemoved { keyframe } => self.keyframe(*keyframe),
             Change::KeyframeRetired { retired } => self.retired(retired),
             Change::ConstraintRevoked { id } => {
-                let map = self.map;
-                let known = map.constraints.contains_key(id) || map.priors.contains_key(id);
-                self.present(known, EntityKind::Constraint, *id)
+                self.present(self.map.has_constraint(*id), EntityKind::Constraint, *id)
             }
         }
     }
@@ -138,9 +136,7 @@ impl Fit<'_> {
         self.keyframe(retired.keyframe)?;
         retired.landmarks.iter().try_for_each(|&id| self.landmark(id))?;
         for &id in &retired.revoked {
-            let map = self.map;
-            let known = map.constraints.contains_key(&id) || map.priors.contains_key(&id);
-            self.present(known, EntityKind::Constraint, id)?;
+            self.present(self.map.has_constraint(id), EntityKind::Constraint, id)?;
         }
         let mut new = BTreeSet::new();
         let stays = |id| {
@@ -281,9 +277,7 @@ impl Fit<'_> {
     }
 
     fn new_constraint(&self, id: EntityId) -> Outcome {
-        let map = self.map;
-        let known = map.constraints.contains_key(&id) || map.priors.contains_key(&id);
-        self.absent(!known, EntityKind::Constraint, id)
+        self.absent(!self.map.has_constraint(id), EntityKind::Constraint, id)
     }
 
     fn present(&self, holds: bool, kind: EntityKind, id: EntityId) -> Outcome {

@@ -1,4 +1,4 @@
-//! Bundle adjustment problems: of a window, and of the whole map.
+//! Bundle adjustment problems: of a window, of the whole map, and around a keyframe to be removed.
 //!
 //! Keyframes of a window come first in the problem, then the fixed ones, each group by id; cameras and
 //! landmarks by id. Relative-pose constraints enter when both keyframes are in the problem and one of
@@ -6,6 +6,7 @@
 //! measurements is held constant, and an observation without finite projection at the current estimates
 //! is left out: neither may stop the whole solve.
 
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
 use covis_solvers::factors::{DepthReprojection, PosePrior, PositionPrior, RelativePose};
@@ -19,6 +20,9 @@ use crate::map::{Depth, EntityId, Keyframe, Map, Prior, Window};
 /// With fewer observations and no other measurement a pose is held constant: three points fix six
 /// unknowns.
 const MIN_OBSERVATIONS: usize = 3;
+
+/// Most neighbors by shared landmarks. The keyframe has little information on the others.
+const NEIGHBORS: usize = 20;
 
 /// The problem of a window, with the policy's losses and constant intrinsics.
 ///
@@ -48,7 +52,32 @@ pub fn global_problem(map: &Map, options: &GlobalOptions) -> MapProblem {
     builder.finish(options.fix_intrinsics)
 }
 
-pub(super) struct Builder<'a> {
+/// The problem whose marginal is the information of `keyframe`, which is pose 0, on its neighbors:
+/// those that share most landmarks with it, those that a constraint ties to it, and every landmark that
+/// it sees. Nothing is held constant: the result is information, not a solution.
+#[must_use]
+pub fn retirement_problem(map: &Map, keyframe: EntityId) -> MapProblem {
+    let mut near: Vec<(EntityId, u32)> = map.covisibility().neighbors(keyframe).collect();
+    near.sort_by_key(|&(id, shared)| (Reverse(shared), id));
+    near.truncate(NEIGHBORS);
+    let tied = map.ties().of(keyframe).filter_map(|id| {
+        let constraint = map.active_constraint(id)?;
+        let is_i = constraint.keyframe_i == keyframe;
+        Some(if is_i { constraint.keyframe_j } else { constraint.keyframe_i })
+    });
+    let neighbors: BTreeSet<EntityId> = near.into_iter().map(|(id, _)| id).chain(tied).collect();
+    let mut builder = Builder::new(map, map.policy().observation_loss);
+    builder.keyframe(keyframe, false);
+    neighbors.into_iter().for_each(|id| builder.keyframe(id, false));
+    let seen = map.keyframes().get(&keyframe).map(|k| &*k.observations).unwrap_or_default();
+    let seen: BTreeSet<EntityId> = seen.iter().map(|o| o.landmark).collect();
+    seen.into_iter().for_each(|id| builder.landmark(id));
+    let mut problem = builder.finish(true);
+    problem.problem.constant_poses.fill(false);
+    problem
+}
+
+struct Builder<'a> {
     map: &'a Map,
     problem: BundleProblem,
     keyframes: Vec<EntityId>,
@@ -58,7 +87,7 @@ pub(super) struct Builder<'a> {
 }
 
 impl<'a> Builder<'a> {
-    pub(super) fn new(map: &'a Map, observation_loss: Loss) -> Self {
+    fn new(map: &'a Map, observation_loss: Loss) -> Self {
         let problem = BundleProblem {
             observation_loss,
             relative_pose_loss: map.policy().constraint_loss,
@@ -74,7 +103,7 @@ impl<'a> Builder<'a> {
         }
     }
 
-    pub(super) fn keyframe(&mut self, id: EntityId, constant: bool) {
+    fn keyframe(&mut self, id: EntityId, constant: bool) {
         let Some(keyframe) = self.map.keyframes().get(&id) else { return };
         let index = self.problem.push_pose(keyframe.world_from_camera);
         self.problem.constant_poses[index] = constant;
@@ -82,7 +111,7 @@ impl<'a> Builder<'a> {
         self.pose_of.insert(id, index);
     }
 
-    pub(super) fn landmark(&mut self, id: EntityId) {
+    fn landmark(&mut self, id: EntityId) {
         let Some(position) = self.map.landmarks().get(&id).and_then(|l| l.position) else { return };
         let index = self.problem.push_landmark(position);
         // The solver's batches index by u32; a map that large does not fit memory.
@@ -124,7 +153,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Adds cameras and every factor between the variables so far.
-    pub(super) fn finish(mut self, fix_intrinsics: bool) -> MapProblem {
+    fn finish(mut self, fix_intrinsics: bool) -> MapProblem {
         let map = self.map;
         let used: BTreeMap<EntityId, _> = self
             .keyframes

@@ -6,7 +6,6 @@
 
 mod bundle;
 mod graph;
-mod retirement;
 
 use covis_solvers::geometry::Se3;
 use covis_solvers::loss::Loss;
@@ -14,9 +13,8 @@ use covis_solvers::problem::{BundleProblem, PoseGraph};
 
 use super::{EntityId, SwitchedOff};
 
-pub use bundle::{global_problem, local_problem};
+pub use bundle::{global_problem, local_problem, retirement_problem};
 pub use graph::loop_problem;
-pub use retirement::retirement_problem;
 
 /// A bundle adjustment problem with the names of its variables.
 #[derive(Clone, Debug, PartialEq)]

@@ -24,6 +24,7 @@ use sha2::{Digest, Sha256};
 
 use super::rights::Proof;
 use super::{Caller, Role};
+use crate::service::convert::ids::is_name;
 use crate::service::engine::AccountLimits;
 use crate::service::limits::TenantLimits;
 
@@ -201,12 +202,6 @@ impl Tokens {
     pub(super) fn tenant_limits(&self) -> BTreeMap<String, AccountLimits> {
         self.tenants.clone()
     }
-}
-
-/// Whether `text` is a valid name of a token or tenant.
-pub(super) fn is_name(text: &str) -> bool {
-    let allowed = |c: u8| c.is_ascii_lowercase() || c.is_ascii_digit() || c == b'_' || c == b'-';
-    (1..=63).contains(&text.len()) && text.bytes().all(allowed)
 }
 
 fn digest_of_hex(text: &str) -> Option<[u8; 32]> {

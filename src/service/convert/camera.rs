@@ -7,6 +7,7 @@ use covis_solvers::geometry::{Camera, KannalaBrandt, PinholeRadialTangential, Sn
 use super::{Path, Violations};
 use crate::map::CameraEntity;
 use crate::wire::v1;
+use v1::camera::Model;
 
 /// Widest image, px.
 const MAX_IMAGE_PX: i64 = 65_535;
@@ -24,71 +25,41 @@ pub(in crate::service) fn camera(
     if readout_ms.is_some_and(|ms| ms > 0.0) {
         return out.unimplemented(readout);
     }
-    let model = match &camera.model {
-        None => out.missing(at.field("model")),
-        Some(v1::camera::Model::PinholeRadialTangential(model)) => {
-            pinhole(at.field("pinhole_radial_tangential"), model, out)
-        }
-        Some(v1::camera::Model::KannalaBrandt(model)) => {
-            fisheye(at.field("kannala_brandt"), model, out)
-        }
-        Some(v1::camera::Model::Snavely(model)) => snavely(at.field("snavely"), model, out),
-    };
+    let place = at.field("model");
+    let model = out.required(place, camera.model.as_ref()).and_then(|m| model(at, m, out));
     readout_ms?;
     let width_px = u32::try_from(width?).ok()?;
     let height_px = u32::try_from(height?).ok()?;
     Some(CameraEntity { camera: model?, width_px, height_px })
 }
 
-fn pinhole(at: Path<'_>, m: &v1::PinholeRadialTangential, out: &mut Violations) -> Option<Camera> {
-    let fx = out.positive(at.field("fx"), m.fx);
-    let fy = out.positive(at.field("fy"), m.fy);
-    let cx = out.finite(at.field("cx"), m.cx);
-    let cy = out.finite(at.field("cy"), m.cy);
-    let k1 = out.finite(at.field("k1"), m.k1);
-    let k2 = out.finite(at.field("k2"), m.k2);
-    let p1 = out.finite(at.field("p1"), m.p1);
-    let p2 = out.finite(at.field("p2"), m.p2);
-    let k3 = out.finite(at.field("k3"), m.k3);
-    Some(Camera::Pinhole(PinholeRadialTangential {
-        fx: fx?,
-        fy: fy?,
-        cx: cx?,
-        cy: cy?,
-        k1: k1?,
-        k2: k2?,
-        p1: p1?,
-        p2: p2?,
-        k3: k3?,
-    }))
-}
-
-fn fisheye(at: Path<'_>, m: &v1::KannalaBrandt, out: &mut Violations) -> Option<Camera> {
-    let fx = out.positive(at.field("fx"), m.fx);
-    let fy = out.positive(at.field("fy"), m.fy);
-    let cx = out.finite(at.field("cx"), m.cx);
-    let cy = out.finite(at.field("cy"), m.cy);
-    let k1 = out.finite(at.field("k1"), m.k1);
-    let k2 = out.finite(at.field("k2"), m.k2);
-    let k3 = out.finite(at.field("k3"), m.k3);
-    let k4 = out.finite(at.field("k4"), m.k4);
-    Some(Camera::Fisheye(KannalaBrandt {
-        fx: fx?,
-        fy: fy?,
-        cx: cx?,
-        cy: cy?,
-        k1: k1?,
-        k2: k2?,
-        k3: k3?,
-        k4: k4?,
-    }))
-}
-
-fn snavely(at: Path<'_>, m: &v1::Snavely, out: &mut Violations) -> Option<Camera> {
-    let focal = out.positive(at.field("focal"), m.focal);
-    let k1 = out.finite(at.field("k1"), m.k1);
-    let k2 = out.finite(at.field("k2"), m.k2);
-    Some(Camera::Snavely(Snavely { focal: focal?, k1: k1?, k2: k2? }))
+/// A projection of the camera at `at`: focal lengths are positive, all other numbers finite.
+fn model(at: Path<'_>, model: &Model, out: &mut Violations) -> Option<Camera> {
+    match *model {
+        Model::PinholeRadialTangential(m) => {
+            let focal_and_center = [("fx", m.fx), ("fy", m.fy), ("cx", m.cx), ("cy", m.cy)];
+            let distortion = [("k1", m.k1), ("k2", m.k2), ("p1", m.p1), ("p2", m.p2), ("k3", m.k3)];
+            let at = at.field("pinhole_radial_tangential");
+            let linear = out.numbers(at, 2, focal_and_center);
+            let [k1, k2, p1, p2, k3] = out.numbers(at, 0, distortion)?;
+            let [fx, fy, cx, cy] = linear?;
+            Some(Camera::Pinhole(PinholeRadialTangential { fx, fy, cx, cy, k1, k2, p1, p2, k3 }))
+        }
+        Model::KannalaBrandt(m) => {
+            let focal_and_center = [("fx", m.fx), ("fy", m.fy), ("cx", m.cx), ("cy", m.cy)];
+            let distortion = [("k1", m.k1), ("k2", m.k2), ("k3", m.k3), ("k4", m.k4)];
+            let at = at.field("kannala_brandt");
+            let linear = out.numbers(at, 2, focal_and_center);
+            let [k1, k2, k3, k4] = out.numbers(at, 0, distortion)?;
+            let [fx, fy, cx, cy] = linear?;
+            Some(Camera::Fisheye(KannalaBrandt { fx, fy, cx, cy, k1, k2, k3, k4 }))
+        }
+        Model::Snavely(m) => {
+            let fields = [("focal", m.focal), ("k1", m.k1), ("k2", m.k2)];
+            let [focal, k1, k2] = out.numbers(at.field("snavely"), 1, fields)?;
+            Some(Camera::Snavely(Snavely { focal, k1, k2 }))
+        }
+    }
 }
 
 /// The message of a camera.
@@ -108,26 +79,15 @@ pub(in crate::service) fn to_camera(
 }
 
 /// The message of a projection.
-pub(super) fn to_model(camera: &Camera) -> v1::camera::Model {
+pub(super) fn to_model(camera: &Camera) -> Model {
     match *camera {
         Camera::Pinhole(PinholeRadialTangential { fx, fy, cx, cy, k1, k2, p1, p2, k3 }) => {
-            v1::camera::Model::PinholeRadialTangential(v1::PinholeRadialTangential {
-                fx,
-                fy,
-                cx,
-                cy,
-                k1,
-                k2,
-                p1,
-                p2,
-                k3,
-            })
+            let model = v1::PinholeRadialTangential { fx, fy, cx, cy, k1, k2, p1, p2, k3 };
+            Model::PinholeRadialTangential(model)
         }
         Camera::Fisheye(KannalaBrandt { fx, fy, cx, cy, k1, k2, k3, k4 }) => {
-            v1::camera::Model::KannalaBrandt(v1::KannalaBrandt { fx, fy, cx, cy, k1, k2, k3, k4 })
+            Model::KannalaBrandt(v1::KannalaBrandt { fx, fy, cx, cy, k1, k2, k3, k4 })
         }
-        Camera::Snavely(Snavely { focal, k1, k2 }) => {
-            v1::camera::Model::Snavely(v1::Snavely { focal, k1, k2 })
-        }
+        Camera::Snavely(Snavely { focal, k1, k2 }) => Model::Snavely(v1::Snavely { focal, k1, k2 }),
     }
 }

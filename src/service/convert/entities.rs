@@ -4,7 +4,7 @@
 
 use super::camera::to_camera as camera_message;
 use super::count;
-use super::geometry::{to_information3, to_information6, to_rigid_transform, to_vector3};
+use super::geometry::{to_information6, to_rigid_transform, to_upper_triangle, to_vector3};
 use super::ids::{client_name, to_keyframe_ref};
 use super::time::timestamp;
 use crate::map::{
@@ -73,7 +73,7 @@ pub(in crate::service) fn to_constraint(
         keyframe_i: Some(to_keyframe_ref(map, constraint.keyframe_i)),
         keyframe_j: Some(to_keyframe_ref(map, constraint.keyframe_j)),
         keyframe_i_from_keyframe_j: Some(measured),
-        information: Some(to_information6(constraint.information.matrix())),
+        information: Some(to_information6(&constraint.information)),
         kind: kind.into(),
         loss: None,
         switched_off: map.switched_off().get(&id).map(to_switched_off),
@@ -96,7 +96,7 @@ pub(in crate::service) fn to_prior(map: &Map, id: EntityId, prior: &Prior) -> v1
                 id: id.id,
                 keyframe,
                 world_from_camera: Some(to_rigid_transform(world_from_camera)),
-                information: Some(to_information6(information.matrix())),
+                information: Some(to_information6(information)),
                 loss: None,
             }))
         }
@@ -107,7 +107,9 @@ pub(in crate::service) fn to_prior(map: &Map, id: EntityId, prior: &Prior) -> v1
                 keyframe,
                 point_in_world: Some(to_vector3(position_in_world)),
                 point_in_camera: None,
-                information: Some(to_information3(information.matrix())),
+                information: Some(v1::InformationMatrix3 {
+                    upper_triangle: to_upper_triangle(information),
+                }),
                 loss: None,
             }))
         }

@@ -21,9 +21,7 @@ pub(in crate::service) fn vector2(
     out: &mut Violations,
 ) -> Option<Vector2<f64>> {
     let vector = out.required(at, vector)?;
-    let x = out.finite(at.field("x"), vector.x);
-    let y = out.finite(at.field("y"), vector.y);
-    Some(Vector2::new(x?, y?))
+    out.numbers(at, 0, [("x", vector.x), ("y", vector.y)]).map(Vector2::from)
 }
 
 /// A required vector in space.
@@ -33,10 +31,8 @@ pub(in crate::service) fn vector3(
     out: &mut Violations,
 ) -> Option<Vector3<f64>> {
     let vector = out.required(at, vector)?;
-    let x = out.finite(at.field("x"), vector.x);
-    let y = out.finite(at.field("y"), vector.y);
-    let z = out.finite(at.field("z"), vector.z);
-    Some(Vector3::new(x?, y?, z?))
+    let fields = [("x", vector.x), ("y", vector.y), ("z", vector.z)];
+    out.numbers(at, 0, fields).map(Vector3::from)
 }
 
 fn rotation(
@@ -45,11 +41,8 @@ fn rotation(
     out: &mut Violations,
 ) -> Option<So3> {
     let q = out.required(at, quaternion)?;
-    let x = out.finite(at.field("x"), q.x);
-    let y = out.finite(at.field("y"), q.y);
-    let z = out.finite(at.field("z"), q.z);
-    let w = out.finite(at.field("w"), q.w);
-    let (x, y, z, w) = (x?, y?, z?, w?);
+    let fields = [("x", q.x), ("y", q.y), ("z", q.z), ("w", q.w)];
+    let [x, y, z, w] = out.numbers(at, 0, fields)?;
     let norm = (x * x + y * y + z * z + w * w).sqrt();
     if (norm - 1.0).abs() <= UNIT_TOLERANCE
         && let Some(rotation) = So3::from_quaternion_xyzw(x, y, z, w)
@@ -85,12 +78,13 @@ pub(in crate::service) fn rigid_transform2(
     Some(Se2::from_xy_angle(translation.x, translation.y, angle?))
 }
 
-/// A symmetric positive definite matrix from its upper triangle, row by row.
-fn symmetric<const N: usize>(
+/// A required information matrix from its upper triangle, row by row. It must be positive definite.
+pub(in crate::service) fn information<const N: usize>(
     at: Path<'_>,
-    upper: &[f64],
+    upper_triangle: Option<&Vec<f64>>,
     out: &mut Violations,
-) -> Option<SMatrix<f64, N, N>> {
+) -> Option<Information<N>> {
+    let upper = out.required(at, upper_triangle)?;
     let at = at.field("upper_triangle");
     let expected = N * (N + 1) / 2;
     if upper.len() != expected {
@@ -104,38 +98,7 @@ fn symmetric<const N: usize>(
         matrix[(row, column)] = entry;
         matrix[(column, row)] = entry;
     }
-    if Information::new(&matrix).is_err() {
-        let text = "the matrix is not positive definite";
-        return out.report(at, Reason::NotPositiveDefinite, text);
-    }
-    Some(matrix)
-}
-
-/// A required 3 × 3 information matrix.
-pub(in crate::service) fn information3(
-    at: Path<'_>,
-    information: Option<&v1::InformationMatrix3>,
-    out: &mut Violations,
-) -> Option<SMatrix<f64, 3, 3>> {
-    symmetric(at, &out.required(at, information)?.upper_triangle, out)
-}
-
-/// A required 6 × 6 information matrix.
-pub(in crate::service) fn information6(
-    at: Path<'_>,
-    information: Option<&v1::InformationMatrix6>,
-    out: &mut Violations,
-) -> Option<SMatrix<f64, 6, 6>> {
-    symmetric(at, &out.required(at, information)?.upper_triangle, out)
-}
-
-/// The typed matrix of a matrix that was already checked.
-pub(in crate::service) fn typed<const N: usize>(
-    at: Path<'_>,
-    matrix: &SMatrix<f64, N, N>,
-    out: &mut Violations,
-) -> Option<Information<N>> {
-    Information::new(matrix).ok().or_else(|| {
+    Information::new(&matrix).ok().or_else(|| {
         out.report(at, Reason::NotPositiveDefinite, "the matrix is not positive definite")
     })
 }
@@ -167,16 +130,15 @@ pub(in crate::service) fn to_rigid_transform2(transform: &Se2) -> v1::RigidTrans
     }
 }
 
-fn upper_triangle<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Vec<f64> {
+/// The upper triangle of an information matrix, row by row.
+pub(in crate::service) fn to_upper_triangle<const N: usize>(
+    information: &Information<N>,
+) -> Vec<f64> {
+    let matrix = information.matrix();
     (0..N).flat_map(|row| (row..N).map(move |column| matrix[(row, column)])).collect()
 }
 
-/// The message of a 3 × 3 information matrix.
-pub(in crate::service) fn to_information3(matrix: &SMatrix<f64, 3, 3>) -> v1::InformationMatrix3 {
-    v1::InformationMatrix3 { upper_triangle: upper_triangle(matrix) }
-}
-
 /// The message of a 6 × 6 information matrix.
-pub(in crate::service) fn to_information6(matrix: &SMatrix<f64, 6, 6>) -> v1::InformationMatrix6 {
-    v1::InformationMatrix6 { upper_triangle: upper_triangle(matrix) }
+pub(in crate::service) fn to_information6(information: &Information<6>) -> v1::InformationMatrix6 {
+    v1::InformationMatrix6 { upper_triangle: to_upper_triangle(information) }
 }

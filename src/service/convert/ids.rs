@@ -1,22 +1,23 @@
 //! Names of maps and clients, ids of entities, references between them.
 //!
-//! A name has 1 to 63 characters of a-z, 0-9, '_' and '-'; an id is at least 0. In an added entity
-//! `client_id` is empty or the stream's own: nobody adds to another client's entities.
+//! A name has 1 to 63 characters of a-z, 0-9, '_' and '-'; an id is at least 0.
 
 use super::{Path, Violations};
 use crate::map::{EntityId, EntityRef, Map, Reason};
 use crate::wire::v1;
 
-/// Longest name of a map or client.
-const MAX_NAME: usize = 63;
+/// Whether `text` may be the name of a map, a client, a token or a tenant.
+pub(in crate::service) fn is_name(text: &str) -> bool {
+    let allowed = |c: u8| c.is_ascii_lowercase() || c.is_ascii_digit() || c == b'_' || c == b'-';
+    (1..=63).contains(&text.len()) && text.bytes().all(allowed)
+}
 
 /// A required name of a map or client.
 pub(in crate::service) fn name(at: Path<'_>, name: &str, out: &mut Violations) -> Option<String> {
     if name.is_empty() {
         return out.missing(at);
     }
-    let allowed = |c: u8| c.is_ascii_lowercase() || c.is_ascii_digit() || c == b'_' || c == b'-';
-    if name.len() <= MAX_NAME && name.bytes().all(allowed) {
+    if is_name(name) {
         return Some(name.to_owned());
     }
     let text = "1 to 63 characters of a-z, 0-9, '_' and '-' are allowed";
@@ -34,20 +35,6 @@ pub(in crate::service) fn id(at: Path<'_>, id: i64, out: &mut Violations) -> Opt
         return Some(id);
     }
     out.report(at, Reason::OutOfRange, format!("{id} is below 0"))
-}
-
-/// The client of an entity that the stream of `sender` adds.
-pub(in crate::service) fn owner(
-    at: Path<'_>,
-    client_id: &str,
-    sender: &str,
-    out: &mut Violations,
-) -> Option<()> {
-    if client_id.is_empty() || client_id == sender {
-        return Some(());
-    }
-    let text = format!("{client_id} is another client; only entities of one's own can be added");
-    out.report(at, Reason::Inconsistent, text)
 }
 
 fn reference(

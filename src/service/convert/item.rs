@@ -6,21 +6,24 @@
 use std::sync::Arc;
 
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3};
-use nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
+use covis_solvers::information::Information;
+use covis_solvers::loss::Loss;
+use nalgebra::{Vector2, Vector3};
 use sha2::{Digest as _, Sha256};
 
 use super::camera::camera;
-use super::geometry::{information3, information6, rigid_transform, vector2, vector3};
-use super::ids::{id, keyframe_ref, landmark_ref, owner};
-use super::solve::loss;
+use super::geometry::{information, rigid_transform, vector2, vector3};
+use super::ids::{keyframe_ref, landmark_ref};
+use super::solve::no_own_loss;
 use super::time::nanoseconds;
-use super::{Path, Violations, all};
+use super::{Path, Violations, all, ids};
 use crate::map::{
     CameraEntity, ConstraintKind, Depth, Descriptor, DescriptorKind, Digest, EntityRef, Item,
     ItemLandmark, ItemObservation, PartialItem, Reason, Rejection,
 };
 use crate::wire::v1;
 use v1::ingest_request::Item as WireItem;
+use v1::keyframe::Sensor;
 
 /// Longest descriptor of a feature, bytes.
 const MAX_FEATURE_DESCRIPTOR: usize = 4096;
@@ -54,32 +57,39 @@ pub(in crate::service) struct Refused {
 ///
 /// # Errors
 /// [`Refused`] with everything that is wrong with its fields.
-pub(in crate::service) fn item(item: &WireItem, sender: &str) -> Result<Item, Refused> {
+pub(in crate::service) fn item(item: WireItem, sender: &str) -> Result<Item, Refused> {
     let mut out = Violations::default();
     let read = read(item, sender, &mut out);
     if out.rejection.is_empty() {
         return out.finish(read).map_err(|rejection| Refused { rejection, partial: None });
     }
-    let unreadable = std::mem::take(&mut out.unreadable);
+    let Violations { rejection, unreadable } = out;
     let partial = read.map(|item| Box::new(PartialItem { item, unreadable }));
-    Err(Refused { rejection: out.rejection, partial })
+    Err(Refused { rejection, partial })
 }
 
 /// The item, with placeholders for what cannot be read.
-fn read(item: &WireItem, sender: &str, out: &mut Violations) -> Option<Item> {
+fn read(item: WireItem, sender: &str, out: &mut Violations) -> Option<Item> {
     match item {
-        WireItem::Camera(camera) => camera_item(Path::root("camera"), camera, sender, out),
-        WireItem::Keyframe(keyframe) => keyframe_item(keyframe, sender, out),
+        WireItem::Camera(message) => Some(camera_item(&message, sender, out)),
+        WireItem::Keyframe(message) => keyframe(message, sender, out),
         WireItem::Landmarks(batch) => {
             let at = Path::root("landmarks");
             let at = at.field("landmarks");
             out.not_empty(at, &batch.landmarks);
             Some(Item::Landmarks { landmarks: landmarks(at, &batch.landmarks, sender, out)? })
         }
-        WireItem::Observations(batch) => observation_batch(batch, out),
-        WireItem::RelativePose(constraint) => relative_pose(constraint, sender, out),
-        WireItem::PositionPrior(prior) => position_prior(prior, sender, out),
-        WireItem::PosePrior(prior) => pose_prior(prior, sender, out),
+        WireItem::Observations(batch) => {
+            let at = Path::root("observations");
+            let keyframe = known_keyframe(at.field("keyframe"), batch.keyframe.as_ref(), out);
+            let list = at.field("observations");
+            out.not_empty(list, &batch.observations);
+            let observations = observations(list, batch.observations, out)?;
+            Some(Item::Observations { keyframe, observations })
+        }
+        WireItem::RelativePose(message) => Some(relative_pose(&message, sender, out)),
+        WireItem::PositionPrior(message) => Some(position_prior(&message, sender, out)),
+        WireItem::PosePrior(message) => Some(pose_prior(&message, sender, out)),
         WireItem::Rig(_) => out.unimplemented(Path::root("rig")),
         WireItem::RevokeConstraint(_) => out.unimplemented(Path::root("revoke_constraint")),
         WireItem::RemoveObservations(_) => out.unimplemented(Path::root("remove_observations")),
@@ -92,16 +102,32 @@ fn read(item: &WireItem, sender: &str, out: &mut Violations) -> Option<Item> {
     }
 }
 
-fn camera_item(
-    at: Path<'_>,
-    message: &v1::Camera,
-    sender: &str,
-    out: &mut Violations,
-) -> Option<Item> {
-    let _own = owner(at.field("client_id"), &message.client_id, sender, out);
+/// The id of an entity that the stream of `sender` adds. Its `client_id` is empty or the sender's:
+/// nobody adds to another client's entities.
+fn own_id(at: Path<'_>, client_id: &str, id: i64, sender: &str, out: &mut Violations) -> i64 {
+    if !client_id.is_empty() && client_id != sender {
+        let text =
+            format!("{client_id} is another client; only entities of one's own can be added");
+        let _: Option<()> = out.report(at.field("client_id"), Reason::Inconsistent, text);
+    }
     let place = at.field("id");
-    let id = id(place, message.id, out);
-    let id = out.or(place, id, UNREADABLE_ID);
+    let id = ids::id(place, id, out);
+    out.or(place, id, UNREADABLE_ID)
+}
+
+/// The keyframe that an item refers to.
+fn known_keyframe(
+    at: Path<'_>,
+    keyframe: Option<&v1::KeyframeRef>,
+    out: &mut Violations,
+) -> EntityRef {
+    let keyframe = keyframe_ref(at, keyframe, out);
+    out.or(at, keyframe, EntityRef::own(UNREADABLE_ID))
+}
+
+fn camera_item(message: &v1::Camera, sender: &str, out: &mut Violations) -> Item {
+    let at = Path::root("camera");
+    let id = own_id(at, &message.client_id, message.id, sender, out);
     // The placeholder of a camera that cannot be read causes no violation.
     let entity = camera(at, message, out).unwrap_or(CameraEntity {
         camera: Camera::Pinhole(PinholeRadialTangential::undistorted(1.0, 1.0, 0.0, 0.0)),
@@ -109,17 +135,14 @@ fn camera_item(
         height_px: 0,
     });
     let CameraEntity { camera, width_px, height_px } = entity;
-    Some(Item::Camera { id, camera, width_px, height_px })
+    Item::Camera { id, camera, width_px, height_px }
 }
 
-fn keyframe_item(message: &v1::Keyframe, sender: &str, out: &mut Violations) -> Option<Item> {
+fn keyframe(message: v1::Keyframe, sender: &str, out: &mut Violations) -> Option<Item> {
     let at = Path::root("keyframe");
-    let _own = owner(at.field("client_id"), &message.client_id, sender, out);
-    let place = at.field("id");
-    let id = id(place, message.id, out);
-    let id = out.or(place, id, UNREADABLE_ID);
+    let id = own_id(at, &message.client_id, message.id, sender, out);
     let time = nanoseconds(at.field("capture_time"), message.capture_time.as_ref(), out);
-    let camera = sensor(at, message, out);
+    let camera = sensor(at, message.sensor, out);
     let camera = out.or(at.field("camera_id"), camera, None);
     if message.world_from_rig.is_some() {
         let _: Option<()> = out.unimplemented(at.field("world_from_rig"));
@@ -131,14 +154,12 @@ fn keyframe_item(message: &v1::Keyframe, sender: &str, out: &mut Violations) -> 
     let world_from_camera = out.or(start, pose, nowhere);
     let odom = message.odom_from_camera.as_ref();
     let odom = odom.and_then(|odom| rigid_transform(at.field("odom_from_camera"), Some(odom), out));
-    let observations = observations(at.field("observations"), &message.observations, out);
+    let observations = observations(at.field("observations"), message.observations, out);
     let landmarks = landmarks(at.field("landmarks"), &message.landmarks, sender, out);
-    let _kept = descriptor(
-        at.field("global_descriptor"),
-        message.global_descriptor.as_ref(),
-        MAX_IMAGE_DESCRIPTOR,
-        out,
-    );
+    if let Some(global) = &message.global_descriptor {
+        let _kind =
+            descriptor_kind(at.field("global_descriptor"), global, MAX_IMAGE_DESCRIPTOR, out);
+    }
     Some(Item::Keyframe {
         id,
         capture_time_ns: time.unwrap_or(0),
@@ -151,63 +172,39 @@ fn keyframe_item(message: &v1::Keyframe, sender: &str, out: &mut Violations) -> 
 }
 
 /// The camera of a keyframe, `Some(None)` if it names none; the map checks whether it needs one.
-fn sensor(at: Path<'_>, message: &v1::Keyframe, out: &mut Violations) -> Option<Option<i64>> {
-    match message.sensor {
+fn sensor(at: Path<'_>, sensor: Option<Sensor>, out: &mut Violations) -> Option<Option<i64>> {
+    match sensor {
         None => Some(None),
-        Some(v1::keyframe::Sensor::CameraId(camera)) => {
-            id(at.field("camera_id"), camera, out).map(Some)
-        }
-        Some(v1::keyframe::Sensor::RigId(_)) => out.unimplemented(at.field("rig_id")),
+        Some(Sensor::CameraId(camera)) => ids::id(at.field("camera_id"), camera, out).map(Some),
+        Some(Sensor::RigId(_)) => out.unimplemented(at.field("rig_id")),
     }
-}
-
-fn observation_batch(batch: &v1::ObservationBatch, out: &mut Violations) -> Option<Item> {
-    let at = Path::root("observations");
-    let place = at.field("keyframe");
-    let keyframe = keyframe_ref(place, batch.keyframe.as_ref(), out);
-    let keyframe = out.or(place, keyframe, EntityRef::own(UNREADABLE_ID));
-    let list = at.field("observations");
-    out.not_empty(list, &batch.observations);
-    let observations = observations(list, &batch.observations, out)?;
-    Some(Item::Observations { keyframe, observations })
 }
 
 fn observations(
     at: Path<'_>,
-    messages: &[v1::Observation],
+    messages: Vec<v1::Observation>,
     out: &mut Violations,
 ) -> Option<Vec<ItemObservation>> {
-    out.at_most(at, messages, MAX_ENTRIES)?;
-    all(at, messages, out, observation)
-}
-
-fn observation(
-    at: Path<'_>,
-    message: &v1::Observation,
-    out: &mut Violations,
-) -> Option<ItemObservation> {
-    let place = at.field("landmark");
-    let landmark = landmark_ref(place, message.landmark.as_ref(), out);
-    let landmark = out.or(place, landmark, EntityRef::own(UNREADABLE_ID));
-    // A keyframe of one camera has no other; rigs are refused before.
-    let _first = out.within(at.field("camera_index"), message.camera_index, 0, 0);
-    let place = at.field("pixel");
-    let pixel = vector2(place, message.pixel.as_ref(), out);
-    let pixel = out.or(place, pixel, Vector2::repeat(f64::NAN));
-    let sigma = out.positive(at.field("sigma_px"), message.sigma_px.unwrap_or(1.0));
-    let depth = depth(at, message.depth_m, message.sigma_depth_m, out);
-    let kept = descriptor(
-        at.field("descriptor"),
-        message.descriptor.as_ref(),
-        MAX_FEATURE_DESCRIPTOR,
-        out,
-    );
-    Some(ItemObservation {
-        landmark,
-        pixel,
-        sigma_px: sigma.unwrap_or(1.0),
-        depth: depth.flatten(),
-        descriptor: kept.flatten().map(Arc::new),
+    out.at_most(at, &messages, MAX_ENTRIES)?;
+    all(at, messages, out, |at, message, out| {
+        let place = at.field("landmark");
+        let landmark = landmark_ref(place, message.landmark.as_ref(), out);
+        let landmark = out.or(place, landmark, EntityRef::own(UNREADABLE_ID));
+        // A keyframe of one camera has no other; rigs are refused before.
+        let _first = out.within(at.field("camera_index"), message.camera_index, 0, 0);
+        let place = at.field("pixel");
+        let pixel = vector2(place, message.pixel.as_ref(), out);
+        let pixel = out.or(place, pixel, Vector2::repeat(f64::NAN));
+        let sigma = out.positive(at.field("sigma_px"), message.sigma_px.unwrap_or(1.0));
+        let depth = depth(at, message.depth_m, message.sigma_depth_m, out);
+        let descriptor = message.descriptor.and_then(|descriptor| {
+            let place = at.field("descriptor");
+            let kind = descriptor_kind(place, &descriptor, MAX_FEATURE_DESCRIPTOR, out)?;
+            let v1::Descriptor { name, data, .. } = descriptor;
+            Some(Arc::new(Descriptor { kind, name, data }))
+        });
+        let sigma_px = sigma.unwrap_or(1.0);
+        Some(ItemObservation { landmark, pixel, sigma_px, depth: depth.flatten(), descriptor })
     })
 }
 
@@ -234,13 +231,13 @@ pub(super) fn depth(
     }
 }
 
-fn descriptor(
+/// The kind of a descriptor, whose name and data must not be too long.
+fn descriptor_kind(
     at: Path<'_>,
-    message: Option<&v1::Descriptor>,
+    message: &v1::Descriptor,
     longest: usize,
     out: &mut Violations,
-) -> Option<Option<Descriptor>> {
-    let Some(message) = message else { return Some(None) };
+) -> Option<DescriptorKind> {
     let kind = match out.known(at.field("kind"), message.kind) {
         Some(v1::DescriptorKind::Unspecified) => out.missing(at.field("kind")),
         Some(v1::DescriptorKind::Binary) => Some(DescriptorKind::Binary),
@@ -256,7 +253,7 @@ fn descriptor(
             let _: Option<()> = out.report(at.field(name), Reason::TooLarge, text);
         }
     }
-    Some(Some(Descriptor { kind: kind?, name: message.name.clone(), data: message.data.clone() }))
+    kind
 }
 
 fn landmarks(
@@ -267,80 +264,66 @@ fn landmarks(
 ) -> Option<Vec<ItemLandmark>> {
     out.at_most(at, messages, MAX_ENTRIES)?;
     all(at, messages, out, |at, message, out| {
-        let _own = owner(at.field("client_id"), &message.client_id, sender, out);
-        let place = at.field("id");
-        let id = id(place, message.id, out);
-        let id = out.or(place, id, UNREADABLE_ID);
+        let id = own_id(at, &message.client_id, message.id, sender, out);
         let position = message.point_in_world.as_ref();
         let read = position.and_then(|point| vector3(at.field("point_in_world"), Some(point), out));
         if position.is_some() && read.is_none() {
             // It is unknown whether the map has the landmark with another position.
-            out.unreadable.push(place.to_string());
+            out.unreadable.push(at.field("id").to_string());
         }
-        let _kept = descriptor(
-            at.field("descriptor"),
-            message.descriptor.as_ref(),
-            MAX_FEATURE_DESCRIPTOR,
-            out,
-        );
+        if let Some(descriptor) = &message.descriptor {
+            let place = at.field("descriptor");
+            let _kind = descriptor_kind(place, descriptor, MAX_FEATURE_DESCRIPTOR, out);
+        }
         Some(ItemLandmark { id, position: read })
     })
 }
 
-fn relative_pose(
-    message: &v1::RelativePoseConstraint,
-    sender: &str,
+/// The information of a constraint; the identity stands for one that cannot be read.
+fn information_or_identity<const N: usize>(
+    at: Path<'_>,
+    upper_triangle: Option<&Vec<f64>>,
     out: &mut Violations,
-) -> Option<Item> {
+) -> Information<N> {
+    let information = information(at.field("information"), upper_triangle, out);
+    information.unwrap_or_else(Information::identity)
+}
+
+fn relative_pose(message: &v1::RelativePoseConstraint, sender: &str, out: &mut Violations) -> Item {
     let at = Path::root("relative_pose");
-    let _own = owner(at.field("client_id"), &message.client_id, sender, out);
-    let place = at.field("id");
-    let id = id(place, message.id, out);
-    let id = out.or(place, id, UNREADABLE_ID);
-    let place = at.field("keyframe_i");
-    let keyframe_i = keyframe_ref(place, message.keyframe_i.as_ref(), out);
-    let keyframe_i = out.or(place, keyframe_i, EntityRef::own(UNREADABLE_ID));
-    let place = at.field("keyframe_j");
-    let keyframe_j = keyframe_ref(place, message.keyframe_j.as_ref(), out);
-    let keyframe_j = out.or(place, keyframe_j, EntityRef::own(UNREADABLE_ID));
-    let measured = rigid_transform(
-        at.field("keyframe_i_from_keyframe_j"),
-        message.keyframe_i_from_keyframe_j.as_ref(),
-        out,
-    );
-    let information = information6(at.field("information"), message.information.as_ref(), out);
+    let id = own_id(at, &message.client_id, message.id, sender, out);
+    let keyframe_i = known_keyframe(at.field("keyframe_i"), message.keyframe_i.as_ref(), out);
+    let keyframe_j = known_keyframe(at.field("keyframe_j"), message.keyframe_j.as_ref(), out);
+    let measured = message.keyframe_i_from_keyframe_j.as_ref();
+    let measured = rigid_transform(at.field("keyframe_i_from_keyframe_j"), measured, out);
+    let upper_triangle = message.information.as_ref().map(|m| &m.upper_triangle);
+    let information = information_or_identity(at, upper_triangle, out);
     let kind = match out.known(at.field("kind"), message.kind) {
         Some(v1::ConstraintKind::Unspecified) => out.missing(at.field("kind")),
         Some(v1::ConstraintKind::Odometry) => Some(ConstraintKind::Odometry),
         Some(v1::ConstraintKind::LoopClosure) => Some(ConstraintKind::LoopClosure),
         Some(v1::ConstraintKind::Other) => Some(ConstraintKind::Other),
-        Some(v1::ConstraintKind::Marginal) => out.report(
-            at.field("kind"),
-            Reason::OutOfRange,
-            "marginal constraints are the server's own",
-        ),
+        Some(v1::ConstraintKind::Marginal) => {
+            let text = "marginal constraints are the server's own";
+            out.report(at.field("kind"), Reason::OutOfRange, text)
+        }
         None => None,
     };
-    let _none = no_own_loss(at, message.loss.as_ref(), false, out);
-    Some(Item::RelativePose {
+    let _none = no_own_loss(at, message.loss.as_ref(), None, out);
+    Item::RelativePose {
         id,
         kind: kind.unwrap_or(ConstraintKind::Other),
         keyframe_i,
         keyframe_j,
         keyframe_i_from_keyframe_j: measured.unwrap_or_else(Se3::identity),
-        information: information.unwrap_or_else(Matrix6::identity),
-    })
+        information,
+    }
 }
 
-fn position_prior(message: &v1::PositionPrior, sender: &str, out: &mut Violations) -> Option<Item> {
+fn position_prior(message: &v1::PositionPrior, sender: &str, out: &mut Violations) -> Item {
     let at = Path::root("position_prior");
-    let _own = owner(at.field("client_id"), &message.client_id, sender, out);
-    let place = at.field("id");
-    let id = id(place, message.id, out);
-    let id = out.or(place, id, UNREADABLE_ID);
-    let place = at.field("keyframe");
-    let keyframe = keyframe_ref(place, message.keyframe.as_ref(), out);
-    let keyframe = out.or(place, keyframe, EntityRef::own(UNREADABLE_ID));
+    let id = own_id(at, &message.client_id, message.id, sender, out);
+    let keyframe = known_keyframe(at.field("keyframe"), message.keyframe.as_ref(), out);
     let point = vector3(at.field("point_in_world"), message.point_in_world.as_ref(), out);
     if let Some(arm) = &message.point_in_camera {
         let place = at.field("point_in_camera");
@@ -348,49 +331,21 @@ fn position_prior(message: &v1::PositionPrior, sender: &str, out: &mut Violation
             let _: Option<()> = out.unimplemented(place);
         }
     }
-    let information = information3(at.field("information"), message.information.as_ref(), out);
-    let _none = no_own_loss(at, message.loss.as_ref(), true, out);
-    Some(Item::PositionPrior {
-        id,
-        keyframe,
-        position_in_world: point.unwrap_or_default(),
-        information: information.unwrap_or_else(Matrix3::identity),
-    })
+    let upper_triangle = message.information.as_ref().map(|m| &m.upper_triangle);
+    let information = information_or_identity(at, upper_triangle, out);
+    let _none = no_own_loss(at, message.loss.as_ref(), Some(Loss::Trivial), out);
+    Item::PositionPrior { id, keyframe, position_in_world: point.unwrap_or_default(), information }
 }
 
-fn pose_prior(message: &v1::PosePrior, sender: &str, out: &mut Violations) -> Option<Item> {
+fn pose_prior(message: &v1::PosePrior, sender: &str, out: &mut Violations) -> Item {
     let at = Path::root("pose_prior");
-    let _own = owner(at.field("client_id"), &message.client_id, sender, out);
-    let place = at.field("id");
-    let id = id(place, message.id, out);
-    let id = out.or(place, id, UNREADABLE_ID);
-    let place = at.field("keyframe");
-    let keyframe = keyframe_ref(place, message.keyframe.as_ref(), out);
-    let keyframe = out.or(place, keyframe, EntityRef::own(UNREADABLE_ID));
+    let id = own_id(at, &message.client_id, message.id, sender, out);
+    let keyframe = known_keyframe(at.field("keyframe"), message.keyframe.as_ref(), out);
     let pose =
         rigid_transform(at.field("world_from_camera"), message.world_from_camera.as_ref(), out);
-    let information = information6(at.field("information"), message.information.as_ref(), out);
-    let _none = no_own_loss(at, message.loss.as_ref(), true, out);
-    Some(Item::PosePrior {
-        id,
-        keyframe,
-        world_from_camera: pose.unwrap_or_else(Se3::identity),
-        information: information.unwrap_or_else(Matrix6::identity),
-    })
-}
-
-/// A loss of a single constraint: not served yet, unless it is the trivial loss and the constraint
-/// has that already.
-fn no_own_loss(
-    at: Path<'_>,
-    message: Option<&v1::Loss>,
-    trivial_by_default: bool,
-    out: &mut Violations,
-) -> Option<()> {
-    let at = at.field("loss");
-    match loss(at, message, out)? {
-        None => Some(()),
-        Some(covis_solvers::loss::Loss::Trivial) if trivial_by_default => Some(()),
-        Some(_) => out.unimplemented(at),
-    }
+    let world_from_camera = pose.unwrap_or_else(Se3::identity);
+    let upper_triangle = message.information.as_ref().map(|m| &m.upper_triangle);
+    let information = information_or_identity(at, upper_triangle, out);
+    let _none = no_own_loss(at, message.loss.as_ref(), Some(Loss::Trivial), out);
+    Item::PosePrior { id, keyframe, world_from_camera, information }
 }

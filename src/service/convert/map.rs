@@ -6,8 +6,7 @@
 
 use super::entities::{clients_by_name, to_client_frame};
 use super::geometry::to_vector3;
-use super::robust::{robustness, to_robustness};
-use super::solve::{loss, to_loss};
+use super::solve::{loss, robustness, to_loss, to_robustness};
 use super::time::timestamp;
 use super::{Path, Violations, count, small};
 use crate::map::{Ceilings, Map, MapPolicy, Reason, WhenFull};

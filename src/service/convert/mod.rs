@@ -7,15 +7,12 @@
 //! status codes.
 
 pub(super) mod camera;
-pub(super) mod certificate;
 pub(super) mod entities;
 pub(super) mod geometry;
 pub(super) mod ids;
 pub(super) mod item;
 pub(super) mod map;
 pub(super) mod problem;
-pub(super) mod refine;
-pub(super) mod robust;
 pub(super) mod solve;
 pub(super) mod time;
 
@@ -112,11 +109,7 @@ impl Violations {
     }
 
     /// A message that must be present.
-    pub(super) fn required<'m, T>(
-        &mut self,
-        at: Path<'_>,
-        message: Option<&'m T>,
-    ) -> Option<&'m T> {
+    pub(super) fn required<M>(&mut self, at: Path<'_>, message: Option<M>) -> Option<M> {
         message.or_else(|| self.missing(at))
     }
 
@@ -153,6 +146,23 @@ impl Violations {
         self.report(at, Reason::OutOfRange, format!("{value} is not greater than 0"))
     }
 
+    /// The numbers of fields: the first `positive` of them must be greater than 0, all finite.
+    pub(super) fn numbers<const N: usize>(
+        &mut self,
+        at: Path<'_>,
+        positive: usize,
+        fields: [(&'static str, f64); N],
+    ) -> Option<[f64; N]> {
+        let mut complete = true;
+        for (index, (name, value)) in fields.into_iter().enumerate() {
+            let at = at.field(name);
+            let read =
+                if index < positive { self.positive(at, value) } else { self.finite(at, value) };
+            complete &= read.is_some();
+        }
+        complete.then_some(fields.map(|(_, value)| value))
+    }
+
     /// A number that must be finite and at least 0.
     pub(super) fn not_negative(&mut self, at: Path<'_>, value: f64) -> Option<f64> {
         let value = self.finite(at, value)?;
@@ -187,18 +197,13 @@ impl Violations {
     }
 
     /// The converted message, or everything that is wrong with it.
-    pub(super) fn finish<T>(mut self, value: Option<T>) -> Result<T, Rejection> {
-        match value {
-            Some(value) if self.rejection.is_empty() => Ok(value),
-            _ => {
-                if self.rejection.is_empty() {
-                    // Cannot happen while every `None` is reported; an empty rejection would be
-                    // useless to the client.
-                    self.rejection.push("", Reason::Missing, "the message could not be read");
-                }
-                Err(self.rejection)
-            }
+    fn finish<T>(mut self, value: Option<T>) -> Result<T, Rejection> {
+        if value.is_none() && self.rejection.is_empty() {
+            // Cannot happen while every `None` is reported; an empty rejection would be useless to
+            // the client.
+            self.rejection.push("", Reason::Missing, "the message could not be read");
         }
+        value.filter(|_| self.rejection.is_empty()).ok_or(self.rejection)
     }
 }
 
@@ -206,21 +211,22 @@ impl Violations {
 pub(super) fn convert<T>(
     conversion: impl FnOnce(&mut Violations) -> Option<T>,
 ) -> Result<T, Rejection> {
-    let mut violations = Violations::default();
-    let value = conversion(&mut violations);
-    violations.finish(value)
+    let mut out = Violations::default();
+    let value = conversion(&mut out);
+    out.finish(value)
 }
 
 /// Converts a whole list or nothing, and reports the violations of every entry.
-pub(super) fn all<'m, M, T>(
+pub(super) fn all<M, T>(
     at: Path<'_>,
-    messages: &'m [M],
+    messages: impl IntoIterator<Item = M, IntoIter: ExactSizeIterator>,
     out: &mut Violations,
-    mut one: impl FnMut(Path<'_>, &'m M, &mut Violations) -> Option<T>,
+    mut one: impl FnMut(Path<'_>, M, &mut Violations) -> Option<T>,
 ) -> Option<Vec<T>> {
+    let messages = messages.into_iter();
     let mut values = Vec::with_capacity(messages.len());
     let mut complete = true;
-    for (index, message) in messages.iter().enumerate() {
+    for (index, message) in messages.enumerate() {
         match one(at.index(index), message, out) {
             Some(value) => values.push(value),
             None => complete = false,

@@ -7,22 +7,25 @@ use std::collections::BTreeMap;
 
 use covis_solvers::factors::{DepthReprojection, RelativePose};
 use covis_solvers::geometry::{LieGroup, Se2, Se3};
-use covis_solvers::information::Information;
 use covis_solvers::initialization::Start;
 use covis_solvers::loss::Loss;
+use covis_solvers::pose_refinement::{PointObservation, Prior};
 use covis_solvers::problem::{BundleProblem, PoseGraph};
 
 use super::camera::camera;
 use super::geometry::{
-    information3, information6, rigid_transform, rigid_transform2, to_rigid_transform, to_vector3,
-    typed, vector2, vector3,
+    information, rigid_transform, rigid_transform2, to_rigid_transform, to_vector3, vector2,
+    vector3,
 };
 use super::ids::id;
 use super::item::depth;
-use super::solve::loss;
+use super::solve::no_own_loss;
 use super::{Path, Violations, all};
-use crate::map::Reason;
+use crate::map::{Depth, Reason};
 use crate::wire::v1;
+
+/// Fewer observations do not determine a pose.
+const MIN_OBSERVATIONS: usize = 3;
 
 /// The bundle problem of a request, with `loss` on all observations.
 pub(in crate::service) fn bundle(
@@ -49,7 +52,12 @@ pub(in crate::service) fn bundle(
         vector3(at.field("point_in_world"), point.point_in_world.as_ref(), out)
     });
     let observations = all(at.field("observations"), &message.observations, out, |at, m, out| {
-        observation(at, m, (counts.1, counts.2), out)
+        let pose = index(at.field("pose_index"), m.pose_index, counts.1, out);
+        let point = index(at.field("point_index"), m.point_index, counts.2, out);
+        let pixel = vector2(at.field("pixel"), m.pixel.as_ref(), out);
+        let sigma_px = out.positive(at.field("sigma_px"), m.sigma_px.unwrap_or(1.0));
+        let depth = depth(at, m.depth_m, m.sigma_depth_m, out);
+        Some((pose?, point?, pixel?, sigma_px?, depth?))
     });
     let poses = poses?;
     let mut problem = BundleProblem {
@@ -62,50 +70,17 @@ pub(in crate::service) fn bundle(
         observation_loss: loss,
         ..BundleProblem::default()
     };
-    for observation in observations? {
-        let camera = poses.get(observation.pose as usize).map_or(0, |&(camera, _)| camera);
-        observation.push(camera, &mut problem);
-    }
-    Some(problem)
-}
-
-/// One observation of a bundle in the domain's terms.
-struct Seen {
-    pose: u32,
-    point: u32,
-    pixel: nalgebra::Vector2<f64>,
-    sigma_px: f64,
-    depth: Option<crate::map::Depth>,
-}
-
-impl Seen {
-    fn push(self, camera: u32, problem: &mut BundleProblem) {
-        let (pixel, sigma_px) = (self.pixel, self.sigma_px);
-        match self.depth {
-            None => {
-                problem.reprojections.push(self.pose, camera, self.point, pixel, sigma_px);
-            }
-            Some(depth) => {
-                let (depth_m, sigma_depth_m) = (depth.depth_m, depth.sigma_m);
+    for (pose, point, pixel, sigma_px, depth) in observations? {
+        let camera = poses.get(pose as usize).map_or(0, |&(camera, _)| camera);
+        match depth {
+            None => problem.reprojections.push(pose, camera, point, pixel, sigma_px),
+            Some(Depth { depth_m, sigma_m: sigma_depth_m }) => {
                 let factor = DepthReprojection { pixel, depth_m, sigma_px, sigma_depth_m };
-                problem.depth_reprojections.push(self.pose, camera, self.point, factor);
+                problem.depth_reprojections.push(pose, camera, point, factor);
             }
         }
     }
-}
-
-fn observation(
-    at: Path<'_>,
-    message: &v1::BundleObservation,
-    (poses, points): (usize, usize),
-    out: &mut Violations,
-) -> Option<Seen> {
-    let pose = index(at.field("pose_index"), message.pose_index, poses, out);
-    let point = index(at.field("point_index"), message.point_index, points, out);
-    let pixel = vector2(at.field("pixel"), message.pixel.as_ref(), out);
-    let sigma = out.positive(at.field("sigma_px"), message.sigma_px.unwrap_or(1.0));
-    let depth = depth(at, message.depth_m, message.sigma_depth_m, out);
-    Some(Seen { pose: pose?, point: point?, pixel: pixel?, sigma_px: sigma?, depth: depth? })
+    Some(problem)
 }
 
 /// An index into a list of `count` entries.
@@ -163,18 +138,15 @@ pub(in crate::service) fn to_bundle(
     answer
 }
 
-/// A vertex of either group.
-struct Vertex<G> {
-    id: i64,
-    world_from_vertex: Option<G>,
-    fixed: bool,
-}
+/// A vertex of either group: its id, its pose, and whether it is fixed.
+type WireVertex<'m, T> = (i64, Option<&'m T>, bool);
 
 /// An edge of either group.
-struct Edge<G, const N: usize> {
+struct WireEdge<'m, T> {
     vertices: (i64, i64),
-    i_from_j: G,
-    information: Information<N>,
+    i_from_j: Option<&'m T>,
+    upper_triangle: Option<&'m Vec<f64>>,
+    loss: Option<&'m v1::Loss>,
     trusted: bool,
 }
 
@@ -197,25 +169,15 @@ pub(in crate::service) fn graph_se3(
     start: i32,
     out: &mut Violations,
 ) -> Option<GraphToSolve<Se3, 6>> {
-    let at = Path::root("se3");
-    let vertices = all(at.field("vertices"), &message.vertices, out, |at, m, out| {
-        let pose = m.world_from_vertex.as_ref();
-        let place = at.field("world_from_vertex");
-        let pose = pose.map(|p| rigid_transform(place, Some(p), out));
-        vertex(at, m.id, pose, m.fixed, out)
+    let vertices = message.vertices.iter().map(|v| (v.id, v.world_from_vertex.as_ref(), v.fixed));
+    let edges = message.edges.iter().map(|edge| WireEdge {
+        vertices: (edge.vertex_i, edge.vertex_j),
+        i_from_j: edge.vertex_i_from_vertex_j.as_ref(),
+        upper_triangle: edge.information.as_ref().map(|m| &m.upper_triangle),
+        loss: edge.loss.as_ref(),
+        trusted: edge.trusted,
     });
-    let edges = all(at.field("edges"), &message.edges, out, |at, m, out| {
-        let measured = m.vertex_i_from_vertex_j.as_ref();
-        let measured = rigid_transform(at.field("vertex_i_from_vertex_j"), measured, out);
-        let place = at.field("information");
-        let information = information6(place, m.information.as_ref(), out);
-        edge_loss(at, m.loss.as_ref(), graph_loss, out)?;
-        let information = typed(place, &information?, out)?;
-        let (vertices, i_from_j) = ((m.vertex_i, m.vertex_j), measured?);
-        Some(Edge { vertices, i_from_j, information, trusted: m.trusted })
-    });
-    out.not_empty(at.field("edges"), &message.edges);
-    assemble(at, vertices?, edges?, graph_loss, start, out)
+    graph(Path::root("se3"), vertices, edges, rigid_transform, graph_loss, start, out)
 }
 
 /// A pose graph in the plane.
@@ -225,68 +187,51 @@ pub(in crate::service) fn graph_se2(
     start: i32,
     out: &mut Violations,
 ) -> Option<GraphToSolve<Se2, 3>> {
-    let at = Path::root("se2");
-    let vertices = all(at.field("vertices"), &message.vertices, out, |at, m, out| {
-        let pose = m.world_from_vertex.as_ref();
-        let place = at.field("world_from_vertex");
-        let pose = pose.map(|p| rigid_transform2(place, Some(p), out));
-        vertex(at, m.id, pose, m.fixed, out)
+    let vertices = message.vertices.iter().map(|v| (v.id, v.world_from_vertex.as_ref(), v.fixed));
+    let edges = message.edges.iter().map(|edge| WireEdge {
+        vertices: (edge.vertex_i, edge.vertex_j),
+        i_from_j: edge.vertex_i_from_vertex_j.as_ref(),
+        upper_triangle: edge.information.as_ref().map(|m| &m.upper_triangle),
+        loss: edge.loss.as_ref(),
+        trusted: edge.trusted,
     });
-    let edges = all(at.field("edges"), &message.edges, out, |at, m, out| {
-        let measured = m.vertex_i_from_vertex_j.as_ref();
-        let measured = rigid_transform2(at.field("vertex_i_from_vertex_j"), measured, out);
-        let place = at.field("information");
-        let information = information3(place, m.information.as_ref(), out);
-        edge_loss(at, m.loss.as_ref(), graph_loss, out)?;
-        let information = typed(place, &information?, out)?;
-        let (vertices, i_from_j) = ((m.vertex_i, m.vertex_j), measured?);
-        Some(Edge { vertices, i_from_j, information, trusted: m.trusted })
-    });
-    out.not_empty(at.field("edges"), &message.edges);
-    assemble(at, vertices?, edges?, graph_loss, start, out)
+    graph(Path::root("se2"), vertices, edges, rigid_transform2, graph_loss, start, out)
 }
 
-fn vertex<G>(
+/// The graph of the messages in the field `at`; `read` reads a pose.
+fn graph<'m, T: 'm, G: LieGroup<N>, const N: usize>(
     at: Path<'_>,
-    vertex: i64,
-    pose: Option<Option<G>>,
-    fixed: bool,
-    out: &mut Violations,
-) -> Option<Vertex<G>> {
-    let id = id(at.field("id"), vertex, out);
-    let world_from_vertex = match pose {
-        Some(pose) => Some(pose?),
-        None if fixed => return out.missing(at.field("world_from_vertex")),
-        None => None,
-    };
-    Some(Vertex { id: id?, world_from_vertex, fixed })
-}
-
-/// A loss of a single edge: not served yet, unless it is the graph's.
-fn edge_loss(
-    at: Path<'_>,
-    message: Option<&v1::Loss>,
-    graph_loss: Loss,
-    out: &mut Violations,
-) -> Option<()> {
-    let at = at.field("loss");
-    match loss(at, message, out)? {
-        None => Some(()),
-        Some(own) if own == graph_loss => Some(()),
-        Some(_) => out.unimplemented(at),
-    }
-}
-
-fn assemble<G: LieGroup<N>, const N: usize>(
-    at: Path<'_>,
-    vertices: Vec<Vertex<G>>,
-    edges: Vec<Edge<G, N>>,
+    vertices: impl ExactSizeIterator<Item = WireVertex<'m, T>>,
+    edges: impl ExactSizeIterator<Item = WireEdge<'m, T>>,
+    read: fn(Path<'_>, Option<&T>, &mut Violations) -> Option<G>,
     graph_loss: Loss,
     start: i32,
     out: &mut Violations,
 ) -> Option<GraphToSolve<G, N>> {
+    let (vertex_list, edge_list) = (at.field("vertices"), at.field("edges"));
+    let vertices = all(vertex_list, vertices, out, |at, (vertex, pose, fixed), out| {
+        let place = at.field("world_from_vertex");
+        let pose = pose.map(|pose| read(place, Some(pose), out));
+        let id = id(at.field("id"), vertex, out);
+        let world_from_vertex = match pose {
+            Some(pose) => Some(pose?),
+            None if fixed => return out.missing(place),
+            None => None,
+        };
+        Some((id?, world_from_vertex, fixed))
+    });
+    if edges.len() == 0 {
+        let _: Option<()> = out.missing(edge_list);
+    }
+    let edges = all(edge_list, edges, out, |at, edge, out| {
+        let measured = read(at.field("vertex_i_from_vertex_j"), edge.i_from_j, out);
+        let information = information(at.field("information"), edge.upper_triangle, out);
+        no_own_loss(at, edge.loss, Some(graph_loss), out)?;
+        Some((edge.vertices, measured?, information?, edge.trusted))
+    });
+    let (vertices, edges) = (vertices?, edges?);
     let start = out.known::<v1::PoseGraphStart>(Path::root("start"), start)?;
-    let has_poses = vertices.iter().all(|v| v.world_from_vertex.is_some());
+    let has_poses = vertices.iter().all(|(_, pose, _)| pose.is_some());
     let start = match start {
         v1::PoseGraphStart::Unspecified if !has_poses => Start::SpanningTree,
         v1::PoseGraphStart::Unspecified | v1::PoseGraphStart::Vertices => Start::Given,
@@ -295,27 +240,23 @@ fn assemble<G: LieGroup<N>, const N: usize>(
         v1::PoseGraphStart::Chordal => Start::Chordal,
         v1::PoseGraphStart::Auto => Start::Auto,
     };
-    let list = at.field("vertices");
     let mut graph = PoseGraph { loss: graph_loss, ..PoseGraph::new() };
     let mut index_of = BTreeMap::new();
-    for (k, vertex) in vertices.into_iter().enumerate() {
-        let at = list.index(k);
-        if start == Start::Given && vertex.world_from_vertex.is_none() {
+    for (k, (id, pose, fixed)) in vertices.into_iter().enumerate() {
+        let at = vertex_list.index(k);
+        if start == Start::Given && pose.is_none() {
             let _: Option<()> = out.missing(at.field("world_from_vertex"));
         }
-        if index_of.insert(vertex.id, k).is_some() {
-            let text = format!("{} stands twice", vertex.id);
+        if index_of.insert(id, k).is_some() {
+            let text = format!("{id} stands twice");
             let _: Option<()> = out.report(at.field("id"), Reason::Duplicate, text);
         }
-        graph.push_pose(vertex.id, vertex.world_from_vertex.unwrap_or_else(G::identity));
-        graph.constant[k] = vertex.fixed;
+        graph.push_pose(id, pose.unwrap_or_else(G::identity));
+        graph.constant[k] = fixed;
     }
-    let list = at.field("edges");
-    let trusted = edges.iter().enumerate().filter(|(_, edge)| edge.trusted).map(|(k, _)| k);
-    let trusted = trusted.collect();
-    for (k, edge) in edges.into_iter().enumerate() {
-        let at = list.index(k);
-        let (i, j) = edge.vertices;
+    let mut trusted = Vec::new();
+    for (k, ((i, j), i_from_j, information, is_trusted)) in edges.into_iter().enumerate() {
+        let at = edge_list.index(k);
         let mut find = |name, id: i64| {
             let found = index_of.get(&id).copied();
             found.or_else(|| {
@@ -329,9 +270,49 @@ fn assemble<G: LieGroup<N>, const N: usize>(
             let _: Option<()> = out.report(at.field("vertex_j"), Reason::Duplicate, text);
         }
         if let (Some(i), Some(j)) = (found_i, found_j) {
-            let (i_from_j, information) = (edge.i_from_j, edge.information);
             graph.edges.push(RelativePose { i, j, i_from_j, information });
+        }
+        if is_trusted {
+            trusted.push(k);
         }
     }
     Some(GraphToSolve { graph, start, has_poses, trusted })
+}
+
+/// The points that one camera sees in `RefinePose`, at least three.
+pub(in crate::service) fn point_observations(
+    messages: &[v1::PointObservation],
+    out: &mut Violations,
+) -> Option<Vec<PointObservation>> {
+    let at = Path::root("observations");
+    if messages.len() < MIN_OBSERVATIONS {
+        let text = format!("{} observations, at least 3 are needed", messages.len());
+        return out.report(at, Reason::WrongLength, text);
+    }
+    all(at, messages, out, |at, m, out| {
+        let point = vector3(at.field("point_in_world"), m.point_in_world.as_ref(), out);
+        let pixel = vector2(at.field("pixel"), m.pixel.as_ref(), out);
+        let sigma = out.positive(at.field("sigma_px"), m.sigma_px.unwrap_or(1.0));
+        let depth = depth(at, m.depth_m, m.sigma_depth_m, out);
+        Some(PointObservation {
+            point_in_world: point?,
+            pixel: pixel?,
+            sigma_px: sigma?,
+            depth_m: depth?.map(|d| (d.depth_m, d.sigma_m)),
+        })
+    })
+}
+
+/// What is expected of the pose, `None` within where nothing is.
+pub(in crate::service) fn prior(
+    message: Option<&v1::RefinePosePrior>,
+    out: &mut Violations,
+) -> Option<Option<Prior>> {
+    let Some(message) = message else { return Some(None) };
+    let at = Path::root("prior");
+    let pose = message.world_from_camera.as_ref();
+    let pose = rigid_transform(at.field("world_from_camera"), pose, out);
+    let upper_triangle = message.information.as_ref().map(|m| &m.upper_triangle);
+    let information = information(at.field("information"), upper_triangle, out);
+    Some(Some(Prior { world_from_camera: pose?, information: information? }))
 }

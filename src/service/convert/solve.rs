@@ -1,4 +1,4 @@
-//! Losses, solver options, iterations and the certificate of a solve.
+//! Losses, solver options, how closures are judged, iterations and the certificate of a solve.
 //!
 //! Absent options take the defaults that `optimization.proto` states. Costs, residuals and counts
 //! are taken from the solver's summary and the evaluator's reports; nothing is computed here.
@@ -6,14 +6,16 @@
 use std::time::Duration;
 
 use covis_solvers::bundle_adjustment::{Class, LinearSolver};
+use covis_solvers::evaluation::{CostReport, FactorCost};
+use covis_solvers::graph_optimization::Proof;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{
     IterationSummary, Method, Options, SolveSummary, Termination, Tolerance,
 };
+use covis_solvers::robust::Kernel;
 
-use super::certificate::add_costs;
 use super::{Path, Violations, count, small};
-use crate::map::Reason;
+use crate::map::{ClosureRobustness, Reason};
 use crate::service::engine::{GaugeKind, SolveCertificate, SolverKind};
 use crate::wire::v1;
 
@@ -46,6 +48,19 @@ pub(in crate::service) fn loss(
     };
     let Some(width) = message.width else { return out.missing(at.field("width")) };
     out.positive(at.field("width"), width).map(|width| Some(with_width(width)))
+}
+
+/// A loss of a single constraint is not served yet, unless it is `present`, which the constraint has
+/// already.
+pub(super) fn no_own_loss(
+    at: Path<'_>,
+    message: Option<&v1::Loss>,
+    present: Option<Loss>,
+    out: &mut Violations,
+) -> Option<()> {
+    let at = at.field("loss");
+    let own = loss(at, message, out)?;
+    if own.is_none() || own == present { Some(()) } else { out.unimplemented(at) }
 }
 
 /// The message of a loss.
@@ -191,7 +206,7 @@ pub(in crate::service) fn to_iteration(row: &IterationSummary) -> v1::IterationS
 }
 
 /// Whole microseconds of a time in seconds.
-pub(super) fn microseconds(seconds: f64) -> i64 {
+fn microseconds(seconds: f64) -> i64 {
     let duration = Duration::try_from_secs_f64(seconds).unwrap_or_default();
     i64::try_from(duration.as_micros()).unwrap_or(i64::MAX)
 }
@@ -231,6 +246,38 @@ pub(in crate::service) fn to_summary(solve: &SolveSummary, method: Method) -> v1
         simd_class: Class::detect().to_string(),
         ..v1::SolveSummary::default()
     }
+}
+
+/// Fills costs by kind of factor, pixel errors and points behind their cameras.
+pub(in crate::service) fn add_costs(
+    summary: &mut v1::SolveSummary,
+    before: &CostReport,
+    after: &CostReport,
+) {
+    let kinds: [(v1::FactorKind, FactorCost, FactorCost); 5] = [
+        (v1::FactorKind::Reprojection, before.reprojection, after.reprojection),
+        (v1::FactorKind::DepthReprojection, before.depth_reprojection, after.depth_reprojection),
+        (v1::FactorKind::RelativePose, before.relative_pose, after.relative_pose),
+        (v1::FactorKind::PosePrior, before.pose_prior, after.pose_prior),
+        (v1::FactorKind::PositionPrior, before.position_prior, after.position_prior),
+    ];
+    summary.factor_costs = kinds
+        .into_iter()
+        .filter(|(_, before, _)| before.count > 0)
+        .map(|(kind, before, after)| v1::FactorCost {
+            kind: kind.into(),
+            factor_count: count(before.count),
+            initial_cost: before.cost,
+            final_cost: after.cost,
+        })
+        .collect();
+    let observations = before.reprojection.count + before.depth_reprojection.count;
+    summary.reprojection = (observations > 0).then_some(v1::ReprojectionStatistics {
+        observation_count: count(observations),
+        initial_rmse_px: before.rmse_px,
+        final_rmse_px: after.rmse_px,
+    });
+    summary.behind_camera_observation_count = count(after.behind_camera);
 }
 
 /// The rows of a solve, or none if they were not requested.
@@ -278,5 +325,54 @@ pub(in crate::service) fn gauge(
         v1::Gauge::FixedPoses => {
             out.report(at, Reason::Inconsistent, "no keyframe of a map is marked fixed")
         }
+    }
+}
+
+/// How closures are judged; absent fields are those of `default`.
+pub(in crate::service) fn robustness(
+    at: Path<'_>,
+    message: Option<&v1::ClosureRobustness>,
+    default: ClosureRobustness,
+    out: &mut Violations,
+) -> Option<ClosureRobustness> {
+    let Some(m) = message else { return Some(default) };
+    let kernel = match out.known::<v1::RobustKernel>(at.field("kernel"), m.kernel) {
+        None => None,
+        Some(v1::RobustKernel::Unspecified) => Some(default.kernel),
+        Some(v1::RobustKernel::None) => Some(None),
+        Some(v1::RobustKernel::GncTls) => Some(Some(Kernel::TruncatedLeastSquares)),
+        Some(v1::RobustKernel::GncGm) => Some(Some(Kernel::GemanMcClure)),
+    };
+    let threshold = match m.threshold {
+        None => Some(default.threshold),
+        Some(threshold) => out.positive(at.field("threshold"), threshold).map(Some),
+    };
+    Some(ClosureRobustness { kernel: kernel?, threshold: threshold? })
+}
+
+/// The message of how a map's closures are judged, its default threshold filled in.
+pub(in crate::service) fn to_robustness(robustness: &ClosureRobustness) -> v1::ClosureRobustness {
+    let kernel = match robustness.kernel {
+        None => v1::RobustKernel::None,
+        Some(Kernel::TruncatedLeastSquares) => v1::RobustKernel::GncTls,
+        Some(Kernel::GemanMcClure) => v1::RobustKernel::GncGm,
+    };
+    v1::ClosureRobustness {
+        kernel: kernel.into(),
+        threshold: Some(robustness.threshold_of_dimension(6)),
+    }
+}
+
+/// The message of a chordal certificate that took `seconds`.
+pub(in crate::service) fn to_chordal_certificate(
+    Proof { certificate, seconds }: &Proof,
+) -> v1::ChordalCertificate {
+    v1::ChordalCertificate {
+        certified: certificate.certified,
+        cost: certificate.cost,
+        gap: certificate.gap,
+        min_eigenvalue: certificate.min_eigenvalue,
+        lift_count: small(certificate.lifts),
+        duration_us: microseconds(*seconds),
     }
 }

@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 
 use super::camera::{camera, to_camera};
 use super::geometry::{
-    information6, rigid_transform, rigid_transform2, to_information6, to_rigid_transform,
-    to_rigid_transform2,
+    information, rigid_transform, rigid_transform2, to_rigid_transform, to_rigid_transform2,
+    to_upper_triangle,
 };
 use super::item::{digest, item};
 use super::solve::{Systems, loss, options, to_loss};
@@ -91,10 +91,10 @@ fn transforms_and_matrices_come_back() {
         upper_triangle[place] = 2.0 + index as f64;
     }
     upper_triangle[1] = 0.25;
-    let message = v1::InformationMatrix6 { upper_triangle };
-    let matrix = good(|out| information6(AT, Some(&message), out));
+    let information = good(|out| information::<6>(AT, Some(&upper_triangle), out));
+    let matrix = information.matrix();
     assert_eq!((matrix[(0, 1)], matrix[(1, 0)], matrix[(5, 5)]), (0.25, 0.25, 7.0));
-    assert_eq!(to_information6(&matrix), message);
+    assert_eq!(to_upper_triangle(&information), upper_triangle);
 }
 
 #[test]
@@ -127,7 +127,7 @@ fn the_odometry_pose_of_a_keyframe_is_read_and_named_when_bad() {
             odom_from_camera,
             ..Default::default()
         };
-        item(&WireItem::Keyframe(keyframe), "robot")
+        item(WireItem::Keyframe(keyframe), "robot")
     };
     let odometry = |odom| {
         let Item::Keyframe { camera: None, odom_from_camera, .. } = read(odom).unwrap() else {
@@ -198,10 +198,10 @@ fn one_s_own_name_in_an_item_is_the_same_as_none() {
             v1::Landmark { client_id: client_id.to_owned(), id: 4, ..Default::default() };
         WireItem::Landmarks(v1::LandmarkBatch { landmarks: vec![landmark] })
     };
-    let read = item(&landmark("robot"), "robot").unwrap();
-    assert_eq!(read, item(&landmark(""), "robot").unwrap());
+    let read = item(landmark("robot"), "robot").unwrap();
+    assert_eq!(read, item(landmark(""), "robot").unwrap());
     assert!(matches!(read, Item::Landmarks { .. }));
-    let refused = item(&landmark("drone"), "robot").unwrap_err().rejection;
+    let refused = item(landmark("drone"), "robot").unwrap_err().rejection;
     assert_eq!(refused.violations[0].field, "landmarks.landmarks[0].client_id");
 }
 
@@ -210,13 +210,13 @@ fn an_item_with_more_entries_than_the_server_takes_is_refused_as_too_large() {
     let landmark = |id| v1::Landmark { id, ..Default::default() };
     let batch = |count| {
         let landmarks = (0..count).map(landmark).collect();
-        item(&WireItem::Landmarks(v1::LandmarkBatch { landmarks }), "robot")
+        item(WireItem::Landmarks(v1::LandmarkBatch { landmarks }), "robot")
     };
     assert!(batch(65_536).is_ok());
     let violation = &batch(65_537).unwrap_err().rejection.violations[0];
     assert_eq!((&violation.field[..], violation.reason), ("landmarks.landmarks", Reason::TooLarge));
     let observations = vec![v1::Observation::default(); 65_537];
     let seen = v1::ObservationBatch { keyframe: None, observations };
-    let refused = item(&WireItem::Observations(seen), "robot").unwrap_err().rejection;
+    let refused = item(WireItem::Observations(seen), "robot").unwrap_err().rejection;
     assert!(refused.violations.iter().any(|v| v.reason == Reason::TooLarge), "{refused}");
 }

@@ -3,10 +3,11 @@
 //! Both matches name every variant: a new kind of change does not compile until it has its message.
 
 use super::entities::{
-    decode_camera_set, decode_constraint, decode_id, decode_new_landmarks, decode_observations,
-    decode_policy, decode_pose, decode_prior, decode_switched_off, decode_vector,
-    encode_camera_set, encode_constraint, encode_id, encode_new_landmarks, encode_observations,
-    encode_policy, encode_pose, encode_prior, encode_switched_off, encode_vector, required_id,
+    decode_camera_set, decode_constraint, decode_id, decode_kind, decode_new_landmarks,
+    decode_observations, decode_policy, decode_pose, decode_prior, decode_switched_off,
+    decode_vector, encode_camera_set, encode_constraint, encode_id, encode_new_landmarks,
+    encode_observations, encode_policy, encode_pose, encode_prior, encode_switched_off,
+    encode_vector, required_id,
 };
 use super::v1::event::Change as Wire;
 use super::{EncodingError, required, v1};
@@ -202,11 +203,6 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
         initial_cost,
         final_cost,
     } = solve;
-    let kind = match kind {
-        SolveKind::LocalBundle => 1,
-        SolveKind::PoseGraph => 2,
-        SolveKind::Global => 3,
-    };
     let pose = |(id, pose): &(EntityId, _)| v1::NewPose {
         id: Some(encode_id(*id)),
         world_from_camera: Some(encode_pose(pose)),
@@ -218,7 +214,7 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
     let covered_by =
         |&(client, sequence): &(ClientIndex, i64)| v1::Covered { client: client.0, sequence };
     v1::SolveApplied {
-        kind,
+        kind: *kind as u32 + 1,
         poses: poses.iter().map(pose).collect(),
         landmarks: encode_positions(landmarks),
         cameras: cameras.iter().map(camera).collect(),
@@ -231,12 +227,8 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
 }
 
 fn decode_solve(solve: v1::SolveApplied) -> Decoded<AppliedSolve> {
-    let kind = match solve.kind {
-        1 => SolveKind::LocalBundle,
-        2 => SolveKind::PoseGraph,
-        3 => SolveKind::Global,
-        _ => return Err(EncodingError::Invalid("a solve's kind")),
-    };
+    let kinds = [SolveKind::LocalBundle, SolveKind::PoseGraph, SolveKind::Global];
+    let kind = decode_kind(&kinds, solve.kind, "a solve's kind")?;
     let pose = |v1::NewPose { id, world_from_camera }| {
         Ok((required_id(id, "a keyframe")?, decode_pose(world_from_camera, "a new pose")?))
     };

@@ -20,6 +20,21 @@ use crate::map::{
 
 type Decoded<T> = Result<T, EncodingError>;
 
+const DESCRIPTOR_KINDS: [DescriptorKind; 3] =
+    [DescriptorKind::Binary, DescriptorKind::Float32, DescriptorKind::Uint8];
+const CONSTRAINT_KINDS: [ConstraintKind; 4] = [
+    ConstraintKind::Odometry,
+    ConstraintKind::LoopClosure,
+    ConstraintKind::Other,
+    ConstraintKind::Marginal,
+];
+
+/// The kind with a number; a kind is encoded as its place in its enum, from 1.
+pub(super) fn decode_kind<T: Copy>(kinds: &[T], number: u32, name: &'static str) -> Decoded<T> {
+    let place = number.checked_sub(1).and_then(|place| kinds.get(place as usize));
+    place.copied().ok_or(EncodingError::Invalid(name))
+}
+
 pub(super) fn encode_id(id: EntityId) -> v1::Id {
     v1::Id { client: id.client.0, id: id.id }
 }
@@ -242,12 +257,7 @@ fn encode_observation(observation: &Observation) -> v1::Observation {
     });
     let descriptor = descriptor.as_ref().map(|descriptor| {
         let Descriptor { kind, name, data } = &**descriptor;
-        let kind = match kind {
-            DescriptorKind::Binary => 1,
-            DescriptorKind::Float32 => 2,
-            DescriptorKind::Uint8 => 3,
-        };
-        v1::Descriptor { kind, name: name.clone(), data: data.clone() }
+        v1::Descriptor { kind: *kind as u32 + 1, name: name.clone(), data: data.clone() }
     });
     v1::Observation {
         client: landmark.client.0,
@@ -267,13 +277,8 @@ fn decode_observation(row: v1::Observation) -> Decoded<Observation> {
         sigma_m: f64::from_bits(depth.sigma_m),
     });
     let descriptor = descriptor.map(|v1::Descriptor { kind, name, data }| {
-        let kind = match kind {
-            1 => DescriptorKind::Binary,
-            2 => DescriptorKind::Float32,
-            3 => DescriptorKind::Uint8,
-            _ => return Err(EncodingError::Invalid("a descriptor's kind")),
-        };
-        Ok(Arc::new(Descriptor { kind, name, data }))
+        let kind = decode_kind(&DESCRIPTOR_KINDS, kind, "a descriptor's kind");
+        kind.map(|kind| Arc::new(Descriptor { kind, name, data }))
     });
     Ok(Observation {
         landmark: EntityId::new(ClientIndex(client), landmark),
@@ -304,15 +309,9 @@ pub(super) fn decode_new_landmarks(points: Vec<v1::Point>) -> Vec<NewLandmark> {
 pub(super) fn encode_constraint(id: EntityId, constraint: &Constraint) -> v1::Constraint {
     let Constraint { kind, keyframe_i, keyframe_j, keyframe_i_from_keyframe_j, information } =
         constraint;
-    let kind = match kind {
-        ConstraintKind::Odometry => 1,
-        ConstraintKind::LoopClosure => 2,
-        ConstraintKind::Other => 3,
-        ConstraintKind::Marginal => 4,
-    };
     v1::Constraint {
         id: Some(encode_id(id)),
-        kind,
+        kind: *kind as u32 + 1,
         keyframe_i: Some(encode_id(*keyframe_i)),
         keyframe_j: Some(encode_id(*keyframe_j)),
         keyframe_i_from_keyframe_j: Some(encode_pose(keyframe_i_from_keyframe_j)),
@@ -321,13 +320,7 @@ pub(super) fn encode_constraint(id: EntityId, constraint: &Constraint) -> v1::Co
 }
 
 pub(super) fn decode_constraint(message: v1::Constraint) -> Decoded<(EntityId, Constraint)> {
-    let kind = match message.kind {
-        1 => ConstraintKind::Odometry,
-        2 => ConstraintKind::LoopClosure,
-        3 => ConstraintKind::Other,
-        4 => ConstraintKind::Marginal,
-        _ => return Err(EncodingError::Invalid("a constraint's kind")),
-    };
+    let kind = decode_kind(&CONSTRAINT_KINDS, message.kind, "a constraint's kind")?;
     let measured = message.keyframe_i_from_keyframe_j;
     let constraint = Constraint {
         kind,

@@ -1,5 +1,5 @@
-//! One event as bytes.
-//! The change itself is in `change.rs`; here are the revision and the cause.
+//! One event as bytes: revision and cause, the change by `change.rs`; and the name of the map that a
+//! folder holds.
 
 use prost::Message;
 
@@ -39,4 +39,22 @@ fn decode_cause(cause: v1::Cause) -> Result<Cause, EncodingError> {
 
 pub(super) fn decode_digest(bytes: &[u8]) -> Result<Digest, EncodingError> {
     Digest::try_from(bytes).map_err(|_length| EncodingError::Invalid("a digest"))
+}
+
+/// The bytes of an identity.
+pub(in crate::store) fn encode_identity(name: &str) -> Vec<u8> {
+    v1::MapIdentity { name: name.to_owned() }.encode_to_vec()
+}
+
+/// The map's name in an identity of any later version: its field 1 stays the name forever.
+pub(in crate::store) fn decode_later_identity(bytes: &[u8]) -> Result<String, EncodingError> {
+    let identity = v1::MapIdentity::decode(bytes);
+    identity
+        .map(|identity| identity.name)
+        .map_err(|error| EncodingError::Message(error.to_string()))
+}
+
+/// The map's name.
+pub(in crate::store) fn decode_identity(bytes: &[u8]) -> Result<String, EncodingError> {
+    decode::<v1::MapIdentity>(bytes).map(|identity| identity.name)
 }

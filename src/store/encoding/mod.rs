@@ -9,12 +9,12 @@ mod change;
 mod comparison;
 mod entities;
 mod event;
-mod identity;
 mod snapshot;
 
 pub(super) use comparison::compare_map;
-pub(super) use event::{decode_event, encode_event};
-pub(super) use identity::{decode_identity, decode_later_identity, encode_identity};
+pub(super) use event::{
+    decode_event, decode_identity, decode_later_identity, encode_event, encode_identity,
+};
 pub(super) use snapshot::{decode_map, encode_map};
 
 use std::sync::LazyLock;

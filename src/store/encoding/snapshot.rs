@@ -8,14 +8,16 @@ use std::io::{Read, Write};
 use prost::Message;
 
 use super::entities::{
-    decode_camera_set, decode_constraint, decode_id, decode_observations, decode_policy,
-    decode_pose, decode_prior, decode_switched_off, decode_vector, encode_camera_set,
-    encode_constraint, encode_id, encode_observations, encode_policy, encode_pose, encode_prior,
-    encode_switched_off, encode_vector, required_id,
+    decode_camera_set, decode_constraint, decode_id, decode_kind, decode_observations,
+    decode_policy, decode_pose, decode_prior, decode_switched_off, decode_vector,
+    encode_camera_set, encode_constraint, encode_id, encode_observations, encode_policy,
+    encode_pose, encode_prior, encode_switched_off, encode_vector, required_id,
 };
 use super::event::decode_digest;
 use super::{EncodingError, decode, required, v1};
-use crate::map::{Client, ClientIndex, Content, EntityId, Keyframe, Landmark, Map, MapParts};
+use crate::map::{
+    Client, ClientIndex, Content, Digest, EntityId, Keyframe, Landmark, Map, MapParts,
+};
 
 /// Entries of one kind in one part: what a part takes in memory is not to be seen beside a small map.
 const PART: usize = 1024;
@@ -60,45 +62,42 @@ pub(in crate::store) fn encode_map(map: &Map, out: &mut dyn Write) -> Result<(),
             put(&v1::MapPart { items: vec![items], ..v1::MapPart::default() })?;
         }
     }
-    for cameras in chunks(map.cameras().iter(), PART) {
-        let cameras = cameras.into_iter().map(|(&id, c)| encode_camera_set(id, c)).collect();
+    for cameras in encoded(map.cameras(), PART, encode_camera_set) {
         put(&v1::MapPart { cameras, ..v1::MapPart::default() })?;
     }
-    for landmarks in chunks(map.landmarks().iter(), PART) {
-        let landmarks = landmarks.into_iter().map(|(&id, l)| encode_landmark(id, l)).collect();
+    for landmarks in encoded(map.landmarks(), PART, encode_landmark) {
         put(&v1::MapPart { landmarks, ..v1::MapPart::default() })?;
     }
-    for keyframes in chunks(map.keyframes().iter(), KEYFRAMES) {
-        let keyframes = keyframes.into_iter().map(|(&id, k)| encode_keyframe(id, k)).collect();
+    for keyframes in encoded(map.keyframes(), KEYFRAMES, encode_keyframe) {
         put(&v1::MapPart { keyframes, ..v1::MapPart::default() })?;
     }
-    for constraints in chunks(map.constraints().iter(), PART) {
-        let constraints =
-            constraints.into_iter().map(|(&id, c)| encode_constraint(id, c)).collect();
+    for constraints in encoded(map.constraints(), PART, encode_constraint) {
         put(&v1::MapPart { constraints, ..v1::MapPart::default() })?;
     }
-    for off in chunks(map.switched_off().iter(), PART) {
-        let switched_off = off.into_iter().map(|(&id, off)| encode_switched_off(id, off)).collect();
+    for switched_off in encoded(map.switched_off(), PART, encode_switched_off) {
         put(&v1::MapPart { switched_off, ..v1::MapPart::default() })?;
     }
-    for priors in chunks(map.priors().iter(), PART) {
-        let priors = priors.into_iter().map(|(&id, p)| encode_prior(id, p)).collect();
+    for priors in encoded(map.priors(), PART, encode_prior) {
         put(&v1::MapPart { priors, ..v1::MapPart::default() })?;
     }
-    for contents in chunks(map.contents().iter(), PART) {
-        let content = |(&(kind, id), digest): (&(Content, EntityId), &[u8; 32])| v1::Content {
-            kind: match kind {
-                Content::Camera => 1,
-                Content::Keyframe => 2,
-                Content::Constraint => 3,
-            },
-            id: Some(encode_id(id)),
-            digest: digest.to_vec(),
-        };
-        let contents = contents.into_iter().map(content).collect();
+    let content = |(kind, id): (Content, EntityId), digest: &Digest| v1::Content {
+        kind: kind as u32 + 1,
+        id: Some(encode_id(id)),
+        digest: digest.to_vec(),
+    };
+    for contents in encoded(map.contents(), PART, content) {
         put(&v1::MapPart { contents, ..v1::MapPart::default() })?;
     }
     Ok(())
+}
+
+/// The messages of entities in lists of at most `count`.
+fn encoded<'a, K: Copy + 'a, V: 'a, M>(
+    entities: impl IntoIterator<Item = (&'a K, &'a V)>,
+    count: usize,
+    encode: impl Fn(K, &V) -> M,
+) -> impl Iterator<Item = Vec<M>> {
+    chunks(entities.into_iter().map(move |(&id, value)| encode(id, value)), count)
 }
 
 /// The items in lists of at most `count`.
@@ -196,41 +195,31 @@ fn take_part(parts: &mut MapParts, part: v1::MapPart) -> Result<(), EncodingErro
             client.items.insert(sequence, decode_digest(digest)?);
         }
     }
-    for camera in part.cameras {
-        let (id, camera) = decode_camera_set(camera)?;
-        parts.cameras.insert(id, camera);
-    }
-    for landmark in part.landmarks {
-        let (id, landmark) = decode_landmark(landmark);
-        parts.landmarks.insert(id, landmark);
-    }
-    for keyframe in part.keyframes {
-        let (id, keyframe) = decode_keyframe(keyframe)?;
-        parts.keyframes.insert(id, keyframe);
-    }
-    for constraint in part.constraints {
-        let (id, constraint) = decode_constraint(constraint)?;
-        parts.constraints.insert(id, constraint);
-    }
-    for off in part.switched_off {
-        let (id, off) = decode_switched_off(off)?;
-        parts.switched_off.insert(id, off);
-    }
-    for prior in part.priors {
-        let (id, prior) = decode_prior(prior)?;
-        parts.priors.insert(id, prior);
-    }
+    take(&mut parts.cameras, part.cameras, decode_camera_set)?;
+    take(&mut parts.landmarks, part.landmarks, |landmark| Ok(decode_landmark(landmark)))?;
+    take(&mut parts.keyframes, part.keyframes, decode_keyframe)?;
+    take(&mut parts.constraints, part.constraints, decode_constraint)?;
+    take(&mut parts.switched_off, part.switched_off, decode_switched_off)?;
+    take(&mut parts.priors, part.priors, decode_prior)?;
     for v1::Content { kind, id, digest } in part.contents {
-        let kind = match kind {
-            1 => Content::Camera,
-            2 => Content::Keyframe,
-            3 => Content::Constraint,
-            _ => return Err(EncodingError::Invalid("the kind of a content")),
-        };
+        let kinds = [Content::Camera, Content::Keyframe, Content::Constraint];
+        let kind = decode_kind(&kinds, kind, "the kind of a content")?;
         let id = required_id(id, "an entity's id")?;
         parts.contents.insert((kind, id), decode_digest(&digest)?);
     }
     Ok(())
+}
+
+/// Decodes entities and adds them to their list.
+fn take<M, V>(
+    list: &mut impl Extend<(EntityId, V)>,
+    messages: Vec<M>,
+    decode: impl Fn(M) -> Result<(EntityId, V), EncodingError>,
+) -> Result<(), EncodingError> {
+    messages.into_iter().try_for_each(|message| {
+        list.extend([decode(message)?]);
+        Ok(())
+    })
 }
 
 fn encode_client(client: &Client) -> v1::Client {

@@ -461,14 +461,6 @@ impl Journal {
         }
         Some(piece)
     }
-
-    /// The events after `from`, if the events in memory reach back that far.
-    pub(super) fn recent(&self, from: u64) -> Option<Vec<Arc<Event>>> {
-        let state = self.state();
-        let behind = usize::try_from(state.last.saturating_sub(from)).ok()?;
-        let skip = state.recent.len().checked_sub(behind)?;
-        Some(state.recent.iter().skip(skip).map(|(event, _)| Arc::clone(event)).collect())
-    }
 }
 
 /// Whether a folder exists.

@@ -5,7 +5,7 @@
 //! apart:
 //!
 //! - A bad place after which nothing was ever acknowledged is left by a crash: it is cut off
-//!   (`make_durable.rs`).
+//!   (`writer.rs`).
 //! - Lost events that a snapshot contains are reported and do no harm.
 //! - Lost events that were acknowledged freeze the map: it opens with what is contiguous, accepts no
 //!   changes, and its files stay as they are.
@@ -13,9 +13,9 @@
 use std::path::Path;
 
 use super::disk::Disk;
-use super::make_durable::{Tail, Unsynced};
 use super::record::{HEAD, HEADER, Header, Uid, read_header, read_mark, scan};
 use super::sealed::{Label, SealError, later};
+use super::writer::{Tail, Unsynced};
 use super::{MARK, file_error, journal_name, sealed, sequence_in};
 use crate::store::{Damage, StoreError};
 

@@ -20,9 +20,9 @@
 //! | `failure` | which failures are temporary, and what callers read of them |
 //! | `folders`, `changes` | what the folders in `maps/` are; creating and deleting maps |
 //! | `record`, `sealed` | the bytes of journals, and of files that are written once |
-//! | `load`, `make_durable` | opening a map's folder; making durable what was found |
-//! | `read` | reading events and snapshots |
-//! | `journal`, `writer` | a map's journal: order, groups, the mark; writing them, healing |
+//! | `load` | opening a map's folder |
+//! | `read` | reading events and snapshots, whole or a piece at a time |
+//! | `journal`, `writer` | a map's journal: order, groups, the mark; writing them, healing, making durable what was found |
 //! | `doctor` | looking at a directory without a server, repairing it |
 //! | `backup` | copying a directory while a server writes to it |
 
@@ -37,9 +37,7 @@ pub(in crate::store) mod fuzzing;
 mod journal;
 mod load;
 mod lock;
-mod make_durable;
 mod read;
-mod reader;
 mod record;
 mod sealed;
 mod writer;
@@ -316,8 +314,8 @@ impl Store for FileStore {
         if from < dropped {
             return Err(StoreError::Truncated { map: map.to_owned(), through: dropped });
         }
-        if let Some(events) = journal.recent(from) {
-            return Ok(events);
+        if let Some(piece) = journal.recent_piece(from, u64::MAX, usize::MAX) {
+            return Ok(piece.events);
         }
         // The events of a stopped journal can still be read.
         let _stopped = journal.wait_durable().await;
@@ -337,7 +335,7 @@ impl Store for FileStore {
         from: u64,
         through: u64,
     ) -> Result<Box<dyn EventReader>, StoreError> {
-        Ok(Box::new(reader::Reader::new(self.journal(map).await?, from, through)))
+        Ok(Box::new(read::Reader::new(self.journal(map).await?, from, through)))
     }
 
     async fn put_snapshot(

@@ -6,9 +6,8 @@
 use super::super::block::{Block, BlockKey, VOXELS};
 use super::super::navigation::{NavigationOptions, distance_slice, occupancy_grid};
 use super::super::surface::{SurfaceOptions, extract};
-use super::super::volume::Volume;
-use super::reading::{Bytes, u32_at};
-use super::{BYTES_A_BLOCK, CHUNK_HEAD, HEADER, PagedVolume, VolumeOptions, decode, encode};
+use super::{BYTES_A_BLOCK, Bytes, CHUNK_HEAD, HEADER, PagedVolume, Volume, VolumeOptions};
+use super::{decode, encode, u32_at};
 
 /// Most blocks of a volume that is used beyond reading it.
 const SMALL: usize = 8;
@@ -20,10 +19,7 @@ pub fn volume(input: &[u8]) {
 }
 
 fn judge(bytes: &[u8]) {
-    let Ok(volume) = decode(bytes) else { return };
-    if volume.len() > SMALL {
-        return;
-    }
+    let Some(volume) = decode(bytes).ok().filter(|volume| volume.len() <= SMALL) else { return };
     let again = decode(&bytes_of(volume.clone()));
     let is_same = |again: &Volume| {
         let sizes = |volume: &Volume| {

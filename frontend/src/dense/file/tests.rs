@@ -1,11 +1,7 @@
 //! Volume files: identical to the bit when read, and refused with a reason when damaged.
 
-use super::super::block::{Block, BlockKey};
-use super::super::packing::pack;
 use super::super::testing::{CENTIMETER, noise, sphere, volume};
-use super::super::volume::Volume;
 use super::fuzzing::{bytes_of, resealed};
-use super::reading::Bytes;
 use super::*;
 
 /// A file with changed content and matching checksums.
@@ -102,7 +98,8 @@ fn chunks_that_changed_places_are_refused() {
     let [a, b] = [a, b].map(|chunk| &bytes[chunk.start as usize..chunk.end as usize]);
     let swapped = [&bytes[..HEADER], b, a].concat();
     let refused = decode(&swapped).map(|_| ());
-    assert_eq!(refused, Err(VolumeFileError::Chunk { chunk: 0, offset: HEADER as u64 }));
+    let (offset, what) = (HEADER as u64, "is damaged");
+    assert_eq!(refused, Err(VolumeFileError::Chunk { chunk: 0, offset, what }));
 }
 
 #[test]

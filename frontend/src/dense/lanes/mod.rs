@@ -4,11 +4,12 @@
 //! widest that the processor has. All classes give the same bits: where products are fused with sums,
 //! they are in all. Nothing here knows what the numbers mean.
 
-mod arrays;
+#[cfg(test)]
+mod tests;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-pub(super) use arrays::Arrays;
+use std::array::from_fn;
 
 /// How many lanes a vector has.
 pub(super) const WIDTH: usize = 16;
@@ -18,7 +19,7 @@ pub(super) const WIDTH: usize = 16;
 pub(super) trait Lanes: Copy {
     /// Numbers with a fraction.
     type F: Copy;
-    /// Whole numbers.
+    /// Whole numbers, signed; sums and products wrap.
     type I: Copy;
     /// Yes or no.
     type M: Copy;
@@ -27,23 +28,16 @@ pub(super) trait Lanes: Copy {
     fn prefetch<T>(self, x: &T);
     /// `x` in every lane.
     fn splat(self, x: f32) -> Self::F;
-    /// `x` in every lane.
     fn splat_int(self, x: i32) -> Self::I;
-    /// From memory.
     fn load(self, x: &[f32; WIDTH]) -> Self::F;
-    /// To memory.
     fn store(self, v: Self::F, x: &mut [f32; WIDTH]);
-    /// a + b.
     fn add(self, a: Self::F, b: Self::F) -> Self::F;
-    /// a − b.
     fn sub(self, a: Self::F, b: Self::F) -> Self::F;
-    /// a · b.
     fn mul(self, a: Self::F, b: Self::F) -> Self::F;
     /// a · b + c, rounded once.
     fn fma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
     /// c − a · b, rounded once.
     fn fnma(self, a: Self::F, b: Self::F, c: Self::F) -> Self::F;
-    /// a / b.
     fn div(self, a: Self::F, b: Self::F) -> Self::F;
     /// The bits of a number.
     fn to_bits(self, a: Self::F) -> Self::I;
@@ -53,7 +47,6 @@ pub(super) trait Lanes: Copy {
     fn min(self, a: Self::F, b: Self::F) -> Self::F;
     /// The larger one; b where either is NaN.
     fn max(self, a: Self::F, b: Self::F) -> Self::F;
-    /// |a|.
     fn abs(self, a: Self::F) -> Self::F;
     /// Without the fraction; any number where it does not fit.
     fn truncate(self, a: Self::F) -> Self::I;
@@ -67,21 +60,13 @@ pub(super) trait Lanes: Copy {
     fn at_most(self, a: Self::F, b: Self::F) -> Self::M;
     /// `yes` where the mask says so.
     fn select(self, mask: Self::M, yes: Self::F, no: Self::F) -> Self::F;
-    /// `yes` where the mask says so.
     fn select_int(self, mask: Self::M, yes: Self::I, no: Self::I) -> Self::I;
-    /// a + b, wrapping.
     fn add_int(self, a: Self::I, b: Self::I) -> Self::I;
-    /// a − b, wrapping.
     fn sub_int(self, a: Self::I, b: Self::I) -> Self::I;
-    /// a · b, wrapping.
     fn mul_int(self, a: Self::I, b: Self::I) -> Self::I;
-    /// The smaller one, signed.
     fn min_int(self, a: Self::I, b: Self::I) -> Self::I;
-    /// The larger one, signed.
     fn max_int(self, a: Self::I, b: Self::I) -> Self::I;
-    /// Bits of both.
     fn and_int(self, a: Self::I, b: Self::I) -> Self::I;
-    /// Bits of either.
     fn or_int(self, a: Self::I, b: Self::I) -> Self::I;
     /// Towards higher bits.
     fn shift_up<const N: u32>(self, a: Self::I) -> Self::I;
@@ -93,17 +78,12 @@ pub(super) trait Lanes: Copy {
     fn above_int(self, a: Self::I, b: Self::I) -> Self::M;
     /// a < b, without sign.
     fn below_int(self, a: Self::I, b: Self::I) -> Self::M;
-    /// a ≠ b.
     fn differ_int(self, a: Self::I, b: Self::I) -> Self::M;
-    /// Where both say yes.
     fn both(self, a: Self::M, b: Self::M) -> Self::M;
-    /// Where any says yes.
     fn either(self, a: Self::M, b: Self::M) -> Self::M;
     /// Where `a` says yes and `b` no.
     fn but_not(self, a: Self::M, b: Self::M) -> Self::M;
-    /// Whether any lane says yes.
     fn any(self, a: Self::M) -> bool;
-    /// Whether all lanes say yes.
     fn all(self, a: Self::M) -> bool;
     /// The low and the high halves of `table[index]`; 0 where the mask says no or the table ends.
     fn gather(self, table: &[u64], index: Self::I, mask: Self::M) -> (Self::I, Self::I);
@@ -126,6 +106,17 @@ pub(super) trait Lanes: Copy {
     /// |Δr| + 2 |Δg| + |Δb| of colors in the three lowest bytes.
     fn color_difference(self, a: Self::I, b: Self::I) -> Self::I;
 }
+
+/// Methods of [`Lanes`] that are one expression each, as a table. They are inlined into the kernel.
+macro_rules! operations {
+    ($($name:ident $(<$n:ident>)? ($($x:ident: $t:ty),*) $(-> $out:ty)? = $body:expr;)*) => {$(
+        #[inline(always)]
+        fn $name $(<const $n: u32>)? (self, $($x: $t),*) $(-> $out)? {
+            $body
+        }
+    )*};
+}
+use operations;
 
 /// Work that runs in one class. `run` must be `#[inline(always)]` down to the operations.
 pub(super) trait Kernel {
@@ -189,5 +180,99 @@ impl Class {
     }
 }
 
-#[cfg(test)]
-mod tests;
+/// What every processor has: loops of a fixed length, which the compiler vectorizes for what the
+/// function around them may use. The reference that the other classes must equal to the bit.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Arrays;
+
+type F = [f32; WIDTH];
+type I = [i32; WIDTH];
+type M = [bool; WIDTH];
+
+/// 1.5 · 2²³: adding it leaves no room for a fraction.
+const NO_FRACTION: f32 = 12_582_912.0;
+
+impl Lanes for Arrays {
+    type F = F;
+    type I = I;
+    type M = M;
+
+    operations! {
+        splat(x: f32) -> F = [x; WIDTH];
+        splat_int(x: i32) -> I = [x; WIDTH];
+        load(x: &F) -> F = *x;
+        store(v: F, x: &mut F) = *x = v;
+        add(a: F, b: F) -> F = from_fn(|i| a[i] + b[i]);
+        sub(a: F, b: F) -> F = from_fn(|i| a[i] - b[i]);
+        mul(a: F, b: F) -> F = from_fn(|i| a[i] * b[i]);
+        fma(a: F, b: F, c: F) -> F = from_fn(|i| a[i].mul_add(b[i], c[i]));
+        fnma(a: F, b: F, c: F) -> F = from_fn(|i| (-a[i]).mul_add(b[i], c[i]));
+        div(a: F, b: F) -> F = from_fn(|i| a[i] / b[i]);
+        to_bits(a: F) -> I = from_fn(|i| a[i].to_bits().cast_signed());
+        of_bits(a: I) -> F = from_fn(|i| f32::from_bits(a[i].cast_unsigned()));
+        min(a: F, b: F) -> F = from_fn(|i| if a[i] < b[i] { a[i] } else { b[i] });
+        max(a: F, b: F) -> F = from_fn(|i| if a[i] > b[i] { a[i] } else { b[i] });
+        abs(a: F) -> F = from_fn(|i| a[i].abs());
+        truncate(a: F) -> I = from_fn(|i| a[i] as i32);
+        round(a: F) -> I = from_fn(|i| {
+            (a[i] + NO_FRACTION).to_bits().wrapping_sub(NO_FRACTION.to_bits()).cast_signed()
+        });
+        float(a: I) -> F = from_fn(|i| a[i] as f32);
+        less(a: F, b: F) -> M = from_fn(|i| a[i] < b[i]);
+        at_most(a: F, b: F) -> M = from_fn(|i| a[i] <= b[i]);
+        select(mask: M, yes: F, no: F) -> F = from_fn(|i| if mask[i] { yes[i] } else { no[i] });
+        select_int(mask: M, yes: I, no: I) -> I = from_fn(|i| if mask[i] { yes[i] } else { no[i] });
+        add_int(a: I, b: I) -> I = from_fn(|i| a[i].wrapping_add(b[i]));
+        sub_int(a: I, b: I) -> I = from_fn(|i| a[i].wrapping_sub(b[i]));
+        mul_int(a: I, b: I) -> I = from_fn(|i| a[i].wrapping_mul(b[i]));
+        min_int(a: I, b: I) -> I = from_fn(|i| a[i].min(b[i]));
+        max_int(a: I, b: I) -> I = from_fn(|i| a[i].max(b[i]));
+        and_int(a: I, b: I) -> I = from_fn(|i| a[i] & b[i]);
+        or_int(a: I, b: I) -> I = from_fn(|i| a[i] | b[i]);
+        shift_up<N>(a: I) -> I = from_fn(|i| a[i] << N);
+        shift_down<N>(a: I) -> I = from_fn(|i| (a[i].cast_unsigned() >> N).cast_signed());
+        shift_down_signed<N>(a: I) -> I = from_fn(|i| a[i] >> N);
+        above_int(a: I, b: I) -> M = from_fn(|i| a[i] > b[i]);
+        below_int(a: I, b: I) -> M = from_fn(|i| a[i].cast_unsigned() < b[i].cast_unsigned());
+        differ_int(a: I, b: I) -> M = from_fn(|i| a[i] != b[i]);
+        both(a: M, b: M) -> M = from_fn(|i| a[i] & b[i]);
+        either(a: M, b: M) -> M = from_fn(|i| a[i] | b[i]);
+        but_not(a: M, b: M) -> M = from_fn(|i| a[i] & !b[i]);
+        any(a: M) -> bool = a.iter().fold(false, |any, &lane| any | lane);
+        all(a: M) -> bool = a.iter().fold(true, |all, &lane| all & lane);
+        load_i16(x: &[i16; WIDTH]) -> I = from_fn(|i| i32::from(x[i]));
+        store_i16(v: I, x: &mut [i16; WIDTH]) = *x = from_fn(|i| v[i] as i16);
+        load_u16(x: &[u16; WIDTH]) -> I = from_fn(|i| i32::from(x[i]));
+        store_u16(v: I, x: &mut [u16; WIDTH]) = *x = from_fn(|i| v[i] as u16);
+        load_bytes(x: &[[u8; 4]; WIDTH]) -> I = from_fn(|i| i32::from_le_bytes(x[i]));
+        store_bytes(v: I, x: &mut [[u8; 4]; WIDTH]) = *x = from_fn(|i| v[i].to_le_bytes());
+        load_colors(x: &[[u8; 3]; WIDTH]) -> I =
+            from_fn(|i| i32::from_le_bytes([x[i][0], x[i][1], x[i][2], 0]));
+    }
+
+    #[inline(always)]
+    fn prefetch<T>(self, _: &T) {}
+
+    #[inline(always)]
+    fn gather(self, table: &[u64], index: I, mask: M) -> (I, I) {
+        let found: [u64; WIDTH] = from_fn(|i| {
+            let entry = table.get(index[i].cast_unsigned() as usize).copied().unwrap_or(0);
+            if mask[i] { entry } else { 0 }
+        });
+        (from_fn(|i| found[i] as u32 as i32), from_fn(|i| (found[i] >> 32) as u32 as i32))
+    }
+
+    #[inline(always)]
+    fn store_pairs(self, low: I, high: I, x: &mut [u64; WIDTH]) {
+        let half = |value: i32| u64::from(value.cast_unsigned());
+        *x = from_fn(|i| half(low[i]) | half(high[i]) << 32);
+    }
+
+    #[inline(always)]
+    fn color_difference(self, a: I, b: I) -> I {
+        from_fn(|i| {
+            let channel = |k: u32| (((a[i] >> k) & 255) - ((b[i] >> k) & 255)).abs();
+            channel(0) + 2 * channel(8) + channel(16)
+        })
+    }
+}

@@ -11,7 +11,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{Arrays, Kernel, Lanes, WIDTH};
+use super::{Arrays, Kernel, Lanes, WIDTH, operations};
 
 /// Proof that the processor has AVX-512 F, BW, DQ and VL.
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +55,10 @@ impl Avx2 {
     }
 }
 
+type F = __m512;
+type I = __m512i;
+type M = __mmask16;
+
 /// Lane i of a is lane i, lane i of b is lane 16 + i.
 const EVEN: [i32; WIDTH] = [0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30];
 const ODD: [i32; WIDTH] = [1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31];
@@ -73,9 +77,9 @@ const SPREAD: [i32; 4] = [
 // Sound in every method below: `self` proves the features; loads and stores go through references to
 // all that they touch; `gather` reads only what lies inside of its table.
 impl Lanes for Avx512 {
-    type F = __m512;
-    type I = __m512i;
-    type M = __mmask16;
+    type F = F;
+    type I = I;
+    type M = M;
 
     #[inline(always)]
     fn prefetch<T>(self, x: &T) {
@@ -85,168 +89,63 @@ impl Lanes for Avx512 {
             unsafe { _mm_prefetch::<_MM_HINT_T0>(line) }
         }
     }
-    #[inline(always)]
-    fn splat(self, x: f32) -> __m512 {
-        unsafe { _mm512_set1_ps(x) }
+
+    operations! {
+        splat(x: f32) -> F = unsafe { _mm512_set1_ps(x) };
+        splat_int(x: i32) -> I = unsafe { _mm512_set1_epi32(x) };
+        load(x: &[f32; WIDTH]) -> F = unsafe { _mm512_loadu_ps(x.as_ptr()) };
+        store(v: F, x: &mut [f32; WIDTH]) = unsafe { _mm512_storeu_ps(x.as_mut_ptr(), v) };
+        add(a: F, b: F) -> F = unsafe { _mm512_add_ps(a, b) };
+        sub(a: F, b: F) -> F = unsafe { _mm512_sub_ps(a, b) };
+        mul(a: F, b: F) -> F = unsafe { _mm512_mul_ps(a, b) };
+        fma(a: F, b: F, c: F) -> F = unsafe { _mm512_fmadd_ps(a, b, c) };
+        fnma(a: F, b: F, c: F) -> F = unsafe { _mm512_fnmadd_ps(a, b, c) };
+        div(a: F, b: F) -> F = unsafe { _mm512_div_ps(a, b) };
+        to_bits(a: F) -> I = unsafe { _mm512_castps_si512(a) };
+        of_bits(a: I) -> F = unsafe { _mm512_castsi512_ps(a) };
+        min(a: F, b: F) -> F = unsafe { _mm512_min_ps(a, b) };
+        max(a: F, b: F) -> F = unsafe { _mm512_max_ps(a, b) };
+        abs(a: F) -> F = unsafe { _mm512_abs_ps(a) };
+        truncate(a: F) -> I = unsafe { _mm512_cvttps_epi32(a) };
+        round(a: F) -> I = unsafe { _mm512_cvtps_epi32(a) };
+        float(a: I) -> F = unsafe { _mm512_cvtepi32_ps(a) };
+        less(a: F, b: F) -> M = unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b) };
+        at_most(a: F, b: F) -> M = unsafe { _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b) };
+        select(mask: M, yes: F, no: F) -> F = unsafe { _mm512_mask_blend_ps(mask, no, yes) };
+        select_int(mask: M, yes: I, no: I) -> I = unsafe { _mm512_mask_blend_epi32(mask, no, yes) };
+        add_int(a: I, b: I) -> I = unsafe { _mm512_add_epi32(a, b) };
+        sub_int(a: I, b: I) -> I = unsafe { _mm512_sub_epi32(a, b) };
+        mul_int(a: I, b: I) -> I = unsafe { _mm512_mullo_epi32(a, b) };
+        min_int(a: I, b: I) -> I = unsafe { _mm512_min_epi32(a, b) };
+        max_int(a: I, b: I) -> I = unsafe { _mm512_max_epi32(a, b) };
+        and_int(a: I, b: I) -> I = unsafe { _mm512_and_si512(a, b) };
+        or_int(a: I, b: I) -> I = unsafe { _mm512_or_si512(a, b) };
+        shift_up<N>(a: I) -> I = unsafe { _mm512_slli_epi32::<N>(a) };
+        shift_down<N>(a: I) -> I = unsafe { _mm512_srli_epi32::<N>(a) };
+        shift_down_signed<N>(a: I) -> I = unsafe { _mm512_srai_epi32::<N>(a) };
+        above_int(a: I, b: I) -> M = unsafe { _mm512_cmpgt_epi32_mask(a, b) };
+        below_int(a: I, b: I) -> M = unsafe { _mm512_cmplt_epu32_mask(a, b) };
+        differ_int(a: I, b: I) -> M = unsafe { _mm512_cmpneq_epi32_mask(a, b) };
+        both(a: M, b: M) -> M = a & b;
+        either(a: M, b: M) -> M = a | b;
+        but_not(a: M, b: M) -> M = a & !b;
+        any(a: M) -> bool = a != 0;
+        all(a: M) -> bool = a == !0;
+        load_i16(x: &[i16; WIDTH]) -> I =
+            unsafe { _mm512_cvtepi16_epi32(_mm256_loadu_si256(x.as_ptr().cast())) };
+        store_i16(v: I, x: &mut [i16; WIDTH]) =
+            unsafe { _mm256_storeu_si256(x.as_mut_ptr().cast(), _mm512_cvtepi32_epi16(v)) };
+        load_u16(x: &[u16; WIDTH]) -> I =
+            unsafe { _mm512_cvtepu16_epi32(_mm256_loadu_si256(x.as_ptr().cast())) };
+        store_u16(v: I, x: &mut [u16; WIDTH]) =
+            unsafe { _mm256_storeu_si256(x.as_mut_ptr().cast(), _mm512_cvtepi32_epi16(v)) };
+        load_bytes(x: &[[u8; 4]; WIDTH]) -> I = unsafe { _mm512_loadu_si512(x.as_ptr().cast()) };
+        store_bytes(v: I, x: &mut [[u8; 4]; WIDTH]) =
+            unsafe { _mm512_storeu_si512(x.as_mut_ptr().cast(), v) };
     }
+
     #[inline(always)]
-    fn splat_int(self, x: i32) -> __m512i {
-        unsafe { _mm512_set1_epi32(x) }
-    }
-    #[inline(always)]
-    fn load(self, x: &[f32; WIDTH]) -> __m512 {
-        unsafe { _mm512_loadu_ps(x.as_ptr()) }
-    }
-    #[inline(always)]
-    fn store(self, v: __m512, x: &mut [f32; WIDTH]) {
-        unsafe { _mm512_storeu_ps(x.as_mut_ptr(), v) }
-    }
-    #[inline(always)]
-    fn add(self, a: __m512, b: __m512) -> __m512 {
-        unsafe { _mm512_add_ps(a, b) }
-    }
-    #[inline(always)]
-    fn sub(self, a: __m512, b: __m512) -> __m512 {
-        unsafe { _mm512_sub_ps(a, b) }
-    }
-    #[inline(always)]
-    fn mul(self, a: __m512, b: __m512) -> __m512 {
-        unsafe { _mm512_mul_ps(a, b) }
-    }
-    #[inline(always)]
-    fn fma(self, a: __m512, b: __m512, c: __m512) -> __m512 {
-        unsafe { _mm512_fmadd_ps(a, b, c) }
-    }
-    #[inline(always)]
-    fn fnma(self, a: __m512, b: __m512, c: __m512) -> __m512 {
-        unsafe { _mm512_fnmadd_ps(a, b, c) }
-    }
-    #[inline(always)]
-    fn div(self, a: __m512, b: __m512) -> __m512 {
-        unsafe { _mm512_div_ps(a, b) }
-    }
-    #[inline(always)]
-    fn to_bits(self, a: __m512) -> __m512i {
-        unsafe { _mm512_castps_si512(a) }
-    }
-    #[inline(always)]
-    fn of_bits(self, a: __m512i) -> __m512 {
-        unsafe { _mm512_castsi512_ps(a) }
-    }
-    #[inline(always)]
-    fn min(self, a: __m512, b: __m512) -> __m512 {
-        unsafe { _mm512_min_ps(a, b) }
-    }
-    #[inline(always)]
-    fn max(self, a: __m512, b: __m512) -> __m512 {
-        unsafe { _mm512_max_ps(a, b) }
-    }
-    #[inline(always)]
-    fn abs(self, a: __m512) -> __m512 {
-        unsafe { _mm512_abs_ps(a) }
-    }
-    #[inline(always)]
-    fn truncate(self, a: __m512) -> __m512i {
-        unsafe { _mm512_cvttps_epi32(a) }
-    }
-    #[inline(always)]
-    fn round(self, a: __m512) -> __m512i {
-        unsafe { _mm512_cvtps_epi32(a) }
-    }
-    #[inline(always)]
-    fn float(self, a: __m512i) -> __m512 {
-        unsafe { _mm512_cvtepi32_ps(a) }
-    }
-    #[inline(always)]
-    fn less(self, a: __m512, b: __m512) -> __mmask16 {
-        unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a, b) }
-    }
-    #[inline(always)]
-    fn at_most(self, a: __m512, b: __m512) -> __mmask16 {
-        unsafe { _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b) }
-    }
-    #[inline(always)]
-    fn select(self, mask: __mmask16, yes: __m512, no: __m512) -> __m512 {
-        unsafe { _mm512_mask_blend_ps(mask, no, yes) }
-    }
-    #[inline(always)]
-    fn select_int(self, mask: __mmask16, yes: __m512i, no: __m512i) -> __m512i {
-        unsafe { _mm512_mask_blend_epi32(mask, no, yes) }
-    }
-    #[inline(always)]
-    fn add_int(self, a: __m512i, b: __m512i) -> __m512i {
-        unsafe { _mm512_add_epi32(a, b) }
-    }
-    #[inline(always)]
-    fn sub_int(self, a: __m512i, b: __m512i) -> __m512i {
-        unsafe { _mm512_sub_epi32(a, b) }
-    }
-    #[inline(always)]
-    fn mul_int(self, a: __m512i, b: __m512i) -> __m512i {
-        unsafe { _mm512_mullo_epi32(a, b) }
-    }
-    #[inline(always)]
-    fn min_int(self, a: __m512i, b: __m512i) -> __m512i {
-        unsafe { _mm512_min_epi32(a, b) }
-    }
-    #[inline(always)]
-    fn max_int(self, a: __m512i, b: __m512i) -> __m512i {
-        unsafe { _mm512_max_epi32(a, b) }
-    }
-    #[inline(always)]
-    fn and_int(self, a: __m512i, b: __m512i) -> __m512i {
-        unsafe { _mm512_and_si512(a, b) }
-    }
-    #[inline(always)]
-    fn or_int(self, a: __m512i, b: __m512i) -> __m512i {
-        unsafe { _mm512_or_si512(a, b) }
-    }
-    #[inline(always)]
-    fn shift_up<const N: u32>(self, a: __m512i) -> __m512i {
-        unsafe { _mm512_slli_epi32::<N>(a) }
-    }
-    #[inline(always)]
-    fn shift_down<const N: u32>(self, a: __m512i) -> __m512i {
-        unsafe { _mm512_srli_epi32::<N>(a) }
-    }
-    #[inline(always)]
-    fn shift_down_signed<const N: u32>(self, a: __m512i) -> __m512i {
-        unsafe { _mm512_srai_epi32::<N>(a) }
-    }
-    #[inline(always)]
-    fn above_int(self, a: __m512i, b: __m512i) -> __mmask16 {
-        unsafe { _mm512_cmpgt_epi32_mask(a, b) }
-    }
-    #[inline(always)]
-    fn below_int(self, a: __m512i, b: __m512i) -> __mmask16 {
-        unsafe { _mm512_cmplt_epu32_mask(a, b) }
-    }
-    #[inline(always)]
-    fn differ_int(self, a: __m512i, b: __m512i) -> __mmask16 {
-        unsafe { _mm512_cmpneq_epi32_mask(a, b) }
-    }
-    #[inline(always)]
-    fn both(self, a: __mmask16, b: __mmask16) -> __mmask16 {
-        a & b
-    }
-    #[inline(always)]
-    fn either(self, a: __mmask16, b: __mmask16) -> __mmask16 {
-        a | b
-    }
-    #[inline(always)]
-    fn but_not(self, a: __mmask16, b: __mmask16) -> __mmask16 {
-        a & !b
-    }
-    #[inline(always)]
-    fn any(self, a: __mmask16) -> bool {
-        a != 0
-    }
-    #[inline(always)]
-    fn all(self, a: __mmask16) -> bool {
-        a == !0
-    }
-    #[inline(always)]
-    fn gather(self, table: &[u64], index: __m512i, mask: __mmask16) -> (__m512i, __m512i) {
+    fn gather(self, table: &[u64], index: I, mask: M) -> (I, I) {
         unsafe {
             let Some(last) = table.len().checked_sub(1) else {
                 return (_mm512_setzero_si512(), _mm512_setzero_si512());
@@ -276,32 +175,9 @@ impl Lanes for Avx512 {
             )
         }
     }
+
     #[inline(always)]
-    fn load_i16(self, x: &[i16; WIDTH]) -> __m512i {
-        unsafe { _mm512_cvtepi16_epi32(_mm256_loadu_si256(x.as_ptr().cast())) }
-    }
-    #[inline(always)]
-    fn store_i16(self, v: __m512i, x: &mut [i16; WIDTH]) {
-        unsafe { _mm256_storeu_si256(x.as_mut_ptr().cast(), _mm512_cvtepi32_epi16(v)) }
-    }
-    #[inline(always)]
-    fn load_u16(self, x: &[u16; WIDTH]) -> __m512i {
-        unsafe { _mm512_cvtepu16_epi32(_mm256_loadu_si256(x.as_ptr().cast())) }
-    }
-    #[inline(always)]
-    fn store_u16(self, v: __m512i, x: &mut [u16; WIDTH]) {
-        unsafe { _mm256_storeu_si256(x.as_mut_ptr().cast(), _mm512_cvtepi32_epi16(v)) }
-    }
-    #[inline(always)]
-    fn load_bytes(self, x: &[[u8; 4]; WIDTH]) -> __m512i {
-        unsafe { _mm512_loadu_si512(x.as_ptr().cast()) }
-    }
-    #[inline(always)]
-    fn store_bytes(self, v: __m512i, x: &mut [[u8; 4]; WIDTH]) {
-        unsafe { _mm512_storeu_si512(x.as_mut_ptr().cast(), v) }
-    }
-    #[inline(always)]
-    fn load_colors(self, x: &[[u8; 3]; WIDTH]) -> __m512i {
+    fn load_colors(self, x: &[[u8; 3]; WIDTH]) -> I {
         unsafe {
             let bytes = _mm512_maskz_loadu_epi32(0x0fff, x.as_ptr().cast());
             let quarters = _mm512_loadu_si512(QUARTERS.as_ptr().cast());
@@ -309,8 +185,9 @@ impl Lanes for Avx512 {
             _mm512_shuffle_epi8(_mm512_permutexvar_epi32(quarters, bytes), spread)
         }
     }
+
     #[inline(always)]
-    fn store_pairs(self, low: __m512i, high: __m512i, x: &mut [u64; WIDTH]) {
+    fn store_pairs(self, low: I, high: I, x: &mut [u64; WIDTH]) {
         unsafe {
             let first = _mm512_loadu_si512(FIRST_PAIRS.as_ptr().cast());
             let last = _mm512_loadu_si512(LAST_PAIRS.as_ptr().cast());
@@ -319,8 +196,9 @@ impl Lanes for Avx512 {
             _mm512_storeu_si512(to.add(8).cast(), _mm512_permutex2var_epi32(low, last, high));
         }
     }
+
     #[inline(always)]
-    fn color_difference(self, a: __m512i, b: __m512i) -> __m512i {
+    fn color_difference(self, a: I, b: I) -> I {
         unsafe {
             let apart = _mm512_or_si512(_mm512_subs_epu8(a, b), _mm512_subs_epu8(b, a));
             let share = _mm512_set1_epi32(i32::from_le_bytes([1, 2, 1, 0]));

@@ -95,7 +95,7 @@ struct Rebuild {
 #[derive(Debug)]
 pub struct DenseMapper {
     integrator: Integrator,
-    volume: PagedVolume,
+    pub(super) volume: PagedVolume,
     ceiling: Option<MemoryCeiling>,
     log: FrameLog,
     frames: Vec<Placed>,
@@ -136,12 +136,6 @@ impl DenseMapper {
         &self.volume
     }
 
-    /// The volume, without the data for corrections.
-    #[must_use]
-    pub fn into_volume(self) -> PagedVolume {
-        self.volume
-    }
-
     /// How many times the volume was rebuilt so far.
     #[must_use]
     pub fn rebuilt(&self) -> usize {
@@ -154,21 +148,17 @@ impl DenseMapper {
     /// [`DenseError`]; the volume is unchanged then.
     pub fn integrate(
         &mut self,
-        mut anchored: AnchoredFrame,
+        anchored: AnchoredFrame,
         world_from_keyframe: &Se3,
     ) -> Result<(), DenseError> {
-        let AnchoredFrame { frame, keyframe, keyframe_from_camera } = &mut anchored;
-        let known = self.keyframes.get(keyframe).copied();
-        let world_from_camera = known.unwrap_or(*world_from_keyframe).compose(keyframe_from_camera);
-        self.log.append(frame)?;
-        if let Err(error) =
-            integrate(&mut self.integrator, &mut self.volume, frame, &world_from_camera)
-        {
-            self.log.forget_last();
-            return Err(error.into());
-        }
-        self.keyframes.entry(*keyframe).or_insert(*world_from_keyframe);
-        let (keyframe, keyframe_from_camera) = (*keyframe, *keyframe_from_camera);
+        let AnchoredFrame { mut frame, keyframe, keyframe_from_camera } = anchored;
+        let known = self.keyframes.get(&keyframe).unwrap_or(world_from_keyframe);
+        let world_from_camera = known.compose(&keyframe_from_camera);
+        self.log.append(&mut frame)?;
+        let integrated =
+            self.volume.integrate(&mut self.integrator, &posed(&frame, &world_from_camera));
+        integrated.inspect_err(|_| self.log.forget_last())?;
+        self.keyframes.entry(keyframe).or_insert(*world_from_keyframe);
         self.frames.push(Placed { keyframe, keyframe_from_camera, world_from_camera });
         Ok(())
     }
@@ -255,16 +245,13 @@ impl DenseMapper {
             let frame = self.log.read(next)?;
             if self.rebuild.is_none() {
                 self.share_memory(2);
+                let volume = empty(*self.volume.options(), self.ceiling.as_ref(), 2)?;
+                self.rebuild = Some(Rebuild { volume, poses: Vec::new() });
             }
-            let rebuild = match &mut self.rebuild {
-                Some(rebuild) => rebuild,
-                none => {
-                    let volume = empty(*self.volume.options(), self.ceiling.as_ref(), 2)?;
-                    none.insert(Rebuild { volume, poses: Vec::new() })
-                }
-            };
-            integrate(&mut self.integrator, &mut rebuild.volume, &frame, &pose)?;
-            rebuild.poses.push(pose);
+            if let Some(rebuild) = &mut self.rebuild {
+                rebuild.volume.integrate(&mut self.integrator, &posed(&frame, &pose))?;
+                rebuild.poses.push(pose);
+            }
         }
         let caught_up = |rebuild: &mut Rebuild| rebuild.poses.len() == self.frames.len();
         let Some(rebuild) = self.rebuild.take_if(caught_up) else { return Ok(false) };
@@ -288,13 +275,7 @@ fn empty(
     Ok(volume.map_err(DenseError::PageFile)?.unwrap_or_else(|| PagedVolume::new(options)))
 }
 
-fn integrate(
-    integrator: &mut Integrator,
-    volume: &mut PagedVolume,
-    frame: &LoggedFrame,
-    world_from_camera: &Se3,
-) -> Result<(), IntegrateError> {
+fn posed<'a>(frame: &'a LoggedFrame, world_from_camera: &'a Se3) -> DenseFrame<'a> {
     let LoggedFrame { depth_m, color, moving } = frame;
-    let moving = moving.as_ref();
-    volume.integrate(integrator, &DenseFrame { depth_m, color, moving, world_from_camera })
+    DenseFrame { depth_m, color, moving: moving.as_ref(), world_from_camera }
 }

@@ -176,7 +176,7 @@ fn under_a_ceiling_corrections_are_followed_to_the_same_blocks() {
     let ceiling = MemoryCeiling { bytes: truth.len() * size_of::<Block>() * 3 / 4, folder: None };
     let corrected = run(Some(ceiling), false);
     assert_eq!(corrected.rebuilt(), 1);
-    let mut paged = corrected.into_volume();
+    let mut paged = corrected.volume;
     let figures = paged.paging().unwrap();
     println!("{} blocks, {figures:?}", paged.len());
     assert!(figures.blocks_on_disk > 0 && figures.frames_above_ceiling == 0, "{figures:?}");

@@ -6,19 +6,18 @@
 //! change slots, and those on disk keep their pieces. A block that is read back is processed again only
 //! if it changed.
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 
 use rayon::prelude::*;
 
 use super::super::block::BlockKey;
+use super::super::page_cache::Region;
 use super::super::paged::PagedVolume;
 use super::super::pages::PageError;
-use super::super::region::Region;
 use super::super::volume::{KeyHashes, Volume};
-use super::SurfaceOptions;
 use super::bits::{Bits, FieldBits, borders, stored_weight};
-use super::mesh::{Mesh, join};
 use super::piece::{MIDDLE, Piece, Source, ones};
+use super::{Mesh, SurfaceOptions, join};
 
 /// No slot, or no place.
 const NONE: u32 = u32::MAX;
@@ -32,7 +31,7 @@ const BLOCKS_A_TASK: usize = 32;
 const REGIONS_AT_A_TIME: usize = 32;
 
 /// The surface of a volume, kept up to date.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct SurfaceCache {
     least_weight: u16,
     places: HashMap<BlockKey, u32, KeyHashes>,
@@ -68,25 +67,7 @@ impl SurfaceCache {
     /// An empty one.
     #[must_use]
     pub fn new(options: SurfaceOptions) -> Self {
-        Self {
-            least_weight: stored_weight(options.least_weight),
-            places: HashMap::default(),
-            vacant: Vec::new(),
-            place_of_slot: Vec::new(),
-            keys: Vec::new(),
-            slots: Vec::new(),
-            revisions: Vec::new(),
-            bits: Vec::new(),
-            sides: Vec::new(),
-            around: Vec::new(),
-            pieces: Vec::new(),
-            reads: Vec::new(),
-            read_by: Vec::new(),
-            stale: Vec::new(),
-            old: VecDeque::new(),
-            updates: 0,
-            looked: 0,
-        }
+        Self { least_weight: stored_weight(options.least_weight), ..Self::default() }
     }
 
     /// Follows a volume, always the same one. Returns how many pieces were rebuilt.
@@ -152,11 +133,9 @@ impl SurfaceCache {
     fn regions_around(&self, places: &[usize]) -> Vec<Region> {
         let known = places.iter().flat_map(|&place| self.around[place]);
         let known = known.filter(|&place| place != NONE);
-        let mut regions: Vec<_> =
+        let regions: BTreeSet<_> =
             known.map(|place| Region::of(self.keys[place as usize])).collect();
-        regions.sort_unstable();
-        regions.dedup();
-        regions
+        regions.into_iter().collect()
     }
 
     fn look_at_paged(&mut self, volume: &PagedVolume) {
@@ -342,9 +321,10 @@ impl SurfaceCache {
 
     /// Computes the bits of changed blocks, and marks the pieces that read them as outdated.
     fn look(&mut self, volume: &Volume) {
-        let (blocks, changed) = (volume.blocks(), volume.changed());
+        let (blocks, states) = (volume.blocks(), volume.states());
         let places = self.place_of_slot.iter().map(|&place| place as usize).enumerate();
-        let is_old = |&(slot, place): &(usize, usize)| self.revisions[place] != changed[slot];
+        let is_old =
+            |&(slot, place): &(usize, usize)| self.revisions[place] != states[slot].changed;
         let old: Vec<_> = places.filter(is_old).collect();
         let tasks = old.par_iter().with_min_len(BLOCKS_A_TASK);
         let looked: Vec<_> = tasks
@@ -358,7 +338,7 @@ impl SurfaceCache {
             })
             .collect();
         for (&(slot, place), (bits, sides, fresh)) in old.iter().zip(looked) {
-            self.revisions[place] = changed[slot];
+            self.revisions[place] = states[slot].changed;
             self.sides[place] = sides;
             self.bits[place] = bits;
             for k in ones(fresh.into()) {

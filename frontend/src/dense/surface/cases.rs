@@ -36,23 +36,17 @@ pub(super) static CASES: LazyLock<[Case; 256]> =
 /// The lower corner of an edge, and its axis.
 pub(super) fn edge_base(edge: usize) -> (usize, usize) {
     let (axis, k) = (edge / 4, edge % 4);
-    let (first, second) = others(axis);
+    let (first, second) = OTHERS[axis];
     ((k & 1) << first | (k >> 1) << second, axis)
 }
 
-/// The axes that are not this one, the lower first.
-fn others(axis: usize) -> (usize, usize) {
-    match axis {
-        0 => (1, 2),
-        1 => (0, 2),
-        _ => (0, 1),
-    }
-}
+/// For each axis the two others, the lower first.
+const OTHERS: [(usize, usize); 3] = [(1, 2), (0, 2), (0, 1)];
 
 /// The edge between two neighboring corners.
 fn edge_between(a: usize, b: usize) -> usize {
     let axis = (a ^ b).trailing_zeros() as usize;
-    let (first, second) = others(axis);
+    let (first, second) = OTHERS[axis];
     let base = a & b;
     4 * axis + ((base >> first & 1) | (base >> second & 1) << 1)
 }

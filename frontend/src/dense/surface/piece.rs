@@ -11,15 +11,12 @@ use super::super::block::{Block, BlockKey, EDGE, VOXELS};
 use super::bits::{Field, FieldBits, SIDE, borders, first_of_bytes, own, split};
 use super::cases::{CASES, TRIANGLES, edge_base};
 
-/// A point of the surface.
+/// A point of the surface, with the properties of a `Mesh`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Vertex {
-    /// Position in the volume's frame, meters.
-    pub position: [f32; 3],
-    /// Unit normal, to the side from which the surface was seen.
-    pub normal: [f32; 3],
-    /// Red, green, blue.
-    pub color: [u8; 3],
+pub(super) struct Vertex {
+    pub(super) position: [f32; 3],
+    pub(super) normal: [f32; 3],
+    pub(super) color: [u8; 3],
 }
 
 /// An edge of the grid as a triangle refers to it: lower voxel (x, y, z), each 0 to 8 from the block's

@@ -12,7 +12,7 @@ use crate::dense::volume::{Volume, VolumeOptions};
 use crate::image::Image;
 
 fn same(a: &Volume, b: &Volume) -> bool {
-    a.keys() == b.keys() && a.changed() == b.changed() && a.blocks().iter().eq(b.blocks().iter())
+    a.keys() == b.keys() && a.states() == b.states() && a.blocks().iter().eq(b.blocks().iter())
 }
 
 fn fused(threads: usize, class: Class, lens: bool, options: IntegrationOptions) -> Volume {

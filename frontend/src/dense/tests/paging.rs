@@ -295,7 +295,10 @@ fn a_volume_that_is_on_disk_in_parts_is_saved_as_the_whole() {
     let bytes = whole.len() / 4 * size_of::<Block>();
     let folder = Some(folder.path().to_owned());
     let mut part = file::load(&path, Some(&MemoryCeiling { bytes, folder })).unwrap();
-    assert!(part.resident_bytes() <= bytes && part.paging().unwrap().blocks_on_disk > 0);
+    assert!(
+        part.resident().len() * size_of::<Block>() <= bytes
+            && part.paging().unwrap().blocks_on_disk > 0
+    );
     let surface = extract_paged(&mut part, SurfaceOptions::default()).unwrap();
     let expected = extract(whole.resident(), SurfaceOptions::default());
     assert!(triangles(&surface) == triangles(&expected), "the surfaces differ");

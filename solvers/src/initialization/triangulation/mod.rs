@@ -1,23 +1,21 @@
 //! Triangulation: a landmark's position from the views that observe it.
 //!
-//! A linear start (`linear`) is refined on the whitened reprojection error (`refinement`) and must
-//! pass the checks: enough parallax between the rays, in front of every camera (cheirality), small
-//! residuals. Where it does not, the point whose worst error is least (`worst_error`, a sequence of cone
+//! A linear start is refined on the whitened reprojection error (`least_squares`) and must pass the
+//! checks: enough parallax between the rays, in front of every camera (cheirality), small residuals.
+//! Where it does not, the point whose worst error is least (`worst_error`, a sequence of cone
 //! programs over `ratios`) is the start, or the proof that there is no such point. Views that pass at
 //! once never pay for that.
 
 mod cone;
-mod linear;
+mod least_squares;
 mod ratios;
-mod refinement;
 mod worst_error;
 
 use std::f64::consts::SQRT_2;
 
 use nalgebra::{Vector2, Vector3};
 
-use self::linear::{Ray, largest_angle, nearest_point};
-use self::refinement::{refine, squared_error};
+use self::least_squares::{Ray, largest_angle, nearest_point, refine, squared_error};
 use self::worst_error::least_worst_error_within;
 pub use self::worst_error::{LeastWorstError, least_worst_error};
 use crate::geometry::{Camera, Se3};

@@ -11,7 +11,7 @@ use super::super::IoError;
 use super::super::binary::Binary;
 use super::super::rotation::check_norm;
 use super::{
-    ColmapCamera, ColmapCameraModel, ColmapImage, ColmapKeypoint, ColmapModel, ColmapPoint,
+    ColmapCamera, ColmapCameraModel, ColmapImage, ColmapKeypoint, ColmapModel, ColmapPoint, insert,
 };
 
 /// The point id that means none.
@@ -42,7 +42,8 @@ pub(super) fn parse_cameras(
         for (k, parameter) in parameters.iter_mut().enumerate() {
             *parameter = file.f64(format_args!("parameter[{k}]"))?;
         }
-        model.insert_camera(id, ColmapCamera { model: kind, width, height, parameters }, place)?;
+        let camera = ColmapCamera { model: kind, width, height, parameters };
+        insert((&mut model.cameras, "camera"), id, camera, place)?;
     }
     file.end()
 }
@@ -64,7 +65,8 @@ pub(super) fn parse_points(
         for _ in 0..length {
             track.push((file.u32("track image id")?, file.u32("track keypoint")?));
         }
-        model.insert_point(id, ColmapPoint { position, color, error, track }, place)?;
+        let point = ColmapPoint { position, color, error, track };
+        insert((&mut model.points, "point"), id, point, place)?;
     }
     file.end()
 }
@@ -94,7 +96,7 @@ pub(super) fn parse_images(
             keypoints.push(ColmapKeypoint { x, y, point });
         }
         let image = ColmapImage { quaternion_wxyz, translation, camera, name, keypoints };
-        model.insert_image(id, image, place)?;
+        insert((&mut model.images, "image"), id, image, place)?;
     }
     file.end()
 }

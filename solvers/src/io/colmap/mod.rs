@@ -8,7 +8,6 @@
 mod binary;
 mod camera;
 mod convert;
-mod records;
 mod text;
 
 use std::collections::BTreeMap;
@@ -17,9 +16,12 @@ use std::path::Path;
 pub use camera::{ColmapCamera, ColmapCameraModel};
 pub use convert::ColmapProblem;
 
+use super::text::TextWriter;
 use super::{IoError, Place, files};
 
-/// How the three files are written.
+/// How the three files are written: whole by [`ColmapModel`], or record by record for a caller that
+/// does not hold all of a model. A file is its head, then its records by rising id; nothing is checked
+/// across records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColmapEncoding {
     /// `cameras.txt`, `images.txt`, `points3D.txt`.
@@ -35,6 +37,59 @@ impl ColmapEncoding {
         match self {
             Self::Text => ["cameras.txt", "images.txt", "points3D.txt"],
             Self::Binary => ["cameras.bin", "images.bin", "points3D.bin"],
+        }
+    }
+
+    /// Appends what stands before `count` cameras.
+    pub fn put_cameras_head(self, count: usize, out: &mut Vec<u8>) {
+        self.put_head(text::CAMERAS_HEAD, count, out);
+    }
+
+    /// Appends what stands before `count` images.
+    pub fn put_images_head(self, count: usize, out: &mut Vec<u8>) {
+        self.put_head(text::IMAGES_HEAD, count, out);
+    }
+
+    /// Appends what stands before `count` points.
+    pub fn put_points_head(self, count: usize, out: &mut Vec<u8>) {
+        self.put_head(text::POINTS_HEAD, count, out);
+    }
+
+    /// Appends a camera.
+    pub fn put_camera(self, id: u32, camera: &ColmapCamera, out: &mut Vec<u8>) {
+        match self {
+            Self::Text => TextWriter::append(out, |text| text::put_camera(text, id, camera)),
+            Self::Binary => binary::put_camera(out, id, camera),
+        }
+    }
+
+    /// Appends an image with its keypoints.
+    ///
+    /// # Errors
+    /// [`IoError::UnwritableText`] where the name does not survive the format.
+    pub fn put_image(self, id: u32, image: &ColmapImage, out: &mut Vec<u8>) -> Result<(), IoError> {
+        match self {
+            Self::Text => {
+                text::check_name(id, &image.name)?;
+                TextWriter::append(out, |text| text::put_image(text, id, image));
+                Ok(())
+            }
+            Self::Binary => binary::put_image(out, id, image),
+        }
+    }
+
+    /// Appends a point with its track.
+    pub fn put_point(self, id: u64, point: &ColmapPoint, out: &mut Vec<u8>) {
+        match self {
+            Self::Text => TextWriter::append(out, |text| text::put_point(text, id, point)),
+            Self::Binary => binary::put_point(out, id, point),
+        }
+    }
+
+    fn put_head(self, comment: &[u8], count: usize, out: &mut Vec<u8>) {
+        match self {
+            Self::Text => out.extend(comment),
+            Self::Binary => binary::put_count(out, count),
         }
     }
 }
@@ -192,35 +247,6 @@ impl ColmapModel {
         Ok(())
     }
 
-    /// Adds an image that was read, refusing a second one with its id.
-    fn insert_image(&mut self, id: u32, image: ColmapImage, place: Place) -> Result<(), IoError> {
-        match self.images.insert(id, image) {
-            None => Ok(()),
-            Some(_) => Err(IoError::DuplicateId { place, field: "image", id: id.into() }),
-        }
-    }
-
-    /// Adds a camera that was read, refusing a second one with its id.
-    fn insert_camera(
-        &mut self,
-        id: u32,
-        camera: ColmapCamera,
-        place: Place,
-    ) -> Result<(), IoError> {
-        match self.cameras.insert(id, camera) {
-            None => Ok(()),
-            Some(_) => Err(IoError::DuplicateId { place, field: "camera", id: id.into() }),
-        }
-    }
-
-    /// Adds a point that was read, refusing a second one with its id.
-    fn insert_point(&mut self, id: u64, point: ColmapPoint, place: Place) -> Result<(), IoError> {
-        match self.points.insert(id, point) {
-            None => Ok(()),
-            Some(_) => Err(IoError::DuplicateId { place, field: "point", id: id as i64 }),
-        }
-    }
-
     /// Refuses an image's camera that was not read.
     fn check_camera(&self, id: u32, place: impl FnOnce() -> Place) -> Result<(), IoError> {
         if self.cameras.contains_key(&id) {
@@ -237,5 +263,18 @@ impl ColmapModel {
             }
             Some(_) | None => Ok(()),
         }
+    }
+}
+
+/// Adds a record that was read, refusing a second one with its id.
+fn insert<K: Copy + Ord + Into<u64>, V>(
+    (map, field): (&mut BTreeMap<K, V>, &'static str),
+    id: K,
+    record: V,
+    place: Place,
+) -> Result<(), IoError> {
+    match map.insert(id, record) {
+        None => Ok(()),
+        Some(_) => Err(IoError::DuplicateId { place, field, id: id.into() as i64 }),
     }
 }

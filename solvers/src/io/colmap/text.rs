@@ -10,7 +10,7 @@ use super::super::error::excerpt;
 use super::super::rotation::check_norm;
 use super::super::text::{Line, Text, TextWriter};
 use super::{
-    ColmapCamera, ColmapCameraModel, ColmapImage, ColmapKeypoint, ColmapModel, ColmapPoint,
+    ColmapCamera, ColmapCameraModel, ColmapImage, ColmapKeypoint, ColmapModel, ColmapPoint, insert,
 };
 
 pub(super) fn parse_cameras(
@@ -34,7 +34,8 @@ pub(super) fn parse_cameras(
             *parameter = line.number(format_args!("parameter[{k}]"))?;
         }
         line.end()?;
-        model.insert_camera(id, ColmapCamera { model: kind, width, height, parameters }, place)?;
+        let camera = ColmapCamera { model: kind, width, height, parameters };
+        insert((&mut model.cameras, "camera"), id, camera, place)?;
     }
     Ok(())
 }
@@ -55,7 +56,8 @@ pub(super) fn parse_points(
         while !line.is_at_end() {
             track.push((line.integer("track image id")?, line.integer("track keypoint")?));
         }
-        model.insert_point(id, ColmapPoint { position, color, error, track }, place)?;
+        let point = ColmapPoint { position, color, error, track };
+        insert((&mut model.points, "point"), id, point, place)?;
     }
     Ok(())
 }
@@ -85,7 +87,7 @@ pub(super) fn parse_images(
             }
         }
         let image = ColmapImage { quaternion_wxyz, translation, camera, name, keypoints };
-        model.insert_image(id, image, place)?;
+        insert((&mut model.images, "image"), id, image, place)?;
     }
     Ok(())
 }

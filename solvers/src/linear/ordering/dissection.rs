@@ -6,9 +6,10 @@
 //! side. METIS would serve, but draws from the process-wide `rand` and brings a regex library under
 //! the LGPL. Everything here is deterministic on any number of threads.
 
-use super::graph::Graph;
+use super::graph::{Graph, Level};
 use super::minimum_degree::approximate;
-use super::multilevel::{Level, SEPARATOR, separate};
+use super::multilevel::separate;
+use super::refinement::SEPARATOR;
 use crate::interrupt::Interrupt;
 
 /// Graphs of at most so many vertices are not cut.
@@ -27,31 +28,31 @@ pub(super) fn nested_dissection(graph: &Graph, interrupt: &Interrupt) -> Option<
 /// Writes the order of `graph`, whose vertices are called `names`, to `order`.
 fn dissect(graph: Graph, names: Vec<u32>, order: &mut [u32], interrupt: &Interrupt) -> bool {
     let count = graph.count();
-    if count > LEAF {
-        let level = Level::of(graph);
-        let Some(sides) = separate(&level, interrupt) else { return false };
-        let [left, right, separator] =
-            [0, 1, SEPARATOR].map(|side| sides.iter().filter(|&&found| found == side).count());
-        if left > 0 && right > 0 {
-            let (left_order, rest) = order.split_at_mut(left);
-            let (right_order, last) = rest.split_at_mut(right);
-            debug_assert_eq!(last.len(), separator);
-            let cut = sides.iter().zip(&names).filter(|&(&side, _)| side == SEPARATOR);
-            for (slot, (_, &name)) in last.iter_mut().zip(cut) {
-                *slot = name;
-            }
-            let (left, left_names) = part(&level.graph, &names, &sides, 0);
-            let (right, right_names) = part(&level.graph, &names, &sides, 1);
-            drop((level, sides, names));
-            let first = || dissect(left, left_names, left_order, interrupt);
-            let second = || dissect(right, right_names, right_order, interrupt);
-            let (first, second) =
-                if count >= TASK { rayon::join(first, second) } else { (first(), second()) };
-            return first && second;
-        }
+    if count <= LEAF {
+        return leaf(&graph, &names, order);
+    }
+    let level = Level::of(graph);
+    let Some(sides) = separate(&level, interrupt) else { return false };
+    let [left, right, separator] =
+        [0, 1, SEPARATOR].map(|side| sides.iter().filter(|&&found| found == side).count());
+    if left == 0 || right == 0 {
         return leaf(&level.graph, &names, order);
     }
-    leaf(&graph, &names, order)
+    let (left_order, rest) = order.split_at_mut(left);
+    let (right_order, last) = rest.split_at_mut(right);
+    debug_assert_eq!(last.len(), separator);
+    let cut = sides.iter().zip(&names).filter(|&(&side, _)| side == SEPARATOR);
+    for (slot, (_, &name)) in last.iter_mut().zip(cut) {
+        *slot = name;
+    }
+    let (left, left_names) = part(&level.graph, &names, &sides, 0);
+    let (right, right_names) = part(&level.graph, &names, &sides, 1);
+    drop((level, sides, names));
+    let first = || dissect(left, left_names, left_order, interrupt);
+    let second = || dissect(right, right_names, right_order, interrupt);
+    let (first, second) =
+        if count >= TASK { rayon::join(first, second) } else { (first(), second()) };
+    first && second
 }
 
 /// Minimum degree.
@@ -65,20 +66,6 @@ fn leaf(graph: &Graph, names: &[u32], order: &mut [u32]) -> bool {
 
 /// The graph on one side of a cut, with the names of its vertices.
 fn part(graph: &Graph, names: &[u32], sides: &[u8], side: u8) -> (Graph, Vec<u32>) {
-    let mut number = vec![0u32; sides.len()];
-    let mut kept = Vec::new();
-    for (v, &found) in sides.iter().enumerate() {
-        if found == side {
-            number[v] = kept.len() as u32;
-            kept.push(v as u32);
-        }
-    }
-    let mut part = Graph { starts: Vec::with_capacity(kept.len() + 1), neighbors: Vec::new() };
-    part.starts.push(0);
-    for &v in &kept {
-        let inside = graph.of(v as usize).iter().filter(|&&w| sides[w as usize] == side);
-        part.neighbors.extend(inside.map(|&w| number[w as usize]));
-        part.starts.push(part.neighbors.len() as u32);
-    }
+    let (part, kept) = graph.induced(|v| sides[v] == side, |v| graph.of(v));
     (part, kept.iter().map(|&v| names[v as usize]).collect())
 }

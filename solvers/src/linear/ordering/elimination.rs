@@ -5,9 +5,7 @@
 //! factorization", 1994. The fill is counted exactly and never formed, so that a factor that would
 //! not fit is known in milliseconds. Indices are positions in the order.
 
-use std::cmp::Ordering;
-
-use super::inverse_permutation;
+use crate::linear::lists::Lists;
 use crate::linear::pattern::BlockPattern;
 
 /// Marks a root of the elimination forest.
@@ -32,10 +30,10 @@ pub(in super::super) struct Elimination {
 pub(super) fn eliminate(pattern: &BlockPattern, order: &[u32]) -> Option<Elimination> {
     let count = pattern.block_count();
     let position = inverse_permutation(order, count)?;
-    let (starts, neighbors) = earlier_neighbors(pattern, &position);
-    let parents = tree(&starts, &neighbors);
+    let neighbors = earlier_neighbors(pattern, &position);
+    let parents = tree(&neighbors);
     let sizes: Vec<usize> = order.iter().map(|&block| pattern.sizes()[block as usize]).collect();
-    let (heights, block_heights) = heights(&sizes, &parents, (&starts, &neighbors));
+    let (heights, block_heights) = heights(&sizes, &parents, &neighbors);
     let (mut cubes, mut rest, mut factor_entries) = (0.0, 0.0, 0.0);
     let mut blocks = count;
     for ((&size, &height), &block_height) in sizes.iter().zip(&heights).zip(&block_heights) {
@@ -50,13 +48,29 @@ pub(super) fn eliminate(pattern: &BlockPattern, order: &[u32]) -> Option<Elimina
     Some(Elimination { parents, heights, block_heights, flops, blocks, factor_entries })
 }
 
+/// `position[order[k]] = k`, or `None` where `order` is not a permutation of `0..count`.
+pub(super) fn inverse_permutation(order: &[u32], count: usize) -> Option<Vec<u32>> {
+    if order.len() != count {
+        return None;
+    }
+    let mut position = vec![u32::MAX; count];
+    for (k, &block) in order.iter().enumerate() {
+        let slot = position.get_mut(block as usize)?;
+        if *slot != u32::MAX {
+            return None;
+        }
+        *slot = k as u32;
+    }
+    Some(position)
+}
+
 /// The elimination tree, by paths that are shortened as they are walked.
-fn tree(starts: &[usize], neighbors: &[u32]) -> Vec<u32> {
-    let count = starts.len() - 1;
+fn tree(neighbors: &Lists<u32>) -> Vec<u32> {
+    let count = neighbors.starts.len() - 1;
     let mut parents = vec![NO_PARENT; count];
     let mut ancestors = vec![NO_PARENT; count];
     for k in 0..count {
-        for &neighbor in &neighbors[starts[k]..starts[k + 1]] {
+        for &neighbor in neighbors.of(k) {
             let mut i = neighbor as usize;
             while i < k {
                 let next = ancestors[i];
@@ -77,14 +91,11 @@ fn tree(starts: &[usize], neighbors: &[u32]) -> Vec<u32> {
 /// Row i of the factor is a subtree with root i; column j is in it where j is on the way from one of
 /// its leaves. Each leaf adds the row to its column, the meeting point of consecutive leaves takes it
 /// out once, and sums over the tree's subtrees then count every row once.
-fn heights(
-    sizes: &[usize],
-    parents: &[u32],
-    (starts, neighbors): (&[usize], &[u32]),
-) -> (Vec<usize>, Vec<u32>) {
+fn heights(sizes: &[usize], parents: &[u32], neighbors: &Lists<u32>) -> (Vec<usize>, Vec<u32>) {
     let count = sizes.len();
-    let postorder = postorder_of(parents, |_| 0);
-    let (later_starts, later) = transposed(starts, neighbors);
+    let postorder = postorder_of(parents, 0..count as u32);
+    let earlier = |k: usize| neighbors.of(k).iter().map(move |&j| (j as usize, k as u32));
+    let later = Lists::new(count, (0..count).flat_map(earlier));
     // Place of the first descendant in postorder.
     let mut first = vec![NO_PARENT; count];
     let mut sums = vec![[0_i64; 2]; count];
@@ -108,7 +119,7 @@ fn heights(
             sums[parent as usize][0] -= sizes[j] as i64;
             sums[parent as usize][1] -= 1;
         }
-        for &i in &later[later_starts[j]..later_starts[j + 1]] {
+        for &i in later.of(j) {
             let row = i as usize;
             let seen = last_first[row];
             if seen != NO_PARENT && first[j] <= seen {
@@ -148,61 +159,12 @@ fn heights(
     (heights.collect(), sums.iter().map(|sum| (sum[1] - 1) as u32).collect())
 }
 
-/// The other direction of neighbor lists.
-fn transposed(starts: &[usize], neighbors: &[u32]) -> (Vec<usize>, Vec<u32>) {
-    let count = starts.len() - 1;
-    let mut other = vec![0usize; count + 1];
-    for &neighbor in neighbors {
-        other[neighbor as usize + 1] += 1;
-    }
-    for k in 0..count {
-        other[k + 1] += other[k];
-    }
-    let mut next = other.clone();
-    let mut list = vec![0u32; neighbors.len()];
-    for k in 0..count {
-        for &neighbor in &neighbors[starts[k]..starts[k + 1]] {
-            let slot = &mut next[neighbor as usize];
-            list[*slot] = k as u32;
-            *slot += 1;
-        }
-    }
-    (other, list)
-}
-
 /// For each position, the positions before it that it shares a stored block with.
-pub(in super::super) fn earlier_neighbors(
-    pattern: &BlockPattern,
-    position: &[u32],
-) -> (Vec<usize>, Vec<u32>) {
-    let count = pattern.block_count();
-    let mut starts = vec![0usize; count + 1];
-    for i in 0..count {
-        let p = position[i];
-        for &j in pattern.row(i) {
-            let q = position[j as usize];
-            if p != q {
-                starts[p.max(q) as usize + 1] += 1;
-            }
-        }
-    }
-    for k in 0..count {
-        starts[k + 1] += starts[k];
-    }
-    let mut next = starts.clone();
-    let mut neighbors = vec![0u32; starts[count]];
-    for i in 0..count {
-        let p = position[i];
-        for &j in pattern.row(i) {
-            let q = position[j as usize];
-            if p != q {
-                let slot = &mut next[p.max(q) as usize];
-                neighbors[*slot] = p.min(q);
-                *slot += 1;
-            }
-        }
-    }
-    (starts, neighbors)
+pub(in super::super) fn earlier_neighbors(pattern: &BlockPattern, position: &[u32]) -> Lists<u32> {
+    let places =
+        |i: usize| pattern.row(i).iter().map(move |&j| (position[i], position[j as usize]));
+    let pairs = (0..pattern.block_count()).flat_map(places).filter(|(p, q)| p != q);
+    Lists::new(pattern.block_count(), pairs.map(|(p, q)| (p.max(q) as usize, p.min(q))))
 }
 
 impl Elimination {
@@ -213,16 +175,13 @@ impl Elimination {
         for (k, &old) in order.iter().enumerate() {
             position[old as usize] = k as u32;
         }
-        let parents = order.iter().map(|&old| match self.parents[old as usize] {
-            NO_PARENT => NO_PARENT,
-            parent => position[parent as usize],
-        });
-        let heights = order.iter().map(|&old| self.heights[old as usize]);
-        let block_heights = order.iter().map(|&old| self.block_heights[old as usize]);
+        let old = || order.iter().map(|&old| old as usize);
+        // Of a root's parent there is no position.
+        let parent = |k: usize| position.get(self.parents[k] as usize).copied();
         Self {
-            parents: parents.collect(),
-            heights: heights.collect(),
-            block_heights: block_heights.collect(),
+            parents: old().map(|k| parent(k).unwrap_or(NO_PARENT)).collect(),
+            heights: old().map(|k| self.heights[k]).collect(),
+            block_heights: old().map(|k| self.block_heights[k]).collect(),
             ..*self
         }
     }
@@ -231,21 +190,21 @@ impl Elimination {
     ///
     /// The tallest child comes last, next to its parent, so that the two can share a supernode.
     pub(super) fn postorder(&self) -> Vec<u32> {
-        postorder_of(&self.parents, |k| self.heights[k as usize])
+        let mut by_height: Vec<u32> = (0..self.parents.len() as u32).collect();
+        by_height.sort_by_key(|&k| self.heights[k as usize]);
+        postorder_of(&self.parents, by_height.into_iter())
     }
 }
 
-/// A postorder of a forest, children by rising `key`.
-fn postorder_of(parents: &[u32], key: impl Fn(u32) -> usize) -> Vec<u32> {
+/// A postorder of a forest, children in the order of `siblings`; a child that is not listed is left out.
+pub(in super::super) fn postorder_of(
+    parents: &[u32],
+    siblings: impl DoubleEndedIterator<Item = u32>,
+) -> Vec<u32> {
     let count = parents.len();
-    let mut by_height: Vec<u32> = (0..count as u32).collect();
-    by_height.sort_by(|&a, &b| match key(a).cmp(&key(b)) {
-        Ordering::Equal => a.cmp(&b),
-        unequal @ (Ordering::Less | Ordering::Greater) => unequal,
-    });
-    // Linked lists of children: prepending in descending height leaves the lowest first.
+    // Linked lists of children: prepending in descending order leaves the first one first.
     let (mut first_child, mut sibling) = (vec![NO_PARENT; count], vec![NO_PARENT; count]);
-    for &k in by_height.iter().rev() {
+    for k in siblings.rev() {
         let parent = parents[k as usize];
         if parent != NO_PARENT {
             sibling[k as usize] = first_child[parent as usize];

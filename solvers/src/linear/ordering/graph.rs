@@ -1,6 +1,7 @@
 //! The graph of a block pattern: who shares an off-diagonal block with whom.
 //!
-//! Compressed neighbor lists, both directions, ascending. It knows neither sizes nor values.
+//! Compressed neighbor lists, both directions, ascending; with weights once vertices are merged. It
+//! knows neither sizes nor values.
 
 use std::ops::Range;
 
@@ -10,7 +11,7 @@ use crate::linear::pattern::BlockPattern;
 #[derive(Debug, Clone, Default)]
 pub(super) struct Graph {
     /// Where each list begins, and the end of the last.
-    pub(super) starts: Vec<u32>,
+    pub(super) starts: Vec<usize>,
     pub(super) neighbors: Vec<u32>,
 }
 
@@ -21,32 +22,51 @@ impl Graph {
         if pattern.stored_block_count() > (u32::MAX / 4) as usize {
             return Self::default();
         }
-        let mut starts = vec![0u32; count + 1];
+        let mut starts = vec![0; count + 1];
         for i in 0..count {
-            for &j in pattern.row(i) {
-                if j as usize != i {
-                    starts[i + 1] += 1;
-                    starts[j as usize + 1] += 1;
-                }
+            for &j in pattern.row(i).iter().filter(|&&j| j as usize != i) {
+                starts[i + 1] += 1;
+                starts[j as usize + 1] += 1;
             }
         }
         for i in 0..count {
             starts[i + 1] += starts[i];
         }
         let mut next = starts.clone();
-        let mut neighbors = vec![0u32; starts[count] as usize];
+        let mut neighbors = vec![0u32; starts[count]];
         // Rows ascend, so a vertex meets its lower neighbors in its own row before any higher one.
         for i in 0..count {
-            for &j in pattern.row(i) {
-                if j as usize != i {
-                    neighbors[next[i] as usize] = j;
-                    next[i] += 1;
-                    neighbors[next[j as usize] as usize] = i as u32;
-                    next[j as usize] += 1;
+            for &j in pattern.row(i).iter().filter(|&&j| j as usize != i) {
+                for (v, w) in [(i, j), (j as usize, i as u32)] {
+                    neighbors[next[v]] = w;
+                    next[v] += 1;
                 }
             }
         }
         Self { starts, neighbors }
+    }
+
+    /// The graph of the vertices that are kept, numbered anew, and their numbers here. `neighbors` are
+    /// those of a vertex, from which the ones that are not kept are left out.
+    pub(super) fn induced<'a>(
+        &self,
+        is_kept: impl Fn(usize) -> bool,
+        neighbors: impl Fn(usize) -> &'a [u32],
+    ) -> (Self, Vec<u32>) {
+        let mut number = vec![0u32; self.count()];
+        let mut kept = Vec::new();
+        for v in (0..self.count()).filter(|&v| is_kept(v)) {
+            number[v] = kept.len() as u32;
+            kept.push(v as u32);
+        }
+        let most = kept.iter().map(|&v| neighbors(v as usize).len()).sum();
+        let mut part = Self { starts: vec![0], neighbors: Vec::with_capacity(most) };
+        for &v in &kept {
+            let inside = neighbors(v as usize).iter().filter(|&&w| is_kept(w as usize));
+            part.neighbors.extend(inside.map(|&w| number[w as usize]));
+            part.starts.push(part.neighbors.len());
+        }
+        (part, kept)
     }
 
     /// Number of vertices.
@@ -56,11 +76,30 @@ impl Graph {
 
     /// Where the neighbors of vertex `v` stand.
     pub(super) fn range(&self, v: usize) -> Range<usize> {
-        self.starts[v] as usize..self.starts[v + 1] as usize
+        self.starts[v]..self.starts[v + 1]
     }
 
     /// The neighbors of vertex `v`.
     pub(super) fn of(&self, v: usize) -> &[u32] {
         &self.neighbors[self.range(v)]
+    }
+}
+
+/// A graph with weights.
+#[derive(Debug, Clone)]
+pub(super) struct Level {
+    pub(super) graph: Graph,
+    /// Original vertices in each vertex.
+    pub(super) weights: Vec<u32>,
+    /// Original edges along each entry of the neighbor lists.
+    pub(super) edge_weights: Vec<u32>,
+}
+
+impl Level {
+    /// All weights one.
+    pub(super) fn of(graph: Graph) -> Self {
+        let weights = vec![1; graph.count()];
+        let edge_weights = vec![1; graph.neighbors.len()];
+        Self { graph, weights, edge_weights }
     }
 }

@@ -105,7 +105,7 @@ pub(super) fn reduced(
             }
             is_eliminated[v] = true;
             order.push(v as u32);
-            let first = graph.starts[v] as usize;
+            let first = graph.starts[v];
             match *lists.get(first..first + degrees[v] as usize)? {
                 [a] => {
                     replace(graph, &mut lists, &mut degrees, a, v as u32, None);
@@ -121,7 +121,12 @@ pub(super) fn reduced(
         }
     }
     if order.len() < count {
-        let (kept, core) = remaining(graph, &lists, &degrees, &is_eliminated);
+        let left = |v: usize| &lists[graph.starts[v]..][..degrees[v] as usize];
+        let (mut core, kept) = graph.induced(|v| !is_eliminated[v], left);
+        for v in 0..core.count() {
+            let range = core.range(v);
+            core.neighbors[range].sort_unstable();
+        }
         order.extend(order_core(&core)?.into_iter().map(|k| kept[k as usize]));
     }
     Some(order)
@@ -137,7 +142,7 @@ fn replace(
     old: u32,
     new: Option<u32>,
 ) {
-    let first = graph.starts[v as usize] as usize;
+    let first = graph.starts[v as usize];
     let degree = &mut degrees[v as usize];
     let list = &mut lists[first..first + *degree as usize];
     let Some(at) = list.iter().position(|&w| w == old) else { return };
@@ -148,34 +153,6 @@ fn replace(
             *degree -= 1;
         }
     }
-}
-
-/// The vertices that are left, ascending, and their graph.
-fn remaining(
-    graph: &Graph,
-    lists: &[u32],
-    degrees: &[u32],
-    is_eliminated: &[bool],
-) -> (Vec<u32>, Graph) {
-    let count = graph.count();
-    let mut number = vec![0u32; count];
-    let mut kept = Vec::new();
-    for v in 0..count {
-        if !is_eliminated[v] {
-            number[v] = kept.len() as u32;
-            kept.push(v as u32);
-        }
-    }
-    let mut core = Graph { starts: vec![0], neighbors: Vec::with_capacity(lists.len()) };
-    for &v in &kept {
-        let first = graph.starts[v as usize] as usize;
-        let begin = core.neighbors.len();
-        let list = &lists[first..first + degrees[v as usize] as usize];
-        core.neighbors.extend(list.iter().map(|&w| number[w as usize]));
-        core.neighbors[begin..].sort_unstable();
-        core.starts.push(core.neighbors.len() as u32);
-    }
-    (kept, core)
 }
 
 /// AMD by faer.

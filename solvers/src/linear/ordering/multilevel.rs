@@ -5,12 +5,10 @@
 //! several seeds give a first cut; on the way back each level's cut is refined. Ties go to the lower
 //! index, so the same graph always gives the same cut.
 
-use super::graph::Graph;
-use super::refinement::Cut;
+use super::graph::{Graph, Level};
+use super::refinement::{Cut, SEPARATOR};
 use crate::interrupt::Interrupt;
-
-/// The side of the vertices that part the other two.
-pub(super) const SEPARATOR: u8 = 2;
+use crate::linear::lists::Lists;
 
 /// Merging ends at so many vertices, or when a level is hardly smaller than the last.
 const COARSEST: usize = 60;
@@ -19,24 +17,7 @@ const LEAST_SHRINKAGE: f64 = 0.9;
 /// Seeds from which regions are grown.
 const SEEDS: usize = 8;
 
-/// A graph with weights.
-#[derive(Debug, Clone)]
-pub(super) struct Level {
-    pub(super) graph: Graph,
-    /// Original vertices in each vertex.
-    pub(super) weights: Vec<u32>,
-    /// Original edges along each entry of the neighbor lists.
-    edge_weights: Vec<u32>,
-}
-
 impl Level {
-    /// All weights one.
-    pub(super) fn of(graph: Graph) -> Self {
-        let weights = vec![1; graph.count()];
-        let edge_weights = vec![1; graph.neighbors.len()];
-        Self { graph, weights, edge_weights }
-    }
-
     /// The next coarser level, and which of its vertices each vertex went into.
     fn coarsened(&self) -> (Self, Vec<u32>) {
         let count = self.graph.count();
@@ -77,7 +58,7 @@ impl Level {
                 }
             }
             weights.push(weight);
-            graph.starts.push(graph.neighbors.len() as u32);
+            graph.starts.push(graph.neighbors.len());
         }
         (Self { graph, weights, edge_weights }, coarse_of)
     }
@@ -115,22 +96,8 @@ impl Level {
 
 /// Vertices by ascending degree, then index.
 fn by_degree(graph: &Graph) -> Vec<u32> {
-    let count = graph.count();
-    let degree = |v: usize| graph.of(v).len().min(63);
-    let mut starts = [0usize; 65];
-    for v in 0..count {
-        starts[degree(v) + 1] += 1;
-    }
-    for d in 0..64 {
-        starts[d + 1] += starts[d];
-    }
-    let mut order = vec![0u32; count];
-    for v in 0..count {
-        let slot = &mut starts[degree(v)];
-        order[*slot] = v as u32;
-        *slot += 1;
-    }
-    order
+    let degree = |v: u32| graph.of(v as usize).len().min(63);
+    Lists::new(64, (0..graph.count() as u32).map(|v| (degree(v), v))).items
 }
 
 /// The side of each vertex: 0, 1 or [`SEPARATOR`]. A side may be empty. `None` once `interrupt` is due.

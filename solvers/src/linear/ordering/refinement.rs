@@ -7,7 +7,10 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::multilevel::{Level, SEPARATOR};
+use super::graph::Level;
+
+/// The side of the vertices that part the other two.
+pub(super) const SEPARATOR: u8 = 2;
 
 /// A side may have at most this share of the weight.
 const HEAVIEST_SIDE: f64 = 0.65;

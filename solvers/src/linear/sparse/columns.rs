@@ -1,12 +1,16 @@
-//! Columns of a front: the Cholesky of a panel, and strips of columns that go to tasks.
+//! Columns of a front: its elimination, and strips of columns that go to tasks.
 //!
 //! How columns are grouped and who works on them changes no bit; see `kernels`. It knows no plan.
 
 use rayon::prelude::*;
 
 use super::kernels::{BadPivot, Downdate, Factor, PANEL, Source, Start, Target};
+use super::shape::Shape;
 use crate::interrupt::Interrupt;
 use crate::simd::{Class, WIDTH};
+
+/// Work of fewer flops is not dealt out.
+pub(super) const PARALLEL_FLOPS: f64 = 1e6;
 
 /// Columns that a task updates at a time.
 pub(super) const COLUMNS_PER_TASK: usize = 24;
@@ -19,18 +23,52 @@ const DEALT_PANEL: usize = 32;
 /// columns some 30 million flops.
 const STRIP: usize = 1 << 18;
 
-/// Cholesky of the first `pivots` columns, all that `panel` holds; bad pivots count from its first.
+/// How columns are cut into strips.
+#[derive(Clone, Copy)]
+pub(super) enum Cut {
+    /// Strips of so many columns, which go to tasks.
+    Dealt(usize),
+    /// One after the other, of [`STRIP`] elements or so; groups of so many columns stay together.
+    InTurn(usize),
+}
+
+/// Eliminates the pivots of a front whose panel holds the matrix's values: `lift` adds the children's
+/// update matrices to some columns, the panel is factored, then the front's own update matrix is made.
 /// Where `interrupt` is due it ends early, as one that went well.
-pub(super) fn cholesky(
+#[inline]
+pub(super) fn eliminate(
+    class: Class,
+    shape: Shape,
+    [panel, update]: [&mut [f64]; 2],
+    (cut, interrupt): (Cut, &Interrupt),
+    lift: impl Fn(Target<'_>) + Sync,
+) -> Result<(), BadPivot> {
+    let Shape { pivots, stride, .. } = shape;
+    strips((stride, 0), panel, cut, interrupt, |first_column, columns| {
+        lift(Target { columns, stride, first_row: 0, first_column });
+    });
+    cholesky(class, panel, (stride, pivots), matches!(cut, Cut::Dealt(_)), interrupt)?;
+    let source = Source { columns: panel, stride };
+    let (stride, first_row) = (shape.update_stride(), shape.update_row());
+    strips((stride, pivots), update, cut, interrupt, |first_column, columns| {
+        let target = Target { columns: &mut *columns, stride, first_row, first_column };
+        class.run(Downdate { source, start: Start::Zero, target });
+        lift(Target { columns, stride, first_row, first_column });
+    });
+    Ok(())
+}
+
+/// Cholesky of the first `pivots` columns, all that `panel` holds; bad pivots count from its first.
+fn cholesky(
     class: Class,
     panel: &mut [f64],
     (stride, pivots): (usize, usize),
     is_dealt: bool,
     interrupt: &Interrupt,
 ) -> Result<(), BadPivot> {
-    let (width, strip) = match is_dealt {
-        true => (DEALT_PANEL, Some(COLUMNS_PER_TASK)),
-        false => (PANEL, None),
+    let (width, cut) = match is_dealt {
+        true => (DEALT_PANEL, Cut::Dealt(COLUMNS_PER_TASK)),
+        false => (PANEL, Cut::InTurn(WIDTH)),
     };
     let mut first = 0;
     // Small panels, of which there are many, are not worth asking for.
@@ -44,7 +82,7 @@ pub(super) fn cholesky(
         let columns = &mut head[first * stride..];
         class.run(Factor { columns: &mut *columns, stride, first })?;
         let source = Source { columns, stride };
-        strips((stride, end), rest, (strip, interrupt), |first_column, columns| {
+        strips((stride, end), rest, cut, interrupt, |first_column, columns| {
             let target = Target { columns, stride, first_row: 0, first_column };
             class.run(Downdate { source, start: Start::Target, target });
         });
@@ -53,35 +91,33 @@ pub(super) fn cholesky(
     Ok(())
 }
 
-/// Runs `work` on `columns`, which begin at column `first`: on strips of so many in parallel, or on
-/// one thread; until `interrupt` is due.
-pub(super) fn strips(
+/// Runs `work` on strips of `columns`, which begin at column `first`, until `interrupt` is due.
+#[inline]
+fn strips(
     (stride, first): (usize, usize),
     columns: &mut [f64],
-    (strip, interrupt): (Option<usize>, &Interrupt),
+    cut: Cut,
+    interrupt: &Interrupt,
     work: impl Fn(usize, &mut [f64]) + Sync,
 ) {
-    if columns.is_empty() {
-        return;
-    }
-    let Some(strip) = strip else {
-        if columns.len() <= STRIP {
-            work(first, columns);
-            return;
+    match cut {
+        _ if columns.is_empty() => {}
+        Cut::Dealt(strip) => {
+            columns.par_chunks_mut(strip * stride).enumerate().for_each(|(k, columns)| {
+                if !interrupt.is_due() {
+                    work(first + k * strip, columns);
+                }
+            });
         }
-        // Whole groups of the eight columns that kernels take at a time.
-        let strip = (STRIP / stride).next_multiple_of(WIDTH).max(WIDTH);
-        for (k, columns) in columns.chunks_mut(strip * stride).enumerate() {
-            if interrupt.is_due() {
-                return;
+        Cut::InTurn(_) if columns.len() <= STRIP => work(first, columns),
+        Cut::InTurn(group) => {
+            let strip = (STRIP / stride).next_multiple_of(group).max(group);
+            for (k, columns) in columns.chunks_mut(strip * stride).enumerate() {
+                if interrupt.is_due() {
+                    return;
+                }
+                work(first + k * strip, columns);
             }
-            work(first + k * strip, columns);
         }
-        return;
-    };
-    columns.par_chunks_mut(strip * stride).enumerate().for_each(|(k, columns)| {
-        if !interrupt.is_due() {
-            work(first + k * strip, columns);
-        }
-    });
+    }
 }

@@ -1,48 +1,22 @@
 //! Filling a front: the matrix's own blocks, and the update matrices of its children.
 //!
-//! Blocks of 2, 3, 6, 7, 9 and 15 scalars have loops of fixed length. Squares on the diagonal are
-//! taken whole where that is simpler: what lands above the diagonal is never read.
+//! Blocks of usual sizes have loops of fixed length. Squares on the diagonal are taken whole where
+//! that is simpler: what lands above the diagonal is never read.
 //! Children are added in order, each element by one task, so that sums keep their order.
 
 use super::kernels::Target;
-use super::numeric::Numeric;
-use super::plan::{Entry, Node, Run};
+use super::plan::{Node, Plan, Run};
+use super::shape::Shape;
 use crate::simd::{Kernel, Lanes, WIDTH};
 
 /// Columns of a diagonal square that are added at a time.
 const DIAGONAL: usize = 8;
 
-/// The panel with the matrix's own values.
-pub(super) fn fill(numeric: &Numeric<'_>, node: &Node, panel: &mut [f64]) {
-    let plan = numeric.plan;
+/// The panel of node `s` with the values of H and of D, which is in the caller's order or empty.
+pub(super) fn fill(plan: &Plan, s: usize, (values, added): (&[f64], &[f64]), panel: &mut [f64]) {
+    let Node { first, shape: Shape { pivots, stride, .. }, .. } = plan.nodes[s];
     panel.fill(0.0);
-    let entries = &plan.entries[node.entries.start as usize..node.entries.end as usize];
-    scatter(entries, numeric.values, panel, node.stride);
-    if !numeric.added.is_empty() {
-        let scalars = &plan.scalars[node.first..node.first + node.pivots];
-        for (k, &scalar) in scalars.iter().enumerate() {
-            panel[k * (node.stride + 1)] += numeric.added[scalar as usize];
-        }
-    }
-}
-
-pub(super) fn whole_panel<'a>(node: &Node, columns: &'a mut [f64]) -> Target<'a> {
-    Target { columns, stride: node.stride, first_row: 0, first_column: 0 }
-}
-
-pub(super) fn whole_update<'a>(node: &Node, columns: &'a mut [f64]) -> Target<'a> {
-    Target {
-        columns,
-        stride: node.update_stride(),
-        first_row: node.update_row(),
-        first_column: node.pivots,
-    }
-}
-
-/// Copies stored blocks into a panel of the given stride.
-#[inline(always)]
-fn scatter(entries: &[Entry], values: &[f64], panel: &mut [f64], stride: usize) {
-    for entry in entries {
+    for entry in plan.entries.of(s) {
         let (rows, columns) = (usize::from(entry.rows), usize::from(entry.columns));
         let Some(source) =
             values.get(entry.source as usize..).and_then(|v| v.get(..rows * columns))
@@ -66,6 +40,11 @@ fn scatter(entries: &[Entry], values: &[f64], panel: &mut [f64], stride: usize) 
                     }
                 }
             }
+        }
+    }
+    if !added.is_empty() {
+        for (k, &scalar) in plan.scalars[first..first + pivots].iter().enumerate() {
+            panel[k * (stride + 1)] += added[scalar as usize];
         }
     }
 }
@@ -98,7 +77,8 @@ fn scatter_block<const N: usize>(
 
 /// Adds a child's update matrix to those columns of the parent's front that `target` holds.
 pub(super) struct Lift<'a> {
-    pub(super) child: &'a Node,
+    /// The child's.
+    pub(super) shape: Shape,
     pub(super) update: &'a [f64],
     pub(super) runs: &'a [Run],
     pub(super) target: Target<'a>,
@@ -109,9 +89,9 @@ impl Kernel for Lift<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { child, update, runs, target } = self;
-        let stride = child.update_stride();
-        let top = child.pivots - child.update_row();
+        let Self { shape, update, runs, target } = self;
+        let stride = shape.update_stride();
+        let top = shape.pivots - shape.update_row();
         let first = target.first_column;
         let end = first + target.columns.len() / target.stride.max(1);
         for (index, run) in runs.iter().enumerate() {

@@ -31,7 +31,7 @@ impl BadPivot {
 
 /// Rows `row..row + 8` of a column.
 #[inline(always)]
-fn rows_at(column: &[f64], row: usize) -> &Row {
+pub(super) fn rows_at(column: &[f64], row: usize) -> &Row {
     // The lengths agree by construction; a front that is too short reads as zeros.
     column.get(row..).and_then(|tail| tail.first_chunk()).unwrap_or(&[0.0; WIDTH])
 }
@@ -149,24 +149,7 @@ pub(super) struct Source<'a> {
     pub(super) stride: usize,
 }
 
-/// target −= L Lᵀ in its lower triangle.
-#[inline(always)]
-fn downdate<L: Lanes>(lanes: L, source: Source<'_>, start: Start, target: Target<'_>) {
-    let Target { columns, stride, first_row, first_column } = target;
-    if stride == 0 {
-        return;
-    }
-    let (mut rest, mut first_column) = (columns, first_column);
-    while rest.len() >= stride {
-        let target = Target { columns: &mut *rest, stride, first_row, first_column };
-        let width = target.columns.len() / stride;
-        let (width, ()) = widest!(L, width, strip(lanes, source, start, target));
-        rest = rest.split_at_mut(width * stride).1;
-        first_column += width;
-    }
-}
-
-/// The first `W` columns of [`downdate`].
+/// The first `W` columns of a [`Downdate`].
 #[inline(always)]
 fn strip<L: Lanes, const W: usize>(
     lanes: L,
@@ -202,30 +185,6 @@ fn tile<L: Lanes, const R: usize, const W: usize>(
             store_at(lanes, target.columns, w * target.stride + at + r * WIDTH, acc[w][r]);
         }
     }
-}
-
-/// Factors up to [`PANEL`] columns, which begin at the front's column `first`, in place; the columns
-/// before them have been subtracted.
-#[inline(always)]
-fn factor_panel<L: Lanes>(
-    lanes: L,
-    columns: &mut [f64],
-    stride: usize,
-    first: usize,
-) -> Result<(), BadPivot> {
-    let count = columns.len() / stride.max(1);
-    let mut done = 0;
-    while done < count {
-        let (before, rest) = columns.split_at_mut(done * stride);
-        let before = Source { columns: before, stride };
-        // A strip ends where its group of eight rows does.
-        let column = first + done;
-        let width = (count - done).min(WIDTH - column % WIDTH);
-        let (width, outcome) = widest!(L, width, factor_strip(lanes, before, rest, column));
-        outcome?;
-        done += width;
-    }
-    Ok(())
 }
 
 /// Factors the first `W` of `columns`, which are the front's from column `first` on.
@@ -367,7 +326,8 @@ fn factor_block<L: Lanes, const W: usize>(
     Err((first, pivots.get(first).is_some_and(|pivot| pivot.is_finite())))
 }
 
-/// [`factor_panel`]: Cholesky of up to [`PANEL`] columns.
+/// Cholesky in place of up to [`PANEL`] columns, which begin at the front's column `first`; the
+/// columns before them have been subtracted.
 pub(super) struct Factor<'a> {
     pub(super) columns: &'a mut [f64],
     pub(super) stride: usize,
@@ -380,7 +340,19 @@ impl Kernel for Factor<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> Self::Output {
         let Self { columns, stride, first } = self;
-        factor_panel(lanes, columns, stride, first)
+        let count = columns.len() / stride.max(1);
+        let mut done = 0;
+        while done < count {
+            let (before, rest) = columns.split_at_mut(done * stride);
+            let before = Source { columns: before, stride };
+            // A strip ends where its group of eight rows does.
+            let column = first + done;
+            let width = (count - done).min(WIDTH - column % WIDTH);
+            let (width, outcome) = widest!(L, width, factor_strip(lanes, before, rest, column));
+            outcome?;
+            done += width;
+        }
+        Ok(())
     }
 }
 
@@ -396,16 +368,21 @@ impl Kernel for Downdate<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { source: Source { columns, stride }, mut start, target } = self;
-        let Target { columns: target, stride: target_stride, first_row, first_column } = target;
-        let mut rest = columns;
-        while !rest.is_empty() || start == Start::Zero {
-            let (current, tail) = rest.split_at(rest.len().min(PANEL * stride));
-            rest = tail;
-            let source = Source { columns: current, stride };
-            let target =
-                Target { columns: &mut *target, stride: target_stride, first_row, first_column };
-            downdate(lanes, source, start, target);
+        let Self { source: Source { columns, stride: source_stride }, mut start, target } = self;
+        let Target { columns: target, stride, first_row, first_column } = target;
+        let mut sources = columns;
+        while !sources.is_empty() || start == Start::Zero {
+            let (current, tail) = sources.split_at(sources.len().min(PANEL * source_stride));
+            sources = tail;
+            let source = Source { columns: current, stride: source_stride };
+            let (mut rest, mut first_column) = (&mut *target, first_column);
+            while stride > 0 && rest.len() >= stride {
+                let target = Target { columns: &mut *rest, stride, first_row, first_column };
+                let width = target.columns.len() / stride;
+                let (width, ()) = widest!(L, width, strip(lanes, source, start, target));
+                rest = rest.split_at_mut(width * stride).1;
+                first_column += width;
+            }
             start = Start::Target;
         }
     }

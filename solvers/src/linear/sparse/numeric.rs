@@ -3,18 +3,19 @@
 //! Multifrontal (Duff and Reid, "The multifrontal solution of indefinite sparse symmetric linear
 //! equations", 1983): a node's panel takes the matrix's blocks and its children's updates, is
 //! factored, makes its update matrix −L₂₁L₂₁ᵀ, and that takes what is left of its children's.
-//! Subtrees of little work are swept by one task. Above them, subtrees run in parallel and a
-//! front's columns are dealt out in strips. Each element has one owner and one order of operations,
-//! so the bits do not depend on the number of threads.
+//! Subtrees of little work are swept by one task, update matrices on two stacks. Above them,
+//! subtrees run in parallel and a front's columns are dealt out in strips. Each element has one
+//! owner and one order of operations, so the bits do not depend on the number of threads.
 
-use super::branch::Updated;
-use super::kernels::BadPivot;
+use super::columns::{COLUMNS_PER_TASK, Cut, PARALLEL_FLOPS, eliminate};
+use super::front::{Lift, fill};
+use super::kernels::{BadPivot, Target};
 use super::plan::{Node, Plan, Run};
 use crate::interrupt::Interrupt;
-use crate::simd::Class;
+use crate::simd::{Class, WIDTH};
 
-/// Work of fewer flops is not dealt out.
-pub(super) const PARALLEL_FLOPS: f64 = 1e6;
+/// Fronts of fewer flops are done without asking whether to go on.
+const SOME_FLOPS: f64 = 1e5;
 
 /// A factorization under way.
 #[derive(Clone, Copy)]
@@ -38,8 +39,8 @@ struct Task<'s> {
 }
 
 /// A branch with its panel.
-struct Link<'a, 's> {
-    node: &'a Node,
+struct Link<'s> {
+    s: u32,
     panel: &'s mut [f64],
     /// Where its children begin among the tasks; the link below is left out.
     first_task: usize,
@@ -53,11 +54,11 @@ impl<'a> Numeric<'a> {
         self.forest(&mut tasks)
     }
 
-    pub(super) fn node(&self, s: u32) -> &'a Node {
+    fn node(&self, s: u32) -> &'a Node {
         &self.plan.nodes[s as usize]
     }
 
-    pub(super) fn lifts(&self, child: &Node) -> &'a [Run] {
+    fn lifts(&self, child: &Node) -> &'a [Run] {
         &self.plan.lifts[child.lifts.start as usize..child.lifts.end as usize]
     }
 
@@ -75,7 +76,7 @@ impl<'a> Numeric<'a> {
         let mut kept: &mut [f64] = &mut [];
         for &root in roots {
             let node = self.node(root);
-            let panels = node.panel + node.panel_size() - self.node(node.first_node).panel;
+            let panels = node.panel + node.shape.panel_size() - self.node(node.first_node).panel;
             let (own_factor, rest) = factor.split_at_mut(panels);
             factor = rest;
             if left_out == Some(root) {
@@ -93,7 +94,12 @@ impl<'a> Numeric<'a> {
     fn forest(&self, tasks: &mut [Task<'_>]) -> Result<(), BadPivot> {
         let flops: f64 = tasks.iter().map(|task| self.node(task.root).flops).sum();
         if tasks.len() < 2 || !self.is_parallel || flops < PARALLEL_FLOPS {
-            return tasks.iter_mut().try_for_each(|task| self.subtree(task));
+            return tasks.iter_mut().try_for_each(|Task { root, factor, space }| {
+                match self.node(*root).is_branch {
+                    true => self.branches(*root, factor, space),
+                    false => self.sweep(*root, factor, space),
+                }
+            });
         }
         let (mut middle, mut left_flops) = (0, 0.0);
         while middle + 1 < tasks.len() && left_flops < 0.5 * flops {
@@ -103,15 +109,6 @@ impl<'a> Numeric<'a> {
         let (left, right) = tasks.split_at_mut(middle);
         let (left, right) = rayon::join(|| self.forest(left), || self.forest(right));
         left.and(right)
-    }
-
-    fn subtree(&self, task: &mut Task<'_>) -> Result<(), BadPivot> {
-        let Task { root, factor, space } = task;
-        if self.node(*root).is_branch {
-            self.branches(*root, factor, space)
-        } else {
-            self.sweep(*root, factor, space)
-        }
     }
 
     /// A branch with the branches under it, down to the first with more than one branch below.
@@ -126,10 +123,10 @@ impl<'a> Numeric<'a> {
         let (mut factor, mut next) = (factor, Some(top));
         while let Some(s) = next {
             let node = self.node(s);
-            let (below, panel) = factor.split_at_mut(factor.len() - node.panel_size());
-            links.push(Link { node, panel, first_task: tasks.len() });
-            next = self.plan.next_branch(node);
-            let children = self.plan.children_of(node);
+            let (below, panel) = factor.split_at_mut(factor.len() - node.shape.panel_size());
+            links.push(Link { s, panel, first_task: tasks.len() });
+            next = self.plan.next_branch(s as usize);
+            let children = self.plan.children.of(s as usize);
             (factor, space) = self.deal(children, next, below, space, &mut tasks);
         }
         self.forest(&mut tasks)?;
@@ -139,17 +136,74 @@ impl<'a> Numeric<'a> {
         }
         let mut below: Option<&Node> = None;
         let mut end = tasks.len();
-        for Link { node, panel, first_task } in links.into_iter().rev() {
+        for Link { s, panel, first_task } in links.into_iter().rev() {
+            let node = self.node(s);
             let updates = tasks[first_task..end].iter().map(|task| (task.root, &*task.space));
             let updates = updates.map(|(root, space)| (self.node(root), space));
-            let updates: Vec<Updated<'_>> = updates
+            let updates: Vec<(&Node, &[f64])> = updates
                 .chain(below.map(|child| (child, &*other)))
-                .map(|(child, space)| (child, &space[..child.update_size()]))
+                .map(|(child, space)| (child, &space[..child.shape.update_size()]))
                 .collect();
-            self.front(node, &updates, panel, &mut own[..node.update_size()])?;
+            let update = &mut own[..node.shape.update_size()];
+            let is_dealt = self.is_parallel && node.shape.flops() > PARALLEL_FLOPS;
+            self.front(s, updates.iter().copied(), panel, update, is_dealt)?;
             std::mem::swap(&mut own, &mut other);
             (below, end) = (Some(node), first_task);
         }
         Ok(())
+    }
+
+    /// The subtree under `root` in one task, with its part of the factor and of the space.
+    fn sweep(&self, root: u32, factor: &mut [f64], space: &mut [f64]) -> Result<(), BadPivot> {
+        let root_node = self.node(root);
+        let base = self.node(root_node.first_node).panel;
+        let (mut own, mut other) = space.split_at_mut(root_node.space[0]);
+        let mut is_odd = root_node.is_odd;
+        for s in root_node.first_node..=root {
+            let node = self.node(s);
+            if node.shape.flops() > SOME_FLOPS && self.interrupt.is_due() {
+                return Ok(());
+            }
+            if node.is_odd != is_odd {
+                std::mem::swap(&mut own, &mut other);
+                is_odd = node.is_odd;
+            }
+            let panel = &mut factor[node.panel - base..][..node.shape.panel_size()];
+            let update = &mut own[node.update..][..node.shape.update_size()];
+            let other = &*other;
+            let children = self.plan.children.of(s as usize).iter().map(|&child| {
+                let child = self.node(child);
+                (child, &other[child.update..][..child.shape.update_size()])
+            });
+            self.front(s, children, panel, update, false)?;
+        }
+        Ok(())
+    }
+
+    /// One front from the matrix and the `children` with their update matrices: its panel is
+    /// factored, then its own update matrix is made. `is_dealt` says whether strips of columns go to
+    /// tasks.
+    fn front<'c>(
+        &self,
+        s: u32,
+        children: impl Iterator<Item = (&'c Node, &'c [f64])> + Clone + Sync,
+        panel: &mut [f64],
+        update: &mut [f64],
+        is_dealt: bool,
+    ) -> Result<(), BadPivot> {
+        let node = self.node(s);
+        // Kernels take eight columns at a time.
+        let cut = if is_dealt { Cut::Dealt(COLUMNS_PER_TASK) } else { Cut::InTurn(WIDTH) };
+        let lift = |target: Target<'_>| {
+            let Target { columns, stride, first_row, first_column } = target;
+            for (child, update) in children.clone() {
+                let target = Target { columns: &mut *columns, stride, first_row, first_column };
+                let runs = self.lifts(child);
+                self.class.run(Lift { shape: child.shape, update, runs, target });
+            }
+        };
+        fill(self.plan, s as usize, (self.values, self.added), panel);
+        eliminate(self.class, node.shape, [panel, update], (cut, self.interrupt), lift)
+            .map_err(|bad| bad.after(node.first))
     }
 }

@@ -10,18 +10,22 @@
 
 use std::ops::Range;
 
-use super::super::error::LinearError;
-use super::super::ordering::{Elimination, NO_PARENT, earlier_neighbors};
-use super::super::pattern::BlockPattern;
 use super::shape::Shape;
 use super::supernodes::{FRONT, Placed, Supernodes, amalgamate};
+use crate::linear::error::LinearError;
+use crate::linear::lists::Lists;
+use crate::linear::ordering::{Elimination, NO_PARENT, earlier_neighbors};
+use crate::linear::pattern::BlockPattern;
+
+/// Bytes of an index list's growth: a vector doubles, and stands beside its former self meanwhile.
+const GROWTH: u64 = 2;
 
 /// A subtree is a branch if it has at least this share of all flops, and at least so many.
 const BRANCH_SHARE: f64 = 1.0 / 32.0;
 const BRANCH_FLOPS: f64 = 2e6;
 
 /// A stored block's way into its front.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Entry {
     /// First value in the matrix.
     pub(super) source: u32,
@@ -43,16 +47,11 @@ pub(super) struct Run {
 }
 
 /// A supernode.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Node {
     /// First pivot, a scalar in elimination order.
     pub(super) first: usize,
-    /// Pivots.
-    pub(super) pivots: usize,
-    /// Pivots and rows below them.
-    pub(super) rows: usize,
-    /// From one column of the panel to the next.
-    pub(super) stride: usize,
+    pub(super) shape: Shape,
     /// Where the panel begins in the factor.
     pub(super) panel: usize,
     /// Where the update matrix begins on its stack.
@@ -67,42 +66,21 @@ pub(super) struct Node {
     pub(super) flops: f64,
     /// First node of the subtree.
     pub(super) first_node: u32,
+    /// Or [`NO_PARENT`].
     pub(super) parent: u32,
-    /// Into [`Plan::children`], [`Plan::entries`], [`Plan::rows`] and [`Plan::lifts`].
-    pub(super) children: Range<u32>,
-    pub(super) entries: Range<u32>,
+    /// Into [`Plan::rows`] and [`Plan::lifts`].
     pub(super) row_runs: Range<u32>,
     pub(super) lifts: Range<u32>,
 }
 
 impl Node {
-    pub(super) fn shape(&self) -> Shape {
-        Shape { pivots: self.pivots, rows: self.rows, stride: self.stride }
-    }
-
-    pub(super) fn update_row(&self) -> usize {
-        self.shape().update_row()
-    }
-
-    pub(super) fn update_stride(&self) -> usize {
-        self.shape().update_stride()
-    }
-
-    pub(super) fn update_size(&self) -> usize {
-        self.shape().update_size()
-    }
-
     /// Elements of the memory for update matrices of the subtree.
     pub(super) fn whole_space(&self) -> usize {
         self.space.iter().sum()
     }
-
-    pub(super) fn panel_size(&self) -> usize {
-        self.shape().panel_size()
-    }
 }
 
-/// What a sparse factorization keeps from planning.
+/// What a sparse factorization keeps from planning. Lists are by node.
 #[derive(Debug, Default)]
 pub(super) struct Plan {
     /// `scalars[k]` is the caller's scalar that is eliminated k-th.
@@ -110,8 +88,8 @@ pub(super) struct Plan {
     pub(super) nodes: Vec<Node>,
     /// Nodes without a parent.
     pub(super) roots: Vec<u32>,
-    pub(super) children: Vec<u32>,
-    pub(super) entries: Vec<Entry>,
+    pub(super) children: Lists<u32>,
+    pub(super) entries: Lists<Entry>,
     /// Rows below the pivots, from the front to the scalars in elimination order.
     pub(super) rows: Vec<Run>,
     /// Rows below the pivots, from the update matrix's columns to the parent's front.
@@ -140,185 +118,135 @@ impl Plan {
         }
         let sizes: Vec<usize> = order.iter().map(|&b| pattern.sizes()[b as usize]).collect();
         let supernodes = amalgamate(&sizes, elimination, FRONT);
-        let builder = Builder::new(pattern, order, &supernodes);
-        builder.build(pattern, &supernodes).ok_or(too_large)
+        let placed = supernodes.placed(order);
+        Self::laid_out(pattern, &supernodes, &placed).ok_or(too_large)
     }
-}
 
-/// Index work on the way to a plan; blocks are numbered by their position in the final order.
-struct Builder {
-    position: Vec<u32>,
-    sizes: Vec<usize>,
-    /// First scalar of each block in elimination order.
-    offsets: Vec<usize>,
-    scalars: Vec<u32>,
-    node_of: Vec<u32>,
-    /// Blocks below the pivots of each node, ascending.
-    row_starts: Vec<usize>,
-    row_blocks: Vec<u32>,
-}
-
-impl Builder {
-    fn new(pattern: &BlockPattern, order: &[u32], supernodes: &Supernodes) -> Self {
-        let Placed { order, position, node_of } = supernodes.placed(order);
-        let count = order.len();
+    /// `None` where something does not fit its index. Blocks are numbered by their place.
+    fn laid_out(pattern: &BlockPattern, supernodes: &Supernodes, placed: &Placed) -> Option<Self> {
+        let order = &placed.order;
         let sizes: Vec<usize> = order.iter().map(|&b| pattern.sizes()[b as usize]).collect();
-        let mut offsets = Vec::with_capacity(count + 1);
+        let mut plan = Self::of_tree(&supernodes.parents);
+        plan.scalars.reserve_exact(pattern.dimension());
+        // First scalar of each block in elimination order.
+        let mut offsets = Vec::with_capacity(order.len() + 1);
         offsets.push(0);
-        let mut scalars = Vec::with_capacity(pattern.dimension());
-        for (k, &block) in order.iter().enumerate() {
+        for (&block, &size) in order.iter().zip(&sizes) {
             let start = pattern.offset(block as usize) as u32;
-            scalars.extend(start..start + sizes[k] as u32);
-            offsets.push(scalars.len());
+            plan.scalars.extend(start..start + size as u32);
+            offsets.push(plan.scalars.len());
         }
-        let (row_starts, row_blocks) =
-            row_structure(pattern, &position, &node_of, &supernodes.parents);
-        Self { position, sizes, offsets, scalars, node_of, row_starts, row_blocks }
-    }
-
-    fn rows_of(&self, s: usize) -> &[u32] {
-        &self.row_blocks[self.row_starts[s]..self.row_starts[s + 1]]
-    }
-
-    /// `None` where something does not fit its index.
-    fn build(self, pattern: &BlockPattern, supernodes: &Supernodes) -> Option<Plan> {
-        let count = supernodes.parents.len();
-        let (entry_starts, mut stored) = self.entries_by_node(pattern);
-        let (children, child_starts, roots) = children(&supernodes.parents);
-        let mut plan = Plan {
-            scalars: Vec::new(),
-            nodes: Vec::with_capacity(count),
-            roots,
-            children,
-            entries: Vec::with_capacity(stored.len()),
-            rows: Vec::new(),
-            lifts: Vec::new(),
-            factor_size: 0,
-            space: 0,
-            longest: 0,
-        };
+        let below = row_structure(pattern, placed, &supernodes.parents);
+        let mut stored = stored_by_node(pattern, placed);
+        let mut entries = Vec::with_capacity(stored.items.len());
         // Where each block stands in the front of the node at hand.
-        let mut local = vec![0u32; self.sizes.len()];
-        for s in 0..count {
-            let blocks = supernodes.blocks[s].clone();
-            let first = self.offsets[blocks.start];
-            let pivots = self.offsets[blocks.end] - first;
-            for block in blocks {
-                local[block] = (self.offsets[block] - first) as u32;
+        let mut local = vec![0u32; sizes.len()];
+        for (s, blocks) in supernodes.blocks.iter().enumerate() {
+            let first = offsets[blocks.start];
+            let pivots = offsets[blocks.end] - first;
+            for block in blocks.clone() {
+                local[block] = (offsets[block] - first) as u32;
             }
             let mut rows = pivots;
             let row_runs = plan.rows.len();
-            for &block in self.rows_of(s) {
-                let size = self.sizes[block as usize];
+            for &block in below.of(s) {
+                let size = sizes[block as usize];
                 local[block as usize] = rows as u32;
-                push_run(&mut plan.rows, row_runs, rows, self.offsets[block as usize], size);
+                push_run(&mut plan.rows, row_runs, rows, offsets[block as usize], size);
                 rows += size;
             }
-            let stride = Shape::new(pivots, rows, 0).stride;
-            u32::try_from(stride.checked_mul(rows)?).ok()?;
-            for block in &mut stored[entry_starts[s]..entry_starts[s + 1]] {
+            let shape = Shape::new(pivots, rows, 0);
+            u32::try_from(shape.stride.checked_mul(rows)?).ok()?;
+            let range = stored.range(s);
+            for block in &mut stored.items[range] {
                 let (r, c) = (local[block.row as usize], local[block.column as usize]);
-                block.entry.target = r + c * stride as u32;
-                plan.entries.push(block.entry);
+                block.entry.target = r + c * shape.stride as u32;
+                entries.push(block.entry);
             }
-            let child_nodes = child_starts[s]..child_starts[s + 1];
-            for &child in &plan.children[child_nodes.clone()] {
+            for &child in plan.children.of(s) {
                 let start = plan.lifts.len();
                 let mut from = 0;
-                for &block in self.rows_of(child as usize) {
-                    let size = self.sizes[block as usize];
+                for &block in below.of(child as usize) {
+                    let size = sizes[block as usize];
                     let to = local[block as usize] as usize;
                     // Pivots and rows of the parent are columns of different targets.
                     let first = if to == pivots { plan.lifts.len() } else { start };
                     push_run(&mut plan.lifts, first, from, to, size);
                     from += size;
                 }
-                plan.nodes[child as usize].lifts = range(start, plan.lifts.len());
+                plan.nodes[child as usize].lifts = start as u32..plan.lifts.len() as u32;
             }
-            let mut node = Node {
-                first,
-                pivots,
-                rows,
-                stride,
-                panel: plan.factor_size,
-                update: 0,
-                is_odd: false,
-                space: [0; 3],
-                is_branch: false,
-                flops: 0.0,
-                first_node: s as u32,
-                parent: supernodes.parents[s],
-                children: range(child_nodes.start, child_nodes.end),
-                entries: range(entry_starts[s], entry_starts[s + 1]),
-                row_runs: range(row_runs, plan.rows.len()),
-                lifts: 0..0,
-            };
-            node.flops = node.shape().flops();
-            for &child in &plan.children[child_nodes] {
-                let child = &plan.nodes[child as usize];
-                node.flops += child.flops;
-                node.first_node = node.first_node.min(child.first_node);
-            }
-            plan.factor_size += node.panel_size();
-            plan.longest = plan.longest.max(stride);
-            plan.nodes.push(node);
+            let row_runs = row_runs as u32..plan.rows.len() as u32;
+            plan.push(Node { first, shape, row_runs, ..Node::default() }, supernodes.parents[s]);
         }
-        plan.scalars = self.scalars;
+        plan.entries = Lists { starts: stored.starts, items: entries };
         plan.place_updates();
         Some(plan)
     }
+}
 
-    /// The stored blocks by the node of their column; targets are still missing.
-    fn entries_by_node(&self, pattern: &BlockPattern) -> (Vec<usize>, Vec<Stored>) {
-        let count = self.node_of.last().map_or(0, |&last| last as usize + 1);
-        let mut starts = vec![0usize; count + 1];
-        let column_of = |i: usize, j: u32| self.position[i].min(self.position[j as usize]);
-        for i in 0..pattern.block_count() {
-            for &j in pattern.row(i) {
-                starts[self.node_of[column_of(i, j) as usize] as usize + 1] += 1;
-            }
-        }
-        for s in 0..count {
-            starts[s + 1] += starts[s];
-        }
-        let mut next = starts.clone();
-        let mut stored = vec![Stored::default(); starts[count]];
-        for i in 0..pattern.block_count() {
-            for (number, &j) in pattern.row_range(i).zip(pattern.row(i)) {
-                let (p, q) = (self.position[i], self.position[j as usize]);
-                let entry = Entry {
-                    source: pattern.value_starts()[number] as u32,
-                    target: 0,
-                    rows: pattern.sizes()[i] as u16,
-                    columns: pattern.sizes()[j as usize] as u16,
-                    is_transposed: p < q,
-                };
-                let slot = &mut next[self.node_of[column_of(i, j) as usize] as usize];
-                stored[*slot] = Stored { row: p.max(q), column: p.min(q), entry };
-                *slot += 1;
-            }
-        }
-        (starts, stored)
+/// Bytes of planning and factoring on `pattern` in the postordered `order`, from the column heights
+/// alone: no rows are listed. Panels and update matrices are counted exactly, lists of indices are
+/// bounded from above. Memory and time are linear in the blocks, whatever the fill.
+pub(in super::super) fn bytes(
+    pattern: &BlockPattern,
+    order: &[u32],
+    elimination: &Elimination,
+) -> u64 {
+    let sizes: Vec<usize> = order.iter().map(|&b| pattern.sizes()[b as usize]).collect();
+    let supernodes = amalgamate(&sizes, elimination, FRONT);
+    let mut plan = Plan::of_tree(&supernodes.parents);
+    let mut listed_rows = 0_u64;
+    for (blocks, &parent) in supernodes.blocks.iter().zip(&supernodes.parents) {
+        let placed = &supernodes.order[blocks.clone()];
+        let pivots: usize = placed.iter().map(|&k| sizes[k as usize]).sum();
+        // A node's last block is its top, whose structure is that of the node.
+        let Some(&top) = placed.last() else { continue };
+        let rows = pivots + elimination.heights[top as usize];
+        listed_rows += u64::from(elimination.block_heights[top as usize]);
+        plan.push(Node { shape: Shape::new(pivots, rows, 0), ..Node::default() }, parent);
     }
+    plan.place_updates();
+    let numbers = plan.factor_size + plan.space + plan.longest + pattern.dimension();
+    let [entry, run, node] = [size_of::<Entry>(), size_of::<Run>(), size_of::<Node>()];
+    let (stored, nodes) = (pattern.stored_block_count() as u64, plan.nodes.len() as u64);
+    let blocks = pattern.block_count() as u64;
+    // Pairs and rows of the structure, their runs in both directions, at most one a row.
+    let lists = listed_rows * (8 * GROWTH + 4 + 2 * GROWTH * run as u64)
+        + stored * (2 * entry as u64 + 8 + 12)
+        + nodes * (node as u64 + 80)
+        + blocks * 64
+        + pattern.dimension() as u64 * 8;
+    8 * numbers as u64 + lists
+}
+
+/// The stored blocks by the node of their column; targets are still missing.
+fn stored_by_node(pattern: &BlockPattern, placed: &Placed) -> Lists<Stored> {
+    let Placed { position, node_of, .. } = placed;
+    let blocks = (0..pattern.block_count()).flat_map(|i| {
+        pattern.row_range(i).zip(pattern.row(i)).map(move |(number, &j)| (number, i, j as usize))
+    });
+    let stored = blocks.map(|(number, i, j)| {
+        let (p, q) = (position[i], position[j]);
+        let entry = Entry {
+            source: pattern.value_starts()[number] as u32,
+            target: 0,
+            rows: pattern.sizes()[i] as u16,
+            columns: pattern.sizes()[j] as u16,
+            is_transposed: p < q,
+        };
+        let (row, column) = (p.max(q), p.min(q));
+        (node_of[column as usize] as usize, Stored { row, column, entry })
+    });
+    Lists::new(node_of.last().map_or(0, |&last| last as usize + 1), stored)
 }
 
 /// A stored block in elimination order.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 struct Stored {
     row: u32,
     column: u32,
     entry: Entry,
-}
-
-impl Default for Stored {
-    fn default() -> Self {
-        let entry = Entry { source: 0, target: 0, rows: 0, columns: 0, is_transposed: false };
-        Self { row: 0, column: 0, entry }
-    }
-}
-
-pub(super) fn range(start: usize, end: usize) -> Range<u32> {
-    start as u32..end as u32
 }
 
 /// Appends rows, joining them to the last run since index `first` where both sides continue it.
@@ -338,75 +266,65 @@ fn push_run(runs: &mut Vec<Run>, first: usize, from: usize, to: usize, length: u
     runs.push(Run { from, to, length });
 }
 
-/// Children of each node, ascending: list, starts, and the nodes without a parent.
-pub(super) fn children(parents: &[u32]) -> (Vec<u32>, Vec<usize>, Vec<u32>) {
-    let count = parents.len();
-    let mut starts = vec![0usize; count + 1];
-    let mut roots = Vec::new();
-    for (s, &parent) in parents.iter().enumerate() {
-        if parent == NO_PARENT {
-            roots.push(s as u32);
-        } else {
-            starts[parent as usize + 1] += 1;
-        }
-    }
-    for s in 0..count {
-        starts[s + 1] += starts[s];
-    }
-    let mut next = starts.clone();
-    let mut list = vec![0u32; starts[count]];
-    for (s, &parent) in parents.iter().enumerate() {
-        if parent != NO_PARENT {
-            list[next[parent as usize]] = s as u32;
-            next[parent as usize] += 1;
-        }
-    }
-    (list, starts, roots)
-}
-
 /// Blocks below the pivots of each node: a block is a row of every node on the paths from the
 /// nodes of its earlier neighbors up to its own.
 pub(super) fn row_structure(
     pattern: &BlockPattern,
-    position: &[u32],
-    node_of: &[u32],
+    Placed { position, node_of, .. }: &Placed,
     parents: &[u32],
-) -> (Vec<usize>, Vec<u32>) {
-    let (neighbor_starts, neighbors) = earlier_neighbors(pattern, position);
+) -> Lists<u32> {
+    let neighbors = earlier_neighbors(pattern, position);
     let mut visited = vec![u32::MAX; parents.len()];
-    let mut pairs = Vec::with_capacity(2 * neighbors.len());
-    let mut starts = vec![0usize; parents.len() + 1];
-    for i in 0..position.len() {
-        let own = node_of[i];
-        for &neighbor in &neighbors[neighbor_starts[i]..neighbor_starts[i + 1]] {
+    let mut pairs = Vec::with_capacity(2 * neighbors.items.len());
+    let mut counts = vec![0; parents.len() + 1];
+    for (i, &own) in node_of.iter().enumerate() {
+        for &neighbor in neighbors.of(i) {
             let mut s = node_of[neighbor as usize];
             while s != own && s != NO_PARENT && visited[s as usize] != i as u32 {
                 visited[s as usize] = i as u32;
                 pairs.push((s, i as u32));
-                starts[s as usize + 1] += 1;
+                counts[s as usize + 1] += 1;
                 s = parents[s as usize];
             }
         }
     }
-    for s in 0..parents.len() {
-        starts[s + 1] += starts[s];
-    }
-    let mut next = starts.clone();
-    let mut rows = vec![0u32; pairs.len()];
-    for (s, block) in pairs {
-        rows[next[s as usize]] = block;
-        next[s as usize] += 1;
-    }
-    (starts, rows)
+    Lists::counted(counts, pairs.iter().map(|&(s, block)| (s as usize, block)))
 }
 
 impl Plan {
+    /// A plan for nodes with these parents, none of which was pushed yet.
+    pub(super) fn of_tree(parents: &[u32]) -> Self {
+        let nodes = || parents.iter().zip(0_u32..);
+        let hung = nodes().filter(|&(&parent, _)| parent != NO_PARENT);
+        let roots = nodes().filter(|&(&parent, _)| parent == NO_PARENT);
+        Self {
+            nodes: Vec::with_capacity(parents.len()),
+            roots: roots.map(|(_, s)| s).collect(),
+            children: Lists::new(parents.len(), hung.map(|(&parent, s)| (parent as usize, s))),
+            ..Self::default()
+        }
+    }
+
+    /// Appends the next node in postorder, with its panel and its subtree.
+    pub(super) fn push(&mut self, node: Node, parent: u32) {
+        let (s, shape) = (self.nodes.len(), node.shape);
+        let (mut flops, mut first_node) = (shape.flops(), s as u32);
+        for &child in self.children.of(s) {
+            let child = &self.nodes[child as usize];
+            flops += child.flops;
+            first_node = first_node.min(child.first_node);
+        }
+        self.nodes.push(Node { panel: self.factor_size, flops, first_node, parent, ..node });
+        self.factor_size += shape.panel_size();
+        self.longest = self.longest.max(shape.stride);
+    }
+
     /// Gives every update matrix its place.
     pub(super) fn place_updates(&mut self) {
         let total: f64 = self.roots.iter().map(|&root| self.nodes[root as usize].flops).sum();
         let least = (BRANCH_SHARE * total).max(BRANCH_FLOPS);
-        for s in 0..self.nodes.len() {
-            self.nodes[s].is_branch = self.nodes[s].flops >= least;
+        for node in &mut self.nodes {
+            node.is_branch = node.flops >= least;
         }
         // Depths from the roots down, which stand last.
         for s in (0..self.nodes.len()).rev() {
@@ -418,11 +336,12 @@ impl Plan {
         let mut peaks = [0usize; 2];
         for s in 0..self.nodes.len() {
             let node = &self.nodes[s];
-            let (own, parent, size) = (usize::from(node.is_odd), node.parent, node.update_size());
-            let children = self.children_of(node).iter().map(|&child| &self.nodes[child as usize]);
+            let (own, parent, size) =
+                (usize::from(node.is_odd), node.parent, node.shape.update_size());
+            let children = self.children.of(s).iter().map(|&child| &self.nodes[child as usize]);
             if node.is_branch {
                 let below: usize = children.map(Node::whole_space).sum();
-                self.nodes[s].space = match self.next_branch(node) {
+                self.nodes[s].space = match self.next_branch(s) {
                     // Of a line of branches two update matrices live at a time.
                     Some(next) => {
                         let next = &self.nodes[next as usize];
@@ -433,7 +352,7 @@ impl Plan {
                 };
                 continue;
             }
-            heights[1 - own] -= children.map(Node::update_size).sum::<usize>();
+            heights[1 - own] -= children.map(|child| child.shape.update_size()).sum::<usize>();
             self.nodes[s].update = heights[own];
             heights[own] += size;
             peaks[own] = peaks[own].max(heights[own]);
@@ -445,15 +364,10 @@ impl Plan {
         self.space = self.roots.iter().map(|&root| self.nodes[root as usize].whole_space()).sum();
     }
 
-    /// The only child that is a branch too.
-    pub(super) fn next_branch(&self, node: &Node) -> Option<u32> {
-        let children = self.children_of(node).iter();
+    /// The only child of node `s` that is a branch too.
+    pub(super) fn next_branch(&self, s: usize) -> Option<u32> {
+        let children = self.children.of(s).iter();
         let mut branches = children.filter(|&&child| self.nodes[child as usize].is_branch);
         branches.next().copied().filter(|_| branches.next().is_none())
-    }
-
-    /// The nodes below a node.
-    pub(super) fn children_of(&self, node: &Node) -> &[u32] {
-        &self.children[node.children.start as usize..node.children.end as usize]
     }
 }

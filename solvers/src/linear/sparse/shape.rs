@@ -1,11 +1,10 @@
-//! Measures of a front, in scalars: its panel (the pivot columns) and its update matrix (the rest).
-//!
-//! Columns of both begin on whole vectors. It knows neither blocks nor values.
+//! Measures of a front, in scalars: its panel (the pivot columns) and its update matrix (the rest);
+//! and memory for them. Columns of both begin on whole vectors. It knows neither blocks nor values.
 
 use crate::simd::WIDTH;
 
 /// Measures of a front.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Shape {
     pub(super) pivots: usize,
     /// Pivots and rows below them.
@@ -49,5 +48,39 @@ impl Shape {
     pub(super) fn flops(&self) -> f64 {
         let (k, m) = (self.pivots as f64, (self.rows - self.pivots) as f64);
         k * (k * k / 3.0 + k * m + m * m)
+    }
+}
+
+/// Numbers, zero at first, that begin on a cache line as long as they are not moved to another
+/// allocation.
+#[derive(Debug)]
+pub(super) struct Aligned {
+    values: Vec<f64>,
+    skipped: usize,
+    length: usize,
+}
+
+impl Aligned {
+    /// `None` where there is no memory.
+    pub(super) fn new(length: usize) -> Option<Self> {
+        let whole = length.checked_add(WIDTH)?;
+        // Asked for and given back: unlike a vector filled here, one made of zeros gets its pages
+        // from the system as they are used, by the threads that use them.
+        Vec::<f64>::new().try_reserve_exact(whole).ok()?;
+        let values = vec![0.0; whole];
+        let skipped = values.as_ptr().align_offset(size_of::<f64>() * WIDTH).min(WIDTH);
+        Some(Self { values, skipped, length })
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.length
+    }
+
+    pub(super) fn slice(&self) -> &[f64] {
+        &self.values[self.skipped..self.skipped + self.length]
+    }
+
+    pub(super) fn slice_mut(&mut self) -> &mut [f64] {
+        &mut self.values[self.skipped..self.skipped + self.length]
     }
 }

@@ -8,7 +8,8 @@
 
 use std::ops::Range;
 
-use super::super::ordering::{Elimination, NO_PARENT};
+use crate::linear::lists::Lists;
+use crate::linear::ordering::{Elimination, NO_PARENT, postorder_of};
 use crate::simd::WIDTH;
 
 /// The model of time, in units of one vector operation of eight multiplications and additions:
@@ -46,10 +47,7 @@ impl Supernodes {
         for (k, &block) in order.iter().enumerate() {
             position[block as usize] = k as u32;
         }
-        let mut node_of = vec![0; order.len()];
-        for (s, range) in self.blocks.iter().enumerate() {
-            node_of[range.clone()].fill(s as u32);
-        }
+        let node_of = numbers(&self.blocks, order.len());
         Placed { order, position, node_of }
     }
 }
@@ -71,28 +69,18 @@ fn cost(k: f64, m: f64, front: f64) -> f64 {
 pub(super) fn amalgamate(sizes: &[usize], elimination: &Elimination, front: f64) -> Supernodes {
     let maximal = maximal(sizes, elimination);
     let count = maximal.len();
-    let mut node_of = vec![0u32; sizes.len()];
-    for (s, range) in maximal.iter().enumerate() {
-        node_of[range.clone()].fill(s as u32);
-    }
-    let mut pivots: Vec<f64> = Vec::with_capacity(count);
-    let mut below: Vec<f64> = Vec::with_capacity(count);
-    let mut parents: Vec<u32> = Vec::with_capacity(count);
-    for range in &maximal {
-        pivots.push(sizes[range.clone()].iter().sum::<usize>() as f64);
-        let top = range.end - 1;
-        below.push(elimination.heights[top] as f64);
-        let parent = elimination.parents[top];
-        parents.push(if parent == NO_PARENT { NO_PARENT } else { node_of[parent as usize] });
-    }
+    let node_of = numbers(&maximal, sizes.len());
+    let pivots = maximal.iter().map(|range| sizes[range.clone()].iter().sum::<usize>() as f64);
+    let mut pivots: Vec<f64> = pivots.collect();
+    let tops = || maximal.iter().map(|range| range.end - 1);
+    let below: Vec<f64> = tops().map(|top| elimination.heights[top] as f64).collect();
+    // Of a root there is no number.
+    let parent = |top: usize| node_of.get(elimination.parents[top] as usize).copied();
+    let parents: Vec<u32> = tops().map(|top| parent(top).unwrap_or(NO_PARENT)).collect();
     // Children are done before their parents; a merged child hands its own children up.
     let mut merged = vec![false; count];
-    for s in 0..count {
-        let parent = parents[s];
-        if parent == NO_PARENT {
-            continue;
-        }
-        let p = parent as usize;
+    for s in (0..count).filter(|&s| parents[s] != NO_PARENT) {
+        let p = parents[s] as usize;
         let apart = cost(pivots[s], below[s], front) + cost(pivots[p], below[p], front);
         if cost(pivots[s] + pivots[p], below[p], front) <= apart {
             merged[s] = true;
@@ -100,6 +88,15 @@ pub(super) fn amalgamate(sizes: &[usize], elimination: &Elimination, front: f64)
         }
     }
     renumber(&maximal, &parents, &merged)
+}
+
+/// The number of the range that each of `count` blocks is in.
+fn numbers(ranges: &[Range<usize>], count: usize) -> Vec<u32> {
+    let mut numbers = vec![0; count];
+    for (range, s) in ranges.iter().zip(0..) {
+        numbers[range.clone()].fill(s);
+    }
+    numbers
 }
 
 /// Ranges of blocks with nested structures.
@@ -121,69 +118,34 @@ fn maximal(sizes: &[usize], elimination: &Elimination) -> Vec<Range<usize>> {
 /// Puts the blocks of merged supernodes side by side, in a postorder of what remains.
 fn renumber(maximal: &[Range<usize>], parents: &[u32], merged: &[bool]) -> Supernodes {
     let count = maximal.len();
-    // Whom each one ended in, and its members and children as linked lists, lowest first.
+    // Whom each one ended in, and who hangs on whom then; a merged one hangs on its host.
     let mut host: Vec<u32> = (0..count as u32).collect();
-    let mut next_member = vec![NO_PARENT; count];
-    let mut first_member = vec![NO_PARENT; count];
-    let mut next_child = vec![NO_PARENT; count];
-    let mut first_child = vec![NO_PARENT; count];
-    let mut first_root = NO_PARENT;
+    let mut hung_on = vec![NO_PARENT; count];
     for s in (0..count).rev() {
-        let parent = parents[s];
+        if parents[s] != NO_PARENT {
+            hung_on[s] = host[parents[s] as usize];
+        }
         if merged[s] {
-            host[s] = host[parent as usize];
-        }
-        let h = host[s] as usize;
-        next_member[s] = first_member[h];
-        first_member[h] = s as u32;
-        if !merged[s] {
-            let list = if parent == NO_PARENT {
-                &mut first_root
-            } else {
-                &mut first_child[host[parent as usize] as usize]
-            };
-            next_child[s] = *list;
-            *list = s as u32;
+            host[s] = hung_on[s];
         }
     }
-    let mut result = Supernodes {
-        order: Vec::with_capacity(maximal.last().map_or(0, |last| last.end)),
-        blocks: Vec::new(),
-        parents: Vec::new(),
-    };
+    let members = Lists::new(count, host.iter().zip(0..).map(|(&h, s)| (h as usize, s)));
+    let mut order = Vec::with_capacity(maximal.last().map_or(0, |last| last.end));
     let mut number = vec![NO_PARENT; count];
-    let mut hosts = Vec::new();
-    let mut stack = Vec::new();
-    let mut root = first_root;
-    while root != NO_PARENT {
-        stack.push(root);
-        while let Some(&top) = stack.last() {
-            let child = first_child[top as usize];
-            if child != NO_PARENT {
-                first_child[top as usize] = next_child[child as usize];
-                stack.push(child);
-                continue;
-            }
-            stack.pop();
-            number[top as usize] = result.blocks.len() as u32;
-            hosts.push(top);
-            let start = result.order.len();
-            let mut member = first_member[top as usize];
-            while member != NO_PARENT {
-                let range = &maximal[member as usize];
-                result.order.extend(range.start as u32..range.end as u32);
-                member = next_member[member as usize];
-            }
-            result.blocks.push(start..result.order.len());
+    let (mut blocks, mut hosts) = (Vec::new(), Vec::new());
+    let kept = (0..count as u32).filter(|&s| !merged[s as usize]);
+    for s in postorder_of(&hung_on, kept).into_iter().map(|s| s as usize) {
+        number[s] = hosts.len() as u32;
+        hosts.push(s);
+        let start = order.len();
+        for &member in members.of(s) {
+            let range = &maximal[member as usize];
+            order.extend(range.start as u32..range.end as u32);
         }
-        root = next_child[root as usize];
+        blocks.push(start..order.len());
     }
-    result.parents = hosts
-        .iter()
-        .map(|&s| match parents[s as usize] {
-            NO_PARENT => NO_PARENT,
-            parent => number[host[parent as usize] as usize],
-        })
-        .collect();
-    result
+    // Of a root there is no number.
+    let parent = |&s: &usize| number.get(hung_on[s] as usize).copied().unwrap_or(NO_PARENT);
+    let parents = hosts.iter().map(parent).collect();
+    Supernodes { order, blocks, parents }
 }

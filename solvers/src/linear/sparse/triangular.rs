@@ -4,7 +4,9 @@
 //! at a time, so that the vector is read and written once for each eight of them. The factor is
 //! streamed once in each direction. Nothing is allocated.
 
+use super::kernels::rows_at;
 use super::plan::{Node, Plan, Run};
+use super::shape::Shape;
 use crate::interrupt::Interrupt;
 use crate::simd::{Kernel, Lanes, Row, WIDTH};
 
@@ -24,7 +26,7 @@ const ENTRIES_PER_QUESTION: u32 = 1 << 20;
 
 /// Steps of a node: the entries of its panel.
 fn entries(node: &Node) -> u32 {
-    u32::try_from(node.panel_size()).unwrap_or(u32::MAX)
+    u32::try_from(node.shape.panel_size()).unwrap_or(u32::MAX)
 }
 
 impl Kernel for Triangular<'_> {
@@ -38,13 +40,14 @@ impl Kernel for Triangular<'_> {
             if steps.is_due_after(entries(node)) {
                 return;
             }
-            let panel = &factor[node.panel..][..node.panel_size()];
-            let front = &mut front[..node.stride];
-            let (pivots, rows) = front.split_at_mut(node.pivots);
-            pivots.copy_from_slice(&x[node.first..][..node.pivots]);
+            let Shape { pivots, stride, .. } = node.shape;
+            let panel = &factor[node.panel..][..node.shape.panel_size()];
+            let front = &mut front[..stride];
+            let (head, rows) = front.split_at_mut(pivots);
+            head.copy_from_slice(&x[node.first..][..pivots]);
             rows.fill(0.0);
-            forward(lanes, panel, node, front);
-            x[node.first..][..node.pivots].copy_from_slice(&front[..node.pivots]);
+            forward(lanes, panel, (stride, pivots), front);
+            x[node.first..][..pivots].copy_from_slice(&front[..pivots]);
             for run in runs(plan, node) {
                 let target = &mut x[run.to as usize..][..run.length as usize];
                 let source = &front[run.from as usize..][..run.length as usize];
@@ -57,16 +60,17 @@ impl Kernel for Triangular<'_> {
             if steps.is_due_after(entries(node)) {
                 return;
             }
-            let panel = &factor[node.panel..][..node.panel_size()];
-            let front = &mut front[..node.stride];
-            front[..node.pivots].copy_from_slice(&x[node.first..][..node.pivots]);
+            let Shape { pivots, rows, stride } = node.shape;
+            let panel = &factor[node.panel..][..node.shape.panel_size()];
+            let front = &mut front[..stride];
+            front[..pivots].copy_from_slice(&x[node.first..][..pivots]);
             for run in runs(plan, node) {
                 front[run.from as usize..][..run.length as usize]
                     .copy_from_slice(&x[run.to as usize..][..run.length as usize]);
             }
-            front[node.rows..].fill(0.0);
-            backward(lanes, panel, (node.stride, node.pivots), front);
-            x[node.first..][..node.pivots].copy_from_slice(&front[..node.pivots]);
+            front[rows..].fill(0.0);
+            backward(lanes, panel, (stride, pivots), front);
+            x[node.first..][..pivots].copy_from_slice(&front[..pivots]);
         }
     }
 }
@@ -76,10 +80,14 @@ fn runs<'a>(plan: &'a Plan, node: &Node) -> &'a [Run] {
     &plan.rows[node.row_runs.start as usize..node.row_runs.end as usize]
 }
 
-/// Rows `row..row + 8`; the lengths agree by construction.
+/// `W` columns from row `first` on.
 #[inline(always)]
-fn rows_at(column: &[f64], row: usize) -> &Row {
-    column.get(row..).and_then(|tail| tail.first_chunk()).unwrap_or(&[0.0; WIDTH])
+fn lines<const W: usize>(columns: &[f64], stride: usize, first: usize) -> [&[f64]; W] {
+    let mut lines: [&[f64]; W] = [&[]; W];
+    for w in 0..W {
+        lines[w] = &columns[w * stride + first..(w + 1) * stride];
+    }
+    lines
 }
 
 /// Calls `$strip::<L, W>` for the width W at hand, at most eight.
@@ -100,11 +108,10 @@ macro_rules! strip {
 
 /// front ← (L₁₁⁻¹ b, −L₂₁ L₁₁⁻¹ b).
 #[inline(always)]
-fn forward<L: Lanes>(lanes: L, panel: &[f64], node: &Node, front: &mut [f64]) {
-    let stride = node.stride;
+fn forward<L: Lanes>(lanes: L, panel: &[f64], (stride, pivots): (usize, usize), front: &mut [f64]) {
     let mut first = 0;
-    while first < node.pivots {
-        let width = (node.pivots - first).min(WIDTH);
+    while first < pivots {
+        let width = (pivots - first).min(WIDTH);
         let columns = &panel[first * stride..(first + width) * stride];
         let (groups, _) = front[first..].as_chunks_mut::<WIDTH>();
         strip!(width, forward_strip(lanes, columns, stride, first, groups));
@@ -121,10 +128,7 @@ fn forward_strip<L: Lanes, const W: usize>(
     first: usize,
     groups: &mut [Row],
 ) {
-    let mut lines: [&[f64]; W] = [&[]; W];
-    for w in 0..W {
-        lines[w] = &columns[w * stride + first..(w + 1) * stride];
-    }
+    let lines = lines::<W>(columns, stride, first);
     let Some((diagonal, groups)) = groups.split_first_mut() else { return };
     let mut solved = [0.0; W];
     let mut v = lanes.load(diagonal);
@@ -172,10 +176,7 @@ fn backward_strip<L: Lanes, const W: usize>(
     first: usize,
     groups: &mut [Row],
 ) {
-    let mut lines: [&[f64]; W] = [&[]; W];
-    for w in 0..W {
-        lines[w] = &columns[w * stride + first..(w + 1) * stride];
-    }
+    let lines = lines::<W>(columns, stride, first);
     let Some((diagonal, groups)) = groups.split_first_mut() else { return };
     let mut sums = [lanes.splat(0.0); WIDTH];
     for (group, rows) in groups.iter().enumerate() {

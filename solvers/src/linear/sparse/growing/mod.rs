@@ -8,13 +8,11 @@
 //! Dellaert, "iSAM2", 2012, on supernodes; the right-hand side is one more row of each front.)
 //!
 //! - `terms`: what is summed; `tree`: nodes and their memory; `top`: which nodes are made anew, in
-//!   which order; `fronts` and `front`: their numbers; `descent`: back substitution.
+//!   which order; `fronts`: their numbers.
 //!
 //! Large tops are eliminated on the rayon pool of the caller; the bits do not depend on it. It knows
 //! nothing of poses.
 
-mod descent;
-mod front;
 mod fronts;
 mod terms;
 #[cfg(test)]
@@ -24,14 +22,15 @@ mod tree;
 
 use nalgebra::SVector;
 
-use crate::linear::LinearError;
-use crate::simd::Class;
+use crate::linear::error::LinearError;
+use crate::linear::sparse::triangular::backward;
+use crate::simd::{Class, Kernel, Lanes};
 
 use fronts::eliminate;
 pub use terms::PairTerm;
 use terms::Terms;
 use top::Top;
-use tree::{NONE, Tree};
+use tree::{NONE, Node, Tree};
 
 /// A growing system of blocks of `N` scalars, with its factor and its solution.
 #[derive(Debug)]
@@ -116,7 +115,7 @@ impl<const N: usize> GrowingCholesky<N> {
     }
 
     fn touch(&mut self, number: usize) {
-        self.touched.extend(self.terms.ends(number).into_iter().flatten());
+        self.touched.extend(self.terms.ends[number].iter().filter(|&&block| block != NONE));
     }
 
     /// δ of a block.
@@ -190,6 +189,38 @@ impl<const N: usize> GrowingCholesky<N> {
         self.descend(tolerance);
         &self.changed
     }
+
+    /// Back substitution from the roots down, only where something changed. A block hands its change
+    /// on only once it counts; what was not handed on is remembered in `seen`, so that small changes
+    /// do not add up unseen.
+    fn descend(&mut self, tolerance: f64) {
+        let mut stack = self.tree.roots.clone();
+        let mut front = Vec::new();
+        while let Some(number) = stack.pop() {
+            let Some(node) = self.tree.node_mut(number) else { continue };
+            let is_changed = |&row: &u32| self.changed_in[row as usize] == self.solves;
+            if !std::mem::take(&mut node.is_new) && !node.rows().iter().any(is_changed) {
+                continue;
+            }
+            let Some(node) = self.tree.node(number) else { continue };
+            stack.extend(self.tree.children(node));
+            front.clear();
+            front.resize(node.shape::<N>().stride, 0.0);
+            self.class.run(Pivots::<N> { node, delta: &self.delta, front: &mut front });
+            for (k, &pivot) in node.pivots().iter().enumerate() {
+                let range = pivot as usize * N..(pivot as usize + 1) * N;
+                let delta = &mut self.delta[range.clone()];
+                delta.copy_from_slice(&front[k * N..(k + 1) * N]);
+                let seen = &mut self.seen[range.clone()];
+                let change = delta.iter().zip(&*seen).map(|(delta, seen)| delta - seen);
+                if counted(change, &self.weight[range]) > tolerance {
+                    seen.copy_from_slice(delta);
+                    self.changed_in[pivot as usize] = self.solves;
+                    self.changed.push(pivot);
+                }
+            }
+        }
+    }
 }
 
 impl<const N: usize> Default for GrowingCholesky<N> {
@@ -203,6 +234,27 @@ fn counted(change: impl Iterator<Item = f64>, weights: &[f64]) -> f64 {
     change.zip(weights).fold(0.0, |most, (change, weight)| most.max(change.abs() * weight))
 }
 
-fn index(block: Option<usize>) -> u32 {
-    block.map_or(NONE, |block| block as u32)
+/// The pivots' δ into the head of `front`, from those of the rows.
+struct Pivots<'a, const N: usize> {
+    node: &'a Node,
+    delta: &'a [f64],
+    front: &'a mut [f64],
+}
+
+impl<const N: usize> Kernel for Pivots<'_, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let Self { node, delta, front } = self;
+        let shape = node.shape::<N>();
+        let panel = &node.panel.slice()[..shape.panel_size()];
+        for (c, column) in panel.chunks_exact(shape.stride).enumerate() {
+            front[c] = column[shape.rows];
+        }
+        for (k, &row) in node.rows().iter().enumerate() {
+            front[shape.pivots + k * N..][..N].copy_from_slice(&delta[row as usize * N..][..N]);
+        }
+        backward(lanes, panel, (shape.stride, shape.pivots), front);
+    }
 }

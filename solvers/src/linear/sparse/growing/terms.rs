@@ -4,7 +4,6 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use super::index;
 use super::tree::NONE;
 
 /// One term's share of H and g, over blocks i and j.
@@ -34,19 +33,14 @@ impl<const N: usize> PairTerm<N> {
 }
 
 /// The terms of a growing system.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Terms<const N: usize> {
     terms: Vec<PairTerm<N>>,
-    ends: Vec<[u32; 2]>,
+    /// Blocks i and j of each term, or [`NONE`].
+    pub(super) ends: Vec<[u32; 2]>,
     of: Vec<Vec<u32>>,
     /// The sum of their costs.
     pub(super) cost: f64,
-}
-
-impl<const N: usize> Default for Terms<N> {
-    fn default() -> Self {
-        Self { terms: Vec::new(), ends: Vec::new(), of: Vec::new(), cost: 0.0 }
-    }
 }
 
 impl<const N: usize> Terms<N> {
@@ -68,7 +62,7 @@ impl<const N: usize> Terms<N> {
             self.of[block].push(number as u32);
         }
         self.cost += term.cost;
-        self.ends.push([index(i), index(j)]);
+        self.ends.push([i, j].map(|block| block.map_or(NONE, |block| block as u32)));
         self.terms.push(term);
         number
     }
@@ -76,11 +70,6 @@ impl<const N: usize> Terms<N> {
     pub(super) fn set(&mut self, number: usize, term: PairTerm<N>) {
         self.cost += term.cost - self.terms[number].cost;
         self.terms[number] = term;
-    }
-
-    /// Blocks i and j of a term.
-    pub(super) fn ends(&self, number: usize) -> [Option<u32>; 2] {
-        self.ends[number].map(|block| (block != NONE).then_some(block))
     }
 
     /// The terms of a block.

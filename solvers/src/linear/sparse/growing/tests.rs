@@ -130,3 +130,34 @@ fn an_unsolvable_update_is_told_and_mended_by_the_next() {
     system.solve(0.0);
     assert_solved(&mut system, &terms, "after the failure");
 }
+
+#[test]
+fn a_front_that_is_updated_in_pieces_has_the_dense_solution() {
+    // Two blocks are tied to overlapping ranges of the others, so the first of them and what it alone
+    // is tied to share a front whose update matrix is too large for one piece. Tips add theirs to it.
+    const OTHERS: usize = 260;
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let mut pairs: Vec<(Option<usize>, usize)> = (2..OTHERS + 2).map(|k| (None, k)).collect();
+    pairs.extend((2..222).map(|k| (Some(0), k)).chain((42..262).map(|k| (Some(1), k))));
+    for tip in 0..8 {
+        let tied = (5 * tip..5 * (tip + 1)).map(|k| 2 + k);
+        let tied = tied.chain((23 * tip..23 * (tip + 1)).map(|k| 42 + k % 180));
+        pairs.push((None, OTHERS + 2 + tip));
+        pairs.extend(tied.map(|k| (Some(OTHERS + 2 + tip), k)));
+    }
+    let mut system = GrowingCholesky::<N>::new();
+    for _ in 0..OTHERS + 10 {
+        system.push_block();
+    }
+    let mut terms: Vec<Term> = Vec::new();
+    for (i, j) in pairs {
+        terms.push((i, Some(j), random_term(&mut rng)));
+        system.push_term(i, Some(j), terms[terms.len() - 1].2);
+    }
+    // On one thread, since tasks cut the columns in other places.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let last: Vec<usize> = (2..OTHERS + 2).collect();
+    pool.install(|| system.update(&last)).unwrap();
+    system.solve(0.0);
+    assert_solved(&mut system, &terms, "in pieces");
+}

@@ -7,7 +7,7 @@
 
 use super::terms::Terms;
 use super::tree::{NONE, Tree};
-use crate::linear::ordering::{NO_PARENT, ordered_with_last};
+use crate::linear::ordering::ordered_with_last;
 use crate::linear::pattern::BlockPattern;
 use crate::linear::sparse::plan::row_structure;
 use crate::linear::sparse::supernodes::{Placed, amalgamate};
@@ -71,7 +71,8 @@ impl Top {
                 tree.local[pivot as usize] = blocks.len() as u32;
                 blocks.push(pivot);
             }
-            tree.give_back(node);
+            tree.memory.give_back(node.panel);
+            tree.memory.give_back(node.update);
         }
         let mut roots = std::mem::take(&mut tree.roots);
         roots.retain(|&root| tree.node(root).is_some());
@@ -113,8 +114,9 @@ fn plan<const N: usize>(
     }
     let (order, elimination) = ordered_with_last(&pattern, &is_last);
     let supernodes = amalgamate(pattern.sizes(), &elimination, FRONT);
-    let Placed { order, position, node_of } = supernodes.placed(&order);
-    let (starts, rows) = row_structure(&pattern, &position, &node_of, &supernodes.parents);
+    let placed = supernodes.placed(&order);
+    let rows = row_structure(&pattern, &placed, &supernodes.parents);
+    let Placed { order, position, node_of } = placed;
     let block_at = |k: u32| blocks[order[k as usize] as usize];
     let mut nodes: Vec<Planned> = supernodes
         .blocks
@@ -123,13 +125,10 @@ fn plan<const N: usize>(
         .map(|(s, range)| Planned {
             pivots: range.len(),
             blocks: (range.start as u32..range.end as u32)
-                .chain(rows[starts[s]..starts[s + 1]].iter().copied())
+                .chain(rows.of(s).iter().copied())
                 .map(block_at)
                 .collect(),
-            parent: match supernodes.parents[s] {
-                NO_PARENT => NONE,
-                parent => parent,
-            },
+            parent: supernodes.parents[s],
             orphans: Vec::new(),
         })
         .collect();

@@ -4,18 +4,18 @@
 //! the row below all others) and the update matrix that its parent takes. Memory of nodes that are
 //! gone is used again.
 
-use crate::linear::sparse::Aligned;
-use crate::linear::sparse::shape::Shape;
+use crate::linear::ordering::NO_PARENT;
+use crate::linear::sparse::shape::{Aligned, Shape};
 
 /// No block, no node.
-pub(super) const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = NO_PARENT;
 
 /// A node.
 #[derive(Debug)]
 pub(super) struct Node {
     /// Blocks eliminated here, in order, and after them those below, which are eliminated above.
-    blocks: Vec<u32>,
-    pivots: usize,
+    pub(super) blocks: Vec<u32>,
+    pub(super) pivots: usize,
     pub(super) parent: u32,
     first_child: u32,
     next_sibling: u32,
@@ -29,31 +29,27 @@ pub(super) struct Node {
     pub(super) decrease: f64,
 }
 
-/// The measures of a front with the right-hand side's row below all others.
-pub(super) fn shape(pivots: usize, below: usize) -> Shape {
-    Shape::new(pivots, pivots + below, 1)
-}
-
 impl Node {
     /// A node that hangs nowhere and has no children; `blocks` are the pivots and the rows.
-    pub(super) fn new(
+    /// `None` where there is no memory for its front.
+    pub(super) fn new<const N: usize>(
         blocks: Vec<u32>,
         pivots: usize,
-        [panel, update]: [Aligned; 2],
-        decrease: f64,
-    ) -> Self {
-        Self {
+        memory: &mut Memory,
+    ) -> Option<Self> {
+        let shape = shape::<N>(pivots, blocks.len());
+        Some(Self {
             blocks,
             pivots,
             parent: NONE,
             first_child: NONE,
             next_sibling: NONE,
-            panel,
-            update,
+            panel: memory.take(shape.panel_size())?,
+            update: memory.take(shape.update_size())?,
             is_marked: false,
             is_new: true,
-            decrease,
-        }
+            decrease: 0.0,
+        })
     }
 
     pub(super) fn pivots(&self) -> &[u32] {
@@ -65,8 +61,13 @@ impl Node {
     }
 
     pub(super) fn shape<const N: usize>(&self) -> Shape {
-        shape(self.pivots * N, (self.blocks.len() - self.pivots) * N)
+        shape::<N>(self.pivots, self.blocks.len())
     }
+}
+
+/// The measures of a front with the right-hand side's row below all others.
+fn shape<const N: usize>(pivots: usize, blocks: usize) -> Shape {
+    Shape::new(pivots * N, blocks * N, 1)
 }
 
 /// The forest with what is needed to walk it.
@@ -81,7 +82,7 @@ pub(super) struct Tree {
     pub(super) decrease: f64,
     /// Numbers in all panels.
     pub(super) entries: usize,
-    memory: Memory,
+    pub(super) memory: Memory,
     /// The number of each block in the top while one is made, or [`NONE`].
     pub(super) local: Vec<u32>,
 }
@@ -132,44 +133,28 @@ impl Tree {
     pub(super) fn insert(&mut self, node: Node) -> u32 {
         self.decrease += node.decrease;
         self.entries += node.panel.len();
-        let number = self.free.last().map_or(self.nodes.len() as u32, |&number| number);
+        let number = self.free.pop().unwrap_or(self.nodes.len() as u32);
         for &pivot in node.pivots() {
             self.node_of[pivot as usize] = number;
         }
-        if let Some(number) = self.free.pop() {
-            self.nodes[number as usize] = Some(node);
-            return number;
+        if number as usize == self.nodes.len() {
+            self.nodes.push(None);
         }
-        self.nodes.push(Some(node));
-        self.nodes.len() as u32 - 1
-    }
-
-    /// Memory for so many numbers, which are not zero.
-    pub(super) fn take(&mut self, length: usize) -> Option<Aligned> {
-        self.memory.take(length)
-    }
-
-    /// Gives a node's memory back.
-    pub(super) fn give_back(&mut self, node: Node) {
-        self.memory.give_back(node.panel);
-        self.memory.give_back(node.update);
+        self.nodes[number as usize] = Some(node);
+        number
     }
 
     /// Forgets all nodes.
     pub(super) fn clear(&mut self) {
-        self.nodes.clear();
-        self.free.clear();
-        self.decrease = 0.0;
-        self.entries = 0;
-        self.roots.clear();
-        self.node_of.fill(NONE);
-        self.local.fill(NONE);
+        let none = vec![NONE; self.node_of.len()];
+        let memory = std::mem::take(&mut self.memory);
+        *self = Self { node_of: none.clone(), local: none, memory, ..Self::default() };
     }
 }
 
 /// Memory to be used again, by size: the exponent of two, and a quarter between.
 #[derive(Debug, Default)]
-struct Memory {
+pub(super) struct Memory {
     shelves: Vec<Vec<Aligned>>,
 }
 
@@ -186,18 +171,16 @@ fn shelf(length: usize) -> (usize, usize) {
 }
 
 impl Memory {
+    /// Memory for so many numbers, which are not zero.
     fn take(&mut self, length: usize) -> Option<Aligned> {
         if length == 0 {
             return Aligned::new(0);
         }
         let (shelf, whole) = shelf(length);
-        match self.shelves.get_mut(shelf).and_then(Vec::pop) {
-            Some(piece) => Some(piece),
-            None => Aligned::new(whole),
-        }
+        self.shelves.get_mut(shelf).and_then(Vec::pop).or_else(|| Aligned::new(whole))
     }
 
-    fn give_back(&mut self, piece: Aligned) {
+    pub(super) fn give_back(&mut self, piece: Aligned) {
         if piece.len() == 0 {
             return;
         }

@@ -1,0 +1,50 @@
+//! Lists of items by group, one after the other in one array: compressed sparse rows.
+//!
+//! It knows neither what the groups are nor what the items mean.
+
+use std::ops::Range;
+
+/// A list of items for each group.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Lists<T> {
+    /// Where each list begins, and the end of the last.
+    pub(super) starts: Vec<usize>,
+    pub(super) items: Vec<T>,
+}
+
+impl<T: Copy + Default> Lists<T> {
+    /// Puts each item into the list of its group; items keep their order.
+    pub(super) fn new(groups: usize, items: impl Iterator<Item = (usize, T)> + Clone) -> Self {
+        let mut counts = vec![0; groups + 1];
+        items.clone().for_each(|(group, _)| counts[group + 1] += 1);
+        Self::counted(counts, items)
+    }
+
+    /// The same; `counts` has the number of items of each group after a zero.
+    pub(super) fn counted(mut counts: Vec<usize>, items: impl Iterator<Item = (usize, T)>) -> Self {
+        for group in 1..counts.len() {
+            counts[group] += counts[group - 1];
+        }
+        let (starts, mut next) = (counts.clone(), counts);
+        let mut list = vec![T::default(); starts[starts.len() - 1]];
+        items.for_each(|(group, item)| {
+            list[next[group]] = item;
+            next[group] += 1;
+        });
+        Self { starts, items: list }
+    }
+}
+
+impl<T> Lists<T> {
+    /// Where the items of a group stand.
+    #[inline]
+    pub(super) fn range(&self, group: usize) -> Range<usize> {
+        self.starts[group]..self.starts[group + 1]
+    }
+
+    /// The items of a group.
+    #[inline]
+    pub(super) fn of(&self, group: usize) -> &[T] {
+        &self.items[self.range(group)]
+    }
+}

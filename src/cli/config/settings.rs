@@ -1,0 +1,271 @@
+//! The settings: each is written once, with its flag, its description and its type.
+//!
+//! A field's name is the key of `covis.toml`; with hyphens it is the flag, in capitals behind
+//! `COVIS_` the variable. Its comment is the flag's help. A help heading says which commands have
+//! the flag; one without a heading is a flag of `covis serve`. Fields with `skip` have no flag.
+
+use std::path::PathBuf;
+
+use clap::Arg;
+use serde::Deserialize;
+
+use crate::client::Token;
+use crate::service::{MapLimits, ServerConfig, SolveLimits, TenantLimits};
+
+/// Heading of the flags that all commands have.
+pub const LOG: &str = "Log";
+
+/// Heading of the flags of commands that talk to a server.
+pub const CONNECTION: &str = "Connection";
+
+/// Smallest message limit: every stream needs room for its control messages.
+const LEAST_MESSAGE_BYTES: usize = 4096;
+
+/// How log lines look.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "lowercase")]
+pub enum LogFormat {
+    /// For people.
+    #[default]
+    Text,
+    /// One JSON object a line.
+    Json,
+}
+
+/// What the program runs with.
+#[derive(Clone, Debug, PartialEq, Eq, clap::Args, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// Address to listen on, host:port; port 0 takes a free one [default: 127.0.0.1:7411].
+    #[arg(long, value_name = "ADDR")]
+    pub listen: String,
+    /// The server's certificate (PEM); with it TLS is spoken.
+    #[arg(long, value_name = "FILE")]
+    pub tls_cert: Option<PathBuf>,
+    /// The private key of --tls-cert (PEM).
+    #[arg(long, value_name = "FILE")]
+    pub tls_key: Option<PathBuf>,
+    /// Take only clients whose certificate these authorities (PEM) signed.
+    #[arg(long, value_name = "FILE")]
+    pub tls_client_ca: Option<PathBuf>,
+    /// Take only calls with a bearer token of this file (TOML).
+    #[arg(long, value_name = "FILE")]
+    pub tokens: Option<PathBuf>,
+    /// Take also JSON Web Tokens that a key of this set (JWKS) signed.
+    #[arg(long, value_name = "FILE")]
+    pub jwks: Option<PathBuf>,
+    /// The issuer (`iss`) that those tokens must name.
+    #[arg(long, value_name = "ISSUER")]
+    pub jwt_issuer: Option<String>,
+    /// The audience (`aud`) that they must be meant for.
+    #[arg(long, value_name = "AUDIENCE")]
+    pub jwt_audience: Option<String>,
+    /// Speak plain text also beyond loopback: others on the network can read and change all of it.
+    #[arg(long)]
+    pub insecure_plain_text: bool,
+    /// Address at which `GET /metrics` is answered for Prometheus, in plain text; port 0 takes a
+    /// free one [default: none].
+    #[arg(long, value_name = "ADDR")]
+    pub metrics_listen: Option<String>,
+    /// Seconds that the server waits for running calls when it is told to end [default: 10].
+    #[arg(long, value_name = "SECONDS")]
+    pub drain_budget: u64,
+    /// Export spans of calls, items and solves to this collector by OTLP over gRPC, in builds with
+    /// the feature `opentelemetry` [default: none].
+    #[arg(long, value_name = "URL")]
+    pub otlp_endpoint: Option<String>,
+    /// Worker threads of solves; results do not depend on it [default: one per processor].
+    #[arg(long, value_name = "N")]
+    pub threads: usize,
+    /// Finish each solve before the next item of a stream is taken.
+    #[arg(long)]
+    pub lock_step: bool,
+    /// Folder to keep maps in [default: the platform's folder for data].
+    #[arg(long, value_name = "DIR", conflicts_with = "in_memory")]
+    pub data_dir: Option<PathBuf>,
+    /// Keep maps in memory only: they are gone at the end.
+    #[arg(long)]
+    pub in_memory: bool,
+    /// Largest message in bytes, in and out [default: 4194304].
+    #[arg(long, value_name = "N")]
+    pub max_message_bytes: usize,
+    /// Most concurrent streams of one connection [default: 64].
+    #[arg(long, value_name = "N")]
+    pub max_concurrent_streams: u32,
+    /// Most connections at once [default: 512].
+    #[arg(long, value_name = "N")]
+    pub max_connections: usize,
+    /// Most of them that have made no call that was admitted; half of all at most [default: 256].
+    #[arg(long, value_name = "N")]
+    pub max_strangers: usize,
+    /// Items that may wait for a map's engine before a stream is slowed down [default: 64].
+    #[arg(long, value_name = "N")]
+    pub queue_capacity: usize,
+    /// Ceilings of a map, over those of [`ServerConfig`]; in the file only (none).
+    #[arg(skip)]
+    pub map_limits: MapLimits,
+    /// Limits of a tenant that has none in the file of tokens; in the file only (none).
+    #[arg(skip)]
+    pub tenant_limits: TenantLimits,
+    /// Limits of the server as a whole, over those of [`ServerConfig`]; in the file only (none).
+    #[arg(skip)]
+    pub server_limits: TenantLimits,
+    /// What one solve may take, over the engine's own limits; in the file only (none).
+    #[arg(skip)]
+    pub solve_limits: SolveLimits,
+    /// The server's URL [default: http://127.0.0.1:7411].
+    #[arg(long, value_name = "URL", help_heading = CONNECTION)]
+    pub server: String,
+    /// Certificates (PEM) of the authorities to trust instead of the system's.
+    #[arg(long, value_name = "FILE", help_heading = CONNECTION)]
+    pub ca: Option<PathBuf>,
+    /// The client's own certificate (PEM), for mutual TLS.
+    #[arg(long, value_name = "FILE", help_heading = CONNECTION)]
+    pub cert: Option<PathBuf>,
+    /// The private key of --cert (PEM).
+    #[arg(long, value_name = "FILE", help_heading = CONNECTION)]
+    pub key: Option<PathBuf>,
+    /// File that holds the bearer token; COVIS_TOKEN holds the token itself.
+    #[arg(long, value_name = "FILE", help_heading = CONNECTION)]
+    pub token_file: Option<PathBuf>,
+    /// Log level (off, error, warn, info, debug, trace) or a list of directives [default: info].
+    #[arg(long, value_name = "LEVEL", help_heading = LOG)]
+    pub log: String,
+    /// How log lines look [default: text].
+    #[arg(long, value_name = "FORMAT", help_heading = LOG)]
+    pub log_format: LogFormat,
+    /// Whether a flag names the server: `covis run` then starts none of its own.
+    #[arg(skip)]
+    #[serde(skip)]
+    pub names_server: bool,
+    /// The token of client commands, from `COVIS_TOKEN` only: every user of the machine can read
+    /// arguments, and a file would be copied.
+    #[arg(skip)]
+    #[serde(skip)]
+    pub token: Option<Token>,
+    /// Name of a fault that the server is to commit, from `COVIS_TEST_FAULT`; for tests only.
+    #[cfg(feature = "faults")]
+    #[arg(skip)]
+    #[serde(skip)]
+    pub test_fault: Option<String>,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        let server = ServerConfig::default();
+        Self {
+            listen: "127.0.0.1:7411".to_owned(),
+            tls_cert: None,
+            tls_key: None,
+            tls_client_ca: None,
+            tokens: None,
+            jwks: None,
+            jwt_issuer: None,
+            jwt_audience: None,
+            insecure_plain_text: server.insecure_plain_text,
+            metrics_listen: None,
+            drain_budget: server.drain_budget.as_secs(),
+            otlp_endpoint: None,
+            threads: server.threads,
+            lock_step: server.engine.lock_step,
+            data_dir: None,
+            in_memory: false,
+            max_message_bytes: server.max_message_bytes,
+            max_concurrent_streams: server.max_concurrent_streams,
+            max_connections: server.connections.max_connections,
+            max_strangers: server.connections.max_strangers,
+            queue_capacity: server.engine.queue_capacity,
+            map_limits: MapLimits::default(),
+            tenant_limits: TenantLimits::default(),
+            server_limits: TenantLimits::default(),
+            solve_limits: SolveLimits::default(),
+            server: "http://127.0.0.1:7411".to_owned(),
+            ca: None,
+            cert: None,
+            key: None,
+            token_file: None,
+            log: "info".to_owned(),
+            log_format: LogFormat::default(),
+            names_server: false,
+            token: None,
+            #[cfg(feature = "faults")]
+            test_fault: None,
+        }
+    }
+}
+
+impl Config {
+    /// A command that has all flags and demands none of them.
+    pub(super) fn command() -> clap::Command {
+        <Self as clap::Args>::augment_args_for_update(clap::Command::new("covis"))
+    }
+
+    /// The first setting that is out of its range, and what it must be.
+    pub(super) fn out_of_range(&self) -> Option<(&'static str, &'static str)> {
+        let is_address = |address: &str| {
+            address.rsplit_once(':').is_some_and(|(_, port)| port.parse::<u16>().is_ok())
+        };
+        // A bare word that is no level would be taken for a module's name and silence everything.
+        let levels = ["off", "error", "warn", "info", "debug", "trace"];
+        let is_log = self.log.contains(['=', ',', '['])
+            || levels.contains(&self.log.to_ascii_lowercase().as_str());
+        let jwt = [self.jwks.is_some(), self.jwt_issuer.is_some(), self.jwt_audience.is_some()];
+        let rules = [
+            (is_address(&self.listen), "listen", "must be host:port, for instance 127.0.0.1:7411"),
+            (
+                self.metrics_listen.as_deref().is_none_or(is_address),
+                "metrics_listen",
+                "must be host:port, for instance 127.0.0.1:9411",
+            ),
+            (self.threads > 0, "threads", "must be at least 1"),
+            (
+                self.tls_cert.is_some() == self.tls_key.is_some(),
+                "tls_cert",
+                "belongs with tls_key: one of them is missing",
+            ),
+            (
+                self.tls_client_ca.is_none() || self.tls_cert.is_some(),
+                "tls_client_ca",
+                "needs tls_cert and tls_key",
+            ),
+            (
+                jwt == [jwt[0]; 3],
+                "jwks",
+                "belongs with jwt_issuer and jwt_audience: one is missing",
+            ),
+            (
+                self.max_message_bytes >= LEAST_MESSAGE_BYTES,
+                "max_message_bytes",
+                "must be at least 4096",
+            ),
+            (self.max_concurrent_streams > 0, "max_concurrent_streams", "must be at least 1"),
+            (self.max_strangers > 0, "max_strangers", "must be at least 1"),
+            (self.max_connections > 1, "max_connections", "must be at least 2"),
+            (
+                !self.in_memory || self.data_dir.is_none(),
+                "in_memory",
+                "excludes data_dir: maps are kept here or there",
+            ),
+            (self.queue_capacity > 0, "queue_capacity", "must be at least 1"),
+            (is_log, "log", "must be off, error, warn, info, debug, trace or directives"),
+        ];
+        let broken = rules.into_iter().find(|(holds, ..)| !holds);
+        broken.map(|(_, key, reason)| (key, reason))
+    }
+}
+
+/// The variable of a setting.
+pub(super) fn variable(setting: &Arg) -> String {
+    format!("COVIS_{}", setting.get_id().as_str().to_uppercase())
+}
+
+/// The flags of the settings that `is_wanted`, for a command and all below it; the help names the
+/// variables.
+pub fn flags(is_wanted: impl Fn(&Arg) -> bool) -> impl Iterator<Item = Arg> {
+    let settings: Vec<Arg> = Config::command().get_arguments().cloned().collect();
+    settings.into_iter().filter(move |setting| is_wanted(setting)).map(|setting| {
+        let help = setting.get_help().map(ToString::to_string).unwrap_or_default();
+        let help = format!("{help} [env: {}]", variable(&setting));
+        setting.help(help).global(true)
+    })
+}

@@ -1,0 +1,171 @@
+//! `covis doctor` and `covis backup`: data directories of servers.
+//!
+//! The doctor looks at one that no server uses, tells what is damaged, and repairs it. A backup
+//! copies one, also while a server uses it, and looks at the copy, which is a data directory of its
+//! own: `covis serve --data-dir COPY` restores it. Everything is done by [`crate::store`]; this
+//! prints it. Exit code 1 where something was damaged, also when it has been repaired: a second
+//! look then finds nothing.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use serde::Serialize;
+
+use super::output::{show, succeed_if};
+use crate::store::{Damage, MapCheckup, back_up, check_up};
+
+/// Looks at the journals and snapshots of a data directory that no server uses.
+#[derive(Debug, clap::Args)]
+pub(super) struct DoctorArgs {
+    /// The folder that a server keeps its maps in.
+    data_dir: PathBuf,
+    /// Set damaged files aside and let their maps go on from what could be brought back; nothing is
+    /// deleted.
+    #[arg(long)]
+    repair: bool,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Copies the maps of a data directory, also while a server uses it.
+#[derive(Debug, clap::Args)]
+pub(super) struct BackupArgs {
+    /// The folder that a server keeps its maps in.
+    data_dir: PathBuf,
+    /// The folder to copy them to; missing or empty.
+    copy: PathBuf,
+    /// Print one JSON object instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The object of `--json`: either folder, and a map each.
+#[derive(Debug, Serialize)]
+struct Document<'a, M> {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    data_dir: Option<&'a PathBuf>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    copy: Option<&'a PathBuf>,
+    damaged_maps: usize,
+    maps: Vec<M>,
+}
+
+/// A map that was looked at; `null` where its name is lost, or where no snapshot opens.
+#[derive(Debug, Serialize)]
+struct CheckedMap<'a> {
+    map: Option<&'a str>,
+    folder: &'a PathBuf,
+    revision: u64,
+    segments: &'a [String],
+    snapshot: Option<u64>,
+    damage: Vec<DamagedPlace<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    failure: Option<&'a str>,
+    set_aside: &'a [PathBuf],
+}
+
+/// A damaged place; `null` where no event is lost by it.
+#[derive(Debug, Serialize)]
+struct DamagedPlace<'a> {
+    file: &'a str,
+    byte: u64,
+    first_lost: Option<u64>,
+    last_lost: Option<u64>,
+}
+
+/// A copied map; its name is `null` where it is lost.
+#[derive(Debug, Serialize)]
+struct CopiedMap<'a> {
+    map: Option<&'a str>,
+    revision: u64,
+    damage: Vec<String>,
+}
+
+/// Looks, and repairs where it is told to; fails where the directory holds no maps, cannot be read,
+/// or is in use by a server.
+pub(super) fn doctor(args: &DoctorArgs) -> anyhow::Result<()> {
+    let checkups = check_up(&args.data_dir, args.repair)
+        .with_context(|| format!("cannot look at {}", args.data_dir.display()))?;
+    let damaged_maps = damaged(&checkups);
+    let maps = checkups.iter().map(checked).collect();
+    let document = Document { data_dir: Some(&args.data_dir), copy: None, damaged_maps, maps };
+    show(args.json, &document, || {
+        let mut lines: Vec<String> = checkups.iter().flat_map(describe).collect();
+        lines.push(format!("{} maps, {damaged_maps} of them damaged", checkups.len()));
+        lines.join("\n")
+    })?;
+    succeed_if(damaged_maps == 0)
+}
+
+/// Copies and looks; fails where the directory holds no maps or cannot be read, and where the copy
+/// is not empty or cannot be written.
+pub(super) fn backup(args: &BackupArgs) -> anyhow::Result<()> {
+    let checkups = back_up(&args.data_dir, &args.copy)
+        .with_context(|| format!("cannot back up {}", args.data_dir.display()))?;
+    let damaged_maps = damaged(&checkups);
+    let maps = checkups.iter().map(|checkup| CopiedMap {
+        map: checkup.map.as_deref(),
+        revision: checkup.revision,
+        damage: complaints(checkup).collect(),
+    });
+    let maps = maps.collect();
+    let document = Document { data_dir: None, copy: Some(&args.copy), damaged_maps, maps };
+    show(args.json, &document, || {
+        let mut lines = Vec::new();
+        for checkup in &checkups {
+            lines.push(format!("{}: revision {}", name(checkup), checkup.revision));
+            lines.extend(complaints(checkup).map(|damage| format!("  {damage}")));
+        }
+        let (count, copy) = (checkups.len(), args.copy.display());
+        lines.push(format!("{count} maps copied to {copy}, {damaged_maps} of them damaged"));
+        lines.join("\n")
+    })?;
+    succeed_if(damaged_maps == 0)
+}
+
+fn damaged(checkups: &[MapCheckup]) -> usize {
+    checkups.iter().filter(|checkup| checkup.is_damaged()).count()
+}
+
+fn name(checkup: &MapCheckup) -> &str {
+    checkup.map.as_deref().unwrap_or("(a map that has lost its name)")
+}
+
+/// What is damaged, and why the map does not open.
+fn complaints(checkup: &MapCheckup) -> impl Iterator<Item = String> {
+    checkup.damage.iter().map(ToString::to_string).chain(checkup.failure.clone())
+}
+
+fn checked(checkup: &MapCheckup) -> CheckedMap<'_> {
+    let damage = checkup.damage.iter().map(|Damage { file, offset, lost }| DamagedPlace {
+        file,
+        byte: *offset,
+        first_lost: lost.map(|(first, _)| first),
+        last_lost: lost.map(|(_, last)| last),
+    });
+    CheckedMap {
+        map: checkup.map.as_deref(),
+        folder: &checkup.folder,
+        revision: checkup.revision,
+        segments: &checkup.segments,
+        snapshot: checkup.snapshot,
+        damage: damage.collect(),
+        failure: checkup.failure.as_deref(),
+        set_aside: &checkup.set_aside,
+    }
+}
+
+fn describe(checkup: &MapCheckup) -> Vec<String> {
+    let snapshot = match checkup.snapshot {
+        Some(revision) => format!("a snapshot at {revision}"),
+        None => "no snapshot".to_owned(),
+    };
+    let (files, folder) = (checkup.segments.len(), checkup.folder.display());
+    let (name, revision) = (name(checkup), checkup.revision);
+    let first =
+        format!("{name}: revision {revision}, {files} journal files, {snapshot}, in {folder}");
+    let aside = checkup.set_aside.iter().map(|path| format!("set aside: {}", path.display()));
+    let further = complaints(checkup).chain(aside).map(|line| format!("  {line}"));
+    std::iter::once(first).chain(further).collect()
+}
