@@ -148,7 +148,7 @@ pub(super) fn server_config(config: &Config) -> ServerConfig {
     let max_maps = config.server_limits.max_maps.and_then(|maps| usize::try_from(maps).ok());
     ServerConfig {
         threads: config.threads,
-        ceilings: config.map_limits.over(default.ceilings),
+        ceilings: config.map_limits.over(&default.ceilings),
         max_maps: max_maps.unwrap_or(default.max_maps),
         tenant_limits: config.tenant_limits.into(),
         server_limits: config.server_limits.over(default.server_limits),

@@ -8,14 +8,17 @@
 use std::mem::size_of;
 use std::ops::{Add, Mul, Sub};
 
+use serde::Deserialize;
+
 use super::covisibility::NEAREST;
 use super::{
     CameraEntity, Change, Client, Constraint, Digest, EntityId, Keyframe, Landmark, Map,
     NewLandmark, Observation, Prior, SwitchedOff,
 };
 
-/// Limits of what is held; `None` is unlimited.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// Limits of what is held; `None` is unlimited. `[map_limits]` of `covis.toml` has these keys.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Ceilings {
     /// Clients that have ever opened a stream.
     pub max_clients: Option<u64>,
@@ -116,13 +119,14 @@ impl Ceilings {
         }
     }
 
-    /// One value a count, made of the two of `self` and `other`.
+    /// These ceilings where they are set, otherwise those of `default`.
     #[must_use]
-    pub fn join(
-        &self,
-        other: &Self,
-        join: impl Fn(Option<u64>, Option<u64>) -> Option<u64>,
-    ) -> Self {
+    pub fn over(&self, default: &Self) -> Self {
+        self.join(default, Option::or)
+    }
+
+    /// One value a count, made of the two of `self` and `other`.
+    fn join(&self, other: &Self, join: impl Fn(Option<u64>, Option<u64>) -> Option<u64>) -> Self {
         let of = |counted| join(self.of(counted), other.of(counted));
         Self {
             max_clients: of(Counted::Clients),

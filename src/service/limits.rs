@@ -7,53 +7,6 @@ use serde::Deserialize;
 use super::engine::{AccountLimits, EngineConfig};
 use crate::map::Ceilings;
 
-/// Limits of a map; counts from 1.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MapLimits {
-    /// Clients.
-    pub max_clients: Option<u64>,
-    /// Cameras.
-    pub max_cameras: Option<u64>,
-    /// Keyframes.
-    pub max_keyframes: Option<u64>,
-    /// Landmarks.
-    pub max_landmarks: Option<u64>,
-    /// Observations.
-    pub max_observations: Option<u64>,
-    /// Relative-pose constraints.
-    pub max_constraints: Option<u64>,
-    /// Pose priors and position priors.
-    pub max_priors: Option<u64>,
-    /// Estimated memory in bytes.
-    pub max_bytes: Option<u64>,
-}
-
-impl MapLimits {
-    /// These ceilings where they are set, otherwise those of `default`.
-    #[must_use]
-    pub fn over(&self, default: Ceilings) -> Ceilings {
-        Ceilings::from(*self).join(&default, Option::or)
-    }
-}
-
-impl From<MapLimits> for Ceilings {
-    fn from(limits: MapLimits) -> Self {
-        let MapLimits { max_clients, max_cameras, max_keyframes, max_landmarks, .. } = limits;
-        let MapLimits { max_observations, max_constraints, max_priors, max_bytes, .. } = limits;
-        Self {
-            max_clients,
-            max_cameras,
-            max_keyframes,
-            max_landmarks,
-            max_observations,
-            max_constraints,
-            max_priors,
-            max_bytes,
-        }
-    }
-}
-
 /// Limits of the estimate of one solve; a solve above them is not started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -120,7 +73,7 @@ impl TenantLimits {
     pub fn over(&self, default: AccountLimits) -> AccountLimits {
         let given = AccountLimits::from(*self);
         AccountLimits {
-            held: given.held.join(&default.held, Option::or),
+            held: given.held.over(&default.held),
             max_maps: given.max_maps.or(default.max_maps),
             max_streams: given.max_streams.or(default.max_streams),
             max_watchers: given.max_watchers.or(default.max_watchers),

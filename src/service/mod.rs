@@ -52,7 +52,7 @@ pub use access::{AccessError, JwtOptions};
 pub use clock::Clock;
 pub use config::{KeepAlive, ServerConfig, default_ceilings, default_limits};
 pub use connections::ConnectionLimits;
-pub use limits::{MapLimits, SolveLimits, TenantLimits};
+pub use limits::{SolveLimits, TenantLimits};
 #[cfg(test)]
 pub(crate) use readers::Readers;
 #[cfg(test)]

@@ -121,8 +121,7 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> ChunkSums<D
 }
 
 /// The pass over one chunk.
-pub(super) struct Accumulate<'a, const D: usize, const V: usize, const T: usize, const R: usize>
-{
+pub(super) struct Accumulate<'a, const D: usize, const V: usize, const T: usize, const R: usize> {
     pub(super) inputs: Inputs<'a>,
     pub(super) layout: &'a Layout,
     pub(super) chunk: &'a Chunk,
@@ -210,9 +209,7 @@ impl<L: Lanes, const D: usize, const V: usize, const T: usize, const R: usize> U
     }
 }
 
-impl<const D: usize, const V: usize, const T: usize, const R: usize>
-    Accumulate<'_, D, V, T, R>
-{
+impl<const D: usize, const V: usize, const T: usize, const R: usize> Accumulate<'_, D, V, T, R> {
     /// G, M and r − G y of eight observations.
     #[inline(always)]
     fn whiten<L: Lanes>(&mut self, l: L, tile: &Tile, first: usize, index: usize) {

@@ -60,13 +60,8 @@ pub(super) fn along<L: Lanes, const D: usize, const V: usize, const T: usize, co
 }
 
 /// Landmark steps of one chunk.
-pub(super) struct BackSubstitute<
-    'a,
-    const D: usize,
-    const V: usize,
-    const T: usize,
-    const R: usize,
-> {
+pub(super) struct BackSubstitute<'a, const D: usize, const V: usize, const T: usize, const R: usize>
+{
     pub(super) inputs: Inputs<'a>,
     pub(super) layout: &'a Layout,
     pub(super) chunk: &'a Chunk,
@@ -100,7 +95,8 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Kernel
             for o in tile.observations.clone().step_by(WIDTH) {
                 let views = eight_indices(&sorted.views, o);
                 let steps = self.view_steps;
-                let part = LandmarkPart::<D, V, T> { steps, views, slot: o - first, rows: &mut rows };
+                let part =
+                    LandmarkPart::<D, V, T> { steps, views, slot: o - first, rows: &mut rows };
                 linearize::<L, _, D, R>(l, &self.inputs, o, part);
             }
             rows.sum(l, sorted, &tile);

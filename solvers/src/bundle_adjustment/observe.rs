@@ -7,7 +7,9 @@
 
 use super::sorted::Sorted;
 use crate::geometry::{Camera, Se3};
-use crate::lanes::models::{AnyLanes, LaneModel, LanePoints, PARAMETERS, PinholeLanes, SnavelyLanes};
+use crate::lanes::models::{
+    AnyLanes, LaneModel, LanePoints, PARAMETERS, PinholeLanes, SnavelyLanes,
+};
 use crate::loss::Loss;
 use crate::simd::{Lanes, Part, Row, WIDTH};
 

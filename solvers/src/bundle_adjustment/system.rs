@@ -33,13 +33,7 @@ use crate::simd::Class;
 const POINT: usize = 4;
 
 /// D columns a view in V vectors and T tails, R rows an observation.
-pub(super) struct BundleSystem<
-    'a,
-    const D: usize,
-    const V: usize,
-    const T: usize,
-    const R: usize,
-> {
+pub(super) struct BundleSystem<'a, const D: usize, const V: usize, const T: usize, const R: usize> {
     problem: &'a mut BundleProblem,
     layout: &'a Layout,
     model: Model,
@@ -324,8 +318,7 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> System
         let inputs = self.inputs();
         let class = self.class;
         let chunks = self.layout.chunks().par_iter();
-        let sums: Vec<f64> =
-            chunks.map(|chunk| class.run(Cost::<R> { inputs, chunk })).collect();
+        let sums: Vec<f64> = chunks.map(|chunk| class.run(Cost::<R> { inputs, chunk })).collect();
         sums.iter().sum::<f64>() + pose_factors::cost(self.problem)
     }
 

@@ -9,7 +9,8 @@
 use super::PointObservation;
 use crate::geometry::{Camera, Se3};
 use crate::lanes::models::{
-    AnyLanes, LaneModel, LanePoints, LaneProjection, PARAMETERS, PinholeLanes, SnavelyLanes, UndistortedLanes,
+    AnyLanes, LaneModel, LanePoints, LaneProjection, PARAMETERS, PinholeLanes, SnavelyLanes,
+    UndistortedLanes,
 };
 use crate::simd::{Class, Kernel, Lanes, Row, WIDTH};
 

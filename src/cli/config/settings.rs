@@ -10,7 +10,8 @@ use clap::Arg;
 use serde::Deserialize;
 
 use crate::client::Token;
-use crate::service::{MapLimits, ServerConfig, SolveLimits, TenantLimits};
+use crate::map::Ceilings;
+use crate::service::{ServerConfig, SolveLimits, TenantLimits};
 
 /// Heading of the flags that all commands have.
 pub const LOG: &str = "Log";
@@ -103,7 +104,7 @@ pub struct Config {
     pub queue_capacity: usize,
     /// Ceilings of a map, over those of [`ServerConfig`]; in the file only (none).
     #[arg(skip)]
-    pub map_limits: MapLimits,
+    pub map_limits: Ceilings,
     /// Limits of a tenant that has none in the file of tokens; in the file only (none).
     #[arg(skip)]
     pub tenant_limits: TenantLimits,
@@ -175,7 +176,7 @@ impl Default for Config {
             max_connections: server.connections.max_connections,
             max_strangers: server.connections.max_strangers,
             queue_capacity: server.engine.queue_capacity,
-            map_limits: MapLimits::default(),
+            map_limits: Ceilings::default(),
             tenant_limits: TenantLimits::default(),
             server_limits: TenantLimits::default(),
             solve_limits: SolveLimits::default(),

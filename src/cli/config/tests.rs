@@ -120,7 +120,7 @@ fn limits_of_the_server_stand_over_their_defaults() {
     let limits = limits.over(default);
     assert_eq!((limits.held.max_bytes, limits.max_watchers), (Some(1000), Some(2)));
     assert_eq!(limits.max_streams, default.max_streams);
-    let ceilings = config.map_limits.over(crate::service::default_ceilings());
+    let ceilings = config.map_limits.over(&crate::service::default_ceilings());
     assert_eq!((ceilings.max_cameras, ceilings.max_keyframes), (Some(3), Some(100_000)));
 }
 

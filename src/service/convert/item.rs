@@ -1,6 +1,8 @@
 //! Items of an ingest stream, and the digest that identifies an item that is sent again.
 //!
-//! The digest is SHA-256 over the prost encoding of the item as received, without its sequence.
+//! The digest is SHA-256 over the item as prost encodes it again, without its sequence. It is not
+//! taken of the bytes that came: encodings of one message may differ, and journals and clients that
+//! resume after an upgrade need the same digest for the same item.
 //! What needs the map (references, duplicates, projections) is checked by `Map::check`.
 
 use std::sync::Arc;
