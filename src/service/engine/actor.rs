@@ -188,7 +188,11 @@ impl Actor {
 
     /// Refuses changes to a poisoned or ending map.
     fn check_open(&self) -> Result<(), EngineError> {
-        if self.closing.is_empty() { self.shared.check_open() } else { Err(EngineError::ShuttingDown) }
+        if self.closing.is_empty() {
+            self.shared.check_open()
+        } else {
+            Err(EngineError::ShuttingDown)
+        }
     }
 
     async fn open_stream(
@@ -291,9 +295,8 @@ impl Actor {
         self.handled += STEP + size;
         let change = loop {
             let admission = if size > SMALL {
-                let admit = move |map: &Map| {
-                    (Ingest::admit(map, client, sequence, &digest, &item), item)
-                };
+                let admit =
+                    move |map: &Map| (Ingest::admit(map, client, sequence, &digest, &item), item);
                 let admission;
                 (admission, item) = self.compute(admit).await;
                 admission
@@ -509,10 +512,7 @@ impl Actor {
 
     /// Computes something from the map on another thread. The engine awaits the result; its thread
     /// is not blocked.
-    async fn compute<R: Send + 'static>(
-        &self,
-        work: impl FnOnce(&Map) -> R + Send + 'static,
-    ) -> R {
+    async fn compute<R: Send + 'static>(&self, work: impl FnOnce(&Map) -> R + Send + 'static) -> R {
         self.pool.compute_from(&self.map, work).await
     }
 
@@ -646,7 +646,8 @@ enum Added {
 }
 
 fn added(change: &Change) -> Added {
-    if let Change::KeyframeAdded { id, .. } | Change::ObservationsAdded { keyframe: id, .. } = change
+    if let Change::KeyframeAdded { id, .. } | Change::ObservationsAdded { keyframe: id, .. } =
+        change
     {
         Added::Views(*id)
     } else if let Change::ConstraintAdded { constraint, .. } = change

@@ -207,9 +207,8 @@ impl Ingest {
         digest: &Digest,
         item: &Item,
     ) -> Admission {
-        let refused = |reason, text: String| {
-            Admission::Reject(Rejection::of("sequence", reason, text))
-        };
+        let refused =
+            |reason, text: String| Admission::Reject(Rejection::of("sequence", reason, text));
         match map.recall(client, sequence, digest) {
             Recall::Duplicate => return Admission::Duplicate,
             Recall::Conflict => {

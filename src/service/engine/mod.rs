@@ -112,7 +112,11 @@ impl EngineConfig {
 
     /// Fails the calls on maps if tests inject that.
     fn check_calls(&self) -> Result<(), EngineError> {
-        if self.injects(Fault::FailCalls) { Err(error::report_bug("staged by a test")) } else { Ok(()) }
+        if self.injects(Fault::FailCalls) {
+            Err(error::report_bug("staged by a test"))
+        } else {
+            Ok(())
+        }
     }
 }
 

@@ -325,11 +325,7 @@ struct GraphSettings {
 }
 
 /// Pose-graph optimization, until `interrupt` is due.
-fn solve_graph(
-    map: Arc<Map>,
-    settings: &GraphSettings,
-    interrupt: &Interrupt,
-) -> Outcome {
+fn solve_graph(map: Arc<Map>, settings: &GraphSettings, interrupt: &Interrupt) -> Outcome {
     let mut problem = loop_problem(&map);
     let robustness = map.policy().loop_closure_robustness;
     drop(map);
@@ -350,8 +346,7 @@ fn solve_graph(
         }
     });
     let (start, certify) = (Start::Given, settings.certify);
-    let options =
-        graph_optimization::Options { start, judging, certify, costs: true, optimizer };
+    let options = graph_optimization::Options { start, judging, certify, costs: true, optimizer };
     let rows = &mut ignore_iterations;
     let solved = match optimize(&mut problem.graph, true, &options, interrupt, rows) {
         Ok(solved) => solved,

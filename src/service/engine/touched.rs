@@ -26,16 +26,13 @@ impl Touched {
     pub(super) fn by(change: &Change, map: &Map) -> Self {
         let mut touched = Self::default();
         touched.add(change);
-        match change {
-            Change::ClientOpened { name, .. } => {
-                let next = u32::try_from(map.clients().len()).unwrap_or(u32::MAX);
-                touched.clients.insert(map.client_named(name).unwrap_or(ClientIndex(next)));
-            }
-            Change::KeyframeRemoved { keyframe: id }
-            | Change::KeyframeRetired { retired: Retired { keyframe: id, .. } } => {
-                touched.removed(*id, map);
-            }
-            _ => {}
+        if let Change::ClientOpened { name, .. } = change {
+            let next = u32::try_from(map.clients().len()).unwrap_or(u32::MAX);
+            touched.clients.insert(map.client_named(name).unwrap_or(ClientIndex(next)));
+        } else if let Change::KeyframeRemoved { keyframe: id }
+        | Change::KeyframeRetired { retired: Retired { keyframe: id, .. } } = change
+        {
+            touched.removed(*id, map);
         }
         touched
     }
@@ -128,6 +125,9 @@ impl Touched {
     }
 }
 
+/// The size of a change that does not name all that it concerns: large.
+const UNKNOWN_SIZE: usize = 1 << 16;
+
 /// About how many entities a change concerns.
 pub(super) fn size_of_change(change: &Change) -> usize {
     match change {
@@ -140,8 +140,19 @@ pub(super) fn size_of_change(change: &Change) -> usize {
         Change::SolveApplied { solve } => {
             solve.poses.len() + solve.landmarks.len() + solve.switched_off.len()
         }
+        Change::ObservationsRemoved { observations } => observations.len(),
         // With the observations, which the change does not name.
-        change if change.removes_keyframe() => usize::MAX / 2,
-        _ => 1,
+        Change::KeyframeRemoved { .. }
+        | Change::KeyframeRetired { .. }
+        | Change::LandmarksFused { .. }
+        | Change::LandmarksRemoved { .. } => UNKNOWN_SIZE,
+        Change::Created { .. }
+        | Change::ItemRepeated
+        | Change::PolicySet { .. }
+        | Change::ClientOpened { .. }
+        | Change::CameraSet { .. }
+        | Change::ConstraintAdded { .. }
+        | Change::PriorAdded { .. }
+        | Change::ConstraintRevoked { .. } => 1,
     }
 }

@@ -282,12 +282,7 @@ type History = (Touched, BTreeSet<String>);
 
 /// Reads the events after `from` up to `through`. `None` if the full state is cheaper, or if the
 /// events do not name everything that changed: then the reader needs the full state.
-async fn read(
-    handle: &MapHandle,
-    from: i64,
-    through: i64,
-    past: &Past,
-) -> Option<History> {
+async fn read(handle: &MapHandle, from: i64, through: i64, past: &Past) -> Option<History> {
     let events = usize::try_from(through.saturating_sub(from)).unwrap_or(usize::MAX);
     if events > past.entities {
         return None;

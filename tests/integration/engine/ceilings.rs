@@ -54,6 +54,27 @@ async fn one_item_cannot_push_out_a_map() {
 }
 
 #[tokio::test]
+async fn one_item_may_retire_several_keyframes() {
+    let street = async |max_landmarks, more: i64| {
+        let fixture = Fixture::lock_step().await;
+        let ceilings = Ceilings { max_landmarks, ..Ceilings::default() };
+        let policy =
+            MapPolicy { ceilings, when_full: WhenFull::Marginalize, ..MapPolicy::default() };
+        let map = fixture.map(policy).await;
+        let mut client = Client::open(&map).await;
+        client.send_street(0..16).await;
+        let landmarks = (1000..1000 + more).map(landmark).collect();
+        client.send(Item::Landmarks { landmarks }).await;
+        client.finish().await;
+        map.snapshot().await.unwrap()
+    };
+    let all = street(None, 1).await;
+    let some = street(Some(all.landmarks().len() as u64), 30).await;
+    assert!(some.keyframes().len() + 2 <= all.keyframes().len(), "{}", some.keyframes().len());
+    assert!(some.landmarks().contains_key(&id(1029)));
+}
+
+#[tokio::test]
 async fn memory_has_a_ceiling_too() {
     let fixture = Fixture::lock_step().await;
     let max_bytes = Some(60_000);
