@@ -180,7 +180,7 @@ pub(super) fn squared_errors<L: Lanes, const R: usize>(
     match inputs.model {
         Model::Snavely if R == 2 => errors_of::<L, _, R>(l, inputs, first, SnavelyLanes),
         Model::Pinhole => errors_of::<L, _, R>(l, inputs, first, PinholeLanes),
-        _ => errors_of::<L, _, R>(l, inputs, first, inputs.any()),
+        Model::Snavely | Model::Any => errors_of::<L, _, R>(l, inputs, first, inputs.any()),
     }
 }
 
@@ -251,7 +251,9 @@ pub(super) fn linearize<L: Lanes, U: Use<L, R>, const D: usize, const R: usize>(
         Model::Pinhole if D == 6 => {
             user.take(l, &Linearize::<_, R> { inputs, first, model: PinholeLanes }.run(l));
         }
-        _ => user.take(l, &l.call(Linearize::<_, R> { inputs, first, model: inputs.any() })),
+        Model::Snavely | Model::Pinhole | Model::Any => {
+            user.take(l, &l.call(Linearize::<_, R> { inputs, first, model: inputs.any() }))
+        }
     }
 }
 
