@@ -94,9 +94,10 @@ fn command() -> clap::Command {
 /// Runs the program with the process' arguments and environment.
 #[must_use]
 pub fn run() -> ExitCode {
-    let parsed = command()
-        .try_get_matches()
-        .and_then(|matches| Ok((Cli::from_arg_matches(&matches)?, config::given(&matches))));
+    let command = command();
+    let parsed = command.clone().try_get_matches().and_then(|matches| {
+        Ok((Cli::from_arg_matches(&matches)?, config::given(&command, &matches)))
+    });
     match parsed {
         Ok((cli, settings)) => output::exit_code(dispatch(cli, settings)),
         Err(error) => {

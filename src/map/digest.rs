@@ -16,7 +16,7 @@ use super::{
     Landmark, Map, MapPolicy, NewLandmark, Observation, Prior, SwitchedOff, WhenFull,
 };
 
-/// The kinds of entity whose content as sent is remembered.
+/// The kinds of entity whose content as sent is remembered. Their order is in snapshots and hashes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Content {
     /// Cameras.

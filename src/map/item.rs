@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use covis_solvers::geometry::{Camera, Se3};
+use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use covis_solvers::information::Information;
 use nalgebra::{Vector2, Vector3};
 
@@ -132,6 +132,46 @@ pub enum Item {
         /// Information over x, y, z of the world frame, in 1/m².
         information: Information<3>,
     },
+}
+
+impl Item {
+    /// Whether each number is finite, and positive where its description says so. Items from the
+    /// wire are; this guards a map against programs that make items themselves.
+    #[must_use]
+    pub fn has_valid_numbers(&self) -> bool {
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        let finite = |vector: &Vector3<f64>| vector.iter().all(|value| value.is_finite());
+        let are_placed = |landmarks: &[ItemLandmark]| {
+            landmarks.iter().all(|landmark| landmark.position.as_ref().is_none_or(finite))
+        };
+        let are_measured = |observations: &[ItemObservation]| {
+            observations.iter().all(|seen| {
+                seen.pixel.iter().all(|value| value.is_finite())
+                    && positive(seen.sigma_px)
+                    && seen.depth.is_none_or(|d| positive(d.depth_m) && positive(d.sigma_m))
+            })
+        };
+        match self {
+            Self::Camera { camera, .. } => {
+                let focal_lengths = if matches!(camera, Camera::Snavely(_)) { 1 } else { 2 };
+                let parameters = camera.parameters();
+                camera.is_finite() && parameters.iter().take(focal_lengths).all(|&f| f > 0.0)
+            }
+            Self::Keyframe {
+                world_from_camera, odom_from_camera, observations, landmarks, ..
+            } => {
+                world_from_camera.is_finite()
+                    && odom_from_camera.is_none_or(|pose| pose.is_finite())
+                    && are_measured(observations)
+                    && are_placed(landmarks)
+            }
+            Self::Landmarks { landmarks } => are_placed(landmarks),
+            Self::Observations { observations, .. } => are_measured(observations),
+            Self::RelativePose { keyframe_i_from_keyframe_j: pose, .. }
+            | Self::PosePrior { world_from_camera: pose, .. } => pose.is_finite(),
+            Self::PositionPrior { position_in_world, .. } => finite(position_in_world),
+        }
+    }
 }
 
 /// An item some of whose fields cannot be read; placeholders stand for them: NaN, or a negative id.

@@ -334,6 +334,22 @@ fn ranges_ids_and_contradictions() {
             Reason::Inconsistent,
         ),
         (
+            bad_keyframe(|k| {
+                k.observations[0].depth_m = Some(-1.0);
+                k.observations[0].sigma_depth_m = Some(0.1);
+            }),
+            "keyframe.observations[0].depth_m",
+            Reason::OutOfRange,
+        ),
+        (
+            bad_keyframe(|k| {
+                k.observations[0].depth_m = Some(2.0);
+                k.observations[0].sigma_depth_m = Some(0.0);
+            }),
+            "keyframe.observations[0].sigma_depth_m",
+            Reason::OutOfRange,
+        ),
+        (
             bad_keyframe(|k| k.observations[0].camera_index = 1),
             "keyframe.observations[0].camera_index",
             Reason::OutOfRange,

@@ -14,9 +14,9 @@ use std::ffi::OsString;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use clap::builder::BoolishValueParser;
+use clap::builder::{BoolishValueParser, ValueParser};
 use clap::parser::ValueSource;
-use clap::{Arg, ArgAction, ArgMatches, FromArgMatches};
+use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches};
 
 use crate::client::Token;
 
@@ -120,7 +120,13 @@ impl Config {
             let setting = command.get_arguments().find(|s| settings::variable(s) == name);
             match (setting, name.as_str()) {
                 (Some(setting), _) => {
-                    variables.push((setting.get_id().to_string(), value.trim().into()));
+                    // Names of files may begin or end with spaces, numbers and switches may not.
+                    let is_text = setting.get_value_parser().type_id()
+                        == ValueParser::string().type_id()
+                        || setting.get_value_parser().type_id()
+                            == ValueParser::path_buf().type_id();
+                    let value = if is_text { value.as_str() } else { value.trim() };
+                    variables.push((setting.get_id().to_string(), value.into()));
                 }
                 (None, "COVIS_CONFIG") => file = file.or(Some(value.into())),
                 (None, "COVIS_TOKEN") => token = Some(Token::new(&value)),
@@ -231,16 +237,23 @@ fn expected(setting: &Arg) -> String {
     if names.is_empty() { "a whole number".to_owned() } else { names.join(" or ") }
 }
 
-/// The settings among the flags that were given.
+/// The settings among the flags that were given. Flags of settings are global; an argument of a
+/// command with the name of a setting (`run --threads`) is none.
 #[must_use]
-pub fn given(matches: &ArgMatches) -> Texts {
-    let mut innermost = matches;
-    while let Some((_, inner)) = innermost.subcommand() {
+pub fn given(command: &Command, matches: &ArgMatches) -> Texts {
+    let (mut level, mut innermost) = (command, matches);
+    let mut flags: Vec<&Arg> = command.get_arguments().collect();
+    while let Some((name, inner)) = innermost.subcommand() {
         innermost = inner;
+        let Some(next) = level.find_subcommand(name) else { break };
+        level = next;
+        flags.extend(level.get_arguments());
     }
-    let command = Config::command();
+    flags.retain(|flag| flag.is_global_set());
+    let settings = Config::command();
     let is_given = |id: &&str| {
-        command.get_arguments().any(|setting| setting.get_id() == *id)
+        settings.get_arguments().any(|setting| setting.get_id() == *id)
+            && flags.iter().any(|flag| flag.get_id() == *id)
             && innermost.value_source(id) == Some(ValueSource::CommandLine)
     };
     let ids = innermost.ids().map(clap::Id::as_str).filter(is_given);

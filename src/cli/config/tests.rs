@@ -132,3 +132,28 @@ fn limits_of_a_solve_stand_over_their_defaults() {
     let engine = crate::cli::serve::server_config(&config).engine;
     assert_eq!((engine.max_solve_gflops, engine.max_solve_bytes), (20, 1 << 30));
 }
+
+#[test]
+fn arguments_of_a_command_are_no_settings() {
+    let command = crate::cli::command();
+    let given = |line: &str| {
+        let matches = command.clone().try_get_matches_from(line.split(' ')).unwrap();
+        super::given(&command, &matches)
+    };
+    let threads = vec![("threads".to_owned(), OsString::from("2"))];
+    assert_eq!(given("covis run synthetic:room --threads 2"), Texts::new());
+    assert_eq!(given("covis doctor folder"), Texts::new());
+    assert_eq!(given("covis serve --threads 2"), threads);
+    assert_eq!(given("covis solve --threads 2 bundle file"), threads);
+    assert_eq!(given("covis solve bundle file --threads 2"), threads);
+    let log = vec![("log".to_owned(), OsString::from("warn"))];
+    assert_eq!(given("covis --log warn doctor folder"), log);
+    assert_eq!(given("covis doctor folder --log warn"), log);
+}
+
+#[test]
+fn names_of_files_keep_their_spaces_and_numbers_do_not() {
+    let variables = [("COVIS_DATA_DIR", "maps "), ("COVIS_THREADS", " 3 ")];
+    let (config, _) = Config::load(Texts::new(), None, environment(&variables)).unwrap();
+    assert_eq!((config.data_dir.as_deref(), config.threads), (Some(Path::new("maps ")), 3));
+}

@@ -228,6 +228,10 @@ impl Ingest {
             );
             return refused(Reason::OutOfRange, text);
         }
+        if !item.has_valid_numbers() {
+            let text = "a number is not finite, or not positive where it must be";
+            return Admission::Reject(Rejection::of("item", Reason::OutOfRange, text));
+        }
         if map.holds(client, item) {
             return Admission::Take(Box::new(Change::ItemRepeated));
         }

@@ -1,6 +1,6 @@
 //! Streams: the order of acks, duplicates, rejections, epochs, resume, ceilings, ends.
 
-use covis::map::{Ceilings, Item, MapPolicy, Reason, Rejection};
+use covis::map::{Ceilings, Depth, Item, ItemObservation, MapPolicy, Reason, Rejection};
 use covis::service::engine::{Ack, AckStatus, EngineConfig, EngineError, StreamEvent};
 
 use super::{Client, Fixture, digest, noisy_keyframe, noisy_pose, open, optimized};
@@ -96,6 +96,35 @@ async fn a_bad_item_is_refused_and_the_stream_lives() {
     client.send_street(0..2).await;
     let acks = client.finish().await;
     assert_eq!(optimized(&acks).last().unwrap().0, 5);
+}
+
+#[tokio::test]
+async fn numbers_that_did_not_come_over_the_wire_cannot_poison_a_map() {
+    let fixture = Fixture::plain().await;
+    let map = fixture.map(MapPolicy::default()).await;
+    let mut client = Client::open(&map).await;
+    client.send_street(0..1).await;
+    let bad = |change: fn(&mut ItemObservation)| {
+        let mut item = noisy_keyframe(1);
+        let Item::Keyframe { observations, .. } = &mut item else { panic!("{item:?}") };
+        change(&mut observations[0]);
+        item
+    };
+    let items = [
+        bad(|seen| seen.pixel.x = f64::NAN),
+        bad(|seen| seen.sigma_px = 0.0),
+        bad(|seen| seen.depth = Some(Depth { depth_m: -1.0, sigma_m: 0.1 })),
+        bad(|seen| seen.depth = Some(Depth { depth_m: 1.0, sigma_m: f64::INFINITY })),
+    ];
+    for item in items {
+        let sequence = client.send(item).await;
+        let ack = client.received(sequence).await;
+        let AckStatus::Rejected(rejection) = ack.status else { panic!("{ack:?}") };
+        assert_eq!(rejection.violations[0].reason, Reason::OutOfRange);
+    }
+    client.send_street(1..3).await;
+    client.finish().await;
+    assert_eq!(map.snapshot().await.unwrap().keyframes().len(), 3);
 }
 
 #[tokio::test]
