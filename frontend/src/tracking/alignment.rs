@@ -9,9 +9,10 @@
 //! The sums over pixels are computed in `patches`, many patches at a time.
 
 use covis_solvers::geometry::{LieGroup, Se3};
-use nalgebra::{Matrix6, SVector, Vector2, Vector3, Vector6};
+use nalgebra::{Matrix6, SVector, Vector6};
 
 use super::patches::{Patches, Points, Sums};
+use super::points::AlignmentPoint;
 use crate::camera::FrameCamera;
 use crate::image::Image;
 use crate::pyramid::{Pyramid, scale};
@@ -28,15 +29,6 @@ const EXPOSURE_SIGMA: (f64, f64) = (0.2, 20.0);
 
 /// Range of the gain from one frame to the next.
 const GAINS: (f64, f64) = (0.5, 2.0);
-
-/// A point of the reference image with its place in space.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AlignmentPoint {
-    /// Its pixel in the reference image.
-    pub pixel: Vector2<f64>,
-    /// Its position in the reference camera's frame, meters.
-    pub point_in_reference: Vector3<f64>,
-}
 
 /// The level to begin with.
 const COARSEST: usize = 4;

@@ -6,7 +6,7 @@
 use covis_solvers::geometry::Se3;
 use nalgebra::{Matrix2x3, SMatrix, SVector, Vector3};
 
-use super::alignment::AlignmentPoint;
+use super::points::AlignmentPoint;
 use crate::camera::FrameCamera;
 use crate::image::Image;
 use crate::pyramid::{scale, to_level};

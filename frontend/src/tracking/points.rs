@@ -2,9 +2,8 @@
 //!
 //! Points lie only on surfaces, and where nothing moves.
 
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
-use super::alignment::AlignmentPoint;
 use super::local_matching::View;
 use crate::depth;
 use crate::image::Image;
@@ -18,6 +17,15 @@ const LEAST: i32 = 18 * 18;
 const BORDER: usize = 4;
 /// Largest depth from which a point is computed, meters.
 const FARTHEST_M: f32 = 8.0;
+
+/// A point of the reference image with its place in space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AlignmentPoint {
+    /// Its pixel in the reference image.
+    pub pixel: Vector2<f64>,
+    /// Its position in the reference camera's frame, meters.
+    pub point_in_reference: Vector3<f64>,
+}
 
 /// Selects points of a frame.
 #[must_use]

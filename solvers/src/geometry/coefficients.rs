@@ -9,8 +9,6 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::so3::hat;
-
 /// θ² below which the Taylor series are used.
 const SERIES_LIMIT: f64 = 2.0;
 /// Number of Taylor terms; the first one left out is below 2¹⁰/23! ≈ 4e-20.
@@ -60,6 +58,12 @@ const fn alternating_inverse_factorials(first: usize) -> [f64; TERMS] {
 #[inline]
 fn horner(series: &[f64; TERMS], x: f64) -> f64 {
     series.iter().rev().fold(0.0, |sum, coefficient| sum * x + coefficient)
+}
+
+/// The skew-symmetric matrix v^ with v^ w = v × w.
+#[inline]
+pub fn hat(v: &Vector3<f64>) -> Matrix3<f64> {
+    Matrix3::new(0.0, -v.z, v.y, v.z, 0.0, -v.x, -v.y, v.x, 0.0)
 }
 
 /// The functions A to F at one angle; see the head of the file.

@@ -19,10 +19,11 @@ mod so3;
 pub use camera::{
     Camera, CameraModel, KannalaBrandt, ParameterVec, PinholeRadialTangential, Projection, Snavely,
 };
+pub use coefficients::hat;
 pub use lie_group::LieGroup;
 pub use rigid_motion::RigidMotion;
 pub use se2::Se2;
 pub use se3::Se3;
 pub use sim3::Sim3;
 pub use so2::So2;
-pub use so3::{So3, hat};
+pub use so3::So3;

@@ -8,7 +8,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::coefficients::RotationCoefficients;
-use super::so3::hat;
+use super::coefficients::hat;
 
 /// |z|² below which the power series is used.
 const SERIES_LIMIT: f64 = 1.0;

@@ -9,7 +9,7 @@
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 
 use super::coefficients::RotationCoefficients;
-use super::so3::hat;
+use super::coefficients::hat;
 use super::{LieGroup, So3};
 
 /// A rigid motion of space, `target_from_source`.

@@ -8,8 +8,8 @@
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use super::coefficients::RotationCoefficients;
+use super::coefficients::hat;
 use super::scale_integral::ScaleIntegral;
-use super::so3::hat;
 use super::{LieGroup, So3};
 
 /// |σ| + θ to which a tangent is halved before the coupling's power series is summed.

@@ -22,12 +22,6 @@ const UNIT_NORM_TOLERANCE: f64 = 4.0 * f64::EPSILON;
 /// Bound on the QR sweeps of a 4 × 4 symmetric eigenproblem, which needs about ten.
 const MAX_EIGEN_SWEEPS: usize = 200;
 
-/// The skew-symmetric matrix v^ with v^ w = v × w.
-#[inline]
-pub fn hat(v: &Vector3<f64>) -> Matrix3<f64> {
-    Matrix3::new(0.0, -v.z, v.y, v.z, 0.0, -v.x, -v.y, v.x, 0.0)
-}
-
 /// A rotation of space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct So3 {
