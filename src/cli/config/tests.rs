@@ -141,7 +141,7 @@ fn arguments_of_a_command_are_no_settings() {
         super::given(&command, &matches)
     };
     let threads = vec![("threads".to_owned(), OsString::from("2"))];
-    assert_eq!(given("covis run synthetic:room --threads 2"), Texts::new());
+    assert_eq!(given("covis run synthetic:static --threads 2"), Texts::new());
     assert_eq!(given("covis doctor folder"), Texts::new());
     assert_eq!(given("covis serve --threads 2"), threads);
     assert_eq!(given("covis solve --threads 2 bundle file"), threads);
