@@ -244,8 +244,13 @@ pub(super) fn linearize<L: Lanes, U: Use<L, R>, const D: usize, const R: usize>(
     first: usize,
     user: U,
 ) {
+    if D == 9 {
+        // Snavely's cameras alone have three unknowns. Without a call in it the kernel keeps its
+        // constants in registers.
+        return user.take(l, &Linearize::<_, R> { inputs, first, model: SnavelyLanes }.run(l));
+    }
     match inputs.model {
-        Model::Snavely if R == 2 && D < 15 => {
+        Model::Snavely if R == 2 && D == 6 => {
             user.take(l, &Linearize::<_, R> { inputs, first, model: SnavelyLanes }.run(l));
         }
         Model::Pinhole if D == 6 => {
