@@ -2,8 +2,8 @@
 //!
 //! | stage | file | gives |
 //! |---|---|---|
-//! | A. initial estimate of the pose | `initial` | [`initial::InitialPose`] |
-//! | B. matches of landmarks | `pose` | [`pose::MatchedPose`] |
+//! | A. initial estimate of the pose | `initial` | `InitialPose` |
+//! | B. matches of landmarks | `pose` | `MatchedPose` |
 //! | C. detection of movement | `movement` | a mask |
 //! | D. pose from the static matches | `pose` | `RefinedPose` |
 //! | keyframe, and what the next frame needs | this | [`Outcome`] |

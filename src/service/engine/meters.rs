@@ -202,7 +202,7 @@ pub struct EngineMeters {
     pub solves: [Arc<SolveMeters>; 4],
     /// Solves of windows whose result was dropped for a loop closure or an optimization.
     pub superseded: Counter,
-    /// How long each poll of an engine ran on a thread of the async runtime, ns of [`thread_time`].
+    /// How long each poll of an engine ran on a thread of the async runtime, ns of `thread_time`.
     pub held_ns: Histogram,
     /// Panics that were caught in an engine.
     pub engine_panics: Counter,
