@@ -10,7 +10,6 @@
 //! task continues. Steps run under `catch_unwind`: a panic poisons only this map. If it may have left
 //! an event half applied, the map is replayed from the journal.
 
-use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
 
@@ -21,31 +20,28 @@ use tracing::Instrument;
 use super::durability::{Durability, unix_time_ns};
 use super::error::report_bug;
 use super::handle::{Control, Reply, Shared};
-use super::ingest::{Admission, Ingest, Room, frees, size_of_item};
+use super::ingest::Ingest;
+use super::items::Unsolved;
 use super::pool::{SolvePanicked, panic_message};
 use super::solve::{Job, Outcome, Solution};
-use super::solving::{Running, Solving, Task};
-use super::stream::{Body, Queued, QueuedItem};
+use super::solving::{Running, Solving};
 use super::touched::{Touched, size_of_change};
 use super::watch::Past;
 use super::watching::Watching;
 use super::{
-    Ack, AckStatus, EngineError, Fault, IngestStream, MapHandle, MapInfo, Opened, OptimizeOutcome,
-    Reservation, Resource, SolveReport, SolverPool, StreamEvent, Watch,
+    EngineError, Fault, IngestStream, MapHandle, MapInfo, Opened, OptimizeOutcome, Reservation,
+    Resource, SolveReport, SolverPool, Watch,
 };
-use crate::map::{
-    Cause, Change, ClientIndex, ConstraintKind, EntityId, Event, Map, PartialItem, SwitchedOff,
-    applied, has_unplaced, retire, triangulate,
-};
+use crate::map::{Cause, Change, Event, Map, SwitchedOff, applied};
 use crate::store::Position;
 
 /// Most entities of an item or an event that are handled on the task's own thread; a fold takes
 /// about 0.4 µs for each, and the check of an item half of that. Larger ones are handled on a
 /// blocking thread. After this many the task lets others run.
-const SMALL: usize = 512;
+pub(super) const SMALL: usize = 512;
 
 /// The cost of a step besides that of its entities, in entities.
-const STEP: usize = 16;
+pub(super) const STEP: usize = 16;
 
 /// A leaf of the map that a reader holds too is copied when it changes: so many times the work.
 const COPIED: usize = 4;
@@ -259,164 +255,6 @@ impl Actor {
         }
     }
 
-    /// Handles one entry of the queue.
-    async fn take(&mut self, queued: Queued) {
-        let Queued { client, epoch, body, .. } = queued;
-        if !self.ingest.is_current(client, epoch) {
-            // The stream was already sent the reason of its end; the permits are dropped with the
-            // item.
-            return;
-        }
-        match body {
-            Body::Item(item) => self.take_item(client, epoch, *item).await,
-            Body::Rejected { sequence, mut rejection, partial, receipt } => {
-                if let Some(partial) = partial {
-                    let check = move |map: &Map| {
-                        let PartialItem { item, unreadable } = *partial;
-                        if let Err(more) = map.check(client, &item) {
-                            rejection.join(more, &unreadable);
-                        }
-                        rejection
-                    };
-                    rejection = self.compute(check).await;
-                }
-                let status = AckStatus::Rejected(rejection);
-                receipt.send(StreamEvent::Ack(Ack { sequence, revision: 0, status }));
-            }
-            Body::Finish => self.ingest.finish(client, epoch),
-        }
-    }
-
-    /// Admits an item, commits it, acknowledges it and starts its solve.
-    async fn take_item(&mut self, client: ClientIndex, epoch: i64, queued: QueuedItem) {
-        let QueuedItem { sequence, digest, mut item, receipt, durable, optimized } = queued;
-        let ack = |revision, status| StreamEvent::Ack(Ack { sequence, revision, status });
-        let size = size_of_item(&item);
-        self.handled += STEP + size;
-        let change = loop {
-            let admission = if size > SMALL {
-                let admit =
-                    move |map: &Map| (Ingest::admit(map, client, sequence, &digest, &item), item);
-                let admission;
-                (admission, item) = self.compute(admit).await;
-                admission
-            } else {
-                Ingest::admit(&self.map, client, sequence, &digest, &item)
-            };
-            match admission {
-                Admission::Take(change) => match self.make_room(&change).await {
-                    Ok(true) => break *change,
-                    // Checks again: the item may refer to the keyframe that was retired.
-                    Ok(false) => {}
-                    Err(full) => return self.ingest.end(client, full),
-                },
-                Admission::Reject(rejection) => {
-                    return receipt.send(ack(0, AckStatus::Rejected(rejection)));
-                }
-                Admission::Duplicate => {
-                    let revision = self.map.revision();
-                    receipt.send(ack(revision, AckStatus::Received { duplicate: true }));
-                    if let Some(durable) = durable {
-                        // It was journaled at this revision or before it.
-                        self.durability.wait(client, sequence, revision, durable);
-                    }
-                    if optimized.is_some() {
-                        self.ingest.keep(client, optimized);
-                        self.nothing_to_solve(client, sequence);
-                    }
-                    return;
-                }
-            }
-        };
-        if size > SMALL {
-            self.pool.discard(item);
-        }
-        let added = added(&change);
-        let duplicate = change == Change::ItemRepeated;
-        let cause = Cause { client, epoch, sequence, digest };
-        let position = match self.commit(Some(cause), change).await {
-            Ok(position) => position,
-            Err(error) => {
-                self.ingest.count(&self.map);
-                return self.ingest.end(client, error);
-            }
-        };
-        let revision = self.map.revision();
-        receipt.send(ack(revision, AckStatus::Received { duplicate }));
-        match durable {
-            Some(durable) if position.durable => durable.send(ack(revision, AckStatus::Durable)),
-            Some(durable) => self.durability.wait(client, sequence, revision, durable),
-            None => {}
-        }
-        let waits = optimized.is_some();
-        self.ingest.keep(client, optimized);
-        if duplicate && waits {
-            self.nothing_to_solve(client, sequence);
-        }
-        self.trigger(client, sequence, added).await;
-    }
-
-    /// Reserves room for a change. If the map is full and the policy says so, retires one keyframe;
-    /// the answer is then `false`, and the change must be checked again.
-    ///
-    /// # Errors
-    /// Why there is no room.
-    async fn make_room(&mut self, change: &Change) -> Result<bool, EngineError> {
-        let exceeded = match self.ingest.reserve(&self.map, change) {
-            Room::There => return Ok(true),
-            Room::Full(exceeded) => exceeded,
-            Room::None(error) => return Err(error),
-        };
-        let counted = exceeded.counted;
-        let retired = self.compute(move |map| retire(map).filter(|r| frees(map, r, counted)));
-        let Some(retired) = retired.await else {
-            return Err(self.shared.account.exceeded(exceeded));
-        };
-        self.commit(None, Change::KeyframeRetired { retired }).await?;
-        self.shared.meters.retired.increment();
-        Ok(false)
-    }
-
-    /// Starts the solve that an accepted item triggers.
-    async fn trigger(&mut self, client: ClientIndex, sequence: i64, added: Added) {
-        let policy = self.map.policy();
-        let (local_bundle, loop_closure) = (policy.local_bundle, policy.loop_closure);
-        match added {
-            Added::Views(id) => {
-                let seen = self.map.keyframes().get(&id).map_or(0, |k| k.observations.len());
-                let positions = match seen > SMALL || has_unplaced(&self.map, id) {
-                    true => self.compute(move |map| triangulate(map, id)).await,
-                    false => Vec::new(),
-                };
-                if !positions.is_empty() {
-                    let change = Change::LandmarksTriangulated { positions };
-                    if let Err(error) = self.commit(None, change).await {
-                        return self.ingest.end(client, error);
-                    }
-                }
-                if local_bundle {
-                    self.solving.schedule.push(client, sequence, Task::Window(id));
-                } else {
-                    self.nothing_to_solve(client, sequence);
-                }
-            }
-            Added::Loop if loop_closure => {
-                self.solving.schedule.push(client, sequence, Task::Loop);
-                self.solving.supersede_window();
-            }
-            Added::Loop => self.nothing_to_solve(client, sequence),
-            Added::Other => {}
-        }
-    }
-
-    /// Acknowledges an item that could have started a solve but did not, once no solve for an
-    /// earlier item is outstanding.
-    fn nothing_to_solve(&mut self, client: ClientIndex, sequence: i64) {
-        let mark = self.solving.schedule.push_done(client, sequence);
-        let marks = mark.map(|mark| (client, mark));
-        self.ingest.optimized(marks, self.map.revision(), 0, &SolveReport::Nothing);
-    }
-
     /// Starts the next solve, if none runs and one is due.
     async fn start_solves(&mut self) {
         let is_lock_step = self.ingest.is_lock_step();
@@ -512,7 +350,10 @@ impl Actor {
 
     /// Computes something from the map on another thread. The engine awaits the result; its thread
     /// is not blocked.
-    async fn compute<R: Send + 'static>(&self, work: impl FnOnce(&Map) -> R + Send + 'static) -> R {
+    pub(super) async fn compute<R: Send + 'static>(
+        &self,
+        work: impl FnOnce(&Map) -> R + Send + 'static,
+    ) -> R {
         self.pool.compute_from(&self.map, work).await
     }
 
@@ -521,7 +362,7 @@ impl Actor {
     /// # Errors
     /// [`EngineError::Store`]: nothing was changed. [`EngineError::Bug`]: the event does not fit and
     /// the map is now poisoned.
-    async fn commit(
+    pub(super) async fn commit(
         &mut self,
         cause: Option<Cause>,
         change: Change,
@@ -610,51 +451,4 @@ fn switched_off(map: &Map) -> Vec<(String, i64, SwitchedOff)> {
     let mut named: Vec<_> = named.collect();
     named.sort_by(|a, b| (&a.0, a.1).cmp(&(&b.0, b.1)));
     named
-}
-
-/// An item that was accepted before a restart and whose solve was not applied.
-pub(super) struct Unsolved {
-    client: ClientIndex,
-    sequence: i64,
-    added: Added,
-}
-
-/// For each client, the last item that started a solve whose result is not in `map`. `events` are
-/// those that led to `map`. In lock-step no other item is unsolved; otherwise the solve of the last
-/// item covers most of the others.
-pub(super) fn unsolved(map: &Map, events: &[Arc<Event>]) -> Vec<Unsolved> {
-    let mut last = BTreeMap::new();
-    for event in events {
-        let Some(Cause { client, sequence, .. }) = event.cause else { continue };
-        match added(&event.change) {
-            Added::Other => {}
-            added @ (Added::Views(_) | Added::Loop) => {
-                last.insert(client, Unsolved { client, sequence, added });
-            }
-        }
-    }
-    let covered = |client| map.client(client).map_or(0, |c| c.optimized_sequence);
-    last.into_values().filter(|u| u.sequence > covered(u.client)).collect()
-}
-
-/// What a change adds that can start a solve.
-enum Added {
-    /// Observations of this keyframe.
-    Views(EntityId),
-    Loop,
-    Other,
-}
-
-fn added(change: &Change) -> Added {
-    if let Change::KeyframeAdded { id, .. } | Change::ObservationsAdded { keyframe: id, .. } =
-        change
-    {
-        Added::Views(*id)
-    } else if let Change::ConstraintAdded { constraint, .. } = change
-        && constraint.kind == ConstraintKind::LoopClosure
-    {
-        Added::Loop
-    } else {
-        Added::Other
-    }
 }

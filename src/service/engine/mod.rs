@@ -30,6 +30,7 @@ mod error;
 mod fair_queue;
 mod handle;
 mod ingest;
+mod items;
 mod maps;
 mod meters;
 mod opening;

@@ -12,11 +12,12 @@ use sha2::{Digest as _, Sha256};
 use tokio::sync::{mpsc, watch};
 use tracing::Instrument;
 
-use super::actor::{Actor, Unsolved, unsolved};
+use super::actor::Actor;
 use super::durability::{Durability, replay, sequence_of, stored};
 use super::error::report_bug;
 use super::handle::{Condition, Shared};
 use super::ingest::Ingest;
+use super::items::{Unsolved, unsolved};
 use super::maps::Inner;
 use super::solving::Solving;
 use super::watching::Watching;
