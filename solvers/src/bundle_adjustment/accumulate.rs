@@ -13,7 +13,7 @@ use super::blocks::{Block, ViewVector};
 use super::covisible::{ChunkPairs, NO_SLOT};
 use super::landmarks::{LandmarkGroup, TileLandmarks};
 use super::layout::Layout;
-use super::observe::{Inputs, Linearized, Use, linearize};
+use super::observe::{Consumer, Inputs, Linearized, linearize};
 use super::sorted::{Chunk, GROUPS, Tile};
 
 /// A row of so many pairs of a landmark takes some ten microseconds.
@@ -154,7 +154,7 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Kernel
             let first = tile.observations.start;
             for o in tile.observations.clone().step_by(WIDTH) {
                 let scratch = &mut self.sums.scratch;
-                let tile = Observe::<D, V, T, R> { scratch, slot: o - first };
+                let tile = StoreInTile::<D, V, T, R> { scratch, slot: o - first };
                 linearize::<L, _, D, R>(l, &self.inputs, o, tile);
             }
             let groups = (t - chunk.tiles.start) * GROUPS;
@@ -173,17 +173,17 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Kernel
     }
 }
 
-/// Eight observations into the tile, at `slot`.
-struct Observe<'a, const D: usize, const V: usize, const T: usize, const R: usize> {
+/// Stores eight observations in the tile, from `slot` on.
+struct StoreInTile<'a, const D: usize, const V: usize, const T: usize, const R: usize> {
     scratch: &'a mut Scratch<V, T, R>,
     slot: usize,
 }
 
-impl<L: Lanes, const D: usize, const V: usize, const T: usize, const R: usize> Use<L, R>
-    for Observe<'_, D, V, T, R>
+impl<L: Lanes, const D: usize, const V: usize, const T: usize, const R: usize> Consumer<L, R>
+    for StoreInTile<'_, D, V, T, R>
 {
     #[inline(always)]
-    fn take(self, l: L, lin: &Linearized<L, R>) {
+    fn consume(self, l: L, lin: &Linearized<L, R>) {
         let Self { scratch, slot } = self;
         for r in 0..R {
             for v in 0..V {

@@ -10,7 +10,7 @@ use crate::simd::{Kernel, Lanes, WIDTH};
 use super::blocks::ViewVector;
 use super::landmarks::{LandmarkGroup, Rows};
 use super::layout::Layout;
-use super::observe::{Inputs, Linearized, Use, eight_indices, linearize, squared_errors};
+use super::observe::{Consumer, Inputs, Linearized, eight_indices, linearize, squared_errors};
 use super::sorted::{Chunk, GROUPS};
 
 /// What the landmark steps of a chunk add to the step's figures.
@@ -96,7 +96,7 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Kernel
                 let views = eight_indices(&sorted.views, o);
                 let steps = self.view_steps;
                 let part =
-                    LandmarkPart::<D, V, T> { steps, views, slot: o - first, rows: &mut rows };
+                    StoreProjection::<D, V, T> { steps, views, slot: o - first, rows: &mut rows };
                 linearize::<L, _, D, R>(l, &self.inputs, o, part);
             }
             rows.sum(l, sorted, &tile);
@@ -135,19 +135,19 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Kernel
     }
 }
 
-/// J_lᵀ J_v δ_v of eight observations, into `slot` of `rows`.
-struct LandmarkPart<'a, const D: usize, const V: usize, const T: usize> {
+/// Stores J_lᵀ J_v δ_v of eight observations in `rows`, from `slot` on.
+struct StoreProjection<'a, const D: usize, const V: usize, const T: usize> {
     steps: &'a [ViewVector<V, T>],
     views: &'a [u32; WIDTH],
     slot: usize,
     rows: &'a mut Rows<1>,
 }
 
-impl<L: Lanes, const D: usize, const V: usize, const T: usize, const R: usize> Use<L, R>
-    for LandmarkPart<'_, D, V, T>
+impl<L: Lanes, const D: usize, const V: usize, const T: usize, const R: usize> Consumer<L, R>
+    for StoreProjection<'_, D, V, T>
 {
     #[inline(always)]
-    fn take(self, l: L, lin: &Linearized<L, R>) {
+    fn consume(self, l: L, lin: &Linearized<L, R>) {
         let along = along::<L, D, V, T, R>(l, lin, self.steps, self.views);
         self.rows.put(l, self.slot, 0, lin.onto_landmark(l, along));
     }

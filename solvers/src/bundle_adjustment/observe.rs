@@ -11,7 +11,7 @@ use crate::lanes::models::{
     AnyLanes, LaneModel, LanePoints, PARAMETERS, PinholeLanes, SnavelyLanes,
 };
 use crate::loss::Loss;
-use crate::simd::{Lanes, Part, Row, WIDTH};
+use crate::simd::{Lanes, Row, Subroutine, WIDTH};
 
 /// A view as the kernels read it: R by rows (9), c (3), camera parameters (9), padding.
 pub(super) type ViewRecord = [Row; 3];
@@ -228,36 +228,37 @@ fn whitened<L: Lanes, const R: usize>(
 }
 
 /// What a kernel does with the Jacobians of eight observations.
-pub(super) trait Use<L: Lanes, const R: usize> {
+pub(super) trait Consumer<L: Lanes, const R: usize> {
     /// Must be `#[inline(always)]`, as a kernel's `run`.
-    fn take(self, l: L, lin: &Linearized<L, R>);
+    fn consume(self, l: L, lin: &Linearized<L, R>);
 }
 
-/// Linearizes eight observations with D columns a view, weighted by √ρ', and hands them to `user`.
+/// Linearizes eight observations with D columns a view, weighted by √ρ', and hands them to `consumer`.
 ///
 /// Each written-out model has code of its own in a kernel, so that its Jacobians stay in registers;
 /// all others share a call, whose cost is small beside theirs.
 #[inline(always)]
-pub(super) fn linearize<L: Lanes, U: Use<L, R>, const D: usize, const R: usize>(
+pub(super) fn linearize<L: Lanes, C: Consumer<L, R>, const D: usize, const R: usize>(
     l: L,
     inputs: &Inputs<'_>,
     first: usize,
-    user: U,
+    consumer: C,
 ) {
     if D == 9 {
         // Snavely's cameras alone have three unknowns. Without a call in it the kernel keeps its
         // constants in registers.
-        return user.take(l, &Linearize::<_, R> { inputs, first, model: SnavelyLanes }.run(l));
+        return consumer
+            .consume(l, &Linearize::<_, R> { inputs, first, model: SnavelyLanes }.run(l));
     }
     match inputs.model {
         Model::Snavely if R == 2 && D == 6 => {
-            user.take(l, &Linearize::<_, R> { inputs, first, model: SnavelyLanes }.run(l));
+            consumer.consume(l, &Linearize::<_, R> { inputs, first, model: SnavelyLanes }.run(l));
         }
         Model::Pinhole if D == 6 => {
-            user.take(l, &Linearize::<_, R> { inputs, first, model: PinholeLanes }.run(l));
+            consumer.consume(l, &Linearize::<_, R> { inputs, first, model: PinholeLanes }.run(l));
         }
         Model::Snavely | Model::Pinhole | Model::Any => {
-            user.take(l, &l.call(Linearize::<_, R> { inputs, first, model: inputs.any() }))
+            consumer.consume(l, &l.call(Linearize::<_, R> { inputs, first, model: inputs.any() }))
         }
     }
 }
@@ -269,7 +270,7 @@ struct Linearize<'a, M, const R: usize> {
     model: M,
 }
 
-impl<L: Lanes, M: LaneModel, const R: usize> Part<L> for Linearize<'_, M, R> {
+impl<L: Lanes, M: LaneModel, const R: usize> Subroutine<L> for Linearize<'_, M, R> {
     type Output = Linearized<L, R>;
 
     #[inline(always)]

@@ -12,7 +12,7 @@ use super::back_substitute::along;
 use super::blocks::ViewVector;
 use super::landmarks::{LandmarkGroup, Rows};
 use super::layout::Layout;
-use super::observe::{Inputs, Linearized, Use, eight_indices, linearize};
+use super::observe::{Consumer, Inputs, Linearized, eight_indices, linearize};
 use super::sorted::{Chunk, GROUPS};
 
 /// What a chunk adds to a product, and its tile.
@@ -89,7 +89,8 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Kernel
             for (o, eight) in tile.observations.clone().step_by(WIDTH).zip(eights) {
                 let views = eight_indices(&sorted.views, o);
                 let rows = &mut sums.rows;
-                let tile = Along::<D, V, T, R> { vectors, views, eight, slot: o - first, rows };
+                let tile =
+                    StoreProduct::<D, V, T, R> { vectors, views, eight, slot: o - first, rows };
                 linearize::<L, _, D, R>(l, &inputs, o, tile);
             }
             sums.rows.sum(l, sorted, &tile);
@@ -114,8 +115,8 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Kernel
     }
 }
 
-/// Jacobians and J_v p_v of eight observations, into `slot` of the tile.
-struct Along<'a, const D: usize, const V: usize, const T: usize, const R: usize> {
+/// Stores Jacobians and J_v p_v of eight observations in the tile, from `slot` on.
+struct StoreProduct<'a, const D: usize, const V: usize, const T: usize, const R: usize> {
     vectors: &'a [ViewVector<V, T>],
     views: &'a [u32; WIDTH],
     eight: &'a mut Eight<D, R>,
@@ -123,11 +124,11 @@ struct Along<'a, const D: usize, const V: usize, const T: usize, const R: usize>
     rows: &'a mut Rows<1>,
 }
 
-impl<L: Lanes, const D: usize, const V: usize, const T: usize, const R: usize> Use<L, R>
-    for Along<'_, D, V, T, R>
+impl<L: Lanes, const D: usize, const V: usize, const T: usize, const R: usize> Consumer<L, R>
+    for StoreProduct<'_, D, V, T, R>
 {
     #[inline(always)]
-    fn take(self, l: L, lin: &Linearized<L, R>) {
+    fn consume(self, l: L, lin: &Linearized<L, R>) {
         let along = along::<L, D, V, T, R>(l, lin, self.vectors, self.views);
         self.eight.set(l, lin, along);
         self.rows.put(l, self.slot, 0, lin.onto_landmark(l, along));

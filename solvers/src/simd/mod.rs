@@ -93,13 +93,13 @@ pub(crate) trait Lanes: Copy {
     }
     /// The 8 × 8 matrix with `rows` as columns.
     fn transpose(self, rows: [Self::V; WIDTH]) -> [Self::V; WIDTH];
-    /// Runs `part` as a function of its own, compiled for the class.
-    fn call<P: Part<Self>>(self, part: P) -> P::Output;
+    /// Runs `work` as a function that is not inlined, compiled for the class.
+    fn call<S: Subroutine<Self>>(self, work: S) -> S::Output;
 }
 
-/// A part of kernels that is compiled once, not into each of them. `run` must be
+/// Work that several kernels call and that is compiled once, not into each of them. `run` must be
 /// `#[inline(always)]` down to the operations.
-pub(crate) trait Part<L: Lanes> {
+pub(crate) trait Subroutine<L: Lanes> {
     /// What it returns.
     type Output;
     /// Does the work.

@@ -7,7 +7,7 @@
 use std::arch::aarch64::*;
 use std::array::from_fn;
 
-use super::{Lanes, Part, Row, WIDTH};
+use super::{Lanes, Row, Subroutine, WIDTH};
 
 /// Needs nothing beyond aarch64.
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +57,7 @@ impl Lanes for Neon {
         })
     }
     #[inline(never)]
-    fn call<P: Part<Self>>(self, part: P) -> P::Output {
-        part.run(self)
+    fn call<S: Subroutine<Self>>(self, work: S) -> S::Output {
+        work.run(self)
     }
 }

@@ -3,7 +3,7 @@
 
 use std::array::from_fn;
 
-use super::{Lanes, Part, Row, WIDTH};
+use super::{Lanes, Row, Subroutine, WIDTH};
 
 /// Needs nothing of the processor.
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +45,7 @@ impl Lanes for Scalar {
         from_fn(|i| from_fn(|j| rows[j][i]))
     }
     #[inline(never)]
-    fn call<P: Part<Self>>(self, part: P) -> P::Output {
-        part.run(self)
+    fn call<S: Subroutine<Self>>(self, work: S) -> S::Output {
+        work.run(self)
     }
 }

@@ -11,7 +11,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{Kernel, Lanes, Part, Row, WIDTH};
+use super::{Kernel, Lanes, Row, Subroutine, WIDTH};
 
 /// Proof that the processor has AVX-512 F and DQ.
 #[derive(Clone, Copy, Debug)]
@@ -89,13 +89,13 @@ impl Lanes for Avx512 {
         }
     }
     #[inline(always)]
-    fn call<P: Part<Self>>(self, part: P) -> P::Output {
+    fn call<S: Subroutine<Self>>(self, work: S) -> S::Output {
         #[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
         #[inline(never)]
-        fn compiled<P: Part<Avx512>>(lanes: Avx512, part: P) -> P::Output {
-            part.run(lanes)
+        fn compiled<S: Subroutine<Avx512>>(lanes: Avx512, work: S) -> S::Output {
+            work.run(lanes)
         }
-        unsafe { compiled(self, part) }
+        unsafe { compiled(self, work) }
     }
     #[inline(always)]
     fn transpose(self, r: [__m512d; WIDTH]) -> [__m512d; WIDTH] {
@@ -193,13 +193,13 @@ impl Lanes for Avx2 {
         }
     }
     #[inline(always)]
-    fn call<P: Part<Self>>(self, part: P) -> P::Output {
+    fn call<S: Subroutine<Self>>(self, work: S) -> S::Output {
         #[target_feature(enable = "avx2,fma")]
         #[inline(never)]
-        fn compiled<P: Part<Avx2>>(lanes: Avx2, part: P) -> P::Output {
-            part.run(lanes)
+        fn compiled<S: Subroutine<Avx2>>(lanes: Avx2, work: S) -> S::Output {
+            work.run(lanes)
         }
-        unsafe { compiled(self, part) }
+        unsafe { compiled(self, work) }
     }
     #[inline(always)]
     fn transpose(self, r: [Pair; WIDTH]) -> [Pair; WIDTH] {
