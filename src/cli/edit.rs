@@ -21,10 +21,10 @@ pub(super) struct Args {
     name: String,
     /// The client under whose name the edit is sent. Opening a stream ends one that is open under
     /// the same name: never the name of a robot.
-    #[arg(long, default_value = "editor", value_name = "NAME")]
+    #[arg(long, global = true, default_value = "editor", value_name = "NAME")]
     client: String,
     /// Wait until the solves that the edit starts have ended, too.
-    #[arg(long)]
+    #[arg(long, global = true)]
     optimized: bool,
     #[command(subcommand)]
     edit: Edit,

@@ -101,7 +101,6 @@ fn is_held(map: &Map, problem: &GraphProblem, closure: &ClosureEdge) -> bool {
     known.kind == ConstraintKind::LoopClosure
         && ends == [Some(&known.keyframe_i), Some(&known.keyframe_j)]
         && known.keyframe_i_from_keyframe_j == edge.i_from_j
-        && known.information == edge.information
 }
 
 fn verdicts(map: &Map, solved: Solved<'_>) -> Verdicts {
