@@ -295,7 +295,7 @@ fn every_keyframe_may_go_and_takes_its_memory_along() {
     let all: Vec<i64> = journal.map.landmarks().keys().map(|id| id.id).collect();
     send(&mut journal, Edit::RemoveLandmarks { landmarks: own(all) });
     assert!(journal.map.landmarks().is_empty() && journal.map.usage().bytes < bytes);
-    assert!(!loop_problem(&journal.map).is_solvable());
+    assert!(!loop_problem(&journal.map, |_, _| None).is_solvable());
     journal.send(ROBOT, &street_keyframe(0, pose_at(0.0), &Map::new())).unwrap();
     assert_consistent(&journal.map);
 }
@@ -436,8 +436,9 @@ fn an_edit_asks_for_the_keyframes_that_it_concerns_and_a_closure_for_the_graph()
         poses: Vec::new(),
         landmarks: Vec::new(),
         cameras: Vec::new(),
-        switched_off: vec![(id(7), SwitchedOff { chi2: 50.0, weight: 0.0 })],
+        switched_off: vec![(id(7), SwitchedOff { chi2: 50.0, weight: 0.0, is_provisional: false })],
         switched_on: Vec::new(),
+        closure_variances: Vec::new(),
         covered: Vec::new(),
         initial_cost: 1.0,
         final_cost: 0.5,
@@ -462,7 +463,7 @@ fn a_solve_leaves_alone_what_was_edited_while_it_ran() {
     journal.send(ROBOT, &closure).unwrap();
     let options = GlobalOptions { fix_intrinsics: false, ..GlobalOptions::default() };
     let mut bundle = global_problem(&journal.map, &options);
-    let mut graph = loop_problem(&journal.map);
+    let mut graph = loop_problem(&journal.map, |_, _| None);
     // What solvers would have made of them.
     for pose in bundle.problem.poses.iter_mut().chain(&mut graph.graph.poses) {
         pose.translation.y += 1.0;
@@ -471,7 +472,8 @@ fn a_solve_leaves_alone_what_was_edited_while_it_ran() {
         landmark.y += 1.0;
     }
     bundle.problem.cameras[0] = Camera::Snavely(Snavely { focal: 123.0, k1: 0.0, k2: 0.0 });
-    graph.closures[0].switched_off = Some(SwitchedOff { chi2: 99.0, weight: 0.0 });
+    graph.closures[0].switched_off =
+        Some(SwitchedOff { chi2: 99.0, weight: 0.0, is_provisional: false });
 
     let merge = |journal: &Journal| {
         let map = &journal.map;
