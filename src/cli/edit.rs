@@ -204,12 +204,8 @@ pub(super) async fn run(args: Args, client: &Client, json: bool) -> anyhow::Resu
     let sequence = session.send(item).await?;
     session.flush().await?;
     refused(&session.report())?;
-    while is_durable {
-        match acks.recv().await {
-            Some((through, v1::AckStatus::Durable)) if through >= sequence => break,
-            Some(_) => {}
-            None => bail!("the stream ended before the edit was durable: send it again"),
-        }
+    if is_durable {
+        durable(&mut acks, sequence).await?;
     }
     let mut report = session.report();
     let mut solves = None;
@@ -230,6 +226,19 @@ pub(super) async fn run(args: Args, client: &Client, json: bool) -> anyhow::Resu
         client: editor,
     };
     print(if json { serde_json::to_string(&done)? } else { text(&done) })
+}
+
+/// Waits until the server has said that everything up to `sequence` is durable.
+async fn durable(
+    acks: &mut mpsc::UnboundedReceiver<(i64, v1::AckStatus)>,
+    sequence: i64,
+) -> anyhow::Result<()> {
+    while let Some((through, status)) = acks.recv().await {
+        if status == v1::AckStatus::Durable && through >= sequence {
+            return Ok(());
+        }
+    }
+    bail!("the stream ended before the edit was durable: send it again")
 }
 
 /// Fails with the fields, if the server has refused the edit.
