@@ -159,6 +159,9 @@ impl Actor {
             }
             Added::Loop => self.nothing_to_solve(client, sequence),
             Added::Edited(Affected { graph, keyframes }) => {
+                if !keyframes.is_empty() {
+                    self.solving.forget_pairs();
+                }
                 if let Some(&newest) = keyframes.last()
                     && let Err(error) = self.place(newest).await
                 {

@@ -58,6 +58,12 @@ impl Solving {
         Self { shared, pool, pairs, schedule, running: None, job: None, last_id }
     }
 
+    /// Forgets what was measured between keyframes. A measurement also depends on earlier keyframes that
+    /// see its landmarks, which an edit may have changed. What a running solve measures is not kept.
+    pub(super) fn forget_pairs(&mut self) {
+        self.pairs = Arc::default();
+    }
+
     /// Whether no solve runs or waits.
     pub(super) fn is_idle(&self) -> bool {
         self.running.is_none() && self.schedule.is_empty() && self.job.is_none()
