@@ -187,7 +187,7 @@ impl Sequence {
             };
             refined.push(Closure {
                 measured: pose(&[t.x, t.y, t.z, q.x, q.y, q.z, q.w]),
-                information: answer.information.unwrap().values,
+                information: answer.information.unwrap().upper_triangle,
                 ..closure.clone()
             });
         }
@@ -209,7 +209,7 @@ fn item(id: usize, closure: &Closure) -> Item {
         keyframe_i: keyframe(closure.i),
         keyframe_j: keyframe(closure.j),
         keyframe_i_from_keyframe_j: Some(transform(&closure.measured)),
-        information: Some(v1::InformationMatrix6 { values: closure.information.clone() }),
+        information: Some(v1::InformationMatrix6 { upper_triangle: closure.information.clone() }),
         kind: v1::ConstraintKind::LoopClosure.into(),
         ..Default::default()
     })
