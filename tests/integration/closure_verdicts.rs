@@ -20,6 +20,7 @@ struct Closure {
     i: usize,
     j: usize,
     measured: Se3,
+    /// Upper triangle.
     information: Vec<f64>,
     is_true: bool,
 }
@@ -57,8 +58,12 @@ impl Sequence {
         }
         // 3 cm and 1.5°.
         let (t, r) = (0.03_f64.powi(-2), 1.5_f64.to_radians().powi(-2));
-        let mut information = vec![0.0; 36];
-        (0..6).for_each(|k| information[7 * k] = if k < 3 { t } else { r });
+        let row = |k: usize| {
+            let mut row = vec![0.0; 6 - k];
+            row[0] = if k < 3 { t } else { r };
+            row
+        };
+        let information: Vec<f64> = (0..6).flat_map(row).collect();
         let closures: Vec<Closure> = rows(&folder, "closures.txt")
             .iter()
             .map(|row| Closure {
