@@ -1,4 +1,4 @@
-//! `covis map`: lists, shows, deletes and exports the maps of a server.
+//! `covis map`: lists, shows, edits, deletes and exports the maps of a server.
 //!
 //! Everything goes through [`crate::client`]. An export is written chunk by chunk; a file that
 //! stands in its way is replaced only once the new one is complete.
@@ -12,11 +12,12 @@ use serde::Serialize;
 
 use super::config::Config;
 use super::connect::connect;
+use super::edit;
 use super::output::print;
 use crate::client::MapExport;
 use crate::wire::v1;
 
-/// Lists, shows, deletes and exports the maps of a server.
+/// Lists, shows, edits, deletes and exports the maps of a server.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
     #[command(subcommand)]
@@ -35,6 +36,8 @@ enum Action {
         /// The map.
         name: String,
     },
+    /// Change or remove what a map holds.
+    Edit(edit::Args),
     /// Delete a map with its journal.
     Delete {
         /// The map.
@@ -124,7 +127,7 @@ struct Exported {
     files: Vec<PathBuf>,
 }
 
-/// Lists, shows, deletes and exports the maps of a server.
+/// Lists, shows, edits, deletes and exports the maps of a server.
 /// Fails for a server that is not there, a map that it does not have, a file that cannot be
 /// written.
 pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
@@ -151,6 +154,7 @@ async fn act(args: Args, config: &Config) -> anyhow::Result<()> {
             let text = if args.json { serde_json::to_string(&map)? } else { details(&map) };
             print(text)?;
         }
+        Action::Edit(edit) => edit::run(edit, &client, args.json).await?,
         Action::Delete { name } => {
             client.delete_map(&name).await?;
             let json = || serde_json::json!({ "map": name, "deleted": true }).to_string();

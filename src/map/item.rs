@@ -9,7 +9,7 @@ use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use covis_solvers::information::Information;
 use nalgebra::{Vector2, Vector3};
 
-use super::{ConstraintKind, Depth, Descriptor};
+use super::{ConstraintKind, Depth, Descriptor, Edit};
 
 /// A reference as a client writes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -52,7 +52,7 @@ pub struct ItemLandmark {
     pub position: Option<Vector3<f64>>,
 }
 
-/// One item of a stream; what it adds belongs to the sender.
+/// One item of a stream; what it adds belongs to the sender. An edit may name entities of any client.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Item {
     /// Adds a camera.
@@ -132,6 +132,15 @@ pub enum Item {
         /// Information over x, y, z of the world frame, in 1/m².
         information: Information<3>,
     },
+    /// Changes or removes what the map holds.
+    Edit(Edit),
+}
+
+/// Whether a camera's numbers are finite and its focal lengths positive.
+fn is_valid_camera(camera: &Camera) -> bool {
+    let focal_lengths = if matches!(camera, Camera::Snavely(_)) { 1 } else { 2 };
+    let parameters = camera.parameters();
+    camera.is_finite() && parameters.iter().take(focal_lengths).all(|&f| f > 0.0)
 }
 
 impl Item {
@@ -152,11 +161,8 @@ impl Item {
             })
         };
         match self {
-            Self::Camera { camera, .. } => {
-                let focal_lengths = if matches!(camera, Camera::Snavely(_)) { 1 } else { 2 };
-                let parameters = camera.parameters();
-                camera.is_finite() && parameters.iter().take(focal_lengths).all(|&f| f > 0.0)
-            }
+            Self::Camera { camera, .. } => is_valid_camera(camera),
+            Self::Edit(edit) => edit.camera().is_none_or(|entity| is_valid_camera(&entity.camera)),
             Self::Keyframe {
                 world_from_camera, odom_from_camera, observations, landmarks, ..
             } => {

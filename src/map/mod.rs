@@ -8,11 +8,13 @@
 
 use std::collections::BTreeMap;
 
+mod affected;
 mod applied;
 mod ceilings;
 mod check;
 mod covisibility;
 mod digest;
+mod edit;
 mod entities;
 mod error;
 mod event;
@@ -31,10 +33,12 @@ mod ties;
 mod triangulation;
 mod window;
 
+pub use affected::{Affected, affected};
 pub use applied::{Solved, applied};
 pub use ceilings::{Ceilings, Counted, Exceeded, Usage};
 pub use covisibility::Covisibility;
 pub use digest::Content;
+pub use edit::{Edit, Sighting};
 pub use entities::{
     CameraEntity, Client, Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, Digest,
     Keyframe, Landmark, MAX_NUMBER, Observation, Prior, SwitchedOff,
@@ -56,7 +60,7 @@ pub use retirement::retire;
 pub use shared_map::SharedMap;
 pub use ties::Ties;
 pub use triangulation::{has_unplaced, triangulate};
-pub use window::{Window, choose_window};
+pub use window::{Window, choose_window, choose_window_of};
 
 /// Whether the map already has the content of an item of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -13,19 +13,25 @@ use crate::wire::v1;
 use v1::server_service_server::ServerService;
 
 /// What is served, sorted; listed in docs/wire.md.
-const FEATURES: [&str; 20] = [
+const FEATURES: [&str; 26] = [
     "export.colmap-binary",
     "export.colmap-text",
     "export.g2o",
     "export.ply",
     "export.tum",
     "ingest.camera",
+    "ingest.fuse-landmarks",
     "ingest.keyframe",
     "ingest.landmarks",
     "ingest.observations",
     "ingest.pose-prior",
     "ingest.position-prior",
     "ingest.relative-pose",
+    "ingest.remove-keyframe",
+    "ingest.remove-landmarks",
+    "ingest.remove-observations",
+    "ingest.revoke-constraint",
+    "ingest.set-camera",
     "map.watch",
     "optimization.certify",
     "optimization.optimize-map",

@@ -189,7 +189,13 @@ async fn send_delta(
         (0u32..).zip(map.clients()).map(|(index, _)| ClientIndex(index)).collect()
     });
     for client in clients {
-        if let Some(frame) = to_client_frame(map, client) {
+        let lost = touched.is_some_and(|t| t.keyframes.iter().any(|id| id.client == client));
+        // A client whose last keyframe went has no frame any more.
+        let gone = || {
+            let client_id = map.client(client)?.name.clone();
+            lost.then(|| v1::ClientFrame { client_id, ..v1::ClientFrame::default() })
+        };
+        if let Some(frame) = to_client_frame(map, client).or_else(gone) {
             parts.room(&frame).await?.client_frames.push(frame);
         }
     }

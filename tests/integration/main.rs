@@ -5,6 +5,7 @@
 
 mod backup;
 mod cli_config;
+mod cli_edit;
 mod cli_eval;
 mod cli_eval_mask;
 mod cli_fuse;
@@ -26,6 +27,7 @@ mod links;
 mod logs;
 mod map_check;
 mod map_covisibility;
+mod map_edits;
 mod map_fold;
 mod map_numbers;
 mod map_placement;
@@ -44,6 +46,7 @@ mod rights;
 mod rpc_access;
 mod rpc_bad_input;
 mod rpc_compression;
+mod rpc_edits;
 mod rpc_export;
 mod rpc_ingest;
 mod rpc_loop_closure;

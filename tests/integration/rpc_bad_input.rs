@@ -417,15 +417,6 @@ fn what_is_not_served_yet_is_refused_as_such() {
     let huber = || Some(v1::Loss { kind: v1::LossKind::Huber.into(), width: Some(1.0) });
     check(vec![
         unserved(Item::Rig(v1::Rig::default()), "rig"),
-        unserved(Item::RevokeConstraint(v1::RevokeConstraint::default()), "revoke_constraint"),
-        unserved(
-            Item::RemoveObservations(v1::RemoveObservations::default()),
-            "remove_observations",
-        ),
-        unserved(Item::FuseLandmarks(v1::FuseLandmarks::default()), "fuse_landmarks"),
-        unserved(Item::RemoveLandmarks(v1::RemoveLandmarks::default()), "remove_landmarks"),
-        unserved(Item::RemoveKeyframe(v1::RemoveKeyframe::default()), "remove_keyframe"),
-        unserved(Item::SetCamera(camera(0)), "set_camera"),
         unserved(
             bad_keyframe(|k| k.sensor = Some(v1::keyframe::Sensor::RigId(0))),
             "keyframe.rig_id",

@@ -177,10 +177,12 @@ impl<'a> Builder<'a> {
         for (constant, &count) in self.problem.constant_poses.iter_mut().zip(&measured) {
             *constant |= count < MIN_OBSERVATIONS;
         }
+        let start_cameras = self.problem.cameras.clone();
         MapProblem {
             problem: self.problem,
             keyframes: self.keyframes,
             cameras: camera_of.into_keys().collect(),
+            start_cameras,
             landmarks: self.landmarks,
             start_revision: map.revision(),
         }

@@ -9,7 +9,7 @@ mod graph;
 
 use std::collections::BTreeMap;
 
-use covis_solvers::geometry::Se3;
+use covis_solvers::geometry::{Camera, Se3};
 use covis_solvers::loss::Loss;
 use covis_solvers::problem::{BundleProblem, PoseGraph};
 use covis_solvers::robust::VarianceFactors;
@@ -28,6 +28,8 @@ pub struct MapProblem {
     pub keyframes: Vec<EntityId>,
     /// The map's id of each camera.
     pub cameras: Vec<EntityId>,
+    /// The map's intrinsics of each camera, which a solve does not move.
+    pub start_cameras: Vec<Camera>,
     /// The map's id of each landmark.
     pub landmarks: Vec<EntityId>,
     /// The map's revision that it was built from.

@@ -18,7 +18,7 @@ use super::geometry::{information, rigid_transform, vector2, vector3};
 use super::ids::{keyframe_ref, landmark_ref};
 use super::solve::no_own_loss;
 use super::time::nanoseconds;
-use super::{Path, Violations, all, ids};
+use super::{Path, Violations, all, edit, ids};
 use crate::map::{
     CameraEntity, ConstraintKind, Depth, Descriptor, DescriptorKind, Digest, EntityRef, Item,
     ItemLandmark, ItemObservation, PartialItem, Reason, Rejection,
@@ -33,9 +33,25 @@ const MAX_FEATURE_DESCRIPTOR: usize = 4096;
 const MAX_IMAGE_DESCRIPTOR: usize = 65_536;
 /// Most observations, and most landmarks, of one item: each needs some hundred bytes in the map,
 /// however few on the wire.
-const MAX_ENTRIES: usize = 65_536;
+pub(super) const MAX_ENTRIES: usize = 65_536;
 /// Placeholder for an id that cannot be read; no client can use it.
-const UNREADABLE_ID: i64 = -1;
+pub(super) const UNREADABLE_ID: i64 = -1;
+/// Placeholder for a camera that cannot be read; it causes no violation.
+pub(super) const UNREADABLE_CAMERA: CameraEntity = CameraEntity {
+    camera: Camera::Pinhole(PinholeRadialTangential {
+        fx: 1.0,
+        fy: 1.0,
+        cx: 0.0,
+        cy: 0.0,
+        k1: 0.0,
+        k2: 0.0,
+        p1: 0.0,
+        p2: 0.0,
+        k3: 0.0,
+    }),
+    width_px: 0,
+    height_px: 0,
+};
 /// Longest name of a descriptor, bytes.
 const MAX_DESCRIPTOR_NAME: usize = 64;
 
@@ -93,12 +109,12 @@ fn read(item: WireItem, sender: &str, out: &mut Violations) -> Option<Item> {
         WireItem::PositionPrior(message) => Some(position_prior(&message, sender, out)),
         WireItem::PosePrior(message) => Some(pose_prior(&message, sender, out)),
         WireItem::Rig(_) => out.unimplemented(Path::root("rig")),
-        WireItem::RevokeConstraint(_) => out.unimplemented(Path::root("revoke_constraint")),
-        WireItem::RemoveObservations(_) => out.unimplemented(Path::root("remove_observations")),
-        WireItem::FuseLandmarks(_) => out.unimplemented(Path::root("fuse_landmarks")),
-        WireItem::RemoveLandmarks(_) => out.unimplemented(Path::root("remove_landmarks")),
-        WireItem::RemoveKeyframe(_) => out.unimplemented(Path::root("remove_keyframe")),
-        WireItem::SetCamera(_) => out.unimplemented(Path::root("set_camera")),
+        WireItem::RevokeConstraint(message) => Some(edit::revoke_constraint(&message, out)),
+        WireItem::RemoveObservations(message) => edit::remove_observations(message, out),
+        WireItem::FuseLandmarks(message) => edit::fuse_landmarks(message, out),
+        WireItem::RemoveLandmarks(message) => edit::remove_landmarks(message, out),
+        WireItem::RemoveKeyframe(message) => Some(edit::remove_keyframe(&message, out)),
+        WireItem::SetCamera(message) => Some(edit::set_camera(&message, out)),
         // A second open ends the stream before this point.
         WireItem::Open(_) => out.report(Path::root("open"), Reason::Duplicate, "open already"),
     }
@@ -118,7 +134,7 @@ fn own_id(at: Path<'_>, client_id: &str, id: i64, sender: &str, out: &mut Violat
 }
 
 /// The keyframe that an item refers to.
-fn known_keyframe(
+pub(super) fn known_keyframe(
     at: Path<'_>,
     keyframe: Option<&v1::KeyframeRef>,
     out: &mut Violations,
@@ -130,12 +146,7 @@ fn known_keyframe(
 fn camera_item(message: &v1::Camera, sender: &str, out: &mut Violations) -> Item {
     let at = Path::root("camera");
     let id = own_id(at, &message.client_id, message.id, sender, out);
-    // The placeholder of a camera that cannot be read causes no violation.
-    let entity = camera(at, message, out).unwrap_or(CameraEntity {
-        camera: Camera::Pinhole(PinholeRadialTangential::undistorted(1.0, 1.0, 0.0, 0.0)),
-        width_px: 0,
-        height_px: 0,
-    });
+    let entity = camera(at, message, out).unwrap_or(UNREADABLE_CAMERA);
     let CameraEntity { camera, width_px, height_px } = entity;
     Item::Camera { id, camera, width_px, height_px }
 }

@@ -7,6 +7,7 @@
 //! status codes.
 
 pub(super) mod camera;
+mod edit;
 pub(super) mod entities;
 pub(super) mod geometry;
 pub(super) mod ids;

@@ -1,6 +1,6 @@
 //! Solving: which items wait for which solve, and the solve that runs. A map runs one at a time.
 //!
-//! A trigger is an item that starts a solve: a window around a keyframe, or a loop closure. Several
+//! A trigger is an item that starts a solve: a window around keyframes, or a pose graph. Several
 //! triggers may be covered by one solve. A client's items are optimized up to sequence s once none
 //! of its triggers up to s is open: OPTIMIZED acks are cumulative.
 //!
@@ -23,7 +23,7 @@ use super::measured_pairs::MeasuredPairs;
 use super::pool::{SolvePanicked, SolverPool, answered};
 use super::solve::{Job, Outcome, solve_loop, solve_map, solve_map_graph, solve_window};
 use super::{EngineError, Estimate, Fault, OptimizeOutcome, OptimizeProblem};
-use crate::map::{ClientIndex, EntityId, Map, SolveKind, choose_window, local_problem};
+use crate::map::{ClientIndex, EntityId, Map, SolveKind, choose_window_of, local_problem};
 
 /// The solve that runs.
 pub(super) struct Running {
@@ -58,6 +58,12 @@ impl Solving {
         Self { shared, pool, pairs, schedule, running: None, job: None, last_id }
     }
 
+    /// Forgets what was measured between keyframes. A measurement also depends on earlier keyframes that
+    /// see its landmarks, which an edit may have changed. What a running solve measures is not kept.
+    pub(super) fn forget_pairs(&mut self) {
+        self.pairs = Arc::default();
+    }
+
     /// Whether no solve runs or waits.
     pub(super) fn is_idle(&self) -> bool {
         self.running.is_none() && self.schedule.is_empty() && self.job.is_none()
@@ -77,8 +83,8 @@ impl Solving {
             } else if self.job.is_some() && (!is_lock_step || self.schedule.is_empty()) {
                 self.start_job(map);
             } else {
-                let keyframe = self.schedule.next_window()?;
-                let nothing = self.start_window(map, keyframe).await;
+                let keyframes = self.schedule.next_window()?;
+                let nothing = self.start_window(map, keyframes).await;
                 if nothing.is_some() {
                     return nothing;
                 }
@@ -131,13 +137,22 @@ impl Solving {
     }
 
     /// Returns the window's triggers if there is nothing to solve.
-    async fn start_window(&mut self, map: &Arc<Map>, keyframe: EntityId) -> Option<Vec<u64>> {
+    async fn start_window(
+        &mut self,
+        map: &Arc<Map>,
+        keyframes: Arc<[EntityId]>,
+    ) -> Option<Vec<u64>> {
+        let centers = Arc::clone(&keyframes);
         let max_iterations = map.policy().max_local_iterations;
         let ceiling = self.shared.config.ceiling();
         let pairs = Arc::clone(&self.pairs);
         let built = self.pool.compute_from(map, move |map| {
-            let unmeasured = pairs.unmeasured_near(map, keyframe);
-            let window = choose_window(map, keyframe);
+            // The pairs of an edit are measured by the pose graph that needs them.
+            let unmeasured = match *centers {
+                [keyframe] => pairs.unmeasured_near(map, keyframe),
+                _ => Vec::new(),
+            };
+            let window = choose_window_of(map, &centers);
             let problem = local_problem(map, &window);
             let estimate = problem.is_solvable().then(|| {
                 let bound = bundle_adjustment::price_bound(&problem.problem);
@@ -146,7 +161,7 @@ impl Solving {
             (window.free, problem, estimate, unmeasured)
         });
         let (free, problem, estimate, unmeasured) = built.await;
-        let triggers = self.schedule.within(keyframe, &free);
+        let triggers = self.schedule.within(&keyframes, &free);
         let Some(estimate) = estimate else { return Some(triggers) };
         let pairs = Arc::clone(&self.pairs);
         self.launch(SolveKind::LocalBundle, estimate, triggers, None, move |cancel| {
@@ -254,15 +269,22 @@ impl Solving {
 }
 
 /// The solve that a trigger starts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Task {
-    /// Local bundle adjustment around a keyframe.
-    Window(EntityId),
+    /// Local bundle adjustment around keyframes: a new one, or those that an edit concerns.
+    Window(Arc<[EntityId]>),
     /// Pose-graph optimization.
     Loop,
 }
 
-#[derive(Clone, Copy, Debug)]
+impl Task {
+    /// Local bundle adjustment around one keyframe.
+    pub(super) fn around(keyframe: EntityId) -> Self {
+        Self::Window(Arc::new([keyframe]))
+    }
+}
+
+#[derive(Clone, Debug)]
 struct Trigger {
     client: ClientIndex,
     sequence: i64,
@@ -324,28 +346,29 @@ impl Schedule {
         self.open.iter().filter(|(_, t)| t.task == Task::Loop).map(|(&a, _)| a).collect()
     }
 
-    /// The keyframe whose window is next: the newest of the batch.
-    pub(super) fn next_window(&mut self) -> Option<EntityId> {
+    /// The keyframes whose window is next: those of the newest trigger of the batch.
+    pub(super) fn next_window(&mut self) -> Option<Arc<[EntityId]>> {
         let newest = |end: u64| {
-            self.open.range(..end).rev().find_map(|(_, trigger)| match trigger.task {
-                Task::Window(keyframe) => Some(keyframe),
+            self.open.range(..end).rev().find_map(|(_, trigger)| match &trigger.task {
+                Task::Window(keyframes) => Some(Arc::clone(keyframes)),
                 Task::Loop => None,
             })
         };
-        if let Some(keyframe) = newest(self.batch_end) {
-            return Some(keyframe);
+        if let Some(keyframes) = newest(self.batch_end) {
+            return Some(keyframes);
         }
         self.batch_end = self.next_arrival;
         newest(self.batch_end)
     }
 
-    /// The open triggers whose keyframe is `center` or among `free`, which is sorted.
-    pub(super) fn within(&self, center: EntityId, free: &[EntityId]) -> Vec<u64> {
-        let covers = |task| match task {
-            Task::Window(keyframe) => keyframe == center || free.binary_search(&keyframe).is_ok(),
+    /// The open triggers whose keyframes are all among `centers` or `free`, which is sorted.
+    pub(super) fn within(&self, centers: &[EntityId], free: &[EntityId]) -> Vec<u64> {
+        let covered = |id: &EntityId| free.binary_search(id).is_ok() || centers.contains(id);
+        let covers = |task: &Task| match task {
+            Task::Window(keyframes) => keyframes.iter().all(covered),
             Task::Loop => false,
         };
-        self.open.iter().filter(|(_, t)| covers(t.task)).map(|(&arrival, _)| arrival).collect()
+        self.open.iter().filter(|(_, t)| covers(&t.task)).map(|(&arrival, _)| arrival).collect()
     }
 
     /// The marks that closing these triggers would reach, by client.
@@ -412,9 +435,9 @@ mod tests {
     #[test]
     fn marks_wait_for_earlier_triggers_of_the_same_client() {
         let mut schedule = Schedule::default();
-        schedule.push(A, 3, Task::Window(keyframe(A, 0)));
+        schedule.push(A, 3, Task::around(keyframe(A, 0)));
         schedule.push(A, 5, Task::Loop);
-        schedule.push(B, 1, Task::Window(keyframe(B, 0)));
+        schedule.push(B, 1, Task::around(keyframe(B, 0)));
         let loops = schedule.loops();
         assert_eq!(schedule.preview(&loops), []);
         assert_eq!(schedule.close(&loops), []);
@@ -431,15 +454,30 @@ mod tests {
     fn a_batch_is_worked_off_newest_first_before_later_arrivals() {
         let mut schedule = Schedule::default();
         for id in 0..3 {
-            schedule.push(A, id + 1, Task::Window(keyframe(A, id)));
+            schedule.push(A, id + 1, Task::around(keyframe(A, id)));
         }
-        assert_eq!(schedule.next_window(), Some(keyframe(A, 2)));
-        let covered = schedule.within(keyframe(A, 2), &[keyframe(A, 1)]);
+        assert_eq!(schedule.next_window().as_deref(), Some(&[keyframe(A, 2)][..]));
+        let covered = schedule.within(&[keyframe(A, 2)], &[keyframe(A, 1)]);
         assert_eq!(schedule.close(&covered), []);
-        schedule.push(A, 9, Task::Window(keyframe(A, 9)));
-        assert_eq!(schedule.next_window(), Some(keyframe(A, 0)));
-        let covered = schedule.within(keyframe(A, 0), &[]);
+        schedule.push(A, 9, Task::around(keyframe(A, 9)));
+        assert_eq!(schedule.next_window().as_deref(), Some(&[keyframe(A, 0)][..]));
+        let covered = schedule.within(&[keyframe(A, 0)], &[]);
         assert_eq!(schedule.close(&covered), [(A, 3)]);
-        assert_eq!(schedule.next_window(), Some(keyframe(A, 9)));
+        assert_eq!(schedule.next_window().as_deref(), Some(&[keyframe(A, 9)][..]));
+    }
+
+    #[test]
+    fn a_window_covers_an_edit_whose_keyframes_are_all_in_it() {
+        let mut schedule = Schedule::default();
+        let group: Vec<EntityId> = (0..3).map(|id| keyframe(A, id)).collect();
+        schedule.push(A, 1, Task::Window(group.clone().into()));
+        // The pose graph of the same item.
+        schedule.push(A, 1, Task::Loop);
+        schedule.push(A, 2, Task::around(keyframe(A, 1)));
+        assert_eq!(schedule.within(&group[1..2], &group[..2]), [2], "one of three is not in it");
+        assert_eq!(schedule.within(&group, &[]), [0, 2]);
+        let loops = schedule.loops();
+        assert_eq!(schedule.close(&loops), [], "the item waits for its window too");
+        assert_eq!(schedule.close(&[0, 2]), [(A, 2)]);
     }
 }

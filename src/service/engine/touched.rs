@@ -140,9 +140,9 @@ pub(super) fn size_of_change(change: &Change) -> usize {
         Change::SolveApplied { solve } => {
             solve.poses.len() + solve.landmarks.len() + solve.switched_off.len()
         }
-        Change::ObservationsRemoved { observations } => observations.len(),
-        // With the observations, which the change does not name.
-        Change::KeyframeRemoved { .. }
+        // With all observations of the keyframes concerned, which the change does not name.
+        Change::ObservationsRemoved { .. }
+        | Change::KeyframeRemoved { .. }
         | Change::KeyframeRetired { .. }
         | Change::LandmarksFused { .. }
         | Change::LandmarksRemoved { .. } => UNKNOWN_SIZE,

@@ -1511,7 +1511,8 @@ impl ::prost::Name for Landmark {
         "/covis.v1.Landmark".into()
     }
 }
-/// Where a client's odometry frame lies in the map.
+/// Where a client's odometry frame lies in the map. Without map_from_odom and keyframe in a delta: the
+/// client's last keyframe was removed.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct ClientFrame {
     /// The client.
@@ -1959,22 +1960,26 @@ pub mod ingest_request {
         /// Adds a prior on a keyframe's pose.
         #[prost(message, tag = "17")]
         PosePrior(super::PosePrior),
-        /// Takes a constraint back. Not served yet.
+        /// Takes a constraint or prior back.
         #[prost(message, tag = "20")]
         RevokeConstraint(super::RevokeConstraint),
-        /// Removes observations. Not served yet.
+        /// Removes observations: all or none.
         #[prost(message, tag = "21")]
         RemoveObservations(super::RemoveObservations),
-        /// Makes several landmarks one. Not served yet.
+        /// Makes several landmarks one.
         #[prost(message, tag = "22")]
         FuseLandmarks(super::FuseLandmarks),
-        /// Removes landmarks with their observations. Not served yet.
+        /// Removes landmarks with their observations: all or none.
         #[prost(message, tag = "23")]
         RemoveLandmarks(super::RemoveLandmarks),
-        /// Removes a keyframe with its observations and constraints. Not served yet.
+        /// Removes a keyframe with its observations, constraints and priors.
         #[prost(message, tag = "24")]
         RemoveKeyframe(super::RemoveKeyframe),
-        /// Replaces the model of a camera that is already in the map. Not served yet.
+        /// Replaces the model and the image size of a camera that is already in the map, also by another
+        /// kind of model. Unlike in camera, client_id may name any client. Refused where an observation
+        /// that the old model projects has no finite projection with the new one (set_camera.model), or
+        /// where its pixel lies farther outside of the new image than one image size
+        /// (set_camera.width_px, height_px).
         #[prost(message, tag = "25")]
         SetCamera(super::Camera),
     }
@@ -2076,10 +2081,11 @@ impl ::prost::Name for ObservationBatch {
         "/covis.v1.ObservationBatch".into()
     }
 }
-/// Takes a constraint back; the poses stay as they are until the next solve.
+/// Takes a constraint or prior back; the poses stay as they are until the next solve. A loop closure
+/// that counted starts a pose graph. The constraint can be sent again, under its id or another one.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct RevokeConstraint {
-    /// Which. Required.
+    /// Which, of any client; the server's own (negative ids) cannot be revoked. Required.
     #[prost(message, optional, tag = "1")]
     pub constraint: ::core::option::Option<ConstraintRef>,
 }
@@ -2093,10 +2099,12 @@ impl ::prost::Name for RevokeConstraint {
         "/covis.v1.RevokeConstraint".into()
     }
 }
-/// Removes observations, for instance those found to be of a moving object.
+/// Removes observations, for instance those found to be of a moving object. Starts local bundle
+/// adjustment of their keyframes. A landmark that nothing observes any more stays in the map.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct RemoveObservations {
-    /// At least one.
+    /// At least one, at most 65,536, none twice. Names all features of the keyframe that match the
+    /// landmark.
     #[prost(message, repeated, tag = "1")]
     pub observations: ::prost::alloc::vec::Vec<ObservationRef>,
 }
@@ -2110,13 +2118,15 @@ impl ::prost::Name for RemoveObservations {
         "/covis.v1.RemoveObservations".into()
     }
 }
-/// Makes several landmarks one.
+/// Makes several landmarks one. Starts local bundle adjustment of the keyframes that see it.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct FuseLandmarks {
-    /// Takes over all observations. Required.
+    /// Takes over all observations and keeps its position; without one it gets the first position of
+    /// the absorbed landmarks. Where a keyframe sees several of them, its observations of kept stay,
+    /// otherwise those of the first absorbed one. Required.
     #[prost(message, optional, tag = "1")]
     pub kept: ::core::option::Option<LandmarkRef>,
-    /// Go. At least one, none of them kept.
+    /// Go. At least one, at most 65,536, none twice, none of them kept.
     #[prost(message, repeated, tag = "2")]
     pub absorbed: ::prost::alloc::vec::Vec<LandmarkRef>,
 }
@@ -2130,10 +2140,11 @@ impl ::prost::Name for FuseLandmarks {
         "/covis.v1.FuseLandmarks".into()
     }
 }
-/// Removes landmarks with their observations.
+/// Removes landmarks with their observations. Starts local bundle adjustment of the keyframes that
+/// saw them.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct RemoveLandmarks {
-    /// At least one.
+    /// At least one, at most 65,536, none twice.
     #[prost(message, repeated, tag = "1")]
     pub landmarks: ::prost::alloc::vec::Vec<LandmarkRef>,
 }
@@ -2147,10 +2158,13 @@ impl ::prost::Name for RemoveLandmarks {
         "/covis.v1.RemoveLandmarks".into()
     }
 }
-/// Removes a keyframe with its observations and constraints.
+/// Removes a keyframe with its observations, constraints and priors. Starts local bundle adjustment
+/// of those that shared landmarks or a constraint with it, and a pose graph where a loop closure
+/// that counted goes. Its landmarks stay in the map, and it can be sent again, under its id or
+/// another one.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct RemoveKeyframe {
-    /// Which. Required.
+    /// Which, of any client, also the last one. Required.
     #[prost(message, optional, tag = "1")]
     pub keyframe: ::core::option::Option<KeyframeRef>,
 }
@@ -2367,8 +2381,9 @@ pub enum AckStatus {
     Received = 1,
     /// Cumulative: every taken item up to this sequence is durable, see Durability.
     Durable = 2,
-    /// Cumulative: solves have covered every taken item up to this sequence. Sent after the ack of
-    /// an item that starts a solve (keyframe, loop closure), once for several when coalesced.
+    /// Cumulative: solves have covered every taken item up to this sequence. Sent after the ack of an
+    /// item that may start a solve (keyframe, observations, loop closure, edit), once for several when
+    /// coalesced.
     Optimized = 3,
     /// This item was refused for good and changed nothing; see violations. The stream lives.
     Rejected = 4,

@@ -5,6 +5,8 @@
 //! was converted. Paths are the wire's names, written out only where there is a violation: most items
 //! have none.
 
+mod edits;
+
 use std::fmt::{Arguments, Display};
 
 use covis_solvers::geometry::{LieGroup, Se3};
@@ -70,6 +72,7 @@ impl Map {
                 };
                 return !observations.is_empty() && observations.iter().all(is_known);
             }
+            Item::Edit(edit) => return check.is_done(edit),
         };
         let Some(stored) = self.contents.get(&(kind, EntityId::new(client, id))) else {
             return false;
@@ -207,6 +210,7 @@ impl Check<'_> {
                 let prior = Prior::Position { keyframe, position_in_world, information };
                 Some(Change::PriorAdded { id, prior })
             }
+            Item::Edit(edit) => self.edit(edit),
         }
     }
 
@@ -253,7 +257,7 @@ impl Check<'_> {
     /// What a reference names, where the map `has` it.
     fn known(
         &mut self,
-        field: &str,
+        field: impl Display,
         kind: &str,
         reference: &EntityRef,
         has: impl Fn(&Map, &EntityId) -> bool,
@@ -265,7 +269,7 @@ impl Check<'_> {
         id
     }
 
-    fn keyframe(&mut self, field: &str, reference: &EntityRef) -> Option<EntityId> {
+    fn keyframe(&mut self, field: impl Display, reference: &EntityRef) -> Option<EntityId> {
         self.known(field, "keyframe", reference, |map, id| map.keyframes.contains_key(id))
     }
 
@@ -357,14 +361,19 @@ impl Check<'_> {
     fn pixel(&mut self, at: Arguments<'_>, sent: &ItemObservation, camera: Option<&CameraEntity>) {
         let sizes = camera.map_or([0, 0], |c| [c.width_px, c.height_px]);
         for ((name, value), size) in ["x", "y"].into_iter().zip(sent.pixel.iter()).zip(sizes) {
-            // Refined features may lie a little outside the image; a whole image away is no feature.
-            let size = if size > 0 { f64::from(size) } else { LARGEST_IMAGE };
-            if *value < -size || *value > 2.0 * size {
+            if let Some(size) = far_outside(*value, size) {
                 let text = format!("{value} is far outside an image of at most {size} pixels");
                 self.add(format_args!("{at}.pixel.{name}"), Reason::OutOfRange, text);
             }
         }
     }
+}
+
+/// The size of an image, if a coordinate of a pixel lies farther outside of it than that. Refined
+/// features may lie a little outside the image; a whole image away is no feature.
+fn far_outside(value: f64, size_px: u32) -> Option<f64> {
+    let size = if size_px > 0 { f64::from(size_px) } else { LARGEST_IMAGE };
+    (value < -size || value > 2.0 * size).then_some(size)
 }
 
 /// Whether a landmark has a finite projection. One behind the camera passes: it is a fact about the
