@@ -197,7 +197,7 @@ impl Actor {
     fn state(&self) -> MapState {
         match self.shared.state() {
             MapState::Open if self.map.is_frozen() => MapState::Frozen,
-            state => state,
+            state @ (MapState::Open | MapState::Frozen | MapState::Poisoned) => state,
         }
     }
 

@@ -140,7 +140,8 @@ fn colmap(
         let what = format!("{cameras}, camera {id}");
         let projection = camera.to_camera(id).map_err(|error| unreadable(&error))?;
         let size = |pixels: u64| {
-            u32::try_from(pixels).map_err(|_| refused(format!("{what}: the image is too large")))
+            u32::try_from(pixels)
+                .map_err(|_large| refused(format!("{what}: the image is too large")))
         };
         let (width_px, height_px) = (size(camera.width)?, size(camera.height)?);
         let item = Item::Camera { id: id.into(), camera: projection, width_px, height_px };

@@ -97,14 +97,14 @@ pub(in crate::service) async fn keyframes(
     let mut pager = Pager::new(map.revision(), pages, sink);
     for range in pages.ranges(map) {
         for (&id, keyframe) in map.keyframes().range(range.ids.clone()) {
-            let mut sent = range.sent(id);
+            let sent = range.sent(id);
             let mut entry = match sent {
                 0 => masked(to_keyframe(map, id, keyframe), *mask),
                 _ => ids_only(range.name, id.id),
             };
             let mut bytes = 0;
             let rest = keyframe.observations.iter().skip(sent).filter(|_| mask.observations);
-            for observation in rest {
+            for (sent, observation) in (sent..).zip(rest) {
                 let message = to_observation(map, observation);
                 let size = message.encoded_len() + ENTRY_OVERHEAD;
                 if bytes + size > ENTRY_BYTES && !entry.observations.is_empty() {
@@ -113,7 +113,6 @@ pub(in crate::service) async fn keyframes(
                     bytes = 0;
                 }
                 bytes += size;
-                sent += 1;
                 entry.observations.push(message);
             }
             pager.push(entry, range.place(id, None)).await?;
