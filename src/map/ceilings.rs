@@ -360,7 +360,8 @@ impl Map {
             | Change::KeyframeRemoved { .. }
             | Change::KeyframeRetired { .. }
             | Change::ConstraintRevoked { .. }
-            | Change::PolicySet { .. } => NOTHING,
+            | Change::PolicySet { .. }
+            | Change::MapUpdated { .. } => NOTHING,
         }
     }
 

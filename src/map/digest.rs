@@ -96,6 +96,10 @@ impl Map {
             hash.id(id);
             hash.0.update(digest);
         });
+        // An open map has the hash that it had before maps could be frozen.
+        if self.frozen {
+            hash.tag(1);
+        }
         hash.finish()
     }
 

@@ -29,6 +29,7 @@ pub mod problem;
 mod rejection;
 mod retirement;
 pub mod shared_map;
+mod sound;
 mod ties;
 mod triangulation;
 mod window;
@@ -81,6 +82,7 @@ pub struct Map {
     update_time_ns: i64,
     display_name: String,
     policy: MapPolicy,
+    frozen: bool,
     clients: Vec<Client>,
     cameras: BTreeMap<EntityId, CameraEntity>,
     keyframes: SharedMap<EntityId, Keyframe>,
@@ -140,6 +142,12 @@ impl Map {
     #[must_use]
     pub fn policy(&self) -> &MapPolicy {
         &self.policy
+    }
+
+    /// Whether the map takes no items and no solves, by request.
+    #[must_use]
+    pub fn is_frozen(&self) -> bool {
+        self.frozen
     }
 
     /// The clients in the order of their first stream; a [`ClientIndex`] is a position here.

@@ -13,12 +13,18 @@ use crate::wire::v1;
 use v1::server_service_server::ServerService;
 
 /// What is served, sorted; listed in docs/wire.md.
-const FEATURES: [&str; 26] = [
+const FEATURES: [&str; 36] = [
     "export.colmap-binary",
     "export.colmap-text",
+    "export.covis",
     "export.g2o",
     "export.ply",
     "export.tum",
+    "import.colmap-binary",
+    "import.colmap-text",
+    "import.covis",
+    "import.g2o",
+    "import.tum",
     "ingest.camera",
     "ingest.fuse-landmarks",
     "ingest.keyframe",
@@ -32,6 +38,10 @@ const FEATURES: [&str; 26] = [
     "ingest.remove-observations",
     "ingest.revoke-constraint",
     "ingest.set-camera",
+    "map.freeze",
+    "map.list-constraints",
+    "map.list-keyframes",
+    "map.update",
     "map.watch",
     "optimization.certify",
     "optimization.optimize-map",

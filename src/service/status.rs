@@ -170,6 +170,12 @@ fn engine(error: EngineError) -> Parts {
         EngineError::Poisoned { map } => {
             parts(Code::FailedPrecondition, "MAP_POISONED").with("map_id", map)
         }
+        EngineError::Frozen { map } => {
+            parts(Code::FailedPrecondition, "MAP_FROZEN").with("map_id", map)
+        }
+        EngineError::RevisionMismatch { map, expected: _, actual } => {
+            parts(Code::Aborted, "REVISION_MISMATCH").with("map_id", map).with("revision", actual)
+        }
         EngineError::EpochFenced { map, client, epoch, newest: _ } => {
             parts(Code::Aborted, "EPOCH_FENCED")
                 .with("map_id", map)

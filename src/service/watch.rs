@@ -10,7 +10,7 @@ use prost::Message;
 
 use super::context::{Context, Sink};
 use super::convert::entities::{
-    to_camera, to_client_frame, to_constraint, to_keyframe_pose, to_landmark, to_prior,
+    to_any_constraint, to_camera, to_client_frame, to_keyframe_pose, to_landmark,
 };
 use super::convert::ids::{to_constraint_ref, to_keyframe_ref, to_landmark_ref};
 use super::convert::map::to_state;
@@ -229,12 +229,7 @@ async fn constraints(
 ) -> Result<(), ServiceError> {
     let all = || map.constraints().keys().chain(map.priors().keys()).copied();
     for id in ids(touched.map(|t| &t.constraints), all) {
-        let present = match (map.constraints().get(&id), map.priors().get(&id)) {
-            (Some(constraint), _) => Some(to_constraint(map, id, constraint)),
-            (None, Some(prior)) => Some(to_prior(map, id, prior)),
-            (None, None) => None,
-        };
-        match present {
+        match to_any_constraint(map, id) {
             Some(constraint) => parts.room(&constraint).await?.constraints.push(constraint),
             None => {
                 let gone = to_constraint_ref(map, id);

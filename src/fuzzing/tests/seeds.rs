@@ -33,6 +33,7 @@ pub(super) fn all() -> Vec<Seed> {
     put("colmap_binary", colmap_binary());
     put("journal", store::journal());
     put("journal_folder", store::journal_folder());
+    put("map_file", store::map_file());
     put("snapshot", store::snapshot());
     put("volume", crate::frontend::dense::file::fuzzing::seeds());
     put("wire_item", wire_seeds::items());

@@ -61,7 +61,10 @@ impl Fit<'_> {
 
     fn change(&self, change: &Change) -> Outcome {
         match change {
-            Change::Created { .. } | Change::ItemRepeated | Change::PolicySet { .. } => Ok(()),
+            Change::Created { .. }
+            | Change::ItemRepeated
+            | Change::PolicySet { .. }
+            | Change::MapUpdated { .. } => Ok(()),
             Change::ClientOpened { name, epoch } => self.opening(name, *epoch),
             Change::CameraSet { id, camera } => {
                 self.finite(camera.camera.is_finite(), EntityKind::Camera, *id)

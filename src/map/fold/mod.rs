@@ -114,6 +114,13 @@ impl Map {
             // The cause contains everything.
             Change::ItemRepeated => {}
             Change::PolicySet { policy } => self.policy = *policy,
+            Change::MapUpdated { display_name, policy, frozen } => {
+                if let Some(display_name) = display_name {
+                    self.display_name.clone_from(display_name);
+                }
+                self.policy = policy.unwrap_or(self.policy);
+                self.frozen = frozen.unwrap_or(self.frozen);
+            }
         }
     }
 

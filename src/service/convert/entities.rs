@@ -4,12 +4,14 @@
 
 use super::camera::to_camera as camera_message;
 use super::count;
-use super::geometry::{to_information6, to_rigid_transform, to_upper_triangle, to_vector3};
-use super::ids::{client_name, to_keyframe_ref};
+use super::geometry::{
+    to_information6, to_rigid_transform, to_upper_triangle, to_vector2, to_vector3,
+};
+use super::ids::{client_name, to_keyframe_ref, to_landmark_ref};
 use super::time::timestamp;
 use crate::map::{
-    CameraEntity, ClientIndex, Constraint, ConstraintKind, EntityId, Keyframe, Landmark, Map,
-    Prior, SwitchedOff,
+    CameraEntity, ClientIndex, Constraint, ConstraintKind, DescriptorKind, EntityId, Keyframe,
+    Landmark, Map, Observation, Prior, SwitchedOff,
 };
 use crate::wire::v1;
 use v1::constraint::Constraint as WireConstraint;
@@ -33,6 +35,46 @@ pub(in crate::service) fn to_keyframe_pose(
     }
 }
 
+/// A keyframe, without its observations.
+pub(in crate::service) fn to_keyframe(
+    map: &Map,
+    id: EntityId,
+    keyframe: &Keyframe,
+) -> v1::Keyframe {
+    v1::Keyframe {
+        client_id: client_name(map, id),
+        id: id.id,
+        capture_time: Some(timestamp(keyframe.capture_time_ns)),
+        sensor: keyframe.camera.map(|camera| v1::keyframe::Sensor::CameraId(camera.id)),
+        world_from_camera: Some(to_rigid_transform(&keyframe.world_from_camera)),
+        odom_from_camera: Some(to_rigid_transform(&keyframe.odom_from_camera)),
+        ..v1::Keyframe::default()
+    }
+}
+
+/// An observation of a keyframe, with its descriptor.
+pub(in crate::service) fn to_observation(map: &Map, observation: &Observation) -> v1::Observation {
+    let Observation { landmark, pixel, sigma_px, depth, descriptor } = observation;
+    v1::Observation {
+        landmark: Some(to_landmark_ref(map, *landmark)),
+        camera_index: 0,
+        pixel: Some(to_vector2(pixel)),
+        sigma_px: Some(*sigma_px),
+        depth_m: depth.map(|depth| depth.depth_m),
+        sigma_depth_m: depth.map(|depth| depth.sigma_m),
+        descriptor: descriptor.as_ref().map(|descriptor| v1::Descriptor {
+            kind: match descriptor.kind {
+                DescriptorKind::Binary => v1::DescriptorKind::Binary,
+                DescriptorKind::Float32 => v1::DescriptorKind::Float32,
+                DescriptorKind::Uint8 => v1::DescriptorKind::Uint8,
+            }
+            .into(),
+            name: descriptor.name.clone(),
+            data: descriptor.data.clone(),
+        }),
+    }
+}
+
 /// A landmark, without its descriptor.
 pub(in crate::service) fn to_landmark(
     map: &Map,
@@ -51,6 +93,15 @@ pub(in crate::service) fn to_landmark(
         reference_keyframe: landmark.reference.map(|k| to_keyframe_ref(map, k)),
         observation_count: count(landmark.observers.len()),
         state: state.into(),
+    }
+}
+
+/// The relative-pose constraint or prior with this id.
+pub(in crate::service) fn to_any_constraint(map: &Map, id: EntityId) -> Option<v1::Constraint> {
+    match (map.constraints().get(&id), map.priors().get(&id)) {
+        (Some(constraint), _) => Some(to_constraint(map, id, constraint)),
+        (None, Some(prior)) => Some(to_prior(map, id, prior)),
+        (None, None) => None,
     }
 }
 

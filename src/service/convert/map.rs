@@ -174,7 +174,8 @@ pub(in crate::service) fn to_limits(ceilings: &Ceilings, queued_items: usize) ->
     }
 }
 
-fn to_policy(policy: &MapPolicy, queued_items: usize) -> v1::MapPolicy {
+/// The message of a policy, with all that the server fills in.
+pub(in crate::service) fn to_policy(policy: &MapPolicy, queued_items: usize) -> v1::MapPolicy {
     v1::MapPolicy {
         observation_loss: Some(to_loss(&policy.observation_loss)),
         constraint_loss: Some(to_loss(&policy.constraint_loss)),
@@ -204,6 +205,7 @@ pub(in crate::service) fn queued(policy: &MapPolicy, server: usize) -> usize {
 pub(in crate::service) fn to_state(state: MapState) -> v1::MapState {
     match state {
         MapState::Open => v1::MapState::Open,
+        MapState::Frozen => v1::MapState::Frozen,
         MapState::Poisoned => v1::MapState::Poisoned,
     }
 }

@@ -16,6 +16,7 @@ pub(super) mod map;
 pub(super) mod problem;
 pub(super) mod solve;
 pub(super) mod time;
+pub(super) mod update;
 
 #[cfg(test)]
 mod tests;

@@ -258,6 +258,16 @@ impl Solving {
         }
     }
 
+    /// Drops the results of the running solve and ends a requested optimization with `error`. The
+    /// items that the running solve covers wait for a later one.
+    pub(super) fn pause(&mut self, error: &EngineError) {
+        if let Some(running) = &mut self.running {
+            running.superseded = true;
+            running.cancel.store(true, Ordering::Relaxed);
+        }
+        self.answer_job(Err(error.clone()));
+    }
+
     /// Cancels every running or waiting solve.
     pub(super) fn cancel(&mut self, error: &EngineError) {
         if let Some(running) = self.running.take() {

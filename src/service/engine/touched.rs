@@ -44,6 +44,7 @@ impl Touched {
             Change::Created { .. }
             | Change::ItemRepeated
             | Change::PolicySet { .. }
+            | Change::MapUpdated { .. }
             | Change::ClientOpened { .. } => {}
             Change::CameraSet { id, .. } => {
                 self.cameras.insert(*id);
@@ -149,6 +150,7 @@ pub(super) fn size_of_change(change: &Change) -> usize {
         Change::Created { .. }
         | Change::ItemRepeated
         | Change::PolicySet { .. }
+        | Change::MapUpdated { .. }
         | Change::ClientOpened { .. }
         | Change::CameraSet { .. }
         | Change::ConstraintAdded { .. }

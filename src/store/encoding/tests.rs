@@ -214,6 +214,13 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
         },
         Change::PolicySet { policy: other },
         Change::ItemRepeated,
+        Change::MapUpdated {
+            display_name: Some(String::new()),
+            policy: Some(policy),
+            frozen: Some(true),
+        },
+        Change::MapUpdated { display_name: None, policy: None, frozen: Some(false) },
+        Change::MapUpdated { display_name: Some("Hof".into()), policy: None, frozen: None },
     ];
     let cause = |revision: i64, change: &Change| {
         let from_client = matches!(
@@ -258,7 +265,7 @@ fn every_change_comes_back_bit_for_bit() {
     }
     let kinds: std::collections::HashSet<_> =
         every_change().iter().map(|event| std::mem::discriminant(&event.change)).collect();
-    assert_eq!(kinds.len(), 18, "each kind of change is in the list");
+    assert_eq!(kinds.len(), 19, "each kind of change is in the list");
     let decoded =
         every_change().iter().map(|e| decode_event(&bytes_of(e)).unwrap()).collect::<Vec<_>>();
     assert_eq!(Map::replay(decoded.iter()).unwrap().state_hash(), replayed().state_hash());
@@ -308,12 +315,13 @@ fn a_map_that_differs_from_its_file_in_one_thing_is_told() {
     }
     assert!(full(&map));
     type Difference = (&'static str, fn(&mut MapParts));
-    let differences: [Difference; 20] = [
+    let differences: [Difference; 21] = [
         ("revision", |p| p.revision += 1),
         ("creation", |p| p.create_time_ns -= 1),
         ("update", |p| p.update_time_ns += 1),
         ("name", |p| p.display_name.push('x')),
         ("policy", |p| p.policy.window_keyframes += 1),
+        ("state", |p| p.frozen ^= true),
         ("solves", |p| p.solve_count += 1),
         ("epoch", |p| p.clients[0].epoch += 1),
         ("a client", |p| {

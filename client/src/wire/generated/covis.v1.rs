@@ -1544,7 +1544,7 @@ pub enum MapState {
     Unspecified = 0,
     /// The map takes items and optimizations.
     Open = 1,
-    /// Reads only, by request. Not served yet.
+    /// Reads only, by request, until it is opened again by request. See UpdateMap.
     Frozen = 2,
     /// A bug was hit while changing the map: it stays readable and exportable, takes no changes.
     Poisoned = 3,
@@ -2941,14 +2941,15 @@ pub struct UpdateMapRequest {
     /// New name.
     #[prost(string, tag = "2")]
     pub display_name: ::prost::alloc::string::String,
-    /// New policy; the mask may name single fields of it.
+    /// New policy; the mask may name single fields of it. A field that is named and absent takes the
+    /// server's default. A limit below what the map holds removes nothing: no more is taken.
     #[prost(message, optional, tag = "3")]
     pub policy: ::core::option::Option<MapPolicy>,
     /// OPEN or FROZEN.
     #[prost(enumeration = "MapState", tag = "4")]
     pub state: i32,
-    /// Paths of this message that are to change: "display_name", "policy", "policy.gauge", "state".
-    /// Required.
+    /// Paths of this message that are to change: "display_name", "policy", "policy.gauge",
+    /// "policy.limits.max_keyframe_count", "state". Other fields are not read. Required.
     #[prost(message, optional, tag = "5")]
     pub update_mask: ::core::option::Option<::prost_types::FieldMask>,
     /// The change is made only at this revision. Default: at any.
@@ -3236,7 +3237,7 @@ pub struct ImportMapHeader {
     /// The new map. Required.
     #[prost(string, tag = "1")]
     pub map_id: ::prost::alloc::string::String,
-    /// See Map.display_name.
+    /// See Map.display_name. Default: that of a MAP_FORMAT_COVIS export.
     #[prost(string, tag = "2")]
     pub display_name: ::prost::alloc::string::String,
     /// Default: the server's, or that of a MAP_FORMAT_COVIS export.
@@ -3245,7 +3246,8 @@ pub struct ImportMapHeader {
     /// Which files follow. Required.
     #[prost(enumeration = "MapFormat", tag = "4")]
     pub format: i32,
-    /// Owner of what is imported from a format without clients. Default "import".
+    /// Owner of what is imported from a format without clients. A TUM file that is called as a client
+    /// is that client's. Default "import".
     #[prost(string, tag = "5")]
     pub client_id: ::prost::alloc::string::String,
 }
@@ -3354,8 +3356,8 @@ pub struct ListKeyframesRequest {
     /// From an earlier message, to go on behind it. Default: from the start.
     #[prost(string, tag = "3")]
     pub page_token: ::prost::alloc::string::String,
-    /// Fields of Keyframe that are answered, ids always. Default: all but observations, landmarks and
-    /// descriptors.
+    /// Fields of Keyframe that are answered, ids always; "observations" brings their descriptors.
+    /// Default: all but observations, landmarks and descriptors.
     #[prost(message, optional, tag = "4")]
     pub read_mask: ::core::option::Option<::prost_types::FieldMask>,
 }
@@ -3372,13 +3374,16 @@ impl ::prost::Name for ListKeyframesRequest {
 /// See ListKeyframes.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct ListKeyframesResponse {
-    /// The revision that is read.
+    /// The revision that is read; the same in all messages of one call.
     #[prost(int64, tag = "1")]
     pub revision: i64,
-    /// The next keyframes.
+    /// The next keyframes. A map without keyframes answers one message without keyframes. A keyframe
+    /// with more observations than fit a message comes in several entries with the same ids, one behind
+    /// the other: the first has the other fields, each has the next observations.
     #[prost(message, repeated, tag = "2")]
     pub keyframes: ::prost::alloc::vec::Vec<Keyframe>,
-    /// Goes on behind this message in a later call. Empty in the last message.
+    /// Goes on behind this message in a later call, which may read a later revision. Empty in the
+    /// last message.
     #[prost(string, tag = "3")]
     pub next_page_token: ::prost::alloc::string::String,
 }
@@ -3468,13 +3473,14 @@ impl ::prost::Name for ListConstraintsRequest {
 /// See ListConstraints.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct ListConstraintsResponse {
-    /// The revision that is read.
+    /// The revision that is read; the same in all messages of one call.
     #[prost(int64, tag = "1")]
     pub revision: i64,
-    /// The next constraints.
+    /// The next constraints. A map without constraints answers one message without constraints.
     #[prost(message, repeated, tag = "2")]
     pub constraints: ::prost::alloc::vec::Vec<Constraint>,
-    /// Goes on behind this message in a later call. Empty in the last message.
+    /// Goes on behind this message in a later call, which may read a later revision. Empty in the
+    /// last message.
     #[prost(string, tag = "3")]
     pub next_page_token: ::prost::alloc::string::String,
 }
@@ -3617,7 +3623,9 @@ pub enum MapFormat {
     G2o = 4,
     /// Landmarks and keyframe positions as points, map.ply, binary little-endian.
     Ply = 5,
-    /// All of the map, in covis's own format. Not served yet.
+    /// All of the map, map.covis: with clients, sequences, policy and what is switched off, in covis's
+    /// own format. A server reads files of earlier versions, and of later ones as far as they say that
+    /// it can.
     Covis = 6,
 }
 impl MapFormat {
@@ -3801,12 +3809,19 @@ pub mod map_service_client {
                 .insert(GrpcMethod::new("covis.v1.MapService", "GetMap"));
             self.inner.unary(req, path, codec).await
         }
-        /// Changes a map's name, policy or state. Not served yet.
+        /// Changes a map's name, policy or state in one step, which no crash can undo once it is answered.
+        /// A frozen map answers reads, exports and RefinePose, and can be updated. Freezing ends its ingest
+        /// streams and OptimizeMap with FAILED_PRECONDITION, and the result of a solve that runs is dropped;
+        /// the items that the solve covers are solved once the map is open again.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad field or mask, NOT_FOUND, ABORTED when expected_revision is
-        ///  not the map's, FAILED_PRECONDITION when the map is poisoned, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field or mask.
+        /// * NOT_FOUND: no such map.
+        /// * ABORTED: expected_revision is not the map's.
+        /// * FAILED_PRECONDITION: the map is poisoned.
+        /// * UNIMPLEMENTED: a gauge in the policy, for now.
+        /// * RESOURCE_EXHAUSTED with RetryInfo: the journal has no room just now.
+        /// * INTERNAL: a bug.
         pub async fn update_map(
             &mut self,
             request: impl tonic::IntoRequest<super::UpdateMapRequest>,
@@ -3928,7 +3943,6 @@ pub mod map_service_client {
         /// * NOT_FOUND: no such map.
         /// * FAILED_PRECONDITION: the format cannot hold this map, for instance a keyframe without camera
         ///  in COLMAP.
-        /// * UNIMPLEMENTED: MAP_FORMAT_COVIS, for now.
         /// * RESOURCE_EXHAUSTED: too many exports at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         pub async fn export_map(
@@ -3955,12 +3969,19 @@ pub mod map_service_client {
                 .insert(GrpcMethod::new("covis.v1.MapService", "ExportMap"));
             self.inner.server_streaming(req, path, codec).await
         }
-        /// Creates a map from the files of a format: a header, then chunks. Not served yet.
+        /// Creates a map from the files of a format: a header, then each file in order, in chunks as
+        /// ExportMap sends them. The map exists once all was read and checked: a call that ends before leaves
+        /// none. No solve runs. MAP_FORMAT_PLY holds no map.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT naming file and line or byte, ALREADY_EXISTS, RESOURCE_EXHAUSTED,
-        ///  INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field of the header, chunks out of order, or a file that is damaged or
+        ///  of a later version; the description names file and line, byte or record.
+        /// * ALREADY_EXISTS: the map_id is taken.
+        /// * RESOURCE_EXHAUSTED: more than the map, the tenant or the server may hold, too many maps or
+        ///  streams, or more than 256 MiB of files of a format other than MAP_FORMAT_COVIS.
+        /// * UNIMPLEMENTED: a gauge in the policy, for now.
+        /// * DEADLINE_EXCEEDED: no message came for 120 s.
+        /// * INTERNAL: a bug.
         pub async fn import_map(
             &mut self,
             request: impl tonic::IntoStreamingRequest<Message = super::ImportMapRequest>,
@@ -4016,11 +4037,13 @@ pub mod map_service_client {
                 .insert(GrpcMethod::new("covis.v1.MapService", "GetTrajectory"));
             self.inner.server_streaming(req, path, codec).await
         }
-        /// Streams the keyframes, by client_id, then id. Not served yet.
+        /// Streams the keyframes, by client_id, then id; each message is a page.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad map_id, page_size, page_token or mask, NOT_FOUND, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad map_id, page_size, page_token or read_mask.
+        /// * NOT_FOUND: no such map.
+        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * INTERNAL: a bug.
         pub async fn list_keyframes(
             &mut self,
             request: impl tonic::IntoRequest<super::ListKeyframesRequest>,
@@ -4076,11 +4099,14 @@ pub mod map_service_client {
                 .insert(GrpcMethod::new("covis.v1.MapService", "ListLandmarks"));
             self.inner.server_streaming(req, path, codec).await
         }
-        /// Streams the constraints, by client_id, then id. Not served yet.
+        /// Streams the constraints, those that are switched off too, by client_id, then id; each message is
+        /// a page. Constraints of kind MARGINAL and their priors have negative ids.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad map_id, page_size or page_token, NOT_FOUND, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad map_id, page_size or page_token.
+        /// * NOT_FOUND: no such map.
+        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * INTERNAL: a bug.
         pub async fn list_constraints(
             &mut self,
             request: impl tonic::IntoRequest<super::ListConstraintsRequest>,
@@ -4177,12 +4203,19 @@ pub mod map_service_server {
             &self,
             request: tonic::Request<super::GetMapRequest>,
         ) -> std::result::Result<tonic::Response<super::GetMapResponse>, tonic::Status>;
-        /// Changes a map's name, policy or state. Not served yet.
+        /// Changes a map's name, policy or state in one step, which no crash can undo once it is answered.
+        /// A frozen map answers reads, exports and RefinePose, and can be updated. Freezing ends its ingest
+        /// streams and OptimizeMap with FAILED_PRECONDITION, and the result of a solve that runs is dropped;
+        /// the items that the solve covers are solved once the map is open again.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad field or mask, NOT_FOUND, ABORTED when expected_revision is
-        ///  not the map's, FAILED_PRECONDITION when the map is poisoned, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field or mask.
+        /// * NOT_FOUND: no such map.
+        /// * ABORTED: expected_revision is not the map's.
+        /// * FAILED_PRECONDITION: the map is poisoned.
+        /// * UNIMPLEMENTED: a gauge in the policy, for now.
+        /// * RESOURCE_EXHAUSTED with RetryInfo: the journal has no room just now.
+        /// * INTERNAL: a bug.
         async fn update_map(
             &self,
             request: tonic::Request<super::UpdateMapRequest>,
@@ -4242,19 +4275,25 @@ pub mod map_service_server {
         /// * NOT_FOUND: no such map.
         /// * FAILED_PRECONDITION: the format cannot hold this map, for instance a keyframe without camera
         ///  in COLMAP.
-        /// * UNIMPLEMENTED: MAP_FORMAT_COVIS, for now.
         /// * RESOURCE_EXHAUSTED: too many exports at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         async fn export_map(
             &self,
             request: tonic::Request<super::ExportMapRequest>,
         ) -> std::result::Result<tonic::Response<Self::ExportMapStream>, tonic::Status>;
-        /// Creates a map from the files of a format: a header, then chunks. Not served yet.
+        /// Creates a map from the files of a format: a header, then each file in order, in chunks as
+        /// ExportMap sends them. The map exists once all was read and checked: a call that ends before leaves
+        /// none. No solve runs. MAP_FORMAT_PLY holds no map.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT naming file and line or byte, ALREADY_EXISTS, RESOURCE_EXHAUSTED,
-        ///  INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field of the header, chunks out of order, or a file that is damaged or
+        ///  of a later version; the description names file and line, byte or record.
+        /// * ALREADY_EXISTS: the map_id is taken.
+        /// * RESOURCE_EXHAUSTED: more than the map, the tenant or the server may hold, too many maps or
+        ///  streams, or more than 256 MiB of files of a format other than MAP_FORMAT_COVIS.
+        /// * UNIMPLEMENTED: a gauge in the policy, for now.
+        /// * DEADLINE_EXCEEDED: no message came for 120 s.
+        /// * INTERNAL: a bug.
         async fn import_map(
             &self,
             request: tonic::Request<tonic::Streaming<super::ImportMapRequest>>,
@@ -4288,11 +4327,13 @@ pub mod map_service_server {
             >
             + std::marker::Send
             + 'static;
-        /// Streams the keyframes, by client_id, then id. Not served yet.
+        /// Streams the keyframes, by client_id, then id; each message is a page.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad map_id, page_size, page_token or mask, NOT_FOUND, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad map_id, page_size, page_token or read_mask.
+        /// * NOT_FOUND: no such map.
+        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * INTERNAL: a bug.
         async fn list_keyframes(
             &self,
             request: tonic::Request<super::ListKeyframesRequest>,
@@ -4326,11 +4367,14 @@ pub mod map_service_server {
             >
             + std::marker::Send
             + 'static;
-        /// Streams the constraints, by client_id, then id. Not served yet.
+        /// Streams the constraints, those that are switched off too, by client_id, then id; each message is
+        /// a page. Constraints of kind MARGINAL and their priors have negative ids.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad map_id, page_size or page_token, NOT_FOUND, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad map_id, page_size or page_token.
+        /// * NOT_FOUND: no such map.
+        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * INTERNAL: a bug.
         async fn list_constraints(
             &self,
             request: tonic::Request<super::ListConstraintsRequest>,

@@ -11,16 +11,16 @@ pub struct Event {
     /// Unix time in nanoseconds by the server's clock; 0 where it was not recorded.
     #[prost(sint64, tag = "3")]
     pub time_ns: i64,
-    /// What changed. Numbers 28 to 60 are kept free for changes to come.
+    /// What changed. Numbers 28, 29 and 31 to 60 are kept free for changes to come.
     #[prost(
         oneof = "event::Change",
-        tags = "10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27"
+        tags = "10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 30"
     )]
     pub change: ::core::option::Option<event::Change>,
 }
 /// Nested message and enum types in `Event`.
 pub mod event {
-    /// What changed. Numbers 28 to 60 are kept free for changes to come.
+    /// What changed. Numbers 28, 29 and 31 to 60 are kept free for changes to come.
     #[derive(Clone, PartialEq, ::prost::Oneof)]
     pub enum Change {
         /// The map exists.
@@ -77,6 +77,9 @@ pub mod event {
         /// An item brought what the map holds already; only its sequence is new.
         #[prost(message, tag = "27")]
         ItemRepeated(super::ItemRepeated),
+        /// Name, policy or state changed on request.
+        #[prost(message, tag = "30")]
+        MapUpdated(super::MapUpdated),
     }
 }
 impl ::prost::Name for Event {
@@ -318,6 +321,29 @@ impl ::prost::Name for ItemRepeated {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.storage.v1.ItemRepeated".into()
+    }
+}
+/// Name, policy or state changed on request; what is absent stays as it is.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct MapUpdated {
+    /// Free text for people.
+    #[prost(string, optional, tag = "1")]
+    pub display_name: ::core::option::Option<::prost::alloc::string::String>,
+    /// How the map is kept.
+    #[prost(message, optional, tag = "2")]
+    pub policy: ::core::option::Option<Policy>,
+    /// Whether the map is frozen.
+    #[prost(bool, optional, tag = "3")]
+    pub frozen: ::core::option::Option<bool>,
+}
+impl ::prost::Name for MapUpdated {
+    const NAME: &'static str = "MapUpdated";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.MapUpdated".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.MapUpdated".into()
     }
 }
 /// A client opened a stream.
@@ -956,6 +982,9 @@ pub struct MapHead {
     /// Free text for people.
     #[prost(string, tag = "7")]
     pub display_name: ::prost::alloc::string::String,
+    /// Whether the map is frozen.
+    #[prost(bool, tag = "8")]
+    pub frozen: bool,
 }
 impl ::prost::Name for MapHead {
     const NAME: &'static str = "MapHead";
