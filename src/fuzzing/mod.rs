@@ -23,7 +23,7 @@ pub struct Target {
 }
 
 /// Every target, by name.
-pub const TARGETS: [Target; 18] = [
+pub const TARGETS: [Target; 19] = [
     Target { name: "bal", run: files::bal },
     Target { name: "camera_file", run: input::camera_file },
     Target { name: "colmap_binary", run: files::colmap_binary },
@@ -36,6 +36,7 @@ pub const TARGETS: [Target; 18] = [
     Target { name: "journal_folder", run: crate::store::fuzzing::journal_folder },
     Target { name: "jwt", run: crate::service::fuzzing::jwt },
     Target { name: "pem", run: crate::service::fuzzing::pem },
+    Target { name: "pose_matrix", run: files::pose_matrix },
     Target { name: "snapshot", run: crate::store::fuzzing::snapshot },
     Target { name: "tokens", run: crate::service::fuzzing::tokens },
     Target { name: "trajectory", run: files::trajectory },

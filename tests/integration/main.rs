@@ -9,6 +9,7 @@ mod cli_eval;
 mod cli_eval_mask;
 mod cli_fuse;
 mod cli_pose_graph;
+mod cli_recorded;
 mod cli_run;
 mod cli_solve;
 mod cli_support;
