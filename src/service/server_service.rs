@@ -13,7 +13,7 @@ use crate::wire::v1;
 use v1::server_service_server::ServerService;
 
 /// What is served, sorted; listed in docs/wire.md.
-const FEATURES: [&str; 20] = [
+const FEATURES: [&str; 21] = [
     "export.colmap-binary",
     "export.colmap-text",
     "export.g2o",
@@ -27,6 +27,7 @@ const FEATURES: [&str; 20] = [
     "ingest.position-prior",
     "ingest.relative-pose",
     "map.watch",
+    "map.watch-resolution",
     "optimization.certify",
     "optimization.optimize-map",
     "optimization.optimize-pose-graph",

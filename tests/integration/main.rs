@@ -58,6 +58,7 @@ mod rpc_prices;
 mod rpc_server;
 mod rpc_violations;
 mod rpc_watch;
+mod rpc_watch_traffic;
 #[cfg(feature = "opentelemetry")]
 mod spans;
 mod spill;
