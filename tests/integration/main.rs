@@ -21,6 +21,7 @@ mod demo;
 mod doctor;
 mod durable;
 mod engine;
+mod first_frontend;
 mod generated;
 mod jwt;
 mod links;
