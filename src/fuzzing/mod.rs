@@ -37,6 +37,7 @@ pub const TARGETS: [Target; 19] = [
     Target { name: "jwt", run: crate::service::fuzzing::jwt },
     Target { name: "map_file", run: crate::store::fuzzing::map_file },
     Target { name: "pem", run: crate::service::fuzzing::pem },
+    Target { name: "pose_matrix", run: files::pose_matrix },
     Target { name: "snapshot", run: crate::store::fuzzing::snapshot },
     Target { name: "tokens", run: crate::service::fuzzing::tokens },
     Target { name: "trajectory", run: files::trajectory },

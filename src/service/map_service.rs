@@ -13,7 +13,7 @@ use super::convert::{Path, convert, ids, update};
 use super::deadline::call_time;
 use super::engine::{MapHandle, Resource};
 use super::error::ServiceError;
-use super::watch::Wanted;
+use super::watch::{Resolution, Wanted};
 use super::{export, import, listing, watch};
 use crate::map::Reason;
 use crate::wire::v1;
@@ -305,6 +305,7 @@ impl MapService for Rpcs {
                 from_revision: request.from_revision.filter(|_| !is_other),
                 landmarks: !request.omit_landmarks,
                 constraints: !request.omit_constraints,
+                resolution: resolution(&request)?,
             };
             tokio::select! {
                 biased;
@@ -313,4 +314,23 @@ impl MapService for Rpcs {
             }
         })
     }
+}
+
+/// How far a watcher's values may be off.
+fn resolution(request: &v1::WatchMapRequest) -> Result<Resolution, ServiceError> {
+    let (position_m, rotation_rad) =
+        (request.position_resolution_m, request.rotation_resolution_rad);
+    for (field, value) in
+        [("position_resolution_m", position_m), ("rotation_resolution_rad", rotation_rad)]
+    {
+        if !value.is_finite() {
+            let text = format!("{value} is not finite");
+            return Err(ServiceError::field(field, Reason::NotFinite, text));
+        }
+        if value < 0.0 {
+            let text = format!("{value} is below 0");
+            return Err(ServiceError::field(field, Reason::OutOfRange, text));
+        }
+    }
+    Ok(Resolution { position_m, rotation_rad })
 }

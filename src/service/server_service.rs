@@ -13,7 +13,7 @@ use crate::wire::v1;
 use v1::server_service_server::ServerService;
 
 /// What is served, sorted; listed in docs/wire.md.
-const FEATURES: [&str; 36] = [
+const FEATURES: [&str; 37] = [
     "export.colmap-binary",
     "export.colmap-text",
     "export.covis",
@@ -43,6 +43,7 @@ const FEATURES: [&str; 36] = [
     "map.list-keyframes",
     "map.update",
     "map.watch",
+    "map.watch-resolution",
     "optimization.certify",
     "optimization.optimize-map",
     "optimization.optimize-pose-graph",

@@ -3495,7 +3495,7 @@ impl ::prost::Name for ListConstraintsResponse {
     }
 }
 /// See WatchMap.
-#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct WatchMapRequest {
     /// The map. Required.
     #[prost(string, tag = "1")]
@@ -3513,6 +3513,18 @@ pub struct WatchMapRequest {
     /// reset. Default: not checked.
     #[prost(string, tag = "5")]
     pub map_uid: ::prost::alloc::string::String,
+    /// Values that moved less since they were last sent on this stream wait. Positions of landmarks and
+    /// of keyframes, m, finite, at least 0. A landmark is also sent when observation_count has become
+    /// four times as large or as small, a keyframe also when it turned by more than
+    /// rotation_resolution_rad.
+    /// Whoever asks for a finer resolution than before begins without from_revision. Default 0: every
+    /// change of a value is sent.
+    #[prost(double, tag = "6")]
+    pub position_resolution_m: f64,
+    /// The same of rotations of keyframes: the angle, rad, finite, at least 0. Default 0: every change
+    /// of a value is sent.
+    #[prost(double, tag = "7")]
+    pub rotation_resolution_rad: f64,
 }
 impl ::prost::Name for WatchMapRequest {
     const NAME: &'static str = "WatchMapRequest";
@@ -3541,7 +3553,8 @@ impl ::prost::Name for WatchMapResponse {
         "/covis.v1.WatchMapResponse".into()
     }
 }
-/// The step from one revision to a later one. Entities come whole, as they are at the later one.
+/// The step from one revision to a later one. Entities come whole, as they are at the later one, and
+/// only where the reader has another value: see WatchMapRequest.position_resolution_m.
 /// A delta larger than a message comes in parts, which are applied together or not at all.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct MapDelta {
