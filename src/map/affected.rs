@@ -66,7 +66,8 @@ pub fn affected(map: &Map, change: &Change) -> Option<Affected> {
         | Change::SolveApplied { .. }
         | Change::KeyframeRetired { .. }
         | Change::ItemRepeated
-        | Change::PolicySet { .. } => return None,
+        | Change::PolicySet { .. }
+        | Change::MapUpdated { .. } => return None,
     };
     let age = |id: &EntityId| map.keyframes().get(id).map_or(0, |known| known.added_revision);
     let mut keyframes: Vec<EntityId> = keyframes.into_iter().collect();
