@@ -10,14 +10,16 @@
 
 mod graduated;
 mod live;
+mod positions;
 mod screening;
 
 use std::time::Instant;
 
 pub use graduated::Kernel;
 pub use live::{update, update_until};
+pub use positions::{PositionJudging, PositionVerdict, judge_positions};
 
-use crate::factors::RelativePose;
+use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::geometry::{LieGroup, RigidMotion};
 use crate::initialization::{Start, chordal_price, initialize_in_time};
 use crate::interrupt::Interrupt;
@@ -145,9 +147,7 @@ fn run<G: LieGroup<N>, const N: usize>(
         let reason = "must be finite and positive";
         return Err(SolveError::InvalidOption { field: "threshold", reason });
     }
-    if !graph.constant.contains(&true) {
-        graph.fix_lowest_id();
-    }
+    graph.hold_gauge();
     with_threads(options.pose_graph.optimizer.threads, || {
         let mut weighted = Weighted::new(graph, options, threshold, (begin, &interrupt));
         let (last, start) = stages(&mut weighted)?;
@@ -173,7 +173,9 @@ pub fn price<G: RigidMotion<D, N>, const D: usize, const N: usize>(
 fn copies_bytes<G, const N: usize>(graph: &PoseGraph<G, N>) -> u64 {
     let edge = size_of::<RelativePose<G, N>>() + size_of::<G>() + 8 * N * N + 160;
     let pose = 4 * size_of::<G>() + 64;
-    (graph.edges.len() * edge + graph.poses.len() * pose) as u64
+    let priors = graph.pose_priors.len() * size_of::<PosePrior<G, N>>()
+        + graph.position_priors.len() * size_of::<PositionPrior>();
+    (graph.edges.len() * edge + graph.poses.len() * pose + priors) as u64
 }
 
 /// What [`solve`] minimized at its end: the edges of `graph` with `closures` at their weights, in one
@@ -202,11 +204,13 @@ fn at_weights<G: LieGroup<N>, const N: usize>(
         poses: graph.poses.clone(),
         constant: graph.constant.clone(),
         edges: Vec::with_capacity(graph.edges.len()),
+        pose_priors: graph.pose_priors.clone(),
+        position_priors: graph.position_priors.clone(),
         loss: graph.loss,
     };
     let mut pieces = DisjointSets::new(copy.poses.len());
-    // Constant poses belong to one piece.
-    pieces.join_all((0..copy.poses.len()).filter(|&pose| copy.constant[pose]));
+    // Poses with a place in the world belong to one piece.
+    pieces.join_all(graph.placed());
     for (edge, &weight) in graph.edges.iter().zip(&weights) {
         if weight > 0.0 {
             pieces.join(edge.i, edge.j);

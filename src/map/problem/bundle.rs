@@ -228,6 +228,7 @@ impl<'a> Builder<'a> {
                 j,
                 i_from_j: constraint.keyframe_i_from_keyframe_j,
                 information: constraint.information,
+                loss: None,
             });
             measured[i] += MIN_OBSERVATIONS;
             measured[j] += MIN_OBSERVATIONS;

@@ -46,7 +46,7 @@ pub fn loop_problem(map: &Map) -> GraphProblem {
     for (a, b, information) in estimated_edges(map) {
         if let (Some(&i), Some(&j)) = (index_of.get(&a), index_of.get(&b)) {
             let i_from_j = graph.poses[i].inverse().compose(&graph.poses[j]);
-            graph.edges.push(RelativePose { i, j, i_from_j, information });
+            graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
         }
     }
     let mut closures = Vec::new();
@@ -63,7 +63,7 @@ pub fn loop_problem(map: &Map) -> GraphProblem {
                     switched_off,
                 });
             }
-            graph.edges.push(RelativePose { i, j, i_from_j, information });
+            graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
         }
     }
     let mut pieces = DisjointSets::new(keyframes.len());

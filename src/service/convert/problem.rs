@@ -270,7 +270,7 @@ fn graph<'m, T: 'm, G: LieGroup<N>, const N: usize>(
             let _: Option<()> = out.report(at.field("vertex_j"), Reason::Duplicate, text);
         }
         if let (Some(i), Some(j)) = (found_i, found_j) {
-            graph.edges.push(RelativePose { i, j, i_from_j, information });
+            graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
         }
         if is_trusted {
             trusted.push(k);
