@@ -78,16 +78,19 @@ impl Solved<'_> {
     }
 }
 
-/// Which closures a solve switched off and which on again, without those removed meanwhile.
+/// Which closures and position priors a solve switched off and which on again, without those removed meanwhile.
 type Verdicts = (Vec<(EntityId, SwitchedOff)>, Vec<EntityId>);
 
 fn verdicts(map: &Map, solved: Solved<'_>) -> Verdicts {
     let Solved::Graph(problem) = solved else { return Verdicts::default() };
     let (mut off, mut on) = Verdicts::default();
-    for closure in &problem.closures {
-        let id = closure.constraint;
-        match closure.switched_off {
-            _ if !map.constraints().contains_key(&id) => {}
+    let closures =
+        problem.closures.iter().map(|closure| (closure.constraint, closure.switched_off));
+    let positions =
+        problem.positions.iter().map(|position| (position.prior, position.switched_off));
+    for (id, switched_off) in closures.chain(positions) {
+        match switched_off {
+            _ if !map.has_constraint(id) => {}
             Some(verdict) => off.push((id, verdict)),
             None if map.switched_off().contains_key(&id) => on.push(id),
             None => {}

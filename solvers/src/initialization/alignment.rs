@@ -7,14 +7,18 @@
 //! whole pose has the motion that meets it as well. The candidate with the least Σ √χ² over the priors
 //! is taken, the given poses included. No edge is looked at but for what it ties together.
 
-use nalgebra::{SMatrix, SVector, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 use crate::factors::{PosePrior, PositionPrior};
-use crate::geometry::RigidMotion;
+use crate::geometry::{RigidMotion, hat};
 use crate::problem::{DisjointSets, PoseGraph, are_spread};
 
 /// Fits of a piece. They settle after some ten, more where many measurements are false.
 const FITS: usize = 40;
+
+/// A vector below this length has no direction; the cosine below which two are opposite.
+const NO_LENGTH: f64 = 1e-12;
+const OPPOSITE: f64 = -1.0 + 1e-12;
 
 /// Distances below this share of their median weigh as if they were so large.
 const LEAST_SHARE: f64 = 1e-3;
@@ -22,8 +26,8 @@ const LEAST_SHARE: f64 = 1e-3;
 /// Moves each piece of `graph` that has no constant pose as a whole to where its priors are met best;
 /// whether one moved. The graph is valid.
 ///
-/// Positions count where three of a piece are not on one line; otherwise they leave a turn open, and
-/// the given poses or a pose prior decide.
+/// Positions on one line leave a turn about it open, and a single one every turn: there the piece turns
+/// no more than it must.
 pub fn align_to_priors<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
 ) -> bool {
@@ -57,6 +61,29 @@ pub fn align_to_priors<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         }
     }
     has_moved
+}
+
+/// A vector of the plane or of space as one of space.
+fn spatial<const D: usize>(vector: &SVector<f64, D>) -> Vector3<f64> {
+    Vector3::from_fn(|row, _| if row < D { vector[row] } else { 0.0 })
+}
+
+/// The rotation by the least angle that turns the direction of `from` to that of `to`; none where one
+/// of them has no direction.
+fn least_turn(from: &Vector3<f64>, to: &Vector3<f64>) -> Matrix3<f64> {
+    let (Some(from), Some(to)) = (from.try_normalize(NO_LENGTH), to.try_normalize(NO_LENGTH))
+    else {
+        return Matrix3::identity();
+    };
+    let cosine = from.dot(&to);
+    if cosine < OPPOSITE {
+        // Half a turn about an axis that is perpendicular: about z where that is one.
+        let helper = if from.z.abs() < 0.5 { Vector3::z() } else { Vector3::x() };
+        let axis = (helper - from * from.dot(&helper)).normalize();
+        return axis * axis.transpose() * 2.0 - Matrix3::identity();
+    }
+    let sine = hat(&from.cross(&to));
+    Matrix3::identity() + sine + sine * sine / (1.0 + cosine)
 }
 
 /// The priors of a piece.
@@ -104,15 +131,16 @@ impl<G, const N: usize> Piece<'_, G, N> {
     {
         let sources: Vec<Vector3<f64>> =
             self.points.iter().map(|prior| poses[prior.pose].act(&prior.point_in_camera)).collect();
-        if !are_spread(&sources) {
+        if sources.is_empty() {
             return None;
         }
+        let is_spread = are_spread(&sources);
         let stiffness: Vec<f64> =
             self.points.iter().map(|prior| prior.information.matrix().trace().sqrt()).collect();
         let mut weights = stiffness.clone();
         let mut motion = None;
         for _ in 0..FITS {
-            let fitted = self.closed_form::<D>(&sources, &weights)?;
+            let fitted = self.closed_form::<D>((&sources, is_spread), &weights)?;
             let distances: Vec<f64> = self
                 .points
                 .iter()
@@ -131,8 +159,12 @@ impl<G, const N: usize> Piece<'_, G, N> {
         motion
     }
 
-    /// The motion that minimizes Σ w ‖T x − z‖²; `None` where the points leave it open.
-    fn closed_form<const D: usize>(&self, sources: &[Vector3<f64>], weights: &[f64]) -> Option<G>
+    /// The motion that minimizes Σ w ‖T x − z‖²; of points on one line that with the least turn.
+    fn closed_form<const D: usize>(
+        &self,
+        (sources, is_spread): (&[Vector3<f64>], bool),
+        weights: &[f64],
+    ) -> Option<G>
     where
         G: RigidMotion<D, N>,
     {
@@ -148,8 +180,14 @@ impl<G, const N: usize> Piece<'_, G, N> {
             let arm = flat(&prior.position_in_world) - target;
             covariance += arm * (flat(x) - source).transpose() * (weight / total);
         }
-        let turn = G::from_matrix(&covariance, &SVector::zeros())?;
-        let rotation = turn.rotation_matrix();
+        let rotation = if is_spread {
+            G::from_matrix(&covariance, &SVector::zeros())?.rotation_matrix()
+        } else {
+            let arms = sources.iter().map(|x| flat(x) - source);
+            let longest = arms.max_by(|a, b| a.norm().total_cmp(&b.norm()))?;
+            let turn = least_turn(&spatial(&longest), &spatial(&(covariance * longest)));
+            turn.fixed_view::<D, D>(0, 0).into_owned()
+        };
         let motion = G::from_matrix(&rotation, &(target - rotation * source))?;
         motion.is_finite().then_some(motion)
     }

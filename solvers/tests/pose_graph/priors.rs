@@ -276,3 +276,22 @@ fn covariances_of_points_are_those_of_the_dense_inverse() {
         assert!((found - expected).norm() < 1e-6 * expected.norm(), "{found} {expected}");
     }
 }
+
+#[test]
+fn one_fix_shifts_a_graph_and_two_turn_it_as_little_as_they_must() {
+    let (graph, truth) = with_fixes::<Se3, 6>(0.8);
+    for count in [1, 2] {
+        let mut graph = graph.clone();
+        graph.position_priors.truncate(count);
+        let own: Se3 = element(&mut seeded(4), 3.0);
+        graph.poses = truth.iter().map(|pose| own.compose(pose)).collect();
+        assert!(align_to_priors(&mut graph));
+        let met = |prior: &PositionPrior| prior.chi2(&graph.poses[prior.pose]) < 1e-9;
+        assert!(graph.position_priors.iter().all(met));
+        let turn = |k: usize| graph.poses[k].rotation.minus(&own.compose(&truth[k]).rotation);
+        assert_eq!(turn(0).norm() < 1e-9, count == 1);
+        // The shape is as it was.
+        let apart = |a: &[Se3]| a[0].inverse().compose(&a[39]);
+        assert!(apart(&graph.poses).minus(&apart(&truth)).norm() < 1e-9);
+    }
+}

@@ -2,7 +2,7 @@
 //!
 //! Keyframes of a window come first in the problem, then the fixed ones, each group by id; cameras and
 //! landmarks by id. Relative-pose constraints enter when both keyframes are in the problem and one of
-//! them may move (those that are switched off never), priors when theirs may move. A pose with too few
+//! them may move, priors when theirs may move, those that are switched off never. A pose with too few
 //! measurements is held constant, and an observation without finite projection at the current estimates
 //! is left out: neither may stop the whole solve.
 
@@ -15,7 +15,7 @@ use covis_solvers::problem::{BundleProblem, DisjointSets};
 
 use super::{GlobalOptions, MapProblem};
 use crate::map::window::is_usable;
-use crate::map::{Depth, EntityId, Keyframe, Map, Prior, Window};
+use crate::map::{Depth, EntityId, Gauge, Keyframe, Map, Prior, Window};
 
 /// With fewer observations and no other measurement a pose is held constant: three points fix six
 /// unknowns.
@@ -39,15 +39,17 @@ pub fn local_problem(map: &Map, window: &Window) -> MapProblem {
 
 /// The problem of the whole map.
 ///
-/// With `fix_first_keyframe` the lowest keyframe is held, and in every other piece of the map that
-/// no prior places in the world its lowest one.
+/// By default the lowest keyframe of each piece of the map is held that no prior places in the world;
+/// see [`Gauge`].
 #[must_use]
 pub fn global_problem(map: &Map, options: &GlobalOptions) -> MapProblem {
     let mut builder = Builder::new(map, options.loss);
     map.keyframes().keys().for_each(|&id| builder.keyframe(id, false));
     map.landmarks().keys().filter(|&&id| is_usable(map, id)).for_each(|&id| builder.landmark(id));
-    if options.fix_first_keyframe {
-        builder.fix_pieces();
+    match options.gauge {
+        Gauge::FirstKeyframeFixed => builder.fix_pieces(false),
+        Gauge::FixedPoses => builder.fix_pieces(true),
+        Gauge::Free | Gauge::Priors => {}
     }
     builder.finish(options.fix_intrinsics)
 }
@@ -121,8 +123,8 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Holds the lowest keyframe of each piece; see [`global_problem`].
-    fn fix_pieces(&mut self) {
+    /// Holds the lowest keyframe of each piece, of those with priors only if `all`.
+    fn fix_pieces(&mut self, all: bool) {
         let mut pieces = DisjointSets::new(self.keyframes.len());
         for id in self.landmark_of.keys() {
             let Some(landmark) = self.map.landmarks().get(id) else { continue };
@@ -134,13 +136,16 @@ impl<'a> Builder<'a> {
             self.join(&mut pieces, constraint.keyframe_i, constraint.keyframe_j);
         }
         let mut is_placed = vec![false; self.keyframes.len()];
-        for prior in self.map.priors().values() {
+        let counts = |id: &&EntityId| self.map.active_prior(**id).is_some();
+        for prior in
+            self.map.priors().keys().filter(counts).filter_map(|id| self.map.priors().get(id))
+        {
             if let Some(&pose) = self.pose_of.get(&prior.keyframe()) {
                 is_placed[pieces.root(pose)] = true;
             }
         }
-        for (piece, root) in pieces.roots().into_iter().enumerate() {
-            if piece == 0 || !is_placed[root] {
+        for root in pieces.roots() {
+            if all || !is_placed[root] {
                 self.problem.constant_poses[root] = true;
             }
         }
@@ -228,22 +233,29 @@ impl<'a> Builder<'a> {
                 j,
                 i_from_j: constraint.keyframe_i_from_keyframe_j,
                 information: constraint.information,
-                loss: None,
+                loss: constraint.loss,
             });
             measured[i] += MIN_OBSERVATIONS;
             measured[j] += MIN_OBSERVATIONS;
         }
-        for prior in ties.iter().filter_map(|id| self.map.priors().get(id)) {
+        for prior in ties.iter().filter_map(|&id| self.map.active_prior(id)) {
             let Some(&pose) = self.pose_of.get(&prior.keyframe()) else { continue };
             match *prior {
-                Prior::Pose { world_from_camera, information, .. } => {
-                    let prior = PosePrior { pose, world_from_camera, information };
+                Prior::Pose { world_from_camera, information, loss, .. } => {
+                    let prior = PosePrior { pose, world_from_camera, information, loss };
                     self.problem.pose_priors.push(prior);
                     measured[pose] += MIN_OBSERVATIONS;
                 }
-                Prior::Position { position_in_world, information, .. } => {
-                    let prior = PositionPrior { pose, position_in_world, information };
-                    self.problem.position_priors.push(prior);
+                Prior::Position {
+                    position_in_world, point_in_camera, information, loss, ..
+                } => {
+                    self.problem.position_priors.push(PositionPrior {
+                        pose,
+                        position_in_world,
+                        point_in_camera,
+                        information,
+                        loss,
+                    });
                 }
             }
         }

@@ -16,11 +16,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Information;
-use covis_solvers::problem::{DisjointSets, PoseGraph};
+use covis_solvers::problem::PoseGraph;
 use nalgebra::Vector6;
 
-use super::{ClosureEdge, GraphProblem};
-use crate::map::{ClientIndex, ConstraintKind, EntityId, Map};
+use super::{ClosureEdge, GraphProblem, priors};
+use crate::map::{ClientIndex, ConstraintKind, EntityId, Gauge, Map};
 
 /// Translation error over distance.
 const DISTANCE_SHARE: f64 = 0.02;
@@ -31,9 +31,16 @@ const LEAST_ANGLE_RAD: f64 = 0.005;
 /// Rotation error over angle.
 const ANGLE_SHARE: f64 = 0.02;
 
-/// The pose graph over all keyframes; the lowest keyframe of each piece is held.
+/// The pose graph over all keyframes, with all priors; what holds the pieces without priors is said by
+/// the policy's gauge.
 #[must_use]
 pub fn loop_problem(map: &Map) -> GraphProblem {
+    graph_problem(map, map.policy().gauge)
+}
+
+/// As [`loop_problem`], with another gauge than the policy's.
+#[must_use]
+pub fn graph_problem(map: &Map, gauge: Gauge) -> GraphProblem {
     let mut graph = PoseGraph::new();
     graph.loss = map.policy().constraint_loss;
     let keyframes: Vec<EntityId> = map.keyframes().keys().copied().collect();
@@ -63,15 +70,12 @@ pub fn loop_problem(map: &Map) -> GraphProblem {
                     switched_off,
                 });
             }
-            graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
+            let loss = constraint.loss;
+            graph.edges.push(RelativePose { i, j, i_from_j, information, loss });
         }
     }
-    let mut pieces = DisjointSets::new(keyframes.len());
-    graph.edges.iter().for_each(|edge| _ = pieces.join(edge.i, edge.j));
-    for root in pieces.roots() {
-        graph.constant[root] = true;
-    }
-    GraphProblem { graph, keyframes, closures, start_revision: map.revision() }
+    let positions = priors::add(map, gauge, &index_of, &mut graph);
+    GraphProblem { graph, keyframes, closures, positions, start_revision: map.revision() }
 }
 
 /// A number for each keyframe: consecutive ones of a client in capture order have consecutive

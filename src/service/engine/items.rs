@@ -162,7 +162,11 @@ impl Actor {
                 self.solving.schedule.push(client, sequence, Task::Loop);
                 self.solving.supersede_window();
             }
-            Added::Loop => self.nothing_to_solve(client, sequence),
+            // Fixes may come several times a second: no window is given up for one.
+            Added::Prior if loop_closure => {
+                self.solving.schedule.push(client, sequence, Task::Prior);
+            }
+            Added::Loop | Added::Prior => self.nothing_to_solve(client, sequence),
             Added::Other => {}
         }
     }
@@ -192,7 +196,7 @@ pub(super) fn unsolved(map: &Map, events: &[Arc<Event>]) -> Vec<Unsolved> {
         let Some(Cause { client, sequence, .. }) = event.cause else { continue };
         match added(&event.change) {
             Added::Other => {}
-            added @ (Added::Views(_) | Added::Loop) => {
+            added @ (Added::Views(_) | Added::Loop | Added::Prior) => {
                 last.insert(client, Unsolved { client, sequence, added });
             }
         }
@@ -205,7 +209,10 @@ pub(super) fn unsolved(map: &Map, events: &[Arc<Event>]) -> Vec<Unsolved> {
 pub(super) enum Added {
     /// Observations of this keyframe.
     Views(EntityId),
+    /// A loop closure.
     Loop,
+    /// A prior of a client.
+    Prior,
     Other,
 }
 
@@ -218,6 +225,8 @@ fn added(change: &Change) -> Added {
         && constraint.kind == ConstraintKind::LoopClosure
     {
         Added::Loop
+    } else if let Change::PriorAdded { .. } = change {
+        Added::Prior
     } else {
         Added::Other
     }

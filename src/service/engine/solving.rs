@@ -4,6 +4,9 @@
 //! triggers may be covered by one solve. A client's items are optimized up to sequence s once none
 //! of its triggers up to s is open: OPTIMIZED acks are cumulative.
 //!
+//! Priors wait for a pose graph as loop closures do, but let one window go first: a receiver's fixes
+//! may come faster than pose graphs are solved, and all that wait are covered by one solve.
+//!
 //! Order: loop closures first, then a requested optimization (in lock-step it waits for the
 //! windows), then windows. Within a batch the newest window is solved first, and a batch is finished
 //! before the next begins, so that no window starves. A loop closure or an optimization supersedes a
@@ -46,13 +49,16 @@ pub(super) struct Solving {
     /// The optimization that waits or runs.
     job: Option<Job>,
     last_id: i64,
+    /// Whether a pose graph ran since the last window.
+    prior_went: bool,
 }
 
 impl Solving {
     /// `last_id` is the number of the map's last solve.
     pub(super) fn new(shared: &Arc<Shared>, pool: &Arc<SolverPool>, last_id: i64) -> Self {
         let (shared, pool) = (Arc::clone(shared), Arc::clone(pool));
-        Self { shared, pool, schedule: Schedule::default(), running: None, job: None, last_id }
+        let schedule = Schedule::default();
+        Self { shared, pool, schedule, running: None, job: None, last_id, prior_went: false }
     }
 
     /// Whether no solve runs or waits.
@@ -68,13 +74,17 @@ impl Solving {
         is_lock_step: bool,
     ) -> Option<Vec<u64>> {
         while self.running.is_none() {
-            let loops = self.schedule.loops();
-            if !loops.is_empty() {
+            let is_due = self.schedule.has_loop()
+                || (self.schedule.has_prior() && !(self.prior_went && self.schedule.has_window()));
+            if is_due {
+                self.prior_went = true;
+                let loops = self.schedule.loops();
                 self.start_loop(map, loops);
             } else if self.job.is_some() && (!is_lock_step || self.schedule.is_empty()) {
                 self.start_job(map);
             } else {
                 let keyframe = self.schedule.next_window()?;
+                self.prior_went = false;
                 let nothing = self.start_window(map, keyframe).await;
                 if nothing.is_some() {
                     return nothing;
@@ -251,6 +261,8 @@ pub(super) enum Task {
     Window(EntityId),
     /// Pose-graph optimization.
     Loop,
+    /// Pose-graph optimization that may wait for a window.
+    Prior,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -310,9 +322,25 @@ impl Schedule {
         self.open.keys().copied().collect()
     }
 
-    /// The open loop closures.
+    /// The open loop closures and priors: one pose graph covers them all.
     pub(super) fn loops(&self) -> Vec<u64> {
-        self.open.iter().filter(|(_, t)| t.task == Task::Loop).map(|(&a, _)| a).collect()
+        let is_loop = |task| matches!(task, Task::Loop | Task::Prior);
+        self.open.iter().filter(|(_, t)| is_loop(t.task)).map(|(&a, _)| a).collect()
+    }
+
+    /// Whether a loop closure is open.
+    fn has_loop(&self) -> bool {
+        self.open.values().any(|trigger| trigger.task == Task::Loop)
+    }
+
+    /// Whether a prior is open.
+    fn has_prior(&self) -> bool {
+        self.open.values().any(|trigger| trigger.task == Task::Prior)
+    }
+
+    /// Whether a window is open.
+    fn has_window(&self) -> bool {
+        self.open.values().any(|trigger| matches!(trigger.task, Task::Window(_)))
     }
 
     /// The keyframe whose window is next: the newest of the batch.
@@ -320,7 +348,7 @@ impl Schedule {
         let newest = |end: u64| {
             self.open.range(..end).rev().find_map(|(_, trigger)| match trigger.task {
                 Task::Window(keyframe) => Some(keyframe),
-                Task::Loop => None,
+                Task::Loop | Task::Prior => None,
             })
         };
         if let Some(keyframe) = newest(self.batch_end) {
@@ -334,7 +362,7 @@ impl Schedule {
     pub(super) fn within(&self, center: EntityId, free: &[EntityId]) -> Vec<u64> {
         let covers = |task| match task {
             Task::Window(keyframe) => keyframe == center || free.binary_search(&keyframe).is_ok(),
-            Task::Loop => false,
+            Task::Loop | Task::Prior => false,
         };
         self.open.iter().filter(|(_, t)| covers(t.task)).map(|(&arrival, _)| arrival).collect()
     }

@@ -74,6 +74,7 @@ fn map() -> Arc<Map> {
             keyframe_j: id(u32::from(k % 2 == 1), k + 2),
             keyframe_i_from_keyframe_j: pose(2),
             information,
+            loss: None,
         };
         changes.push(Change::ConstraintAdded { id: id(0, k), constraint });
     }

@@ -42,6 +42,26 @@ impl ::prost::Name for Vector3 {
         "/covis.v1.Vector3".into()
     }
 }
+/// A place by the coordinates of WGS 84.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct GeodeticPosition {
+    #[prost(double, tag = "1")]
+    pub latitude_deg: f64,
+    #[prost(double, tag = "2")]
+    pub longitude_deg: f64,
+    #[prost(double, tag = "3")]
+    pub height_m: f64,
+}
+impl ::prost::Name for GeodeticPosition {
+    const NAME: &'static str = "GeodeticPosition";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.GeodeticPosition".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.GeodeticPosition".into()
+    }
+}
 /// A rotation as a unit quaternion, Hamilton convention, w is the scalar part.
 /// A norm within 1e-3 of 1 is normalized by the server; any other norm (also 0, which is what an
 /// unset message decodes to) is refused with NOT_UNIT. q and -q are the same rotation.
@@ -1177,6 +1197,9 @@ pub struct MapPolicy {
     /// What is done with an item for which limits leave no room. Default REJECT.
     #[prost(enumeration = "WhenFull", tag = "11")]
     pub when_full: i32,
+    /// Where the origin of the world frame is on the Earth.
+    #[prost(message, optional, tag = "30")]
+    pub geodetic_anchor: ::core::option::Option<GeodeticPosition>,
 }
 impl ::prost::Name for MapPolicy {
     const NAME: &'static str = "MapPolicy";
@@ -1766,6 +1789,12 @@ pub struct PositionPrior {
     /// Loss. Default trivial. Not served yet: another one is refused with UNIMPLEMENTED.
     #[prost(message, optional, tag = "7")]
     pub loss: ::core::option::Option<Loss>,
+    /// Present while the prior is switched off.
+    #[prost(message, optional, tag = "8")]
+    pub switched_off: ::core::option::Option<SwitchedOff>,
+    /// The measurement in geodetic coordinates.
+    #[prost(message, optional, tag = "9")]
+    pub geodetic_point: ::core::option::Option<GeodeticPosition>,
 }
 impl ::prost::Name for PositionPrior {
     const NAME: &'static str = "PositionPrior";

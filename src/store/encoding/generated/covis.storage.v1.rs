@@ -213,6 +213,29 @@ impl ::prost::Name for Loss {
         "/covis.storage.v1.Loss".into()
     }
 }
+/// A place by the coordinates of WGS 84.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct Geodetic {
+    /// Bits of the latitude, degrees.
+    #[prost(fixed64, tag = "1")]
+    pub latitude_deg: u64,
+    /// Bits of the longitude, degrees.
+    #[prost(fixed64, tag = "2")]
+    pub longitude_deg: u64,
+    /// Bits of the height above the ellipsoid, m.
+    #[prost(fixed64, tag = "3")]
+    pub height_m: u64,
+}
+impl ::prost::Name for Geodetic {
+    const NAME: &'static str = "Geodetic";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.Geodetic".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.Geodetic".into()
+    }
+}
 /// How a map is kept.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct Policy {
@@ -273,6 +296,12 @@ pub struct Policy {
     /// Ceiling of priors; absent without one.
     #[prost(uint64, optional, tag = "19")]
     pub max_priors: ::core::option::Option<u64>,
+    /// What is held: 0 first keyframe, 1 nothing, 2 priors, 3 fixed poses.
+    #[prost(uint32, tag = "20")]
+    pub gauge: u32,
+    /// Where the origin of the world is on the Earth; absent where nobody said.
+    #[prost(message, optional, tag = "21")]
+    pub geodetic_anchor: ::core::option::Option<Geodetic>,
 }
 impl ::prost::Name for Policy {
     const NAME: &'static str = "Policy";
@@ -580,6 +609,9 @@ pub struct Constraint {
     /// Information, 36 entries, translation first.
     #[prost(double, repeated, tag = "6")]
     pub information: ::prost::alloc::vec::Vec<f64>,
+    /// Its own loss; absent for the policy's.
+    #[prost(message, optional, tag = "7")]
+    pub loss: ::core::option::Option<Loss>,
 }
 impl ::prost::Name for Constraint {
     const NAME: &'static str = "Constraint";
@@ -609,6 +641,12 @@ pub struct Prior {
     /// Information: 36 entries of a pose, 9 of a position.
     #[prost(double, repeated, tag = "5")]
     pub information: ::prost::alloc::vec::Vec<f64>,
+    /// Its loss; absent for the trivial one.
+    #[prost(message, optional, tag = "6")]
+    pub loss: ::core::option::Option<Loss>,
+    /// The measured point in the keyframe's frame, m; absent for its origin, and for a pose.
+    #[prost(message, optional, tag = "7")]
+    pub point_in_camera: ::core::option::Option<Vector3>,
 }
 impl ::prost::Name for Prior {
     const NAME: &'static str = "Prior";
