@@ -4,7 +4,8 @@
 
 use covis::map::{
     AppliedSolve, Change, ConstraintKind, EntityRef, Gauge, GlobalOptions, Item, MapPolicy, Place,
-    Prior, Reason, SolveKind, SwitchedOff, global_problem, graph_problem, loop_problem,
+    Prior, Reason, SolveKind, SwitchedOff, choose_window, global_problem, graph_problem,
+    local_problem, loop_problem,
 };
 use covis_solvers::geometry::{Geodetic, LocalFrame};
 use covis_solvers::information::Information;
@@ -141,4 +142,20 @@ fn a_geodetic_fix_needs_an_anchor_and_is_kept_in_the_world() {
     };
     assert_eq!(position_in_world, LocalFrame::new(&anchor).point_in_local(&place));
     assert!((position_in_world - Vector3::new(149.2, 111.2, 12.0)).norm() < 0.5);
+}
+
+#[test]
+fn a_window_leaves_a_strained_fix_to_the_pose_graph() {
+    let window = |policy: MapPolicy, off: f64| {
+        let mut journal = street(4, policy);
+        let at = pose_at(2.0).translation + Vector3::x() * off;
+        journal.send(ROBOT, &fix(1, 2, at)).unwrap();
+        let window = choose_window(&journal.map, id(3));
+        local_problem(&journal.map, &window).problem.position_priors.len()
+    };
+    // σ is 0.01 m.
+    assert_eq!(window(MapPolicy::default(), 0.02), 1);
+    assert_eq!(window(MapPolicy::default(), 0.5), 0);
+    let policy = MapPolicy { loop_closure: false, ..MapPolicy::default() };
+    assert_eq!(window(policy, 0.5), 1, "no pose graph would come");
 }

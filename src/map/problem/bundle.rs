@@ -12,6 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use covis_solvers::factors::{DepthReprojection, PosePrior, PositionPrior, RelativePose};
 use covis_solvers::loss::Loss;
 use covis_solvers::problem::{BundleProblem, DisjointSets};
+use covis_solvers::robust::default_threshold;
 
 use super::{GlobalOptions, MapProblem};
 use crate::map::window::is_usable;
@@ -26,12 +27,17 @@ const NEIGHBORS: usize = 20;
 
 /// The problem of a window, with the policy's losses and constant intrinsics.
 ///
+/// A client's prior that the current estimates do not fit waits for the pose graph that it started: in
+/// a window, whose rim is held, it would bend what the whole map should take. Where the policy lets
+/// priors start none, it counts.
+///
 /// Landmarks and keyframes that were removed from the map are left out.
 #[must_use]
 pub fn local_problem(map: &Map, window: &Window) -> MapProblem {
     let poses = window.free.iter().map(|&id| (id, false));
     let poses = poses.chain(window.fixed.iter().map(|&id| (id, true)));
     let mut builder = Builder::new(map, map.policy().observation_loss);
+    builder.strained_priors_wait = map.policy().loop_closure;
     poses.for_each(|(id, constant)| builder.keyframe(id, constant));
     window.landmarks.iter().for_each(|&id| builder.landmark(id));
     builder.finish(true)
@@ -86,6 +92,8 @@ struct Builder<'a> {
     landmarks: Vec<EntityId>,
     pose_of: BTreeMap<EntityId, usize>,
     landmark_of: BTreeMap<EntityId, u32>,
+    /// Whether priors are left out that the estimates do not fit.
+    strained_priors_wait: bool,
 }
 
 impl<'a> Builder<'a> {
@@ -102,6 +110,7 @@ impl<'a> Builder<'a> {
             landmarks: Vec::new(),
             pose_of: BTreeMap::new(),
             landmark_of: BTreeMap::new(),
+            strained_priors_wait: false,
         }
     }
 
@@ -238,24 +247,34 @@ impl<'a> Builder<'a> {
             measured[i] += MIN_OBSERVATIONS;
             measured[j] += MIN_OBSERVATIONS;
         }
-        for prior in ties.iter().filter_map(|&id| self.map.active_prior(id)) {
+        for (id, prior) in ties.iter().filter_map(|&id| Some((id, self.map.active_prior(id)?))) {
             let Some(&pose) = self.pose_of.get(&prior.keyframe()) else { continue };
+            // What a removed keyframe left is the server's own, and fits.
+            let may_wait = self.strained_priors_wait && id.id >= 0;
+            let at = self.problem.poses[pose];
             match *prior {
                 Prior::Pose { world_from_camera, information, loss, .. } => {
                     let prior = PosePrior { pose, world_from_camera, information, loss };
+                    if may_wait && prior.chi2(&at) > default_threshold(6) {
+                        continue;
+                    }
                     self.problem.pose_priors.push(prior);
                     measured[pose] += MIN_OBSERVATIONS;
                 }
                 Prior::Position {
                     position_in_world, point_in_camera, information, loss, ..
                 } => {
-                    self.problem.position_priors.push(PositionPrior {
+                    let prior = PositionPrior {
                         pose,
                         position_in_world,
                         point_in_camera,
                         information,
                         loss,
-                    });
+                    };
+                    if may_wait && prior.chi2(&at) > default_threshold(3) {
+                        continue;
+                    }
+                    self.problem.position_priors.push(prior);
                 }
             }
         }
