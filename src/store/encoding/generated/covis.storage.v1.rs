@@ -715,10 +715,10 @@ impl ::prost::Name for Covered {
         "/covis.storage.v1.Covered".into()
     }
 }
-/// A loop closure that does not count.
+/// A loop closure or position prior that does not count.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct SwitchedOff {
-    /// The constraint.
+    /// The constraint or prior.
     #[prost(message, optional, tag = "1")]
     pub id: ::core::option::Option<Id>,
     /// Bits of its chi2 where it was judged.
@@ -762,10 +762,10 @@ pub struct SolveApplied {
     /// Bits of the cost at the end.
     #[prost(fixed64, tag = "7")]
     pub final_cost: u64,
-    /// Loop closures that it found false.
+    /// Loop closures and position priors that it found false.
     #[prost(message, repeated, tag = "8")]
     pub switched_off: ::prost::alloc::vec::Vec<SwitchedOff>,
-    /// Loop closures that count again.
+    /// Loop closures and position priors that count again.
     #[prost(message, repeated, tag = "9")]
     pub switched_on: ::prost::alloc::vec::Vec<Id>,
 }
@@ -930,7 +930,7 @@ pub struct MapPart {
     /// Digests of entities as they were sent, by kind and id.
     #[prost(message, repeated, tag = "9")]
     pub contents: ::prost::alloc::vec::Vec<Content>,
-    /// Loop closures that do not count, by id.
+    /// Loop closures and position priors that do not count, by id.
     #[prost(message, repeated, tag = "10")]
     pub switched_off: ::prost::alloc::vec::Vec<SwitchedOff>,
 }
