@@ -23,8 +23,7 @@ use crate::robust::{
 /// Which stages a graph goes through.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Where the poses come from that the first solve starts with. What [`Judging::switched_off`]
-    /// continues starts from the given ones.
+    /// Where the poses come from that the first solve starts with.
     pub start: Start,
     /// How loop closures are judged; `None` takes all edges for true.
     pub judging: Option<Judging>,
@@ -63,9 +62,8 @@ pub struct Judging {
     pub threshold: Option<f64>,
     /// Edges that are trusted although their ids are not consecutive, rising.
     pub trusted: Vec<usize>,
-    /// The edges that were found false before, rising, where the poses fit all but what is new
-    /// ([`robust::update`]); `None` judges all from the start ([`robust::solve`]).
-    pub switched_off: Option<Vec<usize>>,
+    /// See [`robust::Options::trust_odometry`].
+    pub trust_odometry: bool,
 }
 
 /// What is proved of the chordal optimum where the last solve started.
@@ -124,14 +122,7 @@ where
     if !graph.has_priors() {
         return run.stages(graph, has_poses, observer);
     }
-    initialize_in_time(
-        graph,
-        if has_poses { Start::Given } else { Start::Odometry },
-        has_poses,
-        run.limits(),
-    )?;
-    align_to_priors(graph);
-    let mut verdicts = run.judge_positions(graph)?;
+    let mut verdicts = run.place(graph, has_poses)?;
     let all = graph.position_priors.clone();
     let mut judged = verdicts.iter();
     graph.position_priors.retain(|_| judged.next().is_none_or(|verdict| !verdict.is_switched_off));
@@ -173,15 +164,14 @@ impl Run<'_> {
         }
     }
 
-    /// The verdicts on position priors by the edges that are no loop closures, which may be false too.
-    fn judge_positions<G: LieGroup<N>, const N: usize>(
+    /// Moves the poses to the start, brought to the priors, and on to the optimum of the position
+    /// priors that are found true; the verdicts on these. Loop closures that are judged later take no
+    /// part, since they may be false too.
+    fn place<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         &self,
-        graph: &PoseGraph<G, N>,
+        graph: &mut PoseGraph<G, N>,
+        has_poses: bool,
     ) -> Result<Vec<PositionVerdict>, SolveError> {
-        let Some(positions) = &self.options.positions else { return Ok(Vec::new()) };
-        if graph.position_priors.is_empty() {
-            return Ok(Vec::new());
-        }
         let trusted = self.options.judging.as_ref().map(|judging| &judging.trusted);
         let is_closure = |edge: &usize| {
             let RelativePose { i, j, .. } = graph.edges[*edge];
@@ -194,15 +184,39 @@ impl Run<'_> {
             weight: 0.0,
             is_supported: false,
             is_switched_off: true,
+            is_provisional: false,
         };
         let closures: Vec<ClosureVerdict> =
             (0..graph.edges.len()).filter(is_closure).map(left_out).collect();
+        let start = match self.options.start {
+            Start::Auto if has_poses => Start::Given,
+            Start::Auto => Start::Odometry,
+            other @ (Start::Given | Start::Odometry | Start::SpanningTree | Start::Chordal) => {
+                other
+            }
+        };
+        graph.validate()?;
         let mut copy = robust::weighted(graph, &closures);
+        initialize_in_time(&mut copy, start, has_poses, self.limits())?;
+        align_to_priors(&mut copy);
+        let verdicts = self.judge_positions(&mut copy)?;
+        graph.poses = copy.poses;
+        Ok(verdicts)
+    }
+
+    fn judge_positions<G: LieGroup<N>, const N: usize>(
+        &self,
+        graph: &mut PoseGraph<G, N>,
+    ) -> Result<Vec<PositionVerdict>, SolveError> {
+        let Some(positions) = &self.options.positions else { return Ok(Vec::new()) };
+        if graph.position_priors.is_empty() {
+            return Ok(Vec::new());
+        }
         let passed = self.begin.elapsed();
         let mut optimizer = self.options.optimizer;
         optimizer.deadline = optimizer.deadline.map(|deadline| deadline.saturating_sub(passed));
         let options = pose_graph::Options { optimizer };
-        judge_positions(&mut copy, positions, &options, self.interrupt)
+        judge_positions(graph, positions, &options, self.interrupt)
     }
 
     fn plain<G, const D: usize, const N: usize>(
@@ -253,14 +267,12 @@ impl Run<'_> {
             threshold: judging.threshold,
             start: self.options.start,
             trusted: judging.trusted.clone(),
+            trust_odometry: judging.trust_odometry,
             pose_graph: pose_graph::Options { optimizer: self.options.optimizer },
         };
         let rows = &mut ignore_iterations;
         let given = if graph.has_priors() { graph.poses.clone() } else { Vec::new() };
-        let mut judged = match &judging.switched_off {
-            Some(off) => robust::update_until(graph, off, &robust, self.interrupt, rows)?,
-            None => robust::solve_until(graph, has_poses, &robust, self.interrupt, rows)?,
-        };
+        let mut judged = robust::solve_until(graph, has_poses, &robust, self.interrupt, rows)?;
         let mut kept = robust::weighted(graph, &judged.closures);
         let (solve, before, after, proof) = if self.options.certify {
             let proof = self.prove(&mut kept)?;

@@ -19,6 +19,6 @@ mod pose_graph;
 mod pose_refinement;
 mod prices;
 mod robust;
-mod robust_live;
+mod robust_odometry;
 mod sparse_cholesky;
 mod triangulation;

@@ -99,6 +99,7 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
                 cameras: Vec::new(),
                 switched_off: Vec::new(),
                 switched_on: Vec::new(),
+                closure_variances: Vec::new(),
                 covered: vec![(ROBOT, n)],
                 initial_cost: 2.0,
                 final_cost: 1.0,
@@ -209,6 +210,7 @@ fn the_hash_sees_the_last_bit_of_a_pose_and_of_a_landmark() {
                 cameras,
                 switched_off: Vec::new(),
                 switched_on: Vec::new(),
+                closure_variances: Vec::new(),
                 covered,
                 initial_cost,
                 final_cost,
@@ -250,6 +252,7 @@ fn the_odometry_pose_is_kept_and_hashed_and_no_solve_moves_it() {
         cameras: Vec::new(),
         switched_off: Vec::new(),
         switched_on: Vec::new(),
+        closure_variances: Vec::new(),
         covered: Vec::new(),
         initial_cost: 1.0,
         final_cost: 0.5,
@@ -272,6 +275,7 @@ fn an_event_that_does_not_fit_is_refused_and_changes_nothing() {
         cameras: Vec::new(),
         switched_off: Vec::new(),
         switched_on: Vec::new(),
+        closure_variances: Vec::new(),
         covered: Vec::new(),
         initial_cost: 0.0,
         final_cost: 0.0,
@@ -392,6 +396,7 @@ fn what_a_client_sent_is_held_past_optimization() {
         )],
         switched_off: Vec::new(),
         switched_on: Vec::new(),
+        closure_variances: Vec::new(),
         covered: vec![(ROBOT, 3)],
         initial_cost: 1.0,
         final_cost: 0.5,
@@ -435,7 +440,7 @@ fn a_switched_off_closure_is_state_and_takes_part_in_no_bundle() {
         problem.problem.relative_poses.len()
     };
     assert_eq!(factors(&journal), 1);
-    let off = SwitchedOff { chi2: 900.0, weight: 0.0 };
+    let off = SwitchedOff { chi2: 900.0, weight: 0.0, is_provisional: false };
     let hash = |off| {
         let mut journal = journal.clone();
         journal.push(verdict(off));
@@ -448,7 +453,7 @@ fn a_switched_off_closure_is_state_and_takes_part_in_no_bundle() {
     assert_eq!((factors(&journal), journal.map.active_constraints().count()), (0, 0));
     // What was sent is unchanged, and the graph keeps the edge for a later verdict.
     assert!(journal.map.holds(ROBOT, &closure));
-    let problem = loop_problem(&journal.map);
+    let problem = loop_problem(&journal.map, |_, _| None);
     assert_eq!(problem.closures.len(), 1);
     assert_eq!(problem.closures[0].switched_off, Some(off));
     assert_eq!(problem.trusted().len() + 1, problem.graph.edges.len());

@@ -24,6 +24,7 @@ fn judged(switched_off: Vec<(covis::map::EntityId, SwitchedOff)>) -> Change {
             cameras: Vec::new(),
             switched_on: Vec::new(),
             switched_off,
+            closure_variances: Vec::new(),
             covered: Vec::new(),
             initial_cost: 1.0,
             final_cost: 0.5,
@@ -34,7 +35,7 @@ fn judged(switched_off: Vec<(covis::map::EntityId, SwitchedOff)>) -> Change {
 fn held(journal: &Journal, gauge: Gauge) -> (Vec<bool>, Vec<bool>) {
     let options = GlobalOptions { gauge, ..GlobalOptions::default() };
     let bundle = global_problem(&journal.map, &options).problem.constant_poses;
-    (bundle, graph_problem(&journal.map, gauge).graph.constant)
+    (bundle, graph_problem(&journal.map, gauge, |_, _| None).graph.constant)
 }
 
 #[test]
@@ -56,8 +57,8 @@ fn priors_win_over_holding_the_first_keyframe() {
     let policy = MapPolicy { gauge: Gauge::FixedPoses, ..MapPolicy::default() };
     let mut fixed = street(4, policy);
     fixed.send(ROBOT, &fix(1, 2, Vector3::zeros())).unwrap();
-    assert_eq!(loop_problem(&fixed.map).graph.constant, first);
-    assert_eq!(loop_problem(&journal.map).graph.constant, none);
+    assert_eq!(loop_problem(&fixed.map, |_, _| None).graph.constant, first);
+    assert_eq!(loop_problem(&journal.map, |_, _| None).graph.constant, none);
 }
 
 #[test]
@@ -85,7 +86,7 @@ fn lever_arms_and_losses_reach_both_problems() {
     *loss = Some(Loss::Tukey(4.0));
     journal.send(ROBOT, &odometry).unwrap();
     let bundle = global_problem(&journal.map, &GlobalOptions::default()).problem;
-    let graph = loop_problem(&journal.map).graph;
+    let graph = loop_problem(&journal.map, |_, _| None).graph;
     assert_eq!(bundle.position_priors, graph.position_priors);
     assert_eq!(bundle.pose_priors, graph.pose_priors);
     let prior = graph.position_priors[0];
@@ -106,7 +107,7 @@ fn a_fix_that_is_switched_off_is_left_out_but_judged_again() {
     let mut journal = street(4, MapPolicy::default());
     journal.send(ROBOT, &fix(1, 2, Vector3::zeros())).unwrap();
     let before = journal.map.state_hash();
-    let off = SwitchedOff { chi2: 99.0, weight: 0.0 };
+    let off = SwitchedOff { chi2: 99.0, weight: 0.0, is_provisional: false };
     journal.push(judged(vec![(id(1), off)]));
     assert_ne!(journal.map.state_hash(), before);
     assert_eq!(journal.map.switched_off().get(&id(1)), Some(&off));
@@ -114,11 +115,11 @@ fn a_fix_that_is_switched_off_is_left_out_but_judged_again() {
     let bundle = global_problem(&journal.map, &GlobalOptions::default()).problem;
     assert!(bundle.position_priors.is_empty());
     assert_eq!(bundle.constant_poses, [true, false, false, false]);
-    let problem = loop_problem(&journal.map);
+    let problem = loop_problem(&journal.map, |_, _| None);
     assert_eq!(problem.graph.position_priors.len(), 1);
     assert_eq!(problem.positions[0].prior, id(1));
     assert_eq!(problem.positions[0].switched_off, Some(off));
-    assert_eq!(problem.graph.constant, [true, false, false, false]);
+    assert_eq!(problem.graph.constant, [false; 4]);
     journal.push(Change::ConstraintRevoked { id: id(1) });
     assert!(journal.map.switched_off().is_empty());
 }

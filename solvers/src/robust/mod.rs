@@ -5,23 +5,25 @@
 //! loop of odometry (after Mangelson et al. 2018); graduated non-convexity weighs those (`graduated`,
 //! after Yang et al. 2020); then every closure, supported or not, is judged by its χ² at the solution,
 //! and the graph is solved again with those that pass, until none changes. This file holds the stages;
-//! `live` uses them when a solved map gets one more closure. It solves through [`crate::pose_graph`]
-//! and must not weight odometry.
+//! `variance` finds how far the stated information may be believed. All of it is a function of what was
+//! measured. It solves through [`crate::pose_graph`] and must not weight odometry.
 
+mod chain;
 mod graduated;
-mod live;
 mod positions;
 mod screening;
+mod variance;
 
 use std::time::Instant;
 
 pub use graduated::Kernel;
-pub use live::{update, update_until};
 pub use positions::{PositionJudging, PositionVerdict, judge_positions};
+use screening::{Screened, screen};
+pub use variance::{VarianceFactors, variance_factors};
 
 use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::geometry::{LieGroup, RigidMotion};
-use crate::initialization::{Start, chordal_price, initialize_in_time};
+use crate::initialization::{Start, align_to_priors, chordal_price, initialize_in_time};
 use crate::interrupt::Interrupt;
 use crate::optimizer::{self, Observer, SolveSummary, Termination, with_threads};
 use crate::pose_graph;
@@ -45,6 +47,11 @@ pub struct Options {
     pub start: Start,
     /// Edges that are trusted although their ids are not consecutive, rising.
     pub trusted: Vec<usize>,
+    /// Whether the covariances of the odometry hold, so that it may judge closures (false). One that no
+    /// neighbor supports and that the odometry does not explain then counts only if it fits the solution
+    /// without it: alone it would bend the odometry, true or not. And what the odometry explains is a
+    /// second start of the judgment; of the two results that of the lower truncated cost is taken.
+    pub trust_odometry: bool,
     /// Options of each solve within; the deadline is that of all together.
     pub pose_graph: pose_graph::Options,
 }
@@ -58,6 +65,7 @@ impl Options {
             threshold: None,
             start: Start::Auto,
             trusted: Vec::new(),
+            trust_odometry: false,
             pose_graph: pose_graph::Options::default(),
         }
     }
@@ -74,8 +82,11 @@ pub struct ClosureVerdict {
     pub weight: f64,
     /// Whether it closed a short loop with a neighbor.
     pub is_supported: bool,
-    /// Whether it was found false: χ² above the threshold.
+    /// Whether it does not count: χ² above the threshold.
     pub is_switched_off: bool,
+    /// Whether it is switched off and no other closure joins its places, so that nothing but the
+    /// odometry speaks against it.
+    pub is_provisional: bool,
 }
 
 /// The outcome of [`solve`].
@@ -125,9 +136,14 @@ pub fn solve_until<G: RigidMotion<D, N>, const D: usize, const N: usize>(
 ) -> Result<RobustSummary, SolveError> {
     run(graph, options, interrupt, |weighted| {
         let start = weighted.start(options.start, has_poses)?;
+        let begin = weighted.graph.poses.clone();
         weighted.graduate(observer)?;
         weighted.judge_closures(observer)?;
-        Ok((weighted.solve(&options.pose_graph, observer)?, start))
+        let solve = weighted.solve(&options.pose_graph, observer)?;
+        match options.trust_odometry {
+            true => Ok((weighted.judge_from_odometry(begin, solve, observer)?, start)),
+            false => Ok((solve, start)),
+        }
     })
 }
 
@@ -234,7 +250,10 @@ struct Weighted<'a, G, const N: usize> {
     threshold: f64,
     /// Indices of the closures, rising.
     closures: Vec<usize>,
-    is_supported: Vec<bool>,
+    /// One per closure.
+    screened: Vec<Screened>,
+    /// Which count only if they fit the solution without them; one per closure.
+    held_back: Vec<bool>,
     /// One per closure.
     weights: Vec<f64>,
     solves: usize,
@@ -259,7 +278,12 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
             graph.ids[i].abs_diff(graph.ids[j]) > 1 && options.trusted.binary_search(&edge).is_err()
         };
         let closures: Vec<usize> = (0..graph.edges.len()).filter(is_closure).collect();
-        let is_supported = screening::closures_with_support(graph, &closures, threshold, interrupt);
+        let screened = screen(graph, &closures, threshold, interrupt);
+        let held_back = |seen: &Screened| {
+            let is_strained = seen.odometry_chi2.is_some_and(|chi2| chi2 > threshold);
+            options.trust_odometry && !seen.is_supported && is_strained
+        };
+        let held_back = screened.iter().map(held_back).collect();
         let copies = copies_bytes(graph);
         let mut weighted = Self {
             graph,
@@ -267,7 +291,8 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
             threshold,
             weights: vec![1.0; closures.len()],
             closures,
-            is_supported,
+            screened,
+            held_back,
             solves: 0,
             begin,
             interrupt,
@@ -282,9 +307,23 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
     /// Begins with the supported closures. If none is supported, they cannot be distinguished, and all
     /// count.
     fn weigh_by_support(&mut self) {
-        let any = self.is_supported.contains(&true);
-        let weight = |&supported: &bool| f64::from(u8::from(supported || !any));
-        self.weights = self.is_supported.iter().map(weight).collect();
+        let any = self.has_support();
+        let counts = |(seen, &is_held_back): (&Screened, &bool)| {
+            f64::from(u8::from(seen.is_supported || !(any || is_held_back)))
+        };
+        self.weights = self.screened.iter().zip(&self.held_back).map(counts).collect();
+    }
+
+    /// Weight for what the odometry explains.
+    fn weights_by_odometry(&self) -> Vec<f64> {
+        let explained = |seen: &Screened| {
+            seen.odometry_chi2.map_or(seen.is_supported, |chi2| chi2 <= self.threshold)
+        };
+        self.screened.iter().map(|seen| f64::from(u8::from(explained(seen)))).collect()
+    }
+
+    fn has_support(&self) -> bool {
+        self.screened.iter().any(|seen| seen.is_supported)
     }
 
     fn weighted_graph(&self) -> PoseGraph<G, N> {
@@ -296,7 +335,7 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         G: RigidMotion<D, N>,
     {
         let mut copy = self.weighted_graph();
-        let any = self.is_supported.contains(&true);
+        let any = self.has_support();
         let wished = match start {
             // The poses of a file often come from all closures, the false ones among them.
             Start::Auto if any => Start::Chordal,
@@ -309,6 +348,9 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         let limits = Limits { ceiling, interrupt: self.interrupt }.less(self.copies);
         let taken = initialize_in_time(&mut copy, wished, has_poses, limits)
             .map_err(|error| error.beside(self.copies))?;
+        if taken != Start::Given {
+            align_to_priors(&mut copy);
+        }
         self.graph.poses = copy.poses;
         Ok(taken)
     }
@@ -400,6 +442,47 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         Ok(())
     }
 
+    /// Judges from the poses `begin` and what the odometry explains, and takes that where its truncated
+    /// cost is lower than that of the present result, which ended with `solve`.
+    fn judge_from_odometry(
+        &mut self,
+        begin: Vec<G>,
+        solve: SolveSummary,
+        observer: &mut Observer<'_>,
+    ) -> Result<SolveSummary, SolveError> {
+        let weights = self.weights_by_odometry();
+        if self.is_stopped || weights == self.weights || self.closures.is_empty() {
+            return Ok(solve);
+        }
+        let cost = self.truncated_cost();
+        let poses = std::mem::replace(&mut self.graph.poses, begin);
+        let kept = std::mem::replace(&mut self.weights, weights);
+        let options = self.options;
+        self.solve(&options, observer)?;
+        self.judge_closures(observer)?;
+        let other = self.solve(&options, observer)?;
+        if self.truncated_cost() < cost && !self.is_stopped {
+            return Ok(other);
+        }
+        (self.graph.poses, self.weights) = (poses, kept);
+        Ok(solve)
+    }
+
+    /// Σ χ² of the trusted edges and priors and Σ min(χ², threshold) of the closures at the poses.
+    fn truncated_cost(&self) -> f64 {
+        let mut closures = self.closures.iter().copied().peekable();
+        let cost = |edge: usize| {
+            let is_closure = closures.next_if_eq(&edge).is_some();
+            let chi2 = self.chi2_of(edge);
+            if is_closure { chi2.min(self.threshold) } else { chi2 }
+        };
+        let edges: f64 = (0..self.graph.edges.len()).map(cost).sum();
+        let poses = &self.graph.poses;
+        let whole = self.graph.pose_priors.iter().map(|prior| prior.chi2(&poses[prior.pose]));
+        let points = self.graph.position_priors.iter().map(|prior| prior.chi2(&poses[prior.pose]));
+        edges + whole.chain(points).sum::<f64>()
+    }
+
     /// The outcome, `solve` the last one; its clock is set to the beginning of all.
     fn summary(&self, mut solve: SolveSummary, start: Start) -> RobustSummary {
         let before = self.begin.elapsed().as_secs_f64() - solve.solve_seconds;
@@ -411,12 +494,16 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
 
     fn verdicts(&self) -> Vec<ClosureVerdict> {
         let chi2 = self.chi2();
-        let verdict = |(k, &edge): (usize, &usize)| ClosureVerdict {
-            edge,
-            chi2: chi2[k],
-            weight: self.weights[k],
-            is_supported: self.is_supported[k],
-            is_switched_off: chi2[k] > self.threshold || chi2[k].is_nan(),
+        let verdict = |(k, &edge): (usize, &usize)| {
+            let is_switched_off = chi2[k] > self.threshold || chi2[k].is_nan();
+            ClosureVerdict {
+                edge,
+                chi2: chi2[k],
+                weight: self.weights[k],
+                is_supported: self.screened[k].is_supported,
+                is_switched_off,
+                is_provisional: is_switched_off && !self.screened[k].has_neighbor,
+            }
         };
         self.closures.iter().enumerate().map(verdict).collect()
     }

@@ -8,11 +8,14 @@ mod bundle;
 mod graph;
 mod priors;
 
+use std::collections::BTreeMap;
+
 use covis_solvers::geometry::Se3;
 use covis_solvers::loss::Loss;
 use covis_solvers::problem::{BundleProblem, PoseGraph};
+use covis_solvers::robust::VarianceFactors;
 
-use super::{EntityId, Gauge, SwitchedOff};
+use super::{ClientIndex, EntityId, Gauge, SwitchedOff};
 
 pub use bundle::{global_problem, local_problem, retirement_problem};
 pub use graph::{graph_problem, loop_problem};
@@ -74,6 +77,8 @@ pub struct GraphProblem {
     pub closures: Vec<ClosureEdge>,
     /// The position priors in the graph's order; a solve leaves its verdicts here.
     pub positions: Vec<JudgedPosition>,
+    /// By what the information of each client's measurements and closures was divided.
+    pub factors: BTreeMap<ClientIndex, VarianceFactors>,
     /// The map's revision that it was built from.
     pub start_revision: i64,
 }

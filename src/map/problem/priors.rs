@@ -1,8 +1,8 @@
 //! Priors in pose graphs, and what holds a piece of the map that has none.
 //!
 //! Priors on whole poses and on positions enter with their own information and loss. A position prior
-//! that is switched off enters too, because it may be judged again; it does not hold its piece. Which
-//! pieces there are the caller has found from the edges. Nothing is solved here.
+//! that is switched off enters too, because it is judged again, and says where its piece is as the
+//! others do: what is held does not depend on earlier verdicts. Nothing is solved here.
 
 use std::collections::BTreeMap;
 
@@ -42,20 +42,18 @@ pub(super) fn add(
             }
         }
     }
-    hold(gauge, graph, &positions);
+    hold(gauge, graph);
     positions
 }
 
-fn hold(gauge: Gauge, graph: &mut PoseGraph<Se3, 6>, positions: &[JudgedPosition]) {
+fn hold(gauge: Gauge, graph: &mut PoseGraph<Se3, 6>) {
     let mut pieces = DisjointSets::new(graph.poses.len());
     graph.edges.iter().for_each(|edge| _ = pieces.join(edge.i, edge.j));
     let mut is_placed = vec![false; graph.poses.len()];
     if gauge != Gauge::FixedPoses {
-        for prior in &graph.pose_priors {
-            is_placed[pieces.root(prior.pose)] = true;
-        }
-        for (prior, judged) in graph.position_priors.iter().zip(positions) {
-            is_placed[pieces.root(prior.pose)] |= judged.switched_off.is_none();
+        let whole = graph.pose_priors.iter().map(|prior| prior.pose);
+        for pose in whole.chain(graph.position_priors.iter().map(|prior| prior.pose)) {
+            is_placed[pieces.root(pose)] = true;
         }
     }
     for root in pieces.roots() {
