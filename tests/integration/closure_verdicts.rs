@@ -20,6 +20,7 @@ struct Closure {
     i: usize,
     j: usize,
     measured: Se3,
+    /// Upper triangle.
     information: Vec<f64>,
     is_true: bool,
 }
@@ -57,8 +58,12 @@ impl Sequence {
         }
         // 3 cm and 1.5°.
         let (t, r) = (0.03_f64.powi(-2), 1.5_f64.to_radians().powi(-2));
-        let mut information = vec![0.0; 36];
-        (0..6).for_each(|k| information[7 * k] = if k < 3 { t } else { r });
+        let row = |k: usize| {
+            let mut row = vec![0.0; 6 - k];
+            row[0] = if k < 3 { t } else { r };
+            row
+        };
+        let information: Vec<f64> = (0..6).flat_map(row).collect();
         let closures: Vec<Closure> = rows(&folder, "closures.txt")
             .iter()
             .map(|row| Closure {
@@ -187,7 +192,7 @@ impl Sequence {
             };
             refined.push(Closure {
                 measured: pose(&[t.x, t.y, t.z, q.x, q.y, q.z, q.w]),
-                information: answer.information.unwrap().values,
+                information: answer.information.unwrap().upper_triangle,
                 ..closure.clone()
             });
         }
@@ -209,7 +214,7 @@ fn item(id: usize, closure: &Closure) -> Item {
         keyframe_i: keyframe(closure.i),
         keyframe_j: keyframe(closure.j),
         keyframe_i_from_keyframe_j: Some(transform(&closure.measured)),
-        information: Some(v1::InformationMatrix6 { values: closure.information.clone() }),
+        information: Some(v1::InformationMatrix6 { upper_triangle: closure.information.clone() }),
         kind: v1::ConstraintKind::LoopClosure.into(),
         ..Default::default()
     })

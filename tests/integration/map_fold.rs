@@ -423,6 +423,7 @@ fn verdict(off: Option<SwitchedOff>) -> Change {
         cameras: Vec::new(),
         switched_off: off.map(|off| (id(7), off)).into_iter().collect(),
         switched_on: if off.is_none() { vec![id(7)] } else { Vec::new() },
+        closure_variances: Vec::new(),
         covered: Vec::new(),
         initial_cost: 1.0,
         final_cost: 0.5,
