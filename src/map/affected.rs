@@ -30,7 +30,10 @@ pub fn affected(map: &Map, change: &Change) -> Option<Affected> {
         landmark.into_iter().flat_map(|landmark| landmark.observers.iter().copied())
     };
     let (graph, keyframes): (bool, BTreeSet<EntityId>) = match change {
-        Change::ConstraintRevoked { id } => (closes_loop(map, *id), BTreeSet::new()),
+        Change::ConstraintRevoked { id } => {
+            let is_prior = map.priors().contains_key(id);
+            (is_prior || closes_loop(map, *id), BTreeSet::new())
+        }
         Change::ObservationsRemoved { observations } => {
             (false, observations.iter().map(|&(keyframe, _)| keyframe).collect())
         }

@@ -86,7 +86,8 @@ impl Solved<'_> {
     }
 }
 
-/// Which closures a solve switched off and which on again, without those revoked meanwhile.
+/// Which closures and position priors a solve switched off and which on again, without those revoked
+/// meanwhile.
 type Verdicts = (Vec<(EntityId, SwitchedOff)>, Vec<EntityId>);
 
 /// Whether the map still holds the closure that was judged: a client may have revoked it and sent
@@ -106,10 +107,12 @@ fn is_held(map: &Map, problem: &GraphProblem, closure: &ClosureEdge) -> bool {
 fn verdicts(map: &Map, solved: Solved<'_>) -> Verdicts {
     let Solved::Graph(problem) = solved else { return Verdicts::default() };
     let (mut off, mut on) = Verdicts::default();
-    for closure in &problem.closures {
-        let id = closure.constraint;
-        match closure.switched_off {
-            _ if !is_held(map, problem, closure) => {}
+    let held = problem.closures.iter().filter(|closure| is_held(map, problem, closure));
+    let closures = held.map(|closure| (closure.constraint, closure.switched_off));
+    let known = problem.positions.iter().filter(|of| map.priors().contains_key(&of.prior));
+    let positions = known.map(|position| (position.prior, position.switched_off));
+    for (id, switched_off) in closures.chain(positions) {
+        match switched_off {
             Some(verdict) => off.push((id, verdict)),
             None if map.switched_off().contains_key(&id) => on.push(id),
             None => {}

@@ -47,14 +47,14 @@ pub use entities::{
 pub use error::{EntityKind, MapError};
 pub use event::{AppliedSolve, Cause, Change, Event, NewLandmark, Retired, SolveKind};
 pub use ids::{ClientIndex, EntityId};
-pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, PartialItem};
+pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, PartialItem, Place};
 pub use keyframe_pairs::{PairInput, PairState, graph_pairs, near_pairs, pair_input};
 pub use observations::Observations;
 pub use parts::MapParts;
-pub use policy::{ClosureRobustness, MapPolicy, WhenFull};
+pub use policy::{ClosureRobustness, Gauge, MapPolicy, WhenFull};
 pub use problem::{
-    ClosureEdge, GlobalOptions, GraphProblem, MapProblem, global_problem, local_problem,
-    loop_problem,
+    ClosureEdge, GlobalOptions, GraphProblem, JudgedPosition, MapProblem, global_problem,
+    graph_problem, local_problem, loop_problem,
 };
 pub use rejection::{FieldViolation, Reason, Rejection};
 pub use retirement::retire;
@@ -193,7 +193,7 @@ impl Map {
         &self.constraints
     }
 
-    /// The loop closures that do not count.
+    /// The loop closures and position priors that do not count.
     #[must_use]
     pub fn switched_off(&self) -> &BTreeMap<EntityId, SwitchedOff> {
         &self.switched_off
@@ -216,7 +216,13 @@ impl Map {
         active.map(|(&id, constraint)| (id, constraint))
     }
 
-    /// The priors.
+    /// A prior, if it counts.
+    #[must_use]
+    pub fn active_prior(&self, id: EntityId) -> Option<&Prior> {
+        self.priors.get(&id).filter(|_| !self.switched_off.contains_key(&id))
+    }
+
+    /// The priors, those that are switched off too.
     #[must_use]
     pub fn priors(&self) -> &SharedMap<EntityId, Prior> {
         &self.priors

@@ -149,7 +149,9 @@ impl Map {
                 return Err(unknown(EntityKind::Keyframe, id));
             }
         }
-        if let Some(&id) = switched_off.keys().find(|id| !constraints.contains_key(id)) {
+        if let Some(&id) =
+            switched_off.keys().find(|id| !constraints.contains_key(id) && !priors.contains_key(id))
+        {
             return Err(unknown(EntityKind::Constraint, id));
         }
         let unseen = landmarks.iter().filter(|(_, landmark)| landmark.observers.is_empty());

@@ -355,9 +355,9 @@ pub(super) fn solve_reason(error: &SolveError) -> ViolationReason {
         SolveError::TooLarge { .. } | SolveError::TooExpensive(_) | SolveError::Interrupted => {
             ViolationReason::TooLarge
         }
-        SolveError::InvalidOption { .. } | SolveError::Threads { .. } => {
-            ViolationReason::OutOfRange
-        }
+        SolveError::InvalidOption { .. }
+        | SolveError::BadLoss { .. }
+        | SolveError::Threads { .. } => ViolationReason::OutOfRange,
     }
 }
 

@@ -4,11 +4,12 @@
 
 use covis::map::{
     Cause, Change, ClientIndex, ConstraintKind, Counted, Edit, EntityId, EntityRef, Event, Item,
-    ItemLandmark, ItemObservation, Map, MapPolicy, Rejection,
+    ItemLandmark, ItemObservation, Map, MapPolicy, Place, Rejection,
 };
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3, So3};
 use covis_solvers::information::Information;
-use nalgebra::{Matrix6, Vector2, Vector3};
+use covis_solvers::loss::Loss;
+use nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
 
 /// A map and the events that made it.
 #[derive(Clone)]
@@ -156,6 +157,19 @@ pub(crate) fn relative_pose(id: i64, kind: ConstraintKind, i: i64, j: i64, measu
         keyframe_j: EntityRef::own(j),
         keyframe_i_from_keyframe_j: measured,
         information: Information::new(&(Matrix6::identity() * 1e4)).unwrap(),
+        loss: None,
+    }
+}
+
+/// A fix of the origin of keyframe `keyframe`, with σ = 0.01 m.
+pub(crate) fn fix(id: i64, keyframe: i64, point_in_world: Vector3<f64>) -> Item {
+    Item::PositionPrior {
+        id,
+        keyframe: EntityRef::own(keyframe),
+        place: Place::InWorld(point_in_world),
+        point_in_camera: Vector3::zeros(),
+        information: Information::new(&(Matrix3::identity() * 1e4)).unwrap(),
+        loss: Loss::Trivial,
     }
 }
 

@@ -9,13 +9,13 @@ mod edits;
 
 use std::fmt::{Arguments, Display};
 
-use covis_solvers::geometry::{LieGroup, Se3};
+use covis_solvers::geometry::{LieGroup, LocalFrame, Se3};
 use nalgebra::Vector3;
 
 use super::digest::{self, Content};
 use super::{
     CameraEntity, Change, ClientIndex, Constraint, EntityId, EntityRef, Item, ItemLandmark,
-    ItemObservation, Map, NewLandmark, Observation, Prior, Reason, Rejection,
+    ItemObservation, Map, NewLandmark, Observation, Place, Prior, Reason, Rejection,
 };
 
 /// Side of the largest image in pixels, where the camera does not say how large its images are.
@@ -181,6 +181,7 @@ impl Check<'_> {
                 keyframe_j,
                 keyframe_i_from_keyframe_j,
                 information,
+                loss,
             } => {
                 let id = self.new_constraint("relative_pose.id", *id);
                 let i = self.keyframe("relative_pose.keyframe_i", keyframe_i);
@@ -195,22 +196,52 @@ impl Check<'_> {
                     keyframe_j: j?,
                     keyframe_i_from_keyframe_j: *keyframe_i_from_keyframe_j,
                     information: *information,
+                    loss: *loss,
                 };
                 Some(Change::ConstraintAdded { id, constraint })
             }
-            &Item::PosePrior { id, ref keyframe, world_from_camera, information } => {
+            &Item::PosePrior { id, ref keyframe, world_from_camera, information, loss } => {
                 let id = self.new_constraint("pose_prior.id", id);
                 let keyframe = self.keyframe("pose_prior.keyframe", keyframe)?;
-                let prior = Prior::Pose { keyframe, world_from_camera, information };
+                let prior = Prior::Pose { keyframe, world_from_camera, information, loss };
                 Some(Change::PriorAdded { id, prior })
             }
-            &Item::PositionPrior { id, ref keyframe, position_in_world, information } => {
+            &Item::PositionPrior {
+                id,
+                ref keyframe,
+                place,
+                point_in_camera,
+                information,
+                loss,
+            } => {
                 let id = self.new_constraint("position_prior.id", id);
-                let keyframe = self.keyframe("position_prior.keyframe", keyframe)?;
-                let prior = Prior::Position { keyframe, position_in_world, information };
+                let keyframe = self.keyframe("position_prior.keyframe", keyframe);
+                let position_in_world = self.place(place)?;
+                let prior = Prior::Position {
+                    keyframe: keyframe?,
+                    position_in_world,
+                    point_in_camera,
+                    information,
+                    loss,
+                };
                 Some(Change::PriorAdded { id, prior })
             }
             Item::Edit(edit) => self.edit(edit),
+        }
+    }
+
+    /// A measured position in the world frame.
+    fn place(&mut self, place: Place) -> Option<Vector3<f64>> {
+        match place {
+            Place::InWorld(point) => Some(point),
+            Place::OnEarth(place) => {
+                let frame = self.map.policy.geodetic_anchor.as_ref().map(LocalFrame::new);
+                if frame.is_none() {
+                    let text = "the map's policy has no geodetic_anchor";
+                    self.add("position_prior.geodetic_point", Reason::Inconsistent, text);
+                }
+                frame.map(|frame| frame.point_in_local(&place))
+            }
         }
     }
 

@@ -2,12 +2,16 @@
 //!
 //! References always name their client; ids of clients are looked up in the map that is read.
 
+use covis_solvers::loss::Loss;
+use nalgebra::Vector3;
+
 use super::camera::to_camera as camera_message;
 use super::count;
 use super::geometry::{
     to_information6, to_rigid_transform, to_upper_triangle, to_vector2, to_vector3,
 };
 use super::ids::{client_name, to_keyframe_ref, to_landmark_ref};
+use super::solve::to_loss;
 use super::time::timestamp;
 use crate::map::{
     CameraEntity, ClientIndex, Constraint, ConstraintKind, DescriptorKind, EntityId, Keyframe,
@@ -126,7 +130,7 @@ pub(in crate::service) fn to_constraint(
         keyframe_i_from_keyframe_j: Some(measured),
         information: Some(to_information6(&constraint.information)),
         kind: kind.into(),
-        loss: None,
+        loss: constraint.loss.as_ref().map(to_loss),
         switched_off: map.switched_off().get(&id).map(to_switched_off),
     }))
 }
@@ -141,28 +145,32 @@ pub(in crate::service) fn to_switched_off(off: &SwitchedOff) -> v1::SwitchedOff 
 pub(in crate::service) fn to_prior(map: &Map, id: EntityId, prior: &Prior) -> v1::Constraint {
     let client_id = client_name(map, id);
     let keyframe = Some(to_keyframe_ref(map, prior.keyframe()));
+    let own = |loss: &Loss| (*loss != Loss::Trivial).then(|| to_loss(loss));
     match prior {
-        Prior::Pose { world_from_camera, information, .. } => {
+        Prior::Pose { world_from_camera, information, loss, .. } => {
             wire(WireConstraint::PosePrior(v1::PosePrior {
                 client_id,
                 id: id.id,
                 keyframe,
                 world_from_camera: Some(to_rigid_transform(world_from_camera)),
                 information: Some(to_information6(information)),
-                loss: None,
+                loss: own(loss),
             }))
         }
-        Prior::Position { position_in_world, information, .. } => {
+        Prior::Position { position_in_world, point_in_camera, information, loss, .. } => {
             wire(WireConstraint::PositionPrior(v1::PositionPrior {
                 client_id,
                 id: id.id,
                 keyframe,
                 point_in_world: Some(to_vector3(position_in_world)),
-                point_in_camera: None,
+                point_in_camera: (*point_in_camera != Vector3::zeros())
+                    .then(|| to_vector3(point_in_camera)),
                 information: Some(v1::InformationMatrix3 {
                     upper_triangle: to_upper_triangle(information),
                 }),
-                loss: None,
+                loss: own(loss),
+                switched_off: map.switched_off().get(&id).map(to_switched_off),
+                geodetic_point: None,
             }))
         }
     }

@@ -9,19 +9,18 @@ use std::sync::Arc;
 
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3};
 use covis_solvers::information::Information;
-use covis_solvers::loss::Loss;
 use nalgebra::{Vector2, Vector3};
 use sha2::{Digest as _, Sha256};
 
 use super::camera::camera;
-use super::geometry::{information, rigid_transform, vector2, vector3};
+use super::geometry::{geodetic, information, rigid_transform, vector2, vector3};
 use super::ids::{keyframe_ref, landmark_ref};
-use super::solve::no_own_loss;
+use super::solve::own_loss;
 use super::time::nanoseconds;
 use super::{Path, Violations, all, edit, ids};
 use crate::map::{
     CameraEntity, ConstraintKind, Depth, Descriptor, DescriptorKind, Digest, EntityRef, Item,
-    ItemLandmark, ItemObservation, PartialItem, Reason, Rejection,
+    ItemLandmark, ItemObservation, PartialItem, Place, Reason, Rejection,
 };
 use crate::wire::v1;
 use v1::ingest_request::Item as WireItem;
@@ -322,7 +321,7 @@ fn relative_pose(message: &v1::RelativePoseConstraint, sender: &str, out: &mut V
         }
         None => None,
     };
-    let _none = no_own_loss(at, message.loss.as_ref(), None, out);
+    let loss = own_loss(at, message.loss.as_ref(), out).flatten();
     Item::RelativePose {
         id,
         kind: kind.unwrap_or(ConstraintKind::Other),
@@ -330,6 +329,7 @@ fn relative_pose(message: &v1::RelativePoseConstraint, sender: &str, out: &mut V
         keyframe_j,
         keyframe_i_from_keyframe_j: measured.unwrap_or_else(Se3::identity),
         information,
+        loss,
     }
 }
 
@@ -337,17 +337,33 @@ fn position_prior(message: &v1::PositionPrior, sender: &str, out: &mut Violation
     let at = Path::root("position_prior");
     let id = own_id(at, &message.client_id, message.id, sender, out);
     let keyframe = known_keyframe(at.field("keyframe"), message.keyframe.as_ref(), out);
-    let point = vector3(at.field("point_in_world"), message.point_in_world.as_ref(), out);
-    if let Some(arm) = &message.point_in_camera {
-        let place = at.field("point_in_camera");
-        if vector3(place, Some(arm), out).is_some_and(|arm| arm.norm() > 0.0) {
-            let _: Option<()> = out.unimplemented(place);
-        }
-    }
+    let place = place(at, message, out);
+    let arm = message.point_in_camera.as_ref();
+    let arm = arm.and_then(|arm| vector3(at.field("point_in_camera"), Some(arm), out));
     let upper_triangle = message.information.as_ref().map(|m| &m.upper_triangle);
     let information = information_or_identity(at, upper_triangle, out);
-    let _none = no_own_loss(at, message.loss.as_ref(), Some(Loss::Trivial), out);
-    Item::PositionPrior { id, keyframe, position_in_world: point.unwrap_or_default(), information }
+    let loss = own_loss(at, message.loss.as_ref(), out).flatten().unwrap_or_default();
+    Item::PositionPrior {
+        id,
+        keyframe,
+        place: place.unwrap_or(Place::InWorld(Vector3::zeros())),
+        point_in_camera: arm.unwrap_or_default(),
+        information,
+        loss,
+    }
+}
+
+/// Where a position prior has its point: in the world or on the Earth, not both.
+fn place(at: Path<'_>, message: &v1::PositionPrior, out: &mut Violations) -> Option<Place> {
+    let (world, earth) = (at.field("point_in_world"), at.field("geodetic_point"));
+    match (&message.point_in_world, &message.geodetic_point) {
+        (Some(_), Some(_)) => {
+            let text = "the position is given in the world too";
+            out.report(earth, Reason::Inconsistent, text)
+        }
+        (point, None) => vector3(world, point.as_ref(), out).map(Place::InWorld),
+        (None, Some(place)) => geodetic(earth, place, out).map(Place::OnEarth),
+    }
 }
 
 fn pose_prior(message: &v1::PosePrior, sender: &str, out: &mut Violations) -> Item {
@@ -359,6 +375,6 @@ fn pose_prior(message: &v1::PosePrior, sender: &str, out: &mut Violations) -> It
     let world_from_camera = pose.unwrap_or_else(Se3::identity);
     let upper_triangle = message.information.as_ref().map(|m| &m.upper_triangle);
     let information = information_or_identity(at, upper_triangle, out);
-    let _none = no_own_loss(at, message.loss.as_ref(), Some(Loss::Trivial), out);
-    Item::PosePrior { id, keyframe, world_from_camera, information }
+    let loss = own_loss(at, message.loss.as_ref(), out).flatten().unwrap_or_default();
+    Item::PosePrior { id, keyframe, world_from_camera, information, loss }
 }

@@ -157,7 +157,11 @@ impl Actor {
                 self.solving.schedule.push(client, sequence, Task::Loop);
                 self.solving.supersede_window();
             }
-            Added::Loop => self.nothing_to_solve(client, sequence),
+            // Fixes may come several times a second: no window is given up for one.
+            Added::Prior if loop_closure => {
+                self.solving.schedule.push(client, sequence, Task::Prior);
+            }
+            Added::Loop | Added::Prior => self.nothing_to_solve(client, sequence),
             Added::Edited(Affected { graph, keyframes }) => {
                 if !keyframes.is_empty() {
                     self.solving.forget_pairs();
@@ -238,7 +242,7 @@ impl LastTriggers {
         let Some(Cause { client, sequence, .. }) = event.cause else { return };
         match added(map, &event.change) {
             Added::Other => {}
-            added @ (Added::Views(_) | Added::Loop | Added::Edited(_)) => {
+            added @ (Added::Views(_) | Added::Loop | Added::Prior | Added::Edited(_)) => {
                 self.0.insert(client, Unsolved { client, sequence, added });
             }
         }
@@ -255,9 +259,12 @@ impl LastTriggers {
 pub(super) enum Added {
     /// Observations of this keyframe.
     Views(EntityId),
+    /// A loop closure.
     Loop,
     /// An edit.
     Edited(Affected),
+    /// A prior of a client.
+    Prior,
     Other,
 }
 
@@ -271,6 +278,8 @@ fn added(map: &Map, change: &Change) -> Added {
         && constraint.kind == ConstraintKind::LoopClosure
     {
         Added::Loop
+    } else if let Change::PriorAdded { .. } = change {
+        Added::Prior
     } else {
         affected(map, change).map_or(Added::Other, Added::Edited)
     }

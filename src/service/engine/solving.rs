@@ -4,6 +4,9 @@
 //! triggers may be covered by one solve. A client's items are optimized up to sequence s once none
 //! of its triggers up to s is open: OPTIMIZED acks are cumulative.
 //!
+//! Priors wait for a pose graph as loop closures do, but let one window go first: a receiver's fixes
+//! may come faster than pose graphs are solved, and all that wait are covered by one solve.
+//!
 //! Order: loop closures first, then a requested optimization (in lock-step it waits for the
 //! windows), then windows. Within a batch the newest window is solved first, and a batch is finished
 //! before the next begins, so that no window starves. A loop closure or an optimization supersedes a
@@ -48,6 +51,8 @@ pub(super) struct Solving {
     /// The optimization that waits or runs.
     job: Option<Job>,
     last_id: i64,
+    /// Whether a pose graph ran since the last window.
+    prior_went: bool,
 }
 
 impl Solving {
@@ -55,7 +60,8 @@ impl Solving {
     pub(super) fn new(shared: &Arc<Shared>, pool: &Arc<SolverPool>, last_id: i64) -> Self {
         let (shared, pool) = (Arc::clone(shared), Arc::clone(pool));
         let (pairs, schedule) = (Arc::default(), Schedule::default());
-        Self { shared, pool, pairs, schedule, running: None, job: None, last_id }
+        let (running, job, prior_went) = (None, None, false);
+        Self { shared, pool, pairs, schedule, running, job, last_id, prior_went }
     }
 
     /// Forgets what was measured between keyframes. A measurement also depends on earlier keyframes that
@@ -77,13 +83,17 @@ impl Solving {
         is_lock_step: bool,
     ) -> Option<Vec<u64>> {
         while self.running.is_none() {
-            let loops = self.schedule.loops();
-            if !loops.is_empty() {
+            let is_due = self.schedule.has_loop()
+                || (self.schedule.has_prior() && !(self.prior_went && self.schedule.has_window()));
+            if is_due {
+                self.prior_went = true;
+                let loops = self.schedule.loops();
                 self.start_loop(map, loops);
             } else if self.job.is_some() && (!is_lock_step || self.schedule.is_empty()) {
                 self.start_job(map);
             } else {
                 let keyframes = self.schedule.next_window()?;
+                self.prior_went = false;
                 let nothing = self.start_window(map, keyframes).await;
                 if nothing.is_some() {
                     return nothing;
@@ -285,6 +295,8 @@ pub(super) enum Task {
     Window(Arc<[EntityId]>),
     /// Pose-graph optimization.
     Loop,
+    /// Pose-graph optimization that may wait for a window.
+    Prior,
 }
 
 impl Task {
@@ -351,9 +363,25 @@ impl Schedule {
         self.open.keys().copied().collect()
     }
 
-    /// The open loop closures.
+    /// The open loop closures and priors: one pose graph covers them all.
     pub(super) fn loops(&self) -> Vec<u64> {
-        self.open.iter().filter(|(_, t)| t.task == Task::Loop).map(|(&a, _)| a).collect()
+        let is_loop = |task: &Task| matches!(task, Task::Loop | Task::Prior);
+        self.open.iter().filter(|(_, t)| is_loop(&t.task)).map(|(&a, _)| a).collect()
+    }
+
+    /// Whether a loop closure is open.
+    fn has_loop(&self) -> bool {
+        self.open.values().any(|trigger| trigger.task == Task::Loop)
+    }
+
+    /// Whether a prior is open.
+    fn has_prior(&self) -> bool {
+        self.open.values().any(|trigger| trigger.task == Task::Prior)
+    }
+
+    /// Whether a window is open.
+    fn has_window(&self) -> bool {
+        self.open.values().any(|trigger| matches!(trigger.task, Task::Window(_)))
     }
 
     /// The keyframes whose window is next: those of the newest trigger of the batch.
@@ -361,7 +389,7 @@ impl Schedule {
         let newest = |end: u64| {
             self.open.range(..end).rev().find_map(|(_, trigger)| match &trigger.task {
                 Task::Window(keyframes) => Some(Arc::clone(keyframes)),
-                Task::Loop => None,
+                Task::Loop | Task::Prior => None,
             })
         };
         if let Some(keyframes) = newest(self.batch_end) {
@@ -376,7 +404,7 @@ impl Schedule {
         let covered = |id: &EntityId| free.binary_search(id).is_ok() || centers.contains(id);
         let covers = |task: &Task| match task {
             Task::Window(keyframes) => keyframes.iter().all(covered),
-            Task::Loop => false,
+            Task::Loop | Task::Prior => false,
         };
         self.open.iter().filter(|(_, t)| covers(&t.task)).map(|(&arrival, _)| arrival).collect()
     }

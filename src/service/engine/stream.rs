@@ -146,10 +146,8 @@ pub(super) fn may_start_solve(item: &Item) -> bool {
     match item {
         Item::Keyframe { .. } | Item::Observations { .. } | Item::Edit(_) => true,
         Item::RelativePose { kind, .. } => *kind == ConstraintKind::LoopClosure,
-        Item::Camera { .. }
-        | Item::Landmarks { .. }
-        | Item::PosePrior { .. }
-        | Item::PositionPrior { .. } => false,
+        Item::PosePrior { .. } | Item::PositionPrior { .. } => true,
+        Item::Camera { .. } | Item::Landmarks { .. } => false,
     }
 }
 

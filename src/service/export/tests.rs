@@ -74,6 +74,7 @@ fn map() -> Arc<Map> {
             keyframe_j: id(u32::from(k % 2 == 1), k + 2),
             keyframe_i_from_keyframe_j: pose(2),
             information,
+            loss: None,
         };
         changes.push(Change::ConstraintAdded { id: id(0, k), constraint });
     }
@@ -115,7 +116,7 @@ fn whole(map: &Map, format: Format) -> Vec<(String, Vec<u8>)> {
                 let (i, j) = (index(constraint.keyframe_i), index(constraint.keyframe_j));
                 let i_from_j = constraint.keyframe_i_from_keyframe_j;
                 let information = constraint.information;
-                graph.edges.push(RelativePose { i, j, i_from_j, information });
+                graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
             }
             let file = covis_solvers::io::g2o::G2oSe3::from_pose_graph(&graph).unwrap();
             vec![("graph.g2o".to_owned(), file.to_bytes())]

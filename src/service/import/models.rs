@@ -237,6 +237,7 @@ fn g2o(building: &mut Building, files: &[File], client: &str) -> Result<(), Serv
             keyframe_j: EntityRef::own(j),
             keyframe_i_from_keyframe_j: edge.i_from_j,
             information: edge.information,
+            loss: None,
         };
         building.add(client, format_args!("{path}, edge {id} from {i} to {j}"), &item)?;
     }

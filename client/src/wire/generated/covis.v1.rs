@@ -42,6 +42,29 @@ impl ::prost::Name for Vector3 {
         "/covis.v1.Vector3".into()
     }
 }
+/// A place by the coordinates of WGS 84.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct GeodeticPosition {
+    /// Latitude, degrees, north positive, -90 to 90. Default 0.
+    #[prost(double, tag = "1")]
+    pub latitude_deg: f64,
+    /// Longitude, degrees, east positive, -180 to 180. Default 0.
+    #[prost(double, tag = "2")]
+    pub longitude_deg: f64,
+    /// Height above the ellipsoid (not above sea level), m; finite. Default 0.
+    #[prost(double, tag = "3")]
+    pub height_m: f64,
+}
+impl ::prost::Name for GeodeticPosition {
+    const NAME: &'static str = "GeodeticPosition";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.GeodeticPosition".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.GeodeticPosition".into()
+    }
+}
 /// A rotation as a unit quaternion, Hamilton convention, w is the scalar part.
 /// A norm within 1e-3 of 1 is normalized by the server; any other norm (also 0, which is what an
 /// unset message decodes to) is refused with NOT_UNIT. q and -q are the same rotation.
@@ -820,13 +843,15 @@ pub enum Gauge {
     /// The default: GAUGE_FIRST_KEYFRAME_FIXED in requests; in answers, not known.
     Unspecified = 0,
     /// The first keyframe of the oldest client (in a stateless solve: the first pose, or the vertex
-    /// with the lowest id) is held.
+    /// with the lowest id) is held. Of a map: that of each piece that no prior places in the world.
     FirstKeyframeFixed = 1,
-    /// Nothing is held; damping alone keeps the solve regular.
+    /// Nothing is held; damping alone keeps the solve regular. A pose graph of a map holds the first
+    /// keyframe of each piece without priors all the same.
     Free = 2,
-    /// Priors fix the frame.
+    /// Priors fix the frame. Asked for: as FREE.
     Priors = 3,
-    /// Poses marked as fixed, or the keyframes around a window, fix the frame.
+    /// Poses marked as fixed, or the keyframes around a window, fix the frame. Asked for of a map, which
+    /// marks none: the first keyframe of each piece is held, beside priors too.
     FixedPoses = 4,
 }
 impl Gauge {
@@ -1213,14 +1238,13 @@ pub struct MapPolicy {
     /// Default 15.
     #[prost(int32, optional, tag = "4")]
     pub min_shared_landmark_count: ::core::option::Option<i32>,
-    /// What is held when nothing else fixes the frame. Default GAUGE_FIRST_KEYFRAME_FIXED. Not served
-    /// yet: another one is refused with UNIMPLEMENTED.
+    /// What is held when nothing else fixes the frame; see Gauge. Default GAUGE_FIRST_KEYFRAME_FIXED.
     #[prost(enumeration = "Gauge", tag = "5")]
     pub gauge: i32,
     /// Whether each keyframe starts local bundle adjustment. Default true.
     #[prost(bool, optional, tag = "6")]
     pub local_bundle_adjustment: ::core::option::Option<bool>,
-    /// Whether a loop-closure constraint starts pose-graph optimization. Default true.
+    /// Whether a loop-closure constraint or a prior starts pose-graph optimization. Default true.
     #[prost(bool, optional, tag = "7")]
     pub loop_closure_optimization: ::core::option::Option<bool>,
     /// Iterations of a local bundle adjustment, 1 to 1000. Default 10.
@@ -1236,6 +1260,10 @@ pub struct MapPolicy {
     /// What is done with an item for which limits leave no room. Default REJECT.
     #[prost(enumeration = "WhenFull", tag = "11")]
     pub when_full: i32,
+    /// Where the origin of the world frame is on the Earth: then its x axis points east, y north and z
+    /// up there. Default none; PositionPrior.geodetic_point needs it.
+    #[prost(message, optional, tag = "30")]
+    pub geodetic_anchor: ::core::option::Option<GeodeticPosition>,
 }
 impl ::prost::Name for MapPolicy {
     const NAME: &'static str = "MapPolicy";
@@ -1761,7 +1789,7 @@ pub struct RelativePoseConstraint {
     /// What it came from. Required; LOOP_CLOSURE starts pose-graph optimization.
     #[prost(enumeration = "ConstraintKind", tag = "7")]
     pub kind: i32,
-    /// Loss. Default MapPolicy.constraint_loss. Not served yet: refused with UNIMPLEMENTED.
+    /// Loss. Default MapPolicy.constraint_loss.
     #[prost(message, optional, tag = "8")]
     pub loss: ::core::option::Option<Loss>,
     /// Present while the constraint is switched off: found false by the last pose-graph optimization,
@@ -1800,7 +1828,8 @@ impl ::prost::Name for SwitchedOffConstraint {
     }
 }
 /// A measured position of a point fixed to a keyframe, in the world frame (motion capture, a
-/// surveyed mark, GNSS already turned into the world frame).
+/// surveyed mark, GNSS). Starts pose-graph optimization where MapPolicy.loop_closure_optimization is
+/// on, and is judged there like a loop closure: see docs/wire.md, "Positions".
 /// Residual = (world_from_camera * point_in_camera) - point_in_world, world axes, m.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct PositionPrior {
@@ -1813,19 +1842,27 @@ pub struct PositionPrior {
     /// The keyframe. Required.
     #[prost(message, optional, tag = "3")]
     pub keyframe: ::core::option::Option<KeyframeRef>,
-    /// The measurement, world frame, m. Required.
+    /// The measurement, world frame, m. Required unless geodetic_point is there; answered always.
     #[prost(message, optional, tag = "4")]
     pub point_in_world: ::core::option::Option<Vector3>,
-    /// The lever arm: the measured point in the keyframe's frame, m. Default 0, its origin. Not
-    /// served yet: a value other than 0 is refused with UNIMPLEMENTED.
+    /// The lever arm: the measured point in the keyframe's frame, m. Default 0, its origin.
     #[prost(message, optional, tag = "5")]
     pub point_in_camera: ::core::option::Option<Vector3>,
     /// Information of the residual, order x y z of the world frame, 1/m^2. Required.
     #[prost(message, optional, tag = "6")]
     pub information: ::core::option::Option<InformationMatrix3>,
-    /// Loss. Default trivial. Not served yet: another one is refused with UNIMPLEMENTED.
+    /// Loss. Default trivial.
     #[prost(message, optional, tag = "7")]
     pub loss: ::core::option::Option<Loss>,
+    /// Present while the prior is switched off: found false by the last pose-graph optimization, and
+    /// left out of every solve until one finds that it fits after all. Output only.
+    #[prost(message, optional, tag = "8")]
+    pub switched_off: ::core::option::Option<SwitchedOff>,
+    /// The measurement in geodetic coordinates, in place of point_in_world; the map must have a
+    /// MapPolicy.geodetic_anchor. The server turns it into point_in_world when it takes the item; it is
+    /// not answered.
+    #[prost(message, optional, tag = "9")]
+    pub geodetic_point: ::core::option::Option<GeodeticPosition>,
 }
 impl ::prost::Name for PositionPrior {
     const NAME: &'static str = "PositionPrior";
@@ -1837,7 +1874,8 @@ impl ::prost::Name for PositionPrior {
         "/covis.v1.PositionPrior".into()
     }
 }
-/// A measured pose of a keyframe in the world frame.
+/// A measured pose of a keyframe in the world frame. Starts pose-graph optimization where
+/// MapPolicy.loop_closure_optimization is on.
 /// Residual = Log(Z^-1 * X), Z the measurement, X = world_from_camera (or world_from_rig).
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct PosePrior {
@@ -1856,7 +1894,7 @@ pub struct PosePrior {
     /// Information of the residual. Required.
     #[prost(message, optional, tag = "5")]
     pub information: ::core::option::Option<InformationMatrix6>,
-    /// Loss. Default trivial. Not served yet: another one is refused with UNIMPLEMENTED.
+    /// Loss. Default trivial.
     #[prost(message, optional, tag = "6")]
     pub loss: ::core::option::Option<Loss>,
 }
@@ -3769,7 +3807,6 @@ pub mod map_service_client {
         /// * INVALID_ARGUMENT: a bad map_id or policy.
         /// * ALREADY_EXISTS: the map_id is taken.
         /// * RESOURCE_EXHAUSTED with RetryInfo: the tenant or the server keeps no more maps.
-        /// * UNIMPLEMENTED: a gauge, a max_size_bytes or a short queue in the policy, for now.
         /// * INTERNAL: a bug.
         pub async fn create_map(
             &mut self,
@@ -4197,7 +4234,6 @@ pub mod map_service_server {
         /// * INVALID_ARGUMENT: a bad map_id or policy.
         /// * ALREADY_EXISTS: the map_id is taken.
         /// * RESOURCE_EXHAUSTED with RetryInfo: the tenant or the server keeps no more maps.
-        /// * UNIMPLEMENTED: a gauge, a max_size_bytes or a short queue in the policy, for now.
         /// * INTERNAL: a bug.
         async fn create_map(
             &self,
@@ -5283,7 +5319,7 @@ pub struct PoseGraphEdgeSe3 {
     /// Information of the residual. Required.
     #[prost(message, optional, tag = "4")]
     pub information: ::core::option::Option<InformationMatrix6>,
-    /// Loss. Default that of the request. Not served yet: another one is refused with UNIMPLEMENTED.
+    /// Loss. Default that of the request.
     #[prost(message, optional, tag = "5")]
     pub loss: ::core::option::Option<Loss>,
     /// Whether it is never switched off. Edges between consecutive ids never are. Default false.
@@ -5359,7 +5395,7 @@ pub struct PoseGraphEdgeSe2 {
     /// Information of the residual, order x, y (1/m^2), angle (1/rad^2). Required.
     #[prost(message, optional, tag = "4")]
     pub information: ::core::option::Option<InformationMatrix3>,
-    /// Loss. Default that of the request. Not served yet: another one is refused with UNIMPLEMENTED.
+    /// Loss. Default that of the request.
     #[prost(message, optional, tag = "5")]
     pub loss: ::core::option::Option<Loss>,
     /// Whether it is never switched off. Edges between consecutive ids never are. Default false.
@@ -5532,7 +5568,7 @@ pub struct OptimizeMapRequest {
     /// Loss of relative-pose constraints that carry none. Default MapPolicy.constraint_loss.
     #[prost(message, optional, tag = "4")]
     pub constraint_loss: ::core::option::Option<Loss>,
-    /// What is held. Default MapPolicy.gauge. FIXED_POSES is refused: no keyframe is marked.
+    /// What is held. Default MapPolicy.gauge.
     #[prost(enumeration = "Gauge", tag = "5")]
     pub gauge: i32,
     /// Whether intrinsics are free too. Default false. Not served yet.
@@ -5808,7 +5844,8 @@ pub enum MapProblem {
     /// off stay so.
     Full = 1,
     /// The graph that a loop closure optimizes: constraints, and neighboring keyframes tied as they
-    /// stand; landmarks follow their keyframes. Closures are judged anew. Priors take no part yet.
+    /// stand, and priors; landmarks follow their keyframes. Closures and position priors are judged
+    /// anew.
     PoseGraph = 2,
 }
 impl MapProblem {
@@ -6012,10 +6049,9 @@ pub mod optimization_service_client {
         /// * NOT_FOUND: no such map, or it was deleted meanwhile.
         /// * FAILED_PRECONDITION: the map is frozen, poisoned, or holds no problem that can be solved;
         ///  the message names what is missing or disconnected. With certify also: the map is in several
-        ///  pieces.
+        ///  pieces, or has priors.
         /// * ABORTED: another OptimizeMap runs on the map.
-        /// * UNIMPLEMENTED: refine_intrinsics, or a gauge other than GAUGE_FIRST_KEYFRAME_FIXED with
-        ///  MAP_PROBLEM_POSE_GRAPH, for now.
+        /// * UNIMPLEMENTED: refine_intrinsics, for now.
         /// * INTERNAL: a bug; the map is poisoned.
         pub async fn optimize_map(
             &mut self,
@@ -6075,7 +6111,6 @@ pub mod optimization_service_client {
         /// Codes:
         ///
         /// * INVALID_ARGUMENT: a bad field, a graph in several pieces (the message names them).
-        /// * UNIMPLEMENTED: an edge with another loss than the request's, for now.
         /// * INTERNAL: a bug.
         pub async fn solve_pose_graph(
             &mut self,
@@ -6147,10 +6182,9 @@ pub mod optimization_service_server {
         /// * NOT_FOUND: no such map, or it was deleted meanwhile.
         /// * FAILED_PRECONDITION: the map is frozen, poisoned, or holds no problem that can be solved;
         ///  the message names what is missing or disconnected. With certify also: the map is in several
-        ///  pieces.
+        ///  pieces, or has priors.
         /// * ABORTED: another OptimizeMap runs on the map.
-        /// * UNIMPLEMENTED: refine_intrinsics, or a gauge other than GAUGE_FIRST_KEYFRAME_FIXED with
-        ///  MAP_PROBLEM_POSE_GRAPH, for now.
+        /// * UNIMPLEMENTED: refine_intrinsics, for now.
         /// * INTERNAL: a bug; the map is poisoned.
         async fn optimize_map(
             &self,
@@ -6176,7 +6210,6 @@ pub mod optimization_service_server {
         /// Codes:
         ///
         /// * INVALID_ARGUMENT: a bad field, a graph in several pieces (the message names them).
-        /// * UNIMPLEMENTED: an edge with another loss than the request's, for now.
         /// * INTERNAL: a bug.
         async fn solve_pose_graph(
             &self,

@@ -216,6 +216,29 @@ impl ::prost::Name for Loss {
         "/covis.storage.v1.Loss".into()
     }
 }
+/// A place by the coordinates of WGS 84.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct Geodetic {
+    /// Bits of the latitude, degrees.
+    #[prost(fixed64, tag = "1")]
+    pub latitude_deg: u64,
+    /// Bits of the longitude, degrees.
+    #[prost(fixed64, tag = "2")]
+    pub longitude_deg: u64,
+    /// Bits of the height above the ellipsoid, m.
+    #[prost(fixed64, tag = "3")]
+    pub height_m: u64,
+}
+impl ::prost::Name for Geodetic {
+    const NAME: &'static str = "Geodetic";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.Geodetic".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.Geodetic".into()
+    }
+}
 /// How a map is kept.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct Policy {
@@ -276,6 +299,12 @@ pub struct Policy {
     /// Ceiling of priors; absent without one.
     #[prost(uint64, optional, tag = "19")]
     pub max_priors: ::core::option::Option<u64>,
+    /// What is held: 0 first keyframe, 1 nothing, 2 priors, 3 fixed poses.
+    #[prost(uint32, tag = "20")]
+    pub gauge: u32,
+    /// Where the origin of the world is on the Earth; absent where nobody said.
+    #[prost(message, optional, tag = "21")]
+    pub geodetic_anchor: ::core::option::Option<Geodetic>,
 }
 impl ::prost::Name for Policy {
     const NAME: &'static str = "Policy";
@@ -606,6 +635,9 @@ pub struct Constraint {
     /// Information, 36 entries, translation first.
     #[prost(double, repeated, tag = "6")]
     pub information: ::prost::alloc::vec::Vec<f64>,
+    /// Its own loss; absent for the policy's.
+    #[prost(message, optional, tag = "7")]
+    pub loss: ::core::option::Option<Loss>,
 }
 impl ::prost::Name for Constraint {
     const NAME: &'static str = "Constraint";
@@ -635,6 +667,12 @@ pub struct Prior {
     /// Information: 36 entries of a pose, 9 of a position.
     #[prost(double, repeated, tag = "5")]
     pub information: ::prost::alloc::vec::Vec<f64>,
+    /// Its loss; absent for the trivial one.
+    #[prost(message, optional, tag = "6")]
+    pub loss: ::core::option::Option<Loss>,
+    /// The measured point in the keyframe's frame, m; absent for its origin, and for a pose.
+    #[prost(message, optional, tag = "7")]
+    pub point_in_camera: ::core::option::Option<Vector3>,
 }
 impl ::prost::Name for Prior {
     const NAME: &'static str = "Prior";
@@ -703,10 +741,10 @@ impl ::prost::Name for Covered {
         "/covis.storage.v1.Covered".into()
     }
 }
-/// A loop closure that does not count.
+/// A loop closure or position prior that does not count.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct SwitchedOff {
-    /// The constraint.
+    /// The constraint or prior.
     #[prost(message, optional, tag = "1")]
     pub id: ::core::option::Option<Id>,
     /// Bits of its chi2 where it was judged.
@@ -753,10 +791,10 @@ pub struct SolveApplied {
     /// Bits of the cost at the end.
     #[prost(fixed64, tag = "7")]
     pub final_cost: u64,
-    /// Loop closures that it found false.
+    /// Loop closures and position priors that it found false.
     #[prost(message, repeated, tag = "8")]
     pub switched_off: ::prost::alloc::vec::Vec<SwitchedOff>,
-    /// Loop closures that count again.
+    /// Loop closures and position priors that count again.
     #[prost(message, repeated, tag = "9")]
     pub switched_on: ::prost::alloc::vec::Vec<Id>,
     /// Variance factors of clients' loop closures that changed.
@@ -944,7 +982,7 @@ pub struct MapPart {
     /// Digests of entities as they were sent, by kind and id.
     #[prost(message, repeated, tag = "9")]
     pub contents: ::prost::alloc::vec::Vec<Content>,
-    /// Loop closures that do not count, by id.
+    /// Loop closures and position priors that do not count, by id.
     #[prost(message, repeated, tag = "10")]
     pub switched_off: ::prost::alloc::vec::Vec<SwitchedOff>,
 }
