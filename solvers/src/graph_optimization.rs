@@ -7,7 +7,7 @@
 use std::time::{Duration, Instant};
 
 use crate::certificate::{Certificate, certify_within};
-use crate::evaluation::{CostReport, FactorCost, ReferencePose, pose_graph_cost};
+use crate::evaluation::{CostReport, FactorCost, ReferencePose, ResidualReport, pose_graph_cost};
 use crate::geometry::RigidMotion;
 use crate::initialization::{Start, initialize_in_time};
 use crate::interrupt::Interrupt;
@@ -192,7 +192,10 @@ impl Run<'_> {
             let initial = judged.solve.initial_cost;
             let relative_pose = FactorCost { cost: initial, ..after.relative_pose };
             let before = match self.options.costs {
-                true => CostReport { total: initial, relative_pose, ..after },
+                true => {
+                    let residuals = ResidualReport::default();
+                    CostReport { total: initial, relative_pose, residuals, ..after }
+                }
                 false => after,
             };
             (judged.solve.clone(), before, after, None)

@@ -18,6 +18,7 @@ mod marginalization;
 mod pose_graph;
 mod pose_refinement;
 mod prices;
+mod residuals;
 mod robust;
 mod robust_live;
 mod sparse_cholesky;

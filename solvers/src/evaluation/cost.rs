@@ -7,6 +7,7 @@
 use nalgebra::{SVector, Vector3};
 
 use super::reference::{ReferencePose, Rigid, prior_residual, project};
+use super::residuals::{ResidualReport, bundle_residuals, pose_graph_residuals};
 use super::sum::CompensatedSum;
 use crate::factors::RelativePose;
 use crate::information::Information;
@@ -42,6 +43,8 @@ pub struct CostReport {
     pub rmse_px: f64,
     /// Observations whose landmark is at or behind the camera's center plane (z ≤ 0).
     pub behind_camera: usize,
+    /// The residuals by quantity, against their sigmas.
+    pub residuals: ResidualReport,
 }
 
 impl CostReport {
@@ -84,7 +87,8 @@ impl Tally {
 #[must_use]
 pub fn pose_graph_cost<G: ReferencePose<N>, const N: usize>(graph: &PoseGraph<G, N>) -> CostReport {
     let relative_pose = relative_poses(&graph.edges, &graph.poses, graph.loss);
-    CostReport { relative_pose, ..CostReport::default() }.add_up()
+    let residuals = pose_graph_residuals(graph);
+    CostReport { relative_pose, residuals, ..CostReport::default() }.add_up()
 }
 
 /// The cost of a bundle adjustment problem.
@@ -120,6 +124,7 @@ pub fn bundle_cost(problem: &BundleProblem) -> CostReport {
         position_prior: position_prior.cost(),
         rmse_px: pixels.rmse_px(),
         behind_camera: pixels.behind_camera,
+        residuals: bundle_residuals(problem),
     }
     .add_up()
 }
@@ -145,12 +150,12 @@ impl PixelStatistics {
 }
 
 /// Plain forms of the problem's poses, made once.
-fn rigids(problem: &BundleProblem) -> Vec<Rigid> {
+pub(super) fn rigids(problem: &BundleProblem) -> Vec<Rigid> {
     problem.poses.iter().map(Rigid::of).collect()
 }
 
 /// The pixel error (squared) and the depth of one observation; NaN where an index has no variable.
-fn observe(
+pub(super) fn observe(
     problem: &BundleProblem,
     rigids: &[Rigid],
     [pose, camera, landmark]: [u32; 3],
