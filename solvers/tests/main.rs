@@ -7,6 +7,7 @@ mod behind_camera;
 mod bundle_adjustment;
 mod bundle_hard;
 mod bundle_kernels;
+mod bundle_losses;
 mod bundle_tracks;
 mod certificate;
 mod evaluation;
