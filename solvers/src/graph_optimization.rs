@@ -20,8 +20,7 @@ use crate::robust::{self, Kernel, RobustSummary};
 /// Which stages a graph goes through.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// Where the poses come from that the first solve starts with. What [`Judging::switched_off`]
-    /// continues starts from the given ones.
+    /// Where the poses come from that the first solve starts with.
     pub start: Start,
     /// How loop closures are judged; `None` takes all edges for true.
     pub judging: Option<Judging>,
@@ -51,9 +50,8 @@ pub struct Judging {
     pub threshold: Option<f64>,
     /// Edges that are trusted although their ids are not consecutive, rising.
     pub trusted: Vec<usize>,
-    /// The edges that were found false before, rising, where the poses fit all but what is new
-    /// ([`robust::update`]); `None` judges all from the start ([`robust::solve`]).
-    pub switched_off: Option<Vec<usize>>,
+    /// See [`robust::Options::trust_odometry`].
+    pub trust_odometry: bool,
 }
 
 /// What is proved of the chordal optimum where the last solve started.
@@ -164,13 +162,11 @@ impl Run<'_> {
             threshold: judging.threshold,
             start: self.options.start,
             trusted: judging.trusted.clone(),
+            trust_odometry: judging.trust_odometry,
             pose_graph: pose_graph::Options { optimizer: self.options.optimizer },
         };
         let rows = &mut ignore_iterations;
-        let mut judged = match &judging.switched_off {
-            Some(off) => robust::update_until(graph, off, &robust, self.interrupt, rows)?,
-            None => robust::solve_until(graph, has_poses, &robust, self.interrupt, rows)?,
-        };
+        let mut judged = robust::solve_until(graph, has_poses, &robust, self.interrupt, rows)?;
         let mut kept = robust::weighted(graph, &judged.closures);
         let (solve, before, after, proof) = if self.options.certify {
             let proof = self.prove(&mut kept)?;

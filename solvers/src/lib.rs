@@ -13,7 +13,7 @@
 //! | 5 | [`linear`]: block-sparse matrices, orderings, Cholesky |
 //! | 6 | [`optimizer`]: the trust-region loop |
 //! | 7 | [`initialization`]: triangulation, spanning tree |
-//! | 8 | [`bundle_adjustment`], [`pose_graph`], [`pose_refinement`] |
+//! | 8 | [`bundle_adjustment`], [`pose_graph`], [`pose_refinement`], [`relative_motion`] |
 //! | 9 | [`robust`]: pose graphs with false loop closures; [`certificate`]: a proven global optimum; [`marginalization`]: a keyframe removed, its knowledge kept |
 //! | 10 | [`evaluation`]: every cost again, independent of the fast paths |
 //! | 11 | [`graph_optimization`]: a pose graph from its start to its result, closures judged and proved |
@@ -41,6 +41,7 @@ pub mod pose_graph;
 pub mod pose_refinement;
 pub mod price;
 pub mod problem;
+pub mod relative_motion;
 pub mod robust;
 mod simd;
 #[cfg(feature = "testing")]

@@ -21,6 +21,6 @@ mod pose_refinement;
 mod prices;
 mod residuals;
 mod robust;
-mod robust_live;
+mod robust_odometry;
 mod sparse_cholesky;
 mod triangulation;

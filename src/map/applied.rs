@@ -96,6 +96,14 @@ fn verdicts(map: &Map, solved: Solved<'_>) -> Verdicts {
     (off, on)
 }
 
+/// The variance factors of closures that a pose graph found and that differ from the map's.
+fn closure_variances(map: &Map, solved: Solved<'_>) -> Vec<(ClientIndex, f64)> {
+    let Solved::Graph(problem) = solved else { return Vec::new() };
+    let found = problem.factors.iter().map(|(&client, factors)| (client, factors.closures));
+    let known = |client| map.client(client).map(|client| client.closure_variance);
+    found.filter(|&(client, variance)| known(client) != Some(variance)).collect()
+}
+
 /// The change that a solved problem makes to the map as it is now.
 ///
 /// `covered` names the sequences that the solve covers; `costs` are ½ Σ ρ before and after it.
@@ -137,6 +145,7 @@ pub fn applied<'a>(
         cameras: cameras.into_iter().filter(|(id, _)| map_now.cameras().contains_key(id)).collect(),
         switched_off,
         switched_on,
+        closure_variances: closure_variances(map_now, solved),
         covered,
         initial_cost: costs.0,
         final_cost: costs.1,

@@ -84,6 +84,7 @@ impl Map {
             hash.i64(client.epoch);
             hash.i64(client.next_sequence);
             hash.i64(client.optimized_sequence);
+            hash.f64(client.closure_variance);
             hash.list(&client.items, |hash, (&sequence, digest)| {
                 hash.i64(sequence);
                 hash.0.update(digest);
@@ -122,9 +123,10 @@ impl Map {
         hash.entities(&self.keyframes, keyframe);
         hash.entities(&self.landmarks, landmark);
         hash.entities(&self.constraints, Hash::constraint);
-        hash.entities(&self.switched_off, |hash, SwitchedOff { chi2, weight }| {
+        hash.entities(&self.switched_off, |hash, SwitchedOff { chi2, weight, is_provisional }| {
             hash.f64(*chi2);
             hash.f64(*weight);
+            hash.u64(u64::from(*is_provisional));
         });
         hash.entities(&self.priors, Hash::prior);
     }

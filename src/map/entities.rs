@@ -15,7 +15,7 @@ use super::{EntityId, Observations, SharedMap};
 pub type Digest = [u8; 32];
 
 /// A frontend that has opened a stream on the map.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Client {
     /// The name that it gave.
     pub name: String,
@@ -25,6 +25,9 @@ pub struct Client {
     pub next_sequence: i64,
     /// Solves have covered its items up to this sequence; 0 before the first.
     pub optimized_sequence: i64,
+    /// By what the covariances that it states for its loop closures are multiplied, at least 1: found
+    /// by the last pose graph that judged them.
+    pub closure_variance: f64,
     /// The digests of the last 65,536 journaled items by sequence, kept past optimization.
     pub items: SharedMap<i64, Digest>,
 }
@@ -209,6 +212,8 @@ pub struct SwitchedOff {
     pub chi2: f64,
     /// Its weight there, from 0 to 1.
     pub weight: f64,
+    /// Whether nothing but the odometry speaks against it: no other closure joins its places.
+    pub is_provisional: bool,
 }
 
 /// A measurement of one keyframe in the world.

@@ -8,6 +8,8 @@ use super::{ClientIndex, EntityId};
 /// A kind of entity, for messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EntityKind {
+    /// A client, named by its position.
+    Client,
     /// A camera.
     Camera,
     /// A keyframe.
@@ -23,6 +25,7 @@ pub enum EntityKind {
 impl std::fmt::Display for EntityKind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
+            Self::Client => "client",
             Self::Camera => "camera",
             Self::Keyframe => "keyframe",
             Self::Landmark => "landmark",

@@ -72,6 +72,8 @@ pub struct AppliedSolve {
     pub switched_off: Vec<(EntityId, SwitchedOff)>,
     /// Loop closures that count again.
     pub switched_on: Vec<EntityId>,
+    /// New values of [`Client::closure_variance`](super::Client::closure_variance).
+    pub closure_variances: Vec<(ClientIndex, f64)>,
     /// Per client the last sequence whose items are covered.
     pub covered: Vec<(ClientIndex, i64)>,
     /// ½ Σ ρ at the start.

@@ -21,6 +21,12 @@ struct Inner {
 }
 
 impl Observations {
+    /// Whether both are one list in memory, which is cheaper to tell than whether they are equal.
+    #[must_use]
+    pub fn is_same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+
     /// The first observation of `landmark`, if there is one.
     #[must_use]
     pub fn of(&self, landmark: EntityId) -> Option<&Observation> {

@@ -12,7 +12,7 @@ use covis_solvers::optimizer::{Options, ignore_iterations};
 use covis_solvers::pose_graph;
 use covis_solvers::price::Ceiling;
 use covis_solvers::problem::PoseGraph;
-use covis_solvers::robust::Kernel;
+use covis_solvers::robust::{ClosureVerdict, Kernel};
 
 use super::convert::geometry::{to_rigid_transform, to_rigid_transform2};
 use super::convert::problem::{GraphToSolve, graph_se2, graph_se3};
@@ -160,7 +160,8 @@ fn answer<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usiz
     let GraphToSolve { mut graph, start, has_poses, trusted } = input;
     let marked = graph.constant.contains(&true);
     let ClosureRobustness { kernel, threshold } = settings.robust;
-    let judging = kernel.map(|kernel| Judging { kernel, threshold, trusted, switched_off: None });
+    let judging =
+        kernel.map(|kernel| Judging { kernel, threshold, trusted, trust_odometry: false });
     let (certify, optimizer) = (settings.certify, settings.options);
     let options = graph_optimization::Options { start, judging, certify, costs: true, optimizer };
     let solved = optimize(&mut graph, has_poses, &options, interrupt, &mut ignore_iterations);
@@ -175,7 +176,8 @@ fn answer<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usiz
     summary.fixed_pose_count = count(graph.constant.len() - free);
     let closures = solved.judged.iter().flat_map(|judged| &judged.closures);
     let off = closures.filter(|verdict| verdict.is_switched_off).map(|verdict| {
-        let switched_off = Some(v1::SwitchedOff { chi2: verdict.chi2, weight: verdict.weight });
+        let ClosureVerdict { chi2, weight, is_provisional: provisional, .. } = *verdict;
+        let switched_off = Some(v1::SwitchedOff { chi2, weight, provisional });
         v1::SwitchedOffEdge { edge_index: small(verdict.edge), switched_off }
     });
     let answer = v1::SolvePoseGraphResponse {

@@ -14,6 +14,7 @@ mod cli_solve;
 mod cli_support;
 mod cli_synth;
 mod client;
+mod closure_verdicts;
 mod common;
 mod demo;
 mod doctor;

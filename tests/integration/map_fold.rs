@@ -94,6 +94,7 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
                 cameras: Vec::new(),
                 switched_off: Vec::new(),
                 switched_on: Vec::new(),
+                closure_variances: Vec::new(),
                 covered: vec![(ROBOT, n)],
                 initial_cost: 2.0,
                 final_cost: 1.0,
@@ -204,6 +205,7 @@ fn the_hash_sees_the_last_bit_of_a_pose_and_of_a_landmark() {
                 cameras,
                 switched_off: Vec::new(),
                 switched_on: Vec::new(),
+                closure_variances: Vec::new(),
                 covered,
                 initial_cost,
                 final_cost,
@@ -245,6 +247,7 @@ fn the_odometry_pose_is_kept_and_hashed_and_no_solve_moves_it() {
         cameras: Vec::new(),
         switched_off: Vec::new(),
         switched_on: Vec::new(),
+        closure_variances: Vec::new(),
         covered: Vec::new(),
         initial_cost: 1.0,
         final_cost: 0.5,
@@ -267,6 +270,7 @@ fn an_event_that_does_not_fit_is_refused_and_changes_nothing() {
         cameras: Vec::new(),
         switched_off: Vec::new(),
         switched_on: Vec::new(),
+        closure_variances: Vec::new(),
         covered: Vec::new(),
         initial_cost: 0.0,
         final_cost: 0.0,
@@ -387,6 +391,7 @@ fn what_a_client_sent_is_held_past_optimization() {
         )],
         switched_off: Vec::new(),
         switched_on: Vec::new(),
+        closure_variances: Vec::new(),
         covered: vec![(ROBOT, 3)],
         initial_cost: 1.0,
         final_cost: 0.5,
@@ -413,6 +418,7 @@ fn verdict(off: Option<SwitchedOff>) -> Change {
         cameras: Vec::new(),
         switched_off: off.map(|off| (id(7), off)).into_iter().collect(),
         switched_on: if off.is_none() { vec![id(7)] } else { Vec::new() },
+        closure_variances: Vec::new(),
         covered: Vec::new(),
         initial_cost: 1.0,
         final_cost: 0.5,
@@ -430,7 +436,7 @@ fn a_switched_off_closure_is_state_and_takes_part_in_no_bundle() {
         problem.problem.relative_poses.len()
     };
     assert_eq!(factors(&journal), 1);
-    let off = SwitchedOff { chi2: 900.0, weight: 0.0 };
+    let off = SwitchedOff { chi2: 900.0, weight: 0.0, is_provisional: false };
     let hash = |off| {
         let mut journal = journal.clone();
         journal.push(verdict(off));
@@ -443,7 +449,7 @@ fn a_switched_off_closure_is_state_and_takes_part_in_no_bundle() {
     assert_eq!((factors(&journal), journal.map.active_constraints().count()), (0, 0));
     // What was sent is unchanged, and the graph keeps the edge for a later verdict.
     assert!(journal.map.holds(ROBOT, &closure));
-    let problem = loop_problem(&journal.map);
+    let problem = loop_problem(&journal.map, |_, _| None);
     assert_eq!(problem.closures.len(), 1);
     assert_eq!(problem.closures[0].switched_off, Some(off));
     assert_eq!(problem.trusted().len() + 1, problem.graph.edges.len());

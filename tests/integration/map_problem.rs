@@ -4,12 +4,13 @@
 
 use covis::map::{
     Change, ConstraintKind, Depth, EntityId, EntityRef, GlobalOptions, Item, ItemLandmark,
-    ItemObservation, MapPolicy, SolveKind, Window, applied, choose_window, global_problem,
-    local_problem, loop_problem, triangulate,
+    ItemObservation, Map, MapPolicy, SolveKind, Window, applied, choose_window, global_problem,
+    local_problem, loop_problem, pair_input, triangulate,
 };
 use covis_solvers::evaluation::bundle_cost;
 use covis_solvers::geometry::LieGroup;
 use covis_solvers::loss::Loss;
+use covis_solvers::relative_motion::RelativeMotion;
 use covis_solvers::{bundle_adjustment, pose_graph};
 use nalgebra::{Vector3, Vector6};
 
@@ -122,6 +123,11 @@ fn the_global_problem_holds_every_observation_of_a_usable_landmark() {
     assert!(bundle_cost(&problem.problem).total < 1e-18);
 }
 
+/// The measurement of a pair of keyframes of `map`.
+fn measured(map: &Map) -> impl Fn(EntityId, EntityId) -> Option<RelativeMotion> {
+    move |a, b| pair_input(map, a, b)?.measure()
+}
+
 #[test]
 fn every_piece_of_the_map_gets_a_gauge_and_bare_poses_are_held() {
     let mut journal = street(3, MapPolicy::default());
@@ -143,7 +149,7 @@ fn every_piece_of_the_map_gets_a_gauge_and_bare_poses_are_held() {
     let held = [true, false, false, true, false, false, true];
     assert_eq!(problem.problem.constant_poses, held);
     // In the pose graph consecutive keyframes hang together across the gap.
-    let graph = loop_problem(&journal.map).graph;
+    let graph = loop_problem(&journal.map, measured(&journal.map)).graph;
     assert_eq!(graph.constant, [true, false, false, false, false, false, false]);
     graph.validate().unwrap();
 }
@@ -204,18 +210,18 @@ fn a_loop_closure_bends_the_street_back_and_landmarks_follow() {
         }
         journal.send(ROBOT, &item).unwrap();
     }
-    let mut no_loop = loop_problem(&journal.map);
-    // Consecutive and covisible pairs: 19 sharing 30, 18 sharing 20; those sharing 10 are too thin.
-    assert_eq!(no_loop.graph.edges.len(), 19 + 18);
+    let mut no_loop = loop_problem(&journal.map, measured(&journal.map));
+    // Consecutive pairs; others share landmarks with them.
+    assert_eq!(no_loop.graph.edges.len(), 19);
     let options = pose_graph::Options::default();
     let mut observer = covis_solvers::optimizer::ignore_iterations;
     let summary = pose_graph::solve(&mut no_loop.graph, &options, &mut observer).unwrap();
-    assert!(summary.initial_cost < 1e-18, "estimates agree with themselves");
+    assert!(summary.final_cost < 1e-18, "a chain agrees with itself");
 
     let closure = relative_pose(0, ConstraintKind::LoopClosure, 0, 19, pose_at(19.0));
     journal.send(ROBOT, &closure).unwrap();
-    let mut problem = loop_problem(&journal.map);
-    assert_eq!(problem.graph.edges.len(), 19 + 18 + 1);
+    let mut problem = loop_problem(&journal.map, measured(&journal.map));
+    assert_eq!(problem.graph.edges.len(), 19 + 1);
     let summary = pose_graph::solve(&mut problem.graph, &options, &mut observer).unwrap();
     let costs = (summary.initial_cost, summary.final_cost);
     let solve = applied(&journal.map, &problem, SolveKind::PoseGraph, vec![(ROBOT, 22)], costs);
@@ -237,16 +243,30 @@ fn a_loop_closure_bends_the_street_back_and_landmarks_follow() {
 }
 
 #[test]
-fn an_estimated_edge_gives_way_to_a_loop_closure() {
+fn what_a_client_measured_replaces_what_landmarks_tell_and_a_closure_stands_beside_it() {
     let mut journal = street(3, MapPolicy::default());
-    let edges = |journal: &Journal| loop_problem(&journal.map).graph.edges.len();
-    assert_eq!(edges(&journal), 3);
-    let closure = relative_pose(0, ConstraintKind::LoopClosure, 0, 2, pose_at(2.0));
+    let edges =
+        |journal: &Journal| loop_problem(&journal.map, measured(&journal.map)).graph.edges.len();
+    assert_eq!(edges(&journal), 2);
+    let closure = relative_pose(0, ConstraintKind::LoopClosure, 0, 1, pose_at(1.0));
     journal.send(ROBOT, &closure).unwrap();
     assert_eq!(edges(&journal), 3);
     let item = relative_pose(1, ConstraintKind::Odometry, 0, 1, pose_at(1.0));
     journal.send(ROBOT, &item).unwrap();
-    assert_eq!(edges(&journal), 4);
+    assert_eq!(edges(&journal), 3);
+}
+
+#[test]
+fn no_solve_changes_what_a_pair_of_keyframes_measured() {
+    let mut journal = street(20, MapPolicy::default());
+    let before = loop_problem(&journal.map, measured(&journal.map)).graph.edges;
+    let mut problem = global_problem(&journal.map, &GlobalOptions::default());
+    for pose in problem.problem.poses.iter_mut().skip(1) {
+        *pose = pose.plus(&Vector6::new(0.5, 0.1, -0.3, 0.05, 0.02, 0.1));
+    }
+    let solve = applied(&journal.map, &problem, SolveKind::Global, Vec::new(), (1.0, 0.5));
+    journal.push(Change::SolveApplied { solve });
+    assert_eq!(loop_problem(&journal.map, measured(&journal.map)).graph.edges, before);
 }
 
 /// Keyframe `k` of the street, which sees corners `seen`; landmarks `new` have no position.

@@ -13,7 +13,7 @@ const FLOORS: [&[&str]; 14] = [
     &["linear"],
     &["optimizer"],
     &["initialization"],
-    &["bundle_adjustment", "pose_graph", "pose_refinement"],
+    &["bundle_adjustment", "pose_graph", "pose_refinement", "relative_motion"],
     &["robust", "certificate", "marginalization"],
     &["evaluation"],
     &["graph_optimization"],

@@ -5,17 +5,22 @@
 //! loop of odometry (after Mangelson et al. 2018); graduated non-convexity weighs those (`graduated`,
 //! after Yang et al. 2020); then every closure, supported or not, is judged by its χ² at the solution,
 //! and the graph is solved again with those that pass, until none changes. This file holds the stages;
-//! `live` uses them when a solved map gets one more closure. It solves through [`crate::pose_graph`]
-//! and must not weight odometry.
+//! `variance` finds how far the stated information may be believed. All of it is a function of what was
+//! measured. It solves through [`crate::pose_graph`] and must not weight odometry.
 
+mod chain;
+mod contraction;
 mod graduated;
-mod live;
+mod judging;
 mod screening;
+mod variance;
 
 use std::time::Instant;
 
+use contraction::contract;
 pub use graduated::Kernel;
-pub use live::{update, update_until};
+use screening::{Screened, screen};
+pub use variance::{VarianceFactors, variance_factors};
 
 use crate::factors::RelativePose;
 use crate::geometry::{LieGroup, RigidMotion};
@@ -25,9 +30,6 @@ use crate::optimizer::{self, Observer, SolveSummary, Termination, with_threads};
 use crate::pose_graph;
 use crate::price::{Limits, Price};
 use crate::problem::{DisjointSets, PoseGraph, SolveError};
-
-/// Rounds of judging all closures after the weights have settled.
-const MAX_JUDGMENTS: usize = 20;
 
 /// Weight of a switched-off closure that is the only connection of two parts of the graph.
 const BRIDGE_WEIGHT: f64 = 1e-6;
@@ -43,6 +45,11 @@ pub struct Options {
     pub start: Start,
     /// Edges that are trusted although their ids are not consecutive, rising.
     pub trusted: Vec<usize>,
+    /// Whether the covariances of the odometry hold, so that it may judge closures (false). One that no
+    /// neighbor supports and that the odometry does not explain then counts only if it fits the solution
+    /// without it: alone it would bend the odometry, true or not. And what the odometry explains is a
+    /// second start of the judgment; of the two results that of the lower truncated cost is taken.
+    pub trust_odometry: bool,
     /// Options of each solve within; the deadline is that of all together.
     pub pose_graph: pose_graph::Options,
 }
@@ -56,6 +63,7 @@ impl Options {
             threshold: None,
             start: Start::Auto,
             trusted: Vec::new(),
+            trust_odometry: false,
             pose_graph: pose_graph::Options::default(),
         }
     }
@@ -72,8 +80,11 @@ pub struct ClosureVerdict {
     pub weight: f64,
     /// Whether it closed a short loop with a neighbor.
     pub is_supported: bool,
-    /// Whether it was found false: χ² above the threshold.
+    /// Whether it does not count: χ² above the threshold.
     pub is_switched_off: bool,
+    /// Whether it is switched off and no other closure joins its places, so that nothing but the
+    /// odometry speaks against it.
+    pub is_provisional: bool,
 }
 
 /// The outcome of [`solve`].
@@ -123,8 +134,7 @@ pub fn solve_until<G: RigidMotion<D, N>, const D: usize, const N: usize>(
 ) -> Result<RobustSummary, SolveError> {
     run(graph, options, interrupt, |weighted| {
         let start = weighted.start(options.start, has_poses)?;
-        weighted.graduate(observer)?;
-        weighted.judge_closures(observer)?;
+        weighted.contracted(|weighted| weighted.judge(options.trust_odometry, observer))?;
         Ok((weighted.solve(&options.pose_graph, observer)?, start))
     })
 }
@@ -230,7 +240,10 @@ struct Weighted<'a, G, const N: usize> {
     threshold: f64,
     /// Indices of the closures, rising.
     closures: Vec<usize>,
-    is_supported: Vec<bool>,
+    /// One per closure.
+    screened: Vec<Screened>,
+    /// Which count only if they fit the solution without them; one per closure.
+    held_back: Vec<bool>,
     /// One per closure.
     weights: Vec<f64>,
     solves: usize,
@@ -255,7 +268,12 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
             graph.ids[i].abs_diff(graph.ids[j]) > 1 && options.trusted.binary_search(&edge).is_err()
         };
         let closures: Vec<usize> = (0..graph.edges.len()).filter(is_closure).collect();
-        let is_supported = screening::closures_with_support(graph, &closures, threshold, interrupt);
+        let screened = screen(graph, &closures, threshold, interrupt);
+        let held_back = |seen: &Screened| {
+            let is_strained = seen.odometry_chi2.is_some_and(|chi2| chi2 > threshold);
+            options.trust_odometry && !seen.is_supported && is_strained
+        };
+        let held_back = screened.iter().map(held_back).collect();
         let copies = copies_bytes(graph);
         let mut weighted = Self {
             graph,
@@ -263,7 +281,8 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
             threshold,
             weights: vec![1.0; closures.len()],
             closures,
-            is_supported,
+            screened,
+            held_back,
             solves: 0,
             begin,
             interrupt,
@@ -275,12 +294,18 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         weighted
     }
 
-    /// Begins with the supported closures. If none is supported, they cannot be distinguished, and all
-    /// count.
-    fn weigh_by_support(&mut self) {
-        let any = self.is_supported.contains(&true);
-        let weight = |&supported: &bool| f64::from(u8::from(supported || !any));
-        self.weights = self.is_supported.iter().map(weight).collect();
+    /// Does `stages` on the graph without the poses that only pass odometry on.
+    fn contracted(
+        &mut self,
+        stages: impl FnOnce(&mut Self) -> Result<(), SolveError>,
+    ) -> Result<(), SolveError> {
+        let contraction = contract(self.graph, &mut self.closures);
+        let outcome = stages(self);
+        if let Some(mut contraction) = contraction {
+            self.closures = std::mem::take(&mut contraction.closures);
+            contraction.expand(self.graph);
+        }
+        outcome
     }
 
     fn weighted_graph(&self) -> PoseGraph<G, N> {
@@ -292,7 +317,7 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         G: RigidMotion<D, N>,
     {
         let mut copy = self.weighted_graph();
-        let any = self.is_supported.contains(&true);
+        let any = self.has_support();
         let wished = match start {
             // The poses of a file often come from all closures, the false ones among them.
             Start::Auto if any => Start::Chordal,
@@ -340,62 +365,6 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         Ok(summary)
     }
 
-    /// Computes the weights of the supported closures, from a convex cost to the kernel.
-    fn graduate(&mut self, observer: &mut Observer<'_>) -> Result<(), SolveError> {
-        let active: Vec<usize> =
-            (0..self.weights.len()).filter(|&k| self.weights[k] > 0.0).collect();
-        let options = pose_graph::Options {
-            optimizer: optimizer::Options {
-                max_iterations: 4,
-                cost_tolerance: 1e-3,
-                ..self.options.optimizer
-            },
-        };
-        self.solve(&options, observer)?;
-        let largest = |chi2: &[f64]| active.iter().map(|&k| chi2[k]).fold(0.0, f64::max);
-        let mut chi2 = self.chi2();
-        let Some(mut schedule) = self.kernel.schedule(largest(&chi2), self.threshold) else {
-            return Ok(());
-        };
-        while !self.is_stopped {
-            let mut change = 0.0_f64;
-            for &k in &active {
-                let weight = schedule.weight(chi2[k]);
-                change = change.max((weight - self.weights[k]).abs());
-                self.weights[k] = weight;
-            }
-            if change > 0.0 {
-                self.solve(&options, observer)?;
-                chi2 = self.chi2();
-            }
-            let is_settled = self.weights.iter().all(|w| *w == 0.0 || *w == 1.0);
-            if !schedule.advance() || (is_settled && self.kernel.is_binary()) {
-                break;
-            }
-        }
-        Ok(())
-    }
-
-    /// Judges every closure at the poses and solves, until no verdict changes; the weights are then
-    /// those of the last verdicts.
-    fn judge_closures(&mut self, observer: &mut Observer<'_>) -> Result<(), SolveError> {
-        let options = self.options;
-        let mut before: Vec<Vec<bool>> = Vec::new();
-        for _ in 0..MAX_JUDGMENTS {
-            let chi2 = self.chi2();
-            let kept: Vec<bool> = chi2.iter().map(|&chi2| chi2 <= self.threshold).collect();
-            for (weight, &chi2) in self.weights.iter_mut().zip(&chi2) {
-                *weight = self.kernel.final_weight(chi2, self.threshold);
-            }
-            if before.contains(&kept) || self.is_stopped {
-                break;
-            }
-            before.push(kept);
-            self.solve(&options, observer)?;
-        }
-        Ok(())
-    }
-
     /// The outcome, `solve` the last one; its clock is set to the beginning of all.
     fn summary(&self, mut solve: SolveSummary, start: Start) -> RobustSummary {
         let before = self.begin.elapsed().as_secs_f64() - solve.solve_seconds;
@@ -407,12 +376,16 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
 
     fn verdicts(&self) -> Vec<ClosureVerdict> {
         let chi2 = self.chi2();
-        let verdict = |(k, &edge): (usize, &usize)| ClosureVerdict {
-            edge,
-            chi2: chi2[k],
-            weight: self.weights[k],
-            is_supported: self.is_supported[k],
-            is_switched_off: chi2[k] > self.threshold || chi2[k].is_nan(),
+        let verdict = |(k, &edge): (usize, &usize)| {
+            let is_switched_off = chi2[k] > self.threshold || chi2[k].is_nan();
+            ClosureVerdict {
+                edge,
+                chi2: chi2[k],
+                weight: self.weights[k],
+                is_supported: self.screened[k].is_supported,
+                is_switched_off,
+                is_provisional: is_switched_off && !self.screened[k].has_neighbor,
+            }
         };
         self.closures.iter().enumerate().map(verdict).collect()
     }

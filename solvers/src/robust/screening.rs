@@ -1,4 +1,4 @@
-//! Loop closures that agree with a neighbor.
+//! Loop closures beside their neighbors and the odometry.
 //!
 //! Two closures between nearly the same places make a short loop with the odometry at both ends. A true
 //! pair closes it within the noise of its own measurements, however far the odometry has drifted
@@ -6,49 +6,15 @@
 //! (Mangelson, Dominic, Eustice and Vasudevan 2018) kept to loops that are short enough to decide
 //! something. It uses measurements and ids, never poses.
 
-use std::collections::BTreeMap;
+use nalgebra::SVector;
 
-use nalgebra::{SMatrix, SVector};
-
-use crate::factors::RelativePose;
+use super::chain::{Chain, Measured};
 use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
 use crate::problem::PoseGraph;
 
 /// Most steps of odometry at either end of a loop.
 const REACH: i64 = 5;
-
-/// A relative pose with the covariance of its right perturbation.
-#[derive(Clone, Copy)]
-struct Measured<G, const N: usize> {
-    motion: G,
-    covariance: SMatrix<f64, N, N>,
-}
-
-impl<G: LieGroup<N>, const N: usize> Measured<G, N> {
-    fn exact() -> Self {
-        Self { motion: G::identity(), covariance: SMatrix::zeros() }
-    }
-
-    fn of(edge: &RelativePose<G, N>) -> Option<Self> {
-        let covariance = *edge.information.covariance().ok()?.matrix();
-        Some(Self { motion: edge.i_from_j, covariance })
-    }
-
-    /// Z⁻¹: Exp(−δ) Z⁻¹ = Z⁻¹ Exp(−Ad(Z) δ).
-    fn inverse(&self) -> Self {
-        let adjoint = self.motion.adjoint();
-        let covariance = adjoint * self.covariance * adjoint.transpose();
-        Self { motion: self.motion.inverse(), covariance }
-    }
-
-    /// X Y: X Exp(δ) Y = X Y Exp(Ad(Y⁻¹) δ).
-    fn compose(&self, other: &Self) -> Self {
-        let adjoint = other.motion.inverse().adjoint();
-        let moved = adjoint * self.covariance * adjoint.transpose();
-        Self { motion: self.motion.compose(&other.motion), covariance: moved + other.covariance }
-    }
-}
 
 /// A closure from the lower id to the higher.
 #[derive(Clone, Copy)]
@@ -58,15 +24,27 @@ struct Closure<G, const N: usize> {
     measured: Measured<G, N>,
 }
 
-/// For each of `closures`, edges of `graph`, whether a neighbor closes a short loop with it in which χ²
-/// is at most `threshold`. Closures not checked before `interrupt` was due count as unsupported.
-pub(super) fn closures_with_support<G: LieGroup<N>, const N: usize>(
+/// What a closure's neighbors and the odometry say of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Screened {
+    /// Whether a neighbor closes a short loop with it in which χ² is within the threshold.
+    pub(super) is_supported: bool,
+    /// Whether another closure joins nearly the same places.
+    pub(super) has_neighbor: bool,
+    /// χ² of the loop that it closes with the odometry between its ends, where there is one.
+    pub(super) odometry_chi2: Option<f64>,
+}
+
+/// Screens `closures`, edges of `graph`. Those not reached before `interrupt` was due count as
+/// unsupported.
+pub(super) fn screen<G: LieGroup<N>, const N: usize>(
     graph: &PoseGraph<G, N>,
     closures: &[usize],
     threshold: f64,
     interrupt: &Interrupt,
-) -> Vec<bool> {
-    let steps = odometry(graph);
+) -> Vec<Screened> {
+    let chain = Chain::new(graph);
+    let mut screened = vec![Screened::default(); closures.len()];
     let mut list: Vec<(usize, Closure<G, N>)> = Vec::with_capacity(closures.len());
     for (k, &edge) in closures.iter().enumerate() {
         let edge = &graph.edges[edge];
@@ -77,77 +55,51 @@ pub(super) fn closures_with_support<G: LieGroup<N>, const N: usize>(
         } else {
             Closure { from: j, to: i, measured: measured.inverse() }
         };
+        screened[k].odometry_chi2 =
+            chain.between(closure.from, closure.to).and_then(|path| chi2(&path, &closure.measured));
         list.push((k, closure));
     }
     list.sort_by_key(|(k, closure)| (closure.from, closure.to, *k));
-    let mut is_supported = vec![false; closures.len()];
     for (place, (k, a)) in list.iter().enumerate() {
         for (l, b) in &list[place + 1..] {
             if b.from > a.from.saturating_add(REACH) {
                 break;
             }
             if interrupt.is_due() {
-                return is_supported;
+                return screened;
             }
-            let is_known = is_supported[*k] && is_supported[*l];
-            if is_known || b.to.abs_diff(a.to) > REACH.unsigned_abs() {
+            if b.to.abs_diff(a.to) > REACH.unsigned_abs() {
                 continue;
             }
-            if agree(&steps, a, b, threshold) {
-                is_supported[*k] = true;
-                is_supported[*l] = true;
+            let pair = [*k, *l];
+            let is_known = pair.iter().all(|&at| screened[at].is_supported);
+            let do_agree = !is_known && agree(&chain, a, b, threshold);
+            for at in pair {
+                screened[at].has_neighbor = true;
+                screened[at].is_supported |= do_agree;
             }
         }
     }
-    is_supported
-}
-
-/// The first edge from each id to the next.
-fn odometry<G: LieGroup<N>, const N: usize>(
-    graph: &PoseGraph<G, N>,
-) -> BTreeMap<i64, Measured<G, N>> {
-    let mut steps = BTreeMap::new();
-    for edge in &graph.edges {
-        let (i, j) = (graph.ids[edge.i], graph.ids[edge.j]);
-        let Some(measured) = Measured::of(edge) else { continue };
-        if i.checked_add(1) == Some(j) {
-            steps.entry(i).or_insert(measured);
-        } else if j.checked_add(1) == Some(i) {
-            steps.entry(j).or_insert_with(|| measured.inverse());
-        }
-    }
-    steps
-}
-
-/// The odometry from one id to another; `None` where a step is missing.
-fn walk<G: LieGroup<N>, const N: usize>(
-    steps: &BTreeMap<i64, Measured<G, N>>,
-    from: i64,
-    to: i64,
-) -> Option<Measured<G, N>> {
-    if from > to {
-        return walk(steps, to, from).map(|measured| measured.inverse());
-    }
-    let mut walked = Measured::exact();
-    for id in from..to {
-        walked = walked.compose(steps.get(&id)?);
-    }
-    Some(walked)
+    screened
 }
 
 /// Whether the loop a, odometry, b backwards, odometry is closed within its noise.
 fn agree<G: LieGroup<N>, const N: usize>(
-    steps: &BTreeMap<i64, Measured<G, N>>,
+    chain: &Chain<G, N>,
     a: &Closure<G, N>,
     b: &Closure<G, N>,
     threshold: f64,
 ) -> bool {
-    let (Some(before), Some(after)) = (walk(steps, b.from, a.from), walk(steps, a.to, b.to)) else {
+    let (Some(before), Some(after)) = (chain.walk(b.from, a.from), chain.walk(a.to, b.to)) else {
         return false;
     };
     let predicted = before.compose(&a.measured).compose(&after);
-    let error: SVector<f64, N> = b.measured.motion.inverse().compose(&predicted.motion).log();
-    let covariance = predicted.covariance + b.measured.covariance;
-    let Some(factor) = covariance.cholesky() else { return false };
-    error.dot(&factor.solve(&error)) <= threshold
+    chi2(&predicted, &b.measured).is_some_and(|chi2| chi2 <= threshold)
+}
+
+/// χ² of the difference of two measurements of one motion; `None` where their covariance is singular.
+fn chi2<G: LieGroup<N>, const N: usize>(a: &Measured<G, N>, b: &Measured<G, N>) -> Option<f64> {
+    let error: SVector<f64, N> = b.motion.inverse().compose(&a.motion).log();
+    let factor = (a.covariance + b.covariance).cholesky()?;
+    Some(error.dot(&factor.solve(&error)))
 }

@@ -157,7 +157,7 @@ impl Run<'_> {
         let judging = |kernel| {
             let trusted = trusted(graph, &self.args.trusted).with_context(|| self.name())?;
             let threshold = self.args.robust_threshold;
-            anyhow::Ok(Judging { kernel, threshold, trusted, switched_off: None })
+            anyhow::Ok(Judging { kernel, threshold, trusted, trust_odometry: false })
         };
         let judging = kernel.map(judging).transpose()?;
         // What is to be proved is best started near itself.

@@ -248,7 +248,15 @@ impl Fit<'_> {
         for id in &solve.switched_on {
             self.constraint(*id)?;
         }
-        for &(client, _) in &solve.covered {
+        for &(client, variance) in &solve.closure_variances {
+            self.finite(
+                variance.is_finite() && variance > 0.0,
+                EntityKind::Client,
+                EntityId::new(client, 0),
+            )?;
+        }
+        let varied = solve.closure_variances.iter().map(|&(client, _)| client);
+        for client in solve.covered.iter().map(|&(client, _)| client).chain(varied) {
             if self.map.client(client).is_none() {
                 return Err(MapError::UnknownClient { revision: self.revision, client });
             }

@@ -130,6 +130,7 @@ impl Map {
                 epoch,
                 next_sequence: 1,
                 optimized_sequence: 0,
+                closure_variance: 1.0,
                 items: Default::default(),
             }),
         }
@@ -219,6 +220,11 @@ impl Map {
         self.switched_off.extend(solve.switched_off.iter().copied());
         for id in &solve.switched_on {
             self.switched_off.remove(id);
+        }
+        for &(client, variance) in &solve.closure_variances {
+            if let Some(client) = self.clients.get_mut(client.0 as usize) {
+                client.closure_variance = variance;
+            }
         }
         for &(client, sequence) in &solve.covered {
             if let Some(client) = self.clients.get_mut(client.0 as usize) {

@@ -15,7 +15,7 @@ use covis_solvers::problem::{BundleProblem, DisjointSets};
 
 use super::{GlobalOptions, MapProblem};
 use crate::map::window::is_usable;
-use crate::map::{Depth, EntityId, Keyframe, Map, Prior, Window};
+use crate::map::{ConstraintKind, Depth, EntityId, Keyframe, Map, Prior, Window};
 
 /// With fewer observations and no other measurement a pose is held constant: three points fix six
 /// unknowns.
@@ -219,7 +219,11 @@ impl<'a> Builder<'a> {
         let free = self.keyframes.iter().zip(&constant).filter(|&(_, &constant)| !constant);
         let ties: BTreeSet<EntityId> =
             free.flat_map(|(&keyframe, _)| self.map.ties().of(keyframe)).collect();
-        for constraint in ties.iter().filter_map(|&id| self.map.active_constraint(id)) {
+        let active = ties.iter().filter_map(|&id| Some((id, self.map.active_constraint(id)?)));
+        for (id, constraint) in active {
+            let is_closure = constraint.kind == ConstraintKind::LoopClosure;
+            let sender = self.map.client(id.client).filter(|_| is_closure);
+            let variance = sender.map_or(1.0, |sender| sender.closure_variance);
             let i = self.pose_of.get(&constraint.keyframe_i).copied();
             let j = self.pose_of.get(&constraint.keyframe_j).copied();
             let (Some(i), Some(j)) = (i, j) else { continue };
@@ -227,7 +231,7 @@ impl<'a> Builder<'a> {
                 i,
                 j,
                 i_from_j: constraint.keyframe_i_from_keyframe_j,
-                information: constraint.information,
+                information: constraint.information.scaled(1.0 / variance),
             });
             measured[i] += MIN_OBSERVATIONS;
             measured[j] += MIN_OBSERVATIONS;

@@ -7,11 +7,14 @@
 mod bundle;
 mod graph;
 
+use std::collections::BTreeMap;
+
 use covis_solvers::geometry::Se3;
 use covis_solvers::loss::Loss;
 use covis_solvers::problem::{BundleProblem, PoseGraph};
+use covis_solvers::robust::VarianceFactors;
 
-use super::{EntityId, SwitchedOff};
+use super::{ClientIndex, EntityId, SwitchedOff};
 
 pub use bundle::{global_problem, local_problem, retirement_problem};
 pub use graph::loop_problem;
@@ -72,6 +75,8 @@ pub struct GraphProblem {
     pub keyframes: Vec<EntityId>,
     /// The edges that are loop closures, rising; a solve leaves its verdicts here.
     pub closures: Vec<ClosureEdge>,
+    /// By what the information of each client's measurements and closures was divided.
+    pub factors: BTreeMap<ClientIndex, VarianceFactors>,
     /// The map's revision that it was built from.
     pub start_revision: i64,
 }

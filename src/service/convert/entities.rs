@@ -82,7 +82,8 @@ pub(in crate::service) fn to_constraint(
 
 /// Why a constraint is switched off.
 pub(in crate::service) fn to_switched_off(off: &SwitchedOff) -> v1::SwitchedOff {
-    v1::SwitchedOff { chi2: off.chi2, weight: off.weight }
+    let SwitchedOff { chi2, weight, is_provisional: provisional } = *off;
+    v1::SwitchedOff { chi2, weight, provisional }
 }
 
 /// A prior on a keyframe.

@@ -18,7 +18,7 @@ use covis_solvers::robust::Kernel;
 
 use super::{Path, Violations, count, small};
 use crate::map::{ClosureRobustness, Reason};
-use crate::service::engine::{GaugeKind, SolveCertificate, SolverKind};
+use crate::service::engine::{ClosureCounts, GaugeKind, SolveCertificate, SolverKind};
 use crate::wire::v1;
 
 /// Iterations if the request names none.
@@ -350,7 +350,22 @@ pub(in crate::service) fn to_certificate(certificate: &SolveCertificate) -> v1::
     summary.free_pose_count = count(certificate.free_poses);
     summary.fixed_pose_count = count(certificate.fixed_poses);
     summary.free_landmark_count = count(certificate.free_landmarks);
+    summary.closures = certificate.closures.as_ref().map(to_closure_summary);
     summary
+}
+
+fn to_closure_summary(closures: &ClosureCounts) -> v1::ClosureSummary {
+    let factors = closures.factors.iter().map(|(client_id, factors)| v1::VarianceFactors {
+        client_id: client_id.clone(),
+        odometry: factors.odometry,
+        loop_closure: factors.closures,
+    });
+    v1::ClosureSummary {
+        closure_count: count(closures.judged),
+        switched_off_count: count(closures.switched_off),
+        provisional_count: count(closures.provisional),
+        variance_factors: factors.collect(),
+    }
 }
 
 /// The gauge that `OptimizeMap` requests; if absent, the map's policy: the first keyframe.

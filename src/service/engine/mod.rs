@@ -17,6 +17,7 @@
 //! | `ingest` | open streams, their acks, and which items are accepted |
 //! | `durability` | the journal, DURABLE acks, snapshots |
 //! | `solving`, `solve` | which items wait for which solve, starting and ending it; its body |
+//! | `measured_pairs` | relative poses of keyframes that a pose graph need not measure again |
 //! | `watching`, `touched` | what the engine tells watchers: what the last events touched |
 //! | `watch` | the watcher's side: changes joined, and missed ones read from the journal |
 //! | `meters` | counters and histograms |
@@ -32,6 +33,7 @@ mod handle;
 mod ingest;
 mod items;
 mod maps;
+mod measured_pairs;
 mod meters;
 mod opening;
 mod pool;
@@ -53,8 +55,8 @@ pub use maps::Maps;
 pub use meters::{EngineMeters, MapCounts, QueuedSolve, SolveMeters};
 pub use pool::{Estimate, PoolError, SolvePanicked, SolverPool, lower_priority};
 pub use solve::{
-    GaugeKind, OptimizeCounts, OptimizeOptions, OptimizeOutcome, OptimizeProblem, SolveCertificate,
-    SolverKind,
+    ClosureCounts, GaugeKind, OptimizeCounts, OptimizeOptions, OptimizeOutcome, OptimizeProblem,
+    SolveCertificate, SolverKind,
 };
 pub use stream::{Ack, AckStatus, IngestStream, ItemSender, Opened, SolveReport, StreamEvent};
 pub use touched::Touched;

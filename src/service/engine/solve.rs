@@ -22,13 +22,16 @@ use covis_solvers::optimizer::{
 };
 use covis_solvers::price::Ceiling;
 use covis_solvers::problem::SolveError;
+use covis_solvers::robust::VarianceFactors;
 use tokio::sync::mpsc;
 use tracing::Span;
 
 use super::EngineError;
 use super::handle::Reply;
+use super::measured_pairs::MeasuredPairs;
 use crate::map::{
-    GlobalOptions, GraphProblem, Map, MapProblem, Solved, SwitchedOff, global_problem, loop_problem,
+    ClientIndex, GlobalOptions, GraphProblem, Map, MapProblem, Solved, SwitchedOff, global_problem,
+    loop_problem,
 };
 
 /// Which part of a map is optimized.
@@ -161,6 +164,21 @@ pub struct SolveCertificate {
     pub fixed_poses: usize,
     /// Landmarks that could move.
     pub free_landmarks: usize,
+    /// What was found of the loop closures, where they were judged.
+    pub closures: Option<ClosureCounts>,
+}
+
+/// What a pose graph found of a map's loop closures.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ClosureCounts {
+    /// Loop closures.
+    pub judged: usize,
+    /// Those that are switched off.
+    pub switched_off: usize,
+    /// Those of them that are provisional.
+    pub provisional: usize,
+    /// How far each client's stated information was believed, by client name.
+    pub factors: Vec<(String, VarianceFactors)>,
 }
 
 /// A problem whose values were moved.
@@ -242,15 +260,21 @@ pub(super) fn solve_map(
 }
 
 /// Pose-graph optimization after a loop closure.
-pub(super) fn solve_loop(map: Arc<Map>, ceiling: Ceiling, cancel: &Arc<AtomicBool>) -> Outcome {
+pub(super) fn solve_loop(
+    map: Arc<Map>,
+    pairs: &MeasuredPairs,
+    ceiling: Ceiling,
+    cancel: &Arc<AtomicBool>,
+) -> Outcome {
     let optimizer = optimizer::Options { ceiling, ..optimizer::Options::default() };
     let settings = GraphSettings { optimizer, ..GraphSettings::default() };
-    solve_graph(map, &settings, &interrupt(None, cancel))
+    solve_graph(map, pairs, &settings, &interrupt(None, cancel))
 }
 
 /// Pose-graph optimization on request; `rows` gets the iterations of the last solve.
 pub(super) fn solve_map_graph(
     map: Arc<Map>,
+    pairs: &MeasuredPairs,
     options: &OptimizeOptions,
     certify: bool,
     rows: &mpsc::UnboundedSender<IterationSummary>,
@@ -258,7 +282,7 @@ pub(super) fn solve_map_graph(
 ) -> Outcome {
     let OptimizeOptions { optimizer, constraint_loss, .. } = *options;
     let settings = GraphSettings { optimizer, constraint_loss, certify };
-    let outcome = solve_graph(map, &settings, &interrupt(options.deadline, cancel));
+    let outcome = solve_graph(map, pairs, &settings, &interrupt(options.deadline, cancel));
     if let Ok(Some(solution)) = &outcome {
         for row in &solution.certificate.solve.iterations {
             let _gone = rows.send(*row);
@@ -296,6 +320,7 @@ fn solve_bundle(
         free_poses: bundle.poses.len() - fixed_poses,
         fixed_poses,
         free_landmarks: bundle.constant_landmarks.iter().filter(|&&c| !c).count(),
+        closures: None,
     };
     let counts = OptimizeCounts {
         cameras: problem.cameras.len(),
@@ -325,9 +350,20 @@ struct GraphSettings {
 }
 
 /// Pose-graph optimization, until `interrupt` is due.
-fn solve_graph(map: Arc<Map>, settings: &GraphSettings, interrupt: &Interrupt) -> Outcome {
-    let mut problem = loop_problem(&map);
+fn solve_graph(
+    map: Arc<Map>,
+    pairs: &MeasuredPairs,
+    settings: &GraphSettings,
+    interrupt: &Interrupt,
+) -> Outcome {
+    let measured = pairs.complete(&map, interrupt);
+    let mut problem = loop_problem(&map, |a, b| measured.get(&(a, b)).copied());
     let robustness = map.policy().loop_closure_robustness;
+    let named = |(client, &factors): (&ClientIndex, &VarianceFactors)| {
+        Some((map.client(*client)?.name.clone(), factors))
+    };
+    let mut factors: Vec<_> = problem.factors.iter().filter_map(named).collect();
+    factors.sort_by(|a, b| a.0.cmp(&b.0));
     drop(map);
     if !problem.is_solvable() {
         return Ok(None);
@@ -336,16 +372,17 @@ fn solve_graph(map: Arc<Map>, settings: &GraphSettings, interrupt: &Interrupt) -
         problem.graph.loss = loss;
     }
     let optimizer = settings.optimizer;
-    let judging = robustness.kernel.map(|kernel| {
-        let off = problem.closures.iter().filter(|closure| closure.switched_off.is_some());
-        Judging {
-            kernel,
-            threshold: robustness.threshold,
-            trusted: problem.trusted(),
-            switched_off: Some(off.map(|closure| closure.edge).collect()),
-        }
+    let judging = robustness.kernel.map(|kernel| Judging {
+        kernel,
+        threshold: robustness.threshold,
+        trusted: problem.trusted(),
+        trust_odometry: true,
     });
-    let (start, certify) = (Start::Given, settings.certify);
+    // What is switched off is a function of what was measured: the present estimates, which earlier
+    // solves made, are no part of it.
+    let judges = judging.is_some();
+    let start = if judges { Start::Odometry } else { Start::Given };
+    let certify = settings.certify;
     let options = graph_optimization::Options { start, judging, certify, costs: true, optimizer };
     let rows = &mut ignore_iterations;
     let solved = match optimize(&mut problem.graph, true, &options, interrupt, rows) {
@@ -359,11 +396,22 @@ fn solve_graph(map: Arc<Map>, settings: &GraphSettings, interrupt: &Interrupt) -
         // A closure without a verdict links consecutive keyframes.
         let verdict = place.ok().and_then(|place| verdicts.get(place));
         let off = verdict.filter(|verdict| verdict.is_switched_off && verdict.chi2.is_finite());
-        closure.switched_off =
-            off.map(|verdict| SwitchedOff { chi2: verdict.chi2, weight: verdict.weight });
+        closure.switched_off = off.map(|verdict| SwitchedOff {
+            chi2: verdict.chi2,
+            weight: verdict.weight,
+            is_provisional: verdict.is_provisional,
+        });
     }
+    let off = || problem.closures.iter().filter_map(|closure| closure.switched_off);
+    let closures = judges.then(|| ClosureCounts {
+        judged: problem.closures.len(),
+        switched_off: off().count(),
+        provisional: off().filter(|off| off.is_provisional).count(),
+        factors,
+    });
     let fixed_poses = problem.graph.constant.iter().filter(|&&c| c).count();
     let certificate = SolveCertificate {
+        closures: closures.filter(|closures| closures.judged > 0),
         solve: solved.solve,
         method: optimizer.method,
         linear_solver: SolverKind::SparseCholesky,

@@ -19,6 +19,7 @@ use covis_solvers::{bundle_adjustment, optimizer};
 use tokio::sync::oneshot;
 
 use super::handle::Shared;
+use super::measured_pairs::MeasuredPairs;
 use super::pool::{SolvePanicked, SolverPool, answered};
 use super::solve::{Job, Outcome, solve_loop, solve_map, solve_map_graph, solve_window};
 use super::{EngineError, Estimate, Fault, OptimizeOutcome, OptimizeProblem};
@@ -41,6 +42,7 @@ pub(super) struct Running {
 pub(super) struct Solving {
     shared: Arc<Shared>,
     pool: Arc<SolverPool>,
+    pairs: Arc<MeasuredPairs>,
     pub(super) schedule: Schedule,
     running: Option<Running>,
     /// The optimization that waits or runs.
@@ -52,7 +54,8 @@ impl Solving {
     /// `last_id` is the number of the map's last solve.
     pub(super) fn new(shared: &Arc<Shared>, pool: &Arc<SolverPool>, last_id: i64) -> Self {
         let (shared, pool) = (Arc::clone(shared), Arc::clone(pool));
-        Self { shared, pool, schedule: Schedule::default(), running: None, job: None, last_id }
+        let (pairs, schedule) = (Arc::default(), Schedule::default());
+        Self { shared, pool, pairs, schedule, running: None, job: None, last_id }
     }
 
     /// Whether no solve runs or waits.
@@ -88,8 +91,9 @@ impl Solving {
         let (map, ceiling) = (Arc::clone(map), self.shared.config.ceiling());
         let max_iterations = optimizer::Options::default().max_iterations;
         let estimate = Estimate::of_map(map.usage(), max_iterations, &ceiling);
+        let pairs = Arc::clone(&self.pairs);
         self.launch(SolveKind::PoseGraph, estimate, triggers, None, move |cancel| {
-            solve_loop(map, ceiling, cancel)
+            solve_loop(map, &pairs, ceiling, cancel)
         });
     }
 
@@ -115,8 +119,9 @@ impl Solving {
             OptimizeProblem::PoseGraph { certify } => {
                 // Covers no windows: a pose graph moves no landmark relative to its keyframes.
                 let loops = self.schedule.loops();
+                let pairs = Arc::clone(&self.pairs);
                 self.launch(SolveKind::PoseGraph, estimate, loops, cancel, move |cancel| {
-                    solve_map_graph(map, &options, certify, &rows, cancel)
+                    solve_map_graph(map, &pairs, &options, certify, &rows, cancel)
                 });
             }
         }
@@ -129,19 +134,23 @@ impl Solving {
     async fn start_window(&mut self, map: &Arc<Map>, keyframe: EntityId) -> Option<Vec<u64>> {
         let max_iterations = map.policy().max_local_iterations;
         let ceiling = self.shared.config.ceiling();
+        let pairs = Arc::clone(&self.pairs);
         let built = self.pool.compute_from(map, move |map| {
+            let unmeasured = pairs.unmeasured_near(map, keyframe);
             let window = choose_window(map, keyframe);
             let problem = local_problem(map, &window);
             let estimate = problem.is_solvable().then(|| {
                 let bound = bundle_adjustment::price_bound(&problem.problem);
                 Estimate::new(bound, max_iterations, &ceiling)
             });
-            (window.free, problem, estimate)
+            (window.free, problem, estimate, unmeasured)
         });
-        let (free, problem, estimate) = built.await;
+        let (free, problem, estimate, unmeasured) = built.await;
         let triggers = self.schedule.within(keyframe, &free);
         let Some(estimate) = estimate else { return Some(triggers) };
+        let pairs = Arc::clone(&self.pairs);
         self.launch(SolveKind::LocalBundle, estimate, triggers, None, move |cancel| {
+            pairs.measure(unmeasured);
             solve_window(problem, max_iterations, ceiling, cancel)
         });
         None

@@ -199,10 +199,15 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
         cameras,
         switched_off,
         switched_on,
+        closure_variances,
         covered,
         initial_cost,
         final_cost,
     } = solve;
+    let variance = |&(client, variance): &(ClientIndex, f64)| v1::ClosureVariance {
+        client: client.0,
+        variance: variance.to_bits(),
+    };
     let pose = |(id, pose): &(EntityId, _)| v1::NewPose {
         id: Some(encode_id(*id)),
         world_from_camera: Some(encode_pose(pose)),
@@ -223,6 +228,7 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
         final_cost: final_cost.to_bits(),
         switched_off: switched_off.iter().map(|(id, off)| encode_switched_off(*id, off)).collect(),
         switched_on: switched_on.iter().copied().map(encode_id).collect(),
+        closure_variances: closure_variances.iter().map(variance).collect(),
     }
 }
 
@@ -245,6 +251,11 @@ fn decode_solve(solve: v1::SolveApplied) -> Decoded<AppliedSolve> {
             .map(decode_switched_off)
             .collect::<Decoded<_>>()?,
         switched_on: solve.switched_on.into_iter().map(decode_id).collect(),
+        closure_variances: solve
+            .closure_variances
+            .into_iter()
+            .map(|of| (ClientIndex(of.client), f64::from_bits(of.variance)))
+            .collect(),
         covered: solve.covered.into_iter().map(covered).collect(),
         initial_cost: f64::from_bits(solve.initial_cost),
         final_cost: f64::from_bits(solve.final_cost),

@@ -333,13 +333,15 @@ pub(super) fn decode_constraint(message: v1::Constraint) -> Decoded<(EntityId, C
 }
 
 pub(super) fn encode_switched_off(id: EntityId, off: &SwitchedOff) -> v1::SwitchedOff {
-    let SwitchedOff { chi2, weight } = off;
-    v1::SwitchedOff { id: Some(encode_id(id)), chi2: chi2.to_bits(), weight: weight.to_bits() }
+    let SwitchedOff { chi2, weight, is_provisional } = *off;
+    let (chi2, weight) = (chi2.to_bits(), weight.to_bits());
+    v1::SwitchedOff { id: Some(encode_id(id)), chi2, weight, is_provisional }
 }
 
 pub(super) fn decode_switched_off(message: v1::SwitchedOff) -> Decoded<(EntityId, SwitchedOff)> {
-    let v1::SwitchedOff { id, chi2, weight } = message;
-    let off = SwitchedOff { chi2: f64::from_bits(chi2), weight: f64::from_bits(weight) };
+    let v1::SwitchedOff { id, chi2, weight, is_provisional } = message;
+    let (chi2, weight) = (f64::from_bits(chi2), f64::from_bits(weight));
+    let off = SwitchedOff { chi2, weight, is_provisional };
     Ok((required_id(id, "a constraint")?, off))
 }
 

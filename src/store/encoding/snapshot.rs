@@ -224,18 +224,23 @@ fn take<M, V>(
 
 fn encode_client(client: &Client) -> v1::Client {
     // The items are parts of their own.
-    let Client { name, epoch, next_sequence, optimized_sequence, items: _ } = client;
+    let Client { name, epoch, next_sequence, optimized_sequence, closure_variance, items: _ } =
+        client;
     v1::Client {
         name: name.clone(),
         epoch: *epoch,
         next_sequence: *next_sequence,
         optimized_sequence: *optimized_sequence,
+        closure_variance: Some(closure_variance.to_bits()),
     }
 }
 
 fn decode_client(client: v1::Client) -> Client {
-    let v1::Client { name, epoch, next_sequence, optimized_sequence } = client;
-    Client { name, epoch, next_sequence, optimized_sequence, items: Default::default() }
+    let v1::Client { name, epoch, next_sequence, optimized_sequence, closure_variance } = client;
+    // An earlier version had none.
+    let closure_variance = closure_variance.map_or(1.0, f64::from_bits);
+    let items = Default::default();
+    Client { name, epoch, next_sequence, optimized_sequence, closure_variance, items }
 }
 
 fn encode_landmark(id: EntityId, landmark: &Landmark) -> v1::Landmark {

@@ -140,8 +140,12 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
             poses: vec![(id(10), pose(0.123))],
             landmarks: vec![(id(1), Vector3::new(-0.0, 1e300, 0.1))],
             cameras: vec![(id(1), cameras[1])],
-            switched_off: vec![(id(1), SwitchedOff { chi2: 1e9, weight: -0.0 })],
+            switched_off: vec![(
+                id(1),
+                SwitchedOff { chi2: 1e9, weight: -0.0, is_provisional: true },
+            )],
             switched_on: vec![id(2)],
+            closure_variances: vec![(ClientIndex(0), 270.5)],
             covered: vec![(ClientIndex(0), 3)],
             initial_cost: 1e9,
             final_cost: -0.0,

@@ -500,6 +500,10 @@ pub struct SwitchedOff {
     /// Its weight in that solution, 0 to 1: 0 with GNC_TLS, small with GNC_GM.
     #[prost(double, tag = "2")]
     pub weight: f64,
+    /// No other closure joins its two places, so that nothing but the odometry speaks against it. It
+    /// counts as soon as another closure agrees with it or the trajectory comes to fit it.
+    #[prost(bool, tag = "3")]
+    pub provisional: bool,
 }
 impl ::prost::Name for SwitchedOff {
     const NAME: &'static str = "SwitchedOff";
@@ -509,6 +513,58 @@ impl ::prost::Name for SwitchedOff {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.SwitchedOff".into()
+    }
+}
+/// What a pose-graph optimization of a map found of its loop closures.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct ClosureSummary {
+    /// Loop closures that were judged, at least 0.
+    #[prost(int64, tag = "1")]
+    pub closure_count: i64,
+    /// Those that are switched off, at least 0.
+    #[prost(int64, tag = "2")]
+    pub switched_off_count: i64,
+    /// Those of them that are provisional, at least 0.
+    #[prost(int64, tag = "3")]
+    pub provisional_count: i64,
+    /// How far stated information was believed, by client_id.
+    #[prost(message, repeated, tag = "4")]
+    pub variance_factors: ::prost::alloc::vec::Vec<VarianceFactors>,
+}
+impl ::prost::Name for ClosureSummary {
+    const NAME: &'static str = "ClosureSummary";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.ClosureSummary".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.ClosureSummary".into()
+    }
+}
+/// By what the stated covariances of a client have to be multiplied to fit what was measured. Found from
+/// the errors of the loops that closures make with the odometry; 1 or above, no unit.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct VarianceFactors {
+    /// The client.
+    #[prost(string, tag = "1")]
+    pub client_id: ::prost::alloc::string::String,
+    /// Of its odometry: the relative poses that consecutive keyframes' landmarks give, and its
+    /// constraints of kind ODOMETRY.
+    #[prost(double, tag = "2")]
+    pub odometry: f64,
+    /// Of the loop closures that it sent. Far above 1, their information is too confident: a factor of
+    /// 100 is a standard deviation that is ten times too small.
+    #[prost(double, tag = "3")]
+    pub loop_closure: f64,
+}
+impl ::prost::Name for VarianceFactors {
+    const NAME: &'static str = "VarianceFactors";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.VarianceFactors".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.VarianceFactors".into()
     }
 }
 /// What is proved of the chordal cost of a pose graph, as SE-Sync poses it: the sum over edges of
@@ -761,6 +817,9 @@ pub struct SolveSummary {
     /// Residuals by kind, sorted by kind; only kinds that occur. Tells whether a sigma is wrong.
     #[prost(message, repeated, tag = "21")]
     pub residuals: ::prost::alloc::vec::Vec<ResidualStatistics>,
+    /// Pose graphs of a map with loop closures only: what was found of them.
+    #[prost(message, optional, tag = "30")]
+    pub closures: ::core::option::Option<ClosureSummary>,
 }
 impl ::prost::Name for SolveSummary {
     const NAME: &'static str = "SolveSummary";

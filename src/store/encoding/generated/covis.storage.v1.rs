@@ -689,6 +689,9 @@ pub struct SwitchedOff {
     /// Bits of its weight there.
     #[prost(fixed64, tag = "3")]
     pub weight: u64,
+    /// Whether nothing but the odometry speaks against it.
+    #[prost(bool, tag = "4")]
+    pub is_provisional: bool,
 }
 impl ::prost::Name for SwitchedOff {
     const NAME: &'static str = "SwitchedOff";
@@ -730,6 +733,9 @@ pub struct SolveApplied {
     /// Loop closures that count again.
     #[prost(message, repeated, tag = "9")]
     pub switched_on: ::prost::alloc::vec::Vec<Id>,
+    /// Variance factors of clients' loop closures that changed.
+    #[prost(message, repeated, tag = "10")]
+    pub closure_variances: ::prost::alloc::vec::Vec<ClosureVariance>,
 }
 impl ::prost::Name for SolveApplied {
     const NAME: &'static str = "SolveApplied";
@@ -739,6 +745,26 @@ impl ::prost::Name for SolveApplied {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.storage.v1.SolveApplied".into()
+    }
+}
+/// By what the covariances that a client states for its loop closures are multiplied.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ClosureVariance {
+    /// Position of the client among the map's clients.
+    #[prost(uint32, tag = "1")]
+    pub client: u32,
+    /// Bits of the factor.
+    #[prost(fixed64, tag = "2")]
+    pub variance: u64,
+}
+impl ::prost::Name for ClosureVariance {
+    const NAME: &'static str = "ClosureVariance";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.ClosureVariance".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.ClosureVariance".into()
     }
 }
 /// An observation by its ends.
@@ -956,6 +982,9 @@ pub struct Client {
     /// Its last sequence that solves have covered.
     #[prost(int64, tag = "4")]
     pub optimized_sequence: i64,
+    /// Bits of the variance factor of its loop closures; absent, 1.
+    #[prost(fixed64, optional, tag = "5")]
+    pub closure_variance: ::core::option::Option<u64>,
 }
 impl ::prost::Name for Client {
     const NAME: &'static str = "Client";

@@ -50,6 +50,7 @@ pub(super) fn event(revision: i64, kind: i64) -> Arc<Event> {
                 cameras: Vec::new(),
                 switched_off: Vec::new(),
                 switched_on: Vec::new(),
+                closure_variances: Vec::new(),
                 covered: vec![(ClientIndex(0), sequence - 1)],
                 initial_cost: 2.0,
                 final_cost: 0.1 + 0.2,
