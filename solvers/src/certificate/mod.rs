@@ -28,7 +28,7 @@ use crate::problem::{PoseGraph, SolveError};
 const MAX_LIFTS: usize = 5;
 
 /// The gradient's largest entry at the end, over the largest diagonal entry of M.
-const GRADIENT_TOLERANCE: f64 = 1e-10;
+const GRADIENT_TOLERANCE: f64 = 1e-12;
 
 /// A state counts as certified where its cost is proved to be within this share of the optimum.
 const CERTIFIED_GAP: f64 = 1e-6;

@@ -20,7 +20,7 @@ pub(super) struct Measured<G, const N: usize> {
 }
 
 impl<G: LieGroup<N>, const N: usize> Measured<G, N> {
-    fn exact() -> Self {
+    pub(super) fn exact() -> Self {
         Self { motion: G::identity(), covariance: SMatrix::zeros() }
     }
 

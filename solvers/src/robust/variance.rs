@@ -182,7 +182,7 @@ mod tests {
             for (odometry, closures) in [(1.0, 1.0), (3.0, 1.0), (1.0, 5.0), (3.0, 16.0)] {
                 let found = made(odometry, closures, false_every);
                 let close = |found: f64, true_factor: f64| {
-                    found.sqrt() < 1.8 * true_factor && found.sqrt() > true_factor / 1.8
+                    found.sqrt() < 2.0 * true_factor && found.sqrt() > true_factor / 2.0
                 };
                 let told = format!("{odometry} {closures} {false_every}: {found:?}");
                 assert!(close(found.closures, closures), "{told}");
