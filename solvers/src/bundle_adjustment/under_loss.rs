@@ -92,8 +92,8 @@ mod tests {
             Scalar.store(v, &mut row);
             row[3]
         };
-        let residual = SVector::from(lin.residual.map(first));
-        let jacobian = SMatrix::from_fn(|r, c| first(lin.landmark[r][c]));
+        let residual: SVector<f64, 3> = SVector::from(lin.residual.map(first));
+        let jacobian = SMatrix::<f64, 3, 3>::from_fn(|r, c| first(lin.landmark[r][c]));
         (jacobian.tr_mul(&residual), jacobian.tr_mul(&jacobian))
     }
 
