@@ -15,12 +15,14 @@
 //! | `watch` | [`MapWatch`]: a [`MapMirror`] that deltas keep up to date |
 //! | `retry`, `error` | what is tried again, and when to give up |
 //! | [`wire`] | generated from `proto/covis/v1`, and the codec of every call |
+//! | [`depth_noise`] | standard deviations of measured depths |
 //! | `decoding` | what a message takes in memory, before it is decoded |
 
 mod calls;
 mod credentials;
 #[doc(hidden)]
 pub mod decoding;
+pub mod depth_noise;
 mod error;
 mod export;
 mod ingest;

@@ -7,7 +7,7 @@
 use std::time::{Duration, Instant};
 
 use crate::certificate::{Certificate, certify_within};
-use crate::evaluation::{CostReport, FactorCost, ReferencePose, pose_graph_cost};
+use crate::evaluation::{CostReport, FactorCost, ReferencePose, ResidualReport, pose_graph_cost};
 use crate::factors::RelativePose;
 use crate::geometry::{LieGroup, RigidMotion};
 use crate::initialization::{Start, align_to_priors, initialize_in_time};
@@ -298,7 +298,10 @@ impl Run<'_> {
                     // It is of several kinds: they are counted where the judging began.
                     self.cost(&PoseGraph { poses: given, ..kept })
                 }
-                true => CostReport { total: initial, relative_pose, ..after },
+                true => {
+                    let residuals = ResidualReport::default();
+                    CostReport { total: initial, relative_pose, residuals, ..after }
+                }
                 false => after,
             };
             (judged.solve.clone(), before, after, None)

@@ -2,7 +2,7 @@
 //!
 //! A factor costs ½ ρ(s). Widths are in whitened units (standard deviations). All losses satisfy
 //! ρ(0) = 0 and ρ'(0) = 1, so that small residuals count as in plain least squares. Solvers weight a
-//! factor by ρ'(s) (iteratively reweighted least squares); this file knows nothing of factors.
+//! factor by ρ'(s) and may take less curvature along its residual; this file knows nothing of factors.
 
 /// A loss function on s = rᵀΩr.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -20,48 +20,71 @@ pub enum Loss {
     GemanMcClure(f64),
 }
 
-/// ρ and its first derivative at one s.
+/// ρ and its derivatives at one s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LossValue {
     /// ρ(s); the factor's cost is half of it.
     pub rho: f64,
     /// ρ'(s), the factor's weight; in [0, 1].
     pub weight: f64,
+    /// d = 1 + 2 s ρ''(s) / ρ'(s), at most 1: the curvature of ½ ρ(‖r‖²) along the residual r, as a
+    /// share of its curvature ρ' across it. 0 where ρ' is.
+    pub curvature: f64,
+}
+
+impl LossValue {
+    /// The curvature that a linearization of this stiffness takes: `stiffness` at least, at most 1.
+    #[must_use]
+    pub fn curvature_from(&self, stiffness: f64) -> f64 {
+        // Not by `max`, since a curvature that is not a number stays one.
+        if self.curvature < stiffness { stiffness } else { self.curvature }
+    }
+
+    /// k = (1 − d) / (s ρ') with d of [`Self::curvature_from`]; 0 where ρ' or s is: with its gradient
+    /// g = ρ' JᵀΩr, the curvature of a factor is ρ' JᵀΩJ − k g gᵀ.
+    #[must_use]
+    pub fn flattening(&self, s: f64, stiffness: f64) -> f64 {
+        let (flat, across) = (1.0 - self.curvature_from(stiffness), s * self.weight);
+        if flat > 0.0 && across > 0.0 { flat / across } else { 0.0 }
+    }
 }
 
 impl Loss {
-    /// Evaluates ρ and ρ' at `s ≥ 0`.
+    /// Evaluates ρ and its derivatives at `s ≥ 0`.
     #[must_use]
     pub fn evaluate(&self, s: f64) -> LossValue {
-        match *self {
-            Self::Trivial => LossValue { rho: s, weight: 1.0 },
+        let (rho, weight, curvature) = match *self {
+            Self::Trivial => (s, 1.0, 1.0),
             Self::Huber(width) => {
                 if s <= width * width {
-                    LossValue { rho: s, weight: 1.0 }
+                    (s, 1.0, 1.0)
                 } else {
                     let root = s.sqrt();
-                    LossValue { rho: 2.0 * width * root - width * width, weight: width / root }
+                    (2.0 * width * root - width * width, width / root, 0.0)
                 }
             }
             Self::Cauchy(width) => {
                 let ratio = s / (width * width);
-                LossValue { rho: width * width * ratio.ln_1p(), weight: 1.0 / (1.0 + ratio) }
+                let weight = 1.0 / (1.0 + ratio);
+                (width * width * ratio.ln_1p(), weight, (1.0 - ratio) * weight)
             }
             Self::Tukey(width) => {
                 let squared = width * width;
-                if s <= squared {
-                    let u = 1.0 - s / squared;
-                    LossValue { rho: squared / 3.0 * (1.0 - u * u * u), weight: u * u }
+                let ratio = s / squared;
+                if ratio < 1.0 {
+                    let u = 1.0 - ratio;
+                    (squared / 3.0 * (1.0 - u * u * u), u * u, (1.0 - 5.0 * ratio) / u)
                 } else {
-                    LossValue { rho: squared / 3.0, weight: 0.0 }
+                    (squared / 3.0, 0.0, 0.0)
                 }
             }
             Self::GemanMcClure(width) => {
                 let squared = width * width;
                 let u = squared / (s + squared);
-                LossValue { rho: s * u, weight: u * u }
+                (s * u, u * u, 1.0 - 4.0 * (1.0 - u))
             }
-        }
+        };
+        LossValue { rho, weight, curvature }
     }
 
     /// The width in whitened units; `None` for [`Loss::Trivial`].
@@ -85,7 +108,7 @@ mod tests {
     use super::Loss;
 
     #[test]
-    fn weight_is_the_derivative_of_rho() {
+    fn weight_and_curvature_are_derivatives_of_rho() {
         for loss in [
             Loss::Trivial,
             Loss::Huber(1.3),
@@ -101,6 +124,12 @@ mod tests {
                 let value = loss.evaluate(s);
                 assert!((numeric - value.weight).abs() < 1e-5, "{loss:?} at {s}");
                 assert!((0.0..=1.0).contains(&value.weight), "{loss:?} at {s}");
+                let (up, down) = (loss.evaluate(s + h).weight, loss.evaluate(s - h).weight);
+                let numeric = value.weight + s * (up - down) / h;
+                let error = (numeric - value.curvature * value.weight).abs();
+                // Between the two sides of a kink there is no derivative.
+                let kinked = loss.width().is_some_and(|w| (s - w * w).abs() <= h);
+                assert!(kinked || error < 1e-4, "{loss:?} at {s}: off by {error}");
             }
         }
     }

@@ -148,6 +148,7 @@ fn as_bundle(input: &Input, pose: Se3) -> BundleProblem {
             }
         }
     }
+    problem.constant_landmarks.fill(true);
     problem.pose_priors = input.prior.iter().map(as_factor).collect();
     problem
 }

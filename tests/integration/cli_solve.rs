@@ -118,6 +118,11 @@ fn the_report_says_what_was_solved() {
     let room = solve("bundle", &golden("twins/colmap-room"), "--fix-intrinsics", Loss::Trivial);
     assert_eq!((&room["poses"], &room["cameras"]), (&6.into(), &2.into()));
     assert_eq!((&room["observations"], &room["format"]), (&293.into(), &"colmap-text".into()));
+    let pixels = &room["residuals"][0];
+    let facts = (&pixels["quantity"], &pixels["unit"], &pixels["count"], &pixels["sigma"]);
+    assert_eq!(facts, (&"pixel".into(), &"px".into(), &293.into(), &"plausible".into()));
+    assert!(number(pixels, "final_rms") < number(pixels, "initial_rms"));
+    assert!(number(pixels, "reduced_chi2") > 0.0);
     let options = "--linear-solver sparse-schur --threads 2 --max-iterations 2";
     let window = golden("twins/window-6-80.txt");
     let report = solve("bundle", &window, options, Loss::Trivial);
@@ -129,6 +134,8 @@ fn the_report_says_what_was_solved() {
     );
     let edges = solve("pose-graph", &golden("twins/grid-100-edges.g2o"), "", Loss::Trivial);
     assert_eq!((&edges["init"], &edges["group"]), (&"chordal".into(), &"SE2".into()));
+    let quantities = edges["residuals"].as_array().unwrap().iter().map(|row| &row["quantity"]);
+    assert!(quantities.eq(["relative translation", "relative rotation"]));
     assert!(number(&edges, "init_seconds") <= number(&edges["iterations"][0], "seconds"));
 }
 
@@ -379,7 +386,12 @@ fn a_person_gets_a_table() {
     assert_eq!((ran.code, ran.stderr.as_str()), (Some(0), ""));
     let head: Vec<&str> = ran.stdout.lines().next().unwrap().split_whitespace().collect();
     assert_eq!(head, ["iteration", "cost", "decrease", "damping", "quality", "time"]);
-    for part in ["termination: converged", "linear solver: dense-schur", "362 observations"] {
+    for part in [
+        "termination: converged",
+        "linear solver: dense-schur",
+        "362 observations",
+        "pixel: 362 with rms",
+    ] {
         assert!(ran.stdout.contains(part), "`{part}` in {}", ran.stdout);
     }
 }

@@ -147,6 +147,14 @@ fn solve_bundle_solves_with_either_linear_system() {
             assert_eq!((summary.free_pose_count, summary.fixed_pose_count), (3, 2));
             assert_eq!(summary.free_landmark_count, LANDMARKS);
             assert!(summary.reprojection.unwrap().final_rmse_px < 1e-3);
+            let [pixels] = &summary.residuals[..] else { panic!("{:?}", summary.residuals) };
+            assert_eq!(pixels.kind(), v1::ResidualKind::Pixel);
+            assert_eq!(pixels.factor_count, summary.factor_costs[0].factor_count);
+            assert_eq!(pixels.redundant_count, pixels.factor_count);
+            assert!(pixels.final_rms < 1e-3 && pixels.initial_rms.unwrap() > 1.0);
+            // Pixels without noise have a sigma that is far too large.
+            assert_eq!(pixels.sigma_judgment(), v1::SigmaJudgment::TooLarge);
+            assert!(pixels.hint.contains("the sigmas are too large"));
             assert!(summary.linear_residual < 1e-6);
             assert_eq!(answer.iterations.len() as i32, summary.iteration_count + 1);
             assert_eq!(answer.iterations[0].cost, summary.initial_cost);

@@ -112,15 +112,10 @@ impl Linearization<'_> {
         let vectors = vectors.as_slice();
         layout.chunks().par_iter().zip(sums.par_iter_mut()).for_each(|(chunk, sums)| {
             let groups = &groups[chunk.tiles.start * GROUPS..chunk.tiles.end * GROUPS];
-            class.run(Product::<D, V, T, R> {
-                inputs,
-                layout,
-                chunk,
-                groups,
-                vectors,
-                sums,
-                interrupt,
-            });
+            inputs.run(
+                class,
+                Product::<D, V, T, R> { inputs, layout, chunk, groups, vectors, sums, interrupt },
+            );
         });
         for ((q, p), added) in q.iter_mut().zip(p).zip(self.added) {
             *q = added * p;

@@ -20,6 +20,7 @@ mod reduce;
 mod reduced_solver;
 mod sorted;
 mod system;
+mod under_loss;
 
 use std::time::Instant;
 

@@ -2,7 +2,7 @@
 //!
 //! p = R (X − c) with R = `camera_from_world` and c the camera's center. With J = ∂π/∂p whitened by
 //! the sigmas, the rows are ∂r/∂t = −J, ∂r/∂φ = J p^ and ∂r/∂X = J R. Depth observations add the row
-//! (p_z − d)/σ_d. Robust weights are folded in as √ρ'. Landmarks and views do not matter here: lanes
+//! (p_z − d)/σ_d. Losses are folded in. Landmarks and views do not matter here: lanes
 //! are neighbors in the sorted order, whatever they see.
 
 use super::sorted::Sorted;
@@ -11,7 +11,7 @@ use crate::lanes::models::{
     AnyLanes, LaneModel, LanePoints, PARAMETERS, PinholeLanes, SnavelyLanes,
 };
 use crate::loss::Loss;
-use crate::simd::{Lanes, Row, Subroutine, WIDTH};
+use crate::simd::{Class, Kernel, Lanes, Row, Subroutine, WIDTH};
 
 /// A view as the kernels read it: R by rows (9), c (3), camera parameters (9), padding.
 pub(super) type ViewRecord = [Row; 3];
@@ -55,6 +55,8 @@ pub(super) struct Inputs<'a> {
     /// Four numbers a landmark, in sorted order: x, y, z and one that is not read; padded by four.
     pub(super) points: &'a [f64],
     pub(super) loss: Loss,
+    /// See [`System::set_stiffness`](crate::optimizer::System::set_stiffness).
+    pub(super) stiffness: f64,
     pub(super) model: Model,
     /// The camera of each view.
     pub(super) view_cameras: &'a [u32],
@@ -64,6 +66,33 @@ impl<'a> Inputs<'a> {
     #[inline(always)]
     fn any(&self) -> AnyLanes<'a> {
         AnyLanes { view_cameras: self.view_cameras }
+    }
+
+    /// Runs a kernel that linearizes: without a loss by code that knows of none.
+    pub(super) fn run<K: LossKernel>(&self, class: Class, kernel: K) -> K::Output {
+        if self.loss == Loss::Trivial {
+            class.run(Under::<K, false>(kernel))
+        } else {
+            class.run(Under::<K, true>(kernel))
+        }
+    }
+}
+
+/// A kernel that linearizes, compiled with a loss and without. `run` must be `#[inline(always)]` down
+/// to the operations.
+pub(super) trait LossKernel {
+    type Output;
+    fn run<L: Lanes, const ROBUST: bool>(self, l: L) -> Self::Output;
+}
+
+struct Under<K, const ROBUST: bool>(K);
+
+impl<K: LossKernel, const ROBUST: bool> Kernel for Under<K, ROBUST> {
+    type Output = K::Output;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, l: L) -> K::Output {
+        self.0.run::<L, ROBUST>(l)
     }
 }
 
@@ -198,7 +227,7 @@ fn errors_of<L: Lanes, M: LaneModel, const R: usize>(
 }
 
 #[inline(always)]
-fn squared_norm<L: Lanes, const R: usize>(l: L, residual: &[L::V; R]) -> L::V {
+pub(super) fn squared_norm<L: Lanes, const R: usize>(l: L, residual: &[L::V; R]) -> L::V {
     let mut sum = l.mul(residual[0], residual[0]);
     for r in &residual[1..] {
         sum = l.fma(*r, *r, sum);
@@ -233,17 +262,27 @@ pub(super) trait Consumer<L: Lanes, const R: usize> {
     fn consume(self, l: L, lin: &Linearized<L, R>);
 }
 
-/// Linearizes eight observations with D columns a view, weighted by √ρ', and hands them to `consumer`.
+/// Linearizes eight observations with D columns a view and hands them to `consumer`; with ROBUST under
+/// the loss, otherwise as without a loss.
 ///
 /// Each written-out model has code of its own in a kernel, so that its Jacobians stay in registers;
 /// all others share a call, whose cost is small beside theirs.
 #[inline(always)]
-pub(super) fn linearize<L: Lanes, C: Consumer<L, R>, const D: usize, const R: usize>(
+pub(super) fn linearize<
+    L: Lanes,
+    C: Consumer<L, R>,
+    const D: usize,
+    const R: usize,
+    const ROBUST: bool,
+>(
     l: L,
     inputs: &Inputs<'_>,
     first: usize,
     consumer: C,
 ) {
+    if ROBUST {
+        return consumer.consume(l, &l.call(LinearizeRobust::<D, R> { inputs, first }));
+    }
     if D == 9 {
         // Snavely's cameras alone have three unknowns. Without a call in it the kernel keeps its
         // constants in registers.
@@ -278,24 +317,11 @@ impl<L: Lanes, M: LaneModel, const R: usize> Subroutine<L> for Linearize<'_, M, 
         let Self { inputs, first, model } = self;
         let seen = look::<L, M>(l, inputs, first);
         let projection = model.project(l, seen.points(inputs.cameras));
-        let mut residual = whitened::<L, R>(l, inputs, first, &projection.pixel, seen.point[2]);
-        let mut weight = l.load(eight(&inputs.sorted.weights, first));
+        let residual = whitened::<L, R>(l, inputs, first, &projection.pixel, seen.point[2]);
+        let weight = l.load(eight(&inputs.sorted.weights, first));
         let mut depth_weight = weight;
         if R > 2 {
             depth_weight = l.load(eight(&inputs.sorted.depth_weights, first));
-        }
-        if inputs.loss != Loss::Trivial {
-            let mut roots = [0.0; WIDTH];
-            l.store(squared_norm(l, &residual), &mut roots);
-            for root in &mut roots {
-                *root = inputs.loss.evaluate(*root).weight.sqrt();
-            }
-            let root = l.load(&roots);
-            weight = l.mul(weight, root);
-            depth_weight = l.mul(depth_weight, root);
-            for r in &mut residual {
-                *r = l.mul(*r, root);
-            }
         }
         let zero = l.splat(0.0);
         let mut out = Linearized {
@@ -331,6 +357,30 @@ impl<L: Lanes, M: LaneModel, const R: usize> Subroutine<L> for Linearize<'_, M, 
                 }
             }
         }
+        out
+    }
+}
+
+/// The Jacobians of eight observations under a loss; see [`super::under_loss`].
+struct LinearizeRobust<'a, const D: usize, const R: usize> {
+    inputs: &'a Inputs<'a>,
+    first: usize,
+}
+
+impl<L: Lanes, const D: usize, const R: usize> Subroutine<L> for LinearizeRobust<'_, D, R> {
+    type Output = Linearized<L, R>;
+
+    #[inline(always)]
+    fn run(self, l: L) -> Linearized<L, R> {
+        let Self { inputs, first } = self;
+        let mut out = match inputs.model {
+            Model::Snavely if R == 2 => Linearize { inputs, first, model: SnavelyLanes }.run(l),
+            Model::Pinhole if D == 6 => Linearize { inputs, first, model: PinholeLanes }.run(l),
+            Model::Snavely | Model::Pinhole | Model::Any => {
+                Linearize { inputs, first, model: inputs.any() }.run(l)
+            }
+        };
+        out.weigh::<D>(l, &inputs.loss, inputs.stiffness);
         out
     }
 }

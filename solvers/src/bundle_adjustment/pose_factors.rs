@@ -57,15 +57,16 @@ pub(super) fn hessian(layout: &Layout, pairs: Vec<(usize, usize)>) -> BlockMatri
     BlockMatrix::new(Arc::new(BlockPattern::new(layout.block_sizes.clone(), pairs)))
 }
 
-/// H of all pose factors, set, and their gradient, added.
+/// H of all pose factors, set, and their gradient, added; `stiffness` as in [`super::observe::Inputs`].
 pub(super) fn linearize(
     problem: &BundleProblem,
     layout: &Layout,
     hessian: &mut BlockMatrix,
     gradient: &mut [f64],
+    stiffness: f64,
 ) {
     hessian.set_zero();
-    let mut sink = Sink { layout, hessian, gradient };
+    let mut sink = Sink { layout, hessian, gradient, stiffness };
     for factor in &problem.relative_poses {
         sink.relative_pose(problem, factor);
     }
@@ -83,27 +84,37 @@ struct Sink<'a> {
     layout: &'a Layout,
     hessian: &'a mut BlockMatrix,
     gradient: &'a mut [f64],
+    stiffness: f64,
 }
 
 impl Sink<'_> {
     fn relative_pose(&mut self, problem: &BundleProblem, factor: &RelativePose<Se3, 6>) {
         let lin = factor.linearize(&problem.poses[factor.i], &problem.poses[factor.j]);
         let s = factor.information.squared_norm(&lin.residual);
-        let weight = factor.loss.unwrap_or(problem.relative_pose_loss).evaluate(s).weight;
-        let omega = factor.information.matrix() * weight;
+        let loss = factor.loss.unwrap_or(problem.relative_pose_loss).evaluate(s);
+        let omega = factor.information.matrix() * loss.weight;
         let (i, j) = (self.layout.pose_block[factor.i], self.layout.pose_block[factor.j]);
         let (left_i, left_j) = (lin.d_i.transpose() * omega, lin.d_j.transpose() * omega);
-        self.add_gradient(i, &(left_i * lin.residual));
-        self.add_gradient(j, &(left_j * lin.residual));
-        self.add_block(i, i, &(left_i * lin.d_i));
-        self.add_block(j, j, &(left_j * lin.d_j));
+        let (g_i, g_j) = (left_i * lin.residual, left_j * lin.residual);
+        self.add_gradient(i, &g_i);
+        self.add_gradient(j, &g_j);
+        // A factor's curvature is w JᵀΩJ − k g gᵀ.
+        let k = loss.flattening(s, self.stiffness);
+        let less = |mut block: SMatrix<f64, 6, 6>, a: &SVector<f64, 6>, b: &SVector<f64, 6>| {
+            if k > 0.0 {
+                block.ger(-k, a, b, 1.0);
+            }
+            block
+        };
+        self.add_block(i, i, &less(left_i * lin.d_i, &g_i, &g_i));
+        self.add_block(j, j, &less(left_j * lin.d_j, &g_j, &g_j));
         if i == j {
-            let cross = left_i * lin.d_j;
+            let cross = less(left_i * lin.d_j, &g_i, &g_j);
             self.add_block(i, i, &(cross + cross.transpose()));
         } else if i > j {
-            self.add_block(i, j, &(left_i * lin.d_j));
+            self.add_block(i, j, &less(left_i * lin.d_j, &g_i, &g_j));
         } else {
-            self.add_block(j, i, &(left_j * lin.d_i));
+            self.add_block(j, i, &less(left_j * lin.d_i, &g_j, &g_i));
         }
     }
 
@@ -115,10 +126,13 @@ impl Sink<'_> {
         d_pose: &SMatrix<f64, R, 6>,
     ) {
         let block = self.layout.pose_block[pose];
-        let weight = loss.evaluate(information.squared_norm(residual)).weight;
-        let left = d_pose.transpose() * information.matrix() * weight;
-        self.add_gradient(block, &(left * residual));
-        self.add_block(block, block, &(left * d_pose));
+        let s = information.squared_norm(residual);
+        let loss = loss.evaluate(s);
+        let left = d_pose.transpose() * information.matrix() * loss.weight;
+        let gradient = left * residual;
+        let less = gradient * (loss.flattening(s, self.stiffness) * gradient.transpose());
+        self.add_gradient(block, &gradient);
+        self.add_block(block, block, &(left * d_pose - less));
     }
 
     fn add_gradient(&mut self, block: u32, values: &SVector<f64, 6>) {

@@ -6,13 +6,13 @@
 //! A chunk sums into its own views; the sums are added in the chunks' order.
 
 use crate::interrupt::Interrupt;
-use crate::simd::{Kernel, Lanes, Line, WIDTH};
+use crate::simd::{Lanes, Line, WIDTH};
 
 use super::back_substitute::along;
 use super::blocks::ViewVector;
 use super::landmarks::{LandmarkGroup, Rows};
 use super::layout::Layout;
-use super::observe::{Consumer, Inputs, Linearized, eight_indices, linearize};
+use super::observe::{Consumer, Inputs, Linearized, LossKernel, eight_indices, linearize};
 use super::sorted::{Chunk, GROUPS};
 
 /// What a chunk adds to a product, and its tile.
@@ -70,13 +70,13 @@ pub(super) struct Product<'a, const D: usize, const V: usize, const T: usize, co
     pub(super) interrupt: &'a Interrupt,
 }
 
-impl<const D: usize, const V: usize, const T: usize, const R: usize> Kernel
+impl<const D: usize, const V: usize, const T: usize, const R: usize> LossKernel
     for Product<'_, D, V, T, R>
 {
     type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes>(self, l: L) {
+    fn run<L: Lanes, const ROBUST: bool>(self, l: L) {
         let Self { inputs, layout, chunk, groups, vectors, sums, interrupt } = self;
         let sorted = inputs.sorted;
         sums.views.fill(ViewVector::ZERO);
@@ -91,7 +91,7 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> Kernel
                 let rows = &mut sums.rows;
                 let tile =
                     StoreProduct::<D, V, T, R> { vectors, views, eight, slot: o - first, rows };
-                linearize::<L, _, D, R>(l, &inputs, o, tile);
+                linearize::<L, _, D, R, ROBUST>(l, &inputs, o, tile);
             }
             sums.rows.sum(l, sorted, &tile);
             let groups = &groups[(t - chunk.tiles.start) * GROUPS..];

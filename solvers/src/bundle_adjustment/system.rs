@@ -24,6 +24,7 @@ use super::sorted::{GROUPS, split};
 use crate::geometry::{Camera, LieGroup, Se3};
 use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, Cholesky, LinearError};
+use crate::loss::Loss;
 use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale};
 use crate::price::Limits;
 use crate::problem::{BundleProblem, SolveError};
@@ -53,13 +54,20 @@ pub(super) struct BundleSystem<'a, const D: usize, const V: usize, const T: usiz
     pose_hessian: Option<BlockMatrix>,
     vectors: ReducedVectors,
     eliminated_for: Option<f64>,
+    stiffness: f64,
     // The step.
     solver: Solver<D, V, T, R>,
     step: Vec<f64>,
     view_steps: Vec<ViewVector<V, T>>,
     point_steps: Vec<f64>,
     backup: Values,
+    /// The displacement since the last linearization, and the one before it, which a loss's steps are
+    /// searched along: of the reduced system, then of the landmarks.
+    taken: Displacement,
+    previous: Displacement,
 }
+
+type Displacement = (Vec<f64>, Vec<f64>);
 
 /// The landmarks in the kernels' order, and one more: eight numbers are read from any landmark on.
 fn points_in_order(problem: &BundleProblem, layout: &Layout) -> Vec<f64> {
@@ -93,6 +101,7 @@ pub(super) fn cost_of<const R: usize>(
         cameras: &problem.cameras,
         points: &points,
         loss: problem.observation_loss,
+        stiffness: 1.0,
         model,
         view_cameras: &layout.view_cameras,
     };
@@ -155,12 +164,15 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
             reduced: BlockMatrix::new(pattern),
             vectors: ReducedVectors::new(dimension),
             eliminated_for: None,
+            stiffness: 1.0,
             solver,
             step: vec![0.0; dimension],
             view_steps: vec![ViewVector::ZERO; layout.views.len()],
             point_steps: vec![0.0; points.len()],
             points,
             backup: Values::default(),
+            taken: Displacement::default(),
+            previous: Displacement::default(),
             pairs,
             problem,
             layout,
@@ -190,6 +202,7 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
             cameras: &self.problem.cameras,
             points: &self.points,
             loss: self.problem.observation_loss,
+            stiffness: self.stiffness,
             model: self.model,
             view_cameras: &self.layout.view_cameras,
         }
@@ -207,23 +220,26 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
         let chunks = layout.chunks().par_iter().enumerate();
         chunks.zip(&mut sums).zip(pieces).for_each(|(((i, chunk), sums), groups)| {
             let pairs = pairs.map(|pairs| &pairs[i]);
-            class.run(Accumulate::<D, V, T, R> {
-                inputs,
-                layout,
-                chunk,
-                pairs,
-                damping,
-                interrupt,
-                sums,
-                groups,
-            });
+            inputs.run(
+                class,
+                Accumulate::<D, V, T, R> {
+                    inputs,
+                    layout,
+                    chunk,
+                    pairs,
+                    damping,
+                    interrupt,
+                    sums,
+                    groups,
+                },
+            );
         });
         self.reduction.sum(layout, &sums, &mut self.reduced, &mut self.vectors, interrupt);
         self.sums = sums;
         self.groups = groups;
         if let Some(hessian) = &mut self.pose_hessian {
             let mut gradient = vec![0.0; self.step.len()];
-            pose_factors::linearize(self.problem, layout, hessian, &mut gradient);
+            pose_factors::linearize(self.problem, layout, hessian, &mut gradient, self.stiffness);
             self.reduced.add(hessian);
             let vectors = &mut self.vectors;
             for (i, (g, d)) in gradient.iter().zip(hessian.diagonal()).enumerate() {
@@ -254,6 +270,7 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
                         cameras: &self.problem.cameras,
                         points: &self.points,
                         loss: self.problem.observation_loss,
+                        stiffness: self.stiffness,
                         model: self.model,
                         view_cameras: &self.layout.view_cameras,
                     },
@@ -284,16 +301,19 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
             .zip(pieces)
             .map(|(chunk, steps)| {
                 let groups = &self.groups[chunk.tiles.start * GROUPS..chunk.tiles.end * GROUPS];
-                class.run(BackSubstitute::<D, V, T, R> {
-                    inputs,
-                    layout,
-                    chunk,
-                    damping,
-                    view_steps,
-                    groups,
-                    steps,
-                    interrupt,
-                })
+                inputs.run(
+                    class,
+                    BackSubstitute::<D, V, T, R> {
+                        inputs,
+                        layout,
+                        chunk,
+                        damping,
+                        view_steps,
+                        groups,
+                        steps,
+                        interrupt,
+                    },
+                )
             })
             .collect();
         self.point_steps = steps;
@@ -301,6 +321,29 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
             decrease: a.decrease + b.decrease,
             squared: a.squared + b.squared,
         })
+    }
+
+    /// Moves the variables and returns the new cost.
+    fn move_by(&mut self, step: &[f64], point_steps: &[f64]) -> f64 {
+        let problem = &mut *self.problem;
+        for (pose, &block) in problem.poses.iter_mut().zip(&self.layout.pose_block) {
+            if block != NO_BLOCK {
+                let offset = self.offsets[block as usize];
+                *pose = pose.plus(&SVector::from_column_slice(&step[offset..offset + 6]));
+            }
+        }
+        for (camera, &(block, column)) in problem.cameras.iter_mut().zip(&self.layout.camera_block)
+        {
+            if block != NO_BLOCK {
+                let offset = self.offsets[block as usize] + column;
+                camera.plus_parameters(&step[offset..offset + camera.parameter_count()]);
+            }
+        }
+        for (x, delta) in self.points.iter_mut().zip(point_steps) {
+            *x += delta;
+        }
+        self.eliminated_for = None;
+        self.cost()
     }
 
     /// The norm that a step is measured against: that of the poses' positions, in whose scene a
@@ -313,6 +356,18 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
 impl<const D: usize, const V: usize, const T: usize, const R: usize> System
     for BundleSystem<'_, D, V, T, R>
 {
+    fn is_robust(&self) -> bool {
+        let problem = &*self.problem;
+        let closures = problem.relative_pose_loss != Loss::Trivial;
+        problem.observation_loss != Loss::Trivial
+            || (closures && !problem.relative_poses.is_empty())
+    }
+
+    fn set_stiffness(&mut self, stiffness: f64) {
+        self.stiffness = stiffness;
+        self.eliminated_for = None;
+    }
+
     fn cost(&mut self) -> f64 {
         self.fill_view_records();
         let inputs = self.inputs();
@@ -323,6 +378,13 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> System
     }
 
     fn linearize(&mut self, damping: f64) -> Gradient {
+        if self.is_robust() {
+            // Where the plain step was taken, nothing else was noted.
+            let plain = self.taken.0.is_empty();
+            let taken = std::mem::take(&mut self.taken);
+            self.previous =
+                if plain { (self.step.clone(), self.point_steps.clone()) } else { taken };
+        }
         self.eliminate(damping);
         let mut max_norm = self.sums.iter().map(|s| s.gradient_max_norm).fold(0.0, f64::max);
         for (gradient, diagonal) in self.vectors.gradient.iter().zip(&self.vectors.diagonal) {
@@ -363,28 +425,31 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> System
     }
 
     fn apply(&mut self) -> f64 {
-        let problem = &mut *self.problem;
-        self.backup.poses.clone_from(&problem.poses);
-        self.backup.cameras.clone_from(&problem.cameras);
+        self.backup.poses.clone_from(&self.problem.poses);
+        self.backup.cameras.clone_from(&self.problem.cameras);
         self.backup.points.clone_from(&self.points);
-        for (pose, &block) in problem.poses.iter_mut().zip(&self.layout.pose_block) {
-            if block != NO_BLOCK {
-                let offset = self.offsets[block as usize];
-                *pose = pose.plus(&SVector::from_column_slice(&self.step[offset..offset + 6]));
-            }
-        }
-        for (camera, &(block, column)) in problem.cameras.iter_mut().zip(&self.layout.camera_block)
-        {
-            if block != NO_BLOCK {
-                let offset = self.offsets[block as usize] + column;
-                camera.plus_parameters(&self.step[offset..offset + camera.parameter_count()]);
-            }
-        }
-        for (x, delta) in self.points.iter_mut().zip(&self.point_steps) {
-            *x += delta;
-        }
-        self.eliminated_for = None;
-        self.cost()
+        self.taken = Displacement::default();
+        let step = std::mem::take(&mut self.step);
+        let point_steps = std::mem::take(&mut self.point_steps);
+        let cost = self.move_by(&step, &point_steps);
+        (self.step, self.point_steps) = (step, point_steps);
+        cost
+    }
+
+    fn apply_along(&mut self, step: f64, previous: f64) -> Option<f64> {
+        self.problem.poses.clone_from(&self.backup.poses);
+        self.problem.cameras.clone_from(&self.backup.cameras);
+        self.points.clone_from(&self.backup.points);
+        let combine = |new: &[f64], old: &[f64]| -> Vec<f64> {
+            // There is no displacement before the first.
+            let old = old.iter().chain(std::iter::repeat(&0.0));
+            new.iter().zip(old).map(|(new, old)| step * new + previous * old).collect()
+        };
+        let views = combine(&self.step, &self.previous.0);
+        let points = combine(&self.point_steps, &self.previous.1);
+        let cost = self.move_by(&views, &points);
+        self.taken = (views, points);
+        Some(cost)
     }
 
     fn restore(&mut self) {
@@ -392,5 +457,6 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> System
         std::mem::swap(&mut self.problem.cameras, &mut self.backup.cameras);
         std::mem::swap(&mut self.points, &mut self.backup.points);
         self.eliminated_for = None;
+        self.taken = Displacement::default();
     }
 }

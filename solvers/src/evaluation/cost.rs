@@ -7,6 +7,7 @@
 use nalgebra::{SVector, Vector3};
 
 use super::reference::{ReferencePose, Rigid, project};
+use super::residuals::{ResidualReport, bundle_residuals, pose_graph_residuals};
 use super::sum::CompensatedSum;
 use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::information::Information;
@@ -42,6 +43,8 @@ pub struct CostReport {
     pub rmse_px: f64,
     /// Observations whose landmark is at or behind the camera's center plane (z ≤ 0).
     pub behind_camera: usize,
+    /// The residuals by quantity, against their sigmas.
+    pub residuals: ResidualReport,
 }
 
 impl CostReport {
@@ -87,7 +90,9 @@ pub fn pose_graph_cost<G: ReferencePose<N>, const N: usize>(graph: &PoseGraph<G,
     let (poses, whole, points) = (&graph.poses, &graph.pose_priors, &graph.position_priors);
     let pose_prior = pose_priors(whole, poses);
     let position_prior = position_priors(points, poses);
-    CostReport { relative_pose, pose_prior, position_prior, ..CostReport::default() }.add_up()
+    let residuals = pose_graph_residuals(graph);
+    CostReport { relative_pose, pose_prior, position_prior, residuals, ..CostReport::default() }
+        .add_up()
 }
 
 /// The cost of a bundle adjustment problem.
@@ -107,6 +112,7 @@ pub fn bundle_cost(problem: &BundleProblem) -> CostReport {
         position_prior: position_priors(&problem.position_priors, &problem.poses),
         rmse_px: pixels.rmse_px(),
         behind_camera: pixels.behind_camera,
+        residuals: bundle_residuals(problem),
     }
     .add_up()
 }
@@ -132,12 +138,12 @@ impl PixelStatistics {
 }
 
 /// Plain forms of the problem's poses, made once.
-fn rigids(problem: &BundleProblem) -> Vec<Rigid> {
+pub(super) fn rigids(problem: &BundleProblem) -> Vec<Rigid> {
     problem.poses.iter().map(Rigid::of).collect()
 }
 
 /// The pixel error (squared) and the depth of one observation; NaN where an index has no variable.
-fn observe(
+pub(super) fn observe(
     problem: &BundleProblem,
     rigids: &[Rigid],
     [pose, camera, landmark]: [u32; 3],

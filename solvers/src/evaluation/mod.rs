@@ -7,7 +7,9 @@
 
 mod cost;
 mod reference;
+mod residuals;
 mod sum;
 
 pub use cost::{CostReport, FactorCost, bundle_cost, pose_graph_cost};
 pub use reference::ReferencePose;
+pub use residuals::{Quantity, ResidualReport, ResidualStatistics, SIGMA_FACTOR, SigmaJudgment};

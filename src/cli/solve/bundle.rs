@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use anyhow::Context;
 use covis_solvers::bundle_adjustment::{self, LinearSolver};
+use covis_solvers::evaluation::bundle_cost;
 use covis_solvers::io::IoError;
 use covis_solvers::io::bal::BalFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel, ColmapProblem};
@@ -17,6 +18,7 @@ use serde::Serialize;
 
 use super::arguments::{SOLVERS, Shared, choice, name_of};
 use super::report::{Details, Report};
+use super::residuals;
 use crate::cli::config::Config;
 
 /// Arguments of `covis solve bundle`.
@@ -124,7 +126,9 @@ fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
         linear_solver: args.linear_solver,
         ..bundle_adjustment::Options::default()
     };
-    let mut report = Report::start(shared.json, start.elapsed());
+    let preparation = start.elapsed();
+    let before = bundle_cost(problem);
+    let mut report = Report::start(shared.json, preparation);
     let mut observer = |row: &optimizer::IterationSummary| report.observe(row);
     let summary = bundle_adjustment::solve(problem, &options, &mut observer).with_context(name)?;
     let details = BundleDetails {
@@ -141,11 +145,12 @@ fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
         dropped_observations,
         behind_camera_observations: summary.behind_camera,
     };
+    let residuals = residuals::rows(Some(&before), &bundle_cost(problem));
     report.check_reader()?;
     if let Some(out) = &shared.out {
         source.write(&solved, out)?;
     }
-    report.finish(&summary.solve, &details)?;
+    report.finish(&summary.solve, &residuals, &details)?;
     Ok(summary.solve.termination)
 }
 

@@ -10,6 +10,7 @@ mod graph_details;
 mod incremental;
 mod pose_graph;
 mod report;
+mod residuals;
 
 use covis_solvers::optimizer::Termination;
 

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::Context;
-use covis_solvers::evaluation::ReferencePose;
+use covis_solvers::evaluation::{ReferencePose, pose_graph_cost};
 use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::RigidMotion;
 use covis_solvers::graph_optimization::{Judging, Optimized, Options, optimize};
@@ -29,6 +29,7 @@ use super::arguments::{KERNELS, METHODS, Robust, STARTS, Shared, choice, name_of
 use super::graph_details::{self, CertificateDetails, Diagnosis, GraphDetails, RobustDetails};
 use super::incremental::{self, Incremental};
 use super::report::Report;
+use super::residuals;
 use crate::cli::config::Config;
 
 /// Arguments of `covis solve pose-graph`.
@@ -102,10 +103,10 @@ fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
     };
     match outcome {
         Outcome::Whole(outcome) => {
-            let Whole { mut report, summary, details } = *outcome;
+            let Whole { mut report, summary, residuals, details } = *outcome;
             report.check_reader()?;
             write(&file)?;
-            report.finish(&summary, &details)?;
+            report.finish(&summary, &residuals, &details)?;
             Ok(summary.termination)
         }
         Outcome::Incremental(incremental) => {
@@ -133,6 +134,7 @@ enum Outcome {
 struct Whole {
     report: Report,
     summary: SolveSummary,
+    residuals: Vec<residuals::Row>,
     details: GraphDetails,
 }
 
@@ -172,6 +174,8 @@ impl Run<'_> {
         let optimized = optimize(graph, self.from_file, &options, &Interrupt::NEVER, rows)
             .with_context(|| self.name())?;
         let Optimized { solve: summary, start, start_seconds, judged, proof, .. } = optimized;
+        // Of all edges, those that are judged false included: their share shows.
+        let residuals = residuals::rows(None, &pose_graph_cost(graph));
         let mut details = GraphDetails {
             problem: "pose-graph",
             group: self.group,
@@ -188,7 +192,7 @@ impl Run<'_> {
             diagnosis,
         };
         details.diagnosis.of_solution(graph).with_context(|| self.name())?;
-        Ok(Outcome::Whole(Box::new(Whole { report, summary, details })))
+        Ok(Outcome::Whole(Box::new(Whole { report, summary, residuals, details })))
     }
 
     fn name(&self) -> String {

@@ -8,6 +8,7 @@ use std::time::Duration;
 use covis_solvers::optimizer::{Control, IterationSummary, SolveSummary};
 use serde::Serialize;
 
+use super::residuals;
 use crate::cli::output::print;
 
 /// One object of `--json`.
@@ -22,6 +23,7 @@ struct Document<'a, D> {
     threads: usize,
     gradient_max_norm: f64,
     linear_residual: f64,
+    residuals: &'a [residuals::Row],
     #[serde(flatten)]
     details: &'a D,
 }
@@ -113,10 +115,12 @@ impl Report {
     pub(super) fn finish(
         self,
         summary: &SolveSummary,
+        residuals: &[residuals::Row],
         details: &impl Details,
     ) -> anyhow::Result<()> {
         if self.json {
-            return print(serde_json::to_string(&self.document(summary, details))?);
+            let document = self.document(summary, residuals, details);
+            return print(serde_json::to_string(&document)?);
         }
         let count = summary.iterations.len().saturating_sub(1);
         let accepted = summary.iterations.iter().skip(1).filter(|row| row.accepted).count();
@@ -130,13 +134,19 @@ impl Report {
             ("linear residual", format!("{:.3e}", summary.linear_residual)),
         ];
         lines.extend(details.lines());
+        lines.extend(residuals.iter().flat_map(residuals::Row::lines));
         for (name, value) in lines {
             print(format_args!("{name:>17}: {value}"))?;
         }
         Ok(())
     }
 
-    fn document<'a, D>(&self, summary: &SolveSummary, details: &'a D) -> Document<'a, D> {
+    fn document<'a, D>(
+        &self,
+        summary: &SolveSummary,
+        residuals: &'a [residuals::Row],
+        details: &'a D,
+    ) -> Document<'a, D> {
         let row = |row: &IterationSummary| Row {
             iteration: row.iteration,
             cost: row.cost,
@@ -157,6 +167,7 @@ impl Report {
             threads: summary.threads,
             gradient_max_norm: summary.gradient_max_norm,
             linear_residual: summary.linear_residual,
+            residuals,
             details,
         }
     }

@@ -6,7 +6,9 @@
 use std::time::Duration;
 
 use covis_solvers::bundle_adjustment::{Class, LinearSolver};
-use covis_solvers::evaluation::{CostReport, FactorCost};
+use covis_solvers::evaluation::{
+    CostReport, FactorCost, Quantity, ResidualStatistics, SigmaJudgment,
+};
 use covis_solvers::graph_optimization::Proof;
 use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{
@@ -244,7 +246,7 @@ pub(in crate::service) fn to_summary(solve: &SolveSummary, method: Method) -> v1
     }
 }
 
-/// Fills costs by kind of factor, pixel errors and points behind their cameras.
+/// Fills costs by kind of factor, residuals by quantity and points behind their cameras.
 pub(in crate::service) fn add_costs(
     summary: &mut v1::SolveSummary,
     before: &CostReport,
@@ -274,6 +276,47 @@ pub(in crate::service) fn add_costs(
         final_rmse_px: after.rmse_px,
     });
     summary.behind_camera_observation_count = count(after.behind_camera);
+    let residuals = after.residuals.iter();
+    summary.residuals = residuals
+        .map(|(quantity, after)| to_residuals(quantity, before.residuals.of(quantity), after))
+        .collect();
+}
+
+/// The message of the residuals of one quantity; `before` may have none.
+fn to_residuals(
+    quantity: Quantity,
+    before: &ResidualStatistics,
+    after: &ResidualStatistics,
+) -> v1::ResidualStatistics {
+    let kind = match quantity {
+        Quantity::Pixel => v1::ResidualKind::Pixel,
+        Quantity::Depth => v1::ResidualKind::Depth,
+        Quantity::RelativeTranslation => v1::ResidualKind::RelativeTranslation,
+        Quantity::RelativeRotation => v1::ResidualKind::RelativeRotation,
+        Quantity::PriorTranslation => v1::ResidualKind::PriorTranslation,
+        Quantity::PriorRotation => v1::ResidualKind::PriorRotation,
+        Quantity::PriorPosition => v1::ResidualKind::PriorPosition,
+    };
+    let judgment = match after.judgment() {
+        SigmaJudgment::Unknown => v1::SigmaJudgment::Unspecified,
+        SigmaJudgment::Plausible => v1::SigmaJudgment::Plausible,
+        SigmaJudgment::TooSmall => v1::SigmaJudgment::TooSmall,
+        SigmaJudgment::TooLarge => v1::SigmaJudgment::TooLarge,
+    };
+    v1::ResidualStatistics {
+        kind: kind.into(),
+        factor_count: count(after.count),
+        initial_rms: (before.count > 0).then_some(before.rms),
+        final_rms: after.rms,
+        redundant_count: count(after.redundant_count),
+        initial_redundant_rms: (before.count > 0).then_some(before.redundant_rms),
+        final_redundant_rms: after.redundant_rms,
+        reduced_chi2: after.reduced_chi2,
+        outlier_share: after.outlier_share,
+        sigma_ratio: after.sigma_ratio,
+        sigma_judgment: judgment.into(),
+        hint: after.hint(quantity).unwrap_or_default(),
+    }
 }
 
 /// The rows of a solve, or none if they were not requested.

@@ -647,7 +647,8 @@ pub struct IterationSummary {
     /// Damping with which the step was computed. 0 in row 0 and for GAUSS_NEWTON.
     #[prost(double, tag = "6")]
     pub damping: f64,
-    /// Actual over predicted decrease of the cost. 0 in row 0.
+    /// Actual over predicted decrease of the cost, of the step as it was computed: with a loss it may have
+    /// been lengthened. 0 in row 0.
     #[prost(double, tag = "7")]
     pub step_quality: f64,
     /// Time since the solve began, microseconds.
@@ -711,6 +712,65 @@ impl ::prost::Name for ReprojectionStatistics {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.ReprojectionStatistics".into()
+    }
+}
+/// How well measurements of one kind are met, in their own unit and against their sigmas. What one pose
+/// alone sees of a landmark fits by construction: it counts in factor_count, initial_rms and final_rms;
+/// all other figures are of the redundant residuals, which other measurements can contradict. Those of
+/// relative poses and priors all count as redundant, unless a graph has no more edges than free poses.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct ResidualStatistics {
+    /// Which kind.
+    #[prost(enumeration = "ResidualKind", tag = "1")]
+    pub kind: i32,
+    /// How many factors have such a residual, at least 1.
+    #[prost(int64, tag = "2")]
+    pub factor_count: i64,
+    /// sqrt(sum of |r|^2 / N) over all of them before the solve, in the kind's unit, not whitened and
+    /// without loss. Absent where the poses before the solve are not known any more.
+    #[prost(double, optional, tag = "3")]
+    pub initial_rms: ::core::option::Option<f64>,
+    /// The same after it.
+    #[prost(double, tag = "4")]
+    pub final_rms: f64,
+    /// Those that are redundant, at least 0.
+    #[prost(int64, tag = "5")]
+    pub redundant_count: i64,
+    /// As initial_rms, over the redundant ones; 0 where there are none.
+    #[prost(double, optional, tag = "6")]
+    pub initial_redundant_rms: ::core::option::Option<f64>,
+    /// As final_rms, over the redundant ones; 0 where there are none.
+    #[prost(double, tag = "7")]
+    pub final_redundant_rms: f64,
+    /// Sum of r' Omega r over the number of residual rows, after the solve, no unit. It does not subtract
+    /// the unknowns from the rows: right sigmas without outliers give somewhat less than 1. Omega is the
+    /// marginal information of the kind.
+    #[prost(double, tag = "8")]
+    pub reduced_chi2: f64,
+    /// Share of the redundant ones with sqrt(r' Omega r) beyond the loss's width after the solve, or
+    /// without a loss beyond the 99 % quantile; 0 to 1.
+    #[prost(double, tag = "9")]
+    pub outlier_share: f64,
+    /// By what the sigmas would have to be multiplied for the median of r' Omega r to be that of the
+    /// chi-square distribution, the unknowns' share of the rows taken into account; no unit. Outliers do
+    /// not decide it while they are less than half. Absent where fewer than 20 are redundant.
+    #[prost(double, optional, tag = "10")]
+    pub sigma_ratio: ::core::option::Option<f64>,
+    /// What that says.
+    #[prost(enumeration = "SigmaJudgment", tag = "11")]
+    pub sigma_judgment: i32,
+    /// The same for people where it is TOO_SMALL or TOO_LARGE, else empty; not to be parsed.
+    #[prost(string, tag = "12")]
+    pub hint: ::prost::alloc::string::String,
+}
+impl ::prost::Name for ResidualStatistics {
+    const NAME: &'static str = "ResidualStatistics";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.ResidualStatistics".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.ResidualStatistics".into()
     }
 }
 /// The certificate of a solve: what was solved, how well, and why it ended.
@@ -777,6 +837,9 @@ pub struct SolveSummary {
     /// within one.
     #[prost(string, tag = "20")]
     pub simd_class: ::prost::alloc::string::String,
+    /// Residuals by kind, sorted by kind; only kinds that occur. Tells whether a sigma is wrong.
+    #[prost(message, repeated, tag = "21")]
+    pub residuals: ::prost::alloc::vec::Vec<ResidualStatistics>,
     /// Pose graphs of a map with loop closures only: what was found of them.
     #[prost(message, optional, tag = "30")]
     pub closures: ::core::option::Option<ClosureSummary>,
@@ -1103,6 +1166,97 @@ impl FactorKind {
             "FACTOR_KIND_POSE_PRIOR" => Some(Self::PosePrior),
             "FACTOR_KIND_POSITION_PRIOR" => Some(Self::PositionPrior),
             "FACTOR_KIND_LINEAR_PRIOR" => Some(Self::LinearPrior),
+            _ => None,
+        }
+    }
+}
+/// What a residual is a difference of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum ResidualKind {
+    /// Never answered.
+    Unspecified = 0,
+    /// Pixels of observations, px.
+    Pixel = 1,
+    /// Depths of observations, m.
+    Depth = 2,
+    /// Translations of relative poses, m; the part of the residual in the tangent space.
+    RelativeTranslation = 3,
+    /// Rotations of relative poses, rad.
+    RelativeRotation = 4,
+    /// Translations of pose priors, m; the part of the residual in the tangent space.
+    PriorTranslation = 5,
+    /// Rotations of pose priors, rad.
+    PriorRotation = 6,
+    /// Position priors, m, in the world's axes.
+    PriorPosition = 7,
+}
+impl ResidualKind {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "RESIDUAL_KIND_UNSPECIFIED",
+            Self::Pixel => "RESIDUAL_KIND_PIXEL",
+            Self::Depth => "RESIDUAL_KIND_DEPTH",
+            Self::RelativeTranslation => "RESIDUAL_KIND_RELATIVE_TRANSLATION",
+            Self::RelativeRotation => "RESIDUAL_KIND_RELATIVE_ROTATION",
+            Self::PriorTranslation => "RESIDUAL_KIND_PRIOR_TRANSLATION",
+            Self::PriorRotation => "RESIDUAL_KIND_PRIOR_ROTATION",
+            Self::PriorPosition => "RESIDUAL_KIND_PRIOR_POSITION",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "RESIDUAL_KIND_UNSPECIFIED" => Some(Self::Unspecified),
+            "RESIDUAL_KIND_PIXEL" => Some(Self::Pixel),
+            "RESIDUAL_KIND_DEPTH" => Some(Self::Depth),
+            "RESIDUAL_KIND_RELATIVE_TRANSLATION" => Some(Self::RelativeTranslation),
+            "RESIDUAL_KIND_RELATIVE_ROTATION" => Some(Self::RelativeRotation),
+            "RESIDUAL_KIND_PRIOR_TRANSLATION" => Some(Self::PriorTranslation),
+            "RESIDUAL_KIND_PRIOR_ROTATION" => Some(Self::PriorRotation),
+            "RESIDUAL_KIND_PRIOR_POSITION" => Some(Self::PriorPosition),
+            _ => None,
+        }
+    }
+}
+/// What the residuals after a solve say of the sigmas with which the solve was posed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum SigmaJudgment {
+    /// Not known: too few residuals that other measurements could contradict.
+    Unspecified = 0,
+    /// Right to within a factor of 3.
+    Plausible = 1,
+    /// The residuals are typically more than 3 times as large as their sigmas say: these measurements
+    /// have too much weight, or the model is wrong.
+    TooSmall = 2,
+    /// The residuals are typically more than 3 times smaller than their sigmas say.
+    TooLarge = 3,
+}
+impl SigmaJudgment {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "SIGMA_JUDGMENT_UNSPECIFIED",
+            Self::Plausible => "SIGMA_JUDGMENT_PLAUSIBLE",
+            Self::TooSmall => "SIGMA_JUDGMENT_TOO_SMALL",
+            Self::TooLarge => "SIGMA_JUDGMENT_TOO_LARGE",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "SIGMA_JUDGMENT_UNSPECIFIED" => Some(Self::Unspecified),
+            "SIGMA_JUDGMENT_PLAUSIBLE" => Some(Self::Plausible),
+            "SIGMA_JUDGMENT_TOO_SMALL" => Some(Self::TooSmall),
+            "SIGMA_JUDGMENT_TOO_LARGE" => Some(Self::TooLarge),
             _ => None,
         }
     }
