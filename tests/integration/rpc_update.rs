@@ -64,14 +64,12 @@ fn update_map_changes_what_the_mask_names_and_nothing_else() {
             (after.display_name.as_str(), after.revision),
             ("Our room", before.revision + 1)
         );
-        let limits = v1::MapLimits {
-            max_landmark_count: Some(9),
-            ..before.policy.clone().unwrap().limits.unwrap()
-        };
+        let limits =
+            v1::MapLimits { max_landmark_count: Some(9), ..before.policy.unwrap().limits.unwrap() };
         let expected = v1::MapPolicy {
             max_iteration_count: Some(3),
             limits: Some(limits),
-            ..before.policy.clone().unwrap()
+            ..before.policy.unwrap()
         };
         assert_eq!(after.policy, Some(expected));
         assert_eq!((after.clone(), after.uid.clone()), (get(&server).await, before.uid));

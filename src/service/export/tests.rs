@@ -14,6 +14,7 @@ use crate::map::{
     NewLandmark, Observation,
 };
 use crate::service::convert::ids::client_name;
+use crate::store::MapFileWriter;
 
 const KEYFRAMES: i64 = 40;
 const LANDMARKS: i64 = 4000;
@@ -132,6 +133,11 @@ fn whole(map: &Map, format: Format) -> Vec<(String, Vec<u8>)> {
             }
             vec![("map.ply".to_owned(), file.to_bytes(PlyEncoding::Binary))]
         }
+        Format::Covis => {
+            let mut file = Vec::new();
+            assert!(!MapFileWriter::default().put(map, usize::MAX, &mut file));
+            vec![("map.covis".to_owned(), file)]
+        }
     }
 }
 
@@ -161,12 +167,13 @@ fn whole_colmap(map: &Map) -> ColmapModel {
     model
 }
 
-const FORMATS: [Format; 5] = [
+const FORMATS: [Format; 6] = [
     Format::Colmap(ColmapEncoding::Text),
     Format::Colmap(ColmapEncoding::Binary),
     Format::Tum,
     Format::G2o,
     Format::Ply,
+    Format::Covis,
 ];
 
 #[test]
