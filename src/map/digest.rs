@@ -87,7 +87,6 @@ impl Map {
             hash.i64(client.epoch);
             hash.i64(client.next_sequence);
             hash.i64(client.optimized_sequence);
-            hash.f64(client.closure_variance);
             hash.list(&client.items, |hash, (&sequence, digest)| {
                 hash.i64(sequence);
                 hash.0.update(digest);
@@ -99,7 +98,13 @@ impl Map {
             hash.id(id);
             hash.0.update(digest);
         });
-        // An open map has the hash that it had before maps could be frozen.
+        // What came later is hashed only where it is not as it was before.
+        let varied = (0_u64..).zip(&self.clients).filter(|(_, c)| c.closure_variance != 1.0);
+        for (index, client) in varied {
+            hash.tag(2);
+            hash.u64(index);
+            hash.f64(client.closure_variance);
+        }
         if self.frozen {
             hash.tag(1);
         }
@@ -133,7 +138,9 @@ impl Map {
         hash.entities(&self.switched_off, |hash, SwitchedOff { chi2, weight, is_provisional }| {
             hash.f64(*chi2);
             hash.f64(*weight);
-            hash.u64(u64::from(*is_provisional));
+            if *is_provisional {
+                hash.tag(1);
+            }
         });
         hash.entities(&self.priors, Hash::prior);
     }

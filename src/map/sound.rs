@@ -48,6 +48,10 @@ impl Map {
         let counts = counts.into_iter().all(|count| count >= 0) && self.solve_count <= MAX_NUMBER;
         check_map(counts, "the map's times or its number of solves are not possible")?;
         check_map((1..=MAX_NUMBER).contains(&self.revision), "the map's revision is not possible")?;
+        let losses = [self.policy.observation_loss, self.policy.constraint_loss];
+        check_map(losses.iter().all(|loss| loss.is_valid()), "a loss is not possible")?;
+        let anchor = self.policy.geodetic_anchor.is_none_or(|anchor| anchor.is_valid());
+        check_map(anchor, "the map's geodetic anchor is not possible")?;
         self.clients_are_sound()?;
         for (&id, entity) in &self.cameras {
             self.own(id, EntityKind::Camera)?;
@@ -158,15 +162,20 @@ impl Map {
             check(is_id(id, is_ours), kind, id, "has an id that is not possible")?;
             let ends = constraint.keyframe_i != constraint.keyframe_j;
             let measured = is_pose(&constraint.keyframe_i_from_keyframe_j);
-            check(ends && measured, kind, id, "measures what is not possible")?;
+            let loss = constraint.loss.is_none_or(|loss| loss.is_valid());
+            check(ends && measured && loss, kind, id, "measures what is not possible")?;
         }
         for (&id, prior) in &self.priors {
             check(self.client(id.client).is_some(), kind, id, "belongs to no client")?;
             check(is_id(id, true), kind, id, "has an id that is not possible")?;
             check(!self.constraints.contains_key(&id), kind, id, "is in the map twice")?;
             let measured = match prior {
-                Prior::Pose { world_from_camera, .. } => is_pose(world_from_camera),
-                Prior::Position { position_in_world, .. } => finite(position_in_world),
+                Prior::Pose { world_from_camera, loss, .. } => {
+                    is_pose(world_from_camera) && loss.is_valid()
+                }
+                Prior::Position { position_in_world, point_in_camera, loss, .. } => {
+                    finite(position_in_world) && finite(point_in_camera) && loss.is_valid()
+                }
             };
             check(measured, kind, id, "measures what is not possible")?;
         }

@@ -50,6 +50,8 @@ impl MapFileWriter {
                 continue;
             };
             match self.parts.next(map) {
+                // No client yet: a record without bytes would be the end.
+                Some(part) if part.is_empty() => {}
                 Some(part) => {
                     put_record(&part, out);
                     self.crc = Some(crc32c::crc32c_append(crc, &out[start..]));

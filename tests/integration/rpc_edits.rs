@@ -88,7 +88,8 @@ fn editing() -> Vec<(Item, bool)> {
         (set_camera(501.0), true),
         (revoke(1), false),
         (revoke(2), true),
-        (revoke(3), false),
+        // A prior that goes frees what it held.
+        (revoke(3), true),
         (remove_keyframe(4), true),
         (closure(2, 0, 5), true),
         (Item::Keyframe(v1::Keyframe { observations: Vec::new(), ..keyframe(4) }), false),
@@ -144,8 +145,8 @@ fn each_edit_is_solved_and_told_to_watchers() {
         for item in building() {
             robot.send(item).await.unwrap();
         }
-        // The closure has the last one that is solved.
-        let mut solves = wait(&mut robot_acks, v1::AckStatus::Optimized, 9).await.solve_id;
+        // The prior has the last one that is solved.
+        let mut solves = wait(&mut robot_acks, v1::AckStatus::Optimized, 10).await.solve_id;
         robot.flush().await.unwrap();
         let features = client.server_info().await.unwrap().features;
         for name in ["revoke-constraint", "remove-observations", "fuse-landmarks", "set-camera"] {

@@ -132,7 +132,6 @@ fn update_map_refuses_bad_requests() {
                 "policy.window_keyframe_count",
                 "OUT_OF_RANGE",
             ),
-            (policy("policy.gauge", gauge), "policy.gauge", "UNIMPLEMENTED"),
             (
                 v1::UpdateMapRequest { expected_revision: Some(-1), ..request(&["display_name"]) },
                 "expected_revision",

@@ -102,6 +102,7 @@ fn map_of(error: &mut EngineError) -> Option<&mut String> {
         | EngineError::MapExists { map }
         | EngineError::Poisoned { map }
         | EngineError::Frozen { map }
+        | EngineError::AnchorInUse { map }
         | EngineError::RevisionMismatch { map, .. }
         | EngineError::EpochFenced { map, .. }
         | EngineError::OptimizationRunning { map }

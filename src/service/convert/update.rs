@@ -45,7 +45,7 @@ macro_rules! limit {
     };
 }
 
-const FIELDS: [Field; 19] = [
+const FIELDS: [Field; 20] = [
     field!(observation_loss, observation_loss),
     field!(constraint_loss, constraint_loss),
     field!(window_keyframe_count, window_keyframes),
@@ -71,8 +71,8 @@ const FIELDS: [Field; 19] = [
         },
         take: |from, to| to.max_queued_items = from.max_queued_items,
     },
-    // A map has one gauge only; the conversion refuses the others.
-    Field { path: "gauge", copy: |from, to| to.gauge = from.gauge, take: |_, _| {} },
+    field!(gauge, gauge),
+    field!(geodetic_anchor, geodetic_anchor),
 ];
 
 /// The change that a request asks for.

@@ -37,6 +37,12 @@ pub enum EngineError {
         /// The map.
         map: String,
     },
+    /// The map holds positions that were converted with the anchor that is to change.
+    #[error("map {map:?} holds priors: its geodetic anchor can no longer change")]
+    AnchorInUse {
+        /// The map.
+        map: String,
+    },
     /// A change was requested for another revision than the map's.
     #[error("map {map:?} is at revision {actual}, the change is for revision {expected}")]
     RevisionMismatch {

@@ -22,6 +22,14 @@ impl Actor {
         let display_name = display_name.filter(|name| name != self.map.display_name());
         let policy = policy.map(|policy| policy(self.map.policy()));
         let policy = policy.filter(|policy| policy != self.map.policy());
+        let moves_anchor = policy.as_ref().is_some_and(|policy| {
+            policy.geodetic_anchor != self.map.policy().geodetic_anchor
+                && self.map.policy().geodetic_anchor.is_some()
+        });
+        if moves_anchor && !self.map.priors().is_empty() {
+            let map = self.shared.name.clone();
+            return Err(EngineError::AnchorInUse { map });
+        }
         let frozen = frozen.filter(|&frozen| frozen != self.map.is_frozen());
         if display_name.is_none() && policy.is_none() && frozen.is_none() {
             return Ok(self.info());

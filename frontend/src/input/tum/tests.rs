@@ -201,7 +201,7 @@ fn a_depth_scale_that_does_not_fit_the_first_images_is_doubted() {
     let room = with_depth(std::array::from_fn(|i| 2200 + 200 * i as u16));
     let doubt = open(room.path()).unwrap().implausible_depth.unwrap();
     assert!(
-        doubt.to_string().ends_with("nine tenths of the measured depth are nearer than 0.76 m")
+        doubt.to_string().ends_with("nine tenths of the measured depth are nearer than 0.80 m")
     );
     let usual = with_depth(desk.map(|z| z * 5));
     assert_eq!(open(usual.path()).unwrap().implausible_depth, None);
