@@ -27,7 +27,7 @@ use covis::frontend::dense::mapper::{AnchoredFrame, DenseMapper};
 use covis::frontend::dense::thread::{DenseReport, DenseThread};
 use covis::frontend::dense::volume::VolumeOptions;
 use covis::frontend::image::{Image, RgbdFrame};
-use covis::frontend::input::{FrameError, open_folder};
+use covis::frontend::input::{FolderOptions, FrameError, open_folder};
 use covis::frontend::mapping::run::{Companion, Target, run};
 use covis::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
 use covis::service::{Server, ServerConfig};
@@ -143,11 +143,11 @@ struct Times {
 }
 
 async fn measure(args: &Args, client: &Client, map: &str, closes: bool) -> anyhow::Result<Times> {
-    let mut source = open_folder(&args.sequence, None)?.source;
+    let mut source = open_folder(&args.sequence, FolderOptions::default())?.source;
     let first = source.next_frame().context("no frames")??;
     let (width, height) = first.color.size();
     let camera = FrameCamera::new(*source.camera(), width, height).context("the camera")?;
-    let source = open_folder(&args.sequence, None)?.source;
+    let source = open_folder(&args.sequence, FolderOptions::default())?.source;
     let half = source.len() / 2;
     let volume = VolumeOptions { voxel_m: args.voxel, truncation_m: 8.0 * args.voxel };
     let mapper = DenseMapper::new(&camera, volume, IntegrationOptions::default(), None)?;

@@ -6,8 +6,11 @@
 
 use tonic::{Response, Status, Streaming};
 
+use tokio_stream::{Stream, StreamExt as _};
+
 use super::{Client, ClientError, MapExport, export};
 use crate::wire::v1;
+use v1::import_map_request::Content;
 use v1::optimize_map_response::Event;
 
 /// Keyframe poses of one revision.
@@ -26,6 +29,24 @@ pub struct Landmarks {
     pub revision: i64,
     /// By client, then id.
     pub landmarks: Vec<v1::Landmark>,
+}
+
+/// Constraints of one revision.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Constraints {
+    /// The revision that was read.
+    pub revision: i64,
+    /// By client, then id.
+    pub constraints: Vec<v1::Constraint>,
+}
+
+/// Keyframes of one revision.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Keyframes {
+    /// The revision that was read.
+    pub revision: i64,
+    /// By client, then id; each once, with all its observations.
+    pub keyframes: Vec<v1::Keyframe>,
 }
 
 /// Digests of one revision of a map; what goes into them is in `map_service.proto`.
@@ -173,6 +194,85 @@ impl Client {
             landmarks.landmarks.extend(part.landmarks);
         }
         Ok(landmarks)
+    }
+
+    /// A map's constraints: relative poses, those that are switched off too, and priors.
+    ///
+    /// # Errors
+    /// The codes of `ListConstraints`.
+    pub async fn constraints(&self, map_id: &str) -> Result<Constraints, ClientError> {
+        const RPC: &str = "ListConstraints";
+        let request = v1::ListConstraintsRequest {
+            map_id: map_id.to_owned(),
+            ..v1::ListConstraintsRequest::default()
+        };
+        let mut stream = answer(RPC, self.map_service().list_constraints(request).await)?;
+        let mut constraints = Constraints::default();
+        while let Some(part) = next(RPC, &mut stream).await? {
+            constraints.revision = part.revision;
+            constraints.constraints.extend(part.constraints);
+        }
+        Ok(constraints)
+    }
+
+    /// A map's keyframes with the fields that the mask names; `None` for all but observations.
+    ///
+    /// # Errors
+    /// The codes of `ListKeyframes`.
+    pub async fn keyframes(
+        &self,
+        map_id: &str,
+        read_mask: Option<prost_types::FieldMask>,
+    ) -> Result<Keyframes, ClientError> {
+        const RPC: &str = "ListKeyframes";
+        let request = v1::ListKeyframesRequest {
+            map_id: map_id.to_owned(),
+            read_mask,
+            ..v1::ListKeyframesRequest::default()
+        };
+        let mut stream = answer(RPC, self.map_service().list_keyframes(request).await)?;
+        let mut all = Keyframes::default();
+        while let Some(part) = next(RPC, &mut stream).await? {
+            all.revision = part.revision;
+            for entry in part.keyframes {
+                match all.keyframes.last_mut() {
+                    // More observations than fit one entry.
+                    Some(last) if (&last.client_id, last.id) == (&entry.client_id, entry.id) => {
+                        last.observations.extend(entry.observations);
+                    }
+                    Some(_) | None => all.keyframes.push(entry),
+                }
+            }
+        }
+        Ok(all)
+    }
+
+    /// Changes name, policy or state of a map, as the request's mask says; the map after it.
+    ///
+    /// # Errors
+    /// The codes of `UpdateMap`.
+    pub async fn update_map(&self, request: v1::UpdateMapRequest) -> Result<v1::Map, ClientError> {
+        const RPC: &str = "UpdateMap";
+        let answer = answer(RPC, self.map_service().update_map(self.timed(request)).await)?;
+        answer.map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })
+    }
+
+    /// Creates a map from files, whose chunks come in order. Dropping the future before the answer
+    /// leaves no map, unless the server had everything already.
+    ///
+    /// # Errors
+    /// The codes of `ImportMap`.
+    pub async fn import_map(
+        &self,
+        header: v1::ImportMapHeader,
+        chunks: impl Stream<Item = v1::FileChunk> + Send + 'static,
+    ) -> Result<v1::Map, ClientError> {
+        const RPC: &str = "ImportMap";
+        let message = |content| v1::ImportMapRequest { content: Some(content) };
+        let header = tokio_stream::once(Content::Header(header));
+        let content = header.chain(chunks.map(Content::Chunk)).map(message);
+        let answer = answer(RPC, self.map_service().import_map(content).await)?;
+        answer.map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })
     }
 
     /// Starts an export; its files come chunk by chunk.

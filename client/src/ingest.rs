@@ -23,7 +23,8 @@ use crate::wire::v1;
 
 pub use v1::ingest_request::Item;
 
-/// What a session sends, without naming the oneof: each kind of message is its item.
+/// What a session sends, without naming the oneof: each kind of message is its item. A camera is one
+/// that is new; [`Item::SetCamera`] replaces one.
 macro_rules! items {
     ($($message:ident => $variant:ident,)*) => {
         $(
@@ -44,6 +45,11 @@ items! {
     RelativePoseConstraint => RelativePose,
     PositionPrior => PositionPrior,
     PosePrior => PosePrior,
+    RevokeConstraint => RevokeConstraint,
+    RemoveObservations => RemoveObservations,
+    FuseLandmarks => FuseLandmarks,
+    RemoveLandmarks => RemoveLandmarks,
+    RemoveKeyframe => RemoveKeyframe,
 }
 
 /// Refused items that a progress report keeps in full.
@@ -295,8 +301,9 @@ impl IngestSession {
         self.wait(move |state| state.report.acknowledged + state.report.rejected >= sent).await
     }
 
-    /// Waits until solves have covered everything up to `sequence`. Only a keyframe or a loop
-    /// closure is answered with OPTIMIZED: waiting for another item waits for the next of those.
+    /// Waits until solves have covered everything up to `sequence`. Only keyframes, observations, loop
+    /// closures and edits are answered with OPTIMIZED: waiting for another item waits for the next of
+    /// those.
     ///
     /// # Errors
     /// [`ClientError::Rejected`] where the item was refused; else why the session ended.

@@ -36,7 +36,7 @@ pub struct MapMirror {
 }
 
 impl MapMirror {
-    /// Where a client's odometry frame lies in the map; absent before its first keyframe.
+    /// Where a client's odometry frame lies in the map; absent where the client has no keyframe.
     #[must_use]
     pub fn map_from_odom(&self, client_id: &str) -> Option<&v1::RigidTransform> {
         self.client_frames.get(client_id)?.map_from_odom.as_ref()
@@ -101,7 +101,11 @@ impl MapMirror {
             self.constraints.insert(named, constraint);
         }
         for frame in part.client_frames {
-            self.client_frames.insert(frame.client_id.clone(), frame);
+            if frame.keyframe.is_some() {
+                self.client_frames.insert(frame.client_id.clone(), frame);
+            } else {
+                self.client_frames.remove(&frame.client_id);
+            }
         }
         for gone in part.removed_keyframes {
             self.keyframes.remove(&(gone.client_id, gone.id));

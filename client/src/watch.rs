@@ -19,6 +19,11 @@ pub struct WatchOptions {
     pub omit_landmarks: bool,
     /// Leave out constraints (no).
     pub omit_constraints: bool,
+    /// Positions that moved by at most this wait until they have moved farther, m (0: none waits).
+    /// The mirror's positions are off by as much.
+    pub position_resolution_m: f64,
+    /// The same of rotations of keyframes, rad (0).
+    pub rotation_resolution_rad: f64,
     /// When to give a broken link up.
     pub retry: RetryPolicy,
 }
@@ -98,6 +103,8 @@ impl MapWatch {
             omit_landmarks: self.options.omit_landmarks,
             omit_constraints: self.options.omit_constraints,
             map_uid: self.mirror.uid.clone(),
+            position_resolution_m: self.options.position_resolution_m,
+            rotation_resolution_rad: self.options.rotation_resolution_rad,
         };
         answer(RPC, self.client.map_service().watch_map(request).await)
     }

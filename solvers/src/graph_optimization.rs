@@ -8,14 +8,17 @@ use std::time::{Duration, Instant};
 
 use crate::certificate::{Certificate, certify_within};
 use crate::evaluation::{CostReport, FactorCost, ReferencePose, ResidualReport, pose_graph_cost};
-use crate::geometry::RigidMotion;
-use crate::initialization::{Start, initialize_in_time};
+use crate::factors::RelativePose;
+use crate::geometry::{LieGroup, RigidMotion};
+use crate::initialization::{Start, align_to_priors, initialize_in_time};
 use crate::interrupt::Interrupt;
 use crate::optimizer::{self, IterationSummary, Observer, SolveSummary, ignore_iterations};
 use crate::pose_graph;
 use crate::price::Limits;
 use crate::problem::{PoseGraph, SolveError};
-use crate::robust::{self, Kernel, RobustSummary};
+use crate::robust::{
+    self, ClosureVerdict, Kernel, PositionJudging, PositionVerdict, RobustSummary, judge_positions,
+};
 
 /// Which stages a graph goes through.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +27,8 @@ pub struct Options {
     pub start: Start,
     /// How loop closures are judged; `None` takes all edges for true.
     pub judging: Option<Judging>,
+    /// How position priors are judged; `None` takes all of them for true.
+    pub positions: Option<PositionJudging>,
     /// Whether the last solve starts at the optimum of the chordal objective, which is proved. Given
     /// poses are solved before that too.
     pub certify: bool,
@@ -37,7 +42,14 @@ impl Default for Options {
     /// One solve with the options of [`pose_graph`], no costs.
     fn default() -> Self {
         let optimizer = pose_graph::Options::default().optimizer;
-        Self { start: Start::default(), judging: None, certify: false, costs: false, optimizer }
+        Self {
+            start: Start::default(),
+            judging: None,
+            positions: None,
+            certify: false,
+            costs: false,
+            optimizer,
+        }
     }
 }
 
@@ -79,13 +91,17 @@ pub struct Optimized {
     pub after: CostReport,
     /// The verdicts, with χ² at the result.
     pub judged: Option<RobustSummary>,
+    /// The verdict on each position prior where they are judged, with χ² at the result.
+    pub positions: Vec<PositionVerdict>,
     /// `None` without [`Options::certify`], and where there was no time for a proof.
     pub proof: Option<Proof>,
 }
 
 /// Optimizes `graph` in place until `interrupt` is due; the best state by then is the answer.
 ///
-/// `has_poses` is whether the graph came with poses. Without a constant pose the lowest id is held.
+/// `has_poses` is whether the graph came with poses. Without a constant pose and without priors the
+/// lowest id is held. Pieces without a constant pose begin where their priors are met best
+/// ([`align_to_priors`]).
 /// `observer` sees the rows of the last solve; those of a robust solve once it has ended.
 ///
 /// # Errors
@@ -102,13 +118,20 @@ where
     G: ReferencePose<N> + RigidMotion<D, N>,
 {
     let run = Run { begin: Instant::now(), options, interrupt };
-    if !graph.constant.contains(&true) {
-        graph.fix_lowest_id();
+    graph.hold_gauge();
+    if !graph.has_priors() {
+        return run.stages(graph, has_poses, observer);
     }
-    match &options.judging {
-        None => run.plain(graph, has_poses, observer),
-        Some(judging) => run.judged(graph, has_poses, judging, observer),
+    let mut verdicts = run.place(graph, has_poses)?;
+    let all = graph.position_priors.clone();
+    let mut judged = verdicts.iter();
+    graph.position_priors.retain(|_| judged.next().is_none_or(|verdict| !verdict.is_switched_off));
+    let optimized = run.stages(graph, true, observer);
+    graph.position_priors = all;
+    for (prior, verdict) in graph.position_priors.iter().zip(&mut verdicts) {
+        verdict.chi2 = prior.chi2(&graph.poses[prior.pose]);
     }
+    Ok(Optimized { positions: verdicts, ..optimized? })
 }
 
 struct Run<'a> {
@@ -126,6 +149,76 @@ impl Run<'_> {
         if self.options.costs { pose_graph_cost(graph) } else { CostReport::default() }
     }
 
+    fn stages<G, const D: usize, const N: usize>(
+        &self,
+        graph: &mut PoseGraph<G, N>,
+        has_poses: bool,
+        observer: &mut Observer<'_>,
+    ) -> Result<Optimized, SolveError>
+    where
+        G: ReferencePose<N> + RigidMotion<D, N>,
+    {
+        match &self.options.judging {
+            None => self.plain(graph, has_poses, observer),
+            Some(judging) => self.judged(graph, has_poses, judging, observer),
+        }
+    }
+
+    /// Moves the poses to the start, brought to the priors, and on to the optimum of the position
+    /// priors that are found true; the verdicts on these. Loop closures that are judged later take no
+    /// part, since they may be false too.
+    fn place<G: RigidMotion<D, N>, const D: usize, const N: usize>(
+        &self,
+        graph: &mut PoseGraph<G, N>,
+        has_poses: bool,
+    ) -> Result<Vec<PositionVerdict>, SolveError> {
+        let trusted = self.options.judging.as_ref().map(|judging| &judging.trusted);
+        let is_closure = |edge: &usize| {
+            let RelativePose { i, j, .. } = graph.edges[*edge];
+            let is_judged = trusted.is_some_and(|trusted| trusted.binary_search(edge).is_err());
+            is_judged && graph.ids[i].abs_diff(graph.ids[j]) > 1
+        };
+        let left_out = |edge| ClosureVerdict {
+            edge,
+            chi2: 0.0,
+            weight: 0.0,
+            is_supported: false,
+            is_switched_off: true,
+            is_provisional: false,
+        };
+        let closures: Vec<ClosureVerdict> =
+            (0..graph.edges.len()).filter(is_closure).map(left_out).collect();
+        let start = match self.options.start {
+            Start::Auto if has_poses => Start::Given,
+            Start::Auto => Start::Odometry,
+            other @ (Start::Given | Start::Odometry | Start::SpanningTree | Start::Chordal) => {
+                other
+            }
+        };
+        graph.validate()?;
+        let mut copy = robust::weighted(graph, &closures);
+        initialize_in_time(&mut copy, start, has_poses, self.limits())?;
+        align_to_priors(&mut copy);
+        let verdicts = self.judge_positions(&mut copy)?;
+        graph.poses = copy.poses;
+        Ok(verdicts)
+    }
+
+    fn judge_positions<G: LieGroup<N>, const N: usize>(
+        &self,
+        graph: &mut PoseGraph<G, N>,
+    ) -> Result<Vec<PositionVerdict>, SolveError> {
+        let Some(positions) = &self.options.positions else { return Ok(Vec::new()) };
+        if graph.position_priors.is_empty() {
+            return Ok(Vec::new());
+        }
+        let passed = self.begin.elapsed();
+        let mut optimizer = self.options.optimizer;
+        optimizer.deadline = optimizer.deadline.map(|deadline| deadline.saturating_sub(passed));
+        let options = pose_graph::Options { optimizer };
+        judge_positions(graph, positions, &options, self.interrupt)
+    }
+
     fn plain<G, const D: usize, const N: usize>(
         &self,
         graph: &mut PoseGraph<G, N>,
@@ -136,6 +229,9 @@ impl Run<'_> {
         G: ReferencePose<N> + RigidMotion<D, N>,
     {
         let start = initialize_in_time(graph, self.options.start, has_poses, self.limits())?;
+        if start != Start::Given {
+            align_to_priors(graph);
+        }
         let start_seconds = Some(self.begin.elapsed().as_secs_f64());
         if self.options.certify && start == Start::Given {
             // The proof is looked for near a solution, and there is one if it takes too long.
@@ -144,7 +240,16 @@ impl Run<'_> {
         let proof = self.prove(graph)?;
         let (solve, before) = self.last(graph, observer)?;
         let after = self.cost(graph);
-        Ok(Optimized { solve, start, start_seconds, before, after, judged: None, proof })
+        Ok(Optimized {
+            solve,
+            start,
+            start_seconds,
+            before,
+            after,
+            judged: None,
+            positions: Vec::new(),
+            proof,
+        })
     }
 
     fn judged<G, const D: usize, const N: usize>(
@@ -166,6 +271,7 @@ impl Run<'_> {
             pose_graph: pose_graph::Options { optimizer: self.options.optimizer },
         };
         let rows = &mut ignore_iterations;
+        let given = if graph.has_priors() { graph.poses.clone() } else { Vec::new() };
         let mut judged = robust::solve_until(graph, has_poses, &robust, self.interrupt, rows)?;
         let mut kept = robust::weighted(graph, &judged.closures);
         let (solve, before, after, proof) = if self.options.certify {
@@ -188,6 +294,10 @@ impl Run<'_> {
             let initial = judged.solve.initial_cost;
             let relative_pose = FactorCost { cost: initial, ..after.relative_pose };
             let before = match self.options.costs {
+                true if graph.has_priors() => {
+                    // It is of several kinds: they are counted where the judging began.
+                    self.cost(&PoseGraph { poses: given, ..kept })
+                }
                 true => {
                     let residuals = ResidualReport::default();
                     CostReport { total: initial, relative_pose, residuals, ..after }
@@ -197,7 +307,16 @@ impl Run<'_> {
             (judged.solve.clone(), before, after, None)
         };
         let (start, judged) = (judged.start, Some(judged));
-        Ok(Optimized { solve, start, start_seconds: None, before, after, judged, proof })
+        Ok(Optimized {
+            solve,
+            start,
+            start_seconds: None,
+            before,
+            after,
+            judged,
+            positions: Vec::new(),
+            proof,
+        })
     }
 
     /// Moves the poses to the chordal optimum, where that is asked for and there is time.

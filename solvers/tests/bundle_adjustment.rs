@@ -244,18 +244,26 @@ fn pose_factors_pull_and_count_in_the_cost() {
     let last = problem.poses.len() - 1;
     let target = problem.poses[last].plus(&SVector::from([0.5, 0.0, 0.0, 0.0, 0.0, 0.0]));
     let information = Information::from_sigmas(&SVector::repeat(1e-5)).unwrap();
-    problem.pose_priors.push(PosePrior { pose: last, world_from_camera: target, information });
+    problem.pose_priors.push(PosePrior {
+        pose: last,
+        world_from_camera: target,
+        information,
+        loss: Loss::Trivial,
+    });
     let i_from_j = problem.poses[0].inverse().compose(&problem.poses[3]);
     problem.relative_poses.push(RelativePose {
         i: 3,
         j: 0,
         i_from_j: i_from_j.inverse(),
         information,
+        loss: None,
     });
     problem.position_priors.push(PositionPrior {
         pose: 5,
         position_in_world: problem.poses[5].translation,
         information: Information::from_sigmas(&Vector3::repeat(1e-5)).unwrap(),
+        point_in_camera: Vector3::zeros(),
+        loss: Loss::Trivial,
     });
     let start = problem.clone();
     for linear_solver in [LinearSolver::DenseSchur, LinearSolver::SparseSchur] {

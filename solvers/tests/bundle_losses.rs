@@ -72,6 +72,7 @@ fn rgbd() -> Option<BundleProblem> {
             j: row[2] as usize,
             i_from_j: pose(&row[3..]),
             information: Information::from_sigmas(&sigmas).unwrap(),
+            loss: None,
         });
     }
     Some(problem)

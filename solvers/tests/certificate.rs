@@ -82,7 +82,7 @@ fn wound_ring<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         graph.push_pose(k as i64, pose);
         pose = pose.compose(wound);
         let j = (k + 1) % count;
-        graph.edges.push(RelativePose { i: k, j, i_from_j: *step, information });
+        graph.edges.push(RelativePose { i: k, j, i_from_j: *step, information, loss: None });
     }
     graph
 }

@@ -114,13 +114,26 @@ fn mixed_problem() -> BundleProblem {
     for k in 0..3 {
         let i_from_j = Se3::exp(&numbers(300 + k, 1.0));
         let information = information(k);
-        problem.relative_poses.push(RelativePose { i: k, j: k + 1, i_from_j, information });
+        problem.relative_poses.push(RelativePose {
+            i: k,
+            j: k + 1,
+            i_from_j,
+            information,
+            loss: None,
+        });
         let world_from_camera = Se3::exp(&numbers(400 + k, 0.8));
-        problem.pose_priors.push(PosePrior { pose: k, world_from_camera, information });
+        problem.pose_priors.push(PosePrior {
+            pose: k,
+            world_from_camera,
+            information,
+            loss: Loss::Trivial,
+        });
         problem.position_priors.push(PositionPrior {
             pose: k,
             position_in_world: numbers(500 + k, 1.0),
             information: Information::identity(),
+            point_in_camera: Vector3::zeros(),
+            loss: Loss::Trivial,
         });
     }
     problem.observation_loss = Loss::Huber(3.0);
@@ -194,7 +207,7 @@ fn pair<G: LieGroup<N>, const N: usize>(
     let mut graph = PoseGraph::new();
     graph.push_pose(0, G::identity());
     graph.push_pose(1, world_from_j);
-    graph.edges.push(RelativePose { i: 0, j: 1, i_from_j: G::identity(), information });
+    graph.edges.push(RelativePose { i: 0, j: 1, i_from_j: G::identity(), information, loss: None });
     graph
 }
 

@@ -5,6 +5,7 @@ use covis_solvers::geometry::{
     Camera, KannalaBrandt, LieGroup, PinholeRadialTangential, Se3, Snavely,
 };
 use covis_solvers::information::Information;
+use covis_solvers::loss::Loss;
 use covis_solvers::testing::assert_jacobian;
 use covis_solvers::testing::random::{element, normal_vector, seeded, uniform_vector};
 use nalgebra::{SVector, Vector2, Vector3};
@@ -112,6 +113,7 @@ fn prior_jacobians_match_central_differences() {
                 pose: 0,
                 world_from_camera: measured,
                 information: Information::identity(),
+                loss: Loss::Trivial,
             };
             let (_, d_pose) = prior.linearize(&pose);
             assert_jacobian("pose prior", |d| prior.linearize(&pose.plus(d)).0, &d_pose, 1e-6);
@@ -119,6 +121,8 @@ fn prior_jacobians_match_central_differences() {
                 pose: 0,
                 position_in_world: normal_vector(&mut rng, 3.0),
                 information: Information::identity(),
+                point_in_camera: Vector3::zeros(),
+                loss: Loss::Trivial,
             };
             let (_, d_pose) = prior.linearize(&pose);
             assert_jacobian("position prior", |d| prior.linearize(&pose.plus(d)).0, &d_pose, 1e-6);

@@ -199,7 +199,7 @@ fn check_graph<G: LieGroup<N>, const N: usize>(name: &str, poses: usize, extra: 
     let information = Information::new(&SMatrix::<f64, N, N>::identity()).unwrap();
     for (i, j) in pairs {
         let i_from_j = truth[i].inverse().compose(&truth[j]);
-        graph.edges.push(RelativePose { i, j, i_from_j, information });
+        graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
     }
     let price = pose_graph::price(&graph, &Interrupt::NEVER).unwrap();
     for threads in [1, 4] {

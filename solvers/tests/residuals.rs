@@ -113,12 +113,23 @@ fn pose_factors_have_meters_and_radians() {
     let sigmas = SVector::from([0.5, 0.5, 0.5, 0.05, 0.05, 0.05]);
     let information = Information::from_sigmas(&sigmas).unwrap();
     let i_from_j = Se3::identity();
-    problem.relative_poses.push(RelativePose { i: 0, j: 1, i_from_j, information });
+    problem.relative_poses.push(RelativePose { i: 0, j: 1, i_from_j, information, loss: None });
     let world_from_camera = Se3::new(So3::identity(), Vector3::new(0.0, 3.0, 4.0));
-    problem.pose_priors.push(PosePrior { pose: 0, world_from_camera, information });
+    problem.pose_priors.push(PosePrior {
+        pose: 0,
+        world_from_camera,
+        information,
+        loss: Loss::Trivial,
+    });
     let information = Information::from_sigmas(&SVector::from([2.0, 2.0, 2.0])).unwrap();
     let position_in_world = Vector3::new(0.0, 0.0, 6.0);
-    problem.position_priors.push(PositionPrior { pose: 1, position_in_world, information });
+    problem.position_priors.push(PositionPrior {
+        pose: 1,
+        position_in_world,
+        point_in_camera: Vector3::zeros(),
+        information,
+        loss: Loss::Trivial,
+    });
     let report = bundle_cost(&problem).residuals;
     let expected = [
         (Quantity::RelativeTranslation, 0.0, 0.0),
@@ -167,7 +178,7 @@ fn grid(side: usize, sigma: f64, stated: f64) -> PoseGraph<Se2, 3> {
         for j in [right, down].into_iter().flatten() {
             let true_motion = graph.poses[k].inverse().compose(&graph.poses[j]);
             let i_from_j = true_motion.plus(&normal_vector(&mut rng, sigma));
-            graph.edges.push(RelativePose { i: k, j, i_from_j, information });
+            graph.edges.push(RelativePose { i: k, j, i_from_j, information, loss: None });
         }
     }
     graph.constant[0] = true;

@@ -37,13 +37,13 @@ fn laps<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     for (i, j) in pairs.chain(closures) {
         let noise = normal_vector(&mut rng, 0.02);
         let i_from_j = truth[i].inverse().compose(&truth[j]).plus(&noise);
-        graph.edges.push(RelativePose { i, j, i_from_j, information });
+        graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
     }
     while graph.edges.len() < truth.len() - 1 + 3 * LAP + false_closures {
         let (i, j) = (rng.random_range(0..truth.len()), rng.random_range(0..truth.len()));
         if i.abs_diff(j) > 5 {
             let i_from_j = element(&mut rng, 2.0);
-            graph.edges.push(RelativePose { i, j, i_from_j, information });
+            graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
         }
     }
     (graph, truth)

@@ -27,7 +27,13 @@ fn map() -> PoseGraph<Se3, 6> {
     }
     for i in 0..59 {
         let i_from_j = graph.poses[i].inverse().compose(&graph.poses[i + 1]);
-        graph.edges.push(RelativePose { i, j: i + 1, i_from_j, information: information(0.02) });
+        graph.edges.push(RelativePose {
+            i,
+            j: i + 1,
+            i_from_j,
+            information: information(0.02),
+            loss: None,
+        });
     }
     graph
 }
@@ -36,7 +42,7 @@ fn map() -> PoseGraph<Se3, 6> {
 fn close(graph: &mut PoseGraph<Se3, 6>, i: usize, j: usize, error: f64) -> usize {
     let off = Vector6::new(error, 0.0, 0.0, 0.0, 0.0, 0.0);
     let i_from_j = graph.poses[i].inverse().compose(&graph.poses[j].plus(&off));
-    graph.edges.push(RelativePose { i, j, i_from_j, information: information(0.01) });
+    graph.edges.push(RelativePose { i, j, i_from_j, information: information(0.01), loss: None });
     graph.edges.len() - 1
 }
 
@@ -109,7 +115,13 @@ fn a_lone_closure_counts_where_others_bring_the_trajectory_to_it() {
     let mut closed = graph.clone();
     run(&mut closed, Kernel::TruncatedLeastSquares);
     let i_from_j = closed.poses[15].inverse().compose(&closed.poses[50]);
-    graph.edges.push(RelativePose { i: 15, j: 50, i_from_j, information: information(0.01) });
+    graph.edges.push(RelativePose {
+        i: 15,
+        j: 50,
+        i_from_j,
+        information: information(0.01),
+        loss: None,
+    });
     let summary = run(&mut graph, Kernel::TruncatedLeastSquares);
     let lone = summary.closures.last().unwrap();
     assert!(!lone.is_supported && !lone.is_switched_off, "{lone:?}");

@@ -8,14 +8,14 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
-use covis_solvers::io::trajectory::Trajectory;
 use fs_err as fs;
 use serde::Serialize;
 
+use super::eval::truth;
 use super::output::show;
 use super::progress::Progress;
 use super::run::report::Quantiles;
-use super::run::{Drawing, Peeked, Source};
+use super::run::{Drawing, Peeked, Recorded, Source};
 use super::volume::{Measures, MeshFigures, Paging, write_surface};
 use crate::frontend::dense::integrate::{DenseFrame, IntegrationOptions, Integrator};
 use crate::frontend::dense::paged::PagedVolume;
@@ -32,9 +32,9 @@ const POSE_REACH_S: f64 = 0.02;
 pub(super) struct Args {
     /// tum:FOLDER (TUM RGB-D or 7-Scenes layout), or synthetic:SCENE.
     source: Source,
-    /// Where the camera was: a TUM trajectory, interpolated; frames farther than 0.02 s from a pose
-    /// are skipped.
-    #[arg(long, value_name = "TRAJECTORY")]
+    /// Where the camera was: a TUM trajectory, or a recorded folder with the truth beside its
+    /// images. Poses are interpolated; frames farther than 0.02 s from one are skipped.
+    #[arg(long, value_name = "TRAJECTORY|FOLDER")]
     poses: PathBuf,
     /// Folder for mesh.ply and volume.covis; made where it is missing.
     #[arg(long, value_name = "FOLDER")]
@@ -48,9 +48,8 @@ pub(super) struct Args {
     /// Depth beyond this is not used, meters.
     #[arg(long, value_name = "METERS", default_value_t = IntegrationOptions::default().max_depth_m)]
     max_depth: f32,
-    /// Intrinsics, px: a file, or fx,fy,cx,cy[,k1,k2,p1,p2,k3].
-    #[arg(long, value_name = "FILE|NUMBERS")]
-    camera: Option<String>,
+    #[command(flatten)]
+    recorded: Recorded,
     /// Threads [default: all processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
     threads: Option<u16>,
@@ -128,9 +127,9 @@ fn fuse(args: &Args) -> anyhow::Result<()> {
     }
     // Seen now rather than after the work.
     fs::create_dir_all(&args.out)?;
-    let poses = PoseTrack::new(&Trajectory::read(&args.poses)?);
+    let poses = PoseTrack::new(&truth::read(&args.poses)?);
     let source = args.source.clone().with(args.drawing);
-    let mut frames = Peeked::new(source.open(args.camera.as_deref())?)?;
+    let mut frames = Peeked::new(source.open(&args.recorded)?)?;
     let camera = frames.frame_camera()?;
     let integration =
         IntegrationOptions { max_depth_m: args.max_depth, ..IntegrationOptions::default() };

@@ -10,6 +10,7 @@ pub mod config;
 mod connect;
 mod data_dir;
 mod demo;
+mod edit;
 mod eval;
 mod fuse;
 mod logging;
@@ -52,7 +53,7 @@ enum Command {
     Replay(replay::Args),
     /// Solve a file: bundle adjustment or pose graph.
     Solve(solve::Args),
-    /// List, show, delete or export the maps of a server.
+    /// List, show, edit, freeze, export, import or delete the maps of a server.
     Map(map::Args),
     /// Look at a data directory without a server: verify, report, repair.
     Doctor(data_dir::DoctorArgs),

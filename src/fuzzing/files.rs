@@ -5,9 +5,11 @@
 
 use std::path::Path;
 
+use covis_solvers::geometry::LieGroup;
 use covis_solvers::io::bal::BalFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
 use covis_solvers::io::g2o::G2oGraph;
+use covis_solvers::io::pose_matrix;
 use covis_solvers::io::trajectory::Trajectory;
 
 use crate::cli::config::Config;
@@ -87,6 +89,25 @@ pub(super) fn trajectory(input: &[u8]) {
             assert!(same && again.len() == read.len(), "another trajectory is read back");
         }
         Err(error) => panic!("what was written is not read: {error}"),
+    }
+}
+
+/// A pose as a 4x4 matrix: what is read is a rigid motion, and as a matrix it is read as the same.
+pub(super) fn pose_matrix(input: &[u8]) {
+    let Ok(Some(pose)) = pose_matrix::parse(input, path()) else { return };
+    assert!(pose.is_finite(), "{pose:?}");
+    let (rotation, t) = (pose.rotation.matrix(), pose.translation);
+    let row = |i: usize| {
+        let [a, b, c] = [0, 1, 2].map(|j| rotation[(i, j)]);
+        format!("{a:?} {b:?} {c:?} {:?}\n", t[i])
+    };
+    let text = [row(0), row(1), row(2), "0 0 0 1\n".to_owned()].concat();
+    match pose_matrix::parse(text.as_bytes(), path()) {
+        Ok(Some(again)) => {
+            let angle = again.rotation.quaternion().angle_to(pose.rotation.quaternion());
+            assert!(again.translation == t && angle < 1e-7, "another pose is read back");
+        }
+        other => panic!("what was written is not read: {other:?}"),
     }
 }
 

@@ -23,7 +23,7 @@ pub struct Target {
 }
 
 /// Every target, by name.
-pub const TARGETS: [Target; 18] = [
+pub const TARGETS: [Target; 20] = [
     Target { name: "bal", run: files::bal },
     Target { name: "camera_file", run: input::camera_file },
     Target { name: "colmap_binary", run: files::colmap_binary },
@@ -35,7 +35,9 @@ pub const TARGETS: [Target; 18] = [
     Target { name: "journal", run: crate::store::fuzzing::journal },
     Target { name: "journal_folder", run: crate::store::fuzzing::journal_folder },
     Target { name: "jwt", run: crate::service::fuzzing::jwt },
+    Target { name: "map_file", run: crate::store::fuzzing::map_file },
     Target { name: "pem", run: crate::service::fuzzing::pem },
+    Target { name: "pose_matrix", run: files::pose_matrix },
     Target { name: "snapshot", run: crate::store::fuzzing::snapshot },
     Target { name: "tokens", run: crate::service::fuzzing::tokens },
     Target { name: "trajectory", run: files::trajectory },
@@ -65,7 +67,7 @@ pub fn largest(name: &str, corpus: &[Vec<u8>], length: usize, take: &mut dyn FnM
         "wire_item" => items,
         "wire_requests" => requests,
         "journal" => events,
-        "snapshot" => parts,
+        "snapshot" | "map_file" => parts,
         "volume" => volume::largest(length),
         _ => Vec::new(),
     };

@@ -6,6 +6,10 @@
 //! one that it shares most landmarks with), a landmark with its first observer. Landmarks that were not
 //! in the solve but belong to a keyframe that moved follow it in the same way, as do those that a local
 //! solve moved behind a camera or left without parallax (`window`).
+//!
+//! What a client edited meanwhile stays as the client left it: an entity that was removed gets nothing,
+//! one that was added again under the same id counts as new, a camera that was replaced keeps its new
+//! intrinsics, and a verdict holds for the very closure that was judged.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,8 +18,8 @@ use nalgebra::Vector3;
 
 use super::window::is_well_placed;
 use super::{
-    AppliedSolve, ClientIndex, EntityId, GraphProblem, Keyframe, Map, MapProblem, SolveKind,
-    SwitchedOff,
+    AppliedSolve, ClientIndex, ClosureEdge, ConstraintKind, EntityId, GraphProblem, Keyframe, Map,
+    MapProblem, SolveKind, SwitchedOff,
 };
 
 /// A problem whose values a solver has moved.
@@ -66,28 +70,49 @@ impl Solved<'_> {
         }
     }
 
-    fn cameras(&self) -> Vec<(EntityId, Camera)> {
+    /// The intrinsics of cameras that were free and that the map still has as they were.
+    fn cameras(&self, map: &Map) -> Vec<(EntityId, Camera)> {
         match self {
             Self::Bundle(p) => {
-                let all = p.cameras.iter().zip(&p.problem.cameras);
+                let all = p.cameras.iter().zip(&p.start_cameras).zip(&p.problem.cameras);
                 let free = all.zip(&p.problem.constant_cameras).filter(|&(_, &constant)| !constant);
-                free.map(|((&id, &camera), _)| (id, camera)).collect()
+                let kept = free.filter(|(((id, start), _), _)| {
+                    map.cameras().get(id).is_some_and(|known| known.camera == **start)
+                });
+                kept.map(|(((&id, _), &camera), _)| (id, camera)).collect()
             }
             Self::Graph(_) => Vec::new(),
         }
     }
 }
 
-/// Which closures a solve switched off and which on again, without those removed meanwhile.
+/// Which closures and position priors a solve switched off and which on again, without those revoked
+/// meanwhile.
 type Verdicts = (Vec<(EntityId, SwitchedOff)>, Vec<EntityId>);
+
+/// Whether the map still holds the closure that was judged: a client may have revoked it and sent
+/// another one under its id.
+fn is_held(map: &Map, problem: &GraphProblem, closure: &ClosureEdge) -> bool {
+    let (Some(known), Some(edge)) =
+        (map.constraints().get(&closure.constraint), problem.graph.edges.get(closure.edge))
+    else {
+        return false;
+    };
+    let ends = [edge.i, edge.j].map(|pose| problem.keyframes.get(pose));
+    known.kind == ConstraintKind::LoopClosure
+        && ends == [Some(&known.keyframe_i), Some(&known.keyframe_j)]
+        && known.keyframe_i_from_keyframe_j == edge.i_from_j
+}
 
 fn verdicts(map: &Map, solved: Solved<'_>) -> Verdicts {
     let Solved::Graph(problem) = solved else { return Verdicts::default() };
     let (mut off, mut on) = Verdicts::default();
-    for closure in &problem.closures {
-        let id = closure.constraint;
-        match closure.switched_off {
-            _ if !map.constraints().contains_key(&id) => {}
+    let held = problem.closures.iter().filter(|closure| is_held(map, problem, closure));
+    let closures = held.map(|closure| (closure.constraint, closure.switched_off));
+    let known = problem.positions.iter().filter(|of| map.priors().contains_key(&of.prior));
+    let positions = known.map(|position| (position.prior, position.switched_off));
+    for (id, switched_off) in closures.chain(positions) {
+        match switched_off {
             Some(verdict) => off.push((id, verdict)),
             None if map.switched_off().contains_key(&id) => on.push(id),
             None => {}
@@ -116,17 +141,23 @@ pub fn applied<'a>(
     costs: (f64, f64),
 ) -> AppliedSolve {
     let solved = solved.into();
+    let start = solved.start_revision();
     let keyframes = map_now.keyframes();
+    let was_solved =
+        |id: &EntityId| keyframes.get(id).is_some_and(|known| known.added_revision <= start);
     let mut poses: BTreeMap<EntityId, Se3> =
-        solved.poses().into_iter().filter(|(id, _)| keyframes.contains_key(id)).collect();
-    let late = late_poses(map_now, solved.start_revision(), &poses);
+        solved.poses().into_iter().filter(|(id, _)| was_solved(id)).collect();
+    let late = late_poses(map_now, start, &poses);
     poses.extend(late);
 
     let mut landmarks: BTreeMap<EntityId, Vector3<f64>> = solved
         .landmarks()
         .into_iter()
         .filter(|(id, position)| {
-            let Some(landmark) = map_now.landmarks().get(id) else { return false };
+            let known = map_now.landmarks().get(id);
+            let Some(landmark) = known.filter(|known| known.added_revision <= start) else {
+                return false;
+            };
             let pose =
                 |k| poses.get(&k).copied().or(keyframes.get(&k).map(|k| k.world_from_camera));
             // If a window moved a landmark out of sight, the sent position is better.
@@ -136,13 +167,12 @@ pub fn applied<'a>(
     let followers = followers(map_now, &poses, &landmarks.keys().copied().collect());
     landmarks.extend(followers);
 
-    let cameras = solved.cameras();
     let (switched_off, switched_on) = verdicts(map_now, solved);
     AppliedSolve {
         kind,
         poses: poses.into_iter().collect(),
         landmarks: landmarks.into_iter().collect(),
-        cameras: cameras.into_iter().filter(|(id, _)| map_now.cameras().contains_key(id)).collect(),
+        cameras: solved.cameras(map_now),
         switched_off,
         switched_on,
         closure_variances: closure_variances(map_now, solved),

@@ -309,6 +309,10 @@ impl Map {
     }
 
     /// The most that a client's change would add to [`Map::usage`].
+    ///
+    /// A removal adds nothing, so that a full map takes it: it frees more than its digest takes. Only
+    /// if a landmark loses some of more than 33 observers may bytes grow, because keyframes come to
+    /// share it that others stood between.
     #[must_use]
     pub fn growth(&self, change: &Change) -> Usage {
         let by_landmarks = |new: &[NewLandmark]| {
@@ -343,20 +347,33 @@ impl Map {
             Change::ClientOpened { name, .. } if self.client_named(name).is_none() => {
                 Usage { clients: 1, bytes: CLIENT, ..NOTHING }
             }
-            Change::ItemRepeated => NEW_ITEM,
+            Change::ItemRepeated | Change::CameraSet { .. } => NEW_ITEM,
+            Change::LandmarksFused { kept, absorbed } => {
+                NEW_ITEM + self.growth_by_fusing(*kept, absorbed)
+            }
             Change::Created { .. }
             | Change::ClientOpened { .. }
-            | Change::CameraSet { .. }
             | Change::LandmarksTriangulated { .. }
             | Change::SolveApplied { .. }
             | Change::ObservationsRemoved { .. }
-            | Change::LandmarksFused { .. }
             | Change::LandmarksRemoved { .. }
             | Change::KeyframeRemoved { .. }
             | Change::KeyframeRetired { .. }
             | Change::ConstraintRevoked { .. }
-            | Change::PolicySet { .. } => NOTHING,
+            | Change::PolicySet { .. }
+            | Change::MapUpdated { .. } => NOTHING,
         }
+    }
+
+    /// Each observer of a landmark that is absorbed may become a neighbor of those of the others.
+    fn growth_by_fusing(&self, kept: EntityId, absorbed: &[EntityId]) -> Usage {
+        let observers = |id| self.landmarks.get(id).map_or(0, |l| l.observers.len());
+        let moved: usize = absorbed.iter().map(observers).sum();
+        let all = moved + observers(&kept);
+        let pairs = (moved as u64).saturating_mul(all.min(2 * NEAREST) as u64);
+        let long = if all > NOT_LONG { all as u64 } else { 0 };
+        let bytes = 2 * pairs * SHARED_PAIR + long * LONG_OBSERVER;
+        Usage { bytes, ..NOTHING }
     }
 
     fn growth_by(&self, observations: &[Observation]) -> Usage {

@@ -4,7 +4,7 @@
 //! after its length, every enum after a tag, so that no two values share an encoding. The encoding is
 //! used only in digests; it is no journal format.
 
-use covis_solvers::geometry::{Camera, Se3};
+use covis_solvers::geometry::{Camera, Geodetic, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
 use covis_solvers::robust::Kernel;
@@ -12,9 +12,12 @@ use nalgebra::Vector3;
 use sha2::{Digest as _, Sha256};
 
 use super::{
-    CameraEntity, Change, ClosureRobustness, Constraint, Depth, Digest, EntityId, Keyframe,
+    CameraEntity, Change, ClosureRobustness, Constraint, Depth, Digest, EntityId, Gauge, Keyframe,
     Landmark, Map, MapPolicy, NewLandmark, Observation, Prior, SwitchedOff, WhenFull,
 };
+
+/// Added to the tag of a constraint or prior with a loss of its own or a lever arm.
+const OWN_LOSS: u8 = 0x40;
 
 /// The kinds of entity whose content as sent is remembered. Their order is in snapshots and hashes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -96,6 +99,10 @@ impl Map {
             hash.id(id);
             hash.0.update(digest);
         });
+        // An open map has the hash that it had before maps could be frozen.
+        if self.frozen {
+            hash.tag(1);
+        }
         hash.finish()
     }
 
@@ -268,6 +275,8 @@ impl Hash {
             ceilings,
             when_full,
             max_queued_items,
+            gauge,
+            geodetic_anchor,
         } = policy;
         self.tag(u8::from(*local_bundle));
         self.tag(u8::from(*loop_closure));
@@ -310,6 +319,16 @@ impl Hash {
         if let Some(items) = max_queued_items {
             self.text("max_queued_items");
             self.u64(u64::from(*items));
+        }
+        match gauge {
+            Gauge::FirstKeyframeFixed => {}
+            Gauge::Free => self.text("gauge_free"),
+            Gauge::Priors => self.text("gauge_priors"),
+            Gauge::FixedPoses => self.text("gauge_fixed_poses"),
+        }
+        if let Some(Geodetic { latitude_deg, longitude_deg, height_m }) = geodetic_anchor {
+            self.text("geodetic_anchor");
+            [latitude_deg, longitude_deg, height_m].into_iter().for_each(|&x| self.f64(x));
         }
     }
 
@@ -374,26 +393,40 @@ impl Hash {
     }
 
     fn constraint(&mut self, constraint: &Constraint) {
-        self.tag(constraint.kind as u8);
+        // What came later has tags of its own, so that the hashes of older maps stay.
+        self.tag(constraint.kind as u8 | if constraint.loss.is_some() { OWN_LOSS } else { 0 });
         self.id(constraint.keyframe_i);
         self.id(constraint.keyframe_j);
         self.pose(&constraint.keyframe_i_from_keyframe_j);
         self.information(&constraint.information);
+        if let Some(loss) = &constraint.loss {
+            self.loss(loss);
+        }
     }
 
     fn prior(&mut self, prior: &Prior) {
         match prior {
-            Prior::Pose { keyframe, world_from_camera, information } => {
-                self.tag(0);
+            Prior::Pose { keyframe, world_from_camera, information, loss } => {
+                let is_plain = *loss == Loss::Trivial;
+                self.tag(if is_plain { 0 } else { OWN_LOSS });
                 self.id(*keyframe);
                 self.pose(world_from_camera);
                 self.information(information);
+                if !is_plain {
+                    self.loss(loss);
+                }
             }
-            Prior::Position { keyframe, position_in_world, information } => {
-                self.tag(1);
+            Prior::Position { keyframe, position_in_world, point_in_camera, information, loss } => {
+                // −0 is no lever arm either.
+                let is_plain = *loss == Loss::Trivial && *point_in_camera == Vector3::zeros();
+                self.tag(if is_plain { 1 } else { 1 | OWN_LOSS });
                 self.id(*keyframe);
                 self.vector(position_in_world);
                 self.information(information);
+                if !is_plain {
+                    self.vector(point_in_camera);
+                    self.loss(loss);
+                }
             }
         }
     }

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use covis_solvers::information::Information;
+use covis_solvers::loss::Loss;
 use nalgebra::{Vector2, Vector3};
 
 use super::{EntityId, Observations, SharedMap};
@@ -202,9 +203,11 @@ pub struct Constraint {
     pub keyframe_i_from_keyframe_j: Se3,
     /// Information of r, translation first.
     pub information: Information<6>,
+    /// Its own ρ; `None` takes the policy's.
+    pub loss: Option<Loss>,
 }
 
-/// Why a loop closure does not count: the pose graph found it false. It stays in the map, since a
+/// Why a loop closure or a position prior does not count: the pose graph found it false. It stays in the map, since a
 /// later solve may find that it fits after all.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SwitchedOff {
@@ -228,15 +231,21 @@ pub enum Prior {
         world_from_camera: Se3,
         /// Information of r, translation first.
         information: Information<6>,
+        /// Its ρ.
+        loss: Loss,
     },
-    /// Of the camera's position, r = t − z.
+    /// Of the position of a point p fixed to the keyframe, r = X · p − z.
     Position {
         /// The keyframe.
         keyframe: EntityId,
         /// The measurement z in meters.
         position_in_world: Vector3<f64>,
+        /// The lever arm p in the keyframe's frame, in meters; 0 is the camera's center.
+        point_in_camera: Vector3<f64>,
         /// Information over x, y, z of the world frame, in 1/m².
         information: Information<3>,
+        /// Its ρ.
+        loss: Loss,
     },
 }
 

@@ -63,6 +63,12 @@ pub enum MapError {
     /// The event adds something that the map holds already.
     #[error("revision {revision}: {kind} {id} exists already")]
     Exists { revision: i64, kind: EntityKind, id: EntityId },
+    /// A map from outside holds what no event makes.
+    #[error("{kind} {id} {what}")]
+    Unsound { kind: EntityKind, id: EntityId, what: &'static str },
+    /// A map from outside has a client or a number that no event makes.
+    #[error("{what}")]
+    UnsoundMap { what: &'static str },
     /// The event carries a NaN or infinite value.
     #[error("revision {revision}: {kind} {id} has a value that is not finite")]
     NotFinite { revision: i64, kind: EntityKind, id: EntityId },

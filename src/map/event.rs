@@ -224,4 +224,13 @@ pub enum Change {
         /// The new one.
         policy: MapPolicy,
     },
+    /// Name, policy or state changed on request; what is `None` stays as it is.
+    MapUpdated {
+        /// The new free text for people.
+        display_name: Option<String>,
+        /// The new policy.
+        policy: Option<MapPolicy>,
+        /// Whether the map is frozen.
+        frozen: Option<bool>,
+    },
 }

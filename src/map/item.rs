@@ -5,11 +5,12 @@
 
 use std::sync::Arc;
 
-use covis_solvers::geometry::{Camera, LieGroup, Se3};
+use covis_solvers::geometry::{Camera, Geodetic, LieGroup, Se3};
 use covis_solvers::information::Information;
+use covis_solvers::loss::Loss;
 use nalgebra::{Vector2, Vector3};
 
-use super::{ConstraintKind, Depth, Descriptor};
+use super::{ConstraintKind, Depth, Descriptor, Edit};
 
 /// A reference as a client writes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -52,7 +53,27 @@ pub struct ItemLandmark {
     pub position: Option<Vector3<f64>>,
 }
 
-/// One item of a stream; what it adds belongs to the sender.
+/// A measured position as sent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    /// In the world frame, in meters.
+    InWorld(Vector3<f64>),
+    /// On the Earth, for a map whose policy says where its world is.
+    OnEarth(Geodetic),
+}
+
+impl Place {
+    /// Whether each number is finite and within its range.
+    #[must_use]
+    pub fn is_valid(&self) -> bool {
+        match self {
+            Self::InWorld(point) => point.iter().all(|value| value.is_finite()),
+            Self::OnEarth(place) => place.is_valid(),
+        }
+    }
+}
+
+/// One item of a stream; what it adds belongs to the sender. An edit may name entities of any client.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Item {
     /// Adds a camera.
@@ -109,6 +130,8 @@ pub enum Item {
         keyframe_i_from_keyframe_j: Se3,
         /// Information, translation first.
         information: Information<6>,
+        /// Its own ρ; `None` takes the policy's.
+        loss: Option<Loss>,
     },
     /// Adds a prior on a keyframe's pose.
     PosePrior {
@@ -120,18 +143,33 @@ pub enum Item {
         world_from_camera: Se3,
         /// Information, translation first.
         information: Information<6>,
+        /// Its ρ.
+        loss: Loss,
     },
-    /// Adds a prior on a keyframe's position.
+    /// Adds a prior on the position of a point fixed to a keyframe.
     PositionPrior {
         /// Its id, in one space with the constraints.
         id: i64,
         /// The keyframe.
         keyframe: EntityRef,
-        /// The measurement in meters.
-        position_in_world: Vector3<f64>,
+        /// The measurement.
+        place: Place,
+        /// The measured point in the keyframe's frame, in meters.
+        point_in_camera: Vector3<f64>,
         /// Information over x, y, z of the world frame, in 1/m².
         information: Information<3>,
+        /// Its ρ.
+        loss: Loss,
     },
+    /// Changes or removes what the map holds.
+    Edit(Edit),
+}
+
+/// Whether a camera's numbers are finite and its focal lengths positive.
+fn is_valid_camera(camera: &Camera) -> bool {
+    let focal_lengths = if matches!(camera, Camera::Snavely(_)) { 1 } else { 2 };
+    let parameters = camera.parameters();
+    camera.is_finite() && parameters.iter().take(focal_lengths).all(|&f| f > 0.0)
 }
 
 impl Item {
@@ -152,11 +190,8 @@ impl Item {
             })
         };
         match self {
-            Self::Camera { camera, .. } => {
-                let focal_lengths = if matches!(camera, Camera::Snavely(_)) { 1 } else { 2 };
-                let parameters = camera.parameters();
-                camera.is_finite() && parameters.iter().take(focal_lengths).all(|&f| f > 0.0)
-            }
+            Self::Camera { camera, .. } => is_valid_camera(camera),
+            Self::Edit(edit) => edit.camera().is_none_or(|entity| is_valid_camera(&entity.camera)),
             Self::Keyframe {
                 world_from_camera, odom_from_camera, observations, landmarks, ..
             } => {
@@ -169,7 +204,9 @@ impl Item {
             Self::Observations { observations, .. } => are_measured(observations),
             Self::RelativePose { keyframe_i_from_keyframe_j: pose, .. }
             | Self::PosePrior { world_from_camera: pose, .. } => pose.is_finite(),
-            Self::PositionPrior { position_in_world, .. } => finite(position_in_world),
+            Self::PositionPrior { place, point_in_camera, .. } => {
+                place.is_valid() && finite(point_in_camera)
+            }
         }
     }
 }

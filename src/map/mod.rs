@@ -8,11 +8,13 @@
 
 use std::collections::BTreeMap;
 
+mod affected;
 mod applied;
 mod ceilings;
 mod check;
 mod covisibility;
 mod digest;
+mod edit;
 mod entities;
 mod error;
 mod event;
@@ -27,14 +29,17 @@ pub mod problem;
 mod rejection;
 mod retirement;
 pub mod shared_map;
+mod sound;
 mod ties;
 mod triangulation;
 mod window;
 
+pub use affected::{Affected, affected};
 pub use applied::{Solved, applied};
 pub use ceilings::{Ceilings, Counted, Exceeded, Usage};
 pub use covisibility::Covisibility;
 pub use digest::Content;
+pub use edit::{Edit, Sighting};
 pub use entities::{
     CameraEntity, Client, Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, Digest,
     Keyframe, Landmark, MAX_NUMBER, Observation, Prior, SwitchedOff,
@@ -42,21 +47,21 @@ pub use entities::{
 pub use error::{EntityKind, MapError};
 pub use event::{AppliedSolve, Cause, Change, Event, NewLandmark, Retired, SolveKind};
 pub use ids::{ClientIndex, EntityId};
-pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, PartialItem};
+pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, PartialItem, Place};
 pub use keyframe_pairs::{PairInput, PairState, graph_pairs, near_pairs, pair_input};
 pub use observations::Observations;
 pub use parts::MapParts;
-pub use policy::{ClosureRobustness, MapPolicy, WhenFull};
+pub use policy::{ClosureRobustness, Gauge, MapPolicy, WhenFull};
 pub use problem::{
-    ClosureEdge, GlobalOptions, GraphProblem, MapProblem, global_problem, local_problem,
-    loop_problem,
+    ClosureEdge, GlobalOptions, GraphProblem, JudgedPosition, MapProblem, global_problem,
+    graph_problem, local_problem, loop_problem,
 };
 pub use rejection::{FieldViolation, Reason, Rejection};
 pub use retirement::retire;
 pub use shared_map::SharedMap;
 pub use ties::Ties;
 pub use triangulation::{has_unplaced, triangulate};
-pub use window::{Window, choose_window};
+pub use window::{Window, choose_window, choose_window_of};
 
 /// Whether the map already has the content of an item of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,6 +82,7 @@ pub struct Map {
     update_time_ns: i64,
     display_name: String,
     policy: MapPolicy,
+    frozen: bool,
     clients: Vec<Client>,
     cameras: BTreeMap<EntityId, CameraEntity>,
     keyframes: SharedMap<EntityId, Keyframe>,
@@ -138,6 +144,12 @@ impl Map {
         &self.policy
     }
 
+    /// Whether the map takes no items and no solves, by request.
+    #[must_use]
+    pub fn is_frozen(&self) -> bool {
+        self.frozen
+    }
+
     /// The clients in the order of their first stream; a [`ClientIndex`] is a position here.
     #[must_use]
     pub fn clients(&self) -> &[Client] {
@@ -181,7 +193,7 @@ impl Map {
         &self.constraints
     }
 
-    /// The loop closures that do not count.
+    /// The loop closures and position priors that do not count.
     #[must_use]
     pub fn switched_off(&self) -> &BTreeMap<EntityId, SwitchedOff> {
         &self.switched_off
@@ -204,7 +216,13 @@ impl Map {
         active.map(|(&id, constraint)| (id, constraint))
     }
 
-    /// The priors.
+    /// A prior, if it counts.
+    #[must_use]
+    pub fn active_prior(&self, id: EntityId) -> Option<&Prior> {
+        self.priors.get(&id).filter(|_| !self.switched_off.contains_key(&id))
+    }
+
+    /// The priors, those that are switched off too.
     #[must_use]
     pub fn priors(&self) -> &SharedMap<EntityId, Prior> {
         &self.priors

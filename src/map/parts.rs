@@ -25,6 +25,8 @@ pub struct MapParts {
     pub display_name: String,
     /// See [`Map::policy`].
     pub policy: MapPolicy,
+    /// See [`Map::is_frozen`].
+    pub frozen: bool,
     /// See [`Map::solve_count`].
     pub solve_count: i64,
     /// See [`Map::clients`].
@@ -67,6 +69,7 @@ impl Map {
             update_time_ns: self.update_time_ns,
             display_name: self.display_name.clone(),
             policy: self.policy,
+            frozen: self.frozen,
             solve_count: self.solve_count,
             clients: self.clients.clone(),
             cameras: self.cameras.clone(),
@@ -77,6 +80,21 @@ impl Map {
             priors: self.priors.clone(),
             contents: self.contents.clone(),
         }
+    }
+
+    /// The map as it begins on a server that imports it: created at this time by the server's clock,
+    /// with another display name and policy where they are given. The rest stays as it is.
+    #[must_use]
+    pub fn imported(
+        mut self,
+        create_time_ns: i64,
+        display_name: Option<String>,
+        policy: Option<MapPolicy>,
+    ) -> Self {
+        (self.create_time_ns, self.update_time_ns) = (create_time_ns, create_time_ns);
+        self.display_name = display_name.unwrap_or(self.display_name);
+        self.policy = policy.unwrap_or(self.policy);
+        self
     }
 
     /// Puts a map together.
@@ -90,6 +108,7 @@ impl Map {
             update_time_ns,
             display_name,
             policy,
+            frozen,
             solve_count,
             clients,
             cameras,
@@ -130,7 +149,9 @@ impl Map {
                 return Err(unknown(EntityKind::Keyframe, id));
             }
         }
-        if let Some(&id) = switched_off.keys().find(|id| !constraints.contains_key(id)) {
+        if let Some(&id) =
+            switched_off.keys().find(|id| !constraints.contains_key(id) && !priors.contains_key(id))
+        {
             return Err(unknown(EntityKind::Constraint, id));
         }
         let unseen = landmarks.iter().filter(|(_, landmark)| landmark.observers.is_empty());
@@ -148,6 +169,7 @@ impl Map {
             update_time_ns,
             display_name,
             policy,
+            frozen,
             clients,
             cameras,
             keyframes,

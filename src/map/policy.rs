@@ -3,6 +3,7 @@
 //! A policy is part of the map's state and is stored in its first event, so that replaying a journal
 //! needs no configuration. A policy from the wire is not checked here but at the edge.
 
+use covis_solvers::geometry::Geodetic;
 use covis_solvers::loss::Loss;
 use covis_solvers::robust::{Kernel, default_threshold};
 
@@ -19,6 +20,20 @@ pub enum WhenFull {
     Marginalize,
     /// The one of the oldest keyframes whose landmarks others see best is marginalized in the same way.
     Sparsify,
+}
+
+/// What fixes the map's frame where the measurements do not determine it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Gauge {
+    /// Priors; in each connected piece of the map that has none its first keyframe.
+    #[default]
+    FirstKeyframeFixed,
+    /// Priors, and the solver's damping. A pose graph needs more: there as above.
+    Free,
+    /// Priors, as [`Gauge::Free`].
+    Priors,
+    /// The first keyframe of each connected piece, also beside priors: a map marks no others.
+    FixedPoses,
 }
 
 /// How false loop closures are distinguished from true ones.
@@ -46,7 +61,7 @@ impl ClosureRobustness {
 pub struct MapPolicy {
     /// Whether each keyframe starts local bundle adjustment (true).
     pub local_bundle: bool,
-    /// Whether a loop-closure constraint starts pose-graph optimization (true).
+    /// Whether a loop-closure constraint or a prior starts pose-graph optimization (true).
     pub loop_closure: bool,
     /// Keyframes that local bundle adjustment frees (20).
     pub window_keyframes: usize,
@@ -68,6 +83,10 @@ pub struct MapPolicy {
     pub when_full: WhenFull,
     /// Items of a client that may wait for the engine (the server's).
     pub max_queued_items: Option<u32>,
+    /// What fixes the frame (priors, else the first keyframe).
+    pub gauge: Gauge,
+    /// Where the origin of the world is on the Earth; its axes point east, north and up there (none).
+    pub geodetic_anchor: Option<Geodetic>,
 }
 
 impl Default for MapPolicy {
@@ -87,6 +106,8 @@ impl Default for MapPolicy {
             ceilings: Ceilings::default(),
             when_full: WhenFull::default(),
             max_queued_items: None,
+            gauge: Gauge::default(),
+            geodetic_anchor: None,
         }
     }
 }

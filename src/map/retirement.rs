@@ -113,6 +113,7 @@ fn keep(map: &Map, problem: &MapProblem, marginal: Marginal, retired: &mut Retir
             keyframe_j: j,
             keyframe_i_from_keyframe_j: edge.i_from_j,
             information: edge.information,
+            loss: edge.loss,
         };
         if let Some(&before) = earlier.get(&(i.min(j), i.max(j)))
             && let Some(known) = map.constraints().get(&before)
@@ -130,6 +131,7 @@ fn keep(map: &Map, problem: &MapProblem, marginal: Marginal, retired: &mut Retir
             keyframe,
             world_from_camera: prior.world_from_camera,
             information: prior.information,
+            loss: prior.loss,
         };
         retired.priors.push((EntityId::new(keyframe.client, id), prior));
     }

@@ -1,7 +1,7 @@
 //! Chooses the part of the map for a local bundle adjustment.
 //!
-//! Free are a keyframe and those that share most landmarks with it, by count, then the more recent,
-//! then the lower id. The window's landmarks are those that the free keyframes see; every other
+//! Free are one keyframe, or several that an edit concerns, and those that share most landmarks with
+//! them, by count, then the more recent, then the lower id. The window's landmarks are those that the free keyframes see; every other
 //! keyframe that sees one of them is held fixed and so ties the window to the rest of the map. If
 //! nothing would be fixed, the oldest keyframe is fixed (the gauge); the scale of a monocular window is
 //! then still free, and the damping of the solver holds it.
@@ -13,7 +13,7 @@
 //! enough. Whole-map solves include all landmarks.
 
 use std::cmp::Reverse;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use covis_solvers::geometry::Se3;
 use nalgebra::Vector3;
@@ -37,15 +37,28 @@ pub struct Window {
 /// The window around `keyframe`; empty when the map does not hold it.
 #[must_use]
 pub fn choose_window(map: &Map, keyframe: EntityId) -> Window {
-    if !map.keyframes().contains_key(&keyframe) {
+    choose_window_of(map, &[keyframe])
+}
+
+/// The window around several keyframes, all of which may move; empty when the map holds none of them.
+#[must_use]
+pub fn choose_window_of(map: &Map, keyframes: &[EntityId]) -> Window {
+    let held = keyframes.iter().copied().filter(|id| map.keyframes().contains_key(id));
+    let mut free: BTreeSet<EntityId> = held.collect();
+    if free.is_empty() {
         return Window::default();
     }
     let time = |id: EntityId| map.keyframes().get(&id).map_or(i64::MIN, |k| k.capture_time_ns);
-    let mut neighbors: Vec<(EntityId, u32)> = map.covisibility().neighbors(keyframe).collect();
+    let mut shared: BTreeMap<EntityId, u32> = BTreeMap::new();
+    for (id, count) in free.iter().flat_map(|&id| map.covisibility().neighbors(id)) {
+        if !free.contains(&id) {
+            *shared.entry(id).or_default() += count;
+        }
+    }
+    let mut neighbors: Vec<(EntityId, u32)> = shared.into_iter().collect();
     neighbors.sort_by_key(|&(id, shared)| (Reverse(shared), Reverse(time(id)), id));
-    neighbors.truncate(map.policy().window_keyframes.saturating_sub(1));
-    let mut free: BTreeSet<EntityId> = neighbors.into_iter().map(|(id, _)| id).collect();
-    free.insert(keyframe);
+    neighbors.truncate(map.policy().window_keyframes.saturating_sub(free.len()));
+    free.extend(neighbors.into_iter().map(|(id, _)| id));
 
     let seen: BTreeSet<EntityId> = free
         .iter()

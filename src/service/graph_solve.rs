@@ -163,7 +163,14 @@ fn answer<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usiz
     let judging =
         kernel.map(|kernel| Judging { kernel, threshold, trusted, trust_odometry: false });
     let (certify, optimizer) = (settings.certify, settings.options);
-    let options = graph_optimization::Options { start, judging, certify, costs: true, optimizer };
+    let options = graph_optimization::Options {
+        start,
+        judging,
+        positions: None,
+        certify,
+        costs: true,
+        optimizer,
+    };
     let solved = optimize(&mut graph, has_poses, &options, interrupt, &mut ignore_iterations);
     let solved = solved.map_err(|error| ServiceError::Unsolvable { field, error })?;
     let mut summary = to_summary(&solved.solve, settings.options.method);

@@ -9,12 +9,12 @@ use super::access::{Caller, deletion, shown};
 use super::connections::Peer;
 use super::context::{Answers, Context, Messages, Rpcs, unserved};
 use super::convert::map::{display_name, policy, to_map};
-use super::convert::{Path, convert, ids};
+use super::convert::{Path, convert, ids, update};
 use super::deadline::call_time;
 use super::engine::{MapHandle, Resource};
 use super::error::ServiceError;
-use super::watch::Wanted;
-use super::{export, listing, watch};
+use super::watch::{Resolution, Wanted};
+use super::{export, import, listing, watch};
 use crate::map::Reason;
 use crate::wire::v1;
 use v1::export_map_response::Content;
@@ -36,6 +36,18 @@ impl Rpcs {
         let name = caller.engine_name(&map_id);
         let info = self.context.maps.create(&name, &display_name, policy).await?;
         Ok(v1::CreateMapResponse { map: Some(to_map(&info, ceilings.queued_items)) })
+    }
+
+    async fn update(
+        &self,
+        request: Request<v1::UpdateMapRequest>,
+    ) -> Result<v1::UpdateMapResponse, ServiceError> {
+        let (caller, request) = (Caller::of(&request)?, request.into_inner());
+        let ceilings = self.context.ceilings();
+        let map = self.map(&caller, &request.map_id)?;
+        let update = convert(|out| update::update(&request, &ceilings, out))?;
+        let info = map.update(update).await?;
+        Ok(v1::UpdateMapResponse { map: Some(to_map(&info, ceilings.queued_items)) })
     }
 
     async fn list(
@@ -104,9 +116,9 @@ impl MapService for Rpcs {
 
     async fn update_map(
         &self,
-        _request: Request<v1::UpdateMapRequest>,
+        request: Request<v1::UpdateMapRequest>,
     ) -> Result<Response<v1::UpdateMapResponse>, Status> {
-        unserved("UpdateMap")
+        self.context.answer("UpdateMap", self.update(request)).await
     }
 
     async fn list_maps(
@@ -178,9 +190,13 @@ impl MapService for Rpcs {
 
     async fn import_map(
         &self,
-        _request: Request<Streaming<v1::ImportMapRequest>>,
+        request: Request<Streaming<v1::ImportMapRequest>>,
     ) -> Result<Response<v1::ImportMapResponse>, Status> {
-        unserved("ImportMap")
+        let handler = async {
+            let caller = Caller::of(&request)?;
+            import::import(&self.context, &caller, request.into_inner()).await
+        };
+        self.context.answer("ImportMap", handler).await
     }
 
     type GetTrajectoryStream = Answers<v1::GetTrajectoryResponse>;
@@ -213,9 +229,20 @@ impl MapService for Rpcs {
 
     async fn list_keyframes(
         &self,
-        _request: Request<v1::ListKeyframesRequest>,
+        request: Request<v1::ListKeyframesRequest>,
     ) -> Result<Response<Self::ListKeyframesStream>, Status> {
-        unserved("ListKeyframes")
+        let (rpcs, time) = (self.clone(), call_time(request.metadata()));
+        let (caller, request) = (Caller::of(&request), request.into_inner());
+        self.context.stream("ListKeyframes", time, Messages::Large, |sink| async move {
+            let pages = convert(|out| {
+                let map_id = ids::map_id(&request.map_id, out);
+                let pages = listing::keyframe_pages(&request, out);
+                map_id?;
+                pages
+            })?;
+            let map = rpcs.map(&caller?, &request.map_id)?.snapshot().await?;
+            listing::keyframes(&map, &pages, &sink).await
+        })
     }
 
     type ListLandmarksStream = Answers<v1::ListLandmarksResponse>;
@@ -242,9 +269,20 @@ impl MapService for Rpcs {
 
     async fn list_constraints(
         &self,
-        _request: Request<v1::ListConstraintsRequest>,
+        request: Request<v1::ListConstraintsRequest>,
     ) -> Result<Response<Self::ListConstraintsStream>, Status> {
-        unserved("ListConstraints")
+        let (rpcs, time) = (self.clone(), call_time(request.metadata()));
+        let (caller, request) = (Caller::of(&request), request.into_inner());
+        self.context.stream("ListConstraints", time, Messages::Large, |sink| async move {
+            let pages = convert(|out| {
+                let map_id = ids::map_id(&request.map_id, out);
+                let pages = listing::constraint_pages(&request, out);
+                map_id?;
+                pages
+            })?;
+            let map = rpcs.map(&caller?, &request.map_id)?.snapshot().await?;
+            listing::constraints(&map, &pages, &sink).await
+        })
     }
 
     type WatchMapStream = Answers<v1::WatchMapResponse>;
@@ -267,6 +305,7 @@ impl MapService for Rpcs {
                 from_revision: request.from_revision.filter(|_| !is_other),
                 landmarks: !request.omit_landmarks,
                 constraints: !request.omit_constraints,
+                resolution: resolution(&request)?,
             };
             tokio::select! {
                 biased;
@@ -275,4 +314,23 @@ impl MapService for Rpcs {
             }
         })
     }
+}
+
+/// How far a watcher's values may be off.
+fn resolution(request: &v1::WatchMapRequest) -> Result<Resolution, ServiceError> {
+    let (position_m, rotation_rad) =
+        (request.position_resolution_m, request.rotation_resolution_rad);
+    for (field, value) in
+        [("position_resolution_m", position_m), ("rotation_resolution_rad", rotation_rad)]
+    {
+        if !value.is_finite() {
+            let text = format!("{value} is not finite");
+            return Err(ServiceError::field(field, Reason::NotFinite, text));
+        }
+        if value < 0.0 {
+            let text = format!("{value} is below 0");
+            return Err(ServiceError::field(field, Reason::OutOfRange, text));
+        }
+    }
+    Ok(Resolution { position_m, rotation_rad })
 }

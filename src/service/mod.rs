@@ -31,6 +31,7 @@ mod export;
 #[cfg(any(test, feature = "fuzzing"))]
 pub mod fuzzing;
 mod graph_solve;
+mod import;
 mod ingest_service;
 mod job_service;
 mod limits;

@@ -20,7 +20,7 @@ use super::convert::solve::{
 use super::convert::{Path, convert, count, ids};
 use super::deadline::{CancelOnDrop, call_time, solve_deadline};
 use super::engine::{
-    Estimate, Fault, GaugeKind, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError,
+    Estimate, Fault, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError,
 };
 use super::error::ServiceError;
 use super::{bundle_solve, graph_solve, refine};
@@ -175,9 +175,6 @@ pub(super) fn map_options(
         if problem == OptimizeProblem::Full && request.certify {
             let text = "only a pose graph can be certified";
             let _: Option<()> = out.report(Path::root("certify"), Reason::Inconsistent, text);
-        }
-        if problem != OptimizeProblem::Full && gauge? != GaugeKind::FirstKeyframeFixed {
-            let _: Option<()> = out.unimplemented(Path::root("gauge"));
         }
         let options = options?;
         Some((

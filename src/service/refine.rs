@@ -155,5 +155,5 @@ fn as_bundle(input: &Input, pose: Se3) -> BundleProblem {
 
 fn as_factor(prior: &Prior) -> PosePrior {
     let Prior { world_from_camera, information } = *prior;
-    PosePrior { pose: 0, world_from_camera, information }
+    PosePrior { pose: 0, world_from_camera, information, loss: Loss::Trivial }
 }

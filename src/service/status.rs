@@ -170,6 +170,12 @@ fn engine(error: EngineError) -> Parts {
         EngineError::Poisoned { map } => {
             parts(Code::FailedPrecondition, "MAP_POISONED").with("map_id", map)
         }
+        EngineError::Frozen { map } => {
+            parts(Code::FailedPrecondition, "MAP_FROZEN").with("map_id", map)
+        }
+        EngineError::RevisionMismatch { map, expected: _, actual } => {
+            parts(Code::Aborted, "REVISION_MISMATCH").with("map_id", map).with("revision", actual)
+        }
         EngineError::EpochFenced { map, client, epoch, newest: _ } => {
             parts(Code::Aborted, "EPOCH_FENCED")
                 .with("map_id", map)
@@ -349,9 +355,9 @@ pub(super) fn solve_reason(error: &SolveError) -> ViolationReason {
         SolveError::TooLarge { .. } | SolveError::TooExpensive(_) | SolveError::Interrupted => {
             ViolationReason::TooLarge
         }
-        SolveError::InvalidOption { .. } | SolveError::Threads { .. } => {
-            ViolationReason::OutOfRange
-        }
+        SolveError::InvalidOption { .. }
+        | SolveError::BadLoss { .. }
+        | SolveError::Threads { .. } => ViolationReason::OutOfRange,
     }
 }
 

@@ -1,16 +1,19 @@
 //! `WatchMap`: the steps of a map as deltas in parts of at most about 256 KiB.
 //!
-//! Entities are sent whole, read from the newest snapshot; an entity that a step touched and that
-//! is no longer in the snapshot is reported as removed. A part is sent when the next entity does
+//! Entities are sent whole, read from the newest snapshot, where the reader has another value (`sent`
+//! knows); an entity that a step touched and that is no longer in the snapshot is reported as removed. A part is sent when the next entity does
 //! not fit, so that a large map is never encoded as a whole.
 
+mod sent;
+
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use prost::Message;
 
 use super::context::{Context, Sink};
 use super::convert::entities::{
-    to_camera, to_client_frame, to_constraint, to_keyframe_pose, to_landmark, to_prior,
+    to_any_constraint, to_camera, to_client_frame, to_keyframe_pose, to_landmark,
 };
 use super::convert::ids::{to_constraint_ref, to_keyframe_ref, to_landmark_ref};
 use super::convert::map::to_state;
@@ -19,10 +22,14 @@ use super::error::ServiceError;
 use super::listing::ENTRY_OVERHEAD;
 use crate::map::{ClientIndex, EntityId, Map};
 use crate::wire::v1;
+pub(super) use sent::Resolution;
+use sent::Sent;
 
 /// Size of a full part. While a larger part is encoded, other messages of the connection's thread
 /// would wait.
 const PART_BYTES: usize = 256 << 10;
+/// After this many entities other tasks of the thread run, however few of the entities are sent.
+const ENTITIES_PER_TURN: u32 = 1024;
 
 /// The options of a watcher.
 #[derive(Clone, Debug)]
@@ -33,6 +40,8 @@ pub(super) struct Wanted {
     pub landmarks: bool,
     /// Whether constraints are sent.
     pub constraints: bool,
+    /// How far the reader's values may be off.
+    pub resolution: Resolution,
 }
 
 /// Sends deltas until the caller leaves, the map is deleted or the server drains.
@@ -47,7 +56,9 @@ pub(super) async fn watch(
         watch = map.watch(wanted.from_revision) => watch?,
         () = context.drained() => return Err(ServiceError::Draining),
     };
+    let mut sent = Sent::new(wanted.resolution);
     if let Some(snapshot) = watch.reset.take() {
+        sent.reset();
         let header = Header {
             reset: true,
             base_revision: 0,
@@ -55,7 +66,7 @@ pub(super) async fn watch(
             state: watch.state,
             uid: map.uid(),
         };
-        send(&mut watch, &header, &snapshot, None, wanted, sink).await?;
+        send(&mut watch, &header, &snapshot, None, wanted, &mut sent, sink).await?;
     }
     loop {
         let change = tokio::select! {
@@ -70,8 +81,11 @@ pub(super) async fn watch(
             state: change.state,
             uid: map.uid(),
         };
+        if change.reset {
+            sent.reset();
+        }
         let touched = Some(&change.touched).filter(|_| !change.reset);
-        send(&mut watch, &header, &change.snapshot, touched, wanted, sink).await?;
+        send(&mut watch, &header, &change.snapshot, touched, wanted, &mut sent, sink).await?;
     }
 }
 
@@ -79,13 +93,14 @@ pub(super) async fn watch(
 async fn send(
     watch: &mut Watch,
     header: &Header<'_>,
-    map: &Map,
+    map: &Arc<Map>,
     touched: Option<&Touched>,
     wanted: &Wanted,
+    sent: &mut Sent,
     sink: &Sink<v1::WatchMapResponse>,
 ) -> Result<(), ServiceError> {
     tokio::select! {
-        sent = send_delta(header, map, touched, wanted, sink) => sent,
+        ended = send_delta(header, map, touched, wanted, sent, sink) => ended,
         // `gather` never returns.
         () = watch.gather() => Ok(()),
     }
@@ -118,11 +133,13 @@ struct Parts<'a> {
     part: v1::MapDelta,
     bytes: usize,
     index: i32,
+    /// How many entities were looked at.
+    looked_at: u32,
 }
 
 impl<'a> Parts<'a> {
     fn new(header: &'a Header<'a>, sink: &'a Sink<v1::WatchMapResponse>) -> Self {
-        Self { header, sink, part: v1::MapDelta::default(), bytes: 0, index: 0 }
+        Self { header, sink, part: v1::MapDelta::default(), bytes: 0, index: 0, looked_at: 0 }
     }
 
     /// Makes room for an entry, sending the part when it is full, and returns where to put it.
@@ -133,6 +150,14 @@ impl<'a> Parts<'a> {
         }
         self.bytes += size;
         Ok(&mut self.part)
+    }
+
+    /// One more entity was looked at.
+    async fn look(&mut self) {
+        self.looked_at = self.looked_at.wrapping_add(1);
+        if self.looked_at.is_multiple_of(ENTITIES_PER_TURN) {
+            tokio::task::yield_now().await;
+        }
     }
 
     async fn send(&mut self, last_part: bool) -> Result<(), ServiceError> {
@@ -152,17 +177,19 @@ impl<'a> Parts<'a> {
     }
 }
 
+/// Sends what the reader needs of a step, and remembers that it has it.
 async fn send_delta(
     header: &Header<'_>,
-    map: &Map,
+    map: &Arc<Map>,
     touched: Option<&Touched>,
     wanted: &Wanted,
+    sent: &mut Sent,
     sink: &Sink<v1::WatchMapResponse>,
 ) -> Result<(), ServiceError> {
     let mut parts = Parts::new(header, sink);
     for id in ids(touched.map(|t| &t.cameras), || map.cameras().keys().copied()) {
-        if let Some(camera) = map.cameras().get(&id) {
-            let camera = to_camera(map, id, camera);
+        let camera = map.cameras().get(&id).map(|camera| to_camera(map, id, camera));
+        if let Some(camera) = camera.filter(|camera| sent.needs_camera(id, camera)) {
             parts.room(&camera).await?.cameras.push(camera);
         }
     }
@@ -170,48 +197,68 @@ async fn send_delta(
         match map.keyframes().get(&id) {
             Some(keyframe) => {
                 let pose = to_keyframe_pose(map, id, keyframe);
-                parts.room(&pose).await?.keyframes.push(pose);
+                if sent.needs_keyframe(id, &pose) {
+                    parts.room(&pose).await?.keyframes.push(pose);
+                }
             }
             None => {
-                let gone = to_keyframe_ref(map, id);
-                parts.room(&gone).await?.removed_keyframes.push(gone);
+                if sent.may_have(id, |last| last.keyframes().contains_key(&id)) {
+                    let gone = to_keyframe_ref(map, id);
+                    parts.room(&gone).await?.removed_keyframes.push(gone);
+                }
             }
         }
+        parts.look().await;
     }
     if wanted.landmarks {
-        landmarks(&mut parts, map, touched).await?;
+        landmarks(&mut parts, map, touched, sent).await?;
     }
     if wanted.constraints {
-        constraints(&mut parts, map, touched).await?;
+        constraints(&mut parts, map, touched, sent).await?;
     }
     let clients = touched.map(|t| t.clients.clone());
     let clients = clients.unwrap_or_else(|| {
         (0u32..).zip(map.clients()).map(|(index, _)| ClientIndex(index)).collect()
     });
     for client in clients {
-        if let Some(frame) = to_client_frame(map, client) {
+        let lost = touched.is_some_and(|t| t.keyframes.iter().any(|id| id.client == client));
+        // A client whose last keyframe went has no frame any more.
+        let gone = || {
+            let client_id = map.client(client)?.name.clone();
+            lost.then(|| v1::ClientFrame { client_id, ..v1::ClientFrame::default() })
+        };
+        let frame = to_client_frame(map, client).or_else(gone);
+        if let Some(frame) = frame.filter(|frame| sent.needs_client_frame(client, frame)) {
             parts.room(&frame).await?.client_frames.push(frame);
         }
     }
-    parts.send(true).await
+    parts.send(true).await?;
+    sent.took(map);
+    Ok(())
 }
 
 async fn landmarks(
     parts: &mut Parts<'_>,
     map: &Map,
     touched: Option<&Touched>,
+    sent: &mut Sent,
 ) -> Result<(), ServiceError> {
     for id in ids(touched.map(|t| &t.landmarks), || map.landmarks().keys().copied()) {
         match map.landmarks().get(&id) {
             Some(landmark) => {
                 let landmark = to_landmark(map, id, landmark);
-                parts.room(&landmark).await?.landmarks.push(landmark);
+                if sent.needs_landmark(id, &landmark) {
+                    parts.room(&landmark).await?.landmarks.push(landmark);
+                }
             }
             None => {
-                let gone = to_landmark_ref(map, id);
-                parts.room(&gone).await?.removed_landmarks.push(gone);
+                if sent.may_have(id, |last| last.landmarks().contains_key(&id)) {
+                    let gone = to_landmark_ref(map, id);
+                    parts.room(&gone).await?.removed_landmarks.push(gone);
+                }
             }
         }
+        parts.look().await;
     }
     Ok(())
 }
@@ -220,21 +267,24 @@ async fn constraints(
     parts: &mut Parts<'_>,
     map: &Map,
     touched: Option<&Touched>,
+    sent: &mut Sent,
 ) -> Result<(), ServiceError> {
     let all = || map.constraints().keys().chain(map.priors().keys()).copied();
     for id in ids(touched.map(|t| &t.constraints), all) {
-        let present = match (map.constraints().get(&id), map.priors().get(&id)) {
-            (Some(constraint), _) => Some(to_constraint(map, id, constraint)),
-            (None, Some(prior)) => Some(to_prior(map, id, prior)),
-            (None, None) => None,
-        };
-        match present {
-            Some(constraint) => parts.room(&constraint).await?.constraints.push(constraint),
+        match to_any_constraint(map, id) {
+            Some(constraint) => {
+                if sent.needs_constraint(id, &constraint) {
+                    parts.room(&constraint).await?.constraints.push(constraint);
+                }
+            }
             None => {
-                let gone = to_constraint_ref(map, id);
-                parts.room(&gone).await?.removed_constraints.push(gone);
+                if sent.may_have(id, |last| to_any_constraint(last, id).is_some()) {
+                    let gone = to_constraint_ref(map, id);
+                    parts.room(&gone).await?.removed_constraints.push(gone);
+                }
             }
         }
+        parts.look().await;
     }
     Ok(())
 }

@@ -1,4 +1,5 @@
-//! What the fuzz targets run of the store: journal files, a map's folder, snapshots, events.
+//! What the fuzz targets run of the store: journal files, a map's folder, snapshots, files of maps,
+//! events.
 //!
 //! Built for tests and with the feature `fuzzing` only. Each function takes any bytes and panics
 //! where a promise is broken: what was read comes back bit for bit, what was mended needs no
@@ -6,6 +7,7 @@
 
 use super::encoding::{decode_event, decode_map, densest, encode_event, encode_map};
 use super::files::fuzzing as files;
+use super::map_file::{MapFileWriter, read_map_file, with_checksums};
 use crate::map::{Event, Map};
 
 pub use super::files::fuzzing::journal_folder;
@@ -95,6 +97,23 @@ pub fn snapshot(input: &[u8]) {
     if let Some(map) = files::unsealed(&bytes) {
         map_journey(&map);
     }
+}
+
+/// A file of a map that somebody uploads: `0` and the file as it is, or another byte and parts, each
+/// behind its length (eight bytes), which get head and checksums.
+pub fn map_file(input: &[u8]) {
+    let Some((&kind, rest)) = input.split_first() else { return };
+    // The inputs of `largest` have a 2 there.
+    let bytes = if kind == 0 { rest.to_vec() } else { with_checksums(rest) };
+    let Ok(map) = read_map_file(&mut &bytes[..], &mut |_| true) else { return };
+    assert_eq!(map.check_sound(), Ok(()));
+    let mut again = Vec::new();
+    assert!(!MapFileWriter::default().put(&map, usize::MAX, &mut again));
+    match read_map_file(&mut &again[..], &mut |_| true) {
+        Ok(read) => assert_eq!(read.state_hash(), map.state_hash()),
+        Err(error) => panic!("a map that was read cannot be read again: {error}"),
+    }
+    map_journey(&map);
 }
 
 #[cfg(test)]

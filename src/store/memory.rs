@@ -136,6 +136,18 @@ impl Store for MemoryStore {
         Ok(epoch)
     }
 
+    async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError> {
+        let epoch = self.next_epoch();
+        let mut maps = self.lock();
+        if maps.contains_key(map) {
+            return Err(StoreError::MapExists { map: map.to_owned() });
+        }
+        let dropped = sequence_of(snapshot.revision());
+        let journal = Journal { epoch, events: Vec::new(), dropped, snapshot: Some(snapshot) };
+        maps.insert(map.to_owned(), journal);
+        Ok(epoch)
+    }
+
     async fn delete_map(&self, map: &str) -> Result<(), StoreError> {
         match self.lock().remove(map) {
             Some(_) => Ok(()),

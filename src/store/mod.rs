@@ -11,6 +11,7 @@
 //! | `memory` | every rule, nothing durable |
 //! | `files` | journals and snapshots as files ([decision 0011](../../docs/decisions/0011-journal.md)) |
 //! | `encoding` | events and maps as bytes |
+//! | `map_file` | a map as a file that can be moved to another server |
 
 use std::fmt;
 use std::sync::Arc;
@@ -26,6 +27,7 @@ mod error;
 mod files;
 #[cfg(any(test, feature = "fuzzing"))]
 pub mod fuzzing;
+mod map_file;
 mod memory;
 mod meters;
 mod reader;
@@ -36,6 +38,7 @@ pub use error::{Damage, StoreError};
 #[allow(unused_imports, reason = "for a simulated disk outside this module")]
 pub(crate) use files::{Disk, DiskFile};
 pub use files::{FileStore, FileStoreOptions, MapCheckup, back_up, check_up};
+pub use map_file::{MAP_FILE, MapFileError, MapFileWriter, read_map_file};
 pub use memory::MemoryStore;
 pub use meters::StoreMeters;
 pub use reader::{EventReader, Piece};
@@ -117,6 +120,13 @@ pub trait Store: Send + Sync + 'static {
     /// # Errors
     /// [`StoreError::MapExists`], [`StoreError::Unavailable`].
     async fn create_map(&self, map: &str) -> Result<Epoch, StoreError>;
+
+    /// Creates a map that begins with a snapshot, at its revision, and acquires it. It is durable
+    /// when the call answers; a crash before that leaves no map.
+    ///
+    /// # Errors
+    /// [`StoreError::MapExists`], [`StoreError::Unavailable`].
+    async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError>;
 
     /// Deletes a map with its journal and snapshot, also where nobody waits for the answer any more.
     /// Where it fails either nothing has changed, or the map's journal has stopped; then the same call

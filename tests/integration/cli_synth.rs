@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use covis::frontend::input::open_folder;
+use covis::frontend::input::{FolderOptions, open_folder};
 use covis::frontend::synthetic::{SceneName, Sequence, SequenceOptions};
 
 use crate::cli_support::Workspace;
@@ -31,7 +31,7 @@ fn a_sequence_is_written_as_a_folder_that_reads_back() {
     assert!(ran.stdout.ends_with("2 frames of walking, seed 3\n"), "{}", ran.stdout);
     let options = SequenceOptions { frames: 2, seed: 3, ..SequenceOptions::default() };
     let sequence = Sequence::new(SceneName::Walking, &options);
-    let mut source = open_folder(&out, None).unwrap().source;
+    let mut source = open_folder(&out, FolderOptions::default()).unwrap().source;
     assert_eq!(source.camera(), sequence.camera());
     for index in 0..2 {
         assert_eq!(source.next_frame().unwrap().unwrap(), sequence.frame(index));

@@ -10,10 +10,11 @@ use covis::map::{
 };
 use covis_solvers::geometry::{Camera, Se3, Snavely};
 use covis_solvers::information::Information;
+use covis_solvers::loss::Loss;
 use nalgebra::Vector3;
 
 use crate::map_support::{
-    Journal, ROBOT, camera_item, corner, id, landmark, observe, pixel, pose_at, relative_pose,
+    Journal, ROBOT, camera_item, corner, fix, id, landmark, observe, pixel, pose_at, relative_pose,
     street, street_keyframe,
 };
 
@@ -220,15 +221,11 @@ fn constraints_and_priors_are_checked() {
         keyframe: EntityRef::own(1),
         world_from_camera: pose_at(1.0),
         information: Information::identity(),
+        loss: Loss::Trivial,
     };
     check(
         &journal,
-        &Item::PositionPrior {
-            id: 1,
-            keyframe: EntityRef::own(8),
-            position_in_world: Vector3::zeros(),
-            information: Information::identity(),
-        },
+        &fix(1, 8, Vector3::zeros()),
         &[("position_prior.keyframe", Reason::UnknownReference)],
     );
     // Constraints and priors share one id space.
@@ -366,12 +363,7 @@ fn a_keyframe_without_camera_takes_no_observations() {
 #[test]
 fn every_kind_of_entity_counts_before_it_is_taken() {
     let mut journal = street(3, MapPolicy::default());
-    let prior = Item::PositionPrior {
-        id: 2,
-        keyframe: EntityRef::own(0),
-        position_in_world: Vector3::zeros(),
-        information: Information::identity(),
-    };
+    let prior = fix(2, 0, Vector3::zeros());
     let constraint = relative_pose(1, ConstraintKind::Odometry, 0, 1, pose_at(1.0));
     for (item, counted) in [
         (camera_item(1), Counted::Cameras),

@@ -7,10 +7,12 @@ use std::collections::BTreeMap;
 use covis::map::{
     AppliedSolve, Cause, Change, ClientIndex, ConstraintKind, Covisibility, Depth, EntityId,
     EntityKind, Event, GlobalOptions, Item, ItemLandmark, Map, MapError, MapParts, MapPolicy,
-    Recall, SolveKind, SwitchedOff, WhenFull, global_problem, loop_problem, retire, triangulate,
+    Place, Recall, SolveKind, SwitchedOff, WhenFull, global_problem, loop_problem, retire,
+    triangulate,
 };
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Information;
+use covis_solvers::loss::Loss;
 use covis_solvers::testing::random::{normal_vector, seeded};
 use nalgebra::Vector3;
 use rand::RngExt as _;
@@ -71,13 +73,16 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
                     keyframe,
                     world_from_camera: pose_at(rng.random()),
                     information: Information::identity(),
+                    loss: Loss::Huber(1.0),
                 }
             } else {
                 Item::PositionPrior {
                     id: n,
                     keyframe,
-                    position_in_world: normal_vector(rng, 1.0),
+                    place: Place::InWorld(normal_vector(rng, 1.0)),
+                    point_in_camera: normal_vector(rng, 1.0),
                     information: Information::identity(),
+                    loss: Loss::Trivial,
                 }
             };
             journal.send(ROBOT, &item).unwrap();

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
 
 use covis::map::{
-    Change, ConstraintKind, Depth, EntityId, EntityRef, GlobalOptions, Item, ItemLandmark,
+    Change, ConstraintKind, Depth, EntityId, EntityRef, Gauge, GlobalOptions, Item, ItemLandmark,
     ItemObservation, Map, MapPolicy, SolveKind, Window, applied, choose_window, global_problem,
     local_problem, loop_problem, pair_input, triangulate,
 };
@@ -101,8 +101,7 @@ fn the_global_problem_holds_every_observation_of_a_usable_landmark() {
     assert!(bundle_cost(&problem.problem).total < 1e-18);
     problem.problem.validate().unwrap();
 
-    let free =
-        GlobalOptions { fix_intrinsics: false, fix_first_keyframe: false, ..Default::default() };
+    let free = GlobalOptions { fix_intrinsics: false, gauge: Gauge::Free, ..Default::default() };
     let problem = global_problem(&journal.map, &free);
     assert_eq!(problem.problem.constant_poses, [false; 4]);
     assert_eq!(problem.problem.constant_cameras, [false]);

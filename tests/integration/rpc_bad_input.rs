@@ -414,18 +414,8 @@ fn ranges_ids_and_contradictions() {
 #[test]
 fn what_is_not_served_yet_is_refused_as_such() {
     let unserved = |item, field| (item, field, Reason::Unimplemented);
-    let huber = || Some(v1::Loss { kind: v1::LossKind::Huber.into(), width: Some(1.0) });
     check(vec![
         unserved(Item::Rig(v1::Rig::default()), "rig"),
-        unserved(Item::RevokeConstraint(v1::RevokeConstraint::default()), "revoke_constraint"),
-        unserved(
-            Item::RemoveObservations(v1::RemoveObservations::default()),
-            "remove_observations",
-        ),
-        unserved(Item::FuseLandmarks(v1::FuseLandmarks::default()), "fuse_landmarks"),
-        unserved(Item::RemoveLandmarks(v1::RemoveLandmarks::default()), "remove_landmarks"),
-        unserved(Item::RemoveKeyframe(v1::RemoveKeyframe::default()), "remove_keyframe"),
-        unserved(Item::SetCamera(camera(0)), "set_camera"),
         unserved(
             bad_keyframe(|k| k.sensor = Some(v1::keyframe::Sensor::RigId(0))),
             "keyframe.rig_id",
@@ -438,12 +428,38 @@ fn what_is_not_served_yet_is_refused_as_such() {
             bad_camera(|c| c.rolling_shutter_readout_ms = 20.0),
             "camera.rolling_shutter_readout_ms",
         ),
-        unserved(bad_constraint(|c| c.loss = huber()), "relative_pose.loss"),
-        unserved(position_prior(|p| p.loss = huber()), "position_prior.loss"),
-        unserved(pose_prior(|p| p.loss = huber()), "pose_prior.loss"),
-        unserved(
-            position_prior(|p| p.point_in_camera = Some(vector3([0.1, 0.0, 0.0]))),
-            "position_prior.point_in_camera",
+    ]);
+}
+
+#[test]
+fn what_is_wrong_with_a_loss_or_a_measured_place_is_told() {
+    let huber = || Some(v1::Loss { kind: v1::LossKind::Huber.into(), width: Some(-1.0) });
+    let place = |latitude_deg, height_m| {
+        Some(v1::GeodeticPosition { latitude_deg, longitude_deg: 0.0, height_m })
+    };
+    check(vec![
+        (bad_constraint(|c| c.loss = huber()), "relative_pose.loss.width", Reason::OutOfRange),
+        (position_prior(|p| p.loss = huber()), "position_prior.loss.width", Reason::OutOfRange),
+        (pose_prior(|p| p.loss = huber()), "pose_prior.loss.width", Reason::OutOfRange),
+        (
+            position_prior(|p| p.point_in_camera = Some(vector3([0.1, f64::NAN, 0.0]))),
+            "position_prior.point_in_camera.y",
+            Reason::NotFinite,
+        ),
+        (
+            position_prior(|p| p.geodetic_point = place(1.0, 0.0)),
+            "position_prior.geodetic_point",
+            Reason::Inconsistent,
+        ),
+        (
+            position_prior(|p| (p.point_in_world, p.geodetic_point) = (None, place(-91.0, 0.0))),
+            "position_prior.geodetic_point.latitude_deg",
+            Reason::OutOfRange,
+        ),
+        (
+            position_prior(|p| (p.point_in_world, p.geodetic_point) = (None, place(1.0, 0.0))),
+            "position_prior.geodetic_point",
+            Reason::Inconsistent,
         ),
     ]);
 }

@@ -147,8 +147,6 @@ fn export_map_refuses_bad_requests() {
         server.create_map("room").await;
         let status = export(&server, "room", v1::MapFormat::Unspecified).await.unwrap_err();
         check_field(&status, "format", "MISSING");
-        let status = export(&server, "room", v1::MapFormat::Covis).await.unwrap_err();
-        check_status(&status, Code::Unimplemented, "UNIMPLEMENTED");
         let status = export(&server, "none", v1::MapFormat::Tum).await.unwrap_err();
         check_status(&status, Code::NotFound, "MAP_NOT_FOUND");
         let status = export(&server, "", v1::MapFormat::Tum).await.unwrap_err();

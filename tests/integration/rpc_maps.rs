@@ -130,23 +130,40 @@ fn create_map_refuses_bad_fields_and_taken_names() {
 }
 
 #[test]
-fn create_map_tells_which_policies_are_not_served_yet() {
+fn a_map_has_the_gauge_and_the_anchor_that_its_policy_asked_for() {
     run(async {
         let server = TestServer::start().await;
         let mut maps = server.maps();
-        let policy = |gauge: v1::Gauge| v1::MapPolicy { gauge: gauge.into(), ..Default::default() };
-        for (policy, field) in [
-            (policy(v1::Gauge::Free), "policy.gauge"),
-            (policy(v1::Gauge::Priors), "policy.gauge"),
-            (policy(v1::Gauge::FixedPoses), "policy.gauge"),
+        let place = |latitude_deg, longitude_deg| v1::GeodeticPosition {
+            latitude_deg,
+            longitude_deg,
+            height_m: 1600.0,
+        };
+        for gauge in [
+            v1::Gauge::FirstKeyframeFixed,
+            v1::Gauge::Free,
+            v1::Gauge::Priors,
+            v1::Gauge::FixedPoses,
         ] {
-            let request = v1::CreateMapRequest { policy: Some(policy), ..create("room") };
-            let status = maps.create_map(request).await.unwrap_err();
-            check_field(&status, field, "UNIMPLEMENTED");
+            let map_id = format!("map-{}", gauge as i32);
+            let policy = v1::MapPolicy {
+                gauge: gauge.into(),
+                geodetic_anchor: Some(place(40.1, -105.1)),
+                ..Default::default()
+            };
+            let map = server.create_map_with(&map_id, policy).await;
+            let policy = map.policy.unwrap();
+            assert_eq!(policy.gauge(), gauge);
+            assert_eq!(policy.geodetic_anchor, Some(place(40.1, -105.1)));
         }
-        // What the server does anyway may be said.
-        let map = server.create_map_with("room", policy(v1::Gauge::FirstKeyframeFixed)).await;
-        assert_eq!(map.policy.unwrap().gauge(), v1::Gauge::FirstKeyframeFixed);
+        let plain = server.create_map_with("plain", v1::MapPolicy::default()).await;
+        assert_eq!(plain.policy.as_ref().unwrap().gauge(), v1::Gauge::FirstKeyframeFixed);
+        assert_eq!(plain.policy.unwrap().geodetic_anchor, None);
+        let nowhere =
+            v1::MapPolicy { geodetic_anchor: Some(place(90.5, f64::NAN)), ..Default::default() };
+        let request = v1::CreateMapRequest { policy: Some(nowhere), ..create("room") };
+        let status = maps.create_map(request).await.unwrap_err();
+        check_field(&status, "policy.geodetic_anchor.latitude_deg", "OUT_OF_RANGE");
     });
 }
 
@@ -424,17 +441,7 @@ fn what_is_not_served_yet_is_unimplemented() {
     run(async {
         let server = TestServer::start().await;
         let mut maps = server.maps();
-        let imports = tokio_stream::iter(Vec::<v1::ImportMapRequest>::new());
-        let statuses = [
-            maps.update_map(v1::UpdateMapRequest::default()).await.unwrap_err(),
-            maps.merge_maps(v1::MergeMapsRequest::default()).await.unwrap_err(),
-            maps.import_map(imports).await.unwrap_err(),
-            maps.list_keyframes(v1::ListKeyframesRequest::default()).await.map(|_| ()).unwrap_err(),
-            maps.list_constraints(v1::ListConstraintsRequest::default())
-                .await
-                .map(|_| ())
-                .unwrap_err(),
-        ];
+        let statuses = [maps.merge_maps(v1::MergeMapsRequest::default()).await.unwrap_err()];
         for status in statuses {
             check_status(&status, Code::Unimplemented, "UNIMPLEMENTED");
         }

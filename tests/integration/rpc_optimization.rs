@@ -392,10 +392,12 @@ fn solve_pose_graph_refuses_bad_graphs_and_names_pieces() {
         let request = v1::SolvePoseGraphRequest::default();
         let status = server.optimization().solve_pose_graph(request).await.unwrap_err();
         check_field(&status, "graph", "MISSING");
-        // A loss of one edge alone, unless it is that of all.
+        // A loss of one edge alone.
         let mut graph = square();
         graph.edges[1].loss = loss(v1::LossKind::Huber, 1.0);
-        check_field(&solve(graph.clone()).await, "se3.edges[1].loss", "UNIMPLEMENTED");
+        graph.edges[1].loss.as_mut().unwrap().width = Some(0.0);
+        check_field(&solve(graph.clone()).await, "se3.edges[1].loss.width", "OUT_OF_RANGE");
+        graph.edges[1].loss = loss(v1::LossKind::Huber, 1.0);
         let same = v1::SolvePoseGraphRequest {
             loss: loss(v1::LossKind::Huber, 1.0),
             ..graph_request(graph)

@@ -65,24 +65,10 @@ fn optimize_map_refuses_what_it_cannot_solve() {
         check_status(&end(optimize("room")).await, Code::FailedPrecondition, "NOTHING_TO_SOLVE");
         check_status(&end(optimize("none")).await, Code::NotFound, "MAP_NOT_FOUND");
         check_field(&end(optimize("")).await, "map_id", "MISSING");
-        let cases: [(v1::OptimizeMapRequest, &str, &str); 7] = [
-            (
-                v1::OptimizeMapRequest { gauge: v1::Gauge::FixedPoses.into(), ..optimize("room") },
-                "gauge",
-                "INCONSISTENT",
-            ),
+        let cases: [(v1::OptimizeMapRequest, &str, &str); 5] = [
             (
                 v1::OptimizeMapRequest { refine_intrinsics: true, ..optimize("room") },
                 "refine_intrinsics",
-                "UNIMPLEMENTED",
-            ),
-            (
-                v1::OptimizeMapRequest {
-                    problem: v1::MapProblem::PoseGraph.into(),
-                    gauge: v1::Gauge::Free.into(),
-                    ..optimize("room")
-                },
-                "gauge",
                 "UNIMPLEMENTED",
             ),
             (v1::OptimizeMapRequest { problem: 9, ..optimize("room") }, "problem", "UNKNOWN_VALUE"),

@@ -27,7 +27,7 @@ pub enum InputError {
         source: std::io::Error,
     },
     /// The folder has neither layout.
-    #[error("{}: neither rgb.txt nor frame-000000.color.png is in this folder", path.display())]
+    #[error("{}: neither rgb.txt nor frame-000000.color.png (.jpg, .jpeg) is in this folder", path.display())]
     NotASequence {
         /// The folder.
         path: PathBuf,
@@ -39,6 +39,12 @@ pub enum InputError {
         path: PathBuf,
         /// How far apart two images of one frame may be.
         max_difference_s: f64,
+    },
+    /// The depth scale is not a positive number.
+    #[error("the depth scale is {value} units a meter, not a positive number")]
+    DepthScale {
+        /// As given, units a meter.
+        value: f32,
     },
     /// A line of a list is not `timestamp path`.
     #[error("{}, line {line}: `{found}` is not a timestamp in seconds and a path", path.display())]

@@ -9,6 +9,7 @@ pub mod camera_file;
 pub mod decode;
 pub mod encode;
 mod error;
+mod folder;
 #[cfg(any(test, feature = "fuzzing"))]
 pub mod fuzzing;
 mod list;
@@ -24,11 +25,11 @@ use covis_solvers::geometry::PinholeRadialTangential;
 pub use camera_file::CameraOrigin;
 pub use decode::DecodeError;
 pub use error::{FrameError, InputError};
-pub use seven_scenes::SevenScenesFolder;
+pub use folder::ImplausibleDepth;
 pub use timing::SensorTiming;
-pub use tum::TumFolder;
 
 use crate::image::RgbdFrame;
+use folder::{Opened, RecordedFolder};
 
 /// Frames in the order of their time, one camera for all of them.
 pub trait FrameSource: Send {
@@ -54,6 +55,15 @@ pub trait FrameSource: Send {
     fn next_frame(&mut self) -> Option<Result<RgbdFrame, FrameError>>;
 }
 
+/// What a caller knows better than a folder.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FolderOptions<'a> {
+    /// Intrinsics: what [`camera_file::parse_argument`] reads.
+    pub camera: Option<&'a str>,
+    /// Units of a depth image a meter, more than 0.
+    pub depth_units_per_m: Option<f32>,
+}
+
 /// A recorded folder, opened.
 pub struct OpenFolder {
     /// Its frames.
@@ -62,22 +72,24 @@ pub struct OpenFolder {
     pub camera_origin: CameraOrigin,
     /// Color images that no depth image is near enough in time; they are no frames.
     pub without_depth: usize,
+    /// Set where no depth scale was given and the layout's does not fit the first depth images.
+    pub implausible_depth: Option<ImplausibleDepth>,
 }
 
 /// Opens a folder of the TUM RGB-D layout, or of 7-Scenes where it has no `rgb.txt` but frames by
-/// that layout's names. `camera` is what [`camera_file::parse_argument`] reads; without it holds the
-/// folder's `camera.txt`, else what the layout or the folder's name tells, else TUM's fr1.
+/// that layout's names. Where no camera is given, that of the folder's `camera.txt` holds, else what
+/// the layout or the folder's name tells, else TUM's fr1. Where no depth scale is given, the layout's
+/// holds: 5000 units a meter for TUM, 1000 for 7-Scenes.
 ///
 /// # Errors
-/// [`InputError`] where the folder, a list in it or the camera cannot be used.
-pub fn open_folder(folder: &Path, camera: Option<&str>) -> Result<OpenFolder, InputError> {
-    if !folder.join(tum::COLOR_LIST).exists() && seven_scenes::is_one(folder)? {
-        let folder = SevenScenesFolder::open(folder, camera)?;
-        let camera_origin = folder.camera_origin().clone();
-        return Ok(OpenFolder { source: Box::new(folder), camera_origin, without_depth: 0 });
-    }
-    let folder = TumFolder::open(folder, camera)?;
-    let camera_origin = folder.camera_origin().clone();
-    let without_depth = folder.without_depth();
-    Ok(OpenFolder { source: Box::new(folder), camera_origin, without_depth })
+/// [`InputError`] where the folder, a list in it, the camera or the depth scale cannot be used.
+pub fn open_folder(folder: &Path, options: FolderOptions<'_>) -> Result<OpenFolder, InputError> {
+    let numbered =
+        if folder.join(tum::COLOR_LIST).exists() { None } else { seven_scenes::listing(folder)? };
+    let listing = numbered.map_or_else(|| tum::listing(folder), Ok)?;
+    let without_depth = listing.without_depth;
+    let Opened { folder, camera_origin, implausible_depth } =
+        RecordedFolder::open(folder, listing, options)?;
+    let source = Box::new(folder);
+    Ok(OpenFolder { source, camera_origin, without_depth, implausible_depth })
 }

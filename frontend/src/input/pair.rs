@@ -7,7 +7,7 @@ use std::path::Path;
 
 use super::decode;
 use super::error::FrameError;
-use crate::image::RgbdFrame;
+use crate::image::{Image, RgbdFrame};
 
 /// No image that is accepted takes more bytes than this, and no file that is longer is read.
 const MAX_FILE_BYTES: u64 = 256 << 20;
@@ -45,8 +45,7 @@ impl PairReader {
         let color = decode::color(&bytes(color_path)?)
             .map_err(|source| FrameError::Decode { path: color_path.to_owned(), source })?;
         check_size(color_path, color.size(), self.size.unwrap_or(color.size()))?;
-        let depth = decode::depth(&bytes(depth_path)?)
-            .map_err(|source| FrameError::Decode { path: depth_path.to_owned(), source })?;
+        let depth = depth_values(depth_path)?;
         check_size(depth_path, depth.size(), color.size())?;
         self.size = Some(color.size());
         let DepthScale { units_per_m, none } = self.scale;
@@ -54,6 +53,12 @@ impl PairReader {
             .map(|value| if Some(value) == none { 0.0 } else { f32::from(value) / units_per_m });
         Ok(RgbdFrame { timestamp_s, depth_delay_s, color, depth_m })
     }
+}
+
+/// The numbers of a depth image.
+pub(super) fn depth_values(path: &Path) -> Result<Image<u16>, FrameError> {
+    decode::depth(&bytes(path)?)
+        .map_err(|source| FrameError::Decode { path: path.to_owned(), source })
 }
 
 /// A file's bytes.

@@ -5,7 +5,7 @@ use covis_solvers::io::trajectory::Trajectory;
 use nalgebra::{Vector2, Vector3};
 
 use super::*;
-use crate::input::{CameraOrigin, open_folder};
+use crate::input::{CameraOrigin, FolderOptions, open_folder};
 
 fn small(frames: usize, seed: u64, noise: bool) -> SequenceOptions {
     SequenceOptions { width: 160, height: 120, frames, seed, noise }
@@ -230,7 +230,7 @@ fn a_written_sequence_reads_back_as_it_was() {
     let mut done = Vec::new();
     write_sequence(&sequence, folder.path(), |index| done.push(index)).unwrap();
     assert_eq!(done, [0, 1, 2, 3, 4]);
-    let mut open = open_folder(folder.path(), None).unwrap();
+    let mut open = open_folder(folder.path(), FolderOptions::default()).unwrap();
     assert!(matches!(open.camera_origin, CameraOrigin::File(_)));
     assert_eq!((open.source.camera(), open.without_depth), (sequence.camera(), 0));
     let mut drawn = SyntheticSource::new(sequence.clone());

@@ -12,6 +12,7 @@ use crate::factors::RelativePose;
 use crate::geometry::Se3;
 use crate::information::Information;
 use crate::linear::{BlockMatrix, BlockPattern};
+use crate::loss::Loss;
 use crate::problem::BundleProblem;
 
 /// Pairs of blocks that a relative-pose factor ties together.
@@ -40,15 +41,13 @@ pub(super) fn cost(problem: &BundleProblem) -> f64 {
     for factor in &problem.relative_poses {
         let residual = factor.residual(&poses[factor.i], &poses[factor.j]);
         let s = factor.information.squared_norm(&residual);
-        sum += problem.relative_pose_loss.evaluate(s).rho;
+        sum += factor.loss.unwrap_or(problem.relative_pose_loss).evaluate(s).rho;
     }
     for factor in &problem.pose_priors {
-        let (residual, _) = factor.linearize(&poses[factor.pose]);
-        sum += factor.information.squared_norm(&residual);
+        sum += factor.loss.evaluate(factor.chi2(&poses[factor.pose])).rho;
     }
     for factor in &problem.position_priors {
-        let (residual, _) = factor.linearize(&poses[factor.pose]);
-        sum += factor.information.squared_norm(&residual);
+        sum += factor.loss.evaluate(factor.chi2(&poses[factor.pose])).rho;
     }
     0.5 * sum
 }
@@ -73,11 +72,11 @@ pub(super) fn linearize(
     }
     for factor in &problem.pose_priors {
         let (residual, d_pose) = factor.linearize(&problem.poses[factor.pose]);
-        sink.prior(factor.pose, &factor.information, &residual, &d_pose);
+        sink.prior(factor.pose, (&factor.information, factor.loss), &residual, &d_pose);
     }
     for factor in &problem.position_priors {
         let (residual, d_pose) = factor.linearize(&problem.poses[factor.pose]);
-        sink.prior(factor.pose, &factor.information, &residual, &d_pose);
+        sink.prior(factor.pose, (&factor.information, factor.loss), &residual, &d_pose);
     }
 }
 
@@ -92,7 +91,7 @@ impl Sink<'_> {
     fn relative_pose(&mut self, problem: &BundleProblem, factor: &RelativePose<Se3, 6>) {
         let lin = factor.linearize(&problem.poses[factor.i], &problem.poses[factor.j]);
         let s = factor.information.squared_norm(&lin.residual);
-        let loss = problem.relative_pose_loss.evaluate(s);
+        let loss = factor.loss.unwrap_or(problem.relative_pose_loss).evaluate(s);
         let omega = factor.information.matrix() * loss.weight;
         let (i, j) = (self.layout.pose_block[factor.i], self.layout.pose_block[factor.j]);
         let (left_i, left_j) = (lin.d_i.transpose() * omega, lin.d_j.transpose() * omega);
@@ -122,14 +121,18 @@ impl Sink<'_> {
     fn prior<const R: usize>(
         &mut self,
         pose: usize,
-        information: &Information<R>,
+        (information, loss): (&Information<R>, Loss),
         residual: &SVector<f64, R>,
         d_pose: &SMatrix<f64, R, 6>,
     ) {
         let block = self.layout.pose_block[pose];
-        let left = d_pose.transpose() * information.matrix();
-        self.add_gradient(block, &(left * residual));
-        self.add_block(block, block, &(left * d_pose));
+        let s = information.squared_norm(residual);
+        let loss = loss.evaluate(s);
+        let left = d_pose.transpose() * information.matrix() * loss.weight;
+        let gradient = left * residual;
+        let less = gradient * (loss.flattening(s, self.stiffness) * gradient.transpose());
+        self.add_gradient(block, &gradient);
+        self.add_block(block, block, &(left * d_pose - less));
     }
 
     fn add_gradient(&mut self, block: u32, values: &SVector<f64, 6>) {

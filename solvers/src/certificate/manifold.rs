@@ -52,14 +52,18 @@ impl<'a> Problem<'a> {
         let mut radius = (x.rows[0].len() as f64).sqrt();
         let largest_radius = 10.0 * radius;
         let scale = self.matrix.diagonal().iter().fold(0.0_f64, |m, d| m.max(*d));
+        let gradient_of = |x: &Lifted, product: &Lifted| {
+            let multipliers = multipliers::<D>(x, product);
+            let mut gradient = product.clone();
+            subtract_multiplied::<D>(&mut gradient, x, &multipliers);
+            let norm = gradient.rows.iter().flatten().fold(0.0_f64, |m, g| m.max(g.abs()));
+            (multipliers, gradient, norm)
+        };
         for _ in 0..MAX_STEPS {
             if self.interrupt.is_due() {
                 break;
             }
-            let multipliers = multipliers::<D>(x, &product);
-            let mut gradient = product.clone();
-            subtract_multiplied::<D>(&mut gradient, x, &multipliers);
-            let norm = gradient.rows.iter().flatten().fold(0.0_f64, |m, g| m.max(g.abs()));
+            let (multipliers, gradient, norm) = gradient_of(x, &product);
             if norm <= tolerance * scale {
                 break;
             }
@@ -70,9 +74,14 @@ impl<'a> Problem<'a> {
             let trial_product = trial.times(self.matrix);
             let trial_value = trial.dot(&trial_product);
             let decrease = value - trial_value;
-            // Near the optimum rounding of F hides what the model still sees.
-            let is_resolved = predicted > 1e-13 * value.abs();
-            let quality = if is_resolved { decrease / predicted } else { 1.0 };
+            // F is a small difference of large terms. Near the optimum their rounding hides what the
+            // model still sees; then the gradient tells whether a step was good.
+            let is_resolved = predicted > f64::EPSILON * scale * x.dot(x);
+            let is_better = is_resolved || gradient_of(&trial, &trial_product).2 < norm;
+            let quality = match is_resolved {
+                true => decrease / predicted,
+                false => f64::from(u8::from(is_better)),
+            };
             if quality < 0.25 {
                 radius *= 0.25;
             } else if quality > 0.75 {
@@ -81,7 +90,7 @@ impl<'a> Problem<'a> {
             if quality > 0.05 && trial_value.is_finite() {
                 (*x, product, value) = (trial, trial_product, trial_value);
             }
-            if radius < 1e-12 || (!is_resolved && decrease <= 0.0) {
+            if radius < 1e-12 || !is_better {
                 break;
             }
         }

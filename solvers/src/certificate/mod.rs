@@ -28,7 +28,7 @@ use crate::problem::{PoseGraph, SolveError};
 const MAX_LIFTS: usize = 5;
 
 /// The gradient's largest entry at the end, over the largest diagonal entry of M.
-const GRADIENT_TOLERANCE: f64 = 1e-12;
+const GRADIENT_TOLERANCE: f64 = 1e-10;
 
 /// A state counts as certified where its cost is proved to be within this share of the optimum.
 const CERTIFIED_GAP: f64 = 1e-6;
@@ -58,8 +58,8 @@ pub struct Certificate {
 /// not count. Start near a good state: [`crate::initialization::chordal`].
 ///
 /// # Errors
-/// Those of [`PoseGraph::validate`]; [`SolveError::InvalidOption`] where several poses are constant,
-/// since the objective knows one gauge; [`SolveError::TooLarge`].
+/// Those of [`PoseGraph::validate`]; [`SolveError::InvalidOption`] where several poses are constant or
+/// there are priors, since the objective knows one gauge; [`SolveError::TooLarge`].
 pub fn certify<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph: &mut PoseGraph<G, N>,
 ) -> Result<Certificate, SolveError> {
@@ -100,6 +100,10 @@ pub fn certify_within<G: RigidMotion<D, N>, const D: usize, const N: usize>(
     graph.validate()?;
     if graph.constant.iter().filter(|&&constant| constant).count() > 1 {
         let reason = "a graph with several constant poses cannot be certified";
+        return Err(SolveError::InvalidOption { field: "certify", reason });
+    }
+    if graph.has_priors() {
+        let reason = "a graph with priors cannot be certified";
         return Err(SolveError::InvalidOption { field: "certify", reason });
     }
     let matrix = data_matrix(graph);

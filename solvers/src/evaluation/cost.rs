@@ -1,15 +1,15 @@
 //! Costs of whole problems, by kind of factor.
 //!
-//! Cost = ½ Σ ρ(rᵀΩr) with the problem's losses (priors take none). Observations behind the camera
+//! Cost = ½ Σ ρ(rᵀΩr) with the problem's losses, or the factor's own where it has one. Observations behind the camera
 //! count in the cost and are counted apart. Indices out of range make the cost NaN: whether a problem
 //! is well posed is the business of its `validate`.
 
 use nalgebra::{SVector, Vector3};
 
-use super::reference::{ReferencePose, Rigid, prior_residual, project};
+use super::reference::{ReferencePose, Rigid, project};
 use super::residuals::{ResidualReport, bundle_residuals, pose_graph_residuals};
 use super::sum::CompensatedSum;
-use crate::factors::RelativePose;
+use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::information::Information;
 use crate::loss::Loss;
 use crate::problem::{BundleProblem, PoseGraph};
@@ -87,8 +87,12 @@ impl Tally {
 #[must_use]
 pub fn pose_graph_cost<G: ReferencePose<N>, const N: usize>(graph: &PoseGraph<G, N>) -> CostReport {
     let relative_pose = relative_poses(&graph.edges, &graph.poses, graph.loss);
+    let (poses, whole, points) = (&graph.poses, &graph.pose_priors, &graph.position_priors);
+    let pose_prior = pose_priors(whole, poses);
+    let position_prior = position_priors(points, poses);
     let residuals = pose_graph_residuals(graph);
-    CostReport { relative_pose, residuals, ..CostReport::default() }.add_up()
+    CostReport { relative_pose, pose_prior, position_prior, residuals, ..CostReport::default() }
+        .add_up()
 }
 
 /// The cost of a bundle adjustment problem.
@@ -99,29 +103,13 @@ pub fn bundle_cost(problem: &BundleProblem) -> CostReport {
     let depth_reprojection = depth_reprojections(problem, &mut pixels);
     let relative_pose =
         relative_poses(&problem.relative_poses, &problem.poses, problem.relative_pose_loss);
-    let mut pose_prior = Tally::default();
-    for prior in &problem.pose_priors {
-        let s = problem.poses.get(prior.pose).map_or(f64::NAN, |pose| {
-            let residual = prior_residual(&prior.world_from_camera, pose);
-            quadratic_form(&prior.information, &residual)
-        });
-        pose_prior.add(Loss::Trivial, s);
-    }
-    let mut position_prior = Tally::default();
-    for prior in &problem.position_priors {
-        let s = problem.poses.get(prior.pose).map_or(f64::NAN, |pose| {
-            let residual = pose.translation - prior.position_in_world;
-            quadratic_form(&prior.information, &residual)
-        });
-        position_prior.add(Loss::Trivial, s);
-    }
     CostReport {
         total: 0.0,
         reprojection,
         depth_reprojection,
         relative_pose,
-        pose_prior: pose_prior.cost(),
-        position_prior: position_prior.cost(),
+        pose_prior: pose_priors(&problem.pose_priors, &problem.poses),
+        position_prior: position_priors(&problem.position_priors, &problem.poses),
         rmse_px: pixels.rmse_px(),
         behind_camera: pixels.behind_camera,
         residuals: bundle_residuals(problem),
@@ -215,7 +203,39 @@ fn relative_poses<G: ReferencePose<N>, const N: usize>(
             }
             (None, _) | (_, None) => f64::NAN,
         };
-        tally.add(loss, s);
+        tally.add(edge.loss.unwrap_or(loss), s);
+    }
+    tally.cost()
+}
+
+fn pose_priors<G: ReferencePose<N>, const N: usize>(
+    priors: &[PosePrior<G, N>],
+    poses: &[G],
+) -> FactorCost {
+    let mut tally = Tally::default();
+    for prior in priors {
+        let s = poses.get(prior.pose).map_or(f64::NAN, |pose| {
+            // Seen from the world itself.
+            let measured = &prior.world_from_camera;
+            let residual = G::reference_residual(measured, &G::identity(), pose);
+            quadratic_form(&prior.information, &residual)
+        });
+        tally.add(prior.loss, s);
+    }
+    tally.cost()
+}
+
+fn position_priors<G: ReferencePose<N>, const N: usize>(
+    priors: &[PositionPrior],
+    poses: &[G],
+) -> FactorCost {
+    let mut tally = Tally::default();
+    for prior in priors {
+        let s = poses.get(prior.pose).map_or(f64::NAN, |pose| {
+            let residual = pose.reference_point(&prior.point_in_camera) - prior.position_in_world;
+            quadratic_form(&prior.information, &residual)
+        });
+        tally.add(prior.loss, s);
     }
     tally.cost()
 }

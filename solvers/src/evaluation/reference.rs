@@ -24,6 +24,9 @@ pub trait ReferencePose<const N: usize>: LieGroup<N> {
         world_from_i: &Self,
         world_from_j: &Self,
     ) -> SVector<f64, N>;
+
+    /// Where the pose takes a point of space; a motion of the plane leaves z as it is.
+    fn reference_point(&self, point: &Vector3<f64>) -> Vector3<f64>;
 }
 
 impl ReferencePose<3> for Se2 {
@@ -31,12 +34,23 @@ impl ReferencePose<3> for Se2 {
         let predicted = Plane::of(a).inverse_times(&Plane::of(b));
         Plane::of(z).inverse_times(&predicted).log()
     }
+
+    fn reference_point(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        let Plane { c, s, t } = Plane::of(self);
+        let (x, y) = (c * point.x - s * point.y, s * point.x + c * point.y);
+        Vector3::new(x + t.x, y + t.y, point.z)
+    }
 }
 
 impl ReferencePose<6> for Se3 {
     fn reference_residual(z: &Self, a: &Self, b: &Self) -> SVector<f64, 6> {
         let predicted = Rigid::of(a).inverse_times(&Rigid::of(b));
         Rigid::of(z).inverse_times(&predicted).log()
+    }
+
+    fn reference_point(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        let rigid = Rigid::of(self);
+        rigid.matrix() * point + rigid.t
     }
 }
 
@@ -134,11 +148,6 @@ impl Rigid {
         let rho = self.t - turned * 0.5 + omega.cross(&turned) * c;
         SVector::from([rho.x, rho.y, rho.z, omega.x, omega.y, omega.z])
     }
-}
-
-/// Log(measured⁻¹ · pose): the residual of a prior.
-pub(super) fn prior_residual(measured: &Se3, pose: &Se3) -> SVector<f64, 6> {
-    Rigid::of(measured).inverse_times(&Rigid::of(pose)).log()
 }
 
 /// The pixel (u, v) of a point in camera coordinates. Nothing guards a division: a point in the center

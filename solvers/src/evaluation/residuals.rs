@@ -7,8 +7,9 @@
 use nalgebra::{DMatrix, DVector, SVector};
 
 use super::cost::{observe, rigids};
-use super::reference::{ReferencePose, Rigid, prior_residual};
+use super::reference::{ReferencePose, Rigid};
 use super::sum::CompensatedSum;
+use crate::factors::{PosePrior, PositionPrior};
 use crate::information::Information;
 use crate::loss::Loss;
 use crate::problem::{BundleProblem, PoseGraph};
@@ -247,7 +248,7 @@ pub(super) fn pose_graph_residuals<G: ReferencePose<N>, const N: usize>(
 ) -> ResidualReport {
     let free = graph.constant.iter().filter(|&&constant| !constant).count();
     let unknowns = free.min(graph.poses.len().saturating_sub(1));
-    let redundancy = redundancy_of(graph.edges.len(), unknowns);
+    let redundancy = redundancy_of(graph.edges.len() + graph.pose_priors.len(), unknowns);
     let mut tangents = Tangents::new::<N>(graph.loss);
     for edge in &graph.edges {
         if let (Some(a), Some(b)) = (graph.poses.get(edge.i), graph.poses.get(edge.j)) {
@@ -261,7 +262,35 @@ pub(super) fn pose_graph_residuals<G: ReferencePose<N>, const N: usize>(
         [Quantity::RelativeTranslation, Quantity::RelativeRotation],
         redundancy,
     );
+    let priors = (&graph.pose_priors[..], &graph.position_priors[..]);
+    prior_residuals(priors, &graph.poses, redundancy, &mut report);
     report
+}
+
+/// Those of priors on poses and on positions.
+fn prior_residuals<G: ReferencePose<N>, const N: usize>(
+    (pose_priors, position_priors): (&[PosePrior<G, N>], &[PositionPrior]),
+    poses: &[G],
+    redundancy: f64,
+    report: &mut ResidualReport,
+) {
+    let mut priors = Tangents::new::<N>(Loss::Trivial);
+    for prior in pose_priors {
+        if let Some(pose) = poses.get(prior.pose) {
+            // Seen from the world itself.
+            let residual = G::reference_residual(&prior.world_from_camera, &G::identity(), pose);
+            priors.add(&residual, &prior.information, redundancy);
+        }
+    }
+    priors.finish(report, [Quantity::PriorTranslation, Quantity::PriorRotation], redundancy);
+    let mut positions = Samples::new(3, Loss::Trivial);
+    for prior in position_priors {
+        if let Some(pose) = poses.get(prior.pose) {
+            let r = pose.reference_point(&prior.point_in_camera) - prior.position_in_world;
+            positions.add(r.norm_squared(), r.dot(&(prior.information.matrix() * r)), 1.0);
+        }
+    }
+    report.0[Quantity::PriorPosition as usize] = positions.statistics();
 }
 
 /// (rows − unknowns) / rows, 0 where there are too few rows.
@@ -339,22 +368,8 @@ pub(super) fn bundle_residuals(problem: &BundleProblem) -> ResidualReport {
     }
     let quantities = [Quantity::RelativeTranslation, Quantity::RelativeRotation];
     edges.finish(&mut report, quantities, redundancy);
-    let mut priors = Tangents::new::<6>(Loss::Trivial);
-    for prior in &problem.pose_priors {
-        if let Some(pose) = problem.poses.get(prior.pose) {
-            let residual = prior_residual(&prior.world_from_camera, pose);
-            priors.add(&residual, &prior.information, redundancy);
-        }
-    }
-    priors.finish(&mut report, [Quantity::PriorTranslation, Quantity::PriorRotation], redundancy);
-    let mut positions = Samples::new(3, Loss::Trivial);
-    for prior in &problem.position_priors {
-        if let Some(pose) = problem.poses.get(prior.pose) {
-            let r = pose.translation - prior.position_in_world;
-            positions.add(r.norm_squared(), r.dot(&(prior.information.matrix() * r)), 1.0);
-        }
-    }
-    report.0[Quantity::PriorPosition as usize] = positions.statistics();
+    let priors = (&problem.pose_priors[..], &problem.position_priors[..]);
+    prior_residuals(priors, &problem.poses, redundancy, &mut report);
     report
 }
 

@@ -22,6 +22,8 @@ pub struct RelativePose<G, const N: usize> {
     pub i_from_j: G,
     /// Ω over the tangent, translation first.
     pub information: Information<N>,
+    /// ρ of this factor alone; `None` takes the loss of its batch.
+    pub loss: Option<Loss>,
 }
 
 /// A residual between two poses with its Jacobians, not yet whitened.
@@ -49,9 +51,9 @@ impl<G: LieGroup<N>, const N: usize> RelativePose<G, N> {
         self.information.squared_norm(&self.residual(world_from_i, world_from_j))
     }
 
-    /// ρ(rᵀΩr) at the poses that its indices name.
+    /// ρ(rᵀΩr) at the poses that its indices name; `loss` is the batch's.
     pub(crate) fn rho(&self, poses: &[G], loss: Loss) -> f64 {
-        loss.evaluate(self.chi2(&poses[self.i], &poses[self.j])).rho
+        self.loss.unwrap_or(loss).evaluate(self.chi2(&poses[self.i], &poses[self.j])).rho
     }
 
     /// The residual with its Jacobians, not whitened.
@@ -71,7 +73,7 @@ pub(crate) const FACTORS_PER_CHUNK: usize = 128;
 /// Factors that a loop handles between two questions to an interrupt: less than a millisecond.
 pub(crate) const FACTORS_PER_QUESTION: u32 = 512;
 
-/// ½ Σ ρ(rᵀΩr), summed within chunks in parallel, then over chunks in order. Once `interrupt` is due
+/// ½ Σ ρ(rᵀΩr), `loss` that of factors without their own, summed within chunks in parallel, then over chunks in order. Once `interrupt` is due
 /// the rest count nothing.
 pub(crate) fn cost<G: LieGroup<N>, const N: usize>(
     factors: &[RelativePose<G, N>],

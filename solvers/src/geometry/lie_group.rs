@@ -6,7 +6,7 @@
 
 use std::fmt::Debug;
 
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{SMatrix, SVector, Vector3};
 
 /// A Lie group whose tangent space has `N` dimensions.
 pub trait LieGroup<const N: usize>: Copy + Debug + PartialEq + Send + Sync + 'static {
@@ -33,6 +33,13 @@ pub trait LieGroup<const N: usize>: Copy + Debug + PartialEq + Send + Sync + 'st
 
     /// The inverse of [`LieGroup::right_jacobian`]: `Log(Exp(τ) · Exp(δ)) ≈ τ + J_r⁻¹(τ) δ`.
     fn right_jacobian_inverse(tangent: &SVector<f64, N>) -> SMatrix<f64, N, N>;
+
+    /// Where `self` takes a point of space, in meters. A motion of the plane is one about the z axis,
+    /// which leaves z as it is.
+    fn act(&self, point: &Vector3<f64>) -> Vector3<f64>;
+
+    /// ∂(self · Exp(δ) · point)/∂δ at δ = 0.
+    fn act_jacobian(&self, point: &Vector3<f64>) -> SMatrix<f64, 3, N>;
 
     /// Whether every stored number is finite.
     fn is_finite(&self) -> bool;

@@ -1,4 +1,4 @@
-//! Rotation and rigid-motion groups with their Jacobians, and camera models.
+//! Rotation and rigid-motion groups with their Jacobians, camera models, geodetic coordinates.
 //!
 //! Transforms are named `target_from_source` and updated on the right, `T ⊞ δ = T · Exp(δ)`.
 //! Tangent order is translation first, then rotation (then log scale). This floor knows nothing
@@ -6,6 +6,7 @@
 
 pub mod camera;
 mod coefficients;
+mod geodetic;
 mod lie_group;
 mod operators;
 mod rigid_motion;
@@ -20,6 +21,7 @@ pub use camera::{
     Camera, CameraModel, KannalaBrandt, ParameterVec, PinholeRadialTangential, Projection, Snavely,
 };
 pub use coefficients::hat;
+pub use geodetic::{Geodetic, LocalFrame};
 pub use lie_group::LieGroup;
 pub use rigid_motion::RigidMotion;
 pub use se2::Se2;

@@ -116,6 +116,19 @@ impl LieGroup<3> for Se2 {
     }
 
     #[inline]
+    fn act(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        let moved = self.transform(&point.xy());
+        Vector3::new(moved.x, moved.y, point.z)
+    }
+
+    #[inline]
+    fn act_jacobian(&self, point: &Vector3<f64>) -> Matrix3<f64> {
+        let turn = self.rotation.rotate(&Vector2::new(-point.y, point.x));
+        let r = self.rotation.matrix();
+        Matrix3::new(r.m11, r.m12, turn.x, r.m21, r.m22, turn.y, 0.0, 0.0, 0.0)
+    }
+
+    #[inline]
     fn is_finite(&self) -> bool {
         self.rotation.is_finite() && self.translation.iter().all(|v| v.is_finite())
     }

@@ -6,7 +6,7 @@
 //! its inverse is [J⁻¹ −J⁻¹QJ⁻¹; 0 J⁻¹]: no matrix is inverted numerically. The rotation stays
 //! unit because [`So3::compose`] renormalizes each product.
 
-use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, SMatrix, Vector3, Vector6};
 
 use super::coefficients::RotationCoefficients;
 use super::coefficients::hat;
@@ -127,6 +127,20 @@ impl LieGroup<6> for Se3 {
         let inverse = k.right_jacobian_inverse(&phi);
         let coupling = -(inverse * right_coupling(&rho, &phi, &k) * inverse);
         block_triangular(&inverse, &coupling)
+    }
+
+    #[inline]
+    fn act(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        self.transform(point)
+    }
+
+    #[inline]
+    fn act_jacobian(&self, point: &Vector3<f64>) -> SMatrix<f64, 3, 6> {
+        let rotation = self.rotation.matrix();
+        let mut jacobian = SMatrix::<f64, 3, 6>::zeros();
+        jacobian.fixed_columns_mut::<3>(0).copy_from(&rotation);
+        jacobian.fixed_columns_mut::<3>(3).copy_from(&(-rotation * hat(point)));
+        jacobian
     }
 
     #[inline]

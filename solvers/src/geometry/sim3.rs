@@ -190,6 +190,21 @@ impl LieGroup<7> for Sim3 {
     }
 
     #[inline]
+    fn act(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        self.transform(point)
+    }
+
+    #[inline]
+    fn act_jacobian(&self, point: &Vector3<f64>) -> SMatrix<f64, 3, 7> {
+        let scaled = self.rotation.matrix() * self.scale;
+        let mut jacobian = SMatrix::<f64, 3, 7>::zeros();
+        jacobian.fixed_columns_mut::<3>(0).copy_from(&scaled);
+        jacobian.fixed_columns_mut::<3>(3).copy_from(&(-scaled * hat(point)));
+        jacobian.set_column(6, &(scaled * point));
+        jacobian
+    }
+
+    #[inline]
     fn is_finite(&self) -> bool {
         self.rotation.is_finite()
             && self.translation.iter().all(|v| v.is_finite())

@@ -4,7 +4,7 @@
 //! Jacobians are 1. Products are pulled back to unit length by one Newton step, which keeps long
 //! chains unit to the last place without a square root.
 
-use nalgebra::{Matrix1, Matrix2, Vector1, Vector2};
+use nalgebra::{Matrix1, Matrix2, Vector1, Vector2, Vector3};
 
 use super::LieGroup;
 
@@ -96,6 +96,17 @@ impl LieGroup<1> for So2 {
     #[inline]
     fn right_jacobian_inverse(_tangent: &Vector1<f64>) -> Matrix1<f64> {
         Matrix1::new(1.0)
+    }
+
+    #[inline]
+    fn act(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        let turned = self.rotate(&point.xy());
+        Vector3::new(turned.x, turned.y, point.z)
+    }
+
+    #[inline]
+    fn act_jacobian(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        self.act(&Vector3::new(-point.y, point.x, 0.0))
     }
 
     #[inline]

@@ -8,7 +8,7 @@
 use nalgebra::{Matrix3, Matrix4, Quaternion, SymmetricEigen, UnitQuaternion, Vector3};
 
 use super::LieGroup;
-use super::coefficients::RotationCoefficients;
+use super::coefficients::{RotationCoefficients, hat};
 
 /// A matrix whose columns are orthonormal to this is a rotation, or mirrors.
 const ORTHONORMAL: f64 = 1e-14;
@@ -183,6 +183,16 @@ impl LieGroup<3> for So3 {
     #[inline]
     fn right_jacobian_inverse(tangent: &Vector3<f64>) -> Matrix3<f64> {
         RotationCoefficients::new(tangent.norm_squared()).right_jacobian_inverse(tangent)
+    }
+
+    #[inline]
+    fn act(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        self.rotate(point)
+    }
+
+    #[inline]
+    fn act_jacobian(&self, point: &Vector3<f64>) -> Matrix3<f64> {
+        -self.matrix() * hat(point)
     }
 
     #[inline]

@@ -1,10 +1,12 @@
 //! Start values where a problem comes without them.
 
+mod alignment;
 mod chordal;
 mod spanning_tree;
 mod start;
 mod triangulation;
 
+pub use alignment::align_to_priors;
 pub use chordal::{IsotropicPrecision, chordal, chordal_price, chordal_within};
 pub use spanning_tree::{odometry, spanning_tree};
 pub(crate) use start::initialize_in_time;

@@ -190,6 +190,16 @@ pub enum IoError {
         /// Its norm.
         norm: f64,
     },
+    /// A matrix is no rigid motion.
+    #[error(
+        "{place}: the matrix is no rigid motion, an element is off by {deviation:.3e} or it mirrors"
+    )]
+    NotRigid {
+        /// Where it begins.
+        place: Place,
+        /// Largest deviation of RᵀR from the identity and of the last row from (0, 0, 0, 1).
+        deviation: f64,
+    },
     /// Information matrices have negative eigenvalues.
     #[error(
         "{first}: the information matrix of edge {i} to {j} is indefinite, its smallest eigenvalue \

@@ -1,4 +1,4 @@
-//! Files: BAL, g2o, COLMAP sparse models, TUM trajectories, PLY.
+//! Files: BAL, g2o, COLMAP sparse models, TUM trajectories, pose matrices, PLY.
 //!
 //! Each format has a plain struct that holds the file's own numbers and writes them back, and a
 //! conversion to and from problems. Conventions of a format (axes, pixel centers, direction of a
@@ -15,6 +15,7 @@ mod files;
 pub mod g2o;
 mod natural_order;
 pub mod ply;
+pub mod pose_matrix;
 mod rotation;
 mod text;
 pub mod trajectory;

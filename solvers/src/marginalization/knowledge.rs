@@ -143,7 +143,7 @@ impl Sums {
             }
             let lin = factor.linearize(&problem.poses[factor.i], &problem.poses[factor.j]);
             let s = factor.information.squared_norm(&lin.residual);
-            let weight = problem.relative_pose_loss.evaluate(s).weight;
+            let weight = factor.loss.unwrap_or(problem.relative_pose_loss).evaluate(s).weight;
             let omega = factor.information.matrix() * weight;
             let (i, j) = (self.slots[factor.i], self.slots[factor.j]);
             self.add_pair([i, j], [&lin.d_i, &lin.d_j], &omega);
@@ -155,11 +155,13 @@ impl Sums {
         let (world, slot, pose) = (0, self.slots[removed], &problem.poses[removed]);
         for prior in problem.pose_priors.iter().filter(|p| p.pose == removed) {
             let (_, d_pose) = prior.linearize(pose);
-            self.add_pair([world, slot], [&-d_pose, &d_pose], prior.information.matrix());
+            let omega = prior.information.matrix() * prior.loss.evaluate(prior.chi2(pose)).weight;
+            self.add_pair([world, slot], [&-d_pose, &d_pose], &omega);
         }
         for prior in problem.position_priors.iter().filter(|p| p.pose == removed) {
             let (_, d_pose) = prior.linearize(pose);
-            self.add_pair([world, slot], [&-d_pose, &d_pose], prior.information.matrix());
+            let omega = prior.information.matrix() * prior.loss.evaluate(prior.chi2(pose)).weight;
+            self.add_pair([world, slot], [&-d_pose, &d_pose], &omega);
         }
     }
 

@@ -14,6 +14,7 @@ use super::knowledge::{Knowledge, Node};
 use crate::factors::{PosePrior, RelativePose};
 use crate::geometry::{LieGroup, Se3};
 use crate::information::Information;
+use crate::loss::Loss;
 use crate::problem::BundleProblem;
 
 /// ε: what the covariances take for the information of a direction without any, relative to what
@@ -49,11 +50,22 @@ pub(super) fn on_a_tree(
         match knowledge.nodes[i] {
             Node::World => {
                 let world_from_camera = world_from_j;
-                result.pose_priors.push(PosePrior { pose: j, world_from_camera, information });
+                result.pose_priors.push(PosePrior {
+                    pose: j,
+                    world_from_camera,
+                    information,
+                    loss: Loss::Trivial,
+                });
             }
             Node::Pose(i) => {
                 let i_from_j = problem.poses[i].inverse().compose(&world_from_j);
-                result.relative_poses.push(RelativePose { i, j, i_from_j, information });
+                result.relative_poses.push(RelativePose {
+                    i,
+                    j,
+                    i_from_j,
+                    information,
+                    loss: None,
+                });
             }
         }
     }

@@ -14,7 +14,7 @@ use crate::interrupt::{Interrupt, Steps};
 use crate::linear::{BlockMatrix, BlockPattern, BlockRowMut, PairTerm};
 use crate::loss::Loss;
 
-/// What `edge` adds to H and g at the two poses.
+/// What `edge` adds to H and g at the two poses; `loss` is the graph's.
 pub(super) fn pair_term<G: LieGroup<N>, const N: usize>(
     edge: &RelativePose<G, N>,
     (world_from_i, world_from_j): (&G, &G),
@@ -22,7 +22,7 @@ pub(super) fn pair_term<G: LieGroup<N>, const N: usize>(
 ) -> PairTerm<N> {
     let pair = edge.linearize(world_from_i, world_from_j);
     let omega = edge.information.matrix();
-    let loss = loss.evaluate(edge.information.squared_norm(&pair.residual));
+    let loss = edge.loss.unwrap_or(loss).evaluate(edge.information.squared_norm(&pair.residual));
     let omega_d_i = omega * pair.d_i * loss.weight;
     let omega_d_j = omega * pair.d_j * loss.weight;
     PairTerm {

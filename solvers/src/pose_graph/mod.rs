@@ -1,22 +1,25 @@
 //! Pose-graph optimization: poses of one group from relative-pose measurements.
 //!
-//! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), over the poses that are not constant. The
+//! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), and the priors' cost over the poses that are not constant. The
 //! normal equations are block-sparse with one block row a pose; Gauss-Newton or
 //! Levenberg-Marquardt steps come from their Cholesky factorization. This file holds the facade;
 //! [`crate::evaluation`] computes the same cost without anything from here.
 
 mod assembly;
+mod covariance;
 mod growing;
+mod priors;
 mod system;
 mod undetermined;
 
 use std::time::Instant;
 
+pub use covariance::position_covariances;
 pub use growing::{GrowingPoseGraph, Growth};
+pub(crate) use priors::cost;
 use system::PoseGraphSystem;
 pub use undetermined::{Undetermined, undetermined};
 
-use crate::factors::cost;
 use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
 use crate::optimizer::{self, Observer, SolveSummary, Unmoved, minimize_until, with_threads};
@@ -44,9 +47,9 @@ impl Default for Options {
 
 /// Optimizes the poses of `graph` in place.
 ///
-/// Gauge: where no pose is constant, the one with the lowest id is held fixed and stays marked in
-/// [`PoseGraph::constant`], so that the caller can see it. The graph is left at the best state
-/// found, whatever the termination; a pose that the edges do not determine stays near its start in the
+/// Gauge: priors fix the frame. Where there are none and no pose is constant, the one with the lowest
+/// id is held fixed and stays marked in [`PoseGraph::constant`], so that the caller can see it. The graph is left at the best state
+/// found, whatever the termination; a pose that the factors do not determine stays near its start in the
 /// directions that [`undetermined`] names. The result has the same bits at any number of threads.
 /// `observer` sees each iteration and may cancel; seconds count from the call.
 ///
@@ -76,9 +79,7 @@ pub fn solve_until<G: LieGroup<N>, const N: usize>(
     let start = Instant::now();
     options.optimizer.validate()?;
     graph.validate()?;
-    if !graph.constant.contains(&true) {
-        graph.fix_lowest_id();
-    }
+    graph.hold_gauge();
     if !graph.constant.contains(&false) {
         return Err(SolveError::Empty("every pose is constant"));
     }
@@ -89,8 +90,7 @@ pub fn solve_until<G: LieGroup<N>, const N: usize>(
         match PoseGraphSystem::new(graph, limits) {
             Ok(mut system) => Ok(minimize_until(&mut system, &options.optimizer, run, observer)),
             Err(SolveError::Interrupted) => {
-                let mut start =
-                    Unmoved(cost(&graph.edges, &graph.poses, graph.loss, &Interrupt::NEVER));
+                let mut start = Unmoved(cost(graph, &Interrupt::NEVER));
                 Ok(minimize_until(&mut start, &options.optimizer, run, observer))
             }
             Err(error) => Err(error),

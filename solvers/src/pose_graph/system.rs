@@ -11,7 +11,8 @@ use nalgebra::SVector;
 use rayon::prelude::*;
 
 use super::assembly::{Incidences, linearize_edges};
-use crate::factors::{RelativePose, cost};
+use super::priors::{self, cost};
+use crate::factors::{self, RelativePose};
 use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky, PairTerm};
@@ -85,7 +86,8 @@ fn linear_bytes<G, const N: usize>(graph: &PoseGraph<G, N>, pattern: &BlockPatte
 /// Only a cost that is not finite is worth a search for the edge behind it.
 fn check_start<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>) -> Result<(), SolveError> {
     let not_finite = |edge: &RelativePose<G, N>| !edge.rho(&graph.poses, graph.loss).is_finite();
-    if !cost(&graph.edges, &graph.poses, graph.loss, &Interrupt::NEVER).is_finite()
+    priors::check_finite(graph)?;
+    if !factors::cost(&graph.edges, &graph.poses, graph.loss, &Interrupt::NEVER).is_finite()
         && let Some(index) = graph.edges.iter().position(not_finite)
     {
         return Err(SolveError::ResidualNotFinite { factor: "edge", index });
@@ -113,7 +115,7 @@ pub(super) struct PoseGraphSystem<'a, G, const N: usize> {
     descent: Vec<f64>,
     /// δ.
     step: Vec<f64>,
-    /// Whether the edges determine every pose for certain.
+    /// Whether the factors determine every pose for certain.
     is_rigid: bool,
     /// Norm of the start's logarithms, at least that of one unit a pose.
     state_norm: f64,
@@ -160,7 +162,7 @@ impl<'a, G: LieGroup<N>, const N: usize> PoseGraphSystem<'a, G, N> {
 
 impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
     fn cost(&mut self) -> f64 {
-        cost(&self.graph.edges, &self.graph.poses, self.graph.loss, &Interrupt::NEVER)
+        cost(self.graph, &Interrupt::NEVER)
     }
 
     fn linearize(&mut self, _damping: f64) -> Gradient {
@@ -169,6 +171,7 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
         linearize_edges(&graph.edges, &graph.poses, loss, interrupt, &mut self.edge_blocks);
         let (hessian, gradient) = (&mut self.hessian, &mut self.gradient);
         self.incidences.assemble(&self.edge_blocks, interrupt, hessian, gradient);
+        priors::add(graph, &self.row_of, hessian, gradient);
         if interrupt.is_due() {
             return Gradient { max_norm: f64::NAN };
         }
@@ -234,7 +237,7 @@ impl<G: LieGroup<N>, const N: usize> System for PoseGraphSystem<'_, G, N> {
                     *pose = pose.plus(&SVector::from_column_slice(&step[row * N..][..N]));
                 }
             });
-        cost(&self.graph.edges, &self.graph.poses, self.graph.loss, self.interrupt)
+        cost(self.graph, self.interrupt)
     }
 
     fn restore(&mut self) {

@@ -1,4 +1,4 @@
-//! Which poses the edges leave open, and in which directions: the diagnosis of a singular graph.
+//! Which poses the factors leave open, and in which directions: the diagnosis of a singular graph.
 //!
 //! Directions without information are the null space of H. A few vectors of it come from inverse
 //! iteration with H + εD and a Rayleigh-Ritz step over them (Parlett, "The symmetric eigenvalue
@@ -11,6 +11,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, SVector};
 
 use super::assembly::{Incidences, linearize_edges};
+use super::priors;
 use crate::geometry::LieGroup;
 use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky, PairTerm};
@@ -29,7 +30,7 @@ const NO_INFORMATION: f64 = 1e-12;
 /// A pose that moves less than this share of the one that moves most stays where it is.
 const STILL: f64 = 1e-5;
 
-/// A pose that the edges do not determine.
+/// A pose that the factors do not determine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Undetermined<const N: usize> {
     /// Its id.
@@ -39,10 +40,10 @@ pub struct Undetermined<const N: usize> {
     pub directions: Vec<SVector<f64, N>>,
 }
 
-/// The poses of `graph` that its edges leave open where they are, in index order; none in most
+/// The poses of `graph` that its edges and priors leave open where they are, in index order; none in most
 /// graphs, which is found out in a fraction of a step's time.
 ///
-/// Where no pose is constant, the one with the lowest id counts as held. A loss counts with its
+/// Where no pose is constant and there are no priors, the one with the lowest id counts as held. A loss counts with its
 /// weights at the poses.
 ///
 /// # Errors
@@ -55,7 +56,7 @@ pub fn undetermined<G: LieGroup<N>, const N: usize>(
     if graph.is_rigid() && !matches!(graph.loss, Loss::Tukey(_)) {
         return Ok(Vec::new());
     }
-    let (poses, row_of) = graph.free();
+    let (poses, row_of) = graph.free_of_solve();
     if poses.is_empty() {
         return Ok(Vec::new());
     }
@@ -71,7 +72,7 @@ pub fn undetermined<G: LieGroup<N>, const N: usize>(
 }
 
 /// H at the graph's poses, a block row a pose that may move.
-fn hessian<G: LieGroup<N>, const N: usize>(
+pub(super) fn hessian<G: LieGroup<N>, const N: usize>(
     graph: &PoseGraph<G, N>,
     row_of: &[Option<usize>],
     rows: usize,
@@ -85,6 +86,7 @@ fn hessian<G: LieGroup<N>, const N: usize>(
     let mut hessian = BlockMatrix::new(pattern);
     let mut gradient = vec![0.0; rows * N];
     incidences.assemble(&blocks, &Interrupt::NEVER, &mut hessian, &mut gradient);
+    priors::add(graph, row_of, &mut hessian, &mut gradient);
     hessian
 }
 

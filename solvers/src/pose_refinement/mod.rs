@@ -119,6 +119,7 @@ pub fn refine(
         pose: 0,
         world_from_camera: p.world_from_camera,
         information: p.information,
+        loss: Loss::Trivial,
     });
     let terms = Terms { camera, list: observations, packed: &packed, prior, loss: options.loss };
     let mut system = PoseSystem::new(terms, *world_from_camera)?;

@@ -6,6 +6,7 @@
 use nalgebra::Vector3;
 
 use super::SolveError;
+use super::pose_graph::check_loss;
 use crate::factors::{
     DepthReprojectionBatch, PosePrior, PositionPrior, RelativePose, ReprojectionBatch,
 };
@@ -35,11 +36,11 @@ pub struct BundleProblem {
     pub relative_poses: Vec<RelativePose<Se3, 6>>,
     /// Priors on whole poses.
     pub pose_priors: Vec<PosePrior>,
-    /// Priors on camera positions.
+    /// Priors on the positions of cameras, or of points fixed to them.
     pub position_priors: Vec<PositionPrior>,
     /// The loss of both observation batches.
     pub observation_loss: Loss,
-    /// The loss of the relative-pose factors.
+    /// The loss of the relative-pose factors that have none of their own.
     pub relative_pose_loss: Loss,
 }
 
@@ -159,18 +160,21 @@ impl BundleProblem {
             if !factor.i_from_j.is_finite() {
                 return Err(not_finite("relative pose", index));
             }
+            check_loss("relative pose", index, factor.loss.unwrap_or_default())?;
         }
         for (index, factor) in self.pose_priors.iter().enumerate() {
             in_range("pose prior", index, factor.pose)?;
             if !factor.world_from_camera.is_finite() {
                 return Err(not_finite("pose prior", index));
             }
+            check_loss("pose prior", index, factor.loss)?;
         }
         for (index, factor) in self.position_priors.iter().enumerate() {
             in_range("position prior", index, factor.pose)?;
-            if !factor.position_in_world.iter().all(|x| x.is_finite()) {
+            if !factor.is_finite() {
                 return Err(not_finite("position prior", index));
             }
+            check_loss("position prior", index, factor.loss)?;
         }
         Ok(())
     }

@@ -60,6 +60,14 @@ pub enum SolveError {
         /// Its position in its batch, from 0.
         index: usize,
     },
+    /// The loss of one factor has a width that is not finite and positive.
+    #[error("{factor} {index}: the width of its loss must be finite and positive")]
+    BadLoss {
+        /// The kind of factor.
+        factor: &'static str,
+        /// Its position in its batch, from 0.
+        index: usize,
+    },
     /// The factors leave a variable open: a system that must have one solution has none or many.
     #[error("the {what} {id} is not determined by the factors")]
     Singular {

@@ -8,8 +8,10 @@ mod bundle;
 mod disjoint_sets;
 mod error;
 mod pose_graph;
+mod rigidity;
 
 pub use bundle::BundleProblem;
 pub use disjoint_sets::DisjointSets;
 pub use error::SolveError;
 pub use pose_graph::{Piece, PoseGraph};
+pub(crate) use rigidity::are_spread;

@@ -1,12 +1,13 @@
-//! A pose graph: poses of one group tied by relative-pose factors.
+//! A pose graph: poses of one group tied by relative-pose factors, some of them measured in the world.
 //!
 //! A factor between poses i and j with measurement Z = `i_from_j` has the residual
-//! r = Log(Z⁻¹ · X_i⁻¹ · X_j) in the full group logarithm, X = `world_from_pose`.
+//! r = Log(Z⁻¹ · X_i⁻¹ · X_j) in the full group logarithm, X = `world_from_pose`. Priors measure one
+//! pose, or the position of a point that is fixed to it.
 
 use std::collections::BTreeMap;
 
 use super::{DisjointSets, SolveError};
-use crate::factors::RelativePose;
+use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::geometry::LieGroup;
 use crate::loss::Loss;
 
@@ -19,9 +20,13 @@ pub struct PoseGraph<G, const N: usize> {
     pub poses: Vec<G>,
     /// Poses that stay where they are (the gauge); one flag a pose.
     pub constant: Vec<bool>,
-    /// The factors.
+    /// The factors between poses.
     pub edges: Vec<RelativePose<G, N>>,
-    /// The loss of every factor.
+    /// Measured poses.
+    pub pose_priors: Vec<PosePrior<G, N>>,
+    /// Measured positions of points that are fixed to poses.
+    pub position_priors: Vec<PositionPrior>,
+    /// The loss of every edge that has none of its own; priors have their own.
     pub loss: Loss,
 }
 
@@ -64,6 +69,8 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
             poses: Vec::new(),
             constant: Vec::new(),
             edges: Vec::new(),
+            pose_priors: Vec::new(),
+            position_priors: Vec::new(),
             loss: Loss::Trivial,
         }
     }
@@ -83,12 +90,34 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
         }
     }
 
+    /// Whether there is a prior of either kind.
+    #[must_use]
+    pub fn has_priors(&self) -> bool {
+        !(self.pose_priors.is_empty() && self.position_priors.is_empty())
+    }
+
+    /// The poses that have a place in the world: the constant ones, then one entry a prior.
+    pub fn placed(&self) -> impl Iterator<Item = usize> + '_ {
+        let constant = (0..self.poses.len()).filter(|&pose| self.constant[pose]);
+        let whole = self.pose_priors.iter().map(|prior| prior.pose);
+        constant.chain(whole).chain(self.position_priors.iter().map(|prior| prior.pose))
+    }
+
+    /// Holds the pose with the lowest id fixed where nothing else gives the graph a place in the
+    /// world: no constant pose and no prior.
+    pub fn hold_gauge(&mut self) {
+        if !self.constant.contains(&true) && !self.has_priors() {
+            self.fix_lowest_id();
+        }
+    }
+
     /// The index of the pose with the lowest id.
     fn lowest_id(&self) -> Option<usize> {
         (0..self.ids.len()).min_by_key(|&pose| self.ids[pose])
     }
 
-    /// The poses that hold the gauge: the constant ones; without one, that with the lowest id.
+    /// The poses that hold the gauge of the edges alone: the constant ones; without one, that with the
+    /// lowest id.
     pub(crate) fn held(&self) -> Vec<usize> {
         let constant: Vec<usize> = (0..self.poses.len()).filter(|&i| self.constant[i]).collect();
         if constant.is_empty() { self.lowest_id().into_iter().collect() } else { constant }
@@ -96,7 +125,17 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
 
     /// The poses that [`Self::held`] leaves free, and the place of each pose among them.
     pub(crate) fn free(&self) -> (Vec<usize>, Vec<Option<usize>>) {
-        let held = self.held();
+        self.others(&self.held())
+    }
+
+    /// As [`Self::free`] for all factors: priors hold no pose, and none is held beside them.
+    pub(crate) fn free_of_solve(&self) -> (Vec<usize>, Vec<Option<usize>>) {
+        let has_constant = self.constant.contains(&true);
+        if self.has_priors() && !has_constant { self.others(&[]) } else { self.free() }
+    }
+
+    /// The poses that are not in `held`, which rises, and the place of each pose among them.
+    fn others(&self, held: &[usize]) -> (Vec<usize>, Vec<Option<usize>>) {
         let is_free = |pose: &usize| held.binary_search(pose).is_err();
         let poses: Vec<usize> = (0..self.poses.len()).filter(is_free).collect();
         let mut place_of = vec![None; self.poses.len()];
@@ -107,7 +146,8 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
     }
 
     /// Checks that lengths and indices agree, ids are unique, every number is finite and the graph
-    /// is in one piece (counting all constant poses as one, since each of them is a gauge).
+    /// is in one piece (counting all constant poses and all that have a prior as one, since each of
+    /// them has a place in the world).
     ///
     /// # Errors
     /// The first [`SolveError`] found.
@@ -118,7 +158,7 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
                 return Err(SolveError::LengthMismatch { what, actual, expected: count });
             }
         }
-        if self.edges.is_empty() {
+        if self.edges.is_empty() && !self.has_priors() {
             return Err(SolveError::Empty("the graph has no edges"));
         }
         if !self.loss.is_valid() {
@@ -151,7 +191,9 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
             if !edge.i_from_j.is_finite() {
                 return Err(SolveError::NotFinite { what: "edge", index: index as i64 });
             }
+            check_loss("edge", index, edge.loss.unwrap_or_default())?;
         }
+        self.validate_priors()?;
         let pieces = self.pieces();
         if pieces.len() > 1 {
             return Err(SolveError::Disconnected { pieces });
@@ -159,36 +201,46 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
         Ok(())
     }
 
-    /// Whether edges with information in every direction tie all poses together (constant ones
-    /// hang together by themselves). Then each pose is determined, but for the gauge; where not,
-    /// other edges may determine it or may leave a direction open.
-    #[must_use]
-    pub fn is_rigid(&self) -> bool {
-        let mut sets = DisjointSets::new(self.poses.len());
-        let constant = (0..self.poses.len()).filter(|&pose| self.constant[pose]);
-        let mut pieces = self.poses.len() - constant.clone().count().saturating_sub(1);
-        sets.join_all(constant);
-        for edge in &self.edges {
-            if pieces <= 1 {
-                break;
-            }
-            // Only an edge that would join two pieces is looked at: a spanning tree of them.
-            if sets.root(edge.i) != sets.root(edge.j) && edge.information.is_definite() {
-                sets.join(edge.i, edge.j);
-                pieces -= 1;
+    fn validate_priors(&self) -> Result<(), SolveError> {
+        let count = self.poses.len();
+        for (factor, priors) in [
+            ("pose prior", self.pose_priors.iter().map(|p| (p.pose, p.loss)).collect::<Vec<_>>()),
+            ("position prior", self.position_priors.iter().map(|p| (p.pose, p.loss)).collect()),
+        ] {
+            for (index, (value, loss)) in priors.into_iter().enumerate() {
+                if value >= count {
+                    let variable = "pose";
+                    return Err(SolveError::IndexOutOfRange {
+                        factor,
+                        index,
+                        variable,
+                        value,
+                        count,
+                    });
+                }
+                check_loss(factor, index, loss)?;
             }
         }
-        pieces <= 1
+        let not_finite = |what, index: usize| SolveError::NotFinite { what, index: index as i64 };
+        let is_whole = |prior: &PosePrior<G, N>| prior.world_from_camera.is_finite();
+        if let Some(index) = self.pose_priors.iter().position(|prior| !is_whole(prior)) {
+            return Err(not_finite("pose prior", index));
+        }
+        match self.position_priors.iter().position(|prior| !prior.is_finite()) {
+            Some(index) => Err(not_finite("position prior", index)),
+            None => Ok(()),
+        }
     }
 
-    /// The connected components, the one with the lowest id first. Constant poses hang together.
+    /// The connected components, the one with the lowest id first. Constant poses and those that have
+    /// a prior hang together.
     #[must_use]
     pub fn pieces(&self) -> Vec<Piece> {
         let mut sets = DisjointSets::new(self.poses.len());
         for edge in &self.edges {
             sets.join(edge.i, edge.j);
         }
-        sets.join_all((0..self.poses.len()).filter(|&pose| self.constant[pose]));
+        sets.join_all(self.placed());
         let mut pieces: BTreeMap<usize, Piece> = BTreeMap::new();
         for (index, &id) in self.ids.iter().enumerate() {
             let piece = pieces.entry(sets.root(index)).or_insert(Piece {
@@ -204,6 +256,11 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
         pieces.sort_by_key(|p| p.lowest_id);
         pieces
     }
+}
+
+/// Checks the loss of one factor.
+pub(super) fn check_loss(factor: &'static str, index: usize, loss: Loss) -> Result<(), SolveError> {
+    if loss.is_valid() { Ok(()) } else { Err(SolveError::BadLoss { factor, index }) }
 }
 
 impl<G: LieGroup<N>, const N: usize> Default for PoseGraph<G, N> {

@@ -140,7 +140,13 @@ mod tests {
         let information = Information::from_sigmas(&sigmas).unwrap();
         for pair in poses.windows(2) {
             let i_from_j = element(&mut rng, 0.3);
-            graph.edges.push(RelativePose { i: pair[0], j: pair[1], i_from_j, information });
+            graph.edges.push(RelativePose {
+                i: pair[0],
+                j: pair[1],
+                i_from_j,
+                information,
+                loss: None,
+            });
         }
         let chain = Chain::new(&graph);
         for (from, to) in [(0, 39), (7, 30), (30, 7), (5, 5), (12, 13)] {

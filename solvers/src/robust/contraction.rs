@@ -2,14 +2,15 @@
 //!
 //! A pose with two trusted edges and no closure hangs between its neighbors: the two edges in turn are
 //! one edge, whose covariance is the sum of theirs. A pose at the end of a branch follows its neighbor.
-//! What is left are the ends of closures, branching points and held poses, and its optimum is that of
-//! the whole graph, to first order in the errors. Closures are weighed there, because that takes many
-//! solves and few of their poses matter. Solves nothing.
+//! What is left are the ends of closures, branching points, held poses and those with priors, and its
+//! optimum is that of the whole graph, to first order in the errors. Closures are weighed there, because
+//! that takes many solves and few of their poses matter. Solves nothing.
 
 use super::chain::Measured;
-use crate::factors::RelativePose;
+use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::geometry::LieGroup;
 use crate::information::Covariance;
+use crate::loss::Loss;
 use crate::problem::PoseGraph;
 
 /// A pose that was left out, between two that were kept or behind one.
@@ -45,13 +46,16 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     closures: &mut Vec<usize>,
 ) -> Option<Contraction<G, N>> {
-    if graph.loss != crate::loss::Loss::Trivial {
+    let has_loss = |edge: &RelativePose<G, N>| edge.loss.unwrap_or(graph.loss) != Loss::Trivial;
+    if graph.edges.iter().any(has_loss) {
         return None;
     }
+    let mut is_placed = vec![false; graph.poses.len()];
+    graph.placed().for_each(|pose| is_placed[pose] = true);
     let edges_of = edges_of(graph);
     let is_closure = |edge: &usize| closures.binary_search(edge).is_ok();
     let is_passing = |pose: usize| {
-        !graph.constant[pose] && edges_of[pose].len() <= 2 && !edges_of[pose].iter().any(is_closure)
+        !is_placed[pose] && edges_of[pose].len() <= 2 && !edges_of[pose].iter().any(is_closure)
     };
     let passing: Vec<bool> = (0..graph.poses.len()).map(is_passing).collect();
     if 2 * passing.iter().filter(|&&passes| passes).count() < graph.poses.len() {
@@ -65,6 +69,16 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
         poses: kept.iter().map(|&pose| graph.poses[pose]).collect(),
         constant: kept.iter().map(|&pose| graph.constant[pose]).collect(),
         edges: Vec::new(),
+        pose_priors: graph
+            .pose_priors
+            .iter()
+            .map(|p| PosePrior { pose: place[p.pose], ..*p })
+            .collect(),
+        position_priors: graph
+            .position_priors
+            .iter()
+            .map(|p| PositionPrior { pose: place[p.pose], ..*p })
+            .collect(),
         loss: graph.loss,
     };
     let mut rows = Vec::new();
@@ -84,7 +98,13 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
             {
                 let information = Covariance::new(&way.covariance).ok()?.information().ok()?;
                 let (i, j) = (place[first], place[*last]);
-                reduced.edges.push(RelativePose { i, j, i_from_j: way.motion, information });
+                reduced.edges.push(RelativePose {
+                    i,
+                    j,
+                    i_from_j: way.motion,
+                    information,
+                    loss: None,
+                });
             }
             rows.push(row);
         }
@@ -206,8 +226,14 @@ mod tests {
             graph.push_pose(k as i64, pose);
             // Some edges the other way round.
             graph.edges.push(match k % 3 {
-                0 => RelativePose { i: k, j: k - 1, i_from_j: i_from_j.inverse(), information },
-                _ => RelativePose { i: k - 1, j: k, i_from_j, information },
+                0 => RelativePose {
+                    i: k,
+                    j: k - 1,
+                    i_from_j: i_from_j.inverse(),
+                    information,
+                    loss: None,
+                },
+                _ => RelativePose { i: k - 1, j: k, i_from_j, information, loss: None },
             });
         }
         let mut closures = Vec::new();
@@ -215,7 +241,7 @@ mod tests {
             closures.push(graph.edges.len());
             let measured = truth[i].inverse().compose(&truth[j]);
             let i_from_j = perturbed(&mut rng, &measured, &sigmas);
-            graph.edges.push(RelativePose { i, j, i_from_j, information });
+            graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
         }
         (graph, closures)
     }

@@ -119,7 +119,7 @@ impl<G: LieGroup<N>, const N: usize> Weighted<'_, G, N> {
         Ok(())
     }
 
-    /// Σ χ² of the trusted edges and Σ min(χ², threshold) of the closures at the poses.
+    /// Σ χ² of the trusted edges and priors and Σ min(χ², threshold) of the closures at the poses.
     fn truncated_cost(&self) -> f64 {
         let mut closures = self.closures.iter().copied().peekable();
         let cost = |edge: usize| {
@@ -127,6 +127,10 @@ impl<G: LieGroup<N>, const N: usize> Weighted<'_, G, N> {
             let chi2 = self.chi2_of(edge);
             if is_closure { chi2.min(self.threshold) } else { chi2 }
         };
-        (0..self.graph.edges.len()).map(cost).sum()
+        let edges: f64 = (0..self.graph.edges.len()).map(cost).sum();
+        let poses = &self.graph.poses;
+        let whole = self.graph.pose_priors.iter().map(|prior| prior.chi2(&poses[prior.pose]));
+        let points = self.graph.position_priors.iter().map(|prior| prior.chi2(&poses[prior.pose]));
+        edges + whole.chain(points).sum::<f64>()
     }
 }

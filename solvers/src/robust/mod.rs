@@ -12,6 +12,7 @@ mod chain;
 mod contraction;
 mod graduated;
 mod judging;
+mod positions;
 mod screening;
 mod variance;
 
@@ -19,12 +20,13 @@ use std::time::Instant;
 
 use contraction::contract;
 pub use graduated::Kernel;
+pub use positions::{PositionJudging, PositionVerdict, judge_positions};
 use screening::{Screened, screen};
 pub use variance::{VarianceFactors, variance_factors};
 
-use crate::factors::RelativePose;
+use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::geometry::{LieGroup, RigidMotion};
-use crate::initialization::{Start, chordal_price, initialize_in_time};
+use crate::initialization::{Start, align_to_priors, chordal_price, initialize_in_time};
 use crate::interrupt::Interrupt;
 use crate::optimizer::{self, Observer, SolveSummary, Termination, with_threads};
 use crate::pose_graph;
@@ -155,9 +157,7 @@ fn run<G: LieGroup<N>, const N: usize>(
         let reason = "must be finite and positive";
         return Err(SolveError::InvalidOption { field: "threshold", reason });
     }
-    if !graph.constant.contains(&true) {
-        graph.fix_lowest_id();
-    }
+    graph.hold_gauge();
     with_threads(options.pose_graph.optimizer.threads, || {
         let mut weighted = Weighted::new(graph, options, threshold, (begin, &interrupt));
         let (last, start) = stages(&mut weighted)?;
@@ -183,7 +183,9 @@ pub fn price<G: RigidMotion<D, N>, const D: usize, const N: usize>(
 fn copies_bytes<G, const N: usize>(graph: &PoseGraph<G, N>) -> u64 {
     let edge = size_of::<RelativePose<G, N>>() + size_of::<G>() + 8 * N * N + 160;
     let pose = 4 * size_of::<G>() + 64;
-    (graph.edges.len() * edge + graph.poses.len() * pose) as u64
+    let priors = graph.pose_priors.len() * size_of::<PosePrior<G, N>>()
+        + graph.position_priors.len() * size_of::<PositionPrior>();
+    (graph.edges.len() * edge + graph.poses.len() * pose + priors) as u64
 }
 
 /// What [`solve`] minimized at its end: the edges of `graph` with `closures` at their weights, in one
@@ -212,11 +214,13 @@ fn at_weights<G: LieGroup<N>, const N: usize>(
         poses: graph.poses.clone(),
         constant: graph.constant.clone(),
         edges: Vec::with_capacity(graph.edges.len()),
+        pose_priors: graph.pose_priors.clone(),
+        position_priors: graph.position_priors.clone(),
         loss: graph.loss,
     };
     let mut pieces = DisjointSets::new(copy.poses.len());
-    // Constant poses belong to one piece.
-    pieces.join_all((0..copy.poses.len()).filter(|&pose| copy.constant[pose]));
+    // Poses with a place in the world belong to one piece.
+    pieces.join_all(graph.placed());
     for (edge, &weight) in graph.edges.iter().zip(&weights) {
         if weight > 0.0 {
             pieces.join(edge.i, edge.j);
@@ -330,6 +334,9 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         let limits = Limits { ceiling, interrupt: self.interrupt }.less(self.copies);
         let taken = initialize_in_time(&mut copy, wished, has_poses, limits)
             .map_err(|error| error.beside(self.copies))?;
+        if taken != Start::Given {
+            align_to_priors(&mut copy);
+        }
         self.graph.poses = copy.poses;
         Ok(taken)
     }

@@ -159,7 +159,7 @@ mod tests {
             let j = graph.push_pose(k as i64, Se3::identity());
             let i_from_j = perturbed(&mut rng, &motion, &(step * odometry));
             let information = Information::from_sigmas(&step).unwrap();
-            graph.edges.push(RelativePose { i: j - 1, j, i_from_j, information });
+            graph.edges.push(RelativePose { i: j - 1, j, i_from_j, information, loss: None });
         }
         let mut group = Vec::new();
         for (count, j) in (20..200).step_by(3).enumerate() {
@@ -171,7 +171,7 @@ mod tests {
             }
             let information = Information::from_sigmas(&closure).unwrap();
             group.push(graph.edges.len());
-            graph.edges.push(RelativePose { i, j, i_from_j, information });
+            graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
         }
         variance_factors(&graph, &[group])[0]
     }

@@ -39,6 +39,7 @@ fn the_middle_of_a_chain_leaves_the_composed_measurement() {
             i_from_j: second.i_from_j.inverse(),
             information: Information::nearest(&((information + information.transpose()) * 0.5))
                 .unwrap(),
+            loss: None,
         };
         let covariance = |f: &RelativePose<Se3, 6>| *f.information.covariance().unwrap().matrix();
         let adjoint = second.i_from_j.inverse().adjoint();

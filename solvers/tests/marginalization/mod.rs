@@ -10,9 +10,10 @@ mod room;
 use covis_solvers::factors::{Linearization, PosePrior, PositionPrior, RelativePose};
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Information;
+use covis_solvers::loss::Loss;
 use covis_solvers::problem::BundleProblem;
 use covis_solvers::testing::random::normal_vector;
-use nalgebra::{DMatrix, Matrix6, SMatrix, SVector};
+use nalgebra::{DMatrix, Matrix6, SMatrix, SVector, Vector3};
 use rand::Rng;
 
 /// An information with standard deviations of 1 to 10 in each unit and correlations.
@@ -32,19 +33,25 @@ fn relative_pose(
     rng: &mut impl Rng,
 ) -> RelativePose<Se3, 6> {
     let i_from_j = problem.poses[i].inverse().compose(&problem.poses[j]);
-    RelativePose { i, j, i_from_j, information: random_information(rng) }
+    RelativePose { i, j, i_from_j, information: random_information(rng), loss: None }
 }
 
 /// A prior whose residual is zero at the pose.
 fn pose_prior(problem: &BundleProblem, pose: usize, rng: &mut impl Rng) -> PosePrior {
     let world_from_camera = problem.poses[pose];
-    PosePrior { pose, world_from_camera, information: random_information(rng) }
+    PosePrior { pose, world_from_camera, information: random_information(rng), loss: Loss::Trivial }
 }
 
 /// A prior whose residual is zero at the pose.
 fn position_prior(problem: &BundleProblem, pose: usize, rng: &mut impl Rng) -> PositionPrior {
     let position_in_world = problem.poses[pose].translation;
-    PositionPrior { pose, position_in_world, information: random_information(rng) }
+    PositionPrior {
+        pose,
+        position_in_world,
+        information: random_information(rng),
+        point_in_camera: Vector3::zeros(),
+        loss: Loss::Trivial,
+    }
 }
 
 /// H of all factors that `keep` takes, by their poses: 6 rows a pose, then 3 a landmark.

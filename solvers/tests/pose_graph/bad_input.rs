@@ -72,7 +72,7 @@ fn with_leaf<G: LieGroup<N>, const N: usize>(
     let start = truth[truth.len() - 1].plus(&normal_vector(&mut rng, 0.1));
     let j = graph.push_pose(-7, start);
     let information = Information::semidefinite(omega).unwrap();
-    graph.edges.push(RelativePose { i: 12, j, i_from_j, information });
+    graph.edges.push(RelativePose { i: 12, j, i_from_j, information, loss: None });
     (graph, truth)
 }
 

@@ -38,7 +38,7 @@ pub(crate) fn edge<G: LieGroup<N>, const N: usize>(
     sigma: f64,
 ) -> RelativePose<G, N> {
     let i_from_j = truth[i].inverse().compose(&truth[j]).plus(&normal_vector(rng, sigma));
-    RelativePose { i, j, i_from_j, information: information(rng) }
+    RelativePose { i, j, i_from_j, information: information(rng), loss: None }
 }
 
 /// A graph with ids 10, 13, 16, …, its first pose constant at the truth, and the truth.

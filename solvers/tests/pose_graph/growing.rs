@@ -29,7 +29,7 @@ fn laps<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         for i in [Some(j - 1), j.checked_sub(lap)].into_iter().flatten() {
             let i_from_j = truth[i].inverse().compose(&truth[j]);
             let i_from_j = i_from_j.plus(&normal_vector(&mut rng, 0.03));
-            graph.edges.push(RelativePose { i, j, i_from_j, information });
+            graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
         }
     }
     graph
@@ -104,7 +104,7 @@ fn poses_tied_by_one_edge_cost_nothing_and_follow() {
         let index = |id: i64| graph.ids.iter().position(|&other| other == id).unwrap();
         let at = if j == 1000 { i as usize } else { index(i) };
         let new = graph.push_pose(j, Se3::identity());
-        graph.edges.push(RelativePose { i: at, j: new, i_from_j, information });
+        graph.edges.push(RelativePose { i: at, j: new, i_from_j, information, loss: None });
     }
     let growing = feed(&graph, |_, _| {});
     let at = |id: i64| growing.graph().poses[growing.index_of(id).unwrap()];
@@ -119,7 +119,7 @@ fn an_odometry_update_does_no_elimination() {
     for k in 0..100 {
         let j = growing.push_pose(k + 1).unwrap();
         let i_from_j = Se2::from_xy_angle(1.0, 0.0, 0.1);
-        growing.push_edge(RelativePose { i: j - 1, j, i_from_j, information }).unwrap();
+        growing.push_edge(RelativePose { i: j - 1, j, i_from_j, information, loss: None }).unwrap();
         assert_eq!(growing.update().unwrap().eliminated, 0);
     }
     assert!(growing.cost() < 1e-20);
@@ -153,7 +153,7 @@ fn what_cannot_be_added_is_refused_and_harms_nothing() {
     let information = Information::identity();
     let edge = |i, j, x| {
         let i_from_j = Se2::from_xy_angle(x, 0.0, 0.0);
-        RelativePose { i, j, i_from_j, information }
+        RelativePose { i, j, i_from_j, information, loss: None }
     };
     assert_eq!(growing.push_pose(5), Err(SolveError::DuplicateId { what: "pose", id: 5 }));
     growing.push_pose(6).unwrap();

@@ -3,9 +3,10 @@
 use covis_solvers::factors::{PosePrior, PositionPrior, RelativePose};
 use covis_solvers::geometry::{LieGroup, Se2, Se3, Sim3};
 use covis_solvers::information::Information;
+use covis_solvers::loss::Loss;
 use covis_solvers::testing::assert_jacobian;
 use covis_solvers::testing::random::{element, seeded, uniform_vector};
-use nalgebra::SVector;
+use nalgebra::{SVector, Vector3};
 
 /// Past this angle the numeric steps come too near the logarithm's jump at π.
 const MAX_ANGLE: f64 = 2.8;
@@ -20,8 +21,13 @@ fn sweep<G: LieGroup<N>, const N: usize>(seed: u64, angle: impl Fn(&SVector<f64,
             let error: SVector<f64, N> = uniform_vector(&mut rng, size);
             let i_from_j: G = element(&mut rng, 0.8);
             let x_j = x_i.compose(&i_from_j).plus(&error);
-            let factor =
-                RelativePose { i: 0, j: 1, i_from_j, information: Information::identity() };
+            let factor = RelativePose {
+                i: 0,
+                j: 1,
+                i_from_j,
+                information: Information::identity(),
+                loss: None,
+            };
             let pair = factor.linearize(&x_i, &x_j);
             if angle(&pair.residual) > MAX_ANGLE {
                 continue;
@@ -58,13 +64,16 @@ fn priors() {
         let pose: Se3 = element(&mut rng, 0.8);
         let measured = pose.plus(&uniform_vector(&mut rng, 1.2));
         let information = Information::identity();
-        let prior = PosePrior { pose: 0, world_from_camera: measured, information };
+        let prior =
+            PosePrior { pose: 0, world_from_camera: measured, information, loss: Loss::Trivial };
         let (_, d_pose) = prior.linearize(&pose);
         assert_jacobian("pose prior", |d| prior.linearize(&pose.plus(d)).0, &d_pose, 1e-8);
         let prior = PositionPrior {
             pose: 0,
             position_in_world: measured.translation,
             information: Information::identity(),
+            point_in_camera: Vector3::zeros(),
+            loss: Loss::Trivial,
         };
         let (_, d_pose) = prior.linearize(&pose);
         assert_jacobian("position prior", |d| prior.linearize(&pose.plus(d)).0, &d_pose, 1e-8);

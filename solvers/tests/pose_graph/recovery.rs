@@ -150,7 +150,7 @@ fn half_turns_are_measured_and_reached() {
     let mut graph = PoseGraph::<Se2, 3>::new();
     let (i, j) = (graph.push_pose(0, Se2::identity()), graph.push_pose(1, Se2::identity()));
     let information = Information::identity();
-    graph.edges.push(RelativePose { i, j, i_from_j: half_turn, information });
+    graph.edges.push(RelativePose { i, j, i_from_j: half_turn, information, loss: None });
     assert!(optimize(&mut graph).final_cost < 1e-20);
     assert!(graph.poses[1].minus(&half_turn).norm() < 1e-9);
 
@@ -160,7 +160,7 @@ fn half_turns_are_measured_and_reached() {
         let mut graph = PoseGraph::<Se3, 6>::new();
         let (i, j) = (graph.push_pose(0, Se3::identity()), graph.push_pose(1, Se3::identity()));
         let information = Information::identity();
-        graph.edges.push(RelativePose { i, j, i_from_j: half_turn, information });
+        graph.edges.push(RelativePose { i, j, i_from_j: half_turn, information, loss: None });
         let summary = optimize(&mut graph);
         assert!(summary.final_cost < 1e-20, "{axis}: {summary:?}");
         assert!(graph.poses[1].minus(&half_turn).norm() < 1e-9);

@@ -45,14 +45,14 @@ fn drifting_loop(spacing: usize) -> (PoseGraph<Sim3, 7>, Vec<Sim3>) {
             let i_from_j = truth[k - 1].inverse().compose(&truth[k]).plus(&error);
             pose = pose.compose(&i_from_j);
             let information = information([0.02, 0.02, 0.02, 0.005, 0.005, 0.005, 0.01]);
-            graph.edges.push(RelativePose { i: k - 1, j: k, i_from_j, information });
+            graph.edges.push(RelativePose { i: k - 1, j: k, i_from_j, information, loss: None });
         }
         graph.push_pose(k as i64, pose);
     }
     for k in (LAP..KEYFRAMES).step_by(spacing) {
         let i_from_j = truth[k - LAP].inverse().compose(&truth[k]);
         let information = information([1e-3; 7]);
-        graph.edges.push(RelativePose { i: k - LAP, j: k, i_from_j, information });
+        graph.edges.push(RelativePose { i: k - LAP, j: k, i_from_j, information, loss: None });
     }
     (graph, truth)
 }

@@ -42,7 +42,13 @@ fn line(ids: &[i64], edges: &[(usize, usize, f64)]) -> PoseGraph<Se2, 3> {
     }
     for &(i, j, x) in edges {
         let i_from_j = Se2::from_xy_angle(x, 0.0, 0.0);
-        graph.edges.push(RelativePose { i, j, i_from_j, information: Information::identity() });
+        graph.edges.push(RelativePose {
+            i,
+            j,
+            i_from_j,
+            information: Information::identity(),
+            loss: None,
+        });
     }
     graph
 }

@@ -9,6 +9,7 @@ use fs_err as fs;
 
 use super::RunFigures;
 use crate::cli::eval::mask;
+use crate::cli::eval::truth::of_folder;
 use crate::cli::run::{Source, report};
 use crate::evaluation::{self, MaskEvaluation};
 use crate::frontend::input::encode;
@@ -31,8 +32,7 @@ impl Truth {
     pub(super) fn open(source: &Source, out: &Path) -> anyhow::Result<Self> {
         match source {
             Source::Folder(folder) => {
-                let poses = folder.join("groundtruth.txt");
-                let trajectory = poses.is_file().then(|| Trajectory::read(&poses)).transpose()?;
+                let trajectory = of_folder(folder)?;
                 let plain = folder.join("mask");
                 let masks = if folder.join("mask.txt").is_file() {
                     Some(folder.clone())

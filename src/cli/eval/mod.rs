@@ -5,6 +5,7 @@
 //! [`crate::evaluation`].
 
 pub(super) mod mask;
+pub(super) mod truth;
 
 use std::path::PathBuf;
 
@@ -30,6 +31,8 @@ enum Metric {
     Rpe(Relative),
     /// Intersection over union of masks of what moves, and what they mask falsely.
     Mask(mask::Args),
+    /// Write the true poses that lie beside recorded images as a TUM trajectory.
+    Truth(truth::Args),
 }
 
 #[derive(Debug, clap::Args)]
@@ -53,7 +56,8 @@ impl Relative {
 
 #[derive(Debug, clap::Args)]
 struct Files {
-    /// The true trajectory: lines `timestamp tx ty tz qx qy qz qw`.
+    /// The true trajectory: lines `timestamp tx ty tz qx qy qz qw`, or a recorded folder with
+    /// groundtruth.txt (TUM) or frame-*.pose.txt (7-Scenes).
     truth: PathBuf,
     /// The estimated trajectory, in a frame of its own.
     estimate: PathBuf,
@@ -117,13 +121,14 @@ enum Measure {
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let (measure, files) = match &args.metric {
         Metric::Mask(args) => return mask::run(args),
+        Metric::Truth(args) => return truth::run(args),
         Metric::Ape(files) => (Measure::Absolute, files),
         Metric::Rpe(relative) => {
             let over = relative.delta_s().map(|delta_s| Measure::Over { delta_s });
             (over.unwrap_or(Measure::Neighbors), &relative.files)
         }
     };
-    let truth = Trajectory::read(&files.truth)?;
+    let truth = truth::read(&files.truth)?;
     let estimate = Trajectory::read(&files.estimate)?;
     let result = match measure {
         Measure::Absolute => evaluation::ape(&truth, &estimate, files.max_time_difference),

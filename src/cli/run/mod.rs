@@ -27,7 +27,7 @@ use crate::frontend::mapping::run::{Companion, DenseFeed, RunReport, Target, run
 use crate::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
 use dense::DenseOptions;
 use masks::{GivenMasks, SavedMasks};
-pub(super) use source::{Drawing, Peeked, Source};
+pub(super) use source::{Drawing, Peeked, Recorded, Source};
 
 /// The frontend's name as a client.
 const CLIENT: &str = "frontend";
@@ -43,9 +43,8 @@ pub(super) struct Args {
     /// Folder for trajectories and masks; made where it is missing.
     #[arg(long, value_name = "FOLDER", default_value = "covis-run")]
     out: PathBuf,
-    /// Intrinsics, px: a file, or fx,fy,cx,cy[,k1,k2,p1,p2,k3].
-    #[arg(long, value_name = "FILE|NUMBERS")]
-    camera: Option<String>,
+    #[command(flatten)]
+    recorded: Recorded,
     /// From the first row's exposure to the last row's [default: what camera.txt says, else a
     /// Kinect's 26.1].
     #[arg(long, value_name = "MILLISECONDS")]
@@ -86,8 +85,8 @@ pub(super) struct Args {
 /// How a sequence is run, apart from where it comes from.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RunOptions {
-    /// Intrinsics as given.
-    pub(super) camera: Option<String>,
+    /// Camera and depth scale as given.
+    pub(super) recorded: Recorded,
     /// Readout and lateness of depth as given, seconds.
     pub(super) timing: (Option<f64>, Option<f64>),
     /// Whether what moves is left out.
@@ -119,7 +118,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
             ceiling: args.measures.ceiling(&args.out),
             every,
         }),
-        camera: args.camera.clone(),
+        recorded: args.recorded.clone(),
         timing: (seconds(args.readout_ms), seconds(args.depth_late_ms)),
         removes_motion: !args.no_mask,
         mask_dir: args.mask_dir.clone(),
@@ -156,7 +155,7 @@ pub(super) async fn sequence(
     client: &Client,
     map: &str,
 ) -> anyhow::Result<(RunReport, Option<DenseReport>)> {
-    let source = source.open(options.camera.as_deref())?;
+    let source = source.open(&options.recorded)?;
     let usual = source.timing();
     let readout_s = options.timing.0.unwrap_or(usual.readout_s);
     let depth_late_s = options.timing.1.unwrap_or(usual.depth_late_s);

@@ -5,12 +5,14 @@ use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use covis_solvers::geometry::PinholeRadialTangential;
 
 use crate::frontend::camera::FrameCamera;
 use crate::frontend::image::RgbdFrame;
-use crate::frontend::input::{CameraOrigin, FrameError, FrameSource, SensorTiming, open_folder};
+use crate::frontend::input::{
+    CameraOrigin, FolderOptions, FrameError, FrameSource, SensorTiming, open_folder,
+};
 use crate::frontend::synthetic::{SceneName, Sequence, SequenceOptions, SyntheticSource};
 
 /// A source as it was named.
@@ -37,6 +39,25 @@ impl FromStr for Source {
     }
 }
 
+/// What the user knows better than a recorded folder.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(in crate::cli) struct Recorded {
+    /// Intrinsics, px: a file, or fx,fy,cx,cy[,k1,k2,p1,p2,k3].
+    #[arg(long, value_name = "FILE|NUMBERS")]
+    camera: Option<String>,
+    /// Units of a depth image a meter: 1000 for millimeters [default: 5000 for the TUM layout, 1000
+    /// for 7-Scenes].
+    #[arg(long, value_name = "N", value_parser = depth_scale)]
+    depth_scale: Option<f32>,
+}
+
+fn depth_scale(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        Ok(_) | Err(_) => Err("must be a number of units a meter, finite and positive".to_owned()),
+    }
+}
+
 /// How a synthetic scene is drawn.
 #[derive(Clone, Copy, Debug, clap::Args)]
 pub(in crate::cli) struct Drawing {
@@ -58,13 +79,20 @@ impl Source {
     }
 
     /// Opens it; says what had to be assumed.
-    pub(in crate::cli) fn open(
-        &self,
-        camera: Option<&str>,
-    ) -> anyhow::Result<Box<dyn FrameSource>> {
+    pub(in crate::cli) fn open(&self, recorded: &Recorded) -> anyhow::Result<Box<dyn FrameSource>> {
         match self {
             Self::Folder(folder) => {
-                let open = open_folder(folder, camera)?;
+                let options = FolderOptions {
+                    camera: recorded.camera.as_deref(),
+                    depth_units_per_m: recorded.depth_scale,
+                };
+                let open = open_folder(folder, options)?;
+                if let Some(implausible) = open.implausible_depth {
+                    tracing::warn!(
+                        "{}: {implausible}, which is unusual for an RGB-D camera: if the depth images have another scale, --depth-scale gives it (1000 for millimeters)",
+                        folder.display()
+                    );
+                }
                 if open.camera_origin == CameraOrigin::Assumed {
                     tracing::warn!(
                         "{}: no --camera, no camera.txt, no known name: the camera of TUM's fr1 is assumed",
@@ -77,6 +105,10 @@ impl Source {
                 Ok(open.source)
             }
             Self::Synthetic(scene, seed, frames) => {
+                ensure!(
+                    recorded.depth_scale.is_none(),
+                    "--depth-scale is for recorded folders; {scene} is drawn in meters"
+                );
                 let usual = SequenceOptions::default();
                 let frames = frames.unwrap_or(usual.frames);
                 let options = SequenceOptions { frames, seed: *seed, ..usual };

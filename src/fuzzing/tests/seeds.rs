@@ -19,6 +19,7 @@ pub(super) fn all() -> Vec<Seed> {
     put("bal", texts(&BAL));
     put("g2o", texts(&G2O));
     put("trajectory", texts(&TRAJECTORY));
+    put("pose_matrix", texts(&POSE_MATRIX));
     put("config", texts(&CONFIG));
     put("camera_file", texts(&CAMERA_FILE));
     put("frame_list", texts(&FRAME_LIST));
@@ -33,6 +34,7 @@ pub(super) fn all() -> Vec<Seed> {
     put("colmap_binary", colmap_binary());
     put("journal", store::journal());
     put("journal_folder", store::journal_folder());
+    put("map_file", store::map_file());
     put("snapshot", store::snapshot());
     put("volume", crate::frontend::dense::file::fuzzing::seeds());
     put("wire_item", wire_seeds::items());
@@ -87,6 +89,19 @@ const TRAJECTORY: [(&str, &str); 6] = [
     ("empty", ""),
     ("long", "1 1 2 3 0 0 0 1 9\n"),
     ("not-quite-unit", "1 1 2 3 0.57735 0.57735 0.57735 0.0005\n-1 1e300 -0 5e-324 1 0 0 1e-4\n"),
+];
+
+const POSE_MATRIX: [(&str, &str); 6] = [
+    ("plain", "1 0 0 1.5\n0 1 0 -2\n0 0 1 3\n0 0 0 1\n"),
+    (
+        "printed",
+        "-9.6e-001\t 2.8000000e-001\t 0\t 4.1\t \n2.8e-001\t 9.6e-001\t 0\t -1\t \n\
+         0\t 0\t -1\t 3e-1\t \n0\t 0\t 0\t 1\t \n",
+    ),
+    ("unknown", "-inf -inf -inf -inf -inf -inf -inf -inf -inf -inf -inf -inf -inf -inf -inf -inf"),
+    ("mirrors", "1 0 0 0 0 1 0 0 0 0 -1 0 0 0 0 1"),
+    ("not-quite-rigid", "1.0004 0 0 1e300 0 0.9996 0 -0 0 0 1 5e-324 0 1e-4 0 1"),
+    ("cut", "1 0 0 0 0 1 0"),
 ];
 
 const CONFIG: [(&str, &str); 6] = [

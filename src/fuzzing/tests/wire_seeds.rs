@@ -173,7 +173,33 @@ pub(super) fn items() -> Named {
         ("bare-keyframe", stream(vec![Item::Keyframe(bare)])),
         ("unknown-references", stream(vec![Item::Keyframe(wrong)])),
         ("repeated", stream(vec![Item::Camera(camera(0)), Item::Camera(camera(0))])),
-        ("not-served", stream(vec![Item::Rig(v1::Rig::default()), Item::SetCamera(camera(0))])),
+        ("not-served", stream(vec![Item::Rig(v1::Rig::default())])),
+        ("edits", stream(walk(4).into_iter().chain(edits()).collect())),
+    ]
+}
+
+/// Every edit, on the map of a walk.
+fn edits() -> Vec<Item> {
+    let landmark = |id| v1::LandmarkRef { client_id: String::new(), id };
+    let observation = v1::ObservationRef {
+        keyframe: keyframe_ref(1),
+        landmark: Some(landmark(0)),
+        camera_index: 0,
+    };
+    let constraint = Some(v1::ConstraintRef { client_id: String::new(), id: 2 });
+    vec![
+        relative(2, v1::ConstraintKind::LoopClosure),
+        Item::RemoveObservations(v1::RemoveObservations { observations: vec![observation] }),
+        Item::FuseLandmarks(v1::FuseLandmarks {
+            kept: Some(landmark(1)),
+            absorbed: vec![landmark(2), landmark(3)],
+        }),
+        Item::RemoveLandmarks(v1::RemoveLandmarks { landmarks: vec![landmark(4), landmark(5)] }),
+        Item::SetCamera(camera(0)),
+        Item::SetCamera(v1::Camera { id: 0, ..camera(1) }),
+        Item::RevokeConstraint(v1::RevokeConstraint { constraint }),
+        Item::RemoveKeyframe(v1::RemoveKeyframe { keyframe: keyframe_ref(2) }),
+        Item::RemoveKeyframe(v1::RemoveKeyframe { keyframe: keyframe_ref(2) }),
     ]
 }
 

@@ -61,7 +61,10 @@ impl Fit<'_> {
 
     fn change(&self, change: &Change) -> Outcome {
         match change {
-            Change::Created { .. } | Change::ItemRepeated | Change::PolicySet { .. } => Ok(()),
+            Change::Created { .. }
+            | Change::ItemRepeated
+            | Change::PolicySet { .. }
+            | Change::MapUpdated { .. } => Ok(()),
             Change::ClientOpened { name, epoch } => self.opening(name, *epoch),
             Change::CameraSet { id, camera } => {
                 self.finite(camera.camera.is_finite(), EntityKind::Camera, *id)
@@ -163,7 +166,9 @@ impl Fit<'_> {
     fn measured(&self, id: EntityId, prior: &Prior) -> Outcome {
         let is_finite = match prior {
             Prior::Pose { world_from_camera, .. } => world_from_camera.is_finite(),
-            Prior::Position { position_in_world, .. } => finite(position_in_world),
+            Prior::Position { position_in_world, point_in_camera, .. } => {
+                finite(position_in_world) && finite(point_in_camera)
+            }
         };
         self.finite(is_finite, EntityKind::Constraint, id)
     }
@@ -281,7 +286,7 @@ impl Fit<'_> {
     }
 
     fn constraint(&self, id: EntityId) -> Outcome {
-        self.present(self.map.constraints.contains_key(&id), EntityKind::Constraint, id)
+        self.present(self.map.has_constraint(id), EntityKind::Constraint, id)
     }
 
     fn new_constraint(&self, id: EntityId) -> Outcome {

@@ -2,7 +2,7 @@
 //!
 //! Keyframes of a window come first in the problem, then the fixed ones, each group by id; cameras and
 //! landmarks by id. Relative-pose constraints enter when both keyframes are in the problem and one of
-//! them may move (those that are switched off never), priors when theirs may move. A pose with too few
+//! them may move, priors when theirs may move, those that are switched off never. A pose with too few
 //! measurements is held constant, and an observation without finite projection at the current estimates
 //! is left out: neither may stop the whole solve.
 
@@ -12,10 +12,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use covis_solvers::factors::{DepthReprojection, PosePrior, PositionPrior, RelativePose};
 use covis_solvers::loss::Loss;
 use covis_solvers::problem::{BundleProblem, DisjointSets};
+use covis_solvers::robust::default_threshold;
 
 use super::{GlobalOptions, MapProblem};
 use crate::map::window::is_usable;
-use crate::map::{ConstraintKind, Depth, EntityId, Keyframe, Map, Prior, Window};
+use crate::map::{ConstraintKind, Depth, EntityId, Gauge, Keyframe, Map, Prior, Window};
 
 /// With fewer observations and no other measurement a pose is held constant: three points fix six
 /// unknowns.
@@ -26,12 +27,17 @@ const NEIGHBORS: usize = 20;
 
 /// The problem of a window, with the policy's losses and constant intrinsics.
 ///
+/// A client's prior that the current estimates do not fit waits for the pose graph that it started: in
+/// a window, whose rim is held, it would bend what the whole map should take. Where the policy lets
+/// priors start none, it counts.
+///
 /// Landmarks and keyframes that were removed from the map are left out.
 #[must_use]
 pub fn local_problem(map: &Map, window: &Window) -> MapProblem {
     let poses = window.free.iter().map(|&id| (id, false));
     let poses = poses.chain(window.fixed.iter().map(|&id| (id, true)));
     let mut builder = Builder::new(map, map.policy().observation_loss);
+    builder.strained_priors_wait = map.policy().loop_closure;
     poses.for_each(|(id, constant)| builder.keyframe(id, constant));
     window.landmarks.iter().for_each(|&id| builder.landmark(id));
     builder.finish(true)
@@ -39,15 +45,17 @@ pub fn local_problem(map: &Map, window: &Window) -> MapProblem {
 
 /// The problem of the whole map.
 ///
-/// With `fix_first_keyframe` the lowest keyframe is held, and in every other piece of the map that
-/// no prior places in the world its lowest one.
+/// By default the lowest keyframe of each piece of the map is held that no prior places in the world;
+/// see [`Gauge`].
 #[must_use]
 pub fn global_problem(map: &Map, options: &GlobalOptions) -> MapProblem {
     let mut builder = Builder::new(map, options.loss);
     map.keyframes().keys().for_each(|&id| builder.keyframe(id, false));
     map.landmarks().keys().filter(|&&id| is_usable(map, id)).for_each(|&id| builder.landmark(id));
-    if options.fix_first_keyframe {
-        builder.fix_pieces();
+    match options.gauge {
+        Gauge::FirstKeyframeFixed => builder.fix_pieces(false),
+        Gauge::FixedPoses => builder.fix_pieces(true),
+        Gauge::Free | Gauge::Priors => {}
     }
     builder.finish(options.fix_intrinsics)
 }
@@ -84,6 +92,8 @@ struct Builder<'a> {
     landmarks: Vec<EntityId>,
     pose_of: BTreeMap<EntityId, usize>,
     landmark_of: BTreeMap<EntityId, u32>,
+    /// Whether priors are left out that the estimates do not fit.
+    strained_priors_wait: bool,
 }
 
 impl<'a> Builder<'a> {
@@ -100,6 +110,7 @@ impl<'a> Builder<'a> {
             landmarks: Vec::new(),
             pose_of: BTreeMap::new(),
             landmark_of: BTreeMap::new(),
+            strained_priors_wait: false,
         }
     }
 
@@ -121,8 +132,8 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Holds the lowest keyframe of each piece; see [`global_problem`].
-    fn fix_pieces(&mut self) {
+    /// Holds the lowest keyframe of each piece, of those with priors only if `all`.
+    fn fix_pieces(&mut self, all: bool) {
         let mut pieces = DisjointSets::new(self.keyframes.len());
         for id in self.landmark_of.keys() {
             let Some(landmark) = self.map.landmarks().get(id) else { continue };
@@ -134,13 +145,16 @@ impl<'a> Builder<'a> {
             self.join(&mut pieces, constraint.keyframe_i, constraint.keyframe_j);
         }
         let mut is_placed = vec![false; self.keyframes.len()];
-        for prior in self.map.priors().values() {
+        let counts = |id: &&EntityId| self.map.active_prior(**id).is_some();
+        for prior in
+            self.map.priors().keys().filter(counts).filter_map(|id| self.map.priors().get(id))
+        {
             if let Some(&pose) = self.pose_of.get(&prior.keyframe()) {
                 is_placed[pieces.root(pose)] = true;
             }
         }
-        for (piece, root) in pieces.roots().into_iter().enumerate() {
-            if piece == 0 || !is_placed[root] {
+        for root in pieces.roots() {
+            if all || !is_placed[root] {
                 self.problem.constant_poses[root] = true;
             }
         }
@@ -177,10 +191,12 @@ impl<'a> Builder<'a> {
         for (constant, &count) in self.problem.constant_poses.iter_mut().zip(&measured) {
             *constant |= count < MIN_OBSERVATIONS;
         }
+        let start_cameras = self.problem.cameras.clone();
         MapProblem {
             problem: self.problem,
             keyframes: self.keyframes,
             cameras: camera_of.into_keys().collect(),
+            start_cameras,
             landmarks: self.landmarks,
             start_revision: map.revision(),
         }
@@ -232,20 +248,38 @@ impl<'a> Builder<'a> {
                 j,
                 i_from_j: constraint.keyframe_i_from_keyframe_j,
                 information: constraint.information.scaled(1.0 / variance),
+                loss: constraint.loss,
             });
             measured[i] += MIN_OBSERVATIONS;
             measured[j] += MIN_OBSERVATIONS;
         }
-        for prior in ties.iter().filter_map(|id| self.map.priors().get(id)) {
+        for (id, prior) in ties.iter().filter_map(|&id| Some((id, self.map.active_prior(id)?))) {
             let Some(&pose) = self.pose_of.get(&prior.keyframe()) else { continue };
+            // What a removed keyframe left is the server's own, and fits.
+            let may_wait = self.strained_priors_wait && id.id >= 0;
+            let at = self.problem.poses[pose];
             match *prior {
-                Prior::Pose { world_from_camera, information, .. } => {
-                    let prior = PosePrior { pose, world_from_camera, information };
+                Prior::Pose { world_from_camera, information, loss, .. } => {
+                    let prior = PosePrior { pose, world_from_camera, information, loss };
+                    if may_wait && prior.chi2(&at) > default_threshold(6) {
+                        continue;
+                    }
                     self.problem.pose_priors.push(prior);
                     measured[pose] += MIN_OBSERVATIONS;
                 }
-                Prior::Position { position_in_world, information, .. } => {
-                    let prior = PositionPrior { pose, position_in_world, information };
+                Prior::Position {
+                    position_in_world, point_in_camera, information, loss, ..
+                } => {
+                    let prior = PositionPrior {
+                        pose,
+                        position_in_world,
+                        point_in_camera,
+                        information,
+                        loss,
+                    };
+                    if may_wait && prior.chi2(&at) > default_threshold(3) {
+                        continue;
+                    }
                     self.problem.position_priors.push(prior);
                 }
             }

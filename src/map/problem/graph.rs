@@ -21,14 +21,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Information;
-use covis_solvers::problem::{DisjointSets, PoseGraph};
+use covis_solvers::problem::PoseGraph;
 use covis_solvers::relative_motion::RelativeMotion;
 use covis_solvers::robust::{VarianceFactors, variance_factors};
 use nalgebra::Vector6;
 
-use super::{ClosureEdge, GraphProblem};
+use super::{ClosureEdge, GraphProblem, priors};
 use crate::map::keyframe_pairs::{graph_pairs, odometry};
-use crate::map::{ClientIndex, ConstraintKind, EntityId, Map};
+use crate::map::{ClientIndex, ConstraintKind, EntityId, Gauge, Map};
 
 /// Translation error over distance.
 const DISTANCE_SHARE: f64 = 0.02;
@@ -39,11 +39,21 @@ const LEAST_ANGLE_RAD: f64 = 0.005;
 /// Rotation error over angle.
 const ANGLE_SHARE: f64 = 0.02;
 
-/// The pose graph over all keyframes; the lowest keyframe of each piece is held. `measured` tells the
-/// relative pose of a pair, where there is one.
+/// The pose graph over all keyframes, with all priors; the policy's gauge says what holds the pieces
+/// without priors. `measured` tells the relative pose of a pair, where there is one.
 #[must_use]
 pub fn loop_problem(
     map: &Map,
+    measured: impl Fn(EntityId, EntityId) -> Option<RelativeMotion>,
+) -> GraphProblem {
+    graph_problem(map, map.policy().gauge, measured)
+}
+
+/// As [`loop_problem`], with another gauge than the policy's.
+#[must_use]
+pub fn graph_problem(
+    map: &Map,
+    gauge: Gauge,
     measured: impl Fn(EntityId, EntityId) -> Option<RelativeMotion>,
 ) -> GraphProblem {
     let mut graph = PoseGraph::new();
@@ -60,7 +70,7 @@ pub fn loop_problem(
     for (a, b, motion) in measured_edges(map, measured) {
         if let (Some(&i), Some(&j)) = (index_of.get(&a), index_of.get(&b)) {
             let (i_from_j, information) = motion;
-            graph.edges.push(RelativePose { i, j, i_from_j, information });
+            graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
             owners.push(Some(b.client));
         }
     }
@@ -75,18 +85,15 @@ pub fn loop_problem(
                 let switched_off = map.switched_off().get(&id).copied();
                 closures.push(ClosureEdge { edge, constraint: id, switched_off });
             }
-            graph.edges.push(RelativePose { i, j, i_from_j, information });
+            let loss = constraint.loss;
+            graph.edges.push(RelativePose { i, j, i_from_j, information, loss });
             owners.push((constraint.kind == ConstraintKind::Odometry).then_some(id.client));
         }
     }
     let factors = factors(map, &graph, &closures);
     scale(&mut graph, &owners, &closures, &factors);
-    let mut pieces = DisjointSets::new(keyframes.len());
-    graph.edges.iter().for_each(|edge| _ = pieces.join(edge.i, edge.j));
-    for root in pieces.roots() {
-        graph.constant[root] = true;
-    }
-    GraphProblem { graph, keyframes, closures, factors, start_revision: map.revision() }
+    let positions = priors::add(map, gauge, &index_of, &mut graph);
+    GraphProblem { graph, keyframes, closures, positions, factors, start_revision: map.revision() }
 }
 
 /// A number for each keyframe: consecutive ones of a client in capture order have consecutive

@@ -6,18 +6,19 @@
 
 mod bundle;
 mod graph;
+mod priors;
 
 use std::collections::BTreeMap;
 
-use covis_solvers::geometry::Se3;
+use covis_solvers::geometry::{Camera, Se3};
 use covis_solvers::loss::Loss;
 use covis_solvers::problem::{BundleProblem, PoseGraph};
 use covis_solvers::robust::VarianceFactors;
 
-use super::{ClientIndex, EntityId, SwitchedOff};
+use super::{ClientIndex, EntityId, Gauge, SwitchedOff};
 
 pub use bundle::{global_problem, local_problem, retirement_problem};
-pub use graph::loop_problem;
+pub use graph::{graph_problem, loop_problem};
 
 /// A bundle adjustment problem with the names of its variables.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,6 +29,8 @@ pub struct MapProblem {
     pub keyframes: Vec<EntityId>,
     /// The map's id of each camera.
     pub cameras: Vec<EntityId>,
+    /// The map's intrinsics of each camera, which a solve does not move.
+    pub start_cameras: Vec<Camera>,
     /// The map's id of each landmark.
     pub landmarks: Vec<EntityId>,
     /// The map's revision that it was built from.
@@ -54,14 +57,13 @@ pub struct GlobalOptions {
     pub loss: Loss,
     /// Whether intrinsics stay as they are (true).
     pub fix_intrinsics: bool,
-    /// Whether the lowest keyframe stays where it is (true). Without it the solver's damping holds
-    /// the gauge.
-    pub fix_first_keyframe: bool,
+    /// What fixes the frame (priors, else the lowest keyframe of each piece).
+    pub gauge: Gauge,
 }
 
 impl Default for GlobalOptions {
     fn default() -> Self {
-        Self { loss: Loss::Trivial, fix_intrinsics: true, fix_first_keyframe: true }
+        Self { loss: Loss::Trivial, fix_intrinsics: true, gauge: Gauge::default() }
     }
 }
 
@@ -75,6 +77,8 @@ pub struct GraphProblem {
     pub keyframes: Vec<EntityId>,
     /// The edges that are loop closures, rising; a solve leaves its verdicts here.
     pub closures: Vec<ClosureEdge>,
+    /// The position priors in the graph's order; a solve leaves its verdicts here.
+    pub positions: Vec<JudgedPosition>,
     /// By what the information of each client's measurements and closures was divided.
     pub factors: BTreeMap<ClientIndex, VarianceFactors>,
     /// The map's revision that it was built from.
@@ -92,6 +96,15 @@ pub struct ClosureEdge {
     pub switched_off: Option<SwitchedOff>,
 }
 
+/// A position prior of a pose graph.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JudgedPosition {
+    /// Its id in the map.
+    pub prior: EntityId,
+    /// Present where it does not count.
+    pub switched_off: Option<SwitchedOff>,
+}
+
 impl GraphProblem {
     /// The edges that are no loop closures, rising.
     #[must_use]
@@ -100,9 +113,10 @@ impl GraphProblem {
         (0..self.graph.edges.len()).filter(|&edge| !is_closure(edge)).collect()
     }
 
-    /// Whether there is an edge and a pose that may move.
+    /// Whether there is an edge or a prior and a pose that may move.
     #[must_use]
     pub fn is_solvable(&self) -> bool {
-        !self.graph.edges.is_empty() && self.graph.constant.iter().any(|&c| !c)
+        (self.graph.has_priors() || !self.graph.edges.is_empty())
+            && self.graph.constant.iter().any(|&c| !c)
     }
 }

@@ -113,7 +113,12 @@ impl<K: Ord + Copy, V> SharedMap<K, V> {
     /// The entries of these keys, rising.
     pub fn range(&self, keys: RangeInclusive<K>) -> impl Iterator<Item = (&K, &V)> {
         let (first, last) = keys.into_inner();
-        let entries = match self.place(&first) {
+        self.entries_from(first).take_while(move |&(key, _)| *key <= last)
+    }
+
+    /// The entries from a key on, rising.
+    pub fn entries_from(&self, first: K) -> impl Iterator<Item = (&K, &V)> {
+        match self.place(&first) {
             None => self.iter().entries,
             Some((branch, leaf, at)) => {
                 let leaves = &self.branches[branch].1;
@@ -124,8 +129,7 @@ impl<K: Ord + Copy, V> SharedMap<K, V> {
                     leaf: leaves[leaf].1[at..].iter(),
                 }
             }
-        };
-        entries.take_while(move |&(key, _)| *key <= last)
+        }
     }
 }
 

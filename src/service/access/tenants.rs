@@ -101,6 +101,8 @@ fn map_of(error: &mut EngineError) -> Option<&mut String> {
         EngineError::MapNotFound { map }
         | EngineError::MapExists { map }
         | EngineError::Poisoned { map }
+        | EngineError::Frozen { map }
+        | EngineError::RevisionMismatch { map, .. }
         | EngineError::EpochFenced { map, .. }
         | EngineError::OptimizationRunning { map }
         | EngineError::Ceiling { map, .. }

@@ -2,14 +2,20 @@
 //!
 //! References always name their client; ids of clients are looked up in the map that is read.
 
+use covis_solvers::loss::Loss;
+use nalgebra::Vector3;
+
 use super::camera::to_camera as camera_message;
 use super::count;
-use super::geometry::{to_information6, to_rigid_transform, to_upper_triangle, to_vector3};
-use super::ids::{client_name, to_keyframe_ref};
+use super::geometry::{
+    to_information6, to_rigid_transform, to_upper_triangle, to_vector2, to_vector3,
+};
+use super::ids::{client_name, to_keyframe_ref, to_landmark_ref};
+use super::solve::to_loss;
 use super::time::timestamp;
 use crate::map::{
-    CameraEntity, ClientIndex, Constraint, ConstraintKind, EntityId, Keyframe, Landmark, Map,
-    Prior, SwitchedOff,
+    CameraEntity, ClientIndex, Constraint, ConstraintKind, DescriptorKind, EntityId, Keyframe,
+    Landmark, Map, Observation, Prior, SwitchedOff,
 };
 use crate::wire::v1;
 use v1::constraint::Constraint as WireConstraint;
@@ -30,6 +36,46 @@ pub(in crate::service) fn to_keyframe_pose(
         capture_time: Some(timestamp(keyframe.capture_time_ns)),
         world_from_camera: Some(to_rigid_transform(&keyframe.world_from_camera)),
         world_from_rig: None,
+    }
+}
+
+/// A keyframe, without its observations.
+pub(in crate::service) fn to_keyframe(
+    map: &Map,
+    id: EntityId,
+    keyframe: &Keyframe,
+) -> v1::Keyframe {
+    v1::Keyframe {
+        client_id: client_name(map, id),
+        id: id.id,
+        capture_time: Some(timestamp(keyframe.capture_time_ns)),
+        sensor: keyframe.camera.map(|camera| v1::keyframe::Sensor::CameraId(camera.id)),
+        world_from_camera: Some(to_rigid_transform(&keyframe.world_from_camera)),
+        odom_from_camera: Some(to_rigid_transform(&keyframe.odom_from_camera)),
+        ..v1::Keyframe::default()
+    }
+}
+
+/// An observation of a keyframe, with its descriptor.
+pub(in crate::service) fn to_observation(map: &Map, observation: &Observation) -> v1::Observation {
+    let Observation { landmark, pixel, sigma_px, depth, descriptor } = observation;
+    v1::Observation {
+        landmark: Some(to_landmark_ref(map, *landmark)),
+        camera_index: 0,
+        pixel: Some(to_vector2(pixel)),
+        sigma_px: Some(*sigma_px),
+        depth_m: depth.map(|depth| depth.depth_m),
+        sigma_depth_m: depth.map(|depth| depth.sigma_m),
+        descriptor: descriptor.as_ref().map(|descriptor| v1::Descriptor {
+            kind: match descriptor.kind {
+                DescriptorKind::Binary => v1::DescriptorKind::Binary,
+                DescriptorKind::Float32 => v1::DescriptorKind::Float32,
+                DescriptorKind::Uint8 => v1::DescriptorKind::Uint8,
+            }
+            .into(),
+            name: descriptor.name.clone(),
+            data: descriptor.data.clone(),
+        }),
     }
 }
 
@@ -54,6 +100,15 @@ pub(in crate::service) fn to_landmark(
     }
 }
 
+/// The relative-pose constraint or prior with this id.
+pub(in crate::service) fn to_any_constraint(map: &Map, id: EntityId) -> Option<v1::Constraint> {
+    match (map.constraints().get(&id), map.priors().get(&id)) {
+        (Some(constraint), _) => Some(to_constraint(map, id, constraint)),
+        (None, Some(prior)) => Some(to_prior(map, id, prior)),
+        (None, None) => None,
+    }
+}
+
 /// A relative-pose constraint.
 pub(in crate::service) fn to_constraint(
     map: &Map,
@@ -75,7 +130,7 @@ pub(in crate::service) fn to_constraint(
         keyframe_i_from_keyframe_j: Some(measured),
         information: Some(to_information6(&constraint.information)),
         kind: kind.into(),
-        loss: None,
+        loss: constraint.loss.as_ref().map(to_loss),
         switched_off: map.switched_off().get(&id).map(to_switched_off),
     }))
 }
@@ -90,28 +145,32 @@ pub(in crate::service) fn to_switched_off(off: &SwitchedOff) -> v1::SwitchedOff 
 pub(in crate::service) fn to_prior(map: &Map, id: EntityId, prior: &Prior) -> v1::Constraint {
     let client_id = client_name(map, id);
     let keyframe = Some(to_keyframe_ref(map, prior.keyframe()));
+    let own = |loss: &Loss| (*loss != Loss::Trivial).then(|| to_loss(loss));
     match prior {
-        Prior::Pose { world_from_camera, information, .. } => {
+        Prior::Pose { world_from_camera, information, loss, .. } => {
             wire(WireConstraint::PosePrior(v1::PosePrior {
                 client_id,
                 id: id.id,
                 keyframe,
                 world_from_camera: Some(to_rigid_transform(world_from_camera)),
                 information: Some(to_information6(information)),
-                loss: None,
+                loss: own(loss),
             }))
         }
-        Prior::Position { position_in_world, information, .. } => {
+        Prior::Position { position_in_world, point_in_camera, information, loss, .. } => {
             wire(WireConstraint::PositionPrior(v1::PositionPrior {
                 client_id,
                 id: id.id,
                 keyframe,
                 point_in_world: Some(to_vector3(position_in_world)),
-                point_in_camera: None,
+                point_in_camera: (*point_in_camera != Vector3::zeros())
+                    .then(|| to_vector3(point_in_camera)),
                 information: Some(v1::InformationMatrix3 {
                     upper_triangle: to_upper_triangle(information),
                 }),
-                loss: None,
+                loss: own(loss),
+                switched_off: map.switched_off().get(&id).map(to_switched_off),
+                geodetic_point: None,
             }))
         }
     }

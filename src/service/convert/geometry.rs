@@ -3,7 +3,7 @@
 //! Quaternions travel as (x, y, z, w) and are normalized when their norm is within 1e-3 of 1.
 //! Symmetric matrices travel as their upper triangle, row by row.
 
-use covis_solvers::geometry::{Se2, Se3, So3};
+use covis_solvers::geometry::{Geodetic, Se2, Se3, So3};
 use covis_solvers::information::Information;
 use nalgebra::{SMatrix, Vector2, Vector3};
 
@@ -33,6 +33,36 @@ pub(in crate::service) fn vector3(
     let vector = out.required(at, vector)?;
     let fields = [("x", vector.x), ("y", vector.y), ("z", vector.z)];
     out.numbers(at, 0, fields).map(Vector3::from)
+}
+
+/// A place by the coordinates of WGS 84.
+pub(in crate::service) fn geodetic(
+    at: Path<'_>,
+    place: &v1::GeodeticPosition,
+    out: &mut Violations,
+) -> Option<Geodetic> {
+    let mut angle = |name, value: f64, limit: f64| {
+        let value = out.finite(at.field(name), value)?;
+        if value.abs() <= limit {
+            return Some(value);
+        }
+        let text = format!("{value} is not in {} to {limit}", -limit);
+        out.report(at.field(name), Reason::OutOfRange, text)
+    };
+    let latitude_deg = angle("latitude_deg", place.latitude_deg, 90.0);
+    let longitude_deg = angle("longitude_deg", place.longitude_deg, 180.0);
+    let height_m = out.finite(at.field("height_m"), place.height_m);
+    Some(Geodetic {
+        latitude_deg: latitude_deg?,
+        longitude_deg: longitude_deg?,
+        height_m: height_m?,
+    })
+}
+
+/// The message of a place.
+pub(in crate::service) fn to_geodetic(place: &Geodetic) -> v1::GeodeticPosition {
+    let Geodetic { latitude_deg, longitude_deg, height_m } = *place;
+    v1::GeodeticPosition { latitude_deg, longitude_deg, height_m }
 }
 
 fn rotation(

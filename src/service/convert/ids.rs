@@ -37,7 +37,8 @@ pub(in crate::service) fn id(at: Path<'_>, id: i64, out: &mut Violations) -> Opt
     out.report(at, Reason::OutOfRange, format!("{id} is below 0"))
 }
 
-fn reference(
+/// A reference to an entity of the sender, or of the client that it names.
+pub(super) fn reference(
     at: Path<'_>,
     client_id: &str,
     entity: i64,
@@ -59,6 +60,16 @@ pub(in crate::service) fn keyframe_ref(
 ) -> Option<EntityRef> {
     let keyframe = out.required(at, keyframe)?;
     reference(at, &keyframe.client_id, keyframe.id, out)
+}
+
+/// A required reference to a constraint or prior.
+pub(super) fn constraint_ref(
+    at: Path<'_>,
+    constraint: Option<&v1::ConstraintRef>,
+    out: &mut Violations,
+) -> Option<EntityRef> {
+    let constraint = out.required(at, constraint)?;
+    reference(at, &constraint.client_id, constraint.id, out)
 }
 
 /// A required reference to a landmark.

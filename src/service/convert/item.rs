@@ -9,19 +9,18 @@ use std::sync::Arc;
 
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3};
 use covis_solvers::information::Information;
-use covis_solvers::loss::Loss;
 use nalgebra::{Vector2, Vector3};
 use sha2::{Digest as _, Sha256};
 
 use super::camera::camera;
-use super::geometry::{information, rigid_transform, vector2, vector3};
+use super::geometry::{geodetic, information, rigid_transform, vector2, vector3};
 use super::ids::{keyframe_ref, landmark_ref};
-use super::solve::no_own_loss;
+use super::solve::own_loss;
 use super::time::nanoseconds;
-use super::{Path, Violations, all, ids};
+use super::{Path, Violations, all, edit, ids};
 use crate::map::{
     CameraEntity, ConstraintKind, Depth, Descriptor, DescriptorKind, Digest, EntityRef, Item,
-    ItemLandmark, ItemObservation, PartialItem, Reason, Rejection,
+    ItemLandmark, ItemObservation, PartialItem, Place, Reason, Rejection,
 };
 use crate::wire::v1;
 use v1::ingest_request::Item as WireItem;
@@ -33,9 +32,25 @@ const MAX_FEATURE_DESCRIPTOR: usize = 4096;
 const MAX_IMAGE_DESCRIPTOR: usize = 65_536;
 /// Most observations, and most landmarks, of one item: each needs some hundred bytes in the map,
 /// however few on the wire.
-const MAX_ENTRIES: usize = 65_536;
+pub(super) const MAX_ENTRIES: usize = 65_536;
 /// Placeholder for an id that cannot be read; no client can use it.
-const UNREADABLE_ID: i64 = -1;
+pub(super) const UNREADABLE_ID: i64 = -1;
+/// Placeholder for a camera that cannot be read; it causes no violation.
+pub(super) const UNREADABLE_CAMERA: CameraEntity = CameraEntity {
+    camera: Camera::Pinhole(PinholeRadialTangential {
+        fx: 1.0,
+        fy: 1.0,
+        cx: 0.0,
+        cy: 0.0,
+        k1: 0.0,
+        k2: 0.0,
+        p1: 0.0,
+        p2: 0.0,
+        k3: 0.0,
+    }),
+    width_px: 0,
+    height_px: 0,
+};
 /// Longest name of a descriptor, bytes.
 const MAX_DESCRIPTOR_NAME: usize = 64;
 
@@ -93,12 +108,12 @@ fn read(item: WireItem, sender: &str, out: &mut Violations) -> Option<Item> {
         WireItem::PositionPrior(message) => Some(position_prior(&message, sender, out)),
         WireItem::PosePrior(message) => Some(pose_prior(&message, sender, out)),
         WireItem::Rig(_) => out.unimplemented(Path::root("rig")),
-        WireItem::RevokeConstraint(_) => out.unimplemented(Path::root("revoke_constraint")),
-        WireItem::RemoveObservations(_) => out.unimplemented(Path::root("remove_observations")),
-        WireItem::FuseLandmarks(_) => out.unimplemented(Path::root("fuse_landmarks")),
-        WireItem::RemoveLandmarks(_) => out.unimplemented(Path::root("remove_landmarks")),
-        WireItem::RemoveKeyframe(_) => out.unimplemented(Path::root("remove_keyframe")),
-        WireItem::SetCamera(_) => out.unimplemented(Path::root("set_camera")),
+        WireItem::RevokeConstraint(message) => Some(edit::revoke_constraint(&message, out)),
+        WireItem::RemoveObservations(message) => edit::remove_observations(message, out),
+        WireItem::FuseLandmarks(message) => edit::fuse_landmarks(message, out),
+        WireItem::RemoveLandmarks(message) => edit::remove_landmarks(message, out),
+        WireItem::RemoveKeyframe(message) => Some(edit::remove_keyframe(&message, out)),
+        WireItem::SetCamera(message) => Some(edit::set_camera(&message, out)),
         // A second open ends the stream before this point.
         WireItem::Open(_) => out.report(Path::root("open"), Reason::Duplicate, "open already"),
     }
@@ -118,7 +133,7 @@ fn own_id(at: Path<'_>, client_id: &str, id: i64, sender: &str, out: &mut Violat
 }
 
 /// The keyframe that an item refers to.
-fn known_keyframe(
+pub(super) fn known_keyframe(
     at: Path<'_>,
     keyframe: Option<&v1::KeyframeRef>,
     out: &mut Violations,
@@ -130,12 +145,7 @@ fn known_keyframe(
 fn camera_item(message: &v1::Camera, sender: &str, out: &mut Violations) -> Item {
     let at = Path::root("camera");
     let id = own_id(at, &message.client_id, message.id, sender, out);
-    // The placeholder of a camera that cannot be read causes no violation.
-    let entity = camera(at, message, out).unwrap_or(CameraEntity {
-        camera: Camera::Pinhole(PinholeRadialTangential::undistorted(1.0, 1.0, 0.0, 0.0)),
-        width_px: 0,
-        height_px: 0,
-    });
+    let entity = camera(at, message, out).unwrap_or(UNREADABLE_CAMERA);
     let CameraEntity { camera, width_px, height_px } = entity;
     Item::Camera { id, camera, width_px, height_px }
 }
@@ -311,7 +321,7 @@ fn relative_pose(message: &v1::RelativePoseConstraint, sender: &str, out: &mut V
         }
         None => None,
     };
-    let _none = no_own_loss(at, message.loss.as_ref(), None, out);
+    let loss = own_loss(at, message.loss.as_ref(), out).flatten();
     Item::RelativePose {
         id,
         kind: kind.unwrap_or(ConstraintKind::Other),
@@ -319,6 +329,7 @@ fn relative_pose(message: &v1::RelativePoseConstraint, sender: &str, out: &mut V
         keyframe_j,
         keyframe_i_from_keyframe_j: measured.unwrap_or_else(Se3::identity),
         information,
+        loss,
     }
 }
 
@@ -326,17 +337,33 @@ fn position_prior(message: &v1::PositionPrior, sender: &str, out: &mut Violation
     let at = Path::root("position_prior");
     let id = own_id(at, &message.client_id, message.id, sender, out);
     let keyframe = known_keyframe(at.field("keyframe"), message.keyframe.as_ref(), out);
-    let point = vector3(at.field("point_in_world"), message.point_in_world.as_ref(), out);
-    if let Some(arm) = &message.point_in_camera {
-        let place = at.field("point_in_camera");
-        if vector3(place, Some(arm), out).is_some_and(|arm| arm.norm() > 0.0) {
-            let _: Option<()> = out.unimplemented(place);
-        }
-    }
+    let place = place(at, message, out);
+    let arm = message.point_in_camera.as_ref();
+    let arm = arm.and_then(|arm| vector3(at.field("point_in_camera"), Some(arm), out));
     let upper_triangle = message.information.as_ref().map(|m| &m.upper_triangle);
     let information = information_or_identity(at, upper_triangle, out);
-    let _none = no_own_loss(at, message.loss.as_ref(), Some(Loss::Trivial), out);
-    Item::PositionPrior { id, keyframe, position_in_world: point.unwrap_or_default(), information }
+    let loss = own_loss(at, message.loss.as_ref(), out).flatten().unwrap_or_default();
+    Item::PositionPrior {
+        id,
+        keyframe,
+        place: place.unwrap_or(Place::InWorld(Vector3::zeros())),
+        point_in_camera: arm.unwrap_or_default(),
+        information,
+        loss,
+    }
+}
+
+/// Where a position prior has its point: in the world or on the Earth, not both.
+fn place(at: Path<'_>, message: &v1::PositionPrior, out: &mut Violations) -> Option<Place> {
+    let (world, earth) = (at.field("point_in_world"), at.field("geodetic_point"));
+    match (&message.point_in_world, &message.geodetic_point) {
+        (Some(_), Some(_)) => {
+            let text = "the position is given in the world too";
+            out.report(earth, Reason::Inconsistent, text)
+        }
+        (point, None) => vector3(world, point.as_ref(), out).map(Place::InWorld),
+        (None, Some(place)) => geodetic(earth, place, out).map(Place::OnEarth),
+    }
 }
 
 fn pose_prior(message: &v1::PosePrior, sender: &str, out: &mut Violations) -> Item {
@@ -348,6 +375,6 @@ fn pose_prior(message: &v1::PosePrior, sender: &str, out: &mut Violations) -> It
     let world_from_camera = pose.unwrap_or_else(Se3::identity);
     let upper_triangle = message.information.as_ref().map(|m| &m.upper_triangle);
     let information = information_or_identity(at, upper_triangle, out);
-    let _none = no_own_loss(at, message.loss.as_ref(), Some(Loss::Trivial), out);
-    Item::PosePrior { id, keyframe, world_from_camera, information }
+    let loss = own_loss(at, message.loss.as_ref(), out).flatten().unwrap_or_default();
+    Item::PosePrior { id, keyframe, world_from_camera, information, loss }
 }

@@ -1,12 +1,11 @@
 //! Maps and their policies.
 //!
 //! Absent fields of a policy get the server's defaults; its ceilings never exceed the server's.
-//! What the map cannot store yet (its own gauge) is refused with UNIMPLEMENTED, not silently
-//! ignored.
+//! Nothing here changes a map.
 
 use super::entities::{clients_by_name, to_client_frame};
-use super::geometry::to_vector3;
-use super::solve::{loss, robustness, to_loss, to_robustness};
+use super::geometry::{geodetic, to_geodetic, to_vector3};
+use super::solve::{gauge, loss, robustness, to_gauge, to_loss, to_robustness};
 use super::time::timestamp;
 use super::{Path, Violations, count, small};
 use crate::map::{Ceilings, Map, MapPolicy, Reason, WhenFull};
@@ -71,13 +70,9 @@ pub(in crate::service) fn policy(
     );
     let iterations =
         number("max_iteration_count", m.max_iteration_count, default.max_local_iterations, 1, 1000);
-    let gauge = match out.known(at.field("gauge"), m.gauge) {
-        Some(v1::Gauge::Unspecified | v1::Gauge::FirstKeyframeFixed) => Some(()),
-        Some(v1::Gauge::Free | v1::Gauge::Priors | v1::Gauge::FixedPoses) => {
-            out.unimplemented(at.field("gauge"))
-        }
-        None => None,
-    };
+    let gauge = gauge(at.field("gauge"), m.gauge, out);
+    let anchor = m.geodetic_anchor.as_ref();
+    let anchor = anchor.map(|place| geodetic(at.field("geodetic_anchor"), place, out));
     let ceilings = ceilings(at, m.limits.as_ref(), server, out);
     let queued_items = queued_items(at, m.limits.as_ref(), out);
     let when_full = match out.known(at.field("when_full"), m.when_full) {
@@ -89,7 +84,6 @@ pub(in crate::service) fn policy(
     let closures = at.field("loop_closure_robustness");
     let wanted = m.loop_closure_robustness.as_ref();
     let closures = robustness(closures, wanted, default.loop_closure_robustness, out);
-    gauge?;
     Some(MapPolicy {
         local_bundle: m.local_bundle_adjustment.unwrap_or(default.local_bundle),
         loop_closure: m.loop_closure_optimization.unwrap_or(default.loop_closure),
@@ -102,6 +96,11 @@ pub(in crate::service) fn policy(
         ceilings: ceilings?,
         when_full: when_full?,
         max_queued_items: queued_items?,
+        gauge: gauge?.unwrap_or(default.gauge),
+        geodetic_anchor: match anchor {
+            None => None,
+            Some(read) => Some(read?),
+        },
     })
 }
 
@@ -174,13 +173,15 @@ pub(in crate::service) fn to_limits(ceilings: &Ceilings, queued_items: usize) ->
     }
 }
 
-fn to_policy(policy: &MapPolicy, queued_items: usize) -> v1::MapPolicy {
+/// The message of a policy, with all that the server fills in.
+pub(in crate::service) fn to_policy(policy: &MapPolicy, queued_items: usize) -> v1::MapPolicy {
     v1::MapPolicy {
         observation_loss: Some(to_loss(&policy.observation_loss)),
         constraint_loss: Some(to_loss(&policy.constraint_loss)),
         window_keyframe_count: Some(small(policy.window_keyframes)),
         min_shared_landmark_count: Some(small(policy.min_shared_landmarks)),
-        gauge: v1::Gauge::FirstKeyframeFixed.into(),
+        gauge: to_gauge(policy.gauge).into(),
+        geodetic_anchor: policy.geodetic_anchor.as_ref().map(to_geodetic),
         local_bundle_adjustment: Some(policy.local_bundle),
         loop_closure_optimization: Some(policy.loop_closure),
         max_iteration_count: Some(small(policy.max_local_iterations)),
@@ -204,6 +205,7 @@ pub(in crate::service) fn queued(policy: &MapPolicy, server: usize) -> usize {
 pub(in crate::service) fn to_state(state: MapState) -> v1::MapState {
     match state {
         MapState::Open => v1::MapState::Open,
+        MapState::Frozen => v1::MapState::Frozen,
         MapState::Poisoned => v1::MapState::Poisoned,
     }
 }

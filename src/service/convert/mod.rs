@@ -7,6 +7,7 @@
 //! status codes.
 
 pub(super) mod camera;
+mod edit;
 pub(super) mod entities;
 pub(super) mod geometry;
 pub(super) mod ids;
@@ -15,6 +16,7 @@ pub(super) mod map;
 pub(super) mod problem;
 pub(super) mod solve;
 pub(super) mod time;
+pub(super) mod update;
 
 #[cfg(test)]
 mod tests;

@@ -19,7 +19,7 @@ use super::geometry::{
 };
 use super::ids::id;
 use super::item::depth;
-use super::solve::no_own_loss;
+use super::solve::own_loss;
 use super::{Path, Violations, all};
 use crate::map::{Depth, Reason};
 use crate::wire::v1;
@@ -226,8 +226,8 @@ fn graph<'m, T: 'm, G: LieGroup<N>, const N: usize>(
     let edges = all(edge_list, edges, out, |at, edge, out| {
         let measured = read(at.field("vertex_i_from_vertex_j"), edge.i_from_j, out);
         let information = information(at.field("information"), edge.upper_triangle, out);
-        no_own_loss(at, edge.loss, Some(graph_loss), out)?;
-        Some((edge.vertices, measured?, information?, edge.trusted))
+        let loss = own_loss(at, edge.loss, out);
+        Some((edge.vertices, (measured?, information?, loss?), edge.trusted))
     });
     let (vertices, edges) = (vertices?, edges?);
     let start = out.known::<v1::PoseGraphStart>(Path::root("start"), start)?;
@@ -255,7 +255,7 @@ fn graph<'m, T: 'm, G: LieGroup<N>, const N: usize>(
         graph.constant[k] = fixed;
     }
     let mut trusted = Vec::new();
-    for (k, ((i, j), i_from_j, information, is_trusted)) in edges.into_iter().enumerate() {
+    for (k, ((i, j), (i_from_j, information, loss), is_trusted)) in edges.into_iter().enumerate() {
         let at = edge_list.index(k);
         let mut find = |name, id: i64| {
             let found = index_of.get(&id).copied();
@@ -270,7 +270,7 @@ fn graph<'m, T: 'm, G: LieGroup<N>, const N: usize>(
             let _: Option<()> = out.report(at.field("vertex_j"), Reason::Duplicate, text);
         }
         if let (Some(i), Some(j)) = (found_i, found_j) {
-            graph.edges.push(RelativePose { i, j, i_from_j, information });
+            graph.edges.push(RelativePose { i, j, i_from_j, information, loss });
         }
         if is_trusted {
             trusted.push(k);

@@ -52,17 +52,13 @@ pub(in crate::service) fn loss(
     out.positive(at.field("width"), width).map(|width| Some(with_width(width)))
 }
 
-/// A loss of a single constraint is not served yet, unless it is `present`, which the constraint has
-/// already.
-pub(super) fn no_own_loss(
+/// The loss of one factor alone; `None` within where it has none of its own.
+pub(super) fn own_loss(
     at: Path<'_>,
     message: Option<&v1::Loss>,
-    present: Option<Loss>,
     out: &mut Violations,
-) -> Option<()> {
-    let at = at.field("loss");
-    let own = loss(at, message, out)?;
-    if own.is_none() || own == present { Some(()) } else { out.unimplemented(at) }
+) -> Option<Option<Loss>> {
+    loss(at.field("loss"), message, out)
 }
 
 /// The message of a loss.
@@ -340,13 +336,7 @@ pub(in crate::service) fn to_certificate(certificate: &SolveCertificate) -> v1::
         SolverKind::SparseCholesky => v1::LinearSolver::SparseCholesky,
     }
     .into();
-    summary.gauge = match certificate.gauge {
-        GaugeKind::FirstKeyframeFixed => v1::Gauge::FirstKeyframeFixed,
-        GaugeKind::Free => v1::Gauge::Free,
-        GaugeKind::Priors => v1::Gauge::Priors,
-        GaugeKind::FixedPoses => v1::Gauge::FixedPoses,
-    }
-    .into();
+    summary.gauge = to_gauge(certificate.gauge).into();
     summary.free_pose_count = count(certificate.free_poses);
     summary.fixed_pose_count = count(certificate.fixed_poses);
     summary.free_landmark_count = count(certificate.free_landmarks);
@@ -368,21 +358,28 @@ fn to_closure_summary(closures: &ClosureCounts) -> v1::ClosureSummary {
     }
 }
 
-/// The gauge that `OptimizeMap` requests; if absent, the map's policy: the first keyframe.
+/// The gauge of a map or of a request; `None` within where it is left to others.
 pub(in crate::service) fn gauge(
     at: Path<'_>,
     value: i32,
     out: &mut Violations,
-) -> Option<GaugeKind> {
-    match out.known::<v1::Gauge>(at, value)? {
-        v1::Gauge::Unspecified | v1::Gauge::FirstKeyframeFixed => {
-            Some(GaugeKind::FirstKeyframeFixed)
-        }
+) -> Option<Option<GaugeKind>> {
+    Some(match out.known::<v1::Gauge>(at, value)? {
+        v1::Gauge::Unspecified => None,
+        v1::Gauge::FirstKeyframeFixed => Some(GaugeKind::FirstKeyframeFixed),
         v1::Gauge::Free => Some(GaugeKind::Free),
         v1::Gauge::Priors => Some(GaugeKind::Priors),
-        v1::Gauge::FixedPoses => {
-            out.report(at, Reason::Inconsistent, "no keyframe of a map is marked fixed")
-        }
+        v1::Gauge::FixedPoses => Some(GaugeKind::FixedPoses),
+    })
+}
+
+/// The message of a gauge.
+pub(in crate::service) fn to_gauge(gauge: GaugeKind) -> v1::Gauge {
+    match gauge {
+        GaugeKind::FirstKeyframeFixed => v1::Gauge::FirstKeyframeFixed,
+        GaugeKind::Free => v1::Gauge::Free,
+        GaugeKind::Priors => v1::Gauge::Priors,
+        GaugeKind::FixedPoses => v1::Gauge::FixedPoses,
     }
 }
 

@@ -220,3 +220,85 @@ fn an_item_with_more_entries_than_the_server_takes_is_refused_as_too_large() {
     let refused = item(WireItem::Observations(seen), "robot").unwrap_err().rejection;
     assert!(refused.violations.iter().any(|v| v.reason == Reason::TooLarge), "{refused}");
 }
+
+#[test]
+fn each_field_of_an_edit_that_cannot_be_read_is_named() {
+    let landmark = |id| v1::LandmarkRef { client_id: String::new(), id };
+    let keyframe = Some(v1::KeyframeRef { client_id: "Not A Name".to_owned(), id: 1 });
+    let unnamed = v1::ObservationRef { keyframe, landmark: None, camera_index: 1 };
+    let fused = |kept, count| {
+        let absorbed = vec![landmark(-2); count];
+        WireItem::FuseLandmarks(v1::FuseLandmarks { kept, absorbed })
+    };
+    let constraint = Some(v1::ConstraintRef { client_id: String::new(), id: -4096 });
+    let cases: [(WireItem, &[(&str, Reason)]); 9] = [
+        (
+            WireItem::RevokeConstraint(v1::RevokeConstraint::default()),
+            &[("revoke_constraint.constraint", Reason::Missing)],
+        ),
+        (
+            WireItem::RevokeConstraint(v1::RevokeConstraint { constraint }),
+            &[("revoke_constraint.constraint.id", Reason::OutOfRange)],
+        ),
+        (
+            WireItem::RemoveObservations(v1::RemoveObservations { observations: vec![unnamed] }),
+            &[
+                ("remove_observations.observations[0].keyframe.client_id", Reason::OutOfRange),
+                ("remove_observations.observations[0].landmark", Reason::Missing),
+                ("remove_observations.observations[0].camera_index", Reason::OutOfRange),
+            ],
+        ),
+        (
+            WireItem::RemoveObservations(v1::RemoveObservations::default()),
+            &[("remove_observations.observations", Reason::Missing)],
+        ),
+        (
+            fused(None, 1),
+            &[
+                ("fuse_landmarks.kept", Reason::Missing),
+                ("fuse_landmarks.absorbed[0].id", Reason::OutOfRange),
+            ],
+        ),
+        (fused(Some(landmark(1)), 65_537), &[("fuse_landmarks.absorbed", Reason::TooLarge)]),
+        (
+            WireItem::RemoveLandmarks(v1::RemoveLandmarks::default()),
+            &[("remove_landmarks.landmarks", Reason::Missing)],
+        ),
+        (
+            WireItem::RemoveKeyframe(v1::RemoveKeyframe::default()),
+            &[("remove_keyframe.keyframe", Reason::Missing)],
+        ),
+        (
+            WireItem::SetCamera(v1::Camera { id: -1, width_px: -2, ..Default::default() }),
+            &[
+                ("set_camera.id", Reason::OutOfRange),
+                ("set_camera.width_px", Reason::OutOfRange),
+                ("set_camera.model", Reason::Missing),
+            ],
+        ),
+    ];
+    for (message, expected) in cases {
+        let refused = item(message, "robot").unwrap_err().rejection.violations;
+        let found: Vec<_> = refused.iter().map(|v| (v.field.as_str(), v.reason)).collect();
+        assert_eq!(found, expected);
+    }
+}
+
+#[test]
+fn an_edit_names_another_client_s_camera_and_an_empty_name_is_the_sender() {
+    let model = v1::Snavely { focal: 500.0, k1: 0.0, k2: 0.0 };
+    let set = |client_id: &str| {
+        let model = Some(v1::camera::Model::Snavely(model));
+        let client_id = client_id.to_owned();
+        item(
+            WireItem::SetCamera(v1::Camera { client_id, id: 3, model, ..Default::default() }),
+            "robot",
+        )
+    };
+    let owner = |read| match read {
+        Ok(Item::Edit(crate::map::Edit::SetCamera { id, .. })) => (id.client, id.id),
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(owner(set("")), (None, 3));
+    assert_eq!(owner(set("drone")), (Some("drone".to_owned()), 3));
+}

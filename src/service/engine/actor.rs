@@ -29,8 +29,8 @@ use super::touched::{Touched, size_of_change};
 use super::watch::Past;
 use super::watching::Watching;
 use super::{
-    EngineError, Fault, IngestStream, MapHandle, MapInfo, Opened, OptimizeOutcome, Reservation,
-    Resource, SolveReport, SolverPool, Watch,
+    EngineError, Fault, IngestStream, MapHandle, MapInfo, MapState, Opened, OptimizeOutcome,
+    Reservation, Resource, SolveReport, SolverPool, Watch,
 };
 use crate::map::{Cause, Change, Event, Map, SwitchedOff, applied};
 use crate::store::Position;
@@ -89,7 +89,9 @@ impl Actor {
                     self.restore(&panic_message(panic.as_ref())).await;
                 }
             }
-            let is_settled = self.solving.is_idle() && self.durability.is_settled();
+            // The items of a frozen map wait for it to be opened.
+            let is_solved = self.solving.is_idle() || self.map.is_frozen();
+            let is_settled = is_solved && self.durability.is_settled();
             if !self.closing.is_empty() && self.ingest.is_drained() && is_settled {
                 break;
             }
@@ -105,13 +107,14 @@ impl Actor {
     }
 
     async fn step(&mut self) -> Flow {
-        if !self.unsolved.is_empty() {
+        if !self.unsolved.is_empty() && !self.map.is_frozen() {
             for Unsolved { client, sequence, added } in std::mem::take(&mut self.unsolved) {
                 self.trigger(client, sequence, added).await;
             }
             self.start_solves().await;
         }
         let takes_items = self.solving.is_idle() || !self.ingest.is_lock_step();
+        let takes_items = takes_items || self.map.is_frozen();
         let answered = std::mem::take(&mut self.answered);
         let flow = tokio::select! {
             biased;
@@ -148,12 +151,7 @@ impl Actor {
         // A caller that went away needs no answer, so that failed sends are ignored.
         match control {
             Control::Info { reply } => {
-                let _gone = reply.send(MapInfo {
-                    name: self.shared.name.clone(),
-                    uid: self.shared.uid.clone(),
-                    snapshot: Arc::clone(&self.map),
-                    state: self.shared.state(),
-                });
+                let _gone = reply.send(self.info());
             }
             Control::Open { client, epoch, lock_step, handle, reply } => {
                 let _gone = reply.send(self.open_stream(client, epoch, lock_step, handle).await);
@@ -162,6 +160,9 @@ impl Actor {
                 let _gone = reply.send(self.watch(from_revision, handle));
             }
             Control::Optimize(job) => self.optimize(*job),
+            Control::Update { update, reply } => {
+                let _gone = reply.send(self.update(update).await);
+            }
             Control::Delete { reply } => {
                 let map = &self.shared.name;
                 let deleted = self.shared.store.delete_map(map).await;
@@ -182,13 +183,40 @@ impl Actor {
         Flow::Continue
     }
 
-    /// Refuses changes to a poisoned or ending map.
-    fn check_open(&self) -> Result<(), EngineError> {
+    /// The map as its readers see it.
+    pub(super) fn info(&self) -> MapInfo {
+        MapInfo {
+            name: self.shared.name.clone(),
+            uid: self.shared.uid.clone(),
+            snapshot: Arc::clone(&self.map),
+            state: self.state(),
+        }
+    }
+
+    /// Whether the map accepts changes.
+    fn state(&self) -> MapState {
+        match self.shared.state() {
+            MapState::Open if self.map.is_frozen() => MapState::Frozen,
+            state @ (MapState::Open | MapState::Frozen | MapState::Poisoned) => state,
+        }
+    }
+
+    /// Refuses every change of a poisoned or ending map.
+    pub(super) fn check_changeable(&self) -> Result<(), EngineError> {
         if self.closing.is_empty() {
             self.shared.check_open()
         } else {
             Err(EngineError::ShuttingDown)
         }
+    }
+
+    /// Refuses streams and solves of a map that is not open.
+    fn check_open(&self) -> Result<(), EngineError> {
+        self.check_changeable()?;
+        if self.map.is_frozen() {
+            return Err(EngineError::Frozen { map: self.shared.name.clone() });
+        }
+        Ok(())
     }
 
     async fn open_stream(
@@ -240,7 +268,7 @@ impl Actor {
             return Err(EngineError::RevisionAhead { map, revision, newest });
         }
         let (log, signal) = self.watching.open(newest);
-        let mut watch = Watch::new(handle, &self.map, self.shared.state(), log, signal, place);
+        let mut watch = Watch::new(handle, &self.map, self.state(), log, signal, place);
         if from_revision.is_none() {
             watch.reset = Some(Arc::clone(&self.map));
         }
@@ -257,6 +285,9 @@ impl Actor {
 
     /// Starts the next solve, if none runs and one is due.
     async fn start_solves(&mut self) {
+        if self.map.is_frozen() {
+            return;
+        }
         let is_lock_step = self.ingest.is_lock_step();
         while let Some(triggers) = self.solving.start_next(&self.map, is_lock_step).await {
             self.optimized(&triggers, 0, &SolveReport::Nothing);

@@ -31,6 +31,22 @@ pub enum EngineError {
         /// The map.
         map: String,
     },
+    /// The map was frozen by request: it can be read, but not changed.
+    #[error("map {map:?} is frozen: it can be read and takes no changes")]
+    Frozen {
+        /// The map.
+        map: String,
+    },
+    /// A change was requested for another revision than the map's.
+    #[error("map {map:?} is at revision {actual}, the change is for revision {expected}")]
+    RevisionMismatch {
+        /// The map.
+        map: String,
+        /// The revision that the caller expects.
+        expected: i64,
+        /// The map's revision.
+        actual: i64,
+    },
     /// The client has a stream with a newer epoch.
     #[error("client {client:?} of map {map:?}: epoch {epoch} is fenced, the newest is {newest}")]
     EpochFenced {

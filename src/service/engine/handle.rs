@@ -19,7 +19,7 @@ use super::{
     Account, EngineConfig, EngineError, EngineMeters, IngestStream, OptimizeOptions,
     OptimizeOutcome, Watch,
 };
-use crate::map::Map;
+use crate::map::{Map, MapPolicy};
 use crate::store::{Durability, Flushed, Store};
 
 /// Whether a map accepts changes.
@@ -27,6 +27,8 @@ use crate::store::{Durability, Flushed, Store};
 pub enum MapState {
     /// It accepts items and optimizations.
     Open,
+    /// Read-only, by request.
+    Frozen,
     /// Read-only, because a change hit a bug, the journal failed, or acknowledged events are lost.
     Poisoned,
 }
@@ -42,6 +44,33 @@ pub struct MapInfo {
     pub snapshot: Arc<Map>,
     /// Whether it accepts changes.
     pub state: MapState,
+}
+
+/// A requested change of a map's name, policy or state; what is `None` stays as it is.
+#[derive(Default)]
+pub struct MapUpdate {
+    /// The new free text for people.
+    pub display_name: Option<String>,
+    /// Computes the new policy from the present one.
+    pub policy: Option<PolicyUpdate>,
+    /// Whether the map is to be frozen.
+    pub frozen: Option<bool>,
+    /// The change is made only at this revision.
+    pub expected_revision: Option<i64>,
+}
+
+/// Computes a policy from the present one.
+pub type PolicyUpdate = Box<dyn FnOnce(&MapPolicy) -> MapPolicy + Send>;
+
+impl fmt::Debug for MapUpdate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { display_name, policy: _, frozen, expected_revision } = self;
+        f.debug_struct("MapUpdate")
+            .field("display_name", display_name)
+            .field("frozen", frozen)
+            .field("expected_revision", expected_revision)
+            .finish_non_exhaustive()
+    }
 }
 
 /// Answers a control message.
@@ -65,6 +94,10 @@ pub(super) enum Control {
         reply: Reply<Result<(Watch, Past), EngineError>>,
     },
     Optimize(Box<Job>),
+    Update {
+        update: MapUpdate,
+        reply: Reply<Result<MapInfo, EngineError>>,
+    },
     Delete {
         reply: Reply<Result<(), EngineError>>,
     },
@@ -304,6 +337,19 @@ impl MapHandle {
                 }
             }
         }
+    }
+
+    /// Changes name, policy or state of the map as one event, and returns when no crash can undo
+    /// it. Freezing ends the map's streams and its solves; the items whose solves it ends are
+    /// solved once the map is open again.
+    ///
+    /// # Errors
+    /// [`EngineError::RevisionMismatch`] when the map is not at the expected revision,
+    /// [`EngineError::Poisoned`], and as [`MapHandle::info`].
+    pub async fn update(&self, update: MapUpdate) -> Result<MapInfo, EngineError> {
+        let info = self.call(|reply| Control::Update { update, reply }).await??;
+        self.durable(info.snapshot.revision()).await?;
+        Ok(info)
     }
 
     /// Why the engine does not answer.

@@ -348,6 +348,7 @@ pub(super) fn size_of_item(item: &Item) -> usize {
         | Item::RelativePose { .. }
         | Item::PosePrior { .. }
         | Item::PositionPrior { .. } => 1,
+        Item::Edit(edit) => edit.size(),
     }
 }
 

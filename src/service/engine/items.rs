@@ -4,7 +4,6 @@
 //! which there is no room ends its stream.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use super::actor::{Actor, SMALL, STEP};
 use super::ingest::{Admission, Ingest, Room, frees, size_of_item};
@@ -12,8 +11,8 @@ use super::solving::Task;
 use super::stream::{Body, Queued, QueuedItem};
 use super::{Ack, AckStatus, EngineError, SolveReport, StreamEvent};
 use crate::map::{
-    Cause, Change, ClientIndex, ConstraintKind, EntityId, Event, Map, PartialItem, has_unplaced,
-    retire, triangulate,
+    Affected, Cause, Change, ClientIndex, ConstraintKind, EntityId, Event, Map, PartialItem,
+    SolveKind, affected, has_unplaced, retire, triangulate,
 };
 
 impl Actor {
@@ -89,7 +88,11 @@ impl Actor {
         if size > SMALL {
             self.pool.discard(item);
         }
-        let added = added(&change);
+        let (added, change) = if size > SMALL {
+            self.compute(move |map| (added(map, &change), change)).await
+        } else {
+            (added(&self.map, &change), change)
+        };
         let duplicate = change == Change::ItemRepeated;
         let cause = Cause { client, epoch, sequence, digest };
         let position = match self.commit(Some(cause), change).await {
@@ -141,19 +144,11 @@ impl Actor {
         let (local_bundle, loop_closure) = (policy.local_bundle, policy.loop_closure);
         match added {
             Added::Views(id) => {
-                let seen = self.map.keyframes().get(&id).map_or(0, |k| k.observations.len());
-                let positions = match seen > SMALL || has_unplaced(&self.map, id) {
-                    true => self.compute(move |map| triangulate(map, id)).await,
-                    false => Vec::new(),
-                };
-                if !positions.is_empty() {
-                    let change = Change::LandmarksTriangulated { positions };
-                    if let Err(error) = self.commit(None, change).await {
-                        return self.ingest.end(client, error);
-                    }
+                if let Err(error) = self.place(id).await {
+                    return self.ingest.end(client, error);
                 }
                 if local_bundle {
-                    self.solving.schedule.push(client, sequence, Task::Window(id));
+                    self.solving.schedule.push(client, sequence, Task::around(id));
                 } else {
                     self.nothing_to_solve(client, sequence);
                 }
@@ -162,9 +157,52 @@ impl Actor {
                 self.solving.schedule.push(client, sequence, Task::Loop);
                 self.solving.supersede_window();
             }
-            Added::Loop => self.nothing_to_solve(client, sequence),
+            // Fixes may come several times a second: no window is given up for one.
+            Added::Prior if loop_closure => {
+                self.solving.schedule.push(client, sequence, Task::Prior);
+            }
+            Added::Loop | Added::Prior => self.nothing_to_solve(client, sequence),
+            Added::Edited(Affected { graph, keyframes }) => {
+                if !keyframes.is_empty() {
+                    self.solving.forget_pairs();
+                }
+                if let Some(&newest) = keyframes.last()
+                    && let Err(error) = self.place(newest).await
+                {
+                    return self.ingest.end(client, error);
+                }
+                let (graph, windows) =
+                    (graph && loop_closure, local_bundle && !keyframes.is_empty());
+                if graph {
+                    self.solving.schedule.push(client, sequence, Task::Loop);
+                    self.solving.supersede_window();
+                }
+                if windows {
+                    let task = Task::Window(keyframes.into());
+                    self.solving.schedule.push(client, sequence, task);
+                }
+                if !graph && !windows {
+                    self.nothing_to_solve(client, sequence);
+                }
+            }
             Added::Other => {}
         }
+    }
+
+    /// Triangulates landmarks of a keyframe that have no position, if that is possible now.
+    ///
+    /// # Errors
+    /// As [`Actor::commit`].
+    async fn place(&mut self, id: EntityId) -> Result<(), EngineError> {
+        let seen = self.map.keyframes().get(&id).map_or(0, |k| k.observations.len());
+        let positions = match seen > SMALL || has_unplaced(&self.map, id) {
+            true => self.compute(move |map| triangulate(map, id)).await,
+            false => Vec::new(),
+        };
+        if !positions.is_empty() {
+            self.commit(None, Change::LandmarksTriangulated { positions }).await?;
+        }
+        Ok(())
     }
 
     /// Acknowledges an item that could have started a solve but did not, once no solve for an
@@ -183,33 +221,55 @@ pub(super) struct Unsolved {
     pub(super) added: Added,
 }
 
-/// For each client, the last item that started a solve whose result is not in `map`. `events` are
-/// those that led to `map`. In lock-step no other item is unsolved; otherwise the solve of the last
-/// item covers most of the others.
-pub(super) fn unsolved(map: &Map, events: &[Arc<Event>]) -> Vec<Unsolved> {
-    let mut last = BTreeMap::new();
-    for event in events {
-        let Some(Cause { client, sequence, .. }) = event.cause else { continue };
-        match added(&event.change) {
+/// For each client, the last item that may have started a solve, gathered while a map is replayed. In
+/// lock-step no other item is unsolved; otherwise the solve of the last item covers most of the others.
+#[derive(Default)]
+pub(super) struct LastTriggers(BTreeMap<ClientIndex, Unsolved>);
+
+impl LastTriggers {
+    /// Takes an event in; `map` is the map before it.
+    pub(super) fn event(&mut self, map: &Map, event: &Event) {
+        if let Change::SolveApplied { solve } = &event.change
+            && solve.kind == SolveKind::PoseGraph
+        {
+            // The window of a removed keyframe may still be open.
+            for Unsolved { added, .. } in self.0.values_mut() {
+                if let Added::Edited(affected) = added {
+                    affected.graph = false;
+                }
+            }
+        }
+        let Some(Cause { client, sequence, .. }) = event.cause else { return };
+        match added(map, &event.change) {
             Added::Other => {}
-            added @ (Added::Views(_) | Added::Loop) => {
-                last.insert(client, Unsolved { client, sequence, added });
+            added @ (Added::Views(_) | Added::Loop | Added::Prior | Added::Edited(_)) => {
+                self.0.insert(client, Unsolved { client, sequence, added });
             }
         }
     }
-    let covered = |client| map.client(client).map_or(0, |c| c.optimized_sequence);
-    last.into_values().filter(|u| u.sequence > covered(u.client)).collect()
+
+    /// Those whose solve's result is not in `map`.
+    pub(super) fn unsolved(self, map: &Map) -> Vec<Unsolved> {
+        let covered = |client| map.client(client).map_or(0, |c| c.optimized_sequence);
+        self.0.into_values().filter(|u| u.sequence > covered(u.client)).collect()
+    }
 }
 
 /// What a change adds that can start a solve.
 pub(super) enum Added {
     /// Observations of this keyframe.
     Views(EntityId),
+    /// A loop closure.
     Loop,
+    /// An edit.
+    Edited(Affected),
+    /// A prior of a client.
+    Prior,
     Other,
 }
 
-fn added(change: &Change) -> Added {
+/// `map` is the map before the change.
+fn added(map: &Map, change: &Change) -> Added {
     if let Change::KeyframeAdded { id, .. } | Change::ObservationsAdded { keyframe: id, .. } =
         change
     {
@@ -218,7 +278,9 @@ fn added(change: &Change) -> Added {
         && constraint.kind == ConstraintKind::LoopClosure
     {
         Added::Loop
+    } else if let Change::PriorAdded { .. } = change {
+        Added::Prior
     } else {
-        Added::Other
+        affected(map, change).map_or(Added::Other, Added::Edited)
     }
 }

@@ -21,8 +21,8 @@ use super::handle::{Condition, Control};
 use super::opening::Start;
 use super::watch::READERS;
 use super::{
-    EngineConfig, EngineError, EngineMeters, MapCounts, MapHandle, MapInfo, Resource, SolverPool,
-    tenant_of,
+    EngineConfig, EngineError, EngineMeters, MapCounts, MapHandle, MapInfo, Reservation, Resource,
+    SolverPool, tenant_of,
 };
 use crate::map::{Change, Event, Map, MapPolicy};
 use crate::store::{Durability, Store, StoreError};
@@ -122,7 +122,7 @@ impl Maps {
     /// Creates a map whose name is claimed and free.
     async fn create_claimed(
         &self,
-        mut claim: Claim,
+        claim: Claim,
         display_name: String,
         policy: MapPolicy,
     ) -> Result<MapInfo, EngineError> {
@@ -161,9 +161,20 @@ impl Maps {
             unsolved: Vec::new(),
             flushed,
         };
+        self.start_created(claim, start, place).await
+    }
+
+    /// Starts the engine of a map that the store just created.
+    pub(super) async fn start_created(
+        &self,
+        mut claim: Claim,
+        start: Start,
+        place: Reservation,
+    ) -> Result<MapInfo, EngineError> {
+        let revision = start.map.revision();
         let handle = self.spawn(start, place);
         // The creation is answered only when no crash can undo it.
-        if let Err(error) = handle.durable(1).await {
+        if let Err(error) = handle.durable(revision).await {
             // If the creation cannot be undone, the name keeps a map that reports why it accepts
             // nothing.
             let undone = handle.call(|reply| Control::Delete { reply }).await.flatten();
@@ -266,7 +277,7 @@ impl Maps {
         self.inner.store.close().await;
     }
 
-    fn create_time_ns(&self) -> i64 {
+    pub(super) fn create_time_ns(&self) -> i64 {
         let now = unix_time_ns(&*self.inner.store);
         let last = &self.inner.last_create_time_ns;
         let later = |last: i64| Some(now.max(last.saturating_add(1)));
@@ -277,7 +288,7 @@ impl Maps {
 }
 
 /// Runs a change of a map in its own task, so that it continues if its caller stops waiting.
-async fn run_to_end<T: Send + 'static>(
+pub(super) async fn run_to_end<T: Send + 'static>(
     change: impl Future<Output = Result<T, EngineError>> + Send + 'static,
 ) -> Result<T, EngineError> {
     match tokio::spawn(change.in_current_span()).await {

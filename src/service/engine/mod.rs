@@ -12,11 +12,13 @@
 //! | file | role |
 //! |---|---|
 //! | `maps`, `opening` | all maps of a server: create, open, delete, shut down; their names |
+//! | `importing` | creating a map with content |
 //! | `handle`, `stream` | the caller's side: the handle of a map, an ingest stream |
 //! | `actor` | the task: its loop hands events from one of the parts below to another |
 //! | `ingest` | open streams, their acks, and which items are accepted |
 //! | `durability` | the journal, DURABLE acks, snapshots |
 //! | `solving`, `solve` | which items wait for which solve, starting and ending it; its body |
+//! | `updating` | a requested change of name, policy or state |
 //! | `measured_pairs` | relative poses of keyframes that a pose graph need not measure again |
 //! | `watching`, `touched` | what the engine tells watchers: what the last events touched |
 //! | `watch` | the watcher's side: changes joined, and missed ones read from the journal |
@@ -30,6 +32,7 @@ mod durability;
 mod error;
 mod fair_queue;
 mod handle;
+mod importing;
 mod ingest;
 mod items;
 mod maps;
@@ -41,6 +44,7 @@ mod solve;
 mod solving;
 mod stream;
 mod touched;
+mod updating;
 mod watch;
 mod watching;
 
@@ -50,7 +54,8 @@ pub use account::{
     Account, AccountLimits, AccountRow, Accounts, Reservation, Resource, SEPARATOR, tenant_of,
 };
 pub use error::EngineError;
-pub use handle::{MapHandle, MapInfo, MapState};
+pub use handle::{MapHandle, MapInfo, MapState, MapUpdate, PolicyUpdate};
+pub use importing::{ImportRoom, ImportedAs};
 pub use maps::Maps;
 pub use meters::{EngineMeters, MapCounts, QueuedSolve, SolveMeters};
 pub use pool::{Estimate, PoolError, SolvePanicked, SolverPool, lower_priority};

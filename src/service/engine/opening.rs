@@ -17,7 +17,7 @@ use super::durability::{Durability, replay, sequence_of, stored};
 use super::error::report_bug;
 use super::handle::{Condition, Shared};
 use super::ingest::Ingest;
-use super::items::{Unsolved, unsolved};
+use super::items::{LastTriggers, Unsolved};
 use super::maps::Inner;
 use super::solving::Solving;
 use super::watching::Watching;
@@ -119,7 +119,11 @@ impl Maps {
             store.delete_map(name).await?;
             return Ok(None);
         }
-        let (map, stopped) = replay(map, events.iter().map(AsRef::as_ref));
+        let mut triggers = LastTriggers::default();
+        let replayed = replay(map, events.iter().map(AsRef::as_ref), |map, event| {
+            triggers.event(map, event);
+        });
+        let (map, stopped) = replayed;
         for damage in &damage {
             tracing::error!(map = name, %damage, "damage on disk");
         }
@@ -146,7 +150,7 @@ impl Maps {
             None => Condition::Open,
         };
         let unsolved = match condition {
-            Condition::Open => unsolved(&map, &events),
+            Condition::Open => triggers.unsolved(&map),
             Condition::Poisoned | Condition::Frozen(_) => Vec::new(),
         };
         Ok(Some(Start {

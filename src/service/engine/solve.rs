@@ -22,16 +22,17 @@ use covis_solvers::optimizer::{
 };
 use covis_solvers::price::Ceiling;
 use covis_solvers::problem::SolveError;
-use covis_solvers::robust::VarianceFactors;
+use covis_solvers::robust::{PositionJudging, VarianceFactors};
 use tokio::sync::mpsc;
 use tracing::Span;
 
 use super::EngineError;
 use super::handle::Reply;
 use super::measured_pairs::MeasuredPairs;
+pub use crate::map::Gauge as GaugeKind;
 use crate::map::{
     ClientIndex, GlobalOptions, GraphProblem, Map, MapProblem, Solved, SwitchedOff, global_problem,
-    loop_problem,
+    graph_problem,
 };
 
 /// Which part of a map is optimized.
@@ -60,9 +61,8 @@ pub struct OptimizeOptions {
     pub constraint_loss: Option<Loss>,
     /// What is optimized.
     pub problem: OptimizeProblem,
-    /// What fixes the frame. A pose graph fixes the first keyframe of each connected piece.
-    /// [`GaugeKind::FixedPoses`] fixes the first keyframe, because a map marks no others.
-    pub gauge: GaugeKind,
+    /// What fixes the frame; `None` uses the policy's.
+    pub gauge: Option<GaugeKind>,
     /// Deadline of the solve, which includes its time in the queue (none).
     pub deadline: Option<Instant>,
 }
@@ -118,20 +118,6 @@ impl Job {
     pub(super) fn answer(self, outcome: Result<OptimizeOutcome, EngineError>) {
         let _gone = self.reply.send(outcome);
     }
-}
-
-/// What fixes the map's frame where the measurements do not determine it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum GaugeKind {
-    /// The first keyframe of each connected piece of the map.
-    #[default]
-    FirstKeyframeFixed,
-    /// Only the solver's damping.
-    Free,
-    /// Priors.
-    Priors,
-    /// The fixed keyframes around a window.
-    FixedPoses,
 }
 
 /// The linear system of a solve.
@@ -222,7 +208,11 @@ pub(super) fn solve_window(
     };
     let gauge = match () {
         () if problem.problem.constant_poses.contains(&true) => GaugeKind::FixedPoses,
-        () if !problem.problem.pose_priors.is_empty() => GaugeKind::Priors,
+        () if !(problem.problem.pose_priors.is_empty()
+            && problem.problem.position_priors.is_empty()) =>
+        {
+            GaugeKind::Priors
+        }
         () => GaugeKind::Free,
     };
     solve_bundle(problem, &options, gauge, &interrupt(None, cancel), &mut ignore_iterations)
@@ -235,12 +225,9 @@ pub(super) fn solve_map(
     rows: &mpsc::UnboundedSender<IterationSummary>,
     cancel: &Arc<AtomicBool>,
 ) -> Outcome {
-    let fix_first_keyframe = match options.gauge {
-        GaugeKind::FirstKeyframeFixed | GaugeKind::FixedPoses => true,
-        GaugeKind::Free | GaugeKind::Priors => false,
-    };
+    let gauge = options.gauge.unwrap_or(map.policy().gauge);
     let loss = options.observation_loss.unwrap_or(map.policy().observation_loss);
-    let global = GlobalOptions { loss, fix_intrinsics: true, fix_first_keyframe };
+    let global = GlobalOptions { loss, fix_intrinsics: true, gauge };
     let mut problem = global_problem(&map, &global);
     drop(map);
     if let Some(loss) = options.constraint_loss {
@@ -252,7 +239,11 @@ pub(super) fn solve_map(
         ..bundle_adjustment::Options::default()
     };
     let interrupt = interrupt(options.deadline, cancel);
-    solve_bundle(problem, &bundle, options.gauge, &interrupt, &mut |row| {
+    let has_constant = problem.problem.constant_poses.contains(&true);
+    let has_priors =
+        !(problem.problem.pose_priors.is_empty() && problem.problem.position_priors.is_empty());
+    let gauge = used_gauge(gauge, has_constant, has_priors);
+    solve_bundle(problem, &bundle, gauge, &interrupt, &mut |row| {
         // The receiver is gone when the caller went away; the solve is then canceled.
         let _gone = rows.send(*row);
         Control::Continue
@@ -280,8 +271,8 @@ pub(super) fn solve_map_graph(
     rows: &mpsc::UnboundedSender<IterationSummary>,
     cancel: &Arc<AtomicBool>,
 ) -> Outcome {
-    let OptimizeOptions { optimizer, constraint_loss, .. } = *options;
-    let settings = GraphSettings { optimizer, constraint_loss, certify };
+    let OptimizeOptions { optimizer, constraint_loss, gauge, .. } = *options;
+    let settings = GraphSettings { optimizer, constraint_loss, gauge, certify };
     let outcome = solve_graph(map, pairs, &settings, &interrupt(options.deadline, cancel));
     if let Ok(Some(solution)) = &outcome {
         for row in &solution.certificate.solve.iterations {
@@ -340,12 +331,26 @@ fn interrupt(deadline: Option<Instant>, cancel: &Arc<AtomicBool>) -> Interrupt {
     Interrupt::at(deadline).or_when(Arc::clone(cancel))
 }
 
+/// What fixes the frame of a problem that was built for `gauge`.
+fn used_gauge(gauge: GaugeKind, has_constant: bool, has_priors: bool) -> GaugeKind {
+    match gauge {
+        GaugeKind::FixedPoses => GaugeKind::FixedPoses,
+        GaugeKind::FirstKeyframeFixed | GaugeKind::Free | GaugeKind::Priors => match () {
+            () if has_constant => GaugeKind::FirstKeyframeFixed,
+            () if has_priors => GaugeKind::Priors,
+            () => GaugeKind::Free,
+        },
+    }
+}
+
 /// How a pose graph is optimized.
 #[derive(Clone, Copy, Debug, Default)]
 struct GraphSettings {
     optimizer: optimizer::Options,
     /// `None` uses the policy's.
     constraint_loss: Option<Loss>,
+    /// `None` uses the policy's.
+    gauge: Option<GaugeKind>,
     certify: bool,
 }
 
@@ -357,7 +362,8 @@ fn solve_graph(
     interrupt: &Interrupt,
 ) -> Outcome {
     let measured = pairs.complete(&map, interrupt);
-    let mut problem = loop_problem(&map, |a, b| measured.get(&(a, b)).copied());
+    let gauge = settings.gauge.unwrap_or(map.policy().gauge);
+    let mut problem = graph_problem(&map, gauge, |a, b| measured.get(&(a, b)).copied());
     let robustness = map.policy().loop_closure_robustness;
     let named = |(client, &factors): (&ClientIndex, &VarianceFactors)| {
         Some((map.client(*client)?.name.clone(), factors))
@@ -378,12 +384,15 @@ fn solve_graph(
         trusted: problem.trusted(),
         trust_odometry: true,
     });
+    // Fixes are judged where closures are, always at their own quantile.
+    let positions = robustness.kernel.map(|_| PositionJudging::default());
     // What is switched off is a function of what was measured: the present estimates, which earlier
     // solves made, are no part of it.
     let judges = judging.is_some();
     let start = if judges { Start::Odometry } else { Start::Given };
     let certify = settings.certify;
-    let options = graph_optimization::Options { start, judging, certify, costs: true, optimizer };
+    let options =
+        graph_optimization::Options { start, judging, positions, certify, costs: true, optimizer };
     let rows = &mut ignore_iterations;
     let solved = match optimize(&mut problem.graph, true, &options, interrupt, rows) {
         Ok(solved) => solved,
@@ -402,6 +411,12 @@ fn solve_graph(
             is_provisional: verdict.is_provisional,
         });
     }
+    problem.positions.iter_mut().for_each(|position| position.switched_off = None);
+    for (position, verdict) in problem.positions.iter_mut().zip(&solved.positions) {
+        let is_off = verdict.is_switched_off && verdict.chi2.is_finite();
+        let off = SwitchedOff { chi2: verdict.chi2, weight: 0.0, is_provisional: false };
+        position.switched_off = is_off.then_some(off);
+    }
     let off = || problem.closures.iter().filter_map(|closure| closure.switched_off);
     let closures = judges.then(|| ClosureCounts {
         judged: problem.closures.len(),
@@ -410,6 +425,7 @@ fn solve_graph(
         factors,
     });
     let fixed_poses = problem.graph.constant.iter().filter(|&&c| c).count();
+    let gauge = used_gauge(gauge, fixed_poses > 0, problem.graph.has_priors());
     let certificate = SolveCertificate {
         closures: closures.filter(|closures| closures.judged > 0),
         solve: solved.solve,
@@ -417,14 +433,16 @@ fn solve_graph(
         linear_solver: SolverKind::SparseCholesky,
         before: solved.before,
         after: solved.after,
-        gauge: GaugeKind::FirstKeyframeFixed,
+        gauge,
         free_poses: problem.graph.poses.len() - fixed_poses,
         fixed_poses,
         free_landmarks: 0,
     };
     let counts = OptimizeCounts {
         keyframes: problem.keyframes.len(),
-        constraints: problem.graph.edges.len(),
+        constraints: problem.graph.edges.len()
+            + problem.graph.pose_priors.len()
+            + problem.graph.position_priors.len(),
         ..OptimizeCounts::default()
     };
     let moved = Moved::Graph(Box::new(problem));

@@ -1,8 +1,11 @@
 //! Solving: which items wait for which solve, and the solve that runs. A map runs one at a time.
 //!
-//! A trigger is an item that starts a solve: a window around a keyframe, or a loop closure. Several
+//! A trigger is an item that starts a solve: a window around keyframes, or a pose graph. Several
 //! triggers may be covered by one solve. A client's items are optimized up to sequence s once none
 //! of its triggers up to s is open: OPTIMIZED acks are cumulative.
+//!
+//! Priors wait for a pose graph as loop closures do, but let one window go first: a receiver's fixes
+//! may come faster than pose graphs are solved, and all that wait are covered by one solve.
 //!
 //! Order: loop closures first, then a requested optimization (in lock-step it waits for the
 //! windows), then windows. Within a batch the newest window is solved first, and a batch is finished
@@ -23,7 +26,7 @@ use super::measured_pairs::MeasuredPairs;
 use super::pool::{SolvePanicked, SolverPool, answered};
 use super::solve::{Job, Outcome, solve_loop, solve_map, solve_map_graph, solve_window};
 use super::{EngineError, Estimate, Fault, OptimizeOutcome, OptimizeProblem};
-use crate::map::{ClientIndex, EntityId, Map, SolveKind, choose_window, local_problem};
+use crate::map::{ClientIndex, EntityId, Map, SolveKind, choose_window_of, local_problem};
 
 /// The solve that runs.
 pub(super) struct Running {
@@ -48,6 +51,8 @@ pub(super) struct Solving {
     /// The optimization that waits or runs.
     job: Option<Job>,
     last_id: i64,
+    /// Whether a pose graph ran since the last window.
+    prior_went: bool,
 }
 
 impl Solving {
@@ -55,7 +60,14 @@ impl Solving {
     pub(super) fn new(shared: &Arc<Shared>, pool: &Arc<SolverPool>, last_id: i64) -> Self {
         let (shared, pool) = (Arc::clone(shared), Arc::clone(pool));
         let (pairs, schedule) = (Arc::default(), Schedule::default());
-        Self { shared, pool, pairs, schedule, running: None, job: None, last_id }
+        let (running, job, prior_went) = (None, None, false);
+        Self { shared, pool, pairs, schedule, running, job, last_id, prior_went }
+    }
+
+    /// Forgets what was measured between keyframes. A measurement also depends on earlier keyframes that
+    /// see its landmarks, which an edit may have changed. What a running solve measures is not kept.
+    pub(super) fn forget_pairs(&mut self) {
+        self.pairs = Arc::default();
     }
 
     /// Whether no solve runs or waits.
@@ -71,14 +83,18 @@ impl Solving {
         is_lock_step: bool,
     ) -> Option<Vec<u64>> {
         while self.running.is_none() {
-            let loops = self.schedule.loops();
-            if !loops.is_empty() {
+            let is_due = self.schedule.has_loop()
+                || (self.schedule.has_prior() && !(self.prior_went && self.schedule.has_window()));
+            if is_due {
+                self.prior_went = true;
+                let loops = self.schedule.loops();
                 self.start_loop(map, loops);
             } else if self.job.is_some() && (!is_lock_step || self.schedule.is_empty()) {
                 self.start_job(map);
             } else {
-                let keyframe = self.schedule.next_window()?;
-                let nothing = self.start_window(map, keyframe).await;
+                let keyframes = self.schedule.next_window()?;
+                self.prior_went = false;
+                let nothing = self.start_window(map, keyframes).await;
                 if nothing.is_some() {
                     return nothing;
                 }
@@ -131,13 +147,22 @@ impl Solving {
     }
 
     /// Returns the window's triggers if there is nothing to solve.
-    async fn start_window(&mut self, map: &Arc<Map>, keyframe: EntityId) -> Option<Vec<u64>> {
+    async fn start_window(
+        &mut self,
+        map: &Arc<Map>,
+        keyframes: Arc<[EntityId]>,
+    ) -> Option<Vec<u64>> {
+        let centers = Arc::clone(&keyframes);
         let max_iterations = map.policy().max_local_iterations;
         let ceiling = self.shared.config.ceiling();
         let pairs = Arc::clone(&self.pairs);
         let built = self.pool.compute_from(map, move |map| {
-            let unmeasured = pairs.unmeasured_near(map, keyframe);
-            let window = choose_window(map, keyframe);
+            // The pairs of an edit are measured by the pose graph that needs them.
+            let unmeasured = match *centers {
+                [keyframe] => pairs.unmeasured_near(map, keyframe),
+                _ => Vec::new(),
+            };
+            let window = choose_window_of(map, &centers);
             let problem = local_problem(map, &window);
             let estimate = problem.is_solvable().then(|| {
                 let bound = bundle_adjustment::price_bound(&problem.problem);
@@ -146,7 +171,7 @@ impl Solving {
             (window.free, problem, estimate, unmeasured)
         });
         let (free, problem, estimate, unmeasured) = built.await;
-        let triggers = self.schedule.within(keyframe, &free);
+        let triggers = self.schedule.within(&keyframes, &free);
         let Some(estimate) = estimate else { return Some(triggers) };
         let pairs = Arc::clone(&self.pairs);
         self.launch(SolveKind::LocalBundle, estimate, triggers, None, move |cancel| {
@@ -243,6 +268,16 @@ impl Solving {
         }
     }
 
+    /// Drops the results of the running solve and ends a requested optimization with `error`. The
+    /// items that the running solve covers wait for a later one.
+    pub(super) fn pause(&mut self, error: &EngineError) {
+        if let Some(running) = &mut self.running {
+            running.superseded = true;
+            running.cancel.store(true, Ordering::Relaxed);
+        }
+        self.answer_job(Err(error.clone()));
+    }
+
     /// Cancels every running or waiting solve.
     pub(super) fn cancel(&mut self, error: &EngineError) {
         if let Some(running) = self.running.take() {
@@ -254,15 +289,24 @@ impl Solving {
 }
 
 /// The solve that a trigger starts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Task {
-    /// Local bundle adjustment around a keyframe.
-    Window(EntityId),
+    /// Local bundle adjustment around keyframes: a new one, or those that an edit concerns.
+    Window(Arc<[EntityId]>),
     /// Pose-graph optimization.
     Loop,
+    /// Pose-graph optimization that may wait for a window.
+    Prior,
 }
 
-#[derive(Clone, Copy, Debug)]
+impl Task {
+    /// Local bundle adjustment around one keyframe.
+    pub(super) fn around(keyframe: EntityId) -> Self {
+        Self::Window(Arc::new([keyframe]))
+    }
+}
+
+#[derive(Clone, Debug)]
 struct Trigger {
     client: ClientIndex,
     sequence: i64,
@@ -319,33 +363,50 @@ impl Schedule {
         self.open.keys().copied().collect()
     }
 
-    /// The open loop closures.
+    /// The open loop closures and priors: one pose graph covers them all.
     pub(super) fn loops(&self) -> Vec<u64> {
-        self.open.iter().filter(|(_, t)| t.task == Task::Loop).map(|(&a, _)| a).collect()
+        let is_loop = |task: &Task| matches!(task, Task::Loop | Task::Prior);
+        self.open.iter().filter(|(_, t)| is_loop(&t.task)).map(|(&a, _)| a).collect()
     }
 
-    /// The keyframe whose window is next: the newest of the batch.
-    pub(super) fn next_window(&mut self) -> Option<EntityId> {
+    /// Whether a loop closure is open.
+    fn has_loop(&self) -> bool {
+        self.open.values().any(|trigger| trigger.task == Task::Loop)
+    }
+
+    /// Whether a prior is open.
+    fn has_prior(&self) -> bool {
+        self.open.values().any(|trigger| trigger.task == Task::Prior)
+    }
+
+    /// Whether a window is open.
+    fn has_window(&self) -> bool {
+        self.open.values().any(|trigger| matches!(trigger.task, Task::Window(_)))
+    }
+
+    /// The keyframes whose window is next: those of the newest trigger of the batch.
+    pub(super) fn next_window(&mut self) -> Option<Arc<[EntityId]>> {
         let newest = |end: u64| {
-            self.open.range(..end).rev().find_map(|(_, trigger)| match trigger.task {
-                Task::Window(keyframe) => Some(keyframe),
-                Task::Loop => None,
+            self.open.range(..end).rev().find_map(|(_, trigger)| match &trigger.task {
+                Task::Window(keyframes) => Some(Arc::clone(keyframes)),
+                Task::Loop | Task::Prior => None,
             })
         };
-        if let Some(keyframe) = newest(self.batch_end) {
-            return Some(keyframe);
+        if let Some(keyframes) = newest(self.batch_end) {
+            return Some(keyframes);
         }
         self.batch_end = self.next_arrival;
         newest(self.batch_end)
     }
 
-    /// The open triggers whose keyframe is `center` or among `free`, which is sorted.
-    pub(super) fn within(&self, center: EntityId, free: &[EntityId]) -> Vec<u64> {
-        let covers = |task| match task {
-            Task::Window(keyframe) => keyframe == center || free.binary_search(&keyframe).is_ok(),
-            Task::Loop => false,
+    /// The open triggers whose keyframes are all among `centers` or `free`, which is sorted.
+    pub(super) fn within(&self, centers: &[EntityId], free: &[EntityId]) -> Vec<u64> {
+        let covered = |id: &EntityId| free.binary_search(id).is_ok() || centers.contains(id);
+        let covers = |task: &Task| match task {
+            Task::Window(keyframes) => keyframes.iter().all(covered),
+            Task::Loop | Task::Prior => false,
         };
-        self.open.iter().filter(|(_, t)| covers(t.task)).map(|(&arrival, _)| arrival).collect()
+        self.open.iter().filter(|(_, t)| covers(&t.task)).map(|(&arrival, _)| arrival).collect()
     }
 
     /// The marks that closing these triggers would reach, by client.
@@ -412,9 +473,9 @@ mod tests {
     #[test]
     fn marks_wait_for_earlier_triggers_of_the_same_client() {
         let mut schedule = Schedule::default();
-        schedule.push(A, 3, Task::Window(keyframe(A, 0)));
+        schedule.push(A, 3, Task::around(keyframe(A, 0)));
         schedule.push(A, 5, Task::Loop);
-        schedule.push(B, 1, Task::Window(keyframe(B, 0)));
+        schedule.push(B, 1, Task::around(keyframe(B, 0)));
         let loops = schedule.loops();
         assert_eq!(schedule.preview(&loops), []);
         assert_eq!(schedule.close(&loops), []);
@@ -431,15 +492,30 @@ mod tests {
     fn a_batch_is_worked_off_newest_first_before_later_arrivals() {
         let mut schedule = Schedule::default();
         for id in 0..3 {
-            schedule.push(A, id + 1, Task::Window(keyframe(A, id)));
+            schedule.push(A, id + 1, Task::around(keyframe(A, id)));
         }
-        assert_eq!(schedule.next_window(), Some(keyframe(A, 2)));
-        let covered = schedule.within(keyframe(A, 2), &[keyframe(A, 1)]);
+        assert_eq!(schedule.next_window().as_deref(), Some(&[keyframe(A, 2)][..]));
+        let covered = schedule.within(&[keyframe(A, 2)], &[keyframe(A, 1)]);
         assert_eq!(schedule.close(&covered), []);
-        schedule.push(A, 9, Task::Window(keyframe(A, 9)));
-        assert_eq!(schedule.next_window(), Some(keyframe(A, 0)));
-        let covered = schedule.within(keyframe(A, 0), &[]);
+        schedule.push(A, 9, Task::around(keyframe(A, 9)));
+        assert_eq!(schedule.next_window().as_deref(), Some(&[keyframe(A, 0)][..]));
+        let covered = schedule.within(&[keyframe(A, 0)], &[]);
         assert_eq!(schedule.close(&covered), [(A, 3)]);
-        assert_eq!(schedule.next_window(), Some(keyframe(A, 9)));
+        assert_eq!(schedule.next_window().as_deref(), Some(&[keyframe(A, 9)][..]));
+    }
+
+    #[test]
+    fn a_window_covers_an_edit_whose_keyframes_are_all_in_it() {
+        let mut schedule = Schedule::default();
+        let group: Vec<EntityId> = (0..3).map(|id| keyframe(A, id)).collect();
+        schedule.push(A, 1, Task::Window(group.clone().into()));
+        // The pose graph of the same item.
+        schedule.push(A, 1, Task::Loop);
+        schedule.push(A, 2, Task::around(keyframe(A, 1)));
+        assert_eq!(schedule.within(&group[1..2], &group[..2]), [2], "one of three is not in it");
+        assert_eq!(schedule.within(&group, &[]), [0, 2]);
+        let loops = schedule.loops();
+        assert_eq!(schedule.close(&loops), [], "the item waits for its window too");
+        assert_eq!(schedule.close(&[0, 2]), [(A, 2)]);
     }
 }

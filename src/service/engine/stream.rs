@@ -144,12 +144,10 @@ pub(super) struct QueuedItem {
 /// Whether items of this kind may be followed by an OPTIMIZED ack.
 pub(super) fn may_start_solve(item: &Item) -> bool {
     match item {
-        Item::Keyframe { .. } | Item::Observations { .. } => true,
+        Item::Keyframe { .. } | Item::Observations { .. } | Item::Edit(_) => true,
         Item::RelativePose { kind, .. } => *kind == ConstraintKind::LoopClosure,
-        Item::Camera { .. }
-        | Item::Landmarks { .. }
-        | Item::PosePrior { .. }
-        | Item::PositionPrior { .. } => false,
+        Item::PosePrior { .. } | Item::PositionPrior { .. } => true,
+        Item::Camera { .. } | Item::Landmarks { .. } => false,
     }
 }
 

@@ -44,6 +44,7 @@ impl Touched {
             Change::Created { .. }
             | Change::ItemRepeated
             | Change::PolicySet { .. }
+            | Change::MapUpdated { .. }
             | Change::ClientOpened { .. } => {}
             Change::CameraSet { id, .. } => {
                 self.cameras.insert(*id);
@@ -140,15 +141,16 @@ pub(super) fn size_of_change(change: &Change) -> usize {
         Change::SolveApplied { solve } => {
             solve.poses.len() + solve.landmarks.len() + solve.switched_off.len()
         }
-        Change::ObservationsRemoved { observations } => observations.len(),
-        // With the observations, which the change does not name.
-        Change::KeyframeRemoved { .. }
+        // With all observations of the keyframes concerned, which the change does not name.
+        Change::ObservationsRemoved { .. }
+        | Change::KeyframeRemoved { .. }
         | Change::KeyframeRetired { .. }
         | Change::LandmarksFused { .. }
         | Change::LandmarksRemoved { .. } => UNKNOWN_SIZE,
         Change::Created { .. }
         | Change::ItemRepeated
         | Change::PolicySet { .. }
+        | Change::MapUpdated { .. }
         | Change::ClientOpened { .. }
         | Change::CameraSet { .. }
         | Change::ConstraintAdded { .. }

@@ -21,6 +21,7 @@ use self::parts::{Cursor, Part, PlyPath};
 use super::convert::entities::clients_by_name;
 use super::error::ServiceError;
 use crate::map::{Map, Reason};
+use crate::store::MAP_FILE;
 use crate::wire::v1;
 
 /// Most bytes of a file in one message. For a reader that does not read, the server holds a few of
@@ -42,6 +43,8 @@ pub(super) enum Format {
     G2o,
     /// Points and trajectories for viewers.
     Ply,
+    /// All of the map.
+    Covis,
 }
 
 /// The format of a request.
@@ -55,7 +58,7 @@ pub(super) fn format(value: i32) -> Result<Format, ServiceError> {
         Ok(v1::MapFormat::Tum) => Ok(Format::Tum),
         Ok(v1::MapFormat::G2o) => Ok(Format::G2o),
         Ok(v1::MapFormat::Ply) => Ok(Format::Ply),
-        Ok(v1::MapFormat::Covis) => Err(ServiceError::Unserved { what: "MAP_FORMAT_COVIS" }),
+        Ok(v1::MapFormat::Covis) => Ok(Format::Covis),
         Err(_unknown) => {
             let text = format!("unknown value {value}");
             Err(ServiceError::field("format", Reason::UnknownValue, text))
@@ -91,6 +94,7 @@ impl Export {
             Format::Tum => Ok(tum(&map)),
             Format::G2o => g2o(&map),
             Format::Ply => Ok(ply(&map)),
+            Format::Covis => Ok(VecDeque::from([file(MAP_FILE, [Part::covis()])])),
         };
         match files {
             Ok(files) => Ok(Self { name, map, files, offset: 0, made: Vec::new() }),

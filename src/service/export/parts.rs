@@ -13,6 +13,7 @@ use covis_solvers::io::trajectory::Trajectory;
 use super::colmap::Numbers;
 use super::{KEYFRAME_COLOR, LANDMARK_COLOR};
 use crate::map::{ClientIndex, EntityId, Keyframe, Map, SharedMap};
+use crate::store::MapFileWriter;
 
 /// A position in a table: the id where it continues, `None` at the end.
 pub(super) struct Cursor(Option<EntityId>);
@@ -112,11 +113,16 @@ pub(super) enum Part {
     PlyPoints(Cursor),
     PlyLine(Path),
     PlyEdges(Vec<PlyPath>),
+    Covis(MapFileWriter),
 }
 
 impl Part {
     pub(super) fn tum(client: ClientIndex) -> Self {
         Self::Tum(Path { client, order: None })
+    }
+
+    pub(super) fn covis() -> Self {
+        Self::Covis(MapFileWriter::default())
     }
 
     pub(super) fn ply(client: ClientIndex) -> Self {
@@ -183,6 +189,7 @@ impl Part {
                 PlyEncoding::Binary.put_vertex(&vertex, out);
             })),
             Self::PlyEdges(paths) => Ok(edges(paths, most, out)),
+            Self::Covis(file) => Ok(file.put(map, most, out)),
         }
     }
 }

@@ -14,6 +14,7 @@ use crate::map::{
     NewLandmark, Observation,
 };
 use crate::service::convert::ids::client_name;
+use crate::store::MapFileWriter;
 
 const KEYFRAMES: i64 = 40;
 const LANDMARKS: i64 = 4000;
@@ -74,6 +75,7 @@ fn map() -> Arc<Map> {
             keyframe_j: id(u32::from(k % 2 == 1), k + 2),
             keyframe_i_from_keyframe_j: pose(2),
             information,
+            loss: None,
         };
         changes.push(Change::ConstraintAdded { id: id(0, k), constraint });
     }
@@ -115,7 +117,7 @@ fn whole(map: &Map, format: Format) -> Vec<(String, Vec<u8>)> {
                 let (i, j) = (index(constraint.keyframe_i), index(constraint.keyframe_j));
                 let i_from_j = constraint.keyframe_i_from_keyframe_j;
                 let information = constraint.information;
-                graph.edges.push(RelativePose { i, j, i_from_j, information });
+                graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
             }
             let file = covis_solvers::io::g2o::G2oSe3::from_pose_graph(&graph).unwrap();
             vec![("graph.g2o".to_owned(), file.to_bytes())]
@@ -130,6 +132,11 @@ fn whole(map: &Map, format: Format) -> Vec<(String, Vec<u8>)> {
                 file.push_polyline(path, KEYFRAME_COLOR);
             }
             vec![("map.ply".to_owned(), file.to_bytes(PlyEncoding::Binary))]
+        }
+        Format::Covis => {
+            let mut file = Vec::new();
+            assert!(!MapFileWriter::default().put(map, usize::MAX, &mut file));
+            vec![("map.covis".to_owned(), file)]
         }
     }
 }
@@ -160,12 +167,13 @@ fn whole_colmap(map: &Map) -> ColmapModel {
     model
 }
 
-const FORMATS: [Format; 5] = [
+const FORMATS: [Format; 6] = [
     Format::Colmap(ColmapEncoding::Text),
     Format::Colmap(ColmapEncoding::Binary),
     Format::Tum,
     Format::G2o,
     Format::Ply,
+    Format::Covis,
 ];
 
 #[test]

@@ -83,6 +83,11 @@ pub(super) fn encode_change(change: &Change) -> Wire {
         Change::ConstraintRevoked { id } => Wire::ConstraintRevoked(encode_id(*id)),
         Change::ItemRepeated => Wire::ItemRepeated(v1::ItemRepeated {}),
         Change::PolicySet { policy } => Wire::PolicySet(encode_policy(policy)),
+        Change::MapUpdated { display_name, policy, frozen } => Wire::MapUpdated(v1::MapUpdated {
+            display_name: display_name.clone(),
+            policy: policy.as_ref().map(encode_policy),
+            frozen: *frozen,
+        }),
     }
 }
 
@@ -149,6 +154,11 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
         Wire::ConstraintRevoked(id) => Change::ConstraintRevoked { id: decode_id(id) },
         Wire::ItemRepeated(v1::ItemRepeated {}) => Change::ItemRepeated,
         Wire::PolicySet(policy) => Change::PolicySet { policy: decode_policy(Some(policy))? },
+        Wire::MapUpdated(v1::MapUpdated { display_name, policy, frozen }) => Change::MapUpdated {
+            display_name,
+            policy: policy.map(|policy| decode_policy(Some(policy))).transpose()?,
+            frozen,
+        },
     })
 }
 

@@ -126,6 +126,7 @@ fn is_head(read: &MapParts, map: &Map) -> bool {
         && read.update_time_ns == map.update_time_ns()
         && read.display_name == map.display_name()
         && read.policy == *map.policy()
+        && read.frozen == map.is_frozen()
         && read.solve_count == map.solve_count()
         && read.clients.len() == map.clients().len()
         && read.clients.iter().zip(map.clients()).all(client)

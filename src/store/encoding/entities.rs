@@ -5,7 +5,9 @@
 
 use std::sync::Arc;
 
-use covis_solvers::geometry::{Camera, KannalaBrandt, PinholeRadialTangential, Se3, Snavely, So3};
+use covis_solvers::geometry::{
+    Camera, Geodetic, KannalaBrandt, PinholeRadialTangential, Se3, Snavely, So3,
+};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
 use covis_solvers::robust::Kernel;
@@ -14,8 +16,8 @@ use nalgebra::{Quaternion, SMatrix, UnitQuaternion, Vector2, Vector3};
 use super::{EncodingError, required, v1};
 use crate::map::{
     CameraEntity, Ceilings, ClientIndex, ClosureRobustness, Constraint, ConstraintKind, Depth,
-    Descriptor, DescriptorKind, EntityId, MapPolicy, NewLandmark, Observation, Prior, SwitchedOff,
-    WhenFull,
+    Descriptor, DescriptorKind, EntityId, Gauge, MapPolicy, NewLandmark, Observation, Prior,
+    SwitchedOff, WhenFull,
 };
 
 type Decoded<T> = Result<T, EncodingError>;
@@ -128,6 +130,8 @@ pub(super) fn encode_policy(policy: &MapPolicy) -> v1::Policy {
         ceilings,
         when_full,
         max_queued_items,
+        gauge,
+        geodetic_anchor,
     } = policy;
     v1::Policy {
         local_bundle: *local_bundle,
@@ -157,6 +161,31 @@ pub(super) fn encode_policy(policy: &MapPolicy) -> v1::Policy {
         max_cameras: ceilings.max_cameras,
         max_constraints: ceilings.max_constraints,
         max_priors: ceilings.max_priors,
+        gauge: match gauge {
+            Gauge::FirstKeyframeFixed => 0,
+            Gauge::Free => 1,
+            Gauge::Priors => 2,
+            Gauge::FixedPoses => 3,
+        },
+        geodetic_anchor: geodetic_anchor.as_ref().map(encode_geodetic),
+    }
+}
+
+fn encode_geodetic(place: &Geodetic) -> v1::Geodetic {
+    let Geodetic { latitude_deg, longitude_deg, height_m } = place;
+    v1::Geodetic {
+        latitude_deg: latitude_deg.to_bits(),
+        longitude_deg: longitude_deg.to_bits(),
+        height_m: height_m.to_bits(),
+    }
+}
+
+fn decode_geodetic(place: v1::Geodetic) -> Geodetic {
+    let v1::Geodetic { latitude_deg, longitude_deg, height_m } = place;
+    Geodetic {
+        latitude_deg: f64::from_bits(latitude_deg),
+        longitude_deg: f64::from_bits(longitude_deg),
+        height_m: f64::from_bits(height_m),
     }
 }
 
@@ -198,6 +227,14 @@ pub(super) fn decode_policy(policy: Option<v1::Policy>) -> Decoded<MapPolicy> {
             _ => return Err(EncodingError::Invalid("what is done when the map is full")),
         },
         max_queued_items: policy.max_queued_items,
+        gauge: match policy.gauge {
+            0 => Gauge::FirstKeyframeFixed,
+            1 => Gauge::Free,
+            2 => Gauge::Priors,
+            3 => Gauge::FixedPoses,
+            _ => return Err(EncodingError::Invalid("a gauge")),
+        },
+        geodetic_anchor: policy.geodetic_anchor.map(decode_geodetic),
     })
 }
 
@@ -307,7 +344,7 @@ pub(super) fn decode_new_landmarks(points: Vec<v1::Point>) -> Vec<NewLandmark> {
 }
 
 pub(super) fn encode_constraint(id: EntityId, constraint: &Constraint) -> v1::Constraint {
-    let Constraint { kind, keyframe_i, keyframe_j, keyframe_i_from_keyframe_j, information } =
+    let Constraint { kind, keyframe_i, keyframe_j, keyframe_i_from_keyframe_j, information, loss } =
         constraint;
     v1::Constraint {
         id: Some(encode_id(id)),
@@ -316,6 +353,7 @@ pub(super) fn encode_constraint(id: EntityId, constraint: &Constraint) -> v1::Co
         keyframe_j: Some(encode_id(*keyframe_j)),
         keyframe_i_from_keyframe_j: Some(encode_pose(keyframe_i_from_keyframe_j)),
         information: encode_information(information),
+        loss: loss.as_ref().map(encode_loss),
     }
 }
 
@@ -328,6 +366,7 @@ pub(super) fn decode_constraint(message: v1::Constraint) -> Decoded<(EntityId, C
         keyframe_j: required_id(message.keyframe_j, "keyframe_j")?,
         keyframe_i_from_keyframe_j: decode_pose(measured, "a constraint's pose")?,
         information: decode_information(&message.information)?,
+        loss: message.loss.map(|loss| decode_loss(Some(loss))).transpose()?,
     };
     Ok((required_id(message.id, "a constraint's id")?, constraint))
 }
@@ -346,12 +385,18 @@ pub(super) fn decode_switched_off(message: v1::SwitchedOff) -> Decoded<(EntityId
 }
 
 pub(super) fn encode_prior(id: EntityId, prior: &Prior) -> v1::Prior {
-    let (pose, position, information) = match prior {
-        Prior::Pose { keyframe: _, world_from_camera, information } => {
-            (Some(encode_pose(world_from_camera)), None, encode_information(information))
+    // The defaults are absent, so that a journal is as it was before there were others.
+    let own = |loss: &Loss| (*loss != Loss::Trivial).then(|| encode_loss(loss));
+    let (pose, position, arm, information, loss) = match prior {
+        Prior::Pose { keyframe: _, world_from_camera, information, loss } => {
+            let information = encode_information(information);
+            (Some(encode_pose(world_from_camera)), None, None, information, own(loss))
         }
-        Prior::Position { keyframe: _, position_in_world, information } => {
-            (None, Some(encode_vector(position_in_world)), encode_information(information))
+        Prior::Position { keyframe: _, position_in_world, point_in_camera, information, loss } => {
+            let has_arm = point_in_camera.iter().any(|x| x.to_bits() != 0);
+            let arm = has_arm.then(|| encode_vector(point_in_camera));
+            let information = encode_information(information);
+            (None, Some(encode_vector(position_in_world)), arm, information, own(loss))
         }
     };
     v1::Prior {
@@ -360,22 +405,28 @@ pub(super) fn encode_prior(id: EntityId, prior: &Prior) -> v1::Prior {
         world_from_camera: pose,
         position_in_world: position,
         information,
+        loss,
+        point_in_camera: arm,
     }
 }
 
 pub(super) fn decode_prior(message: v1::Prior) -> Decoded<(EntityId, Prior)> {
     let id = required_id(message.id, "a prior's id")?;
     let keyframe = required_id(message.keyframe, "a prior's keyframe")?;
+    let loss = message.loss.map(|loss| decode_loss(Some(loss))).transpose()?.unwrap_or_default();
     let prior = match (message.world_from_camera, message.position_in_world) {
         (pose @ Some(_), None) => Prior::Pose {
             keyframe,
             world_from_camera: decode_pose(pose, "a prior's pose")?,
             information: decode_information(&message.information)?,
+            loss,
         },
         (None, Some(position)) => Prior::Position {
             keyframe,
             position_in_world: decode_vector(position),
+            point_in_camera: message.point_in_camera.map(decode_vector).unwrap_or_default(),
             information: decode_information(&message.information)?,
+            loss,
         },
         _ => return Err(EncodingError::Invalid("a prior's measurement")),
     };

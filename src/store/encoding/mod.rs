@@ -15,7 +15,7 @@ pub(super) use comparison::compare_map;
 pub(super) use event::{
     decode_event, decode_identity, decode_later_identity, encode_event, encode_identity,
 };
-pub(super) use snapshot::{decode_map, encode_map};
+pub(super) use snapshot::{Joined, Parts, decode_map, encode_map};
 
 use std::sync::LazyLock;
 
@@ -80,12 +80,18 @@ pub(super) fn densest(length: usize) -> [Vec<Vec<u8>>; 2] {
     [of(v1::Event::full_name()), of(v1::MapPart::full_name())]
 }
 
+/// Decodes a message without the fields that are not known here, and refuses what takes more memory
+/// than its bytes are worth.
+fn decode_known<M: prost::Name + Default>(bytes: &[u8]) -> Result<M, EncodingError> {
+    let dense = SHAPES.check(&M::full_name(), bytes);
+    dense.map_err(|error| EncodingError::Message(error.to_string()))?;
+    M::decode(bytes).map_err(|error| EncodingError::Message(error.to_string()))
+}
+
 /// Decodes a message and refuses unknown fields, and what no event or map of ours looks like: more
 /// memory than its bytes are worth.
 fn decode<M: prost::Name + Default>(bytes: &[u8]) -> Result<M, EncodingError> {
-    let dense = SHAPES.check(&M::full_name(), bytes);
-    dense.map_err(|error| EncodingError::Message(error.to_string()))?;
-    let message = M::decode(bytes).map_err(|error| EncodingError::Message(error.to_string()))?;
+    let message: M = decode_known(bytes)?;
     if message.encoded_len() == bytes.len() { Ok(message) } else { Err(EncodingError::Later) }
 }
 

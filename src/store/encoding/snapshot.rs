@@ -14,9 +14,9 @@ use super::entities::{
     encode_pose, encode_prior, encode_switched_off, encode_vector, required_id,
 };
 use super::event::decode_digest;
-use super::{EncodingError, decode, required, v1};
+use super::{EncodingError, decode, decode_known, required, v1};
 use crate::map::{
-    Client, ClientIndex, Content, Digest, EntityId, Keyframe, Landmark, Map, MapParts,
+    Client, ClientIndex, Content, Digest, EntityId, Keyframe, Landmark, Map, MapParts, Usage,
 };
 
 /// Entries of one kind in one part: what a part takes in memory is not to be seen beside a small map.
@@ -35,12 +35,146 @@ fn stream(error: std::io::Error) -> EncodingError {
 /// # Errors
 /// [`EncodingError::Stream`] where `out` fails.
 pub(in crate::store) fn encode_map(map: &Map, out: &mut dyn Write) -> Result<(), EncodingError> {
-    let mut put = |part: &v1::MapPart| {
-        let buffer = part.encode_to_vec();
+    let mut parts = Parts::default();
+    while let Some(buffer) = parts.next(map) {
         out.write_all(&(buffer.len() as u64).to_le_bytes()).map_err(stream)?;
-        out.write_all(&buffer).map_err(stream)
-    };
-    let head = v1::MapHead {
+        out.write_all(&buffer).map_err(stream)?;
+    }
+    Ok(())
+}
+
+/// The parts of a map, made one after the other: where the next one begins.
+#[derive(Debug, Default)]
+pub(in crate::store) struct Parts(At);
+
+#[derive(Clone, Copy, Debug, Default)]
+enum At {
+    #[default]
+    Head,
+    Clients,
+    /// The items of a client, from a sequence on.
+    Items(u32, i64),
+    Cameras(EntityId),
+    Landmarks(EntityId),
+    Keyframes(EntityId),
+    Constraints(EntityId),
+    SwitchedOff(EntityId),
+    Priors(EntityId),
+    Contents((Content, EntityId)),
+    End,
+}
+
+/// The first id of all.
+const FIRST: EntityId = EntityId { client: ClientIndex(0), id: i64::MIN };
+
+impl Parts {
+    /// The bytes of the next part; `None` after the last one. The map is the same at each call.
+    pub(in crate::store) fn next(&mut self, map: &Map) -> Option<Vec<u8>> {
+        loop {
+            if let At::End = self.0 {
+                return None;
+            }
+            let (part, next) = self.0.part(map);
+            self.0 = next;
+            if let Some(part) = part {
+                return Some(part.encode_to_vec());
+            }
+        }
+    }
+}
+
+impl At {
+    /// The part that begins here, if there is one, and where the next one begins.
+    fn part(self, map: &Map) -> (Option<v1::MapPart>, Self) {
+        let part = v1::MapPart::default();
+        match self {
+            Self::Head => (Some(v1::MapPart { head: Some(head(map)), ..part }), Self::Clients),
+            Self::Clients => {
+                let clients = map.clients().iter().map(encode_client).collect();
+                (Some(v1::MapPart { clients, ..part }), Self::Items(0, i64::MIN))
+            }
+            Self::Items(index, first) => {
+                let Some(client) = map.client(ClientIndex(index)) else {
+                    return (None, Self::Cameras(FIRST));
+                };
+                let entries = client.items.entries_from(first);
+                let (entries, next) = chunk(entries, PART, |sequence, digest| (sequence, *digest));
+                let next = next.map_or(Self::Items(index + 1, i64::MIN), |n| Self::Items(index, n));
+                let items = v1::ClientItems {
+                    client: index,
+                    sequences: entries.iter().map(|&(sequence, _)| sequence).collect(),
+                    digests: entries.iter().flat_map(|&(_, digest)| digest).collect(),
+                };
+                let part = v1::MapPart { items: vec![items], ..part };
+                (Some(part).filter(|_| !entries.is_empty()), next)
+            }
+            Self::Cameras(first) => {
+                let (cameras, next) = chunk(map.cameras().range(first..), PART, encode_camera_set);
+                let next = next.map_or(Self::Landmarks(FIRST), Self::Cameras);
+                (filled(v1::MapPart { cameras, ..part }), next)
+            }
+            Self::Landmarks(first) => {
+                let entries = map.landmarks().entries_from(first);
+                let (landmarks, next) = chunk(entries, PART, encode_landmark);
+                let next = next.map_or(Self::Keyframes(FIRST), Self::Landmarks);
+                (filled(v1::MapPart { landmarks, ..part }), next)
+            }
+            Self::Keyframes(first) => {
+                let entries = map.keyframes().entries_from(first);
+                let (keyframes, next) = chunk(entries, KEYFRAMES, encode_keyframe);
+                let next = next.map_or(Self::Constraints(FIRST), Self::Keyframes);
+                (filled(v1::MapPart { keyframes, ..part }), next)
+            }
+            Self::Constraints(first) => {
+                let entries = map.constraints().entries_from(first);
+                let (constraints, next) = chunk(entries, PART, encode_constraint);
+                let next = next.map_or(Self::SwitchedOff(FIRST), Self::Constraints);
+                (filled(v1::MapPart { constraints, ..part }), next)
+            }
+            Self::SwitchedOff(first) => {
+                let entries = map.switched_off().range(first..);
+                let (switched_off, next) = chunk(entries, PART, encode_switched_off);
+                let next = next.map_or(Self::Priors(FIRST), Self::SwitchedOff);
+                (filled(v1::MapPart { switched_off, ..part }), next)
+            }
+            Self::Priors(first) => {
+                let (priors, next) = chunk(map.priors().entries_from(first), PART, encode_prior);
+                let next = next.map_or(Self::Contents((Content::Camera, FIRST)), Self::Priors);
+                (filled(v1::MapPart { priors, ..part }), next)
+            }
+            Self::Contents(first) => {
+                let entries = map.contents().entries_from(first);
+                let (contents, next) = chunk(entries, PART, encode_content);
+                (filled(v1::MapPart { contents, ..part }), next.map_or(Self::End, Self::Contents))
+            }
+            Self::End => (None, Self::End),
+        }
+    }
+}
+
+/// A part, unless it is empty.
+fn filled(part: v1::MapPart) -> Option<v1::MapPart> {
+    (part != v1::MapPart::default()).then_some(part)
+}
+
+/// The messages of at most `count` entries, and the key of the first one after them.
+fn chunk<'a, K: Copy + 'a, V: 'a, M>(
+    entries: impl Iterator<Item = (&'a K, &'a V)>,
+    count: usize,
+    encode: impl Fn(K, &V) -> M,
+) -> (Vec<M>, Option<K>) {
+    let mut messages = Vec::new();
+    for (&key, value) in entries {
+        if messages.len() == count {
+            return (messages, Some(key));
+        }
+        messages.push(encode(key, value));
+    }
+    (messages, None)
+}
+
+fn head(map: &Map) -> v1::MapHead {
+    v1::MapHead {
         revision: map.revision(),
         create_time_ns: map.create_time_ns(),
         update_time_ns: map.update_time_ns(),
@@ -48,64 +182,12 @@ pub(in crate::store) fn encode_map(map: &Map, out: &mut dyn Write) -> Result<(),
         policy: Some(encode_policy(map.policy())),
         solve_count: map.solve_count(),
         state_hash: map.state_hash().to_vec(),
-    };
-    put(&v1::MapPart { head: Some(head), ..v1::MapPart::default() })?;
-    let clients = map.clients().iter().map(encode_client).collect();
-    put(&v1::MapPart { clients, ..v1::MapPart::default() })?;
-    for (client, index) in map.clients().iter().zip(0..) {
-        for items in chunks(client.items.iter(), PART) {
-            let items = v1::ClientItems {
-                client: index,
-                sequences: items.iter().map(|&(&sequence, _)| sequence).collect(),
-                digests: items.iter().flat_map(|&(_, digest)| *digest).collect(),
-            };
-            put(&v1::MapPart { items: vec![items], ..v1::MapPart::default() })?;
-        }
+        frozen: map.is_frozen(),
     }
-    for cameras in encoded(map.cameras(), PART, encode_camera_set) {
-        put(&v1::MapPart { cameras, ..v1::MapPart::default() })?;
-    }
-    for landmarks in encoded(map.landmarks(), PART, encode_landmark) {
-        put(&v1::MapPart { landmarks, ..v1::MapPart::default() })?;
-    }
-    for keyframes in encoded(map.keyframes(), KEYFRAMES, encode_keyframe) {
-        put(&v1::MapPart { keyframes, ..v1::MapPart::default() })?;
-    }
-    for constraints in encoded(map.constraints(), PART, encode_constraint) {
-        put(&v1::MapPart { constraints, ..v1::MapPart::default() })?;
-    }
-    for switched_off in encoded(map.switched_off(), PART, encode_switched_off) {
-        put(&v1::MapPart { switched_off, ..v1::MapPart::default() })?;
-    }
-    for priors in encoded(map.priors(), PART, encode_prior) {
-        put(&v1::MapPart { priors, ..v1::MapPart::default() })?;
-    }
-    let content = |(kind, id): (Content, EntityId), digest: &Digest| v1::Content {
-        kind: kind as u32 + 1,
-        id: Some(encode_id(id)),
-        digest: digest.to_vec(),
-    };
-    for contents in encoded(map.contents(), PART, content) {
-        put(&v1::MapPart { contents, ..v1::MapPart::default() })?;
-    }
-    Ok(())
 }
 
-/// The messages of entities in lists of at most `count`.
-fn encoded<'a, K: Copy + 'a, V: 'a, M>(
-    entities: impl IntoIterator<Item = (&'a K, &'a V)>,
-    count: usize,
-    encode: impl Fn(K, &V) -> M,
-) -> impl Iterator<Item = Vec<M>> {
-    chunks(entities.into_iter().map(move |(&id, value)| encode(id, value)), count)
-}
-
-/// The items in lists of at most `count`.
-fn chunks<T>(mut items: impl Iterator<Item = T>, count: usize) -> impl Iterator<Item = Vec<T>> {
-    std::iter::from_fn(move || {
-        let chunk: Vec<T> = items.by_ref().take(count).collect();
-        (!chunk.is_empty()).then_some(chunk)
-    })
+fn encode_content((kind, id): (Content, EntityId), digest: &Digest) -> v1::Content {
+    v1::Content { kind: kind as u32 + 1, id: Some(encode_id(id)), digest: digest.to_vec() }
 }
 
 /// Reads the parts of a map and puts it together.
@@ -114,17 +196,66 @@ fn chunks<T>(mut items: impl Iterator<Item = T>, count: usize) -> impl Iterator<
 /// [`EncodingError`] where the parts are damaged, of a later version, or another map than was
 /// written.
 pub(in crate::store) fn decode_map(input: &mut dyn Read) -> Result<Map, EncodingError> {
-    let mut parts = MapParts::default();
-    let mut state_hash = None;
-    read_parts(input, &mut |part| {
+    let mut parts = Joined::default();
+    read_parts(input, &mut |part| parts.take(part).map(|_counts| ()))?;
+    parts.finish(true)
+}
+
+/// The parts of a map that were read so far.
+#[derive(Debug, Default)]
+pub(in crate::store) struct Joined {
+    parts: MapParts,
+    state_hash: Option<Digest>,
+    counted: Usage,
+}
+
+impl Joined {
+    /// Takes the bytes of the next part. Skips fields of a later version where it `may_be_later`.
+    /// Returns what the parts hold so far, without an estimate of memory.
+    ///
+    /// # Errors
+    /// [`EncodingError`] where the part is damaged, or of a later version.
+    pub(in crate::store) fn add(
+        &mut self,
+        bytes: &[u8],
+        may_be_later: bool,
+    ) -> Result<Usage, EncodingError> {
+        self.take(if may_be_later { decode_known(bytes)? } else { decode(bytes)? })
+    }
+
+    fn take(&mut self, part: v1::MapPart) -> Result<Usage, EncodingError> {
         if let Some(head) = &part.head {
-            state_hash = Some(decode_digest(&head.state_hash)?);
+            self.state_hash = Some(decode_digest(&head.state_hash)?);
         }
-        take_part(&mut parts, part)
-    })?;
-    let state_hash = required(state_hash, "the map's head")?;
-    let map = Map::from_parts(parts)?;
-    if map.state_hash() == state_hash { Ok(map) } else { Err(EncodingError::Hash) }
+        let seen: usize = part.keyframes.iter().map(|keyframe| keyframe.observations.len()).sum();
+        let count = |length: usize| length as u64;
+        let more = Usage {
+            clients: count(part.clients.len()),
+            cameras: count(part.cameras.len()),
+            keyframes: count(part.keyframes.len()),
+            landmarks: count(part.landmarks.len()),
+            observations: count(seen),
+            constraints: count(part.constraints.len()),
+            priors: count(part.priors.len()),
+            bytes: 0,
+        };
+        self.counted = self.counted + more;
+        take_part(&mut self.parts, part)?;
+        Ok(self.counted)
+    }
+
+    /// The map, whose state hash is the written one where it `is_same_version`.
+    ///
+    /// # Errors
+    /// [`EncodingError`] where the parts do not fit each other.
+    pub(in crate::store) fn finish(self, is_same_version: bool) -> Result<Map, EncodingError> {
+        let state_hash = required(self.state_hash, "the map's head")?;
+        let map = Map::from_parts(self.parts)?;
+        if is_same_version && map.state_hash() != state_hash {
+            return Err(EncodingError::Hash);
+        }
+        Ok(map)
+    }
 }
 
 /// Reads the parts of a map one after the other, each of which `take` may take away; answers what it
@@ -183,6 +314,7 @@ fn take_part(parts: &mut MapParts, part: v1::MapPart) -> Result<(), EncodingErro
         parts.display_name = head.display_name;
         parts.policy = decode_policy(head.policy)?;
         parts.solve_count = head.solve_count;
+        parts.frozen = head.frozen;
     }
     parts.clients.extend(part.clients.into_iter().map(decode_client));
     for items in part.items {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use covis_solvers::geometry::{
-    Camera, KannalaBrandt, LieGroup, PinholeRadialTangential, Se3, Snavely,
+    Camera, Geodetic, KannalaBrandt, LieGroup, PinholeRadialTangential, Se3, Snavely,
 };
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
@@ -14,9 +14,9 @@ use proptest::prelude::*;
 use super::{EncodingError, compare_map, decode_event, decode_map, encode_event, encode_map};
 use crate::map::{
     AppliedSolve, CameraEntity, Cause, Ceilings, Change, Client, ClientIndex, ClosureRobustness,
-    Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, EntityId, Event, Map, MapParts,
-    MapPolicy, NewLandmark, Observation, Prior, Retired, SharedMap, SolveKind, SwitchedOff,
-    WhenFull,
+    Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, EntityId, Event, Gauge, Map,
+    MapParts, MapPolicy, NewLandmark, Observation, Prior, Retired, SharedMap, SolveKind,
+    SwitchedOff, WhenFull,
 };
 
 fn id(id: i64) -> EntityId {
@@ -76,6 +76,8 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
         },
         when_full: WhenFull::Sparsify,
         max_queued_items: Some(3),
+        gauge: Gauge::Priors,
+        geodetic_anchor: Some(Geodetic { latitude_deg: -0.0, longitude_deg: 9.5, height_m: 1e3 }),
     };
     let other = MapPolicy {
         loop_closure_robustness: ClosureRobustness::NONE,
@@ -83,6 +85,8 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
         constraint_loss: Loss::Trivial,
         when_full: WhenFull::Marginalize,
         max_queued_items: None,
+        gauge: Gauge::FixedPoses,
+        geodetic_anchor: None,
         ceilings: Ceilings {
             max_clients: Some(1),
             max_cameras: Some(2),
@@ -132,6 +136,7 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
             keyframe_j: id(11),
             keyframe_i_from_keyframe_j: pose(0.01),
             information,
+            loss: (k == 2).then_some(Loss::Cauchy(0.25)),
         },
     };
     let solve = |kind| Change::SolveApplied {
@@ -168,14 +173,31 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
         constraint(2, ConstraintKind::Other),
         Change::PriorAdded {
             id: id(3),
-            prior: Prior::Pose { keyframe: id(10), world_from_camera: pose(1.0), information },
+            prior: Prior::Pose {
+                keyframe: id(10),
+                world_from_camera: pose(1.0),
+                information,
+                loss: Loss::Trivial,
+            },
         },
         Change::PriorAdded {
             id: id(4),
             prior: Prior::Position {
                 keyframe: id(11),
                 position_in_world: Vector3::new(0.0, -0.0, 1.0),
+                point_in_camera: Vector3::new(-0.0, 0.0, 0.0),
                 information: position,
+                loss: Loss::Tukey(2.5),
+            },
+        },
+        Change::PriorAdded {
+            id: id(5),
+            prior: Prior::Position {
+                keyframe: id(11),
+                position_in_world: Vector3::x(),
+                point_in_camera: Vector3::zeros(),
+                information: position,
+                loss: Loss::Trivial,
             },
         },
         Change::LandmarksTriangulated { positions: vec![(id(4), Vector3::new(4.0, 5.0, 6.0))] },
@@ -204,16 +226,29 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
                         keyframe_j: id(15),
                         keyframe_i_from_keyframe_j: pose(0.5),
                         information,
+                        loss: None,
                     },
                 )],
                 priors: vec![(
                     id(-4095),
-                    Prior::Pose { keyframe: id(15), world_from_camera: pose(2.0), information },
+                    Prior::Pose {
+                        keyframe: id(15),
+                        world_from_camera: pose(2.0),
+                        information,
+                        loss: Loss::Huber(1.5),
+                    },
                 )],
             },
         },
         Change::PolicySet { policy: other },
         Change::ItemRepeated,
+        Change::MapUpdated {
+            display_name: Some(String::new()),
+            policy: Some(policy),
+            frozen: Some(true),
+        },
+        Change::MapUpdated { display_name: None, policy: None, frozen: Some(false) },
+        Change::MapUpdated { display_name: Some("Hof".into()), policy: None, frozen: None },
     ];
     let cause = |revision: i64, change: &Change| {
         let from_client = matches!(
@@ -258,7 +293,7 @@ fn every_change_comes_back_bit_for_bit() {
     }
     let kinds: std::collections::HashSet<_> =
         every_change().iter().map(|event| std::mem::discriminant(&event.change)).collect();
-    assert_eq!(kinds.len(), 18, "each kind of change is in the list");
+    assert_eq!(kinds.len(), 19, "each kind of change is in the list");
     let decoded =
         every_change().iter().map(|e| decode_event(&bytes_of(e)).unwrap()).collect::<Vec<_>>();
     assert_eq!(Map::replay(decoded.iter()).unwrap().state_hash(), replayed().state_hash());
@@ -308,12 +343,13 @@ fn a_map_that_differs_from_its_file_in_one_thing_is_told() {
     }
     assert!(full(&map));
     type Difference = (&'static str, fn(&mut MapParts));
-    let differences: [Difference; 20] = [
+    let differences: [Difference; 21] = [
         ("revision", |p| p.revision += 1),
         ("creation", |p| p.create_time_ns -= 1),
         ("update", |p| p.update_time_ns += 1),
         ("name", |p| p.display_name.push('x')),
         ("policy", |p| p.policy.window_keyframes += 1),
+        ("state", |p| p.frozen ^= true),
         ("solves", |p| p.solve_count += 1),
         ("epoch", |p| p.clients[0].epoch += 1),
         ("a client", |p| {

@@ -12,16 +12,22 @@ use std::sync::Arc;
 use super::failure::of_map;
 use super::journal::Journal;
 use super::record::Uid;
-use super::{Entry, FileStore, Inner, blocking, file_error, load, sealed};
+use super::{Entry, FileStore, Inner, blocking, file_error, folders, load, sealed, snapshot_name};
+use crate::map::Map;
 use crate::store::encoding::encode_identity;
-use crate::store::{Epoch, StoreError};
+use crate::store::{Epoch, StoreError, sequence_of};
 
 impl FileStore {
-    pub(super) async fn create(&self, map: &str) -> Result<Epoch, StoreError> {
+    /// Creates a map, empty or with a snapshot.
+    pub(super) async fn create(
+        &self,
+        map: &str,
+        snapshot: Option<Arc<Map>>,
+    ) -> Result<Epoch, StoreError> {
         let changing = Arc::clone(&self.inner.changing).lock_owned().await;
         let (inner, name) = (Arc::clone(&self.inner), map.to_owned());
         let created = blocking(&*self.inner.disk, move || {
-            let epoch = inner.create(&name)?;
+            let epoch = inner.create(&name, snapshot.as_deref())?;
             // Sent with the answer: if nobody receives it, the name is free again.
             Ok((epoch, changing))
         });
@@ -50,11 +56,18 @@ impl FileStore {
 
 impl Inner {
     /// Creates a map. Blocks; the caller holds the lock for it.
-    fn create(&self, map: &str) -> Result<Epoch, StoreError> {
+    fn create(&self, map: &str, snapshot: Option<&Map>) -> Result<Epoch, StoreError> {
         let left = match self.maps().get(map) {
             None => None,
             Some(Entry::Map(_) | Entry::Refused(_)) => {
                 return Err(StoreError::MapExists { map: map.to_owned() });
+            }
+            Some(Entry::Unclaimed(journal)) if snapshot.is_some() || journal.state().last > 0 => {
+                let folder = journal.folder.clone();
+                let failed = |error| file_error("cannot remove", &folder, &error);
+                // Renamed first: a snapshot alone would be a map to the next start.
+                folders::discard(&*self.disk, &folder).map_err(failed)?;
+                None
             }
             Some(Entry::Unclaimed(journal)) => {
                 let epoch = self.next_epoch();
@@ -69,8 +82,8 @@ impl Inner {
         }
         let epoch = self.next_epoch();
         let (uid, folder) = self.new_folder(map);
-        if let Err(error) = self.write(map, &uid, &folder) {
-            // The remaining files have no event, so that the next start does not take them for a
+        if let Err(error) = self.write(map, &uid, &folder, snapshot) {
+            // The remaining files have neither an event nor a snapshot, so that the next start does not take them for a
             // map.
             if self.remove(&folder).is_err() {
                 self.maps().insert(map.to_owned(), Entry::Leftover(folder));
@@ -79,20 +92,40 @@ impl Inner {
         }
         let disk = Arc::clone(&self.disk);
         let journal = Journal::new(map, uid, folder, disk, self.options, &self.meters);
-        // Nothing was found, so that nothing must be made durable.
-        let _settled = journal.loaded(load::Found::default());
+        // What there is was made durable already.
+        let last = snapshot.map_or(0, |map| sequence_of(map.revision()));
+        let snapshots = snapshot.map(|_| last).into_iter().collect();
+        let found = load::Found { snapshots, last, durable: last, ..load::Found::default() };
+        let _settled = journal.loaded(found);
         journal.state().epoch = epoch;
         self.maps().insert(map.to_owned(), Entry::Unclaimed(Arc::new(journal)));
         Ok(epoch)
     }
 
-    /// Writes the folder of a new map and makes it durable.
-    fn write(&self, map: &str, uid: &Uid, folder: &Path) -> Result<(), StoreError> {
+    /// Writes the folder of a new map and makes it durable. The snapshot comes last: a folder without
+    /// it is a leftover for the next start.
+    fn write(
+        &self,
+        map: &str,
+        uid: &Uid,
+        folder: &Path,
+        snapshot: Option<&Map>,
+    ) -> Result<(), StoreError> {
         let failed = |error| file_error("cannot create", folder, &error);
         self.disk.create_folder(folder).map_err(failed)?;
         let identity = encode_identity(map);
         sealed::write_identity(&*self.disk, &folder.join("map"), uid, &identity)?;
-        self.disk.sync_folder(&self.root.join("maps")).map_err(failed)
+        self.disk.sync_folder(&self.root.join("maps")).map_err(failed)?;
+        let Some(map) = snapshot else { return Ok(()) };
+        let path = folder.join(snapshot_name(sequence_of(map.revision())));
+        let bytes = sealed::write_snapshot(&*self.disk, &path, uid, map)?;
+        self.meters.snapshot_bytes.add(bytes);
+        let mut file = self.disk.stream(&path).map_err(|e| file_error("cannot read", &path, &e))?;
+        // The map has no other copy here.
+        sealed::compare_snapshot(&mut file, map).or_else(|error| {
+            let message = error.damage(&path)?;
+            Err(StoreError::Content { path: path.display().to_string(), message })
+        })
     }
 
     /// Removes a folder without events, if it is there.

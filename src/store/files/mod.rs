@@ -268,7 +268,11 @@ impl Store for FileStore {
     }
 
     async fn create_map(&self, map: &str) -> Result<Epoch, StoreError> {
-        self.create(map).await
+        self.create(map, None).await
+    }
+
+    async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError> {
+        self.create(map, Some(snapshot)).await
     }
 
     async fn delete_map(&self, map: &str) -> Result<(), StoreError> {

@@ -1,4 +1,5 @@
-//! Seeds of the store: every kind of change, the golden journal and snapshot, a map's folder.
+//! Seeds of the store: every kind of change, the golden journal and snapshot, a map's folder, files
+//! of maps.
 //! They come from real encodings; nothing here is run by a server.
 
 use std::path::Path;
@@ -6,6 +7,7 @@ use std::path::Path;
 use crate::map::Map;
 use crate::store::encoding::tests::every_change;
 use crate::store::encoding::{encode_event, encode_identity, encode_map};
+use crate::store::map_file::MapFileWriter;
 
 type Named = Vec<(&'static str, Vec<u8>)>;
 
@@ -71,6 +73,27 @@ pub(crate) fn snapshot() -> Named {
         ("keyframes", behind(&[2], &map(8))),
         ("every-change", behind(&[2], &map(every_change().len()))),
         ("identity", behind(&[3], &encode_identity("house"))),
+    ]
+}
+
+/// Of the target `map_file`.
+pub(crate) fn map_file() -> Named {
+    let map = |count: usize| Map::replay(every_change()[..count].iter()).unwrap();
+    let parts = |count: usize| {
+        let mut bytes = Vec::new();
+        encode_map(&map(count), &mut bytes).unwrap();
+        bytes
+    };
+    let mut file = Vec::new();
+    let whole = map(every_change().len());
+    assert!(!MapFileWriter::default().put(&whole, usize::MAX, &mut file));
+    vec![
+        ("file", behind(&[0], &file)),
+        ("file-cut", behind(&[0], &file[..file.len() / 2])),
+        ("file-that-goes-on", behind(&[0], &[&file[..], &file].concat())),
+        ("one-event", behind(&[1], &parts(1))),
+        ("keyframes", behind(&[1], &parts(8))),
+        ("every-change", behind(&[1], &parts(every_change().len()))),
     ]
 }
 

@@ -32,6 +32,10 @@ impl Store for DiskStore {
         self.memory.create_map(map).await
     }
 
+    async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError> {
+        self.memory.create_map_of(map, snapshot).await
+    }
+
     async fn delete_map(&self, map: &str) -> Result<(), StoreError> {
         self.memory.delete_map(map).await
     }

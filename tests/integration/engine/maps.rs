@@ -73,6 +73,11 @@ impl Store for HeldStore {
         self.inner.create_map(map).await
     }
 
+    async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError> {
+        self.hold().await?;
+        self.inner.create_map_of(map, snapshot).await
+    }
+
     async fn delete_map(&self, map: &str) -> Result<(), StoreError> {
         self.hold().await?;
         self.inner.delete_map(map).await

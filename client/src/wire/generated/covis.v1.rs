@@ -42,6 +42,29 @@ impl ::prost::Name for Vector3 {
         "/covis.v1.Vector3".into()
     }
 }
+/// A place by the coordinates of WGS 84.
+#[derive(Clone, Copy, PartialEq, ::prost::Message)]
+pub struct GeodeticPosition {
+    /// Latitude, degrees, north positive, -90 to 90. Default 0.
+    #[prost(double, tag = "1")]
+    pub latitude_deg: f64,
+    /// Longitude, degrees, east positive, -180 to 180. Default 0.
+    #[prost(double, tag = "2")]
+    pub longitude_deg: f64,
+    /// Height above the ellipsoid (not above sea level), m; finite. Default 0.
+    #[prost(double, tag = "3")]
+    pub height_m: f64,
+}
+impl ::prost::Name for GeodeticPosition {
+    const NAME: &'static str = "GeodeticPosition";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.GeodeticPosition".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.GeodeticPosition".into()
+    }
+}
 /// A rotation as a unit quaternion, Hamilton convention, w is the scalar part.
 /// A norm within 1e-3 of 1 is normalized by the server; any other norm (also 0, which is what an
 /// unset message decodes to) is refused with NOT_UNIT. q and -q are the same rotation.
@@ -883,13 +906,15 @@ pub enum Gauge {
     /// The default: GAUGE_FIRST_KEYFRAME_FIXED in requests; in answers, not known.
     Unspecified = 0,
     /// The first keyframe of the oldest client (in a stateless solve: the first pose, or the vertex
-    /// with the lowest id) is held.
+    /// with the lowest id) is held. Of a map: that of each piece that no prior places in the world.
     FirstKeyframeFixed = 1,
-    /// Nothing is held; damping alone keeps the solve regular.
+    /// Nothing is held; damping alone keeps the solve regular. A pose graph of a map holds the first
+    /// keyframe of each piece without priors all the same.
     Free = 2,
-    /// Priors fix the frame.
+    /// Priors fix the frame. Asked for: as FREE.
     Priors = 3,
-    /// Poses marked as fixed, or the keyframes around a window, fix the frame.
+    /// Poses marked as fixed, or the keyframes around a window, fix the frame. Asked for of a map, which
+    /// marks none: the first keyframe of each piece is held, beside priors too.
     FixedPoses = 4,
 }
 impl Gauge {
@@ -1367,14 +1392,13 @@ pub struct MapPolicy {
     /// Default 15.
     #[prost(int32, optional, tag = "4")]
     pub min_shared_landmark_count: ::core::option::Option<i32>,
-    /// What is held when nothing else fixes the frame. Default GAUGE_FIRST_KEYFRAME_FIXED. Not served
-    /// yet: another one is refused with UNIMPLEMENTED.
+    /// What is held when nothing else fixes the frame; see Gauge. Default GAUGE_FIRST_KEYFRAME_FIXED.
     #[prost(enumeration = "Gauge", tag = "5")]
     pub gauge: i32,
     /// Whether each keyframe starts local bundle adjustment. Default true.
     #[prost(bool, optional, tag = "6")]
     pub local_bundle_adjustment: ::core::option::Option<bool>,
-    /// Whether a loop-closure constraint starts pose-graph optimization. Default true.
+    /// Whether a loop-closure constraint or a prior starts pose-graph optimization. Default true.
     #[prost(bool, optional, tag = "7")]
     pub loop_closure_optimization: ::core::option::Option<bool>,
     /// Iterations of a local bundle adjustment, 1 to 1000. Default 10.
@@ -1390,6 +1414,10 @@ pub struct MapPolicy {
     /// What is done with an item for which limits leave no room. Default REJECT.
     #[prost(enumeration = "WhenFull", tag = "11")]
     pub when_full: i32,
+    /// Where the origin of the world frame is on the Earth: then its x axis points east, y north and z
+    /// up there. Default none; PositionPrior.geodetic_point needs it.
+    #[prost(message, optional, tag = "30")]
+    pub geodetic_anchor: ::core::option::Option<GeodeticPosition>,
 }
 impl ::prost::Name for MapPolicy {
     const NAME: &'static str = "MapPolicy";
@@ -1665,7 +1693,8 @@ impl ::prost::Name for Landmark {
         "/covis.v1.Landmark".into()
     }
 }
-/// Where a client's odometry frame lies in the map.
+/// Where a client's odometry frame lies in the map. Without map_from_odom and keyframe in a delta: the
+/// client's last keyframe was removed.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct ClientFrame {
     /// The client.
@@ -1697,7 +1726,7 @@ pub enum MapState {
     Unspecified = 0,
     /// The map takes items and optimizations.
     Open = 1,
-    /// Reads only, by request. Not served yet.
+    /// Reads only, by request, until it is opened again by request. See UpdateMap.
     Frozen = 2,
     /// A bug was hit while changing the map: it stays readable and exportable, takes no changes.
     Poisoned = 3,
@@ -1914,7 +1943,7 @@ pub struct RelativePoseConstraint {
     /// What it came from. Required; LOOP_CLOSURE starts pose-graph optimization.
     #[prost(enumeration = "ConstraintKind", tag = "7")]
     pub kind: i32,
-    /// Loss. Default MapPolicy.constraint_loss. Not served yet: refused with UNIMPLEMENTED.
+    /// Loss. Default MapPolicy.constraint_loss.
     #[prost(message, optional, tag = "8")]
     pub loss: ::core::option::Option<Loss>,
     /// Present while the constraint is switched off: found false by the last pose-graph optimization,
@@ -1953,7 +1982,8 @@ impl ::prost::Name for SwitchedOffConstraint {
     }
 }
 /// A measured position of a point fixed to a keyframe, in the world frame (motion capture, a
-/// surveyed mark, GNSS already turned into the world frame).
+/// surveyed mark, GNSS). Starts pose-graph optimization where MapPolicy.loop_closure_optimization is
+/// on, and is judged there like a loop closure: see docs/wire.md, "Positions".
 /// Residual = (world_from_camera * point_in_camera) - point_in_world, world axes, m.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct PositionPrior {
@@ -1966,19 +1996,27 @@ pub struct PositionPrior {
     /// The keyframe. Required.
     #[prost(message, optional, tag = "3")]
     pub keyframe: ::core::option::Option<KeyframeRef>,
-    /// The measurement, world frame, m. Required.
+    /// The measurement, world frame, m. Required unless geodetic_point is there; answered always.
     #[prost(message, optional, tag = "4")]
     pub point_in_world: ::core::option::Option<Vector3>,
-    /// The lever arm: the measured point in the keyframe's frame, m. Default 0, its origin. Not
-    /// served yet: a value other than 0 is refused with UNIMPLEMENTED.
+    /// The lever arm: the measured point in the keyframe's frame, m. Default 0, its origin.
     #[prost(message, optional, tag = "5")]
     pub point_in_camera: ::core::option::Option<Vector3>,
     /// Information of the residual, order x y z of the world frame, 1/m^2. Required.
     #[prost(message, optional, tag = "6")]
     pub information: ::core::option::Option<InformationMatrix3>,
-    /// Loss. Default trivial. Not served yet: another one is refused with UNIMPLEMENTED.
+    /// Loss. Default trivial.
     #[prost(message, optional, tag = "7")]
     pub loss: ::core::option::Option<Loss>,
+    /// Present while the prior is switched off: found false by the last pose-graph optimization, and
+    /// left out of every solve until one finds that it fits after all. Output only.
+    #[prost(message, optional, tag = "8")]
+    pub switched_off: ::core::option::Option<SwitchedOff>,
+    /// The measurement in geodetic coordinates, in place of point_in_world; the map must have a
+    /// MapPolicy.geodetic_anchor. The server turns it into point_in_world when it takes the item; it is
+    /// not answered.
+    #[prost(message, optional, tag = "9")]
+    pub geodetic_point: ::core::option::Option<GeodeticPosition>,
 }
 impl ::prost::Name for PositionPrior {
     const NAME: &'static str = "PositionPrior";
@@ -1990,7 +2028,8 @@ impl ::prost::Name for PositionPrior {
         "/covis.v1.PositionPrior".into()
     }
 }
-/// A measured pose of a keyframe in the world frame.
+/// A measured pose of a keyframe in the world frame. Starts pose-graph optimization where
+/// MapPolicy.loop_closure_optimization is on.
 /// Residual = Log(Z^-1 * X), Z the measurement, X = world_from_camera (or world_from_rig).
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct PosePrior {
@@ -2009,7 +2048,7 @@ pub struct PosePrior {
     /// Information of the residual. Required.
     #[prost(message, optional, tag = "5")]
     pub information: ::core::option::Option<InformationMatrix6>,
-    /// Loss. Default trivial. Not served yet: another one is refused with UNIMPLEMENTED.
+    /// Loss. Default trivial.
     #[prost(message, optional, tag = "6")]
     pub loss: ::core::option::Option<Loss>,
 }
@@ -2113,22 +2152,26 @@ pub mod ingest_request {
         /// Adds a prior on a keyframe's pose.
         #[prost(message, tag = "17")]
         PosePrior(super::PosePrior),
-        /// Takes a constraint back. Not served yet.
+        /// Takes a constraint or prior back.
         #[prost(message, tag = "20")]
         RevokeConstraint(super::RevokeConstraint),
-        /// Removes observations. Not served yet.
+        /// Removes observations: all or none.
         #[prost(message, tag = "21")]
         RemoveObservations(super::RemoveObservations),
-        /// Makes several landmarks one. Not served yet.
+        /// Makes several landmarks one.
         #[prost(message, tag = "22")]
         FuseLandmarks(super::FuseLandmarks),
-        /// Removes landmarks with their observations. Not served yet.
+        /// Removes landmarks with their observations: all or none.
         #[prost(message, tag = "23")]
         RemoveLandmarks(super::RemoveLandmarks),
-        /// Removes a keyframe with its observations and constraints. Not served yet.
+        /// Removes a keyframe with its observations, constraints and priors.
         #[prost(message, tag = "24")]
         RemoveKeyframe(super::RemoveKeyframe),
-        /// Replaces the model of a camera that is already in the map. Not served yet.
+        /// Replaces the model and the image size of a camera that is already in the map, also by another
+        /// kind of model. Unlike in camera, client_id may name any client. Refused where an observation
+        /// that the old model projects has no finite projection with the new one (set_camera.model), or
+        /// where its pixel lies farther outside of the new image than one image size
+        /// (set_camera.width_px, height_px).
         #[prost(message, tag = "25")]
         SetCamera(super::Camera),
     }
@@ -2230,10 +2273,11 @@ impl ::prost::Name for ObservationBatch {
         "/covis.v1.ObservationBatch".into()
     }
 }
-/// Takes a constraint back; the poses stay as they are until the next solve.
+/// Takes a constraint or prior back; the poses stay as they are until the next solve. A loop closure
+/// that counted starts a pose graph. The constraint can be sent again, under its id or another one.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct RevokeConstraint {
-    /// Which. Required.
+    /// Which, of any client; the server's own (negative ids) cannot be revoked. Required.
     #[prost(message, optional, tag = "1")]
     pub constraint: ::core::option::Option<ConstraintRef>,
 }
@@ -2247,10 +2291,12 @@ impl ::prost::Name for RevokeConstraint {
         "/covis.v1.RevokeConstraint".into()
     }
 }
-/// Removes observations, for instance those found to be of a moving object.
+/// Removes observations, for instance those found to be of a moving object. Starts local bundle
+/// adjustment of their keyframes. A landmark that nothing observes any more stays in the map.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct RemoveObservations {
-    /// At least one.
+    /// At least one, at most 65,536, none twice. Names all features of the keyframe that match the
+    /// landmark.
     #[prost(message, repeated, tag = "1")]
     pub observations: ::prost::alloc::vec::Vec<ObservationRef>,
 }
@@ -2264,13 +2310,15 @@ impl ::prost::Name for RemoveObservations {
         "/covis.v1.RemoveObservations".into()
     }
 }
-/// Makes several landmarks one.
+/// Makes several landmarks one. Starts local bundle adjustment of the keyframes that see it.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct FuseLandmarks {
-    /// Takes over all observations. Required.
+    /// Takes over all observations and keeps its position; without one it gets the first position of
+    /// the absorbed landmarks. Where a keyframe sees several of them, its observations of kept stay,
+    /// otherwise those of the first absorbed one. Required.
     #[prost(message, optional, tag = "1")]
     pub kept: ::core::option::Option<LandmarkRef>,
-    /// Go. At least one, none of them kept.
+    /// Go. At least one, at most 65,536, none twice, none of them kept.
     #[prost(message, repeated, tag = "2")]
     pub absorbed: ::prost::alloc::vec::Vec<LandmarkRef>,
 }
@@ -2284,10 +2332,11 @@ impl ::prost::Name for FuseLandmarks {
         "/covis.v1.FuseLandmarks".into()
     }
 }
-/// Removes landmarks with their observations.
+/// Removes landmarks with their observations. Starts local bundle adjustment of the keyframes that
+/// saw them.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct RemoveLandmarks {
-    /// At least one.
+    /// At least one, at most 65,536, none twice.
     #[prost(message, repeated, tag = "1")]
     pub landmarks: ::prost::alloc::vec::Vec<LandmarkRef>,
 }
@@ -2301,10 +2350,13 @@ impl ::prost::Name for RemoveLandmarks {
         "/covis.v1.RemoveLandmarks".into()
     }
 }
-/// Removes a keyframe with its observations and constraints.
+/// Removes a keyframe with its observations, constraints and priors. Starts local bundle adjustment
+/// of those that shared landmarks or a constraint with it, and a pose graph where a loop closure
+/// that counted goes. Its landmarks stay in the map, and it can be sent again, under its id or
+/// another one.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct RemoveKeyframe {
-    /// Which. Required.
+    /// Which, of any client, also the last one. Required.
     #[prost(message, optional, tag = "1")]
     pub keyframe: ::core::option::Option<KeyframeRef>,
 }
@@ -2521,8 +2573,9 @@ pub enum AckStatus {
     Received = 1,
     /// Cumulative: every taken item up to this sequence is durable, see Durability.
     Durable = 2,
-    /// Cumulative: solves have covered every taken item up to this sequence. Sent after the ack of
-    /// an item that starts a solve (keyframe, loop closure), once for several when coalesced.
+    /// Cumulative: solves have covered every taken item up to this sequence. Sent after the ack of an
+    /// item that may start a solve (keyframe, observations, loop closure, edit), once for several when
+    /// coalesced.
     Optimized = 3,
     /// This item was refused for good and changed nothing; see violations. The stream lives.
     Rejected = 4,
@@ -3080,14 +3133,15 @@ pub struct UpdateMapRequest {
     /// New name.
     #[prost(string, tag = "2")]
     pub display_name: ::prost::alloc::string::String,
-    /// New policy; the mask may name single fields of it.
+    /// New policy; the mask may name single fields of it. A field that is named and absent takes the
+    /// server's default. A limit below what the map holds removes nothing: no more is taken.
     #[prost(message, optional, tag = "3")]
     pub policy: ::core::option::Option<MapPolicy>,
     /// OPEN or FROZEN.
     #[prost(enumeration = "MapState", tag = "4")]
     pub state: i32,
-    /// Paths of this message that are to change: "display_name", "policy", "policy.gauge", "state".
-    /// Required.
+    /// Paths of this message that are to change: "display_name", "policy", "policy.gauge",
+    /// "policy.limits.max_keyframe_count", "state". Other fields are not read. Required.
     #[prost(message, optional, tag = "5")]
     pub update_mask: ::core::option::Option<::prost_types::FieldMask>,
     /// The change is made only at this revision. Default: at any.
@@ -3375,7 +3429,7 @@ pub struct ImportMapHeader {
     /// The new map. Required.
     #[prost(string, tag = "1")]
     pub map_id: ::prost::alloc::string::String,
-    /// See Map.display_name.
+    /// See Map.display_name. Default: that of a MAP_FORMAT_COVIS export.
     #[prost(string, tag = "2")]
     pub display_name: ::prost::alloc::string::String,
     /// Default: the server's, or that of a MAP_FORMAT_COVIS export.
@@ -3384,7 +3438,8 @@ pub struct ImportMapHeader {
     /// Which files follow. Required.
     #[prost(enumeration = "MapFormat", tag = "4")]
     pub format: i32,
-    /// Owner of what is imported from a format without clients. Default "import".
+    /// Owner of what is imported from a format without clients. A TUM file that is called as a client
+    /// is that client's. Default "import".
     #[prost(string, tag = "5")]
     pub client_id: ::prost::alloc::string::String,
 }
@@ -3493,8 +3548,8 @@ pub struct ListKeyframesRequest {
     /// From an earlier message, to go on behind it. Default: from the start.
     #[prost(string, tag = "3")]
     pub page_token: ::prost::alloc::string::String,
-    /// Fields of Keyframe that are answered, ids always. Default: all but observations, landmarks and
-    /// descriptors.
+    /// Fields of Keyframe that are answered, ids always; "observations" brings their descriptors.
+    /// Default: all but observations, landmarks and descriptors.
     #[prost(message, optional, tag = "4")]
     pub read_mask: ::core::option::Option<::prost_types::FieldMask>,
 }
@@ -3511,13 +3566,16 @@ impl ::prost::Name for ListKeyframesRequest {
 /// See ListKeyframes.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct ListKeyframesResponse {
-    /// The revision that is read.
+    /// The revision that is read; the same in all messages of one call.
     #[prost(int64, tag = "1")]
     pub revision: i64,
-    /// The next keyframes.
+    /// The next keyframes. A map without keyframes answers one message without keyframes. A keyframe
+    /// with more observations than fit a message comes in several entries with the same ids, one behind
+    /// the other: the first has the other fields, each has the next observations.
     #[prost(message, repeated, tag = "2")]
     pub keyframes: ::prost::alloc::vec::Vec<Keyframe>,
-    /// Goes on behind this message in a later call. Empty in the last message.
+    /// Goes on behind this message in a later call, which may read a later revision. Empty in the
+    /// last message.
     #[prost(string, tag = "3")]
     pub next_page_token: ::prost::alloc::string::String,
 }
@@ -3607,13 +3665,14 @@ impl ::prost::Name for ListConstraintsRequest {
 /// See ListConstraints.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct ListConstraintsResponse {
-    /// The revision that is read.
+    /// The revision that is read; the same in all messages of one call.
     #[prost(int64, tag = "1")]
     pub revision: i64,
-    /// The next constraints.
+    /// The next constraints. A map without constraints answers one message without constraints.
     #[prost(message, repeated, tag = "2")]
     pub constraints: ::prost::alloc::vec::Vec<Constraint>,
-    /// Goes on behind this message in a later call. Empty in the last message.
+    /// Goes on behind this message in a later call, which may read a later revision. Empty in the
+    /// last message.
     #[prost(string, tag = "3")]
     pub next_page_token: ::prost::alloc::string::String,
 }
@@ -3628,7 +3687,7 @@ impl ::prost::Name for ListConstraintsResponse {
     }
 }
 /// See WatchMap.
-#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct WatchMapRequest {
     /// The map. Required.
     #[prost(string, tag = "1")]
@@ -3646,6 +3705,18 @@ pub struct WatchMapRequest {
     /// reset. Default: not checked.
     #[prost(string, tag = "5")]
     pub map_uid: ::prost::alloc::string::String,
+    /// Values that moved less since they were last sent on this stream wait. Positions of landmarks and
+    /// of keyframes, m, finite, at least 0. A landmark is also sent when observation_count has become
+    /// four times as large or as small, a keyframe also when it turned by more than
+    /// rotation_resolution_rad.
+    /// Whoever asks for a finer resolution than before begins without from_revision. Default 0: every
+    /// change of a value is sent.
+    #[prost(double, tag = "6")]
+    pub position_resolution_m: f64,
+    /// The same of rotations of keyframes: the angle, rad, finite, at least 0. Default 0: every change
+    /// of a value is sent.
+    #[prost(double, tag = "7")]
+    pub rotation_resolution_rad: f64,
 }
 impl ::prost::Name for WatchMapRequest {
     const NAME: &'static str = "WatchMapRequest";
@@ -3674,7 +3745,8 @@ impl ::prost::Name for WatchMapResponse {
         "/covis.v1.WatchMapResponse".into()
     }
 }
-/// The step from one revision to a later one. Entities come whole, as they are at the later one.
+/// The step from one revision to a later one. Entities come whole, as they are at the later one, and
+/// only where the reader has another value: see WatchMapRequest.position_resolution_m.
 /// A delta larger than a message comes in parts, which are applied together or not at all.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct MapDelta {
@@ -3756,7 +3828,9 @@ pub enum MapFormat {
     G2o = 4,
     /// Landmarks and keyframe positions as points, map.ply, binary little-endian.
     Ply = 5,
-    /// All of the map, in covis's own format. Not served yet.
+    /// All of the map, map.covis: with clients, sequences, policy and what is switched off, in covis's
+    /// own format. A server reads files of earlier versions, and of later ones as far as they say that
+    /// it can.
     Covis = 6,
 }
 impl MapFormat {
@@ -3887,7 +3961,6 @@ pub mod map_service_client {
         /// * INVALID_ARGUMENT: a bad map_id or policy.
         /// * ALREADY_EXISTS: the map_id is taken.
         /// * RESOURCE_EXHAUSTED with RetryInfo: the tenant or the server keeps no more maps.
-        /// * UNIMPLEMENTED: a gauge, a max_size_bytes or a short queue in the policy, for now.
         /// * INTERNAL: a bug.
         pub async fn create_map(
             &mut self,
@@ -3940,12 +4013,19 @@ pub mod map_service_client {
                 .insert(GrpcMethod::new("covis.v1.MapService", "GetMap"));
             self.inner.unary(req, path, codec).await
         }
-        /// Changes a map's name, policy or state. Not served yet.
+        /// Changes a map's name, policy or state in one step, which no crash can undo once it is answered.
+        /// A frozen map answers reads, exports and RefinePose, and can be updated. Freezing ends its ingest
+        /// streams and OptimizeMap with FAILED_PRECONDITION, and the result of a solve that runs is dropped;
+        /// the items that the solve covers are solved once the map is open again.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad field or mask, NOT_FOUND, ABORTED when expected_revision is
-        ///  not the map's, FAILED_PRECONDITION when the map is poisoned, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field or mask.
+        /// * NOT_FOUND: no such map.
+        /// * ABORTED: expected_revision is not the map's.
+        /// * FAILED_PRECONDITION: the map is poisoned.
+        /// * UNIMPLEMENTED: a gauge in the policy, for now.
+        /// * RESOURCE_EXHAUSTED with RetryInfo: the journal has no room just now.
+        /// * INTERNAL: a bug.
         pub async fn update_map(
             &mut self,
             request: impl tonic::IntoRequest<super::UpdateMapRequest>,
@@ -4067,7 +4147,6 @@ pub mod map_service_client {
         /// * NOT_FOUND: no such map.
         /// * FAILED_PRECONDITION: the format cannot hold this map, for instance a keyframe without camera
         ///  in COLMAP.
-        /// * UNIMPLEMENTED: MAP_FORMAT_COVIS, for now.
         /// * RESOURCE_EXHAUSTED: too many exports at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         pub async fn export_map(
@@ -4094,12 +4173,19 @@ pub mod map_service_client {
                 .insert(GrpcMethod::new("covis.v1.MapService", "ExportMap"));
             self.inner.server_streaming(req, path, codec).await
         }
-        /// Creates a map from the files of a format: a header, then chunks. Not served yet.
+        /// Creates a map from the files of a format: a header, then each file in order, in chunks as
+        /// ExportMap sends them. The map exists once all was read and checked: a call that ends before leaves
+        /// none. No solve runs. MAP_FORMAT_PLY holds no map.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT naming file and line or byte, ALREADY_EXISTS, RESOURCE_EXHAUSTED,
-        ///  INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field of the header, chunks out of order, or a file that is damaged or
+        ///  of a later version; the description names file and line, byte or record.
+        /// * ALREADY_EXISTS: the map_id is taken.
+        /// * RESOURCE_EXHAUSTED: more than the map, the tenant or the server may hold, too many maps or
+        ///  streams, or more than 256 MiB of files of a format other than MAP_FORMAT_COVIS.
+        /// * UNIMPLEMENTED: a gauge in the policy, for now.
+        /// * DEADLINE_EXCEEDED: no message came for 120 s.
+        /// * INTERNAL: a bug.
         pub async fn import_map(
             &mut self,
             request: impl tonic::IntoStreamingRequest<Message = super::ImportMapRequest>,
@@ -4155,11 +4241,13 @@ pub mod map_service_client {
                 .insert(GrpcMethod::new("covis.v1.MapService", "GetTrajectory"));
             self.inner.server_streaming(req, path, codec).await
         }
-        /// Streams the keyframes, by client_id, then id. Not served yet.
+        /// Streams the keyframes, by client_id, then id; each message is a page.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad map_id, page_size, page_token or mask, NOT_FOUND, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad map_id, page_size, page_token or read_mask.
+        /// * NOT_FOUND: no such map.
+        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * INTERNAL: a bug.
         pub async fn list_keyframes(
             &mut self,
             request: impl tonic::IntoRequest<super::ListKeyframesRequest>,
@@ -4215,11 +4303,14 @@ pub mod map_service_client {
                 .insert(GrpcMethod::new("covis.v1.MapService", "ListLandmarks"));
             self.inner.server_streaming(req, path, codec).await
         }
-        /// Streams the constraints, by client_id, then id. Not served yet.
+        /// Streams the constraints, those that are switched off too, by client_id, then id; each message is
+        /// a page. Constraints of kind MARGINAL and their priors have negative ids.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad map_id, page_size or page_token, NOT_FOUND, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad map_id, page_size or page_token.
+        /// * NOT_FOUND: no such map.
+        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * INTERNAL: a bug.
         pub async fn list_constraints(
             &mut self,
             request: impl tonic::IntoRequest<super::ListConstraintsRequest>,
@@ -4297,7 +4388,6 @@ pub mod map_service_server {
         /// * INVALID_ARGUMENT: a bad map_id or policy.
         /// * ALREADY_EXISTS: the map_id is taken.
         /// * RESOURCE_EXHAUSTED with RetryInfo: the tenant or the server keeps no more maps.
-        /// * UNIMPLEMENTED: a gauge, a max_size_bytes or a short queue in the policy, for now.
         /// * INTERNAL: a bug.
         async fn create_map(
             &self,
@@ -4316,12 +4406,19 @@ pub mod map_service_server {
             &self,
             request: tonic::Request<super::GetMapRequest>,
         ) -> std::result::Result<tonic::Response<super::GetMapResponse>, tonic::Status>;
-        /// Changes a map's name, policy or state. Not served yet.
+        /// Changes a map's name, policy or state in one step, which no crash can undo once it is answered.
+        /// A frozen map answers reads, exports and RefinePose, and can be updated. Freezing ends its ingest
+        /// streams and OptimizeMap with FAILED_PRECONDITION, and the result of a solve that runs is dropped;
+        /// the items that the solve covers are solved once the map is open again.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad field or mask, NOT_FOUND, ABORTED when expected_revision is
-        ///  not the map's, FAILED_PRECONDITION when the map is poisoned, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field or mask.
+        /// * NOT_FOUND: no such map.
+        /// * ABORTED: expected_revision is not the map's.
+        /// * FAILED_PRECONDITION: the map is poisoned.
+        /// * UNIMPLEMENTED: a gauge in the policy, for now.
+        /// * RESOURCE_EXHAUSTED with RetryInfo: the journal has no room just now.
+        /// * INTERNAL: a bug.
         async fn update_map(
             &self,
             request: tonic::Request<super::UpdateMapRequest>,
@@ -4381,19 +4478,25 @@ pub mod map_service_server {
         /// * NOT_FOUND: no such map.
         /// * FAILED_PRECONDITION: the format cannot hold this map, for instance a keyframe without camera
         ///  in COLMAP.
-        /// * UNIMPLEMENTED: MAP_FORMAT_COVIS, for now.
         /// * RESOURCE_EXHAUSTED: too many exports at once, or no message was taken for long.
         /// * INTERNAL: a bug.
         async fn export_map(
             &self,
             request: tonic::Request<super::ExportMapRequest>,
         ) -> std::result::Result<tonic::Response<Self::ExportMapStream>, tonic::Status>;
-        /// Creates a map from the files of a format: a header, then chunks. Not served yet.
+        /// Creates a map from the files of a format: a header, then each file in order, in chunks as
+        /// ExportMap sends them. The map exists once all was read and checked: a call that ends before leaves
+        /// none. No solve runs. MAP_FORMAT_PLY holds no map.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT naming file and line or byte, ALREADY_EXISTS, RESOURCE_EXHAUSTED,
-        ///  INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field of the header, chunks out of order, or a file that is damaged or
+        ///  of a later version; the description names file and line, byte or record.
+        /// * ALREADY_EXISTS: the map_id is taken.
+        /// * RESOURCE_EXHAUSTED: more than the map, the tenant or the server may hold, too many maps or
+        ///  streams, or more than 256 MiB of files of a format other than MAP_FORMAT_COVIS.
+        /// * UNIMPLEMENTED: a gauge in the policy, for now.
+        /// * DEADLINE_EXCEEDED: no message came for 120 s.
+        /// * INTERNAL: a bug.
         async fn import_map(
             &self,
             request: tonic::Request<tonic::Streaming<super::ImportMapRequest>>,
@@ -4427,11 +4530,13 @@ pub mod map_service_server {
             >
             + std::marker::Send
             + 'static;
-        /// Streams the keyframes, by client_id, then id. Not served yet.
+        /// Streams the keyframes, by client_id, then id; each message is a page.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad map_id, page_size, page_token or mask, NOT_FOUND, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad map_id, page_size, page_token or read_mask.
+        /// * NOT_FOUND: no such map.
+        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * INTERNAL: a bug.
         async fn list_keyframes(
             &self,
             request: tonic::Request<super::ListKeyframesRequest>,
@@ -4465,11 +4570,14 @@ pub mod map_service_server {
             >
             + std::marker::Send
             + 'static;
-        /// Streams the constraints, by client_id, then id. Not served yet.
+        /// Streams the constraints, those that are switched off too, by client_id, then id; each message is
+        /// a page. Constraints of kind MARGINAL and their priors have negative ids.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad map_id, page_size or page_token, NOT_FOUND, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad map_id, page_size or page_token.
+        /// * NOT_FOUND: no such map.
+        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * INTERNAL: a bug.
         async fn list_constraints(
             &self,
             request: tonic::Request<super::ListConstraintsRequest>,
@@ -5365,7 +5473,7 @@ pub struct PoseGraphEdgeSe3 {
     /// Information of the residual. Required.
     #[prost(message, optional, tag = "4")]
     pub information: ::core::option::Option<InformationMatrix6>,
-    /// Loss. Default that of the request. Not served yet: another one is refused with UNIMPLEMENTED.
+    /// Loss. Default that of the request.
     #[prost(message, optional, tag = "5")]
     pub loss: ::core::option::Option<Loss>,
     /// Whether it is never switched off. Edges between consecutive ids never are. Default false.
@@ -5441,7 +5549,7 @@ pub struct PoseGraphEdgeSe2 {
     /// Information of the residual, order x, y (1/m^2), angle (1/rad^2). Required.
     #[prost(message, optional, tag = "4")]
     pub information: ::core::option::Option<InformationMatrix3>,
-    /// Loss. Default that of the request. Not served yet: another one is refused with UNIMPLEMENTED.
+    /// Loss. Default that of the request.
     #[prost(message, optional, tag = "5")]
     pub loss: ::core::option::Option<Loss>,
     /// Whether it is never switched off. Edges between consecutive ids never are. Default false.
@@ -5614,7 +5722,7 @@ pub struct OptimizeMapRequest {
     /// Loss of relative-pose constraints that carry none. Default MapPolicy.constraint_loss.
     #[prost(message, optional, tag = "4")]
     pub constraint_loss: ::core::option::Option<Loss>,
-    /// What is held. Default MapPolicy.gauge. FIXED_POSES is refused: no keyframe is marked.
+    /// What is held. Default MapPolicy.gauge.
     #[prost(enumeration = "Gauge", tag = "5")]
     pub gauge: i32,
     /// Whether intrinsics are free too. Default false. Not served yet.
@@ -5890,7 +5998,8 @@ pub enum MapProblem {
     /// off stay so.
     Full = 1,
     /// The graph that a loop closure optimizes: constraints, and neighboring keyframes tied as they
-    /// stand; landmarks follow their keyframes. Closures are judged anew. Priors take no part yet.
+    /// stand, and priors; landmarks follow their keyframes. Closures and position priors are judged
+    /// anew.
     PoseGraph = 2,
 }
 impl MapProblem {
@@ -6094,10 +6203,9 @@ pub mod optimization_service_client {
         /// * NOT_FOUND: no such map, or it was deleted meanwhile.
         /// * FAILED_PRECONDITION: the map is frozen, poisoned, or holds no problem that can be solved;
         ///  the message names what is missing or disconnected. With certify also: the map is in several
-        ///  pieces.
+        ///  pieces, or has priors.
         /// * ABORTED: another OptimizeMap runs on the map.
-        /// * UNIMPLEMENTED: refine_intrinsics, or a gauge other than GAUGE_FIRST_KEYFRAME_FIXED with
-        ///  MAP_PROBLEM_POSE_GRAPH, for now.
+        /// * UNIMPLEMENTED: refine_intrinsics, for now.
         /// * INTERNAL: a bug; the map is poisoned.
         pub async fn optimize_map(
             &mut self,
@@ -6157,7 +6265,6 @@ pub mod optimization_service_client {
         /// Codes:
         ///
         /// * INVALID_ARGUMENT: a bad field, a graph in several pieces (the message names them).
-        /// * UNIMPLEMENTED: an edge with another loss than the request's, for now.
         /// * INTERNAL: a bug.
         pub async fn solve_pose_graph(
             &mut self,
@@ -6229,10 +6336,9 @@ pub mod optimization_service_server {
         /// * NOT_FOUND: no such map, or it was deleted meanwhile.
         /// * FAILED_PRECONDITION: the map is frozen, poisoned, or holds no problem that can be solved;
         ///  the message names what is missing or disconnected. With certify also: the map is in several
-        ///  pieces.
+        ///  pieces, or has priors.
         /// * ABORTED: another OptimizeMap runs on the map.
-        /// * UNIMPLEMENTED: refine_intrinsics, or a gauge other than GAUGE_FIRST_KEYFRAME_FIXED with
-        ///  MAP_PROBLEM_POSE_GRAPH, for now.
+        /// * UNIMPLEMENTED: refine_intrinsics, for now.
         /// * INTERNAL: a bug; the map is poisoned.
         async fn optimize_map(
             &self,
@@ -6258,7 +6364,6 @@ pub mod optimization_service_server {
         /// Codes:
         ///
         /// * INVALID_ARGUMENT: a bad field, a graph in several pieces (the message names them).
-        /// * UNIMPLEMENTED: an edge with another loss than the request's, for now.
         /// * INTERNAL: a bug.
         async fn solve_pose_graph(
             &self,

@@ -6,7 +6,7 @@ use tempfile::TempDir;
 
 use super::*;
 use crate::image::Image;
-use crate::input::{encode, open_folder};
+use crate::input::{CameraOrigin, FolderOptions, OpenFolder, encode, open_folder};
 
 /// A folder whose frame i has the time i / 10 s, the color (i, 0, 0) and the depth i m.
 fn folder(frames: u8) -> TempDir {
@@ -25,6 +25,10 @@ fn folder(frames: u8) -> TempDir {
     folder
 }
 
+fn open(folder: &Path) -> Result<OpenFolder, InputError> {
+    open_folder(folder, FolderOptions::default())
+}
+
 fn write(folder: &Path, name: &str, text: &str) {
     fs_err::write(folder.join(name), text).unwrap();
 }
@@ -40,7 +44,7 @@ fn write_frame(folder: &Path, i: u8, color: (usize, usize), depth: (usize, usize
 
 /// All that a folder gives: the red of a frame, or its error's text without the folder.
 fn all(folder: &Path) -> Vec<Result<u8, String>> {
-    let mut source = open_folder(folder, None).unwrap().source;
+    let mut source = open(folder).unwrap().source;
     let count = source.len();
     let prefix = format!("{}{}", folder.display(), std::path::MAIN_SEPARATOR);
     let results: Vec<_> = std::iter::from_fn(|| source.next_frame())
@@ -62,8 +66,9 @@ fn error(results: &[Result<u8, String>], index: usize) -> &str {
 #[test]
 fn frames_come_in_order_with_the_time_of_their_color() {
     let folder = folder(3);
-    let mut source = TumFolder::open(folder.path(), Some("5,5,2,1")).unwrap();
-    assert_eq!((source.len(), source.without_depth()), (3, 0));
+    let options = FolderOptions { camera: Some("5,5,2,1"), ..FolderOptions::default() };
+    let OpenFolder { mut source, without_depth, .. } = open_folder(folder.path(), options).unwrap();
+    assert_eq!((source.len(), without_depth), (3, 0));
     let frame = source.next_frame().unwrap().unwrap();
     assert_eq!(frame.timestamp_s, 0.1);
     assert_eq!(frame.color, Image::filled(4, 3, [1, 0, 0]));
@@ -75,7 +80,7 @@ fn frames_come_in_order_with_the_time_of_their_color() {
 fn color_without_depth_is_counted_and_is_no_frame() {
     let folder = folder(3);
     write(folder.path(), "depth.txt", "0.11 depth/1.png\n0.32 depth/2.png\n0.319 depth/3.png\n");
-    let open = open_folder(folder.path(), None).unwrap();
+    let open = open(folder.path()).unwrap();
     assert_eq!((open.source.len(), open.without_depth), (2, 1));
     assert_eq!(all(folder.path()), [Ok(1), Ok(3)]);
 }
@@ -128,7 +133,7 @@ fn a_size_is_expected_only_once_a_frame_was_read() {
 #[test]
 fn a_folder_that_cannot_be_opened_says_why() {
     let folder = folder(1);
-    let open = |what: &str| TumFolder::open(folder.path(), None).expect_err(what);
+    let open = |what: &str| open(folder.path()).err().expect(what);
     write(folder.path(), "rgb.txt", "1.0 rgb/1.png\n2.0 ../secret.png\n");
     assert!(matches!(open("outside"), InputError::Outside { line: 2, .. }));
     write(folder.path(), "rgb.txt", "# nothing\n");
@@ -156,11 +161,12 @@ fn the_truth_beside_a_sequence_stays_closed() {
 #[test]
 fn the_recorded_sequence_is_read_whole() {
     let Some(path) = covis_solvers::testing::data("rgbd/tum_fr1_rpy") else { return };
-    let mut open = open_folder(&path, None).unwrap();
+    let mut open = open(&path).unwrap();
     assert!(matches!(open.camera_origin, CameraOrigin::File(_)));
     assert_eq!(open.source.camera().fx, 517.3);
     assert_eq!(open.source.len() + open.without_depth, 360);
     assert!(open.without_depth < 20, "{} without depth", open.without_depth);
+    assert_eq!(open.implausible_depth, None);
     let mut last = 0.0;
     for _ in 0..30 {
         let frame = open.source.next_frame().unwrap().unwrap();
@@ -170,4 +176,70 @@ fn the_recorded_sequence_is_read_whole() {
         let valid = frame.depth_m.pixels().iter().filter(|&&z| z > 0.3 && z < 10.0).count();
         assert!(valid > 640 * 480 / 2, "{valid} pixels with depth");
     }
+}
+
+/// A folder with one frame whose depth image holds these values, each on a tenth of the pixels.
+fn with_depth(values: [u16; 10]) -> TempDir {
+    let folder = folder(1);
+    let path = folder.path();
+    let color = Image::filled(10, 4, [1, 0, 0]);
+    fs_err::write(path.join("rgb/1.png"), encode::rgb(&color).unwrap()).unwrap();
+    let depth = Image::from_pixels(10, 4, values.repeat(4)).unwrap();
+    fs_err::write(path.join("depth/1.png"), encode::gray16(&depth).unwrap()).unwrap();
+    folder
+}
+
+#[test]
+fn a_depth_scale_that_does_not_fit_the_first_images_is_doubted() {
+    // A desk at 1.2 m and a wall at 3 m in millimeters, and in the benchmark's units.
+    let desk: [u16; 10] = std::array::from_fn(|i| if i < 5 { 1200 } else { 3000 });
+    let millimeters = with_depth(desk);
+    let doubt = open(millimeters.path()).unwrap().implausible_depth.unwrap();
+    assert_eq!((doubt.units_per_m, doubt.near_m, doubt.far_m), (5000.0, 0.24, 0.6));
+    assert!(doubt.to_string().ends_with("a tenth of the measured depth is nearer than 0.24 m"));
+    // The middle of a room in millimeters: nothing is near.
+    let room = with_depth(std::array::from_fn(|i| 2200 + 200 * i as u16));
+    let doubt = open(room.path()).unwrap().implausible_depth.unwrap();
+    assert!(
+        doubt.to_string().ends_with("nine tenths of the measured depth are nearer than 0.76 m")
+    );
+    let usual = with_depth(desk.map(|z| z * 5));
+    assert_eq!(open(usual.path()).unwrap().implausible_depth, None);
+    // One that measures finer than the default: everything looks too far.
+    let fine = with_depth(desk.map(|z| z * 20));
+    let doubt = open(fine.path()).unwrap().implausible_depth.unwrap();
+    assert!(doubt.to_string().ends_with("farther than 12.0 m"), "{doubt}");
+    // What was not measured says nothing, nor do images without depth.
+    let holes = with_depth([0, u16::MAX, 0, u16::MAX, 0, 6000, 7000, 8000, 9000, 10_000]);
+    assert_eq!(open(holes.path()).unwrap().implausible_depth, None);
+    assert_eq!(open(with_depth([0; 10]).path()).unwrap().implausible_depth, None);
+}
+
+#[test]
+fn a_given_depth_scale_holds_and_is_not_doubted() {
+    let folder = with_depth([1500; 10]);
+    let scaled = |units| {
+        let options = FolderOptions { depth_units_per_m: Some(units), ..FolderOptions::default() };
+        open_folder(folder.path(), options)
+    };
+    let mut open = scaled(1000.0).unwrap();
+    assert_eq!(open.implausible_depth, None);
+    assert_eq!(open.source.next_frame().unwrap().unwrap().depth_m.at(3, 2), 1.5);
+    assert_eq!(scaled(10_000.0).unwrap().implausible_depth, None, "the caller knows");
+    for bad in [0.0, -1000.0, f32::NAN, f32::INFINITY] {
+        let error = scaled(bad).err().unwrap();
+        assert!(matches!(error, InputError::DepthScale { .. }), "{error}");
+    }
+}
+
+#[test]
+fn a_folder_of_ten_frames_a_second_is_read_whole() {
+    let folder = folder(6);
+    let depth: String =
+        (1..=6).map(|i| format!("{:.3} depth/{i}.png\n", f64::from(i) / 10.0 + 0.045)).collect();
+    write(folder.path(), "depth.txt", &depth);
+    let OpenFolder { mut source, without_depth, .. } = open(folder.path()).unwrap();
+    assert_eq!((source.len(), without_depth), (6, 0));
+    let frame = source.next_frame().unwrap().unwrap();
+    assert!((frame.depth_delay_s - 0.045).abs() < 1e-9, "{}", frame.depth_delay_s);
 }

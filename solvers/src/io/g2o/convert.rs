@@ -185,7 +185,7 @@ fn to_pose_graph<G: G2oPose<N, P>, const N: usize, const P: usize, const U: usiz
         let matrix = symmetric(&edge.information);
         let information = Information::semidefinite(&matrix)
             .map_err(|error| refused(error, place("edge", k), (edge.i, edge.j), 1))?;
-        graph.edges.push(RelativePose { i, j, i_from_j, information });
+        graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
     }
     Ok(graph)
 }

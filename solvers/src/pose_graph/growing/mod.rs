@@ -146,7 +146,8 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
         Ok(self.graph.push_pose(id, G::identity()))
     }
 
-    /// Appends an edge between two poses that are there.
+    /// Appends an edge between two poses that are there. A loss of its own does not count: the cost is
+    /// quadratic.
     ///
     /// # Errors
     /// [`SolveError::IndexOutOfRange`], [`SolveError::NotFinite`].
@@ -166,7 +167,7 @@ impl<G: RigidMotion<D, N>, const D: usize, const N: usize> GrowingPoseGraph<G, D
             self.edges_of[edge.j].push(index);
             self.fresh.push(index);
         }
-        self.graph.edges.push(edge);
+        self.graph.edges.push(RelativePose { loss: None, ..edge });
         self.is_parked.push(false);
         Ok(())
     }

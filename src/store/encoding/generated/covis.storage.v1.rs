@@ -11,16 +11,16 @@ pub struct Event {
     /// Unix time in nanoseconds by the server's clock; 0 where it was not recorded.
     #[prost(sint64, tag = "3")]
     pub time_ns: i64,
-    /// What changed. Numbers 28 to 60 are kept free for changes to come.
+    /// What changed. Numbers 28, 29 and 31 to 60 are kept free for changes to come.
     #[prost(
         oneof = "event::Change",
-        tags = "10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27"
+        tags = "10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 30"
     )]
     pub change: ::core::option::Option<event::Change>,
 }
 /// Nested message and enum types in `Event`.
 pub mod event {
-    /// What changed. Numbers 28 to 60 are kept free for changes to come.
+    /// What changed. Numbers 28, 29 and 31 to 60 are kept free for changes to come.
     #[derive(Clone, PartialEq, ::prost::Oneof)]
     pub enum Change {
         /// The map exists.
@@ -77,6 +77,9 @@ pub mod event {
         /// An item brought what the map holds already; only its sequence is new.
         #[prost(message, tag = "27")]
         ItemRepeated(super::ItemRepeated),
+        /// Name, policy or state changed on request.
+        #[prost(message, tag = "30")]
+        MapUpdated(super::MapUpdated),
     }
 }
 impl ::prost::Name for Event {
@@ -213,6 +216,29 @@ impl ::prost::Name for Loss {
         "/covis.storage.v1.Loss".into()
     }
 }
+/// A place by the coordinates of WGS 84.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct Geodetic {
+    /// Bits of the latitude, degrees.
+    #[prost(fixed64, tag = "1")]
+    pub latitude_deg: u64,
+    /// Bits of the longitude, degrees.
+    #[prost(fixed64, tag = "2")]
+    pub longitude_deg: u64,
+    /// Bits of the height above the ellipsoid, m.
+    #[prost(fixed64, tag = "3")]
+    pub height_m: u64,
+}
+impl ::prost::Name for Geodetic {
+    const NAME: &'static str = "Geodetic";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.Geodetic".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.Geodetic".into()
+    }
+}
 /// How a map is kept.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct Policy {
@@ -273,6 +299,12 @@ pub struct Policy {
     /// Ceiling of priors; absent without one.
     #[prost(uint64, optional, tag = "19")]
     pub max_priors: ::core::option::Option<u64>,
+    /// What is held: 0 first keyframe, 1 nothing, 2 priors, 3 fixed poses.
+    #[prost(uint32, tag = "20")]
+    pub gauge: u32,
+    /// Where the origin of the world is on the Earth; absent where nobody said.
+    #[prost(message, optional, tag = "21")]
+    pub geodetic_anchor: ::core::option::Option<Geodetic>,
 }
 impl ::prost::Name for Policy {
     const NAME: &'static str = "Policy";
@@ -318,6 +350,29 @@ impl ::prost::Name for ItemRepeated {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.storage.v1.ItemRepeated".into()
+    }
+}
+/// Name, policy or state changed on request; what is absent stays as it is.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct MapUpdated {
+    /// Free text for people.
+    #[prost(string, optional, tag = "1")]
+    pub display_name: ::core::option::Option<::prost::alloc::string::String>,
+    /// How the map is kept.
+    #[prost(message, optional, tag = "2")]
+    pub policy: ::core::option::Option<Policy>,
+    /// Whether the map is frozen.
+    #[prost(bool, optional, tag = "3")]
+    pub frozen: ::core::option::Option<bool>,
+}
+impl ::prost::Name for MapUpdated {
+    const NAME: &'static str = "MapUpdated";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.MapUpdated".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.MapUpdated".into()
     }
 }
 /// A client opened a stream.
@@ -580,6 +635,9 @@ pub struct Constraint {
     /// Information, 36 entries, translation first.
     #[prost(double, repeated, tag = "6")]
     pub information: ::prost::alloc::vec::Vec<f64>,
+    /// Its own loss; absent for the policy's.
+    #[prost(message, optional, tag = "7")]
+    pub loss: ::core::option::Option<Loss>,
 }
 impl ::prost::Name for Constraint {
     const NAME: &'static str = "Constraint";
@@ -609,6 +667,12 @@ pub struct Prior {
     /// Information: 36 entries of a pose, 9 of a position.
     #[prost(double, repeated, tag = "5")]
     pub information: ::prost::alloc::vec::Vec<f64>,
+    /// Its loss; absent for the trivial one.
+    #[prost(message, optional, tag = "6")]
+    pub loss: ::core::option::Option<Loss>,
+    /// The measured point in the keyframe's frame, m; absent for its origin, and for a pose.
+    #[prost(message, optional, tag = "7")]
+    pub point_in_camera: ::core::option::Option<Vector3>,
 }
 impl ::prost::Name for Prior {
     const NAME: &'static str = "Prior";
@@ -677,10 +741,10 @@ impl ::prost::Name for Covered {
         "/covis.storage.v1.Covered".into()
     }
 }
-/// A loop closure that does not count.
+/// A loop closure or position prior that does not count.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct SwitchedOff {
-    /// The constraint.
+    /// The constraint or prior.
     #[prost(message, optional, tag = "1")]
     pub id: ::core::option::Option<Id>,
     /// Bits of its chi2 where it was judged.
@@ -727,10 +791,10 @@ pub struct SolveApplied {
     /// Bits of the cost at the end.
     #[prost(fixed64, tag = "7")]
     pub final_cost: u64,
-    /// Loop closures that it found false.
+    /// Loop closures and position priors that it found false.
     #[prost(message, repeated, tag = "8")]
     pub switched_off: ::prost::alloc::vec::Vec<SwitchedOff>,
-    /// Loop closures that count again.
+    /// Loop closures and position priors that count again.
     #[prost(message, repeated, tag = "9")]
     pub switched_on: ::prost::alloc::vec::Vec<Id>,
     /// Variance factors of clients' loop closures that changed.
@@ -918,7 +982,7 @@ pub struct MapPart {
     /// Digests of entities as they were sent, by kind and id.
     #[prost(message, repeated, tag = "9")]
     pub contents: ::prost::alloc::vec::Vec<Content>,
-    /// Loop closures that do not count, by id.
+    /// Loop closures and position priors that do not count, by id.
     #[prost(message, repeated, tag = "10")]
     pub switched_off: ::prost::alloc::vec::Vec<SwitchedOff>,
 }
@@ -956,6 +1020,9 @@ pub struct MapHead {
     /// Free text for people.
     #[prost(string, tag = "7")]
     pub display_name: ::prost::alloc::string::String,
+    /// Whether the map is frozen.
+    #[prost(bool, tag = "8")]
+    pub frozen: bool,
 }
 impl ::prost::Name for MapHead {
     const NAME: &'static str = "MapHead";

@@ -2,6 +2,7 @@
 //! names.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use futures_util::FutureExt;
 
@@ -150,4 +151,59 @@ async fn two_folders_of_one_name_are_told_and_neither_is_served() {
     let exists = StoreError::MapExists { map: "walk".to_owned() };
     assert_eq!(store.create_map("walk").await, Err(exists));
     assert_eq!(disk.files(), before, "both stay as they are");
+}
+
+#[tokio::test]
+async fn a_map_with_content_is_there_whole_or_not_at_all_after_a_crash() {
+    let mut crashed = 0;
+    for number in 0.. {
+        let disk = FaultyDisk::new();
+        let store = open(&disk).unwrap();
+        disk.stage(disk.log().len() + number, Fault::Crash);
+        let created = store.create_map_of("a", Arc::new(fold(7, 1))).await;
+        for survives in [Survives::Nothing, Survives::Everything, Survives::Some(3)] {
+            let disk = disk.after(survives);
+            let later = open(&disk).unwrap();
+            let maps = later.list_maps().await.unwrap();
+            if created.is_ok() {
+                assert_eq!(maps, ["a"], "a crash at {number}, {survives:?} survives");
+            }
+            if maps.is_empty() {
+                later.create_map_of("a", Arc::new(fold(7, 1))).await.unwrap();
+            }
+            assert_eq!(stored(&later, "a").await.unwrap(), fold(7, 1), "a crash at {number}");
+            assert_eq!(later.damage("a").await.unwrap(), []);
+            append(&later, "a", 8).await.unwrap();
+            let again = open(&disk.after(Survives::Nothing)).unwrap();
+            assert_eq!(stored(&again, "a").await.unwrap(), fold(8, 1));
+            assert_eq!(folders(&disk), 1);
+        }
+        if created.is_ok() {
+            break;
+        }
+        crashed += 1;
+    }
+    assert!(crashed > 8, "{crashed} operations make a map");
+}
+
+#[tokio::test]
+async fn a_creation_with_content_that_fails_at_any_operation_can_be_repeated() {
+    for number in 0.. {
+        let disk = FaultyDisk::new();
+        let store = open(&disk).unwrap();
+        disk.stage(disk.log().len() + number, Fault::NoSpace);
+        let content = || Arc::new(fold(7, 1));
+        if store.create_map_of("a", content()).await.is_ok() {
+            assert!(number > 8, "{number} operations make a map");
+            let exists = StoreError::MapExists { map: "a".to_owned() };
+            assert_eq!(store.create_map_of("a", content()).await, Err(exists.clone()));
+            assert_eq!(store.create_map("a").await, Err(exists));
+            return;
+        }
+        assert_eq!(store.list_maps().await.unwrap(), Vec::<String>::new());
+        store.create_map_of("a", content()).await.unwrap();
+        append(&store, "a", 8).await.unwrap();
+        assert_eq!(stored(&store, "a").await.unwrap(), fold(8, 1));
+        assert_eq!(folders(&disk), 1, "after a failure at {number}");
+    }
 }

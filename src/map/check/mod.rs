@@ -5,15 +5,17 @@
 //! was converted. Paths are the wire's names, written out only where there is a violation: most items
 //! have none.
 
+mod edits;
+
 use std::fmt::{Arguments, Display};
 
-use covis_solvers::geometry::{LieGroup, Se3};
+use covis_solvers::geometry::{LieGroup, LocalFrame, Se3};
 use nalgebra::Vector3;
 
 use super::digest::{self, Content};
 use super::{
     CameraEntity, Change, ClientIndex, Constraint, EntityId, EntityRef, Item, ItemLandmark,
-    ItemObservation, Map, NewLandmark, Observation, Prior, Reason, Rejection,
+    ItemObservation, Map, NewLandmark, Observation, Place, Prior, Reason, Rejection,
 };
 
 /// Side of the largest image in pixels, where the camera does not say how large its images are.
@@ -70,6 +72,7 @@ impl Map {
                 };
                 return !observations.is_empty() && observations.iter().all(is_known);
             }
+            Item::Edit(edit) => return check.is_done(edit),
         };
         let Some(stored) = self.contents.get(&(kind, EntityId::new(client, id))) else {
             return false;
@@ -178,6 +181,7 @@ impl Check<'_> {
                 keyframe_j,
                 keyframe_i_from_keyframe_j,
                 information,
+                loss,
             } => {
                 let id = self.new_constraint("relative_pose.id", *id);
                 let i = self.keyframe("relative_pose.keyframe_i", keyframe_i);
@@ -192,20 +196,51 @@ impl Check<'_> {
                     keyframe_j: j?,
                     keyframe_i_from_keyframe_j: *keyframe_i_from_keyframe_j,
                     information: *information,
+                    loss: *loss,
                 };
                 Some(Change::ConstraintAdded { id, constraint })
             }
-            &Item::PosePrior { id, ref keyframe, world_from_camera, information } => {
+            &Item::PosePrior { id, ref keyframe, world_from_camera, information, loss } => {
                 let id = self.new_constraint("pose_prior.id", id);
                 let keyframe = self.keyframe("pose_prior.keyframe", keyframe)?;
-                let prior = Prior::Pose { keyframe, world_from_camera, information };
+                let prior = Prior::Pose { keyframe, world_from_camera, information, loss };
                 Some(Change::PriorAdded { id, prior })
             }
-            &Item::PositionPrior { id, ref keyframe, position_in_world, information } => {
+            &Item::PositionPrior {
+                id,
+                ref keyframe,
+                place,
+                point_in_camera,
+                information,
+                loss,
+            } => {
                 let id = self.new_constraint("position_prior.id", id);
-                let keyframe = self.keyframe("position_prior.keyframe", keyframe)?;
-                let prior = Prior::Position { keyframe, position_in_world, information };
+                let keyframe = self.keyframe("position_prior.keyframe", keyframe);
+                let position_in_world = self.place(place)?;
+                let prior = Prior::Position {
+                    keyframe: keyframe?,
+                    position_in_world,
+                    point_in_camera,
+                    information,
+                    loss,
+                };
                 Some(Change::PriorAdded { id, prior })
+            }
+            Item::Edit(edit) => self.edit(edit),
+        }
+    }
+
+    /// A measured position in the world frame.
+    fn place(&mut self, place: Place) -> Option<Vector3<f64>> {
+        match place {
+            Place::InWorld(point) => Some(point),
+            Place::OnEarth(place) => {
+                let frame = self.map.policy.geodetic_anchor.as_ref().map(LocalFrame::new);
+                if frame.is_none() {
+                    let text = "the map's policy has no geodetic_anchor";
+                    self.add("position_prior.geodetic_point", Reason::Inconsistent, text);
+                }
+                frame.map(|frame| frame.point_in_local(&place))
             }
         }
     }
@@ -253,7 +288,7 @@ impl Check<'_> {
     /// What a reference names, where the map `has` it.
     fn known(
         &mut self,
-        field: &str,
+        field: impl Display,
         kind: &str,
         reference: &EntityRef,
         has: impl Fn(&Map, &EntityId) -> bool,
@@ -265,7 +300,7 @@ impl Check<'_> {
         id
     }
 
-    fn keyframe(&mut self, field: &str, reference: &EntityRef) -> Option<EntityId> {
+    fn keyframe(&mut self, field: impl Display, reference: &EntityRef) -> Option<EntityId> {
         self.known(field, "keyframe", reference, |map, id| map.keyframes.contains_key(id))
     }
 
@@ -357,14 +392,19 @@ impl Check<'_> {
     fn pixel(&mut self, at: Arguments<'_>, sent: &ItemObservation, camera: Option<&CameraEntity>) {
         let sizes = camera.map_or([0, 0], |c| [c.width_px, c.height_px]);
         for ((name, value), size) in ["x", "y"].into_iter().zip(sent.pixel.iter()).zip(sizes) {
-            // Refined features may lie a little outside the image; a whole image away is no feature.
-            let size = if size > 0 { f64::from(size) } else { LARGEST_IMAGE };
-            if *value < -size || *value > 2.0 * size {
+            if let Some(size) = far_outside(*value, size) {
                 let text = format!("{value} is far outside an image of at most {size} pixels");
                 self.add(format_args!("{at}.pixel.{name}"), Reason::OutOfRange, text);
             }
         }
     }
+}
+
+/// The size of an image, if a coordinate of a pixel lies farther outside of it than that. Refined
+/// features may lie a little outside the image; a whole image away is no feature.
+fn far_outside(value: f64, size_px: u32) -> Option<f64> {
+    let size = if size_px > 0 { f64::from(size_px) } else { LARGEST_IMAGE };
+    (value < -size || value > 2.0 * size).then_some(size)
 }
 
 /// Whether a landmark has a finite projection. One behind the camera passes: it is a fact about the

@@ -1,0 +1,76 @@
+//! The true trajectory: a TUM file, or a recorded folder with the truth beside its images.
+//!
+//! `covis eval truth` writes it as a TUM file, for instance for evo. Only commands that compare with
+//! the truth or are told to use it come here; the frontend does not.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{bail, ensure};
+use covis_solvers::io::pose_matrix;
+use covis_solvers::io::trajectory::Trajectory;
+use serde::Serialize;
+
+use super::super::output::show;
+use crate::frontend::input::seven_scenes;
+
+/// The truth in a folder of the TUM layout.
+const TUM_TRUTH: &str = "groundtruth.txt";
+
+/// Arguments of `covis eval truth`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// A recorded folder with groundtruth.txt (TUM) or frame-*.pose.txt (7-Scenes).
+    folder: PathBuf,
+    /// The trajectory to write: lines `timestamp tx ty tz qx qy qz qw`, camera in world.
+    out: PathBuf,
+    /// Print one JSON object instead of a sentence.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The object of `--json`.
+#[derive(Debug, Serialize)]
+struct Document {
+    poses: usize,
+}
+
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let truth = read(&args.folder)?;
+    truth.write(&args.out)?;
+    let document = Document { poses: truth.len() };
+    show(args.json, &document, || format!("{} poses in {}", truth.len(), args.out.display()))
+}
+
+/// A TUM trajectory from a file, or a folder's truth.
+/// Fails for what cannot be read, and for a folder without truth.
+pub(in crate::cli) fn read(path: &Path) -> anyhow::Result<Trajectory> {
+    if !path.is_dir() {
+        return Ok(Trajectory::read(path)?);
+    }
+    let Some(truth) = of_folder(path)? else {
+        bail!("{}: neither {TUM_TRUTH} nor frame-000000.pose.txt is in this folder", path.display())
+    };
+    Ok(truth)
+}
+
+/// The truth beside a folder's images, where there is one: `groundtruth.txt`, else the poses of
+/// 7-Scenes at the times that their frames have. Frames whose pose is marked as unknown are left
+/// out.
+pub(in crate::cli) fn of_folder(folder: &Path) -> anyhow::Result<Option<Trajectory>> {
+    let tum = folder.join(TUM_TRUTH);
+    if tum.is_file() {
+        return Ok(Some(Trajectory::read(&tum)?));
+    }
+    let files = seven_scenes::files(folder, &[seven_scenes::POSE])?;
+    if files.is_empty() {
+        return Ok(None);
+    }
+    let mut truth = Trajectory::default();
+    for file in files {
+        if let Some(world_from_camera) = pose_matrix::read(&file.path)? {
+            truth.push(file.timestamp_s, world_from_camera);
+        }
+    }
+    ensure!(!truth.is_empty(), "{}: every pose is marked as unknown", folder.display());
+    Ok(Some(truth))
+}

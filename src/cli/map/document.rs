@@ -1,0 +1,150 @@
+//! A map as `covis map` prints it: a row of a table, a page of details, or JSON.
+//!
+//! Only converts what the server answered; asks nothing and prints nothing itself.
+
+use serde::Serialize;
+
+use crate::client::MapDigests;
+use crate::wire::v1;
+
+/// A map in `--json`.
+#[derive(Debug, Serialize)]
+pub(super) struct Document {
+    pub(super) map: String,
+    display_name: String,
+    pub(super) state: &'static str,
+    uid: String,
+    revision: i64,
+    cameras: i64,
+    keyframes: i64,
+    landmarks: i64,
+    positioned_landmarks: i64,
+    observations: i64,
+    constraints: i64,
+    switched_off_constraints: i64,
+    size_bytes: i64,
+    clients: Vec<ClientDocument>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    landmark_bounds: Option<[[f64; 3]; 2]>,
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    digests: Option<Digests>,
+}
+
+/// What `show` adds: SHA-256 in hex, as `GetMapResponse` describes them.
+#[derive(Debug, Serialize)]
+struct Digests {
+    keyframe_ids_digest: String,
+    state_hash: String,
+}
+
+#[derive(Debug, Serialize)]
+struct ClientDocument {
+    client: String,
+    epoch: i64,
+    next_sequence: i64,
+}
+
+impl Document {
+    /// A map with its digests.
+    pub(super) fn with_digests(map: v1::Map, digests: &MapDigests) -> Self {
+        let digests = Digests {
+            keyframe_ids_digest: hex(&digests.keyframe_ids_digest),
+            state_hash: hex(&digests.state_hash),
+        };
+        Self { digests: Some(digests), ..Self::from(map) }
+    }
+}
+
+impl From<v1::Map> for Document {
+    fn from(map: v1::Map) -> Self {
+        let counts = map.counts.unwrap_or_default();
+        let state = match map.state() {
+            v1::MapState::Open => "open",
+            v1::MapState::Frozen => "frozen",
+            v1::MapState::Poisoned => "poisoned",
+            v1::MapState::Unspecified => "unknown",
+        };
+        let corner = |v: Option<v1::Vector3>| v.map(|v| [v.x, v.y, v.z]);
+        let bounds = map.landmark_bounds;
+        Self {
+            map: map.map_id,
+            display_name: map.display_name,
+            state,
+            uid: map.uid,
+            revision: map.revision,
+            cameras: counts.camera_count,
+            keyframes: counts.keyframe_count,
+            landmarks: counts.landmark_count,
+            positioned_landmarks: counts.positioned_landmark_count,
+            observations: counts.observation_count,
+            constraints: counts.constraint_count,
+            switched_off_constraints: counts.switched_off_constraint_count,
+            size_bytes: counts.size_bytes,
+            clients: map
+                .clients
+                .into_iter()
+                .map(|c| ClientDocument {
+                    client: c.client_id,
+                    epoch: c.epoch,
+                    next_sequence: c.next_sequence,
+                })
+                .collect(),
+            landmark_bounds: bounds.and_then(|b| Some([corner(b.min)?, corner(b.max)?])),
+            digests: None,
+        }
+    }
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+pub(super) fn table(maps: &[Document]) -> String {
+    if maps.is_empty() {
+        return "no maps".to_owned();
+    }
+    let width = maps.iter().map(|m| m.map.len()).max().unwrap_or(0).max(3);
+    let mut text = format!(
+        "{:<width$}  {:>9}  {:>9}  {:>12}  {:>9}  {:>8}",
+        "map", "keyframes", "landmarks", "observations", "revision", "state"
+    );
+    for m in maps {
+        text.push_str(&format!(
+            "\n{:<width$}  {:>9}  {:>9}  {:>12}  {:>9}  {:>8}",
+            m.map, m.keyframes, m.landmarks, m.observations, m.revision, m.state
+        ));
+    }
+    text
+}
+
+pub(super) fn details(map: &Document) -> String {
+    let constraints = match map.switched_off_constraints {
+        0 => map.constraints.to_string(),
+        off => format!("{} ({off} found false)", map.constraints),
+    };
+    let mut rows = vec![
+        ("map", map.map.clone()),
+        ("state", map.state.to_owned()),
+        ("revision", map.revision.to_string()),
+        ("cameras", map.cameras.to_string()),
+        ("keyframes", map.keyframes.to_string()),
+        ("landmarks", format!("{} ({} with a position)", map.landmarks, map.positioned_landmarks)),
+        ("observations", map.observations.to_string()),
+        ("constraints", constraints),
+        ("memory", format!("{} KiB", map.size_bytes.div_euclid(1024))),
+    ];
+    if let Some([min, max]) = map.landmark_bounds {
+        let corner = |c: [f64; 3]| format!("({:.3}, {:.3}, {:.3})", c[0], c[1], c[2]);
+        rows.push(("bounds (m)", format!("{} to {}", corner(min), corner(max))));
+    }
+    if let Some(digests) = &map.digests {
+        rows.push(("state hash", digests.state_hash.clone()));
+    }
+    for c in &map.clients {
+        let text = format!("{}, epoch {}, goes on at {}", c.client, c.epoch, c.next_sequence);
+        rows.push(("client", text));
+    }
+    let lines: Vec<String> =
+        rows.into_iter().map(|(name, value)| format!("{name:<13} {value}")).collect();
+    lines.join("\n")
+}

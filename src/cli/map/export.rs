@@ -1,0 +1,83 @@
+//! `covis map export`: writes the files of an export, chunk by chunk.
+//!
+//! A file that stands in the way is replaced only once the new one is complete. What the files hold
+//! is the server's.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::bail;
+use fs_err as fs;
+use serde::Serialize;
+
+use super::super::output::print;
+use super::files::Format;
+use crate::client::{Client, MapExport};
+
+/// Files of an export in `--json`.
+#[derive(Debug, Serialize)]
+struct Exported {
+    map: String,
+    revision: i64,
+    files: Vec<PathBuf>,
+}
+
+/// Exports a map and prints the paths of the files.
+pub(super) async fn export(
+    client: &Client,
+    name: String,
+    format: Format,
+    out: &Path,
+    json: bool,
+) -> anyhow::Result<()> {
+    let export = client.export_map(&name, format.into()).await?;
+    let revision = export.header().revision;
+    let files = write(export, out).await?;
+    if json {
+        return print(serde_json::to_string(&Exported { map: name, revision, files })?);
+    }
+    files.iter().try_for_each(|file| print(file.display()))
+}
+
+/// Writes the files of an export and returns their paths. An export of one file goes to `out`
+/// itself, unless that is a folder; one of several into the folder `out`.
+pub(in crate::cli) async fn write(
+    mut export: MapExport,
+    out: &Path,
+) -> anyhow::Result<Vec<PathBuf>> {
+    let paths = export.header().paths.clone();
+    let is_folder = paths.len() != 1 || out.is_dir();
+    if paths.is_empty() {
+        bail!("the map holds nothing to export in this format");
+    }
+    let target = |path: &str| if is_folder { out.join(path) } else { out.to_owned() };
+    let mut open: Option<(PathBuf, fs::File)> = None;
+    while let Some(chunk) = export.next().await? {
+        let path = target(&chunk.path);
+        let partial = partial(&path);
+        let mut file = match open.take() {
+            Some((_, file)) => file,
+            None => {
+                if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
+                    fs::create_dir_all(folder)?;
+                }
+                fs::File::create(&partial)?
+            }
+        };
+        file.write_all(&chunk.data)?;
+        if chunk.last_chunk {
+            file.sync_all()?;
+            fs::rename(&partial, &path)?;
+        } else {
+            open = Some((path, file));
+        }
+    }
+    Ok(paths.iter().map(|path| target(path)).collect())
+}
+
+/// Where a file stands until it is complete.
+fn partial(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".partial");
+    PathBuf::from(name)
+}

@@ -1,0 +1,138 @@
+//! `covis map`: lists, shows, changes, moves and deletes the maps of a server.
+//!
+//! Everything goes through [`crate::client`]. `document.rs` prints a map, `export.rs` and `files.rs`
+//! move maps to and from files, `constraints.rs` lists what ties keyframes.
+
+mod constraints;
+mod document;
+mod export;
+mod files;
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+
+use self::document::{Document, details, table};
+use self::files::{Format, ImportArgs};
+use super::config::Config;
+use super::connect::connect;
+use super::edit;
+use super::output::{print, show};
+use crate::client::Client;
+use crate::wire::v1;
+
+pub(in crate::cli) use export::write;
+
+/// Lists, shows, changes, moves and deletes the maps of a server.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    #[command(subcommand)]
+    action: Action,
+    /// Print JSON instead of text.
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum Action {
+    /// List all maps.
+    List,
+    /// Show one map: counts, clients, bounds.
+    Show {
+        /// The map.
+        name: String,
+    },
+    /// List the constraints of a map, and which of them are switched off.
+    Constraints {
+        /// The map.
+        name: String,
+    },
+    /// Freeze a map: it can be read and takes no changes until it is opened again.
+    Freeze {
+        /// The map.
+        name: String,
+        /// Open the map again, as unfreeze does.
+        #[arg(long)]
+        undo: bool,
+    },
+    /// Open a frozen map again.
+    Unfreeze {
+        /// The map.
+        name: String,
+    },
+    /// Change or remove what a map holds.
+    Edit(edit::Args),
+    /// Delete a map with its journal.
+    Delete {
+        /// The map.
+        name: String,
+    },
+    /// Write a map to files.
+    Export {
+        /// The map.
+        name: String,
+        /// What to write.
+        #[arg(long)]
+        format: Format,
+        /// The file; a folder where there are several (COLMAP's three, TUM with several clients).
+        #[arg(long, value_name = "PATH")]
+        out: PathBuf,
+    },
+    /// Create a map from files: an export of covis, COLMAP, g2o or TUM.
+    Import(ImportArgs),
+}
+
+/// Does what the arguments say.
+/// Fails for a server that is not there, a map that it does not have, a file that cannot be read or
+/// written.
+pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
+    let runtime = tokio::runtime::Runtime::new().context("the async runtime")?;
+    runtime.block_on(act(args, config))
+}
+
+async fn act(Args { action, json }: Args, config: &Config) -> anyhow::Result<()> {
+    let client = connect(config).await?;
+    match action {
+        Action::List => {
+            let maps: Vec<Document> =
+                client.list_maps().await?.into_iter().map(Document::from).collect();
+            show(json, &maps, || table(&maps))
+        }
+        Action::Show { name } => {
+            let (map, digests) = client.get_map_digests(&name).await?;
+            let map = Document::with_digests(map, &digests);
+            show(json, &map, || details(&map))
+        }
+        Action::Constraints { name } => constraints::constraints(&client, name, json).await,
+        Action::Freeze { name, undo } => set_frozen(&client, name, !undo, json).await,
+        Action::Unfreeze { name } => set_frozen(&client, name, false, json).await,
+        Action::Delete { name } => {
+            client.delete_map(&name).await?;
+            let document = || serde_json::json!({ "map": name, "deleted": true }).to_string();
+            print(if json { document() } else { format!("map {name} is deleted") })
+        }
+        Action::Export { name, format, out } => {
+            export::export(&client, name, format, &out, json).await
+        }
+        Action::Import(args) => files::import(&client, args, json).await,
+        Action::Edit(edit) => edit::run(edit, &client, json).await,
+    }
+}
+
+/// Freezes a map or opens it again.
+async fn set_frozen(
+    client: &Client,
+    name: String,
+    is_frozen: bool,
+    json: bool,
+) -> anyhow::Result<()> {
+    let state = if is_frozen { v1::MapState::Frozen } else { v1::MapState::Open };
+    let request = v1::UpdateMapRequest {
+        map_id: name,
+        state: state.into(),
+        update_mask: Some(prost_types::FieldMask { paths: vec!["state".to_owned()] }),
+        ..v1::UpdateMapRequest::default()
+    };
+    let map = Document::from(client.update_map(request).await?);
+    show(json, &map, || format!("map {} is {}", map.map, map.state))
+}

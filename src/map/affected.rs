@@ -1,0 +1,85 @@
+//! What an edit asks to be solved again.
+//!
+//! Removed measurements, fused landmarks and new intrinsics leave the estimates around them where the
+//! old measurements placed them: the keyframes concerned get a local bundle adjustment. A loop closure
+//! that counted and goes asks for a pose graph, which judges the other closures again. Computed from
+//! the map before the change; nothing is solved or changed here.
+
+use std::collections::BTreeSet;
+
+use super::{Change, ConstraintKind, EntityId, Map};
+
+/// Most keyframes that an edit asks to be solved again, the newest ones. An edit that concerns more
+/// needs an optimization of the whole map, and hundreds of windows would delay those of new keyframes.
+const MOST_KEYFRAMES: usize = 64;
+
+/// What is to be solved after an edit.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Affected {
+    /// Whether the pose graph is.
+    pub graph: bool,
+    /// The keyframes that are, oldest first.
+    pub keyframes: Vec<EntityId>,
+}
+
+/// What `change` asks to be solved again, if a client edits the map with it; `map` is the map before it.
+#[must_use]
+pub fn affected(map: &Map, change: &Change) -> Option<Affected> {
+    let observers = |id: &EntityId| {
+        let landmark = map.landmarks().get(id);
+        landmark.into_iter().flat_map(|landmark| landmark.observers.iter().copied())
+    };
+    let (graph, keyframes): (bool, BTreeSet<EntityId>) = match change {
+        Change::ConstraintRevoked { id } => {
+            let is_prior = map.priors().contains_key(id);
+            (is_prior || closes_loop(map, *id), BTreeSet::new())
+        }
+        Change::ObservationsRemoved { observations } => {
+            (false, observations.iter().map(|&(keyframe, _)| keyframe).collect())
+        }
+        Change::LandmarksFused { kept, absorbed } => {
+            (false, absorbed.iter().chain([kept]).flat_map(observers).collect())
+        }
+        Change::LandmarksRemoved { landmarks } => {
+            (false, landmarks.iter().flat_map(observers).collect())
+        }
+        Change::KeyframeRemoved { keyframe } => {
+            let tied = map.ties().of(*keyframe).filter_map(|id| {
+                let constraint = map.active_constraint(id)?;
+                let is_i = constraint.keyframe_i == *keyframe;
+                Some(if is_i { constraint.keyframe_j } else { constraint.keyframe_i })
+            });
+            let sharing = map.covisibility().neighbors(*keyframe).map(|(id, _)| id);
+            let graph = map.ties().of(*keyframe).any(|id| closes_loop(map, id));
+            (graph, tied.chain(sharing).collect())
+        }
+        Change::CameraSet { id, .. } if map.cameras().contains_key(id) => {
+            let views = map.keyframes().iter().filter(|(_, k)| k.camera == Some(*id));
+            (false, views.map(|(&id, _)| id).collect())
+        }
+        Change::Created { .. }
+        | Change::ClientOpened { .. }
+        | Change::CameraSet { .. }
+        | Change::KeyframeAdded { .. }
+        | Change::LandmarksAdded { .. }
+        | Change::ObservationsAdded { .. }
+        | Change::ConstraintAdded { .. }
+        | Change::PriorAdded { .. }
+        | Change::LandmarksTriangulated { .. }
+        | Change::SolveApplied { .. }
+        | Change::KeyframeRetired { .. }
+        | Change::ItemRepeated
+        | Change::PolicySet { .. }
+        | Change::MapUpdated { .. } => return None,
+    };
+    let age = |id: &EntityId| map.keyframes().get(id).map_or(0, |known| known.added_revision);
+    let mut keyframes: Vec<EntityId> = keyframes.into_iter().collect();
+    keyframes.sort_by_key(|id| (age(id), *id));
+    let first = keyframes.len().saturating_sub(MOST_KEYFRAMES);
+    Some(Affected { graph, keyframes: keyframes.split_off(first) })
+}
+
+/// Whether a constraint is a loop closure that counts.
+fn closes_loop(map: &Map, id: EntityId) -> bool {
+    map.active_constraint(id).is_some_and(|c| c.kind == ConstraintKind::LoopClosure)
+}

@@ -1,0 +1,175 @@
+//! Whether a map that comes from outside is one that events can make.
+//!
+//! [`Map::from_parts`] checks that references lead somewhere, which is enough for a snapshot of our
+//! own. A file that somebody uploads may hold anything: here each number is checked as an item's
+//! numbers are, and what the fold keeps true of every map. Nothing is changed or repaired.
+
+use covis_solvers::geometry::{Camera, LieGroup, Se3};
+use nalgebra::Vector3;
+
+use super::{
+    Client, ConstraintKind, Content, EntityId, EntityKind, Keyframe, Landmark, MAX_NUMBER, Map,
+    MapError, Observation, Prior,
+};
+
+/// How far a rotation's norm may be from 1: rounding alone stays far below.
+const UNIT_TOLERANCE: f64 = 1e-6;
+
+type Outcome = Result<(), MapError>;
+
+fn finite(vector: &Vector3<f64>) -> bool {
+    vector.iter().all(|value| value.is_finite())
+}
+
+fn positive(value: f64) -> bool {
+    value.is_finite() && value > 0.0
+}
+
+fn is_pose(pose: &Se3) -> bool {
+    let norm = pose.rotation.quaternion().coords.norm();
+    pose.is_finite() && (norm - 1.0).abs() <= UNIT_TOLERANCE
+}
+
+fn check(holds: bool, kind: EntityKind, id: EntityId, what: &'static str) -> Outcome {
+    if holds { Ok(()) } else { Err(MapError::Unsound { kind, id, what }) }
+}
+
+fn check_map(holds: bool, what: &'static str) -> Outcome {
+    if holds { Ok(()) } else { Err(MapError::UnsoundMap { what }) }
+}
+
+impl Map {
+    /// Checks a map that was put together from parts of unknown origin.
+    ///
+    /// # Errors
+    /// [`MapError::Unsound`] with the first entity that no event makes, [`MapError::UnsoundMap`].
+    pub fn check_sound(&self) -> Result<(), MapError> {
+        let counts = [self.solve_count, self.update_time_ns.saturating_sub(self.create_time_ns)];
+        let counts = counts.into_iter().all(|count| count >= 0) && self.solve_count <= MAX_NUMBER;
+        check_map(counts, "the map's times or its number of solves are not possible")?;
+        check_map((1..=MAX_NUMBER).contains(&self.revision), "the map's revision is not possible")?;
+        self.clients_are_sound()?;
+        for (&id, entity) in &self.cameras {
+            self.own(id, EntityKind::Camera)?;
+            let focal_lengths = if matches!(entity.camera, Camera::Snavely(_)) { 1 } else { 2 };
+            let parameters = entity.camera.parameters();
+            let is_projection = parameters.iter().take(focal_lengths).all(|&f| f > 0.0);
+            let is_finite = entity.camera.is_finite() && is_projection;
+            check(is_finite, EntityKind::Camera, id, "has parameters that are not possible")?;
+        }
+        // Two keyframes of one age would be one in the order of ages.
+        let ages = self.by_age.len() == self.keyframes.len();
+        check_map(ages, "two keyframes were added at one revision")?;
+        self.keyframes.iter().try_for_each(|(&id, keyframe)| self.keyframe(id, keyframe))?;
+        self.landmarks.iter().try_for_each(|(&id, landmark)| self.landmark(id, landmark))?;
+        self.constraints_are_sound()?;
+        for (&id, off) in &self.switched_off {
+            let is_finite = off.chi2.is_finite() && off.weight.is_finite();
+            check(is_finite, EntityKind::Constraint, id, "is switched off by what is no number")?;
+        }
+        for &(content, id) in self.contents.keys() {
+            let (kind, is_known) = match content {
+                Content::Camera => (EntityKind::Camera, self.cameras.contains_key(&id)),
+                Content::Keyframe => (EntityKind::Keyframe, self.keyframes.contains_key(&id)),
+                Content::Constraint => (EntityKind::Constraint, self.has_constraint(id)),
+            };
+            check(is_known, kind, id, "has a digest and is not in the map")?;
+        }
+        Ok(())
+    }
+
+    fn clients_are_sound(&self) -> Outcome {
+        let mut names: Vec<&str> = self.clients.iter().map(|c| c.name.as_str()).collect();
+        names.sort_unstable();
+        let twice = names.windows(2).any(|pair| pair[0] == pair[1]);
+        check_map(!twice, "two clients have one name")?;
+        for client in &self.clients {
+            let Client {
+                name: _,
+                epoch,
+                next_sequence,
+                optimized_sequence,
+                closure_variance,
+                items,
+            } = client;
+            let numbers = (1..=MAX_NUMBER).contains(epoch)
+                && (1..=MAX_NUMBER + 1).contains(next_sequence)
+                && (0..*next_sequence).contains(optimized_sequence);
+            let first = items.iter().next().is_none_or(|(&sequence, _)| sequence >= 1);
+            let last = items.last_key_value().is_none_or(|(sequence, _)| sequence < next_sequence);
+            let text = "a client's epoch or sequences are not possible";
+            check_map(numbers && first && last, text)?;
+            let text = "a client's variance factor is not possible";
+            check_map(positive(*closure_variance), text)?;
+        }
+        Ok(())
+    }
+
+    /// An entity of a client, which chose its id.
+    fn own(&self, id: EntityId, kind: EntityKind) -> Outcome {
+        check(self.client(id.client).is_some(), kind, id, "belongs to no client")?;
+        check(id.id >= 0, kind, id, "has a negative id")
+    }
+
+    fn is_revision(&self, revision: i64) -> bool {
+        (1..=self.revision).contains(&revision)
+    }
+
+    fn keyframe(&self, id: EntityId, keyframe: &Keyframe) -> Outcome {
+        let test = |holds, what| check(holds, EntityKind::Keyframe, id, what);
+        self.own(id, EntityKind::Keyframe)?;
+        let poses = is_pose(&keyframe.world_from_camera) && is_pose(&keyframe.odom_from_camera);
+        test(poses, "has a pose that is not possible")?;
+        test(self.is_revision(keyframe.added_revision), "was added at no revision of the map")?;
+        let sees = keyframe.camera.is_some() || keyframe.observations.is_empty();
+        test(sees, "observes without a camera")?;
+        for seen in keyframe.observations.iter() {
+            let depth = seen.depth.is_none_or(|d| positive(d.depth_m) && positive(d.sigma_m));
+            let pixel = seen.pixel.iter().all(|value| value.is_finite());
+            let what = "has an observation with a number that is not possible";
+            test(pixel && depth && positive(seen.sigma_px), what)?;
+        }
+        let mut keys: Vec<_> = keyframe.observations.iter().map(Observation::key).collect();
+        keys.sort_unstable();
+        let twice = keys.windows(2).any(|pair| pair[0] == pair[1]);
+        test(!twice, "has an observation twice")
+    }
+
+    fn landmark(&self, id: EntityId, landmark: &Landmark) -> Outcome {
+        let test = |holds, what| check(holds, EntityKind::Landmark, id, what);
+        self.own(id, EntityKind::Landmark)?;
+        let positions = [landmark.position, landmark.sent_position];
+        test(positions.iter().flatten().all(finite), "has a position that is not finite")?;
+        let positioned = (0..=self.revision).contains(&landmark.positioned_revision);
+        let revisions = self.is_revision(landmark.added_revision) && positioned;
+        test(revisions, "was added at no revision of the map")?;
+        let observers = &landmark.observers;
+        let reference = landmark.reference.is_none_or(|k| observers.binary_search(&k).is_ok());
+        test(reference, "moves with a keyframe that does not see it")
+    }
+
+    fn constraints_are_sound(&self) -> Outcome {
+        let kind = EntityKind::Constraint;
+        // Ids of the server are negative; each revision has some thousand.
+        let is_id = |id: EntityId, is_ours: bool| id.id >= 0 || (is_ours && id.id >= -MAX_NUMBER);
+        for (&id, constraint) in &self.constraints {
+            check(self.client(id.client).is_some(), kind, id, "belongs to no client")?;
+            let is_ours = constraint.kind == ConstraintKind::Marginal;
+            check(is_id(id, is_ours), kind, id, "has an id that is not possible")?;
+            let ends = constraint.keyframe_i != constraint.keyframe_j;
+            let measured = is_pose(&constraint.keyframe_i_from_keyframe_j);
+            check(ends && measured, kind, id, "measures what is not possible")?;
+        }
+        for (&id, prior) in &self.priors {
+            check(self.client(id.client).is_some(), kind, id, "belongs to no client")?;
+            check(is_id(id, true), kind, id, "has an id that is not possible")?;
+            check(!self.constraints.contains_key(&id), kind, id, "is in the map twice")?;
+            let measured = match prior {
+                Prior::Pose { world_from_camera, .. } => is_pose(world_from_camera),
+                Prior::Position { position_in_world, .. } => finite(position_in_world),
+            };
+            check(measured, kind, id, "measures what is not possible")?;
+        }
+        Ok(())
+    }
+}

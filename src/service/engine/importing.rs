@@ -1,0 +1,131 @@
+//! Creating a map with content, in one step.
+//!
+//! While the content is read, [`ImportRoom`] counts it in the accounts of the map, its tenant and the
+//! server, so that no upload takes more memory than they may hold. The map begins in the store as a
+//! snapshot at its revision: a crash leaves the whole map or none. What the content is, and where it
+//! comes from, is not known here.
+
+use std::fmt;
+use std::sync::Arc;
+
+use super::account::HeldEntities;
+use super::handle::Condition;
+use super::maps::{Claim, run_to_end};
+use super::opening::Start;
+use super::{Account, EngineError, MapInfo, Maps, Reservation, Resource, tenant_of};
+use crate::map::{Map, MapPolicy, Usage};
+use crate::store::StoreError;
+
+/// Room for the content of a map that is being read. Dropping it gives the room back.
+pub struct ImportRoom {
+    account: Arc<Account>,
+    held: HeldEntities,
+    reached: Usage,
+    /// An upload is an open stream.
+    _place: Reservation,
+}
+
+impl fmt::Debug for ImportRoom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ImportRoom").field("reached", &self.reached).finish_non_exhaustive()
+    }
+}
+
+impl ImportRoom {
+    /// Reserves room for what was read so far. Counts never fall.
+    ///
+    /// # Errors
+    /// [`EngineError::Ceiling`], [`EngineError::TenantCeiling`], [`EngineError::ServerCeiling`].
+    pub fn reach(&mut self, usage: Usage) -> Result<(), EngineError> {
+        let ceilings = self.account.limits().held;
+        if let Some(exceeded) = ceilings.exceeded(Usage::default(), usage) {
+            return Err(self.account.exceeded(exceeded));
+        }
+        let growth = usage - self.reached;
+        self.held.grow(growth)?;
+        self.reached = self.reached + growth;
+        Ok(())
+    }
+}
+
+/// What an imported map has of its own.
+#[derive(Clone, Debug, Default)]
+pub struct ImportedAs {
+    /// Free text for people; `None` keeps that of the content.
+    pub display_name: Option<String>,
+    /// How the map is kept; `None` keeps that of the content.
+    pub policy: Option<MapPolicy>,
+}
+
+impl Maps {
+    /// Begins the import of a map.
+    ///
+    /// # Errors
+    /// [`EngineError::MapExists`], [`EngineError::TenantCeiling`] and
+    /// [`EngineError::ServerCeiling`] for too many streams, [`EngineError::ShuttingDown`].
+    pub fn begin_import(&self, name: &str) -> Result<ImportRoom, EngineError> {
+        if self.get(name).is_ok() {
+            return Err(EngineError::MapExists { map: name.to_owned() });
+        }
+        let account = self.inner.pool.accounts().of_map(name);
+        let place = account.reserve(Resource::Streams, 1)?;
+        let held = HeldEntities::existing(&account, Usage::default());
+        Ok(ImportRoom { account, held, reached: Usage::default(), _place: place })
+    }
+
+    /// Creates a map with content. Dropping the future does not stop a creation that has begun.
+    ///
+    /// # Errors
+    /// As [`Maps::create`], and those of [`ImportRoom::reach`].
+    pub async fn import(
+        &self,
+        mut room: ImportRoom,
+        name: &str,
+        content: Map,
+        imported: ImportedAs,
+    ) -> Result<MapInfo, EngineError> {
+        room.reach(content.usage())?;
+        let claim = self.claim(name).await?;
+        if claim.map().is_some() {
+            return Err(EngineError::MapExists { map: name.to_owned() });
+        }
+        let ImportedAs { display_name, policy } = imported;
+        let content = content.imported(self.create_time_ns(), display_name, policy);
+        let maps = self.clone();
+        run_to_end(async move {
+            let created = maps.import_claimed(claim, content).await;
+            // The engine of the new map counts it from here on.
+            drop(room);
+            created
+        })
+        .await
+    }
+
+    /// Creates a map whose name is claimed and free.
+    async fn import_claimed(&self, claim: Claim, content: Map) -> Result<MapInfo, EngineError> {
+        let (store, name) = (&self.inner.store, claim.name().to_owned());
+        let tenant = self.inner.pool.accounts().tenant(tenant_of(&name));
+        let place = tenant.reserve(Resource::Maps, 1)?;
+        let content = Arc::new(content);
+        let epoch = match store.create_map_of(&name, Arc::clone(&content)).await {
+            // No engine owns it: a failed creation left it and could not be undone.
+            Err(StoreError::MapExists { .. }) => {
+                store.delete_map(&name).await?;
+                store.create_map_of(&name, Arc::clone(&content)).await?
+            }
+            epoch => epoch?,
+        };
+        let flushed = store.follow(&name).await?;
+        let start = Start {
+            name,
+            epoch,
+            snapshot: content.revision(),
+            map: Arc::unwrap_or_clone(content),
+            condition: Condition::Open,
+            unopened: None,
+            unsolved: Vec::new(),
+            flushed,
+        };
+        self.start_created(claim, start, place).await
+    }
+}

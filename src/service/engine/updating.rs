@@ -1,0 +1,41 @@
+//! A requested change of a map: its name, its policy, and whether it is frozen.
+//!
+//! The change is one event, or none if everything is as requested already. Freezing ends the streams
+//! and drops the result of the running solve; the items that wait for solves keep their places, so
+//! that they are solved once the map is open again. What the map holds is not changed here.
+
+use super::EngineError;
+use super::actor::Actor;
+use super::handle::{MapInfo, MapUpdate};
+use crate::map::Change;
+
+impl Actor {
+    /// Makes a requested change and returns the map after it.
+    pub(super) async fn update(&mut self, update: MapUpdate) -> Result<MapInfo, EngineError> {
+        self.check_changeable()?;
+        let MapUpdate { display_name, policy, frozen, expected_revision } = update;
+        let actual = self.map.revision();
+        if let Some(expected) = expected_revision.filter(|&expected| expected != actual) {
+            let map = self.shared.name.clone();
+            return Err(EngineError::RevisionMismatch { map, expected, actual });
+        }
+        let display_name = display_name.filter(|name| name != self.map.display_name());
+        let policy = policy.map(|policy| policy(self.map.policy()));
+        let policy = policy.filter(|policy| policy != self.map.policy());
+        let frozen = frozen.filter(|&frozen| frozen != self.map.is_frozen());
+        if display_name.is_none() && policy.is_none() && frozen.is_none() {
+            return Ok(self.info());
+        }
+        self.commit(None, Change::MapUpdated { display_name, policy, frozen }).await?;
+        if frozen == Some(true) {
+            let error = EngineError::Frozen { map: self.shared.name.clone() };
+            self.solving.pause(&error);
+            self.ingest.end_all(&error);
+        }
+        if let Some(frozen) = frozen {
+            let map = &self.shared.name;
+            tracing::info!(map, frozen, "the map's state was changed");
+        }
+        Ok(self.info())
+    }
+}

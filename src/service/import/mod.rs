@@ -1,0 +1,199 @@
+//! Imports: a map from the files of a format, as they are uploaded.
+//!
+//! A file of covis is read while it comes, and only the map that it holds is in memory; the files of
+//! other formats are kept until all are there, because they refer to each other. The account of the
+//! new map bounds both. A map exists once everything was read and checked, and not before: a call
+//! that ends early leaves nothing. `upload.rs` puts chunks in order, `models.rs` makes items of other
+//! formats.
+
+mod models;
+mod upload;
+
+use covis_solvers::io::colmap::ColmapEncoding;
+use tonic::Streaming;
+
+use self::upload::{Pipe, Upload, pipe};
+use super::access::Caller;
+use super::context::Context;
+use super::convert::map::{ServerCeilings, display_name, policy, to_limits, to_map, to_policy};
+use super::convert::{Path, convert, ids};
+use super::engine::{EngineError, ImportRoom, ImportedAs};
+use super::error::ServiceError;
+use crate::map::{Map, MapPolicy, Reason};
+use crate::store::{MapFileError, read_map_file};
+use crate::wire::v1;
+
+/// The owner of what is imported from a format without clients.
+const DEFAULT_CLIENT: &str = "import";
+
+/// A format that is imported.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    /// covis' own.
+    Covis,
+    /// COLMAP sparse model.
+    Colmap(ColmapEncoding),
+    /// TUM trajectories, one per client.
+    Tum,
+    /// Pose graph.
+    G2o,
+}
+
+/// What an import makes.
+struct Header {
+    name: String,
+    imported: ImportedAs,
+    format: Format,
+    client: String,
+}
+
+/// A file of an upload.
+struct File {
+    path: String,
+    bytes: Vec<u8>,
+}
+
+/// Reads an upload to its end and creates the map.
+pub(super) async fn import(
+    context: &Context,
+    caller: &Caller,
+    inbound: Streaming<v1::ImportMapRequest>,
+) -> Result<v1::ImportMapResponse, ServiceError> {
+    let ceilings = context.ceilings();
+    let mut upload = Upload::new(context, inbound);
+    let header = header(upload.header().await?, caller, &ceilings)?;
+    let Header { name, imported, format, client } = header;
+    let room = context.maps.begin_import(&name)?;
+    let (content, room, imported) = match format {
+        Format::Covis => {
+            let (content, room) = own(&mut upload, room).await?;
+            let kept = kept_policy(&content, &ceilings)?;
+            let policy = imported.policy.or(Some(kept));
+            (content, room, ImportedAs { policy, ..imported })
+        }
+        Format::Colmap(_) | Format::Tum | Format::G2o => {
+            let (files, room) = upload.files(room).await?;
+            let policy = match imported.policy {
+                Some(policy) => policy,
+                None => convert(|out| policy(None, &ceilings, out))?,
+            };
+            let built = move || models::build(format, &files, &client, policy, room);
+            let (content, room) = Context::blocking(built).await?;
+            (content, room, imported)
+        }
+    };
+    let info = context.maps.import(room, &name, content, imported).await?;
+    Ok(v1::ImportMapResponse { map: Some(to_map(&info, ceilings.queued_items)) })
+}
+
+fn header(
+    message: v1::ImportMapHeader,
+    caller: &Caller,
+    ceilings: &ServerCeilings,
+) -> Result<Header, ServiceError> {
+    let header = convert(|out| {
+        let map_id = ids::map_id(&message.map_id, out);
+        let name = display_name(&message.display_name, out);
+        let kept = match &message.policy {
+            None => Some(None),
+            Some(wanted) => policy(Some(wanted), ceilings, out).map(Some),
+        };
+        let client = match message.client_id.as_str() {
+            "" => Some(DEFAULT_CLIENT.to_owned()),
+            client => ids::name(Path::root("client_id"), client, out),
+        };
+        let at = Path::root("format");
+        let format = match out.known(at, message.format) {
+            Some(v1::MapFormat::Unspecified) => out.missing(at),
+            Some(v1::MapFormat::ColmapText) => Some(Format::Colmap(ColmapEncoding::Text)),
+            Some(v1::MapFormat::ColmapBinary) => Some(Format::Colmap(ColmapEncoding::Binary)),
+            Some(v1::MapFormat::Tum) => Some(Format::Tum),
+            Some(v1::MapFormat::G2o) => Some(Format::G2o),
+            Some(v1::MapFormat::Covis) => Some(Format::Covis),
+            Some(v1::MapFormat::Ply) => {
+                out.report(at, Reason::OutOfRange, "PLY holds points only and is not imported")
+            }
+            None => None,
+        };
+        let (map_id, display_name) = (map_id?, Some(name?).filter(|name| !name.is_empty()));
+        Some(Header {
+            name: caller.engine_name(&map_id),
+            imported: ImportedAs { display_name, policy: kept? },
+            format: format?,
+            client: client?,
+        })
+    })?;
+    Ok(header)
+}
+
+/// Reads a file of covis while it comes.
+async fn own(
+    upload: &mut Upload<'_>,
+    mut room: ImportRoom,
+) -> Result<(Map, ImportRoom), ServiceError> {
+    let (sender, mut input) = pipe();
+    let reading = tokio::task::spawn_blocking(move || {
+        let mut full = None;
+        let read = read_map_file(&mut input, &mut |usage| match room.reach(usage) {
+            Ok(()) => true,
+            Err(error) => {
+                full = Some(error);
+                false
+            }
+        });
+        // What is left in the pipe is not read any more, which ends the upload.
+        drop::<Pipe>(input);
+        (read, full, room)
+    });
+    let sent = upload.one_file(sender).await;
+    let (read, full, room) = match reading.await {
+        Ok(read) => read,
+        Err(error) if error.is_panic() => {
+            return Err(ServiceError::Panicked { message: error.to_string() });
+        }
+        Err(_canceled) => return Err(EngineError::ShuttingDown.into()),
+    };
+    let path = sent?;
+    if let Some(full) = full {
+        return Err(full.into());
+    }
+    let map = read.map_err(|error| unreadable(&path, &error))?;
+    clients_are_named(&map, &path)?;
+    Ok((map, room))
+}
+
+/// The error for a file that is no map.
+fn unreadable(path: &str, error: &MapFileError) -> ServiceError {
+    let reason = match error {
+        MapFileError::Damaged { .. } | MapFileError::Stopped => Reason::Inconsistent,
+        MapFileError::Later { .. } => Reason::UnknownValue,
+    };
+    ServiceError::field("chunk.data", reason, format!("{path}: {error}"))
+}
+
+/// The store takes any text for the name of a client; the wire does not.
+fn clients_are_named(map: &Map, path: &str) -> Result<(), ServiceError> {
+    let bad = map.clients().iter().find(|client| !ids::is_name(&client.name));
+    bad.map_or(Ok(()), |client| {
+        let text = format!("{path}: {:?} is no name of a client", client.name);
+        Err(ServiceError::field("chunk.data", Reason::OutOfRange, text))
+    })
+}
+
+/// The policy of an imported map, checked as one that a client sends. Its ceilings are never above
+/// those of this server.
+fn kept_policy(map: &Map, ceilings: &ServerCeilings) -> Result<MapPolicy, ServiceError> {
+    let MapPolicy { max_queued_items, .. } = *map.policy();
+    let mut message = to_policy(map.policy(), ceilings.queued_items);
+    message.limits = Some(v1::MapLimits {
+        max_queued_item_count: None,
+        ..to_limits(&map.policy().ceilings, ceilings.queued_items)
+    });
+    let checked = convert(|out| {
+        display_name(map.display_name(), out)?;
+        policy(Some(&message), ceilings, out)
+    })?;
+    let max_queued_items = max_queued_items.map(|items| items.clamp(1, 65_536));
+    let ceilings = map.policy().ceilings.lower(&checked.ceilings);
+    Ok(MapPolicy { max_queued_items, ceilings, ..*map.policy() })
+}

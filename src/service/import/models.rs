@@ -1,0 +1,274 @@
+//! Maps from the files of COLMAP, g2o and TUM.
+//!
+//! `covis_solvers::io` reads the files. What they hold becomes items of one client (of one client a
+//! file for TUM), which the map checks and folds as it does those of a stream; no solve runs. So an
+//! error names the file and the line or byte, or the record and what is wrong with it.
+
+use std::collections::BTreeMap;
+use std::fmt::Display;
+use std::path::Path;
+
+use covis_solvers::geometry::Se3;
+use covis_solvers::io::IoError;
+use covis_solvers::io::colmap::{ColmapEncoding, ColmapImage, ColmapModel};
+use covis_solvers::io::g2o::G2oGraph;
+use covis_solvers::io::natural_cmp;
+use covis_solvers::io::trajectory::Trajectory;
+
+use super::{File, Format};
+use crate::map::{
+    Change, ClientIndex, ConstraintKind, EntityRef, Event, Item, ItemLandmark, ItemObservation,
+    Map, MapError, MapPolicy, Reason, Usage,
+};
+use crate::service::convert::ids;
+use crate::service::engine::ImportRoom;
+use crate::service::error::ServiceError;
+
+/// Standard deviation of a pixel coordinate where a format has none, px.
+const SIGMA_PX: f64 = 1.0;
+/// Time between images that have none, ns.
+const IMAGE_STEP_NS: i64 = 1_000_000_000;
+/// Landmarks in one item.
+const LANDMARKS: usize = 4096;
+/// Nanoseconds in a second.
+const NANOSECONDS: f64 = 1e9;
+
+/// The map that the files hold, of client `client` where the format has no clients. Blocks.
+pub(super) fn build(
+    format: Format,
+    files: &[File],
+    client: &str,
+    policy: MapPolicy,
+    room: ImportRoom,
+) -> Result<(Map, ImportRoom), ServiceError> {
+    let mut building = Building::new(policy, room)?;
+    building.kept = files.iter().map(|file| file.bytes.len() as u64).sum();
+    match format {
+        Format::Colmap(encoding) => colmap(&mut building, encoding, files, client)?,
+        Format::G2o => g2o(&mut building, files, client)?,
+        Format::Tum => tum(&mut building, files, client)?,
+        // Read while it comes.
+        Format::Covis => return Err(refused("a file of covis is not made of items")),
+    }
+    Ok((building.map, building.room))
+}
+
+/// A map that grows by items.
+struct Building {
+    map: Map,
+    room: ImportRoom,
+    /// Bytes of the files, which stay in memory beside the map.
+    kept: u64,
+}
+
+impl Building {
+    fn new(policy: MapPolicy, room: ImportRoom) -> Result<Self, ServiceError> {
+        let mut building = Self { map: Map::new(), room, kept: 0 };
+        let created = Change::Created { policy, create_time_ns: 0, display_name: String::new() };
+        building.apply("the map", created)?;
+        Ok(building)
+    }
+
+    fn client(&mut self, name: &str) -> Result<ClientIndex, ServiceError> {
+        self.apply(name, Change::ClientOpened { name: name.to_owned(), epoch: 1 })?;
+        let opened = self.map.client_named(name);
+        opened.ok_or_else(|| refused("a client that was opened is not in the map"))
+    }
+
+    /// Adds an item, which errors call `what`.
+    fn add(
+        &mut self,
+        client: ClientIndex,
+        what: impl Display,
+        item: &Item,
+    ) -> Result<(), ServiceError> {
+        if !item.has_valid_numbers() {
+            return Err(refused(format!("{what}: a number is not finite or not positive")));
+        }
+        let change = self.map.check(client, item);
+        let change = change.map_err(|rejection| refused(format!("{what}: {rejection}")))?;
+        self.apply(what, change)
+    }
+
+    fn apply(&mut self, what: impl Display, change: Change) -> Result<(), ServiceError> {
+        let revision = self.map.revision() + 1;
+        let event = Event { revision, time_ns: 0, cause: None, change };
+        let wrong = |error: MapError| refused(format!("{what}: {error}"));
+        self.map.apply(&event).map_err(wrong)?;
+        let usage = self.map.usage();
+        self.room.reach(Usage { bytes: usage.bytes + self.kept, ..usage })?;
+        Ok(())
+    }
+}
+
+/// The error for files that are no map.
+fn refused(text: impl Into<String>) -> ServiceError {
+    ServiceError::field("chunk.data", Reason::Inconsistent, text)
+}
+
+fn unreadable(error: &IoError) -> ServiceError {
+    refused(error.to_string())
+}
+
+/// The file with this name, in whatever folder.
+fn named<'f>(files: &'f [File], name: &str) -> Result<&'f [u8], ServiceError> {
+    let is_named = |file: &&File| file.path.rsplit('/').next() == Some(name);
+    let file = files.iter().find(is_named);
+    let file = file.ok_or_else(|| refused(format!("{name} is not among the files")))?;
+    Ok(&file.bytes)
+}
+
+/// The id of an entity from a number of a file.
+fn id_of(what: impl Display, number: u64) -> Result<i64, ServiceError> {
+    i64::try_from(number).map_err(|_large| refused(format!("{what}: the id is above 2^63 - 1")))
+}
+
+/// Images become keyframes, a second apart in the natural order of their names; the format has no
+/// times.
+fn colmap(
+    building: &mut Building,
+    encoding: ColmapEncoding,
+    files: &[File],
+    client: &str,
+) -> Result<(), ServiceError> {
+    let [cameras, images, points] = encoding.file_names();
+    let bytes = [named(files, cameras)?, named(files, images)?, named(files, points)?];
+    let model = ColmapModel::parse(encoding, bytes, Path::new(""));
+    let model = model.map_err(|error| unreadable(&error))?;
+    let client = building.client(client)?;
+    for (&id, camera) in &model.cameras {
+        let what = format!("{cameras}, camera {id}");
+        let projection = camera.to_camera(id).map_err(|error| unreadable(&error))?;
+        let size = |pixels: u64| {
+            u32::try_from(pixels)
+                .map_err(|_large| refused(format!("{what}: the image is too large")))
+        };
+        let (width_px, height_px) = (size(camera.width)?, size(camera.height)?);
+        let item = Item::Camera { id: id.into(), camera: projection, width_px, height_px };
+        building.add(client, &what, &item)?;
+    }
+    let ids: Vec<u64> = model.points.keys().copied().collect();
+    for batch in ids.chunks(LANDMARKS) {
+        let mut landmarks = Vec::with_capacity(batch.len());
+        for number in batch {
+            let id = id_of(format_args!("{points}, point {number}"), *number)?;
+            let position = model.points.get(number).map(|point| point.position.into());
+            landmarks.push(ItemLandmark { id, position });
+        }
+        let what = format!("{points}, points from {:?} on", batch.first());
+        building.add(client, what, &Item::Landmarks { landmarks })?;
+    }
+    let mut ordered: Vec<(u32, &ColmapImage)> = model.images.iter().map(|(&i, m)| (i, m)).collect();
+    ordered.sort_by(|a, b| natural_cmp(&a.1.name, &b.1.name).then(a.0.cmp(&b.0)));
+    for (place, (id, image)) in (0..).zip(ordered) {
+        let what = format!("{images}, image {id}");
+        let pose = image.world_from_camera();
+        let pose = pose.ok_or_else(|| refused(format!("{what}: the rotation has no norm")))?;
+        let mut observations = Vec::new();
+        for keypoint in &image.keypoints {
+            let Some(point) = keypoint.point else { continue };
+            observations.push(ItemObservation {
+                landmark: EntityRef::own(id_of(&what, point)?),
+                pixel: keypoint.pixel(),
+                sigma_px: SIGMA_PX,
+                depth: None,
+                descriptor: None,
+            });
+        }
+        let item = Item::Keyframe {
+            id: id.into(),
+            capture_time_ns: IMAGE_STEP_NS.saturating_mul(place),
+            camera: Some(EntityRef::own(image.camera.into())),
+            world_from_camera: pose,
+            odom_from_camera: None,
+            observations,
+            landmarks: Vec::new(),
+        };
+        building.add(client, what, &item)?;
+    }
+    Ok(())
+}
+
+/// A keyframe of which only the pose is known.
+fn keyframe(id: i64, capture_time_ns: i64, world_from_camera: Se3) -> Item {
+    Item::Keyframe {
+        id,
+        capture_time_ns,
+        camera: None,
+        world_from_camera,
+        odom_from_camera: None,
+        observations: Vec::new(),
+        landmarks: Vec::new(),
+    }
+}
+
+/// Vertices become keyframes, a second apart by their ids; edges between consecutive ids become
+/// odometry, the others loop closures.
+fn g2o(building: &mut Building, files: &[File], client: &str) -> Result<(), ServiceError> {
+    let [file] = files else { return Err(refused("a pose graph is one file")) };
+    let path = &file.path;
+    let graph = G2oGraph::parse(&file.bytes, Path::new(path));
+    let graph = match graph.map_err(|error| unreadable(&error))? {
+        G2oGraph::Se3(graph) if graph.has_vertices() => graph,
+        G2oGraph::Se3(_) => return Err(refused(format!("{path}: the graph has edges only"))),
+        G2oGraph::Se2(_) => {
+            return Err(refused(format!("{path}: a map holds no graph of the plane")));
+        }
+    };
+    let graph = graph.to_pose_graph().map_err(|error| unreadable(&error))?;
+    let client = building.client(client)?;
+    let poses: BTreeMap<i64, Se3> =
+        graph.ids.iter().copied().zip(graph.poses.iter().copied()).collect();
+    for (place, (&id, &pose)) in (0..).zip(&poses) {
+        let item = keyframe(id, IMAGE_STEP_NS.saturating_mul(place), pose);
+        building.add(client, format_args!("{path}, vertex {id}"), &item)?;
+    }
+    for (id, edge) in (0..).zip(&graph.edges) {
+        let ids = [edge.i, edge.j].map(|pose| graph.ids.get(pose).copied().unwrap_or(-1));
+        let [i, j] = ids;
+        let kind = match i.abs_diff(j) {
+            1 => ConstraintKind::Odometry,
+            _ => ConstraintKind::LoopClosure,
+        };
+        let item = Item::RelativePose {
+            id,
+            kind,
+            keyframe_i: EntityRef::own(i),
+            keyframe_j: EntityRef::own(j),
+            keyframe_i_from_keyframe_j: edge.i_from_j,
+            information: edge.information,
+            loss: None,
+        };
+        building.add(client, format_args!("{path}, edge {id} from {i} to {j}"), &item)?;
+    }
+    Ok(())
+}
+
+/// Each file is a client, called by the file's name where that is a name of a client.
+fn tum(building: &mut Building, files: &[File], client: &str) -> Result<(), ServiceError> {
+    if files.is_empty() {
+        return Err(refused("no trajectory came"));
+    }
+    for file in files {
+        let path = &file.path;
+        let trajectory = Trajectory::parse(&file.bytes, Path::new(path));
+        let trajectory = trajectory.map_err(|error| unreadable(&error))?;
+        let name = path.rsplit('/').next().and_then(|name| name.strip_suffix(".tum"));
+        let name = name.filter(|name| ids::is_name(name)).unwrap_or(client);
+        if building.map.client_named(name).is_some() {
+            return Err(refused(format!("{path}: a file before it has the client {name:?} too")));
+        }
+        let client = building.client(name)?;
+        let poses = trajectory.timestamps.iter().zip(&trajectory.world_from_body);
+        for (id, (&seconds, &pose)) in (0..).zip(poses) {
+            let what = format!("{path}, pose {id}");
+            let time = (seconds * NANOSECONDS).round();
+            // The largest double below 2^63.
+            if time.abs() > 9.223_372_036_854_774e18 {
+                return Err(refused(format!("{what}: the time is past 64-bit nanoseconds")));
+            }
+            building.add(client, what, &keyframe(id, time as i64, pose))?;
+        }
+    }
+    Ok(())
+}

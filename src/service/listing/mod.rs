@@ -1,0 +1,126 @@
+//! Pages and streams of `MapService`: maps, trajectories, landmarks, keyframes, constraints.
+//!
+//! A page token names the last entry of its page, so that a later call continues after it whatever
+//! has changed since. A token is valid only for the list that it was made for. Streams send about 1
+//! MiB per message. `pager.rs` cuts a stream into messages; each list of entities has a file. Nothing
+//! here changes a map.
+
+mod constraints;
+mod keyframes;
+mod landmarks;
+mod pager;
+
+use prost::Message;
+use sha2::{Digest as _, Sha256};
+
+use super::context::Sink;
+use super::convert::entities::{clients_by_name, to_keyframe_pose};
+use super::convert::{Path, Violations, convert};
+use super::error::ServiceError;
+use crate::map::{ClientIndex, Map, Reason};
+use crate::wire::v1;
+
+pub(super) use constraints::{constraint_pages, constraints};
+pub(super) use keyframes::{keyframe_pages, keyframes};
+pub(super) use landmarks::{landmark_pages, landmarks};
+
+/// Size at which a streamed message is cut, bytes.
+pub(super) const MESSAGE_BYTES: usize = 1 << 20;
+/// Maps in a page if the request gives no number.
+const DEFAULT_MAPS: usize = 100;
+/// Most maps in a page.
+const MAX_MAPS: i64 = 1000;
+/// Bytes of a repeated message's tag and length, at most.
+pub(super) const ENTRY_OVERHEAD: usize = 6;
+
+/// A list with pages: its call, and the owner of its entries.
+#[derive(Clone, Debug)]
+pub(super) struct PagedList {
+    call: &'static str,
+    owner: String,
+}
+
+impl PagedList {
+    /// The maps of a tenant.
+    pub(super) fn maps(tenant: &str) -> Self {
+        Self { call: "ListMaps", owner: tenant.to_owned() }
+    }
+
+    /// A list of entities of a map.
+    fn of_map(call: &'static str, map_id: &str) -> Self {
+        Self { call, owner: map_id.to_owned() }
+    }
+
+    /// The token of the page after the entry that `last` names.
+    pub(super) fn token(&self, last: &str) -> String {
+        format!("{last}.{}", self.mark(last))
+    }
+
+    /// The entry that a token names; reports one that was not made for this list.
+    fn last<'t>(&self, token: &'t str, out: &mut Violations) -> Option<&'t str> {
+        let parts = token.rsplit_once('.');
+        let last = parts.filter(|(last, mark)| self.mark(last) == *mark).map(|(last, _)| last);
+        last.or_else(|| {
+            let text = format!("no token that this server gave for this {}", self.call);
+            out.report(Path::root("page_token"), Reason::OutOfRange, text)
+        })
+    }
+
+    /// Detects tokens that are invalid or belong to another list; it does not protect against
+    /// forgery.
+    fn mark(&self, last: &str) -> String {
+        let mut hash = Sha256::new();
+        for part in [self.call, &self.owner, last] {
+            hash.update((part.len() as u64).to_le_bytes());
+            hash.update(part);
+        }
+        hash.finalize().iter().take(8).map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+/// How many maps a page has, and the map after which it begins.
+pub(super) fn map_page(
+    request: &v1::ListMapsRequest,
+    list: &PagedList,
+) -> Result<(usize, String), ServiceError> {
+    let page = convert(|out| {
+        let size = out.within(Path::root("page_size"), request.page_size, 0, MAX_MAPS);
+        let after = match request.page_token.as_str() {
+            "" => Some(""),
+            token => list.last(token, out),
+        };
+        Some((if size? == 0 { DEFAULT_MAPS } else { size? }, after?.to_owned()))
+    })?;
+    Ok(page)
+}
+
+/// Streams the poses of all clients, or of one.
+pub(super) async fn trajectory(
+    map: &Map,
+    only: Option<ClientIndex>,
+    sink: &Sink<v1::GetTrajectoryResponse>,
+) -> Result<(), ServiceError> {
+    let revision = map.revision();
+    let mut message = v1::GetTrajectoryResponse { revision, poses: Vec::new() };
+    let (mut bytes, mut sent) = (0, false);
+    for (_, client) in clients_by_name(map) {
+        if only.is_some_and(|only| only != client) {
+            continue;
+        }
+        for (id, keyframe) in map.trajectory(client) {
+            let pose = to_keyframe_pose(map, id, keyframe);
+            let size = pose.encoded_len() + ENTRY_OVERHEAD;
+            if bytes + size > MESSAGE_BYTES {
+                let poses = std::mem::take(&mut message.poses);
+                sink.send(v1::GetTrajectoryResponse { revision, poses }).await?;
+                (bytes, sent) = (0, true);
+            }
+            bytes += size;
+            message.poses.push(pose);
+        }
+    }
+    if !sent || !message.poses.is_empty() {
+        sink.send(message).await?;
+    }
+    Ok(())
+}

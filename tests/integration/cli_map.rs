@@ -1,0 +1,88 @@
+//! `covis map` with the real binary: import, constraints, freeze, and a map that moves by a file.
+
+use serde_json::Value;
+
+use crate::cli_support::{Running, Workspace};
+
+/// Four poses on a line: odometry, and one closure.
+const GRAPH: &str = "\
+VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1
+VERTEX_SE3:QUAT 1 1 0 0 0 0 0 1
+VERTEX_SE3:QUAT 2 2 0 0 0 0 0 1
+VERTEX_SE3:QUAT 3 3 0 0 0 0 0 1
+EDGE_SE3:QUAT 0 1 1 0 0 0 0 0 1 10 0 0 0 0 0 10 0 0 0 0 10 0 0 0 10 0 0 10 0 10
+EDGE_SE3:QUAT 1 2 1 0 0 0 0 0 1 10 0 0 0 0 0 10 0 0 0 0 10 0 0 0 10 0 0 10 0 10
+EDGE_SE3:QUAT 2 3 1 0 0 0 0 0 1 10 0 0 0 0 0 10 0 0 0 0 10 0 0 0 10 0 0 10 0 10
+EDGE_SE3:QUAT 0 3 3 0 0 0 0 0 1 10 0 0 0 0 0 10 0 0 0 0 10 0 0 0 10 0 0 10 0 10
+";
+
+/// `covis map` on a server.
+fn map(workspace: &Workspace, server: &Running, arguments: &str) -> crate::cli_support::Ran {
+    workspace.run(&format!("map --server {} {arguments}", server.url), &[])
+}
+
+fn json(workspace: &Workspace, server: &Running, arguments: &str) -> Value {
+    workspace.json(&format!("map --server {} --json {arguments}", server.url), &[])
+}
+
+#[test]
+fn a_map_is_imported_frozen_and_moved_to_another_server() {
+    let workspace = Workspace::new();
+    workspace.file("graph.g2o", GRAPH);
+    let folders = [workspace.path("here"), workspace.path("there")];
+    let here = Running::start(&workspace, &folders[0]);
+    let imported = json(&workspace, &here, "import line graph.g2o --client survey");
+    assert_eq!((&imported["keyframes"], &imported["constraints"]), (&4.into(), &4.into()));
+    assert_eq!(imported["clients"][0]["client"], "survey");
+
+    let listed = json(&workspace, &here, "constraints line");
+    let rows = listed["constraints"].as_array().unwrap();
+    let kinds: Vec<_> = rows.iter().map(|row| row["kind"].as_str().unwrap()).collect();
+    assert_eq!(kinds, ["odometry", "odometry", "odometry", "loop closure"]);
+    assert_eq!(rows[3]["keyframes"], serde_json::json!([["survey", 0], ["survey", 3]]));
+    assert_eq!(rows[3]["switched_off"], false);
+    let text = map(&workspace, &here, "constraints line").stdout;
+    assert_eq!(text.lines().count(), 5, "{text}");
+    assert!(text.lines().nth(4).unwrap().contains("survey/0 - survey/3"), "{text}");
+
+    assert_eq!(json(&workspace, &here, "freeze line")["state"], "frozen");
+    assert_eq!(map(&workspace, &here, "unfreeze line").stdout, "map line is open\n");
+    assert_eq!(json(&workspace, &here, "freeze line")["state"], "frozen");
+    assert_eq!(json(&workspace, &here, "freeze line --undo")["state"], "open");
+
+    let exported = json(&workspace, &here, "export line --format covis --out line.covis");
+    assert_eq!(exported["files"], serde_json::json!(["line.covis"]));
+    let there = Running::start(&workspace, &folders[1]);
+    json(&workspace, &there, "import copy line.covis");
+    let shown = [json(&workspace, &here, "show line"), json(&workspace, &there, "show copy")];
+    for key in ["state_hash", "keyframe_ids_digest", "revision", "clients"] {
+        assert_eq!(shown[0][key], shown[1][key], "{key}");
+    }
+    map(&workspace, &there, "import copy line.covis").expect_failure(&["exists already"]);
+}
+
+#[test]
+fn an_import_says_what_is_wrong_with_a_file() {
+    let workspace = Workspace::new();
+    let server = Running::start(&workspace, &workspace.path("maps"));
+    let run = |arguments: &str| map(&workspace, &server, arguments);
+    run("import a none.g2o").expect_failure(&["none.g2o"]);
+    workspace.file("map.xyz", "");
+    run("import a map.xyz").expect_failure(&["map.xyz", "--format"]);
+    fs_err::create_dir(workspace.path("empty")).unwrap();
+    run("import a empty").expect_failure(&["empty", "nothing"]);
+    workspace.file("bad.g2o", "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 x\n");
+    run("import a bad.g2o").expect_failure(&["bad.g2o", "line 1"]);
+    workspace.file("bad.covis", "covis");
+    run("import a bad.covis").expect_failure(&["bad.covis", "byte 0"]);
+    assert_eq!(run("list").stdout, "no maps\n");
+}
+
+#[test]
+fn a_trajectory_becomes_a_map_of_its_client() {
+    let workspace = Workspace::new();
+    workspace.file("drone.tum", "# time\n1.5 0 0 0 0 0 0 1\n2.5 1 0 0 0 0 0 1\n");
+    let server = Running::start(&workspace, &workspace.path("maps"));
+    let map = json(&workspace, &server, "import path drone.tum");
+    assert_eq!((&map["keyframes"], &map["clients"][0]["client"]), (&2.into(), &"drone".into()));
+}
