@@ -55,10 +55,6 @@ const TOO_STIFF: f64 = 1.6;
 const TOO_SOFT: f64 = 0.5;
 const LEAST_STIFFNESS: f64 = 0.003;
 
-/// Steps that lower the cost by a larger share are plain reweighted least squares: longer ones would
-/// give up more of the observations under a bounded loss, for good.
-const SETTLED: f64 = 0.01;
-
 /// What a linearization tells the loop.
 #[derive(Clone, Copy, Debug)]
 pub struct Gradient {
@@ -280,8 +276,7 @@ impl Run<'_> {
             let mut trial = system.apply();
             // That of the step as the model has it, whatever is found along it.
             let quality = (self.cost - trial) / step.predicted_decrease;
-            let settled = self.cost - trial <= SETTLED * self.cost;
-            if self.stiffness.is_some() && quality > SHORT_STEP && settled {
+            if self.stiffness.is_some() && quality > SHORT_STEP {
                 trial = search(system, trial);
             }
             if let Some(end) = self.interrupted() {
@@ -295,9 +290,7 @@ impl Run<'_> {
                 self.cost = trial;
                 let damping_used = self.damping;
                 self.accept(quality);
-                if settled {
-                    self.adapt_stiffness(system, quality);
-                }
+                self.adapt_stiffness(system, quality);
                 let end = self.linearize(system);
                 let stats = Some((step, quality, damping_used));
                 if let Some(end) = self.record(iteration, true, stats, observer).or(end) {
