@@ -109,7 +109,6 @@ fn update_map_refuses_bad_requests() {
             ..request(&["display_name", path])
         };
         let window = v1::MapPolicy { window_keyframe_count: Some(1), ..Default::default() };
-        let gauge = v1::MapPolicy { gauge: v1::Gauge::Free.into(), ..Default::default() };
         let cases = [
             (request(&[]), "update_mask", "MISSING"),
             (v1::UpdateMapRequest { update_mask: None, ..request(&[]) }, "update_mask", "MISSING"),

@@ -359,8 +359,12 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> System
     fn is_robust(&self) -> bool {
         let problem = &*self.problem;
         let closures = problem.relative_pose_loss != Loss::Trivial;
-        problem.observation_loss != Loss::Trivial
-            || (closures && !problem.relative_poses.is_empty())
+        // Under a bounded loss longer steps give up more observations of a poor start for good.
+        match problem.observation_loss {
+            Loss::Trivial => closures && !problem.relative_poses.is_empty(),
+            Loss::Tukey(_) | Loss::GemanMcClure(_) => false,
+            Loss::Huber(_) | Loss::Cauchy(_) => true,
+        }
     }
 
     fn set_stiffness(&mut self, stiffness: f64) {

@@ -211,7 +211,7 @@ impl Samples {
         if redundancy > 0.0 {
             self.redundant.add(square);
             self.chi2.add(s);
-            self.outliers += usize::from(!(s <= self.limit));
+            self.outliers += usize::from(s > self.limit || s.is_nan());
             self.scaled.push(s / redundancy);
         }
     }

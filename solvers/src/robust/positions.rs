@@ -104,7 +104,7 @@ pub fn judge_positions<G: LieGroup<N>, const N: usize>(
     }
     let verdict = |(prior, counts): (&PositionPrior, &bool)| {
         let chi2 = prior.chi2(&graph.poses[prior.pose]);
-        PositionVerdict { chi2, is_switched_off: !counts && !(chi2 <= threshold) }
+        PositionVerdict { chi2, is_switched_off: !counts && (chi2 > threshold || chi2.is_nan()) }
     };
     Ok(all.iter().zip(&counts).map(verdict).collect())
 }
@@ -176,8 +176,9 @@ fn ranks<G, const N: usize>(graph: &PoseGraph<G, N>) -> Vec<usize> {
 /// What counts in the next round.
 fn next_counts(counts: &[bool], costs: &[f64], ranks: &[usize], threshold: f64) -> Vec<bool> {
     let mut next = counts.to_vec();
-    let mut worst: Vec<usize> =
-        (0..counts.len()).filter(|&k| counts[k] && !(costs[k] <= threshold)).collect();
+    let mut worst: Vec<usize> = (0..counts.len())
+        .filter(|&k| counts[k] && (costs[k] > threshold || costs[k].is_nan()))
+        .collect();
     worst.sort_by(|&a, &b| costs[b].total_cmp(&costs[a]).then(a.cmp(&b)));
     let mut left_out = vec![false; counts.len()];
     for k in worst {
