@@ -82,7 +82,8 @@ fn run(problem: &mut BundleProblem, options: &Options) -> BundleSummary {
     solve(problem, options, &mut ignore_iterations).unwrap()
 }
 
-/// What `rgbd()` reached by reweighted least squares in 100 steps, none of which ended by a tolerance.
+/// What `rgbd()` reached by reweighted least squares in 100 steps, where none of the losses ended by a
+/// tolerance.
 const REWEIGHTED: [(Loss, f64); 4] = [
     (Loss::Huber(2.0), 1.04118851e5),
     (Loss::Cauchy(2.0), 3.76718193e4),
@@ -91,17 +92,18 @@ const REWEIGHTED: [(Loss, f64); 4] = [
 ];
 
 #[test]
-fn real_depth_under_every_loss_ends_by_a_tolerance() {
+fn real_depth_under_every_loss_ends_by_a_tolerance_within_30_iterations() {
     let Some(problem) = rgbd() else { return };
     for (loss, reweighted) in REWEIGHTED {
         let mut problem = problem.clone();
         (problem.observation_loss, problem.relative_pose_loss) = (loss, loss);
         let mut options = Options::default();
-        options.optimizer.max_iterations = 150;
+        options.optimizer.max_iterations = 30;
         let summary = run(&mut problem, &options).solve;
-        let is_lengthened = !matches!(loss, Loss::Tukey(_) | Loss::GemanMcClure(_));
-        let is_ended = summary.termination.is_converged();
-        assert!(is_ended || !is_lengthened, "{loss:?}: {}", summary.termination);
+        assert!(summary.termination.is_converged(), "{loss:?}: {}", summary.termination);
+        // Reweighted least squares ends near 2.
+        let quality = summary.iterations.last().unwrap().step_quality;
+        assert!((0.7..1.7).contains(&quality), "{loss:?}: {quality}");
         // Losses that are not convex have many minima: another one may be a little higher.
         let slack = if matches!(loss, Loss::Huber(_)) { 0.0 } else { 2e-3 };
         assert!(
@@ -136,9 +138,8 @@ fn a_walk_with_outliers_ends_by_a_tolerance_under_every_loss_and_solver() {
             let options = Options { linear_solver, ..Options::default() };
             let summary = run(&mut problem, &options).solve;
             let count = summary.iterations.len();
-            let is_lengthened = !matches!(loss, Loss::Tukey(_) | Loss::GemanMcClure(_));
-            let is_ended = summary.termination.is_converged() && count <= 80;
-            assert!(is_ended || !is_lengthened, "{loss:?}, {linear_solver:?}: {count}");
+            let is_ended = summary.termination.is_converged() && count <= 31;
+            assert!(is_ended, "{loss:?}, {linear_solver:?}: {count}");
             let rows = summary.iterations.windows(2);
             assert!(rows.clone().all(|rows| rows[1].cost <= rows[0].cost), "{loss:?}");
             let evaluated = bundle_cost(&problem).total;
@@ -171,15 +172,49 @@ fn no_small_move_from_a_robust_optimum_lowers_the_cost() {
 }
 
 #[test]
-fn robust_solves_have_the_same_bits_at_any_thread_count() {
-    let with = |threads| {
+fn one_robust_step_leaves_every_landmark_at_a_minimum_of_its_own() {
+    for loss in [Loss::Huber(2.0), Loss::Cauchy(2.0)] {
         let mut problem = with_outliers();
-        problem.observation_loss = Loss::Cauchy(2.0);
+        problem.observation_loss = loss;
         let mut options = Options::default();
-        options.optimizer.threads = Some(threads);
-        options.optimizer.max_iterations = 12;
+        options.optimizer.max_iterations = 1;
         run(&mut problem, &options);
-        problem
-    };
-    assert_eq!(with(1), with(3));
+        let after_one = bundle_cost(&problem).total;
+        problem.constant_poses.fill(true);
+        run(&mut problem, &Options::default());
+        let left = after_one - bundle_cost(&problem).total;
+        assert!((0.0..=1e-6 * after_one).contains(&left), "{loss:?}: {left} of {after_one}");
+    }
+}
+
+#[test]
+fn landmarks_that_are_held_fixed_stay_under_every_loss() {
+    for (loss, _) in REWEIGHTED {
+        let mut problem = with_outliers();
+        problem.observation_loss = loss;
+        problem.constant_landmarks.iter_mut().step_by(3).for_each(|constant| *constant = true);
+        let before = problem.landmarks.clone();
+        run(&mut problem, &Options::default());
+        let held = problem.constant_landmarks.iter().zip(before.iter().zip(&problem.landmarks));
+        for (&is_held, (before, after)) in held {
+            assert!(!is_held || before == after, "{loss:?}");
+        }
+        assert_ne!(before, problem.landmarks, "{loss:?}");
+    }
+}
+
+#[test]
+fn robust_solves_have_the_same_bits_at_any_thread_count() {
+    for (loss, _) in REWEIGHTED {
+        let with = |threads| {
+            let mut problem = with_outliers();
+            problem.observation_loss = loss;
+            let mut options = Options::default();
+            options.optimizer.threads = Some(threads);
+            options.optimizer.max_iterations = 12;
+            run(&mut problem, &options);
+            problem
+        };
+        assert_eq!(with(1), with(3), "{loss:?}");
+    }
 }

@@ -9,6 +9,7 @@ mod accumulate;
 mod back_substitute;
 mod blocks;
 mod covisible;
+mod inner_iterations;
 mod iterative;
 mod landmarks;
 mod layout;

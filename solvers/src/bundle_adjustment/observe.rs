@@ -5,7 +5,7 @@
 //! (p_z − d)/σ_d. Losses are folded in. Landmarks and views do not matter here: lanes
 //! are neighbors in the sorted order, whatever they see.
 
-use super::sorted::Sorted;
+use super::sorted::{GROUPS, Sorted};
 use crate::geometry::{Camera, Se3};
 use crate::lanes::models::{
     AnyLanes, LaneModel, LanePoints, PARAMETERS, PinholeLanes, SnavelyLanes,
@@ -170,8 +170,44 @@ impl<L: Lanes> Seen<L> {
     }
 }
 
+/// Where in [`Inputs::points`] the landmark at a sorted position is.
+pub(super) trait Place: Copy {
+    fn of(self, position: u32) -> usize;
+}
+
+/// All landmarks are there.
+#[derive(Clone, Copy)]
+pub(super) struct Everywhere;
+
+impl Place for Everywhere {
+    #[inline(always)]
+    fn of(self, position: u32) -> usize {
+        4 * position as usize
+    }
+}
+
+/// Only the landmarks of a tile are there.
+#[derive(Clone, Copy)]
+pub(super) struct InTile {
+    /// The sorted position of the first.
+    pub(super) first: usize,
+}
+
+impl Place for InTile {
+    #[inline(always)]
+    fn of(self, position: u32) -> usize {
+        // Lanes past the tile's end read any landmark; what they compute is not used.
+        4 * (position as usize).wrapping_sub(self.first).min(GROUPS * WIDTH - 1)
+    }
+}
+
 #[inline(always)]
-fn look<L: Lanes, M: LaneModel>(l: L, inputs: &Inputs<'_>, first: usize) -> Seen<L> {
+fn look<L: Lanes, M: LaneModel>(
+    l: L,
+    inputs: &Inputs<'_>,
+    place: impl Place,
+    first: usize,
+) -> Seen<L> {
     let sorted = inputs.sorted;
     let views = eight_indices(&sorted.views, first);
     let a = gather(l, inputs.records, views, 0);
@@ -179,7 +215,7 @@ fn look<L: Lanes, M: LaneModel>(l: L, inputs: &Inputs<'_>, first: usize) -> Seen
     let positions = eight_indices(&sorted.positions, first);
     let mut rows = [l.splat(0.0); WIDTH];
     for (row, &position) in rows.iter_mut().zip(positions) {
-        *row = l.load(eight(inputs.points, 4 * position as usize));
+        *row = l.load(eight(inputs.points, place.of(position)));
     }
     let [x, y, z, ..] = l.transpose(rows);
     let offset = [l.sub(x, b[1]), l.sub(y, b[2]), l.sub(z, b[3])];
@@ -220,7 +256,7 @@ fn errors_of<L: Lanes, M: LaneModel, const R: usize>(
     first: usize,
     model: M,
 ) -> L::V {
-    let seen = look::<L, M>(l, inputs, first);
+    let seen = look::<L, M>(l, inputs, Everywhere, first);
     let projection = model.project(l, seen.points(inputs.cameras));
     let residual = whitened::<L, R>(l, inputs, first, &projection.pixel, seen.point[2]);
     squared_norm(l, &residual)
@@ -283,39 +319,50 @@ pub(super) fn linearize<
     if ROBUST {
         return consumer.consume(l, &l.call(LinearizeRobust::<D, R> { inputs, first }));
     }
+    let place = Everywhere;
     if D == 9 {
         // Snavely's cameras alone have three unknowns. Without a call in it the kernel keeps its
         // constants in registers.
-        return consumer
-            .consume(l, &Linearize::<_, R> { inputs, first, model: SnavelyLanes }.run(l));
+        return consumer.consume(
+            l,
+            &Linearize::<_, _, R> { inputs, first, model: SnavelyLanes, place }.run(l),
+        );
     }
     match inputs.model {
         Model::Snavely if R == 2 && D == 6 => {
-            consumer.consume(l, &Linearize::<_, R> { inputs, first, model: SnavelyLanes }.run(l));
+            consumer.consume(
+                l,
+                &Linearize::<_, _, R> { inputs, first, model: SnavelyLanes, place }.run(l),
+            );
         }
         Model::Pinhole if D == 6 => {
-            consumer.consume(l, &Linearize::<_, R> { inputs, first, model: PinholeLanes }.run(l));
+            consumer.consume(
+                l,
+                &Linearize::<_, _, R> { inputs, first, model: PinholeLanes, place }.run(l),
+            );
         }
-        Model::Snavely | Model::Pinhole | Model::Any => {
-            consumer.consume(l, &l.call(Linearize::<_, R> { inputs, first, model: inputs.any() }))
-        }
+        Model::Snavely | Model::Pinhole | Model::Any => consumer.consume(
+            l,
+            &l.call(Linearize::<_, _, R> { inputs, first, model: inputs.any(), place }),
+        ),
     }
 }
 
 /// The Jacobians of eight observations by one camera model.
-struct Linearize<'a, M, const R: usize> {
+struct Linearize<'a, M, P, const R: usize> {
     inputs: &'a Inputs<'a>,
     first: usize,
     model: M,
+    place: P,
 }
 
-impl<L: Lanes, M: LaneModel, const R: usize> Subroutine<L> for Linearize<'_, M, R> {
+impl<L: Lanes, M: LaneModel, P: Place, const R: usize> Subroutine<L> for Linearize<'_, M, P, R> {
     type Output = Linearized<L, R>;
 
     #[inline(always)]
     fn run(self, l: L) -> Linearized<L, R> {
-        let Self { inputs, first, model } = self;
-        let seen = look::<L, M>(l, inputs, first);
+        let Self { inputs, first, model, place } = self;
+        let seen = look::<L, M>(l, inputs, place, first);
         let projection = model.project(l, seen.points(inputs.cameras));
         let residual = whitened::<L, R>(l, inputs, first, &projection.pixel, seen.point[2]);
         let weight = l.load(eight(&inputs.sorted.weights, first));
@@ -373,14 +420,25 @@ impl<L: Lanes, const D: usize, const R: usize> Subroutine<L> for LinearizeRobust
     #[inline(always)]
     fn run(self, l: L) -> Linearized<L, R> {
         let Self { inputs, first } = self;
-        let mut out = match inputs.model {
-            Model::Snavely if R == 2 => Linearize { inputs, first, model: SnavelyLanes }.run(l),
-            Model::Pinhole if D == 6 => Linearize { inputs, first, model: PinholeLanes }.run(l),
-            Model::Snavely | Model::Pinhole | Model::Any => {
-                Linearize { inputs, first, model: inputs.any() }.run(l)
-            }
-        };
+        let mut out = by_model(l, inputs, first, Everywhere);
         out.weigh::<D>(l, &inputs.loss, inputs.stiffness);
         out
+    }
+}
+
+/// The Jacobians of eight observations before the loss.
+#[inline(always)]
+pub(super) fn by_model<L: Lanes, P: Place, const R: usize>(
+    l: L,
+    inputs: &Inputs<'_>,
+    first: usize,
+    place: P,
+) -> Linearized<L, R> {
+    match inputs.model {
+        Model::Snavely if R == 2 => Linearize { inputs, first, model: SnavelyLanes, place }.run(l),
+        Model::Pinhole => Linearize { inputs, first, model: PinholeLanes, place }.run(l),
+        Model::Snavely | Model::Any => {
+            Linearize { inputs, first, model: inputs.any(), place }.run(l)
+        }
     }
 }

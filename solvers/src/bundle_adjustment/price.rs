@@ -5,8 +5,10 @@
 //! here allocates more than a few numbers a view.
 
 use crate::geometry::{Camera, Se3};
+use crate::loss::Loss;
 use crate::price::Price;
 use crate::problem::BundleProblem;
+use crate::simd::Line;
 
 use super::accumulate::ChunkSums;
 use super::blocks::Block;
@@ -23,6 +25,9 @@ const GROWTH: u64 = 3;
 
 /// Flops of an observation in the fused pass, the back substitution and the cost, about.
 const OBSERVATION_FLOPS: f64 = 1500.0;
+
+/// Flops of an observation in the inner iterations that follow a step under a loss, about.
+const INNER_FLOPS: f64 = 2000.0;
 
 /// Flops of an observation in a product of conjugate gradients, and products of a step, about.
 const PRODUCT_FLOPS: f64 = 400.0;
@@ -79,7 +84,9 @@ impl Costs {
             + count(dimension) * 8 * 12;
         let room = sorted.longest_tile + 32;
         let scratch = count(room) * count(ChunkSums::<D, V, T, R>::OBSERVATION_BYTES);
-        let per_chunk = count(layout.chunks().len()) * (scratch + 4096);
+        let is_robust = problem.observation_loss != Loss::Trivial;
+        let inner = if is_robust { count(room) * count(size_of::<[Line; 2]>()) } else { 0 };
+        let per_chunk = count(layout.chunks().len()) * (scratch + inner + 4096);
         let sums = chunk_views * count(ChunkSums::<D, V, T, R>::VIEW_BYTES)
             + chunk_views * GROWTH * (4 + 2 * (SOURCE_BYTES + 32));
         // The diagonal, and H of the pose factors on its own pattern.
@@ -91,7 +98,8 @@ impl Costs {
         };
         let diagonal = count(squares) * 8 + blocks * 64;
         let bytes = index + values + per_chunk + sums + tied + diagonal;
-        let flops_per_iteration = OBSERVATION_FLOPS * observations as f64;
+        let inner_flops = if is_robust { INNER_FLOPS } else { 0.0 };
+        let flops_per_iteration = (OBSERVATION_FLOPS + inner_flops) * observations as f64;
         let products = PRODUCTS * PRODUCT_FLOPS * observations as f64;
         let product_bytes = chunk_views * count(8 * (8 * V + 8 * T))
             + count(layout.chunks().len())

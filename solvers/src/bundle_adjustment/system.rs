@@ -12,6 +12,7 @@ use super::accumulate::{Accumulate, ChunkSums};
 use super::back_substitute::{BackSubstitute, Cost, StepSums};
 use super::blocks::ViewVector;
 use super::covisible::ChunkPairs;
+use super::inner_iterations::{INNER_STIFFNESS, InnerIterations, POINT};
 use super::iterative::{Iterative, Linearization, gather, split_groups};
 use super::landmarks::LandmarkGroup;
 use super::layout::{Layout, NO_BLOCK, View};
@@ -25,13 +26,10 @@ use crate::geometry::{Camera, LieGroup, Se3};
 use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, Cholesky, LinearError};
 use crate::loss::Loss;
-use crate::optimizer::{Gradient, Step, StepFailure, System, damping_scale};
+use crate::optimizer::{Gradient, Losses, Step, StepFailure, System, damping_scale};
 use crate::price::Limits;
 use crate::problem::{BundleProblem, SolveError};
 use crate::simd::Class;
-
-/// Numbers of a landmark in the kernels' order: x, y, z and one of padding.
-const POINT: usize = 4;
 
 /// D columns a view in V vectors and T tails, R rows an observation.
 pub(super) struct BundleSystem<'a, const D: usize, const V: usize, const T: usize, const R: usize> {
@@ -61,13 +59,9 @@ pub(super) struct BundleSystem<'a, const D: usize, const V: usize, const T: usiz
     view_steps: Vec<ViewVector<V, T>>,
     point_steps: Vec<f64>,
     backup: Values,
-    /// The displacement since the last linearization, and the one before it, which a loss's steps are
-    /// searched along: of the reduced system, then of the landmarks.
-    taken: Displacement,
-    previous: Displacement,
+    /// Whether each step is followed by them.
+    has_inner_iterations: bool,
 }
-
-type Displacement = (Vec<f64>, Vec<f64>);
 
 /// The landmarks in the kernels' order, and one more: eight numbers are read from any landmark on.
 fn points_in_order(problem: &BundleProblem, layout: &Layout) -> Vec<f64> {
@@ -171,8 +165,7 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
             point_steps: vec![0.0; points.len()],
             points,
             backup: Values::default(),
-            taken: Displacement::default(),
-            previous: Displacement::default(),
+            has_inner_iterations: false,
             pairs,
             problem,
             layout,
@@ -323,27 +316,44 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
         })
     }
 
-    /// Moves the variables and returns the new cost.
-    fn move_by(&mut self, step: &[f64], point_steps: &[f64]) -> f64 {
+    /// Moves the variables by a multiple of the step and returns the new cost.
+    fn move_by(&mut self, length: f64) -> f64 {
         let problem = &mut *self.problem;
         for (pose, &block) in problem.poses.iter_mut().zip(&self.layout.pose_block) {
             if block != NO_BLOCK {
-                let offset = self.offsets[block as usize];
-                *pose = pose.plus(&SVector::from_column_slice(&step[offset..offset + 6]));
+                let step = &self.step[self.offsets[block as usize]..];
+                *pose = pose.plus(&SVector::from_fn(|i, _| length * step[i]));
             }
         }
         for (camera, &(block, column)) in problem.cameras.iter_mut().zip(&self.layout.camera_block)
         {
             if block != NO_BLOCK {
-                let offset = self.offsets[block as usize] + column;
-                camera.plus_parameters(&step[offset..offset + camera.parameter_count()]);
+                let step = &self.step[self.offsets[block as usize] + column..];
+                let step = step[..camera.parameter_count()].iter().map(|x| length * x);
+                camera.plus_parameters(&step.collect::<Vec<f64>>());
             }
         }
-        for (x, delta) in self.points.iter_mut().zip(point_steps) {
-            *x += delta;
+        for (x, delta) in self.points.iter_mut().zip(&self.point_steps) {
+            *x += length * delta;
         }
         self.eliminated_for = None;
+        if self.has_inner_iterations {
+            self.minimize_landmarks();
+        }
         self.cost()
+    }
+
+    /// Minimizes the landmarks at the poses and cameras as they are.
+    fn minimize_landmarks(&mut self) {
+        self.fill_view_records();
+        let mut points = std::mem::take(&mut self.points);
+        let inputs = Inputs { stiffness: INNER_STIFFNESS, ..self.inputs() };
+        let (layout, class, interrupt) = (self.layout, self.class, self.interrupt);
+        let pieces = split(&mut points, layout.chunks().iter().map(|c| c.landmarks.len() * POINT));
+        layout.chunks().par_iter().zip(pieces).for_each(|(chunk, points)| {
+            class.run(InnerIterations::<R> { inputs, layout, chunk, points, interrupt });
+        });
+        self.points = points;
     }
 
     /// The norm that a step is measured against: that of the poses' positions, in whose scene a
@@ -356,15 +366,20 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
 impl<const D: usize, const V: usize, const T: usize, const R: usize> System
     for BundleSystem<'_, D, V, T, R>
 {
-    fn is_robust(&self) -> bool {
+    fn losses(&self) -> Losses {
         let problem = &*self.problem;
-        let closures = problem.relative_pose_loss != Loss::Trivial;
-        // Under a bounded loss longer steps give up more observations of a poor start for good.
         match problem.observation_loss {
-            Loss::Trivial => closures && !problem.relative_poses.is_empty(),
-            Loss::Tukey(_) | Loss::GemanMcClure(_) => false,
-            Loss::Huber(_) | Loss::Cauchy(_) => true,
+            Loss::Tukey(_) | Loss::GemanMcClure(_) => Losses::Bounded,
+            Loss::Huber(_) | Loss::Cauchy(_) => Losses::Unbounded,
+            Loss::Trivial if problem.relative_poses.is_empty() => Losses::None,
+            Loss::Trivial if problem.relative_pose_loss == Loss::Trivial => Losses::None,
+            Loss::Trivial => Losses::Unbounded,
         }
+    }
+
+    fn begin_inner_iterations(&mut self) {
+        // Without a loss a step minimizes landmarks to first order as it is.
+        self.has_inner_iterations = self.problem.observation_loss != Loss::Trivial;
     }
 
     fn set_stiffness(&mut self, stiffness: f64) {
@@ -382,13 +397,6 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> System
     }
 
     fn linearize(&mut self, damping: f64) -> Gradient {
-        if self.is_robust() {
-            // Where the plain step was taken, nothing else was noted.
-            let plain = self.taken.0.is_empty();
-            let taken = std::mem::take(&mut self.taken);
-            self.previous =
-                if plain { (self.step.clone(), self.point_steps.clone()) } else { taken };
-        }
         self.eliminate(damping);
         let mut max_norm = self.sums.iter().map(|s| s.gradient_max_norm).fold(0.0, f64::max);
         for (gradient, diagonal) in self.vectors.gradient.iter().zip(&self.vectors.diagonal) {
@@ -432,28 +440,14 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> System
         self.backup.poses.clone_from(&self.problem.poses);
         self.backup.cameras.clone_from(&self.problem.cameras);
         self.backup.points.clone_from(&self.points);
-        self.taken = Displacement::default();
-        let step = std::mem::take(&mut self.step);
-        let point_steps = std::mem::take(&mut self.point_steps);
-        let cost = self.move_by(&step, &point_steps);
-        (self.step, self.point_steps) = (step, point_steps);
-        cost
+        self.move_by(1.0)
     }
 
-    fn apply_along(&mut self, step: f64, previous: f64) -> Option<f64> {
+    fn apply_lengthened(&mut self, length: f64) -> Option<f64> {
         self.problem.poses.clone_from(&self.backup.poses);
         self.problem.cameras.clone_from(&self.backup.cameras);
         self.points.clone_from(&self.backup.points);
-        let combine = |new: &[f64], old: &[f64]| -> Vec<f64> {
-            // There is no displacement before the first.
-            let old = old.iter().chain(std::iter::repeat(&0.0));
-            new.iter().zip(old).map(|(new, old)| step * new + previous * old).collect()
-        };
-        let views = combine(&self.step, &self.previous.0);
-        let points = combine(&self.point_steps, &self.previous.1);
-        let cost = self.move_by(&views, &points);
-        self.taken = (views, points);
-        Some(cost)
+        Some(self.move_by(length))
     }
 
     fn restore(&mut self) {
@@ -461,6 +455,5 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> System
         std::mem::swap(&mut self.problem.cameras, &mut self.backup.cameras);
         std::mem::swap(&mut self.points, &mut self.backup.points);
         self.eliminated_for = None;
-        self.taken = Displacement::default();
     }
 }

@@ -15,36 +15,75 @@ impl<L: Lanes, const R: usize> Linearized<L, R> {
     /// Puts the loss in, for D columns a view.
     #[inline(always)]
     pub(super) fn weigh<const D: usize>(&mut self, l: L, loss: &Loss, stiffness: f64) {
-        let (mut roots, mut stretches, mut shrinks) = ([0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH]);
-        l.store(squared_norm(l, &self.residual), &mut roots);
-        for ((root, stretch), shrink) in roots.iter_mut().zip(&mut stretches).zip(&mut shrinks) {
-            let s = *root;
-            let value = loss.evaluate(s);
-            let along = value.curvature_from(stiffness).sqrt();
-            *root = value.weight.sqrt();
-            *stretch = *root / along;
-            *shrink = if along < 1.0 { (1.0 - along) / s } else { 0.0 };
-        }
-        let (root, stretch, shrink) = (l.load(&roots), l.load(&stretches), l.load(&shrinks));
-        let residual = self.residual;
-        let mut shrunk = residual;
-        for r in 0..R {
-            shrunk[r] = l.mul(residual[r], shrink);
-            self.residual[r] = l.mul(residual[r], stretch);
-        }
-        let factors = (root, &residual, &shrunk);
+        let correction = Correction::new(l, &mut self.residual, loss, stiffness);
         for c in 0..6 {
-            let column = correct(l, self.pose.map(|row| row[c]), factors);
-            (0..R).for_each(|r| self.pose[r][c] = column[r]);
+            correction.apply(l, &mut self.pose, c);
         }
         for c in 0..3 {
-            let column = correct(l, self.landmark.map(|row| row[c]), factors);
-            (0..R).for_each(|r| self.landmark[r][c] = column[r]);
+            correction.apply(l, &mut self.landmark, c);
         }
         for c in 0..(D - 6).min(PARAMETERS) {
-            let column = correct(l, self.camera.map(|row| row[c]), factors);
-            (0..R).for_each(|r| self.camera[r][c] = column[r]);
+            correction.apply(l, &mut self.camera, c);
         }
+    }
+
+    /// Puts the loss into the residuals and the columns of the landmarks; returns ½ ρ, infinite where
+    /// there is no finite residual.
+    #[inline(always)]
+    pub(super) fn weigh_landmark(&mut self, l: L, loss: &Loss, stiffness: f64) -> L::V {
+        let correction = Correction::new(l, &mut self.residual, loss, stiffness);
+        for c in 0..3 {
+            correction.apply(l, &mut self.landmark, c);
+        }
+        l.load(&correction.costs)
+    }
+}
+
+/// What makes the rows of eight observations those under a loss.
+struct Correction<L: Lanes, const R: usize> {
+    /// √ρ'.
+    root: L::V,
+    /// r before.
+    residual: [L::V; R],
+    /// (1 − √d) / s · r.
+    shrunk: [L::V; R],
+    /// ½ ρ.
+    costs: [f64; WIDTH],
+}
+
+impl<L: Lanes, const R: usize> Correction<L, R> {
+    /// Corrects the residual, and says how to correct columns.
+    #[inline(always)]
+    fn new(l: L, residual: &mut [L::V; R], loss: &Loss, stiffness: f64) -> Self {
+        let (mut roots, mut stretches, mut shrinks) = ([0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH]);
+        let mut costs = [0.0; WIDTH];
+        l.store(squared_norm(l, residual), &mut roots);
+        for lane in 0..WIDTH {
+            let s = roots[lane];
+            let value = loss.evaluate(s);
+            let along = value.curvature_from(stiffness).sqrt();
+            roots[lane] = value.weight.sqrt();
+            stretches[lane] = roots[lane] / along;
+            shrinks[lane] = if along < 1.0 { (1.0 - along) / s } else { 0.0 };
+            // A bounded loss must not hide that there is no residual.
+            costs[lane] = if s.is_finite() { 0.5 * value.rho } else { f64::INFINITY };
+        }
+        let (stretch, shrink) = (l.load(&stretches), l.load(&shrinks));
+        let before = *residual;
+        let mut shrunk = before;
+        for r in 0..R {
+            shrunk[r] = l.mul(before[r], shrink);
+            residual[r] = l.mul(before[r], stretch);
+        }
+        Self { root: l.load(&roots), residual: before, shrunk, costs }
+    }
+
+    /// Corrects a column.
+    #[inline(always)]
+    fn apply<const C: usize>(&self, l: L, columns: &mut [[L::V; C]; R], c: usize) {
+        let factors = (self.root, &self.residual, &self.shrunk);
+        let column = correct(l, columns.map(|row| row[c]), factors);
+        (0..R).for_each(|r| columns[r][c] = column[r]);
     }
 }
 

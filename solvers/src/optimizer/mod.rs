@@ -15,7 +15,9 @@ pub use options::{Method, Options, with_threads};
 pub use summary::{
     Control, IterationSummary, Observer, SolveSummary, Termination, Tolerance, ignore_iterations,
 };
-pub use trust_region::{Gradient, Step, StepFailure, System, Unmoved, minimize, minimize_until};
+pub use trust_region::{
+    Gradient, Losses, Step, StepFailure, System, Unmoved, minimize, minimize_until,
+};
 pub(crate) use trust_region::{SCALE_RANGE, damping_scale};
 
 /// The error of a problem for whose system of `dimension` scalars planning or memory failed. Values

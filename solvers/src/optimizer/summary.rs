@@ -72,8 +72,8 @@ pub struct IterationSummary {
     pub gradient_max_norm: f64,
     /// Euclidean norm of the step.
     pub step_norm: f64,
-    /// Actual over predicted decrease of the cost, of the step as it was computed: with a loss it may
-    /// have been lengthened; 0 where it could not be computed.
+    /// Actual over predicted decrease of the cost, with the inner iterations that follow it under a
+    /// loss, before it was lengthened; 0 where it could not be computed.
     pub step_quality: f64,
 }
 

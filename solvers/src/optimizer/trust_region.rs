@@ -5,10 +5,11 @@
 //! rejected one by 2, 4, 8, …. The model's decrease is ½ δᵀ(λDδ − g), which needs no further pass.
 //!
 //! Reweighted least squares overstates the curvature of a robust loss along a residual, so that steps
-//! fall short of the minimum, in flat valleys by far. With losses the loop lowers the stiffness of
-//! linearizations where steps turn out too short and raises it where they overshoot, as it does with
-//! λ, and lengthens a short step along itself and along the displacement before it, which takes costs
-//! only. Without losses nothing of this is done.
+//! fall short of the minimum, in flat valleys by far. With losses the system therefore follows each
+//! step by inner iterations, and the loop lowers the stiffness of linearizations where steps turn out
+//! too short, raises it where they overshoot, as it does with λ, and lengthens a short step, which
+//! takes costs only. Under bounded losses all this begins once steps lower the cost by little: before,
+//! they would give up observations of a poor start for good. Without losses nothing of this is done.
 
 use std::time::Instant;
 
@@ -39,21 +40,23 @@ const LINEAR_RESIDUAL_LIMIT: f64 = 1e-3;
 /// A short damped step proves a minimum only where no more than this share of the cost is left to gain.
 const COST_RESOLUTION: f64 = 1e-12;
 
-/// With losses, a step of better quality than this is searched along: its model is too stiff.
-const SHORT_STEP: f64 = 1.25;
+/// With losses, a step of better quality than this is too short: the parabola through the costs before
+/// and after it is lower at twice the step.
+const SHORT_STEP: f64 = 4.0 / 3.0;
 
-/// What multiples of a step are tried, and what shares of the displacement before it are added.
+/// What multiples of a short step are tried.
 const LENGTHS: [f64; 4] = [2.0, 4.0, 8.0, 16.0];
-const SHARES: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 
-/// The stiffness falls by the first factor after a step of better quality than `TOO_STIFF`, to
-/// `LEAST_STIFFNESS` at least, and rises by the second after one of worse quality than `TOO_SOFT`,
-/// twice after one that is rejected. Constants from measurements on RGB-D and photo collections.
+/// The stiffness falls by the first factor after a short step, to `LEAST_STIFFNESS` at least, and rises
+/// by the second after one of worse quality than `TOO_SOFT`, twice after one that is rejected.
+/// Constants from measurements on RGB-D and photo collections.
 const SOFTEN: f64 = 0.25;
 const STIFFEN: f64 = 4.0;
-const TOO_STIFF: f64 = 1.6;
 const TOO_SOFT: f64 = 0.5;
 const LEAST_STIFFNESS: f64 = 0.003;
+
+/// Under bounded losses a step that lowers the cost by this share or less ends the approach.
+const APPROACHED: f64 = 0.01;
 
 /// What a linearization tells the loop.
 #[derive(Clone, Copy, Debug)]
@@ -105,21 +108,36 @@ pub trait System {
     /// Takes the applied step back, to the bit.
     fn restore(&mut self);
 
-    /// Whether any factor has a loss, and [`Self::set_stiffness`] an effect.
-    fn is_robust(&self) -> bool {
-        false
+    /// What losses the factors have.
+    fn losses(&self) -> Losses {
+        Losses::None
     }
+
+    /// From now on, follows each step by inner iterations: variables that are independent of each other
+    /// are minimized with the others held. They count as part of the step.
+    fn begin_inner_iterations(&mut self) {}
 
     /// Sets the least curvature of a factor along its residual that linearizations take from now on,
     /// as a share of that across it: 1 is reweighted least squares, 0 the curvature of the loss where
     /// it is not negative. The last linearization is to be made again. 1 at first.
     fn set_stiffness(&mut self, _stiffness: f64) {}
 
-    /// Takes the applied step back and applies `step` times it and `previous` times the displacement
-    /// that was kept before it instead; returns the new cost. `None` where it cannot.
-    fn apply_along(&mut self, _step: f64, _previous: f64) -> Option<f64> {
+    /// Takes the applied step back and applies `length` times it instead; returns the new cost. `None`
+    /// where it cannot.
+    fn apply_lengthened(&mut self, _length: f64) -> Option<f64> {
         None
     }
+}
+
+/// The losses of a problem's factors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Losses {
+    /// There are none.
+    None,
+    /// Costs grow without bound, as Huber's and Cauchy's.
+    Unbounded,
+    /// Costs stay below a constant, as Tukey's and Geman and McClure's.
+    Bounded,
 }
 
 /// A state of this cost that is not to be moved: what is left to a loop whose time is up.
@@ -168,6 +186,10 @@ pub fn minimize_until(
     observer: &mut Observer<'_>,
 ) -> SolveSummary {
     let cost = system.cost();
+    let losses = system.losses();
+    if losses == Losses::Unbounded {
+        system.begin_inner_iterations();
+    }
     let mut run = Run {
         options,
         start,
@@ -178,7 +200,8 @@ pub fn minimize_until(
             Method::GaussNewton => 0.0,
         },
         damping_growth: 2.0,
-        stiffness: system.is_robust().then_some(1.0),
+        stiffness: (losses == Losses::Unbounded).then_some(1.0),
+        is_approaching: losses == Losses::Bounded,
         gradient_max_norm: 0.0,
         linear_residual: 0.0,
         rows: Vec::new(),
@@ -196,28 +219,17 @@ pub fn minimize_until(
     }
 }
 
-/// Lengthens the applied step while the cost falls, from `cost`, then adds of the displacement before
-/// it; returns the cost of the best.
-fn search(system: &mut impl System, cost: f64) -> f64 {
-    let (mut best, mut at, mut last) = (cost, (1.0, 0.0), (1.0, 0.0));
+/// Lengthens the applied step while the cost falls, from `cost`; returns the cost of the best.
+fn lengthen(system: &mut impl System, cost: f64) -> f64 {
+    let (mut best, mut at) = (cost, 1.0);
     for length in LENGTHS {
-        last = (length, 0.0);
-        match system.apply_along(last.0, last.1) {
-            Some(trial) if trial < best => (best, at) = (trial, last),
-            Some(_) | None => break,
+        match system.apply_lengthened(length) {
+            Some(trial) if trial < best => (best, at) = (trial, length),
+            Some(_) => return system.apply_lengthened(at).unwrap_or(best),
+            None => return best,
         }
     }
-    for share in SHARES {
-        last = (at.0, share);
-        match system.apply_along(last.0, last.1) {
-            Some(trial) if trial < best => (best, at) = (trial, last),
-            Some(_) | None => break,
-        }
-    }
-    if last == at {
-        return best;
-    }
-    system.apply_along(at.0, at.1).unwrap_or(best)
+    best
 }
 
 struct Run<'a> {
@@ -227,8 +239,10 @@ struct Run<'a> {
     cost: f64,
     damping: f64,
     damping_growth: f64,
-    /// None without losses.
+    /// None without losses, and while approaching.
     stiffness: Option<f64>,
+    /// Whether steps under bounded losses still lower the cost by much.
+    is_approaching: bool,
     gradient_max_norm: f64,
     linear_residual: f64,
     rows: Vec<IterationSummary>,
@@ -274,10 +288,10 @@ impl Run<'_> {
             let short = step.norm <= self.options.step_tolerance * step.state_norm;
             let light = self.damping <= self.options.initial_damping;
             let mut trial = system.apply();
-            // That of the step as the model has it, whatever is found along it.
+            // That of the step before it is lengthened.
             let quality = (self.cost - trial) / step.predicted_decrease;
             if self.stiffness.is_some() && quality > SHORT_STEP {
-                trial = search(system, trial);
+                trial = lengthen(system, trial);
             }
             if let Some(end) = self.interrupted() {
                 // Its cost may be half counted.
@@ -287,10 +301,16 @@ impl Run<'_> {
             let decrease = self.cost - trial;
             if trial.is_finite() && decrease >= 0.0 && quality > 0.0 {
                 let small = decrease <= tolerance * self.cost;
+                let has_approached = self.is_approaching && decrease <= APPROACHED * self.cost;
                 self.cost = trial;
                 let damping_used = self.damping;
                 self.accept(quality);
                 self.adapt_stiffness(system, quality);
+                if has_approached {
+                    self.is_approaching = false;
+                    self.stiffness = Some(1.0);
+                    system.begin_inner_iterations();
+                }
                 let end = self.linearize(system);
                 let stats = Some((step, quality, damping_used));
                 if let Some(end) = self.record(iteration, true, stats, observer).or(end) {
@@ -337,7 +357,7 @@ impl Run<'_> {
     /// rejected.
     fn adapt_stiffness(&mut self, system: &mut impl System, quality: f64) {
         let Some(stiffness) = self.stiffness else { return };
-        let adapted = if quality > TOO_STIFF {
+        let adapted = if quality > SHORT_STEP {
             (SOFTEN * stiffness).max(LEAST_STIFFNESS)
         } else if quality >= TOO_SOFT {
             stiffness

@@ -647,8 +647,8 @@ pub struct IterationSummary {
     /// Damping with which the step was computed. 0 in row 0 and for GAUSS_NEWTON.
     #[prost(double, tag = "6")]
     pub damping: f64,
-    /// Actual over predicted decrease of the cost, of the step as it was computed: with a loss it may have
-    /// been lengthened. 0 in row 0.
+    /// Actual over predicted decrease of the cost, before the step was lengthened. Under a loss the inner
+    /// iterations that follow the step count as part of it. 0 in row 0.
     #[prost(double, tag = "7")]
     pub step_quality: f64,
     /// Time since the solve began, microseconds.
