@@ -15,6 +15,7 @@ use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se2, Se3, So3};
 use covis_solvers::information::Information;
 use covis_solvers::interrupt::Interrupt;
+use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{self, ignore_iterations};
 use covis_solvers::pose_graph;
 use covis_solvers::problem::{BundleProblem, PoseGraph};
@@ -174,6 +175,15 @@ fn a_bundle_along_a_street() {
     let poses = 800;
     let problem = bundle(poses, 16_000, 6, |i, j| (i % poses + j).min(poses - 1));
     check_bundle("street", &problem, &ALL);
+}
+
+#[test]
+fn a_bundle_under_a_loss() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let poses = 400;
+    let mut problem = bundle(poses, 8000, 6, |i, j| (i % poses + j).min(poses - 1));
+    problem.observation_loss = Loss::Huber(0.5);
+    check_bundle("loss", &problem, &ALL);
 }
 
 #[test]
