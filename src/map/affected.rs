@@ -66,6 +66,8 @@ pub fn affected(map: &Map, change: &Change) -> Option<Affected> {
         | Change::ConstraintAdded { .. }
         | Change::PriorAdded { .. }
         | Change::LandmarksTriangulated { .. }
+        | Change::DuplicatesFound { .. }
+        | Change::DuplicatesSplit { .. }
         | Change::SolveApplied { .. }
         | Change::KeyframeRetired { .. }
         | Change::ItemRepeated

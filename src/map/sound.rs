@@ -71,6 +71,10 @@ impl Map {
             let is_finite = off.chi2.is_finite() && off.weight.is_finite();
             check(is_finite, EntityKind::Constraint, id, "is switched off by what is no number")?;
         }
+        for &id in self.duplicates.compared() {
+            let is_closure = self.constraints.get(&id).is_some_and(|c| c.is_closure());
+            check(is_closure, EntityKind::Constraint, id, "was compared and is no loop closure")?;
+        }
         for &(content, id) in self.contents.keys() {
             let (kind, is_known) = match content {
                 Content::Camera => (EntityKind::Camera, self.cameras.contains_key(&id)),

@@ -38,6 +38,7 @@ impl Actor {
         if frozen == Some(true) {
             let error = EngineError::Frozen { map: self.shared.name.clone() };
             self.solving.pause(&error);
+            self.background.cancel();
             self.ingest.end_all(&error);
         }
         if let Some(frozen) = frozen {

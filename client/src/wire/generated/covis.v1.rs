@@ -1298,6 +1298,11 @@ pub struct Map {
     /// map_id.
     #[prost(string, tag = "11")]
     pub uid: ::prost::alloc::string::String,
+    /// Whether a bundle adjustment of the whole map is due or runs, because loop closures that count were
+    /// added: its result comes to watchers by itself. Stays where the adjustment is not possible, until
+    /// the next closure. Output only.
+    #[prost(bool, tag = "12")]
+    pub adjustment_due: bool,
 }
 impl ::prost::Name for Map {
     const NAME: &'static str = "Map";
@@ -1418,6 +1423,10 @@ pub struct MapPolicy {
     /// up there. Default none; PositionPrior.geodetic_point needs it.
     #[prost(message, optional, tag = "30")]
     pub geodetic_anchor: ::core::option::Option<GeodeticPosition>,
+    /// Whether, after a pose graph with loop closures that count, the places that they join are compared
+    /// (see Landmark.duplicate_of) and the whole map is adjusted in the background. Default true.
+    #[prost(bool, optional, tag = "31")]
+    pub closure_adjustment: ::core::option::Option<bool>,
 }
 impl ::prost::Name for MapPolicy {
     const NAME: &'static str = "MapPolicy";
@@ -1682,6 +1691,11 @@ pub struct Landmark {
     /// Where it stands. Output only.
     #[prost(enumeration = "LandmarkState", tag = "7")]
     pub state: i32,
+    /// A landmark with a lower client or id that is the same point of the scene: a loop closure that
+    /// counts joins the places where they were seen. Bundle adjustment gives both one position. Either
+    /// may be observed. Absent where none is known. Output only.
+    #[prost(message, optional, tag = "8")]
+    pub duplicate_of: ::core::option::Option<LandmarkRef>,
 }
 impl ::prost::Name for Landmark {
     const NAME: &'static str = "Landmark";
