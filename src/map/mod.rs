@@ -148,6 +148,14 @@ impl Map {
         &self.policy
     }
 
+    /// Whether a policy keeps the geodetic anchor by which positions of this map were converted. A map
+    /// without priors, or without an anchor, can take any policy.
+    #[must_use]
+    pub fn keeps_anchor(&self, policy: &MapPolicy) -> bool {
+        let anchor = self.policy.geodetic_anchor;
+        anchor.is_none() || anchor == policy.geodetic_anchor || self.priors.is_empty()
+    }
+
     /// Whether the map takes no items and no solves, by request.
     #[must_use]
     pub fn is_frozen(&self) -> bool {

@@ -1,10 +1,10 @@
 //! Chooses the part of the map for a local bundle adjustment.
 //!
 //! Free are one keyframe, or several that an edit concerns, and those that share most landmarks with
-//! them, by count, then the more recent, then the lower id. The window's landmarks are those that the free keyframes see; every other
-//! keyframe that sees one of them is held fixed and so ties the window to the rest of the map. If
-//! nothing would be fixed, the oldest keyframe is fixed (the gauge); the scale of a monocular window is
-//! then still free, and the damping of the solver holds it.
+//! them, by count, then the more recent, then the lower id. The window's landmarks are those that the
+//! free keyframes see; every other keyframe that sees one of them is held fixed and so ties the window
+//! to the rest of the map. If nothing would be fixed, the oldest keyframe is fixed (the gauge); the
+//! scale of a monocular window is then still free, and the damping of the solver holds it.
 //!
 //! If two rays meet at less than about 1°, noise determines the depth of a point: a window would move
 //! it far away or behind a camera, and neither later keyframes nor a solve of the whole map would

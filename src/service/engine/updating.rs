@@ -22,11 +22,7 @@ impl Actor {
         let display_name = display_name.filter(|name| name != self.map.display_name());
         let policy = policy.map(|policy| policy(self.map.policy()));
         let policy = policy.filter(|policy| policy != self.map.policy());
-        let moves_anchor = policy.as_ref().is_some_and(|policy| {
-            policy.geodetic_anchor != self.map.policy().geodetic_anchor
-                && self.map.policy().geodetic_anchor.is_some()
-        });
-        if moves_anchor && !self.map.priors().is_empty() {
+        if policy.as_ref().is_some_and(|policy| !self.map.keeps_anchor(policy)) {
             let map = self.shared.name.clone();
             return Err(EngineError::AnchorInUse { map });
         }
