@@ -7,6 +7,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example shows what it does")]
 
+use covis_client::depth_noise::kinect_sigma_m;
 use covis_client::wire::v1;
 use covis_client::{Client, ClientError, SessionOptions, WatchOptions};
 use prost_types::Timestamp;
@@ -130,11 +131,6 @@ fn observation(keyframe: i64, landmark: i64) -> v1::Observation {
     }
 }
 
-/// Axial noise of the first Kinect.
-fn kinect_sigma_m(depth_m: f64) -> f64 {
-    0.0012 + 0.0019 * (depth_m - 0.4).max(0.0).powi(2)
-}
-
 /// From one keyframe to the next by odometry: exact to 5 % of the way and 5 mm, and to half a degree.
 fn odometry(id: i64) -> v1::RelativePoseConstraint {
     let step = odom_x(id) - odom_x(id - 1);
@@ -218,7 +214,8 @@ pub fn true_x(keyframe: i64) -> f64 {
     0.15 * keyframe.min(KEYFRAMES - 1 - keyframe) as f64
 }
 
-/// Where odometry says that it is: it counts 4 % too much on the way there, too little on the way back.
+/// Where odometry says that it is: it counts 4 % too much on the way there, too little on the way
+/// back.
 pub fn odom_x(keyframe: i64) -> f64 {
     let turn = (KEYFRAMES - 1) / 2;
     let there = 1.04 * true_x(keyframe.min(turn));

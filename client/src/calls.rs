@@ -4,9 +4,8 @@
 //! deadline ([`super::LinkOptions::deadline`]). A call is made once: whether it may be repeated
 //! is the caller's to know ([`ClientError::code`]).
 
-use tonic::{Response, Status, Streaming};
-
 use tokio_stream::{Stream, StreamExt as _};
+use tonic::{Response, Status, Streaming};
 
 use super::{Client, ClientError, MapExport, export};
 use crate::wire::v1;

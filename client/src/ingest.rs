@@ -302,8 +302,8 @@ impl IngestSession {
     }
 
     /// Waits until solves have covered everything up to `sequence`. Only keyframes, observations, loop
-    /// closures and edits are answered with OPTIMIZED: waiting for another item waits for the next of
-    /// those.
+    /// closures, priors and edits are answered with OPTIMIZED: waiting for another item waits for the
+    /// next of those.
     ///
     /// # Errors
     /// [`ClientError::Rejected`] where the item was refused; else why the session ended.

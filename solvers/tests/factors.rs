@@ -1,13 +1,11 @@
-//! Observation and prior factors: analytic Jacobians against central differences over a sweep.
+//! Observation factors: analytic Jacobians against central differences over a sweep.
 
-use covis_solvers::factors::{DepthReprojection, PosePrior, PositionPrior, Reprojection};
+use covis_solvers::factors::{DepthReprojection, Reprojection};
 use covis_solvers::geometry::{
     Camera, KannalaBrandt, LieGroup, PinholeRadialTangential, Se3, Snavely,
 };
-use covis_solvers::information::Information;
-use covis_solvers::loss::Loss;
 use covis_solvers::testing::assert_jacobian;
-use covis_solvers::testing::random::{element, normal_vector, seeded, uniform_vector};
+use covis_solvers::testing::random::{element, seeded, uniform_vector};
 use nalgebra::{SVector, Vector2, Vector3};
 
 const TOLERANCE: f64 = 1e-6;
@@ -98,34 +96,6 @@ fn depth_reprojection_jacobians_match_central_differences() {
             let label = format!("{camera:?}");
             assert_jacobian(&label, |d| at(&pose.plus(d), &point), &lin.d_pose, TOLERANCE);
             assert_jacobian(&label, |d| at(&pose, &(point + d)), &lin.d_landmark, TOLERANCE);
-        }
-    }
-}
-
-#[test]
-fn prior_jacobians_match_central_differences() {
-    let mut rng = seeded(11);
-    for scale in [1e-6, 0.1, 1.0] {
-        for _ in 0..30 {
-            let measured: Se3 = element(&mut rng, 1.0);
-            let pose = measured.compose(&element(&mut rng, scale));
-            let prior = PosePrior {
-                pose: 0,
-                world_from_camera: measured,
-                information: Information::identity(),
-                loss: Loss::Trivial,
-            };
-            let (_, d_pose) = prior.linearize(&pose);
-            assert_jacobian("pose prior", |d| prior.linearize(&pose.plus(d)).0, &d_pose, 1e-6);
-            let prior = PositionPrior {
-                pose: 0,
-                position_in_world: normal_vector(&mut rng, 3.0),
-                information: Information::identity(),
-                point_in_camera: Vector3::zeros(),
-                loss: Loss::Trivial,
-            };
-            let (_, d_pose) = prior.linearize(&pose);
-            assert_jacobian("position prior", |d| prior.linearize(&pose.plus(d)).0, &d_pose, 1e-6);
         }
     }
 }

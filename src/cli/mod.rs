@@ -10,7 +10,6 @@ pub mod config;
 mod connect;
 mod data_dir;
 mod demo;
-mod edit;
 mod eval;
 mod fuse;
 mod logging;

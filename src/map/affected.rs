@@ -2,7 +2,7 @@
 //!
 //! Removed measurements, fused landmarks and new intrinsics leave the estimates around them where the
 //! old measurements placed them: the keyframes concerned get a local bundle adjustment. A loop closure
-//! that counted and goes asks for a pose graph, which judges the other closures again. Computed from
+//! or prior that counted and goes asks for a pose graph, which judges the others again. Computed from
 //! the map before the change; nothing is solved or changed here.
 
 use std::collections::BTreeSet;
@@ -30,10 +30,7 @@ pub fn affected(map: &Map, change: &Change) -> Option<Affected> {
         landmark.into_iter().flat_map(|landmark| landmark.observers.iter().copied())
     };
     let (graph, keyframes): (bool, BTreeSet<EntityId>) = match change {
-        Change::ConstraintRevoked { id } => {
-            let is_prior = map.priors().contains_key(id);
-            (is_prior || closes_loop(map, *id), BTreeSet::new())
-        }
+        Change::ConstraintRevoked { id } => (shapes_graph(map, *id), BTreeSet::new()),
         Change::ObservationsRemoved { observations } => {
             (false, observations.iter().map(|&(keyframe, _)| keyframe).collect())
         }
@@ -50,7 +47,7 @@ pub fn affected(map: &Map, change: &Change) -> Option<Affected> {
                 Some(if is_i { constraint.keyframe_j } else { constraint.keyframe_i })
             });
             let sharing = map.covisibility().neighbors(*keyframe).map(|(id, _)| id);
-            let graph = map.ties().of(*keyframe).any(|id| closes_loop(map, id));
+            let graph = map.ties().of(*keyframe).any(|id| shapes_graph(map, id));
             (graph, tied.chain(sharing).collect())
         }
         Change::CameraSet { id, .. } if map.cameras().contains_key(id) => {
@@ -66,6 +63,8 @@ pub fn affected(map: &Map, change: &Change) -> Option<Affected> {
         | Change::ConstraintAdded { .. }
         | Change::PriorAdded { .. }
         | Change::LandmarksTriangulated { .. }
+        | Change::DuplicatesFound { .. }
+        | Change::DuplicatesSplit { .. }
         | Change::SolveApplied { .. }
         | Change::KeyframeRetired { .. }
         | Change::ItemRepeated
@@ -79,7 +78,8 @@ pub fn affected(map: &Map, change: &Change) -> Option<Affected> {
     Some(Affected { graph, keyframes: keyframes.split_off(first) })
 }
 
-/// Whether a constraint is a loop closure that counts.
-fn closes_loop(map: &Map, id: EntityId) -> bool {
-    map.active_constraint(id).is_some_and(|c| c.kind == ConstraintKind::LoopClosure)
+/// Whether a constraint is a loop closure or a prior, and counts.
+fn shapes_graph(map: &Map, id: EntityId) -> bool {
+    let closure = map.active_constraint(id).filter(|c| c.kind == ConstraintKind::LoopClosure);
+    closure.is_some() || map.active_prior(id).is_some()
 }

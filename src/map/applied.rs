@@ -64,7 +64,11 @@ impl Solved<'_> {
     fn landmarks(&self) -> Vec<(EntityId, Vector3<f64>)> {
         match self {
             Self::Bundle(p) => {
-                p.landmarks.iter().copied().zip(p.problem.landmarks.iter().copied()).collect()
+                let positions = &p.problem.landmarks;
+                let own = p.landmarks.iter().copied().zip(positions.iter().copied());
+                let joined = p.duplicates.iter();
+                let joined = joined.filter_map(|&(id, at)| Some((id, *positions.get(at)?)));
+                own.chain(joined).collect()
             }
             Self::Graph(_) => Vec::new(),
         }

@@ -237,6 +237,8 @@ const OBSERVATION: u64 = (size_of::<Observation>() + 2 * size_of::<EntityId>() +
 const TIE: u64 = entry(size_of::<EntityId>());
 const CONSTRAINT: u64 = entry(size_of::<Constraint>()) + entry(size_of::<Digest>()) + 2 * TIE;
 const SWITCHED_OFF: u64 = entry(size_of::<SwitchedOff>());
+/// In both orders, each key with one landmark more than others.
+const DUPLICATE: u64 = 2 * entry(size_of::<EntityId>() + size_of::<Option<EntityId>>());
 const PRIOR: u64 = entry(size_of::<Prior>()) + entry(size_of::<Digest>()) + TIE;
 const SHARED_PAIR: u64 = entry(size_of::<u32>());
 /// An observer of a landmark with many, in a list that may be twice as long as it needs.
@@ -292,6 +294,7 @@ impl Map {
             + constraints * CONSTRAINT
             + self.switched_off.len() as u64 * SWITCHED_OFF
             + priors * PRIOR
+            + self.duplicates.len() as u64 * DUPLICATE
             + self.covisibility.entry_count() * SHARED_PAIR
             + self.covisibility.long_count() * LONG_OBSERVER;
         Usage { clients, cameras, keyframes, landmarks, observations, constraints, priors, bytes }
@@ -355,6 +358,8 @@ impl Map {
             | Change::ClientOpened { .. }
             | Change::LandmarksTriangulated { .. }
             | Change::SolveApplied { .. }
+            | Change::DuplicatesFound { .. }
+            | Change::DuplicatesSplit { .. }
             | Change::ObservationsRemoved { .. }
             | Change::LandmarksRemoved { .. }
             | Change::KeyframeRemoved { .. }

@@ -108,6 +108,18 @@ impl Map {
         if self.frozen {
             hash.tag(1);
         }
+        if !self.duplicates.is_empty() {
+            hash.tag(3);
+            self.duplicates.pairs().for_each(|(a, b, closure)| {
+                hash.id(a);
+                hash.id(b);
+                hash.optional_id(closure);
+            });
+            hash.list(self.duplicates.compared(), |hash, &closure| hash.id(closure));
+        }
+        if self.adjustment_due {
+            hash.tag(4);
+        }
         hash.finish()
     }
 
@@ -121,6 +133,11 @@ impl Map {
         let mut hash = Hash::new();
         hash.list(&self.clients, |hash, client| hash.text(&client.name));
         self.hash_entities(&mut hash, Hash::keyframe_content, Hash::landmark_content);
+        for (a, b, _) in self.duplicates.pairs() {
+            hash.tag(3);
+            hash.id(a);
+            hash.id(b);
+        }
         hash.finish()
     }
 
@@ -284,6 +301,7 @@ impl Hash {
             max_queued_items,
             gauge,
             geodetic_anchor,
+            closure_adjustment,
         } = policy;
         self.tag(u8::from(*local_bundle));
         self.tag(u8::from(*loop_closure));
@@ -336,6 +354,9 @@ impl Hash {
         if let Some(Geodetic { latitude_deg, longitude_deg, height_m }) = geodetic_anchor {
             self.text("geodetic_anchor");
             [latitude_deg, longitude_deg, height_m].into_iter().for_each(|&x| self.f64(x));
+        }
+        if !closure_adjustment {
+            self.text("no_closure_adjustment");
         }
     }
 

@@ -207,8 +207,8 @@ pub struct Constraint {
     pub loss: Option<Loss>,
 }
 
-/// Why a loop closure or a position prior does not count: the pose graph found it false. It stays in the map, since a
-/// later solve may find that it fits after all.
+/// Why a loop closure or a position prior does not count: the pose graph found it false. It stays in
+/// the map, since a later solve may find that it fits after all.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SwitchedOff {
     /// χ² = rᵀΩr at the solution that it was judged at.

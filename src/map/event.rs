@@ -7,8 +7,8 @@ use covis_solvers::geometry::{Camera, Se3};
 use nalgebra::Vector3;
 
 use super::{
-    CameraEntity, ClientIndex, Constraint, Digest, EntityId, MapPolicy, Observation, Prior,
-    SwitchedOff,
+    CameraEntity, ClientIndex, Comparison, Constraint, Digest, EntityId, MapPolicy, Observation,
+    Prior, SwitchedOff,
 };
 
 /// One step of a map.
@@ -98,10 +98,17 @@ pub struct Retired {
 }
 
 impl Change {
-    /// Whether a keyframe leaves the map.
+    /// Whether entities change that the event does not name: what a removed keyframe sees, and
+    /// duplicates of removed landmarks.
     #[must_use]
-    pub fn removes_keyframe(&self) -> bool {
-        matches!(self, Self::KeyframeRemoved { .. } | Self::KeyframeRetired { .. })
+    pub fn changes_others(&self) -> bool {
+        matches!(
+            self,
+            Self::KeyframeRemoved { .. }
+                | Self::KeyframeRetired { .. }
+                | Self::LandmarksRemoved { .. }
+                | Self::LandmarksFused { .. }
+        )
     }
 }
 
@@ -195,6 +202,18 @@ pub enum Change {
         kept: EntityId,
         /// The landmarks that are removed.
         absorbed: Vec<EntityId>,
+    },
+    /// The places that loop closures join were compared.
+    DuplicatesFound {
+        /// What was found of each closure.
+        comparisons: Vec<Comparison>,
+    },
+    /// Closures no longer count: the landmarks of the pairs that they found are apart again.
+    DuplicatesSplit {
+        /// The closures.
+        closures: Vec<EntityId>,
+        /// The landmarks of their pairs.
+        landmarks: Vec<EntityId>,
     },
     /// Landmarks were removed, with their observations.
     LandmarksRemoved {

@@ -79,7 +79,11 @@ pub(super) fn odometry(a: &Keyframe, b: &Keyframe) -> Se3 {
 }
 
 /// The landmark in the frame of `a`, which sees it.
-fn point_in(map: &Map, a: (EntityId, &Keyframe), landmark: EntityId) -> Option<PointEstimate> {
+pub(super) fn point_in(
+    map: &Map,
+    a: (EntityId, &Keyframe),
+    landmark: EntityId,
+) -> Option<PointEstimate> {
     let (id, keyframe) = a;
     let seen = keyframe.observation_of(landmark)?;
     if seen.depth.is_some() {

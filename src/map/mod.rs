@@ -14,6 +14,7 @@ mod ceilings;
 mod check;
 mod covisibility;
 mod digest;
+mod duplicates;
 mod edit;
 mod entities;
 mod error;
@@ -39,6 +40,7 @@ pub use applied::{Solved, applied};
 pub use ceilings::{Ceilings, Counted, Exceeded, Usage};
 pub use covisibility::Covisibility;
 pub use digest::Content;
+pub use duplicates::{Comparison, DuplicatePair, Duplicates, find_duplicates};
 pub use edit::{Edit, Sighting};
 pub use entities::{
     CameraEntity, Client, Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, Digest,
@@ -91,6 +93,8 @@ pub struct Map {
     /// The constraints that are switched off.
     switched_off: BTreeMap<EntityId, SwitchedOff>,
     priors: SharedMap<EntityId, Prior>,
+    duplicates: Duplicates,
+    adjustment_due: bool,
     /// The constraints and priors of each keyframe.
     ties: Ties,
     covisibility: Covisibility,
@@ -142,6 +146,14 @@ impl Map {
     #[must_use]
     pub fn policy(&self) -> &MapPolicy {
         &self.policy
+    }
+
+    /// Whether a policy keeps the geodetic anchor by which positions of this map were converted. A map
+    /// without priors, or without an anchor, can take any policy.
+    #[must_use]
+    pub fn keeps_anchor(&self, policy: &MapPolicy) -> bool {
+        let anchor = self.policy.geodetic_anchor;
+        anchor.is_none() || anchor == policy.geodetic_anchor || self.priors.is_empty()
     }
 
     /// Whether the map takes no items and no solves, by request.

@@ -8,8 +8,8 @@
 use std::collections::BTreeMap;
 
 use super::{
-    CameraEntity, Client, Constraint, Content, Covisibility, Digest, EntityId, EntityKind,
-    Keyframe, Landmark, Map, MapError, MapPolicy, Prior, SharedMap, SwitchedOff, Ties,
+    CameraEntity, Client, Constraint, Content, Covisibility, Digest, Duplicates, EntityId,
+    EntityKind, Keyframe, Landmark, Map, MapError, MapPolicy, Prior, SharedMap, SwitchedOff, Ties,
 };
 
 /// What a map consists of. [`Landmark::observers`] is not read: it follows from the keyframes.
@@ -43,6 +43,10 @@ pub struct MapParts {
     pub switched_off: BTreeMap<EntityId, SwitchedOff>,
     /// See [`Map::priors`].
     pub priors: SharedMap<EntityId, Prior>,
+    /// See [`Map::duplicates`].
+    pub duplicates: Duplicates,
+    /// See [`Map::is_adjustment_due`].
+    pub adjustment_due: bool,
     /// See [`Map::contents`].
     pub contents: SharedMap<(Content, EntityId), Digest>,
 }
@@ -78,6 +82,8 @@ impl Map {
             constraints: self.constraints.clone(),
             switched_off: self.switched_off.clone(),
             priors: self.priors.clone(),
+            duplicates: self.duplicates.clone(),
+            adjustment_due: self.adjustment_due,
             contents: self.contents.clone(),
         }
     }
@@ -117,6 +123,8 @@ impl Map {
             constraints,
             switched_off,
             priors,
+            duplicates,
+            adjustment_due,
             contents,
         } = parts;
         let unknown = |kind, id| MapError::Unknown { revision, kind, id };
@@ -154,6 +162,10 @@ impl Map {
         {
             return Err(unknown(EntityKind::Constraint, id));
         }
+        let joined = duplicates.pairs().flat_map(|(a, b, _)| [a, b]);
+        if let Some(id) = joined.into_iter().find(|id| !landmarks.contains_key(id)) {
+            return Err(unknown(EntityKind::Landmark, id));
+        }
         let unseen = landmarks.iter().filter(|(_, landmark)| landmark.observers.is_empty());
         let mut unseen: Vec<_> = unseen.map(|(&id, l)| ((l.added_revision, id), ())).collect();
         unseen.sort_unstable();
@@ -177,6 +189,8 @@ impl Map {
             constraints,
             switched_off,
             priors,
+            duplicates,
+            adjustment_due,
             ties,
             covisibility,
             observation_count,

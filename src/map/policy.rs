@@ -63,6 +63,9 @@ pub struct MapPolicy {
     pub local_bundle: bool,
     /// Whether a loop-closure constraint or a prior starts pose-graph optimization (true).
     pub loop_closure: bool,
+    /// Whether the places that closures join are compared and the whole map is adjusted after a pose
+    /// graph with closures that count (true).
+    pub closure_adjustment: bool,
     /// Keyframes that local bundle adjustment frees (20).
     pub window_keyframes: usize,
     /// How loop-closure constraints are judged (truncated least squares, 99 % quantile). Frontends
@@ -94,6 +97,7 @@ impl Default for MapPolicy {
         Self {
             local_bundle: true,
             loop_closure: true,
+            closure_adjustment: true,
             loop_closure_robustness: ClosureRobustness {
                 kernel: Some(Kernel::TruncatedLeastSquares),
                 threshold: None,

@@ -4,9 +4,10 @@
 //! own. A file that somebody uploads may hold anything: here each number is checked as an item's
 //! numbers are, and what the fold keeps true of every map. Nothing is changed or repaired.
 
-use covis_solvers::geometry::{Camera, LieGroup, Se3};
+use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector3;
 
+use super::item::is_valid_camera;
 use super::{
     Client, ConstraintKind, Content, EntityId, EntityKind, Keyframe, Landmark, MAX_NUMBER, Map,
     MapError, Observation, Prior,
@@ -55,11 +56,8 @@ impl Map {
         self.clients_are_sound()?;
         for (&id, entity) in &self.cameras {
             self.own(id, EntityKind::Camera)?;
-            let focal_lengths = if matches!(entity.camera, Camera::Snavely(_)) { 1 } else { 2 };
-            let parameters = entity.camera.parameters();
-            let is_projection = parameters.iter().take(focal_lengths).all(|&f| f > 0.0);
-            let is_finite = entity.camera.is_finite() && is_projection;
-            check(is_finite, EntityKind::Camera, id, "has parameters that are not possible")?;
+            let is_valid = is_valid_camera(&entity.camera);
+            check(is_valid, EntityKind::Camera, id, "has parameters that are not possible")?;
         }
         // Two keyframes of one age would be one in the order of ages.
         let ages = self.by_age.len() == self.keyframes.len();
@@ -70,6 +68,10 @@ impl Map {
         for (&id, off) in &self.switched_off {
             let is_finite = off.chi2.is_finite() && off.weight.is_finite();
             check(is_finite, EntityKind::Constraint, id, "is switched off by what is no number")?;
+        }
+        for &id in self.duplicates.compared() {
+            let is_closure = self.constraints.get(&id).is_some_and(|c| c.is_closure());
+            check(is_closure, EntityKind::Constraint, id, "was compared and is no loop closure")?;
         }
         for &(content, id) in self.contents.keys() {
             let (kind, is_known) = match content {

@@ -1,10 +1,10 @@
 //! Chooses the part of the map for a local bundle adjustment.
 //!
 //! Free are one keyframe, or several that an edit concerns, and those that share most landmarks with
-//! them, by count, then the more recent, then the lower id. The window's landmarks are those that the free keyframes see; every other
-//! keyframe that sees one of them is held fixed and so ties the window to the rest of the map. If
-//! nothing would be fixed, the oldest keyframe is fixed (the gauge); the scale of a monocular window is
-//! then still free, and the damping of the solver holds it.
+//! them, by count, then the more recent, then the lower id. The window's landmarks are those that the
+//! free keyframes see; every other keyframe that sees one of them is held fixed and so ties the window
+//! to the rest of the map. If nothing would be fixed, the oldest keyframe is fixed (the gauge); the
+//! scale of a monocular window is then still free, and the damping of the solver holds it.
 //!
 //! If two rays meet at less than about 1°, noise determines the depth of a point: a window would move
 //! it far away or behind a camera, and neither later keyframes nor a solve of the whole map would
@@ -50,7 +50,9 @@ pub fn choose_window_of(map: &Map, keyframes: &[EntityId]) -> Window {
     }
     let time = |id: EntityId| map.keyframes().get(&id).map_or(i64::MIN, |k| k.capture_time_ns);
     let mut shared: BTreeMap<EntityId, u32> = BTreeMap::new();
-    for (id, count) in free.iter().flat_map(|&id| map.covisibility().neighbors(id)) {
+    let sharing = free.iter().flat_map(|&id| map.covisibility().neighbors(id));
+    let again = free.iter().flat_map(|&id| observers_of_duplicates(map, id)).map(|id| (id, 1));
+    for (id, count) in sharing.chain(again) {
         if !free.contains(&id) {
             *shared.entry(id).or_default() += count;
         }
@@ -60,11 +62,13 @@ pub fn choose_window_of(map: &Map, keyframes: &[EntityId]) -> Window {
     neighbors.truncate(map.policy().window_keyframes.saturating_sub(free.len()));
     free.extend(neighbors.into_iter().map(|(id, _)| id));
 
-    let seen: BTreeSet<EntityId> = free
+    let mut seen: BTreeSet<EntityId> = free
         .iter()
         .filter_map(|id| map.keyframes().get(id))
         .flat_map(|k| k.observations.iter().map(|o| o.landmark))
         .collect();
+    let groups: Vec<EntityId> = seen.iter().flat_map(|&id| map.duplicates().group(id)).collect();
+    seen.extend(groups);
     let landmarks: Vec<EntityId> =
         seen.into_iter().filter(|&id| is_usable(map, id) && is_settled(map, id)).collect();
     let mut fixed: BTreeSet<EntityId> = landmarks
@@ -85,10 +89,25 @@ pub fn choose_window_of(map: &Map, keyframes: &[EntityId]) -> Window {
     Window { free: free.into_iter().collect(), fixed: fixed.into_iter().collect(), landmarks }
 }
 
-/// Whether a landmark has a position and enough observations to estimate it.
+/// The keyframes that see duplicates of what `keyframe` sees, once for each.
+fn observers_of_duplicates(map: &Map, keyframe: EntityId) -> Vec<EntityId> {
+    let seen = map.keyframes().get(&keyframe).map(|k| &*k.observations).unwrap_or_default();
+    let duplicates = seen.iter().flat_map(|seen| {
+        let group = map.duplicates().group(seen.landmark);
+        group.into_iter().filter(|&id| id != seen.landmark)
+    });
+    let duplicates = duplicates.filter_map(|id| map.landmarks().get(&id));
+    duplicates.flat_map(|landmark| landmark.observers.iter().copied()).collect()
+}
+
+/// Whether a landmark has a position and enough observations to estimate it, those of its duplicates
+/// too.
 pub(super) fn is_usable(map: &Map, id: EntityId) -> bool {
     let Some(landmark) = map.landmarks().get(&id) else { return false };
-    landmark.position.is_some() && (landmark.observers.len() >= 2 || has_depth(map, id, landmark))
+    let is_seen = landmark.observers.len() >= 2
+        || has_depth(map, id, landmark)
+        || (!landmark.observers.is_empty() && map.duplicates().has(id));
+    landmark.position.is_some() && is_seen
 }
 
 /// Whether a local solve may move a landmark.

@@ -54,7 +54,7 @@ pub(super) enum ServiceError {
         /// Its value.
         maximum: i64,
     },
-    /// The rest of a request message did not arrive in time.
+    /// A request message, or the rest of one, did not arrive in time.
     SlowMessage {
         /// The time limit, seconds.
         seconds: u64,

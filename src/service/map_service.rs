@@ -318,19 +318,11 @@ impl MapService for Rpcs {
 
 /// How far a watcher's values may be off.
 fn resolution(request: &v1::WatchMapRequest) -> Result<Resolution, ServiceError> {
-    let (position_m, rotation_rad) =
-        (request.position_resolution_m, request.rotation_resolution_rad);
-    for (field, value) in
-        [("position_resolution_m", position_m), ("rotation_resolution_rad", rotation_rad)]
-    {
-        if !value.is_finite() {
-            let text = format!("{value} is not finite");
-            return Err(ServiceError::field(field, Reason::NotFinite, text));
-        }
-        if value < 0.0 {
-            let text = format!("{value} is below 0");
-            return Err(ServiceError::field(field, Reason::OutOfRange, text));
-        }
-    }
-    Ok(Resolution { position_m, rotation_rad })
+    let resolution = convert(|out| {
+        let mut read = |field, value| out.not_negative(Path::root(field), value);
+        let position_m = read("position_resolution_m", request.position_resolution_m);
+        let rotation_rad = read("rotation_resolution_rad", request.rotation_resolution_rad);
+        Some(Resolution { position_m: position_m?, rotation_rad: rotation_rad? })
+    })?;
+    Ok(resolution)
 }

@@ -13,7 +13,7 @@ use crate::wire::v1;
 use v1::server_service_server::ServerService;
 
 /// What is served, sorted; listed in docs/wire.md.
-const FEATURES: [&str; 37] = [
+const FEATURES: [&str; 38] = [
     "export.colmap-binary",
     "export.colmap-text",
     "export.covis",
@@ -38,6 +38,7 @@ const FEATURES: [&str; 37] = [
     "ingest.remove-observations",
     "ingest.revoke-constraint",
     "ingest.set-camera",
+    "map.closure-adjustment",
     "map.freeze",
     "map.list-constraints",
     "map.list-keyframes",

@@ -108,7 +108,7 @@ impl From<ServiceError> for Status {
                     .retry(RETRY_FULL)
             }
             ServiceError::SlowMessage { seconds } => {
-                let text = format!("a request message was begun and not sent on for {seconds} s");
+                let text = format!("no request message was completed for {seconds} s");
                 Parts::new(Code::DeadlineExceeded, "SLOW_MESSAGE", text)
                     .with("message_time_s", seconds)
             }

@@ -1,8 +1,8 @@
 //! `WatchMap`: the steps of a map as deltas in parts of at most about 256 KiB.
 //!
 //! Entities are sent whole, read from the newest snapshot, where the reader has another value (`sent`
-//! knows); an entity that a step touched and that is no longer in the snapshot is reported as removed. A part is sent when the next entity does
-//! not fit, so that a large map is never encoded as a whole.
+//! knows); an entity that a step touched and that is no longer in the snapshot is reported as removed.
+//! A part is sent when the next entity does not fit, so that a large map is never encoded as a whole.
 
 mod sent;
 

@@ -28,6 +28,8 @@ const HEAD: usize = 20;
 const RECORD_HEAD: usize = 8;
 /// A longer record is damage, not a part of a map.
 const LONGEST_RECORD: u32 = 1 << 28;
+/// Bytes of a record that are read before the caller is asked again: those of a chunk of an upload.
+const PIECE: u64 = 1 << 20;
 
 /// Writes a map as a file, piece by piece.
 #[derive(Debug, Default)]
@@ -125,8 +127,8 @@ pub enum MapFileError {
     Stopped,
 }
 
-/// Reads a file. `more` sees what was read so far, with the file's bytes as the estimate of memory;
-/// it returns whether to go on.
+/// Reads a file. `more` sees what was read so far, with the file's bytes as the estimate of memory, also
+/// within a record; it returns whether to go on.
 ///
 /// # Errors
 /// [`MapFileError`].
@@ -154,6 +156,7 @@ pub fn read_map_file(
         return Err(damaged(8, "there is no such version"));
     }
     let mut joined = Joined::default();
+    let mut counted = Usage::default();
     let mut part = Vec::new();
     loop {
         let (start, crc) = (file.offset, file.crc);
@@ -170,12 +173,12 @@ pub fn read_map_file(
         if length > LONGEST_RECORD {
             return Err(damaged(start, "the length of a record is not possible"));
         }
-        file.part(length, &mut part)?;
+        file.part(length, &mut part, &mut |bytes| more(Usage { bytes, ..counted }))?;
         if crc32c::crc32c(&part) != sum {
             return Err(damaged(start, "the checksum of a record does not fit"));
         }
         let added = joined.add(&part, version > VERSION);
-        let counted = added.map_err(|error| damaged(start, &error.to_string()))?;
+        counted = added.map_err(|error| damaged(start, &error.to_string()))?;
         if !more(Usage { bytes: file.offset, ..counted }) {
             return Err(MapFileError::Stopped);
         }
@@ -206,13 +209,26 @@ impl Summed<'_> {
         Ok(())
     }
 
-    /// Reads a part; memory grows with the bytes that are really there.
-    fn part(&mut self, length: u32, part: &mut Vec<u8>) -> Result<(), MapFileError> {
+    /// Reads a part; memory grows with the bytes that are really there, and `more` sees how many of
+    /// the file these are.
+    fn part(
+        &mut self,
+        length: u32,
+        part: &mut Vec<u8>,
+        more: &mut dyn FnMut(u64) -> bool,
+    ) -> Result<(), MapFileError> {
         part.clear();
-        let read = self.input.take(u64::from(length)).read_to_end(part).unwrap_or(0);
-        if read as u64 != u64::from(length) {
-            let reason = "the file ends within a record".to_owned();
-            return Err(MapFileError::Damaged { offset: self.offset, reason });
+        let mut left = u64::from(length);
+        while left > 0 {
+            let read = self.input.take(left.min(PIECE)).read_to_end(part).unwrap_or(0) as u64;
+            if read == 0 {
+                let reason = "the file ends within a record".to_owned();
+                return Err(MapFileError::Damaged { offset: self.offset, reason });
+            }
+            left -= read;
+            if !more(self.offset + part.len() as u64) {
+                return Err(MapFileError::Stopped);
+            }
         }
         self.passed(part);
         Ok(())

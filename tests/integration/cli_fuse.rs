@@ -1,22 +1,12 @@
 //! `covis fuse`, `run --mesh`, `mesh` and `grid` on short drawn sequences: the files they leave, poses
 //! that are missing, volumes that are damaged.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use fs_err as fs;
 use serde_json::Value;
 
 use crate::cli_support::{Workspace, number};
-
-/// Draws `frames` exact frames of a room at rest into the folder `seq`.
-fn room(workspace: &Workspace, frames: usize) -> PathBuf {
-    let out = workspace.path("seq");
-    let arguments =
-        format!("--log warn synth rgbd {{}} --scene static --frames {frames} --no-noise");
-    let ran = workspace.run(&arguments, &[&out]);
-    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
-    out
-}
 
 /// Runs a command that must succeed; its JSON object.
 fn json(workspace: &Workspace, arguments: &str) -> Value {
@@ -43,7 +33,7 @@ fn elements(ply: &Path, name: &str) -> f64 {
 #[test]
 fn a_surface_is_fused_at_given_poses_and_written_again_from_the_volume() {
     let workspace = Workspace::new();
-    room(&workspace, 6);
+    workspace.room(6);
     let fuse = "fuse tum:seq --poses seq/groundtruth.txt --voxel 0.05 --out fused";
     let document = json(&workspace, fuse);
     assert_eq!((&document["frames"], &document["skipped"]), (&6.into(), &0.into()));
@@ -103,7 +93,7 @@ fn a_surface_is_fused_at_given_poses_and_written_again_from_the_volume() {
 #[test]
 fn frames_without_a_pose_are_skipped_and_bad_wishes_are_named() {
     let workspace = Workspace::new();
-    let folder = room(&workspace, 6);
+    let folder = workspace.room(6);
     let truth = fs::read_to_string(folder.join("groundtruth.txt")).unwrap();
     let poses: Vec<&str> = truth.lines().filter(|line| !line.starts_with('#')).collect();
     // Frames are 33 ms apart: with the first and the last pose left, four have none in reach.
@@ -133,7 +123,7 @@ fn frames_without_a_pose_are_skipped_and_bad_wishes_are_named() {
 #[test]
 fn a_volume_that_was_cut_short_or_changed_is_refused_with_a_reason() {
     let workspace = Workspace::new();
-    room(&workspace, 1);
+    workspace.room(1);
     json(&workspace, "fuse tum:seq --poses seq/groundtruth.txt --voxel 0.1 --out a");
     let bytes = fs::read(workspace.path("a/volume.covis")).unwrap();
     let mut flipped = bytes.clone();
@@ -151,7 +141,7 @@ fn a_volume_that_was_cut_short_or_changed_is_refused_with_a_reason() {
 #[test]
 fn a_run_leaves_a_mesh_on_its_final_map() {
     let workspace = Workspace::new();
-    room(&workspace, 8);
+    workspace.room(8);
     let document =
         json(&workspace, "run tum:seq --out a --mesh --voxel 0.05 --mesh-every 2 --threads 2");
     assert!(number(&document["mesh"], "triangles") > 1000.0, "{document}");

@@ -11,16 +11,6 @@ use crate::cli_support::{Workspace, close, number};
 
 const FUSE: &str = "--log warn fuse --voxel 0.05 --json";
 
-/// Draws `frames` exact frames of a room at rest into the folder `seq`.
-fn room(workspace: &Workspace, frames: usize) -> PathBuf {
-    let out = workspace.path("seq");
-    let arguments =
-        format!("--log warn synth rgbd {{}} --scene static --frames {frames} --no-noise");
-    let ran = workspace.run(&arguments, &[&out]);
-    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
-    out
-}
-
 /// The images of `rgb` or `depth`, in the order of time.
 fn images(folder: &Path, kind: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder.join(kind)).unwrap();
@@ -47,7 +37,7 @@ fn fuse(workspace: &Workspace, folder: &str, poses: &str, more: &str) -> (f64, S
 #[test]
 fn a_recording_in_millimeters_is_doubted_and_read_with_a_depth_scale() {
     let workspace = Workspace::new();
-    let folder = room(&workspace, 3);
+    let folder = workspace.room(3);
     let (expected, said) = fuse(&workspace, "seq", "seq/groundtruth.txt", "");
     assert!(!said.contains("--depth-scale"), "{said}");
 
@@ -83,7 +73,7 @@ fn a_depth_scale_that_is_no_scale_is_refused() {
 
 /// The folder `seven`: the frames of `seq` in the layout of 7-Scenes, with the true poses.
 fn seven_scenes(workspace: &Workspace, frames: usize) -> PathBuf {
-    let from = room(workspace, frames);
+    let from = workspace.room(frames);
     let folder = workspace.path("seven");
     fs::create_dir(&folder).unwrap();
     let truth = fs::read_to_string(from.join("groundtruth.txt")).unwrap();

@@ -66,6 +66,16 @@ impl Workspace {
         Ran::of(command.output().unwrap())
     }
 
+    /// Draws `frames` exact frames of a room at rest into the folder `seq`.
+    pub(crate) fn room(&self, frames: usize) -> PathBuf {
+        let out = self.path("seq");
+        let arguments =
+            format!("--log warn synth rgbd {{}} --scene static --frames {frames} --no-noise");
+        let ran = self.run(&arguments, &[&out]);
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        out
+    }
+
     /// Runs, expects success and parses the JSON object on standard output.
     pub(crate) fn json(&self, arguments: &str, paths: &[&Path]) -> Value {
         let ran = self.run(arguments, paths);

@@ -14,6 +14,9 @@ use v1::ingest_request::Item;
 use crate::cli_support::data;
 use crate::common::{Stream, TestServer, run, vector3};
 
+/// The map that is adjusted after its closures; in the others the verdicts alone count.
+const ADJUSTED: &str = "adjusted";
+
 /// A closure of the sequence, or a false one.
 #[derive(Clone, Debug)]
 struct Closure {
@@ -31,6 +34,8 @@ struct Sequence {
     truth: Vec<Se3>,
     /// Of each keyframe: landmark, u, v, depth, σ in pixels and meters.
     observations: Vec<Vec<[f64; 6]>>,
+    /// Of each keyframe: the descriptors of its observations.
+    descriptors: Vec<Vec<Vec<u8>>>,
     closures: Vec<Closure>,
     /// Of each closure: point, pixel, depth, σ in pixels.
     matches: Vec<Vec<[f64; 7]>>,
@@ -42,7 +47,7 @@ fn rows(folder: &Path, name: &str) -> Vec<Vec<f64>> {
     lines.map(|l| l.split_whitespace().map(|x| x.parse().unwrap()).collect()).collect()
 }
 
-fn pose(row: &[f64]) -> Se3 {
+pub(crate) fn pose(row: &[f64]) -> Se3 {
     let rotation = So3::from_quaternion_xyzw(row[3], row[4], row[5], row[6]).unwrap();
     Se3::new(rotation, Vector3::new(row[0], row[1], row[2]))
 }
@@ -53,8 +58,11 @@ impl Sequence {
         let odometry: Vec<(f64, Se3)> =
             rows(&folder, "keyframes.txt").iter().map(|r| (r[1], pose(&r[2..]))).collect();
         let mut observations = vec![Vec::new(); odometry.len()];
-        for row in rows(&folder, "observations.txt") {
+        let mut descriptors = vec![Vec::new(); odometry.len()];
+        let bytes = fs_err::read(folder.join("descriptors.bin")).unwrap();
+        for (row, descriptor) in rows(&folder, "observations.txt").iter().zip(bytes.chunks(32)) {
             observations[row[0] as usize].push([row[1], row[2], row[3], row[4], row[5], row[6]]);
+            descriptors[row[0] as usize].push(descriptor.to_vec());
         }
         // 3 cm and 1.5°.
         let (t, r) = (0.03_f64.powi(-2), 1.5_f64.to_radians().powi(-2));
@@ -80,7 +88,7 @@ impl Sequence {
             matches[row[0] as usize].push(seen);
         }
         let truth = rows(&folder, "truth.txt").iter().map(|row| pose(&row[1..])).collect();
-        Some(Self { odometry, truth, observations, closures, matches })
+        Some(Self { odometry, truth, observations, descriptors, closures, matches })
     }
 
     fn camera() -> v1::Camera {
@@ -101,7 +109,8 @@ impl Sequence {
     fn keyframe(&self, k: usize, known: &mut BTreeSet<i64>) -> Item {
         let (time, pose) = self.odometry[k];
         let mut landmarks = Vec::new();
-        let observation = |&[landmark, u, v, depth, sigma_px, sigma_m]: &[f64; 6]| {
+        let observation = |(seen, descriptor): (&[f64; 6], &Vec<u8>)| {
+            let [landmark, u, v, depth, sigma_px, sigma_m] = *seen;
             let id = landmark as i64;
             if known.insert(id) {
                 landmarks.push(v1::Landmark { id, ..Default::default() });
@@ -112,10 +121,16 @@ impl Sequence {
                 sigma_px: Some(sigma_px),
                 depth_m: (depth > 0.0).then_some(depth),
                 sigma_depth_m: (depth > 0.0).then_some(sigma_m),
+                descriptor: Some(v1::Descriptor {
+                    kind: v1::DescriptorKind::Binary.into(),
+                    name: "orb".to_owned(),
+                    data: descriptor.clone(),
+                }),
                 ..Default::default()
             }
         };
-        let observations = self.observations[k].iter().map(observation).collect();
+        let seen = self.observations[k].iter().zip(&self.descriptors[k]);
+        let observations = seen.map(observation).collect();
         let nanos = ((time % 1.0) * 1e9) as i32;
         Item::Keyframe(v1::Keyframe {
             id: k as i64,
@@ -166,6 +181,10 @@ impl Sequence {
         closures
     }
 
+    fn poses(&self) -> Vec<Se3> {
+        self.odometry.iter().map(|&(_, pose)| pose).collect()
+    }
+
     /// Closures with the information that RefinePose answers for their matches.
     async fn with_refined_information(&self, server: &TestServer) -> Vec<Closure> {
         let mut refined = Vec::new();
@@ -200,7 +219,7 @@ impl Sequence {
     }
 }
 
-fn transform(pose: &Se3) -> v1::RigidTransform {
+pub(crate) fn transform(pose: &Se3) -> v1::RigidTransform {
     let q = pose.rotation.quaternion();
     let rotation = Some(v1::Quaternion { x: q.i, y: q.j, z: q.k, w: q.w });
     let translation = Some(vector3(pose.translation.into()));
@@ -246,7 +265,11 @@ async fn build(
 ) {
     // Windows move the estimates; verdicts must not depend on them.
     let windows = Some(matches!(order, Order::Burst));
-    let policy = v1::MapPolicy { local_bundle_adjustment: windows, ..Default::default() };
+    let policy = v1::MapPolicy {
+        local_bundle_adjustment: windows,
+        closure_adjustment: Some(name == ADJUSTED),
+        ..Default::default()
+    };
     server.create_map_with(name, policy).await;
     let (stream, _) = Stream::open(server, name, "robot", 0).await;
     let mut items = vec![Item::Camera(Sequence::camera())];
@@ -298,7 +321,7 @@ async fn state(server: &TestServer, name: &str) -> State {
 }
 
 /// Root mean square of the positions' errors after rigid alignment.
-fn ate(poses: &[Se3], truth: &[Se3]) -> f64 {
+pub(crate) fn ate(poses: &[Se3], truth: &[Se3]) -> f64 {
     let points =
         |poses: &[Se3]| -> Vec<Vector3<f64>> { poses.iter().map(|p| p.translation).collect() };
     let (a, b) = (points(poses), points(truth));
@@ -315,10 +338,14 @@ fn ate(poses: &[Se3], truth: &[Se3]) -> f64 {
     (squares.sum::<f64>() / a.len() as f64).sqrt()
 }
 
-async fn optimize(server: &TestServer, name: &str) -> v1::OptimizeMapResult {
+async fn optimize(
+    server: &TestServer,
+    name: &str,
+    problem: v1::MapProblem,
+) -> v1::OptimizeMapResult {
     let request = v1::OptimizeMapRequest {
         map_id: name.to_owned(),
-        problem: v1::MapProblem::PoseGraph.into(),
+        problem: problem.into(),
         ..Default::default()
     };
     let mut stream = server.optimization().optimize_map(request).await.unwrap().into_inner();
@@ -344,7 +371,7 @@ async fn judged(
         build(server, &name, sequence, closures, order).await;
         verdicts.push(state(server, &name).await.off);
         for _ in 0..2 {
-            let result = optimize(server, &name).await;
+            let result = optimize(server, &name, v1::MapProblem::PoseGraph).await;
             let found = result.summary.unwrap().closures.unwrap();
             assert_eq!(found.closure_count, closures.len() as i64);
             let now = state(server, &name).await;
@@ -360,6 +387,20 @@ async fn judged(
         (0..closures.len()).filter(|id| !closures[*id].is_true && !off(id)).collect();
     assert!(on.is_empty(), "{name}: false closures {on:?} count");
     (0..closures.len()).filter(|id| closures[*id].is_true && off(id)).count()
+}
+
+/// Waits until the map is adjusted after its closures.
+pub(crate) async fn adjusted(server: &TestServer, name: &str) {
+    let request = v1::WatchMapRequest { map_id: name.to_owned(), ..Default::default() };
+    let mut watch = server.maps().watch_map(request).await.unwrap().into_inner();
+    loop {
+        let request = v1::GetMapRequest { map_id: name.to_owned(), ..Default::default() };
+        let answer = server.maps().get_map(request).await.unwrap().into_inner();
+        if !answer.map.unwrap().adjustment_due {
+            return;
+        }
+        watch.message().await.unwrap().unwrap();
+    }
 }
 
 async fn lock_step() -> TestServer {
@@ -393,5 +434,25 @@ fn true_closures_that_claim_a_tenth_of_their_error_count() {
             let off = judged(&server, &name, &sequence, &closures).await;
             assert!(off <= 12, "{name}: {off} of 64 true closures are off");
         }
+    });
+}
+
+#[test]
+fn after_closures_the_whole_map_is_adjusted_and_a_request_goes_on_from_there() {
+    let Some(sequence) = Sequence::read() else { return };
+    run(async {
+        let server = TestServer::start().await;
+        build(&server, ADJUSTED, &sequence, &sequence.closures, Order::Burst).await;
+        adjusted(&server, ADJUSTED).await;
+        let before = ate(&sequence.poses(), &sequence.truth);
+        let after = ate(&state(&server, ADJUSTED).await.poses, &sequence.truth);
+        let result = optimize(&server, ADJUSTED, v1::MapProblem::Full).await;
+        let requested = ate(&state(&server, ADJUSTED).await.poses, &sequence.truth);
+        println!(
+            "ATE {before:.4} m by odometry, {after:.4} m after the closures, {requested:.4} m \
+             after OptimizeMap, which ended with {:?}",
+            result.summary.map(|summary| (summary.termination(), summary.iteration_count))
+        );
+        assert!(2.0 * after <= before && 2.0 * requested <= before);
     });
 }

@@ -48,6 +48,11 @@ impl TestServer {
         Self::with(|config| config.test_fault = Some(fault.to_owned())).await
     }
 
+    /// A server on which each solve finishes before the next item is taken.
+    pub(crate) async fn lock_step() -> Self {
+        Self::with(|config| config.engine.lock_step = true).await
+    }
+
     pub(crate) async fn with(change: impl FnOnce(&mut ServerConfig)) -> Self {
         let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
         let mut config = ServerConfig { threads: 1, ..ServerConfig::default() };
@@ -90,6 +95,46 @@ impl TestServer {
         for ack in stream.finish().await.unwrap() {
             assert!(ack.violations.is_empty(), "{ack:?}");
         }
+    }
+}
+
+impl TestServer {
+    /// A small map as a new watcher gets it.
+    pub(crate) async fn watched(&self, map_id: &str) -> v1::MapDelta {
+        let request = v1::WatchMapRequest { map_id: map_id.to_owned(), ..Default::default() };
+        let mut stream = self.maps().watch_map(request).await.unwrap().into_inner();
+        let delta = stream.message().await.unwrap().unwrap().delta.unwrap();
+        assert!(delta.reset && delta.last_part);
+        delta
+    }
+
+    /// Runs `OptimizeMap` to its end.
+    pub(crate) async fn optimize_map(
+        &self,
+        request: v1::OptimizeMapRequest,
+    ) -> Result<(Vec<v1::IterationSummary>, v1::OptimizeMapResult), Status> {
+        let mut stream = self.optimization().optimize_map(request).await?.into_inner();
+        let mut rows = Vec::new();
+        while let Some(message) = stream.message().await? {
+            match message.event.expect("an event") {
+                v1::optimize_map_response::Event::Iteration(row) => rows.push(row),
+                v1::optimize_map_response::Event::Result(result) => {
+                    assert!(stream.message().await?.is_none(), "the result comes last, once");
+                    return Ok((rows, result));
+                }
+            }
+        }
+        panic!("the stream ended without a result");
+    }
+
+    /// A map that a bug has poisoned.
+    pub(crate) async fn with_poisoned_map(map_id: &str) -> Self {
+        let server = Self::with_fault("panic-in-engine").await;
+        server.create_map(map_id).await;
+        let (mut stream, _) = Stream::open(&server, map_id, "robot", 0).await;
+        stream.send(1, Item::Camera(camera(0))).await;
+        check_status(&stream.end().await, Code::Internal, "BUG");
+        server
     }
 }
 

@@ -40,7 +40,7 @@ pub(crate) fn position_prior(edit: impl FnOnce(&mut v1::PositionPrior)) -> Item 
     Item::PositionPrior(prior)
 }
 
-fn pose_prior(edit: impl FnOnce(&mut v1::PosePrior)) -> Item {
+pub(crate) fn pose_prior(edit: impl FnOnce(&mut v1::PosePrior)) -> Item {
     let mut prior = v1::PosePrior {
         id: 9,
         keyframe: Some(v1::KeyframeRef { id: 0, ..Default::default() }),
@@ -65,7 +65,7 @@ fn pinhole(camera: &mut v1::Camera) -> &mut v1::PinholeRadialTangential {
 }
 
 /// Sends each item to a map with two keyframes and checks what is said of it.
-fn check(cases: Vec<(Item, &str, Reason)>) {
+pub(crate) fn check(cases: Vec<(Item, &str, Reason)>) {
     run(async move {
         let server = TestServer::start().await;
         server.create_map("room").await;
@@ -427,39 +427,6 @@ fn what_is_not_served_yet_is_refused_as_such() {
         unserved(
             bad_camera(|c| c.rolling_shutter_readout_ms = 20.0),
             "camera.rolling_shutter_readout_ms",
-        ),
-    ]);
-}
-
-#[test]
-fn what_is_wrong_with_a_loss_or_a_measured_place_is_told() {
-    let huber = || Some(v1::Loss { kind: v1::LossKind::Huber.into(), width: Some(-1.0) });
-    let place = |latitude_deg, height_m| {
-        Some(v1::GeodeticPosition { latitude_deg, longitude_deg: 0.0, height_m })
-    };
-    check(vec![
-        (bad_constraint(|c| c.loss = huber()), "relative_pose.loss.width", Reason::OutOfRange),
-        (position_prior(|p| p.loss = huber()), "position_prior.loss.width", Reason::OutOfRange),
-        (pose_prior(|p| p.loss = huber()), "pose_prior.loss.width", Reason::OutOfRange),
-        (
-            position_prior(|p| p.point_in_camera = Some(vector3([0.1, f64::NAN, 0.0]))),
-            "position_prior.point_in_camera.y",
-            Reason::NotFinite,
-        ),
-        (
-            position_prior(|p| p.geodetic_point = place(1.0, 0.0)),
-            "position_prior.geodetic_point",
-            Reason::Inconsistent,
-        ),
-        (
-            position_prior(|p| (p.point_in_world, p.geodetic_point) = (None, place(-91.0, 0.0))),
-            "position_prior.geodetic_point.latitude_deg",
-            Reason::OutOfRange,
-        ),
-        (
-            position_prior(|p| (p.point_in_world, p.geodetic_point) = (None, place(1.0, 0.0))),
-            "position_prior.geodetic_point",
-            Reason::Inconsistent,
         ),
     ]);
 }

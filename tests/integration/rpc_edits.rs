@@ -98,10 +98,6 @@ fn editing() -> Vec<(Item, bool)> {
     ]
 }
 
-async fn lock_step() -> TestServer {
-    TestServer::with(|config| config.engine.lock_step = true).await
-}
-
 async fn client_of(server: &TestServer) -> Client {
     Client::connect(&format!("http://{}", server.running.local_addr())).await.unwrap()
 }
@@ -138,7 +134,7 @@ async fn fresh(client: &Client) -> MapMirror {
 #[test]
 fn each_edit_is_solved_and_told_to_watchers() {
     run(async {
-        let server = lock_step().await;
+        let server = TestServer::lock_step().await;
         let client = client_of(&server).await;
         client.create_map("house", None).await.unwrap();
         let (mut robot, mut robot_acks) = session(&client, "robot").await;
@@ -204,7 +200,7 @@ fn each_edit_is_solved_and_told_to_watchers() {
 #[test]
 fn an_edit_that_is_sent_again_is_harmless() {
     run(async {
-        let server = lock_step().await;
+        let server = TestServer::lock_step().await;
         server.create_map("house").await;
         let (mut stream, _) = Stream::open(&server, "house", "robot", 0).await;
         for (sequence, item) in (1..).zip(building()) {
@@ -243,7 +239,7 @@ fn an_edit_that_is_sent_again_is_harmless() {
 #[test]
 fn a_landmark_that_was_fused_or_removed_is_unknown_to_later_items() {
     run(async {
-        let server = lock_step().await;
+        let server = TestServer::lock_step().await;
         server.create_map("house").await;
         let (mut stream, _) = Stream::open(&server, "house", "robot", 0).await;
         for (sequence, item) in (1..).zip(building()) {
@@ -268,7 +264,7 @@ fn a_landmark_that_was_fused_or_removed_is_unknown_to_later_items() {
 
 /// The hash of the map's content after the whole session on a server that nobody kills.
 async fn undisturbed() -> Vec<u8> {
-    let server = lock_step().await;
+    let server = TestServer::lock_step().await;
     let client = client_of(&server).await;
     client.create_map("house", None).await.unwrap();
     let (mut robot, _acks) = session(&client, "robot").await;

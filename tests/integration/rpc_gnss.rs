@@ -80,19 +80,6 @@ async fn send(server: &TestServer, map_id: &str, items: Vec<Item>) -> Vec<v1::In
     acks
 }
 
-async fn lock_step() -> TestServer {
-    TestServer::with(|config| config.engine.lock_step = true).await
-}
-
-/// The whole map, as a new watcher gets it.
-async fn state(server: &TestServer, map_id: &str) -> v1::MapDelta {
-    let request = v1::WatchMapRequest { map_id: map_id.to_owned(), ..Default::default() };
-    let mut stream = server.maps().watch_map(request).await.unwrap().into_inner();
-    let delta = stream.message().await.unwrap().unwrap().delta.unwrap();
-    assert!(delta.reset && delta.last_part);
-    delta
-}
-
 /// The largest distance of a keyframe from `truth`, in meters.
 fn error(delta: &v1::MapDelta, truth: impl Fn(i64) -> [f64; 3]) -> f64 {
     let apart = |keyframe: &v1::KeyframePose| {
@@ -118,10 +105,10 @@ fn off(delta: &v1::MapDelta) -> Vec<i64> {
 #[test]
 fn fixes_with_a_lever_arm_bring_a_map_to_the_world_and_a_false_one_is_told() {
     run(async {
-        let server = lock_step().await;
+        let server = TestServer::lock_step().await;
         server.create_map("room").await;
         send(&server, "room", (0..COUNT).map(keyframe).collect()).await;
-        assert!(error(&state(&server, "room").await, |k| place(k, 0.0).1) > 100.0);
+        assert!(error(&server.watched("room").await, |k| place(k, 0.0).1) > 100.0);
         let fixes = (0..COUNT / 3).map(|n| {
             fix(n, 3 * n, |prior| {
                 if n == 6 {
@@ -133,7 +120,7 @@ fn fixes_with_a_lever_arm_bring_a_map_to_the_world_and_a_false_one_is_told() {
         let last = acks.iter().rfind(|ack| ack.status() == v1::AckStatus::Optimized).unwrap();
         assert_eq!(last.sequence, COUNT + COUNT / 3, "the last fix is covered");
         assert!(last.solve_id > 0);
-        let delta = state(&server, "room").await;
+        let delta = server.watched("room").await;
         assert_eq!(off(&delta), [6]);
         let left = error(&delta, |k| place(k, 0.0).1);
         assert!(left < 0.06, "{left} m of 0.4 m are left");
@@ -143,13 +130,7 @@ fn fixes_with_a_lever_arm_bring_a_map_to_the_world_and_a_false_one_is_told() {
             problem: v1::MapProblem::PoseGraph.into(),
             ..Default::default()
         };
-        let mut rows = server.optimization().optimize_map(request).await.unwrap().into_inner();
-        let result = loop {
-            match rows.message().await.unwrap().unwrap().event.unwrap() {
-                v1::optimize_map_response::Event::Iteration(_) => {}
-                v1::optimize_map_response::Event::Result(result) => break result,
-            }
-        };
+        let (_, result) = server.optimize_map(request).await.unwrap();
         let summary = result.summary.unwrap();
         assert_eq!(summary.gauge(), v1::Gauge::Priors);
         assert_eq!(summary.fixed_pose_count, 0);
@@ -170,7 +151,7 @@ fn fixes_that_arrive_together_are_covered_by_fewer_solves() {
         let optimized = acks.iter().filter(|ack| ack.status() == v1::AckStatus::Optimized);
         let sequences: Vec<i64> = optimized.map(|ack| ack.sequence).collect();
         assert_eq!(sequences.last(), Some(&(2 * COUNT)));
-        let left = error(&state(&server, "room").await, |k| place(k, 0.0).1);
+        let left = error(&server.watched("room").await, |k| place(k, 0.0).1);
         assert!(left < 0.05, "{left} m");
     });
 }
@@ -178,7 +159,7 @@ fn fixes_that_arrive_together_are_covered_by_fewer_solves() {
 #[test]
 fn a_map_without_loop_closure_optimization_answers_a_fix_without_a_solve() {
     run(async {
-        let server = lock_step().await;
+        let server = TestServer::lock_step().await;
         let policy = v1::MapPolicy { loop_closure_optimization: Some(false), ..Default::default() };
         server.create_map_with("room", policy).await;
         send(&server, "room", (0..COUNT).map(keyframe).collect()).await;
@@ -186,14 +167,14 @@ fn a_map_without_loop_closure_optimization_answers_a_fix_without_a_solve() {
         let optimized = acks.iter().filter(|ack| ack.status() == v1::AckStatus::Optimized);
         assert!(optimized.clone().count() > 0);
         assert!(optimized.into_iter().all(|ack| ack.solve_id == 0));
-        assert!(error(&state(&server, "room").await, |k| place(k, 0.0).1) > 100.0);
+        assert!(error(&server.watched("room").await, |k| place(k, 0.0).1) > 100.0);
     });
 }
 
 #[test]
 fn a_pose_prior_moves_the_whole_map() {
     run(async {
-        let server = lock_step().await;
+        let server = TestServer::lock_step().await;
         server.create_map("room").await;
         send(&server, "room", (0..COUNT).map(keyframe).collect()).await;
         let (angle, at) = place(0, 0.0);
@@ -206,7 +187,7 @@ fn a_pose_prior_moves_the_whole_map() {
             ..Default::default()
         });
         send(&server, "room", vec![prior]).await;
-        let left = error(&state(&server, "room").await, |k| place(k, 0.01).1);
+        let left = error(&server.watched("room").await, |k| place(k, 0.01).1);
         assert!(left < 1e-6, "{left} m");
     });
 }
@@ -214,7 +195,7 @@ fn a_pose_prior_moves_the_whole_map() {
 #[test]
 fn geodetic_fixes_place_a_map_in_the_frame_of_its_anchor() {
     run(async {
-        let server = lock_step().await;
+        let server = TestServer::lock_step().await;
         let anchor = Geodetic { latitude_deg: 40.1, longitude_deg: -105.15, height_m: 1600.0 };
         let to_wire = |place: Geodetic| v1::GeodeticPosition {
             latitude_deg: place.latitude_deg,
@@ -250,7 +231,7 @@ fn geodetic_fixes_place_a_map_in_the_frame_of_its_anchor() {
             })
         });
         send(&server, "room", fixes.collect()).await;
-        let delta = state(&server, "room").await;
+        let delta = server.watched("room").await;
         assert!(error(&delta, truth) < 1e-3, "{} m", error(&delta, truth));
         // What is answered is in the world.
         let points = delta.constraints.iter().filter_map(|c| match &c.constraint {

@@ -8,8 +8,8 @@ use v1::ingest_request::Item;
 use v1::{export_map_response, import_map_request};
 
 use crate::common::{
-    LANDMARKS, Stream, TestServer, check_field, check_retry, check_status, keyframe, relative_pose,
-    run,
+    LANDMARKS, Stream, TestServer, check_field, check_retry, check_status, information3, keyframe,
+    relative_pose, run,
 };
 use crate::durable::on_disk;
 
@@ -101,6 +101,14 @@ async fn build(server: &TestServer) {
     stream.finish().await.unwrap();
 }
 
+/// A server with that map, and the map as a file of covis.
+async fn exported() -> (TestServer, Vec<File>) {
+    let server = TestServer::start().await;
+    build(&server).await;
+    let files = export(&server, "room", v1::MapFormat::Covis).await;
+    (server, files)
+}
+
 #[test]
 fn a_map_moves_to_another_server_as_it_is() {
     run(async {
@@ -151,9 +159,7 @@ fn a_map_moves_to_another_server_as_it_is() {
 #[test]
 fn an_import_can_have_another_name_and_policy() {
     run(async {
-        let server = TestServer::start().await;
-        build(&server).await;
-        let files = export(&server, "room", v1::MapFormat::Covis).await;
+        let (server, files) = exported().await;
         let own = v1::ImportMapHeader {
             display_name: "Copy".to_owned(),
             policy: Some(v1::MapPolicy { max_iteration_count: Some(3), ..Default::default() }),
@@ -165,12 +171,43 @@ fn an_import_can_have_another_name_and_policy() {
         assert_eq!((policy.max_iteration_count, policy.window_keyframe_count), (Some(3), Some(20)));
         // Solves go on with it.
         let request = v1::OptimizeMapRequest { map_id: "copy".to_owned(), ..Default::default() };
-        let mut solve = server.optimization().optimize_map(request).await.unwrap().into_inner();
-        let mut last = None;
-        while let Some(message) = solve.message().await.unwrap() {
-            last = message.event;
+        server.optimize_map(request).await.unwrap();
+    });
+}
+
+#[test]
+fn an_import_keeps_the_anchor_of_a_map_with_priors() {
+    run(async {
+        let server = TestServer::start().await;
+        let place =
+            |latitude_deg| Some(v1::GeodeticPosition { latitude_deg, ..Default::default() });
+        let anchored = |latitude_deg| v1::MapPolicy {
+            geodetic_anchor: place(latitude_deg),
+            max_iteration_count: Some(3),
+            ..Default::default()
+        };
+        server.create_map_with("room", anchored(40.0)).await;
+        server.build_map("room", 1).await;
+        let (mut stream, opened) = Stream::open(&server, "room", "robot", 0).await;
+        let prior = v1::PositionPrior {
+            id: 1,
+            keyframe: Some(v1::KeyframeRef { id: 0, ..Default::default() }),
+            geodetic_point: place(40.0),
+            information: Some(information3(1.0)),
+            ..Default::default()
+        };
+        let ack = stream.put(opened.next_sequence, Item::PositionPrior(prior)).await;
+        assert!(ack.violations.is_empty(), "{ack:?}");
+        stream.finish().await.unwrap();
+        let format = v1::MapFormat::Covis;
+        let files = export(&server, "room", format).await;
+        let with = |policy| v1::ImportMapHeader { policy: Some(policy), ..header("copy", format) };
+        for policy in [anchored(41.0), v1::MapPolicy::default()] {
+            let status = import(&server, with(policy), &files).await.unwrap_err();
+            check_field(&status, "policy.geodetic_anchor", "INCONSISTENT");
         }
-        assert!(matches!(last, Some(v1::optimize_map_response::Event::Result(_))), "{last:?}");
+        let policy = import(&server, with(anchored(40.0)), &files).await.unwrap().policy.unwrap();
+        assert_eq!((policy.geodetic_anchor, policy.max_iteration_count), (place(40.0), Some(3)));
     });
 }
 
@@ -230,10 +267,8 @@ fn models_of_other_programs_become_maps() {
 #[test]
 fn bytes_that_are_damaged_or_too_new_are_named_and_make_no_map() {
     run(async {
-        let server = TestServer::start().await;
-        build(&server).await;
+        let (server, files) = exported().await;
         let format = v1::MapFormat::Covis;
-        let files = export(&server, "room", format).await;
         let (path, bytes) = &files[0];
         let mut damaged = bytes.clone();
         let middle = damaged.len() / 2;
@@ -270,10 +305,8 @@ fn bytes_that_are_damaged_or_too_new_are_named_and_make_no_map() {
 #[test]
 fn an_upload_that_breaks_the_order_or_ends_early_makes_no_map() {
     run(async {
-        let server = TestServer::start().await;
-        build(&server).await;
+        let (server, files) = exported().await;
         let format = v1::MapFormat::Covis;
-        let files = export(&server, "room", format).await;
         let whole = upload(header("copy", format), &files);
         assert!(whole.len() > 3, "{}", whole.len());
         let mut swapped = whole.clone();
@@ -313,10 +346,8 @@ fn an_upload_that_breaks_the_order_or_ends_early_makes_no_map() {
 #[test]
 fn import_map_refuses_bad_requests() {
     run(async {
-        let server = TestServer::start().await;
-        build(&server).await;
+        let (server, files) = exported().await;
         let format = v1::MapFormat::Covis;
-        let files = export(&server, "room", format).await;
         let status = import(&server, header("room", format), &files).await.unwrap_err();
         check_status(&status, Code::AlreadyExists, "MAP_EXISTS");
         let good = || header("copy", format);
@@ -357,10 +388,8 @@ fn import_map_refuses_bad_requests() {
 #[test]
 fn an_import_never_exceeds_what_the_server_holds() {
     run(async {
-        let server = TestServer::start().await;
-        build(&server).await;
+        let (server, files) = exported().await;
         let format = v1::MapFormat::Covis;
-        let files = export(&server, "room", format).await;
         let models = export(&server, "room", v1::MapFormat::ColmapText).await;
         let small = TestServer::with(|config| {
             config.ceilings.max_landmarks = Some(LANDMARKS as u64 - 1);

@@ -201,11 +201,7 @@ fn past_a_ceiling_the_stream_ends_and_can_be_tried_again() {
 #[test]
 fn a_bug_while_changing_the_map_poisons_it() {
     run(async {
-        let server = TestServer::with_fault("panic-in-engine").await;
-        server.create_map("room").await;
-        let (mut stream, _) = Stream::open(&server, "room", "robot", 0).await;
-        stream.send(1, Item::Camera(camera(0))).await;
-        check_status(&stream.end().await, Code::Internal, "BUG");
+        let server = TestServer::with_poisoned_map("room").await;
         let mut stream = Stream::connect(&server).await;
         stream.send(0, open_item("room", "robot", 0)).await;
         check_status(&stream.end().await, Code::FailedPrecondition, "MAP_POISONED");

@@ -84,19 +84,6 @@ async fn build(
     server.maps().get_map(request).await.unwrap().into_inner().map.unwrap()
 }
 
-async fn lock_step() -> TestServer {
-    TestServer::with(|config| config.engine.lock_step = true).await
-}
-
-/// The whole map, as a new watcher gets it.
-async fn state(server: &TestServer, map_id: &str) -> v1::MapDelta {
-    let request = v1::WatchMapRequest { map_id: map_id.to_owned(), ..Default::default() };
-    let mut stream = server.maps().watch_map(request).await.unwrap().into_inner();
-    let delta = stream.message().await.unwrap().unwrap().delta.unwrap();
-    assert!(delta.reset && delta.last_part);
-    delta
-}
-
 /// Ids and verdicts of the constraints of a delta.
 fn verdicts(delta: &v1::MapDelta) -> Vec<(i64, Option<v1::SwitchedOff>)> {
     let relative = |c: &v1::Constraint| match &c.constraint {
@@ -125,7 +112,7 @@ fn closures(with_false: bool) -> Vec<Item> {
 #[test]
 fn a_false_closure_bends_nothing_and_is_reported() {
     run(async {
-        let server = lock_step().await;
+        let server = TestServer::lock_step().await;
         let off = v1::RobustKernel::None;
         for kernel in [v1::RobustKernel::Unspecified, v1::RobustKernel::GncGm] {
             let name = kernel.as_str_name().to_lowercase();
@@ -137,7 +124,7 @@ fn a_false_closure_bends_nothing_and_is_reported() {
             let map = build(&server, &dirty, kernel, closures(true)).await;
             let counts = map.counts.unwrap();
             assert_eq!((counts.constraint_count, counts.switched_off_constraint_count), (6, 1));
-            let (clean, dirty) = (state(&server, &clean).await, state(&server, &dirty).await);
+            let (clean, dirty) = (server.watched(&clean).await, server.watched(&dirty).await);
             assert!(apart(&clean, &dirty) < 0.05, "{kernel:?}: {}", apart(&clean, &dirty));
             for (id, verdict) in verdicts(&dirty) {
                 assert_eq!(verdict.is_some(), id == FALSE, "{kernel:?}: {id}");
@@ -150,19 +137,19 @@ fn a_false_closure_bends_nothing_and_is_reported() {
         build(&server, "clean", off, closures(false)).await;
         let map = build(&server, "dirty", off, closures(true)).await;
         assert_eq!(map.counts.unwrap().switched_off_constraint_count, 0);
-        assert!(apart(&state(&server, "clean").await, &state(&server, "dirty").await) > 0.5);
+        assert!(apart(&server.watched("clean").await, &server.watched("dirty").await) > 0.5);
     });
 }
 
 #[test]
 fn watchers_hear_of_a_closure_that_goes_off_and_comes_back() {
     run(async {
-        let server = lock_step().await;
+        let server = TestServer::lock_step().await;
         let default = v1::RobustKernel::Unspecified;
         // Far more drift than odometry has: alone against it the closure is not believed.
         let first = vec![closure(FALSE, 4, 4 + LAP, 5.0, LOOP)];
         build(&server, "room", default, first).await;
-        let begin = state(&server, "room").await;
+        let begin = server.watched("room").await;
         let [(FALSE, Some(off))] = verdicts(&begin)[..] else { panic!("{:?}", begin.constraints) };
         assert!(off.chi2 > 1000.0, "{off:?}");
         let request = v1::WatchMapRequest {
@@ -176,10 +163,10 @@ fn watchers_hear_of_a_closure_that_goes_off_and_comes_back() {
         let other = v1::ConstraintKind::Other;
         stream.send(opened.next_sequence, closure(100, 4, 4 + LAP, 5.0, other)).await;
         stream.finish().await.unwrap();
-        let (result, rows) = optimized(&server, request_of("room", false)).await;
+        let (rows, result) = server.optimize_map(request_of("room", false)).await.unwrap();
         assert!(result.switched_off_constraints.is_empty(), "{result:?}");
         assert!(result.chordal_certificate.is_none());
-        assert_eq!(rows as i32, result.summary.unwrap().iteration_count + 1);
+        assert_eq!(rows.len() as i32, result.summary.unwrap().iteration_count + 1);
         let mut told = Vec::new();
         loop {
             let delta = watch.message().await.unwrap().unwrap().delta.unwrap();
@@ -201,28 +188,13 @@ fn request_of(map_id: &str, certify: bool) -> v1::OptimizeMapRequest {
     }
 }
 
-/// Runs `OptimizeMap`; its result and how many rows came.
-async fn optimized(
-    server: &TestServer,
-    request: v1::OptimizeMapRequest,
-) -> (v1::OptimizeMapResult, usize) {
-    let mut stream = server.optimization().optimize_map(request).await.unwrap().into_inner();
-    let mut rows = 0;
-    loop {
-        match stream.message().await.unwrap().unwrap().event.unwrap() {
-            v1::optimize_map_response::Event::Iteration(_) => rows += 1,
-            v1::optimize_map_response::Event::Result(result) => return (result, rows),
-        }
-    }
-}
-
 #[test]
 fn a_map_is_certified_on_request_and_says_what_is_off() {
     run(async {
-        let server = lock_step().await;
+        let server = TestServer::lock_step().await;
         build(&server, "room", v1::RobustKernel::Unspecified, closures(true)).await;
-        let before = state(&server, "room").await;
-        let (result, _) = optimized(&server, request_of("room", true)).await;
+        let before = server.watched("room").await;
+        let (_, result) = server.optimize_map(request_of("room", true)).await.unwrap();
         let certificate = result.chordal_certificate.unwrap();
         assert!(certificate.certified, "{certificate:?}");
         assert!(certificate.gap >= 0.0 && certificate.duration_us > 0);
@@ -232,7 +204,7 @@ fn a_map_is_certified_on_request_and_says_what_is_off() {
         assert_eq!((name.client_id.as_str(), name.id), ("robot", FALSE));
         assert!(off[0].switched_off.unwrap().chi2 > 1000.0);
         assert_eq!(result.keyframe_count, 2 * LAP);
-        assert!(apart(&before, &state(&server, "room").await) < 0.05);
+        assert!(apart(&before, &server.watched("room").await) < 0.05);
         let summary = result.summary.unwrap();
         assert!(summary.final_cost <= summary.initial_cost);
         // A bundle is nothing to certify.
@@ -252,7 +224,7 @@ fn a_map_is_certified_on_request_and_says_what_is_off() {
 #[test]
 fn a_map_in_pieces_has_no_certificate() {
     run(async {
-        let server = lock_step().await;
+        let server = TestServer::lock_step().await;
         server.create_map("room").await;
         for client in ["one", "two"] {
             let (stream, _) = Stream::open(&server, "room", client, 0).await;

@@ -1,9 +1,8 @@
 //! `OptimizeMap`: iterations as they come, one revision, and the ends that its comment lists.
 
 use covis::wire::v1;
-use tonic::{Code, Status, Streaming};
+use tonic::{Code, Streaming};
 use v1::ingest_request::Item;
-use v1::optimize_map_response::Event;
 
 use crate::common::{
     LANDMARKS, Stream, TestServer, camera, check_field, check_status, occupy, run,
@@ -11,25 +10,6 @@ use crate::common::{
 
 fn optimize(map_id: &str) -> v1::OptimizeMapRequest {
     v1::OptimizeMapRequest { map_id: map_id.to_owned(), ..Default::default() }
-}
-
-/// Runs `OptimizeMap` to its end.
-async fn optimized(
-    server: &TestServer,
-    request: v1::OptimizeMapRequest,
-) -> Result<(Vec<v1::IterationSummary>, v1::OptimizeMapResult), Status> {
-    let mut stream = server.optimization().optimize_map(request).await?.into_inner();
-    let mut rows = Vec::new();
-    while let Some(message) = stream.message().await? {
-        match message.event.expect("an event") {
-            Event::Iteration(row) => rows.push(row),
-            Event::Result(result) => {
-                assert!(stream.message().await?.is_none(), "the result comes last, once");
-                return Ok((rows, result));
-            }
-        }
-    }
-    panic!("the stream ended without a result");
 }
 
 #[test]
@@ -43,7 +23,7 @@ fn optimize_map_streams_iterations_and_applies_the_result() {
             observation_loss: Some(v1::Loss { kind: v1::LossKind::Trivial.into(), width: None }),
             ..optimize("room")
         };
-        let (rows, result) = optimized(&server, request).await.unwrap();
+        let (rows, result) = server.optimize_map(request).await.unwrap();
         let summary = result.summary.unwrap();
         assert_eq!(rows.len() as i32, summary.iteration_count + 1);
         assert_eq!((rows[0].iteration, rows[0].cost), (0, summary.initial_cost));
@@ -61,7 +41,7 @@ fn optimize_map_refuses_what_it_cannot_solve() {
     run(async {
         let server = TestServer::start().await;
         server.create_map("room").await;
-        let end = async |request| optimized(&server, request).await.unwrap_err();
+        let end = async |request| server.optimize_map(request).await.unwrap_err();
         check_status(&end(optimize("room")).await, Code::FailedPrecondition, "NOTHING_TO_SOLVE");
         check_status(&end(optimize("none")).await, Code::NotFound, "MAP_NOT_FOUND");
         check_field(&end(optimize("")).await, "map_id", "MISSING");
@@ -127,7 +107,7 @@ fn a_second_optimization_of_a_map_is_aborted() {
         drop(busy);
         while running.message().await.unwrap().is_some() {}
         // Once it has ended another one may run.
-        optimized(&server, optimize("room")).await.unwrap();
+        server.optimize_map(optimize("room")).await.unwrap();
     });
 }
 
@@ -155,9 +135,9 @@ fn a_bug_in_optimize_map_is_internal_and_poisons_the_map() {
         let policy = v1::MapPolicy { local_bundle_adjustment: Some(false), ..Default::default() };
         server.create_map_with("room", policy).await;
         server.build_map("room", 2).await;
-        let status = optimized(&server, optimize("room")).await.unwrap_err();
+        let status = server.optimize_map(optimize("room")).await.unwrap_err();
         check_status(&status, Code::Internal, "BUG");
-        let status = optimized(&server, optimize("room")).await.unwrap_err();
+        let status = server.optimize_map(optimize("room")).await.unwrap_err();
         check_status(&status, Code::FailedPrecondition, "MAP_POISONED");
     });
 }

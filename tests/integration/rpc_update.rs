@@ -5,8 +5,8 @@ use tonic::{Code, Status};
 use v1::ingest_request::Item;
 
 use crate::common::{
-    Stream, TestServer, camera, check_field, check_retry, check_status, keyframe, occupy,
-    open_item, run,
+    Stream, TestServer, camera, check_field, check_retry, check_status, information6, keyframe,
+    occupy, open_item, run, shift,
 };
 
 fn request(paths: &[&str]) -> v1::UpdateMapRequest {
@@ -155,14 +155,43 @@ fn update_map_refuses_bad_requests() {
 #[test]
 fn a_poisoned_map_is_not_updated() {
     run(async {
-        let server = TestServer::with_fault("panic-in-engine").await;
+        let server = TestServer::with_poisoned_map("room").await;
+        let status = update(&server, request(&["display_name"])).await.unwrap_err();
+        check_status(&status, Code::FailedPrecondition, "MAP_POISONED");
+    });
+}
+
+#[test]
+fn a_map_keeps_its_anchor_as_long_as_it_holds_priors() {
+    run(async {
+        let server = TestServer::start().await;
+        let anchored = |latitude_deg| v1::UpdateMapRequest {
+            policy: Some(v1::MapPolicy {
+                geodetic_anchor: Some(v1::GeodeticPosition { latitude_deg, ..Default::default() }),
+                ..Default::default()
+            }),
+            ..request(&["policy.geodetic_anchor"])
+        };
         server.create_map("room").await;
-        let (mut stream, _) = Stream::open(&server, "room", "robot", 0).await;
-        stream.send(1, Item::Camera(camera(0))).await;
-        check_status(&stream.end().await, Code::Internal, "BUG");
-        let status = update(&server, request(&["display_name"])).await;
-        assert!(status.is_err(), "a poisoned map takes no change");
-        check_status(&status.unwrap_err(), Code::FailedPrecondition, "MAP_POISONED");
+        server.build_map("room", 1).await;
+        for latitude_deg in [40.0, 41.0] {
+            update(&server, anchored(latitude_deg)).await.unwrap();
+        }
+        let (mut stream, opened) = Stream::open(&server, "room", "robot", 0).await;
+        let prior = v1::PosePrior {
+            id: 1,
+            keyframe: Some(v1::KeyframeRef { id: 0, ..Default::default() }),
+            world_from_camera: Some(shift([0.0; 3])),
+            information: Some(information6(1.0)),
+            ..Default::default()
+        };
+        stream.put(opened.next_sequence, Item::PosePrior(prior)).await;
+        for wanted in [anchored(40.0), request(&["policy.geodetic_anchor"])] {
+            let status = update(&server, wanted).await.unwrap_err();
+            check_status(&status, Code::FailedPrecondition, "ANCHOR_IN_USE");
+        }
+        let same = update(&server, anchored(41.0)).await.unwrap();
+        assert_eq!(same.counts.unwrap().constraint_count, 1);
     });
 }
 

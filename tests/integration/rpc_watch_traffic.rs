@@ -157,13 +157,8 @@ async fn solved(stream: &mut Stream, sequence: i64, keyframe: v1::Keyframe) {
     }
 }
 
-/// Sends the sequence; after each keyframe every reader takes what there is for it. Returns a reader
-/// whose stream breaks after each keyframe: it is sent all that an event touched, changed or not.
-async fn replay(
-    server: &TestServer,
-    readers: &mut [(Reader, Streaming<v1::WatchMapResponse>)],
-) -> Reader {
-    let mut touched = Reader::default();
+/// Sends the sequence; after each keyframe every reader takes what there is for it.
+async fn replay(server: &TestServer, readers: &mut [(Reader, Streaming<v1::WatchMapResponse>)]) {
     let (mut stream, _) = Stream::open(server, "wall", "robot", 0).await;
     stream.put(1, Item::Camera(camera(0))).await;
     for id in 0..KEYFRAMES {
@@ -172,12 +167,6 @@ async fn replay(
         for (reader, stream) in &mut *readers {
             reader.reach(stream, revision).await;
         }
-        let request = v1::WatchMapRequest {
-            from_revision: (id > 0).then_some(touched.revision),
-            ..watch_request(0.0, 0.0)
-        };
-        let mut stream = server.maps().watch_map(request).await.unwrap().into_inner();
-        touched.reach(&mut stream, revision).await;
     }
     stream.finish().await.unwrap();
     let last = revision(server).await;
@@ -186,7 +175,6 @@ async fn replay(
             reader.reach(stream, last).await;
         }
     }
-    touched
 }
 
 /// The map as a reader who begins now gets it.
@@ -232,7 +220,7 @@ fn check(reader: &Reader, map: &Reader, position_m: f64, rotation_rad: f64) {
 #[test]
 fn a_watcher_is_sent_what_changed_by_more_than_its_resolution() {
     run(async {
-        let server = TestServer::with(|config| config.engine.lock_step = true).await;
+        let server = TestServer::lock_step().await;
         server.create_map("wall").await;
         let resolutions = [(0.0, 0.0), (1e-3, 1e-3), (1e-2, 1e-2)];
         let mut readers = Vec::new();
@@ -241,18 +229,10 @@ fn a_watcher_is_sent_what_changed_by_more_than_its_resolution() {
             let stream = server.maps().watch_map(request).await.unwrap().into_inner();
             readers.push((Reader::default(), stream));
         }
-        let touched = replay(&server, &mut readers).await;
+        replay(&server, &mut readers).await;
         let map = whole(&server).await;
-        let share = touched.bytes as f64 / map.bytes as f64;
-        eprintln!("all that was touched: {} bytes, {share:.2} of the map", touched.bytes);
-        eprintln!("{} values of it had not changed", touched.repeated);
         for ((reader, _), (position_m, rotation_rad)) in readers.iter().zip(resolutions) {
             let Reader { bytes, changed, repeated, .. } = reader;
-            let share = *bytes as f64 / map.bytes as f64;
-            eprintln!(
-                "{position_m} m: {bytes} bytes, {share:.2} of the map, {changed} of what changed, \
-                 {repeated} repeated"
-            );
             assert_eq!(*repeated, 0, "{position_m} m: a value came that the reader had");
             assert!(*bytes <= 2 * changed, "{position_m} m: {bytes} bytes for {changed}");
             check(reader, &map, position_m, rotation_rad);
@@ -268,7 +248,7 @@ fn a_watcher_is_sent_what_changed_by_more_than_its_resolution() {
 fn a_reader_whose_links_break_stays_within_its_resolution() {
     const MOST: f64 = 0.005;
     run(async {
-        let server = TestServer::with(|config| config.engine.lock_step = true).await;
+        let server = TestServer::lock_step().await;
         server.create_map("wall").await;
         let url = format!("http://{}", server.running.local_addr());
         let client = Client::connect(&url).await.unwrap();
@@ -325,6 +305,7 @@ fn a_step_without_news_still_leads_to_its_revision() {
         reader.reach(&mut stream, ack.revision).await;
         assert!(reader.others.len() >= 3, "camera, frame and constraint: {:?}", reader.others);
         assert!(reader.bytes - before < 600, "{} bytes for a constraint", reader.bytes - before);
+        assert_eq!(reader.repeated, 0);
         check(&reader, &whole(&server).await, 0.5, 0.5);
     });
 }

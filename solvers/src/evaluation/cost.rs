@@ -1,8 +1,8 @@
 //! Costs of whole problems, by kind of factor.
 //!
-//! Cost = ½ Σ ρ(rᵀΩr) with the problem's losses, or the factor's own where it has one. Observations behind the camera
-//! count in the cost and are counted apart. Indices out of range make the cost NaN: whether a problem
-//! is well posed is the business of its `validate`.
+//! Cost = ½ Σ ρ(rᵀΩr) with the problem's losses, or the factor's own where it has one. Observations
+//! behind the camera count in the cost and are counted apart. Indices out of range make the cost NaN:
+//! whether a problem is well posed is the business of its `validate`.
 
 use nalgebra::{SVector, Vector3};
 

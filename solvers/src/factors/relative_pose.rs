@@ -73,8 +73,8 @@ pub(crate) const FACTORS_PER_CHUNK: usize = 128;
 /// Factors that a loop handles between two questions to an interrupt: less than a millisecond.
 pub(crate) const FACTORS_PER_QUESTION: u32 = 512;
 
-/// ½ Σ ρ(rᵀΩr), `loss` that of factors without their own, summed within chunks in parallel, then over chunks in order. Once `interrupt` is due
-/// the rest count nothing.
+/// ½ Σ ρ(rᵀΩr), `loss` that of factors without their own, summed within chunks in parallel, then over
+/// chunks in order. Once `interrupt` is due the rest count nothing.
 pub(crate) fn cost<G: LieGroup<N>, const N: usize>(
     factors: &[RelativePose<G, N>],
     poses: &[G],

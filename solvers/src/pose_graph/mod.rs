@@ -1,7 +1,7 @@
 //! Pose-graph optimization: poses of one group from relative-pose measurements.
 //!
-//! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), and the priors' cost over the poses that are not constant. The
-//! normal equations are block-sparse with one block row a pose; Gauss-Newton or
+//! Minimizes ½ Σ ρ(rᵀΩr), r = Log(Z⁻¹ · X_i⁻¹ · X_j), and the priors' cost over the poses that are not
+//! constant. The normal equations are block-sparse with one block row a pose; Gauss-Newton or
 //! Levenberg-Marquardt steps come from their Cholesky factorization. This file holds the facade;
 //! [`crate::evaluation`] computes the same cost without anything from here.
 
@@ -48,10 +48,11 @@ impl Default for Options {
 /// Optimizes the poses of `graph` in place.
 ///
 /// Gauge: priors fix the frame. Where there are none and no pose is constant, the one with the lowest
-/// id is held fixed and stays marked in [`PoseGraph::constant`], so that the caller can see it. The graph is left at the best state
-/// found, whatever the termination; a pose that the factors do not determine stays near its start in the
-/// directions that [`undetermined`] names. The result has the same bits at any number of threads.
-/// `observer` sees each iteration and may cancel; seconds count from the call.
+/// id is held fixed and stays marked in [`PoseGraph::constant`], so that the caller can see it. The
+/// graph is left at the best state found, whatever the termination; a pose that the factors do not
+/// determine stays near its start in the directions that [`undetermined`] names. The result has the
+/// same bits at any number of threads. `observer` sees each iteration and may cancel; seconds count
+/// from the call.
 ///
 /// # Errors
 /// A [`SolveError`] where the problem cannot be solved as posed: those of

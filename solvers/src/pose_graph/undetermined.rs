@@ -40,11 +40,11 @@ pub struct Undetermined<const N: usize> {
     pub directions: Vec<SVector<f64, N>>,
 }
 
-/// The poses of `graph` that its edges and priors leave open where they are, in index order; none in most
-/// graphs, which is found out in a fraction of a step's time.
+/// The poses of `graph` that its edges and priors leave open where they are, in index order; none in
+/// most graphs, which is found out in a fraction of a step's time.
 ///
-/// Where no pose is constant and there are no priors, the one with the lowest id counts as held. A loss counts with its
-/// weights at the poses.
+/// Where no pose is constant and there are no priors, the one with the lowest id counts as held. A
+/// loss counts with its weights at the poses.
 ///
 /// # Errors
 /// Those of [`PoseGraph::validate`]; [`SolveError::TooLarge`].

@@ -6,7 +6,7 @@
 use nalgebra::Vector3;
 
 use super::SolveError;
-use super::pose_graph::check_loss;
+use super::pose_factors::{check_priors, check_relative_poses};
 use crate::factors::{
     DepthReprojectionBatch, PosePrior, PositionPrior, RelativePose, ReprojectionBatch,
 };
@@ -136,45 +136,11 @@ impl BundleProblem {
         let counts = (self.poses.len(), self.cameras.len(), self.landmarks.len());
         check_reprojections(&self.reprojections, counts)?;
         check_depth_reprojections(&self.depth_reprojections, counts)?;
-        self.validate_pose_factors()?;
+        let count = self.poses.len();
+        check_relative_poses("relative pose", &self.relative_poses, count)?;
+        check_priors(&self.pose_priors, &self.position_priors, count)?;
         if self.observation_count() == 0 && self.relative_poses.is_empty() {
             return Err(SolveError::Empty("the problem has no observations"));
-        }
-        Ok(())
-    }
-
-    fn validate_pose_factors(&self) -> Result<(), SolveError> {
-        let count = self.poses.len();
-        let in_range = |factor, index, value| {
-            if value < count {
-                Ok(())
-            } else {
-                let variable = "pose";
-                Err(SolveError::IndexOutOfRange { factor, index, variable, value, count })
-            }
-        };
-        let not_finite = |what, index: usize| SolveError::NotFinite { what, index: index as i64 };
-        for (index, factor) in self.relative_poses.iter().enumerate() {
-            in_range("relative pose", index, factor.i)?;
-            in_range("relative pose", index, factor.j)?;
-            if !factor.i_from_j.is_finite() {
-                return Err(not_finite("relative pose", index));
-            }
-            check_loss("relative pose", index, factor.loss.unwrap_or_default())?;
-        }
-        for (index, factor) in self.pose_priors.iter().enumerate() {
-            in_range("pose prior", index, factor.pose)?;
-            if !factor.world_from_camera.is_finite() {
-                return Err(not_finite("pose prior", index));
-            }
-            check_loss("pose prior", index, factor.loss)?;
-        }
-        for (index, factor) in self.position_priors.iter().enumerate() {
-            in_range("position prior", index, factor.pose)?;
-            if !factor.is_finite() {
-                return Err(not_finite("position prior", index));
-            }
-            check_loss("position prior", index, factor.loss)?;
         }
         Ok(())
     }

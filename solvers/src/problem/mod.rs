@@ -7,6 +7,7 @@
 mod bundle;
 mod disjoint_sets;
 mod error;
+mod pose_factors;
 mod pose_graph;
 mod rigidity;
 

@@ -6,6 +6,7 @@
 
 use std::collections::BTreeMap;
 
+use super::pose_factors::{check_priors, check_relative_poses};
 use super::{DisjointSets, SolveError};
 use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::geometry::LieGroup;
@@ -176,60 +177,13 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
                 return Err(SolveError::NotFinite { what: "pose", index: id });
             }
         }
-        for (index, edge) in self.edges.iter().enumerate() {
-            for value in [edge.i, edge.j] {
-                if value >= count {
-                    return Err(SolveError::IndexOutOfRange {
-                        factor: "edge",
-                        index,
-                        variable: "pose",
-                        value,
-                        count,
-                    });
-                }
-            }
-            if !edge.i_from_j.is_finite() {
-                return Err(SolveError::NotFinite { what: "edge", index: index as i64 });
-            }
-            check_loss("edge", index, edge.loss.unwrap_or_default())?;
-        }
-        self.validate_priors()?;
+        check_relative_poses("edge", &self.edges, count)?;
+        check_priors(&self.pose_priors, &self.position_priors, count)?;
         let pieces = self.pieces();
         if pieces.len() > 1 {
             return Err(SolveError::Disconnected { pieces });
         }
         Ok(())
-    }
-
-    fn validate_priors(&self) -> Result<(), SolveError> {
-        let count = self.poses.len();
-        for (factor, priors) in [
-            ("pose prior", self.pose_priors.iter().map(|p| (p.pose, p.loss)).collect::<Vec<_>>()),
-            ("position prior", self.position_priors.iter().map(|p| (p.pose, p.loss)).collect()),
-        ] {
-            for (index, (value, loss)) in priors.into_iter().enumerate() {
-                if value >= count {
-                    let variable = "pose";
-                    return Err(SolveError::IndexOutOfRange {
-                        factor,
-                        index,
-                        variable,
-                        value,
-                        count,
-                    });
-                }
-                check_loss(factor, index, loss)?;
-            }
-        }
-        let not_finite = |what, index: usize| SolveError::NotFinite { what, index: index as i64 };
-        let is_whole = |prior: &PosePrior<G, N>| prior.world_from_camera.is_finite();
-        if let Some(index) = self.pose_priors.iter().position(|prior| !is_whole(prior)) {
-            return Err(not_finite("pose prior", index));
-        }
-        match self.position_priors.iter().position(|prior| !prior.is_finite()) {
-            Some(index) => Err(not_finite("position prior", index)),
-            None => Ok(()),
-        }
     }
 
     /// The connected components, the one with the lowest id first. Constant poses and those that have
@@ -256,11 +210,6 @@ impl<G: LieGroup<N>, const N: usize> PoseGraph<G, N> {
         pieces.sort_by_key(|p| p.lowest_id);
         pieces
     }
-}
-
-/// Checks the loss of one factor.
-pub(super) fn check_loss(factor: &'static str, index: usize, loss: Loss) -> Result<(), SolveError> {
-    if loss.is_valid() { Ok(()) } else { Err(SolveError::BadLoss { factor, index }) }
 }
 
 impl<G: LieGroup<N>, const N: usize> Default for PoseGraph<G, N> {

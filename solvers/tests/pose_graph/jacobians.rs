@@ -1,12 +1,12 @@
-//! Relative-pose and prior factors against numeric differentiation, residuals large and small.
+//! Relative-pose factors against numeric differentiation, residuals large and small; those of priors
+//! are in `priors.rs`.
 
-use covis_solvers::factors::{PosePrior, PositionPrior, RelativePose};
+use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{LieGroup, Se2, Se3, Sim3};
 use covis_solvers::information::Information;
-use covis_solvers::loss::Loss;
 use covis_solvers::testing::assert_jacobian;
 use covis_solvers::testing::random::{element, seeded, uniform_vector};
-use nalgebra::{SVector, Vector3};
+use nalgebra::SVector;
 
 /// Past this angle the numeric steps come too near the logarithm's jump at π.
 const MAX_ANGLE: f64 = 2.8;
@@ -55,27 +55,4 @@ fn relative_pose_in_space() {
 #[test]
 fn relative_pose_of_similarities() {
     sweep::<Sim3, 7>(3, |r| r.fixed_rows::<3>(3).norm());
-}
-
-#[test]
-fn priors() {
-    let mut rng = seeded(4);
-    for _ in 0..50 {
-        let pose: Se3 = element(&mut rng, 0.8);
-        let measured = pose.plus(&uniform_vector(&mut rng, 1.2));
-        let information = Information::identity();
-        let prior =
-            PosePrior { pose: 0, world_from_camera: measured, information, loss: Loss::Trivial };
-        let (_, d_pose) = prior.linearize(&pose);
-        assert_jacobian("pose prior", |d| prior.linearize(&pose.plus(d)).0, &d_pose, 1e-8);
-        let prior = PositionPrior {
-            pose: 0,
-            position_in_world: measured.translation,
-            information: Information::identity(),
-            point_in_camera: Vector3::zeros(),
-            loss: Loss::Trivial,
-        };
-        let (_, d_pose) = prior.linearize(&pose);
-        assert_jacobian("position prior", |d| prior.linearize(&pose.plus(d)).0, &d_pose, 1e-8);
-    }
 }

@@ -49,15 +49,15 @@ fn row(message: v1::Constraint) -> Option<Row> {
     let names = |refs: [Option<v1::KeyframeRef>; 2]| {
         refs.into_iter().flatten().map(|keyframe| (keyframe.client_id, keyframe.id)).collect()
     };
-    let prior = |client, id, kind, keyframe| Row {
+    let entry = |client, id, kind, keyframes, off: Option<v1::SwitchedOff>| Row {
         client,
         id,
         kind,
-        keyframes: names([keyframe, None]),
-        switched_off: false,
-        chi2: None,
-        weight: None,
-        provisional: None,
+        keyframes: names(keyframes),
+        switched_off: off.is_some(),
+        chi2: off.map(|off| off.chi2),
+        weight: off.map(|off| off.weight),
+        provisional: off.map(|off| off.provisional),
     };
     // A kind that this version does not know is absent.
     Some(match message.constraint? {
@@ -69,20 +69,14 @@ fn row(message: v1::Constraint) -> Option<Row> {
                 v1::ConstraintKind::Marginal => "marginal",
                 v1::ConstraintKind::Unspecified => "unknown",
             };
-            let off = c.switched_off.as_ref();
-            Row {
-                kind,
-                switched_off: off.is_some(),
-                chi2: off.map(|off| off.chi2),
-                weight: off.map(|off| off.weight),
-                provisional: off.map(|off| off.provisional),
-                client: c.client_id,
-                id: c.id,
-                keyframes: names([c.keyframe_i, c.keyframe_j]),
-            }
+            entry(c.client_id, c.id, kind, [c.keyframe_i, c.keyframe_j], c.switched_off)
         }
-        Constraint::PositionPrior(p) => prior(p.client_id, p.id, "position prior", p.keyframe),
-        Constraint::PosePrior(p) => prior(p.client_id, p.id, "pose prior", p.keyframe),
+        Constraint::PositionPrior(p) => {
+            entry(p.client_id, p.id, "position prior", [p.keyframe, None], p.switched_off)
+        }
+        Constraint::PosePrior(p) => {
+            entry(p.client_id, p.id, "pose prior", [p.keyframe, None], None)
+        }
     })
 }
 
@@ -128,16 +122,29 @@ mod tests {
             ..Default::default()
         };
         let prior = v1::PosePrior { id: 1, keyframe: keyframe(3), ..Default::default() };
-        let rows = [Constraint::PosePrior(prior), Constraint::RelativePose(closure)];
+        let fix = v1::PositionPrior {
+            client_id: "a".to_owned(),
+            id: 2,
+            keyframe: keyframe(7),
+            switched_off: Some(v1::SwitchedOff { chi2: 90.0, ..Default::default() }),
+            ..Default::default()
+        };
+        let rows = [
+            Constraint::PosePrior(prior),
+            Constraint::RelativePose(closure),
+            Constraint::PositionPrior(fix),
+        ];
         let rows: Vec<Row> = rows
             .into_iter()
             .filter_map(|constraint| row(v1::Constraint { constraint: Some(constraint) }))
             .collect();
         let text = table(&rows);
         let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines[0], "constraint  kind          keyframes    state");
-        assert_eq!(lines[1], "/1          pose prior    a/3          counts");
-        let off = "a/12        loop closure  a/3 - a/400  switched off (chi2 321.0)";
+        assert_eq!(lines[0], "constraint  kind            keyframes    state");
+        assert_eq!(lines[1], "/1          pose prior      a/3          counts");
+        let off = "a/12        loop closure    a/3 - a/400  switched off (chi2 321.0)";
         assert_eq!(lines[2], off);
+        let off = "a/2         position prior  a/7          switched off (chi2 90.0)";
+        assert_eq!(lines[3], off);
     }
 }

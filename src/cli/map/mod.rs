@@ -1,10 +1,12 @@
 //! `covis map`: lists, shows, changes, moves and deletes the maps of a server.
 //!
 //! Everything goes through [`crate::client`]. `document.rs` prints a map, `export.rs` and `files.rs`
-//! move maps to and from files, `constraints.rs` lists what ties keyframes.
+//! move maps to and from files, `constraints.rs` lists what ties keyframes, `edit.rs` changes what a
+//! map holds.
 
 mod constraints;
 mod document;
+mod edit;
 mod export;
 mod files;
 
@@ -16,7 +18,6 @@ use self::document::{Document, details, table};
 use self::files::{Format, ImportArgs};
 use super::config::Config;
 use super::connect::connect;
-use super::edit;
 use super::output::{print, show};
 use crate::client::Client;
 use crate::wire::v1;
@@ -51,9 +52,6 @@ enum Action {
     Freeze {
         /// The map.
         name: String,
-        /// Open the map again, as unfreeze does.
-        #[arg(long)]
-        undo: bool,
     },
     /// Open a frozen map again.
     Unfreeze {
@@ -104,7 +102,7 @@ async fn act(Args { action, json }: Args, config: &Config) -> anyhow::Result<()>
             show(json, &map, || details(&map))
         }
         Action::Constraints { name } => constraints::constraints(&client, name, json).await,
-        Action::Freeze { name, undo } => set_frozen(&client, name, !undo, json).await,
+        Action::Freeze { name } => set_frozen(&client, name, true, json).await,
         Action::Unfreeze { name } => set_frozen(&client, name, false, json).await,
         Action::Delete { name } => {
             client.delete_map(&name).await?;

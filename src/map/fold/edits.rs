@@ -50,6 +50,7 @@ impl Map {
     /// Removes a landmark without observers.
     fn drop_landmark(&mut self, id: EntityId) {
         if let Some(landmark) = self.landmarks.remove(&id) {
+            self.duplicates.remove(id);
             self.unseen.remove(&(landmark.added_revision, id));
         }
     }
@@ -92,7 +93,10 @@ impl Map {
                 self.gain_observer(kept, keyframe);
             }
         }
-        absorbed.iter().for_each(|&id| self.drop_landmark(id));
+        for &id in absorbed {
+            self.duplicates.fuse(kept, id);
+            self.drop_landmark(id);
+        }
     }
 
     /// Replaces each observation of a keyframe by what `new` gives for it, or removes it. The observers

@@ -10,8 +10,8 @@ use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector3;
 
 use super::super::{
-    AppliedSolve, Cause, Change, Client, EntityId, EntityKind, Event, Map, MapError, NewLandmark,
-    Observation, Prior, Retired,
+    AppliedSolve, Cause, Change, Client, Comparison, Constraint, EntityId, EntityKind, Event, Map,
+    MapError, NewLandmark, Observation, Prior, Retired,
 };
 
 fn finite(vector: &Vector3<f64>) -> bool {
@@ -124,7 +124,10 @@ impl Fit<'_> {
                 self.absent(!absorbed.contains(kept), EntityKind::Landmark, *kept)?;
                 absorbed.iter().try_for_each(|&id| self.landmark(id))
             }
-            Change::LandmarksRemoved { landmarks } => {
+            Change::DuplicatesFound { comparisons } => {
+                comparisons.iter().try_for_each(|comparison| self.comparison(comparison))
+            }
+            Change::LandmarksRemoved { landmarks } | Change::DuplicatesSplit { landmarks, .. } => {
                 landmarks.iter().try_for_each(|&id| self.landmark(id))
             }
             Change::KeyframeRemoved { keyframe } => self.keyframe(*keyframe),
@@ -161,6 +164,17 @@ impl Fit<'_> {
             self.measured(*id, prior)?;
         }
         Ok(())
+    }
+
+    fn comparison(&self, comparison: &Comparison) -> Outcome {
+        let closure = comparison.closure;
+        let counts = self.map.active_constraint(closure).is_some_and(Constraint::is_closure);
+        self.present(counts, EntityKind::Constraint, closure)?;
+        comparison.pairs.iter().try_for_each(|&(a, b)| {
+            self.landmark(a)?;
+            self.absent(a != b, EntityKind::Landmark, b)?;
+            self.landmark(b)
+        })
     }
 
     fn measured(&self, id: EntityId, prior: &Prior) -> Outcome {

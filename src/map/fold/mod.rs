@@ -14,7 +14,7 @@ use super::ceilings::descriptor_bytes;
 use super::digest::{self, Content};
 use super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, Constraint, EntityId, Event, Keyframe,
-    Landmark, Map, MapError, NewLandmark, Observation, Observations, Prior, Retired,
+    Landmark, Map, MapError, NewLandmark, Observation, Observations, Prior, Retired, SolveKind,
 };
 
 /// Items of a client whose digests are kept. Clients do not resend older items: a client keeps only
@@ -107,6 +107,12 @@ impl Map {
                 self.remove_observations(observations.iter().copied());
             }
             Change::LandmarksFused { kept, absorbed } => self.fuse(*kept, absorbed),
+            Change::DuplicatesFound { comparisons } => {
+                comparisons.iter().for_each(|comparison| self.duplicates.add(comparison));
+            }
+            Change::DuplicatesSplit { closures, landmarks } => {
+                self.split_duplicates(closures, landmarks);
+            }
             Change::LandmarksRemoved { landmarks } => self.remove_landmarks(landmarks),
             Change::KeyframeRemoved { keyframe } => self.remove_keyframe(*keyframe),
             Change::KeyframeRetired { retired } => self.retire(retired),
@@ -227,6 +233,13 @@ impl Map {
         for id in &solve.switched_on {
             self.switched_off.remove(id);
         }
+        match solve.kind {
+            SolveKind::LocalBundle => {}
+            SolveKind::PoseGraph => {
+                self.adjustment_due = !self.landmarks.is_empty() && self.has_active_closure();
+            }
+            SolveKind::Global => self.adjustment_due = false,
+        }
         for &(client, variance) in &solve.closure_variances {
             if let Some(client) = self.clients.get_mut(client.0 as usize) {
                 client.closure_variance = variance;
@@ -266,6 +279,8 @@ impl Map {
     }
 
     fn retire(&mut self, retired: &Retired) {
+        let ties = self.ties.of(retired.keyframe).collect::<Vec<_>>();
+        ties.into_iter().for_each(|tie| self.duplicates.keep(tie));
         self.remove_keyframe(retired.keyframe);
         self.remove_landmarks(&retired.landmarks);
         retired.revoked.iter().for_each(|&id| self.revoke(id));

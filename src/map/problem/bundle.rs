@@ -92,6 +92,7 @@ struct Builder<'a> {
     landmarks: Vec<EntityId>,
     pose_of: BTreeMap<EntityId, usize>,
     landmark_of: BTreeMap<EntityId, u32>,
+    duplicates: Vec<(EntityId, usize)>,
     /// Whether priors are left out that the estimates do not fit.
     strained_priors_wait: bool,
 }
@@ -110,6 +111,7 @@ impl<'a> Builder<'a> {
             landmarks: Vec::new(),
             pose_of: BTreeMap::new(),
             landmark_of: BTreeMap::new(),
+            duplicates: Vec::new(),
             strained_priors_wait: false,
         }
     }
@@ -122,7 +124,14 @@ impl<'a> Builder<'a> {
         self.pose_of.insert(id, index);
     }
 
+    /// Adds a landmark, or joins it with one of its group.
     fn landmark(&mut self, id: EntityId) {
+        let group = self.map.duplicates().group(id);
+        if let Some(&joined) = group.iter().find_map(|id| self.landmark_of.get(id)) {
+            self.landmark_of.insert(id, joined);
+            self.duplicates.push((id, joined as usize));
+            return;
+        }
         let Some(position) = self.map.landmarks().get(&id).and_then(|l| l.position) else { return };
         let index = self.problem.push_landmark(position);
         // The solver's batches index by u32; a map that large does not fit memory.
@@ -139,6 +148,13 @@ impl<'a> Builder<'a> {
             let Some(landmark) = self.map.landmarks().get(id) else { continue };
             for pair in landmark.observers.windows(2) {
                 self.join(&mut pieces, pair[0], pair[1]);
+            }
+        }
+        for &(id, joined) in &self.duplicates {
+            let first = |id| self.map.landmarks().get(&id)?.observers.first().copied();
+            let other = self.landmarks.get(joined).copied().and_then(first);
+            if let (Some(a), Some(b)) = (first(id), other) {
+                self.join(&mut pieces, a, b);
             }
         }
         for (_, constraint) in self.map.active_constraints() {
@@ -198,6 +214,7 @@ impl<'a> Builder<'a> {
             cameras: camera_of.into_keys().collect(),
             start_cameras,
             landmarks: self.landmarks,
+            duplicates: self.duplicates,
             start_revision: map.revision(),
         }
     }

@@ -33,6 +33,8 @@ pub struct MapProblem {
     pub start_cameras: Vec<Camera>,
     /// The map's id of each landmark.
     pub landmarks: Vec<EntityId>,
+    /// Landmarks that are one with another one of the problem, and that one's place.
+    pub duplicates: Vec<(EntityId, usize)>,
     /// The map's revision that it was built from.
     pub start_revision: i64,
 }

@@ -97,6 +97,7 @@ pub(in crate::service) fn to_landmark(
         reference_keyframe: landmark.reference.map(|k| to_keyframe_ref(map, k)),
         observation_count: count(landmark.observers.len()),
         state: state.into(),
+        duplicate_of: map.duplicates().original_of(id).map(|id| to_landmark_ref(map, id)),
     }
 }
 

@@ -87,6 +87,7 @@ pub(in crate::service) fn policy(
     Some(MapPolicy {
         local_bundle: m.local_bundle_adjustment.unwrap_or(default.local_bundle),
         loop_closure: m.loop_closure_optimization.unwrap_or(default.loop_closure),
+        closure_adjustment: m.closure_adjustment.unwrap_or(default.closure_adjustment),
         loop_closure_robustness: closures?,
         window_keyframes: window?,
         min_shared_landmarks: shared?,
@@ -184,6 +185,7 @@ pub(in crate::service) fn to_policy(policy: &MapPolicy, queued_items: usize) -> 
         geodetic_anchor: policy.geodetic_anchor.as_ref().map(to_geodetic),
         local_bundle_adjustment: Some(policy.local_bundle),
         loop_closure_optimization: Some(policy.loop_closure),
+        closure_adjustment: Some(policy.closure_adjustment),
         max_iteration_count: Some(small(policy.max_local_iterations)),
         limits: Some(to_limits(&policy.ceilings, queued(policy, queued_items))),
         loop_closure_robustness: Some(to_robustness(&policy.loop_closure_robustness)),
@@ -225,6 +227,7 @@ pub(in crate::service) fn to_map(info: &MapInfo, queued_items: usize) -> v1::Map
         landmark_bounds: to_bounds(map),
         clients: clients_by_name(map).into_iter().map(|(_, c)| to_client(map, c)).collect(),
         uid: info.uid.clone(),
+        adjustment_due: map.is_adjustment_due(),
     }
 }
 

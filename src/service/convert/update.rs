@@ -45,13 +45,14 @@ macro_rules! limit {
     };
 }
 
-const FIELDS: [Field; 20] = [
+const FIELDS: [Field; 21] = [
     field!(observation_loss, observation_loss),
     field!(constraint_loss, constraint_loss),
     field!(window_keyframe_count, window_keyframes),
     field!(min_shared_landmark_count, min_shared_landmarks),
     field!(local_bundle_adjustment, local_bundle),
     field!(loop_closure_optimization, loop_closure),
+    field!(closure_adjustment, closure_adjustment),
     field!(max_iteration_count, max_local_iterations),
     field!(loop_closure_robustness, loop_closure_robustness),
     field!(when_full, when_full),

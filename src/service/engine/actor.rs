@@ -1,7 +1,7 @@
 //! The task that owns a map: its loop, which hands events from one part to another.
 //!
-//! The parts are [`Ingest`], [`Durability`], [`Solving`] and [`Watching`]; each owns its state, and
-//! none knows another. Each step handles one of these, in this order of priority: a control message,
+//! The parts are [`Ingest`], [`Durability`], [`Solving`], [`Background`] and [`Watching`]; each owns its
+//! state, and none knows another. Each step handles one of these, in this order of priority: a control message,
 //! the end of the running solve, progress of the journal, an item. After a control message, the
 //! others have priority for one step, so that constant requests of readers cannot block writers. In
 //! lock-step the task accepts no item while a solve runs or waits.
@@ -17,6 +17,7 @@ use futures_util::FutureExt;
 use tokio::sync::mpsc;
 use tracing::Instrument;
 
+use super::background::Background;
 use super::durability::{Durability, unix_time_ns};
 use super::error::report_bug;
 use super::handle::{Control, Reply, Shared};
@@ -59,6 +60,7 @@ pub(super) struct Actor {
     pub(super) ingest: Ingest,
     pub(super) durability: Durability,
     pub(super) solving: Solving,
+    pub(super) background: Background,
     pub(super) watching: Watching,
     pub(super) control: mpsc::Receiver<Control>,
     /// Items whose solves were cut off by a restart.
@@ -102,6 +104,7 @@ impl Actor {
         }
         let error = self.shared.ended.get_or_init(|| EngineError::ShuttingDown).clone();
         self.solving.cancel(&error);
+        self.background.cancel();
         self.ingest.end_all(&error);
         self.pool.discard(self.map);
     }
@@ -113,7 +116,10 @@ impl Actor {
             }
             self.start_solves().await;
         }
-        let takes_items = self.solving.is_idle() || !self.ingest.is_lock_step();
+        // After a restart.
+        self.start_background().await;
+        let is_idle = self.solving.is_idle() && self.is_background_idle();
+        let takes_items = is_idle || !self.ingest.is_lock_step();
         let takes_items = takes_items || self.map.is_frozen();
         let answered = std::mem::take(&mut self.answered);
         let flow = tokio::select! {
@@ -124,6 +130,10 @@ impl Actor {
             },
             outcome = self.solving.ended() => {
                 self.solved(outcome).await;
+                Flow::Continue
+            }
+            done = self.background.ended() => {
+                self.background_ended(done).await;
                 Flow::Continue
             }
             () = self.durability.progress() => {
@@ -142,7 +152,10 @@ impl Actor {
             () = std::future::ready(()), if answered => Flow::Continue,
         };
         self.start_solves().await;
-        self.ingest.close_finished(|client| self.solving.schedule.is_waiting(client));
+        self.start_background().await;
+        // In lock-step a stream ends with all that its items started.
+        let waits = self.ingest.is_lock_step() && !self.is_background_idle();
+        self.ingest.close_finished(|client| waits || self.solving.schedule.is_waiting(client));
         flow
     }
 
@@ -421,6 +434,7 @@ impl Actor {
             Err(error) => return Err(self.poison(&format!("an event does not fit: {error}"))),
         };
         let position = self.durability.append(Arc::clone(&event), is_large, &self.pool).await?;
+        self.background.changed(&event.change);
         self.applying = Some(revision);
         if self.shared.config.injects(Fault::PanicInEngine) && event.cause.is_some() {
             std::panic::panic_any("staged by a test");
@@ -461,7 +475,7 @@ impl Actor {
     }
 
     /// Poisons the map: ends streams and solves, and returns the bug that was reported.
-    fn poison(&mut self, details: &str) -> EngineError {
+    pub(super) fn poison(&mut self, details: &str) -> EngineError {
         let bug = report_bug(details);
         self.shared.poison();
         self.ingest.count(&self.map);
@@ -472,6 +486,7 @@ impl Actor {
     /// Ends solves and streams, and wakes the watchers.
     fn end(&mut self, error: &EngineError) {
         self.solving.cancel(error);
+        self.background.cancel();
         self.ingest.end_all(error);
         self.watching.wake();
     }

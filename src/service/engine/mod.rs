@@ -18,6 +18,7 @@
 //! | `ingest` | open streams, their acks, and which items are accepted |
 //! | `durability` | the journal, DURABLE acks, snapshots |
 //! | `solving`, `solve` | which items wait for which solve, starting and ending it; its body |
+//! | `background` | what follows a loop closure while items go on: comparing places, adjusting the map |
 //! | `updating` | a requested change of name, policy or state |
 //! | `measured_pairs` | relative poses of keyframes that a pose graph need not measure again |
 //! | `watching`, `touched` | what the engine tells watchers: what the last events touched |
@@ -28,6 +29,7 @@
 
 mod account;
 mod actor;
+mod background;
 mod durability;
 mod error;
 mod fair_queue;

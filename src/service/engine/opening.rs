@@ -13,6 +13,7 @@ use tokio::sync::{mpsc, watch};
 use tracing::Instrument;
 
 use super::actor::Actor;
+use super::background::Background;
 use super::durability::{Durability, replay, sequence_of, stored};
 use super::error::report_bug;
 use super::handle::{Condition, Shared};
@@ -194,6 +195,7 @@ impl Maps {
             ingest: Ingest::new(&shared, items, &start.map),
             durability: Durability::new(&shared, start.epoch, start.snapshot),
             solving: Solving::new(&shared, pool, start.map.solve_count()),
+            background: Background::new(&shared, pool),
             watching: Watching::default(),
             map: Arc::new(start.map),
             applying: None,

@@ -37,6 +37,9 @@ pub struct Estimate {
 }
 
 impl Estimate {
+    /// The estimate of what is known to be small: a window, or a comparison of two places.
+    pub(super) const SMALL: Self = Self { bytes: SMALL_BYTES, is_small: true };
+
     /// The estimate of a solve that costs at most `bound`. A solve that costs more than `ceiling`
     /// is refused, so that no more is reserved.
     #[must_use]

@@ -74,6 +74,15 @@ impl Solving {
         self.running.is_none() && self.schedule.is_empty() && self.job.is_none()
     }
 
+    /// Whether a background task may start: what it does would be stale after a pose graph or a
+    /// requested optimization. In lock-step everything else comes first.
+    pub(super) fn leaves_room(&self, is_lock_step: bool) -> bool {
+        let runs_window =
+            self.running.as_ref().is_none_or(|running| running.kind == SolveKind::LocalBundle);
+        let waits = self.schedule.has_loop() || self.schedule.has_prior() || self.job.is_some();
+        if is_lock_step { self.is_idle() } else { runs_window && !waits }
+    }
+
     /// Starts the next solve, if none runs and one is due. Returns triggers for which there turned
     /// out to be nothing to solve; then another solve may be due.
     pub(super) async fn start_next(

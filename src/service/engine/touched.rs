@@ -34,6 +34,11 @@ impl Touched {
         {
             touched.removed(*id, map);
         }
+        if change.changes_others() {
+            let removed = touched.landmarks.iter();
+            let others = removed.flat_map(|&id| map.duplicates().group(id)).collect::<Vec<_>>();
+            touched.landmarks.extend(others);
+        }
         touched
     }
 
@@ -82,7 +87,13 @@ impl Touched {
                 self.landmarks.insert(*kept);
                 self.landmarks.extend(absorbed);
             }
-            Change::LandmarksRemoved { landmarks } => self.landmarks.extend(landmarks),
+            Change::DuplicatesFound { comparisons } => {
+                let pairs = comparisons.iter().flat_map(|comparison| &comparison.pairs);
+                self.landmarks.extend(pairs.flat_map(|&(a, b)| [a, b]));
+            }
+            Change::LandmarksRemoved { landmarks } | Change::DuplicatesSplit { landmarks, .. } => {
+                self.landmarks.extend(landmarks);
+            }
             Change::KeyframeRemoved { keyframe } => self.keyframe(*keyframe),
             Change::KeyframeRetired { retired } => {
                 self.keyframe(retired.keyframe);
@@ -138,6 +149,10 @@ pub(super) fn size_of_change(change: &Change) -> usize {
         Change::LandmarksAdded { landmarks } => landmarks.len(),
         Change::ObservationsAdded { observations, .. } => observations.len(),
         Change::LandmarksTriangulated { positions } => positions.len(),
+        Change::DuplicatesFound { comparisons } => {
+            comparisons.iter().map(|comparison| comparison.pairs.len() + 1).sum()
+        }
+        Change::DuplicatesSplit { landmarks, .. } => landmarks.len(),
         Change::SolveApplied { solve } => {
             solve.poses.len() + solve.landmarks.len() + solve.switched_off.len()
         }

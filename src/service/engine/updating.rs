@@ -22,11 +22,7 @@ impl Actor {
         let display_name = display_name.filter(|name| name != self.map.display_name());
         let policy = policy.map(|policy| policy(self.map.policy()));
         let policy = policy.filter(|policy| policy != self.map.policy());
-        let moves_anchor = policy.as_ref().is_some_and(|policy| {
-            policy.geodetic_anchor != self.map.policy().geodetic_anchor
-                && self.map.policy().geodetic_anchor.is_some()
-        });
-        if moves_anchor && !self.map.priors().is_empty() {
+        if policy.as_ref().is_some_and(|policy| !self.map.keeps_anchor(policy)) {
             let map = self.shared.name.clone();
             return Err(EngineError::AnchorInUse { map });
         }
@@ -38,6 +34,7 @@ impl Actor {
         if frozen == Some(true) {
             let error = EngineError::Frozen { map: self.shared.name.clone() };
             self.solving.pause(&error);
+            self.background.cancel();
             self.ingest.end_all(&error);
         }
         if let Some(frozen) = frozen {

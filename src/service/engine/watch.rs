@@ -326,10 +326,10 @@ async fn pieces(
     Ok((last == through).then_some((gathered.touched, opened)))
 }
 
-/// Adds the ids that the event touched. False if they are too many, or not all known: what was
-/// removed with a keyframe is known only with the map before it.
+/// Adds the ids that the event touched. False if they are too many, or not all known: what changes
+/// with a removed entity is known only with the map before it.
 fn add(event: &Event, gathered: &mut Gathered, opened: &mut BTreeSet<String>) -> bool {
-    if event.change.removes_keyframe() {
+    if event.change.changes_others() {
         return false;
     }
     if let Change::ClientOpened { name, .. } = &event.change {

@@ -66,10 +66,14 @@ pub(super) async fn import(
     let room = context.maps.begin_import(&name)?;
     let (content, room, imported) = match format {
         Format::Covis => {
-            let (content, room) = own(&mut upload, room).await?;
-            let kept = kept_policy(&content, &ceilings)?;
-            let policy = imported.policy.or(Some(kept));
-            (content, room, ImportedAs { policy, ..imported })
+            let (content, kept, room) = own(&mut upload, room, &ceilings).await?;
+            let policy = imported.policy.unwrap_or(kept);
+            if !content.keeps_anchor(&policy) {
+                let text = "the file has positions that were measured from another anchor";
+                let at = "policy.geodetic_anchor";
+                return Err(ServiceError::field(at, Reason::Inconsistent, text));
+            }
+            (content, room, ImportedAs { policy: Some(policy), ..imported })
         }
         Format::Colmap(_) | Format::Tum | Format::G2o => {
             let (files, room) = upload.files(room).await?;
@@ -126,11 +130,12 @@ fn header(
     Ok(header)
 }
 
-/// Reads a file of covis while it comes.
+/// Reads a file of covis while it comes. The policy is that of the map in it.
 async fn own(
     upload: &mut Upload<'_>,
     mut room: ImportRoom,
-) -> Result<(Map, ImportRoom), ServiceError> {
+    ceilings: &ServerCeilings,
+) -> Result<(Map, MapPolicy, ImportRoom), ServiceError> {
     let (sender, mut input) = pipe();
     let reading = tokio::task::spawn_blocking(move || {
         let mut full = None;
@@ -159,7 +164,8 @@ async fn own(
     }
     let map = read.map_err(|error| unreadable(&path, &error))?;
     clients_are_named(&map, &path)?;
-    Ok((map, room))
+    let policy = kept_policy(&map, &path, ceilings)?;
+    Ok((map, policy, room))
 }
 
 /// The error for a file that is no map.
@@ -180,9 +186,13 @@ fn clients_are_named(map: &Map, path: &str) -> Result<(), ServiceError> {
     })
 }
 
-/// The policy of an imported map, checked as one that a client sends. Its ceilings are never above
-/// those of this server.
-fn kept_policy(map: &Map, ceilings: &ServerCeilings) -> Result<MapPolicy, ServiceError> {
+/// The policy of an imported map, checked with its name as what a client sends. Its ceilings are never
+/// above those of this server.
+fn kept_policy(
+    map: &Map,
+    path: &str,
+    ceilings: &ServerCeilings,
+) -> Result<MapPolicy, ServiceError> {
     let MapPolicy { max_queued_items, .. } = *map.policy();
     let mut message = to_policy(map.policy(), ceilings.queued_items);
     message.limits = Some(v1::MapLimits {
@@ -192,6 +202,9 @@ fn kept_policy(map: &Map, ceilings: &ServerCeilings) -> Result<MapPolicy, Servic
     let checked = convert(|out| {
         display_name(map.display_name(), out)?;
         policy(Some(&message), ceilings, out)
+    });
+    let checked = checked.map_err(|rejection| {
+        ServiceError::field("chunk.data", Reason::Inconsistent, format!("{path}: {rejection}"))
     })?;
     let max_queued_items = max_queued_items.map(|items| items.clamp(1, 65_536));
     let ceilings = map.policy().ceilings.lower(&checked.ceilings);

@@ -26,6 +26,7 @@ struct Mask {
     reference: bool,
     observation_count: bool,
     state: bool,
+    duplicate_of: bool,
 }
 
 /// Reads the paging fields and the mask of a request.
@@ -46,10 +47,16 @@ fn mask(mask: Option<&prost_types::FieldMask>, out: &mut Violations) -> Option<M
             reference: true,
             observation_count: true,
             state: true,
+            duplicate_of: true,
         });
     };
-    let mut fields =
-        Mask { position: false, reference: false, observation_count: false, state: false };
+    let mut fields = Mask {
+        position: false,
+        reference: false,
+        observation_count: false,
+        state: false,
+        duplicate_of: false,
+    };
     for path in &mask.paths {
         match path.as_str() {
             // Ids are always returned; descriptors are not kept yet.
@@ -58,6 +65,7 @@ fn mask(mask: Option<&prost_types::FieldMask>, out: &mut Violations) -> Option<M
             "reference_keyframe" => fields.reference = true,
             "observation_count" => fields.observation_count = true,
             "state" => fields.state = true,
+            "duplicate_of" => fields.duplicate_of = true,
             unknown => {
                 let text = format!("{unknown:?} is no field of Landmark");
                 return out.report(Path::root("read_mask"), Reason::UnknownValue, text);
@@ -73,6 +81,7 @@ fn masked(message: v1::Landmark, mask: Mask) -> v1::Landmark {
         reference_keyframe: message.reference_keyframe.filter(|_| mask.reference),
         observation_count: if mask.observation_count { message.observation_count } else { 0 },
         state: if mask.state { message.state } else { 0 },
+        duplicate_of: message.duplicate_of.filter(|_| mask.duplicate_of),
         ..message
     }
 }

@@ -3,7 +3,8 @@
 //! The reader has the map of the last step, which is a snapshot and shares what has not changed with
 //! the newest one and with other watchers. Where the reader takes a resolution, some entities moved
 //! since by less than that; for those alone the values that it has are kept here. The map bounds
-//! their number, and so does a constant: past it values are sent. Compares messages, so that whatever a reader can see counts; sends nothing.
+//! their number, and so does a constant: past it values are sent. Compares messages, so that whatever
+//! a reader can see counts; sends nothing.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;

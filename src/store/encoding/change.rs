@@ -11,7 +11,7 @@ use super::entities::{
 };
 use super::v1::event::Change as Wire;
 use super::{EncodingError, required, v1};
-use crate::map::{AppliedSolve, Change, ClientIndex, EntityId, Retired, SolveKind};
+use crate::map::{AppliedSolve, Change, ClientIndex, Comparison, EntityId, Retired, SolveKind};
 use nalgebra::Vector3;
 
 type Decoded<T> = Result<T, EncodingError>;
@@ -74,6 +74,24 @@ pub(super) fn encode_change(change: &Change) -> Wire {
             kept: Some(encode_id(*kept)),
             absorbed: absorbed.iter().copied().map(encode_id).collect(),
         }),
+        Change::DuplicatesFound { comparisons } => {
+            let comparison = |comparison: &Comparison| v1::Comparison {
+                closure: Some(encode_id(comparison.closure)),
+                landmarks: comparison
+                    .pairs
+                    .iter()
+                    .flat_map(|&(a, b)| [a, b].map(encode_id))
+                    .collect(),
+            };
+            let comparisons = comparisons.iter().map(comparison).collect();
+            Wire::DuplicatesFound(v1::DuplicatesFound { comparisons })
+        }
+        Change::DuplicatesSplit { closures, landmarks } => {
+            Wire::DuplicatesSplit(v1::DuplicatesSplit {
+                closures: closures.iter().copied().map(encode_id).collect(),
+                landmarks: landmarks.iter().copied().map(encode_id).collect(),
+            })
+        }
         Change::LandmarksRemoved { landmarks } => {
             let landmarks = landmarks.iter().copied().map(encode_id).collect();
             Wire::LandmarksRemoved(v1::LandmarksRemoved { landmarks })
@@ -144,6 +162,16 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
             kept: required_id(kept, "a landmark")?,
             absorbed: absorbed.into_iter().map(decode_id).collect(),
         },
+        Wire::DuplicatesFound(v1::DuplicatesFound { comparisons }) => {
+            let comparisons = comparisons.into_iter().map(decode_comparison);
+            Change::DuplicatesFound { comparisons: comparisons.collect::<Decoded<_>>()? }
+        }
+        Wire::DuplicatesSplit(v1::DuplicatesSplit { closures, landmarks }) => {
+            Change::DuplicatesSplit {
+                closures: closures.into_iter().map(decode_id).collect(),
+                landmarks: landmarks.into_iter().map(decode_id).collect(),
+            }
+        }
         Wire::LandmarksRemoved(v1::LandmarksRemoved { landmarks }) => {
             Change::LandmarksRemoved { landmarks: landmarks.into_iter().map(decode_id).collect() }
         }
@@ -160,6 +188,17 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
             frozen,
         },
     })
+}
+
+fn decode_comparison(message: v1::Comparison) -> Decoded<Comparison> {
+    let v1::Comparison { closure, landmarks } = message;
+    let closure = required_id(closure, "a closure")?;
+    let (pairs, rest) = landmarks.as_chunks::<2>();
+    if !rest.is_empty() {
+        return Err(EncodingError::Invalid("a pair of landmarks"));
+    }
+    let pairs = pairs.iter().map(|&[a, b]| (decode_id(a), decode_id(b))).collect();
+    Ok(Comparison { closure, pairs })
 }
 
 fn encode_retired(retired: &Retired) -> v1::KeyframeRetired {

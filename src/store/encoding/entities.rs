@@ -121,6 +121,7 @@ pub(super) fn encode_policy(policy: &MapPolicy) -> v1::Policy {
     let MapPolicy {
         local_bundle,
         loop_closure,
+        closure_adjustment,
         loop_closure_robustness: ClosureRobustness { kernel, threshold },
         window_keyframes,
         min_shared_landmarks,
@@ -136,6 +137,7 @@ pub(super) fn encode_policy(policy: &MapPolicy) -> v1::Policy {
     v1::Policy {
         local_bundle: *local_bundle,
         loop_closure: *loop_closure,
+        closure_adjustment: Some(*closure_adjustment),
         window_keyframes: *window_keyframes as u64,
         min_shared_landmarks: *min_shared_landmarks as u64,
         observation_loss: Some(encode_loss(observation_loss)),
@@ -204,6 +206,7 @@ pub(super) fn decode_policy(policy: Option<v1::Policy>) -> Decoded<MapPolicy> {
     Ok(MapPolicy {
         local_bundle: policy.local_bundle,
         loop_closure: policy.loop_closure,
+        closure_adjustment: policy.closure_adjustment.unwrap_or(true),
         loop_closure_robustness: ClosureRobustness { kernel, threshold },
         window_keyframes: count(policy.window_keyframes)?,
         min_shared_landmarks: count(policy.min_shared_landmarks)?,

@@ -60,6 +60,8 @@ enum At {
     Constraints(EntityId),
     SwitchedOff(EntityId),
     Priors(EntityId),
+    Duplicates((EntityId, EntityId)),
+    Compared(EntityId),
     Contents((Content, EntityId)),
     End,
 }
@@ -139,8 +141,20 @@ impl At {
             }
             Self::Priors(first) => {
                 let (priors, next) = chunk(map.priors().entries_from(first), PART, encode_prior);
-                let next = next.map_or(Self::Contents((Content::Camera, FIRST)), Self::Priors);
+                let next = next.map_or(Self::Duplicates((FIRST, FIRST)), Self::Priors);
                 (filled(v1::MapPart { priors, ..part }), next)
+            }
+            Self::Duplicates(first) => {
+                let entries = map.duplicates().pairs_from(first);
+                let (duplicates, next) = chunk(entries, PART, encode_duplicate);
+                let next = next.map_or(Self::Compared(FIRST), Self::Duplicates);
+                (filled(v1::MapPart { duplicates, ..part }), next)
+            }
+            Self::Compared(first) => {
+                let entries = map.duplicates().compared().range(first..).map(|id| (id, &()));
+                let (compared, next) = chunk(entries, PART, |id, ()| encode_id(id));
+                let next = next.map_or(Self::Contents((Content::Camera, FIRST)), Self::Compared);
+                (filled(v1::MapPart { compared, ..part }), next)
             }
             Self::Contents(first) => {
                 let entries = map.contents().entries_from(first);
@@ -183,11 +197,17 @@ fn head(map: &Map) -> v1::MapHead {
         solve_count: map.solve_count(),
         state_hash: map.state_hash().to_vec(),
         frozen: map.is_frozen(),
+        adjustment_due: map.is_adjustment_due(),
     }
 }
 
 fn encode_content((kind, id): (Content, EntityId), digest: &Digest) -> v1::Content {
     v1::Content { kind: kind as u32 + 1, id: Some(encode_id(id)), digest: digest.to_vec() }
+}
+
+fn encode_duplicate((a, b): (EntityId, EntityId), closure: &Option<EntityId>) -> v1::DuplicatePair {
+    let (a, b) = (Some(encode_id(a)), Some(encode_id(b)));
+    v1::DuplicatePair { a, b, closure: closure.map(encode_id) }
 }
 
 /// Reads the parts of a map and puts it together.
@@ -315,6 +335,7 @@ fn take_part(parts: &mut MapParts, part: v1::MapPart) -> Result<(), EncodingErro
         parts.policy = decode_policy(head.policy)?;
         parts.solve_count = head.solve_count;
         parts.frozen = head.frozen;
+        parts.adjustment_due = head.adjustment_due;
     }
     parts.clients.extend(part.clients.into_iter().map(decode_client));
     for items in part.items {
@@ -333,6 +354,14 @@ fn take_part(parts: &mut MapParts, part: v1::MapPart) -> Result<(), EncodingErro
     take(&mut parts.constraints, part.constraints, decode_constraint)?;
     take(&mut parts.switched_off, part.switched_off, decode_switched_off)?;
     take(&mut parts.priors, part.priors, decode_prior)?;
+    for v1::DuplicatePair { a, b, closure } in part.duplicates {
+        let (a, b) = (required_id(a, "a landmark")?, required_id(b, "a landmark")?);
+        if a >= b {
+            return Err(EncodingError::Invalid("a pair of landmarks"));
+        }
+        parts.duplicates.extend([(a, b, closure.map(decode_id))], []);
+    }
+    parts.duplicates.extend([], part.compared.into_iter().map(decode_id));
     for v1::Content { kind, id, digest } in part.contents {
         let kinds = [Content::Camera, Content::Keyframe, Content::Constraint];
         let kind = decode_kind(&kinds, kind, "the kind of a content")?;

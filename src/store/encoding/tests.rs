@@ -14,9 +14,9 @@ use proptest::prelude::*;
 use super::{EncodingError, compare_map, decode_event, decode_map, encode_event, encode_map};
 use crate::map::{
     AppliedSolve, CameraEntity, Cause, Ceilings, Change, Client, ClientIndex, ClosureRobustness,
-    Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, EntityId, Event, Gauge, Map,
-    MapParts, MapPolicy, NewLandmark, Observation, Prior, Retired, SharedMap, SolveKind,
-    SwitchedOff, WhenFull,
+    Comparison, Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, EntityId, Event,
+    Gauge, Map, MapParts, MapPolicy, NewLandmark, Observation, Prior, Retired, SharedMap,
+    SolveKind, SwitchedOff, WhenFull,
 };
 
 fn id(id: i64) -> EntityId {
@@ -58,6 +58,7 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
     let policy = MapPolicy {
         local_bundle: false,
         loop_closure: false,
+        closure_adjustment: false,
         window_keyframes: 7,
         min_shared_landmarks: 3,
         observation_loss: Loss::Cauchy(1.5),
@@ -201,6 +202,12 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
             },
         },
         Change::LandmarksTriangulated { positions: vec![(id(4), Vector3::new(4.0, 5.0, 6.0))] },
+        Change::DuplicatesFound {
+            comparisons: vec![Comparison {
+                closure: id(1),
+                pairs: vec![(id(3), id(1)), (id(3), id(4))],
+            }],
+        },
         solve(SolveKind::LocalBundle),
         solve(SolveKind::PoseGraph),
         solve(SolveKind::Global),
@@ -209,6 +216,7 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
         Change::LandmarksFused { kept: id(1), absorbed: vec![id(2)] },
         Change::LandmarksRemoved { landmarks: vec![id(20)] },
         Change::ConstraintRevoked { id: id(1) },
+        Change::DuplicatesSplit { closures: vec![id(1)], landmarks: vec![id(1), id(3), id(4)] },
         keyframe(12, Vec::new(), Vec::new()),
         Change::KeyframeRemoved { keyframe: id(12) },
         keyframe(14, Vec::new(), Vec::new()),

@@ -83,8 +83,8 @@ impl Inner {
         let epoch = self.next_epoch();
         let (uid, folder) = self.new_folder(map);
         if let Err(error) = self.write(map, &uid, &folder, snapshot) {
-            // The remaining files have neither an event nor a snapshot, so that the next start does not take them for a
-            // map.
+            // The remaining files have neither an event nor a snapshot, so that the next start does
+            // not take them for a map.
             if self.remove(&folder).is_err() {
                 self.maps().insert(map.to_owned(), Entry::Leftover(folder));
             }

@@ -58,6 +58,18 @@ fn a_reader_counts_what_it_has_and_can_stop() {
 }
 
 #[test]
+fn a_reader_can_stop_within_a_record() {
+    let mut bytes = Vec::new();
+    put_head(VERSION, NEEDS, &mut bytes);
+    put_record(&vec![0; 8 << 20], &mut bytes);
+    let mut rest = &bytes[..];
+    let most = 2 << 20;
+    let stopped = read_map_file(&mut rest, &mut |usage| usage.bytes <= most);
+    assert_eq!(stopped, Err(MapFileError::Stopped));
+    assert!((bytes.len() - rest.len()) as u64 <= most + PIECE, "no more is read");
+}
+
+#[test]
 fn a_file_that_is_cut_or_goes_on_is_refused() {
     let mut bytes = file(&map(), 1 << 20);
     for cut in 0..bytes.len() {

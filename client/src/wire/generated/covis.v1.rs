@@ -514,17 +514,17 @@ impl ::prost::Name for ClosureRobustness {
         "/covis.v1.ClosureRobustness".into()
     }
 }
-/// Why a closure was switched off.
+/// Why a loop closure or a position prior was switched off.
 #[derive(Clone, Copy, PartialEq, ::prost::Message)]
 pub struct SwitchedOff {
     /// s = r' Omega r at the solution that it was judged at, no unit, above the threshold.
     #[prost(double, tag = "1")]
     pub chi2: f64,
-    /// Its weight in that solution, 0 to 1: 0 with GNC_TLS, small with GNC_GM.
+    /// Its weight in that solution, 0 to 1: 0 with GNC_TLS and for a prior, small with GNC_GM.
     #[prost(double, tag = "2")]
     pub weight: f64,
-    /// No other closure joins its two places, so that nothing but the odometry speaks against it. It
-    /// counts as soon as another closure agrees with it or the trajectory comes to fit it.
+    /// Of a closure: no other one joins its two places, so that nothing but the odometry speaks against
+    /// it. It counts as soon as another closure agrees with it or the trajectory comes to fit it.
     #[prost(bool, tag = "3")]
     pub provisional: bool,
 }
@@ -1298,6 +1298,11 @@ pub struct Map {
     /// map_id.
     #[prost(string, tag = "11")]
     pub uid: ::prost::alloc::string::String,
+    /// Whether a bundle adjustment of the whole map is due or runs, because loop closures that count were
+    /// added: its result comes to watchers by itself. Stays where the adjustment is not possible, until
+    /// the next closure. Output only.
+    #[prost(bool, tag = "12")]
+    pub adjustment_due: bool,
 }
 impl ::prost::Name for Map {
     const NAME: &'static str = "Map";
@@ -1336,7 +1341,7 @@ pub struct MapCounts {
     /// Estimate of the memory that the map takes, bytes, at least 0.
     #[prost(int64, tag = "8")]
     pub size_bytes: i64,
-    /// Relative-pose constraints that are switched off, at least 0; they count above too.
+    /// Loop closures and position priors that are switched off, at least 0; they count above too.
     #[prost(int64, tag = "9")]
     pub switched_off_constraint_count: i64,
 }
@@ -1418,6 +1423,10 @@ pub struct MapPolicy {
     /// up there. Default none; PositionPrior.geodetic_point needs it.
     #[prost(message, optional, tag = "30")]
     pub geodetic_anchor: ::core::option::Option<GeodeticPosition>,
+    /// Whether, after a pose graph with loop closures that count, the places that they join are compared
+    /// (see Landmark.duplicate_of) and the whole map is adjusted in the background. Default true.
+    #[prost(bool, optional, tag = "31")]
+    pub closure_adjustment: ::core::option::Option<bool>,
 }
 impl ::prost::Name for MapPolicy {
     const NAME: &'static str = "MapPolicy";
@@ -1682,6 +1691,11 @@ pub struct Landmark {
     /// Where it stands. Output only.
     #[prost(enumeration = "LandmarkState", tag = "7")]
     pub state: i32,
+    /// A landmark with a lower client or id that is the same point of the scene: a loop closure that
+    /// counts joins the places where they were seen. Bundle adjustment gives both one position. Either
+    /// may be observed. Absent where none is known. Output only.
+    #[prost(message, optional, tag = "8")]
+    pub duplicate_of: ::core::option::Option<LandmarkRef>,
 }
 impl ::prost::Name for Landmark {
     const NAME: &'static str = "Landmark";
@@ -1961,7 +1975,7 @@ impl ::prost::Name for RelativePoseConstraint {
         "/covis.v1.RelativePoseConstraint".into()
     }
 }
-/// A constraint of a map that is switched off.
+/// A constraint or prior of a map that is switched off.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct SwitchedOffConstraint {
     /// Which.
@@ -2274,7 +2288,7 @@ impl ::prost::Name for ObservationBatch {
     }
 }
 /// Takes a constraint or prior back; the poses stay as they are until the next solve. A loop closure
-/// that counted starts a pose graph. The constraint can be sent again, under its id or another one.
+/// or prior that counted starts a pose graph. It can be sent again, under its id or another one.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct RevokeConstraint {
     /// Which, of any client; the server's own (negative ids) cannot be revoked. Required.
@@ -2351,8 +2365,8 @@ impl ::prost::Name for RemoveLandmarks {
     }
 }
 /// Removes a keyframe with its observations, constraints and priors. Starts local bundle adjustment
-/// of those that shared landmarks or a constraint with it, and a pose graph where a loop closure
-/// that counted goes. Its landmarks stay in the map, and it can be sent again, under its id or
+/// of those that shared landmarks or a constraint with it, and a pose graph where a loop closure or
+/// prior that counted goes. Its landmarks stay in the map, and it can be sent again, under its id or
 /// another one.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct RemoveKeyframe {
@@ -2574,8 +2588,8 @@ pub enum AckStatus {
     /// Cumulative: every taken item up to this sequence is durable, see Durability.
     Durable = 2,
     /// Cumulative: solves have covered every taken item up to this sequence. Sent after the ack of an
-    /// item that may start a solve (keyframe, observations, loop closure, edit), once for several when
-    /// coalesced.
+    /// item that may start a solve (keyframe, observations, loop closure, prior, edit), once for several
+    /// when coalesced.
     Optimized = 3,
     /// This item was refused for good and changed nothing; see violations. The stream lives.
     Rejected = 4,
@@ -3432,7 +3446,8 @@ pub struct ImportMapHeader {
     /// See Map.display_name. Default: that of a MAP_FORMAT_COVIS export.
     #[prost(string, tag = "2")]
     pub display_name: ::prost::alloc::string::String,
-    /// Default: the server's, or that of a MAP_FORMAT_COVIS export.
+    /// Default: the server's, or that of a MAP_FORMAT_COVIS export. A map with priors keeps its
+    /// geodetic_anchor: another one is refused.
     #[prost(message, optional, tag = "3")]
     pub policy: ::core::option::Option<MapPolicy>,
     /// Which files follow. Required.
@@ -4022,8 +4037,8 @@ pub mod map_service_client {
         /// * INVALID_ARGUMENT: a bad field or mask.
         /// * NOT_FOUND: no such map.
         /// * ABORTED: expected_revision is not the map's.
-        /// * FAILED_PRECONDITION: the map is poisoned.
-        /// * UNIMPLEMENTED: a gauge in the policy, for now.
+        /// * FAILED_PRECONDITION: the map is poisoned, or its geodetic_anchor is to change while it holds
+        ///  priors.
         /// * RESOURCE_EXHAUSTED with RetryInfo: the journal has no room just now.
         /// * INTERNAL: a bug.
         pub async fn update_map(
@@ -4183,7 +4198,6 @@ pub mod map_service_client {
         /// * ALREADY_EXISTS: the map_id is taken.
         /// * RESOURCE_EXHAUSTED: more than the map, the tenant or the server may hold, too many maps or
         ///  streams, or more than 256 MiB of files of a format other than MAP_FORMAT_COVIS.
-        /// * UNIMPLEMENTED: a gauge in the policy, for now.
         /// * DEADLINE_EXCEEDED: no message came for 120 s.
         /// * INTERNAL: a bug.
         pub async fn import_map(
@@ -4415,8 +4429,8 @@ pub mod map_service_server {
         /// * INVALID_ARGUMENT: a bad field or mask.
         /// * NOT_FOUND: no such map.
         /// * ABORTED: expected_revision is not the map's.
-        /// * FAILED_PRECONDITION: the map is poisoned.
-        /// * UNIMPLEMENTED: a gauge in the policy, for now.
+        /// * FAILED_PRECONDITION: the map is poisoned, or its geodetic_anchor is to change while it holds
+        ///  priors.
         /// * RESOURCE_EXHAUSTED with RetryInfo: the journal has no room just now.
         /// * INTERNAL: a bug.
         async fn update_map(
@@ -4494,7 +4508,6 @@ pub mod map_service_server {
         /// * ALREADY_EXISTS: the map_id is taken.
         /// * RESOURCE_EXHAUSTED: more than the map, the tenant or the server may hold, too many maps or
         ///  streams, or more than 256 MiB of files of a format other than MAP_FORMAT_COVIS.
-        /// * UNIMPLEMENTED: a gauge in the policy, for now.
         /// * DEADLINE_EXCEEDED: no message came for 120 s.
         /// * INTERNAL: a bug.
         async fn import_map(
@@ -5800,7 +5813,8 @@ pub struct OptimizeMapResult {
     /// Constraints and priors in the problem.
     #[prost(int64, tag = "7")]
     pub constraint_count: i64,
-    /// All constraints of the map that are switched off after it, sorted by client_id, then id.
+    /// All constraints and priors of the map that are switched off after it, sorted by client_id, then
+    /// id.
     #[prost(message, repeated, tag = "8")]
     pub switched_off_constraints: ::prost::alloc::vec::Vec<SwitchedOffConstraint>,
     /// Only when asked for. It is of the chordal cost at the start of the last solve, not of the

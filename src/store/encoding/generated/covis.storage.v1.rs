@@ -11,16 +11,16 @@ pub struct Event {
     /// Unix time in nanoseconds by the server's clock; 0 where it was not recorded.
     #[prost(sint64, tag = "3")]
     pub time_ns: i64,
-    /// What changed. Numbers 28, 29 and 31 to 60 are kept free for changes to come.
+    /// What changed. Numbers 28, 29 and 33 to 60 are kept free for changes to come.
     #[prost(
         oneof = "event::Change",
-        tags = "10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 30"
+        tags = "10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 30, 31, 32"
     )]
     pub change: ::core::option::Option<event::Change>,
 }
 /// Nested message and enum types in `Event`.
 pub mod event {
-    /// What changed. Numbers 28, 29 and 31 to 60 are kept free for changes to come.
+    /// What changed. Numbers 28, 29 and 33 to 60 are kept free for changes to come.
     #[derive(Clone, PartialEq, ::prost::Oneof)]
     pub enum Change {
         /// The map exists.
@@ -80,6 +80,12 @@ pub mod event {
         /// Name, policy or state changed on request.
         #[prost(message, tag = "30")]
         MapUpdated(super::MapUpdated),
+        /// The places that loop closures join were compared.
+        #[prost(message, tag = "31")]
+        DuplicatesFound(super::DuplicatesFound),
+        /// Pairs of landmarks are apart again.
+        #[prost(message, tag = "32")]
+        DuplicatesSplit(super::DuplicatesSplit),
     }
 }
 impl ::prost::Name for Event {
@@ -305,6 +311,9 @@ pub struct Policy {
     /// Where the origin of the world is on the Earth; absent where nobody said.
     #[prost(message, optional, tag = "21")]
     pub geodetic_anchor: ::core::option::Option<Geodetic>,
+    /// Whether the map is adjusted after closures; absent, true.
+    #[prost(bool, optional, tag = "22")]
+    pub closure_adjustment: ::core::option::Option<bool>,
 }
 impl ::prost::Name for Policy {
     const NAME: &'static str = "Policy";
@@ -888,6 +897,63 @@ impl ::prost::Name for LandmarksFused {
         "/covis.storage.v1.LandmarksFused".into()
     }
 }
+/// What was found where a loop closure joins two places.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Comparison {
+    /// The closure.
+    #[prost(message, optional, tag = "1")]
+    pub closure: ::core::option::Option<Id>,
+    /// Landmarks, two by two, that are one point.
+    #[prost(message, repeated, tag = "2")]
+    pub landmarks: ::prost::alloc::vec::Vec<Id>,
+}
+impl ::prost::Name for Comparison {
+    const NAME: &'static str = "Comparison";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.Comparison".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.Comparison".into()
+    }
+}
+/// Landmarks that are one point were found.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct DuplicatesFound {
+    /// Of each closure.
+    #[prost(message, repeated, tag = "1")]
+    pub comparisons: ::prost::alloc::vec::Vec<Comparison>,
+}
+impl ::prost::Name for DuplicatesFound {
+    const NAME: &'static str = "DuplicatesFound";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.DuplicatesFound".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.DuplicatesFound".into()
+    }
+}
+/// Closures no longer count, nor what they found.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct DuplicatesSplit {
+    /// The closures.
+    #[prost(message, repeated, tag = "1")]
+    pub closures: ::prost::alloc::vec::Vec<Id>,
+    /// The landmarks of their pairs.
+    #[prost(message, repeated, tag = "2")]
+    pub landmarks: ::prost::alloc::vec::Vec<Id>,
+}
+impl ::prost::Name for DuplicatesSplit {
+    const NAME: &'static str = "DuplicatesSplit";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.DuplicatesSplit".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.DuplicatesSplit".into()
+    }
+}
 /// Landmarks went.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct LandmarksRemoved {
@@ -985,6 +1051,12 @@ pub struct MapPart {
     /// Loop closures and position priors that do not count, by id.
     #[prost(message, repeated, tag = "10")]
     pub switched_off: ::prost::alloc::vec::Vec<SwitchedOff>,
+    /// Landmarks that are one point, by id.
+    #[prost(message, repeated, tag = "11")]
+    pub duplicates: ::prost::alloc::vec::Vec<DuplicatePair>,
+    /// Loop closures whose places were compared, by id.
+    #[prost(message, repeated, tag = "12")]
+    pub compared: ::prost::alloc::vec::Vec<Id>,
 }
 impl ::prost::Name for MapPart {
     const NAME: &'static str = "MapPart";
@@ -1023,6 +1095,9 @@ pub struct MapHead {
     /// Whether the map is frozen.
     #[prost(bool, tag = "8")]
     pub frozen: bool,
+    /// Whether bundle adjustment of the whole map is due.
+    #[prost(bool, tag = "9")]
+    pub adjustment_due: bool,
 }
 impl ::prost::Name for MapHead {
     const NAME: &'static str = "MapHead";
@@ -1032,6 +1107,29 @@ impl ::prost::Name for MapHead {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.storage.v1.MapHead".into()
+    }
+}
+/// Two landmarks that are one point.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct DuplicatePair {
+    /// The lower id.
+    #[prost(message, optional, tag = "1")]
+    pub a: ::core::option::Option<Id>,
+    /// The higher id.
+    #[prost(message, optional, tag = "2")]
+    pub b: ::core::option::Option<Id>,
+    /// The loop closure that it was found by; absent where that left with its keyframe.
+    #[prost(message, optional, tag = "3")]
+    pub closure: ::core::option::Option<Id>,
+}
+impl ::prost::Name for DuplicatePair {
+    const NAME: &'static str = "DuplicatePair";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.DuplicatePair".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.DuplicatePair".into()
     }
 }
 /// A client of the map.

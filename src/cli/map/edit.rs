@@ -1,8 +1,8 @@
 //! `covis map edit`: changes or removes what a map of a running server holds.
 //!
-//! The edit is one item of an ingest stream, sent under a client name of its own; the command ends once
-//! the server has answered it, on a server with a disk once it is durable. Nothing is read or written
-//! but through [`crate::client`].
+//! The edit is one item of an ingest stream, sent under a client name of its own; the command ends
+//! once the server has answered it, on a server with a disk once it is durable. Nothing is read or
+//! written but through [`crate::client`].
 
 use std::str::FromStr;
 
@@ -10,7 +10,7 @@ use anyhow::{Context, bail};
 use serde::Serialize;
 use tokio::sync::mpsc;
 
-use super::output::print;
+use super::super::output::print;
 use crate::client::{Client, IngestReport, Item, SessionOptions, WatchOptions, describe_violation};
 use crate::wire::v1;
 
