@@ -131,6 +131,7 @@ impl MeasuredPairs {
             | Change::SolveApplied { .. }
             | Change::ObservationsRemoved { .. }
             | Change::LandmarksFused { .. }
+            | Change::DuplicatesSplit { .. }
             | Change::LandmarksRemoved { .. }
             | Change::KeyframeRemoved { .. } => self.known().all_changed = revision,
             Change::Created { .. }
@@ -142,6 +143,7 @@ impl MeasuredPairs {
             | Change::ConstraintAdded { .. }
             | Change::PriorAdded { .. }
             | Change::ConstraintRevoked { .. }
+            | Change::DuplicatesFound { .. }
             | Change::LandmarksTriangulated { .. } => {}
         }
     }
