@@ -12,7 +12,7 @@ use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use covis_solvers::initialization::View;
 use covis_solvers::relative_motion::{self, Match, PointEstimate, RelativeMotion};
 
-use super::{CameraEntity, ClientIndex, EntityId, Keyframe, Map, Observation, Observations};
+use super::{ClientIndex, EntityId, Keyframe, Map, Observation};
 
 /// Keyframes from which a landmark without depth is triangulated, and those within which two keyframes
 /// of a client are near each other: a second of video, in which odometry drifts less than a pixel.
@@ -38,36 +38,23 @@ impl PairInput {
     }
 }
 
-/// By what it is recognized that a measurement still holds.
-#[derive(Clone, Debug)]
-pub struct PairState {
-    observations: [Observations; 2],
-    cameras: [Option<CameraEntity>; 2],
-    odometry: [Se3; 2],
-}
-
-impl PairState {
-    /// Of a pair in the map; `None` where a keyframe is not there.
-    #[must_use]
-    pub fn of(map: &Map, a: EntityId, b: EntityId) -> Option<Self> {
-        let (a, b) = (map.keyframes().get(&a)?, map.keyframes().get(&b)?);
-        let camera = |k: &Keyframe| k.camera.and_then(|id| map.cameras().get(&id)).copied();
-        Some(Self {
-            observations: [a.observations.clone(), b.observations.clone()],
-            cameras: [camera(a), camera(b)],
-            odometry: [a.odom_from_camera, b.odom_from_camera],
-        })
-    }
-
-    /// Whether both are of the same observations, cameras and odometry.
-    #[must_use]
-    pub fn is_same(&self, other: &Self) -> bool {
-        let [a, b] = &self.observations;
-        a.is_same(&other.observations[0])
-            && b.is_same(&other.observations[1])
-            && self.cameras == other.cameras
-            && self.odometry == other.odometry
-    }
+/// The keyframes of its client that were captured after a keyframe, by capture time and id, and see one
+/// of `landmarks`. A landmark without depth is triangulated from keyframes before, so that the
+/// measurement of a pair that one of these begins may depend on that keyframe.
+#[must_use]
+pub fn later_observers(
+    map: &Map,
+    (capture_time_ns, keyframe): (i64, EntityId),
+    landmarks: impl Iterator<Item = EntityId>,
+) -> BTreeSet<EntityId> {
+    let observers = landmarks.filter_map(|id| map.landmarks().get(&id)).flat_map(|l| &l.observers);
+    let is_later = |id: &EntityId| {
+        let known = map.keyframes().get(id);
+        known.is_some_and(|k| (k.capture_time_ns, *id) > (capture_time_ns, keyframe))
+    };
+    let own: BTreeSet<EntityId> =
+        observers.copied().filter(|observer| observer.client == keyframe.client).collect();
+    own.into_iter().filter(is_later).collect()
 }
 
 /// What the measurement of b in the frame of a needs; `None` where they share too few landmarks.
@@ -143,53 +130,91 @@ pub fn near_pairs(map: &Map, keyframe: EntityId) -> Vec<(EntityId, EntityId)> {
     before.into_iter().chain(after).collect()
 }
 
-/// The pairs whose measurements make up the pose graph: consecutive keyframes of each client, then
-/// those that see a place again, sorted.
-#[must_use]
-pub fn graph_pairs(map: &Map) -> Vec<(EntityId, EntityId)> {
-    let mut pairs = Vec::new();
-    for index in (0..).take(map.clients().len()) {
-        let trajectory = map.trajectory(ClientIndex(index));
-        pairs.extend(trajectory.windows(2).map(|pair| (pair[0].0, pair[1].0)));
+/// The keyframes of a map in the order of their trajectories, and the pairs whose measurements make up
+/// the pose graph. It is made once for a solve.
+#[derive(Debug)]
+pub struct GraphPairs<'a> {
+    /// By id.
+    pub(super) keyframes: Vec<(EntityId, &'a Keyframe)>,
+    /// A number for each keyframe: consecutive ones of a client in capture order have consecutive
+    /// numbers, no others.
+    pub(super) numbers: Vec<i64>,
+    /// Places of both keyframes in `keyframes`: consecutive keyframes of each client, then those that
+    /// see a place again, by the later keyframe.
+    pub(super) pairs: Vec<[usize; 2]>,
+}
+
+impl<'a> GraphPairs<'a> {
+    /// Of all keyframes of a map.
+    #[must_use]
+    pub fn of(map: &'a Map) -> Self {
+        let keyframes: Vec<(EntityId, &Keyframe)> =
+            map.keyframes().iter().map(|(&id, keyframe)| (id, keyframe)).collect();
+        let mut order: Vec<usize> = (0..keyframes.len()).collect();
+        // Sorted already, but for keyframes that came late.
+        let key = |&at: &usize| (keyframes[at].0.client, keyframes[at].1.capture_time_ns, at);
+        order.sort_by_key(key);
+        let trajectories: Vec<&[usize]> =
+            order.chunk_by(|&a, &b| keyframes[a].0.client == keyframes[b].0.client).collect();
+        let mut numbers = vec![0; keyframes.len()];
+        let mut next = 0;
+        for trajectory in &trajectories {
+            for &at in *trajectory {
+                numbers[at] = next;
+                next += 1;
+            }
+            next += 1;
+        }
+        let mut pairs: Vec<[usize; 2]> =
+            trajectories.iter().flat_map(|t| t.windows(2).map(|pair| [pair[0], pair[1]])).collect();
+        pairs.extend(again(map, &keyframes, &trajectories));
+        Self { keyframes, numbers, pairs }
     }
-    pairs.extend(again(map));
-    pairs
+
+    /// The ids of the pairs.
+    pub fn ids(&self) -> impl ExactSizeIterator<Item = (EntityId, EntityId)> + '_ {
+        self.pairs.iter().map(|&[a, b]| (self.keyframes[a].0, self.keyframes[b].0))
+    }
+
+    /// The place of a keyframe in the order of ids.
+    pub(super) fn place(&self, id: EntityId) -> Option<usize> {
+        self.keyframes.binary_search_by_key(&id, |entry| entry.0).ok()
+    }
 }
 
 /// Keyframes that see again what keyframes saw that are not near in the trajectory, each with the one
 /// that it shares most landmarks with. Pairs near each other share landmarks and errors, so that one of
 /// them stands for all.
-fn again(map: &Map) -> Vec<(EntityId, EntityId)> {
+fn again(
+    map: &Map,
+    keyframes: &[(EntityId, &Keyframe)],
+    trajectories: &[&[usize]],
+) -> Vec<[usize; 2]> {
     let threshold = u32::try_from(map.policy().min_shared_landmarks.max(1)).unwrap_or(u32::MAX);
-    let trajectories: Vec<Vec<EntityId>> = (0..)
-        .take(map.clients().len())
-        .map(|index| map.trajectory(ClientIndex(index)).into_iter().map(|(id, _)| id).collect())
-        .collect();
-    let place: std::collections::BTreeMap<EntityId, usize> = trajectories
-        .iter()
-        .flat_map(|trajectory| trajectory.iter().enumerate().map(|(place, &id)| (id, place)))
-        .collect();
-    let mut taken: BTreeSet<(EntityId, EntityId)> = BTreeSet::new();
+    // The place in its trajectory of each keyframe.
+    let mut places = vec![0; keyframes.len()];
+    for trajectory in trajectories {
+        trajectory.iter().enumerate().for_each(|(place, &at)| places[at] = place);
+    }
+    let find = |id: EntityId| keyframes.binary_search_by_key(&id, |entry| entry.0).ok();
+    let mut taken: BTreeSet<[(ClientIndex, usize); 2]> = BTreeSet::new();
     let mut pairs = Vec::new();
-    for (client, trajectory) in trajectories.iter().enumerate() {
-        for (at, &keyframe) in trajectory.iter().enumerate() {
-            let is_elsewhere = |other: &EntityId| match other.client.0 as usize == client {
-                true => place.get(other).is_some_and(|&p| p + NEAR_KEYFRAMES < at),
-                false => (other.client.0 as usize) < client,
-            };
-            let seen = map.covisibility().neighbors(keyframe);
-            let seen = seen.filter(|(other, shared)| *shared >= threshold && is_elsewhere(other));
-            let Some((other, _)) = seen.max_by_key(|&(id, shared)| (shared, std::cmp::Reverse(id)))
-            else {
-                continue;
-            };
-            let cell = |id: EntityId| {
-                let place = place.get(&id).copied().unwrap_or_default() / NEAR_KEYFRAMES;
-                EntityId::new(id.client, i64::try_from(place).unwrap_or(i64::MAX))
-            };
-            if taken.insert((cell(other), cell(keyframe))) {
-                pairs.push((other, keyframe));
-            }
+    for &at in trajectories.iter().copied().flatten() {
+        let (keyframe, entity) = keyframes[at];
+        if entity.observations.is_empty() {
+            continue;
+        }
+        let is_elsewhere = |other: EntityId| match other.client == keyframe.client {
+            true => find(other).is_some_and(|other| places[other] + NEAR_KEYFRAMES < places[at]),
+            false => other.client < keyframe.client,
+        };
+        let seen = map.covisibility().neighbors(keyframe);
+        let seen = seen.filter(|&(other, shared)| shared >= threshold && is_elsewhere(other));
+        let most = seen.max_by_key(|&(id, shared)| (shared, std::cmp::Reverse(id)));
+        let Some(other) = most.and_then(|(other, _)| find(other)) else { continue };
+        let cell = |at: usize| (keyframes[at].0.client, places[at] / NEAR_KEYFRAMES);
+        if taken.insert([cell(other), cell(at)]) {
+            pairs.push([other, at]);
         }
     }
     pairs

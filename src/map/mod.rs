@@ -50,13 +50,13 @@ pub use error::{EntityKind, MapError};
 pub use event::{AppliedSolve, Cause, Change, Event, NewLandmark, Retired, SolveKind};
 pub use ids::{ClientIndex, EntityId};
 pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, PartialItem, Place};
-pub use keyframe_pairs::{PairInput, PairState, graph_pairs, near_pairs, pair_input};
+pub use keyframe_pairs::{GraphPairs, PairInput, later_observers, near_pairs, pair_input};
 pub use observations::Observations;
 pub use parts::MapParts;
 pub use policy::{ClosureRobustness, Gauge, MapPolicy, WhenFull};
 pub use problem::{
     ClosureEdge, GlobalOptions, GraphProblem, JudgedPosition, MapProblem, global_problem,
-    graph_problem, local_problem, loop_problem,
+    graph_problem, local_problem, loop_problem, measured_graph,
 };
 pub use rejection::{FieldViolation, Reason, Rejection};
 pub use retirement::retire;

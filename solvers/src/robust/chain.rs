@@ -4,11 +4,10 @@
 //! two paths from the first id ([`Chain::between`], whose cost does not grow with the length). Uses
 //! edges and ids, never poses.
 
-use std::collections::BTreeMap;
-
 use nalgebra::SMatrix;
+use rayon::prelude::*;
 
-use crate::factors::RelativePose;
+use crate::factors::{FACTORS_PER_CHUNK, RelativePose};
 use crate::geometry::LieGroup;
 use crate::problem::PoseGraph;
 
@@ -27,6 +26,11 @@ impl<G: LieGroup<N>, const N: usize> Measured<G, N> {
     pub(super) fn of(edge: &RelativePose<G, N>) -> Option<Self> {
         let covariance = *edge.information.covariance().ok()?.matrix();
         Some(Self { motion: edge.i_from_j, covariance })
+    }
+
+    /// Each edge of a graph; `None` for one that leaves a direction open.
+    pub(super) fn all(graph: &PoseGraph<G, N>) -> Vec<Option<Self>> {
+        graph.edges.par_iter().with_min_len(FACTORS_PER_CHUNK).map(Self::of).collect()
     }
 
     /// Z⁻¹: Exp(−δ) Z⁻¹ = Z⁻¹ Exp(−Ad(Z) δ).
@@ -52,45 +56,81 @@ struct Reached<G, const N: usize> {
     covariance: SMatrix<f64, N, N>,
 }
 
-/// The odometry of a graph.
-pub(super) struct Chain<G, const N: usize> {
-    /// From each id to the next.
-    steps: BTreeMap<i64, Measured<G, N>>,
-    reached: BTreeMap<i64, Reached<G, N>>,
+/// The edge from an id to the next.
+#[derive(Clone, Copy)]
+struct Link {
+    from: i64,
+    edge: usize,
+    /// Whether pose i of the edge has the lower id.
+    is_forward: bool,
 }
 
-impl<G: LieGroup<N>, const N: usize> Chain<G, N> {
-    /// The first edge from each id to the next.
-    pub(super) fn new(graph: &PoseGraph<G, N>) -> Self {
-        let mut steps = BTreeMap::new();
-        for edge in &graph.edges {
-            let (i, j) = (graph.ids[edge.i], graph.ids[edge.j]);
-            let Some(measured) = Measured::of(edge) else { continue };
-            if i.checked_add(1) == Some(j) {
-                steps.entry(i).or_insert(measured);
-            } else if j.checked_add(1) == Some(i) {
-                steps.entry(j).or_insert_with(|| measured.inverse());
+/// The odometry of a graph.
+pub(super) struct Chain<'a, G, const N: usize> {
+    /// Of each edge.
+    measured: &'a [Option<Measured<G, N>>],
+    /// From each id to the next, by id.
+    links: Vec<Link>,
+    /// By id.
+    reached: Vec<(i64, Reached<G, N>)>,
+}
+
+impl<'a, G: LieGroup<N>, const N: usize> Chain<'a, G, N> {
+    /// The first edge from each id to the next; `measured` is that of each edge.
+    pub(super) fn new(graph: &PoseGraph<G, N>, measured: &'a [Option<Measured<G, N>>]) -> Self {
+        let link = |(edge, measured): (usize, &Option<Measured<G, N>>)| {
+            measured.as_ref()?;
+            let RelativePose { i, j, .. } = graph.edges[edge];
+            let (i, j) = (graph.ids[i], graph.ids[j]);
+            match () {
+                () if i.checked_add(1) == Some(j) => Some(Link { from: i, edge, is_forward: true }),
+                () if j.checked_add(1) == Some(i) => {
+                    Some(Link { from: j, edge, is_forward: false })
+                }
+                () => None,
             }
-        }
-        let mut reached = BTreeMap::new();
+        };
+        let mut links: Vec<Link> = measured.iter().enumerate().filter_map(link).collect();
+        // Nearly always sorted, and stable: of several edges the first stays.
+        links.sort_by_key(|link| link.from);
+        links.dedup_by_key(|link| link.from);
+        let mut chain = Self { measured, links, reached: Vec::new() };
+        chain.reach();
+        chain
+    }
+
+    /// Composes all pieces from their first ids.
+    fn reach(&mut self) {
+        let mut reached: Vec<(i64, Reached<G, N>)> = Vec::with_capacity(self.links.len() + 1);
         let first = |piece| Reached { piece, pose: G::identity(), covariance: SMatrix::zeros() };
-        let mut last: Option<(i64, Reached<G, N>)> = None;
-        for (&id, step) in &steps {
-            let from = match last {
-                Some((end, reached)) if end == id => reached,
-                Some((_, before)) => first(before.piece + 1),
-                None => first(0),
+        for link in &self.links {
+            let from = match reached.last() {
+                Some(&(end, reached)) if end == link.from => reached,
+                last => {
+                    let begin = first(last.map_or(0, |(_, before)| before.piece + 1));
+                    reached.push((link.from, begin));
+                    begin
+                }
             };
-            reached.insert(id, from);
+            let Some(step) = self.step(link) else { continue };
             let pose = from.pose.compose(&step.motion);
             // X Exp(δ) = Exp(Ad(X) δ) X.
             let adjoint = pose.adjoint();
             let covariance = from.covariance + adjoint * step.covariance * adjoint.transpose();
-            let to = Reached { piece: from.piece, pose, covariance };
-            reached.insert(id + 1, to);
-            last = Some((id + 1, to));
+            reached.push((link.from + 1, Reached { piece: from.piece, pose, covariance }));
         }
-        Self { steps, reached }
+        self.reached = reached;
+    }
+
+    /// From the lower id of a link to the higher.
+    fn step(&self, link: &Link) -> Option<Measured<G, N>> {
+        let measured = self.measured[link.edge]?;
+        Some(if link.is_forward { measured } else { measured.inverse() })
+    }
+
+    fn reached(&self, id: i64) -> Option<&Reached<G, N>> {
+        let place = self.reached.binary_search_by_key(&id, |entry| entry.0).ok()?;
+        Some(&self.reached[place].1)
     }
 
     /// The odometry from one id to another, step by step; `None` where a step is missing.
@@ -100,7 +140,8 @@ impl<G: LieGroup<N>, const N: usize> Chain<G, N> {
         }
         let mut walked = Measured::exact();
         for id in from..to {
-            walked = walked.compose(self.steps.get(&id)?);
+            let place = self.links.binary_search_by_key(&id, |link| link.from).ok()?;
+            walked = walked.compose(&self.step(&self.links[place])?);
         }
         Some(walked)
     }
@@ -111,7 +152,7 @@ impl<G: LieGroup<N>, const N: usize> Chain<G, N> {
         if from > to {
             return self.between(to, from).map(|measured| measured.inverse());
         }
-        let (a, b) = (self.reached.get(&from)?, self.reached.get(&to)?);
+        let (a, b) = (self.reached(from)?, self.reached(to)?);
         if a.piece != b.piece {
             return None;
         }
@@ -148,7 +189,8 @@ mod tests {
                 loss: None,
             });
         }
-        let chain = Chain::new(&graph);
+        let measured = Measured::all(&graph);
+        let chain = Chain::new(&graph, &measured);
         for (from, to) in [(0, 39), (7, 30), (30, 7), (5, 5), (12, 13)] {
             let (long, short) = (chain.between(from, to).unwrap(), chain.walk(from, to).unwrap());
             assert!(long.motion.inverse().compose(&short.motion).log().norm() < 1e-9);

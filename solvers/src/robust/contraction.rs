@@ -4,8 +4,12 @@
 //! one edge, whose covariance is the sum of theirs. A pose at the end of a branch follows its neighbor.
 //! What is left are the ends of closures, branching points, held poses and those with priors, and its
 //! optimum is that of the whole graph, to first order in the errors. Closures are weighed there, because
-//! that takes many solves and few of their poses matter. Solves nothing.
+//! that takes many solves and few of their poses matter. The poses that were left out are put back where
+//! they are most probable between the poses that were kept (`bending`). Solves nothing.
 
+use rayon::prelude::*;
+
+use super::bending::bend;
 use super::chain::Measured;
 use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::geometry::LieGroup;
@@ -13,37 +17,68 @@ use crate::information::Covariance;
 use crate::loss::Loss;
 use crate::problem::PoseGraph;
 
-/// A pose that was left out, between two that were kept or behind one.
-struct Between<G, const N: usize> {
+/// An edge of a row.
+#[derive(Clone, Copy)]
+struct Step {
+    edge: usize,
+    /// Whether the row goes from pose i of the edge to pose j.
+    is_forward: bool,
+    /// The pose that it leads to.
     pose: usize,
-    /// From the first kept pose.
-    measured: Measured<G, N>,
 }
 
 /// Poses that were left out in a row.
-struct Row<G, const N: usize> {
+struct Row {
     first: usize,
-    between: Vec<Between<G, N>>,
-    /// The kept pose at the end, with the way to it; `None` for a branch that ends.
-    last: Option<(usize, Measured<G, N>)>,
+    steps: Vec<Step>,
+    /// Whether the last step leads to a kept pose; else the branch ends.
+    is_closed: bool,
+}
+
+impl Row {
+    /// The poses that were left out.
+    fn between(&self) -> impl DoubleEndedIterator<Item = usize> + ExactSizeIterator + '_ {
+        let count = self.steps.len() - usize::from(self.is_closed);
+        self.steps[..count].iter().map(|step| step.pose)
+    }
+
+    /// The kept pose at the end.
+    fn last(&self) -> Option<usize> {
+        self.steps.last().filter(|_| self.is_closed).map(|step| step.pose)
+    }
+
+    /// What each step measured, from the first pose on; `None` where an edge has no covariance.
+    fn measured<'a, G: LieGroup<N>, const N: usize>(
+        &'a self,
+        measured: &'a [Option<Measured<G, N>>],
+    ) -> impl Iterator<Item = Option<Measured<G, N>>> + 'a {
+        self.steps.iter().map(|step| {
+            let along = measured[step.edge]?;
+            Some(if step.is_forward { along } else { along.inverse() })
+        })
+    }
 }
 
 /// What was left out of a graph, to be put back.
 pub(super) struct Contraction<G, const N: usize> {
     /// The whole graph.
     full: PoseGraph<G, N>,
+    /// Of each of its edges.
+    measured: Vec<Option<Measured<G, N>>>,
     /// Its index of each pose that was kept.
     kept: Vec<usize>,
-    rows: Vec<Row<G, N>>,
+    /// Each with the way along all of its steps.
+    rows: Vec<(Row, Measured<G, N>)>,
     /// The closures of the whole graph.
     pub(super) closures: Vec<usize>,
 }
 
 /// Replaces `graph` by one without the poses that only pass trusted edges on, and `closures`, indices
-/// of edges, by those in it. `None`, and nothing is replaced, where less than half of the poses would
+/// of edges, by those in it; `measured` is that of each edge. `None`, and nothing is replaced, where less than half of the poses would
 /// go, or where a loss makes two edges more than one.
 pub(super) fn contract<G: LieGroup<N>, const N: usize>(
     graph: &mut PoseGraph<G, N>,
+    measured: Vec<Option<Measured<G, N>>>,
     closures: &mut Vec<usize>,
 ) -> Option<Contraction<G, N>> {
     let has_loss = |edge: &RelativePose<G, N>| edge.loss.unwrap_or(graph.loss) != Loss::Trivial;
@@ -52,10 +87,11 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
     }
     let mut is_placed = vec![false; graph.poses.len()];
     graph.placed().for_each(|pose| is_placed[pose] = true);
-    let edges_of = edges_of(graph);
+    let edges_of = EdgesOf::new(graph);
     let is_closure = |edge: &usize| closures.binary_search(edge).is_ok();
     let is_passing = |pose: usize| {
-        !is_placed[pose] && edges_of[pose].len() <= 2 && !edges_of[pose].iter().any(is_closure)
+        let edges = edges_of.of(pose);
+        !is_placed[pose] && edges.len() <= 2 && !edges.iter().any(is_closure)
     };
     let passing: Vec<bool> = (0..graph.poses.len()).map(is_passing).collect();
     if 2 * passing.iter().filter(|&&passes| passes).count() < graph.poses.len() {
@@ -83,31 +119,30 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
     };
     let mut rows = Vec::new();
     for &first in &kept {
-        for &edge in edges_of[first].iter().filter(|edge| passing[other(graph, **edge, first)]) {
-            let row = follow(graph, &edges_of, &passing, first, edge)?;
+        for &edge in edges_of.of(first).iter().filter(|edge| passing[other(graph, **edge, first)]) {
+            let row = follow(graph, &edges_of, &passing, first, edge);
             // A row between two kept poses is met from both of its ends.
-            let is_second = row.last.as_ref().is_some_and(|(last, _)| {
-                let back = row.between.last().map(|end| end.pose);
-                (*last, back) < (first, row.between.first().map(|begin| begin.pose))
+            let is_second = row.last().is_some_and(|last| {
+                (last, row.between().next_back()) < (first, row.between().next())
             });
-            if is_second {
-                continue;
+            if !is_second {
+                rows.push(row);
             }
-            if let Some((last, way)) = &row.last
-                && *last != first
-            {
-                let information = Covariance::new(&way.covariance).ok()?.information().ok()?;
-                let (i, j) = (place[first], place[*last]);
-                reduced.edges.push(RelativePose {
-                    i,
-                    j,
-                    i_from_j: way.motion,
-                    information,
-                    loss: None,
-                });
-            }
-            rows.push(row);
         }
+    }
+    let way = |row: Row| {
+        let mut way = Measured::exact();
+        for step in row.measured(&measured) {
+            way = way.compose(&step?);
+        }
+        Some((row, way))
+    };
+    let rows: Vec<(Row, Measured<G, N>)> = rows.into_par_iter().map(way).collect::<Option<_>>()?;
+    for (row, way) in &rows {
+        let Some(last) = row.last().filter(|&last| last != row.first) else { continue };
+        let information = Covariance::new(&way.covariance).ok()?.information().ok()?;
+        let (i, j, i_from_j) = (place[row.first], place[last], way.motion);
+        reduced.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
     }
     let mut new_closures = Vec::new();
     for (at, edge) in graph.edges.iter().enumerate() {
@@ -119,23 +154,47 @@ pub(super) fn contract<G: LieGroup<N>, const N: usize>(
         }
         reduced.edges.push(RelativePose { i: place[edge.i], j: place[edge.j], ..*edge });
     }
-    let is_whole = rows.iter().map(|row| row.between.len()).sum::<usize>() + kept.len();
+    let is_whole = rows.iter().map(|(row, _)| row.between().len()).sum::<usize>() + kept.len();
     // A ring without a kept pose is met by none.
     if is_whole != graph.poses.len() || reduced.edges.is_empty() {
         return None;
     }
     let closures = std::mem::replace(closures, new_closures);
-    Some(Contraction { full: std::mem::replace(graph, reduced), kept, rows, closures })
+    let full = std::mem::replace(graph, reduced);
+    Some(Contraction { full, measured, kept, rows, closures })
 }
 
-/// The edges at each pose.
-fn edges_of<G, const N: usize>(graph: &PoseGraph<G, N>) -> Vec<Vec<usize>> {
-    let mut edges_of = vec![Vec::new(); graph.poses.len()];
-    for (edge, RelativePose { i, j, .. }) in graph.edges.iter().enumerate() {
-        edges_of[*i].push(edge);
-        edges_of[*j].push(edge);
+/// The edges at each pose, in edge order.
+struct EdgesOf {
+    /// `list[starts[pose]..starts[pose + 1]]` are those of a pose.
+    starts: Vec<usize>,
+    list: Vec<usize>,
+}
+
+impl EdgesOf {
+    fn new<G, const N: usize>(graph: &PoseGraph<G, N>) -> Self {
+        let mut starts = vec![0; graph.poses.len() + 1];
+        for RelativePose { i, j, .. } in &graph.edges {
+            starts[i + 1] += 1;
+            starts[j + 1] += 1;
+        }
+        for pose in 0..graph.poses.len() {
+            starts[pose + 1] += starts[pose];
+        }
+        let mut next = starts.clone();
+        let mut list = vec![0; 2 * graph.edges.len()];
+        for (edge, RelativePose { i, j, .. }) in graph.edges.iter().enumerate() {
+            for pose in [*i, *j] {
+                list[next[pose]] = edge;
+                next[pose] += 1;
+            }
+        }
+        Self { starts, list }
     }
-    edges_of
+
+    fn of(&self, pose: usize) -> &[usize] {
+        &self.list[self.starts[pose]..self.starts[pose + 1]]
+    }
 }
 
 fn other<G, const N: usize>(graph: &PoseGraph<G, N>, edge: usize, pose: usize) -> usize {
@@ -143,55 +202,49 @@ fn other<G, const N: usize>(graph: &PoseGraph<G, N>, edge: usize, pose: usize) -
     if i == pose { j } else { i }
 }
 
-/// The row that begins at `first` with `edge`; `None` where an edge has no covariance.
-fn follow<G: LieGroup<N>, const N: usize>(
+/// The row that begins at `first` with `edge`.
+fn follow<G, const N: usize>(
     graph: &PoseGraph<G, N>,
-    edges_of: &[Vec<usize>],
+    edges_of: &EdgesOf,
     passing: &[bool],
     first: usize,
     edge: usize,
-) -> Option<Row<G, N>> {
+) -> Row {
     let (mut at, mut edge) = (first, edge);
-    let mut way = Measured::exact();
-    let mut between = Vec::new();
+    let mut steps = Vec::new();
     loop {
-        let step = Measured::of(&graph.edges[edge])?;
         let is_forward = graph.edges[edge].i == at;
-        way = way.compose(&if is_forward { step } else { step.inverse() });
         at = other(graph, edge, at);
+        steps.push(Step { edge, is_forward, pose: at });
         if !passing[at] {
-            return Some(Row { first, between, last: Some((at, way)) });
+            return Row { first, steps, is_closed: true };
         }
-        between.push(Between { pose: at, measured: way });
-        match edges_of[at].iter().find(|&&next| next != edge) {
+        match edges_of.of(at).iter().find(|&&next| next != edge) {
             Some(&next) => edge = next,
-            None => return Some(Row { first, between, last: None }),
+            None => return Row { first, steps, is_closed: false },
         }
     }
 }
 
 impl<G: LieGroup<N>, const N: usize> Contraction<G, N> {
     /// Puts the whole graph back into `graph`, with the poses that it has by then; those in between
-    /// share the error of their row by their covariance.
+    /// are where they are most probable.
     pub(super) fn expand(self, graph: &mut PoseGraph<G, N>) {
-        let Self { mut full, kept, rows, .. } = self;
+        let Self { mut full, measured, kept, rows, .. } = self;
         for (&pose, value) in kept.iter().zip(&graph.poses) {
             full.poses[pose] = *value;
         }
-        for row in rows {
+        let from_first = |(row, way): &(Row, Measured<G, N>)| {
+            let steps: Vec<Measured<G, N>> = row.measured(&measured).flatten().collect();
+            let first_from_world = full.poses[row.first].inverse();
+            let end = row.last().map(|last| first_from_world.compose(&full.poses[last]));
+            bend(&steps, way, end.as_ref())
+        };
+        let bent: Vec<Vec<G>> = rows.par_iter().map(from_first).collect();
+        for ((row, _), poses) in rows.iter().zip(bent) {
             let first = full.poses[row.first];
-            let error = row.last.as_ref().map(|(last, way)| {
-                let found = first.inverse().compose(&full.poses[*last]);
-                (way, way.motion.inverse().compose(&found).log())
-            });
-            for Between { pose, measured } in &row.between {
-                let mut value = first.compose(&measured.motion);
-                if let Some((way, error)) = &error {
-                    let share = measured.covariance.trace() / way.covariance.trace();
-                    let rest = measured.motion.inverse().compose(&way.motion);
-                    value = value.plus(&(rest.adjoint() * error * share.clamp(0.0, 1.0)));
-                }
-                full.poses[*pose] = value;
+            for (pose, value) in row.between().zip(poses) {
+                full.poses[pose] = first.compose(&value);
             }
         }
         *graph = full;
@@ -256,7 +309,8 @@ mod tests {
         let mut whole = graph.clone();
         let cost = solve(&mut whole);
         let (mut reduced, mut ends) = (graph.clone(), closures.clone());
-        let contraction = contract(&mut reduced, &mut ends).unwrap();
+        let measured = Measured::all(&graph);
+        let contraction = contract(&mut reduced, measured, &mut ends).unwrap();
         assert_eq!((reduced.poses.len(), reduced.edges.len(), ends.len()), (9, 12, 4));
         assert_eq!(contraction.closures, closures);
         let reduced_cost = solve(&mut reduced);
@@ -273,7 +327,7 @@ mod tests {
         let ends: Vec<(usize, usize)> = (0..110).map(|i| (i, i + 60)).collect();
         let (graph, closures) = walk(&ends);
         let (mut same, mut ends) = (graph.clone(), closures.clone());
-        assert!(contract(&mut same, &mut ends).is_none());
+        assert!(contract(&mut same, Measured::all(&graph), &mut ends).is_none());
         assert_eq!((same, ends), (graph, closures));
     }
 }

@@ -8,6 +8,7 @@
 //! `variance` finds how far the stated information may be believed. All of it is a function of what was
 //! measured. It solves through [`crate::pose_graph`] and must not weight odometry.
 
+mod bending;
 mod chain;
 mod contraction;
 mod graduated;
@@ -18,6 +19,7 @@ mod variance;
 
 use std::time::Instant;
 
+use chain::Measured;
 use contraction::contract;
 pub use graduated::Kernel;
 pub use positions::{PositionJudging, PositionVerdict, judge_positions};
@@ -35,6 +37,11 @@ use crate::problem::{DisjointSets, PoseGraph, SolveError};
 
 /// Weight of a switched-off closure that is the only connection of two parts of the graph.
 const BRIDGE_WEIGHT: f64 = 1e-6;
+
+/// Initial damping of the solve of a whole graph from the optimum of the contracted one. The softest
+/// modes of a row of n poses have n⁻⁴ of the stiffness of a pose, and a step that is to move them may not
+/// be damped by more: this much is about the rounding of the matrix.
+const NEAR_DAMPING: f64 = 1e-16;
 
 /// Options of a robust solve.
 #[derive(Clone, Debug, PartialEq)]
@@ -136,8 +143,15 @@ pub fn solve_until<G: RigidMotion<D, N>, const D: usize, const N: usize>(
 ) -> Result<RobustSummary, SolveError> {
     run(graph, options, interrupt, |weighted| {
         let start = weighted.start(options.start, has_poses)?;
-        weighted.contracted(|weighted| weighted.judge(options.trust_odometry, observer))?;
-        Ok((weighted.solve(&options.pose_graph, observer)?, start))
+        let judge = |weighted: &mut Weighted<'_, G, N>| {
+            weighted.judge(options.trust_odometry, &mut *observer)
+        };
+        let is_near = weighted.contracted(judge)?;
+        let mut last = options.pose_graph;
+        if is_near {
+            last.optimizer.initial_damping = last.optimizer.initial_damping.min(NEAR_DAMPING);
+        }
+        Ok((weighted.solve(&last, observer)?, start))
     })
 }
 
@@ -181,7 +195,7 @@ pub fn price<G: RigidMotion<D, N>, const D: usize, const N: usize>(
 
 /// Bytes of the weighted copy, of states that may be restored, and of the screening.
 fn copies_bytes<G, const N: usize>(graph: &PoseGraph<G, N>) -> u64 {
-    let edge = size_of::<RelativePose<G, N>>() + size_of::<G>() + 8 * N * N + 160;
+    let edge = size_of::<RelativePose<G, N>>() + 2 * (size_of::<G>() + 8 * N * N) + 160;
     let pose = 4 * size_of::<G>() + 64;
     let priors = graph.pose_priors.len() * size_of::<PosePrior<G, N>>()
         + graph.position_priors.len() * size_of::<PositionPrior>();
@@ -250,6 +264,8 @@ struct Weighted<'a, G, const N: usize> {
     held_back: Vec<bool>,
     /// One per closure.
     weights: Vec<f64>,
+    /// One per edge, until the graph is contracted.
+    measured: Vec<Option<Measured<G, N>>>,
     solves: usize,
     begin: Instant,
     interrupt: &'a Interrupt,
@@ -272,7 +288,8 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
             graph.ids[i].abs_diff(graph.ids[j]) > 1 && options.trusted.binary_search(&edge).is_err()
         };
         let closures: Vec<usize> = (0..graph.edges.len()).filter(is_closure).collect();
-        let screened = screen(graph, &closures, threshold, interrupt);
+        let measured = Measured::all(graph);
+        let screened = screen(graph, &measured, &closures, threshold, interrupt);
         let held_back = |seen: &Screened| {
             let is_strained = seen.odometry_chi2.is_some_and(|chi2| chi2 > threshold);
             options.trust_odometry && !seen.is_supported && is_strained
@@ -287,6 +304,7 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
             closures,
             screened,
             held_back,
+            measured,
             solves: 0,
             begin,
             interrupt,
@@ -298,18 +316,21 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         weighted
     }
 
-    /// Does `stages` on the graph without the poses that only pass odometry on.
+    /// Does `stages` on the graph without the poses that only pass odometry on; false where it has too
+    /// few of them and is left whole.
     fn contracted(
         &mut self,
         stages: impl FnOnce(&mut Self) -> Result<(), SolveError>,
-    ) -> Result<(), SolveError> {
-        let contraction = contract(self.graph, &mut self.closures);
+    ) -> Result<bool, SolveError> {
+        let measured = std::mem::take(&mut self.measured);
+        let contraction = contract(self.graph, measured, &mut self.closures);
         let outcome = stages(self);
+        let is_contracted = contraction.is_some();
         if let Some(mut contraction) = contraction {
             self.closures = std::mem::take(&mut contraction.closures);
             contraction.expand(self.graph);
         }
-        outcome
+        outcome.map(|()| is_contracted)
     }
 
     fn weighted_graph(&self) -> PoseGraph<G, N> {

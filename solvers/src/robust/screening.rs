@@ -35,21 +35,22 @@ pub(super) struct Screened {
     pub(super) odometry_chi2: Option<f64>,
 }
 
-/// Screens `closures`, edges of `graph`. Those not reached before `interrupt` was due count as
+/// Screens `closures`, edges of `graph`; `measured` is that of each edge. Those not reached before `interrupt` was due count as
 /// unsupported.
 pub(super) fn screen<G: LieGroup<N>, const N: usize>(
     graph: &PoseGraph<G, N>,
+    measured: &[Option<Measured<G, N>>],
     closures: &[usize],
     threshold: f64,
     interrupt: &Interrupt,
 ) -> Vec<Screened> {
-    let chain = Chain::new(graph);
+    let chain = Chain::new(graph, measured);
     let mut screened = vec![Screened::default(); closures.len()];
     let mut list: Vec<(usize, Closure<G, N>)> = Vec::with_capacity(closures.len());
     for (k, &edge) in closures.iter().enumerate() {
+        let Some(measured) = measured[edge] else { continue };
         let edge = &graph.edges[edge];
         let (i, j) = (graph.ids[edge.i], graph.ids[edge.j]);
-        let Some(measured) = Measured::of(edge) else { continue };
         let closure = if i <= j {
             Closure { from: i, to: j, measured }
         } else {
@@ -85,7 +86,7 @@ pub(super) fn screen<G: LieGroup<N>, const N: usize>(
 
 /// Whether the loop a, odometry, b backwards, odometry is closed within its noise.
 fn agree<G: LieGroup<N>, const N: usize>(
-    chain: &Chain<G, N>,
+    chain: &Chain<'_, G, N>,
     a: &Closure<G, N>,
     b: &Closure<G, N>,
     threshold: f64,

@@ -54,7 +54,11 @@ pub fn variance_factors<G: LieGroup<N>, const N: usize>(
     graph: &PoseGraph<G, N>,
     groups: &[Vec<usize>],
 ) -> Vec<VarianceFactors> {
-    let chain = Chain::new(graph);
+    let measured = match groups.iter().all(Vec::is_empty) {
+        true => Vec::new(),
+        false => Measured::all(graph),
+    };
+    let chain = Chain::new(graph, &measured);
     let loops = |group: &Vec<usize>| -> Vec<Loop<N>> {
         group.iter().filter_map(|&edge| loop_of(graph, &chain, edge)).collect()
     };
@@ -63,7 +67,7 @@ pub fn variance_factors<G: LieGroup<N>, const N: usize>(
 
 fn loop_of<G: LieGroup<N>, const N: usize>(
     graph: &PoseGraph<G, N>,
-    chain: &Chain<G, N>,
+    chain: &Chain<'_, G, N>,
     edge: usize,
 ) -> Option<Loop<N>> {
     let edge = graph.edges.get(edge)?;

@@ -2,7 +2,7 @@
 //!
 //! Edges are
 //!
-//! - between the pairs of [`graph_pairs`](crate::map::graph_pairs), the relative pose that the landmarks
+//! - between the pairs of [`GraphPairs`], the relative pose that the landmarks
 //!   of both keyframes give, with its information; where these do not determine it, the client's
 //!   odometry;
 //! - the stored constraints with their own information. A constraint of another kind than a loop closure
@@ -27,8 +27,8 @@ use covis_solvers::robust::{VarianceFactors, variance_factors};
 use nalgebra::Vector6;
 
 use super::{ClosureEdge, GraphProblem, priors};
-use crate::map::keyframe_pairs::{graph_pairs, odometry};
-use crate::map::{ClientIndex, ConstraintKind, EntityId, Gauge, Map};
+use crate::map::keyframe_pairs::odometry;
+use crate::map::{ClientIndex, ConstraintKind, EntityId, Gauge, GraphPairs, Map};
 
 /// Translation error over distance.
 const DISTANCE_SHARE: f64 = 0.02;
@@ -56,28 +56,36 @@ pub fn graph_problem(
     gauge: Gauge,
     measured: impl Fn(EntityId, EntityId) -> Option<RelativeMotion>,
 ) -> GraphProblem {
+    let pairs = GraphPairs::of(map);
+    let motions: Vec<Option<RelativeMotion>> = pairs.ids().map(|(a, b)| measured(a, b)).collect();
+    measured_graph(map, gauge, &pairs, &motions)
+}
+
+/// As [`graph_problem`], with the pairs of the map and the relative pose of each, where there is one.
+#[must_use]
+pub fn measured_graph(
+    map: &Map,
+    gauge: Gauge,
+    pairs: &GraphPairs<'_>,
+    motions: &[Option<RelativeMotion>],
+) -> GraphProblem {
     let mut graph = PoseGraph::new();
     graph.loss = map.policy().constraint_loss;
-    let keyframes: Vec<EntityId> = map.keyframes().keys().copied().collect();
-    let numbers = numbers(map);
-    let mut index_of = BTreeMap::new();
-    for (keyframe, entity) in map.keyframes() {
-        let number = numbers.get(keyframe).copied().unwrap_or_default();
-        index_of.insert(*keyframe, graph.push_pose(number, entity.world_from_camera));
+    let keyframes: Vec<EntityId> = pairs.keyframes.iter().map(|&(id, _)| id).collect();
+    for ((_, keyframe), &number) in pairs.keyframes.iter().zip(&pairs.numbers) {
+        graph.push_pose(number, keyframe.world_from_camera);
     }
     // The client whose trajectory each edge is part of.
-    let mut owners = Vec::new();
-    for (a, b, motion) in measured_edges(map, measured) {
-        if let (Some(&i), Some(&j)) = (index_of.get(&a), index_of.get(&b)) {
-            let (i_from_j, information) = motion;
-            graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
-            owners.push(Some(b.client));
-        }
+    let mut owners = Vec::with_capacity(pairs.pairs.len());
+    graph.edges.reserve(pairs.pairs.len() + map.constraints().len());
+    for ([i, j], (i_from_j, information)) in measured_edges(map, pairs, motions) {
+        graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
+        owners.push(Some(keyframes[j].client));
     }
     let mut closures = Vec::new();
     for (&id, constraint) in map.constraints() {
-        let i = index_of.get(&constraint.keyframe_i);
-        if let (Some(&i), Some(&j)) = (i, index_of.get(&constraint.keyframe_j)) {
+        let i = pairs.place(constraint.keyframe_i);
+        if let (Some(i), Some(j)) = (i, pairs.place(constraint.keyframe_j)) {
             let i_from_j = constraint.keyframe_i_from_keyframe_j;
             let information = constraint.information;
             if constraint.kind == ConstraintKind::LoopClosure {
@@ -92,60 +100,52 @@ pub fn graph_problem(
     }
     let factors = factors(map, &graph, &closures);
     scale(&mut graph, &owners, &closures, &factors);
-    let positions = priors::add(map, gauge, &index_of, &mut graph);
+    let positions = priors::add(map, gauge, pairs, &mut graph);
     GraphProblem { graph, keyframes, closures, positions, factors, start_revision: map.revision() }
 }
 
-/// A number for each keyframe: consecutive ones of a client in capture order have consecutive
-/// numbers, no others.
-fn numbers(map: &Map) -> BTreeMap<EntityId, i64> {
-    let mut numbers = BTreeMap::new();
-    let mut next = 0;
-    for index in (0..).take(map.clients().len()) {
-        for (id, _) in map.trajectory(ClientIndex(index)) {
-            numbers.insert(id, next);
-            next += 1;
-        }
-        next += 1;
-    }
-    numbers
-}
-
-/// The measured pairs that no constraint replaces: the pose of the second keyframe in the frame of the
-/// first, with its information.
+/// The edges between pairs that no constraint replaces: the pose of the second keyframe in the frame of
+/// the first, with its information.
 fn measured_edges(
     map: &Map,
-    measured: impl Fn(EntityId, EntityId) -> Option<RelativeMotion>,
-) -> Vec<(EntityId, EntityId, (Se3, Information<6>))> {
+    pairs: &GraphPairs<'_>,
+    motions: &[Option<RelativeMotion>],
+) -> Vec<([usize; 2], (Se3, Information<6>))> {
     let replaced: BTreeSet<(EntityId, EntityId)> = map
         .constraints()
         .values()
         .filter(|constraint| constraint.kind != ConstraintKind::LoopClosure)
         .map(|constraint| ordered(constraint.keyframe_i, constraint.keyframe_j))
         .collect();
-    let pairs = graph_pairs(map);
-    let median = median_distance(map, &pairs);
-    let edge = |(a, b)| {
-        let motion = match measured(a, b) {
+    let by_odometry: Vec<Option<Se3>> =
+        pairs.pairs.iter().map(|&pair| pair_odometry(pairs, pair)).collect();
+    let median = median_distance(&by_odometry);
+    let edge = |((&pair, motion), by_odometry): ((&[usize; 2], &Option<RelativeMotion>), _)| {
+        let [a, b] = pair.map(|at| pairs.keyframes[at].0);
+        if !replaced.is_empty() && replaced.contains(&ordered(a, b)) {
+            return None;
+        }
+        let motion = match motion {
             Some(motion) => (motion.a_from_b, motion.information),
-            None => without_information(map, (a, b), median)?,
+            None => without_information(by_odometry, median)?,
         };
-        Some((a, b, motion))
+        Some((pair, motion))
     };
-    let is_free = |&(a, b): &(EntityId, EntityId)| !replaced.contains(&ordered(a, b));
-    pairs.into_iter().filter(is_free).filter_map(edge).collect()
+    pairs.pairs.iter().zip(motions).zip(by_odometry).filter_map(edge).collect()
 }
 
-/// The odometry between two keyframes of one client.
+/// The odometry between two keyframes, where they are of one client.
+fn pair_odometry(pairs: &GraphPairs<'_>, pair: [usize; 2]) -> Option<Se3> {
+    let [(a, first), (b, second)] = pair.map(|at| pairs.keyframes[at]);
+    (a.client == b.client).then(|| odometry(first, second))
+}
+
+/// The odometry with an information that is in proportion to the motion.
 fn without_information(
-    map: &Map,
-    (a, b): (EntityId, EntityId),
+    by_odometry: Option<Se3>,
     median_distance: f64,
 ) -> Option<(Se3, Information<6>)> {
-    if a.client != b.client {
-        return None;
-    }
-    let i_from_j = odometry(map.keyframes().get(&a)?, map.keyframes().get(&b)?);
+    let i_from_j = by_odometry?;
     let distance = i_from_j.translation.norm();
     let angle = i_from_j.rotation.log().norm();
     let t = DISTANCE_SHARE * distance + MEDIAN_SHARE * median_distance;
@@ -195,16 +195,13 @@ fn ordered(a: EntityId, b: EntityId) -> (EntityId, EntityId) {
 }
 
 /// The median distance of the pairs by odometry; 1 where it is negligible or there is none.
-fn median_distance(map: &Map, pairs: &[(EntityId, EntityId)]) -> f64 {
-    let mut distances: Vec<f64> = pairs
-        .iter()
-        .filter(|(a, b)| a.client == b.client)
-        .filter_map(|(a, b)| Some(odometry(map.keyframes().get(a)?, map.keyframes().get(b)?)))
-        .map(|motion| motion.translation.norm())
-        .collect();
-    distances.sort_by(f64::total_cmp);
-    match distances.get(distances.len() / 2) {
-        Some(&median) if median > 1e-9 => median,
-        _ => 1.0,
+fn median_distance(by_odometry: &[Option<Se3>]) -> f64 {
+    let motions = by_odometry.iter().flatten();
+    let mut distances: Vec<f64> = motions.map(|motion| motion.translation.norm()).collect();
+    let middle = distances.len() / 2;
+    if middle >= distances.len() {
+        return 1.0;
     }
+    let (_, &mut median, _) = distances.select_nth_unstable_by(middle, f64::total_cmp);
+    if median > 1e-9 { median } else { 1.0 }
 }

@@ -18,7 +18,7 @@ use covis_solvers::robust::VarianceFactors;
 use super::{ClientIndex, EntityId, Gauge, SwitchedOff};
 
 pub use bundle::{global_problem, local_problem, retirement_problem};
-pub use graph::{graph_problem, loop_problem};
+pub use graph::{graph_problem, loop_problem, measured_graph};
 
 /// A bundle adjustment problem with the names of its variables.
 #[derive(Clone, Debug, PartialEq)]
@@ -111,8 +111,8 @@ impl GraphProblem {
     /// The edges that are no loop closures, rising.
     #[must_use]
     pub fn trusted(&self) -> Vec<usize> {
-        let is_closure = |edge| self.closures.binary_search_by_key(&edge, |c| c.edge).is_ok();
-        (0..self.graph.edges.len()).filter(|&edge| !is_closure(edge)).collect()
+        let mut closures = self.closures.iter().map(|closure| closure.edge).peekable();
+        (0..self.graph.edges.len()).filter(|edge| closures.next_if_eq(edge).is_none()).collect()
     }
 
     /// Whether there is an edge or a prior and a pose that may move.

@@ -4,26 +4,24 @@
 //! that is switched off enters too, because it is judged again, and says where its piece is as the
 //! others do: what is held does not depend on earlier verdicts. Nothing is solved here.
 
-use std::collections::BTreeMap;
-
 use covis_solvers::factors::{PosePrior, PositionPrior};
 use covis_solvers::geometry::Se3;
 use covis_solvers::problem::{DisjointSets, PoseGraph};
 
 use super::JudgedPosition;
-use crate::map::{EntityId, Gauge, Map, Prior};
+use crate::map::{Gauge, GraphPairs, Map, Prior};
 
 /// Adds the priors of `map` to its graph, and holds the lowest keyframe of each piece that `gauge`
 /// wants held. Returns the position priors in their order in the graph.
 pub(super) fn add(
     map: &Map,
     gauge: Gauge,
-    index_of: &BTreeMap<EntityId, usize>,
+    pairs: &GraphPairs<'_>,
     graph: &mut PoseGraph<Se3, 6>,
 ) -> Vec<JudgedPosition> {
     let mut positions = Vec::new();
     for (&id, prior) in map.priors() {
-        let Some(&pose) = index_of.get(&prior.keyframe()) else { continue };
+        let Some(pose) = pairs.place(prior.keyframe()) else { continue };
         match *prior {
             Prior::Pose { world_from_camera, information, loss, .. } => {
                 let prior = PosePrior { pose, world_from_camera, information, loss };

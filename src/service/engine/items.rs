@@ -163,9 +163,6 @@ impl Actor {
             }
             Added::Loop | Added::Prior => self.nothing_to_solve(client, sequence),
             Added::Edited(Affected { graph, keyframes }) => {
-                if !keyframes.is_empty() {
-                    self.solving.forget_pairs();
-                }
                 if let Some(&newest) = keyframes.last()
                     && let Err(error) = self.place(newest).await
                 {

@@ -1,107 +1,343 @@
 //! What was measured between pairs of keyframes, kept so that a pose graph does not measure it again.
 //!
-//! A measurement is a function of what its keyframes hold ([`PairInput`]), so that this is a cache: lost
-//! with the process, made again when it is asked for, and the same then. Each entry knows the state that
-//! it was made of. Windows fill it as keyframes come; a pose graph measures what is missing on the
-//! threads of its solve. It is shared by the solves of one map and uses nothing of the engine.
+//! A measurement is a function of what the map holds ([`PairInput`]), so that this is a cache: lost with
+//! the process, made again when it is asked for, and the same then. The engine tells what each change of
+//! the map does to measurements ([`MeasuredPairs::note`]), and one that is older than such a change is
+//! made again. Windows fill it as keyframes come; a pose graph measures what is missing on the threads
+//! of its solve. It is shared by the solves of one map and uses nothing of the engine.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::relative_motion::RelativeMotion;
 use rayon::prelude::*;
 
-use crate::map::{EntityId, Map, PairInput, PairState, graph_pairs, near_pairs, pair_input};
+use crate::map::{
+    Change, ClientIndex, EntityId, GraphPairs, Map, Observation, PairInput, later_observers,
+    near_pairs, pair_input,
+};
 
 type Pair = (EntityId, EntityId);
 
-/// A measurement and what it was made of; `None` where the landmarks do not determine the pose.
-#[derive(Clone, Debug)]
+/// A measurement and the revision of the map that it was made in; `None` where the landmarks do not
+/// determine the pose.
+#[derive(Clone, Copy, Debug)]
 struct Entry {
-    state: PairState,
+    revision: i64,
     motion: Option<RelativeMotion>,
 }
 
 /// The measurements of a map.
 #[derive(Debug, Default)]
-pub(super) struct MeasuredPairs(Mutex<BTreeMap<Pair, Entry>>);
+pub(super) struct MeasuredPairs(Mutex<Known>);
+
+#[derive(Debug, Default)]
+struct Known {
+    entries: HashMap<Pair, Entry>,
+    /// The revision of the last change of what the measurements that a keyframe takes part in are made
+    /// of; no entry without a change since [`MeasuredPairs::complete`].
+    changed: BTreeMap<EntityId, i64>,
+    /// The same for all keyframes.
+    all_changed: i64,
+    /// Capture time and id of the newest keyframe of a client, or of one that was newer.
+    newest: BTreeMap<ClientIndex, (i64, EntityId)>,
+}
+
+impl Known {
+    /// The entry of a pair, if it still holds.
+    fn get(&self, pair: Pair) -> Option<&Entry> {
+        let changed = |id| self.changed.get(&id).copied().unwrap_or(0);
+        let newest = self.all_changed.max(changed(pair.0)).max(changed(pair.1));
+        self.entries.get(&pair).filter(|entry| entry.revision >= newest)
+    }
+
+    /// A keyframe takes or gives up views of landmarks: the measurements of later keyframes that see
+    /// them may be made of these views. `at` is its capture time and id.
+    fn views_changed<'a>(
+        &mut self,
+        map: &Map,
+        at: (i64, EntityId),
+        views: impl Iterator<Item = &'a Observation>,
+        revision: i64,
+    ) {
+        let client = at.1.client;
+        let newest = self.newest.entry(client).or_insert_with(|| {
+            let own = map.trajectory(client);
+            own.last().map_or(at, |&(id, keyframe)| (keyframe.capture_time_ns, id))
+        });
+        if at >= *newest {
+            *newest = at;
+            return;
+        }
+        let later = later_observers(map, at, views.map(|view| view.landmark));
+        self.changed.extend(later.into_iter().map(|id| (id, revision)));
+    }
+}
 
 /// A pair that is to be measured.
 #[derive(Debug)]
 pub(super) struct Unmeasured {
     pair: Pair,
-    state: PairState,
+    revision: i64,
     input: Option<PairInput>,
 }
 
 impl Unmeasured {
-    fn of(map: &Map, pair: Pair) -> Option<Self> {
-        let state = PairState::of(map, pair.0, pair.1)?;
-        Some(Self { pair, state, input: pair_input(map, pair.0, pair.1) })
+    fn of(map: &Map, pair: Pair) -> Self {
+        Self { pair, revision: map.revision(), input: pair_input(map, pair.0, pair.1) }
     }
 
     fn measure(self) -> (Pair, Entry) {
         let motion = self.input.and_then(|input| input.measure());
-        (self.pair, Entry { state: self.state, motion })
+        (self.pair, Entry { revision: self.revision, motion })
     }
 }
 
 impl MeasuredPairs {
-    fn entries(&self) -> MutexGuard<'_, BTreeMap<Pair, Entry>> {
+    fn known(&self) -> MutexGuard<'_, Known> {
         // An entry is inserted whole or not at all.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn is_known(&self, map: &Map, pair: Pair) -> bool {
-        let Some(state) = PairState::of(map, pair.0, pair.1) else { return true };
-        self.entries().get(&pair).is_some_and(|entry| entry.state.is_same(&state))
+    /// Takes in what the next change of the map, which makes `revision`, does to measurements; `map` is
+    /// the map before it.
+    pub(super) fn note(&self, map: &Map, change: &Change, revision: i64) {
+        let entity = |id: &EntityId| map.keyframes().get(id).map(|k| (k.capture_time_ns, k));
+        match change {
+            Change::KeyframeAdded { id, capture_time_ns, observations, .. } => {
+                let at = (*capture_time_ns, *id);
+                self.known().views_changed(map, at, observations.iter(), revision);
+            }
+            Change::ObservationsAdded { keyframe, observations } => {
+                let mut known = self.known();
+                known.changed.insert(*keyframe, revision);
+                if let Some((time_ns, _)) = entity(keyframe) {
+                    known.views_changed(map, (time_ns, *keyframe), observations.iter(), revision);
+                }
+            }
+            Change::KeyframeRetired { retired } => {
+                let mut known = self.known();
+                // Another keyframe may come under its id.
+                known.changed.insert(retired.keyframe, revision);
+                if let Some((time_ns, gone)) = entity(&retired.keyframe) {
+                    let (at, views) = ((time_ns, retired.keyframe), gone.observations.iter());
+                    known.views_changed(map, at, views, revision);
+                }
+            }
+            Change::CameraSet { id, .. } if !map.cameras().contains_key(id) => {}
+            Change::SolveApplied { solve } if solve.cameras.is_empty() => {}
+            Change::CameraSet { .. }
+            | Change::SolveApplied { .. }
+            | Change::ObservationsRemoved { .. }
+            | Change::LandmarksFused { .. }
+            | Change::DuplicatesSplit { .. }
+            | Change::LandmarksRemoved { .. }
+            | Change::KeyframeRemoved { .. } => self.known().all_changed = revision,
+            Change::Created { .. }
+            | Change::ItemRepeated
+            | Change::PolicySet { .. }
+            | Change::MapUpdated { .. }
+            | Change::ClientOpened { .. }
+            | Change::LandmarksAdded { .. }
+            | Change::ConstraintAdded { .. }
+            | Change::PriorAdded { .. }
+            | Change::ConstraintRevoked { .. }
+            | Change::DuplicatesFound { .. }
+            | Change::LandmarksTriangulated { .. } => {}
+        }
     }
 
     /// The pairs of `keyframe` and its neighbors in time that are not measured.
     pub(super) fn unmeasured_near(&self, map: &Map, keyframe: EntityId) -> Vec<Unmeasured> {
-        let pairs = near_pairs(map, keyframe).into_iter();
-        pairs
-            .filter(|&pair| !self.is_known(map, pair))
-            .filter_map(|p| Unmeasured::of(map, p))
-            .collect()
+        let mut pairs = near_pairs(map, keyframe);
+        let known = self.known();
+        pairs.retain(|&pair| known.get(pair).is_none());
+        drop(known);
+        pairs.into_iter().map(|pair| Unmeasured::of(map, pair)).collect()
     }
 
     /// Measures pairs.
     pub(super) fn measure(&self, pairs: Vec<Unmeasured>) {
         for pair in pairs {
             let (pair, entry) = pair.measure();
-            self.entries().insert(pair, entry);
+            self.known().entries.insert(pair, entry);
         }
     }
 
-    /// Measures what the pose graph of `map` needs and is missing, until `interrupt` is due, and forgets
-    /// what it does not need. Returns the measurements.
+    /// Measures what is missing of the pairs of `map`, until `interrupt` is due, and forgets all others.
+    /// Returns the measurement of each pair.
     pub(super) fn complete(
         &self,
         map: &Map,
+        pairs: &GraphPairs<'_>,
         interrupt: &Interrupt,
-    ) -> BTreeMap<Pair, RelativeMotion> {
-        let pairs = graph_pairs(map);
-        let missing: Vec<Pair> =
-            pairs.iter().copied().filter(|&pair| !self.is_known(map, pair)).collect();
-        missing.par_iter().for_each(|&pair| {
-            if !interrupt.is_due()
-                && let Some(unmeasured) = Unmeasured::of(map, pair)
-            {
-                self.measure(vec![unmeasured]);
+    ) -> Vec<Option<RelativeMotion>> {
+        let pairs: Vec<Pair> = pairs.ids().collect();
+        let known = self.known();
+        let found: Vec<Option<Entry>> =
+            pairs.iter().map(|&pair| known.get(pair).copied()).collect();
+        drop(known);
+        let measure = |(&pair, found): (&Pair, Option<Entry>)| match found {
+            None if interrupt.is_due() => None,
+            None => {
+                let (_, entry) = Unmeasured::of(map, pair).measure();
+                Some((true, entry))
             }
-        });
-        let mut entries = self.entries();
-        let mut needed = BTreeMap::new();
-        let mut motions = BTreeMap::new();
-        for pair in pairs {
-            if let Some(entry) = entries.remove(&pair) {
-                motions.extend(entry.motion.map(|motion| (pair, motion)));
-                needed.insert(pair, entry);
+            Some(entry) => Some((false, entry)),
+        };
+        let made: Vec<Option<(bool, Entry)>> = pairs.par_iter().zip(found).map(measure).collect();
+        let mut known = self.known();
+        for (&pair, entry) in pairs.iter().zip(&made) {
+            if let Some((true, entry)) = entry {
+                known.entries.insert(pair, *entry);
             }
         }
-        *entries = needed;
-        motions
+        // Without an interruption every entry that stays is newer than the changes before this map.
+        if made.iter().all(Option::is_some) {
+            if known.entries.len() > pairs.len() {
+                let needed: BTreeSet<Pair> = pairs.into_iter().collect();
+                known.entries.retain(|pair, _| needed.contains(pair));
+            }
+            known.changed.retain(|_, revision| *revision > map.revision());
+        }
+        drop(known);
+        made.into_iter().map(|entry| entry?.1.motion).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3};
+    use nalgebra::{Vector2, Vector3, Vector6};
+
+    use super::*;
+    use crate::map::{CameraEntity, Event, MapPolicy, NewLandmark, WhenFull, retire};
+
+    const ROBOT: ClientIndex = ClientIndex(0);
+    const LANDMARKS: i64 = 40;
+
+    fn id(id: i64) -> EntityId {
+        EntityId::new(ROBOT, id)
+    }
+
+    fn camera() -> Camera {
+        let [fx, fy, cx, cy] = [500.0, 500.0, 320.0, 240.0];
+        let [k1, k2, k3, p1, p2] = [0.0; 5];
+        Camera::Pinhole(PinholeRadialTangential { fx, fy, cx, cy, k1, k2, k3, p1, p2 })
+    }
+
+    /// A map and what was measured in it, as an engine keeps them.
+    struct Kept {
+        map: Map,
+        pairs: MeasuredPairs,
+    }
+
+    impl Kept {
+        /// Six keyframes, one a second, that see landmarks without depth.
+        fn new() -> Self {
+            let mut kept = Self { map: Map::new(), pairs: MeasuredPairs::default() };
+            let policy = MapPolicy { when_full: WhenFull::Marginalize, ..MapPolicy::default() };
+            let display_name = String::new();
+            kept.push(Change::Created { policy, create_time_ns: 1, display_name });
+            kept.push(Change::ClientOpened { name: "robot".to_owned(), epoch: 1 });
+            let camera = CameraEntity { camera: camera(), width_px: 640, height_px: 480 };
+            kept.push(Change::CameraSet { id: id(0), camera });
+            for k in 0..6 {
+                // The second one does not see all of them yet.
+                kept.keyframe(k, 10 * k, if k == 1 { 30 } else { LANDMARKS });
+            }
+            kept
+        }
+
+        fn push(&mut self, change: Change) {
+            let event =
+                Event { revision: self.map.revision() + 1, time_ns: 0, cause: None, change };
+            self.pairs.note(&self.map, &event.change, event.revision);
+            self.map.apply(&event).unwrap();
+        }
+
+        /// Tenths of a second are the time and the place along x; pixels are off by a fixed pattern.
+        fn views(time: i64, landmarks: std::ops::Range<i64>) -> (Se3, Vec<Observation>) {
+            let x = 0.02 * time as f64;
+            let pose =
+                Se3::identity().plus(&Vector6::new(x, 0.1 * x.sin(), 0.0, 0.0, 0.02 * x, 0.0));
+            let view = |l: i64| {
+                let point =
+                    Vector3::new((l % 8) as f64 - 3.0, (l / 8) as f64 - 2.0, 5.0 + 0.1 * l as f64);
+                let noise = |by: i64| 0.1 * (((time + 3) * (l + 5) * by) % 7 - 3) as f64;
+                let pixel = camera().project(&pose.inverse().act(&point)).unwrap();
+                let pixel = pixel + Vector2::new(noise(11), noise(13));
+                Observation { landmark: id(l), pixel, sigma_px: 1.0, depth: None, descriptor: None }
+            };
+            (pose, landmarks.map(view).collect())
+        }
+
+        fn keyframe(&mut self, k: i64, time: i64, landmarks: i64) {
+            let (pose, observations) = Self::views(time, 0..landmarks);
+            let new = |l| NewLandmark { id: id(l), position: None };
+            self.push(Change::KeyframeAdded {
+                id: id(k),
+                capture_time_ns: time,
+                camera: Some(id(0)),
+                world_from_camera: pose,
+                odom_from_camera: pose,
+                observations,
+                landmarks: (0..LANDMARKS).map(new).collect(),
+            });
+        }
+
+        /// What is measured of each pair, by `pairs`.
+        fn measured(&self, pairs: &MeasuredPairs) -> BTreeMap<Pair, Option<RelativeMotion>> {
+            let graph = GraphPairs::of(&self.map);
+            let motions = pairs.complete(&self.map, &graph, &Interrupt::NEVER);
+            graph.ids().zip(motions).collect()
+        }
+
+        /// The measurement of a pair, which is the same whether the others were measured before or not.
+        fn of(&self, a: i64, b: i64) -> RelativeMotion {
+            let kept = self.measured(&self.pairs);
+            assert_eq!(kept, self.measured(&MeasuredPairs::default()));
+            kept[&(id(a), id(b))].unwrap()
+        }
+    }
+
+    #[test]
+    fn a_late_keyframe_changes_the_pairs_after_it_that_see_its_landmarks() {
+        let mut kept = Kept::new();
+        let before = kept.of(2, 3);
+        kept.keyframe(90, 15, LANDMARKS);
+        assert_ne!(kept.of(2, 3), before, "the landmarks of 2 have a view more");
+        assert_eq!(kept.of(2, 3), kept.of(2, 3));
+    }
+
+    #[test]
+    fn a_retired_keyframe_changes_the_pairs_whose_landmarks_it_saw() {
+        let mut kept = Kept::new();
+        let before = kept.of(1, 2);
+        let retired = retire(&kept.map).unwrap();
+        assert_eq!(retired.keyframe, id(0));
+        kept.push(Change::KeyframeRetired { retired });
+        let pairs = kept.measured(&kept.pairs);
+        assert_eq!(pairs, kept.measured(&MeasuredPairs::default()));
+        assert_ne!(pairs[&(id(1), id(2))], Some(before));
+    }
+
+    #[test]
+    fn observations_that_an_earlier_keyframe_gains_change_the_pairs_after_it() {
+        let mut kept = Kept::new();
+        let before = kept.of(3, 4);
+        let (_, observations) = Kept::views(10, 30..LANDMARKS);
+        kept.push(Change::ObservationsAdded { keyframe: id(1), observations });
+        assert_ne!(kept.of(3, 4), before);
+    }
+
+    #[test]
+    fn a_keyframe_at_the_end_leaves_the_pairs_as_they_are() {
+        let mut kept = Kept::new();
+        kept.measured(&kept.pairs);
+        kept.keyframe(6, 60, LANDMARKS);
+        let known = kept.pairs.known();
+        assert!(known.changed.is_empty() && known.get((id(2), id(3))).is_some());
     }
 }

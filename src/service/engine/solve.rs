@@ -31,8 +31,8 @@ use super::handle::Reply;
 use super::measured_pairs::MeasuredPairs;
 pub use crate::map::Gauge as GaugeKind;
 use crate::map::{
-    ClientIndex, GlobalOptions, GraphProblem, Map, MapProblem, Solved, SwitchedOff, global_problem,
-    graph_problem,
+    ClientIndex, GlobalOptions, GraphPairs, GraphProblem, Map, MapProblem, Solved, SwitchedOff,
+    global_problem, measured_graph,
 };
 
 /// Which part of a map is optimized.
@@ -361,9 +361,11 @@ fn solve_graph(
     settings: &GraphSettings,
     interrupt: &Interrupt,
 ) -> Outcome {
-    let measured = pairs.complete(&map, interrupt);
     let gauge = settings.gauge.unwrap_or(map.policy().gauge);
-    let mut problem = graph_problem(&map, gauge, |a, b| measured.get(&(a, b)).copied());
+    let graph_pairs = GraphPairs::of(&map);
+    let motions = pairs.complete(&map, &graph_pairs, interrupt);
+    let mut problem = measured_graph(&map, gauge, &graph_pairs, &motions);
+    drop((graph_pairs, motions));
     let robustness = map.policy().loop_closure_robustness;
     let named = |(client, &factors): (&ClientIndex, &VarianceFactors)| {
         Some((map.client(*client)?.name.clone(), factors))

@@ -64,10 +64,9 @@ impl Solving {
         Self { shared, pool, pairs, schedule, running, job, last_id, prior_went }
     }
 
-    /// Forgets what was measured between keyframes. A measurement also depends on earlier keyframes that
-    /// see its landmarks, which an edit may have changed. What a running solve measures is not kept.
-    pub(super) fn forget_pairs(&mut self) {
-        self.pairs = Arc::default();
+    /// What was measured between keyframes.
+    pub(super) fn pairs(&self) -> &Arc<MeasuredPairs> {
+        &self.pairs
     }
 
     /// Whether no solve runs or waits.

@@ -92,6 +92,9 @@ impl Sent {
         if had == *now {
             return false;
         }
+        if self.resolution.is_exact() {
+            return true;
+        }
         let (Some(a), Some(b)) = (had.world_from_camera, now.world_from_camera) else {
             return true;
         };
