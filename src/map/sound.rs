@@ -70,8 +70,13 @@ impl Map {
             check(is_finite, EntityKind::Constraint, id, "is switched off by what is no number")?;
         }
         for &id in self.duplicates.compared() {
-            let is_closure = self.constraints.get(&id).is_some_and(|c| c.is_closure());
-            check(is_closure, EntityKind::Constraint, id, "was compared and is no loop closure")?;
+            // It may have been revoked a moment ago.
+            check(
+                self.client(id.client).is_some(),
+                EntityKind::Constraint,
+                id,
+                "belongs to no client",
+            )?;
         }
         for &(content, id) in self.contents.keys() {
             let (kind, is_known) = match content {

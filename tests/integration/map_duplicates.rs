@@ -6,9 +6,9 @@
 use std::collections::BTreeSet;
 
 use covis::map::{
-    Change, Comparison, ConstraintKind, Edit, EntityId, EntityRef, GlobalOptions, Item,
+    Change, Comparison, ConstraintKind, Edit, EntityId, EntityRef, GlobalOptions, GraphPairs, Item,
     ItemLandmark, ItemObservation, Map, MapPolicy, SolveKind, WhenFull, applied, choose_window_of,
-    find_duplicates, global_problem, graph_pairs, retire,
+    find_duplicates, global_problem, retire,
 };
 use nalgebra::Vector3;
 
@@ -64,6 +64,11 @@ fn pairs(map: &Map) -> Vec<(EntityId, EntityId)> {
     first.map(|&landmark| (landmark, id(landmark.id + AGAIN))).collect()
 }
 
+/// The pairs of keyframes whose relative pose is measured.
+fn measured_pairs(map: &Map) -> Vec<(EntityId, EntityId)> {
+    GraphPairs::of(map).ids().collect()
+}
+
 fn found(journal: &mut Journal) {
     let comparison = Comparison { closure: id(0), pairs: pairs(&journal.map) };
     journal.push(Change::DuplicatesFound { comparisons: vec![comparison] });
@@ -95,7 +100,7 @@ fn nothing_is_found_where_a_closure_joins_different_places() {
 fn duplicates_are_one_variable_and_close_covisibility() {
     let mut journal = twice(0.05);
     let options = GlobalOptions::default();
-    let measured = graph_pairs(&journal.map);
+    let measured = measured_pairs(&journal.map);
     found(&mut journal);
     assert_consistent(&journal.map);
     let map = &journal.map;
@@ -106,7 +111,7 @@ fn duplicates_are_one_variable_and_close_covisibility() {
     assert_eq!(joined.problem.observation_count() as u64, map.observation_count());
     let constant = joined.problem.constant_poses.iter().filter(|&&constant| constant).count();
     assert_eq!(constant, 1, "the visits are one piece");
-    assert_eq!(graph_pairs(map), measured, "relative poses are measured without them");
+    assert_eq!(measured_pairs(map), measured, "relative poses are measured without them");
     let window = choose_window_of(map, &[id(1)]);
     let all: Vec<EntityId> = window.free.iter().chain(&window.fixed).copied().collect();
     assert!(all.contains(&id(1 + AGAIN)), "{all:?}");
