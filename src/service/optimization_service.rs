@@ -169,8 +169,10 @@ pub(super) fn map_options(
             loss(Path::root("observation_loss"), request.observation_loss.as_ref(), out);
         let constraint = loss(Path::root("constraint_loss"), request.constraint_loss.as_ref(), out);
         let gauge = gauge(Path::root("gauge"), request.gauge, out);
-        if request.refine_intrinsics {
-            let _: Option<()> = out.unimplemented(Path::root("refine_intrinsics"));
+        if problem != OptimizeProblem::Full && request.refine_intrinsics {
+            let text = "a pose graph has no intrinsics";
+            let at = Path::root("refine_intrinsics");
+            let _: Option<()> = out.report(at, Reason::Inconsistent, text);
         }
         if problem == OptimizeProblem::Full && request.certify {
             let text = "only a pose graph can be certified";
@@ -186,6 +188,7 @@ pub(super) fn map_options(
                 constraint_loss: constraint?,
                 problem,
                 gauge: gauge?,
+                refine_intrinsics: request.refine_intrinsics,
                 deadline,
             },
         ))

@@ -5,7 +5,8 @@ use tonic::{Code, Streaming};
 use v1::ingest_request::Item;
 
 use crate::common::{
-    LANDMARKS, Stream, TestServer, camera, check_field, check_status, occupy, run,
+    LANDMARKS, Stream, TestServer, camera, check_field, check_status, information3, keyframe,
+    keyframe_position, landmark_position, occupy, run, vector3,
 };
 
 fn optimize(map_id: &str) -> v1::OptimizeMapRequest {
@@ -47,9 +48,13 @@ fn optimize_map_refuses_what_it_cannot_solve() {
         check_field(&end(optimize("")).await, "map_id", "MISSING");
         let cases: [(v1::OptimizeMapRequest, &str, &str); 5] = [
             (
-                v1::OptimizeMapRequest { refine_intrinsics: true, ..optimize("room") },
+                v1::OptimizeMapRequest {
+                    refine_intrinsics: true,
+                    problem: v1::MapProblem::PoseGraph.into(),
+                    ..optimize("room")
+                },
                 "refine_intrinsics",
-                "UNIMPLEMENTED",
+                "INCONSISTENT",
             ),
             (v1::OptimizeMapRequest { problem: 9, ..optimize("room") }, "problem", "UNKNOWN_VALUE"),
             (v1::OptimizeMapRequest { gauge: 9, ..optimize("room") }, "gauge", "UNKNOWN_VALUE"),
@@ -173,5 +178,55 @@ fn a_canceled_optimization_leaves_the_map_as_it_was() {
         stream.put(1, Item::Camera(camera(0))).await;
         let after = revision().await;
         assert_eq!(after, before + 2, "opening and the camera, no solve");
+    });
+}
+
+#[test]
+fn a_camera_whose_focal_lengths_are_off_is_calibrated() {
+    run(async {
+        let server = TestServer::start().await;
+        let policy = v1::MapPolicy { local_bundle_adjustment: Some(false), ..Default::default() };
+        server.create_map_with("room", policy).await;
+        let mut off = camera(0);
+        let Some(v1::camera::Model::PinholeRadialTangential(model)) = &mut off.model else {
+            panic!("{off:?}")
+        };
+        let (fx, fy) = (model.fx, model.fy);
+        (model.fx, model.fy) = (1.03 * fx, 0.98 * fy);
+        let (stream, _) = Stream::open(&server, "room", "robot", 0).await;
+        stream.send(1, Item::Camera(off)).await;
+        for id in 0..12 {
+            // Depths and fixes tell how far the camera went and how far the points are.
+            let mut item = keyframe(id);
+            let [x, y, z] = keyframe_position(id);
+            for seen in &mut item.observations {
+                let landmark = seen.landmark.as_ref().unwrap().id;
+                seen.depth_m = Some(landmark_position(landmark)[2] - z);
+                seen.sigma_depth_m = Some(0.01);
+            }
+            stream.send(2 * id + 2, Item::Keyframe(item)).await;
+            let fix = v1::PositionPrior {
+                id,
+                keyframe: Some(v1::KeyframeRef { id, ..Default::default() }),
+                point_in_world: Some(vector3([x, y, z])),
+                information: Some(information3(1e6)),
+                ..Default::default()
+            };
+            stream.send(2 * id + 3, Item::PositionPrior(fix)).await;
+        }
+        for ack in stream.finish().await.unwrap() {
+            assert!(ack.violations.is_empty(), "{ack:?}");
+        }
+        let request = v1::OptimizeMapRequest { refine_intrinsics: true, ..optimize("room") };
+        let (_, result) = server.optimize_map(request).await.unwrap();
+        assert_eq!(result.camera_count, 1);
+        let delta = server.watched("room").await;
+        let Some(v1::camera::Model::PinholeRadialTangential(found)) = delta.cameras[0].model else {
+            panic!("{delta:?}")
+        };
+        assert!(
+            (found.fx / fx - 1.0).abs() < 0.005 && (found.fy / fy - 1.0).abs() < 0.01,
+            "{found:?}"
+        );
     });
 }

@@ -63,6 +63,8 @@ pub struct OptimizeOptions {
     pub problem: OptimizeProblem,
     /// What fixes the frame; `None` uses the policy's.
     pub gauge: Option<GaugeKind>,
+    /// Whether intrinsics are free too (false).
+    pub refine_intrinsics: bool,
     /// Deadline of the solve, which includes its time in the queue (none).
     pub deadline: Option<Instant>,
 }
@@ -227,7 +229,7 @@ pub(super) fn solve_map(
 ) -> Outcome {
     let gauge = options.gauge.unwrap_or(map.policy().gauge);
     let loss = options.observation_loss.unwrap_or(map.policy().observation_loss);
-    let global = GlobalOptions { loss, fix_intrinsics: true, gauge };
+    let global = GlobalOptions { loss, fix_intrinsics: !options.refine_intrinsics, gauge };
     let mut problem = global_problem(&map, &global);
     drop(map);
     if let Some(loss) = options.constraint_loss {
@@ -300,6 +302,11 @@ fn solve_bundle(
             Err(error) => return Err(error),
         };
     let bundle = &problem.problem;
+    if let Some(index) = bundle.cameras.iter().position(|camera| !camera.is_valid()) {
+        // The views do not determine its intrinsics.
+        let id = problem.cameras.get(index).map_or(0, |camera| camera.id);
+        return Err(SolveError::Singular { what: "intrinsics of camera", id });
+    }
     let fixed_poses = bundle.constant_poses.iter().filter(|&&c| c).count();
     let certificate = SolveCertificate {
         solve: summary.solve,

@@ -5738,7 +5738,8 @@ pub struct OptimizeMapRequest {
     /// What is held. Default MapPolicy.gauge.
     #[prost(enumeration = "Gauge", tag = "5")]
     pub gauge: i32,
-    /// Whether intrinsics are free too. Default false. Not served yet.
+    /// Whether intrinsics are free too; the cameras take what is found. Needs views from which they
+    /// follow: turned cameras, or priors with depths. Refused with POSE_GRAPH. Default false.
     #[prost(bool, tag = "6")]
     pub refine_intrinsics: bool,
     /// Which factors. Default FULL.
