@@ -12,14 +12,14 @@ use prost::Message as _;
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{DescriptorProto, FieldDescriptorProto, FileDescriptorSet};
 
-/// Decoded bytes that any message may take.
-const ALWAYS: usize = 16 << 20;
+/// Decoded bytes that any message may take: 65,536 landmarks that have an id alone fit.
+const ALWAYS: usize = 20 << 20;
 /// Decoded bytes that a larger message may take for each of its own. What is filled takes less:
 /// an observation three, a landmark with its position six.
 const PER_BYTE: usize = 16;
-/// A message that is shorter cannot take [`ALWAYS`]: no entry of a list takes 2048 bytes for each of
+/// A message that is shorter cannot take [`ALWAYS`]: no entry of a list takes 2560 bytes for each of
 /// its own two.
-const SHORT: usize = ALWAYS / 2048;
+const SHORT: usize = ALWAYS / 2560;
 
 /// A message that would take more memory than its length earns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -89,7 +89,7 @@ impl Shapes {
     /// Whether a message of this full name may be decoded.
     ///
     /// # Errors
-    /// [`TooDense`] where it takes more than 16 MiB and more than 16 bytes a byte.
+    /// [`TooDense`] where it takes more than 20 MiB and more than 16 bytes a byte.
     pub fn check(&self, name: &str, bytes: &[u8]) -> Result<(), TooDense> {
         if bytes.len() <= SHORT {
             return Ok(());

@@ -131,7 +131,6 @@ impl MeasuredPairs {
             | Change::SolveApplied { .. }
             | Change::ObservationsRemoved { .. }
             | Change::LandmarksFused { .. }
-            | Change::DuplicatesSplit { .. }
             | Change::LandmarksRemoved { .. }
             | Change::KeyframeRemoved { .. } => self.known().all_changed = revision,
             Change::Created { .. }
@@ -144,6 +143,7 @@ impl MeasuredPairs {
             | Change::PriorAdded { .. }
             | Change::ConstraintRevoked { .. }
             | Change::DuplicatesFound { .. }
+            | Change::DuplicatesSplit { .. }
             | Change::LandmarksTriangulated { .. } => {}
         }
     }
