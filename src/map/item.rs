@@ -166,7 +166,7 @@ pub enum Item {
 }
 
 /// Whether a camera's numbers are finite and its focal lengths positive.
-pub(super) fn is_valid_camera(camera: &Camera) -> bool {
+pub(crate) fn is_valid_camera(camera: &Camera) -> bool {
     let focal_lengths = if matches!(camera, Camera::Snavely(_)) { 1 } else { 2 };
     let parameters = camera.parameters();
     camera.is_finite() && parameters.iter().take(focal_lengths).all(|&f| f > 0.0)

@@ -49,6 +49,7 @@ pub use entities::{
 pub use error::{EntityKind, MapError};
 pub use event::{AppliedSolve, Cause, Change, Event, NewLandmark, Retired, SolveKind};
 pub use ids::{ClientIndex, EntityId};
+pub(crate) use item::is_valid_camera;
 pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, PartialItem, Place};
 pub use keyframe_pairs::{GraphPairs, PairInput, later_observers, near_pairs, pair_input};
 pub use observations::Observations;

@@ -32,7 +32,7 @@ use super::measured_pairs::MeasuredPairs;
 pub use crate::map::Gauge as GaugeKind;
 use crate::map::{
     ClientIndex, GlobalOptions, GraphPairs, GraphProblem, Map, MapProblem, Solved, SwitchedOff,
-    global_problem, measured_graph,
+    global_problem, is_valid_camera, measured_graph,
 };
 
 /// Which part of a map is optimized.
@@ -302,7 +302,7 @@ fn solve_bundle(
             Err(error) => return Err(error),
         };
     let bundle = &problem.problem;
-    if let Some(index) = bundle.cameras.iter().position(|camera| !camera.is_valid()) {
+    if let Some(index) = bundle.cameras.iter().position(|camera| !is_valid_camera(camera)) {
         // The views do not determine its intrinsics.
         let id = problem.cameras.get(index).map_or(0, |camera| camera.id);
         return Err(SolveError::Singular { what: "intrinsics of camera", id });
