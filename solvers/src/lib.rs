@@ -15,7 +15,7 @@
 //! | 7 | [`initialization`]: triangulation, spanning tree |
 //! | 8 | [`bundle_adjustment`], [`pose_graph`], [`pose_refinement`], [`relative_motion`] |
 //! | 9 | [`robust`]: pose graphs with false loop closures; [`certificate`]: a proven global optimum; [`marginalization`]: a keyframe removed, its knowledge kept |
-//! | 10 | [`evaluation`]: every cost again, independent of the fast paths |
+//! | 10 | [`evaluation`]: every cost again, independent of the fast paths; [`point_matching`]: points of two places that are one |
 //! | 11 | [`graph_optimization`]: a pose graph from its start to its result, closures judged and proved |
 //! | 12 | [`io`]: BAL, g2o, COLMAP, TUM files |
 //!
@@ -37,6 +37,7 @@ pub mod linear;
 pub mod loss;
 pub mod marginalization;
 pub mod optimizer;
+pub mod point_matching;
 pub mod pose_graph;
 pub mod pose_refinement;
 pub mod price;

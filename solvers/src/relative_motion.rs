@@ -18,7 +18,7 @@ use crate::initialization::{TriangulationOptions, View, triangulate};
 pub const MIN_MATCHES: usize = 6;
 
 /// Width of Huber's loss on the whitened residual: the 95 % quantile of χ with three degrees of freedom.
-const HUBER_WIDTH: f64 = 2.795;
+pub(crate) const HUBER_WIDTH: f64 = 2.795;
 
 /// Most iterations.
 const MAX_ITERATIONS: usize = 30;

@@ -10,6 +10,7 @@ use covis::map::{
     ItemLandmark, ItemObservation, Map, MapPolicy, SolveKind, WhenFull, applied, choose_window_of,
     find_duplicates, global_problem, retire,
 };
+use covis_solvers::interrupt::Interrupt;
 use nalgebra::Vector3;
 
 use crate::map_fold::assert_consistent;
@@ -78,7 +79,7 @@ fn found(journal: &mut Journal) {
 fn the_places_that_a_closure_joins_are_compared_by_position() {
     // Points are some decimeters apart and known to some centimeters.
     let journal = twice(0.01);
-    let comparison = find_duplicates(&journal.map, id(0)).unwrap();
+    let comparison = find_duplicates(&journal.map, id(0), &Interrupt::at(None)).unwrap();
     let right: BTreeSet<_> = pairs(&journal.map).into_iter().collect();
     assert!(comparison.pairs.len() >= 10, "{comparison:?}");
     assert!(comparison.pairs.iter().all(|pair| right.contains(pair)), "{comparison:?}");
@@ -90,10 +91,14 @@ fn nothing_is_found_where_a_closure_joins_different_places() {
     // It claims that the last keyframe of the first visit is where the second visit began.
     let closure = relative_pose(1, ConstraintKind::LoopClosure, 3, AGAIN, pose_at(0.0));
     journal.send(ROBOT, &closure).unwrap();
-    let comparison = find_duplicates(&journal.map, id(1)).unwrap();
+    let comparison = find_duplicates(&journal.map, id(1), &Interrupt::at(None)).unwrap();
     let right: BTreeSet<_> = pairs(&journal.map).into_iter().collect();
     assert!(comparison.pairs.iter().all(|pair| right.contains(pair)), "{comparison:?}");
-    assert_eq!(find_duplicates(&journal.map, id(7)), None, "there is no such closure");
+    assert_eq!(
+        find_duplicates(&journal.map, id(7), &Interrupt::at(None)),
+        None,
+        "there is no such closure"
+    );
 }
 
 #[test]

@@ -15,7 +15,7 @@ const FLOORS: [&[&str]; 14] = [
     &["initialization"],
     &["bundle_adjustment", "pose_graph", "pose_refinement", "relative_motion"],
     &["robust", "certificate", "marginalization"],
-    &["evaluation"],
+    &["evaluation", "point_matching"],
     &["graph_optimization"],
     &["io"],
     &["testing"],

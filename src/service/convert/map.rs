@@ -227,7 +227,7 @@ pub(in crate::service) fn to_map(info: &MapInfo, queued_items: usize) -> v1::Map
         landmark_bounds: to_bounds(map),
         clients: clients_by_name(map).into_iter().map(|(_, c)| to_client(map, c)).collect(),
         uid: info.uid.clone(),
-        adjustment_due: map.is_adjustment_due(),
+        adjustment_due: map.is_adjustment_due() && map.policy().closure_adjustment,
     }
 }
 

@@ -1,10 +1,11 @@
 //! The task that owns a map: its loop, which hands events from one part to another.
 //!
 //! The parts are [`Ingest`], [`Durability`], [`Solving`], [`Background`] and [`Watching`]; each owns its
-//! state, and none knows another. Each step handles one of these, in this order of priority: a control message,
-//! the end of the running solve, progress of the journal, an item. After a control message, the
-//! others have priority for one step, so that constant requests of readers cannot block writers. In
-//! lock-step the task accepts no item while a solve runs or waits.
+//! state, and none knows another. Each step handles one of these, in this order of priority: a control
+//! message, the end of the running solve, the end of a background task, progress of the journal, an
+//! item. After a control message, the others have priority for one step, so that constant requests of
+//! readers cannot block writers. In lock-step the task accepts no item while a solve or a background
+//! task runs or waits.
 //!
 //! The journal accepts an event before the event changes the map, and makes it durable while the
 //! task continues. Steps run under `catch_unwind`: a panic poisons only this map. If it may have left
@@ -25,7 +26,7 @@ use super::ingest::Ingest;
 use super::items::Unsolved;
 use super::pool::{SolvePanicked, panic_message};
 use super::solve::{Job, Outcome, Solution};
-use super::solving::{Running, Solving};
+use super::solving::{Running, Solving, switched_off};
 use super::touched::{Touched, size_of_change};
 use super::watch::Past;
 use super::watching::Watching;
@@ -33,7 +34,7 @@ use super::{
     EngineError, Fault, IngestStream, MapHandle, MapInfo, MapState, Opened, OptimizeOutcome,
     Reservation, Resource, SolveReport, SolverPool, Watch,
 };
-use crate::map::{Cause, Change, Event, Map, SwitchedOff, applied};
+use crate::map::{Cause, Change, Event, Map, applied};
 use crate::store::Position;
 
 /// Most entities of an item or an event that are handled on the task's own thread; a fold takes
@@ -490,15 +491,4 @@ impl Actor {
         self.ingest.end_all(error);
         self.watching.wake();
     }
-}
-
-/// The constraints that are switched off, sorted by client name, then id.
-fn switched_off(map: &Map) -> Vec<(String, i64, SwitchedOff)> {
-    let named = map.switched_off().iter().map(|(id, &off)| {
-        let client = map.client(id.client).map(|client| client.name.clone());
-        (client.unwrap_or_default(), id.id, off)
-    });
-    let mut named: Vec<_> = named.collect();
-    named.sort_by(|a, b| (&a.0, a.1).cmp(&(&b.0, b.1)));
-    named
 }

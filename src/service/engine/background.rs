@@ -9,23 +9,24 @@
 
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
+use covis_solvers::interrupt::Interrupt;
 use covis_solvers::optimizer;
 use rayon::prelude::*;
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::mpsc;
 
 use super::Estimate;
 use super::actor::Actor;
 use super::handle::Shared;
-use super::pool::{SolvePanicked, SolverPool, answered};
+use super::pool::{SolvePanicked, SolverPool, Started};
 use super::solve::{OptimizeOptions, Outcome, Solution, solve_map, solve_window};
 use crate::map::{
     Change, Comparison, EntityId, Map, SolveKind, applied, choose_window_of, find_duplicates,
     local_problem,
 };
 
-/// Closures that are compared at once: some ten milliseconds each.
+/// Closures that are compared at once, on the threads that there are; the journal then has them.
 const COMPARED_AT_ONCE: usize = 16;
 
 /// Iterations of an adjustment of the whole map. The next closure starts another one, and a requested
@@ -38,19 +39,15 @@ pub(super) enum Done {
     Adjusted(SolveKind, Box<Outcome>),
 }
 
-struct Running {
-    is_stale: bool,
-    cancel: Arc<AtomicBool>,
-    answer: oneshot::Receiver<Result<Done, SolvePanicked>>,
-}
-
 /// The background tasks of a map, one at a time.
 pub(super) struct Background {
     shared: Arc<Shared>,
     pool: Arc<SolverPool>,
-    running: Option<Running>,
+    running: Option<Started<Done>>,
     /// Whether something may be due. To know takes a pass over the constraints.
     may_be_due: bool,
+    /// Whether the journal has refused a change and has taken none since.
+    waits_for_journal: bool,
     /// Whether the whole map could not be adjusted since the last pose graph.
     gave_up: bool,
     /// The keyframes of closures whose surroundings are to be adjusted.
@@ -61,7 +58,8 @@ impl Background {
     pub(super) fn new(shared: &Arc<Shared>, pool: &Arc<SolverPool>) -> Self {
         let (shared, pool) = (Arc::clone(shared), Arc::clone(pool));
         let (running, seams) = (None, VecDeque::new());
-        Self { shared, pool, running, may_be_due: true, gave_up: false, seams }
+        let (may_be_due, waits_for_journal, gave_up) = (true, false, false);
+        Self { shared, pool, running, may_be_due, waits_for_journal, gave_up, seams }
     }
 
     /// Whether nothing runs or is due.
@@ -74,44 +72,34 @@ impl Background {
         self.running.is_none() && self.may_be_due
     }
 
-    /// Notes what a change of the map makes due or stale.
+    /// Notes what a change that is in the journal makes due or stale.
     pub(super) fn changed(&mut self, change: &Change) {
-        match change {
-            Change::SolveApplied { solve } => match solve.kind {
-                SolveKind::LocalBundle => {}
-                SolveKind::PoseGraph | SolveKind::Global => {
-                    (self.may_be_due, self.gave_up) = (true, false);
-                    self.cancel();
-                }
-            },
-            Change::ConstraintRevoked { .. }
-            | Change::KeyframeRemoved { .. }
-            | Change::DuplicatesSplit { .. }
-            | Change::PolicySet { .. }
-            | Change::MapUpdated { .. } => self.may_be_due = true,
-            Change::Created { .. }
-            | Change::ClientOpened { .. }
-            | Change::CameraSet { .. }
-            | Change::KeyframeAdded { .. }
-            | Change::LandmarksAdded { .. }
-            | Change::ObservationsAdded { .. }
-            | Change::ConstraintAdded { .. }
-            | Change::PriorAdded { .. }
-            | Change::LandmarksTriangulated { .. }
-            | Change::ObservationsRemoved { .. }
-            | Change::LandmarksFused { .. }
-            | Change::DuplicatesFound { .. }
-            | Change::LandmarksRemoved { .. }
-            | Change::KeyframeRetired { .. }
-            | Change::ItemRepeated => {}
+        if let Change::SolveApplied { solve } = change
+            && solve.kind != SolveKind::LocalBundle
+        {
+            (self.may_be_due, self.gave_up) = (true, false);
+            self.cancel();
         }
+        let makes_due = matches!(
+            change,
+            Change::ConstraintRevoked { .. }
+                | Change::KeyframeRemoved { .. }
+                | Change::DuplicatesSplit { .. }
+                | Change::PolicySet { .. }
+                | Change::MapUpdated { .. }
+        );
+        self.may_be_due |= makes_due || std::mem::take(&mut self.waits_for_journal);
+    }
+
+    /// A change could not be journaled: what is due waits until the journal takes another one.
+    fn wait_for_journal(&mut self) {
+        (self.may_be_due, self.waits_for_journal) = (false, true);
     }
 
     /// Cancels what runs; its result is dropped.
     pub(super) fn cancel(&mut self) {
         if let Some(running) = &mut self.running {
-            running.is_stale = true;
-            running.cancel.store(true, Ordering::Relaxed);
+            running.drop_result();
             self.may_be_due = true;
         }
     }
@@ -139,7 +127,7 @@ impl Background {
             self.seams.clear();
         }
         if let Some(ends) = self.seams.pop_front() {
-            return self.start_seam(Arc::clone(map), ends);
+            return self.start_seam(Arc::clone(map), ends, whole);
         }
         if map.is_adjustment_due() && !self.gave_up {
             let options = OptimizeOptions { optimizer: options, ..OptimizeOptions::default() };
@@ -153,18 +141,20 @@ impl Background {
     }
 
     fn start_comparison(&mut self, map: Arc<Map>, closures: Vec<EntityId>) {
-        let answer = self.pool.start(&self.shared.account, Estimate::SMALL, move || {
-            let found = closures.par_iter().filter_map(|&closure| find_duplicates(&map, closure));
-            Done::Compared(found.collect())
+        let cancel = Arc::<AtomicBool>::default();
+        let interrupt = Interrupt::at(None).or_when(Arc::clone(&cancel));
+        let answer = self.pool.start(&self.shared.account, Estimate::LONG, move || {
+            let find = |&closure: &EntityId| find_duplicates(&map, closure, &interrupt);
+            Done::Compared(closures.par_iter().filter_map(find).collect())
         });
-        self.running = Some(Running { is_stale: false, cancel: Arc::default(), answer });
+        self.running = Some(Started::new(cancel, answer));
     }
 
-    /// Adjusts the window around both keyframes of a closure.
-    fn start_seam(&mut self, map: Arc<Map>, ends: [EntityId; 2]) {
+    /// Adjusts the window around both keyframes of a closure, which takes less than the whole map.
+    fn start_seam(&mut self, map: Arc<Map>, ends: [EntityId; 2], whole: Estimate) {
         let max_iterations = map.policy().max_local_iterations;
         let ceiling = self.shared.config.ceiling();
-        self.launch(Estimate::SMALL, SolveKind::LocalBundle, move |cancel| {
+        self.launch(whole, SolveKind::LocalBundle, move |cancel| {
             let problem = local_problem(&map, &choose_window_of(&map, &ends));
             drop(map);
             solve_window(problem, max_iterations, ceiling, cancel)
@@ -185,15 +175,12 @@ impl Background {
             let _entered = span.entered();
             Done::Adjusted(kind, Box::new(queued.started().ended(work(&flag))))
         });
-        self.running = Some(Running { is_stale: false, cancel, answer });
+        self.running = Some(Started::new(cancel, answer));
     }
 
     /// Resolves when the running task has ended; never if none runs.
     pub(super) async fn ended(&mut self) -> Result<Done, SolvePanicked> {
-        match &mut self.running {
-            Some(running) => answered((&mut running.answer).await),
-            None => std::future::pending().await,
-        }
+        Started::ended(self.running.as_mut()).await
     }
 
     /// What the task that has ended made, if it is still wanted.
@@ -204,7 +191,7 @@ impl Background {
         &mut self,
         done: Result<Done, SolvePanicked>,
     ) -> Result<Option<Done>, SolvePanicked> {
-        let is_stale = self.running.take().is_none_or(|running| running.is_stale);
+        let is_stale = self.running.take().is_none_or(|running| running.is_stale());
         self.may_be_due = true;
         let done = done.inspect_err(|_| self.shared.meters.solve_panics.increment())?;
         if is_stale {
@@ -249,8 +236,10 @@ impl Actor {
             && let (closures, landmarks) = self.compute(Map::false_duplicates).await
             && !closures.is_empty()
         {
-            // A failure ended the map's streams already.
-            let _ended = self.commit(None, Change::DuplicatesSplit { closures, landmarks }).await;
+            let split = Change::DuplicatesSplit { closures, landmarks };
+            if !self.commit_in_background(split).await {
+                return;
+            }
         }
         let is_lock_step = self.ingest.is_lock_step();
         if self.solving.leaves_room(is_lock_step) {
@@ -268,6 +257,9 @@ impl Actor {
             }
             Ok(Some(Done::Compared(mut comparisons))) => {
                 comparisons.retain_mut(|comparison| self.map.keeps(comparison));
+                if comparisons.is_empty() {
+                    return;
+                }
                 self.background.joined(&self.map, &comparisons);
                 Change::DuplicatesFound { comparisons }
             }
@@ -278,9 +270,19 @@ impl Actor {
                 }
             }
         };
-        if let Err(error) = self.commit(None, change).await {
-            self.ingest.end_all(&error);
+        self.commit_in_background(change).await;
+    }
+
+    /// Commits a change for which no client waits. Where the journal does not take it, nothing is lost:
+    /// what is due is found again. Returns whether it is committed.
+    async fn commit_in_background(&mut self, change: Change) -> bool {
+        let committed = self.commit(None, change).await;
+        if let Err(error) = &committed {
+            let map = &self.shared.name;
+            tracing::warn!(%error, %map, "what follows a loop closure waits for the journal");
+            self.background.wait_for_journal();
         }
+        committed.is_ok()
     }
 
     /// The change that an adjustment in the background makes, if there is one.

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use super::actor::{Actor, SMALL, STEP};
 use super::ingest::{Admission, Ingest, Room, frees, size_of_item};
-use super::solving::Task;
+use super::schedule::Task;
 use super::stream::{Body, Queued, QueuedItem};
 use super::{Ack, AckStatus, EngineError, SolveReport, StreamEvent};
 use crate::map::{

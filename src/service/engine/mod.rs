@@ -17,7 +17,8 @@
 //! | `actor` | the task: its loop hands events from one of the parts below to another |
 //! | `ingest` | open streams, their acks, and which items are accepted |
 //! | `durability` | the journal, DURABLE acks, snapshots |
-//! | `solving`, `solve` | which items wait for which solve, starting and ending it; its body |
+//! | `schedule` | which items wait for which solve |
+//! | `solving`, `solve` | starting and ending a solve; its body |
 //! | `background` | what follows a loop closure while items go on: comparing places, adjusting the map |
 //! | `updating` | a requested change of name, policy or state |
 //! | `measured_pairs` | relative poses of keyframes that a pose graph need not measure again |
@@ -42,6 +43,7 @@ mod measured_pairs;
 mod meters;
 mod opening;
 mod pool;
+mod schedule;
 mod solve;
 mod solving;
 mod stream;

@@ -11,6 +11,7 @@
 use std::any::Any;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -37,8 +38,8 @@ pub struct Estimate {
 }
 
 impl Estimate {
-    /// The estimate of what is known to be small: a window, or a comparison of two places.
-    pub(super) const SMALL: Self = Self { bytes: SMALL_BYTES, is_small: true };
+    /// The estimate of work that takes no more memory than a small solve, but more time.
+    pub(super) const LONG: Self = Self { bytes: SMALL_BYTES, is_small: false };
 
     /// The estimate of a solve that costs at most `bound`. A solve that costs more than `ceiling`
     /// is refused, so that no more is reserved.
@@ -344,8 +345,44 @@ pub fn lower_priority() {
     let _as_it_is = rustix::process::setpriority_process(None, LARGE_NICE);
 }
 
+/// Work on the pool whose result may come to be unwanted.
+pub(super) struct Started<R> {
+    is_stale: bool,
+    cancel: Arc<AtomicBool>,
+    answer: oneshot::Receiver<Result<R, SolvePanicked>>,
+}
+
+impl<R> Started<R> {
+    /// `cancel` is the flag that ends the work early.
+    pub(super) fn new(
+        cancel: Arc<AtomicBool>,
+        answer: oneshot::Receiver<Result<R, SolvePanicked>>,
+    ) -> Self {
+        Self { is_stale: false, cancel, answer }
+    }
+
+    /// Cancels the work; its result is not wanted any more.
+    pub(super) fn drop_result(&mut self) {
+        self.is_stale = true;
+        self.cancel.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the result is not wanted.
+    pub(super) fn is_stale(&self) -> bool {
+        self.is_stale
+    }
+
+    /// Resolves when the work has ended; never if there is none.
+    pub(super) async fn ended(started: Option<&mut Self>) -> Result<R, SolvePanicked> {
+        match started {
+            Some(started) => answered((&mut started.answer).await),
+            None => std::future::pending().await,
+        }
+    }
+}
+
 /// Work loses its answer only if its thread died.
-pub(super) fn answered<R>(
+fn answered<R>(
     answer: Result<Result<R, SolvePanicked>, oneshot::error::RecvError>,
 ) -> Result<R, SolvePanicked> {
     answer.unwrap_or_else(|lost| Err(SolvePanicked { message: lost.to_string() }))

@@ -1300,7 +1300,7 @@ pub struct Map {
     pub uid: ::prost::alloc::string::String,
     /// Whether a bundle adjustment of the whole map is due or runs, because loop closures that count were
     /// added: its result comes to watchers by itself. Stays where the adjustment is not possible, until
-    /// the next closure. Output only.
+    /// the next closure; false where MapPolicy.closure_adjustment is. Output only.
     #[prost(bool, tag = "12")]
     pub adjustment_due: bool,
 }

@@ -1,0 +1,243 @@
+//! The items that wait for a solve, in the order of their arrival.
+//!
+//! A trigger is an item that starts a solve: a window around keyframes, or a pose graph. A client's
+//! items are optimized up to sequence s once none of its triggers up to s is open. Within a batch the
+//! newest window is next, and a batch is finished before the next begins, so that no window starves.
+//! Plain state: it starts nothing.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use crate::map::{ClientIndex, EntityId};
+
+/// The solve that a trigger starts.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Task {
+    /// Local bundle adjustment around keyframes: a new one, or those that an edit concerns.
+    Window(Arc<[EntityId]>),
+    /// Pose-graph optimization.
+    Loop,
+    /// Pose-graph optimization that may wait for a window.
+    Prior,
+}
+
+impl Task {
+    /// Local bundle adjustment around one keyframe.
+    pub(super) fn around(keyframe: EntityId) -> Self {
+        Self::Window(Arc::new([keyframe]))
+    }
+}
+
+#[derive(Clone, Debug)]
+struct Trigger {
+    client: ClientIndex,
+    sequence: i64,
+    task: Task,
+}
+
+/// The open triggers in the order of their arrival.
+#[derive(Debug, Default)]
+pub(super) struct Schedule {
+    open: BTreeMap<u64, Trigger>,
+    next_arrival: u64,
+    /// Triggers that arrived before this one belong to the current batch.
+    batch_end: u64,
+    /// Triggers that are done but wait for an earlier one of their client.
+    done: BTreeMap<ClientIndex, BTreeSet<i64>>,
+}
+
+impl Schedule {
+    /// Adds a trigger.
+    pub(super) fn push(&mut self, client: ClientIndex, sequence: i64, task: Task) {
+        self.open.insert(self.next_arrival, Trigger { client, sequence, task });
+        self.next_arrival += 1;
+    }
+
+    /// Adds a trigger for which there is nothing to solve and returns the client's new mark, if no
+    /// earlier trigger is open.
+    pub(super) fn push_done(&mut self, client: ClientIndex, sequence: i64) -> Option<i64> {
+        self.done.entry(client).or_default().insert(sequence);
+        self.advance(client)
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.open.is_empty()
+    }
+
+    /// Whether an ack for the client is still to come.
+    pub(super) fn is_waiting(&self, client: ClientIndex) -> bool {
+        self.open.values().any(|t| t.client == client)
+    }
+
+    /// The client's first sequence that waits for a solve.
+    pub(super) fn first_open(&self, client: ClientIndex) -> Option<i64> {
+        self.open.values().filter(|t| t.client == client).map(|t| t.sequence).min()
+    }
+
+    /// Removes all triggers, because nothing more will be solved.
+    pub(super) fn clear(&mut self) {
+        self.open.clear();
+        self.done.clear();
+    }
+
+    /// Every open trigger.
+    pub(super) fn all(&self) -> Vec<u64> {
+        self.open.keys().copied().collect()
+    }
+
+    /// The open loop closures and priors: one pose graph covers them all.
+    pub(super) fn loops(&self) -> Vec<u64> {
+        let is_loop = |task: &Task| matches!(task, Task::Loop | Task::Prior);
+        self.open.iter().filter(|(_, t)| is_loop(&t.task)).map(|(&a, _)| a).collect()
+    }
+
+    /// Whether a loop closure is open.
+    pub(super) fn has_loop(&self) -> bool {
+        self.open.values().any(|trigger| trigger.task == Task::Loop)
+    }
+
+    /// Whether a prior is open.
+    pub(super) fn has_prior(&self) -> bool {
+        self.open.values().any(|trigger| trigger.task == Task::Prior)
+    }
+
+    /// Whether a window is open.
+    pub(super) fn has_window(&self) -> bool {
+        self.open.values().any(|trigger| matches!(trigger.task, Task::Window(_)))
+    }
+
+    /// The keyframes whose window is next: those of the newest trigger of the batch.
+    pub(super) fn next_window(&mut self) -> Option<Arc<[EntityId]>> {
+        let newest = |end: u64| {
+            self.open.range(..end).rev().find_map(|(_, trigger)| match &trigger.task {
+                Task::Window(keyframes) => Some(Arc::clone(keyframes)),
+                Task::Loop | Task::Prior => None,
+            })
+        };
+        if let Some(keyframes) = newest(self.batch_end) {
+            return Some(keyframes);
+        }
+        self.batch_end = self.next_arrival;
+        newest(self.batch_end)
+    }
+
+    /// The open triggers whose keyframes are all among `centers` or `free`, which is sorted.
+    pub(super) fn within(&self, centers: &[EntityId], free: &[EntityId]) -> Vec<u64> {
+        let covered = |id: &EntityId| free.binary_search(id).is_ok() || centers.contains(id);
+        let covers = |task: &Task| match task {
+            Task::Window(keyframes) => keyframes.iter().all(covered),
+            Task::Loop | Task::Prior => false,
+        };
+        self.open.iter().filter(|(_, t)| covers(&t.task)).map(|(&arrival, _)| arrival).collect()
+    }
+
+    /// The marks that closing these triggers would reach, by client.
+    pub(super) fn preview(&self, arrivals: &[u64]) -> Vec<(ClientIndex, i64)> {
+        let closed: BTreeSet<u64> = arrivals.iter().copied().collect();
+        let mut reached: BTreeMap<ClientIndex, BTreeSet<i64>> = BTreeMap::new();
+        for trigger in arrivals.iter().filter_map(|a| self.open.get(a)) {
+            reached
+                .entry(trigger.client)
+                .or_insert_with(|| self.done.get(&trigger.client).cloned().unwrap_or_default())
+                .insert(trigger.sequence);
+        }
+        reached
+            .into_iter()
+            .filter_map(|(client, done)| {
+                let open = self.open.iter().filter(|(a, _)| !closed.contains(a));
+                let open = open.filter(|(_, t)| t.client == client).map(|(_, t)| t.sequence);
+                Some((client, mark(&done, open.min())?))
+            })
+            .collect()
+    }
+
+    /// Closes triggers and returns the new marks.
+    pub(super) fn close(&mut self, arrivals: &[u64]) -> Vec<(ClientIndex, i64)> {
+        let mut clients = BTreeSet::new();
+        for arrival in arrivals {
+            if let Some(trigger) = self.open.remove(arrival) {
+                self.done.entry(trigger.client).or_default().insert(trigger.sequence);
+                clients.insert(trigger.client);
+            }
+        }
+        clients.into_iter().filter_map(|c| Some((c, self.advance(c)?))).collect()
+    }
+
+    fn advance(&mut self, client: ClientIndex) -> Option<i64> {
+        let open = self.first_open(client);
+        let done = self.done.get_mut(&client)?;
+        let mark = mark(done, open)?;
+        done.retain(|&sequence| sequence > mark);
+        if done.is_empty() {
+            self.done.remove(&client);
+        }
+        Some(mark)
+    }
+}
+
+/// The last sequence that is done before the first open one.
+fn mark(done: &BTreeSet<i64>, first_open: Option<i64>) -> Option<i64> {
+    let before = first_open.unwrap_or(i64::MAX);
+    done.range(..before).next_back().copied()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const A: ClientIndex = ClientIndex(0);
+    const B: ClientIndex = ClientIndex(1);
+
+    fn keyframe(client: ClientIndex, id: i64) -> EntityId {
+        EntityId::new(client, id)
+    }
+
+    #[test]
+    fn marks_wait_for_earlier_triggers_of_the_same_client() {
+        let mut schedule = Schedule::default();
+        schedule.push(A, 3, Task::around(keyframe(A, 0)));
+        schedule.push(A, 5, Task::Loop);
+        schedule.push(B, 1, Task::around(keyframe(B, 0)));
+        let loops = schedule.loops();
+        assert_eq!(schedule.preview(&loops), []);
+        assert_eq!(schedule.close(&loops), []);
+        assert_eq!(schedule.push_done(A, 6), None);
+        assert_eq!(schedule.push_done(B, 2), None);
+        let rest = schedule.all();
+        assert_eq!(schedule.preview(&rest), [(A, 6), (B, 2)]);
+        assert_eq!(schedule.close(&rest), [(A, 6), (B, 2)]);
+        assert!(schedule.is_empty() && !schedule.is_waiting(A));
+        assert_eq!(schedule.push_done(A, 7), Some(7));
+    }
+
+    #[test]
+    fn a_batch_is_worked_off_newest_first_before_later_arrivals() {
+        let mut schedule = Schedule::default();
+        for id in 0..3 {
+            schedule.push(A, id + 1, Task::around(keyframe(A, id)));
+        }
+        assert_eq!(schedule.next_window().as_deref(), Some(&[keyframe(A, 2)][..]));
+        let covered = schedule.within(&[keyframe(A, 2)], &[keyframe(A, 1)]);
+        assert_eq!(schedule.close(&covered), []);
+        schedule.push(A, 9, Task::around(keyframe(A, 9)));
+        assert_eq!(schedule.next_window().as_deref(), Some(&[keyframe(A, 0)][..]));
+        let covered = schedule.within(&[keyframe(A, 0)], &[]);
+        assert_eq!(schedule.close(&covered), [(A, 3)]);
+        assert_eq!(schedule.next_window().as_deref(), Some(&[keyframe(A, 9)][..]));
+    }
+
+    #[test]
+    fn a_window_covers_an_edit_whose_keyframes_are_all_in_it() {
+        let mut schedule = Schedule::default();
+        let group: Vec<EntityId> = (0..3).map(|id| keyframe(A, id)).collect();
+        schedule.push(A, 1, Task::Window(group.clone().into()));
+        // The pose graph of the same item.
+        schedule.push(A, 1, Task::Loop);
+        schedule.push(A, 2, Task::around(keyframe(A, 1)));
+        assert_eq!(schedule.within(&group[1..2], &group[..2]), [2], "one of three is not in it");
+        assert_eq!(schedule.within(&group, &[]), [0, 2]);
+        let loops = schedule.loops();
+        assert_eq!(schedule.close(&loops), [], "the item waits for its window too");
+        assert_eq!(schedule.close(&[0, 2]), [(A, 2)]);
+    }
+}
