@@ -178,7 +178,7 @@ mod tests {
                 let of = |noise: Vector6<f64>| noise.component_div(&sigmas).norm_squared();
                 noise(&steps, poses).into_iter().map(of).sum()
             };
-            let least = chi2(&poses);
+            let least = chi2(poses);
             for place in [0, 100, 150, 298] {
                 for axis in 0..6 {
                     for sign in [-1.0, 1.0] {
