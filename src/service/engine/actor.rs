@@ -420,7 +420,7 @@ impl Actor {
         let is_large = size > SMALL / copies;
         let event = Arc::new(Event { revision: revision + 1, time_ns, cause, change });
         let (checked, is_watched) = (Arc::clone(&event), self.watching.is_watched());
-        let pairs = Arc::clone(self.solving.pairs());
+        let pairs = Arc::clone(&self.shared.pairs);
         let check = move |map: &Map| {
             let fits = map.fits(&checked);
             if fits.is_ok() {

@@ -183,6 +183,7 @@ impl Maps {
             condition: Mutex::new(start.condition),
             store: Arc::clone(store),
             history: Arc::clone(&self.inner.history),
+            pairs: Arc::default(),
             flushed: start.flushed,
             ended: OnceLock::new(),
             unopened: start.unopened,
