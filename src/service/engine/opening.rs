@@ -18,7 +18,6 @@ use super::durability::{Durability, replay, sequence_of, stored};
 use super::error::report_bug;
 use super::handle::{Condition, Shared};
 use super::ingest::Ingest;
-use super::items::{LastTriggers, Unsolved};
 use super::maps::Inner;
 use super::solving::Solving;
 use super::watching::Watching;
@@ -43,7 +42,6 @@ pub(super) struct Start {
     pub(super) unopened: Option<EngineError>,
     /// Revision of the snapshot that it was loaded from.
     pub(super) snapshot: i64,
-    pub(super) unsolved: Vec<Unsolved>,
     pub(super) flushed: watch::Receiver<Flushed>,
 }
 
@@ -66,7 +64,6 @@ impl Maps {
                     condition: Condition::Frozen(error.clone()),
                     unopened: Some(error),
                     snapshot: 0,
-                    unsolved: Vec::new(),
                     flushed: watch::channel(Flushed::default()).1,
                 }
             }
@@ -120,11 +117,7 @@ impl Maps {
             store.delete_map(name).await?;
             return Ok(None);
         }
-        let mut triggers = LastTriggers::default();
-        let replayed = replay(map, events.iter().map(AsRef::as_ref), |map, event| {
-            triggers.event(map, event);
-        });
-        let (map, stopped) = replayed;
+        let (map, stopped) = replay(map, events.iter().map(AsRef::as_ref));
         for damage in &damage {
             tracing::error!(map = name, %damage, "damage on disk");
         }
@@ -150,10 +143,6 @@ impl Maps {
             None if stopped.is_some() || is_short => Condition::Poisoned,
             None => Condition::Open,
         };
-        let unsolved = match condition {
-            Condition::Open => triggers.unsolved(&map),
-            Condition::Poisoned | Condition::Frozen(_) => Vec::new(),
-        };
         Ok(Some(Start {
             name: name.to_owned(),
             epoch,
@@ -161,7 +150,6 @@ impl Maps {
             condition,
             unopened: None,
             snapshot,
-            unsolved,
             flushed,
         }))
     }
@@ -201,7 +189,7 @@ impl Maps {
             map: Arc::new(start.map),
             applying: None,
             control,
-            unsolved: start.unsolved,
+            has_unsolved: shared.check_open().is_ok(),
             handled: 0,
             answered: false,
             closing: Vec::new(),
