@@ -389,7 +389,7 @@ impl Actor {
         if let Some(error) = self.durability.acknowledge(self.map.revision()) {
             let error = EngineError::Store(error);
             tracing::error!(%error, "the map takes no changes any more");
-            self.shared.freeze(&error);
+            self.shared.set_damaged(&error);
             self.end(&error);
         }
     }

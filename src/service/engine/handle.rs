@@ -115,7 +115,7 @@ pub(super) enum Condition {
     /// A change hit a bug.
     Poisoned,
     /// The journal failed or lost events.
-    Frozen(EngineError),
+    Damaged(EngineError),
 }
 
 /// State that an engine and all handles of its map share.
@@ -126,6 +126,8 @@ pub(super) struct Shared {
     pub(super) config: EngineConfig,
     pub(super) meters: Arc<EngineMeters>,
     pub(super) condition: Mutex<Condition>,
+    /// Whether the map is frozen by request.
+    pub(super) frozen: AtomicBool,
     /// The store from which watchers read the journal.
     pub(super) store: Arc<dyn Store>,
     /// Limits how many watchers read journals at once.
@@ -148,7 +150,7 @@ impl Shared {
     pub(super) fn state(&self) -> MapState {
         match *self.condition() {
             Condition::Open => MapState::Open,
-            Condition::Poisoned | Condition::Frozen(_) => MapState::Poisoned,
+            Condition::Poisoned | Condition::Damaged(_) => MapState::Poisoned,
         }
     }
 
@@ -161,10 +163,10 @@ impl Shared {
     }
 
     /// The journal has failed; the first error stays.
-    pub(super) fn freeze(&self, error: &EngineError) {
+    pub(super) fn set_damaged(&self, error: &EngineError) {
         let mut condition = self.condition();
         if let Condition::Open | Condition::Poisoned = *condition {
-            *condition = Condition::Frozen(error.clone());
+            *condition = Condition::Damaged(error.clone());
         }
     }
 
@@ -173,7 +175,7 @@ impl Shared {
         match &*self.condition() {
             Condition::Open => Ok(()),
             Condition::Poisoned => Err(EngineError::Poisoned { map: self.name.clone() }),
-            Condition::Frozen(error) => Err(error.clone()),
+            Condition::Damaged(error) => Err(error.clone()),
         }
     }
 

@@ -5,6 +5,7 @@
 //! with the reason; if the system lacked resources, it is tried again. It does not delay the other
 //! maps.
 
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Duration;
 
@@ -61,7 +62,7 @@ impl Maps {
                     name,
                     epoch: Epoch::default(),
                     map: Map::new(),
-                    condition: Condition::Frozen(error.clone()),
+                    condition: Condition::Damaged(error.clone()),
                     unopened: Some(error),
                     snapshot: 0,
                     flushed: watch::channel(Flushed::default()).1,
@@ -139,7 +140,7 @@ impl Maps {
             report_bug(&format!("map {name:?} replays to {reached} of {through} events"));
         }
         let condition = match refusal {
-            Some(refusal) => Condition::Frozen(refusal),
+            Some(refusal) => Condition::Damaged(refusal),
             None if stopped.is_some() || is_short => Condition::Poisoned,
             None => Condition::Open,
         };
@@ -169,6 +170,7 @@ impl Maps {
             config: *config,
             meters: Arc::clone(&self.inner.meters),
             condition: Mutex::new(start.condition),
+            frozen: AtomicBool::new(start.map.is_frozen()),
             store: Arc::clone(store),
             history: Arc::clone(&self.inner.history),
             pairs: Arc::default(),
