@@ -57,6 +57,7 @@ mod rpc_bad_priors;
 mod rpc_compression;
 mod rpc_edits;
 mod rpc_export;
+mod rpc_export_graph;
 mod rpc_gnss;
 mod rpc_import;
 mod rpc_ingest;
