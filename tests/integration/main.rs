@@ -29,6 +29,8 @@ mod jwt;
 mod links;
 mod logs;
 mod loop_fusion;
+mod made_sequence;
+mod made_verdicts;
 mod map_check;
 mod map_covisibility;
 mod map_duplicates;
@@ -75,6 +77,7 @@ mod rpc_update;
 mod rpc_violations;
 mod rpc_watch;
 mod rpc_watch_traffic;
+mod sequence;
 #[cfg(feature = "opentelemetry")]
 mod spans;
 mod spill;

@@ -15,9 +15,9 @@ use covis_solvers::pose_graph;
 use nalgebra::Vector6;
 use v1::ingest_request::Item;
 
-use crate::closure_verdicts::{pose, transform};
 use crate::common::{Stream, TestServer, camera, information6, occupy, run};
 use crate::rpc_export::export;
+use crate::sequence::{pose, transform};
 
 /// Keyframes of one way.
 const WAY: i64 = 24;

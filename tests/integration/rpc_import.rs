@@ -7,12 +7,12 @@ use tonic::{Code, Status};
 use v1::ingest_request::Item;
 use v1::{export_map_response, import_map_request};
 
-use crate::closure_verdicts::adjusted;
 use crate::common::{
     LANDMARKS, Stream, TestServer, camera, check_field, check_retry, check_status, information3,
     keyframe, occupy, relative_pose, run,
 };
 use crate::durable::on_disk;
+use crate::sequence::adjusted;
 
 type File = (String, Vec<u8>);
 
