@@ -89,6 +89,7 @@ fn label(name: &str, share: f64, agree: bool) -> String {
     format!("{name}-{:.0}-{kind}", 100.0 * share)
 }
 
+#[allow(clippy::print_stdout, reason = "a test shows what it measured")]
 fn tell(name: &str, sequence: &Sequence) {
     let [meters, degrees] = sequence.median_errors();
     println!(

@@ -353,6 +353,7 @@ pub(crate) struct Judged {
 
 /// Judges `closures` in every order and again on request: the verdicts are the same, and all false
 /// closures are off.
+#[allow(clippy::print_stdout, reason = "a test shows what it measured")]
 pub(crate) async fn judged(
     server: &TestServer,
     name: &str,
