@@ -40,21 +40,27 @@ struct Known {
     changed: BTreeMap<EntityId, i64>,
     /// The same for all keyframes.
     all_changed: i64,
+    /// What changed up to this revision is not in `changed` any more; measurements of older maps are not
+    /// kept.
+    forgotten: i64,
     /// Capture time and id of the newest keyframe of a client, or of one that was newer.
     newest: BTreeMap<ClientIndex, (i64, EntityId)>,
 }
 
 impl Known {
     /// The entry of a pair, if it holds for the map at `revision`, which may be older than the newest
-    /// change.
+    /// change: then one that was made of a newer map may not hold.
     fn get(&self, pair: Pair, revision: i64) -> Option<&Entry> {
         let changed = |id| self.changed.get(&id).copied().unwrap_or(0);
         let newest = self.all_changed.max(changed(pair.0)).max(changed(pair.1));
-        self.entries.get(&pair).filter(|entry| entry.revision >= newest && newest <= revision)
+        self.entries.get(&pair).filter(|entry| (newest..=revision).contains(&entry.revision))
     }
 
-    /// Keeps an entry, unless a newer one is there.
+    /// Keeps an entry, unless a newer one is there or what has changed since is not known.
     fn keep(&mut self, pair: Pair, entry: Entry) {
+        if entry.revision < self.forgotten {
+            return;
+        }
         let known = self.entries.entry(pair).or_insert(entry);
         if known.revision < entry.revision {
             *known = entry;
@@ -209,6 +215,7 @@ impl MeasuredPairs {
                 known.entries.retain(|pair, _| needed.contains(pair));
             }
             known.changed.retain(|_, revision| *revision > map.revision());
+            known.forgotten = known.forgotten.max(map.revision());
         }
         drop(known);
         made.into_iter().map(|entry| entry?.1.motion).collect()
@@ -364,6 +371,10 @@ mod tests {
         let found: BTreeMap<Pair, _> = graph.ids().zip(motions).collect();
         assert_eq!(found[&(id(2), id(3))], Some(before));
         assert_eq!(kept.of(2, 3), after, "and spoils nothing for the newest");
+        // The same where the newest measurement is gone when the reader keeps its own.
+        kept.pairs.known().entries.clear();
+        kept.pairs.complete(&older, &graph, &Interrupt::NEVER);
+        assert_eq!(kept.of(2, 3), after);
     }
 
     #[test]
