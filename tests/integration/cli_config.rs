@@ -65,17 +65,6 @@ fn what_cannot_be_read_is_a_failure_with_one_line() {
     solve(&workspace, &[], &[("COVIS_DRAIN_BUDGET", "-1")]).expect_failure(&["DRAIN_BUDGET"]);
 }
 
-#[cfg(not(feature = "opentelemetry"))]
-#[test]
-fn a_build_without_opentelemetry_says_so() {
-    let workspace = Workspace::new();
-    let ran = workspace.run("serve --in-memory --otlp-endpoint http://127.0.0.1:4317", &[]);
-    ran.expect_failure(&["no OpenTelemetry", "--features opentelemetry"]);
-    // Other commands export nothing anyway.
-    let variable = [("COVIS_OTLP_ENDPOINT", "http://127.0.0.1:4317")];
-    assert_eq!(solve(&workspace, &["--threads", "1"], &variable).code, Some(0));
-}
-
 #[test]
 fn a_reader_that_leaves_early_is_no_failure() {
     let workspace = Workspace::new();

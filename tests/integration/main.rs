@@ -78,7 +78,6 @@ mod rpc_violations;
 mod rpc_watch;
 mod rpc_watch_traffic;
 mod sequence;
-#[cfg(feature = "opentelemetry")]
 mod spans;
 mod spill;
 mod strangers;
