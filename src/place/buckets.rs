@@ -194,3 +194,6 @@ impl Buckets {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

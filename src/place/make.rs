@@ -239,7 +239,8 @@ impl Make {
         let weights: Vec<f64> = weights.into_iter().map(|weight| weight.unwrap_or(mean)).collect();
         let ordered: Vec<f64> = self.order.iter().map(|&slot| votes[slot as usize]).collect();
         let found = islands(&ordered, &self.runs(), count);
-        let found = found.iter().filter_map(|island| self.compare(query, numbers, &weights, island));
+        let found =
+            found.iter().filter_map(|island| self.compare(query, numbers, &weights, island));
         found.collect()
     }
 
@@ -333,3 +334,6 @@ impl<X: Fn(EntityId) -> bool, F: FnMut(usize, &[Hit])> Kernel for Search<'_, X, 
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -76,7 +76,9 @@ pub enum PlaceError {
         bytes: usize,
     },
     /// Too many keyframes.
-    #[error("the index holds 1,048,576 keyframes with descriptors named {0:?}, which is all it can")]
+    #[error(
+        "the index holds 1,048,576 keyframes with descriptors named {0:?}, which is all it can"
+    )]
     Full(String),
 }
 
@@ -167,7 +169,10 @@ impl PlaceIndex {
     #[must_use]
     pub fn bytes(&self) -> usize {
         // A node of the ordered map beside what each make holds.
-        self.makes.iter().map(|((name, _), make)| name.len() + size_of::<Make>() + make.bytes()).sum()
+        self.makes
+            .iter()
+            .map(|((name, _), make)| name.len() + size_of::<Make>() + make.bytes())
+            .sum()
     }
 
     /// Adds a keyframe. `capture_time_ns` orders the keyframes of a client; late ones are legal.
@@ -255,9 +260,8 @@ impl PlaceIndex {
         for candidate in &mut candidates {
             candidate.matches.sort_unstable_by_key(|matched| matched.query);
         }
-        candidates.sort_by(|a, b| {
-            b.score.total_cmp(&a.score).then_with(|| a.keyframe.cmp(&b.keyframe))
-        });
+        candidates
+            .sort_by(|a, b| b.score.total_cmp(&a.score).then_with(|| a.keyframe.cmp(&b.keyframe)));
         Ok(candidates)
     }
 }
