@@ -16,7 +16,7 @@ const FLOORS: [&[&str]; 14] = [
     &["bundle_adjustment", "pose_graph", "pose_refinement", "relative_motion"],
     &["robust", "certificate", "marginalization"],
     &["evaluation", "point_matching"],
-    &["graph_optimization"],
+    &["graph_optimization", "geometric_verification"],
     &["io"],
     &["testing"],
 ];

@@ -118,7 +118,8 @@ fn a_flood_of_equal_descriptors_hides_no_place() {
     let answer = index.query(&orb(&flood), 5, |_| false).unwrap();
     assert!(answer.iter().all(|candidate| candidate.matches.len() <= 1), "{answer:?}");
     assert!((100..300).all(|number| index.remove(id(1, number))));
-    assert_eq!(index.bytes(), filled(0..10).bytes());
+    // A list may be shorter than the one that grew by doubling.
+    assert!(index.bytes() <= filled(0..10).bytes());
 }
 
 #[test]
@@ -182,6 +183,22 @@ fn every_length_of_descriptor_is_found() {
         assert_eq!(answer[0].matches.len(), 30, "{bytes} bytes");
         assert!(answer[0].matches.iter().all(|matched| matched.distance == 2));
     }
+}
+
+/// The best answer to a query.
+struct Best {
+    score: f64,
+    /// Whether the query shows a place that the index holds.
+    is_again: bool,
+    is_right: bool,
+}
+
+/// Share of the queries in known places whose best candidate is right, with a score above that of every
+/// best candidate that is wrong.
+fn recall_at_precision_1(told: &[Best]) -> f64 {
+    let wrong = told.iter().filter(|best| !best.is_right).map(|best| best.score).fold(0.0, f64::max);
+    let right = told.iter().filter(|best| best.is_again && best.is_right && best.score > wrong);
+    right.count() as f64 / told.iter().filter(|best| best.is_again).count() as f64
 }
 
 fn candidate(client: u32, first_ns: i64, last_ns: i64) -> Candidate {
