@@ -9,10 +9,6 @@ use std::collections::BTreeSet;
 
 use super::{Change, ConstraintKind, EntityId, Map};
 
-/// Most keyframes that an edit asks to be solved again, the newest ones. An edit that concerns more
-/// needs an optimization of the whole map, and hundreds of windows would delay those of new keyframes.
-const MOST_KEYFRAMES: usize = 64;
-
 /// What is to be solved after an edit.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Affected {
@@ -20,6 +16,13 @@ pub struct Affected {
     pub graph: bool,
     /// The keyframes that are, oldest first.
     pub keyframes: Vec<EntityId>,
+}
+
+impl Affected {
+    /// Most keyframes that an edit asks to be solved again, the newest ones. An edit that concerns more
+    /// needs an optimization of the whole map, and hundreds of windows would delay those of new
+    /// keyframes.
+    pub const MOST_KEYFRAMES: usize = 64;
 }
 
 /// What `change` asks to be solved again, if a client edits the map with it; `map` is the map before it.
@@ -74,7 +77,7 @@ pub fn affected(map: &Map, change: &Change) -> Option<Affected> {
     let age = |id: &EntityId| map.keyframes().get(id).map_or(0, |known| known.added_revision);
     let mut keyframes: Vec<EntityId> = keyframes.into_iter().collect();
     keyframes.sort_by_key(|id| (age(id), *id));
-    let first = keyframes.len().saturating_sub(MOST_KEYFRAMES);
+    let first = keyframes.len().saturating_sub(Affected::MOST_KEYFRAMES);
     Some(Affected { graph, keyframes: keyframes.split_off(first) })
 }
 

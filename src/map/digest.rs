@@ -76,7 +76,8 @@ impl Map {
     /// SHA-256 over the whole state, bit exact.
     ///
     /// Times and the display name are left out, so that two runs on the same input compare equal; the
-    /// covisibility counts are left out because the observations determine them.
+    /// covisibility counts are left out because the observations determine them. What is to be solved
+    /// for a client is left out because earlier versions did not keep it.
     #[must_use]
     pub fn state_hash(&self) -> [u8; 32] {
         let mut hash = Hash::new();

@@ -10,7 +10,7 @@ use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
 use nalgebra::{Vector2, Vector3};
 
-use super::{EntityId, Observations, SharedMap};
+use super::{EntityId, Observations, SharedMap, Unsolved};
 
 /// A SHA-256 digest.
 pub type Digest = [u8; 32];
@@ -26,6 +26,8 @@ pub struct Client {
     pub next_sequence: i64,
     /// Solves have covered its items up to this sequence; 0 before the first.
     pub optimized_sequence: i64,
+    /// The last of its items that asked for a solve, while none has covered it.
+    pub unsolved: Option<Unsolved>,
     /// By what the covariances that it states for its loop closures are multiplied, at least 1: found
     /// by the last pose graph that judged them.
     pub closure_variance: f64,
@@ -58,6 +60,7 @@ impl Client {
         let last = self.items.last_key_value().map_or(0, |(&sequence, _)| sequence);
         self.next_sequence = last + 1;
         self.optimized_sequence = self.optimized_sequence.min(last);
+        self.unsolved.take_if(|unsolved| unsolved.sequence > last);
     }
 }
 

@@ -33,6 +33,7 @@ pub mod shared_map;
 mod sound;
 mod ties;
 mod triangulation;
+mod unsolved;
 mod window;
 
 pub use affected::{Affected, affected};
@@ -64,6 +65,7 @@ pub use retirement::retire;
 pub use shared_map::SharedMap;
 pub use ties::Ties;
 pub use triangulation::{has_unplaced, triangulate};
+pub use unsolved::{ToSolve, Unsolved};
 pub use window::{Window, choose_window, choose_window_of};
 
 /// Whether the map already has the content of an item of a stream.
@@ -173,6 +175,17 @@ impl Map {
     #[must_use]
     pub fn client(&self, index: ClientIndex) -> Option<&Client> {
         self.clients.get(index.0 as usize)
+    }
+
+    /// The items whose solves are outstanding: of each client the last one.
+    #[must_use]
+    pub fn unsolved(&self) -> Vec<(ClientIndex, Unsolved)> {
+        let outstanding = |(index, client): (u32, &Client)| {
+            let unsolved = client.unsolved.clone()?;
+            let is_open = unsolved.sequence > client.optimized_sequence;
+            is_open.then_some((ClientIndex(index), unsolved))
+        };
+        (0..).zip(&self.clients).filter_map(outstanding).collect()
     }
 
     /// The client called `name`.

@@ -9,8 +9,8 @@ use nalgebra::Vector3;
 
 use super::item::is_valid_camera;
 use super::{
-    Client, ConstraintKind, Content, EntityId, EntityKind, Keyframe, Landmark, MAX_NUMBER, Map,
-    MapError, Observation, Prior,
+    Affected, Client, ConstraintKind, Content, EntityId, EntityKind, Keyframe, Landmark,
+    MAX_NUMBER, Map, MapError, Observation, Prior, ToSolve, Unsolved,
 };
 
 /// How far a rotation's norm may be from 1: rounding alone stays far below.
@@ -100,6 +100,7 @@ impl Map {
                 epoch,
                 next_sequence,
                 optimized_sequence,
+                unsolved,
                 closure_variance,
                 items,
             } = client;
@@ -110,10 +111,27 @@ impl Map {
             let last = items.last_key_value().is_none_or(|(sequence, _)| sequence < next_sequence);
             let text = "a client's epoch or sequences are not possible";
             check_map(numbers && first && last, text)?;
+            let text = "what is to be solved for a client is not possible";
+            let waits = |unsolved: &Unsolved| {
+                (1..*next_sequence).contains(&unsolved.sequence)
+                    && self.can_be_solved(&unsolved.to_solve)
+            };
+            check_map(unsolved.as_ref().is_none_or(waits), text)?;
             let text = "a client's variance factor is not possible";
             check_map(positive(*closure_variance), text)?;
         }
         Ok(())
+    }
+
+    /// Keyframes may have gone since.
+    fn can_be_solved(&self, to_solve: &ToSolve) -> bool {
+        let keyframes = match to_solve {
+            ToSolve::Views(keyframe) => std::slice::from_ref(keyframe),
+            ToSolve::Edited(affected) => &affected.keyframes,
+            ToSolve::Loop | ToSolve::Prior => &[],
+        };
+        keyframes.len() <= Affected::MOST_KEYFRAMES
+            && keyframes.iter().all(|id| self.client(id.client).is_some())
     }
 
     /// An entity of a client, which chose its id.

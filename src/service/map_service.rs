@@ -3,6 +3,8 @@
 //! Each handler reads its request, asks the engine and converts the answer. A stream reads one
 //! snapshot, however long it takes.
 
+use std::sync::Arc;
+
 use tonic::{Request, Response, Status, Streaming};
 
 use super::access::{Caller, deletion, shown};
@@ -10,12 +12,12 @@ use super::connections::Peer;
 use super::context::{Answers, Context, Messages, Rpcs, unserved};
 use super::convert::map::{display_name, policy, to_map};
 use super::convert::{Path, convert, ids, update};
-use super::deadline::call_time;
-use super::engine::{MapHandle, Resource};
+use super::deadline::{CancelOnDrop, call_time};
+use super::engine::{Estimate, MapHandle, PoolError, Resource};
 use super::error::ServiceError;
 use super::watch::{Resolution, Wanted};
 use super::{export, import, listing, watch};
-use crate::map::Reason;
+use crate::map::{Map, Reason};
 use crate::wire::v1;
 use v1::export_map_response::Content;
 use v1::map_service_server::MapService;
@@ -75,6 +77,25 @@ impl Rpcs {
         let last = last.filter(|_| more);
         let next_page_token = last.map(|last| list.token(&last)).unwrap_or_default();
         Ok(v1::ListMapsResponse { maps, next_page_token })
+    }
+
+    /// The edges of a map's pose graph. Pairs of keyframes that no solve has measured are measured on
+    /// the solver pool, until the caller leaves.
+    async fn graph_lines(
+        &self,
+        map: &MapHandle,
+        snapshot: Arc<Map>,
+    ) -> Result<export::GraphLines, ServiceError> {
+        let (maps, cancel) = (&self.context.maps, CancelOnDrop::default());
+        let (interrupt, handle) = (cancel.interrupt(None), map.clone());
+        let ceiling = self.context.config.engine.ceiling();
+        let estimate = Estimate::of_graph(snapshot.usage(), &ceiling);
+        let work = move || Some(export::GraphLines::of(handle.pose_graph(&snapshot, &interrupt)?));
+        let lines = maps.pool().run(map.account(), estimate, work).await;
+        if let Err(PoolError::Panicked(_)) = lines {
+            maps.meters().solve_panics.increment();
+        }
+        lines?.ok_or(ServiceError::Gone)
     }
 
     fn map(&self, caller: &Caller, map_id: &str) -> Result<MapHandle, ServiceError> {
@@ -165,8 +186,12 @@ impl MapService for Rpcs {
             let _place = map.account().reserve(Resource::Exports, 1)?;
             let snapshot = map.snapshot().await?;
             let map_id = request.map_id.clone();
-            let started = move || export::Export::new(map_id, snapshot, format);
+            let exported = Arc::clone(&snapshot);
+            let started = move || export::Export::new(map_id, exported, format);
             let mut export = Context::blocking(started).await?;
+            if format == export::Format::G2o {
+                export = export.with_graph(rpcs.graph_lines(&map, snapshot).await?);
+            }
             let header = v1::ExportMapHeader {
                 map_id: request.map_id,
                 revision: export.revision(),

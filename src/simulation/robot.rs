@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 use tonic::Code;
 
 use super::answer::{Answer, Step, answer, broken};
-use super::items::CAMERA;
+use super::items::{CAMERA, is_closure, place_m};
 use super::sending::{Contents, retries, send};
 use super::world::World;
 use crate::client::{Client, ClientError, WatchOptions};
@@ -28,6 +28,9 @@ const SETTLED: Duration = Duration::from_millis(250);
 const TRIES: usize = 200;
 /// The same, whatever else goes wrong.
 const MOST_TRIES: usize = 20 * TRIES;
+
+/// How far a keyframe may be from where it is, meters: starts are exact, landmarks come 0.05 m off.
+const FAR_M: f64 = 0.1;
 
 /// What the robot knows of one of its names.
 #[derive(Clone, Debug, Default)]
@@ -250,10 +253,10 @@ impl Robot {
         }
     }
 
-    /// Sends some keyframes, those again that are not known to be durable first.
+    /// Sends some items, those again that are not known to be durable first.
     async fn ingest(&mut self, name: &mut Name) -> Step<()> {
         let patience = Duration::from_micros(self.rng.random_range(500..300_000));
-        let new = self.rng.random_range(1..12);
+        let new = self.rng.random_range(1..24);
         let pause = self.rng.random_range(0..3);
         let State::Present(contents) = &mut name.state else { return Ok(()) };
         let first = contents.durable() + 1;
@@ -281,10 +284,11 @@ impl Robot {
         let found = self
             .call(|client| async move {
                 let map = client.get_map(&text).await?;
-                Ok((map, client.trajectory(&text, None).await?))
+                let trajectory = client.trajectory(&text, None).await?;
+                Ok((map, trajectory, client.constraints(&text).await?))
             })
             .await;
-        let (map, trajectory) = match found {
+        let (map, trajectory, constraints) = match found {
             Answer::Some(found) => found,
             Answer::Refused(Code::NotFound, _) if contents.may_be_gone() => {
                 name.state = State::Absent;
@@ -298,14 +302,40 @@ impl Robot {
         if map.uid != contents.uid {
             return broken(format!("{} is another map: {map:?}, {contents:?}", name.text));
         }
-        let ids = trajectory.poses.iter().filter_map(|pose| pose.keyframe.as_ref()).map(|k| k.id);
-        let ids: Vec<i64> = ids.collect();
-        let last = CAMERA + ids.len() as i64;
-        if !ids.iter().copied().eq(CAMERA + 1..=last) {
-            return broken(format!("{}: lost, doubled or out of order: {ids:?}", name.text));
+        let sent = contents.sent.max(CAMERA);
+        let keyframes = trajectory.poses.iter().filter_map(|pose| pose.keyframe.as_ref());
+        let keyframes: Vec<i64> = keyframes.map(|keyframe| keyframe.id).collect();
+        let closures: Vec<i64> = constraints.constraints.iter().filter_map(closure_id).collect();
+        for (what, ids, is_kind) in [
+            ("keyframes", keyframes, (|id| !is_closure(id)) as fn(i64) -> bool),
+            ("closures", closures, is_closure),
+        ] {
+            let newest = ids.last().copied().unwrap_or(CAMERA);
+            if !ids.iter().copied().eq((CAMERA + 1..=newest).filter(|&id| is_kind(id))) {
+                let text = format!("{}: {what} lost, doubled or out of order", name.text);
+                return broken(format!("{text}: {ids:?}"));
+            }
+            let acknowledged = (CAMERA + 1..=durable).filter(|&id| is_kind(id)).count();
+            if ids.len() < acknowledged || newest > sent {
+                return broken(format!("{}: {what} {ids:?} of {contents:?}", name.text));
+            }
         }
-        if !(durable..=contents.sent.max(CAMERA)).contains(&last) {
-            return broken(format!("{}: {last} items of {contents:?}", name.text));
+        self.check_poses(name, &trajectory.poses)
+    }
+
+    /// What robots measure is exact: whatever is solved and wherever it is cut off, no keyframe is far
+    /// from where it is.
+    fn check_poses(&self, name: &Name, poses: &[v1::KeyframePose]) -> Step<()> {
+        for pose in poses {
+            let position = pose.world_from_camera.as_ref().and_then(|pose| pose.translation);
+            let (Some(v1::Vector3 { x, y, z }), Some(keyframe)) = (position, &pose.keyframe) else {
+                return broken(format!("{}: a keyframe without a pose", name.text));
+            };
+            let off = (x - place_m(keyframe.id)).hypot(y).hypot(z);
+            // NaN is far off as well.
+            if off.is_nan() || off > FAR_M {
+                return broken(format!("{}: keyframe {} is {off} m off", name.text, keyframe.id));
+            }
         }
         Ok(())
     }
@@ -314,14 +344,15 @@ impl Robot {
     async fn watch(&mut self, name: &Name) -> Step<()> {
         let State::Present(contents) = &name.state else { return Ok(()) };
         let (text, durable) = (name.text.clone(), contents.durable());
+        let acknowledged = (CAMERA + 1..=durable).filter(|&id| !is_closure(id)).count();
         let watched = self.call(|client| async move {
             let options = WatchOptions { retry: retries(), ..WatchOptions::default() };
             let mut watch = client.watch(&text, options).await?;
             Ok(watch.next().await?.keyframes.len())
         });
         match watched.await {
-            Answer::Some(count) if CAMERA + (count as i64) < durable => {
-                broken(format!("{}: a watcher sees {count} keyframes of {durable}", name.text))
+            Answer::Some(count) if count < acknowledged => {
+                broken(format!("{}: a watcher sees {count} of {acknowledged}", name.text))
             }
             Answer::Some(_) | Answer::Refused(..) | Answer::None => Ok(()),
         }
@@ -344,7 +375,10 @@ impl Robot {
                 {
                     name.state = State::Absent;
                 }
-                (State::Present(_), Answer::Some(_)) => self.audit_surely(&mut name).await?,
+                (State::Present(_), Answer::Some(_)) => {
+                    self.audit_surely(&mut name).await?;
+                    self.expect_adjusted(&name).await?;
+                }
                 (state, Answer::Some(map)) => {
                     return broken(format!("{text}: {state:?}, found {}", map.uid));
                 }
@@ -355,12 +389,41 @@ impl Robot {
         Ok(())
     }
 
+    /// What follows closures is done in the end, although it was cut off.
+    async fn expect_adjusted(&mut self, name: &Name) -> Step<()> {
+        let text = &name.text;
+        for _ in 0..TRIES {
+            let found = self.answered("GetMap", |c| async move { c.get_map(text).await }).await?;
+            let Answer::Some(map) = found else { return Ok(()) };
+            if !map.adjustment_due {
+                let landmarks = self
+                    .answered("ListLandmarks", |c| async move { c.landmarks(text).await })
+                    .await?;
+                if let Answer::Some(all) = landmarks {
+                    let joined = all.landmarks.iter().filter(|l| l.duplicate_of.is_some()).count();
+                    self.world.borrow_mut().joined += joined as u64;
+                }
+                return Ok(());
+            }
+            tokio::time::sleep(SETTLED).await;
+        }
+        broken(format!("{text} is never adjusted after its closures"))
+    }
+
     async fn audit_surely(&mut self, name: &mut Name) -> Step<()> {
         // One in two calls may not be answered.
         for _ in 0..8 {
             self.audit(name).await?;
         }
         Ok(())
+    }
+}
+
+/// The id of a loop closure.
+fn closure_id(constraint: &v1::Constraint) -> Option<i64> {
+    match &constraint.constraint {
+        Some(v1::constraint::Constraint::RelativePose(closure)) => Some(closure.id),
+        Some(_) | None => None,
     }
 }
 

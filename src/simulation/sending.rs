@@ -1,4 +1,4 @@
-//! How a simulated robot sends keyframes to a map, and what it knows of that map.
+//! How a simulated robot sends items to a map, and what it knows of that map.
 //!
 //! A broken promise that the client itself detects, such as a lost item, is reported here.
 
@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use super::answer::{Answer, Step, answer, broken};
-use super::items::{CAMERA, camera, keyframe};
+use super::items::item;
 use crate::client::{Client, ClientError, IngestSession, RetryPolicy, SessionOptions};
 use crate::wire::v1;
 
@@ -14,8 +14,7 @@ use crate::wire::v1;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Contents {
     pub(super) uid: String,
-    /// The last sequence that was sent: the camera's, then those of keyframes, which are their ids
-    /// too.
+    /// The last sequence that was sent.
     pub(super) sent: i64,
     /// The last that was acknowledged as durable.
     pub(super) durable: Arc<Mutex<i64>>,
@@ -45,7 +44,7 @@ pub(super) fn retries() -> RetryPolicy {
     }
 }
 
-/// Sends the keyframes from `first` on, waiting for every ack.
+/// Sends the items from `first` on, waiting for every ack.
 pub(super) async fn send(
     client: Client,
     map: String,
@@ -75,11 +74,7 @@ pub(super) async fn send(
         return broken(format!("{map}: goes on at {next} of {contents:?}"));
     }
     for id in first..=contents.sent {
-        let sent = match id {
-            CAMERA => session.send_as(id, camera()).await,
-            _ => session.send_as(id, keyframe(id)).await,
-        };
-        if let Err(error) = sent {
+        if let Err(error) = session.send_as(id, item(id)).await {
             return lost(&map, error);
         }
         if pause > 0 {

@@ -63,6 +63,8 @@ pub(crate) struct Report {
     pub(crate) cuts: u64,
     /// Operations of the disk.
     pub(crate) operations: u64,
+    /// Landmarks that closures joined with others, at each look at the end.
+    pub(crate) joined: u64,
     /// What the disk did, and at which tick: equal for runs that are equal.
     pub(crate) log: Vec<(u64, &'static str)>,
     /// What happened, as robots saw it.
@@ -78,6 +80,8 @@ pub(crate) struct World {
     pub(crate) link_changes: u64,
     /// The time, ticks since the beginning of the run.
     tick: u64,
+    /// Landmarks that closures joined with others, at each look at the end.
+    pub(super) joined: u64,
     /// Stages that robots have ended: their work, and each look at the end.
     done: usize,
     /// 0 while things go wrong; then one more with each restart.
@@ -164,6 +168,7 @@ pub(crate) fn run(plan: &Plan) -> Result<Report, Broken> {
         machine.step(&mut sim, tick, &world);
     }
     machine.report.operations = machine.disk.operations();
+    machine.report.joined = world.borrow().joined;
     machine.report.log = machine.disk.log();
     machine.report.notes = std::mem::take(&mut world.borrow_mut().notes);
     Ok(machine.report)

@@ -21,7 +21,7 @@ use crate::map::{Map, Usage};
 pub const MAP_FILE: &str = "map.covis";
 const MAGIC: &[u8; 8] = b"covisexp";
 /// The version that is written.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// The lowest version that reads it.
 const NEEDS: u32 = 1;
 const HEAD: usize = 20;

@@ -220,6 +220,7 @@ fn bugs_are_counted_by_where_they_were_caught() {
         assert_eq!(page.get("covis_panics_total{where=\"engine\"}"), 1.0);
         assert_eq!(page.get("covis_maps{state=\"poisoned\"}"), 1.0);
         assert_eq!(page.get("covis_maps{state=\"open\"}"), 0.0);
+        assert_eq!(page.get("covis_maps{state=\"damaged\"}"), 0.0);
 
         let server = start(|config| config.test_fault = Some("rpc:ListMaps".to_owned())).await;
         server.maps().list_maps(v1::ListMapsRequest::default()).await.unwrap_err();
@@ -323,5 +324,42 @@ fn until_the_maps_are_open_health_says_so_and_calls_are_told_to_come_back() {
         assert_eq!(maps.list_maps(list()).await.unwrap().into_inner().maps.len(), 1);
         assert_eq!(Page::of(&running).await.get("covis_serving"), 1.0);
         running.shutdown().await;
+    });
+}
+
+#[test]
+fn maps_are_counted_by_what_makes_them_read_only() {
+    run(async {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().to_owned();
+        let server = start(|config| config.data_dir = Some(path.clone())).await;
+        let counts = async |server: &TestServer| {
+            let page = Page::of(&server.running).await;
+            let state = |state| page.get(&format!("covis_maps{{state=\"{state}\"}}"));
+            ["open", "frozen", "poisoned", "damaged"].map(state)
+        };
+        server.create_map("house").await;
+        server.build_map("house", 2).await;
+        assert_eq!(counts(&server).await, [1.0, 0.0, 0.0, 0.0]);
+        let freeze = v1::UpdateMapRequest {
+            map_id: "house".to_owned(),
+            state: v1::MapState::Frozen.into(),
+            update_mask: Some(prost_types::FieldMask { paths: vec!["state".to_owned()] }),
+            ..Default::default()
+        };
+        server.maps().update_map(freeze).await.unwrap();
+        assert_eq!(counts(&server).await, [0.0, 1.0, 0.0, 0.0]);
+        server.running.shutdown().await;
+        let server = start(|config| config.data_dir = Some(path.clone())).await;
+        assert_eq!(counts(&server).await, [0.0, 1.0, 0.0, 0.0]);
+        server.running.shutdown().await;
+
+        // What was acknowledged as durable is lost.
+        let map = fs_err::read_dir(path.join("maps")).unwrap().next().unwrap().unwrap().path();
+        let log = map.join("00000000000000000001.log");
+        let bytes = fs_err::read(&log).unwrap();
+        fs_err::write(&log, &bytes[..bytes.len() / 2]).unwrap();
+        let server = start(|config| config.data_dir = Some(path.clone())).await;
+        assert_eq!(counts(&server).await, [0.0, 0.0, 0.0, 1.0]);
     });
 }

@@ -6,11 +6,11 @@ use covis::wire::v1;
 use v1::ingest_request::Item;
 use v1::ingest_response::Event;
 
-use crate::closure_verdicts::adjusted;
 use crate::common::{
     Stream, TestServer, camera, hold, keyframe, landmark_position, large, relative_pose, run,
     vector3,
 };
+use crate::sequence::adjusted;
 
 /// So many that a solve of the whole map is a large one; more would not see the landmarks.
 const KEYFRAMES: i64 = 48;

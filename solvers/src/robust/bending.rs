@@ -5,7 +5,8 @@
 //! n_k = Σ_k B_kᵀ λ with B_k = Ad(F⁻¹ P_k), where P_k is the pose after step k (Ad(P_k⁻¹ F) brings a
 //! perturbation of the end back to it). So the row is found by shooting: λ has as many numbers as a pose,
 //! and the end that a λ leads to says how to change it (Broyden's method). Exact to first order in the
-//! single n_k, however far the whole row is bent. Knows no graph.
+//! single n_k, however far the whole row is bent. What the path says of its end stands in for the row in a
+//! graph ([`Bend::measurement`]). Knows no graph.
 
 use nalgebra::{SMatrix, SVector};
 
@@ -13,30 +14,81 @@ use super::chain::Measured;
 use crate::geometry::LieGroup;
 
 /// Most paths that are tried; a row whose end is a few standard deviations off takes four or five.
-const MAX_PATHS: usize = 12;
+const MAX_PATHS: usize = 20;
 
 /// The largest χ² of what is left of the error at the end: far below that of any edge.
-const LEAST_ERROR: f64 = 1e-8;
+const LEAST_ERROR: f64 = 1e-12;
 
-/// The pose after each of `steps` in the frame of the first pose, where the last one is at `end`; `way`
-/// is all steps composed. Without an end they are the steps composed.
+/// The most probable path to one end, and how it changes with the end.
+#[derive(Clone, Copy)]
+pub(super) struct Bend<G, const N: usize> {
+    /// The end in the frame of the first pose.
+    end: G,
+    /// λ in the frame of the end.
+    multiplier: SVector<f64, N>,
+    /// C = Σ B_k Σ_k B_kᵀ: the end moves by C δλ.
+    covariance: SMatrix<f64, N, N>,
+}
+
+/// The pose after each step in the frame of the first pose, and λ where the path is the most probable.
+pub(super) struct Path<G, const N: usize> {
+    pub(super) poses: Vec<G>,
+    multiplier: Option<SVector<f64, N>>,
+}
+
+impl<G: LieGroup<N>, const N: usize> Bend<G, N> {
+    /// The path without noise; `way` is all steps composed.
+    pub(super) fn none(way: &Measured<G, N>) -> Self {
+        Self { end: way.motion, multiplier: SVector::zeros(), covariance: way.covariance }
+    }
+
+    /// That of the most probable `path` along `steps`.
+    pub(super) fn of(steps: &[Measured<G, N>], path: &Path<G, N>) -> Option<Self> {
+        let (&end, multiplier) = path.poses.last().zip(path.multiplier)?;
+        let to_end = end.inverse();
+        let mut covariance = SMatrix::zeros();
+        let mut at = G::identity();
+        for (step, pose) in steps.iter().zip(&path.poses) {
+            let adjoint = to_end.compose(&at).compose(&step.motion).adjoint();
+            covariance += adjoint * step.covariance * adjoint.transpose();
+            at = *pose;
+        }
+        Some(Self { end, multiplier, covariance })
+    }
+
+    /// One measurement in place of all steps. With the path's end it has the χ² of the steps and its
+    /// gradient: χ² = λᵀCλ is that of the residual r = Cλ, and J⁻ᵀC⁻¹J⁻¹ with J = J_r⁻¹(r) leaves r as it
+    /// is, since J_r(r) r = r.
+    pub(super) fn measurement(&self) -> Measured<G, N> {
+        let residual = self.covariance * self.multiplier;
+        let jacobian = G::right_jacobian_inverse(&residual);
+        let covariance = jacobian * self.covariance * jacobian.transpose();
+        Measured { motion: self.end.compose(&G::exp(&-residual)), covariance }
+    }
+}
+
+/// The path along `steps` whose last pose is at `end`, found from the path to an end near by; without an
+/// end that without noise.
 pub(super) fn bend<G: LieGroup<N>, const N: usize>(
     steps: &[Measured<G, N>],
-    way: &Measured<G, N>,
+    near: &Bend<G, N>,
     end: Option<&G>,
-) -> Vec<G> {
-    let straight = SVector::zeros();
-    let Some((end, root)) = end.zip(way.covariance.cholesky()) else {
-        return path(steps, &G::identity(), &straight);
+) -> Path<G, N> {
+    let without_noise = || {
+        let poses = path(steps, &G::identity(), &SVector::zeros());
+        Path { poses, multiplier: None }
     };
+    let Some((end, root)) = end.zip(near.covariance.cholesky()) else { return without_noise() };
     let root = root.l();
     // Whitened, a change of the multiplier moves the end by about as much.
     let error = |at: &G| root.solve_lower_triangular(&at.inverse().compose(end).log());
     let to_end = end.inverse();
-    let mut left = error(&way.motion).filter(|left| left.norm_squared().is_finite());
-    let mut whitened = SVector::<f64, N>::zeros();
+    let mut left = error(&near.end).filter(|left| left.norm_squared().is_finite());
+    // The same noise in the frame of the new end.
+    let from_near = near.end.inverse().compose(end).adjoint();
+    let mut whitened = root.tr_mul(&from_near.tr_mul(&near.multiplier));
     let mut inverse = SMatrix::<f64, N, N>::identity();
-    let mut best: Option<(f64, Vec<G>)> = None;
+    let mut best: Option<(f64, Path<G, N>)> = None;
     for _ in 0..MAX_PATHS {
         let Some(before) = left else { break };
         let change = inverse * before;
@@ -47,7 +99,7 @@ pub(super) fn bend<G: LieGroup<N>, const N: usize>(
         let Some(after) = left else { break };
         let chi2 = after.norm_squared();
         if best.as_ref().is_none_or(|(least, _)| chi2 < *least) {
-            best = Some((chi2, poses));
+            best = Some((chi2, Path { poses, multiplier: Some(multiplier) }));
         }
         if chi2 < LEAST_ERROR {
             break;
@@ -59,12 +111,7 @@ pub(super) fn bend<G: LieGroup<N>, const N: usize>(
             inverse += (change - inverse * moved) * along / scale;
         }
     }
-    let start = error(&way.motion).map_or(f64::INFINITY, |left| left.norm_squared());
-    match best {
-        Some((chi2, poses)) if chi2 < LEAST_ERROR => poses,
-        Some((chi2, poses)) if chi2 < start => shared(steps, poses, end),
-        Some(_) | None => shared(steps, path(steps, &to_end, &straight), end),
-    }
+    best.map_or_else(without_noise, |(_, found)| found)
 }
 
 /// The poses for a multiplier in the frame of the end.
@@ -84,24 +131,6 @@ fn path<G: LieGroup<N>, const N: usize>(
         at
     };
     steps.iter().map(step).collect()
-}
-
-/// Brings the last pose to `end`; each pose takes part by the variance up to it.
-fn shared<G: LieGroup<N>, const N: usize>(
-    steps: &[Measured<G, N>],
-    mut poses: Vec<G>,
-    end: &G,
-) -> Vec<G> {
-    let Some(last) = poses.last().copied() else { return poses };
-    let error = last.inverse().compose(end).log();
-    let whole: f64 = steps.iter().map(|step| step.covariance.trace()).sum();
-    let mut variance = 0.0;
-    for (pose, step) in poses.iter_mut().zip(steps) {
-        variance += step.covariance.trace();
-        let rest = pose.inverse().compose(&last);
-        *pose = pose.plus(&(rest.adjoint() * error * (variance / whole).clamp(0.0, 1.0)));
-    }
-    poses
 }
 
 #[cfg(test)]
@@ -142,13 +171,14 @@ mod tests {
             let root = way.covariance.cholesky().unwrap().l() * scale;
             let off: Se3 = perturbed(&mut seeded(seed), &Se3::identity(), &Vector6::repeat(1.0));
             let end = way.motion.plus(&(root * off.log().normalize()));
-            let poses = bend(&steps, &way, Some(&end));
+            let path = bend(&steps, &Bend::none(&way), Some(&end));
+            let poses = &path.poses;
             assert!(poses.last().unwrap().minus(&end).norm() < 1e-4 * scale, "{seed}");
             let chi2 = |poses: &[Se3]| -> f64 {
                 let of = |noise: Vector6<f64>| noise.component_div(&sigmas).norm_squared();
                 noise(&steps, poses).into_iter().map(of).sum()
             };
-            let least = chi2(&poses);
+            let least = chi2(poses);
             for place in [0, 100, 150, 298] {
                 for axis in 0..6 {
                     for sign in [-1.0, 1.0] {
@@ -165,9 +195,41 @@ mod tests {
     }
 
     #[test]
+    fn the_measurement_of_a_bent_row_has_its_cost_and_its_gradient() {
+        let sigmas = Vector6::new(0.02, 0.01, 0.01, 0.002, 0.004, 0.002);
+        let (steps, way) = row(300, &sigmas);
+        let root = way.covariance.cholesky().unwrap().l();
+        let off: Se3 = perturbed(&mut seeded(4), &Se3::identity(), &Vector6::repeat(1.0));
+        let end = way.motion.plus(&(root * off.log().normalize() * 3.0));
+        let path = bend(&steps, &Bend::none(&way), Some(&end));
+        let bent = Bend::of(&steps, &path).unwrap();
+        let least = |end: &Se3| -> f64 {
+            let path = bend(&steps, &bent, Some(end));
+            let of = |noise: Vector6<f64>| noise.component_div(&sigmas).norm_squared();
+            noise(&steps, &path.poses).into_iter().map(of).sum()
+        };
+        let measured = bent.measurement();
+        let information = measured.covariance.try_inverse().unwrap();
+        let of_measurement = |end: &Se3| {
+            let residual = end.minus(&measured.motion);
+            residual.dot(&(information * residual))
+        };
+        let cost = least(&end);
+        assert!((of_measurement(&end) / cost - 1.0).abs() < 1e-6);
+        // Along each direction that the row leaves open, a hundredth of a standard deviation.
+        for direction in 0..6 {
+            let step = root.column(direction) * 0.01;
+            let slope =
+                |cost: &dyn Fn(&Se3) -> f64| cost(&end.plus(&step)) - cost(&end.plus(&-step));
+            let (of_row, of_edge) = (slope(&least), slope(&of_measurement));
+            assert!((of_row - of_edge).abs() < 1e-3 * 0.04 * cost.sqrt(), "{of_row} {of_edge}");
+        }
+    }
+
+    #[test]
     fn a_branch_without_an_end_is_its_steps() {
         let (steps, way) = row(20, &Vector6::repeat(0.01));
-        let poses = bend(&steps, &way, None);
+        let poses = bend(&steps, &Bend::none(&way), None).poses;
         assert!(poses.last().unwrap().minus(&way.motion).norm() < 1e-12);
     }
 }

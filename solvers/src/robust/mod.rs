@@ -20,7 +20,7 @@ mod variance;
 use std::time::Instant;
 
 use chain::Measured;
-use contraction::contract;
+use contraction::{Contraction, contract};
 pub use graduated::Kernel;
 pub use positions::{PositionJudging, PositionVerdict, judge_positions};
 use screening::{Screened, screen};
@@ -30,7 +30,9 @@ use crate::factors::{PosePrior, PositionPrior, RelativePose};
 use crate::geometry::{LieGroup, RigidMotion};
 use crate::initialization::{Start, align_to_priors, chordal_price, initialize_in_time};
 use crate::interrupt::Interrupt;
-use crate::optimizer::{self, Observer, SolveSummary, Termination, with_threads};
+use crate::optimizer::{
+    self, Observer, SolveSummary, Termination, ignore_iterations, with_threads,
+};
 use crate::pose_graph;
 use crate::price::{Limits, Price};
 use crate::problem::{DisjointSets, PoseGraph, SolveError};
@@ -42,6 +44,12 @@ const BRIDGE_WEIGHT: f64 = 1e-6;
 /// modes of a row of n poses have n⁻⁴ of the stiffness of a pose, and a step that is to move them may not
 /// be damped by more: this much is about the rounding of the matrix.
 const NEAR_DAMPING: f64 = 1e-16;
+
+/// Most times that the rows which were left out are measured anew; three as a rule.
+const MAX_REFINEMENTS: usize = 10;
+
+/// The relative decrease of the cost that ends this: one step of the whole graph takes the rest.
+const REFINED: f64 = 1e-6;
 
 /// Options of a robust solve.
 #[derive(Clone, Debug, PartialEq)]
@@ -316,21 +324,47 @@ impl<'a, G: LieGroup<N>, const N: usize> Weighted<'a, G, N> {
         weighted
     }
 
-    /// Does `stages` on the graph without the poses that only pass odometry on; false where it has too
-    /// few of them and is left whole.
+    /// Does `stages` on the graph without the poses that only pass odometry on, and puts these where they
+    /// are most probable; false where it has too few of them and is left whole.
     fn contracted(
         &mut self,
         stages: impl FnOnce(&mut Self) -> Result<(), SolveError>,
     ) -> Result<bool, SolveError> {
         let measured = std::mem::take(&mut self.measured);
         let contraction = contract(self.graph, measured, &mut self.closures);
-        let outcome = stages(self);
+        let mut outcome = stages(self);
         let is_contracted = contraction.is_some();
         if let Some(mut contraction) = contraction {
+            outcome = outcome.and_then(|()| self.refine(&mut contraction));
             self.closures = std::mem::take(&mut contraction.closures);
             contraction.expand(self.graph);
         }
         outcome.map(|()| is_contracted)
+    }
+
+    /// Brings the poses of the contracted graph to the optimum of the whole one at the present weights:
+    /// each row is measured anew at the ends that it has come to, until the cost stays.
+    fn refine(&mut self, contraction: &mut Contraction<G, N>) -> Result<(), SolveError> {
+        let mut options = self.options;
+        options.optimizer.initial_damping = options.optimizer.initial_damping.min(NEAR_DAMPING);
+        let mut best = (f64::INFINITY, self.graph.poses.clone());
+        for _ in 0..MAX_REFINEMENTS {
+            if self.is_stopped {
+                break;
+            }
+            contraction.measure(self.graph);
+            let begin = self.graph.poses.clone();
+            let solved = self.solve(&options, &mut ignore_iterations)?;
+            if solved.initial_cost >= best.0 {
+                self.graph.poses = best.1;
+                break;
+            }
+            best = (solved.initial_cost, begin);
+            if solved.initial_cost - solved.final_cost <= REFINED * solved.initial_cost {
+                break;
+            }
+        }
+        Ok(())
     }
 
     fn weighted_graph(&self) -> PoseGraph<G, N> {

@@ -27,7 +27,8 @@ pub(super) enum Format {
     ColmapBinary,
     /// TUM trajectories.
     Tum,
-    /// Pose graph: keyframes and their constraints.
+    /// Pose graph as the server solves it: relative poses that keyframes measure, and constraints that
+    /// are not switched off. `covis solve pose-graph` finds the same poses.
     G2o,
     /// Landmarks and trajectories for viewers; is not imported.
     Ply,

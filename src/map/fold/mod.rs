@@ -12,9 +12,11 @@ mod fits;
 
 use super::ceilings::descriptor_bytes;
 use super::digest::{self, Content};
+use super::unsolved::to_solve;
 use super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, Constraint, EntityId, Event, Keyframe,
     Landmark, Map, MapError, NewLandmark, Observation, Observations, Prior, Retired, SolveKind,
+    ToSolve, Unsolved,
 };
 
 /// Items of a client whose digests are kept. Clients do not resend older items: a client keeps only
@@ -38,9 +40,10 @@ impl Map {
         self.revision = event.revision;
         // An event without a recorded time is no older than the previous one.
         self.update_time_ns = self.update_time_ns.max(event.time_ns);
+        let to_solve = event.cause.as_ref().and_then(|_| to_solve(self, &event.change));
         self.change(&event.change);
         if let Some(cause) = &event.cause {
-            self.remember(cause);
+            self.remember(cause, to_solve);
         }
     }
 
@@ -142,19 +145,23 @@ impl Map {
                 epoch,
                 next_sequence: 1,
                 optimized_sequence: 0,
+                unsolved: None,
                 closure_variance: 1.0,
                 items: Default::default(),
             }),
         }
     }
 
-    fn remember(&mut self, cause: &Cause) {
+    fn remember(&mut self, cause: &Cause, to_solve: Option<ToSolve>) {
         if let Some(client) = self.clients.get_mut(cause.client.0 as usize) {
             client.items.insert(cause.sequence, cause.digest);
             if client.items.len() > REMEMBERED_ITEMS {
                 client.items.pop_first();
             }
             client.next_sequence = client.next_sequence.max(cause.sequence.saturating_add(1));
+            if let Some(to_solve) = to_solve {
+                client.unsolved = Some(Unsolved { sequence: cause.sequence, to_solve });
+            }
         }
     }
 
@@ -236,6 +243,14 @@ impl Map {
         match solve.kind {
             SolveKind::LocalBundle => {}
             SolveKind::PoseGraph => {
+                // The windows of an edit may still be open.
+                for client in &mut self.clients {
+                    if let Some(Unsolved { to_solve: ToSolve::Edited(affected), .. }) =
+                        &mut client.unsolved
+                    {
+                        affected.graph = false;
+                    }
+                }
                 self.adjustment_due = !self.landmarks.is_empty() && self.has_active_closure();
             }
             SolveKind::Global => self.adjustment_due = false,
@@ -248,6 +263,7 @@ impl Map {
         for &(client, sequence) in &solve.covered {
             if let Some(client) = self.clients.get_mut(client.0 as usize) {
                 client.optimized_sequence = client.optimized_sequence.max(sequence);
+                client.unsolved.take_if(|unsolved| unsolved.sequence <= sequence);
             }
         }
     }

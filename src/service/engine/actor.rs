@@ -23,7 +23,6 @@ use super::durability::{Durability, unix_time_ns};
 use super::error::report_bug;
 use super::handle::{Control, Reply, Shared};
 use super::ingest::Ingest;
-use super::items::Unsolved;
 use super::pool::{SolvePanicked, panic_message};
 use super::solve::{Job, Outcome, Solution};
 use super::solving::{Running, Solving, switched_off};
@@ -64,8 +63,9 @@ pub(super) struct Actor {
     pub(super) background: Background,
     pub(super) watching: Watching,
     pub(super) control: mpsc::Receiver<Control>,
-    /// Items whose solves were cut off by a restart.
-    pub(super) unsolved: Vec<Unsolved>,
+    /// Whether the items whose solves were outstanding when the map was opened or imported are not
+    /// triggered yet.
+    pub(super) has_unsolved: bool,
     /// Entities that were handled since the task let others run.
     pub(super) handled: usize,
     /// Whether the last step answered a control message.
@@ -111,9 +111,10 @@ impl Actor {
     }
 
     async fn step(&mut self) -> Flow {
-        if !self.unsolved.is_empty() && !self.map.is_frozen() {
-            for Unsolved { client, sequence, added } in std::mem::take(&mut self.unsolved) {
-                self.trigger(client, sequence, added).await;
+        if self.has_unsolved && !self.map.is_frozen() {
+            self.has_unsolved = false;
+            for (client, unsolved) in self.map.unsolved() {
+                self.trigger(client, unsolved).await;
             }
             self.start_solves().await;
         }
@@ -388,7 +389,7 @@ impl Actor {
         if let Some(error) = self.durability.acknowledge(self.map.revision()) {
             let error = EngineError::Store(error);
             tracing::error!(%error, "the map takes no changes any more");
-            self.shared.freeze(&error);
+            self.shared.set_damaged(&error);
             self.end(&error);
         }
     }
@@ -420,7 +421,7 @@ impl Actor {
         let is_large = size > SMALL / copies;
         let event = Arc::new(Event { revision: revision + 1, time_ns, cause, change });
         let (checked, is_watched) = (Arc::clone(&event), self.watching.is_watched());
-        let pairs = Arc::clone(self.solving.pairs());
+        let pairs = Arc::clone(&self.shared.pairs);
         let check = move |map: &Map| {
             let fits = map.fits(&checked);
             if fits.is_ok() {

@@ -193,7 +193,7 @@ impl Durability {
             return None;
         }
         let events = events.iter().map(AsRef::as_ref).filter(|e| e.revision <= revision);
-        let (map, _stopped) = replay(map, events, |_, _| {});
+        let (map, _stopped) = replay(map, events);
         (map.revision() == revision).then_some(map)
     }
 }
@@ -213,19 +213,13 @@ pub(super) async fn stored(
 }
 
 /// Applies events one by one until one is refused or panics; the second value is then the reason.
-/// `before` gets each event with the map before it.
 pub(super) fn replay<'a>(
     mut map: Map,
     events: impl Iterator<Item = &'a Event>,
-    mut before: impl FnMut(&Map, &Event),
 ) -> (Map, Option<String>) {
     for event in events {
         // A refused event changes nothing; only a panic may leave an event half applied.
-        let step = || {
-            before(&map, event);
-            map.apply(event)
-        };
-        match catch_unwind(AssertUnwindSafe(step)) {
+        match catch_unwind(AssertUnwindSafe(|| map.apply(event))) {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return (map, Some(error.to_string())),
             Err(panic) => return (map, Some(panic_message(panic.as_ref()))),

@@ -7,11 +7,13 @@ use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
+use covis_solvers::interrupt::Interrupt;
 use covis_solvers::optimizer::IterationSummary;
 use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tracing::Span;
 
 use super::durability::sequence_of;
+use super::measured_pairs::MeasuredPairs;
 use super::solve::Job;
 use super::stream::Queued;
 use super::watch::Past;
@@ -19,7 +21,7 @@ use super::{
     Account, EngineConfig, EngineError, EngineMeters, IngestStream, OptimizeOptions,
     OptimizeOutcome, Watch,
 };
-use crate::map::{Map, MapPolicy};
+use crate::map::{GraphPairs, GraphProblem, Map, MapPolicy, measured_graph};
 use crate::store::{Durability, Flushed, Store};
 
 /// Whether a map accepts changes.
@@ -113,7 +115,7 @@ pub(super) enum Condition {
     /// A change hit a bug.
     Poisoned,
     /// The journal failed or lost events.
-    Frozen(EngineError),
+    Damaged(EngineError),
 }
 
 /// State that an engine and all handles of its map share.
@@ -124,10 +126,14 @@ pub(super) struct Shared {
     pub(super) config: EngineConfig,
     pub(super) meters: Arc<EngineMeters>,
     pub(super) condition: Mutex<Condition>,
+    /// Whether the map is frozen by request.
+    pub(super) frozen: AtomicBool,
     /// The store from which watchers read the journal.
     pub(super) store: Arc<dyn Store>,
     /// Limits how many watchers read journals at once.
     pub(super) history: Arc<Semaphore>,
+    /// What was measured between keyframes.
+    pub(super) pairs: Arc<MeasuredPairs>,
     /// How far the journal is durable.
     pub(super) flushed: watch::Receiver<Flushed>,
     /// Why the engine ended.
@@ -144,7 +150,7 @@ impl Shared {
     pub(super) fn state(&self) -> MapState {
         match *self.condition() {
             Condition::Open => MapState::Open,
-            Condition::Poisoned | Condition::Frozen(_) => MapState::Poisoned,
+            Condition::Poisoned | Condition::Damaged(_) => MapState::Poisoned,
         }
     }
 
@@ -157,10 +163,10 @@ impl Shared {
     }
 
     /// The journal has failed; the first error stays.
-    pub(super) fn freeze(&self, error: &EngineError) {
+    pub(super) fn set_damaged(&self, error: &EngineError) {
         let mut condition = self.condition();
         if let Condition::Open | Condition::Poisoned = *condition {
-            *condition = Condition::Frozen(error.clone());
+            *condition = Condition::Damaged(error.clone());
         }
     }
 
@@ -169,7 +175,7 @@ impl Shared {
         match &*self.condition() {
             Condition::Open => Ok(()),
             Condition::Poisoned => Err(EngineError::Poisoned { map: self.name.clone() }),
-            Condition::Frozen(error) => Err(error.clone()),
+            Condition::Damaged(error) => Err(error.clone()),
         }
     }
 
@@ -298,6 +304,17 @@ impl MapHandle {
             },
             Ok(_) | Err(_) => Ok(()),
         }
+    }
+
+    /// The pose graph of `map`, a snapshot of this map, as a solve of it begins; `None` when
+    /// `interrupt` is due before all pairs of keyframes are measured. Blocks its thread, and uses the
+    /// others of its thread pool.
+    #[must_use]
+    pub fn pose_graph(&self, map: &Map, interrupt: &Interrupt) -> Option<GraphProblem> {
+        let pairs = GraphPairs::of(map);
+        let motions = self.shared.pairs.complete(map, &pairs, interrupt);
+        let is_whole = !interrupt.is_due();
+        is_whole.then(|| measured_graph(map, map.policy().gauge, &pairs, &motions))
     }
 
     /// Optimizes the whole map. Sends each iteration to `progress` and applies the result as one

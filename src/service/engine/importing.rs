@@ -123,7 +123,6 @@ impl Maps {
             map: Arc::unwrap_or_clone(content),
             condition: Condition::Open,
             unopened: None,
-            unsolved: Vec::new(),
             flushed,
         };
         self.start_created(claim, start, place).await

@@ -3,16 +3,14 @@
 //! Nothing here waits for a solve or for the disk. A rejected item changes nothing; an item for
 //! which there is no room ends its stream.
 
-use std::collections::BTreeMap;
-
 use super::actor::{Actor, SMALL, STEP};
 use super::ingest::{Admission, Ingest, Room, frees, size_of_item};
 use super::schedule::Task;
 use super::stream::{Body, Queued, QueuedItem};
 use super::{Ack, AckStatus, EngineError, SolveReport, StreamEvent};
 use crate::map::{
-    Affected, Cause, Change, ClientIndex, ConstraintKind, EntityId, Event, Map, PartialItem,
-    SolveKind, affected, has_unplaced, retire, triangulate,
+    Affected, Cause, Change, ClientIndex, EntityId, Map, PartialItem, ToSolve, Unsolved,
+    has_unplaced, retire, triangulate,
 };
 
 impl Actor {
@@ -88,11 +86,6 @@ impl Actor {
         if size > SMALL {
             self.pool.discard(item);
         }
-        let (added, change) = if size > SMALL {
-            self.compute(move |map| (added(map, &change), change)).await
-        } else {
-            (added(&self.map, &change), change)
-        };
         let duplicate = change == Change::ItemRepeated;
         let cause = Cause { client, epoch, sequence, digest };
         let position = match self.commit(Some(cause), change).await {
@@ -114,7 +107,10 @@ impl Actor {
         if duplicate && waits {
             self.nothing_to_solve(client, sequence);
         }
-        self.trigger(client, sequence, added).await;
+        let unsolved = self.map.client(client).and_then(|client| client.unsolved.clone());
+        if let Some(unsolved) = unsolved.filter(|unsolved| unsolved.sequence == sequence) {
+            self.trigger(client, unsolved).await;
+        }
     }
 
     /// Reserves room for a change. If the map is full and the policy says so, retires one keyframe;
@@ -139,11 +135,12 @@ impl Actor {
     }
 
     /// Starts the solve that an accepted item triggers.
-    pub(super) async fn trigger(&mut self, client: ClientIndex, sequence: i64, added: Added) {
+    pub(super) async fn trigger(&mut self, client: ClientIndex, unsolved: Unsolved) {
+        let Unsolved { sequence, to_solve } = unsolved;
         let policy = self.map.policy();
         let (local_bundle, loop_closure) = (policy.local_bundle, policy.loop_closure);
-        match added {
-            Added::Views(id) => {
+        match to_solve {
+            ToSolve::Views(id) => {
                 if let Err(error) = self.place(id).await {
                     return self.ingest.end(client, error);
                 }
@@ -153,16 +150,16 @@ impl Actor {
                     self.nothing_to_solve(client, sequence);
                 }
             }
-            Added::Loop if loop_closure => {
+            ToSolve::Loop if loop_closure => {
                 self.solving.schedule.push(client, sequence, Task::Loop);
                 self.solving.supersede_window();
             }
             // Fixes may come several times a second: no window is given up for one.
-            Added::Prior if loop_closure => {
+            ToSolve::Prior if loop_closure => {
                 self.solving.schedule.push(client, sequence, Task::Prior);
             }
-            Added::Loop | Added::Prior => self.nothing_to_solve(client, sequence),
-            Added::Edited(Affected { graph, keyframes }) => {
+            ToSolve::Loop | ToSolve::Prior => self.nothing_to_solve(client, sequence),
+            ToSolve::Edited(Affected { graph, keyframes }) => {
                 if let Some(&newest) = keyframes.last()
                     && let Err(error) = self.place(newest).await
                 {
@@ -182,7 +179,6 @@ impl Actor {
                     self.nothing_to_solve(client, sequence);
                 }
             }
-            Added::Other => {}
         }
     }
 
@@ -208,76 +204,5 @@ impl Actor {
         let mark = self.solving.schedule.push_done(client, sequence);
         let marks = mark.map(|mark| (client, mark));
         self.ingest.optimized(marks, self.map.revision(), 0, &SolveReport::Nothing);
-    }
-}
-
-/// An item that was accepted before a restart and whose solve was not applied.
-pub(super) struct Unsolved {
-    pub(super) client: ClientIndex,
-    pub(super) sequence: i64,
-    pub(super) added: Added,
-}
-
-/// For each client, the last item that may have started a solve, gathered while a map is replayed. In
-/// lock-step no other item is unsolved; otherwise the solve of the last item covers most of the others.
-#[derive(Default)]
-pub(super) struct LastTriggers(BTreeMap<ClientIndex, Unsolved>);
-
-impl LastTriggers {
-    /// Takes an event in; `map` is the map before it.
-    pub(super) fn event(&mut self, map: &Map, event: &Event) {
-        if let Change::SolveApplied { solve } = &event.change
-            && solve.kind == SolveKind::PoseGraph
-        {
-            // The window of a removed keyframe may still be open.
-            for Unsolved { added, .. } in self.0.values_mut() {
-                if let Added::Edited(affected) = added {
-                    affected.graph = false;
-                }
-            }
-        }
-        let Some(Cause { client, sequence, .. }) = event.cause else { return };
-        match added(map, &event.change) {
-            Added::Other => {}
-            added @ (Added::Views(_) | Added::Loop | Added::Prior | Added::Edited(_)) => {
-                self.0.insert(client, Unsolved { client, sequence, added });
-            }
-        }
-    }
-
-    /// Those whose solve's result is not in `map`.
-    pub(super) fn unsolved(self, map: &Map) -> Vec<Unsolved> {
-        let covered = |client| map.client(client).map_or(0, |c| c.optimized_sequence);
-        self.0.into_values().filter(|u| u.sequence > covered(u.client)).collect()
-    }
-}
-
-/// What a change adds that can start a solve.
-pub(super) enum Added {
-    /// Observations of this keyframe.
-    Views(EntityId),
-    /// A loop closure.
-    Loop,
-    /// An edit.
-    Edited(Affected),
-    /// A prior of a client.
-    Prior,
-    Other,
-}
-
-/// `map` is the map before the change.
-fn added(map: &Map, change: &Change) -> Added {
-    if let Change::KeyframeAdded { id, .. } | Change::ObservationsAdded { keyframe: id, .. } =
-        change
-    {
-        Added::Views(*id)
-    } else if let Change::ConstraintAdded { constraint, .. } = change
-        && constraint.kind == ConstraintKind::LoopClosure
-    {
-        Added::Loop
-    } else if let Change::PriorAdded { .. } = change {
-        Added::Prior
-    } else {
-        affected(map, change).map_or(Added::Other, Added::Edited)
     }
 }

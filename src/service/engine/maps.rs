@@ -158,7 +158,6 @@ impl Maps {
             condition: Condition::Open,
             unopened: None,
             snapshot: 0,
-            unsolved: Vec::new(),
             flushed,
         };
         self.start_created(claim, start, place).await

@@ -4,7 +4,7 @@
 //! the process, made again when it is asked for, and the same then. The engine tells what each change of
 //! the map does to measurements ([`MeasuredPairs::note`]), and one that is older than such a change is
 //! made again. Windows fill it as keyframes come; a pose graph measures what is missing on the threads
-//! of its solve. It is shared by the solves of one map and uses nothing of the engine.
+//! of its solve. It is shared by the solves and the exports of one map and uses nothing of the engine.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -40,16 +40,31 @@ struct Known {
     changed: BTreeMap<EntityId, i64>,
     /// The same for all keyframes.
     all_changed: i64,
+    /// What changed up to this revision is not in `changed` any more; measurements of older maps are not
+    /// kept.
+    forgotten: i64,
     /// Capture time and id of the newest keyframe of a client, or of one that was newer.
     newest: BTreeMap<ClientIndex, (i64, EntityId)>,
 }
 
 impl Known {
-    /// The entry of a pair, if it still holds.
-    fn get(&self, pair: Pair) -> Option<&Entry> {
+    /// The entry of a pair, if it holds for the map at `revision`, which may be older than the newest
+    /// change: then one that was made of a newer map may not hold.
+    fn get(&self, pair: Pair, revision: i64) -> Option<&Entry> {
         let changed = |id| self.changed.get(&id).copied().unwrap_or(0);
         let newest = self.all_changed.max(changed(pair.0)).max(changed(pair.1));
-        self.entries.get(&pair).filter(|entry| entry.revision >= newest)
+        self.entries.get(&pair).filter(|entry| (newest..=revision).contains(&entry.revision))
+    }
+
+    /// Keeps an entry, unless a newer one is there or what has changed since is not known.
+    fn keep(&mut self, pair: Pair, entry: Entry) {
+        if entry.revision < self.forgotten {
+            return;
+        }
+        let known = self.entries.entry(pair).or_insert(entry);
+        if known.revision < entry.revision {
+            *known = entry;
+        }
     }
 
     /// A keyframe takes or gives up views of landmarks: the measurements of later keyframes that see
@@ -152,7 +167,7 @@ impl MeasuredPairs {
     pub(super) fn unmeasured_near(&self, map: &Map, keyframe: EntityId) -> Vec<Unmeasured> {
         let mut pairs = near_pairs(map, keyframe);
         let known = self.known();
-        pairs.retain(|&pair| known.get(pair).is_none());
+        pairs.retain(|&pair| known.get(pair, map.revision()).is_none());
         drop(known);
         pairs.into_iter().map(|pair| Unmeasured::of(map, pair)).collect()
     }
@@ -161,7 +176,7 @@ impl MeasuredPairs {
     pub(super) fn measure(&self, pairs: Vec<Unmeasured>) {
         for pair in pairs {
             let (pair, entry) = pair.measure();
-            self.known().entries.insert(pair, entry);
+            self.known().keep(pair, entry);
         }
     }
 
@@ -176,7 +191,7 @@ impl MeasuredPairs {
         let pairs: Vec<Pair> = pairs.ids().collect();
         let known = self.known();
         let found: Vec<Option<Entry>> =
-            pairs.iter().map(|&pair| known.get(pair).copied()).collect();
+            pairs.iter().map(|&pair| known.get(pair, map.revision()).copied()).collect();
         drop(known);
         let measure = |(&pair, found): (&Pair, Option<Entry>)| match found {
             None if interrupt.is_due() => None,
@@ -190,7 +205,7 @@ impl MeasuredPairs {
         let mut known = self.known();
         for (&pair, entry) in pairs.iter().zip(&made) {
             if let Some((true, entry)) = entry {
-                known.entries.insert(pair, *entry);
+                known.keep(pair, *entry);
             }
         }
         // Without an interruption every entry that stays is newer than the changes before this map.
@@ -200,6 +215,7 @@ impl MeasuredPairs {
                 known.entries.retain(|pair, _| needed.contains(pair));
             }
             known.changed.retain(|_, revision| *revision > map.revision());
+            known.forgotten = known.forgotten.max(map.revision());
         }
         drop(known);
         made.into_iter().map(|entry| entry?.1.motion).collect()
@@ -338,6 +354,35 @@ mod tests {
         kept.measured(&kept.pairs);
         kept.keyframe(6, 60, LANDMARKS);
         let known = kept.pairs.known();
-        assert!(known.changed.is_empty() && known.get((id(2), id(3))).is_some());
+        assert!(
+            known.changed.is_empty() && known.get((id(2), id(3)), kept.map.revision()).is_some()
+        );
+    }
+
+    #[test]
+    fn a_reader_of_an_older_snapshot_gets_the_measurements_of_that_snapshot() {
+        let mut kept = Kept::new();
+        let older = kept.map.clone();
+        let before = kept.of(2, 3);
+        kept.keyframe(90, 15, LANDMARKS);
+        let after = kept.of(2, 3);
+        let graph = GraphPairs::of(&older);
+        let motions = kept.pairs.complete(&older, &graph, &Interrupt::NEVER);
+        let found: BTreeMap<Pair, _> = graph.ids().zip(motions).collect();
+        assert_eq!(found[&(id(2), id(3))], Some(before));
+        assert_eq!(kept.of(2, 3), after, "and spoils nothing for the newest");
+        // The same where the newest measurement is gone when the reader keeps its own.
+        kept.pairs.known().entries.clear();
+        kept.pairs.complete(&older, &graph, &Interrupt::NEVER);
+        assert_eq!(kept.of(2, 3), after);
+    }
+
+    #[test]
+    fn an_interrupted_reader_measures_nothing_more() {
+        let kept = Kept::new();
+        let due = Interrupt::at(Some(std::time::Instant::now()));
+        let graph = GraphPairs::of(&kept.map);
+        assert!(kept.pairs.complete(&kept.map, &graph, &due).iter().all(Option::is_none));
+        assert!(kept.pairs.known().entries.is_empty());
     }
 }

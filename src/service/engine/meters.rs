@@ -6,6 +6,7 @@
 use std::future::poll_fn;
 use std::pin::pin;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use covis_solvers::optimizer::Termination;
@@ -279,10 +280,12 @@ impl EngineMeters {
 pub struct MapCounts {
     /// Maps that accept changes.
     pub open: u64,
+    /// Maps that are read-only by request.
+    pub frozen: u64,
     /// Maps that a bug made read-only.
     pub poisoned: u64,
     /// Maps that are read-only because they lost data or cannot write.
-    pub frozen: u64,
+    pub damaged: u64,
     /// Items that wait in all queues.
     pub queued: u64,
     /// Room for items in all queues.
@@ -295,9 +298,10 @@ impl MapCounts {
     /// Adds a map.
     pub(super) fn add(&mut self, handle: &MapHandle) {
         match *handle.shared.condition() {
+            Condition::Open if handle.shared.frozen.load(Ordering::Relaxed) => self.frozen += 1,
             Condition::Open => self.open += 1,
             Condition::Poisoned => self.poisoned += 1,
-            Condition::Frozen(_) => self.frozen += 1,
+            Condition::Damaged(_) => self.damaged += 1,
         }
         let capacity = handle.items.max_capacity();
         let queued = capacity - handle.items.capacity().min(capacity);

@@ -5,6 +5,7 @@
 //! with the reason; if the system lacked resources, it is tried again. It does not delay the other
 //! maps.
 
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Duration;
 
@@ -18,7 +19,6 @@ use super::durability::{Durability, replay, sequence_of, stored};
 use super::error::report_bug;
 use super::handle::{Condition, Shared};
 use super::ingest::Ingest;
-use super::items::{LastTriggers, Unsolved};
 use super::maps::Inner;
 use super::solving::Solving;
 use super::watching::Watching;
@@ -43,7 +43,6 @@ pub(super) struct Start {
     pub(super) unopened: Option<EngineError>,
     /// Revision of the snapshot that it was loaded from.
     pub(super) snapshot: i64,
-    pub(super) unsolved: Vec<Unsolved>,
     pub(super) flushed: watch::Receiver<Flushed>,
 }
 
@@ -63,10 +62,9 @@ impl Maps {
                     name,
                     epoch: Epoch::default(),
                     map: Map::new(),
-                    condition: Condition::Frozen(error.clone()),
+                    condition: Condition::Damaged(error.clone()),
                     unopened: Some(error),
                     snapshot: 0,
-                    unsolved: Vec::new(),
                     flushed: watch::channel(Flushed::default()).1,
                 }
             }
@@ -120,11 +118,7 @@ impl Maps {
             store.delete_map(name).await?;
             return Ok(None);
         }
-        let mut triggers = LastTriggers::default();
-        let replayed = replay(map, events.iter().map(AsRef::as_ref), |map, event| {
-            triggers.event(map, event);
-        });
-        let (map, stopped) = replayed;
+        let (map, stopped) = replay(map, events.iter().map(AsRef::as_ref));
         for damage in &damage {
             tracing::error!(map = name, %damage, "damage on disk");
         }
@@ -146,13 +140,9 @@ impl Maps {
             report_bug(&format!("map {name:?} replays to {reached} of {through} events"));
         }
         let condition = match refusal {
-            Some(refusal) => Condition::Frozen(refusal),
+            Some(refusal) => Condition::Damaged(refusal),
             None if stopped.is_some() || is_short => Condition::Poisoned,
             None => Condition::Open,
-        };
-        let unsolved = match condition {
-            Condition::Open => triggers.unsolved(&map),
-            Condition::Poisoned | Condition::Frozen(_) => Vec::new(),
         };
         Ok(Some(Start {
             name: name.to_owned(),
@@ -161,7 +151,6 @@ impl Maps {
             condition,
             unopened: None,
             snapshot,
-            unsolved,
             flushed,
         }))
     }
@@ -181,8 +170,10 @@ impl Maps {
             config: *config,
             meters: Arc::clone(&self.inner.meters),
             condition: Mutex::new(start.condition),
+            frozen: AtomicBool::new(start.map.is_frozen()),
             store: Arc::clone(store),
             history: Arc::clone(&self.inner.history),
+            pairs: Arc::default(),
             flushed: start.flushed,
             ended: OnceLock::new(),
             unopened: start.unopened,
@@ -200,7 +191,7 @@ impl Maps {
             map: Arc::new(start.map),
             applying: None,
             control,
-            unsolved: start.unsolved,
+            has_unsolved: shared.check_open().is_ok(),
             handled: 0,
             answered: false,
             closing: Vec::new(),

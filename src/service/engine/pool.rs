@@ -66,6 +66,13 @@ impl Estimate {
         Self::new(Price { bytes: bytes as u64, flops_per_iteration }, max_iterations, ceiling)
     }
 
+    /// The estimate of making the pose graph of a map that holds `usage`, without a solve.
+    #[must_use]
+    pub fn of_graph(usage: Usage, ceiling: &Ceiling) -> Self {
+        let solve = Self::of_map(usage, 1, ceiling);
+        if solve.is_small { solve } else { Self::LONG }
+    }
+
     /// Memory that is reserved for it while it runs, bytes.
     #[must_use]
     pub fn bytes(&self) -> u64 {

@@ -16,7 +16,6 @@ use std::sync::atomic::AtomicBool;
 use covis_solvers::{bundle_adjustment, optimizer};
 
 use super::handle::Shared;
-use super::measured_pairs::MeasuredPairs;
 use super::pool::{SolvePanicked, SolverPool, Started};
 use super::schedule::Schedule;
 use super::solve::{Job, Outcome, solve_loop, solve_map, solve_map_graph, solve_window};
@@ -38,7 +37,6 @@ pub(super) struct Running {
 pub(super) struct Solving {
     shared: Arc<Shared>,
     pool: Arc<SolverPool>,
-    pairs: Arc<MeasuredPairs>,
     pub(super) schedule: Schedule,
     running: Option<Running>,
     /// The optimization that waits or runs.
@@ -52,14 +50,9 @@ impl Solving {
     /// `last_id` is the number of the map's last solve.
     pub(super) fn new(shared: &Arc<Shared>, pool: &Arc<SolverPool>, last_id: i64) -> Self {
         let (shared, pool) = (Arc::clone(shared), Arc::clone(pool));
-        let (pairs, schedule) = (Arc::default(), Schedule::default());
         let (running, job, prior_went) = (None, None, false);
-        Self { shared, pool, pairs, schedule, running, job, last_id, prior_went }
-    }
-
-    /// What was measured between keyframes.
-    pub(super) fn pairs(&self) -> &Arc<MeasuredPairs> {
-        &self.pairs
+        let schedule = Schedule::default();
+        Self { shared, pool, schedule, running, job, last_id, prior_went }
     }
 
     /// Whether no solve runs or waits.
@@ -108,7 +101,7 @@ impl Solving {
         let (map, ceiling) = (Arc::clone(map), self.shared.config.ceiling());
         let max_iterations = optimizer::Options::default().max_iterations;
         let estimate = Estimate::of_map(map.usage(), max_iterations, &ceiling);
-        let pairs = Arc::clone(&self.pairs);
+        let pairs = Arc::clone(&self.shared.pairs);
         self.launch(SolveKind::PoseGraph, estimate, triggers, None, move |cancel| {
             solve_loop(map, &pairs, ceiling, cancel)
         });
@@ -136,7 +129,7 @@ impl Solving {
             OptimizeProblem::PoseGraph { certify } => {
                 // Covers no windows: a pose graph moves no landmark relative to its keyframes.
                 let loops = self.schedule.loops();
-                let pairs = Arc::clone(&self.pairs);
+                let pairs = Arc::clone(&self.shared.pairs);
                 self.launch(SolveKind::PoseGraph, estimate, loops, cancel, move |cancel| {
                     solve_map_graph(map, &pairs, &options, certify, &rows, cancel)
                 });
@@ -156,7 +149,7 @@ impl Solving {
         let centers = Arc::clone(&keyframes);
         let max_iterations = map.policy().max_local_iterations;
         let ceiling = self.shared.config.ceiling();
-        let pairs = Arc::clone(&self.pairs);
+        let pairs = Arc::clone(&self.shared.pairs);
         let built = self.pool.compute_from(map, move |map| {
             // The pairs of an edit are measured by the pose graph that needs them.
             let unmeasured = match *centers {
@@ -174,7 +167,7 @@ impl Solving {
         let (free, problem, estimate, unmeasured) = built.await;
         let triggers = self.schedule.within(&keyframes, &free);
         let Some(estimate) = estimate else { return Some(triggers) };
-        let pairs = Arc::clone(&self.pairs);
+        let pairs = Arc::clone(&self.shared.pairs);
         self.launch(SolveKind::LocalBundle, estimate, triggers, None, move |cancel| {
             pairs.measure(unmeasured);
             solve_window(problem, max_iterations, ceiling, cancel)

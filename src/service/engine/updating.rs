@@ -4,6 +4,8 @@
 //! and drops the result of the running solve; the items that wait for solves keep their places, so
 //! that they are solved once the map is open again. What the map holds is not changed here.
 
+use std::sync::atomic::Ordering;
+
 use super::EngineError;
 use super::actor::Actor;
 use super::handle::{MapInfo, MapUpdate};
@@ -38,6 +40,7 @@ impl Actor {
             self.ingest.end_all(&error);
         }
         if let Some(frozen) = frozen {
+            self.shared.frozen.store(frozen, Ordering::Relaxed);
             let map = &self.shared.name;
             tracing::info!(map, frozen, "the map's state was changed");
         }

@@ -5,6 +5,7 @@
 //! writes the records; `parts.rs` gives a map's entities ids and names that a format can contain.
 
 mod colmap;
+mod graph;
 mod parts;
 #[cfg(test)]
 mod tests;
@@ -17,6 +18,7 @@ use covis_solvers::io::ply::PlyEncoding;
 use covis_solvers::io::trajectory::Trajectory;
 
 use self::colmap::Numbers;
+pub(super) use self::graph::GraphLines;
 use self::parts::{Cursor, Part, PlyPath};
 use super::convert::entities::clients_by_name;
 use super::error::ServiceError;
@@ -100,6 +102,15 @@ impl Export {
             Ok(files) => Ok(Self { name, map, files, offset: 0, made: Vec::new() }),
             Err(reason) => Err(ServiceError::FormatCannotHoldMap { map: name, reason }),
         }
+    }
+
+    /// The same with the edges of a g2o file, which take longer to make: `lines` are those of the pose
+    /// graph of the map.
+    pub(super) fn with_graph(mut self, lines: GraphLines) -> Self {
+        if let Some(file) = self.files.back_mut() {
+            file.parts.push_back(Part::G2oGraph(lines));
+        }
+        self
     }
 
     /// The revision that is exported.
@@ -190,8 +201,7 @@ fn g2o(map: &Map) -> Result<VecDeque<File>, String> {
             return Err(format!("several clients have a keyframe {}: {text}", id.id));
         }
     }
-    let parts = [Part::G2oVertices(Cursor::start()), Part::G2oEdges(Cursor::start())];
-    Ok(VecDeque::from([file("graph.g2o", parts)]))
+    Ok(VecDeque::from([file("graph.g2o", [Part::G2oVertices(Cursor::start())])]))
 }
 
 fn ply(map: &Map) -> VecDeque<File> {

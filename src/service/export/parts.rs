@@ -6,11 +6,12 @@
 use std::sync::Arc;
 
 use covis_solvers::io::colmap::ColmapEncoding;
-use covis_solvers::io::g2o::{G2oEdge, G2oSe3, G2oVertex};
+use covis_solvers::io::g2o::{G2oSe3, G2oVertex};
 use covis_solvers::io::ply::{PlyEncoding, PlyVertex};
 use covis_solvers::io::trajectory::Trajectory;
 
 use super::colmap::Numbers;
+use super::graph::GraphLines;
 use super::{KEYFRAME_COLOR, LANDMARK_COLOR};
 use crate::map::{ClientIndex, EntityId, Keyframe, Map, SharedMap};
 use crate::store::MapFileWriter;
@@ -107,9 +108,7 @@ pub(super) enum Part {
     ColmapPoints(ColmapEncoding, Arc<Numbers>, Cursor),
     Tum(Path),
     G2oVertices(Cursor),
-    /// The edges that are not switched off: a file cannot mark an edge as switched off, and its
-    /// reader would use it.
-    G2oEdges(Cursor),
+    G2oGraph(GraphLines),
     PlyPoints(Cursor),
     PlyLine(Path),
     PlyEdges(Vec<PlyPath>),
@@ -168,14 +167,7 @@ impl Part {
                 G2oSe3::put_vertex(&G2oVertex::new(id.id, &k.world_from_camera), out);
                 Ok(())
             }),
-            Self::G2oEdges(at) => at.put(from(map.constraints()), most, out, |id, edge, out| {
-                if !map.switched_off().contains_key(&id) {
-                    let (i, j) = (edge.keyframe_i.id, edge.keyframe_j.id);
-                    let pose = &edge.keyframe_i_from_keyframe_j;
-                    G2oSe3::put_edge(&G2oEdge::new(i, j, pose, &edge.information), out);
-                }
-                Ok(())
-            }),
+            Self::G2oGraph(lines) => Ok(lines.put(most, out)),
             Self::PlyPoints(at) => at.put(from(map.landmarks()), most, out, |_, landmark, out| {
                 if let Some(position) = landmark.position {
                     let vertex = PlyVertex { position, color: LANDMARK_COLOR };

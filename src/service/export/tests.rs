@@ -1,6 +1,5 @@
 //! Chunks are those of the whole files, and are made one at a time.
 
-use covis_solvers::factors::RelativePose;
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::io::colmap::{ColmapCamera, ColmapImage, ColmapModel, ColmapPoint};
@@ -10,8 +9,8 @@ use nalgebra::{Matrix6, Vector2, Vector3, Vector6};
 
 use super::*;
 use crate::map::{
-    CameraEntity, Change, ClientIndex, Constraint, ConstraintKind, EntityId, Event, MapPolicy,
-    NewLandmark, Observation,
+    CameraEntity, Change, ClientIndex, Constraint, ConstraintKind, EntityId, Event, GraphProblem,
+    MapPolicy, NewLandmark, Observation, graph_problem,
 };
 use crate::service::convert::ids::client_name;
 use crate::store::MapFileWriter;
@@ -86,6 +85,19 @@ fn map() -> Arc<Map> {
     Arc::new(Map::replay(events.iter()).unwrap())
 }
 
+/// The pose graph by odometry and constraints.
+fn unmeasured(map: &Map) -> GraphProblem {
+    graph_problem(map, map.policy().gauge, |_, _| None)
+}
+
+fn started(map: &Arc<Map>, format: Format) -> Export {
+    let export = Export::new("room".to_owned(), Arc::clone(map), format).unwrap();
+    match format {
+        Format::G2o => export.with_graph(GraphLines::of(unmeasured(map))),
+        Format::Colmap(_) | Format::Tum | Format::Ply | Format::Covis => export,
+    }
+}
+
 /// The files by the writers of whole files.
 fn whole(map: &Map, format: Format) -> Vec<(String, Vec<u8>)> {
     match format {
@@ -107,18 +119,9 @@ fn whole(map: &Map, format: Format) -> Vec<(String, Vec<u8>)> {
             })
             .collect(),
         Format::G2o => {
-            let keyframes: Vec<EntityId> = map.keyframes().keys().copied().collect();
-            let index = |id: EntityId| keyframes.binary_search(&id).unwrap();
-            let mut graph = PoseGraph::<Se3, 6>::new();
-            for (id, keyframe) in map.keyframes().iter() {
-                graph.push_pose(id.id, keyframe.world_from_camera);
-            }
-            for (_, constraint) in map.active_constraints() {
-                let (i, j) = (index(constraint.keyframe_i), index(constraint.keyframe_j));
-                let i_from_j = constraint.keyframe_i_from_keyframe_j;
-                let information = constraint.information;
-                graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
-            }
+            let problem = unmeasured(map);
+            let ids = problem.keyframes.iter().map(|keyframe| keyframe.id).collect();
+            let graph = PoseGraph { ids, ..problem.graph };
             let file = covis_solvers::io::g2o::G2oSe3::from_pose_graph(&graph).unwrap();
             vec![("graph.g2o".to_owned(), file.to_bytes())]
         }
@@ -180,7 +183,7 @@ const FORMATS: [Format; 6] = [
 fn chunks_are_those_of_the_whole_files() {
     let map = map();
     for format in FORMATS {
-        let mut export = Export::new("room".to_owned(), Arc::clone(&map), format).unwrap();
+        let mut export = started(&map, format);
         let paths = export.paths();
         let mut files: Vec<(String, Vec<u8>)> = Vec::new();
         let (mut is_open, mut most) = (false, 0);
@@ -225,7 +228,7 @@ fn a_chunk_is_made_when_it_is_asked_for() {
 fn a_map_without_entities_has_files_without_records() {
     for format in FORMATS {
         let map = Arc::new(Map::new());
-        let mut export = Export::new("room".to_owned(), Arc::clone(&map), format).unwrap();
+        let mut export = started(&map, format);
         for (path, bytes) in whole(&map, format) {
             let chunk = export.next_chunk().unwrap().unwrap();
             assert_eq!((chunk.path, chunk.data, chunk.last_chunk), (path, bytes, true));

@@ -89,12 +89,13 @@ fn connections(text: &mut Text, connections: &Connections) {
 
 fn maps(text: &mut Text, context: &Context) {
     let counts = context.maps.counts();
-    let help =
-        "Maps; poisoned by a bug, or frozen by damage or a failing disk, they are read-only.";
+    let help = "Maps; read-only by request (frozen), by a bug (poisoned), or by damage or a failing \
+                disk (damaged).";
     text.gauge("covis_maps", help)
         .row(&[("state", "open")], counts.open)
+        .row(&[("state", "frozen")], counts.frozen)
         .row(&[("state", "poisoned")], counts.poisoned)
-        .row(&[("state", "frozen")], counts.frozen);
+        .row(&[("state", "damaged")], counts.damaged);
     text.gauge("covis_queue_items", "Items that wait for their engine, all maps.")
         .row(&[], counts.queued);
     text.gauge("covis_queue_capacity_items", "Room for waiting items, all maps.")

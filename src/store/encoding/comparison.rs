@@ -118,8 +118,21 @@ fn is_landmark(read: &Landmark, expected: &Landmark) -> bool {
 /// What is no list, and the clients without their items.
 fn is_head(read: &MapParts, map: &Map) -> bool {
     let client = |(a, b): (&Client, &Client)| {
-        (&a.name, a.epoch, a.next_sequence, a.optimized_sequence, a.closure_variance)
-            == (&b.name, b.epoch, b.next_sequence, b.optimized_sequence, b.closure_variance)
+        let Client {
+            name,
+            epoch,
+            next_sequence,
+            optimized_sequence,
+            unsolved,
+            closure_variance,
+            items: _,
+        } = a;
+        *name == b.name
+            && *epoch == b.epoch
+            && *next_sequence == b.next_sequence
+            && *optimized_sequence == b.optimized_sequence
+            && *unsolved == b.unsolved
+            && *closure_variance == b.closure_variance
     };
     read.revision == map.revision()
         && read.create_time_ns == map.create_time_ns()

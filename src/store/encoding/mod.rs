@@ -6,6 +6,7 @@
 //! nothing outside this folder names a generated type.
 
 mod change;
+mod clients;
 mod comparison;
 mod entities;
 mod event;

@@ -7,6 +7,7 @@ use std::io::{Read, Write};
 
 use prost::Message;
 
+use super::clients::{decode_client, encode_client};
 use super::entities::{
     decode_camera_set, decode_constraint, decode_id, decode_kind, decode_observations,
     decode_policy, decode_pose, decode_prior, decode_switched_off, decode_vector,
@@ -16,7 +17,7 @@ use super::entities::{
 use super::event::decode_digest;
 use super::{EncodingError, decode, decode_known, required, v1};
 use crate::map::{
-    Client, ClientIndex, Content, Digest, EntityId, Keyframe, Landmark, Map, MapParts, Usage,
+    ClientIndex, Content, Digest, EntityId, Keyframe, Landmark, Map, MapParts, Usage,
 };
 
 /// Entries of one kind in one part: what a part takes in memory is not to be seen beside a small map.
@@ -337,7 +338,9 @@ fn take_part(parts: &mut MapParts, part: v1::MapPart) -> Result<(), EncodingErro
         parts.frozen = head.frozen;
         parts.adjustment_due = head.adjustment_due;
     }
-    parts.clients.extend(part.clients.into_iter().map(decode_client));
+    for client in part.clients {
+        parts.clients.push(decode_client(client)?);
+    }
     for items in part.items {
         let client = parts.clients.get_mut(items.client as usize);
         let client = required(client, "a client")?;
@@ -381,27 +384,6 @@ fn take<M, V>(
         list.extend([decode(message)?]);
         Ok(())
     })
-}
-
-fn encode_client(client: &Client) -> v1::Client {
-    // The items are parts of their own.
-    let Client { name, epoch, next_sequence, optimized_sequence, closure_variance, items: _ } =
-        client;
-    v1::Client {
-        name: name.clone(),
-        epoch: *epoch,
-        next_sequence: *next_sequence,
-        optimized_sequence: *optimized_sequence,
-        closure_variance: Some(closure_variance.to_bits()),
-    }
-}
-
-fn decode_client(client: v1::Client) -> Client {
-    let v1::Client { name, epoch, next_sequence, optimized_sequence, closure_variance } = client;
-    // An earlier version had none.
-    let closure_variance = closure_variance.map_or(1.0, f64::from_bits);
-    let items = Default::default();
-    Client { name, epoch, next_sequence, optimized_sequence, closure_variance, items }
 }
 
 fn encode_landmark(id: EntityId, landmark: &Landmark) -> v1::Landmark {

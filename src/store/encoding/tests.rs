@@ -13,10 +13,10 @@ use proptest::prelude::*;
 
 use super::{EncodingError, compare_map, decode_event, decode_map, encode_event, encode_map};
 use crate::map::{
-    AppliedSolve, CameraEntity, Cause, Ceilings, Change, Client, ClientIndex, ClosureRobustness,
-    Comparison, Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind, EntityId, Event,
-    Gauge, Map, MapParts, MapPolicy, NewLandmark, Observation, Prior, Retired, SharedMap,
-    SolveKind, SwitchedOff, WhenFull,
+    Affected, AppliedSolve, CameraEntity, Cause, Ceilings, Change, Client, ClientIndex,
+    ClosureRobustness, Comparison, Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind,
+    EntityId, Event, Gauge, Map, MapParts, MapPolicy, NewLandmark, Observation, Prior, Retired,
+    SharedMap, SolveKind, SwitchedOff, ToSolve, Unsolved, WhenFull,
 };
 
 fn id(id: i64) -> EntityId {
@@ -324,6 +324,25 @@ fn a_map_comes_back_bit_for_bit_after_every_event() {
 }
 
 #[test]
+fn what_is_to_be_solved_for_a_client_comes_back() {
+    let edited = |graph, keyframes| ToSolve::Edited(Affected { graph, keyframes });
+    for to_solve in [
+        ToSolve::Views(id(3)),
+        ToSolve::Loop,
+        ToSolve::Prior,
+        edited(true, Vec::new()),
+        edited(false, vec![id(10), id(3)]),
+    ] {
+        let mut parts = replayed().to_parts();
+        parts.clients[0].unsolved = Some(Unsolved { sequence: 4, to_solve });
+        let map = Map::from_parts(parts).unwrap();
+        let mut bytes = Vec::new();
+        encode_map(&map, &mut bytes).unwrap();
+        assert_eq!(decode_map(&mut &bytes[..]).unwrap(), map);
+    }
+}
+
+#[test]
 fn a_map_that_is_cut_or_changed_is_refused() {
     let mut bytes = Vec::new();
     encode_map(&replayed(), &mut bytes).unwrap();
@@ -351,7 +370,7 @@ fn a_map_that_differs_from_its_file_in_one_thing_is_told() {
     }
     assert!(full(&map));
     type Difference = (&'static str, fn(&mut MapParts));
-    let differences: [Difference; 21] = [
+    let differences: [Difference; 22] = [
         ("revision", |p| p.revision += 1),
         ("creation", |p| p.create_time_ns -= 1),
         ("update", |p| p.update_time_ns += 1),
@@ -360,6 +379,9 @@ fn a_map_that_differs_from_its_file_in_one_thing_is_told() {
         ("state", |p| p.frozen ^= true),
         ("solves", |p| p.solve_count += 1),
         ("epoch", |p| p.clients[0].epoch += 1),
+        ("an outstanding solve", |p| {
+            p.clients[0].unsolved = Some(Unsolved { sequence: 1, to_solve: ToSolve::Prior });
+        }),
         ("a client", |p| {
             let client = Client { items: SharedMap::default(), ..p.clients[0].clone() };
             p.clients.push(client);

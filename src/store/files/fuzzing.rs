@@ -124,8 +124,8 @@ struct Opened {
     journal: Journal,
     /// The last sequence that can be read.
     last: u64,
-    /// Whether the map accepts no changes.
-    frozen: bool,
+    /// Whether acknowledged events are lost, so that the map accepts no changes.
+    is_damaged: bool,
     /// The newest snapshot.
     map: Option<Arc<Map>>,
     /// The events after it; none if a payload is not an event.
@@ -144,7 +144,7 @@ fn open(disk: &MemoryDisk, uid: &Uid) -> Option<Opened> {
         Err(StoreError::Later { .. }) => return None,
         Err(error) => panic!("a sound disk fails: {error}"),
     };
-    let (last, frozen) = (found.last, found.frozen.is_some());
+    let (last, is_damaged) = (found.last, found.lost.is_some());
     assert_eq!(journal.loaded(found), None, "a sound disk has room");
     let map = match read::newest_snapshot(&journal) {
         Ok(map) => map,
@@ -154,7 +154,7 @@ fn open(disk: &MemoryDisk, uid: &Uid) -> Option<Opened> {
     let base = map.as_ref().map_or(0, |map| crate::store::sequence_of(map.revision()));
     let events = read::events(&journal, base, last).unwrap_or_default();
     assert!(events.len() as u64 <= last.saturating_sub(base), "more events than there can be");
-    Some(Opened { journal, last, frozen, map, events })
+    Some(Opened { journal, last, is_damaged, map, events })
 }
 
 /// Appends an event and flushes; returns how far the journal is then durable.
@@ -168,7 +168,7 @@ fn append(opened: &Opened, epoch: Epoch, event: Event) -> Result<u64, StoreError
 
 /// A map's folder with two journal files, a mark and a snapshot. The input's first eight bytes say
 /// how it is cut and which parts get valid checksums. The first opening repairs; the second finds
-/// nothing to repair and the same events. A map that is not frozen accepts an event and still has
+/// nothing to repair and the same events. A map that lost nothing accepts an event and still has
 /// it afterwards.
 pub fn journal_folder(input: &[u8]) {
     let Some((head, rest)) = input.split_first_chunk::<8>() else { return };
@@ -203,9 +203,13 @@ pub fn journal_folder(input: &[u8]) {
     let mut map = opened.map.as_deref().cloned().unwrap_or_default();
     fold(&mut map, opened.events.iter().map(|event| (**event).clone()));
     let Some(again) = open(&disk, &uid) else { panic!("what was mended does not open") };
-    assert_eq!((again.last, again.frozen), (opened.last, opened.frozen), "opening changes a map");
+    assert_eq!(
+        (again.last, again.is_damaged),
+        (opened.last, opened.is_damaged),
+        "opening changes a map"
+    );
     assert_eq!(again.events.len(), opened.events.len());
-    if again.frozen {
+    if again.is_damaged {
         return;
     }
     let Some(revision) = again.last.checked_add(1).and_then(|r| i64::try_from(r).ok()) else {
@@ -216,7 +220,11 @@ pub fn journal_folder(input: &[u8]) {
     let durable = append(&again, Epoch(0), event);
     assert_eq!(durable, Ok(again.last + 1), "an event is accepted and does not become durable");
     let Some(third) = open(&disk, &uid) else { panic!("what was written does not open") };
-    assert_eq!((third.last, third.frozen), (again.last + 1, false), "an appended event is lost");
+    assert_eq!(
+        (third.last, third.is_damaged),
+        (again.last + 1, false),
+        "an appended event is lost"
+    );
 }
 
 /// A flat file system in memory on which no operation tears or fails, so that every error on it is a

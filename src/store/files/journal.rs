@@ -68,7 +68,8 @@ pub(super) struct State {
     /// Sequences of the snapshots that can be read, in increasing order.
     pub(super) snapshots: Vec<u64>,
     pub(super) damage: Vec<Damage>,
-    pub(super) frozen: Option<Damage>,
+    /// The damage that lost acknowledged events: no change is accepted.
+    pub(super) lost: Option<Damage>,
     durable: u64,
     failed: Option<StoreError>,
     /// Which resource is used up for now: nothing new is accepted until the accepted events are
@@ -130,7 +131,7 @@ impl Journal {
         };
         state.snapshots = found.snapshots;
         state.damage = found.damage;
-        state.frozen = found.frozen;
+        state.lost = found.lost;
         state.bytes_since_snapshot = found.bytes_since_snapshot;
         // An append before all is durable must not start a second flush.
         state.flushing = true;
@@ -245,7 +246,7 @@ impl Journal {
         if let Some(error) = &state.failed {
             return Err(error.clone());
         }
-        if let Some(damage) = &state.frozen {
+        if let Some(damage) = &state.lost {
             return Err(StoreError::Damaged { map: self.name.clone(), damage: damage.clone() });
         }
         if let Some(error) = &state.unavailable {

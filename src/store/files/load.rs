@@ -7,8 +7,8 @@
 //! - A bad place after which nothing was ever acknowledged is left by a crash: it is cut off
 //!   (`writer.rs`).
 //! - Lost events that a snapshot contains are reported and do no harm.
-//! - Lost events that were acknowledged freeze the map: it opens with what is contiguous, accepts no
-//!   changes, and its files stay as they are.
+//! - Lost events that were acknowledged make the map read-only: it opens with what is contiguous,
+//!   accepts no changes, and its files stay as they are.
 
 use std::path::Path;
 
@@ -37,8 +37,8 @@ pub(super) struct Found {
     pub(super) bytes_since_snapshot: u64,
     /// What is damaged.
     pub(super) damage: Vec<Damage>,
-    /// The damage that freezes the map.
-    pub(super) frozen: Option<Damage>,
+    /// The damage that lost acknowledged events: the map accepts no changes.
+    pub(super) lost: Option<Damage>,
 }
 
 /// One journal file.
@@ -107,7 +107,7 @@ pub(super) fn load(disk: &dyn Disk, folder: &Path, uid: &Uid) -> Result<Found, S
     found.segments = segments.iter().map(|segment| segment.first).collect();
     let behind = segments.iter().filter(|s| s.runs.last().is_some_and(|&(_, last)| last > base));
     found.bytes_since_snapshot = behind.map(|segment| segment.length).sum();
-    if found.frozen.is_none() {
+    if found.lost.is_none() {
         let tail = segments.last().map(|segment| tail(segment, acknowledged, found.last));
         if tail.is_some_and(|tail| tail.write_on && tail.keep < HEADER as u64) {
             found.segments.pop();
@@ -223,7 +223,7 @@ fn judge(folder: &Path, segments: &[Segment], mark: u64, found: &mut Found) -> u
                 damage
             }
         };
-        found.frozen = Some(damage);
+        found.lost = Some(damage);
     }
     acknowledged
 }

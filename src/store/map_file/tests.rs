@@ -1,5 +1,7 @@
 //! A map comes back from its file as it was; what is damaged, cut or too new is refused.
 
+use std::path::Path;
+
 use proptest::prelude::*;
 
 use super::*;
@@ -38,6 +40,31 @@ fn a_map_comes_back_from_its_file_at_every_revision() {
         // The size of the pieces is not seen in the file.
         assert_eq!(file(&map, usize::MAX), bytes);
     }
+}
+
+/// Each version has a file under `tests/golden/map_file` with every kind of change of its time, and a
+/// line with the state hash that its writer had. `COVIS_TEST_RECORD_GOLDEN=1` writes those of the present
+/// version, which a version that grows needs.
+#[test]
+fn files_of_every_version_so_far_are_read_to_the_recorded_hash() {
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/map_file");
+    let hex = |map: &Map| -> String {
+        map.state_hash().iter().map(|byte| format!("{byte:02x}")).collect()
+    };
+    let path = golden.join("hashes.txt");
+    let mut hashes = fs_err::read_to_string(&path).unwrap();
+    if std::env::var_os("COVIS_TEST_RECORD_GOLDEN").is_some() {
+        let earlier = hashes.lines().take(VERSION as usize - 1);
+        hashes = earlier.map(|line| format!("{line}\n")).collect();
+        hashes.push_str(&format!("{VERSION} {}\n", hex(&map())));
+        fs_err::write(golden.join(format!("v{VERSION}.covis")), file(&map(), usize::MAX)).unwrap();
+        fs_err::write(&path, &hashes).unwrap();
+    }
+    for (line, version) in hashes.lines().zip(1..) {
+        let bytes = fs_err::read(golden.join(format!("v{version}.covis"))).unwrap();
+        assert_eq!(format!("{version} {}", hex(&read(&bytes).unwrap())), line);
+    }
+    assert_eq!(hashes.lines().count(), VERSION as usize);
 }
 
 #[test]

@@ -2,12 +2,13 @@
 
 use covis::map::{ConstraintKind, EntityRef, Item, ItemLandmark, Map, MapPolicy, SolveKind};
 use covis::service::engine::{AckStatus, EngineConfig, EngineError, OptimizeOptions, SolveReport};
+use covis::store::Store;
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::optimizer::IterationSummary;
 use futures_util::FutureExt;
 use tokio::sync::mpsc;
 
-use super::{Client, Fixture, noisy_keyframe, optimized};
+use super::{Client, Fixture, noisy_keyframe, open, optimized};
 use crate::common::Occupied;
 use crate::map_support::{
     camera_item, corner, id, observe, pose_at, relative_pose, street_keyframe,
@@ -244,4 +245,33 @@ async fn an_empty_map_holds_nothing_to_solve() {
     let (progress, _rows) = mpsc::channel(1);
     let outcome = map.optimize(OptimizeOptions::default(), progress).await;
     assert_eq!(outcome.unwrap_err(), EngineError::NothingToSolve { map: "house".to_owned() });
+}
+
+#[tokio::test]
+async fn a_restart_from_a_snapshot_goes_on_with_the_solves_that_were_outstanding_at_it() {
+    let fixture = Fixture::plain().await;
+    let map = fixture.map(MapPolicy::default()).await;
+    let mut client = Client::open(&map).await;
+    let blocker = Occupied::new(fixture.maps.pool()).await;
+    client.send_street(0..4).await;
+    let last = client.send(closure(1, 0, 3)).await;
+    client.received(last).await;
+    let snapshot = map.snapshot().await.unwrap();
+    assert_eq!(snapshot.solve_count(), 0);
+
+    // Another server takes the map over, from the snapshot alone.
+    let epoch = fixture.store.acquire("house").await.unwrap();
+    let revision = snapshot.revision();
+    fixture.store.put_snapshot("house", epoch, snapshot).await.unwrap();
+    assert!(fixture.store.read("house", revision as u64).await.unwrap().is_empty());
+    let maps = open(&fixture.store, EngineConfig::default(), 1).await;
+    let again = maps.get("house").unwrap();
+    let client = Client::open(&again).await;
+    assert_eq!(client.sequence, last + 1);
+    // A stream ends when the solves of its client have ended.
+    client.finish().await;
+    let solved = again.snapshot().await.unwrap();
+    assert_eq!(solved.clients()[0].optimized_sequence, last);
+    assert!(solved.solve_count() > 0 && solved.unsolved().is_empty());
+    drop(blocker);
 }

@@ -3838,8 +3838,10 @@ pub enum MapFormat {
     /// Trajectory, one file a client, \<client_id>.tum: "time_s tx ty tz qx qy qz qw",
     /// world_from_camera.
     Tum = 3,
-    /// Pose graph, graph.g2o: keyframes as vertices, relative-pose constraints as edges but for those
-    /// that are switched off.
+    /// Pose graph, graph.g2o: what OptimizeMap with POSE_GRAPH solves. Vertices are keyframes, edges are
+    /// the relative poses that keyframes measure by their landmarks and the constraints but for those
+    /// that are switched off, all with the information that they have in the solve. FIX holds the lowest
+    /// keyframe of each piece. The format has no priors and no losses.
     G2o = 4,
     /// Landmarks and keyframe positions as points, map.ply, binary little-endian.
     Ply = 5,

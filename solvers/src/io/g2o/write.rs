@@ -20,9 +20,7 @@ impl<const P: usize, const U: usize> G2oFile<P, U> {
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = Vec::new();
         self.vertices.iter().for_each(|vertex| Self::put_vertex(vertex, &mut bytes));
-        for id in &self.fixed {
-            TextWriter::append(&mut bytes, |text| text.put(format_args!("FIX {id}\n")));
-        }
+        self.fixed.iter().for_each(|&id| Self::put_fixed(id, &mut bytes));
         self.edges.iter().for_each(|edge| Self::put_edge(edge, &mut bytes));
         bytes
     }
@@ -34,6 +32,11 @@ impl<const P: usize, const U: usize> G2oFile<P, U> {
             text.put_numbers(&vertex.pose);
             text.end_line();
         });
+    }
+
+    /// Appends the line that holds a vertex.
+    pub fn put_fixed(id: i64, out: &mut Vec<u8>) {
+        TextWriter::append(out, |text| text.put(format_args!("FIX {id}\n")));
     }
 
     /// Appends the line of an edge.

@@ -1133,7 +1133,7 @@ impl ::prost::Name for DuplicatePair {
     }
 }
 /// A client of the map.
-#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct Client {
     /// Its name.
     #[prost(string, tag = "1")]
@@ -1150,6 +1150,9 @@ pub struct Client {
     /// Bits of the variance factor of its loop closures; absent, 1.
     #[prost(fixed64, optional, tag = "5")]
     pub closure_variance: ::core::option::Option<u64>,
+    /// The last of its items that asked for a solve, while none has covered it.
+    #[prost(message, optional, tag = "6")]
+    pub unsolved: ::core::option::Option<Unsolved>,
 }
 impl ::prost::Name for Client {
     const NAME: &'static str = "Client";
@@ -1159,6 +1162,33 @@ impl ::prost::Name for Client {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.storage.v1.Client".into()
+    }
+}
+/// An item whose solve is outstanding.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Unsolved {
+    /// Its sequence.
+    #[prost(int64, tag = "1")]
+    pub sequence: i64,
+    /// What it asks for: 1 a window around a keyframe, 2 the pose graph for a loop closure, 3 the pose
+    /// graph for a prior, 4 what an edit concerns.
+    #[prost(uint32, tag = "2")]
+    pub kind: u32,
+    /// The keyframe of kind 1; those that an edit concerns, oldest first.
+    #[prost(message, repeated, tag = "3")]
+    pub keyframes: ::prost::alloc::vec::Vec<Id>,
+    /// Whether the pose graph is asked for.
+    #[prost(bool, tag = "4")]
+    pub graph: bool,
+}
+impl ::prost::Name for Unsolved {
+    const NAME: &'static str = "Unsolved";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.Unsolved".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.Unsolved".into()
     }
 }
 /// Digests of journaled items of a client.

@@ -32,7 +32,7 @@ async fn closed() -> FaultyDisk {
 /// event was never acknowledged and is removed; otherwise it would look acknowledged once another
 /// file follows.
 #[tokio::test]
-async fn what_a_crash_left_behind_a_gap_does_not_freeze_a_damaged_map_later() {
+async fn what_a_crash_left_behind_a_gap_does_not_stop_a_damaged_map_later() {
     let (disk, uid) = (FaultyDisk::new(), [7; 16]);
     let folder = Path::new("/data/maps").join("07".repeat(16));
     disk.create_folder(&folder).unwrap();
@@ -62,7 +62,7 @@ async fn what_a_crash_left_behind_a_gap_does_not_freeze_a_damaged_map_later() {
 #[tokio::test]
 async fn a_flipped_bit_anywhere_is_found_and_named() {
     let disk = closed().await;
-    let (mut frozen, mut mended) = (0, 0);
+    let (mut stopped, mut mended) = (0, 0);
     for (path, bytes) in disk.files() {
         // Every byte of a head, and some of the rest.
         let places = (0..bytes.len()).filter(|&at| at < 160 || at % 7 == 0);
@@ -103,12 +103,12 @@ async fn a_flipped_bit_anywhere_is_found_and_named() {
                 let next = vec![event(revision + 1, kind)];
                 let refused = store.append(&name, epoch, first - 1, next).await;
                 assert!(matches!(refused, Err(StoreError::Damaged { .. })), "{what}: {refused:?}");
-                frozen += 1;
+                stopped += 1;
             }
             assert!(hurt <= 1, "{what}: damage in one file hurts one map");
         }
     }
-    assert!(frozen > 20 && mended > 20, "{frozen} frozen, {mended} mended");
+    assert!(stopped > 20 && mended > 20, "{stopped} stopped, {mended} mended");
 }
 
 #[tokio::test]

@@ -1,0 +1,62 @@
+//! A client of a map as the message of a snapshot, with what is to be solved for it, and back to the same
+//! values. Its items are parts of their own. Nothing here knows where messages are kept.
+
+use super::entities::{decode_id, encode_id};
+use super::{EncodingError, v1};
+use crate::map::{Affected, Client, EntityId, ToSolve, Unsolved};
+
+pub(super) fn encode_client(client: &Client) -> v1::Client {
+    let Client {
+        name,
+        epoch,
+        next_sequence,
+        optimized_sequence,
+        unsolved,
+        closure_variance,
+        // Parts of their own.
+        items: _,
+    } = client;
+    v1::Client {
+        name: name.clone(),
+        epoch: *epoch,
+        next_sequence: *next_sequence,
+        optimized_sequence: *optimized_sequence,
+        closure_variance: Some(closure_variance.to_bits()),
+        unsolved: unsolved.as_ref().map(encode_unsolved),
+    }
+}
+
+pub(super) fn decode_client(client: v1::Client) -> Result<Client, EncodingError> {
+    let v1::Client { name, epoch, next_sequence, optimized_sequence, closure_variance, unsolved } =
+        client;
+    // An earlier version had none.
+    let closure_variance = closure_variance.map_or(1.0, f64::from_bits);
+    let unsolved = unsolved.map(decode_unsolved).transpose()?;
+    let items = Default::default();
+    Ok(Client { name, epoch, next_sequence, optimized_sequence, unsolved, closure_variance, items })
+}
+
+fn encode_unsolved(unsolved: &Unsolved) -> v1::Unsolved {
+    let (kind, keyframes, graph) = match &unsolved.to_solve {
+        ToSolve::Views(keyframe) => (1, vec![encode_id(*keyframe)], false),
+        ToSolve::Loop => (2, Vec::new(), true),
+        ToSolve::Prior => (3, Vec::new(), true),
+        ToSolve::Edited(Affected { graph, keyframes }) => {
+            (4, keyframes.iter().copied().map(encode_id).collect(), *graph)
+        }
+    };
+    v1::Unsolved { sequence: unsolved.sequence, kind, keyframes, graph }
+}
+
+fn decode_unsolved(unsolved: v1::Unsolved) -> Result<Unsolved, EncodingError> {
+    let v1::Unsolved { sequence, kind, keyframes, graph } = unsolved;
+    let keyframes: Vec<EntityId> = keyframes.into_iter().map(decode_id).collect();
+    let to_solve = match (kind, &keyframes[..], graph) {
+        (1, &[keyframe], false) => ToSolve::Views(keyframe),
+        (2, [], true) => ToSolve::Loop,
+        (3, [], true) => ToSolve::Prior,
+        (4, ..) => ToSolve::Edited(Affected { graph, keyframes }),
+        _ => return Err(EncodingError::Invalid("what is to be solved for a client")),
+    };
+    Ok(Unsolved { sequence, to_solve })
+}
