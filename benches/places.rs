@@ -213,7 +213,9 @@ fn main() -> Result<(), PlaceError> {
         bytes / args.keyframes as f64 / 1e3,
         bytes / descriptors - 32.0
     );
-    println!("right first: {first:.3}, recall at precision 1: {recall:.3} (score above {wrong:.3})");
+    println!(
+        "right first: {first:.3}, recall at precision 1: {recall:.3} (score above {wrong:.3})"
+    );
     let start = Instant::now();
     for keyframe in 0..args.keyframes / 2 {
         index.remove(id(keyframe));

@@ -69,33 +69,30 @@ pub(super) fn inliers_needed(features: &[Feature], problem: &Problem<'_>, pose: 
     (MIN_INLIERS..most).find(|&inliers| by_chance(inliers)).unwrap_or(most)
 }
 
-/// Whether the inliers spread over space and over both images.
-pub(super) fn spread(
+/// Whether the inliers are not on one line.
+pub(super) fn not_on_one_line(points: &[Vector3<f64>]) -> Result<(), Refusal> {
+    let sizes = principal(points).1;
+    let share = (sizes[1] / sizes[2].max(f64::MIN_POSITIVE)).sqrt();
+    if share < ONE_LINE { Err(Refusal::OneLine { share }) } else { Ok(()) }
+}
+
+/// Whether the inliers spread over both images.
+pub(super) fn not_in_a_small_region(
     input: &Input<'_>,
     inliers: &[(usize, usize)],
-    pose: &Se3,
+    points: &[Vector3<f64>],
 ) -> Result<(), Refusal> {
-    let points: Vec<Vector3<f64>> = inliers.iter().map(|&(p, _)| input.points[p].point).collect();
-    let sizes = principal(&points).1;
-    let share = (sizes[1] / sizes[2].max(f64::MIN_POSITIVE)).sqrt();
-    if share < ONE_LINE {
-        return Err(Refusal::OneLine { share });
-    }
     // In the query by pixels, in the candidate by directions; each beside all that is seen there.
     let seen = area(inliers.iter().map(|&(_, f)| input.features[f].pixel));
     let of_all = area(input.features.iter().map(|feature| feature.pixel));
     let direction = |p: &Vector3<f64>| (p.z > 0.0).then(|| Vector2::new(p.x / p.z, p.y / p.z));
     let known = area(points.iter().filter_map(direction));
-    let of_candidate = area(input.points.iter().filter_map(|p| direction(&p.point)));
     // Points of covisible keyframes reach beyond the candidate's image: as large as the query's.
     let focal = input.camera.mean_focal_px();
+    let of_candidate = area(input.points.iter().filter_map(|p| direction(&p.point)));
     let of_candidate = of_candidate.min(of_all / (focal * focal));
     let share = (seen / of_all).min(known / of_candidate);
-    let turned = pose.rotation.log().norm();
-    if share < SMALL_REGION && turned.is_finite() {
-        return Err(Refusal::SmallRegion { share });
-    }
-    Ok(())
+    if share < SMALL_REGION { Err(Refusal::SmallRegion { share }) } else { Ok(()) }
 }
 
 /// Area of the ellipse of a uniform distribution with the covariance of some pixels.
@@ -121,13 +118,11 @@ fn principal(points: &[Vector3<f64>]) -> (Matrix3<f64>, [f64; 3], Vector3<f64>) 
 
 /// Whether the covariance leaves no direction open.
 pub(super) fn determined(
-    input: &Input<'_>,
-    inliers: &[(usize, usize)],
+    points: &[Vector3<f64>],
     pose: &Se3,
     covariance: &Matrix6<f64>,
 ) -> Result<(), Refusal> {
-    let mut depths: Vec<f64> =
-        inliers.iter().map(|&(p, _)| pose.inverse_transform(&input.points[p].point).z).collect();
+    let mut depths: Vec<f64> = points.iter().map(|p| pose.inverse_transform(p).z).collect();
     depths.sort_by(f64::total_cmp);
     let depth = depths.get(depths.len() / 2).copied().unwrap_or(0.0);
     let largest = |at: usize| {

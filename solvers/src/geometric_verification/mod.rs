@@ -15,7 +15,7 @@ mod sampling;
 #[cfg(test)]
 mod tests;
 
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
 use crate::geometry::{Camera, LieGroup, Se3};
 use crate::information::{Covariance, Information};
@@ -127,7 +127,7 @@ pub struct Verified {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Verdict {
     /// The query shows the candidate's place.
-    Same(Verified),
+    Same(Box<Verified>),
     /// It does not, or it cannot be told.
     Refused(Refusal),
 }
@@ -144,7 +144,7 @@ pub fn verify(
 ) -> Result<Verdict, InputError> {
     validate(input)?;
     Ok(match judge(input, &likeness, options) {
-        Ok(verified) => Verdict::Same(verified),
+        Ok(verified) => Verdict::Same(Box::new(verified)),
         Err(refusal) => Verdict::Refused(refusal),
     })
 }
@@ -200,8 +200,10 @@ fn judge(
         .map(|(of_fit, open)| of_fit + open)
         .ok_or(Refusal::RefinementFailed)?;
     let inlying: Vec<(usize, usize)> = found.inliers.iter().map(|&k| pairs[k]).collect();
-    checks::spread(input, &inlying, &pose)?;
-    checks::determined(input, &inlying, &pose, &covariance)?;
+    let points: Vec<Vector3<f64>> = inlying.iter().map(|&(p, _)| input.points[p].point).collect();
+    checks::not_on_one_line(&points)?;
+    checks::determined(&points, &pose, &covariance)?;
+    checks::not_in_a_small_region(input, &inlying, &points)?;
     checks::not_mirrored(&problem_of_all, &found.inliers, &pose)?;
     checks::not_ambiguous(&problem, &pose, options, input.features, &mut numbers)?;
     if let Some(expected) = &input.expected {
@@ -209,7 +211,7 @@ fn judge(
     }
     let inverse = covariance.cholesky().ok_or(Refusal::RefinementFailed)?.inverse();
     let information = Information::new(&((inverse + inverse.transpose()) * 0.5))
-        .map_err(|_| Refusal::RefinementFailed)?;
+        .map_err(|_not_definite| Refusal::RefinementFailed)?;
     let agreed: Consensus = problem.judged(pose, 1.0);
     Ok(Verified {
         candidate_from_query: pose,

@@ -196,7 +196,8 @@ struct Best {
 /// Share of the queries in known places whose best candidate is right, with a score above that of every
 /// best candidate that is wrong.
 fn recall_at_precision_1(told: &[Best]) -> f64 {
-    let wrong = told.iter().filter(|best| !best.is_right).map(|best| best.score).fold(0.0, f64::max);
+    let wrong =
+        told.iter().filter(|best| !best.is_right).map(|best| best.score).fold(0.0, f64::max);
     let right = told.iter().filter(|best| best.is_again && best.is_right && best.score > wrong);
     right.count() as f64 / told.iter().filter(|best| best.is_again).count() as f64
 }
