@@ -198,25 +198,18 @@ fn a_pose_that_the_odometry_excludes_is_refused() {
 
 #[test]
 fn a_pose_that_is_hardly_determined_is_refused() {
-    // What is far and small, and nearly flat, may turn a lot.
-    let scene = Scene {
-        count: 16,
-        distance: 10.0,
-        width: 0.02,
-        thickness: 0.1,
-        query_depth: false,
-        ..Scene::default()
+    // Points at 4 m: a tenth of the distance is 0.4 m.
+    let points: Vec<Vector3<f64>> =
+        (0..20).map(|k| Vector3::new(0.1 * f64::from(k), 0.3 * f64::from(k % 3), 4.0)).collect();
+    let told = |translation: f64, rotation: f64| {
+        let (t, r) = (translation * translation, rotation * rotation);
+        let covariance = nalgebra::Matrix6::from_diagonal(&Vector6::new(t, 1e-4, 1e-4, r, 1e-6, r));
+        checks::determined(&points, &Se3::identity(), &covariance).map_err(|reason| reason.name())
     };
-    let judged = |seed| {
-        let mut made = scene.make(seed);
-        for pixel in [Vector2::new(0.0, 0.0), Vector2::new(639.0, 479.0)] {
-            made.features.push(Feature { pixel, sigma_px: 1.0, depth_m: None });
-        }
-        reason(&judged(&made, &exact()))
-    };
-    let reasons: Vec<&str> = (0..40).map(judged).collect();
-    let open = reasons.iter().filter(|&&reason| reason == "undetermined").count();
-    assert!(open > 20, "{reasons:?}");
+    assert_eq!(told(0.39, 0.09), Ok(()));
+    assert_eq!(told(0.41, 0.09), Err("undetermined"));
+    assert_eq!(told(0.39, 0.11), Err("undetermined"));
+    assert_eq!(told(f64::NAN, 0.01), Err("undetermined"));
 }
 
 #[test]
