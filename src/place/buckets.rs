@@ -22,7 +22,7 @@ pub(super) struct Entry {
     /// What the entry stands for.
     pub(super) value: u32,
     /// Bits of the descriptor that are not in the key.
-    pub(super) print: u32,
+    pub(super) fingerprint: u32,
 }
 
 /// Some entries of a bucket, and the rest of it.
@@ -164,9 +164,9 @@ impl Buckets {
     }
 
     /// Appends the values of the entries whose keys begin as `key` does, up to one different bit, and of
-    /// some others, as far as at most `largest` bits of their prints differ from `print`.
+    /// some others, as far as at most `largest` bits of their fingerprints differ from `fingerprint`.
     #[inline(always)]
-    pub(super) fn near(&self, key: u32, print: u32, largest: u32, values: &mut Vec<u32>) {
+    pub(super) fn near(&self, key: u32, fingerprint: u32, largest: u32, values: &mut Vec<u32>) {
         let home = address(key, self.buckets);
         let mut at = [home; 33];
         let mut count = 1;
@@ -185,7 +185,7 @@ impl Buckets {
             let mut page = Some(self.page(bucket));
             while let Some(open) = page {
                 for entry in &open.entries[..open.used as usize] {
-                    if (entry.print ^ print).count_ones() <= largest {
+                    if (entry.fingerprint ^ fingerprint).count_ones() <= largest {
                         values.push(entry.value);
                     }
                 }

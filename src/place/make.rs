@@ -55,7 +55,7 @@ pub(super) struct Found {
 #[derive(Clone, Debug)]
 pub(super) struct Make {
     words: usize,
-    /// Which bits are keys and prints.
+    /// Which bits are keys and fingerprints.
     bits: [[u16; 32]; 4],
     largest: u32,
     frames: Vec<Option<Frame>>,
@@ -119,7 +119,7 @@ impl Make {
         data.flat_map(|descriptor| descriptor.chunks(8).map(word)).collect()
     }
 
-    /// 32 bits of a descriptor: group 0 and 1 are the keys of the two tables, 2 and 3 their prints.
+    /// 32 bits of a descriptor: group 0 and 1 are the keys of the two tables, 2 and 3 their fingerprints.
     #[inline(always)]
     fn group(&self, group: usize, descriptor: &[u64]) -> u32 {
         let mut bits = 0;
@@ -170,7 +170,7 @@ impl Make {
             let value = (slot << FEATURE_BITS) | feature as u32;
             let descriptor = self.descriptor(value);
             for (t, table) in tables.iter_mut().enumerate() {
-                let entry = Entry { value, print: self.group(2 + t, descriptor) };
+                let entry = Entry { value, fingerprint: self.group(2 + t, descriptor) };
                 let key_of = |entry: Entry| self.group(t, self.descriptor(entry.value));
                 table.insert(self.group(t, descriptor), entry, key_of);
             }
@@ -313,8 +313,8 @@ impl<X: Fn(EntityId) -> bool, F: FnMut(usize, &[Hit])> Kernel for Search<'_, X, 
             candidates.clear();
             hits.clear();
             for (t, table) in make.tables.iter().enumerate() {
-                let (key, print) = (make.group(t, descriptor), make.group(2 + t, descriptor));
-                table.near(key, print, PRINT, &mut candidates);
+                let (key, fingerprint) = (make.group(t, descriptor), make.group(2 + t, descriptor));
+                table.near(key, fingerprint, PRINT, &mut candidates);
             }
             for &value in &candidates {
                 let slot = value >> FEATURE_BITS;

@@ -26,7 +26,7 @@ use make::{DESCRIPTORS, KEYFRAMES, Make};
 
 pub use support::Support;
 
-/// Fewest and most bytes of a binary descriptor: 128 bits are what keys and prints take, and 4096 is
+/// Fewest and most bytes of a binary descriptor: 128 bits are what keys and fingerprints take, and 4096 is
 /// eight times what the longest in use have.
 pub const DESCRIPTOR_BYTES: std::ops::RangeInclusive<usize> = 16..=512;
 

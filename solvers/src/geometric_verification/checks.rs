@@ -127,7 +127,9 @@ pub(super) fn determined(
     let depth = depths.get(depths.len() / 2).copied().unwrap_or(0.0);
     let largest = |at: usize| {
         let block: Matrix3<f64> = covariance.fixed_view::<3, 3>(at, at).into_owned();
-        block.symmetric_eigenvalues().max().max(0.0).sqrt()
+        let variance = block.symmetric_eigenvalues().max();
+        // No number of a covariance that is none may pass for a small one.
+        if variance.is_finite() { variance.max(0.0).sqrt() } else { f64::INFINITY }
     };
     let (rotation_rad, distance) = (largest(3), largest(0) / depth);
     if rotation_rad < LOOSE && distance < LOOSE {

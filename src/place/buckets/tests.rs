@@ -10,7 +10,7 @@ fn key(number: u32) -> u32 {
 }
 
 fn entry(number: u32) -> Entry {
-    Entry { value: number, print: number }
+    Entry { value: number, fingerprint: number }
 }
 
 fn near(table: &Buckets, key: u32) -> Vec<u32> {
