@@ -129,7 +129,7 @@ pub(super) fn determined(
         let block: Matrix3<f64> = covariance.fixed_view::<3, 3>(at, at).into_owned();
         let variance = block.symmetric_eigenvalues().max();
         // No number of a covariance that is none may pass for a small one.
-        if variance.is_finite() { variance.max(0.0).sqrt() } else { f64::INFINITY }
+        if block.iter().all(|v| v.is_finite()) { variance.max(0.0).sqrt() } else { f64::INFINITY }
     };
     let (rotation_rad, distance) = (largest(3), largest(0) / depth);
     if rotation_rad < LOOSE && distance < LOOSE {
