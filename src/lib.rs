@@ -7,6 +7,7 @@
 //! |---|---|
 //! | [`meter`] | counters, gauges and histograms as plain atomics |
 //! | [`map`] | the map and its invariants; no async, no wire |
+//! | [`place`] | place recognition: an index over the keyframes' descriptors |
 //! | [`store`] | journal of a map's events |
 //! | [`service`] | the engine that owns a map, and the gRPC edge |
 //! | [`evaluation`] | trajectory errors as evo and the TUM scripts define them, overlap of masks |
@@ -19,6 +20,7 @@ pub mod evaluation;
 pub mod fuzzing;
 pub mod map;
 pub mod meter;
+pub mod place;
 pub mod service;
 #[cfg(test)]
 mod simulation;

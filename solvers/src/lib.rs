@@ -16,7 +16,7 @@
 //! | 8 | [`bundle_adjustment`], [`pose_graph`], [`pose_refinement`], [`relative_motion`] |
 //! | 9 | [`robust`]: pose graphs with false loop closures; [`certificate`]: a proven global optimum; [`marginalization`]: a keyframe removed, its knowledge kept |
 //! | 10 | [`evaluation`]: every cost again, independent of the fast paths; [`point_matching`]: points of two places that are one |
-//! | 11 | [`graph_optimization`]: a pose graph from its start to its result, closures judged and proved |
+//! | 11 | [`graph_optimization`]: a pose graph from its start to its result, closures judged and proved; [`geometric_verification`]: whether two keyframes show one place |
 //! | 12 | [`io`]: BAL, g2o, COLMAP, TUM files |
 //!
 //! The crate is synchronous and knows nothing of servers, maps or the wire.
@@ -26,6 +26,7 @@ pub mod bundle_adjustment;
 pub mod certificate;
 pub mod evaluation;
 pub mod factors;
+pub mod geometric_verification;
 pub mod geometry;
 pub mod graph_optimization;
 pub mod information;

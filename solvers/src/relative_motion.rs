@@ -6,6 +6,8 @@
 //! itself is uncertain by: the landmark is eliminated to first order, and H is what the two keyframes
 //! together tell of their relative pose. It reads no map and no poses but its start.
 
+mod calibration;
+
 use nalgebra::{
     Matrix2x3, Matrix3, Matrix3x6, Matrix6, SMatrix, SVector, Vector2, Vector3, Vector6,
 };
@@ -13,6 +15,8 @@ use nalgebra::{
 use crate::geometry::{Camera, LieGroup, Se3};
 use crate::information::Information;
 use crate::initialization::{TriangulationOptions, View, triangulate};
+
+pub use calibration::{Calibration, calibration_covariance};
 
 /// Fewest matches of a measurement: three determine a pose, and as many again can contradict it.
 pub const MIN_MATCHES: usize = 6;
@@ -148,6 +152,11 @@ struct Residual {
     rows: usize,
 }
 
+/// rᵀC⁻¹r of a match at a pose, and the number of its rows; `None` where it does not project.
+pub(crate) fn squared_error(camera: &Camera, seen: &Match, a_from_b: &Se3) -> Option<(f64, usize)> {
+    residual(camera, seen, a_from_b).map(|r| (r.squared, r.rows))
+}
+
 fn residual(camera: &Camera, seen: &Match, a_from_b: &Se3) -> Option<Residual> {
     let point = a_from_b.inverse_transform(&seen.landmark.point);
     if point.z <= 0.0 {
@@ -184,6 +193,12 @@ fn residual(camera: &Camera, seen: &Match, a_from_b: &Se3) -> Option<Residual> {
     squared.is_finite().then_some(Residual { squared, weighted, information, jacobian, rows })
 }
 
+/// The weight of Huber's loss.
+fn huber_weight(squared: f64) -> f64 {
+    let norm = squared.max(0.0).sqrt();
+    if norm <= HUBER_WIDTH { 1.0 } else { HUBER_WIDTH / norm }
+}
+
 /// `None` where fewer than [`MIN_MATCHES`] matches project.
 fn linearize(camera: &Camera, matches: &[Match], a_from_b: &Se3) -> Option<Linearized> {
     let mut sum = Linearized {
@@ -197,7 +212,7 @@ fn linearize(camera: &Camera, matches: &[Match], a_from_b: &Se3) -> Option<Linea
     for seen in matches {
         let Some(r) = residual(camera, seen, a_from_b) else { continue };
         let norm = r.squared.max(0.0).sqrt();
-        let weight = if norm <= HUBER_WIDTH { 1.0 } else { HUBER_WIDTH / norm };
+        let weight = huber_weight(r.squared);
         sum.cost += match weight < 1.0 {
             true => HUBER_WIDTH * (norm - 0.5 * HUBER_WIDTH),
             false => 0.5 * r.squared,

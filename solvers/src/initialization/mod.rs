@@ -2,12 +2,14 @@
 
 mod alignment;
 mod chordal;
+mod p3p;
 mod spanning_tree;
 mod start;
 mod triangulation;
 
 pub use alignment::align_to_priors;
 pub use chordal::{IsotropicPrecision, chordal, chordal_price, chordal_within};
+pub use p3p::p3p;
 pub use spanning_tree::{odometry, spanning_tree};
 pub(crate) use start::initialize_in_time;
 pub use start::{Start, initialize, initialize_within};

@@ -1,0 +1,91 @@
+//! Further matches once a pose is known: the candidate's points are projected, and features that look
+//! alike are searched around the projections.
+//!
+//! A pair is taken where each is the other's most alike within the gate, clearly more alike than the
+//! second. Decides nothing about the pose.
+
+use super::consensus::{Projected, gate};
+use super::{Input, Options, weighted_once};
+use crate::geometry::{LieGroup, Se3};
+use crate::point_matching::Likeness;
+use crate::relative_motion::squared_error;
+
+/// The most alike must be closer than the second by this factor (Lowe, IJCV 2004), as in
+/// [`crate::point_matching`].
+const RATIO: f64 = 0.8;
+
+#[derive(Clone, Copy)]
+struct Best {
+    other: usize,
+    distance: f64,
+    second: f64,
+}
+
+fn add(best: &mut Option<Best>, other: usize, distance: f64) {
+    *best = Some(match *best {
+        None => Best { other, distance, second: f64::INFINITY },
+        Some(first) if distance < first.distance => {
+            Best { other, distance, second: first.distance }
+        }
+        Some(first) => Best { second: first.second.min(distance), ..first },
+    });
+}
+
+/// Pairs (point, feature) of those that are in no pair of `taken`, by rising point.
+pub(super) fn search(
+    input: &Input<'_>,
+    taken: &[(usize, usize)],
+    pose: &Se3,
+    likeness: &impl Fn(usize, usize) -> Likeness,
+    options: &Options,
+) -> Vec<(usize, usize)> {
+    let mut is_point_free = vec![true; input.points.len()];
+    let mut is_feature_free = vec![true; input.features.len()];
+    for &(point, feature) in taken {
+        (is_point_free[point], is_feature_free[feature]) = (false, false);
+    }
+    let mut by_u: Vec<usize> =
+        (0..input.features.len()).filter(|&feature| is_feature_free[feature]).collect();
+    by_u.sort_by(|&a, &b| {
+        input.features[a].pixel.x.total_cmp(&input.features[b].pixel.x).then(a.cmp(&b))
+    });
+    let widest = by_u.iter().map(|&f| input.features[f].sigma_px).fold(0.0, f64::max);
+    let inverse = pose.inverse();
+    let (b_from_a, origin) = (inverse.rotation.matrix(), inverse.translation);
+    let mut of_points: Vec<Option<Best>> = vec![None; input.points.len()];
+    let mut of_features: Vec<Option<Best>> = vec![None; input.features.len()];
+    for (point, estimate) in input.points.iter().enumerate().filter(|&(p, _)| is_point_free[p]) {
+        let Some(seen) = Projected::new(input.camera, estimate, &b_from_a, &origin) else {
+            continue;
+        };
+        // No error in u is longer than this within the gate.
+        let limit = gate(3, options.sigma_allowance);
+        let reach = (limit * (seen.c00 + widest * widest)).sqrt();
+        let u = |&feature: &usize| input.features[feature].pixel.x;
+        let first = by_u.partition_point(|feature| u(feature) < seen.pixel.x - reach);
+        for &feature in
+            by_u[first..].iter().take_while(|feature| u(feature) <= seen.pixel.x + reach)
+        {
+            let m = weighted_once(input, point, feature).seen;
+            let fits = squared_error(input.camera, &m, pose)
+                .is_some_and(|(chi2, rows)| chi2 <= gate(rows, options.sigma_allowance));
+            if !fits {
+                continue;
+            }
+            match likeness(point, feature) {
+                Likeness::Different | Likeness::Unknown => {}
+                Likeness::Distance(distance) => {
+                    add(&mut of_points[point], feature, distance);
+                    add(&mut of_features[feature], point, distance);
+                }
+            }
+        }
+    }
+    let is_clear = |best: &Best| best.distance < RATIO * best.second;
+    let mutual = |(point, best): (usize, &Option<Best>)| {
+        let best = best.filter(is_clear)?;
+        let back = of_features[best.other].filter(is_clear)?;
+        (back.other == point).then_some((point, best.other))
+    };
+    of_points.iter().enumerate().filter_map(mutual).collect()
+}

@@ -1,0 +1,122 @@
+//! Why a candidate is refused, and what is wrong with an input.
+//!
+//! The reasons are a closed set with names, so that they can be kept and listed. Nothing is decided here.
+
+use thiserror::Error;
+
+/// Why a candidate is not taken for the place of the query.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum Refusal {
+    /// Matches that can be used: those with a weight.
+    #[error("{matches} matches, fewer than {needed}")]
+    TooFewMatches {
+        /// How many there are.
+        matches: usize,
+        /// How many are needed.
+        needed: usize,
+    },
+    /// No pose has so many inliers that chance is excluded.
+    #[error("{inliers} inliers, fewer than {needed}, which chance does not give")]
+    TooFewInliers {
+        /// Inliers of the best pose.
+        inliers: usize,
+        /// How many are needed among so many matches.
+        needed: usize,
+    },
+    /// A turn about the line is not determined.
+    #[error("the inliers are within {share:.3} of their length from one line")]
+    OneLine {
+        /// Deviation across the line over that along it.
+        share: f64,
+    },
+    /// What is seen there may be a thing that moves, or a picture that hangs in two places.
+    #[error("the inliers take {share:.3} of the image")]
+    SmallRegion {
+        /// Share of the area that features have in the image where it is smaller.
+        share: f64,
+    },
+    /// A plane that is seen from afar, without depth: two poses explain it.
+    #[error("the inliers are on a plane that another pose explains as well, chi2 {chi2:.1} more")]
+    MirroredPlane {
+        /// By how much χ² of the other pose is larger.
+        chi2: f64,
+    },
+    /// The inliers leave a direction open.
+    #[error("the pose is known to {rotation_rad:.3} rad and {distance:.3} of the distance only")]
+    Undetermined {
+        /// Largest standard deviation of the rotation, rad.
+        rotation_rad: f64,
+        /// Largest standard deviation of the translation, over the median depth of the inliers.
+        distance: f64,
+    },
+    /// Other matches agree on another pose: the scene repeats itself.
+    #[error("another pose has {rival} inliers beside the {inliers} of the best one")]
+    Ambiguous {
+        /// Inliers of the best pose.
+        inliers: usize,
+        /// Inliers of the other pose, none of them among the former.
+        rival: usize,
+    },
+    /// The odometry contradicts the pose.
+    #[error("improbable by odometry: chi2 {chi2:.1} above {limit:.1}")]
+    Improbable {
+        /// Of the difference, with six degrees of freedom.
+        chi2: f64,
+        /// Its limit.
+        limit: f64,
+    },
+    /// No pose fits the inliers as a least-squares solution.
+    #[error("the refinement of the pose failed")]
+    RefinementFailed,
+}
+
+impl Refusal {
+    /// Name of the reason, in snake case: what lists and counters are sorted by.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::TooFewMatches { .. } => "too_few_matches",
+            Self::TooFewInliers { .. } => "too_few_inliers",
+            Self::OneLine { .. } => "one_line",
+            Self::SmallRegion { .. } => "small_region",
+            Self::MirroredPlane { .. } => "mirrored_plane",
+            Self::Undetermined { .. } => "undetermined",
+            Self::Ambiguous { .. } => "ambiguous",
+            Self::Improbable { .. } => "improbable",
+            Self::RefinementFailed => "refinement_failed",
+        }
+    }
+}
+
+/// What is wrong with an input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum InputError {
+    /// A number is not finite, or out of its range.
+    #[error("{what} {index} is not finite or out of range")]
+    Number {
+        /// What it belongs to.
+        what: &'static str,
+        /// Which one.
+        index: usize,
+    },
+    /// A match names what is not there.
+    #[error("match {index} names {what} {named} of {count}")]
+    NoSuch {
+        /// Which match.
+        index: usize,
+        /// What it names.
+        what: &'static str,
+        /// The index that it names.
+        named: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// A point or a feature is in two matches.
+    #[error("match {index} has a {what} of an earlier match")]
+    Twice {
+        /// Which match.
+        index: usize,
+        /// What is named twice.
+        what: &'static str,
+    },
+}

@@ -1,0 +1,267 @@
+//! Place recognition: which earlier keyframes show the place that a keyframe shows.
+//!
+//! An index over the binary descriptors of keyframes, without a vocabulary: keyframes are added, removed
+//! and asked for, in any order. Descriptors of different makes (name, length) are not compared. An answer
+//! is a function of the calls so far: no clock, no threads, no random numbers. [Decision
+//! 0023](../../docs/decisions/0023-place-recognition.md) has the choice and its figures.
+//!
+//! Whether a candidate is a loop is not decided here: its matches are where a geometric verification
+//! begins. Knows ids of the map and nothing else of it.
+
+mod buckets;
+mod hamming;
+mod islands;
+mod make;
+mod matching;
+mod support;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+
+use thiserror::Error;
+
+use crate::map::{ClientIndex, EntityId};
+use make::{DESCRIPTORS, KEYFRAMES, Make};
+
+pub use support::Support;
+
+/// Fewest and most bytes of a binary descriptor: 128 bits are what keys and fingerprints take, and 4096 is
+/// eight times what the longest in use have.
+pub const DESCRIPTOR_BYTES: std::ops::RangeInclusive<usize> = 16..=512;
+
+/// Makes of descriptors in one index. Maps have one or two; each costs memory of its own.
+pub const MAKES: usize = 16;
+
+/// A binary descriptor of a keyframe.
+#[derive(Clone, Copy, Debug)]
+pub struct Feature<'a> {
+    /// What made it, for instance "orb".
+    pub name: &'a str,
+    /// The descriptor: a string of bits, compared by Hamming distance.
+    pub data: &'a [u8],
+}
+
+/// Why a keyframe or a query is refused. Nothing has changed then.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum PlaceError {
+    /// The keyframe is in the index.
+    #[error("keyframe {0} is in the index already")]
+    Known(EntityId),
+    /// A descriptor is too short or too long.
+    #[error("descriptor {number} has {bytes} bytes, not 16 to 512")]
+    Length {
+        /// Its place in the features.
+        number: usize,
+        /// Its length.
+        bytes: usize,
+    },
+    /// Too many features in one keyframe.
+    #[error("{count} descriptors named {name:?} in one keyframe, more than 4096")]
+    Descriptors {
+        /// What made them.
+        name: String,
+        /// How many.
+        count: usize,
+    },
+    /// Too many features in one keyframe.
+    #[error("{0} descriptors in one keyframe, more than 65,536")]
+    Features(usize),
+    /// Too many makes.
+    #[error("descriptors named {name:?} of {bytes} bytes would be the 17th make in the index")]
+    Makes {
+        /// The name of the make for which there is no room.
+        name: String,
+        /// The length of its descriptors.
+        bytes: usize,
+    },
+    /// Too many keyframes.
+    #[error(
+        "the index holds 1,048,576 keyframes with descriptors named {0:?}, which is all it can"
+    )]
+    Full(String),
+}
+
+/// Two descriptors that are each other's best.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PlaceMatch {
+    /// Place among the features of the query.
+    pub query: usize,
+    /// Place among the features of the candidate, as they were added.
+    pub candidate: usize,
+    /// Different bits.
+    pub distance: u32,
+}
+
+/// An island in time: the candidate and its neighbors, which were voted for together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Island {
+    /// The client whose keyframes they are.
+    pub client: ClientIndex,
+    /// Capture time of the first one, ns.
+    pub first_ns: i64,
+    /// Capture time of the last one, ns.
+    pub last_ns: i64,
+}
+
+/// A keyframe that may show the place of the query.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// The keyframe with most votes of its island.
+    pub keyframe: EntityId,
+    /// Share of the descriptors of query or candidate, whichever has fewer, that match the other; each
+    /// counts with ln(N/n)/ln(N), where n of N keyframes were found to have one like it. From 0 to 1.
+    pub score: f64,
+    /// The matches, by their place in the query.
+    pub matches: Vec<PlaceMatch>,
+    /// What was voted for together.
+    pub island: Island,
+}
+
+/// The index over the keyframes of one map.
+#[derive(Clone, Debug, Default)]
+pub struct PlaceIndex {
+    makes: BTreeMap<(String, usize), Make>,
+}
+
+/// The features of one make: their places, and their data.
+type Sorted<'a> = BTreeMap<(&'a str, usize), Vec<u16>>;
+
+fn sorted<'a>(features: &[Feature<'a>]) -> Result<Sorted<'a>, PlaceError> {
+    if features.len() > usize::from(u16::MAX) + 1 {
+        return Err(PlaceError::Features(features.len()));
+    }
+    let mut sorted = Sorted::new();
+    for (number, feature) in features.iter().enumerate() {
+        let bytes = feature.data.len();
+        if !DESCRIPTOR_BYTES.contains(&bytes) {
+            return Err(PlaceError::Length { number, bytes });
+        }
+        sorted.entry((feature.name, bytes)).or_default().push(number as u16);
+    }
+    for ((name, _), numbers) in &sorted {
+        if numbers.len() > DESCRIPTORS {
+            let (name, count) = ((*name).to_owned(), numbers.len());
+            return Err(PlaceError::Descriptors { name, count });
+        }
+    }
+    Ok(sorted)
+}
+
+fn packed(make: &Make, features: &[Feature<'_>], numbers: &[u16]) -> Box<[u64]> {
+    make.pack(numbers.iter().map(|&number| features[usize::from(number)].data))
+}
+
+impl PlaceIndex {
+    /// An index without keyframes.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Whether the keyframe is in the index. One without descriptors never is.
+    #[must_use]
+    pub fn contains(&self, keyframe: EntityId) -> bool {
+        self.makes.values().any(|make| make.contains(keyframe))
+    }
+
+    /// Memory, bytes: descriptors, tables and lists.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        // A node of the ordered map beside what each make holds.
+        self.makes
+            .iter()
+            .map(|((name, _), make)| name.len() + size_of::<Make>() + make.bytes())
+            .sum()
+    }
+
+    /// Adds a keyframe. `capture_time_ns` orders the keyframes of a client; late ones are legal.
+    ///
+    /// # Errors
+    ///
+    /// [`PlaceError`], and the index is as it was.
+    pub fn add(
+        &mut self,
+        keyframe: EntityId,
+        capture_time_ns: i64,
+        features: &[Feature<'_>],
+    ) -> Result<(), PlaceError> {
+        if self.contains(keyframe) {
+            return Err(PlaceError::Known(keyframe));
+        }
+        let sorted = sorted(features)?;
+        let mut made = self.makes.len();
+        for &(name, bytes) in sorted.keys() {
+            match self.makes.get(&(name.to_owned(), bytes)) {
+                Some(make) if make.len() >= KEYFRAMES => {
+                    return Err(PlaceError::Full(name.to_owned()));
+                }
+                Some(_) => {}
+                None => made += 1,
+            }
+            if made > MAKES {
+                return Err(PlaceError::Makes { name: name.to_owned(), bytes });
+            }
+        }
+        for ((name, bytes), numbers) in sorted {
+            let make =
+                self.makes.entry((name.to_owned(), bytes)).or_insert_with(|| Make::new(bytes));
+            let words = packed(make, features, &numbers);
+            make.add(keyframe, capture_time_ns, words, numbers.into());
+        }
+        Ok(())
+    }
+
+    /// Removes a keyframe and gives its memory back; false where it is not in the index.
+    pub fn remove(&mut self, keyframe: EntityId) -> bool {
+        let mut removed = false;
+        for make in self.makes.values_mut() {
+            removed |= make.remove(keyframe);
+        }
+        self.makes.retain(|_, make| make.len() > 0);
+        removed
+    }
+
+    /// The keyframes that may show what `features` show: at most `count` of each make, best first, equal
+    /// scores by id. Those that `excluded` names are left out: recent ones, covisible ones, the query's
+    /// own. A keyframe that has features of several makes is told once.
+    ///
+    /// # Errors
+    ///
+    /// [`PlaceError`] where the features could not be a keyframe's.
+    pub fn query(
+        &self,
+        features: &[Feature<'_>],
+        count: usize,
+        excluded: impl Fn(EntityId) -> bool,
+    ) -> Result<Vec<Candidate>, PlaceError> {
+        let mut candidates: BTreeMap<EntityId, Candidate> = BTreeMap::new();
+        for ((name, bytes), numbers) in sorted(features)? {
+            let Some(make) = self.makes.get(&(name.to_owned(), bytes)) else { continue };
+            let words = packed(make, features, &numbers);
+            // Scores of several makes are shares of all features.
+            let share = numbers.len() as f64 / features.len() as f64;
+            for found in make.query(&words, &numbers, count, &excluded) {
+                let (first_ns, last_ns) = found.time_ns;
+                let island = Island { client: found.keyframe.client, first_ns, last_ns };
+                let keyframe = found.keyframe;
+                let empty = || Candidate { keyframe, score: 0.0, matches: Vec::new(), island };
+                let candidate = candidates.entry(keyframe).or_insert_with(empty);
+                candidate.score += share * found.score;
+                candidate.island.first_ns = candidate.island.first_ns.min(first_ns);
+                candidate.island.last_ns = candidate.island.last_ns.max(last_ns);
+                candidate.matches.extend(found.matches.iter().map(|&(query, other, distance)| {
+                    let (query, candidate) = (usize::from(query), usize::from(other));
+                    PlaceMatch { query, candidate, distance }
+                }));
+            }
+        }
+        let mut candidates: Vec<Candidate> = candidates.into_values().collect();
+        for candidate in &mut candidates {
+            candidate.matches.sort_unstable_by_key(|matched| matched.query);
+        }
+        candidates
+            .sort_by(|a, b| b.score.total_cmp(&a.score).then_with(|| a.keyframe.cmp(&b.keyframe)));
+        Ok(candidates)
+    }
+}
