@@ -153,7 +153,8 @@ fn a_keyframe_with_more_observations_than_fit_a_message_comes_in_parts() {
 #[test]
 fn constraints_of_all_kinds_come_in_one_order_of_ids() {
     run(async {
-        let server = TestServer::start().await;
+        // The solve that the prior asks for ends before the next item, and no page is older than another.
+        let server = TestServer::lock_step().await;
         server.create_map("room").await;
         let request =
             v1::ListConstraintsRequest { map_id: "room".to_owned(), ..Default::default() };
