@@ -25,7 +25,7 @@ const PRINT: u32 = 11;
 /// take part in the matches.
 const VOTERS: usize = 1024;
 /// Descriptors of one make in a keyframe.
-pub(super) const DESCRIPTORS: usize = 1 << FEATURE_BITS;
+pub const DESCRIPTORS: usize = 1 << FEATURE_BITS;
 /// Keyframes of one make.
 pub(super) const KEYFRAMES: usize = 1 << (32 - FEATURE_BITS);
 const FEATURE_BITS: u32 = 12;

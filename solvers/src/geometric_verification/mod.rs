@@ -67,6 +67,18 @@ pub struct Expected {
     pub covariance: Covariance<6>,
 }
 
+impl Expected {
+    /// Whether a verified pose is not excluded by what is expected.
+    ///
+    /// # Errors
+    /// [`Refusal::Improbable`].
+    pub fn is_met_by(&self, verified: &Verified) -> Result<(), Refusal> {
+        let covariance = verified.information.matrix().cholesky().map(|c| c.inverse());
+        let covariance = covariance.ok_or(Refusal::RefinementFailed)?;
+        checks::probable(self, &verified.candidate_from_query, &covariance)
+    }
+}
+
 /// Two keyframes.
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a> {
