@@ -10,6 +10,10 @@ use crate::geometry::{LieGroup, Se3};
 use crate::point_matching::{Likeness, MutualBest, RATIO};
 use crate::relative_motion::squared_error;
 
+/// Features that look like a point, in the mean of all points, above which nothing is taken: twice as many
+/// as make one point ambiguous in [`crate::point_matching`]. It bounds what equal descriptors cost.
+const MOST_ALIKE: usize = 64;
+
 /// Pairs (point, feature) of those that are in no pair of `taken`, by rising point.
 pub(super) fn search(
     input: &Input<'_>,
@@ -31,6 +35,7 @@ pub(super) fn search(
     let widest = by_u.iter().map(|&f| input.features[f].sigma_px).fold(0.0, f64::max);
     let inverse = pose.inverse();
     let (b_from_a, origin) = (inverse.rotation.matrix(), inverse.translation);
+    let mut alike = 0;
     let mut best = MutualBest::new(input.points.len(), input.features.len());
     for (point, estimate) in input.points.iter().enumerate().filter(|&(p, _)| is_point_free[p]) {
         let Some(seen) = Projected::new(input.camera, estimate, &b_from_a, &origin) else {
@@ -45,15 +50,16 @@ pub(super) fn search(
         for &feature in
             by_u[first..].iter().take_while(|feature| u(feature) <= seen.pixel.x + reach)
         {
+            let Likeness::Distance(distance) = likeness(point, feature) else { continue };
+            alike += 1;
+            if alike > MOST_ALIKE * input.points.len() {
+                return Vec::new();
+            }
             let m = weighted_once(input, point, feature).seen;
             let fits = squared_error(input.camera, &m, pose)
                 .is_some_and(|(chi2, rows)| chi2 <= gate(rows, options.sigma_allowance));
-            if !fits {
-                continue;
-            }
-            match likeness(point, feature) {
-                Likeness::Different | Likeness::Unknown => {}
-                Likeness::Distance(distance) => best.add(point, feature, distance, RATIO),
+            if fits {
+                best.add(point, feature, distance, RATIO);
             }
         }
     }

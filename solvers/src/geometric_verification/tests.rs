@@ -230,6 +230,22 @@ fn weights_make_a_few_stable_matches_win() {
 }
 
 #[test]
+fn features_that_are_all_alike_take_no_time_in_proportion_to_their_pairs() {
+    let mut made = Scene::default().make(1);
+    let (point, feature) = (made.points[0], made.features[0]);
+    made.points = vec![point; 500];
+    made.features = vec![feature; 5000];
+    let asked = std::cell::Cell::new(0);
+    let alike = |_: usize, _: usize| {
+        asked.set(asked.get() + 1);
+        Likeness::Distance(0.0)
+    };
+    let found = guided::search(&made.input(), &[], &made.truth, &alike, &Options::default());
+    assert_eq!(found, []);
+    assert!(asked.get() < 100 * 500, "{} of 2,500,000 pairs", asked.get());
+}
+
+#[test]
 fn what_is_wrong_with_an_input_is_named() {
     let told = |change: &dyn Fn(&mut Made)| {
         let mut made = Scene::default().make(1);
