@@ -183,8 +183,8 @@ fn samples_needed(inlying: f64, most: usize) -> usize {
     if good >= 1.0 {
         return 1;
     }
-    let needed = MISSED.ln() / (1.0 - good).ln();
-    // The smallest good is rounded away, and the quotient is infinite.
+    // ln(1 − good) is 0 for the smallest good by subtraction, with the wrong sign.
+    let needed = MISSED.ln() / (-good).ln_1p();
     if needed < most as f64 { needed.ceil() as usize } else { most }
 }
 
@@ -296,4 +296,17 @@ fn support(problem: &Problem<'_>, gates: [f64; 2], pose: &Se3, total: f64, most:
         }
     }
     gained
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_search_ends_early_only_where_much_agrees() {
+        let needed = |share: f64| samples_needed(share, 2400);
+        assert_eq!([1.0, 0.5, 1.0 / 7.0].map(needed), [1, 52, 2366]);
+        // A share whose cube is rounded away in 1 − x.
+        assert_eq!([0.1, 1e-5, 1e-6, 1e-300, 0.0].map(needed), [2400; 5]);
+    }
 }
