@@ -230,6 +230,18 @@ fn weights_make_a_few_stable_matches_win() {
 }
 
 #[test]
+fn only_the_ratios_of_the_weights_matter() {
+    let mut made = Scene { wrong: 0.5, ..Scene::default() }.make(1);
+    let verdict = judged(&made, &Options::default());
+    assert_eq!(reason(&verdict), "same");
+    // The sum of the largest weights has no number.
+    for weight in [1e-300, 1e308] {
+        made.matches.iter_mut().for_each(|m| m.weight = weight);
+        assert_eq!(judged(&made, &Options::default()), verdict, "{weight}");
+    }
+}
+
+#[test]
 fn features_that_are_all_alike_take_no_time_in_proportion_to_their_pairs() {
     let mut made = Scene::default().make(1);
     let (point, feature) = (made.points[0], made.features[0]);
