@@ -256,7 +256,7 @@ impl Projected {
         })
     }
 
-    /// χ² of a match.
+    /// χ² of a match; infinite where the covariance is not definite, which may have a negative one.
     #[inline]
     fn chi2(&self, seen: &Match) -> f64 {
         let noise = seen.sigma_px * seen.sigma_px;
@@ -267,13 +267,17 @@ impl Projected {
         let d1 = c11 - l10 * self.c01;
         let e1 = error.y - l10 * error.x;
         let chi2 = error.x * error.x / c00 + e1 * e1 / d1;
+        let is_definite = c00 > 0.0 && d1 > 0.0;
+        if !is_definite {
+            return f64::INFINITY;
+        }
         let Some((depth, sigma)) = seen.depth_m else { return chi2 };
         let l20 = self.c02 / c00;
         let m21 = self.c12 - l20 * self.c01;
         let l21 = m21 / d1;
         let d2 = self.c22 + sigma * sigma - l20 * self.c02 - l21 * m21;
         let e2 = self.depth - depth - l20 * error.x - l21 * e1;
-        chi2 + e2 * e2 / d2
+        if d2 > 0.0 { chi2 + e2 * e2 / d2 } else { f64::INFINITY }
     }
 }
 

@@ -242,6 +242,18 @@ fn only_the_ratios_of_the_weights_matter() {
 }
 
 #[test]
+fn a_point_with_a_covariance_that_is_none_decides_nothing() {
+    let mut made = Scene { wrong: 0.5, ..Scene::default() }.make(1);
+    // Correlated by more than 1, so that an error may have a negative chi2.
+    let mut covariance = nalgebra::Matrix3::from_diagonal(&Vector3::new(0.36, 0.36, 1e-4));
+    (covariance[(0, 1)], covariance[(1, 0)]) = (0.3601, 0.3601);
+    for point in &mut made.points[..3] {
+        point.covariance = covariance;
+    }
+    assert_eq!(reason(&judged(&made, &Options::default())), "same");
+}
+
+#[test]
 fn features_that_are_all_alike_take_no_time_in_proportion_to_their_pairs() {
     let mut made = Scene::default().make(1);
     let (point, feature) = (made.points[0], made.features[0]);
