@@ -22,8 +22,8 @@ struct Remembered {
     missed: u32,
 }
 
-/// Whether two islands overlap in time or border on each other: the distance between them is less than
-/// the shorter one is long.
+/// Whether two islands overlap in time or border on each other: the time between them is at most the
+/// length of the shorter one.
 fn meet(a: &Island, b: &Island) -> bool {
     // Times are clients' numbers: differences may not fit.
     let length = |island: &Island| island.last_ns.saturating_sub(island.first_ns).max(0);
