@@ -183,7 +183,7 @@ fn judge(
     }
     let mut pairs: Vec<(usize, usize)> = proposed.iter().map(|m| (m.point, m.feature)).collect();
     let mut all = weighted.clone();
-    let mut found = best.clone();
+    let mut found = best;
     for _ in 0..GUIDED_ROUNDS {
         let inlying: Vec<(usize, usize)> = found.inliers.iter().map(|&k| pairs[k]).collect();
         let further = guided::search(input, &inlying, &found.pose, likeness, options);
@@ -234,13 +234,16 @@ fn judge(
     })
 }
 
-/// The matches that have a weight, at most [`MAX_MATCHES`], by index.
+/// The matches that have a weight, at most [`MAX_MATCHES`], by index; the largest weight is 1.
 fn usable(matches: &[Proposed]) -> Vec<Proposed> {
     let mut usable: Vec<Proposed> = matches.iter().filter(|m| m.weight > 0.0).copied().collect();
     if usable.len() > MAX_MATCHES {
         usable.sort_by(|a, b| b.weight.total_cmp(&a.weight).then(a.point.cmp(&b.point)));
         usable.truncate(MAX_MATCHES);
     }
+    // The sum of weights of any size is a number then.
+    let largest = usable.iter().map(|m| m.weight).fold(0.0, f64::max);
+    usable.iter_mut().for_each(|m| m.weight /= largest);
     usable.sort_by_key(|m| (m.point, m.feature));
     usable
 }
