@@ -16,12 +16,17 @@ use super::messages;
 use crate::local_map::{Corrections, Newer};
 use crate::tracking::keyframe::{NewKeyframe, NewLandmark};
 
+/// Poses as near as this are one, m and rad: quaternions are normalized on their way.
+const SAME: f64 = 1e-9;
+
 /// A keyframe.
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     timestamp_s: f64,
     /// As the server last told it, else as it was tracked, moved along.
     world_from_camera: Se3,
+    /// As it was sent.
+    sent: Option<Se3>,
     /// The id after that of the last landmark so far.
     end_landmark: usize,
 }
@@ -48,6 +53,16 @@ pub(super) struct Book {
     unsent: BTreeMap<usize, Unsent>,
     /// Tracking has let go of the landmarks before this one.
     oldest_landmark: usize,
+}
+
+impl Entry {
+    /// Whether the server tells the pose that it was sent although the map has moved since: no solve
+    /// has included the keyframe yet.
+    fn is_unsolved(&self, told: &Se3) -> bool {
+        let is_same = |a: &Se3, b: &Se3| a.inverse().compose(b).log().norm() < SAME;
+        self.sent
+            .is_some_and(|sent| is_same(&sent, told) && !is_same(&sent, &self.world_from_camera))
+    }
 }
 
 impl Book {
@@ -97,6 +112,7 @@ impl Book {
             Entry {
                 timestamp_s: keyframe.timestamp_s,
                 world_from_camera: keyframe.world_from_camera,
+                sent: None,
                 end_landmark,
             },
         );
@@ -111,6 +127,9 @@ impl Book {
     /// A keyframe that was entered is on its way.
     pub(super) fn sent(&mut self, id: usize) {
         self.sent = Some(id);
+        if let Some(entry) = self.keyframes.get_mut(&id) {
+            entry.sent = Some(entry.world_from_camera);
+        }
     }
 
     /// A keyframe that was entered could not be sent.
@@ -125,14 +144,19 @@ impl Book {
         }
     }
 
-    /// What a delta corrects.
+    /// What a delta corrects. A keyframe that came to the server after a solve moved the map stands where
+    /// it was sent until the next solve: it and its landmarks wait for that.
     pub(super) fn correct(&mut self, changes: &MapChanges, mirror: &MapMirror) -> Corrections {
         let mut corrected = BTreeMap::new();
         let mut motions = BTreeMap::new();
+        let first = self.end_of_known();
         for (id, key) in self.own(&changes.keyframes) {
             let told = mirror.keyframes.get(key).and_then(|told| told.world_from_camera.as_ref());
             let Some(pose) = told.and_then(messages::se3) else { continue };
             let Some(entry) = self.keyframes.get_mut(&id) else { continue };
+            if entry.is_unsolved(&pose) {
+                continue;
+            }
             self.known = self.known.max(Some(id));
             if entry.world_from_camera != pose {
                 motions.insert(id, pose.compose(&entry.world_from_camera.inverse()));
@@ -140,12 +164,21 @@ impl Book {
                 corrected.insert(id, pose);
             }
         }
+        let end = self.end_of_known();
         let mut landmarks = BTreeMap::new();
-        for (id, key) in self.own(&changes.landmarks) {
+        let mut take = |id: usize, key: &Key| {
             let told = mirror.landmarks.get(key).and_then(|told| told.point_in_world);
-            if let Some(p) = told.filter(|_| id >= self.oldest_landmark) {
+            if let Some(p) = told.filter(|_| id >= self.oldest_landmark && id < end) {
                 landmarks.insert(id, Vector3::new(p.x, p.y, p.z));
             }
+        };
+        for (id, key) in self.own(&changes.landmarks) {
+            take(id, key);
+        }
+        // Those of keyframes that were solved just now may have come before.
+        let key = |id: usize| (self.client_id.clone(), i64::try_from(id).unwrap_or(i64::MAX));
+        for (key, _) in mirror.landmarks.range(key(first)..key(end.max(first))) {
+            take(usize::try_from(key.1).unwrap_or(usize::MAX), key);
         }
         self.move_left_out(&motions, &mut corrected, &mut landmarks);
         let newer = self.move_newer(&motions);
@@ -154,6 +187,12 @@ impl Book {
             landmarks: landmarks.into_iter().collect(),
             newer,
         }
+    }
+
+    /// The id after that of the last landmark of the keyframes that the server knows.
+    fn end_of_known(&self) -> usize {
+        let known = self.known.and_then(|known| self.keyframes.get(&known));
+        known.map_or(0, |entry| entry.end_landmark)
     }
 
     /// What the client owns of these, by its id.
@@ -341,8 +380,32 @@ mod tests {
         let mut later = NewKeyframe { oldest_landmark: 2, ..keyframe(2) };
         book.enter(&mut later);
         assert!(book.unsent.is_empty());
-        let (changes, mirror) = delta(&[], &[(0, 10.5), (2, 12.5)]);
+        book.sent(2);
+        let (changes, mirror) = delta(&[(2, 2.0)], &[(0, 10.5), (2, 12.5)]);
         let corrections = book.correct(&changes, &mirror);
         assert_eq!(corrections.landmarks, [(2, at(12.5).translation)]);
+    }
+
+    #[test]
+    fn a_keyframe_that_reached_the_server_after_the_map_moved_waits_for_its_solve() {
+        let mut book = Book::new("own");
+        for id in 0..2 {
+            book.enter(&mut keyframe(id));
+            book.sent(id);
+        }
+        let (changes, mirror) = delta(&[(0, 0.5)], &[(0, 10.5)]);
+        assert!(book.correct(&changes, &mirror).newer.is_some());
+        assert_eq!(book.pose(1).map(|pose| pose.translation.x), Some(1.5));
+        // The server has it where it was sent, and its landmark too.
+        let (changes, mut mirror) = delta(&[(1, 1.0)], &[(1, 11.0)]);
+        assert!(book.correct(&changes, &mirror).is_empty());
+        assert_eq!(book.pose(1).map(|pose| pose.translation.x), Some(1.5));
+        // Its solve: the landmark that came before is told with it.
+        let (changes, solved) = delta(&[(1, 1.25)], &[]);
+        mirror.keyframes = solved.keyframes;
+        let corrections = book.correct(&changes, &mirror);
+        assert_eq!(x_of(&corrections.keyframes), [(1, 1.25)]);
+        assert_eq!(corrections.landmarks, [(1, at(11.0).translation)]);
+        assert_eq!(corrections.newer, Some(Newer { keyframe: 2, landmark: 2, motion: at(-0.25) }));
     }
 }
