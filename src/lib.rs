@@ -8,6 +8,7 @@
 //! | [`meter`] | counters, gauges and histograms as plain atomics |
 //! | [`map`] | the map and its invariants; no async, no wire |
 //! | [`place`] | place recognition: an index over the keyframes' descriptors |
+//! | [`loop_closing`] | which candidates for the place of a view are that place |
 //! | [`store`] | journal of a map's events |
 //! | [`service`] | the engine that owns a map, and the gRPC edge |
 //! | [`evaluation`] | trajectory errors as evo and the TUM scripts define them, overlap of masks |
@@ -18,6 +19,7 @@ pub mod evaluation;
 #[cfg(any(test, feature = "fuzzing"))]
 #[doc(hidden)]
 pub mod fuzzing;
+pub mod loop_closing;
 pub mod map;
 pub mod meter;
 pub mod place;

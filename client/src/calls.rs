@@ -39,6 +39,15 @@ pub struct Constraints {
     pub constraints: Vec<v1::Constraint>,
 }
 
+/// Searches for known places of one revision.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PlaceSearches {
+    /// The revision that was read.
+    pub revision: i64,
+    /// By client, then keyframe.
+    pub searches: Vec<v1::PlaceSearch>,
+}
+
 /// Keyframes of one revision.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Keyframes {
@@ -214,6 +223,25 @@ impl Client {
         Ok(constraints)
     }
 
+    /// What the searches for known places found.
+    ///
+    /// # Errors
+    /// The codes of `ListPlaceSearches`.
+    pub async fn place_searches(&self, map_id: &str) -> Result<PlaceSearches, ClientError> {
+        const RPC: &str = "ListPlaceSearches";
+        let request = v1::ListPlaceSearchesRequest {
+            map_id: map_id.to_owned(),
+            ..v1::ListPlaceSearchesRequest::default()
+        };
+        let mut stream = answer(RPC, self.map_service().list_place_searches(request).await)?;
+        let mut searches = PlaceSearches::default();
+        while let Some(part) = next(RPC, &mut stream).await? {
+            searches.revision = part.revision;
+            searches.searches.extend(part.searches);
+        }
+        Ok(searches)
+    }
+
     /// A map's keyframes with the fields that the mask names; `None` for all but observations.
     ///
     /// # Errors
@@ -318,6 +346,17 @@ impl Client {
         request: v1::RefinePoseRequest,
     ) -> Result<v1::RefinePoseResponse, ClientError> {
         answer("RefinePose", self.optimization_service().refine_pose(request).await)
+    }
+
+    /// Finds where a camera is in a map.
+    ///
+    /// # Errors
+    /// The codes of `Localize`.
+    pub async fn localize(
+        &self,
+        request: v1::LocalizeRequest,
+    ) -> Result<v1::LocalizeResponse, ClientError> {
+        answer("Localize", self.optimization_service().localize(request).await)
     }
 
     /// Solves a bundle adjustment problem that comes with the call.

@@ -50,7 +50,7 @@ use v1::server_service_client::ServerServiceClient;
 
 use credentials::Bearer;
 
-pub use calls::{Constraints, Keyframes, Landmarks, MapDigests, Trajectory};
+pub use calls::{Constraints, Keyframes, Landmarks, MapDigests, PlaceSearches, Trajectory};
 pub use credentials::{Credentials, Token};
 pub use error::{ClientError, describe_violation};
 pub use export::MapExport;

@@ -6,6 +6,8 @@
 //! match, not ambiguous, within the 99 % quantile of χ² with three degrees of freedom. Reads no map and
 //! moves nothing.
 
+mod mutual;
+
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Vector3, Vector6};
 
 use crate::geometry::{LieGroup, Se3};
@@ -13,6 +15,7 @@ use crate::information::Information;
 use crate::interrupt::Interrupt;
 use crate::relative_motion::{HUBER_WIDTH, PointEstimate};
 use crate::robust::default_threshold;
+pub(crate) use mutual::{MutualBest, RATIO};
 
 /// Fewest matches that align two places: three determine an alignment, and a few more may agree with
 /// it by chance. A choice, not a measurement.
@@ -31,9 +34,8 @@ const MAX_STEPS: usize = 10;
 /// A step shorter than this many standard deviations ends an alignment.
 const STEP_TOLERANCE: f64 = 1e-3;
 
-/// The best match by appearance must be closer than the second best by this factor (Lowe, IJCV 2004).
-const RATIO: f64 = 0.8;
-/// The same by position, in standard deviations: positions alone say little.
+/// By position, in standard deviations, the best match must be closer than the second best by this
+/// factor: positions alone say little.
 const RATIO_OF_POSITIONS: f64 = 1.0 / 3.0;
 
 /// Largest variance factor of an alignment: errors of more than three times what the points claim have
@@ -195,34 +197,6 @@ fn candidates(
     candidates
 }
 
-/// The best match of a point, and the distance of the second best.
-#[derive(Clone, Copy)]
-struct Best {
-    other: usize,
-    /// Distance of the descriptors, or of the points in standard deviations.
-    distance: f64,
-    by_position: bool,
-    second: f64,
-}
-
-impl Best {
-    fn add(best: &mut Option<Self>, other: usize, distance: f64, by_position: bool) {
-        *best = Some(match *best {
-            None => Self { other, distance, by_position, second: f64::INFINITY },
-            Some(first) if distance < first.distance => {
-                Self { other, distance, by_position, second: first.distance }
-            }
-            Some(first) => Self { second: first.second.min(distance), ..first },
-        });
-    }
-
-    /// Two that are equally good, be it at distance 0, are ambiguous.
-    fn is_clear(&self) -> bool {
-        let ratio = if self.by_position { RATIO_OF_POSITIONS } else { RATIO };
-        self.distance < ratio * self.second
-    }
-}
-
 /// Candidates that are each other's best match, neither of them ambiguous.
 fn best_matches(
     a: &[PointEstimate],
@@ -231,8 +205,7 @@ fn best_matches(
     alignment: &Alignment,
 ) -> Vec<(usize, usize)> {
     let threshold = default_threshold(3);
-    let mut best_of_a: Vec<Option<Best>> = vec![None; a.len()];
-    let mut best_of_b: Vec<Option<Best>> = vec![None; b.len()];
+    let mut best = MutualBest::new(a.len(), b.len());
     let moved = |estimate: &PointEstimate| {
         (alignment.apply(&estimate.point), alignment.covariance_of(estimate))
     };
@@ -244,18 +217,15 @@ fn best_matches(
         let Some(cholesky) = covariance.cholesky() else { continue };
         let chi2 = difference.dot(&cholesky.solve(&difference));
         if chi2 <= threshold {
-            let by_position = candidate.distance.is_none();
-            let distance = candidate.distance.unwrap_or_else(|| chi2.sqrt());
-            Best::add(&mut best_of_a[candidate.a], candidate.b, distance, by_position);
-            Best::add(&mut best_of_b[candidate.b], candidate.a, distance, by_position);
+            // By the distance of the descriptors, or of the points in standard deviations.
+            let (distance, ratio) = match candidate.distance {
+                Some(distance) => (distance, RATIO),
+                None => (chi2.sqrt(), RATIO_OF_POSITIONS),
+            };
+            best.add(candidate.a, candidate.b, distance, ratio);
         }
     }
-    let mutual = |(at_a, best): (usize, &Option<Best>)| {
-        let best = best.filter(Best::is_clear)?;
-        let back = best_of_b[best.other].filter(Best::is_clear)?;
-        (back.other == at_a).then_some((at_a, best.other))
-    };
-    best_of_a.iter().enumerate().filter_map(mutual).collect()
+    best.pairs()
 }
 
 /// Aligns place b with the matches by Gauss-Newton steps from `start`, under Huber's loss, with the

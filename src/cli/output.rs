@@ -40,6 +40,18 @@ pub(super) fn show<T: Display>(
     if json { print(serde_json::to_string(document)?) } else { print(text()) }
 }
 
+/// Lines of cells, those of a column below each other.
+pub(super) fn table<const N: usize>(lines: impl Iterator<Item = [String; N]>) -> String {
+    let lines: Vec<[String; N]> = lines.collect();
+    let width = |column: usize| lines.iter().map(|line| line[column].chars().count()).max();
+    let widths: Vec<usize> = (0..N).map(|column| width(column).unwrap_or(0)).collect();
+    let text = |line: &[String; N]| {
+        let cells = line.iter().zip(&widths).map(|(cell, &width)| format!("{cell:<width$}"));
+        cells.collect::<Vec<_>>().join("  ").trim_end().to_owned()
+    };
+    lines.iter().map(text).collect::<Vec<_>>().join("\n")
+}
+
 /// What a command found bad is printed already; only its exit code is left to tell.
 #[derive(Debug, thiserror::Error)]
 #[error("not all is good")]

@@ -1,5 +1,6 @@
 //! Spans to a collector of OpenTelemetry, by OTLP over gRPC; in builds with the feature
-//! `opentelemetry`. Without it a collector's URL is refused.
+//! `opentelemetry`. Without it a collector's URL is refused; tests are built with it, and with the
+//! refusal beside it.
 //!
 //! Exported are spans of covis from DEBUG up, whatever the log filter says: `rpc`, `item`, `solve`.
 //! The span `map` is the context of a map's log lines and lasts as long as the server: it is no
@@ -80,10 +81,8 @@ mod exporting {
     }
 }
 
-#[cfg(not(feature = "opentelemetry"))]
+#[cfg(any(test, not(feature = "opentelemetry")))]
 mod nothing {
-    use tracing_subscriber::layer::Identity;
-
     /// There is none.
     pub(in crate::cli) enum Exporter {}
 
@@ -99,8 +98,21 @@ mod nothing {
             )
         }
 
-        pub(in crate::cli) fn layer(&self) -> Identity {
-            Identity::new()
+        #[cfg(not(feature = "opentelemetry"))]
+        pub(in crate::cli) fn layer(&self) -> tracing_subscriber::layer::Identity {
+            tracing_subscriber::layer::Identity::new()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_build_without_opentelemetry_says_so() {
+        let endpoint = "http://127.0.0.1:4317";
+        let refused = super::nothing::Exporter::new(endpoint).err().unwrap().to_string();
+        for part in ["no OpenTelemetry", endpoint, "--features opentelemetry"] {
+            assert!(refused.contains(part), "{refused}");
         }
     }
 }

@@ -68,6 +68,7 @@ pub fn affected(map: &Map, change: &Change) -> Option<Affected> {
         | Change::LandmarksTriangulated { .. }
         | Change::DuplicatesFound { .. }
         | Change::DuplicatesSplit { .. }
+        | Change::PlacesSearched { .. }
         | Change::SolveApplied { .. }
         | Change::KeyframeRetired { .. }
         | Change::ItemRepeated

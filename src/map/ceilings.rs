@@ -11,9 +11,10 @@ use std::ops::{Add, Mul, Sub};
 use serde::Deserialize;
 
 use super::covisibility::NEAREST;
+use super::place_searches::SEARCH;
 use super::{
-    CameraEntity, Change, Client, Constraint, Digest, EntityId, Keyframe, Landmark, Map,
-    NewLandmark, Observation, Prior, SwitchedOff,
+    CameraEntity, Change, Client, Constraint, Descriptor, DescriptorKind, Digest, EntityId,
+    Keyframe, Landmark, Map, NewLandmark, Observation, Prior, SwitchedOff,
 };
 
 /// Limits of what is held; `None` is unlimited. `[map_limits]` of `covis.toml` has these keys.
@@ -217,7 +218,7 @@ impl Sub for Usage {
 }
 
 /// An entry of an ordered map: key, value, and its share of half-full nodes.
-const fn entry(value: usize) -> u64 {
+pub(super) const fn entry(value: usize) -> u64 {
     let bytes = size_of::<EntityId>() + value;
     (bytes + bytes / 2) as u64
 }
@@ -225,8 +226,9 @@ const fn entry(value: usize) -> u64 {
 /// A client with its name; its items count by themselves.
 const CLIENT: u64 = size_of::<Client>() as u64 + 64;
 const CAMERA: u64 = entry(size_of::<CameraEntity>()) + entry(size_of::<Digest>());
-/// With its digest, its place in the order of age and the counters of its shared list.
-const KEYFRAME: u64 = entry(size_of::<Keyframe>()) + entry(size_of::<Digest>()) + entry(8) + 16;
+/// With its digest, its place in the order of age and among those whose place is to be searched, and the
+/// counters of its shared list.
+const KEYFRAME: u64 = entry(size_of::<Keyframe>()) + entry(size_of::<Digest>()) + 2 * entry(8) + 16;
 const LANDMARK: u64 = entry(size_of::<Landmark>());
 /// A landmark without observers is in a separate list.
 const UNSEEN: u64 = entry(size_of::<i64>());
@@ -250,10 +252,20 @@ const NOT_LONG: usize = NEAREST + 1;
 /// The digest of a client's item with its sequence.
 const ITEM: u64 = (3 * (size_of::<i64>() + size_of::<Digest>()) / 2) as u64;
 
-/// Memory of the descriptors of `observations`.
+/// What the index of places takes for a binary descriptor besides a copy of its bits.
+const INDEXED: u64 = 32;
+
+/// Memory of the descriptors of `observations`. The index of places counts whether or not the policy
+/// wants one: it can be switched on at any time.
 pub(super) fn descriptor_bytes(observations: &[Observation]) -> u64 {
     let descriptors = observations.iter().filter_map(|o| o.descriptor.as_ref());
-    descriptors.map(|d| (d.data.len() + d.name.len()) as u64 + DESCRIPTOR).sum()
+    let bytes = |d: &Descriptor| match d.kind {
+        DescriptorKind::Binary => (2 * d.data.len() + d.name.len()) as u64 + DESCRIPTOR + INDEXED,
+        DescriptorKind::Float32 | DescriptorKind::Uint8 => {
+            (d.data.len() + d.name.len()) as u64 + DESCRIPTOR
+        }
+    };
+    descriptors.map(|descriptor| bytes(descriptor)).sum()
 }
 
 const NOTHING: Usage = Usage {
@@ -295,6 +307,7 @@ impl Map {
             + self.switched_off.len() as u64 * SWITCHED_OFF
             + priors * PRIOR
             + self.duplicates.len() as u64 * DUPLICATE
+            + self.place_searches.bytes()
             + self.covisibility.entry_count() * SHARED_PAIR
             + self.covisibility.long_count() * LONG_OBSERVER;
         Usage { clients, cameras, keyframes, landmarks, observations, constraints, priors, bytes }
@@ -351,6 +364,11 @@ impl Map {
                 Usage { clients: 1, bytes: CLIENT, ..NOTHING }
             }
             Change::ItemRepeated | Change::CameraSet { .. } => NEW_ITEM,
+            Change::PlacesSearched { searches, closures } => {
+                let constraints = closures.len() as u64;
+                let bytes = searches.len() as u64 * SEARCH + constraints * CONSTRAINT;
+                Usage { constraints, bytes, ..NOTHING }
+            }
             Change::LandmarksFused { kept, absorbed } => {
                 NEW_ITEM + self.growth_by_fusing(*kept, absorbed)
             }

@@ -13,7 +13,8 @@ use sha2::{Digest as _, Sha256};
 
 use super::{
     CameraEntity, Change, ClosureRobustness, Constraint, Depth, Digest, EntityId, Gauge, Keyframe,
-    Landmark, Map, MapPolicy, NewLandmark, Observation, Prior, SwitchedOff, WhenFull,
+    Landmark, Map, MapPolicy, NewLandmark, Observation, PlaceCandidate, PlaceRefusal, PlaceSearch,
+    Prior, SwitchedOff, WhenFull,
 };
 
 /// Added to the tag of a constraint or prior with a loss of its own or a lever arm.
@@ -120,6 +121,10 @@ impl Map {
         }
         if self.adjustment_due {
             hash.tag(4);
+        }
+        if !self.place_searches.done().is_empty() {
+            hash.tag(5);
+            hash.entities(self.place_searches.done(), Hash::place_search);
         }
         hash.finish()
     }
@@ -303,6 +308,7 @@ impl Hash {
             gauge,
             geodetic_anchor,
             closure_adjustment,
+            place_recognition,
         } = policy;
         self.tag(u8::from(*local_bundle));
         self.tag(u8::from(*loop_closure));
@@ -358,6 +364,30 @@ impl Hash {
         }
         if !closure_adjustment {
             self.text("no_closure_adjustment");
+        }
+        if *place_recognition {
+            self.text("place_recognition");
+        }
+    }
+
+    fn place_search(&mut self, search: &PlaceSearch) {
+        let PlaceSearch { candidates, closure, refusal } = search;
+        self.list(candidates, |hash, candidate| {
+            let PlaceCandidate { keyframe, score, matches, refusal } = candidate;
+            hash.id(*keyframe);
+            hash.f64(*score);
+            hash.u64(u64::from(*matches));
+            hash.place_refusal(refusal.as_ref());
+        });
+        self.optional_id(*closure);
+        self.place_refusal(refusal.as_ref());
+    }
+
+    fn place_refusal(&mut self, refusal: Option<&PlaceRefusal>) {
+        self.tag(u8::from(refusal.is_some()));
+        if let Some(PlaceRefusal { reason, text }) = refusal {
+            self.text(reason);
+            self.text(text);
         }
     }
 

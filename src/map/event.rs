@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 
 use super::{
     CameraEntity, ClientIndex, Comparison, Constraint, Digest, EntityId, MapPolicy, Observation,
-    Prior, SwitchedOff,
+    PlaceSearch, Prior, SwitchedOff,
 };
 
 /// One step of a map.
@@ -214,6 +214,13 @@ pub enum Change {
         closures: Vec<EntityId>,
         /// The landmarks of their pairs.
         landmarks: Vec<EntityId>,
+    },
+    /// The places of keyframes were searched.
+    PlacesSearched {
+        /// What was found of each keyframe, by id; each keyframe once.
+        searches: Vec<(EntityId, PlaceSearch)>,
+        /// The loop closures that the searches name, with ids of the server's own.
+        closures: Vec<(EntityId, Constraint)>,
     },
     /// Landmarks were removed, with their observations.
     LandmarksRemoved {

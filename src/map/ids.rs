@@ -10,6 +10,12 @@ use std::fmt;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ClientIndex(pub u32);
 
+impl ClientIndex {
+    /// Stands for the server where what it added itself is counted beside the items of clients. No client
+    /// has this index.
+    pub const SERVER: Self = Self(u32::MAX);
+}
+
 /// A camera, keyframe, landmark or constraint (priors included) of one client.
 ///
 /// Each of the four kinds has its own id space.
@@ -26,6 +32,16 @@ impl EntityId {
     pub(super) const MIN: Self = Self { client: ClientIndex(0), id: i64::MIN };
     /// Behind all others.
     pub(super) const MAX: Self = Self { client: ClientIndex(u32::MAX), id: i64::MAX };
+
+    /// Number of ids of the server's own constraints for each revision; they are below zero.
+    pub(crate) const OWN_PER_REVISION: usize = 4096;
+
+    /// The id of the server's own constraint `number`, below [`EntityId::OWN_PER_REVISION`], of those that
+    /// it adds to a client's keyframes with the event that makes `revision`.
+    pub(crate) fn own(client: ClientIndex, revision: i64, number: usize) -> Self {
+        let first = revision.saturating_mul(-(Self::OWN_PER_REVISION as i64));
+        Self { client, id: first.saturating_add_unsigned(number as u64) }
+    }
 
     /// The entity `id` of `client`.
     #[must_use]

@@ -25,12 +25,14 @@ mod item;
 mod keyframe_pairs;
 mod observations;
 mod parts;
+mod place_searches;
 mod policy;
 pub mod problem;
 mod rejection;
 mod retirement;
 pub mod shared_map;
 mod sound;
+mod surroundings;
 mod ties;
 mod triangulation;
 mod unsolved;
@@ -55,6 +57,7 @@ pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, PartialItem, Plac
 pub use keyframe_pairs::{GraphPairs, PairInput, later_observers, near_pairs, pair_input};
 pub use observations::Observations;
 pub use parts::MapParts;
+pub use place_searches::{PlaceCandidate, PlaceRefusal, PlaceSearch, PlaceSearches};
 pub use policy::{ClosureRobustness, Gauge, MapPolicy, WhenFull};
 pub use problem::{
     ClosureEdge, GlobalOptions, GraphProblem, JudgedPosition, MapProblem, global_problem,
@@ -63,6 +66,7 @@ pub use problem::{
 pub use rejection::{FieldViolation, Reason, Rejection};
 pub use retirement::retire;
 pub use shared_map::SharedMap;
+pub use surroundings::{Surroundings, likeness};
 pub use ties::Ties;
 pub use triangulation::{has_unplaced, triangulate};
 pub use unsolved::{ToSolve, Unsolved};
@@ -97,6 +101,7 @@ pub struct Map {
     switched_off: BTreeMap<EntityId, SwitchedOff>,
     priors: SharedMap<EntityId, Prior>,
     duplicates: Duplicates,
+    place_searches: PlaceSearches,
     adjustment_due: bool,
     /// The constraints and priors of each keyframe.
     ties: Ties,
@@ -177,7 +182,8 @@ impl Map {
         self.clients.get(index.0 as usize)
     }
 
-    /// The items whose solves are outstanding: of each client the last one.
+    /// The items whose solves are outstanding: of each client the last one. Of the server's own closures
+    /// the last revision that added some stands for the sequence.
     #[must_use]
     pub fn unsolved(&self) -> Vec<(ClientIndex, Unsolved)> {
         let outstanding = |(index, client): (u32, &Client)| {
@@ -185,7 +191,10 @@ impl Map {
             let is_open = unsolved.sequence > client.optimized_sequence;
             is_open.then_some((ClientIndex(index), unsolved))
         };
-        (0..).zip(&self.clients).filter_map(outstanding).collect()
+        let unsolved = self.place_searches.unsolved();
+        let found = Unsolved { sequence: unsolved, to_solve: ToSolve::Loop };
+        let found = (unsolved > 0).then_some((ClientIndex::SERVER, found));
+        (0..).zip(&self.clients).filter_map(outstanding).chain(found).collect()
     }
 
     /// The client called `name`.

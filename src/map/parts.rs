@@ -9,7 +9,8 @@ use std::collections::BTreeMap;
 
 use super::{
     CameraEntity, Client, Constraint, Content, Covisibility, Digest, Duplicates, EntityId,
-    EntityKind, Keyframe, Landmark, Map, MapError, MapPolicy, Prior, SharedMap, SwitchedOff, Ties,
+    EntityKind, Keyframe, Landmark, Map, MapError, MapPolicy, PlaceSearches, Prior, SharedMap,
+    SwitchedOff, Ties,
 };
 
 /// What a map consists of. [`Landmark::observers`] is not read: it follows from the keyframes.
@@ -45,6 +46,8 @@ pub struct MapParts {
     pub priors: SharedMap<EntityId, Prior>,
     /// See [`Map::duplicates`].
     pub duplicates: Duplicates,
+    /// See [`Map::place_searches`].
+    pub place_searches: PlaceSearches,
     /// See [`Map::is_adjustment_due`].
     pub adjustment_due: bool,
     /// See [`Map::contents`].
@@ -83,6 +86,7 @@ impl Map {
             switched_off: self.switched_off.clone(),
             priors: self.priors.clone(),
             duplicates: self.duplicates.clone(),
+            place_searches: self.place_searches.clone(),
             adjustment_due: self.adjustment_due,
             contents: self.contents.clone(),
         }
@@ -124,6 +128,7 @@ impl Map {
             switched_off,
             priors,
             duplicates,
+            place_searches,
             adjustment_due,
             contents,
         } = parts;
@@ -190,6 +195,7 @@ impl Map {
             switched_off,
             priors,
             duplicates,
+            place_searches,
             adjustment_due,
             ties,
             covisibility,

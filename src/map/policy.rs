@@ -66,6 +66,8 @@ pub struct MapPolicy {
     /// Whether the places that closures join are compared and the whole map is adjusted after a pose
     /// graph with closures that count (true).
     pub closure_adjustment: bool,
+    /// Whether the server looks for places that keyframes show again, and adds loop closures (true).
+    pub place_recognition: bool,
     /// Keyframes that local bundle adjustment frees (20).
     pub window_keyframes: usize,
     /// How loop-closure constraints are judged (truncated least squares, 99 % quantile). Frontends
@@ -98,6 +100,7 @@ impl Default for MapPolicy {
             local_bundle: true,
             loop_closure: true,
             closure_adjustment: true,
+            place_recognition: true,
             loop_closure_robustness: ClosureRobustness {
                 kernel: Some(Kernel::TruncatedLeastSquares),
                 threshold: None,

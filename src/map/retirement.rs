@@ -29,9 +29,6 @@ const OTHER_OBSERVERS: usize = 3;
 /// Most landmarks without any observer that are removed with one keyframe.
 const UNSEEN: usize = 4096;
 
-/// Number of ids of the server's own constraints for each revision; they are below zero.
-const IDS_PER_REVISION: i64 = 4096;
-
 /// The keyframe that the map's policy removes, with the constraints and priors that replace it; `None`
 /// where none may be removed.
 #[must_use]
@@ -101,12 +98,12 @@ fn orphans(map: &Map, id: EntityId, keyframe: &Keyframe) -> Vec<EntityId> {
 
 /// Turns the marginal into constraints and priors of the map.
 fn keep(map: &Map, problem: &MapProblem, marginal: Marginal, retired: &mut Retired) {
-    let first = (map.revision() + 1).saturating_mul(-IDS_PER_REVISION);
-    let mut ids = (first..).take(IDS_PER_REVISION as usize);
+    let revision = map.revision() + 1;
+    let mut numbers = 0..EntityId::OWN_PER_REVISION;
     let earlier = earlier(map, problem);
     for edge in marginal.relative_poses {
         let (i, j) = (problem.keyframes[edge.i], problem.keyframes[edge.j]);
-        let Some(id) = ids.next() else { return };
+        let Some(number) = numbers.next() else { return };
         let mut constraint = Constraint {
             kind: ConstraintKind::Marginal,
             keyframe_i: i,
@@ -122,18 +119,18 @@ fn keep(map: &Map, problem: &MapProblem, marginal: Marginal, retired: &mut Retir
             retired.revoked.push(before);
             constraint = joined;
         }
-        retired.constraints.push((EntityId::new(i.client, id), constraint));
+        retired.constraints.push((EntityId::own(i.client, revision, number), constraint));
     }
     for prior in marginal.pose_priors {
         let keyframe = problem.keyframes[prior.pose];
-        let Some(id) = ids.next() else { return };
+        let Some(number) = numbers.next() else { return };
         let prior = Prior::Pose {
             keyframe,
             world_from_camera: prior.world_from_camera,
             information: prior.information,
             loss: prior.loss,
         };
-        retired.priors.push((EntityId::new(keyframe.client, id), prior));
+        retired.priors.push((EntityId::own(keyframe.client, revision, number), prior));
     }
 }
 

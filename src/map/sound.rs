@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use super::item::is_valid_camera;
 use super::{
     Affected, Client, ConstraintKind, Content, EntityId, EntityKind, Keyframe, Landmark,
-    MAX_NUMBER, Map, MapError, Observation, Prior, ToSolve, Unsolved,
+    MAX_NUMBER, Map, MapError, Observation, PlaceSearch, Prior, ToSolve, Unsolved,
 };
 
 /// How far a rotation's norm may be from 1: rounding alone stays far below.
@@ -78,6 +78,7 @@ impl Map {
                 "belongs to no client",
             )?;
         }
+        self.searches_are_sound()?;
         for &(content, id) in self.contents.keys() {
             let (kind, is_known) = match content {
                 Content::Camera => (EntityKind::Camera, self.cameras.contains_key(&id)),
@@ -119,6 +120,27 @@ impl Map {
             check_map(unsolved.as_ref().is_none_or(waits), text)?;
             let text = "a client's variance factor is not possible";
             check_map(positive(*closure_variance), text)?;
+        }
+        Ok(())
+    }
+
+    fn searches_are_sound(&self) -> Outcome {
+        let (searches, kind) = (&self.place_searches, EntityKind::Keyframe);
+        let numbers = (0..=self.revision).contains(&searches.unsolved());
+        check_map(numbers, "the closures that are to be solved are not possible")?;
+        for (&id, &revision) in searches.pending() {
+            let is_possible = self.keyframes.contains_key(&id) && self.is_revision(revision);
+            check(is_possible, kind, id, "waits for a search that is not possible")?;
+        }
+        for (&id, search) in searches.done() {
+            // Candidates and closures may have gone since.
+            let is_known = |id: EntityId| self.client(id.client).is_some();
+            let candidates = &search.candidates;
+            let is_possible = self.keyframes.contains_key(&id)
+                && candidates.len() <= PlaceSearch::MOST_CANDIDATES
+                && candidates.iter().all(|c| is_known(c.keyframe) && c.score.is_finite())
+                && search.closure.is_none_or(is_known);
+            check(is_possible, kind, id, "has a search that is not possible")?;
         }
         Ok(())
     }
@@ -183,7 +205,8 @@ impl Map {
         let is_id = |id: EntityId, is_ours: bool| id.id >= 0 || (is_ours && id.id >= -MAX_NUMBER);
         for (&id, constraint) in &self.constraints {
             check(self.client(id.client).is_some(), kind, id, "belongs to no client")?;
-            let is_ours = constraint.kind == ConstraintKind::Marginal;
+            let ours = [ConstraintKind::Marginal, ConstraintKind::LoopClosure];
+            let is_ours = ours.contains(&constraint.kind);
             check(is_id(id, is_ours), kind, id, "has an id that is not possible")?;
             let ends = constraint.keyframe_i != constraint.keyframe_j;
             let measured = is_pose(&constraint.keyframe_i_from_keyframe_j);

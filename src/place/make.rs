@@ -20,12 +20,12 @@ use crate::map::EntityId;
 pub(super) const SHARE: f64 = 0.35;
 /// Different bits of 32 up to which an entry is looked at: a point whose views differ in a fifth of their
 /// bits passes in 98 of 100 cases, one of an unrelated descriptor in 6.
-const PRINT: u32 = 11;
+const FINGERPRINT_DISTANCE: u32 = 11;
 /// Descriptors of a query that vote, evenly chosen: as many as find a place by a twentieth of them. All
 /// take part in the matches.
 const VOTERS: usize = 1024;
 /// Descriptors of one make in a keyframe.
-pub(super) const DESCRIPTORS: usize = 1 << FEATURE_BITS;
+pub const DESCRIPTORS: usize = 1 << FEATURE_BITS;
 /// Keyframes of one make.
 pub(super) const KEYFRAMES: usize = 1 << (32 - FEATURE_BITS);
 const FEATURE_BITS: u32 = 12;
@@ -314,7 +314,7 @@ impl<X: Fn(EntityId) -> bool, F: FnMut(usize, &[Hit])> Kernel for Search<'_, X, 
             hits.clear();
             for (t, table) in make.tables.iter().enumerate() {
                 let (key, fingerprint) = (make.group(t, descriptor), make.group(2 + t, descriptor));
-                table.near(key, fingerprint, PRINT, &mut candidates);
+                table.near(key, fingerprint, FINGERPRINT_DISTANCE, &mut candidates);
             }
             for &value in &candidates {
                 let slot = value >> FEATURE_BITS;

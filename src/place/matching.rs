@@ -54,10 +54,29 @@ impl Kernel for Matching<'_> {
             of_a.push((best, second, at));
         }
         let matched = of_a.into_iter().enumerate().filter_map(|(a, (distance, second, b))| {
-            let clear = f64::from(distance) <= RATIO * f64::from(second);
+            // Two that are equally near, be it at distance 0, are ambiguous.
+            let clear = distance < second && f64::from(distance) <= RATIO * f64::from(second);
             let mutual = nearest_a.get(b).is_some_and(|&(_, nearest)| nearest == a);
             (distance <= self.largest && clear && mutual).then_some(Pair { a, b, distance })
         });
         matched.collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::hamming;
+    use super::*;
+
+    #[test]
+    fn a_descriptor_that_is_equal_to_two_others_is_ambiguous() {
+        let (one, other) = ([5, 1, 2, 3], [!5, !1, 9, 7]);
+        let matched = |a: &[[u64; 4]], b: &[[u64; 4]]| {
+            let (a, b) = (a.concat(), b.concat());
+            hamming::run(Matching { a: &a, b: &b, words: 4, largest: 90 })
+        };
+        let pair = |a, b| Pair { a, b, distance: 0 };
+        assert_eq!(matched(&[one, other], &[other, one]), [pair(0, 1), pair(1, 0)]);
+        assert_eq!(matched(&[one, other], &[one, other, one]), [pair(1, 1)]);
     }
 }

@@ -13,7 +13,6 @@ mod hamming;
 mod islands;
 mod make;
 mod matching;
-mod support;
 #[cfg(test)]
 mod tests;
 
@@ -22,9 +21,9 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 use crate::map::{ClientIndex, EntityId};
-use make::{DESCRIPTORS, KEYFRAMES, Make};
+use make::{KEYFRAMES, Make};
 
-pub use support::Support;
+pub use make::DESCRIPTORS;
 
 /// Fewest and most bytes of a binary descriptor: 128 bits are what keys and fingerprints take, and 4096 is
 /// eight times what the longest in use have.

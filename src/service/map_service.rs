@@ -310,6 +310,26 @@ impl MapService for Rpcs {
         })
     }
 
+    type ListPlaceSearchesStream = Answers<v1::ListPlaceSearchesResponse>;
+
+    async fn list_place_searches(
+        &self,
+        request: Request<v1::ListPlaceSearchesRequest>,
+    ) -> Result<Response<Self::ListPlaceSearchesStream>, Status> {
+        let (rpcs, time) = (self.clone(), call_time(request.metadata()));
+        let (caller, request) = (Caller::of(&request), request.into_inner());
+        self.context.stream("ListPlaceSearches", time, Messages::Large, |sink| async move {
+            let pages = convert(|out| {
+                let map_id = ids::map_id(&request.map_id, out);
+                let pages = listing::place_search_pages(&request, out);
+                map_id?;
+                pages
+            })?;
+            let map = rpcs.map(&caller?, &request.map_id)?.snapshot().await?;
+            listing::place_searches(&map, &pages, &sink).await
+        })
+    }
+
     type WatchMapStream = Answers<v1::WatchMapResponse>;
 
     async fn watch_map(

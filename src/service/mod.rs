@@ -36,6 +36,7 @@ mod ingest_service;
 mod job_service;
 mod limits;
 mod listing;
+mod localize;
 mod log_limit;
 mod map_service;
 mod optimization_service;

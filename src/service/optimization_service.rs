@@ -23,7 +23,7 @@ use super::engine::{
     Estimate, Fault, OptimizeOptions, OptimizeOutcome, OptimizeProblem, PoolError,
 };
 use super::error::ServiceError;
-use super::{bundle_solve, graph_solve, refine};
+use super::{bundle_solve, graph_solve, localize, refine};
 use crate::map::Reason;
 use crate::wire::v1;
 use v1::optimization_service_server::OptimizationService;
@@ -95,6 +95,23 @@ impl Rpcs {
         let mut observer = cancel.observer();
         let estimate = input.estimate(self.ceiling());
         self.solve(&caller, estimate, deadline, move || refine::run(&input, &mut observer)).await?
+    }
+
+    async fn locate(
+        &self,
+        request: Request<v1::LocalizeRequest>,
+    ) -> Result<v1::LocalizeResponse, ServiceError> {
+        let caller = Caller::of(&request)?;
+        let bytes = request.get_ref().encoded_len();
+        let deadline = solve_deadline(&request, bytes);
+        let request = request.into_inner();
+        let (map_id, input) = read(bytes, move || localize::input(request)).await?;
+        let map = self.context.maps.get(&caller.engine_name(&map_id))?;
+        let snapshot = map.snapshot().await?;
+        let cancel = CancelOnDrop::default();
+        let interrupt = cancel.interrupt(deadline);
+        let work = move || localize::run(&map, &snapshot, &input, &interrupt);
+        self.solve(&caller, Estimate::LONG, deadline, work).await?
     }
 
     async fn bundle(
@@ -222,6 +239,13 @@ impl OptimizationService for Rpcs {
         request: Request<v1::RefinePoseRequest>,
     ) -> Result<Response<v1::RefinePoseResponse>, Status> {
         self.context.answer("RefinePose", self.refine(request)).await
+    }
+
+    async fn localize(
+        &self,
+        request: Request<v1::LocalizeRequest>,
+    ) -> Result<Response<v1::LocalizeResponse>, Status> {
+        self.context.answer("Localize", self.locate(request)).await
     }
 
     type OptimizeMapStream = Answers<v1::OptimizeMapResponse>;

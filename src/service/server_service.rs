@@ -13,7 +13,7 @@ use crate::wire::v1;
 use v1::server_service_server::ServerService;
 
 /// What is served, sorted; listed in docs/wire.md.
-const FEATURES: [&str; 38] = [
+const FEATURES: [&str; 41] = [
     "export.colmap-binary",
     "export.colmap-text",
     "export.covis",
@@ -42,10 +42,13 @@ const FEATURES: [&str; 38] = [
     "map.freeze",
     "map.list-constraints",
     "map.list-keyframes",
+    "map.list-place-searches",
+    "map.place-recognition",
     "map.update",
     "map.watch",
     "map.watch-resolution",
     "optimization.certify",
+    "optimization.localize",
     "optimization.optimize-map",
     "optimization.optimize-pose-graph",
     "optimization.refine-pose",

@@ -173,6 +173,9 @@ fn engine(error: EngineError) -> Parts {
         EngineError::Frozen { map } => {
             parts(Code::FailedPrecondition, "MAP_FROZEN").with("map_id", map)
         }
+        EngineError::NoPlaceRecognition { map } => {
+            parts(Code::FailedPrecondition, "NO_PLACE_RECOGNITION").with("map_id", map)
+        }
         EngineError::AnchorInUse { map } => {
             parts(Code::FailedPrecondition, "ANCHOR_IN_USE").with("map_id", map)
         }

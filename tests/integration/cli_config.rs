@@ -66,6 +66,16 @@ fn what_cannot_be_read_is_a_failure_with_one_line() {
 }
 
 #[test]
+fn a_collector_is_for_serve_alone() {
+    let workspace = Workspace::new();
+    let ran = workspace.run("serve --in-memory --otlp-endpoint nowhere:at:all", &[]);
+    ran.expect_failure(&["exporting spans", "nowhere:at:all"]);
+    // Other commands export nothing, and do not ask whether they could.
+    let variable = [("COVIS_OTLP_ENDPOINT", "nowhere:at:all")];
+    assert_eq!(solve(&workspace, &["--threads", "1"], &variable).code, Some(0));
+}
+
+#[test]
 fn a_reader_that_leaves_early_is_no_failure() {
     let workspace = Workspace::new();
     let mut command = workspace.command();

@@ -19,7 +19,8 @@ fn rows(folder: &Path, name: &str) -> Vec<Vec<f64>> {
     lines.map(|l| l.split_whitespace().map(|x| x.parse().unwrap()).collect()).collect()
 }
 
-fn read() -> Option<Sequence> {
+/// The recorded desk, with the closures that a frontend found.
+pub(crate) fn read() -> Option<Sequence> {
     let folder = data("closures/fr1_rpy")?;
     let odometry: Vec<(f64, Se3)> =
         rows(&folder, "keyframes.txt").iter().map(|r| (r[1], pose(&r[2..]))).collect();

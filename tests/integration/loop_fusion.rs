@@ -18,7 +18,7 @@ use crate::made_sequence::{
     FLIPPED, MEMORY, Made, SIGMA_PX, Seen, closure, common, looking, matched, pinhole, sigma_depth,
     wire,
 };
-use crate::sequence::{Order, Sequence, ate, items, pose};
+use crate::sequence::{Order, Sequence, ate, items, pose, without_recognition};
 
 /// Length of a side of the square, m.
 const SIDE_M: f64 = 75.0;
@@ -76,7 +76,7 @@ fn scene(rng: &mut impl rand::Rng) -> Vec<Point> {
 }
 
 /// The sequence of a seed.
-fn walk(seed: u64) -> Made {
+pub(crate) fn walk(seed: u64) -> Made {
     let mut rng = seeded(seed);
     let points = scene(&mut rng);
     let lap = 4.0 * SIDE_M;
@@ -174,7 +174,7 @@ fn after_a_loop_of_300_m_duplicates_are_found_and_the_error_is_a_third() {
     run(async {
         let server = TestServer::lock_step().await;
         let policy = v1::MapPolicy { local_bundle_adjustment: Some(false), ..Default::default() };
-        server.create_map_with("block", policy).await;
+        server.create_map_with("block", without_recognition(policy)).await;
         let (stream, _) = Stream::open(&server, "block", "robot", 0).await;
         for (sequence, item) in (1..).zip(items(&walk, &walk.closures, Order::Burst)) {
             stream.send(sequence, item).await;

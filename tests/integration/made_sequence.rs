@@ -43,6 +43,8 @@ pub(crate) struct Course {
     pub(crate) way: Vec<[f64; 2]>,
     /// Ends of each wall, m.
     pub(crate) walls: Vec<[[f64; 2]; 2]>,
+    /// Shifts at which the walls stand again with points that look alike, m.
+    pub(crate) copies: Vec<[f64; 2]>,
     /// Points per meter of wall, on both sides of it together.
     pub(crate) points_per_m: f64,
     /// Distance of keyframes, m.
@@ -66,6 +68,7 @@ pub(crate) fn walls([x, y]: [f64; 2], [to_x, to_y]: [f64; 2]) -> [[[f64; 2]; 2];
 }
 
 /// A point of the scene.
+#[derive(Clone, Copy)]
 struct Point {
     position: Vector3<f64>,
     descriptor: [u8; 32],
@@ -157,6 +160,14 @@ impl Course {
         truth
     }
 
+    /// The walls and their copies.
+    fn all_walls(&self) -> impl Iterator<Item = [[f64; 2]; 2]> {
+        let shifts = std::iter::once([0.0, 0.0]).chain(self.copies.iter().copied());
+        let shifted =
+            |[x, y]: [f64; 2]| self.walls.iter().map(move |wall| wall.map(|[a, b]| [a + x, b + y]));
+        shifts.flat_map(shifted)
+    }
+
     fn points(&self, rng: &mut impl rand::Rng) -> Vec<Point> {
         let mut points = Vec::new();
         for wall in &self.walls {
@@ -170,6 +181,13 @@ impl Course {
                 let height = 3.0 * rng.random::<f64>() - 1.2;
                 let position = Vector3::new(at.x, at.y, height);
                 points.push(Point { position, descriptor: rng.random() });
+            }
+        }
+        let originals = points.len();
+        for &[x, y] in &self.copies {
+            for k in 0..originals {
+                let Point { position, descriptor } = points[k];
+                points.push(Point { position: position + Vector3::new(x, y, 0.0), descriptor });
             }
         }
         points
@@ -194,7 +212,7 @@ impl Course {
             if !(0.0..640.0).contains(&pixel.x) || !(0.0..480.0).contains(&pixel.y) {
                 continue;
             }
-            if self.walls.iter().any(|wall| hides(wall, pose.translation.xy(), position.xy())) {
+            if self.all_walls().any(|wall| hides(&wall, pose.translation.xy(), position.xy())) {
                 continue;
             }
             let noise = normal_vector::<1>(rng, sigma_depth(in_camera.z)).x;

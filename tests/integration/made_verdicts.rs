@@ -9,7 +9,7 @@ use crate::sequence::{Sequence, judged, stated_information};
 const SEED: u64 = 1;
 
 /// Three times around in a room of 5 m by 4 m.
-fn room() -> Course {
+pub(crate) fn room() -> Course {
     let corner = |k: i32| {
         let angle = f64::from(k) * std::f64::consts::FRAC_PI_6;
         [1.2 * angle.cos(), 1.0 * angle.sin()]
@@ -19,6 +19,7 @@ fn room() -> Course {
     Course {
         way,
         walls,
+        copies: Vec::new(),
         points_per_m: 60.0,
         step_m: 0.17,
         closure_step: 2,
@@ -27,12 +28,13 @@ fn room() -> Course {
 }
 
 /// A corridor of 16 m, there and back twice.
-fn corridor() -> Course {
+pub(crate) fn corridor() -> Course {
     let way = vec![[0.0, 0.0], [12.0, 0.0], [0.0, 0.0], [12.0, 0.0], [0.0, 0.0]];
     let walls = walls([-2.0, -1.5], [14.0, 1.5]).to_vec();
     Course {
         way,
         walls,
+        copies: Vec::new(),
         points_per_m: 50.0,
         step_m: 0.32,
         closure_step: 2,
@@ -41,14 +43,22 @@ fn corridor() -> Course {
 }
 
 /// Around two blocks in turn, always through the corridor between them in the same direction.
-fn eight() -> Course {
+pub(crate) fn eight() -> Course {
     let [a, b, c, d, e, f] =
         [[0.0, 0.0], [6.0, 0.0], [6.0, 6.0], [0.0, 6.0], [12.0, 0.0], [12.0, 6.0]];
     let way = vec![b, c, d, a, b, c, f, e, b, c, d, a, b, c];
     let outside = walls([-1.0, -1.0], [13.0, 7.0]);
     let blocks = [walls([1.0, 1.0], [5.0, 5.0]), walls([7.0, 1.0], [11.0, 5.0])];
     let walls = [outside, blocks[0], blocks[1]].concat();
-    Course { way, walls, points_per_m: 40.0, step_m: 0.5, closure_step: 2, calibration_error: 0.01 }
+    Course {
+        way,
+        walls,
+        copies: Vec::new(),
+        points_per_m: 40.0,
+        step_m: 0.5,
+        closure_step: 2,
+        calibration_error: 0.01,
+    }
 }
 
 /// Closures that claim 3 cm and 1.5°: at most a twentieth of the true ones that hold is off.

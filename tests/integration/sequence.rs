@@ -239,6 +239,12 @@ pub(crate) struct State {
     pub(crate) poses: Vec<Se3>,
 }
 
+/// The policy of a map whose closures come from a client alone.
+pub(crate) fn without_recognition(policy: v1::MapPolicy) -> v1::MapPolicy {
+    let enabled = v1::PlaceRecognition { enabled: Some(false) };
+    v1::MapPolicy { place_recognition: policy.place_recognition.or(Some(enabled)), ..policy }
+}
+
 /// The camera, the keyframes and `closures`, whose places are their ids.
 pub(crate) fn items(sequence: &Sequence, closures: &[Closure], order: Order) -> Vec<Item> {
     let mut items = vec![Item::Camera(sequence.camera.clone())];
@@ -265,7 +271,7 @@ pub(crate) async fn build(
     order: Order,
     policy: v1::MapPolicy,
 ) {
-    server.create_map_with(name, policy).await;
+    server.create_map_with(name, without_recognition(policy)).await;
     let (stream, _) = Stream::open(server, name, "robot", 0).await;
     for (number, item) in (1..).zip(items(sequence, closures, order)) {
         stream.send(number, item).await;

@@ -55,18 +55,19 @@ pub(super) fn inliers_needed(features: &[Feature], problem: &Problem<'_>, pose: 
         let gate = gate(2, problem.options.sigma_allowance);
         Some((PI * gate * squared.max(0.0).sqrt() / area).min(1.0))
     };
-    let mean: f64 = problem.matches.iter().filter_map(share).sum::<f64>().max(1e-9);
+    let expected: f64 = problem.matches.iter().filter_map(share).sum::<f64>().max(1e-9);
     let count = problem.matches.len() as f64;
     // Four poses of each sample.
     let poses = (count * (count - 1.0) * (count - 2.0) / 6.0 * 4.0).max(1.0).ln();
-    let by_chance = |inliers: usize| {
+    let is_no_chance = |inliers: usize| {
         // Three fit by themselves.
         let more = inliers as f64 - 3.0;
-        let tail = if more > mean { more - mean - more * (more / mean).ln() } else { 0.0 };
+        let tail =
+            if more > expected { more - expected - more * (more / expected).ln() } else { 0.0 };
         poses + tail < FALSE_ALARMS.ln()
     };
     let most = problem.matches.len() + 1;
-    (MIN_INLIERS..most).find(|&inliers| by_chance(inliers)).unwrap_or(most)
+    (MIN_INLIERS..most).find(|&inliers| is_no_chance(inliers)).unwrap_or(most)
 }
 
 /// Whether the inliers are not on one line.

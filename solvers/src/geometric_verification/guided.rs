@@ -7,29 +7,12 @@
 use super::consensus::{Projected, gate};
 use super::{Input, Options, weighted_once};
 use crate::geometry::{LieGroup, Se3};
-use crate::point_matching::Likeness;
+use crate::point_matching::{Likeness, MutualBest, RATIO};
 use crate::relative_motion::squared_error;
 
-/// The most alike must be closer than the second by this factor (Lowe, IJCV 2004), as in
-/// [`crate::point_matching`].
-const RATIO: f64 = 0.8;
-
-#[derive(Clone, Copy)]
-struct Best {
-    other: usize,
-    distance: f64,
-    second: f64,
-}
-
-fn add(best: &mut Option<Best>, other: usize, distance: f64) {
-    *best = Some(match *best {
-        None => Best { other, distance, second: f64::INFINITY },
-        Some(first) if distance < first.distance => {
-            Best { other, distance, second: first.distance }
-        }
-        Some(first) => Best { second: first.second.min(distance), ..first },
-    });
-}
+/// Features that look like a point, in the mean of all points, above which nothing is taken: twice as many
+/// as make one point ambiguous in [`crate::point_matching`]. It bounds what equal descriptors cost.
+const MOST_ALIKE: usize = 64;
 
 /// Pairs (point, feature) of those that are in no pair of `taken`, by rising point.
 pub(super) fn search(
@@ -52,13 +35,14 @@ pub(super) fn search(
     let widest = by_u.iter().map(|&f| input.features[f].sigma_px).fold(0.0, f64::max);
     let inverse = pose.inverse();
     let (b_from_a, origin) = (inverse.rotation.matrix(), inverse.translation);
-    let mut of_points: Vec<Option<Best>> = vec![None; input.points.len()];
-    let mut of_features: Vec<Option<Best>> = vec![None; input.features.len()];
+    let mut alike = 0;
+    let mut best = MutualBest::new(input.points.len(), input.features.len());
     for (point, estimate) in input.points.iter().enumerate().filter(|&(p, _)| is_point_free[p]) {
         let Some(seen) = Projected::new(input.camera, estimate, &b_from_a, &origin) else {
             continue;
         };
-        // No error in u is longer than this within the gate.
+        // No error in u is longer than this within the gate, as far as the lens does not distort the
+        // covariance.
         let limit = gate(3, options.sigma_allowance);
         let reach = (limit * (seen.c00 + widest * widest)).sqrt();
         let u = |&feature: &usize| input.features[feature].pixel.x;
@@ -66,26 +50,18 @@ pub(super) fn search(
         for &feature in
             by_u[first..].iter().take_while(|feature| u(feature) <= seen.pixel.x + reach)
         {
+            let Likeness::Distance(distance) = likeness(point, feature) else { continue };
+            alike += 1;
+            if alike > MOST_ALIKE * input.points.len() {
+                return Vec::new();
+            }
             let m = weighted_once(input, point, feature).seen;
             let fits = squared_error(input.camera, &m, pose)
                 .is_some_and(|(chi2, rows)| chi2 <= gate(rows, options.sigma_allowance));
-            if !fits {
-                continue;
-            }
-            match likeness(point, feature) {
-                Likeness::Different | Likeness::Unknown => {}
-                Likeness::Distance(distance) => {
-                    add(&mut of_points[point], feature, distance);
-                    add(&mut of_features[feature], point, distance);
-                }
+            if fits {
+                best.add(point, feature, distance, RATIO);
             }
         }
     }
-    let is_clear = |best: &Best| best.distance < RATIO * best.second;
-    let mutual = |(point, best): (usize, &Option<Best>)| {
-        let best = best.filter(is_clear)?;
-        let back = of_features[best.other].filter(is_clear)?;
-        (back.other == point).then_some((point, best.other))
-    };
-    of_points.iter().enumerate().filter_map(mutual).collect()
+    best.pairs()
 }

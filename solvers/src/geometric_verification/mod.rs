@@ -67,6 +67,18 @@ pub struct Expected {
     pub covariance: Covariance<6>,
 }
 
+impl Expected {
+    /// Whether a verified pose is not excluded by what is expected.
+    ///
+    /// # Errors
+    /// [`Refusal::Improbable`].
+    pub fn is_met_by(&self, verified: &Verified) -> Result<(), Refusal> {
+        let covariance = verified.information.matrix().cholesky().map(|c| c.inverse());
+        let covariance = covariance.ok_or(Refusal::RefinementFailed)?;
+        checks::probable(self, &verified.candidate_from_query, &covariance)
+    }
+}
+
 /// Two keyframes.
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a> {
@@ -171,7 +183,7 @@ fn judge(
     }
     let mut pairs: Vec<(usize, usize)> = proposed.iter().map(|m| (m.point, m.feature)).collect();
     let mut all = weighted.clone();
-    let mut found = best.clone();
+    let mut found = best;
     for _ in 0..GUIDED_ROUNDS {
         let inlying: Vec<(usize, usize)> = found.inliers.iter().map(|&k| pairs[k]).collect();
         let further = guided::search(input, &inlying, &found.pose, likeness, options);
@@ -222,13 +234,16 @@ fn judge(
     })
 }
 
-/// The matches that have a weight, at most [`MAX_MATCHES`], by index.
+/// The matches that have a weight, at most [`MAX_MATCHES`], by index; the largest weight is 1.
 fn usable(matches: &[Proposed]) -> Vec<Proposed> {
     let mut usable: Vec<Proposed> = matches.iter().filter(|m| m.weight > 0.0).copied().collect();
     if usable.len() > MAX_MATCHES {
         usable.sort_by(|a, b| b.weight.total_cmp(&a.weight).then(a.point.cmp(&b.point)));
         usable.truncate(MAX_MATCHES);
     }
+    // The sum of weights of any size is a number then.
+    let largest = usable.iter().map(|m| m.weight).fold(0.0, f64::max);
+    usable.iter_mut().for_each(|m| m.weight /= largest);
     usable.sort_by_key(|m| (m.point, m.feature));
     usable
 }

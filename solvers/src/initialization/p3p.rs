@@ -79,7 +79,8 @@ fn three_points(from: &[Vector3<f64>; 3], to: &[Vector3<f64>; 3]) -> Option<Se3>
     motion.is_finite().then_some(motion)
 }
 
-/// D₁ + γ D₂ with determinant 0, scaled, and the one of the two forms that it is not nearly.
+/// D₁ + γ D₂ with determinant 0, and the one of the two forms that has the smaller part in it: the other
+/// one is nearly a multiple of the sum where γ is very small or very large.
 fn degenerate_conic(d1: &Matrix3<f64>, d2: &Matrix3<f64>) -> Option<(Matrix3<f64>, Matrix3<f64>)> {
     // The root is finite if the leading coefficient is not the smaller one.
     let (d1, d2) =

@@ -97,8 +97,8 @@ pub(super) struct Contraction<G, const N: usize> {
 }
 
 /// Replaces `graph` by one without the poses that only pass trusted edges on, and `closures`, indices
-/// of edges, by those in it; `measured` is that of each edge. `None`, and nothing is replaced, where less than half of the poses would
-/// go, or where a loss makes two edges more than one.
+/// of edges, by those in it; `measured` is that of each edge. `None`, and nothing is replaced, where
+/// less than half of the poses would go, or where a loss makes two edges more than one.
 pub(super) fn contract<G: LieGroup<N>, const N: usize>(
     graph: &mut PoseGraph<G, N>,
     measured: Vec<Option<Measured<G, N>>>,
@@ -377,6 +377,16 @@ mod tests {
         pose_graph::solve(graph, &options, &mut ignore_iterations).unwrap().final_cost
     }
 
+    /// Solves the contracted graph, measured anew four times; its cost is then that of the whole one.
+    fn reaches(contraction: &mut Contraction<Se3, 6>, reduced: &mut PoseGraph<Se3, 6>, cost: f64) {
+        solve(reduced);
+        let costs = [(); 4].map(|()| {
+            contraction.measure(reduced);
+            solve(reduced)
+        });
+        assert!((costs[3] / cost - 1.0).abs() < 1e-5, "{costs:?} {cost}");
+    }
+
     #[test]
     fn the_optimum_of_a_contracted_graph_is_that_of_the_whole_one() {
         let (graph, closures) = walk(200, &[(3, 120), (40, 180), (41, 181), (60, 150)]);
@@ -397,12 +407,7 @@ mod tests {
         // Measured anew, it is the same.
         let (mut reduced, mut ends) = (graph.clone(), closures);
         let mut contraction = contract(&mut reduced, Measured::all(&graph), &mut ends).unwrap();
-        solve(&mut reduced);
-        let costs = [(); 4].map(|()| {
-            contraction.measure(&mut reduced);
-            solve(&mut reduced)
-        });
-        assert!((costs[3] / cost - 1.0).abs() < 1e-5, "{costs:?} {cost}");
+        reaches(&mut contraction, &mut reduced, cost);
         contraction.expand(&mut reduced);
         for (a, b) in reduced.poses.iter().zip(&whole.poses) {
             assert!(a.minus(b).norm() < 1e-3, "{}", a.minus(b).norm());
@@ -417,12 +422,7 @@ mod tests {
         let mut contraction = contract(&mut reduced, Measured::all(&graph), &mut ends).unwrap();
         let longest = contraction.rows.iter().map(|(row, _)| row.steps.len()).max();
         assert!(longest <= Some(MOST_STEPS) && contraction.rows.len() > 8, "{longest:?}");
-        solve(&mut reduced);
-        let costs = [(); 4].map(|()| {
-            contraction.measure(&mut reduced);
-            solve(&mut reduced)
-        });
-        assert!((costs[3] / cost - 1.0).abs() < 1e-5, "{costs:?} {cost}");
+        reaches(&mut contraction, &mut reduced, cost);
         contraction.expand(&mut reduced);
         let options = pose_graph::Options::default();
         let last = pose_graph::solve(&mut reduced, &options, &mut ignore_iterations).unwrap();

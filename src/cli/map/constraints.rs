@@ -5,7 +5,7 @@
 
 use serde::Serialize;
 
-use super::super::output::show;
+use super::super::output::{show, table};
 use crate::client::Client;
 use crate::wire::v1;
 use v1::constraint::Constraint;
@@ -42,7 +42,7 @@ pub(super) async fn constraints(client: &Client, name: String, json: bool) -> an
     let listed = client.constraints(&name).await?;
     let constraints = listed.constraints.into_iter().filter_map(row).collect();
     let listed = Listed { map: name, revision: listed.revision, constraints };
-    show(json, &listed, || table(&listed.constraints))
+    show(json, &listed, || text(&listed.constraints))
 }
 
 fn row(message: v1::Constraint) -> Option<Row> {
@@ -80,7 +80,7 @@ fn row(message: v1::Constraint) -> Option<Row> {
     })
 }
 
-fn table(rows: &[Row]) -> String {
+fn text(rows: &[Row]) -> String {
     if rows.is_empty() {
         return "no constraints".to_owned();
     }
@@ -95,14 +95,7 @@ fn table(rows: &[Row]) -> String {
         [format!("{}/{}", row.client, row.id), row.kind.to_owned(), keyframes.join(" - "), state]
     };
     let head = ["constraint", "kind", "keyframes", "state"].map(str::to_owned);
-    let lines: Vec<[String; 4]> = std::iter::once(head).chain(rows.iter().map(cells)).collect();
-    let widths: Vec<usize> =
-        (0..3).map(|c| lines.iter().map(|line| line[c].len()).max().unwrap_or(0)).collect();
-    let text = |[id, kind, keyframes, state]: &[String; 4]| {
-        let [a, b, c] = [widths[0], widths[1], widths[2]];
-        format!("{id:<a$}  {kind:<b$}  {keyframes:<c$}  {state}")
-    };
-    lines.iter().map(text).collect::<Vec<_>>().join("\n")
+    table(std::iter::once(head).chain(rows.iter().map(cells)))
 }
 
 #[cfg(test)]
@@ -138,7 +131,7 @@ mod tests {
             .into_iter()
             .filter_map(|constraint| row(v1::Constraint { constraint: Some(constraint) }))
             .collect();
-        let text = table(&rows);
+        let text = text(&rows);
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!(lines[0], "constraint  kind            keyframes    state");
         assert_eq!(lines[1], "/1          pose prior      a/3          counts");

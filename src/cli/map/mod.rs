@@ -1,9 +1,10 @@
 //! `covis map`: lists, shows, changes, moves and deletes the maps of a server.
 //!
 //! Everything goes through [`crate::client`]. `document.rs` prints a map, `export.rs` and `files.rs`
-//! move maps to and from files, `constraints.rs` lists what ties keyframes, `edit.rs` changes what a
-//! map holds.
+//! move maps to and from files, `constraints.rs` lists what ties keyframes, `closures.rs` where loops were
+//! found, `edit.rs` changes what a map holds.
 
+mod closures;
 mod constraints;
 mod document;
 mod edit;
@@ -41,6 +42,12 @@ enum Action {
     /// Show one map: counts, clients, bounds.
     Show {
         /// The map.
+        name: String,
+    },
+    /// List where keyframes looked like earlier ones: the loop closures that the server added, and why
+    /// others were refused.
+    Closures {
+        /// Name of the map.
         name: String,
     },
     /// List the constraints of a map, and which of them are switched off.
@@ -101,6 +108,7 @@ async fn act(Args { action, json }: Args, config: &Config) -> anyhow::Result<()>
             let map = Document::with_digests(map, &digests);
             show(json, &map, || details(&map))
         }
+        Action::Closures { name } => closures::closures(&client, name, json).await,
         Action::Constraints { name } => constraints::constraints(&client, name, json).await,
         Action::Freeze { name } => set_frozen(&client, name, true, json).await,
         Action::Unfreeze { name } => set_frozen(&client, name, false, json).await,

@@ -10,8 +10,8 @@ use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector3;
 
 use super::super::{
-    AppliedSolve, Cause, Change, Client, Comparison, Constraint, EntityId, EntityKind, Event, Map,
-    MapError, NewLandmark, Observation, Prior, Retired,
+    AppliedSolve, Cause, Change, Client, ClientIndex, Comparison, Constraint, EntityId, EntityKind,
+    Event, Map, MapError, NewLandmark, Observation, Prior, Retired,
 };
 
 fn finite(vector: &Vector3<f64>) -> bool {
@@ -99,11 +99,7 @@ impl Fit<'_> {
                 self.observations(observations, &[], present)
             }
             Change::ConstraintAdded { id, constraint } => {
-                self.new_constraint(*id)?;
-                self.keyframe(constraint.keyframe_i)?;
-                self.keyframe(constraint.keyframe_j)?;
-                let measured = constraint.keyframe_i_from_keyframe_j.is_finite();
-                self.finite(measured, EntityKind::Constraint, *id)
+                self.new_constraints(&[(*id, *constraint)])
             }
             Change::PriorAdded { id, prior } => {
                 self.new_constraint(*id)?;
@@ -130,6 +126,10 @@ impl Fit<'_> {
             Change::LandmarksRemoved { landmarks } | Change::DuplicatesSplit { landmarks, .. } => {
                 landmarks.iter().try_for_each(|&id| self.landmark(id))
             }
+            Change::PlacesSearched { searches, closures } => {
+                searches.iter().try_for_each(|(keyframe, _)| self.keyframe(*keyframe))?;
+                self.new_constraints(closures)
+            }
             Change::KeyframeRemoved { keyframe } => self.keyframe(*keyframe),
             Change::KeyframeRetired { retired } => self.retired(retired),
             Change::ConstraintRevoked { id } => {
@@ -144,24 +144,34 @@ impl Fit<'_> {
         for &id in &retired.revoked {
             self.present(self.map.has_constraint(id), EntityKind::Constraint, id)?;
         }
+        self.new_constraints(&retired.constraints)?;
+        let stays = |id| self.absent(id != retired.keyframe, EntityKind::Keyframe, id);
         let mut new = BTreeSet::new();
-        let stays = |id| {
-            self.absent(id != retired.keyframe, EntityKind::Keyframe, id)?;
-            self.keyframe(id)
-        };
         for (id, constraint) in &retired.constraints {
-            self.new_constraint(*id)?;
-            self.absent(new.insert(*id), EntityKind::Constraint, *id)?;
+            new.insert(*id);
             stays(constraint.keyframe_i)?;
             stays(constraint.keyframe_j)?;
-            let measured = constraint.keyframe_i_from_keyframe_j.is_finite();
-            self.finite(measured, EntityKind::Constraint, *id)?;
         }
         for (id, prior) in &retired.priors {
             self.new_constraint(*id)?;
             self.absent(new.insert(*id), EntityKind::Constraint, *id)?;
             stays(prior.keyframe())?;
+            self.keyframe(prior.keyframe())?;
             self.measured(*id, prior)?;
+        }
+        Ok(())
+    }
+
+    /// New constraints between keyframes of the map.
+    fn new_constraints(&self, constraints: &[(EntityId, Constraint)]) -> Outcome {
+        let mut new = BTreeSet::new();
+        for (id, constraint) in constraints {
+            self.new_constraint(*id)?;
+            self.absent(new.insert(*id), EntityKind::Constraint, *id)?;
+            self.keyframe(constraint.keyframe_i)?;
+            self.keyframe(constraint.keyframe_j)?;
+            let measured = constraint.keyframe_i_from_keyframe_j.is_finite();
+            self.finite(measured, EntityKind::Constraint, *id)?;
         }
         Ok(())
     }
@@ -276,7 +286,7 @@ impl Fit<'_> {
         }
         let varied = solve.closure_variances.iter().map(|&(client, _)| client);
         for client in solve.covered.iter().map(|&(client, _)| client).chain(varied) {
-            if self.map.client(client).is_none() {
+            if client != ClientIndex::SERVER && self.map.client(client).is_none() {
                 return Err(MapError::UnknownClient { revision: self.revision, client });
             }
         }

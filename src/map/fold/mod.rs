@@ -15,8 +15,8 @@ use super::digest::{self, Content};
 use super::unsolved::to_solve;
 use super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, Constraint, EntityId, Event, Keyframe,
-    Landmark, Map, MapError, NewLandmark, Observation, Observations, Prior, Retired, SolveKind,
-    ToSolve, Unsolved,
+    Landmark, Map, MapError, MapPolicy, NewLandmark, Observation, Observations, Prior, Retired,
+    SolveKind, ToSolve, Unsolved,
 };
 
 /// Items of a client whose digests are kept. Clients do not resend older items: a client keeps only
@@ -116,20 +116,33 @@ impl Map {
             Change::DuplicatesSplit { closures, landmarks } => {
                 self.split_duplicates(closures, landmarks);
             }
+            Change::PlacesSearched { searches, closures } => {
+                for (keyframe, search) in searches {
+                    self.place_searches.searched(*keyframe, search, self.revision);
+                }
+                closures.iter().for_each(|&(id, constraint)| self.add_constraint(id, constraint));
+            }
             Change::LandmarksRemoved { landmarks } => self.remove_landmarks(landmarks),
             Change::KeyframeRemoved { keyframe } => self.remove_keyframe(*keyframe),
             Change::KeyframeRetired { retired } => self.retire(retired),
             Change::ConstraintRevoked { id } => self.revoke(*id),
             // The cause contains everything.
             Change::ItemRepeated => {}
-            Change::PolicySet { policy } => self.policy = *policy,
+            Change::PolicySet { policy } => self.set_policy(*policy),
             Change::MapUpdated { display_name, policy, frozen } => {
                 if let Some(display_name) = display_name {
                     self.display_name.clone_from(display_name);
                 }
-                self.policy = policy.unwrap_or(self.policy);
+                self.set_policy(policy.unwrap_or(self.policy));
                 self.frozen = frozen.unwrap_or(self.frozen);
             }
+        }
+    }
+
+    fn set_policy(&mut self, policy: MapPolicy) {
+        self.policy = policy;
+        if !policy.place_recognition {
+            self.place_searches.stop();
         }
     }
 
@@ -189,6 +202,9 @@ impl Map {
         keyframe.observations = keyframe.observations.iter().chain(added).cloned().collect();
         self.descriptor_bytes += descriptor_bytes(added);
         self.observation_count += added.len() as u64;
+        if self.policy.place_recognition {
+            self.place_searches.observed(keyframe_id, added, self.revision);
+        }
         let Self { landmarks, keyframes, unseen, covisibility, .. } = self;
         let age = |id: EntityId| keyframes.get(&id).map_or(0, |known| known.added_revision);
         let mut sharing = Vec::new();
@@ -261,6 +277,9 @@ impl Map {
             }
         }
         for &(client, sequence) in &solve.covered {
+            if client == ClientIndex::SERVER {
+                self.place_searches.solved(sequence);
+            }
             if let Some(client) = self.clients.get_mut(client.0 as usize) {
                 client.optimized_sequence = client.optimized_sequence.max(sequence);
                 client.unsolved.take_if(|unsolved| unsolved.sequence <= sequence);
@@ -273,6 +292,7 @@ impl Map {
         self.observation_count -= keyframe.observations.len() as u64;
         self.descriptor_bytes -= descriptor_bytes(&keyframe.observations);
         self.by_age.remove(&keyframe.added_revision);
+        self.place_searches.remove(id);
         for observation in keyframe.observations.iter() {
             self.forget_observer(observation.landmark, id);
         }

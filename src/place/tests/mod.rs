@@ -201,25 +201,3 @@ fn recall_at_precision_1(told: &[Best]) -> f64 {
     let right = told.iter().filter(|best| best.is_again && best.is_right && best.score > wrong);
     right.count() as f64 / told.iter().filter(|best| best.is_again).count() as f64
 }
-
-fn candidate(client: u32, first_ns: i64, last_ns: i64) -> Candidate {
-    let island = Island { client: ClientIndex(client), first_ns, last_ns };
-    Candidate { keyframe: id(client, first_ns), score: 0.1, matches: Vec::new(), island }
-}
-
-#[test]
-fn an_island_that_is_found_again_gains_support() {
-    let mut support = Support::default();
-    assert_eq!(support.of(&[candidate(0, 100, 200), candidate(0, 900, 990)]), [1, 1]);
-    // The next one overlaps, another is far away, another is of another client.
-    let next = [candidate(0, 150, 250), candidate(0, 500, 600), candidate(1, 100, 200)];
-    assert_eq!(support.of(&next), [2, 1, 1]);
-    // A query that sees nothing does not end it, two do.
-    assert!(support.of(&[]).is_empty());
-    assert_eq!(support.of(&[candidate(0, 260, 360)]), [3], "beside it");
-    assert!(support.of(&[]).is_empty());
-    assert!(support.of(&[]).is_empty());
-    assert_eq!(support.of(&[candidate(0, 260, 360)]), [1]);
-    let far = [candidate(0, i64::MIN, i64::MAX), candidate(0, i64::MAX, i64::MIN)];
-    assert_eq!(support.of(&far).len(), 2, "any times are taken");
-}

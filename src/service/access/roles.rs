@@ -31,7 +31,7 @@ impl Role {
     }
 }
 
-const READ: [&str; 14] = [
+const READ: [&str; 15] = [
     "/covis.v1.JobService/GetJob",
     "/covis.v1.JobService/ListJobs",
     "/covis.v1.JobService/WatchJob",
@@ -42,6 +42,7 @@ const READ: [&str; 14] = [
     "/covis.v1.MapService/ListKeyframes",
     "/covis.v1.MapService/ListLandmarks",
     "/covis.v1.MapService/ListMaps",
+    "/covis.v1.MapService/ListPlaceSearches",
     "/covis.v1.MapService/WatchMap",
     "/covis.v1.ServerService/GetServerInfo",
     "/grpc.reflection.v1.ServerReflection/ServerReflectionInfo",
@@ -49,13 +50,14 @@ const READ: [&str; 14] = [
 ];
 
 /// Solves of problems that come with the call change nothing, but take the server's time.
-const WRITE: [&str; 10] = [
+const WRITE: [&str; 11] = [
     "/covis.v1.IngestService/Ingest",
     "/covis.v1.JobService/CancelJob",
     "/covis.v1.JobService/CreateJob",
     "/covis.v1.MapService/CreateMap",
     "/covis.v1.MapService/ImportMap",
     "/covis.v1.MapService/UpdateMap",
+    "/covis.v1.OptimizationService/Localize",
     "/covis.v1.OptimizationService/OptimizeMap",
     "/covis.v1.OptimizationService/RefinePose",
     "/covis.v1.OptimizationService/SolveBundle",

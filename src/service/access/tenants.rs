@@ -103,6 +103,7 @@ fn map_of(error: &mut EngineError) -> Option<&mut String> {
         | EngineError::Poisoned { map }
         | EngineError::Frozen { map }
         | EngineError::AnchorInUse { map }
+        | EngineError::NoPlaceRecognition { map }
         | EngineError::RevisionMismatch { map, .. }
         | EngineError::EpochFenced { map, .. }
         | EngineError::OptimizationRunning { map }

@@ -15,7 +15,7 @@ use super::solve::to_loss;
 use super::time::timestamp;
 use crate::map::{
     CameraEntity, ClientIndex, Constraint, ConstraintKind, DescriptorKind, EntityId, Keyframe,
-    Landmark, Map, Observation, Prior, SwitchedOff,
+    Landmark, Map, Observation, PlaceCandidate, PlaceRefusal, PlaceSearch, Prior, SwitchedOff,
 };
 use crate::wire::v1;
 use v1::constraint::Constraint as WireConstraint;
@@ -140,6 +140,42 @@ pub(in crate::service) fn to_constraint(
 pub(in crate::service) fn to_switched_off(off: &SwitchedOff) -> v1::SwitchedOff {
     let SwitchedOff { chi2, weight, is_provisional: provisional } = *off;
     v1::SwitchedOff { chi2, weight, provisional }
+}
+
+/// What the search for the place of a keyframe found.
+pub(in crate::service) fn to_place_search(
+    map: &Map,
+    keyframe: EntityId,
+    search: &PlaceSearch,
+) -> v1::PlaceSearch {
+    let PlaceSearch { candidates, closure, refusal } = search;
+    let closure =
+        closure.map(|id| v1::ConstraintRef { client_id: client_name(map, id), id: id.id });
+    v1::PlaceSearch {
+        keyframe: Some(to_keyframe_ref(map, keyframe)),
+        candidates: candidates.iter().map(|c| to_place_candidate(map, c)).collect(),
+        closure,
+        refusal: refusal.as_ref().map(to_place_refusal),
+    }
+}
+
+/// A candidate for a place.
+pub(in crate::service) fn to_place_candidate(
+    map: &Map,
+    candidate: &PlaceCandidate,
+) -> v1::PlaceCandidate {
+    let PlaceCandidate { keyframe, score, matches, refusal } = candidate;
+    v1::PlaceCandidate {
+        keyframe: Some(to_keyframe_ref(map, *keyframe)),
+        score: *score,
+        match_count: i32::try_from(*matches).unwrap_or(i32::MAX),
+        refusal: refusal.as_ref().map(to_place_refusal),
+    }
+}
+
+fn to_place_refusal(refusal: &PlaceRefusal) -> v1::PlaceRefusal {
+    let PlaceRefusal { reason, text } = refusal.clone();
+    v1::PlaceRefusal { reason, text }
 }
 
 /// A prior on a keyframe.

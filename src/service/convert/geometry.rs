@@ -168,6 +168,14 @@ pub(in crate::service) fn to_upper_triangle<const N: usize>(
     (0..N).flat_map(|row| (row..N).map(move |column| matrix[(row, column)])).collect()
 }
 
+/// The message of the covariance that an information is the inverse of; absent where there is none.
+pub(in crate::service) fn to_covariance6(information: &Information<6>) -> Option<v1::Covariance6> {
+    let covariance = information.covariance().ok()?;
+    let matrix = covariance.matrix();
+    let upper = (0..6).flat_map(|row| (row..6).map(move |column| matrix[(row, column)]));
+    Some(v1::Covariance6 { upper_triangle: upper.collect() })
+}
+
 /// The message of a 6 × 6 information matrix.
 pub(in crate::service) fn to_information6(information: &Information<6>) -> v1::InformationMatrix6 {
     v1::InformationMatrix6 { upper_triangle: to_upper_triangle(information) }

@@ -209,19 +209,17 @@ fn observations(
         let pixel = out.or(place, pixel, Vector2::repeat(f64::NAN));
         let sigma = out.positive(at.field("sigma_px"), message.sigma_px.unwrap_or(1.0));
         let depth = depth(at, message.depth_m, message.sigma_depth_m, out);
-        let descriptor = message.descriptor.and_then(|descriptor| {
-            let place = at.field("descriptor");
-            let kind = descriptor_kind(place, &descriptor, MAX_FEATURE_DESCRIPTOR, out)?;
-            let v1::Descriptor { name, data, .. } = descriptor;
-            Some(Arc::new(Descriptor { kind, name, data }))
-        });
+        let descriptor = message.descriptor;
+        let descriptor =
+            descriptor.and_then(|d| feature_descriptor(at.field("descriptor"), d, out));
+        let descriptor = descriptor.map(Arc::new);
         let sigma_px = sigma.unwrap_or(1.0);
         Some(ItemObservation { landmark, pixel, sigma_px, depth: depth.flatten(), descriptor })
     })
 }
 
 /// `depth_m` with `sigma_depth_m`: both or neither.
-pub(super) fn depth(
+pub(in crate::service) fn depth(
     at: Path<'_>,
     depth_m: Option<f64>,
     sigma_m: Option<f64>,
@@ -241,6 +239,17 @@ pub(super) fn depth(
             out.report(at.field("sigma_depth_m"), Reason::Inconsistent, "refused without depth_m")
         }
     }
+}
+
+/// The descriptor of a feature.
+pub(in crate::service) fn feature_descriptor(
+    at: Path<'_>,
+    descriptor: v1::Descriptor,
+    out: &mut Violations,
+) -> Option<Descriptor> {
+    let kind = descriptor_kind(at, &descriptor, MAX_FEATURE_DESCRIPTOR, out)?;
+    let v1::Descriptor { name, data, .. } = descriptor;
+    Some(Descriptor { kind, name, data })
 }
 
 /// The kind of a descriptor, whose name and data must not be too long.

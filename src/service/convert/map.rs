@@ -88,6 +88,10 @@ pub(in crate::service) fn policy(
         local_bundle: m.local_bundle_adjustment.unwrap_or(default.local_bundle),
         loop_closure: m.loop_closure_optimization.unwrap_or(default.loop_closure),
         closure_adjustment: m.closure_adjustment.unwrap_or(default.closure_adjustment),
+        place_recognition: m
+            .place_recognition
+            .and_then(|recognition| recognition.enabled)
+            .unwrap_or(default.place_recognition),
         loop_closure_robustness: closures?,
         window_keyframes: window?,
         min_shared_landmarks: shared?,
@@ -186,6 +190,7 @@ pub(in crate::service) fn to_policy(policy: &MapPolicy, queued_items: usize) -> 
         local_bundle_adjustment: Some(policy.local_bundle),
         loop_closure_optimization: Some(policy.loop_closure),
         closure_adjustment: Some(policy.closure_adjustment),
+        place_recognition: Some(v1::PlaceRecognition { enabled: Some(policy.place_recognition) }),
         max_iteration_count: Some(small(policy.max_local_iterations)),
         limits: Some(to_limits(&policy.ceilings, queued(policy, queued_items))),
         loop_closure_robustness: Some(to_robustness(&policy.loop_closure_robustness)),

@@ -45,7 +45,7 @@ macro_rules! limit {
     };
 }
 
-const FIELDS: [Field; 21] = [
+const FIELDS: [Field; 22] = [
     field!(observation_loss, observation_loss),
     field!(constraint_loss, constraint_loss),
     field!(window_keyframe_count, window_keyframes),
@@ -53,6 +53,14 @@ const FIELDS: [Field; 21] = [
     field!(local_bundle_adjustment, local_bundle),
     field!(loop_closure_optimization, loop_closure),
     field!(closure_adjustment, closure_adjustment),
+    Field {
+        path: "place_recognition.enabled",
+        copy: |from, to| {
+            let enabled = from.place_recognition.and_then(|recognition| recognition.enabled);
+            to.place_recognition.get_or_insert_default().enabled = enabled;
+        },
+        take: |from, to| to.place_recognition = from.place_recognition,
+    },
     field!(max_iteration_count, max_local_iterations),
     field!(loop_closure_robustness, loop_closure_robustness),
     field!(when_full, when_full),

@@ -1,9 +1,9 @@
 //! The task that owns a map: its loop, which hands events from one part to another.
 //!
-//! The parts are [`Ingest`], [`Durability`], [`Solving`], [`Background`] and [`Watching`]; each owns its
-//! state, and none knows another. Each step handles one of these, in this order of priority: a control
-//! message, the end of the running solve, the end of a background task, progress of the journal, an
-//! item. After a control message, the others have priority for one step, so that constant requests of
+//! The parts are [`Ingest`], [`Durability`], [`Solving`], [`Recognition`], [`Background`] and
+//! [`Watching`]; each owns its state, and none knows another. Each step handles one of these, in this order of priority: a control
+//! message, the end of the running solve, the end of a search for places, the end of a background task,
+//! progress of the journal, an item. After a control message, the others have priority for one step, so that constant requests of
 //! readers cannot block writers. In lock-step the task accepts no item while a solve or a background
 //! task runs or waits.
 //!
@@ -24,6 +24,7 @@ use super::error::report_bug;
 use super::handle::{Control, Reply, Shared};
 use super::ingest::Ingest;
 use super::pool::{SolvePanicked, panic_message};
+use super::recognition::Recognition;
 use super::solve::{Job, Outcome, Solution};
 use super::solving::{Running, Solving, switched_off};
 use super::touched::{Touched, size_of_change};
@@ -33,7 +34,7 @@ use super::{
     EngineError, Fault, IngestStream, MapHandle, MapInfo, MapState, Opened, OptimizeOutcome,
     Reservation, Resource, SolveReport, SolverPool, Watch,
 };
-use crate::map::{Cause, Change, Event, Map, applied};
+use crate::map::{Cause, Change, ClientIndex, Event, Map, applied};
 use crate::store::Position;
 
 /// Most entities of an item or an event that are handled on the task's own thread; a fold takes
@@ -60,6 +61,7 @@ pub(super) struct Actor {
     pub(super) ingest: Ingest,
     pub(super) durability: Durability,
     pub(super) solving: Solving,
+    pub(super) recognition: Recognition,
     pub(super) background: Background,
     pub(super) watching: Watching,
     pub(super) control: mpsc::Receiver<Control>,
@@ -105,6 +107,7 @@ impl Actor {
         }
         let error = self.shared.ended.get_or_init(|| EngineError::ShuttingDown).clone();
         self.solving.cancel(&error);
+        self.recognition.cancel();
         self.background.cancel();
         self.ingest.end_all(&error);
         self.pool.discard(self.map);
@@ -119,6 +122,7 @@ impl Actor {
             self.start_solves().await;
         }
         // After a restart.
+        self.start_recognition();
         self.start_background().await;
         let is_idle = self.solving.is_idle() && self.is_background_idle();
         let takes_items = is_idle || !self.ingest.is_lock_step();
@@ -132,6 +136,10 @@ impl Actor {
             },
             outcome = self.solving.ended() => {
                 self.solved(outcome).await;
+                Flow::Continue
+            }
+            found = self.recognition.ended() => {
+                self.recognition_ended(found).await;
                 Flow::Continue
             }
             done = self.background.ended() => {
@@ -154,9 +162,12 @@ impl Actor {
             () = std::future::ready(()), if answered => Flow::Continue,
         };
         self.start_solves().await;
+        self.start_recognition();
         self.start_background().await;
         // In lock-step a stream ends with all that its items started.
-        let waits = self.ingest.is_lock_step() && !self.is_background_idle();
+        let is_done =
+            self.is_background_idle() && !self.solving.schedule.is_waiting(ClientIndex::SERVER);
+        let waits = self.ingest.is_lock_step() && !is_done;
         self.ingest.close_finished(|client| waits || self.solving.schedule.is_waiting(client));
         flow
     }
@@ -421,11 +432,12 @@ impl Actor {
         let is_large = size > SMALL / copies;
         let event = Arc::new(Event { revision: revision + 1, time_ns, cause, change });
         let (checked, is_watched) = (Arc::clone(&event), self.watching.is_watched());
-        let pairs = Arc::clone(&self.shared.pairs);
+        let (pairs, places) = (Arc::clone(&self.shared.pairs), Arc::clone(&self.shared.places));
         let check = move |map: &Map| {
             let fits = map.fits(&checked);
             if fits.is_ok() {
                 pairs.note(map, &checked.change, checked.revision);
+                places.note(map, &checked.change, checked.revision);
             }
             let touched = (is_watched && fits.is_ok()).then(|| Touched::by(&checked.change, map));
             fits.map(|()| touched)
@@ -436,6 +448,7 @@ impl Actor {
             Err(error) => return Err(self.poison(&format!("an event does not fit: {error}"))),
         };
         let position = self.durability.append(Arc::clone(&event), is_large, &self.pool).await?;
+        self.recognition.changed();
         self.background.changed(&event.change);
         self.applying = Some(revision);
         if self.shared.config.injects(Fault::PanicInEngine) && event.cause.is_some() {
@@ -488,6 +501,7 @@ impl Actor {
     /// Ends solves and streams, and wakes the watchers.
     fn end(&mut self, error: &EngineError) {
         self.solving.cancel(error);
+        self.recognition.cancel();
         self.background.cancel();
         self.ingest.end_all(error);
         self.watching.wake();

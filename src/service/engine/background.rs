@@ -220,7 +220,8 @@ impl Background {
 impl Actor {
     /// Whether nothing runs in the background, or what is due there has to wait.
     pub(super) fn is_background_idle(&self) -> bool {
-        self.background.is_idle() || !self.closing.is_empty() || self.map.is_frozen()
+        let is_idle = self.recognition.is_idle(&self.map) && self.background.is_idle();
+        is_idle || !self.closing.is_empty() || self.map.is_frozen()
     }
 
     /// Starts the next background task, if one is due.
@@ -242,7 +243,8 @@ impl Actor {
             }
         }
         let is_lock_step = self.ingest.is_lock_step();
-        if self.solving.leaves_room(is_lock_step) {
+        let searches = is_lock_step && !self.recognition.is_idle(&self.map);
+        if self.solving.leaves_room(is_lock_step) && !searches {
             self.background.start(&self.map, is_lock_step);
         }
     }

@@ -37,6 +37,12 @@ pub enum EngineError {
         /// The map.
         map: String,
     },
+    /// The map's policy has no place recognition.
+    #[error("map {map:?} recognizes no places: its policy has place_recognition off")]
+    NoPlaceRecognition {
+        /// The map.
+        map: String,
+    },
     /// The map holds positions that were converted with the anchor that is to change.
     #[error("map {map:?} holds priors: its geodetic anchor can no longer change")]
     AnchorInUse {

@@ -13,7 +13,9 @@ use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tracing::Span;
 
 use super::durability::sequence_of;
+use super::error::report_bug;
 use super::measured_pairs::MeasuredPairs;
+use super::places::Places;
 use super::solve::Job;
 use super::stream::Queued;
 use super::watch::Past;
@@ -21,7 +23,8 @@ use super::{
     Account, EngineConfig, EngineError, EngineMeters, IngestStream, OptimizeOptions,
     OptimizeOutcome, Watch,
 };
-use crate::map::{GraphPairs, GraphProblem, Map, MapPolicy, measured_graph};
+use crate::loop_closing::{Located, View, locate};
+use crate::map::{GraphPairs, GraphProblem, Map, MapPolicy, PlaceCandidate, measured_graph};
 use crate::store::{Durability, Flushed, Store};
 
 /// Whether a map accepts changes.
@@ -134,6 +137,8 @@ pub(super) struct Shared {
     pub(super) history: Arc<Semaphore>,
     /// What was measured between keyframes.
     pub(super) pairs: Arc<MeasuredPairs>,
+    /// The index of its places.
+    pub(super) places: Arc<Places>,
     /// How far the journal is durable.
     pub(super) flushed: watch::Receiver<Flushed>,
     /// Why the engine ended.
@@ -315,6 +320,26 @@ impl MapHandle {
         let motions = self.shared.pairs.complete(map, &pairs, interrupt);
         let is_whole = !interrupt.is_due();
         is_whole.then(|| measured_graph(map, map.policy().gauge, &pairs, &motions))
+    }
+
+    /// The place of a view in `map`, a snapshot of this map, and the candidates that were verified. Blocks
+    /// its thread.
+    ///
+    /// # Errors
+    /// [`EngineError::NoPlaceRecognition`], and [`EngineError::Bug`] where the view has more descriptors
+    /// than a keyframe may have.
+    pub fn locate(
+        &self,
+        map: &Map,
+        view: &View<'_>,
+        interrupt: &Interrupt,
+    ) -> Result<(Vec<PlaceCandidate>, Option<Located>), EngineError> {
+        if !map.policy().place_recognition {
+            return Err(EngineError::NoPlaceRecognition { map: self.shared.name.clone() });
+        }
+        let found = self.shared.places.candidates(map, view, |_| false);
+        let found = found.map_err(|error| report_bug(&error.to_string()))?;
+        Ok(locate(map, view, &found, (0, interrupt), |_, _| Ok(())))
     }
 
     /// Optimizes the whole map. Sends each iteration to `progress` and applies the result as one

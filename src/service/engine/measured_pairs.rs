@@ -159,6 +159,7 @@ impl MeasuredPairs {
             | Change::ConstraintRevoked { .. }
             | Change::DuplicatesFound { .. }
             | Change::DuplicatesSplit { .. }
+            | Change::PlacesSearched { .. }
             | Change::LandmarksTriangulated { .. } => {}
         }
     }

@@ -203,6 +203,10 @@ pub struct EngineMeters {
     pub solves: [Arc<SolveMeters>; 4],
     /// Solves of windows whose result was dropped for a loop closure or an optimization.
     pub superseded: Counter,
+    /// How long the search for the place of a keyframe took, ns.
+    pub place_search_ns: Histogram,
+    /// Loop closures that searches added.
+    pub closures_found: Counter,
     /// How long each poll of an engine ran on a thread of the async runtime, ns of `thread_time`.
     pub held_ns: Histogram,
     /// Panics that were caught in an engine.
@@ -225,6 +229,8 @@ impl Default for EngineMeters {
             optimized_ns: Histogram::of_durations(),
             solves: ["local_bundle", "pose_graph", "global", "request"].map(SolveMeters::new),
             superseded: Counter::default(),
+            place_search_ns: Histogram::of_durations(),
+            closures_found: Counter::default(),
             held_ns: Histogram::of_durations(),
             engine_panics: Counter::default(),
             solve_panics: Counter::default(),

@@ -20,6 +20,8 @@
 //! | `schedule` | which items wait for which solve |
 //! | `solving`, `solve` | starting and ending a solve; its body |
 //! | `background` | what follows a loop closure while items go on: comparing places, adjusting the map |
+//! | `recognition` | searching the places that keyframes show again |
+//! | `places` | the index of a map's places |
 //! | `updating` | a requested change of name, policy or state |
 //! | `measured_pairs` | relative poses of keyframes that a pose graph need not measure again |
 //! | `watching`, `touched` | what the engine tells watchers: what the last events touched |
@@ -42,7 +44,9 @@ mod maps;
 mod measured_pairs;
 mod meters;
 mod opening;
+mod places;
 mod pool;
+mod recognition;
 mod schedule;
 mod solve;
 mod solving;

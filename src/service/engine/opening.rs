@@ -20,6 +20,7 @@ use super::error::report_bug;
 use super::handle::{Condition, Shared};
 use super::ingest::Ingest;
 use super::maps::Inner;
+use super::recognition::Recognition;
 use super::solving::Solving;
 use super::watching::Watching;
 use super::{EngineError, MapHandle, Maps, Reservation, Resource, tenant_of};
@@ -174,6 +175,7 @@ impl Maps {
             store: Arc::clone(store),
             history: Arc::clone(&self.inner.history),
             pairs: Arc::default(),
+            places: Arc::default(),
             flushed: start.flushed,
             ended: OnceLock::new(),
             unopened: start.unopened,
@@ -186,6 +188,7 @@ impl Maps {
             ingest: Ingest::new(&shared, items, &start.map),
             durability: Durability::new(&shared, start.epoch, start.snapshot),
             solving: Solving::new(&shared, pool, start.map.solve_count()),
+            recognition: Recognition::new(&shared, pool),
             background: Background::new(&shared, pool),
             watching: Watching::default(),
             map: Arc::new(start.map),

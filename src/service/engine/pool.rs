@@ -39,7 +39,7 @@ pub struct Estimate {
 
 impl Estimate {
     /// The estimate of work that takes no more memory than a small solve, but more time.
-    pub(super) const LONG: Self = Self { bytes: SMALL_BYTES, is_small: false };
+    pub const LONG: Self = Self { bytes: SMALL_BYTES, is_small: false };
 
     /// The estimate of a solve that costs at most `bound`. A solve that costs more than `ceiling`
     /// is refused, so that no more is reserved.

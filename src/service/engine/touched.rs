@@ -91,6 +91,9 @@ impl Touched {
                 let pairs = comparisons.iter().flat_map(|comparison| &comparison.pairs);
                 self.landmarks.extend(pairs.flat_map(|&(a, b)| [a, b]));
             }
+            Change::PlacesSearched { closures, .. } => {
+                self.constraints.extend(closures.iter().map(|&(id, _)| id));
+            }
             Change::LandmarksRemoved { landmarks } | Change::DuplicatesSplit { landmarks, .. } => {
                 self.landmarks.extend(landmarks);
             }
@@ -153,6 +156,7 @@ pub(super) fn size_of_change(change: &Change) -> usize {
             comparisons.iter().map(|comparison| comparison.pairs.len() + 1).sum()
         }
         Change::DuplicatesSplit { landmarks, .. } => landmarks.len(),
+        Change::PlacesSearched { searches, .. } => searches.len(),
         Change::SolveApplied { solve } => {
             solve.poses.len() + solve.landmarks.len() + solve.switched_off.len()
         }

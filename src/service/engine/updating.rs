@@ -36,6 +36,7 @@ impl Actor {
         if frozen == Some(true) {
             let error = EngineError::Frozen { map: self.shared.name.clone() };
             self.solving.pause(&error);
+            self.recognition.cancel();
             self.background.cancel();
             self.ingest.end_all(&error);
         }

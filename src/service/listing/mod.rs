@@ -1,4 +1,5 @@
-//! Pages and streams of `MapService`: maps, trajectories, landmarks, keyframes, constraints.
+//! Pages and streams of `MapService`: maps, trajectories, landmarks, keyframes, constraints, searches
+//! for places.
 //!
 //! A page token names the last entry of its page, so that a later call continues after it whatever
 //! has changed since. A token is valid only for the list that it was made for. Streams send about 1
@@ -9,6 +10,7 @@ mod constraints;
 mod keyframes;
 mod landmarks;
 mod pager;
+mod place_searches;
 
 use prost::Message;
 use sha2::{Digest as _, Sha256};
@@ -23,6 +25,7 @@ use crate::wire::v1;
 pub(super) use constraints::{constraint_pages, constraints};
 pub(super) use keyframes::{keyframe_pages, keyframes};
 pub(super) use landmarks::{landmark_pages, landmarks};
+pub(super) use place_searches::{place_search_pages, place_searches};
 
 /// Size at which a streamed message is cut, bytes.
 pub(super) const MESSAGE_BYTES: usize = 1 << 20;

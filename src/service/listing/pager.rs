@@ -149,6 +149,7 @@ macro_rules! page {
 page!(v1::ListLandmarksResponse, v1::Landmark, landmarks);
 page!(v1::ListKeyframesResponse, v1::Keyframe, keyframes);
 page!(v1::ListConstraintsResponse, v1::Constraint, constraints);
+page!(v1::ListPlaceSearchesResponse, v1::PlaceSearch, searches);
 
 /// The message that is being filled.
 pub(super) struct Pager<'a, P: Page> {

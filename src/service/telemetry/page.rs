@@ -133,6 +133,10 @@ fn items(text: &mut Text, engine: &EngineMeters) {
     }
     let help = "Keyframes that were marginalized because their map was full.";
     text.counter("covis_keyframes_retired_total", help).row(&[], engine.retired.get());
+    let help = "Loop closures that the server found.";
+    text.counter("covis_closures_found_total", help).row(&[], engine.closures_found.get());
+    let help = "How long the search for the place of a keyframe took.";
+    text.histogram("covis_place_search_seconds", help).seconds(&[], &engine.place_search_ns);
     let help = "From an item's arrival until it was on disk.";
     text.histogram("covis_item_durable_seconds", help).seconds(&[], &engine.durable_ns);
     let help = "From an item's arrival until what it called for was solved and applied.";

@@ -9,6 +9,7 @@ use super::entities::{
     encode_observations, encode_policy, encode_pose, encode_prior, encode_switched_off,
     encode_vector, required_id,
 };
+use super::places::{decode_search, encode_search};
 use super::v1::event::Change as Wire;
 use super::{EncodingError, required, v1};
 use crate::map::{AppliedSolve, Change, ClientIndex, Comparison, EntityId, Retired, SolveKind};
@@ -92,6 +93,10 @@ pub(super) fn encode_change(change: &Change) -> Wire {
                 landmarks: landmarks.iter().copied().map(encode_id).collect(),
             })
         }
+        Change::PlacesSearched { searches, closures } => Wire::PlacesSearched(v1::PlacesSearched {
+            searches: searches.iter().map(|(id, search)| encode_search(*id, search)).collect(),
+            closures: closures.iter().map(|(id, c)| encode_constraint(*id, c)).collect(),
+        }),
         Change::LandmarksRemoved { landmarks } => {
             let landmarks = landmarks.iter().copied().map(encode_id).collect();
             Wire::LandmarksRemoved(v1::LandmarksRemoved { landmarks })
@@ -172,6 +177,10 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
                 landmarks: landmarks.into_iter().map(decode_id).collect(),
             }
         }
+        Wire::PlacesSearched(v1::PlacesSearched { searches, closures }) => Change::PlacesSearched {
+            searches: searches.into_iter().map(decode_search).collect::<Decoded<_>>()?,
+            closures: closures.into_iter().map(decode_constraint).collect::<Decoded<_>>()?,
+        },
         Wire::LandmarksRemoved(v1::LandmarksRemoved { landmarks }) => {
             Change::LandmarksRemoved { landmarks: landmarks.into_iter().map(decode_id).collect() }
         }

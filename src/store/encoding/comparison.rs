@@ -141,6 +141,9 @@ fn is_head(read: &MapParts, map: &Map) -> bool {
         && read.policy == *map.policy()
         && read.frozen == map.is_frozen()
         && read.solve_count == map.solve_count()
+        && read.duplicates == *map.duplicates()
+        && read.adjustment_due == map.is_adjustment_due()
+        && read.place_searches == *map.place_searches()
         && read.clients.len() == map.clients().len()
         && read.clients.iter().zip(map.clients()).all(client)
 }

@@ -133,11 +133,13 @@ pub(super) fn encode_policy(policy: &MapPolicy) -> v1::Policy {
         max_queued_items,
         gauge,
         geodetic_anchor,
+        place_recognition,
     } = policy;
     v1::Policy {
         local_bundle: *local_bundle,
         loop_closure: *loop_closure,
         closure_adjustment: Some(*closure_adjustment),
+        place_recognition: *place_recognition,
         window_keyframes: *window_keyframes as u64,
         min_shared_landmarks: *min_shared_landmarks as u64,
         observation_loss: Some(encode_loss(observation_loss)),
@@ -207,6 +209,7 @@ pub(super) fn decode_policy(policy: Option<v1::Policy>) -> Decoded<MapPolicy> {
         local_bundle: policy.local_bundle,
         loop_closure: policy.loop_closure,
         closure_adjustment: policy.closure_adjustment.unwrap_or(true),
+        place_recognition: policy.place_recognition,
         loop_closure_robustness: ClosureRobustness { kernel, threshold },
         window_keyframes: count(policy.window_keyframes)?,
         min_shared_landmarks: count(policy.min_shared_landmarks)?,

@@ -10,6 +10,7 @@ mod clients;
 mod comparison;
 mod entities;
 mod event;
+mod places;
 mod snapshot;
 
 pub(super) use comparison::compare_map;

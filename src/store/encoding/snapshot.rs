@@ -15,6 +15,7 @@ use super::entities::{
     encode_pose, encode_prior, encode_switched_off, encode_vector, required_id,
 };
 use super::event::decode_digest;
+use super::places::{decode_pending, decode_search, encode_pending, encode_search};
 use super::{EncodingError, decode, decode_known, required, v1};
 use crate::map::{
     ClientIndex, Content, Digest, EntityId, Keyframe, Landmark, Map, MapParts, Usage,
@@ -63,6 +64,8 @@ enum At {
     Priors(EntityId),
     Duplicates((EntityId, EntityId)),
     Compared(EntityId),
+    Searches(EntityId),
+    PendingSearches(EntityId),
     Contents((Content, EntityId)),
     End,
 }
@@ -154,8 +157,21 @@ impl At {
             Self::Compared(first) => {
                 let entries = map.duplicates().compared().range(first..).map(|id| (id, &()));
                 let (compared, next) = chunk(entries, PART, |id, ()| encode_id(id));
-                let next = next.map_or(Self::Contents((Content::Camera, FIRST)), Self::Compared);
+                let next = next.map_or(Self::Searches(FIRST), Self::Compared);
                 (filled(v1::MapPart { compared, ..part }), next)
+            }
+            Self::Searches(first) => {
+                let entries = map.place_searches().done().entries_from(first);
+                let (searches, next) = chunk(entries, PART, encode_search);
+                let next = next.map_or(Self::PendingSearches(FIRST), Self::Searches);
+                (filled(v1::MapPart { searches, ..part }), next)
+            }
+            Self::PendingSearches(first) => {
+                let entries = map.place_searches().pending().entries_from(first);
+                let (pending_searches, next) = chunk(entries, PART, encode_pending);
+                let contents = Self::Contents((Content::Camera, FIRST));
+                let next = next.map_or(contents, Self::PendingSearches);
+                (filled(v1::MapPart { pending_searches, ..part }), next)
             }
             Self::Contents(first) => {
                 let entries = map.contents().entries_from(first);
@@ -199,6 +215,7 @@ fn head(map: &Map) -> v1::MapHead {
         state_hash: map.state_hash().to_vec(),
         frozen: map.is_frozen(),
         adjustment_due: map.is_adjustment_due(),
+        unsolved_closures: map.place_searches().unsolved(),
     }
 }
 
@@ -337,6 +354,7 @@ fn take_part(parts: &mut MapParts, part: v1::MapPart) -> Result<(), EncodingErro
         parts.solve_count = head.solve_count;
         parts.frozen = head.frozen;
         parts.adjustment_due = head.adjustment_due;
+        parts.place_searches.set_unsolved(head.unsolved_closures);
     }
     for client in part.clients {
         parts.clients.push(decode_client(client)?);
@@ -365,6 +383,12 @@ fn take_part(parts: &mut MapParts, part: v1::MapPart) -> Result<(), EncodingErro
         parts.duplicates.extend([(a, b, closure.map(decode_id))], []);
     }
     parts.duplicates.extend([], part.compared.into_iter().map(decode_id));
+    for search in part.searches {
+        parts.place_searches.extend([], [decode_search(search)?]);
+    }
+    for pending in part.pending_searches {
+        parts.place_searches.extend([decode_pending(pending)?], []);
+    }
     for v1::Content { kind, id, digest } in part.contents {
         let kinds = [Content::Camera, Content::Keyframe, Content::Constraint];
         let kind = decode_kind(&kinds, kind, "the kind of a content")?;

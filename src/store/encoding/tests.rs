@@ -15,8 +15,9 @@ use super::{EncodingError, compare_map, decode_event, decode_map, encode_event, 
 use crate::map::{
     Affected, AppliedSolve, CameraEntity, Cause, Ceilings, Change, Client, ClientIndex,
     ClosureRobustness, Comparison, Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind,
-    EntityId, Event, Gauge, Map, MapParts, MapPolicy, NewLandmark, Observation, Prior, Retired,
-    SharedMap, SolveKind, SwitchedOff, ToSolve, Unsolved, WhenFull,
+    EntityId, Event, Gauge, Map, MapParts, MapPolicy, NewLandmark, Observation, PlaceCandidate,
+    PlaceRefusal, PlaceSearch, Prior, Retired, SharedMap, SolveKind, SwitchedOff, ToSolve,
+    Unsolved, WhenFull,
 };
 
 fn id(id: i64) -> EntityId {
@@ -53,12 +54,28 @@ fn new(landmark: i64, x: f64) -> NewLandmark {
     NewLandmark { id: id(landmark), position: Some(Vector3::new(x, -0.0, 5e-324)) }
 }
 
+fn refusal(reason: &str) -> PlaceRefusal {
+    PlaceRefusal { reason: reason.to_owned(), text: format!("{reason}: 3 of 7") }
+}
+
+fn search(closure: Option<EntityId>, of_search: Option<PlaceRefusal>) -> PlaceSearch {
+    let candidate = |keyframe, refusal| PlaceCandidate {
+        keyframe: id(keyframe),
+        score: 1.0 / 3.0,
+        matches: 80,
+        refusal,
+    };
+    let candidates = vec![candidate(12, Some(refusal("ambiguous"))), candidate(10, None)];
+    PlaceSearch { candidates, closure, refusal: of_search }
+}
+
 /// A journal with every kind of change, every model and every option.
 pub(in crate::store) fn every_change() -> Vec<Event> {
     let policy = MapPolicy {
         local_bundle: false,
         loop_closure: false,
         closure_adjustment: false,
+        place_recognition: true,
         window_keyframes: 7,
         min_shared_landmarks: 3,
         observation_loss: Loss::Cauchy(1.5),
@@ -129,16 +146,17 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
     let mut information = Matrix6::identity() * 100.0;
     (information[(0, 4)], information[(4, 0)]) = (0.1, 0.1);
     let information = Information::new(&information).unwrap();
-    let constraint = |k: i64, kind| Change::ConstraintAdded {
-        id: id(k),
-        constraint: Constraint {
-            kind,
-            keyframe_i: id(10),
-            keyframe_j: id(11),
-            keyframe_i_from_keyframe_j: pose(0.01),
-            information,
-            loss: (k == 2).then_some(Loss::Cauchy(0.25)),
-        },
+    let relative = Constraint {
+        kind: ConstraintKind::LoopClosure,
+        keyframe_i: id(10),
+        keyframe_j: id(11),
+        keyframe_i_from_keyframe_j: pose(0.01),
+        information,
+        loss: None,
+    };
+    let constraint = |k: i64, kind| {
+        let loss = (k == 2).then_some(Loss::Cauchy(0.25));
+        Change::ConstraintAdded { id: id(k), constraint: Constraint { kind, loss, ..relative } }
     };
     let solve = |kind| Change::SolveApplied {
         solve: AppliedSolve {
@@ -207,6 +225,13 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
                 closure: id(1),
                 pairs: vec![(id(3), id(1)), (id(3), id(4))],
             }],
+        },
+        Change::PlacesSearched {
+            searches: vec![
+                (id(10), search(None, Some(refusal("no_room")))),
+                (id(11), search(Some(EntityId::own(ClientIndex(0), 30, 1)), None)),
+            ],
+            closures: vec![(EntityId::own(ClientIndex(0), 30, 1), relative)],
         },
         solve(SolveKind::LocalBundle),
         solve(SolveKind::PoseGraph),
@@ -301,7 +326,7 @@ fn every_change_comes_back_bit_for_bit() {
     }
     let kinds: std::collections::HashSet<_> =
         every_change().iter().map(|event| std::mem::discriminant(&event.change)).collect();
-    assert_eq!(kinds.len(), 21, "each kind of change is in the list");
+    assert_eq!(kinds.len(), 22, "each kind of change is in the list");
     let decoded =
         every_change().iter().map(|e| decode_event(&bytes_of(e)).unwrap()).collect::<Vec<_>>();
     assert_eq!(Map::replay(decoded.iter()).unwrap().state_hash(), replayed().state_hash());

@@ -1427,6 +1427,9 @@ pub struct MapPolicy {
     /// (see Landmark.duplicate_of) and the whole map is adjusted in the background. Default true.
     #[prost(bool, optional, tag = "31")]
     pub closure_adjustment: ::core::option::Option<bool>,
+    /// Whether and how the server finds loop closures itself. Default: it does.
+    #[prost(message, optional, tag = "32")]
+    pub place_recognition: ::core::option::Option<PlaceRecognition>,
 }
 impl ::prost::Name for MapPolicy {
     const NAME: &'static str = "MapPolicy";
@@ -1436,6 +1439,24 @@ impl ::prost::Name for MapPolicy {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.MapPolicy".into()
+    }
+}
+/// How the server finds loop closures: by the binary descriptors of observations, then by geometry.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct PlaceRecognition {
+    /// Whether it does. What it finds are constraints of kind LOOP_CLOSURE with negative ids of the
+    /// keyframe's client. Default true.
+    #[prost(bool, optional, tag = "1")]
+    pub enabled: ::core::option::Option<bool>,
+}
+impl ::prost::Name for PlaceRecognition {
+    const NAME: &'static str = "PlaceRecognition";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.PlaceRecognition".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.PlaceRecognition".into()
     }
 }
 /// Ceilings of a map. Absent, or above the server's own ceiling, means the server's.
@@ -1605,7 +1626,8 @@ pub struct Observation {
     /// Standard deviation of depth_m, m, greater than 0. Required with depth_m, refused without it.
     #[prost(double, optional, tag = "6")]
     pub sigma_depth_m: ::core::option::Option<f64>,
-    /// Describes the feature, for place recognition. Kept, not used yet.
+    /// Describes the feature. By binary ones of 16 to 512 bytes the server recognizes places, see
+    /// PlaceRecognition; all kinds serve to find landmarks that are one point.
     #[prost(message, optional, tag = "7")]
     pub descriptor: ::core::option::Option<Descriptor>,
 }
@@ -2074,6 +2096,80 @@ impl ::prost::Name for PosePrior {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.PosePrior".into()
+    }
+}
+/// What the search for the place of a keyframe found.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct PlaceSearch {
+    /// The keyframe whose place was searched.
+    #[prost(message, optional, tag = "1")]
+    pub keyframe: ::core::option::Option<KeyframeRef>,
+    /// Keyframes that looked like it and were verified, at most 3, in the order of the verification.
+    #[prost(message, repeated, tag = "2")]
+    pub candidates: ::prost::alloc::vec::Vec<PlaceCandidate>,
+    /// The loop closure that was added; absent where there was none. It may have been removed since.
+    #[prost(message, optional, tag = "3")]
+    pub closure: ::core::option::Option<ConstraintRef>,
+    /// Why the place was not searched, or no closure was added although a candidate was accepted; absent
+    /// where there is nothing to say. Reasons: "descriptors", "no_room".
+    #[prost(message, optional, tag = "4")]
+    pub refusal: ::core::option::Option<PlaceRefusal>,
+}
+impl ::prost::Name for PlaceSearch {
+    const NAME: &'static str = "PlaceSearch";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.PlaceSearch".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.PlaceSearch".into()
+    }
+}
+/// A keyframe that looked like the place of another one.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct PlaceCandidate {
+    /// The keyframe that was there before.
+    #[prost(message, optional, tag = "1")]
+    pub keyframe: ::core::option::Option<KeyframeRef>,
+    /// How much of its appearance is that of the other one, from 0 to 1.
+    #[prost(double, tag = "2")]
+    pub score: f64,
+    /// Descriptors that match.
+    #[prost(int32, tag = "3")]
+    pub match_count: i32,
+    /// Why it is not taken for the same place; absent where it is.
+    #[prost(message, optional, tag = "4")]
+    pub refusal: ::core::option::Option<PlaceRefusal>,
+}
+impl ::prost::Name for PlaceCandidate {
+    const NAME: &'static str = "PlaceCandidate";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.PlaceCandidate".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.PlaceCandidate".into()
+    }
+}
+/// Why a candidate is not taken for the same place.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct PlaceRefusal {
+    /// One of "too_few_matches", "too_few_inliers", "one_line", "small_region", "mirrored_plane",
+    /// "undetermined", "ambiguous", "improbable", "refinement_failed". Later versions may have others.
+    #[prost(string, tag = "1")]
+    pub reason: ::prost::alloc::string::String,
+    /// The reason with its numbers, for people.
+    #[prost(string, tag = "2")]
+    pub text: ::prost::alloc::string::String,
+}
+impl ::prost::Name for PlaceRefusal {
+    const NAME: &'static str = "PlaceRefusal";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.PlaceRefusal".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.PlaceRefusal".into()
     }
 }
 /// What a relative pose came from.
@@ -3701,6 +3797,53 @@ impl ::prost::Name for ListConstraintsResponse {
         "/covis.v1.ListConstraintsResponse".into()
     }
 }
+/// See ListPlaceSearches.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ListPlaceSearchesRequest {
+    /// The map. Required.
+    #[prost(string, tag = "1")]
+    pub map_id: ::prost::alloc::string::String,
+    /// Searches in a message, 0 to 10000; 0 means as many as fit 1 MiB.
+    #[prost(int32, tag = "2")]
+    pub page_size: i32,
+    /// From an earlier message, to go on behind it. Default: from the start.
+    #[prost(string, tag = "3")]
+    pub page_token: ::prost::alloc::string::String,
+}
+impl ::prost::Name for ListPlaceSearchesRequest {
+    const NAME: &'static str = "ListPlaceSearchesRequest";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.ListPlaceSearchesRequest".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.ListPlaceSearchesRequest".into()
+    }
+}
+/// See ListPlaceSearches.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct ListPlaceSearchesResponse {
+    /// The revision that is read; the same in all messages of one call.
+    #[prost(int64, tag = "1")]
+    pub revision: i64,
+    /// The next searches. A map without searches answers one message without searches.
+    #[prost(message, repeated, tag = "2")]
+    pub searches: ::prost::alloc::vec::Vec<PlaceSearch>,
+    /// Goes on behind this message in a later call, which may read a later revision. Empty in the
+    /// last message.
+    #[prost(string, tag = "3")]
+    pub next_page_token: ::prost::alloc::string::String,
+}
+impl ::prost::Name for ListPlaceSearchesResponse {
+    const NAME: &'static str = "ListPlaceSearchesResponse";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.ListPlaceSearchesResponse".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.ListPlaceSearchesResponse".into()
+    }
+}
 /// See WatchMap.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct WatchMapRequest {
@@ -4351,6 +4494,38 @@ pub mod map_service_client {
                 .insert(GrpcMethod::new("covis.v1.MapService", "ListConstraints"));
             self.inner.server_streaming(req, path, codec).await
         }
+        /// Streams what the searches for known places found, by client_id, then id of the keyframe; each
+        /// message is a page. Keyframes that wait for their search are not among them.
+        /// Codes:
+        ///
+        /// * INVALID_ARGUMENT: a bad map_id, page_size or page_token.
+        /// * NOT_FOUND: no such map.
+        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * INTERNAL: a bug.
+        pub async fn list_place_searches(
+            &mut self,
+            request: impl tonic::IntoRequest<super::ListPlaceSearchesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<tonic::codec::Streaming<super::ListPlaceSearchesResponse>>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = crate::wire::Codec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/covis.v1.MapService/ListPlaceSearches",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("covis.v1.MapService", "ListPlaceSearches"));
+            self.inner.server_streaming(req, path, codec).await
+        }
         /// Streams what changes, until the caller cancels. A slow reader gets several revisions in one
         /// delta, never a gap.
         /// Codes:
@@ -4598,6 +4773,30 @@ pub mod map_service_server {
             request: tonic::Request<super::ListConstraintsRequest>,
         ) -> std::result::Result<
             tonic::Response<Self::ListConstraintsStream>,
+            tonic::Status,
+        >;
+        /// Server streaming response type for the ListPlaceSearches method.
+        type ListPlaceSearchesStream: tonic::codegen::tokio_stream::Stream<
+                Item = std::result::Result<
+                    super::ListPlaceSearchesResponse,
+                    tonic::Status,
+                >,
+            >
+            + std::marker::Send
+            + 'static;
+        /// Streams what the searches for known places found, by client_id, then id of the keyframe; each
+        /// message is a page. Keyframes that wait for their search are not among them.
+        /// Codes:
+        ///
+        /// * INVALID_ARGUMENT: a bad map_id, page_size or page_token.
+        /// * NOT_FOUND: no such map.
+        /// * RESOURCE_EXHAUSTED: no message was taken for long.
+        /// * INTERNAL: a bug.
+        async fn list_place_searches(
+            &self,
+            request: tonic::Request<super::ListPlaceSearchesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<Self::ListPlaceSearchesStream>,
             tonic::Status,
         >;
         /// Server streaming response type for the WatchMap method.
@@ -5242,6 +5441,54 @@ pub mod map_service_server {
                     };
                     Box::pin(fut)
                 }
+                "/covis.v1.MapService/ListPlaceSearches" => {
+                    #[allow(non_camel_case_types)]
+                    struct ListPlaceSearchesSvc<T: MapService>(pub Arc<T>);
+                    impl<
+                        T: MapService,
+                    > tonic::server::ServerStreamingService<
+                        super::ListPlaceSearchesRequest,
+                    > for ListPlaceSearchesSvc<T> {
+                        type Response = super::ListPlaceSearchesResponse;
+                        type ResponseStream = T::ListPlaceSearchesStream;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::ResponseStream>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::ListPlaceSearchesRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as MapService>::list_place_searches(&inner, request)
+                                    .await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = ListPlaceSearchesSvc(inner);
+                        let codec = crate::wire::Codec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.server_streaming(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
                 "/covis.v1.MapService/WatchMap" => {
                     #[allow(non_camel_case_types)]
                     struct WatchMapSvc<T: MapService>(pub Arc<T>);
@@ -5646,6 +5893,113 @@ impl ::prost::Name for PointObservation {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.PointObservation".into()
+    }
+}
+/// See Localize.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct LocalizeRequest {
+    /// The map. Required.
+    #[prost(string, tag = "1")]
+    pub map_id: ::prost::alloc::string::String,
+    /// The camera; its id and client are ignored. Required.
+    #[prost(message, optional, tag = "2")]
+    pub camera: ::core::option::Option<Camera>,
+    /// What it sees, at most 4096. At least 12 with a descriptor are needed to find a place.
+    #[prost(message, repeated, tag = "3")]
+    pub features: ::prost::alloc::vec::Vec<Feature>,
+}
+impl ::prost::Name for LocalizeRequest {
+    const NAME: &'static str = "LocalizeRequest";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.LocalizeRequest".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.LocalizeRequest".into()
+    }
+}
+/// Something that a camera sees, of which nobody says what it is.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Feature {
+    /// Measured (column, row), px, integer at the pixel's center. Required.
+    #[prost(message, optional, tag = "1")]
+    pub pixel: ::core::option::Option<Vector2>,
+    /// Standard deviation of each pixel coordinate, px, greater than 0. Default 1.
+    #[prost(double, optional, tag = "2")]
+    pub sigma_px: ::core::option::Option<f64>,
+    /// Measured z of the point in the camera's frame (not the range), m, greater than 0.
+    /// Default: none measured.
+    #[prost(double, optional, tag = "3")]
+    pub depth_m: ::core::option::Option<f64>,
+    /// Standard deviation of depth_m, m, greater than 0. Required with depth_m, refused without it.
+    #[prost(double, optional, tag = "4")]
+    pub sigma_depth_m: ::core::option::Option<f64>,
+    /// What it looks like; comparable with those of the map's keyframes. Default: not known.
+    #[prost(message, optional, tag = "5")]
+    pub descriptor: ::core::option::Option<Descriptor>,
+}
+impl ::prost::Name for Feature {
+    const NAME: &'static str = "Feature";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.Feature".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.Feature".into()
+    }
+}
+/// See Localize.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct LocalizeResponse {
+    /// The revision that was read.
+    #[prost(int64, tag = "1")]
+    pub revision: i64,
+    /// The pose; absent where no place was found.
+    #[prost(message, optional, tag = "2")]
+    pub world_from_camera: ::core::option::Option<RigidTransform>,
+    /// Of a right perturbation of the pose, relative to the keyframe that shows the place: what the map
+    /// itself is uncertain of is not in it. With the pose.
+    #[prost(message, optional, tag = "3")]
+    pub covariance: ::core::option::Option<Covariance6>,
+    /// Landmarks that the features show. With the pose.
+    #[prost(message, repeated, tag = "4")]
+    pub inliers: ::prost::alloc::vec::Vec<LocalizedFeature>,
+    /// Variance of the residuals over what sigmas claim, at least 1. With the pose.
+    #[prost(double, tag = "5")]
+    pub variance_factor: f64,
+    /// Keyframes that looked like the place, at most 3, in the order of the verification; the last one
+    /// shows the place where there is a pose.
+    #[prost(message, repeated, tag = "6")]
+    pub candidates: ::prost::alloc::vec::Vec<PlaceCandidate>,
+}
+impl ::prost::Name for LocalizeResponse {
+    const NAME: &'static str = "LocalizeResponse";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.LocalizeResponse".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.LocalizeResponse".into()
+    }
+}
+/// A feature that shows a landmark.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct LocalizedFeature {
+    /// Index into LocalizeRequest.features, from 0.
+    #[prost(int32, tag = "1")]
+    pub feature: i32,
+    /// The landmark.
+    #[prost(message, optional, tag = "2")]
+    pub landmark: ::core::option::Option<LandmarkRef>,
+}
+impl ::prost::Name for LocalizedFeature {
+    const NAME: &'static str = "LocalizedFeature";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.LocalizedFeature".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.LocalizedFeature".into()
     }
 }
 /// Residual = Log(Z^-1 * X).
@@ -6248,6 +6602,38 @@ pub mod optimization_service_client {
                 .insert(GrpcMethod::new("covis.v1.OptimizationService", "OptimizeMap"));
             self.inner.server_streaming(req, path, codec).await
         }
+        /// Finds where a camera is in a map, by the descriptors of what it sees: a robot that is lost, or one
+        /// that was switched on. Changes nothing. That no place is found is an outcome, with code OK.
+        /// Codes:
+        ///
+        /// * INVALID_ARGUMENT: a bad field.
+        /// * NOT_FOUND: no such map.
+        /// * FAILED_PRECONDITION: the map's policy has no place_recognition.
+        /// * INTERNAL: a bug.
+        pub async fn localize(
+            &mut self,
+            request: impl tonic::IntoRequest<super::LocalizeRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::LocalizeResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = crate::wire::Codec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/covis.v1.OptimizationService/Localize",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("covis.v1.OptimizationService", "Localize"));
+            self.inner.unary(req, path, codec).await
+        }
         /// Solves a bundle adjustment problem that comes with the call.
         /// Codes:
         ///
@@ -6362,6 +6748,21 @@ pub mod optimization_service_server {
             request: tonic::Request<super::OptimizeMapRequest>,
         ) -> std::result::Result<
             tonic::Response<Self::OptimizeMapStream>,
+            tonic::Status,
+        >;
+        /// Finds where a camera is in a map, by the descriptors of what it sees: a robot that is lost, or one
+        /// that was switched on. Changes nothing. That no place is found is an outcome, with code OK.
+        /// Codes:
+        ///
+        /// * INVALID_ARGUMENT: a bad field.
+        /// * NOT_FOUND: no such map.
+        /// * FAILED_PRECONDITION: the map's policy has no place_recognition.
+        /// * INTERNAL: a bug.
+        async fn localize(
+            &self,
+            request: tonic::Request<super::LocalizeRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::LocalizeResponse>,
             tonic::Status,
         >;
         /// Solves a bundle adjustment problem that comes with the call.
@@ -6558,6 +6959,51 @@ pub mod optimization_service_server {
                                 max_encoding_message_size,
                             );
                         let res = grpc.server_streaming(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/covis.v1.OptimizationService/Localize" => {
+                    #[allow(non_camel_case_types)]
+                    struct LocalizeSvc<T: OptimizationService>(pub Arc<T>);
+                    impl<
+                        T: OptimizationService,
+                    > tonic::server::UnaryService<super::LocalizeRequest>
+                    for LocalizeSvc<T> {
+                        type Response = super::LocalizeResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::LocalizeRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as OptimizationService>::localize(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = LocalizeSvc(inner);
+                        let codec = crate::wire::Codec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
                         Ok(res)
                     };
                     Box::pin(fut)

@@ -14,7 +14,7 @@ pub struct Event {
     /// What changed. Numbers 28, 29 and 33 to 60 are kept free for changes to come.
     #[prost(
         oneof = "event::Change",
-        tags = "10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 30, 31, 32"
+        tags = "10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 30, 31, 32, 33"
     )]
     pub change: ::core::option::Option<event::Change>,
 }
@@ -86,6 +86,9 @@ pub mod event {
         /// Pairs of landmarks are apart again.
         #[prost(message, tag = "32")]
         DuplicatesSplit(super::DuplicatesSplit),
+        /// The places of keyframes were searched.
+        #[prost(message, tag = "33")]
+        PlacesSearched(super::PlacesSearched),
     }
 }
 impl ::prost::Name for Event {
@@ -314,6 +317,9 @@ pub struct Policy {
     /// Whether the map is adjusted after closures; absent, true.
     #[prost(bool, optional, tag = "22")]
     pub closure_adjustment: ::core::option::Option<bool>,
+    /// Whether the server looks for loop closures; absent in maps from before it did, false.
+    #[prost(bool, tag = "23")]
+    pub place_recognition: bool,
 }
 impl ::prost::Name for Policy {
     const NAME: &'static str = "Policy";
@@ -954,6 +960,98 @@ impl ::prost::Name for DuplicatesSplit {
         "/covis.storage.v1.DuplicatesSplit".into()
     }
 }
+/// Why two keyframes were not joined.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct PlaceRefusal {
+    /// The name of the reason, in snake case.
+    #[prost(string, tag = "1")]
+    pub reason: ::prost::alloc::string::String,
+    /// With its numbers, for people.
+    #[prost(string, tag = "2")]
+    pub text: ::prost::alloc::string::String,
+}
+impl ::prost::Name for PlaceRefusal {
+    const NAME: &'static str = "PlaceRefusal";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.PlaceRefusal".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.PlaceRefusal".into()
+    }
+}
+/// A keyframe that looked like the place of another one.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct PlaceCandidate {
+    /// The keyframe that was there before.
+    #[prost(message, optional, tag = "1")]
+    pub keyframe: ::core::option::Option<Id>,
+    /// Bits of how much of its appearance is that of the other one.
+    #[prost(fixed64, tag = "2")]
+    pub score: u64,
+    /// Descriptors that match.
+    #[prost(uint32, tag = "3")]
+    pub matches: u32,
+    /// Why it is not the same place; absent where it is.
+    #[prost(message, optional, tag = "4")]
+    pub refusal: ::core::option::Option<PlaceRefusal>,
+}
+impl ::prost::Name for PlaceCandidate {
+    const NAME: &'static str = "PlaceCandidate";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.PlaceCandidate".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.PlaceCandidate".into()
+    }
+}
+/// What the search for the place of a keyframe found.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct PlaceSearch {
+    /// The keyframe.
+    #[prost(message, optional, tag = "1")]
+    pub keyframe: ::core::option::Option<Id>,
+    /// Candidates that were verified, in their order.
+    #[prost(message, repeated, tag = "2")]
+    pub candidates: ::prost::alloc::vec::Vec<PlaceCandidate>,
+    /// The loop closure that was added; absent where there was none.
+    #[prost(message, optional, tag = "3")]
+    pub closure: ::core::option::Option<Id>,
+    /// Why the place was not searched, or no closure was added; absent where there is nothing to say.
+    #[prost(message, optional, tag = "4")]
+    pub refusal: ::core::option::Option<PlaceRefusal>,
+}
+impl ::prost::Name for PlaceSearch {
+    const NAME: &'static str = "PlaceSearch";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.PlaceSearch".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.PlaceSearch".into()
+    }
+}
+/// The places of keyframes were searched.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct PlacesSearched {
+    /// What was found of each keyframe, by id.
+    #[prost(message, repeated, tag = "1")]
+    pub searches: ::prost::alloc::vec::Vec<PlaceSearch>,
+    /// The loop closures that the searches name.
+    #[prost(message, repeated, tag = "2")]
+    pub closures: ::prost::alloc::vec::Vec<Constraint>,
+}
+impl ::prost::Name for PlacesSearched {
+    const NAME: &'static str = "PlacesSearched";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.PlacesSearched".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.PlacesSearched".into()
+    }
+}
 /// Landmarks went.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct LandmarksRemoved {
@@ -1057,6 +1155,12 @@ pub struct MapPart {
     /// Loop closures whose places were compared, by id.
     #[prost(message, repeated, tag = "12")]
     pub compared: ::prost::alloc::vec::Vec<Id>,
+    /// What the searches for known places found, by keyframe.
+    #[prost(message, repeated, tag = "13")]
+    pub searches: ::prost::alloc::vec::Vec<PlaceSearch>,
+    /// Keyframes whose place is to be searched, by id.
+    #[prost(message, repeated, tag = "14")]
+    pub pending_searches: ::prost::alloc::vec::Vec<PendingSearch>,
 }
 impl ::prost::Name for MapPart {
     const NAME: &'static str = "MapPart";
@@ -1098,6 +1202,10 @@ pub struct MapHead {
     /// Whether bundle adjustment of the whole map is due.
     #[prost(bool, tag = "9")]
     pub adjustment_due: bool,
+    /// The last revision that added closures of the server's which no pose graph has covered; 0 where
+    /// there is none.
+    #[prost(int64, tag = "10")]
+    pub unsolved_closures: i64,
 }
 impl ::prost::Name for MapHead {
     const NAME: &'static str = "MapHead";
@@ -1107,6 +1215,26 @@ impl ::prost::Name for MapHead {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.storage.v1.MapHead".into()
+    }
+}
+/// A keyframe whose place is to be searched.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct PendingSearch {
+    /// The keyframe.
+    #[prost(message, optional, tag = "1")]
+    pub keyframe: ::core::option::Option<Id>,
+    /// The revision that brought its descriptors.
+    #[prost(int64, tag = "2")]
+    pub revision: i64,
+}
+impl ::prost::Name for PendingSearch {
+    const NAME: &'static str = "PendingSearch";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.PendingSearch".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.PendingSearch".into()
     }
 }
 /// Two landmarks that are one point.

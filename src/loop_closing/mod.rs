@@ -1,0 +1,257 @@
+//! Loop closing: which of the candidates for the place of a view are that place.
+//!
+//! Between the index of places ([`crate::place`]), the map and the geometric verification of
+//! `covis-solvers`: a view's descriptors go to the index, what it finds is verified against the landmarks
+//! around each candidate, and the first one that holds is the place. A verdict is a function of map,
+//! view and candidates. [Decision 0025](../../docs/decisions/0025-closing-loops.md) says what is believed
+//! of the odometry. No async and no clock; nothing is changed here.
+
+mod path;
+
+use std::collections::BTreeSet;
+
+use covis_solvers::geometric_verification::{
+    self as verification, Feature, Input, InputError, Options, Proposed, Refusal, Verdict, Verified,
+};
+use covis_solvers::geometry::{Camera, LieGroup};
+use covis_solvers::interrupt::Interrupt;
+use covis_solvers::point_matching::Likeness;
+use covis_solvers::relative_motion::PointEstimate;
+use nalgebra::Vector2;
+
+use crate::map::{
+    Constraint, ConstraintKind, Descriptor, DescriptorKind, EntityId, Keyframe, Map, Observation,
+    PlaceCandidate, PlaceRefusal, PlaceSearch, Surroundings, likeness,
+};
+use crate::place::{self, Candidate, DESCRIPTOR_BYTES, PlaceError};
+
+/// Keyframes of a client before another one that are not candidates: it has hardly left their place.
+const RECENT: usize = 10;
+
+/// Most keyframes that count as observers of a landmark where matches are weighted: one seen so often is
+/// no more stable than the next.
+const MOST_OBSERVERS: usize = 10;
+
+/// What a camera sees.
+#[derive(Clone, Debug)]
+pub struct View<'a> {
+    /// The camera.
+    pub camera: Camera,
+    /// Its id in the map, where it is one of the map's.
+    pub camera_id: Option<EntityId>,
+    /// What it measures.
+    pub features: Vec<Feature>,
+    /// What each feature looks like, where that is known.
+    pub descriptors: Vec<Option<&'a Descriptor>>,
+}
+
+impl<'a> View<'a> {
+    /// What a keyframe sees; `None` where it has no camera.
+    #[must_use]
+    pub fn of_keyframe(map: &Map, keyframe: &'a Keyframe) -> Option<Self> {
+        let camera_id = keyframe.camera?;
+        let feature = |seen: &Observation| Feature {
+            pixel: Vector2::new(seen.pixel.x, seen.pixel.y),
+            sigma_px: seen.sigma_px,
+            depth_m: seen.depth.map(|depth| (depth.depth_m, depth.sigma_m)),
+        };
+        Some(Self {
+            camera: map.cameras().get(&camera_id)?.camera,
+            camera_id: Some(camera_id),
+            features: keyframe.observations.iter().map(feature).collect(),
+            descriptors: keyframe.observations.iter().map(|o| o.descriptor.as_deref()).collect(),
+        })
+    }
+
+    /// The features that the index of places compares, and their places among [`View::features`].
+    #[must_use]
+    pub fn searchable(&self) -> (Vec<usize>, Vec<place::Feature<'a>>) {
+        let all = self.descriptors.iter().enumerate();
+        all.filter_map(|(at, descriptor)| Some((at, searchable((*descriptor)?)?))).unzip()
+    }
+}
+
+/// A descriptor that the index of places can hold.
+fn searchable(descriptor: &Descriptor) -> Option<place::Feature<'_>> {
+    let Descriptor { kind, name, data } = descriptor;
+    let fits = *kind == DescriptorKind::Binary && DESCRIPTOR_BYTES.contains(&data.len());
+    fits.then_some(place::Feature { name, data })
+}
+
+/// The features of a keyframe as the index holds them, and their places among its observations.
+#[must_use]
+pub fn indexed(keyframe: &Keyframe) -> (Vec<usize>, Vec<place::Feature<'_>>) {
+    let all = keyframe.observations.iter().enumerate();
+    all.filter_map(|(at, seen)| Some((at, searchable(seen.descriptor.as_deref()?)?))).unzip()
+}
+
+/// The keyframes that are no candidates for the place of `keyframe`: itself and later ones, the last ones
+/// of its client before it, those that the pose graph or a closure joins with it already.
+#[must_use]
+pub fn excluded(map: &Map, keyframe: EntityId) -> BTreeSet<EntityId> {
+    let mut excluded = BTreeSet::from([keyframe]);
+    let Some(query) = map.keyframes().get(&keyframe) else { return excluded };
+    let threshold = u32::try_from(map.policy().min_shared_landmarks.max(1)).unwrap_or(u32::MAX);
+    let sharing = map.covisibility().neighbors(keyframe);
+    excluded.extend(sharing.filter(|&(_, shared)| shared >= threshold).map(|(id, _)| id));
+    let ties = map.ties().of(keyframe).filter_map(|tie| map.constraints().get(&tie));
+    excluded.extend(ties.flat_map(|constraint| [constraint.keyframe_i, constraint.keyframe_j]));
+    let own = EntityId::new(keyframe.client, i64::MIN)..=EntityId::new(keyframe.client, i64::MAX);
+    let time = (query.capture_time_ns, keyframe);
+    let before = map.keyframes().range(own).map(|(&id, k)| (k.capture_time_ns, id));
+    let mut before: Vec<(i64, EntityId)> = before.filter(|&other| other < time).collect();
+    let first = before.len().saturating_sub(RECENT);
+    if first > 0 {
+        before.select_nth_unstable(first);
+    }
+    excluded.extend(before[first..].iter().map(|&(_, id)| id));
+    excluded
+}
+
+/// The place of a view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Located {
+    /// The keyframe that shows it.
+    pub keyframe: EntityId,
+    /// The pose of the view in the frame of that keyframe, and what it rests on.
+    pub verified: Verified,
+    /// The landmarks of the inliers with the features that show them.
+    pub landmarks: Vec<(EntityId, usize)>,
+}
+
+/// Verifies the candidates for the place of a view in their order, until one holds. `seed` of the random
+/// numbers, beside the candidate's id.
+#[must_use]
+pub fn locate(
+    map: &Map,
+    view: &View<'_>,
+    candidates: &[Candidate],
+    (seed, interrupt): (u64, &Interrupt),
+    accept: impl Fn(EntityId, &Verified) -> Result<(), Refusal>,
+) -> (Vec<PlaceCandidate>, Option<Located>) {
+    let (places, _) = view.searchable();
+    let mut verified = Vec::new();
+    for candidate in candidates.iter().take(PlaceSearch::MOST_CANDIDATES) {
+        let Some(keyframe) = map.keyframes().get(&candidate.keyframe) else { continue };
+        let id = candidate.keyframe;
+        let found = verify(map, view, &places, (candidate, keyframe), (seed, interrupt));
+        let found = found.and_then(|located| match accept(id, &located.verified) {
+            Ok(()) => Ok(located),
+            Err(refusal) => Err(refused(&refusal)),
+        });
+        let (located, refusal) = match found {
+            Ok(located) => (Some(located), None),
+            Err(refusal) => (None, Some(refusal)),
+        };
+        let matches = u32::try_from(candidate.matches.len()).unwrap_or(u32::MAX);
+        let score = candidate.score;
+        verified.push(PlaceCandidate { keyframe: id, score, matches, refusal });
+        if located.is_some() {
+            return (verified, located);
+        }
+    }
+    (verified, None)
+}
+
+fn refused(refusal: &Refusal) -> PlaceRefusal {
+    PlaceRefusal { reason: refusal.name().to_owned(), text: refusal.to_string() }
+}
+
+/// What the map or a client holds is not possible as input: numbers that overflow, for instance.
+fn unusable(error: &InputError) -> PlaceRefusal {
+    PlaceRefusal { reason: "refinement_failed".to_owned(), text: error.to_string() }
+}
+
+fn verify(
+    map: &Map,
+    view: &View<'_>,
+    places: &[usize],
+    (candidate, keyframe): (&Candidate, &Keyframe),
+    (seed, interrupt): (u64, &Interrupt),
+) -> Result<Located, PlaceRefusal> {
+    let around = Surroundings::of_keyframe(map, candidate.keyframe, interrupt);
+    let camera_from_world = keyframe.world_from_camera.inverse();
+    let turn = camera_from_world.rotation.matrix();
+    let point = |estimate: &PointEstimate| PointEstimate {
+        point: camera_from_world.transform(&estimate.point),
+        covariance: turn * estimate.covariance * turn.transpose(),
+    };
+    let points: Vec<PointEstimate> = around.points.iter().map(point).collect();
+    let (at_candidate, _) = indexed(keyframe);
+    let mut matches: Vec<Proposed> = Vec::new();
+    let mut taken = BTreeSet::new();
+    for found in &candidate.matches {
+        let Some(&feature) = places.get(found.query) else { continue };
+        let observation = at_candidate.get(found.candidate);
+        let Some(seen) = observation.and_then(|&at| keyframe.observations.get(at)) else {
+            continue;
+        };
+        let Ok(point) = around.landmarks.binary_search(&seen.landmark) else { continue };
+        // Two features may show one landmark.
+        if taken.insert(point) {
+            let observers = map.landmarks().get(&seen.landmark).map_or(1, |l| l.observers.len());
+            let weight = observers.clamp(1, MOST_OBSERVERS) as f64;
+            matches.push(Proposed { point, feature, weight });
+        }
+    }
+    let calibration = verification::Options::default().calibration;
+    let same_camera = view.camera_id.is_some() && view.camera_id == keyframe.camera;
+    let options = Options {
+        calibration: covis_solvers::relative_motion::Calibration { same_camera, ..calibration },
+        ..Options::default()
+    };
+    let input = Input {
+        camera: &view.camera,
+        features: &view.features,
+        points: &points,
+        matches: &matches,
+        expected: None,
+        seed: seed ^ (candidate.keyframe.id as u64).rotate_left(32),
+    };
+    let likeness = |point: usize, feature: usize| {
+        let pair = around.descriptors[point].zip(view.descriptors[feature]);
+        pair.map_or(Likeness::Unknown, |(a, b)| likeness(a, b))
+    };
+    match verification::verify(&input, likeness, &options).map_err(|error| unusable(&error))? {
+        Verdict::Refused(refusal) => Err(refused(&refusal)),
+        Verdict::Same(verified) => {
+            let landmark = |&(point, feature): &(usize, usize)| (around.landmarks[point], feature);
+            let landmarks = verified.inliers.iter().map(landmark).collect();
+            Ok(Located { keyframe: candidate.keyframe, verified: *verified, landmarks })
+        }
+    }
+}
+
+/// Searches the place of a keyframe among `candidates`, and makes a loop closure where one holds and the
+/// way that the robot went does not exclude it. The closure has no id yet.
+#[must_use]
+pub fn close(
+    map: &Map,
+    keyframe: EntityId,
+    candidates: &[Candidate],
+    interrupt: &Interrupt,
+) -> (PlaceSearch, Option<Constraint>) {
+    let view = map.keyframes().get(&keyframe).and_then(|k| View::of_keyframe(map, k));
+    let Some(view) = view else { return (PlaceSearch::default(), None) };
+    let accept = |candidate, verified: &Verified| {
+        path::expected(map, candidate, keyframe)
+            .map_or(Ok(()), |expected| expected.is_met_by(verified))
+    };
+    let seed = keyframe.id as u64;
+    let (candidates, located) = locate(map, &view, candidates, (seed, interrupt), accept);
+    let closure = located.map(|located| Constraint {
+        kind: ConstraintKind::LoopClosure,
+        keyframe_i: located.keyframe,
+        keyframe_j: keyframe,
+        keyframe_i_from_keyframe_j: located.verified.candidate_from_query,
+        information: located.verified.information,
+        loss: None,
+    });
+    (PlaceSearch { candidates, ..PlaceSearch::default() }, closure)
+}
+
+/// Why the index cannot take the descriptors of a keyframe.
+#[must_use]
+pub fn not_indexed(error: &PlaceError) -> PlaceRefusal {
+    PlaceRefusal { reason: "descriptors".to_owned(), text: error.to_string() }
+}

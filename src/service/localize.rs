@@ -1,0 +1,91 @@
+//! `Localize`: from the request to the answer, on a thread of the solver pool. The index of places and
+//! the geometric verification do the work; nothing of the map is changed.
+
+use covis_solvers::geometric_verification::Feature;
+use covis_solvers::geometry::{Camera, LieGroup};
+use covis_solvers::interrupt::Interrupt;
+
+use super::convert::camera::camera;
+use super::convert::entities::to_place_candidate;
+use super::convert::geometry::{to_covariance6, to_rigid_transform, vector2};
+use super::convert::ids::{self, to_landmark_ref};
+use super::convert::item::{depth, feature_descriptor};
+use super::convert::{Path, all, convert};
+use super::engine::MapHandle;
+use super::error::ServiceError;
+use crate::loop_closing::{Located, View};
+use crate::map::{Descriptor, Map};
+use crate::place::DESCRIPTORS;
+use crate::wire::v1;
+
+/// A request in the terms of loop closing.
+#[derive(Debug)]
+pub(super) struct Input {
+    camera: Camera,
+    features: Vec<Feature>,
+    descriptors: Vec<Option<Descriptor>>,
+}
+
+/// Reads a request: the map's name, and the rest.
+pub(super) fn input(request: v1::LocalizeRequest) -> Result<(String, Input), ServiceError> {
+    convert(|out| {
+        let map_id = ids::map_id(&request.map_id, out);
+        let at = Path::root("camera");
+        let camera = out.required(at, request.camera.as_ref()).and_then(|m| camera(at, m, out));
+        let at = Path::root("features");
+        out.at_most(at, &request.features, DESCRIPTORS)?;
+        let features = all(at, request.features, out, |at, message, out| {
+            let pixel = vector2(at.field("pixel"), message.pixel.as_ref(), out);
+            let sigma = out.positive(at.field("sigma_px"), message.sigma_px.unwrap_or(1.0));
+            let depth = depth(at, message.depth_m, message.sigma_depth_m, out);
+            let place = at.field("descriptor");
+            let descriptor = match message.descriptor {
+                None => None,
+                Some(descriptor) => Some(feature_descriptor(place, descriptor, out)?),
+            };
+            let depth_m = depth?.map(|depth| (depth.depth_m, depth.sigma_m));
+            Some((Feature { pixel: pixel?, sigma_px: sigma?, depth_m }, descriptor))
+        });
+        let (features, descriptors) = features?.into_iter().unzip();
+        Some((map_id?, Input { camera: camera?.camera, features, descriptors }))
+    })
+    .map_err(Into::into)
+}
+
+/// Finds the place.
+pub(super) fn run(
+    handle: &MapHandle,
+    map: &Map,
+    input: &Input,
+    interrupt: &Interrupt,
+) -> Result<v1::LocalizeResponse, ServiceError> {
+    let view = View {
+        camera: input.camera,
+        camera_id: None,
+        features: input.features.clone(),
+        descriptors: input.descriptors.iter().map(Option::as_ref).collect(),
+    };
+    let (candidates, located) = handle.locate(map, &view, interrupt)?;
+    if interrupt.is_due() {
+        return Err(ServiceError::DeadlineExceeded);
+    }
+    let answer = v1::LocalizeResponse {
+        revision: map.revision(),
+        candidates: candidates.iter().map(|c| to_place_candidate(map, c)).collect(),
+        ..v1::LocalizeResponse::default()
+    };
+    let Some(Located { keyframe, verified, landmarks }) = located else { return Ok(answer) };
+    let Some(keyframe) = map.keyframes().get(&keyframe) else { return Ok(answer) };
+    let pose = keyframe.world_from_camera.compose(&verified.candidate_from_query);
+    let inlier = |&(landmark, feature): &(_, usize)| v1::LocalizedFeature {
+        feature: i32::try_from(feature).unwrap_or(i32::MAX),
+        landmark: Some(to_landmark_ref(map, landmark)),
+    };
+    Ok(v1::LocalizeResponse {
+        world_from_camera: Some(to_rigid_transform(&pose)),
+        covariance: to_covariance6(&verified.information),
+        inliers: landmarks.iter().map(inlier).collect(),
+        variance_factor: verified.variance_factor,
+        ..answer
+    })
+}
