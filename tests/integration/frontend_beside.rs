@@ -33,31 +33,6 @@ fn frames() -> &'static [RgbdFrame] {
     ALL.get_or_init(|| (0..FRAMES).map(|index| sequence().frame(index)).collect())
 }
 
-/// The same as a source.
-struct Beginning {
-    sequence: Sequence,
-    next: usize,
-}
-
-impl FrameSource for Beginning {
-    fn camera(&self) -> &PinholeRadialTangential {
-        self.sequence.camera()
-    }
-
-    fn timing(&self) -> SensorTiming {
-        SensorTiming::default()
-    }
-
-    fn len(&self) -> usize {
-        FRAMES
-    }
-
-    fn next_frame(&mut self) -> Option<Result<RgbdFrame, FrameError>> {
-        self.next += 1;
-        Some(Ok(frames().get(self.next - 1)?.clone()))
-    }
-}
-
 fn pipeline() -> Pipeline {
     let camera = FrameCamera::new(*sequence().camera(), 320, 240).unwrap();
     Pipeline::new(camera, PipelineOptions::default())
@@ -96,7 +71,7 @@ async fn run_with(
 ) -> Result<RunReport, ClientError> {
     client.create_map("m", None).await?;
     let target = Target { client, map_id: "m", client_id: CLIENT, lock_step, most_held };
-    let source = Box::new(Beginning { sequence: sequence(), next: 0 });
+    let source = Box::new(Frames { frames: Arc::new(frames().to_vec()), next: 0 });
     let companion = AfterFrame { frames: 0, call };
     let (report, companion) = track(source, pipeline(), target, false, companion, None).await?;
     assert_eq!(companion.frames, FRAMES);
@@ -324,5 +299,66 @@ fn loops_of_others_come_back_and_descriptors_go_out_in_both_modes() {
                 assert_eq!(descriptor.data.len(), 32);
             }
         });
+    }
+}
+
+#[test]
+fn a_loop_that_the_server_finds_comes_back_and_lock_step_repeats_to_the_bit() {
+    run(async {
+        let all: Arc<Vec<RgbdFrame>> =
+            Arc::new((0..60).map(|index| sequence().frame(index)).collect());
+        let mut reports = Vec::new();
+        for _ in 0..2 {
+            let server = TestServer::start().await;
+            let client = connected(&server).await;
+            client.create_map("m", None).await.unwrap();
+            let target = Target {
+                client: &client,
+                map_id: "m",
+                client_id: CLIENT,
+                lock_step: true,
+                most_held: MOST_HELD,
+            };
+            let camera = FrameCamera::new(*sequence().camera(), 320, 240).unwrap();
+            // Tracking has forgotten where it began when it comes back there.
+            let options = PipelineOptions { most_keyframes: 5, ..PipelineOptions::default() };
+            let source = Box::new(Frames { frames: Arc::clone(&all), next: 0 });
+            let companion = AfterFrame { frames: 0, call: |_| {} };
+            let pipeline = Pipeline::new(camera, options);
+            let (report, _) =
+                track(source, pipeline, target, false, companion, None).await.unwrap();
+            assert_eq!(report.lost(), 0);
+            assert!(report.loops.counting + report.loops.switched_off > 0, "no loop was found");
+            reports.push(report);
+        }
+        assert_eq!(reports[0].live, reports[1].live);
+        assert_eq!(reports[0].trajectory, reports[1].trajectory);
+        assert_eq!(reports[0].loops, reports[1].loops);
+    });
+}
+
+/// Frames as a source.
+struct Frames {
+    frames: Arc<Vec<RgbdFrame>>,
+    next: usize,
+}
+
+impl FrameSource for Frames {
+    fn camera(&self) -> &PinholeRadialTangential {
+        static CAMERA: OnceLock<PinholeRadialTangential> = OnceLock::new();
+        CAMERA.get_or_init(|| *sequence().camera())
+    }
+
+    fn timing(&self) -> SensorTiming {
+        SensorTiming::default()
+    }
+
+    fn len(&self) -> usize {
+        self.frames.len()
+    }
+
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, FrameError>> {
+        self.next += 1;
+        Some(Ok(self.frames.get(self.next - 1)?.clone()))
     }
 }

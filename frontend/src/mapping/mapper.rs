@@ -2,7 +2,8 @@
 //!
 //! Beside tracking it waits for keyframes and deltas at once and takes whichever comes. A keyframe for
 //! which the session has no room is left out; after an error that is final, all are, and tracking goes
-//! on without corrections. In lock-step a keyframe is answered when a solve has included it.
+//! on without corrections. In lock-step each keyframe has a session of its own: the end of a stream waits
+//! for all that its items started, searches for known places and their closures among them.
 
 use std::pin::pin;
 
@@ -29,7 +30,7 @@ const CAMERA: i64 = 0;
 pub(super) struct Mapper {
     client: Client,
     map_id: String,
-    lock_step: bool,
+    client_id: String,
     watch: MapWatch,
     pub(super) sender: Sender,
 }
@@ -37,7 +38,8 @@ pub(super) struct Mapper {
 /// The session, and what became of the keyframes.
 #[derive(Debug)]
 pub(super) struct Sender {
-    session: IngestSession,
+    /// `None` in lock-step.
+    session: Option<IngestSession>,
     pub(super) book: Book,
     /// The sequence of the last keyframe.
     last_sequence: Option<i64>,
@@ -65,6 +67,12 @@ impl Mapper {
         let watch = client.watch(map_id, WatchOptions::default()).await?;
         session.send(encode::camera(CAMERA, camera)).await?;
         session.flush().await?;
+        let session = if lock_step {
+            session.finish().await?;
+            None
+        } else {
+            Some(session)
+        };
         let sender = Sender {
             session,
             book: Book::new(client_id),
@@ -73,8 +81,8 @@ impl Mapper {
             most_held: 0,
             failure: None,
         };
-        let (client, map_id) = (client.clone(), map_id.to_owned());
-        Ok(Self { client, map_id, lock_step, watch, sender })
+        let (map_id, client_id) = (map_id.to_owned(), client_id.to_owned());
+        Ok(Self { client: client.clone(), map_id, client_id, watch, sender })
     }
 
     /// Sends keyframes and passes corrections on, until tracking ends.
@@ -87,7 +95,7 @@ impl Mapper {
         mut keyframes: UnboundedReceiver<NewKeyframe>,
         corrections: Putting,
     ) -> Result<(), ClientError> {
-        if self.lock_step {
+        if self.sender.session.is_none() {
             while let Some(keyframe) = keyframes.recv().await {
                 corrections.put(self.map_keyframe(keyframe).await?);
             }
@@ -120,20 +128,20 @@ impl Mapper {
         Ok(())
     }
 
-    /// Sends a keyframe, waits until a solve has included it, and returns what changed.
+    /// Sends a keyframe, waits for all that follows from it, and returns what changed.
     async fn map_keyframe(
         &mut self,
         mut keyframe: NewKeyframe,
     ) -> Result<Corrections, ClientError> {
-        let Sender { session, book, last_sequence, .. } = &mut self.sender;
+        let options = SessionOptions { lock_step: true, ..SessionOptions::default() };
+        let mut session = self.client.ingest(&self.map_id, &self.client_id, options).await?;
+        let Sender { book, last_sequence, .. } = &mut self.sender;
         book.enter(&mut keyframe);
-        let sequence = session.send(encode::keyframe(CAMERA, &keyframe)).await?;
-        *last_sequence = Some(sequence);
+        *last_sequence = Some(session.send(encode::keyframe(CAMERA, &keyframe)).await?);
         book.sent(keyframe.id);
-        let (answer, before) =
-            follow_until(&mut self.watch, book, session.optimized(sequence)).await?;
-        answer?;
-        let revision = session.report().revision;
+        let (answer, before) = follow_until(&mut self.watch, book, session.finish()).await?;
+        rejected(&answer?)?;
+        let revision = self.client.get_map(&self.map_id).await?.revision;
         Ok(before.then(self.reach(revision).await?))
     }
 
@@ -153,12 +161,15 @@ impl Mapper {
     /// As [`Mapper::serve`] in lock-step; any code of `OptimizeMap`.
     pub(super) async fn settle(&mut self) -> Result<(), ClientError> {
         let Sender { session, book, last_sequence, .. } = &mut self.sender;
-        let (answer, _) = follow_until(&mut self.watch, book, session.flush()).await?;
-        answer?;
-        rejected(&session.report())?;
         let Some(sequence) = *last_sequence else { return Ok(()) };
-        let (answer, _) = follow_until(&mut self.watch, book, session.optimized(sequence)).await?;
-        answer?;
+        if let Some(session) = session {
+            let (answer, _) = follow_until(&mut self.watch, book, session.flush()).await?;
+            answer?;
+            rejected(&session.report())?;
+            let solved = session.optimized(sequence);
+            let (answer, _) = follow_until(&mut self.watch, book, solved).await?;
+            answer?;
+        }
         let request = v1::OptimizeMapRequest { map_id: self.map_id.clone(), ..Default::default() };
         let optimize = self.client.optimize_map(request, |_row| {});
         let (answer, _) = follow_until(&mut self.watch, book, optimize).await?;
@@ -188,7 +199,10 @@ impl Mapper {
     /// # Errors
     /// The error that ended it before everything was answered.
     pub(super) async fn finish(self) -> Result<IngestReport, ClientError> {
-        self.sender.session.finish().await
+        match self.sender.session {
+            Some(session) => session.finish().await,
+            None => Ok(IngestReport::default()),
+        }
     }
 }
 
@@ -215,23 +229,28 @@ impl Sender {
     /// Sends a keyframe, or leaves it out where that must wait.
     fn send(&mut self, mut keyframe: NewKeyframe) {
         self.book.enter(&mut keyframe);
-        if let Err(error) = rejected(&self.session.report()) {
-            self.fail(error);
-        }
-        if self.failure.is_none() {
-            match self.session.try_send(encode::keyframe(CAMERA, &keyframe)) {
-                Ok(Some(sequence)) => {
-                    self.last_sequence = Some(sequence);
-                    let held = usize::try_from(self.session.report().unanswered());
-                    self.most_held = self.most_held.max(held.unwrap_or(usize::MAX));
-                    return self.book.sent(keyframe.id);
-                }
-                Ok(None) => {}
-                Err(error) => self.fail(error),
-            }
+        match self.try_send(&keyframe) {
+            Ok(true) => return self.book.sent(keyframe.id),
+            Ok(false) => {}
+            Err(error) => self.fail(error),
         }
         self.left_out += 1;
         self.book.leave_out(&keyframe);
+    }
+
+    /// Sends a keyframe; false where there is no room, or no session any more.
+    fn try_send(&mut self, keyframe: &NewKeyframe) -> Result<bool, ClientError> {
+        let Some(session) = self.session.as_mut().filter(|_| self.failure.is_none()) else {
+            return Ok(false);
+        };
+        rejected(&session.report())?;
+        let Some(sequence) = session.try_send(encode::keyframe(CAMERA, keyframe))? else {
+            return Ok(false);
+        };
+        self.last_sequence = Some(sequence);
+        let held = usize::try_from(session.report().unanswered()).unwrap_or(usize::MAX);
+        self.most_held = self.most_held.max(held);
+        Ok(true)
     }
 
     /// Ends the session for a reason; the first one counts.
