@@ -104,7 +104,8 @@ async fn main() -> anyhow::Result<()> {
     for keyframe in seen_by {
         session.send(keyframe).await?;
     }
-    let mut watch = client.watch("loop", WatchOptions::default()).await?;
+    let mut watch =
+        client.watch("loop", WatchOptions { omit_landmarks: true, ..Default::default() }).await?;
     while watch.mirror().keyframes.len() < before {
         watch.next().await?;
     }

@@ -55,9 +55,7 @@ async fn closures(server: &TestServer, name: &str) -> BTreeMap<i64, v1::Relative
 /// What came of a sequence.
 #[derive(Debug, Default)]
 struct Outcome {
-    /// Closures that were added.
-    closures: usize,
-    /// Those that count.
+    /// Closures that count.
     counting: usize,
     /// Largest errors of those, m and degrees.
     worst: (f64, f64),
@@ -71,6 +69,8 @@ struct Outcome {
     recalled: usize,
     /// How often each verdict was given.
     verdicts: BTreeMap<String, usize>,
+    /// Precision and recall by score alone.
+    curve: String,
 }
 
 /// χ² of six degrees of freedom that one error in 10,000 exceeds.
@@ -86,7 +86,7 @@ async fn outcome(
     common: CommonView<'_>,
 ) -> Outcome {
     let closures = closures(server, name).await;
-    let mut outcome = Outcome { closures: closures.len(), ..Outcome::default() };
+    let mut outcome = Outcome::default();
     let mut joined = vec![false; sequence.truth.len()];
     for closure in closures.values().filter(|closure| closure.switched_off.is_none()) {
         let id = |keyframe: &Option<v1::KeyframeRef>| keyframe.as_ref().unwrap().id as usize;
@@ -125,7 +125,7 @@ async fn outcome(
             best.push((candidate.score, common(i, j) >= OTHER, is_again[j]));
         }
     }
-    println!("{name}, precision and recall by score alone: {}", curve(best, outcome.again));
+    outcome.curve = curve(best, outcome.again);
     outcome
 }
 
@@ -155,6 +155,7 @@ fn matrix(upper: &[f64]) -> Matrix6<f64> {
 
 /// Builds the map of a sequence and prints what came of it: with the errors of the trajectory before and
 /// after, m.
+#[allow(clippy::print_stdout, reason = "docs/benchmarking.md has these figures")]
 async fn walked(
     server: &TestServer,
     name: &str,
@@ -166,7 +167,13 @@ async fn walked(
     let state = state(server, name).await;
     let (before, after) =
         (ate(&sequence.poses(), &sequence.truth), ate(&state.poses, &sequence.truth));
-    println!("{name}: {outcome:?}; ATE {before:.4} m by odometry, {after:.4} m");
+    let Outcome { counting, worst, far, wrong, again, recalled, verdicts, curve } = &outcome;
+    println!(
+        "{name}: {again} see a place again, {recalled} of them joined; {counting} closures count, {far} \
+         far off, {wrong} wrong, at most {:.3} m and {:.2} deg; {verdicts:?}; ATE {before:.4} m by \
+         odometry, {after:.4} m\n{name}, precision,recall by score alone: {curve}",
+        worst.0, worst.1
+    );
     (outcome, before, after)
 }
 
