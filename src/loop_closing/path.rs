@@ -11,6 +11,7 @@ use std::collections::{BTreeMap, BinaryHeap};
 use covis_solvers::geometric_verification::Expected;
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Covariance;
+use covis_solvers::interrupt::Interrupt;
 use covis_solvers::relative_motion::MIN_MATCHES;
 use nalgebra::Matrix6;
 
@@ -67,9 +68,14 @@ impl PartialOrd for Cost {
 }
 
 /// The relative pose of two keyframes by their current estimates, and how far it may have drifted on the
-/// way between them; `None` where no way leads from one to the other.
-pub(super) fn expected(map: &Map, candidate: EntityId, query: EntityId) -> Option<Expected> {
-    let way = shortest(map, candidate, query)?;
+/// way between them; `None` where no way leads from one to the other, and where the interrupt is due.
+pub(super) fn expected(
+    map: &Map,
+    candidate: EntityId,
+    query: EntityId,
+    interrupt: &Interrupt,
+) -> Option<Expected> {
+    let way = shortest(map, candidate, query, interrupt)?;
     let (from, to) = (map.keyframes().get(&candidate)?, map.keyframes().get(&query)?);
     let candidate_from_query = from.world_from_camera.inverse().compose(&to.world_from_camera);
     let measures_depth =
@@ -89,7 +95,7 @@ pub(super) fn expected(map: &Map, candidate: EntityId, query: EntityId) -> Optio
 }
 
 /// The shortest way from one keyframe to another (Dijkstra 1959).
-fn shortest(map: &Map, from: EntityId, to: EntityId) -> Option<Way> {
+fn shortest(map: &Map, from: EntityId, to: EntityId, interrupt: &Interrupt) -> Option<Way> {
     let pose = |id: EntityId| map.keyframes().get(&id).map(|k| k.world_from_camera);
     let mut best: BTreeMap<EntityId, Way> = BTreeMap::from([(from, Way::default())]);
     let mut queue = BinaryHeap::from([Reverse((Cost(0.0), from))]);
@@ -97,6 +103,9 @@ fn shortest(map: &Map, from: EntityId, to: EntityId) -> Option<Way> {
         let way = *best.get(&id)?;
         if id == to {
             return Some(way);
+        }
+        if interrupt.is_due() {
+            return None;
         }
         if cost > way.cost() {
             continue;

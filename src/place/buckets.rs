@@ -67,7 +67,13 @@ impl Buckets {
     /// Memory, bytes.
     pub(super) fn bytes(&self) -> usize {
         self.chunks.capacity() * size_of::<Vec<Page>>()
-            + (self.chunks.len() * CHUNK + self.further) * size_of::<Page>()
+            + (self.pages() + self.further) * size_of::<Page>()
+    }
+
+    /// Room for first pages.
+    fn pages(&self) -> usize {
+        let rest = self.chunks.len().saturating_sub(1) * CHUNK;
+        self.chunks.first().map_or(0, Vec::capacity) + rest
     }
 
     #[inline(always)]
@@ -77,7 +83,9 @@ impl Buckets {
 
     fn open(&mut self) {
         if self.buckets.is_multiple_of(CHUNK) {
-            self.chunks.push(Vec::with_capacity(CHUNK));
+            // A small table takes little.
+            let capacity = if self.chunks.is_empty() { 0 } else { CHUNK };
+            self.chunks.push(Vec::with_capacity(capacity));
         }
         if let Some(last) = self.chunks.last_mut() {
             last.push(Page::default());
