@@ -397,6 +397,7 @@ impl Actor {
     /// Acknowledges what has become durable. If the journal has failed, the map accepts no further
     /// changes.
     fn flushed(&mut self) {
+        self.recognition.changed();
         if let Some(error) = self.durability.acknowledge(self.map.revision()) {
             let error = EngineError::Store(error);
             tracing::error!(%error, "the map takes no changes any more");

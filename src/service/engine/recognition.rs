@@ -41,7 +41,7 @@ pub(super) struct Recognition {
     shared: Arc<Shared>,
     pool: Arc<SolverPool>,
     running: Option<Started<Vec<Found>>>,
-    /// Whether the journal has refused a change and has taken none since.
+    /// Whether the journal has refused a change and has not moved since.
     waits_for_journal: bool,
 }
 
@@ -67,7 +67,7 @@ impl Recognition {
         self.running.is_none() && self.is_due(map)
     }
 
-    /// A change is in the journal.
+    /// The journal took a change, or brought some to the disk.
     pub(super) fn changed(&mut self) {
         self.waits_for_journal = false;
     }
