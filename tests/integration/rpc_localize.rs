@@ -162,7 +162,9 @@ fn each_bad_request_is_told_what_is_wrong() {
         case("features[0].sigma_px", "OUT_OF_RANGE", &|bad| {
             bad.features[0].sigma_px = Some(0.0);
         });
-        case("features[3].sigma_depth_m", "INCONSISTENT", &|bad| bad.features[3].sigma_depth_m = None);
+        case("features[3].sigma_depth_m", "INCONSISTENT", &|bad| {
+            bad.features[3].sigma_depth_m = None
+        });
         case("features[4].descriptor.kind", "MISSING", &|bad| {
             bad.features[4].descriptor.as_mut().unwrap().kind = 0;
         });
