@@ -24,11 +24,11 @@ use covis::frontend::camera::FrameCamera;
 use covis::frontend::dense::frame_log::LoggedFrame;
 use covis::frontend::dense::integrate::IntegrationOptions;
 use covis::frontend::dense::mapper::{AnchoredFrame, DenseMapper};
-use covis::frontend::dense::thread::{DenseReport, DenseThread};
+use covis::frontend::dense::thread::{DenseFeed, DenseReport, DenseThread};
 use covis::frontend::dense::volume::VolumeOptions;
 use covis::frontend::image::{Image, RgbdFrame};
 use covis::frontend::input::{FolderOptions, FrameError, open_folder};
-use covis::frontend::mapping::run::{Companion, Target, run};
+use covis::frontend::mapping::run::{Companion, MOST_HELD, Target, run};
 use covis::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
 use covis::service::{Server, ServerConfig};
 use covis_solvers::geometry::{LieGroup, Se3, So3};
@@ -66,7 +66,7 @@ fn drift(share: f64) -> Se3 {
 
 /// Hands frames to dense mapping as a run does, at poses that drift until the loop is closed.
 struct Feed {
-    thread: DenseThread,
+    dense: DenseFeed,
     /// The frame after which the loop is closed; without it nothing drifts.
     closure: Option<usize>,
     /// Where each keyframe stood when it came, which here is the truth.
@@ -116,7 +116,7 @@ impl Companion for Feed {
         };
         if self.closure == Some(self.frames) {
             let truth = self.keyframes.iter().map(|(&id, &pose)| (id, pose)).collect();
-            self.thread.correct(truth);
+            self.dense.correct(truth);
         }
         let anchored = AnchoredFrame {
             frame: logged,
@@ -124,7 +124,7 @@ impl Companion for Feed {
             keyframe_from_camera: beside,
         };
         let start = Instant::now();
-        self.thread.integrate(anchored, drift(share).compose(&truth));
+        self.dense.integrate(anchored, drift(share).compose(&truth));
         self.wait_s.push(start.elapsed().as_secs_f64());
         self.track_s.push(outcome.seconds.track);
     }
@@ -154,8 +154,9 @@ async fn measure(args: &Args, client: &Client, map: &str, closes: bool) -> anyho
     let threads = args.threads.saturating_sub(1).max(1);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
     let period = if args.hz > 0.0 { 1.0 / args.hz } else { 0.0 };
-    let mut feed = Feed {
-        thread: DenseThread::start(mapper, pool),
+    let thread = DenseThread::start(mapper, pool);
+    let feed = Feed {
+        dense: thread.feed(1),
         closure: closes.then_some(half),
         keyframes: BTreeMap::new(),
         frames: 0,
@@ -169,9 +170,11 @@ async fn measure(args: &Args, client: &Client, map: &str, closes: bool) -> anyho
     let timing = source.timing();
     let pipeline = Pipeline::new(camera, PipelineOptions { timing, ..PipelineOptions::default() });
     client.create_map(map, None).await?;
-    let target = Target { client, map_id: map, client_id: "closure" };
-    run(source, pipeline, target, args.threads > 1, &mut feed, None).await?;
-    let Feed { thread, track_s, wait_s, before, .. } = feed;
+    let target =
+        Target { client, map_id: map, client_id: "closure", lock_step: true, most_held: MOST_HELD };
+    let (_, feed) = run(source, pipeline, target, args.threads > 1, feed, None).await?;
+    let Feed { dense, track_s, wait_s, before, .. } = feed;
+    drop(dense);
     let dense = thread.finish(&mut |_, _| {})?;
     if dense.skipped > 0 || dense.rebuilt != usize::from(closes) {
         bail!("{} frames skipped, built again {} times", dense.skipped, dense.rebuilt);

@@ -245,6 +245,21 @@ impl IngestSession {
         self.send_as(self.next_sequence(), item).await
     }
 
+    /// As [`IngestSession::send`], for callers that must not wait: `None` where there is no room, and
+    /// the item is not sent.
+    ///
+    /// # Errors
+    /// As [`IngestSession::send`].
+    pub fn try_send(&mut self, item: impl Into<Item>) -> Result<Option<i64>, ClientError> {
+        let sequence = self.next_sequence();
+        let request = self.request(sequence, item.into())?;
+        if self.state.borrow().failure.is_some() {
+            return Err(self.failure());
+        }
+        let refused = self.shared.outbox().push(request).is_some();
+        Ok((!refused).then(|| self.pushed(sequence)))
+    }
+
     /// As [`IngestSession::send`] with a sequence of the caller's choice, above all before on this
     /// session. One below [`IngestSession::next_sequence`] of a fresh session sends an item again
     /// that an earlier session may have sent: the server compares the two.
@@ -259,12 +274,7 @@ impl IngestSession {
         if sequence <= self.last_sequence {
             return Err(ClientError::SequenceOrder { sequence, last: self.last_sequence });
         }
-        let mut request = v1::IngestRequest { sequence, item: Some(item.into()) };
-        let bytes = request.encoded_len();
-        let limit = usize::try_from(self.opened.max_message_bytes).unwrap_or(usize::MAX);
-        if bytes > limit {
-            return Err(ClientError::TooLarge { bytes, limit });
-        }
+        let mut request = self.request(sequence, item.into())?;
         loop {
             if self.state.borrow().failure.is_some() {
                 return Err(self.failure());
@@ -281,9 +291,25 @@ impl IngestSession {
                 return Err(self.failure());
             }
         }
+        Ok(self.pushed(sequence))
+    }
+
+    /// The message of an item that is not too large.
+    fn request(&self, sequence: i64, item: Item) -> Result<v1::IngestRequest, ClientError> {
+        let request = v1::IngestRequest { sequence, item: Some(item) };
+        let bytes = request.encoded_len();
+        let limit = usize::try_from(self.opened.max_message_bytes).unwrap_or(usize::MAX);
+        if bytes > limit {
+            return Err(ClientError::TooLarge { bytes, limit });
+        }
+        Ok(request)
+    }
+
+    /// Counts an item that the outbox took.
+    fn pushed(&mut self, sequence: i64) -> i64 {
         self.shared.arrived.notify_one();
         (self.sent, self.last_sequence) = (self.sent + 1, sequence);
-        Ok(sequence)
+        sequence
     }
 
     /// How far the session has come.

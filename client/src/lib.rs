@@ -58,7 +58,7 @@ pub use ingest::{
     IngestReport, IngestSession, Item, KEPT_REJECTIONS, OnAck, RejectedItem, SessionOptions,
 };
 pub use link::LinkOptions;
-pub use mirror::{Key, MapMirror};
+pub use mirror::{Key, MapChanges, MapMirror};
 pub use retry::RetryPolicy;
 pub use spill::{LeftOver, SpillDamage, SpillOptions};
 pub use watch::{MapWatch, WatchOptions};

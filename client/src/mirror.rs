@@ -35,6 +35,19 @@ pub struct MapMirror {
     pub client_frames: BTreeMap<String, v1::ClientFrame>,
 }
 
+/// What a delta changed, by owner and id, in the order of its parts.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MapChanges {
+    /// Whether the delta began anew: what it does not name is gone.
+    pub reset: bool,
+    /// Keyframes that are new, moved or gone; the mirror does not have those that are gone.
+    pub keyframes: Vec<Key>,
+    /// The same of landmarks.
+    pub landmarks: Vec<Key>,
+    /// The same of constraints and priors.
+    pub constraints: Vec<Key>,
+}
+
 impl MapMirror {
     /// Where a client's odometry frame lies in the map; absent where the client has no keyframe.
     #[must_use]
@@ -42,12 +55,12 @@ impl MapMirror {
         self.client_frames.get(client_id)?.map_from_odom.as_ref()
     }
 
-    /// Applies a whole delta, given as all its parts in order.
+    /// Applies a whole delta, given as all its parts in order, and tells what it changed.
     ///
     /// # Errors
     /// [`ClientError::Protocol`] when the parts do not belong together or the delta starts from
     /// another revision than the mirror's; the mirror is then unchanged.
-    pub fn apply(&mut self, parts: Vec<v1::MapDelta>) -> Result<(), ClientError> {
+    pub fn apply(&mut self, parts: Vec<v1::MapDelta>) -> Result<MapChanges, ClientError> {
         let protocol = |what| Err(ClientError::Protocol { rpc: "WatchMap", what });
         let Some(first) = parts.first() else { return protocol("a delta without parts") };
         let (revision, reset, base) = (first.revision, first.reset, first.base_revision);
@@ -66,14 +79,15 @@ impl MapMirror {
         if reset {
             *self = Self::default();
         }
+        let mut changes = MapChanges { reset, ..MapChanges::default() };
         for part in parts {
-            self.apply_part(part);
+            self.apply_part(part, &mut changes);
         }
         self.revision = revision;
-        Ok(())
+        Ok(changes)
     }
 
-    fn apply_part(&mut self, part: v1::MapDelta) {
+    fn apply_part(&mut self, part: v1::MapDelta, changes: &mut MapChanges) {
         self.state = part.state;
         self.uid = part.map_uid;
         let key = |client_id: &str, id: i64| (client_id.to_owned(), id);
@@ -85,10 +99,14 @@ impl MapMirror {
         }
         for pose in part.keyframes {
             let Some(keyframe) = &pose.keyframe else { continue };
-            self.keyframes.insert(key(&keyframe.client_id, keyframe.id), pose);
+            let named = key(&keyframe.client_id, keyframe.id);
+            changes.keyframes.push(named.clone());
+            self.keyframes.insert(named, pose);
         }
         for landmark in part.landmarks {
-            self.landmarks.insert(key(&landmark.client_id, landmark.id), landmark);
+            let named = key(&landmark.client_id, landmark.id);
+            changes.landmarks.push(named.clone());
+            self.landmarks.insert(named, landmark);
         }
         for constraint in part.constraints {
             let named = match &constraint.constraint {
@@ -98,6 +116,7 @@ impl MapMirror {
                 // A kind that this client does not know.
                 None => continue,
             };
+            changes.constraints.push(named.clone());
             self.constraints.insert(named, constraint);
         }
         for frame in part.client_frames {
@@ -108,13 +127,19 @@ impl MapMirror {
             }
         }
         for gone in part.removed_keyframes {
-            self.keyframes.remove(&(gone.client_id, gone.id));
+            let named = (gone.client_id, gone.id);
+            self.keyframes.remove(&named);
+            changes.keyframes.push(named);
         }
         for gone in part.removed_landmarks {
-            self.landmarks.remove(&(gone.client_id, gone.id));
+            let named = (gone.client_id, gone.id);
+            self.landmarks.remove(&named);
+            changes.landmarks.push(named);
         }
         for gone in part.removed_constraints {
-            self.constraints.remove(&(gone.client_id, gone.id));
+            let named = (gone.client_id, gone.id);
+            self.constraints.remove(&named);
+            changes.constraints.push(named);
         }
     }
 }
@@ -153,13 +178,15 @@ mod tests {
         let mut delta = part(3, 5, 0, true);
         delta.landmarks = vec![landmark(1, 4)];
         delta.removed_landmarks = vec![v1::LandmarkRef { client_id: "a".into(), id: 2 }];
-        mirror.apply(vec![delta]).unwrap();
+        let changes = mirror.apply(vec![delta]).unwrap();
+        let named = [1, 2].map(|id| ("a".to_owned(), id)).to_vec();
+        assert_eq!(changes, MapChanges { landmarks: named, ..MapChanges::default() });
         let counts: Vec<i64> = mirror.landmarks.values().map(|l| l.observation_count).collect();
         assert_eq!((mirror.revision, counts), (5, vec![4]));
 
         let mut reset = part(0, 9, 0, true);
         reset.reset = true;
-        mirror.apply(vec![reset]).unwrap();
+        assert!(mirror.apply(vec![reset]).unwrap().reset);
         assert_eq!((mirror.revision, mirror.landmarks.len()), (9, 0));
     }
 

@@ -7,7 +7,7 @@ use tonic::Streaming;
 
 use super::calls::{answer, next};
 use super::retry::{Retries, RetryPolicy};
-use super::{Client, ClientError, MapMirror};
+use super::{Client, ClientError, MapChanges, MapMirror};
 use crate::wire::v1;
 
 const RPC: &str = "WatchMap";
@@ -72,9 +72,19 @@ impl MapWatch {
     /// # Errors
     /// NOT_FOUND when the map was deleted; what a broken link ended with when it did not come back.
     pub async fn next(&mut self) -> Result<&MapMirror, ClientError> {
+        self.next_changes().await?;
+        Ok(&self.mirror)
+    }
+
+    /// As [`MapWatch::next`], and tells what the delta changed in the mirror, so that its reader need
+    /// not go through the whole map.
+    ///
+    /// # Errors
+    /// As [`MapWatch::next`].
+    pub async fn next_changes(&mut self) -> Result<MapChanges, ClientError> {
         loop {
             match self.delta().await {
-                Ok(()) => return Ok(&self.mirror),
+                Ok(changes) => return Ok(changes),
                 Err(error) => {
                     self.stream = None;
                     self.parts.clear();
@@ -110,7 +120,7 @@ impl MapWatch {
     }
 
     /// Takes one whole delta.
-    async fn delta(&mut self) -> Result<(), ClientError> {
+    async fn delta(&mut self) -> Result<MapChanges, ClientError> {
         let stream = match &mut self.stream {
             Some(stream) => stream,
             None => {
@@ -127,9 +137,9 @@ impl MapWatch {
             let is_last = part.last_part;
             self.parts.push(part);
             if is_last {
-                self.mirror.apply(std::mem::take(&mut self.parts))?;
+                let changes = self.mirror.apply(std::mem::take(&mut self.parts))?;
                 self.retries.progress();
-                return Ok(());
+                return Ok(changes);
             }
         }
     }

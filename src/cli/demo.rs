@@ -65,7 +65,8 @@ async fn session(args: &Args, config: &Config) -> anyhow::Result<()> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let mut estimates = Vec::new();
     for (map, removes_motion) in MAPS.into_iter().zip([true, false]) {
-        let options = RunOptions { removes_motion, threads, ..RunOptions::default() };
+        let options =
+            RunOptions { removes_motion, lock_step: true, threads, ..RunOptions::default() };
         let (run, _) = sequence(&source, &options, &server.client, map).await?;
         print(summary(map, &run))?;
         estimates.push(report::trajectory(&run));

@@ -169,6 +169,11 @@ fn verify(
     (candidate, keyframe): (&Candidate, &Keyframe),
     (seed, interrupt): (u64, &Interrupt),
 ) -> Result<Located, PlaceRefusal> {
+    // Most candidates are none, and to know what is around them takes longer than to see that.
+    let (found, needed) = (candidate.matches.len(), verification::MIN_INLIERS);
+    if found < needed {
+        return Err(refused(&Refusal::TooFewMatches { matches: found, needed }));
+    }
     let around = Surroundings::of_keyframe(map, candidate.keyframe, interrupt);
     let camera_from_world = keyframe.world_from_camera.inverse();
     let turn = camera_from_world.rotation.matrix();

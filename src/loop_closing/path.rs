@@ -1,9 +1,11 @@
 //! What the way between two keyframes says of their relative pose: the odometry drifts with it.
 //!
-//! The shortest way through the map, over keyframes that share landmarks and constraints that count, is
-//! the longest that errors can have grown on. They are taken as systematic, so that they grow with the
-//! way and not with its root: whoever is believed too much here refuses true closures. Where no way leads
-//! from one to the other nothing is expected.
+//! The shortest way through the map, over keyframes of a client that follow each other and share
+//! landmarks and over constraints that count, is the longest that errors can have grown on. What is
+//! expected is what was measured on it, odometry and constraints: a keyframe that a client sends in a
+//! frame of its own is where it is expected before any solve has moved it. Errors are taken as systematic,
+//! so that they grow with the way and not with its root: whoever is believed too much here refuses true
+//! closures. Where no way leads from one to the other nothing is expected.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -12,10 +14,9 @@ use covis_solvers::geometric_verification::Expected;
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Covariance;
 use covis_solvers::interrupt::Interrupt;
-use covis_solvers::relative_motion::MIN_MATCHES;
 use nalgebra::Matrix6;
 
-use crate::map::{EntityId, Map};
+use crate::map::{EntityId, Map, near_pairs};
 
 /// Drift of the position by the length of the way, where keyframes measure depth: several times what
 /// visual odometry reaches (0.5 to 1 % in the KITTI benchmark), and what handheld cameras that shake do.
@@ -31,17 +32,29 @@ const LEAST: (f64, f64) = (0.05, 0.02);
 /// A turn of a radian counts as much as this many meters where the shortest way is searched.
 const METERS_PER_RADIAN: f64 = 1.0;
 
-/// Length of a way, m, and angles turned on it, rad.
-#[derive(Clone, Copy, Debug, Default)]
+/// A way from a keyframe to another one.
+#[derive(Clone, Copy, Debug)]
 struct Way {
+    /// The pose of the other one in the frame of the first, as it was measured on the way.
+    motion: Se3,
+    /// Length, m.
     length: f64,
+    /// Angles turned, rad.
     angle: f64,
 }
 
 impl Way {
+    /// Of no length.
+    fn none() -> Self {
+        Self { motion: Se3::identity(), length: 0.0, angle: 0.0 }
+    }
+
     fn and(self, motion: &Se3) -> Self {
-        let length = self.length + motion.translation.norm();
-        Self { length, angle: self.angle + motion.rotation.log().norm() }
+        Self {
+            motion: self.motion.compose(motion),
+            length: self.length + motion.translation.norm(),
+            angle: self.angle + motion.rotation.log().norm(),
+        }
     }
 
     fn cost(&self) -> f64 {
@@ -67,8 +80,8 @@ impl PartialOrd for Cost {
     }
 }
 
-/// The relative pose of two keyframes by their current estimates, and how far it may have drifted on the
-/// way between them; `None` where no way leads from one to the other, and where the interrupt is due.
+/// The relative pose of two keyframes as it was measured on the way between them, and how far it may have
+/// drifted on it; `None` where no way leads from one to the other, and where the interrupt is due.
 pub(super) fn expected(
     map: &Map,
     candidate: EntityId,
@@ -77,7 +90,6 @@ pub(super) fn expected(
 ) -> Option<Expected> {
     let way = shortest(map, candidate, query, interrupt)?;
     let (from, to) = (map.keyframes().get(&candidate)?, map.keyframes().get(&query)?);
-    let candidate_from_query = from.world_from_camera.inverse().compose(&to.world_from_camera);
     let measures_depth =
         [from, to].iter().all(|k| k.observations.iter().any(|o| o.depth.is_some()));
     let drift = if measures_depth { DRIFT } else { DRIFT_OF_SCALE };
@@ -91,13 +103,13 @@ pub(super) fn expected(
         covariance[(axis + 3, axis + 3)] = turn * turn;
     }
     let covariance = Covariance::new(&covariance).ok()?;
-    Some(Expected { candidate_from_query, covariance })
+    Some(Expected { candidate_from_query: way.motion, covariance })
 }
 
 /// The shortest way from one keyframe to another (Dijkstra 1959).
 fn shortest(map: &Map, from: EntityId, to: EntityId, interrupt: &Interrupt) -> Option<Way> {
-    let pose = |id: EntityId| map.keyframes().get(&id).map(|k| k.world_from_camera);
-    let mut best: BTreeMap<EntityId, Way> = BTreeMap::from([(from, Way::default())]);
+    let odom = |id: EntityId| map.keyframes().get(&id).map(|k| k.odom_from_camera);
+    let mut best: BTreeMap<EntityId, Way> = BTreeMap::from([(from, Way::none())]);
     let mut queue = BinaryHeap::from([Reverse((Cost(0.0), from))]);
     while let Some(Reverse((Cost(cost), id))) = queue.pop() {
         let way = *best.get(&id)?;
@@ -110,17 +122,21 @@ fn shortest(map: &Map, from: EntityId, to: EntityId, interrupt: &Interrupt) -> O
         if cost > way.cost() {
             continue;
         }
-        let here = pose(id)?.inverse();
-        let shares = |&(_, shared): &(EntityId, u32)| shared as usize >= MIN_MATCHES;
-        let near = map.covisibility().neighbors(id).filter(shares).map(|(other, _)| other);
+        let here = odom(id)?.inverse();
+        let near = near_pairs(map, id).into_iter().filter_map(|(a, b)| {
+            let other = if a == id { b } else { a };
+            Some((other, here.compose(&odom(other)?)))
+        });
         let tied = map.ties().of(id).filter_map(|tie| {
             let constraint = map.active_constraint(tie)?;
-            let is_i = constraint.keyframe_i == id;
-            Some(if is_i { constraint.keyframe_j } else { constraint.keyframe_i })
+            let i_from_j = constraint.keyframe_i_from_keyframe_j;
+            Some(match constraint.keyframe_i == id {
+                true => (constraint.keyframe_j, i_from_j),
+                false => (constraint.keyframe_i, i_from_j.inverse()),
+            })
         });
-        for other in near.chain(tied) {
-            let Some(there) = pose(other) else { continue };
-            let reached = way.and(&here.compose(&there));
+        for (other, motion) in near.chain(tied) {
+            let reached = way.and(&motion);
             let is_shorter = best.get(&other).is_none_or(|known| reached.cost() < known.cost());
             // A pose that is not finite leads nowhere.
             if is_shorter && reached.cost().is_finite() {

@@ -64,7 +64,7 @@ fn png(path: &Path, color: png::ColorType, depth: png::BitDepth, byte: u8) {
 fn the_truth_is_not_opened_and_threads_change_nothing() {
     let workspace = Workspace::new();
     let folder = walking(&workspace, "seq", 8);
-    let (document, _) = track(&workspace, "seq", "--out a --save-masks --threads 1");
+    let (document, _) = track(&workspace, "seq", "--lock-step --out a --save-masks --threads 1");
     for key in ["frames", "tracked"] {
         assert_eq!(document[key], 8, "{key}");
     }
@@ -80,7 +80,7 @@ fn the_truth_is_not_opened_and_threads_change_nothing() {
     fs::remove_file(folder.join("groundtruth.txt")).unwrap();
     fs::remove_file(folder.join("mask.txt")).unwrap();
     fs::remove_dir_all(folder.join("mask")).unwrap();
-    track(&workspace, "seq", "--out b --save-masks --threads 2");
+    track(&workspace, "seq", "--lock-step --out b --save-masks --threads 2");
     assert!(files(&workspace.path("a")) == files(&workspace.path("b")), "the outputs differ");
 }
 

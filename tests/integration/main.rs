@@ -24,6 +24,7 @@ mod doctor;
 mod durable;
 mod engine;
 mod first_frontend;
+mod frontend_beside;
 mod generated;
 mod jwt;
 mod links;

@@ -14,6 +14,8 @@ use crate::{closure_verdicts, loop_fusion, made_verdicts};
 
 /// Common view of two keyframes from which a place is the same.
 const SAME: f64 = 0.3;
+/// The same, below which it is another place.
+const OTHER: f64 = 0.1;
 /// Time after which a place is seen again, s.
 const LATER_S: f64 = 3.0;
 
@@ -74,14 +76,14 @@ struct Outcome {
 /// χ² of six degrees of freedom that one error in 10,000 exceeds.
 const EXCLUDED: f64 = 27.86;
 
-/// Whether keyframe `b` sees the place that `a` saw.
-type IsSame<'a> = &'a dyn Fn(usize, usize) -> bool;
+/// The share of what keyframe `b` sees that `a` saw.
+type CommonView<'a> = &'a dyn Fn(usize, usize) -> f64;
 
 async fn outcome(
     server: &TestServer,
     name: &str,
     sequence: &Sequence,
-    is_same: IsSame<'_>,
+    common: CommonView<'_>,
 ) -> Outcome {
     let closures = closures(server, name).await;
     let mut outcome = Outcome { closures: closures.len(), ..Outcome::default() };
@@ -104,18 +106,41 @@ async fn outcome(
         joined[j] = true;
     }
     let times: Vec<f64> = sequence.odometry.iter().map(|&(time, _)| time).collect();
+    let mut is_again = Vec::new();
     for (k, joined) in joined.iter().enumerate() {
         let mut earlier = (0..k).filter(|&other| times[other] < times[k] - LATER_S);
-        if earlier.any(|other| is_same(other, k)) {
-            outcome.again += 1;
-            outcome.recalled += usize::from(*joined);
+        is_again.push(earlier.any(|other| common(other, k) >= SAME));
+        outcome.again += usize::from(is_again[k]);
+        outcome.recalled += usize::from(is_again[k] && *joined);
+    }
+    let mut best = Vec::new();
+    for search in searches(server, name).await {
+        for candidate in &search.candidates {
+            let reason = candidate.refusal.as_ref().map_or("closed", |refusal| &refusal.reason);
+            *outcome.verdicts.entry(reason.to_owned()).or_default() += 1;
+        }
+        if let Some(candidate) = search.candidates.first() {
+            let id = |keyframe: &Option<v1::KeyframeRef>| keyframe.as_ref().unwrap().id as usize;
+            let (i, j) = (id(&candidate.keyframe), id(&search.keyframe));
+            best.push((candidate.score, common(i, j) >= OTHER, is_again[j]));
         }
     }
-    for candidate in searches(server, name).await.iter().flat_map(|search| &search.candidates) {
-        let reason = candidate.refusal.as_ref().map_or("closed", |refusal| &refusal.reason);
-        *outcome.verdicts.entry(reason.to_owned()).or_default() += 1;
-    }
+    println!("{name}, precision and recall by score alone: {}", curve(best, outcome.again));
     outcome
+}
+
+/// Precision and recall of best candidates, from the highest score on: (score, whether it is right,
+/// whether its keyframe sees a place again).
+fn curve(mut best: Vec<(f64, bool, bool)>, again: usize) -> String {
+    best.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let (mut right, mut recalled, mut points) = (0, 0, Vec::new());
+    for (count, (_, is_right, is_again)) in (1..).zip(best) {
+        right += u32::from(is_right);
+        recalled += u32::from(is_right && is_again);
+        let recall = f64::from(recalled) / again as f64;
+        points.push(format!("{:.3},{recall:.3}", f64::from(right) / f64::from(count)));
+    }
+    points.join(" ")
 }
 
 /// The matrix of an upper triangle.
@@ -134,10 +159,10 @@ async fn walked(
     server: &TestServer,
     name: &str,
     sequence: &Sequence,
-    is_same: IsSame<'_>,
+    common: CommonView<'_>,
 ) -> (Outcome, f64, f64) {
     build(server, name, (sequence, &[]), Order::Streamed, recognizing()).await;
-    let outcome = outcome(server, name, sequence, is_same).await;
+    let outcome = outcome(server, name, sequence, common).await;
     let state = state(server, name).await;
     let (before, after) =
         (ate(&sequence.poses(), &sequence.truth), ate(&state.poses, &sequence.truth));
@@ -145,13 +170,13 @@ async fn walked(
     (outcome, before, after)
 }
 
-/// Whether `b` sees so many of the points that `a` sees.
-fn shares_points(made: &Made) -> impl Fn(usize, usize) -> bool {
+/// The share of the points of `b` that `a` sees.
+fn common_points(made: &Made) -> impl Fn(usize, usize) -> f64 {
     let seen = |rows: &Vec<[f64; 6]>| -> BTreeSet<usize> {
         rows.iter().map(|row| made.point_of[&(row[0] as i64)]).collect()
     };
     let seen: Vec<BTreeSet<usize>> = made.sequence.observations.iter().map(seen).collect();
-    move |a, b| seen[a].intersection(&seen[b]).count() as f64 >= SAME * seen[b].len() as f64
+    move |a, b| seen[a].intersection(&seen[b]).count() as f64 / seen[b].len().max(1) as f64
 }
 
 #[test]
@@ -160,7 +185,7 @@ fn a_recorded_desk_closes_its_loops_itself() {
     run(async {
         let server = TestServer::lock_step().await;
         // By the depth of what was seen, and a camera without distortion.
-        let is_same = |a: usize, b: usize| {
+        let common = |a: usize, b: usize| {
             let a_from_b = sequence.truth[a].inverse().compose(&sequence.truth[b]);
             let seen = sequence.observations[b].iter().filter(|row| row[3] > 0.0);
             let is_in_image = |&&[_, u, v, z, ..]: &&[f64; 6]| {
@@ -169,9 +194,9 @@ fn a_recorded_desk_closes_its_loops_itself() {
                 let (u, v) = (517.3 * p.x / p.z + 318.6, 516.5 * p.y / p.z + 255.3);
                 p.z > 0.1 && (0.0..640.0).contains(&u) && (0.0..480.0).contains(&v)
             };
-            seen.clone().filter(is_in_image).count() as f64 >= SAME * seen.count() as f64
+            seen.clone().filter(is_in_image).count() as f64 / seen.count().max(1) as f64
         };
-        let (outcome, before, after) = walked(&server, "desk", &sequence, &is_same).await;
+        let (outcome, before, after) = walked(&server, "desk", &sequence, &common).await;
         assert!(outcome.again > 50 && 10 * outcome.recalled >= 9 * outcome.again, "{outcome:?}");
         // The truth is that of the nearest time, and the rows of an image take a degree at 60°/s.
         assert!(outcome.worst.0 < 0.1 && outcome.worst.1 < 6.0, "{outcome:?}");
@@ -189,8 +214,8 @@ fn walks_through_made_buildings_are_closed() {
             ("eight", made_verdicts::eight()),
         ] {
             let made = course.make(1);
-            let is_same = shares_points(&made);
-            let (outcome, ..) = walked(&server, name, &made.sequence, &is_same).await;
+            let common = common_points(&made);
+            let (outcome, ..) = walked(&server, name, &made.sequence, &common).await;
             assert_eq!(outcome.wrong, 0, "{name}: {outcome:?}");
             assert!(10 * outcome.recalled >= 9 * outcome.again, "{name}: {outcome:?}");
         }
@@ -236,8 +261,8 @@ fn two_rooms_that_look_alike_are_not_joined() {
     run(async {
         let server = TestServer::lock_step().await;
         let made = twins().make(1);
-        let is_same = shares_points(&made);
-        let (outcome, before, after) = walked(&server, "twins", &made.sequence, &is_same).await;
+        let common = common_points(&made);
+        let (outcome, before, after) = walked(&server, "twins", &made.sequence, &common).await;
         assert_eq!(outcome.wrong, 0, "{outcome:?}");
         assert!(outcome.verdicts.contains_key("improbable"), "{outcome:?}");
         // A single false closure would bend it by meters; true ones carry the error of the calibration.
@@ -250,8 +275,8 @@ fn a_walk_of_300_m_around_a_block_is_closed() {
     let made = loop_fusion::walk(5);
     run(async {
         let server = TestServer::lock_step().await;
-        let is_same = shares_points(&made);
-        let (outcome, before, after) = walked(&server, "block", &made.sequence, &is_same).await;
+        let common = common_points(&made);
+        let (outcome, before, after) = walked(&server, "block", &made.sequence, &common).await;
         assert_eq!((outcome.far, outcome.wrong), (0, 0), "{outcome:?}");
         assert!(10 * outcome.recalled >= 9 * outcome.again, "{outcome:?}");
         assert!(3.0 * after <= before, "{after} of {before} m");

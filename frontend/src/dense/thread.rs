@@ -43,6 +43,27 @@ pub struct DenseReport {
     pub rebuilt: usize,
 }
 
+/// What hands frames and corrections over.
+#[derive(Clone, Debug)]
+pub struct DenseFeed {
+    messages: SyncSender<Message>,
+    /// One of this many frames is sent; at least 1.
+    pub every: usize,
+}
+
+impl DenseFeed {
+    /// Hands a frame over; `world_from_keyframe` is used if its keyframe is new.
+    pub fn integrate(&self, frame: AnchoredFrame, world_from_keyframe: Se3) {
+        // A thread that ended gives the reason in its report.
+        let _ended = self.messages.send(Message::Frame(Box::new(frame), world_from_keyframe));
+    }
+
+    /// Sends the current poses of keyframes.
+    pub fn correct(&self, poses: Vec<(usize, Se3)>) {
+        let _ended = self.messages.send(Message::Correct(poses));
+    }
+}
+
 /// A thread that owns a [`DenseMapper`].
 #[derive(Debug)]
 pub struct DenseThread {
@@ -61,15 +82,11 @@ impl DenseThread {
         Self { messages, progress, thread: std::thread::spawn(work) }
     }
 
-    /// Hands a frame over; `world_from_keyframe` is used if its keyframe is new.
-    pub fn integrate(&self, frame: AnchoredFrame, world_from_keyframe: Se3) {
-        // A thread that ended gives the reason in its report.
-        let _ended = self.messages.send(Message::Frame(Box::new(frame), world_from_keyframe));
-    }
-
-    /// Sends the current poses of keyframes.
-    pub fn correct(&self, poses: Vec<(usize, Se3)>) {
-        let _ended = self.messages.send(Message::Correct(poses));
+    /// A way to hand over one of `every` frames, from any thread. The work ends when all of them are
+    /// dropped and [`DenseThread::finish`] is called.
+    #[must_use]
+    pub fn feed(&self, every: usize) -> DenseFeed {
+        DenseFeed { messages: self.messages.clone(), every }
     }
 
     /// Waits until the volume has followed the keyframes. `done` is called with the number of frames

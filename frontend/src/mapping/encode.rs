@@ -5,7 +5,7 @@ use covis_solvers::geometry::Camera;
 
 use super::messages;
 use crate::camera::FrameCamera;
-use crate::tracking::keyframe::NewKeyframe;
+use crate::tracking::keyframe::{NewKeyframe, NewObservation};
 
 /// The name of the frontend's descriptors.
 const DESCRIPTOR: &str = "covis-brief-256";
@@ -24,18 +24,21 @@ pub(super) fn keyframe(camera_id: i64, keyframe: &NewKeyframe) -> v1::Keyframe {
         point_in_world: Some(messages::vector3(&landmark.point_in_world)),
         ..v1::Landmark::default()
     });
-    let observations = keyframe.observations.iter().map(|(seen, descriptor)| v1::Observation {
-        landmark: Some(messages::landmark_ref(seen.landmark as i64)),
-        pixel: Some(messages::vector2(&seen.straight)),
-        sigma_px: Some(seen.sigma_px),
-        depth_m: seen.depth_m.map(|(z, _)| z),
-        sigma_depth_m: seen.depth_m.map(|(_, sigma)| sigma),
-        descriptor: descriptor.map(|descriptor| v1::Descriptor {
-            kind: v1::DescriptorKind::Binary.into(),
-            name: DESCRIPTOR.to_owned(),
-            data: descriptor.to_bytes().to_vec(),
-        }),
-        ..v1::Observation::default()
+    let observations = keyframe.observations.iter().map(|observation| {
+        let NewObservation { landmark, seen, descriptor } = observation;
+        v1::Observation {
+            landmark: Some(messages::landmark_ref(*landmark as i64)),
+            pixel: Some(messages::vector2(&seen.straight)),
+            sigma_px: Some(seen.sigma_px),
+            depth_m: seen.depth_m.map(|(z, _)| z),
+            sigma_depth_m: seen.depth_m.map(|(_, sigma)| sigma),
+            descriptor: descriptor.map(|descriptor| v1::Descriptor {
+                kind: v1::DescriptorKind::Binary.into(),
+                name: DESCRIPTOR.to_owned(),
+                data: descriptor.to_bytes().to_vec(),
+            }),
+            ..v1::Observation::default()
+        }
     });
     v1::Keyframe {
         id: keyframe.id as i64,

@@ -1,29 +1,30 @@
 //! Runs a whole sequence: tracks the frames of a source, sends keyframes to the server and applies its
 //! corrections, and computes the trajectory on the final map.
 //!
-//! Of the paper's four threads tracking is here, dense mapping receives the tracked frames
-//! ([`DenseThread`]), and the server does local mapping and loop closing. The server runs in lock-step,
-//! so that a run repeats to the last digit. Frames are decoded ahead on a separate thread; a frame that
-//! cannot be read is reported and skipped.
-
-use std::sync::mpsc;
-use std::time::Instant;
+//! Of the paper's four threads tracking has its own, dense mapping receives the tracked frames
+//! ([`crate::dense::thread`]), and the server does local mapping and loop closing. Tracking never waits
+//! for the server. In lock-step it waits at each keyframe until a solve has included it, so that a run
+//! repeats to the last digit. Frames are decoded ahead on a separate thread; a frame that cannot be
+//! read is reported and skipped.
 
 use covis_solvers::geometry::{LieGroup, Se3};
+use tokio::sync::{mpsc, oneshot};
 
-use super::Mapper;
+use super::handover;
+use super::mapper::Mapper;
+use super::tracker::{Tracked, Tracker};
 use covis_client::{Client, ClientError};
 
-use crate::dense::frame_log::LoggedFrame;
-use crate::dense::mapper::AnchoredFrame;
-use crate::dense::thread::DenseThread;
+use crate::dense::thread::DenseFeed;
 use crate::image::{Image, RgbdFrame};
 use crate::input::{FrameError, FrameSource};
-use crate::local_map::Corrections;
 use crate::pipeline::{Outcome, Pipeline, StageSeconds, TrackedFrame};
 
-/// Frames that are decoded ahead.
-const AHEAD: usize = 4;
+/// The most keyframes that wait for the server's answer in memory, some 60 kB each: five minutes of a
+/// moving camera.
+pub const MOST_HELD: usize = 1000;
+/// The period of a usual camera, seconds: a frame that takes longer comes late.
+const PERIOD_S: f64 = 1.0 / 30.0;
 
 /// The map that receives the keyframes.
 #[derive(Clone, Copy, Debug)]
@@ -34,15 +35,11 @@ pub struct Target<'a> {
     pub map_id: &'a str,
     /// The client that sends.
     pub client_id: &'a str,
-}
-
-/// Where tracked frames are sent.
-#[derive(Clone, Copy, Debug)]
-pub struct DenseFeed<'a> {
-    /// Dense mapping.
-    pub thread: &'a DenseThread,
-    /// One of this many frames is sent; at least 1.
-    pub every: usize,
+    /// Whether tracking waits at each keyframe until a solve has included it.
+    pub lock_step: bool,
+    /// The most items that wait for the server's answer, at least 1; [`MOST_HELD`] as a rule. Beyond
+    /// it keyframes are left out.
+    pub most_held: usize,
 }
 
 /// Durations in seconds, in the order of frames.
@@ -52,12 +49,24 @@ pub struct Durations {
     pub decode: Vec<f64>,
     /// Tracking a frame, by stages.
     pub stages: Vec<StageSeconds>,
-    /// Waiting for the server, per keyframe.
+    /// Tracking a frame and handing it over: all that the tracking thread does for it.
+    pub frame: Vec<f64>,
+    /// The part of it for mapping, of frames with a keyframe or a correction: handing over, in
+    /// lock-step waiting for the server.
     pub map: Vec<f64>,
 }
 
+/// Constraints of kind `LOOP_CLOSURE` in the map at the end, whoever found them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Loops {
+    /// Those that count.
+    pub counting: usize,
+    /// Those that were found false and are switched off.
+    pub switched_off: usize,
+}
+
 /// The result of a run.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct RunReport {
     /// Frames that were read.
     pub frames: usize,
@@ -69,8 +78,20 @@ pub struct RunReport {
     pub trajectory: Vec<(f64, Se3)>,
     /// The keyframes' final poses.
     pub keyframes: Vec<(f64, Se3)>,
-    /// Landmarks that were sent.
+    /// Landmarks that were made.
     pub landmarks: usize,
+    /// How often tracking took corrections from the server.
+    pub corrections: usize,
+    /// Loop closures of the map.
+    pub loops: Loops,
+    /// The most keyframes that waited for the server's answer.
+    pub most_held: usize,
+    /// Keyframes that were not sent, because too many waited or the session had ended.
+    pub left_out: usize,
+    /// How often the link broke and came back.
+    pub reconnects: u64,
+    /// Why the session with the server ended early; tracking went on without it.
+    pub failure: Option<ClientError>,
     /// How long everything took.
     pub durations: Durations,
 }
@@ -81,9 +102,16 @@ impl RunReport {
     pub fn lost(&self) -> usize {
         self.frames - self.live.len()
     }
+
+    /// Frames that took the tracking thread longer than a camera's period.
+    #[must_use]
+    pub fn late(&self) -> usize {
+        self.durations.frame.iter().filter(|seconds| **seconds > PERIOD_S).count()
+    }
 }
 
-/// The caller's side of a run: gives masks, and is told about each frame.
+/// The caller's side of a run: gives masks, and is told about each frame. Called on the tracking
+/// thread.
 pub trait Companion {
     /// The user's mask for the frame of this time: 255 where something moves.
     fn mask(&mut self, timestamp_s: f64) -> Option<Image<u8>>;
@@ -95,132 +123,95 @@ pub trait Companion {
     fn skipped(&mut self, error: &FrameError);
 }
 
-/// The state of a run.
-struct Run<'a> {
-    pipeline: Pipeline,
-    mapper: Mapper,
-    companion: &'a mut dyn Companion,
-    dense: Option<DenseFeed<'a>>,
-    report: RunReport,
-}
-
-/// Runs a source through a pipeline. `decodes_ahead` uses one more thread. At the end, dense mapping,
-/// if there is any, has received the final map; the caller waits for it to finish.
+/// Runs a source through a pipeline, on a thread of its own, and gives the companion back.
+/// `decodes_ahead` uses one more thread. At the end, dense mapping, if there is any, has received the
+/// final map; the caller waits for it to finish.
 ///
 /// # Errors
-/// The error that ended the session with the server.
-pub async fn run(
-    mut source: Box<dyn FrameSource>,
+/// The session cannot be opened. In lock-step also what ended it; otherwise that is
+/// [`RunReport::failure`].
+///
+/// # Panics
+/// If tracking panicked.
+pub async fn run<C: Companion + Send + 'static>(
+    source: Box<dyn FrameSource>,
     pipeline: Pipeline,
     target: Target<'_>,
     decodes_ahead: bool,
-    companion: &mut dyn Companion,
-    dense: Option<DenseFeed<'_>>,
-) -> Result<RunReport, ClientError> {
-    let Target { client, map_id, client_id } = target;
-    let mapper = Mapper::open(client, map_id, client_id, pipeline.camera()).await?;
-    let mut run = Run { pipeline, mapper, companion, dense, report: RunReport::default() };
-    let mut frames = move || {
-        let start = Instant::now();
-        Some((source.next_frame()?, start.elapsed().as_secs_f64()))
+    companion: C,
+    dense: Option<DenseFeed>,
+) -> Result<(RunReport, C), ClientError> {
+    let mut mapper = Mapper::open(&target, pipeline.camera()).await?;
+    let (keyframes, inbox) = mpsc::unbounded_channel();
+    let (putting, fetching) = handover::corrections(target.lock_step);
+    let (ended, end) = oneshot::channel();
+    let tracker = Tracker {
+        pipeline,
+        companion,
+        dense: dense.clone(),
+        keyframes,
+        corrections: fetching,
+        tracked: Tracked::default(),
     };
-    if decodes_ahead {
-        let (sender, receiver) = mpsc::sync_channel(AHEAD);
-        // It ends with the source, or when the receiver is gone.
-        let decoder = std::thread::spawn(move || {
-            while let Some(frame) = frames() {
-                if sender.send(frame).is_err() {
-                    break;
-                }
-            }
-        });
-        for (frame, seconds) in receiver {
-            run.step(frame, seconds).await?;
-        }
-        // A decoder that panicked has already reported it; the frames so far are valid.
-        let _ended = decoder.join();
-    } else {
-        while let Some((frame, seconds)) = frames() {
-            run.step(frame, seconds).await?;
-        }
-    }
-    run.finish().await
+    let tracking = std::thread::spawn(move || {
+        // The receiver is gone when the run was given up.
+        let _gone = ended.send(tracker.run(source, decodes_ahead));
+    });
+    mapper.serve(inbox, putting).await?;
+    let (tracked, companion) = match end.await {
+        Ok(ended) => ended,
+        Err(_panicked) => match tracking.join() {
+            Err(panic) => std::panic::resume_unwind(panic),
+            Ok(()) => return Err(ClientError::Closed),
+        },
+    };
+    Ok((finish(mapper, tracked, target.lock_step, dense.as_ref()).await?, companion))
 }
 
-impl Run<'_> {
-    /// One frame, read or not.
-    async fn step(
-        &mut self,
-        frame: Result<RgbdFrame, FrameError>,
-        decode_s: f64,
-    ) -> Result<(), ClientError> {
-        let frame = match frame {
-            Ok(frame) => frame,
-            Err(error) => {
-                self.report.skipped += 1;
-                self.companion.skipped(&error);
-                return Ok(());
-            }
-        };
-        self.report.frames += 1;
-        let mask = self.companion.mask(frame.timestamp_s);
-        let mut outcome = self.pipeline.track(&frame, mask.as_ref());
-        self.report.durations.decode.push(decode_s);
-        self.report.durations.stages.push(outcome.seconds);
-        self.report.live.extend(outcome.tracked);
-        self.companion.tracked(&frame, &outcome);
-        let keyframe = outcome.keyframe.take();
-        self.map_densely(frame, outcome, keyframe.is_some());
-        if let Some(keyframe) = &keyframe {
-            let start = Instant::now();
-            let corrections = self.mapper.map_keyframe(keyframe).await?;
-            self.correct(&corrections);
-            self.report.durations.map.push(start.elapsed().as_secs_f64());
+/// Waits for the final map and computes the trajectory on it.
+async fn finish(
+    mut mapper: Mapper,
+    tracked: Tracked,
+    lock_step: bool,
+    dense: Option<&DenseFeed>,
+) -> Result<RunReport, ClientError> {
+    if mapper.sender.failure.is_none()
+        && let Err(error) = mapper.settle().await
+    {
+        if lock_step {
+            return Err(error);
         }
-        Ok(())
+        mapper.sender.failure = Some(error);
     }
-
-    /// Hands a frame to dense mapping, if it is due and its pose is based on landmarks.
-    fn map_densely(&self, frame: RgbdFrame, outcome: Outcome, keyframe_is_new: bool) {
-        let Some(DenseFeed { thread, every }) = self.dense else { return };
-        let is_due = (self.report.frames - 1).is_multiple_of(every.max(1));
-        // A pose of the alignment alone drifts; the first keyframe has no landmarks before it.
-        let is_sure = |tracked: &TrackedFrame| tracked.inliers > 0 || keyframe_is_new;
-        let Some(tracked) = outcome.tracked.filter(is_sure).filter(|_| is_due) else { return };
-        let frame = LoggedFrame {
-            depth_m: outcome.synchronized_depth_m.unwrap_or(frame.depth_m),
-            color: frame.color,
-            moving: outcome.moving,
-        };
-        let TrackedFrame { keyframe, keyframe_from_camera, .. } = tracked;
-        let world_from_keyframe = self.pipeline.map().keyframes[keyframe].world_from_camera;
-        let anchored = AnchoredFrame { frame, keyframe, keyframe_from_camera };
-        thread.integrate(anchored, world_from_keyframe);
+    let pose = |tracked: &TrackedFrame| {
+        let keyframe = mapper.sender.book.pose(tracked.keyframe);
+        let pose = keyframe.map(|keyframe| keyframe.compose(&tracked.keyframe_from_camera));
+        (tracked.timestamp_s, pose.unwrap_or(tracked.world_from_camera))
+    };
+    let mut report = RunReport {
+        frames: tracked.frames,
+        skipped: tracked.skipped,
+        trajectory: tracked.live.iter().map(pose).collect(),
+        live: tracked.live,
+        keyframes: mapper.sender.book.poses().map(|(_, seconds, pose)| (seconds, pose)).collect(),
+        landmarks: tracked.landmarks,
+        corrections: tracked.corrections,
+        loops: mapper.loops(),
+        most_held: mapper.sender.most_held,
+        left_out: mapper.sender.left_out,
+        durations: tracked.durations,
+        ..RunReport::default()
+    };
+    if let Some(dense) = dense {
+        dense.correct(mapper.sender.book.poses().map(|(id, _, pose)| (id, pose)).collect());
     }
-
-    /// Passes on what the server corrected.
-    fn correct(&mut self, corrections: &Corrections) {
-        self.pipeline.correct(corrections);
-        if let Some(dense) = self.dense {
-            dense.thread.correct(corrections.keyframes.clone());
+    report.failure = mapper.sender.failure.take();
+    if report.failure.is_none() {
+        match mapper.finish().await {
+            Ok(answered) => report.reconnects = answered.reconnects,
+            Err(error) if lock_step => return Err(error),
+            Err(error) => report.failure = Some(error),
         }
     }
-
-    /// Computes the trajectory on the final map.
-    async fn finish(mut self) -> Result<RunReport, ClientError> {
-        if !self.report.durations.map.is_empty() {
-            let corrections = self.mapper.optimize().await?;
-            self.correct(&corrections);
-        }
-        self.mapper.finish().await?;
-        let (map, mut report) = (self.pipeline.map(), self.report);
-        let pose = |tracked: &TrackedFrame| {
-            map.keyframes[tracked.keyframe].world_from_camera.compose(&tracked.keyframe_from_camera)
-        };
-        report.trajectory = report.live.iter().map(|t| (t.timestamp_s, pose(t))).collect();
-        report.keyframes =
-            map.keyframes.iter().map(|k| (k.timestamp_s, k.world_from_camera)).collect();
-        report.landmarks = map.landmarks.len();
-        Ok(report)
-    }
+    Ok(report)
 }

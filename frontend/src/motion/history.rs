@@ -77,7 +77,7 @@ pub struct Neighbor {
     pub keyframe_from_camera: Se3,
 }
 
-/// The frames of the last second, newest first, and all keyframes.
+/// The frames of the last second, newest first, and the keyframes that are kept.
 #[derive(Clone, Debug)]
 pub struct History {
     /// How many frames back each witness is.
@@ -133,6 +133,17 @@ impl History {
         if let Some(newest) = self.frames.front() {
             self.keyframes.insert(keyframe, newest.around.clone());
         }
+    }
+
+    /// Lets go of a keyframe.
+    pub fn forget(&mut self, keyframe: usize) {
+        self.keyframes.remove(&keyframe);
+    }
+
+    /// How many keyframes are kept.
+    #[must_use]
+    pub fn kept(&self) -> usize {
+        self.keyframes.len()
     }
 
     /// The votes of earlier frames and of neighboring keyframes on each cell of the current frame.

@@ -95,6 +95,17 @@ impl MotionDetector {
         self.history.keep(keyframe);
     }
 
+    /// Lets go of a keyframe.
+    pub fn forget(&mut self, keyframe: usize) {
+        self.history.forget(keyframe);
+    }
+
+    /// How many keyframes are kept.
+    #[must_use]
+    pub fn kept(&self) -> usize {
+        self.history.kept()
+    }
+
     /// Corrects the pose of the last frame of [`Self::detect`].
     pub fn correct_newest(&mut self, odom_from_camera: &Se3) {
         self.history.correct_newest(odom_from_camera);

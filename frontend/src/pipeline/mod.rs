@@ -34,7 +34,7 @@ use super::camera::FrameCamera;
 use super::depth;
 use super::image::{Image, RgbdFrame};
 use super::input::SensorTiming;
-use super::local_map::{CameraPose, Corrections, LocalMap};
+use super::local_map::{CameraPose, Corrections, LocalMap, MOST_KEYFRAMES};
 use super::motion::MotionDetector;
 use super::pyramid::Pyramid;
 use super::shutter::Shutter;
@@ -64,11 +64,18 @@ pub struct PipelineOptions {
     pub removes_motion: bool,
     /// When rows and depth are taken.
     pub timing: SensorTiming,
+    /// The most keyframes of the local map, at least 1: what lies outside has neither images nor
+    /// descriptors in memory.
+    pub most_keyframes: usize,
 }
 
 impl Default for PipelineOptions {
     fn default() -> Self {
-        Self { removes_motion: true, timing: SensorTiming::default() }
+        Self {
+            removes_motion: true,
+            timing: SensorTiming::default(),
+            most_keyframes: MOST_KEYFRAMES,
+        }
     }
 }
 
@@ -140,7 +147,6 @@ struct LastFrame {
     points: Vec<AlignmentPoint>,
     /// Present until enough landmarks are known to distinguish the room from what moves in it.
     surfaces: Option<Surfaces>,
-    keyframe: usize,
     pose: CameraPose,
     /// The motion that led to it.
     motion: Motion,
@@ -238,12 +244,19 @@ impl Pipeline {
 
     /// Applies the server's corrections to the map. Odometry does not change.
     pub fn correct(&mut self, corrections: &Corrections) {
-        let Some(last) = &mut self.last else { return self.map.correct(corrections) };
-        let before = self.map.keyframes[last.keyframe].world_from_camera;
+        let before = self.map.reference().map(|keyframe| keyframe.world_from_camera);
         self.map.correct(corrections);
-        let after = self.map.keyframes[last.keyframe].world_from_camera;
-        let keyframe_from_camera = before.inverse().compose(&last.pose.world_from_camera);
-        last.pose.world_from_camera = after.compose(&keyframe_from_camera);
+        let after = self.map.reference().map(|keyframe| keyframe.world_from_camera);
+        if let (Some(last), Some(before), Some(after)) = (&mut self.last, before, after) {
+            let keyframe_from_camera = before.inverse().compose(&last.pose.world_from_camera);
+            last.pose.world_from_camera = after.compose(&keyframe_from_camera);
+        }
+    }
+
+    /// How many keyframes have data in memory beside the local map: for the detection of movement.
+    #[must_use]
+    pub fn keyframes_for_movement(&self) -> usize {
+        self.detector.as_ref().map_or(0, MotionDetector::kept)
     }
 
     /// Tracks the next frame. `mask` is 255 where its user knows that something moves.
@@ -337,19 +350,15 @@ impl Pipeline {
         let Some(FoundPose { pose, motion, inliers }) = pose else {
             return Outcome { moving, seconds, ..Outcome::default() };
         };
-        for found in &inliers {
-            self.map.landmarks[found.landmark].times_tracked += 1;
-        }
+        self.map.tracked(inliers.iter().map(|found| found.landmark));
+        let times = |found: &&Match| self.map.landmarks[found.landmark].times_tracked;
+        let known = inliers.iter().filter(|found| times(found) >= KNOWN_TIMES).count();
         self.since_keyframe += 1;
-        let is_due = self.last.as_ref().is_none_or(|last| {
+        let is_due = self.map.reference().is_none_or(|reference| {
             may_be_keyframe
                 && inliers.len() >= LEAST_INLIERS
                 && self.since_keyframe >= keyframe::LEAST_FRAMES
-                && keyframe::is_due(
-                    &self.map.keyframes[last.keyframe],
-                    &pose.world_from_camera,
-                    &inliers,
-                )
+                && keyframe::is_due(reference, &pose.world_from_camera, &inliers)
         });
         if let Some(detector) = &mut self.detector {
             detector.correct_newest(&pose.odom_from_camera);
@@ -368,36 +377,36 @@ impl Pipeline {
         });
         if let Some(new) = &new {
             self.since_keyframe = 0;
+            let left = self.map.trim(self.options.most_keyframes);
             if let Some(detector) = &mut self.detector {
                 detector.keep(new.id);
+                left.into_iter().for_each(|keyframe| detector.forget(keyframe));
             }
         }
-        let reference = self.last.as_ref().map_or(0, |last| last.keyframe);
-        let keyframe = new.as_ref().map_or(reference, |new| new.id);
-        let world_from_keyframe = self.map.keyframes[keyframe].world_from_camera;
-        let tracked = TrackedFrame {
+        let reference = self.map.reference();
+        let tracked = reference.map(|reference| TrackedFrame {
             timestamp_s,
-            keyframe,
-            keyframe_from_camera: world_from_keyframe.inverse().compose(&pose.world_from_camera),
+            keyframe: reference.id,
+            keyframe_from_camera: reference
+                .world_from_camera
+                .inverse()
+                .compose(&pose.world_from_camera),
             world_from_camera: pose.world_from_camera,
             odom_from_camera: pose.odom_from_camera,
             inliers: inliers.len(),
-        };
-        let times = |found: &&Match| self.map.landmarks[found.landmark].times_tracked;
-        let known = inliers.iter().filter(|found| times(found) >= KNOWN_TIMES);
+        });
         self.last = Some(LastFrame {
             timestamp_s,
             small: SmallImage::new(&frame.pyramid),
             moving: view.moving.cloned(),
             points: select_points(&view),
-            surfaces: (known.count() < FEW_INLIERS).then(|| Surfaces::new(&view)),
+            surfaces: (known < FEW_INLIERS).then(|| Surfaces::new(&view)),
             pyramid: Arc::clone(&frame.pyramid),
-            keyframe,
             pose,
             motion,
         });
         Outcome {
-            tracked: Some(tracked),
+            tracked,
             keyframe: new,
             moving,
             synchronized_depth_m: frame.synchronized_depth_m,

@@ -62,23 +62,22 @@ pub(super) fn usable_mask(moving: Option<&Image<u8>>) -> Option<&Image<u8>> {
 /// Older keyframes that show most of what a camera at a pose sees, the closest first.
 fn neighbors(map: &LocalMap, world_from_camera: &Se3, timestamp_s: f64) -> Vec<Neighbor> {
     let mut all = Vec::new();
-    for (id, keyframe) in map.keyframes.iter().enumerate() {
+    for keyframe in &map.keyframes {
         let keyframe_from_camera = keyframe.world_from_camera.inverse().compose(world_from_camera);
         let distance = keyframe_from_camera.translation.norm();
         let away = keyframe_from_camera.rotation.log().norm() + NEIGHBOR_RAD_PER_M * distance;
         if timestamp_s - keyframe.timestamp_s > NEIGHBOR_AGE_S && away < NEIGHBOR_REACH {
-            all.push((away, Neighbor { keyframe: id, keyframe_from_camera }));
+            let neighbor = Neighbor { keyframe: keyframe.id, keyframe_from_camera };
+            all.push((away, keyframe.timestamp_s, neighbor));
         }
     }
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let time = |neighbor: &Neighbor| map.keyframes[neighbor.keyframe].timestamp_s;
-    let mut chosen: Vec<Neighbor> = Vec::new();
-    for (_, neighbor) in all {
-        let is_apart =
-            |other: &Neighbor| (time(other) - time(&neighbor)).abs() > NEIGHBOR_INTERVAL_S;
+    let mut chosen: Vec<(f64, Neighbor)> = Vec::new();
+    for (_, time, neighbor) in all {
+        let is_apart = |(other, _): &(f64, Neighbor)| (other - time).abs() > NEIGHBOR_INTERVAL_S;
         if chosen.len() < NEIGHBORS && chosen.iter().all(is_apart) {
-            chosen.push(neighbor);
+            chosen.push((time, neighbor));
         }
     }
-    chosen
+    chosen.into_iter().map(|(_, neighbor)| neighbor).collect()
 }

@@ -1,5 +1,8 @@
 //! The pipeline on rendered sequences, without a server: the test makes the corrections.
 
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector6;
 
@@ -68,7 +71,7 @@ fn a_correction_moves_the_map_and_odometry_does_not_jump() {
                 let keyframes = map.keyframes.iter().map(pose).enumerate().collect();
                 let points = map.landmarks.iter().map(|l| shift.transform(&l.point_in_world));
                 let landmarks = points.enumerate().collect();
-                pipeline.correct(&Corrections { keyframes, landmarks });
+                pipeline.correct(&Corrections { keyframes, landmarks, newer: None });
             }
             tracked
         };
@@ -159,8 +162,9 @@ fn a_given_mask_is_merged_and_one_that_takes_all_away_is_not_obeyed() {
         let moving = outcome.moving.unwrap();
         assert!(moving.pixels().iter().zip(half.pixels()).all(|(m, h)| m >= h));
         let keyframes = outcome.keyframe.iter();
-        for (seen, _) in keyframes.flat_map(|keyframe| &keyframe.observations) {
-            assert!(seen.pixel.x > (SIZE.0 / 2) as f64 - 1.0, "frame {index}: {:?}", seen.pixel);
+        for observation in keyframes.flat_map(|keyframe| &keyframe.observations) {
+            let pixel = observation.seen.pixel;
+            assert!(pixel.x > (SIZE.0 / 2) as f64 - 1.0, "frame {index}: {pixel:?}");
         }
     }
     let mut covered = pipeline(&sequence);
@@ -168,4 +172,34 @@ fn a_given_mask_is_merged_and_one_that_takes_all_away_is_not_obeyed() {
         let tracked = covered.track(&sequence.frame(index), Some(&all)).tracked.unwrap();
         assert!(error(&sequence, index, &tracked).0 < 0.01);
     }
+}
+
+#[test]
+fn a_long_run_keeps_images_and_landmarks_of_the_local_map_only() {
+    const MOST: usize = 5;
+    let sequence = sequence(SceneName::Loop, 50);
+    let camera = FrameCamera::new(*sequence.camera(), SIZE.0, SIZE.1).unwrap();
+    let options = PipelineOptions { most_keyframes: MOST, ..PipelineOptions::default() };
+    let mut pipeline = Pipeline::new(camera, options);
+    let mut images = Vec::new();
+    for index in 0..50 {
+        let outcome = pipeline.track(&sequence.frame(index), None);
+        let (meters, radians) = error(&sequence, index, &outcome.tracked.unwrap());
+        assert!(meters < 0.03 && radians < 0.02, "frame {index}: {meters} m, {radians} rad");
+        let map = pipeline.map();
+        if outcome.keyframe.is_some() {
+            images.push(Arc::downgrade(&map.reference().unwrap().pyramid));
+        }
+        assert!(map.keyframes.len() <= MOST && pipeline.keyframes_for_movement() <= MOST);
+        // One more is the last frame's own.
+        let alive = images.iter().filter(|image| image.upgrade().is_some()).count();
+        assert!(alive <= MOST + 1, "frame {index}: {alive} images");
+        let mut seen = BTreeSet::new();
+        let views = map.keyframes.iter().flat_map(|keyframe| &keyframe.observations);
+        seen.extend(views.map(|(landmark, _)| *landmark));
+        assert_eq!(seen.len(), map.landmarks.len(), "a landmark that no keyframe sees");
+    }
+    let map = pipeline.map();
+    assert!(map.next_keyframe() >= 2 * MOST, "{} keyframes", map.next_keyframe());
+    assert!(map.next_landmark() > map.landmarks.len());
 }

@@ -10,7 +10,7 @@ use super::local_matching::{Match, SIGMA_PX, View};
 use crate::depth;
 use crate::features::corners::{Corner, CornerOptions, detect};
 use crate::features::descriptor::{Describer, Descriptor};
-use crate::local_map::{CameraPose, LocalMap, MapKeyframe, MapLandmark};
+use crate::local_map::{CameraPose, LocalMap, MapKeyframe};
 use crate::pyramid::Pyramid;
 
 /// Width of the image border without landmarks, pixels: a patch must fit into the image.
@@ -38,11 +38,33 @@ pub struct NewLandmark {
     pub point_in_world: Vector3<f64>,
 }
 
+/// A landmark that a keyframe sees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NewObservation {
+    /// The landmark's id.
+    pub landmark: usize,
+    /// Where the image shows it, and how sure that is.
+    pub seen: Match,
+    /// What it looks like, where that can be computed.
+    pub descriptor: Option<Descriptor>,
+}
+
+/// The keyframe before a new one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Predecessor {
+    /// Its id.
+    pub id: usize,
+    /// Its pose in the map, as it was when the new one was made.
+    pub world_from_camera: Se3,
+}
+
 /// A keyframe as it is sent to the server.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewKeyframe {
     /// Its id.
     pub id: usize,
+    /// The keyframe before it; `None` for the first.
+    pub predecessor: Option<Predecessor>,
     /// When it was captured, seconds.
     pub timestamp_s: f64,
     /// Its pose in the map, as tracked.
@@ -51,8 +73,10 @@ pub struct NewKeyframe {
     pub odom_from_camera: Se3,
     /// Its new landmarks.
     pub landmarks: Vec<NewLandmark>,
-    /// Its observations, those of new landmarks included, with a descriptor where one can be computed.
-    pub observations: Vec<(Match, Option<Descriptor>)>,
+    /// Its observations, those of new landmarks included.
+    pub observations: Vec<NewObservation>,
+    /// The least id of a landmark that later keyframes may still see.
+    pub oldest_landmark: usize,
 }
 
 /// Whether a frame should become a keyframe.
@@ -78,38 +102,45 @@ pub fn add_keyframe(
     matches: &[Match],
 ) -> NewKeyframe {
     let CameraPose { world_from_camera, odom_from_camera } = *pose;
-    let id = map.keyframes.len();
+    let predecessor = map.reference().map(|reference| Predecessor {
+        id: reference.id,
+        world_from_camera: reference.world_from_camera,
+    });
     let describer = Describer::new(view.pyramid.level(0));
     let describe = |pixel: &Vector2<f64>| describer.describe(pixel.x as f32, pixel.y as f32);
     let mut observations = Vec::with_capacity(matches.len());
+    let mut places = Vec::with_capacity(matches.len());
     let mut landmarks = Vec::new();
-    for found in matches {
-        map.landmarks[found.landmark].observations.push((id, found.pixel));
-        observations.push((*found, describe(&found.pixel)));
+    for seen in matches {
+        let (landmark, descriptor) = (map.landmarks[seen.landmark].id, describe(&seen.pixel));
+        places.push((seen.landmark, seen.pixel));
+        observations.push(NewObservation { landmark, seen: *seen, descriptor });
     }
     for (pixel, z) in free_corners(view, matches) {
         let ray = view.shutter.ray(view.camera, &pixel);
         let point_in_world = world_from_camera.transform(&(ray * z));
         let straight = view.shutter.straightened(view.camera, &pixel);
-        let (landmark, descriptor) = (map.landmarks.len(), describe(&pixel));
-        map.landmarks.push(MapLandmark {
-            point_in_world,
-            observations: vec![(id, pixel)],
-            times_tracked: 0,
-            descriptor,
-        });
+        let descriptor = describe(&pixel);
+        let place = map.add_landmark(point_in_world, descriptor);
+        let landmark = map.landmarks[place].id;
         landmarks.push(NewLandmark { id: landmark, point_in_world });
         let depth_m = Some((z, depth::sigma_m(z)));
-        observations
-            .push((Match { landmark, pixel, straight, sigma_px: SIGMA_PX, depth_m }, descriptor));
+        let seen = Match { landmark: place, pixel, straight, sigma_px: SIGMA_PX, depth_m };
+        places.push((place, pixel));
+        observations.push(NewObservation { landmark, seen, descriptor });
     }
-    map.keyframes.push(MapKeyframe {
+    let id = map.add_keyframe(timestamp_s, Arc::clone(pyramid), world_from_camera, places);
+    let oldest_landmark = map.landmarks.first().map_or(0, |landmark| landmark.id);
+    NewKeyframe {
+        id,
+        predecessor,
         timestamp_s,
-        pyramid: Arc::clone(pyramid),
         world_from_camera,
-        observations: observations.iter().map(|(o, _)| (o.landmark, o.pixel)).collect(),
-    });
-    NewKeyframe { id, timestamp_s, world_from_camera, odom_from_camera, landmarks, observations }
+        odom_from_camera,
+        landmarks,
+        observations,
+        oldest_landmark,
+    }
 }
 
 /// Corners with their depths, at most one in each cell without a match: only on surfaces, and where

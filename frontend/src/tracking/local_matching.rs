@@ -41,7 +41,7 @@ const MOST: usize = 400;
 /// A landmark found in the current frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Match {
-    /// Its id.
+    /// Its place in the local map.
     pub landmark: usize,
     /// Where the image shows it.
     pub pixel: Vector2<f64>,
@@ -120,7 +120,7 @@ pub fn match_landmarks(
             }
         }
     }
-    // Sorted by id, so that sums over matches do not depend on the order of cells.
+    // Sorted by place, so that sums over matches do not depend on the order of cells.
     matches.sort_by_key(|found| found.landmark);
     matches
 }

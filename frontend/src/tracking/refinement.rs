@@ -144,7 +144,6 @@ mod tests {
     use nalgebra::{Vector2, Vector3};
 
     use super::*;
-    use crate::local_map::MapLandmark;
 
     const ORIGIN: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
 
@@ -161,11 +160,11 @@ mod tests {
         times_tracked: usize,
     ) {
         let camera = camera();
-        let (landmark, point_in_world) = (map.landmarks.len(), camera.ray(&pixel) * z);
+        let point_in_world = camera.ray(&pixel) * z;
         let seen = point_in_world + moved;
         let pixel = camera.project(&seen).unwrap();
-        let (observations, descriptor) = (Vec::new(), None);
-        map.landmarks.push(MapLandmark { point_in_world, observations, times_tracked, descriptor });
+        let landmark = map.add_landmark(point_in_world, None);
+        map.landmarks[landmark].times_tracked = times_tracked;
         let depth_m = Some((seen.z, 0.005));
         matches.push(Match { landmark, pixel, straight: pixel, sigma_px: 0.7, depth_m });
     }

@@ -197,7 +197,13 @@ async fn once(
 ) -> anyhow::Result<RunReport> {
     fs::create_dir_all(out)?;
     let removes_motion = saved_masks.is_some();
-    let options = RunOptions { removes_motion, saved_masks, threads, ..RunOptions::default() };
+    let options = RunOptions {
+        removes_motion,
+        saved_masks,
+        lock_step: true,
+        threads,
+        ..RunOptions::default()
+    };
     let server = Embedded::start(config).await?;
     let run = sequence(source, &options, &server.client, "bench").await.map(|(report, _)| report);
     server.stop().await;

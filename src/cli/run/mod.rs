@@ -23,7 +23,7 @@ use crate::client::Client;
 use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::image::{Image, RgbdFrame};
 use crate::frontend::input::{FrameError, SensorTiming};
-use crate::frontend::mapping::run::{Companion, DenseFeed, RunReport, Target, run as track};
+use crate::frontend::mapping::run::{Companion, MOST_HELD, RunReport, Target, run as track};
 use crate::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
 use dense::DenseOptions;
 use masks::{GivenMasks, SavedMasks};
@@ -72,6 +72,10 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", default_value_t = 1, requires = "mesh",
           value_parser = clap::value_parser!(u16).range(1..))]
     mesh_every: u16,
+    /// Wait at each keyframe until the server has solved it: slower, and each run gives the same
+    /// files. Otherwise tracking never waits for the server.
+    #[arg(long)]
+    lock_step: bool,
     /// Threads; with one, frames are decoded between others' tracking [default: all processors].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
     threads: Option<u16>,
@@ -97,6 +101,8 @@ pub(super) struct RunOptions {
     pub(super) saved_masks: Option<PathBuf>,
     /// Whether and how a dense map is made.
     pub(super) dense: Option<DenseOptions>,
+    /// Whether tracking waits at each keyframe until the server has solved it.
+    pub(super) lock_step: bool,
     /// Threads; one decodes nothing ahead.
     pub(super) threads: usize,
 }
@@ -123,6 +129,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         removes_motion: !args.no_mask,
         mask_dir: args.mask_dir.clone(),
         saved_masks: args.save_masks.then(|| args.out.join("masks")),
+        lock_step: args.lock_step,
         threads,
     };
     let source = args.source.clone().with(args.drawing);
@@ -145,7 +152,11 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
     let mesh =
         volume.as_mut().map(|dense| dense::write(&mut dense.volume, &args.out)).transpose()?;
     let document = report::document(&report, volume.as_ref().zip(mesh));
-    show(args.json, &document, || report::table(&document, &args.out))
+    show(args.json, &document, || report::table(&document, &args.out))?;
+    match report.failure {
+        Some(failure) => Err(failure).context("the session with the server ended early"),
+        None => Ok(()),
+    }
 }
 
 /// Runs one sequence into a new map.
@@ -169,21 +180,30 @@ pub(super) async fn sequence(
         None => None,
     };
     let removes_motion = options.removes_motion;
-    let pipeline = Pipeline::new(camera, PipelineOptions { removes_motion, timing });
+    let options_of_tracking =
+        PipelineOptions { removes_motion, timing, ..PipelineOptions::default() };
+    let pipeline = Pipeline::new(camera, options_of_tracking);
     client
         .create_map(map, None)
         .await
         .with_context(|| format!("map {map} (--map names another)"))?;
-    let mut companion = Watcher {
+    let companion = Watcher {
         progress: Progress::new("frames", frames.source.len() as u64),
         given: options.mask_dir.as_deref().map(GivenMasks::open).transpose()?,
         saved: options.saved_masks.as_deref().map(SavedMasks::open).transpose()?,
         failure: None,
     };
-    let target = Target { client, map_id: map, client_id: CLIENT };
-    let feed = dense.as_ref().map(|(thread, every)| DenseFeed { thread, every: *every });
+    let target = Target {
+        client,
+        map_id: map,
+        client_id: CLIENT,
+        lock_step: options.lock_step,
+        most_held: MOST_HELD,
+    };
+    let feed = dense.as_ref().map(|(thread, every)| thread.feed(*every));
     let ahead = options.threads > 1;
-    let report = track(Box::new(frames), pipeline, target, ahead, &mut companion, feed).await?;
+    let (report, companion) =
+        track(Box::new(frames), pipeline, target, ahead, companion, feed).await?;
     companion.progress.finish();
     if let Some(failure) = companion.failure {
         return Err(failure);

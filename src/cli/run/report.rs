@@ -22,6 +22,19 @@ pub(super) struct Document {
     lost: usize,
     keyframes: usize,
     landmarks: usize,
+    /// Frames that took tracking longer than 33 ms, mapping included.
+    late: usize,
+    /// How often tracking took corrections.
+    corrections: usize,
+    /// Loop closures of the map that count.
+    loops: usize,
+    /// Those that were found false.
+    loops_switched_off: usize,
+    /// The most keyframes that waited for the server's answer.
+    most_held: usize,
+    /// Keyframes that were not sent.
+    left_out: usize,
+    reconnects: u64,
     stages: BTreeMap<&'static str, Quantiles>,
     #[serde(skip_serializing_if = "Option::is_none")]
     mesh: Option<MeshFigures>,
@@ -64,6 +77,7 @@ pub(super) fn document(report: &RunReport, dense: Option<(&DenseReport, MeshFigu
     let stage = |of: fn(&StageSeconds) -> f64| Quantiles::of(durations.stages.iter().map(of));
     let mut stages = BTreeMap::from([
         ("decode", Quantiles::of(durations.decode.iter().copied())),
+        ("frame", Quantiles::of(durations.frame.iter().copied())),
         ("track", track(report)),
         ("align", stage(|s| s.align)),
         ("mask", stage(|s| s.mask)),
@@ -83,6 +97,13 @@ pub(super) fn document(report: &RunReport, dense: Option<(&DenseReport, MeshFigu
         lost: report.lost(),
         keyframes: report.keyframes.len(),
         landmarks: report.landmarks,
+        late: report.late(),
+        corrections: report.corrections,
+        loops: report.loops.counting,
+        loops_switched_off: report.loops.switched_off,
+        most_held: report.most_held,
+        left_out: report.left_out,
+        reconnects: report.reconnects,
         stages,
     }
 }
@@ -105,13 +126,23 @@ fn tum(poses: impl Iterator<Item = (f64, Se3)>) -> Trajectory {
 /// The figures as text.
 pub(super) fn table(document: &Document, out: &Path) -> String {
     let mut text = format!(
-        "{} frames: {} tracked, {} lost, {} skipped\n{} keyframes, {} landmarks\n\n{:>8}  {:>9}  {:>9}",
+        "{} frames: {} tracked, {} lost, {} skipped, {} later than 33 ms\n\
+         {} keyframes, {} landmarks; {} waited for the server at most, {} were left out\n\
+         {} corrections, {} loops, {} false loops, {} reconnects\n\n\
+         {:>8}  {:>9}  {:>9}",
         document.frames,
         document.tracked,
         document.lost,
         document.skipped,
+        document.late,
         document.keyframes,
         document.landmarks,
+        document.most_held,
+        document.left_out,
+        document.corrections,
+        document.loops,
+        document.loops_switched_off,
+        document.reconnects,
         "stage",
         "p50",
         "p99"

@@ -1,0 +1,277 @@
+//! The session with the server and the watch on its map.
+//!
+//! Beside tracking it waits for keyframes and deltas at once and takes whichever comes. A keyframe for
+//! which the session has no room is left out; after an error that is final, all are, and tracking goes
+//! on without corrections. In lock-step each keyframe has a session of its own: the end of a stream waits
+//! for all that its items started, searches for known places and their closures among them.
+
+use std::pin::pin;
+
+use covis_client::wire::v1;
+use covis_client::{
+    Client, ClientError, IngestReport, IngestSession, MapMirror, MapWatch, SessionOptions,
+    WatchOptions,
+};
+use tokio::sync::mpsc::UnboundedReceiver;
+
+use super::book::Book;
+use super::encode;
+use super::handover::Putting;
+use super::run::{Loops, Target};
+use crate::camera::FrameCamera;
+use crate::local_map::Corrections;
+use crate::tracking::keyframe::NewKeyframe;
+
+/// The id of the only camera.
+const CAMERA: i64 = 0;
+
+/// A session with the server and a watch on its map.
+#[derive(Debug)]
+pub(super) struct Mapper {
+    client: Client,
+    map_id: String,
+    client_id: String,
+    watch: MapWatch,
+    pub(super) sender: Sender,
+}
+
+/// The session, and what became of the keyframes.
+#[derive(Debug)]
+pub(super) struct Sender {
+    /// `None` in lock-step.
+    session: Option<IngestSession>,
+    pub(super) book: Book,
+    /// The sequence of the last keyframe.
+    last_sequence: Option<i64>,
+    /// Keyframes that were left out.
+    pub(super) left_out: usize,
+    /// The most that waited for an answer.
+    pub(super) most_held: usize,
+    /// Why the session ended before its time.
+    pub(super) failure: Option<ClientError>,
+}
+
+impl Mapper {
+    /// Opens a session on a map, which must exist, and sends the camera.
+    ///
+    /// # Errors
+    /// As [`Client::ingest`] and [`Client::watch`].
+    pub(super) async fn open(
+        target: &Target<'_>,
+        camera: &FrameCamera,
+    ) -> Result<Self, ClientError> {
+        let Target { client, map_id, client_id, lock_step, most_held } = *target;
+        let options =
+            SessionOptions { lock_step, max_unanswered: most_held, ..SessionOptions::default() };
+        let mut session = client.ingest(map_id, client_id, options).await?;
+        let watch = client.watch(map_id, WatchOptions::default()).await?;
+        session.send(encode::camera(CAMERA, camera)).await?;
+        session.flush().await?;
+        let session = if lock_step {
+            session.finish().await?;
+            None
+        } else {
+            Some(session)
+        };
+        let sender = Sender {
+            session,
+            book: Book::new(client_id),
+            last_sequence: None,
+            left_out: 0,
+            most_held: 0,
+            failure: None,
+        };
+        let (map_id, client_id) = (map_id.to_owned(), client_id.to_owned());
+        Ok(Self { client: client.clone(), map_id, client_id, watch, sender })
+    }
+
+    /// Sends keyframes and passes corrections on, until tracking ends.
+    ///
+    /// # Errors
+    /// In lock-step: why the session ended; [`ClientError::Rejected`] where the server refused a
+    /// keyframe. Beside tracking these are kept in [`Sender::failure`].
+    pub(super) async fn serve(
+        &mut self,
+        mut keyframes: UnboundedReceiver<NewKeyframe>,
+        corrections: Putting,
+    ) -> Result<(), ClientError> {
+        if self.sender.session.is_none() {
+            while let Some(keyframe) = keyframes.recv().await {
+                corrections.put(self.map_keyframe(keyframe).await?);
+            }
+            return Ok(());
+        }
+        while self.sender.failure.is_none() {
+            // A broken watch waits before it tries again: keyframes must not cut that short.
+            let changes = {
+                let mut changes = pin!(self.watch.next_changes());
+                loop {
+                    tokio::select! {
+                        changes = &mut changes => break changes,
+                        keyframe = keyframes.recv() => match keyframe {
+                            Some(keyframe) => self.sender.send(keyframe),
+                            None => return Ok(()),
+                        },
+                    }
+                }
+            };
+            match changes {
+                Ok(changes) => {
+                    corrections.put(self.sender.book.correct(&changes, self.watch.mirror()));
+                }
+                Err(error) => self.sender.fail(error),
+            }
+        }
+        while let Some(keyframe) = keyframes.recv().await {
+            self.sender.send(keyframe);
+        }
+        Ok(())
+    }
+
+    /// Sends a keyframe, waits for all that follows from it, and returns what changed.
+    async fn map_keyframe(
+        &mut self,
+        mut keyframe: NewKeyframe,
+    ) -> Result<Corrections, ClientError> {
+        let options = SessionOptions { lock_step: true, ..SessionOptions::default() };
+        let mut session = self.client.ingest(&self.map_id, &self.client_id, options).await?;
+        let Sender { book, last_sequence, .. } = &mut self.sender;
+        book.enter(&mut keyframe);
+        *last_sequence = Some(session.send(encode::keyframe(CAMERA, &keyframe)).await?);
+        book.sent(keyframe.id);
+        let (answer, before) = follow_until(&mut self.watch, book, session.finish()).await?;
+        rejected(&answer?)?;
+        let revision = self.client.get_map(&self.map_id).await?.revision;
+        Ok(before.then(self.reach(revision).await?))
+    }
+
+    /// Follows the map to a revision, or to a later one.
+    async fn reach(&mut self, revision: i64) -> Result<Corrections, ClientError> {
+        let mut all = Corrections::default();
+        while is_before(self.watch.mirror(), revision) {
+            let changes = self.watch.next_changes().await?;
+            all = all.then(self.sender.book.correct(&changes, self.watch.mirror()));
+        }
+        Ok(all)
+    }
+
+    /// Waits until everything is solved, optimizes the whole map and follows it there.
+    ///
+    /// # Errors
+    /// As [`Mapper::serve`] in lock-step; any code of `OptimizeMap`.
+    pub(super) async fn settle(&mut self) -> Result<(), ClientError> {
+        let Sender { session, book, last_sequence, .. } = &mut self.sender;
+        let Some(sequence) = *last_sequence else { return Ok(()) };
+        if let Some(session) = session {
+            let (answer, _) = follow_until(&mut self.watch, book, session.flush()).await?;
+            answer?;
+            rejected(&session.report())?;
+            let solved = session.optimized(sequence);
+            let (answer, _) = follow_until(&mut self.watch, book, solved).await?;
+            answer?;
+        }
+        let request = v1::OptimizeMapRequest { map_id: self.map_id.clone(), ..Default::default() };
+        let optimize = self.client.optimize_map(request, |_row| {});
+        let (answer, _) = follow_until(&mut self.watch, book, optimize).await?;
+        answer?;
+        let revision = self.client.get_map(&self.map_id).await?.revision;
+        self.reach(revision).await?;
+        Ok(())
+    }
+
+    /// The loop closures of the map, as it was last told.
+    pub(super) fn loops(&self) -> Loops {
+        let mut loops = Loops::default();
+        for constraint in self.watch.mirror().constraints.values() {
+            if let Some(v1::constraint::Constraint::RelativePose(pose)) = &constraint.constraint
+                && pose.kind() == v1::ConstraintKind::LoopClosure
+            {
+                let is_off = pose.switched_off.is_some();
+                loops.switched_off += usize::from(is_off);
+                loops.counting += usize::from(!is_off);
+            }
+        }
+        loops
+    }
+
+    /// Ends the session.
+    ///
+    /// # Errors
+    /// The error that ended it before everything was answered.
+    pub(super) async fn finish(self) -> Result<IngestReport, ClientError> {
+        match self.sender.session {
+            Some(session) => session.finish().await,
+            None => Ok(IngestReport::default()),
+        }
+    }
+}
+
+/// Waits for an answer and follows the map meanwhile: all share one connection, which takes nothing
+/// more for anyone when deltas of a large map are not read. Returns the answer and what was corrected.
+async fn follow_until<T>(
+    watch: &mut MapWatch,
+    book: &mut Book,
+    answer: impl Future<Output = T>,
+) -> Result<(T, Corrections), ClientError> {
+    let mut answer = pin!(answer);
+    let mut all = Corrections::default();
+    loop {
+        let changes = tokio::select! {
+            biased;
+            answer = &mut answer => return Ok((answer, all)),
+            changes = watch.next_changes() => changes?,
+        };
+        all = all.then(book.correct(&changes, watch.mirror()));
+    }
+}
+
+impl Sender {
+    /// Sends a keyframe, or leaves it out where that must wait.
+    fn send(&mut self, mut keyframe: NewKeyframe) {
+        self.book.enter(&mut keyframe);
+        match self.try_send(&keyframe) {
+            Ok(true) => return self.book.sent(keyframe.id),
+            Ok(false) => {}
+            Err(error) => self.fail(error),
+        }
+        self.left_out += 1;
+        self.book.leave_out(&keyframe);
+    }
+
+    /// Sends a keyframe; false where there is no room, or no session any more.
+    fn try_send(&mut self, keyframe: &NewKeyframe) -> Result<bool, ClientError> {
+        let Some(session) = self.session.as_mut().filter(|_| self.failure.is_none()) else {
+            return Ok(false);
+        };
+        rejected(&session.report())?;
+        let Some(sequence) = session.try_send(encode::keyframe(CAMERA, keyframe))? else {
+            return Ok(false);
+        };
+        self.last_sequence = Some(sequence);
+        let held = usize::try_from(session.report().unanswered()).unwrap_or(usize::MAX);
+        self.most_held = self.most_held.max(held);
+        Ok(true)
+    }
+
+    /// Ends the session for a reason; the first one counts.
+    fn fail(&mut self, error: ClientError) {
+        tracing::warn!(%error, "tracking goes on without the server");
+        self.failure.get_or_insert(error);
+    }
+}
+
+/// Whether a mirror has not come to a revision.
+fn is_before(mirror: &MapMirror, revision: i64) -> bool {
+    mirror.uid.is_empty() || mirror.revision < revision
+}
+
+/// The first item that the server refused.
+fn rejected(report: &IngestReport) -> Result<(), ClientError> {
+    match report.rejections.first() {
+        Some(item) => {
+            let (sequence, violations) = (item.sequence, item.violations.clone());
+            Err(ClientError::Rejected { sequence, violations })
+        }
+        None => Ok(()),
+    }
+}
