@@ -154,12 +154,12 @@ pub fn locate(
 }
 
 fn refused(refusal: &Refusal) -> PlaceRefusal {
-    PlaceRefusal { reason: refusal.name().to_owned(), text: refusal.to_string() }
+    PlaceRefusal::new(refusal.name(), &refusal.to_string())
 }
 
 /// What the map or a client holds is not possible as input: numbers that overflow, for instance.
 fn unusable(error: &InputError) -> PlaceRefusal {
-    PlaceRefusal { reason: "refinement_failed".to_owned(), text: error.to_string() }
+    PlaceRefusal::new("refinement_failed", &error.to_string())
 }
 
 fn verify(
@@ -239,7 +239,7 @@ pub fn close(
     let view = map.keyframes().get(&keyframe).and_then(|k| View::of_keyframe(map, k));
     let Some(view) = view else { return (PlaceSearch::default(), None) };
     let accept = |candidate, verified: &Verified| {
-        path::expected(map, candidate, keyframe)
+        path::expected(map, candidate, keyframe, interrupt)
             .map_or(Ok(()), |expected| expected.is_met_by(verified))
     };
     let seed = keyframe.id as u64;
@@ -258,5 +258,5 @@ pub fn close(
 /// Why the index cannot take the descriptors of a keyframe.
 #[must_use]
 pub fn not_indexed(error: &PlaceError) -> PlaceRefusal {
-    PlaceRefusal { reason: "descriptors".to_owned(), text: error.to_string() }
+    PlaceRefusal::new("descriptors", &error.to_string())
 }

@@ -13,6 +13,7 @@ use std::collections::{BTreeMap, BinaryHeap};
 use covis_solvers::geometric_verification::Expected;
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Covariance;
+use covis_solvers::interrupt::Interrupt;
 use nalgebra::Matrix6;
 
 use crate::map::{EntityId, Map, near_pairs};
@@ -80,9 +81,14 @@ impl PartialOrd for Cost {
 }
 
 /// The relative pose of two keyframes as it was measured on the way between them, and how far it may have
-/// drifted on it; `None` where no way leads from one to the other.
-pub(super) fn expected(map: &Map, candidate: EntityId, query: EntityId) -> Option<Expected> {
-    let way = shortest(map, candidate, query)?;
+/// drifted on it; `None` where no way leads from one to the other, and where the interrupt is due.
+pub(super) fn expected(
+    map: &Map,
+    candidate: EntityId,
+    query: EntityId,
+    interrupt: &Interrupt,
+) -> Option<Expected> {
+    let way = shortest(map, candidate, query, interrupt)?;
     let (from, to) = (map.keyframes().get(&candidate)?, map.keyframes().get(&query)?);
     let measures_depth =
         [from, to].iter().all(|k| k.observations.iter().any(|o| o.depth.is_some()));
@@ -101,7 +107,7 @@ pub(super) fn expected(map: &Map, candidate: EntityId, query: EntityId) -> Optio
 }
 
 /// The shortest way from one keyframe to another (Dijkstra 1959).
-fn shortest(map: &Map, from: EntityId, to: EntityId) -> Option<Way> {
+fn shortest(map: &Map, from: EntityId, to: EntityId, interrupt: &Interrupt) -> Option<Way> {
     let odom = |id: EntityId| map.keyframes().get(&id).map(|k| k.odom_from_camera);
     let mut best: BTreeMap<EntityId, Way> = BTreeMap::from([(from, Way::none())]);
     let mut queue = BinaryHeap::from([Reverse((Cost(0.0), from))]);
@@ -109,6 +115,9 @@ fn shortest(map: &Map, from: EntityId, to: EntityId) -> Option<Way> {
         let way = *best.get(&id)?;
         if id == to {
             return Some(way);
+        }
+        if interrupt.is_due() {
+            return None;
         }
         if cost > way.cost() {
             continue;

@@ -226,9 +226,13 @@ pub(super) const fn entry(value: usize) -> u64 {
 /// A client with its name; its items count by themselves.
 const CLIENT: u64 = size_of::<Client>() as u64 + 64;
 const CAMERA: u64 = entry(size_of::<CameraEntity>()) + entry(size_of::<Digest>());
-/// With its digest, its place in the order of age and among those whose place is to be searched, and the
-/// counters of its shared list.
-const KEYFRAME: u64 = entry(size_of::<Keyframe>()) + entry(size_of::<Digest>()) + 2 * entry(8) + 16;
+/// With its digest, its place in the order of age, in the index of places and among those whose place is to
+/// be searched, and the counters of its shared list.
+const KEYFRAME: u64 = entry(size_of::<Keyframe>())
+    + entry(size_of::<Digest>())
+    + 2 * entry(8)
+    + INDEXED_KEYFRAME
+    + 16;
 const LANDMARK: u64 = entry(size_of::<Landmark>());
 /// A landmark without observers is in a separate list.
 const UNSEEN: u64 = entry(size_of::<i64>());
@@ -252,15 +256,22 @@ const NOT_LONG: usize = NEAREST + 1;
 /// The digest of a client's item with its sequence.
 const ITEM: u64 = (3 * (size_of::<i64>() + size_of::<Digest>()) / 2) as u64;
 
-/// What the index of places takes for a binary descriptor besides a copy of its bits.
-const INDEXED: u64 = 32;
+/// What the index of places takes for a binary descriptor besides a copy of its bits, at most: its number,
+/// and of each of two tables an entry in a bucket that is full beside others that are empty.
+const INDEXED: u64 = 48;
+/// What it takes for a keyframe.
+pub(crate) const INDEXED_KEYFRAME: u64 = 240;
 
 /// Memory of the descriptors of `observations`. The index of places counts whether or not the policy
 /// wants one: it can be switched on at any time.
 pub(super) fn descriptor_bytes(observations: &[Observation]) -> u64 {
     let descriptors = observations.iter().filter_map(|o| o.descriptor.as_ref());
     let bytes = |d: &Descriptor| match d.kind {
-        DescriptorKind::Binary => (2 * d.data.len() + d.name.len()) as u64 + DESCRIPTOR + INDEXED,
+        // The index has whole words.
+        DescriptorKind::Binary => {
+            let copies = d.data.len() + d.data.len().next_multiple_of(8);
+            (copies + d.name.len()) as u64 + DESCRIPTOR + INDEXED
+        }
         DescriptorKind::Float32 | DescriptorKind::Uint8 => {
             (d.data.len() + d.name.len()) as u64 + DESCRIPTOR
         }

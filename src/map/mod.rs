@@ -40,6 +40,8 @@ mod window;
 
 pub use affected::{Affected, affected};
 pub use applied::{Solved, applied};
+#[cfg(test)]
+pub(crate) use ceilings::INDEXED_KEYFRAME;
 pub use ceilings::{Ceilings, Counted, Exceeded, Usage};
 pub use covisibility::Covisibility;
 pub use digest::Content;

@@ -29,6 +29,23 @@ pub struct PlaceRefusal {
     pub text: String,
 }
 
+impl PlaceRefusal {
+    /// Longest reason or text, bytes: numbers and names that clients send may be long.
+    pub const LONGEST: usize = 160;
+
+    /// A reason with its text, which is cut off where it is longer than [`PlaceRefusal::LONGEST`].
+    #[must_use]
+    pub fn new(reason: &str, text: &str) -> Self {
+        let cut = |text: &str| text[..text.floor_char_boundary(Self::LONGEST)].to_owned();
+        Self { reason: cut(reason), text: cut(text) }
+    }
+
+    /// Whether it is as [`PlaceRefusal::new`] makes it.
+    pub(super) fn is_short(&self) -> bool {
+        self.reason.len() <= Self::LONGEST && self.text.len() <= Self::LONGEST
+    }
+}
+
 /// What the search for the place of a keyframe found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PlaceSearch {
@@ -132,8 +149,8 @@ impl PlaceSearches {
     }
 }
 
-/// Bytes of a reason and its text, at most.
-const REFUSAL: usize = 128;
+/// Bytes of a reason, which has a word or two, and its text, at most.
+const REFUSAL: usize = 32 + PlaceRefusal::LONGEST;
 /// Memory of what a search found.
 pub(super) const SEARCH: u64 = entry(
     size_of::<PlaceSearch>()
@@ -151,5 +168,11 @@ impl Map {
     #[must_use]
     pub fn place_searches(&self) -> &PlaceSearches {
         &self.place_searches
+    }
+
+    /// Estimated memory of the descriptors and of an index of them, part of [`Map::usage`].
+    #[must_use]
+    pub fn descriptor_bytes(&self) -> u64 {
+        self.descriptor_bytes
     }
 }

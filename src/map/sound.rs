@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use super::item::is_valid_camera;
 use super::{
     Affected, Client, ConstraintKind, Content, EntityId, EntityKind, Keyframe, Landmark,
-    MAX_NUMBER, Map, MapError, Observation, PlaceSearch, Prior, ToSolve, Unsolved,
+    MAX_NUMBER, Map, MapError, Observation, PlaceRefusal, PlaceSearch, Prior, ToSolve, Unsolved,
 };
 
 /// How far a rotation's norm may be from 1: rounding alone stays far below.
@@ -136,7 +136,10 @@ impl Map {
             // Candidates and closures may have gone since.
             let is_known = |id: EntityId| self.client(id.client).is_some();
             let candidates = &search.candidates;
+            let refusals = candidates.iter().map(|candidate| &candidate.refusal);
+            let mut refusals = refusals.chain([&search.refusal]).flatten();
             let is_possible = self.keyframes.contains_key(&id)
+                && refusals.all(PlaceRefusal::is_short)
                 && candidates.len() <= PlaceSearch::MOST_CANDIDATES
                 && candidates.iter().all(|c| is_known(c.keyframe) && c.score.is_finite())
                 && search.closure.is_none_or(is_known);

@@ -12,6 +12,8 @@ const PAGE: usize = 14;
 const LOAD: usize = 11;
 /// Buckets of one allocation.
 const CHUNK: usize = 128;
+/// Buckets for which the first allocation has room at least.
+const LEAST: usize = 4;
 /// A bucket takes no further entry past this number: what so many descriptors share does not tell places
 /// apart, and a flood of equal descriptors costs no more than this at each probe.
 pub(super) const FULL: usize = 256;
@@ -67,7 +69,13 @@ impl Buckets {
     /// Memory, bytes.
     pub(super) fn bytes(&self) -> usize {
         self.chunks.capacity() * size_of::<Vec<Page>>()
-            + (self.chunks.len() * CHUNK + self.further) * size_of::<Page>()
+            + (self.pages() + self.further) * size_of::<Page>()
+    }
+
+    /// Room for first pages.
+    fn pages(&self) -> usize {
+        let rest = self.chunks.len().saturating_sub(1) * CHUNK;
+        self.chunks.first().map_or(0, Vec::capacity) + rest
     }
 
     #[inline(always)]
@@ -77,7 +85,9 @@ impl Buckets {
 
     fn open(&mut self) {
         if self.buckets.is_multiple_of(CHUNK) {
-            self.chunks.push(Vec::with_capacity(CHUNK));
+            // A small table takes little.
+            let capacity = if self.chunks.is_empty() { LEAST } else { CHUNK };
+            self.chunks.push(Vec::with_capacity(capacity));
         }
         if let Some(last) = self.chunks.last_mut() {
             last.push(Page::default());
@@ -92,6 +102,11 @@ impl Buckets {
             if last.is_empty() {
                 self.chunks.pop();
             }
+        }
+        if let [only] = &mut self.chunks[..]
+            && 2 * only.len() <= only.capacity()
+        {
+            only.shrink_to(LEAST.max(only.len()));
         }
         if self.chunks.len() * 4 < self.chunks.capacity() {
             self.chunks.shrink_to_fit();

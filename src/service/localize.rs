@@ -8,7 +8,7 @@ use covis_solvers::interrupt::Interrupt;
 use super::convert::camera::camera;
 use super::convert::entities::to_place_candidate;
 use super::convert::geometry::{to_covariance6, to_rigid_transform, vector2};
-use super::convert::ids::{self, to_landmark_ref};
+use super::convert::ids::to_landmark_ref;
 use super::convert::item::{depth, feature_descriptor};
 use super::convert::{Path, all, convert};
 use super::engine::MapHandle;
@@ -26,10 +26,9 @@ pub(super) struct Input {
     descriptors: Vec<Option<Descriptor>>,
 }
 
-/// Reads a request: the map's name, and the rest.
-pub(super) fn input(request: v1::LocalizeRequest) -> Result<(String, Input), ServiceError> {
+/// Reads a request but for its map.
+pub(super) fn input(request: v1::LocalizeRequest) -> Result<Input, ServiceError> {
     convert(|out| {
-        let map_id = ids::map_id(&request.map_id, out);
         let at = Path::root("camera");
         let camera = out.required(at, request.camera.as_ref()).and_then(|m| camera(at, m, out));
         let at = Path::root("features");
@@ -47,7 +46,7 @@ pub(super) fn input(request: v1::LocalizeRequest) -> Result<(String, Input), Ser
             Some((Feature { pixel: pixel?, sigma_px: sigma?, depth_m }, descriptor))
         });
         let (features, descriptors) = features?.into_iter().unzip();
-        Some((map_id?, Input { camera: camera?.camera, features, descriptors }))
+        Some(Input { camera: camera?.camera, features, descriptors })
     })
     .map_err(Into::into)
 }

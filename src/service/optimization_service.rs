@@ -105,8 +105,10 @@ impl Rpcs {
         let bytes = request.get_ref().encoded_len();
         let deadline = solve_deadline(&request, bytes);
         let request = request.into_inner();
-        let (map_id, input) = read(bytes, move || localize::input(request)).await?;
+        // First of all: a call for a map that is not there, or of another tenant, has nothing read.
+        let map_id = convert(|out| ids::map_id(&request.map_id, out))?;
         let map = self.context.maps.get(&caller.engine_name(&map_id))?;
+        let input = read(bytes, move || localize::input(request)).await?;
         let snapshot = map.snapshot().await?;
         let cancel = CancelOnDrop::default();
         let interrupt = cancel.interrupt(deadline);

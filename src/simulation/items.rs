@@ -5,6 +5,9 @@
 //! windows, pose graphs, comparisons of places and adjustments have something to do, and items are
 //! small, so that a run has many of them. All measurements are exact.
 
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
 use crate::wire::v1;
 use v1::ingest_request::Item;
 
@@ -57,6 +60,12 @@ fn camera() -> v1::Camera {
     v1::Camera { width_px: 640, height_px: 480, model, ..v1::Camera::default() }
 }
 
+/// Each point of the place looks like no other one, and the same on each visit.
+fn descriptor(k: i64) -> v1::Descriptor {
+    let data = ChaCha8Rng::seed_from_u64(k as u64).random::<[u8; 32]>().to_vec();
+    v1::Descriptor { kind: v1::DescriptorKind::Binary.into(), name: "orb".to_owned(), data }
+}
+
 /// The first keyframe of a visit brings its landmarks, a little beside where they are, so that windows
 /// have something to solve.
 fn keyframe(id: i64) -> v1::Keyframe {
@@ -75,6 +84,7 @@ fn keyframe(id: i64) -> v1::Keyframe {
             pixel: Some(pixel),
             depth_m: Some(z),
             sigma_depth_m: Some(0.02),
+            descriptor: Some(descriptor(k)),
             ..v1::Observation::default()
         }
     };

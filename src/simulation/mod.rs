@@ -42,7 +42,8 @@ fn no_promise_is_broken_whatever_crashes_and_is_cut_off() {
         Some(Some((first, count))) => (first.parse().unwrap(), count.parse().unwrap()),
         Some(None) => panic!("COVIS_TEST_SEEDS is FIRST+COUNT"),
     };
-    let (mut crashes, mut stops, mut cuts, mut operations, mut joined) = (0, 0, 0, 0, 0);
+    let (mut crashes, mut stops, mut cuts, mut operations) = (0, 0, 0, 0);
+    let (mut joined, mut found) = (0, 0);
     let mut failed = Vec::new();
     let one = one_thread();
     for seed in first..first + count {
@@ -53,6 +54,7 @@ fn no_promise_is_broken_whatever_crashes_and_is_cut_off() {
                 cuts += report.cuts;
                 operations += report.operations;
                 joined += report.joined;
+                found += report.found;
             }
             Err(broken) => {
                 println!("seed {seed}: {}", broken.0);
@@ -63,10 +65,11 @@ fn no_promise_is_broken_whatever_crashes_and_is_cut_off() {
     println!(
         "{count} runs from seed {first}: {crashes} crashes, {stops} of them in the middle of \
          one of {operations} operations of the disk; {cuts} dead links; {joined} landmarks joined; \
-         broken: {failed:?}"
+         {found} closures found; broken: {failed:?}"
     );
     assert!(failed.is_empty());
     assert!(count < SEEDS || joined > 0, "no closure joined anything");
+    assert!(count < SEEDS || found > 0, "the server found no closure itself");
 }
 
 /// Tokio draws the order of waiters from a seed of its own, which can be set with this flag only.

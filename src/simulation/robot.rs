@@ -305,7 +305,9 @@ impl Robot {
         let sent = contents.sent.max(CAMERA);
         let keyframes = trajectory.poses.iter().filter_map(|pose| pose.keyframe.as_ref());
         let keyframes: Vec<i64> = keyframes.map(|keyframe| keyframe.id).collect();
-        let closures: Vec<i64> = constraints.constraints.iter().filter_map(closure_id).collect();
+        let closures = constraints.constraints.iter().filter_map(closure_id);
+        // The server's own have ids below 0.
+        let closures: Vec<i64> = closures.filter(|&id| id > 0).collect();
         for (what, ids, is_kind) in [
             ("keyframes", keyframes, (|id| !is_closure(id)) as fn(i64) -> bool),
             ("closures", closures, is_closure),
@@ -377,6 +379,7 @@ impl Robot {
                 }
                 (State::Present(_), Answer::Some(_)) => {
                     self.audit_surely(&mut name).await?;
+                    self.expect_searched(&name).await?;
                     self.expect_adjusted(&name).await?;
                 }
                 (state, Answer::Some(map)) => {
@@ -408,6 +411,40 @@ impl Robot {
             tokio::time::sleep(SETTLED).await;
         }
         broken(format!("{text} is never adjusted after its closures"))
+    }
+
+    /// The place of each keyframe is searched in the end, although searches were cut off, and each closure
+    /// that a search found is in the map once.
+    async fn expect_searched(&mut self, name: &Name) -> Step<()> {
+        let text = &name.text;
+        for _ in 0..TRIES {
+            let found = self.answered("ListPlaceSearches", |c| async move {
+                // In this order: what is searched by then is among the constraints.
+                let keyframes = c.trajectory(text, None).await?.poses.len();
+                let searches = c.place_searches(text).await?.searches;
+                Ok((keyframes, searches, c.constraints(text).await?))
+            });
+            let Answer::Some((keyframes, searches, constraints)) = found.await? else {
+                return Ok(());
+            };
+            let mut closures: Vec<i64> =
+                searches.iter().filter_map(|search| Some(search.closure.as_ref()?.id)).collect();
+            let own = constraints.constraints.iter().filter_map(closure_id);
+            let mut own: Vec<i64> = own.filter(|&id| id < 0).collect();
+            closures.sort_unstable();
+            own.sort_unstable();
+            if searches.len() == keyframes {
+                if closures != own {
+                    return broken(format!(
+                        "{text}: searches found {closures:?}, there are {own:?}"
+                    ));
+                }
+                self.world.borrow_mut().found += own.len() as u64;
+                return Ok(());
+            }
+            tokio::time::sleep(SETTLED).await;
+        }
+        broken(format!("{text}: the places of some keyframes are never searched"))
     }
 
     async fn audit_surely(&mut self, name: &mut Name) -> Step<()> {

@@ -65,6 +65,8 @@ pub(crate) struct Report {
     pub(crate) operations: u64,
     /// Landmarks that closures joined with others, at each look at the end.
     pub(crate) joined: u64,
+    /// Closures that the server found, at each look at the end.
+    pub(crate) found: u64,
     /// What the disk did, and at which tick: equal for runs that are equal.
     pub(crate) log: Vec<(u64, &'static str)>,
     /// What happened, as robots saw it.
@@ -82,6 +84,8 @@ pub(crate) struct World {
     tick: u64,
     /// Landmarks that closures joined with others, at each look at the end.
     pub(super) joined: u64,
+    /// Closures that the server found, at each look at the end.
+    pub(super) found: u64,
     /// Stages that robots have ended: their work, and each look at the end.
     done: usize,
     /// 0 while things go wrong; then one more with each restart.
@@ -169,6 +173,7 @@ pub(crate) fn run(plan: &Plan) -> Result<Report, Broken> {
     }
     machine.report.operations = machine.disk.operations();
     machine.report.joined = world.borrow().joined;
+    machine.report.found = world.borrow().found;
     machine.report.log = machine.disk.log();
     machine.report.notes = std::mem::take(&mut world.borrow_mut().notes);
     Ok(machine.report)

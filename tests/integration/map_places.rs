@@ -3,7 +3,7 @@
 use covis::map::{
     AppliedSolve, Change, ClientIndex, Constraint, ConstraintKind, Descriptor, DescriptorKind,
     Edit, EntityId, EntityRef, Item, Map, MapPolicy, PlaceCandidate, PlaceRefusal, PlaceSearch,
-    SolveKind, ToSolve,
+    Reason, SolveKind, ToSolve,
 };
 use covis_solvers::information::Information;
 use std::sync::Arc;
@@ -140,4 +140,38 @@ fn a_closure_of_the_server_can_be_revoked_and_goes_with_its_keyframe() {
     journal.send(ROBOT, &Item::Edit(Edit::RemoveKeyframe { keyframe })).unwrap();
     assert!(journal.map.place_searches().done().is_empty());
     assert_eq!(pending(&journal.map), [0, 1, 2]);
+}
+
+#[test]
+fn what_stands_for_a_retired_keyframe_is_not_revoked() {
+    let mut journal = street(MapPolicy::default());
+    let closure = found(&mut journal);
+    let marginal = EntityId::new(ROBOT, closure.id + 1);
+    let kept = Constraint {
+        kind: ConstraintKind::Marginal,
+        ..*journal.map.constraints().get(&closure).unwrap()
+    };
+    journal.push(Change::ConstraintAdded { id: marginal, constraint: kept });
+    let revoke =
+        |id: EntityId| Item::Edit(Edit::RevokeConstraint { constraint: EntityRef::own(id.id) });
+    let rejection = journal.send(ROBOT, &revoke(marginal)).unwrap_err();
+    assert_eq!(rejection.violations[0].reason, Reason::UnknownReference);
+    journal.send(ROBOT, &revoke(closure)).unwrap();
+}
+
+#[test]
+fn a_reason_is_short() {
+    let text = "é".repeat(PlaceRefusal::LONGEST);
+    let refusal = PlaceRefusal::new("no_room", &text);
+    assert_eq!((refusal.reason.as_str(), refusal.text.len()), ("no_room", PlaceRefusal::LONGEST));
+    let with = |refusal| {
+        let mut parts = street(MapPolicy::default()).map.to_parts();
+        let search = PlaceSearch { refusal: Some(refusal), ..PlaceSearch::default() };
+        parts.place_searches.extend([], [(id(0), search)]);
+        Map::from_parts(parts).unwrap()
+    };
+    with(refusal).check_sound().unwrap();
+    // In a file from outside it takes memory that nobody counts.
+    let long = PlaceRefusal { reason: "no_room".to_owned(), text };
+    with(long).check_sound().unwrap_err();
 }

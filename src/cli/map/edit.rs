@@ -36,7 +36,8 @@ enum Edit {
     RevokeConstraint {
         /// The client whose constraint it is.
         owner: String,
-        /// Its id.
+        /// Its id; below zero for what the server added itself.
+        #[arg(allow_negative_numbers = true)]
         id: i64,
     },
     /// Remove what a keyframe sees of landmarks.

@@ -4,7 +4,9 @@
 //! measured in it; the first observation that contradicts is named. Nothing is changed here.
 
 use super::{Check, far_outside, is_projected, repeated};
-use crate::map::{CameraEntity, Change, Edit, EntityId, EntityRef, Map, Reason, Sighting};
+use crate::map::{
+    CameraEntity, Change, Constraint, Edit, EntityId, EntityRef, Map, Reason, Sighting,
+};
 
 impl Check<'_> {
     /// Whether the map is already as the edit asks. What was removed is not remembered: a removal is
@@ -28,7 +30,13 @@ impl Check<'_> {
         match edit {
             Edit::RevokeConstraint { constraint } => {
                 let field = "revoke_constraint.constraint";
-                let has = |map: &Map, id: &EntityId| map.has_constraint(*id);
+                // Of what the server made, a client may revoke closures: the rest stands for keyframes
+                // that were retired.
+                let has = |map: &Map, id: &EntityId| {
+                    let constraint = map.constraints().get(id);
+                    let is_closure = constraint.is_some_and(Constraint::is_closure);
+                    map.has_constraint(*id) && (id.id >= 0 || is_closure)
+                };
                 let id = self.known(field, "constraint", constraint, has)?;
                 Some(Change::ConstraintRevoked { id })
             }

@@ -44,12 +44,17 @@ pub(super) fn reference(
     entity: i64,
     out: &mut Violations,
 ) -> Option<EntityRef> {
-    let client = match client_id {
-        "" => Some(None),
-        other => name(at.field("client_id"), other, out).map(Some),
-    };
+    let client = owner(at, client_id, out);
     let id = id(at.field("id"), entity, out);
     Some(EntityRef { client: client?, id: id? })
+}
+
+/// The client that a reference names; the inner `None` is the sender.
+fn owner(at: Path<'_>, client_id: &str, out: &mut Violations) -> Option<Option<String>> {
+    match client_id {
+        "" => Some(None),
+        other => name(at.field("client_id"), other, out).map(Some),
+    }
 }
 
 /// A required reference to a keyframe.
@@ -62,14 +67,15 @@ pub(in crate::service) fn keyframe_ref(
     reference(at, &keyframe.client_id, keyframe.id, out)
 }
 
-/// A required reference to a constraint or prior.
+/// A required reference to a constraint or prior. Those that the server made have ids below 0.
 pub(super) fn constraint_ref(
     at: Path<'_>,
     constraint: Option<&v1::ConstraintRef>,
     out: &mut Violations,
 ) -> Option<EntityRef> {
     let constraint = out.required(at, constraint)?;
-    reference(at, &constraint.client_id, constraint.id, out)
+    let client = owner(at, &constraint.client_id, out)?;
+    Some(EntityRef { client, id: constraint.id })
 }
 
 /// A required reference to a landmark.

@@ -230,7 +230,7 @@ fn each_field_of_an_edit_that_cannot_be_read_is_named() {
         let absorbed = vec![landmark(-2); count];
         WireItem::FuseLandmarks(v1::FuseLandmarks { kept, absorbed })
     };
-    let constraint = Some(v1::ConstraintRef { client_id: String::new(), id: -4096 });
+    let constraint = Some(v1::ConstraintRef { client_id: "Not A Name".to_owned(), id: -4096 });
     let cases: [(WireItem, &[(&str, Reason)]); 9] = [
         (
             WireItem::RevokeConstraint(v1::RevokeConstraint::default()),
@@ -238,7 +238,7 @@ fn each_field_of_an_edit_that_cannot_be_read_is_named() {
         ),
         (
             WireItem::RevokeConstraint(v1::RevokeConstraint { constraint }),
-            &[("revoke_constraint.constraint.id", Reason::OutOfRange)],
+            &[("revoke_constraint.constraint.client_id", Reason::OutOfRange)],
         ),
         (
             WireItem::RemoveObservations(v1::RemoveObservations { observations: vec![unnamed] }),

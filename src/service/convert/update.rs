@@ -188,8 +188,11 @@ mod tests {
     fn every_field_of_a_policy_can_be_named() {
         let set = FileDescriptorSet::decode(v1::FILE_DESCRIPTOR_SET).unwrap();
         let mut paths: BTreeSet<String> = fields_of(&set, "MapPolicy").into_iter().collect();
-        assert!(paths.remove("limits"));
-        paths.extend(fields_of(&set, "MapLimits").iter().map(|name| format!("limits.{name}")));
+        for (field, message) in [("limits", "MapLimits"), ("place_recognition", "PlaceRecognition")]
+        {
+            assert!(paths.remove(field));
+            paths.extend(fields_of(&set, message).iter().map(|name| format!("{field}.{name}")));
+        }
         assert_eq!(paths, FIELDS.iter().map(|field| field.path.to_owned()).collect());
     }
 

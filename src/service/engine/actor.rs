@@ -1,11 +1,11 @@
 //! The task that owns a map: its loop, which hands events from one part to another.
 //!
 //! The parts are [`Ingest`], [`Durability`], [`Solving`], [`Recognition`], [`Background`] and
-//! [`Watching`]; each owns its state, and none knows another. Each step handles one of these, in this order of priority: a control
-//! message, the end of the running solve, the end of a search for places, the end of a background task,
-//! progress of the journal, an item. After a control message, the others have priority for one step, so that constant requests of
-//! readers cannot block writers. In lock-step the task accepts no item while a solve or a background
-//! task runs or waits.
+//! [`Watching`]; each owns its state, and none knows another. Each step handles one of these, in this
+//! order of priority: a control message, the end of the running solve, the end of a search for places,
+//! the end of a background task, progress of the journal, an item. After a control message, the others
+//! have priority for one step, so that constant requests of readers cannot block writers. In lock-step
+//! the task accepts no item while a solve, a search or a background task runs or waits.
 //!
 //! The journal accepts an event before the event changes the map, and makes it durable while the
 //! task continues. Steps run under `catch_unwind`: a panic poisons only this map. If it may have left
@@ -397,6 +397,7 @@ impl Actor {
     /// Acknowledges what has become durable. If the journal has failed, the map accepts no further
     /// changes.
     fn flushed(&mut self) {
+        self.recognition.changed();
         if let Some(error) = self.durability.acknowledge(self.map.revision()) {
             let error = EngineError::Store(error);
             tracing::error!(%error, "the map takes no changes any more");
@@ -432,12 +433,11 @@ impl Actor {
         let is_large = size > SMALL / copies;
         let event = Arc::new(Event { revision: revision + 1, time_ns, cause, change });
         let (checked, is_watched) = (Arc::clone(&event), self.watching.is_watched());
-        let (pairs, places) = (Arc::clone(&self.shared.pairs), Arc::clone(&self.shared.places));
+        let pairs = Arc::clone(&self.shared.pairs);
         let check = move |map: &Map| {
             let fits = map.fits(&checked);
             if fits.is_ok() {
                 pairs.note(map, &checked.change, checked.revision);
-                places.note(map, &checked.change, checked.revision);
             }
             let touched = (is_watched && fits.is_ok()).then(|| Touched::by(&checked.change, map));
             fits.map(|()| touched)
@@ -470,6 +470,9 @@ impl Actor {
             Arc::make_mut(&mut self.map).fold(&event);
         }
         self.applying = None;
+        if let Some(excess) = self.shared.places.take_excess(&self.map) {
+            self.pool.discard(excess);
+        }
         self.ingest.count(&self.map);
         self.watching.wake();
         if position.snapshot_due {

@@ -1,67 +1,83 @@
 //! The index of a map's places, kept so that a search need not index the map again.
 //!
 //! It is a function of what the map holds and lost with the process: it is made when a place is first
-//! searched. The engine tells which keyframes a change concerns ([`Places::note`]); they are indexed
-//! again before the next search. It is shared by the searches and the calls of one map, blocks its
-//! thread and uses nothing of the engine.
+//! searched, and brought up to the map of each later search by what differs. So nobody has to tell what
+//! changed, and whoever changes the map never waits for it. It is shared by the searches and the calls of
+//! one map, blocks its thread and uses nothing of the engine.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+
+use covis_solvers::interrupt::Interrupt;
 
 use crate::loop_closing::{View, indexed, not_indexed};
-use crate::map::{Change, EntityId, Map, Observations, PlaceRefusal, PlaceSearch};
+use crate::map::{EntityId, Map, Observations, PlaceRefusal, PlaceSearch};
 use crate::place::{Candidate, PlaceError, PlaceIndex};
+
+/// Memory that an index may take beyond what the map counts for it: its smallest tables, of each make.
+const LEAST: u64 = 1 << 20;
 
 /// The index of a map's places.
 #[derive(Debug, Default)]
-pub(super) struct Places(Mutex<Option<Known>>);
+pub(super) struct Places {
+    known: RwLock<Known>,
+    /// Memory of the index.
+    bytes: AtomicU64,
+}
 
 #[derive(Debug, Default)]
-struct Known {
+pub(super) struct Known {
     index: PlaceIndex,
-    /// What each keyframe was indexed with, or refused with a reason.
+    /// What each keyframe was indexed with.
     indexed: BTreeMap<EntityId, Entry>,
-    /// Keyframes whose observations changed since they were indexed, with the revision.
-    changed: BTreeMap<EntityId, i64>,
+    /// The revision whose keyframes are all indexed.
+    revision: Option<i64>,
 }
 
 #[derive(Debug)]
 struct Entry {
     observations: Observations,
-    refusal: Option<PlaceRefusal>,
+    /// Why the index does not hold it.
+    refusal: Option<Box<PlaceRefusal>>,
 }
 
 impl Known {
-    /// All keyframes of a map, in the order of their age.
-    fn of(map: &Map) -> Self {
-        let mut known = Self::default();
-        let all = map.keyframes().iter().map(|(&id, keyframe)| (id, keyframe.added_revision));
-        known.changed = all.collect();
-        known.update(map);
-        known
+    /// Whether it is as new as the map.
+    fn is_current(&self, map: &Map) -> bool {
+        self.revision >= Some(map.revision())
     }
 
-    /// Indexes anew what has changed up to the map's revision.
-    fn update(&mut self, map: &Map) {
-        let age = |id: &EntityId| map.keyframes().get(id).map_or(0, |known| known.added_revision);
-        let revision = map.revision();
-        let due = self.changed.extract_if(.., |_, changed| *changed <= revision);
-        let mut due: Vec<EntityId> = due.map(|(id, _)| id).collect();
-        // The index is a function of its calls: the same after a restart.
-        due.sort_by_key(|id| (age(id), *id));
-        for id in due {
+    /// Indexes what is not as in the map, which is newer. What is done when the interrupt is due is kept.
+    fn update(&mut self, map: &Map, interrupt: &Interrupt) {
+        let keyframes = map.keyframes();
+        let gone = self.indexed.extract_if(.., |id, _| !keyframes.contains_key(id));
+        gone.for_each(|(id, _)| {
             self.index.remove(id);
-            self.indexed.remove(&id);
-            let Some(keyframe) = map.keyframes().get(&id) else { continue };
-            let (_, features) = indexed(keyframe);
-            if features.is_empty() {
-                continue;
+        });
+        let is_due = |id: &EntityId, seen: &Observations| {
+            self.indexed.get(id).is_none_or(|entry| !entry.observations.is_same(seen))
+        };
+        let due = keyframes.iter().filter(|(id, keyframe)| is_due(id, &keyframe.observations));
+        // In the order of their age: the index is a function of its calls, and the same after a restart.
+        let mut due: Vec<_> = due.map(|(&id, known)| ((known.added_revision, id), known)).collect();
+        due.sort_unstable_by_key(|&(age, _)| age);
+        for ((_, id), keyframe) in due {
+            if interrupt.is_due() {
+                return;
             }
-            let added = self.index.add(id, keyframe.capture_time_ns, &features);
-            let refusal = added.err().map(|error| not_indexed(&error));
+            self.index.remove(id);
+            let (_, features) = indexed(keyframe);
+            let added = if features.is_empty() {
+                Ok(())
+            } else {
+                self.index.add(id, keyframe.capture_time_ns, &features)
+            };
+            let refusal = added.err().map(|error| Box::new(not_indexed(&error)));
             let observations = keyframe.observations.clone();
             self.indexed.insert(id, Entry { observations, refusal });
         }
+        self.revision = Some(map.revision());
     }
 
     /// Whether the index has what the keyframe sees in this map.
@@ -73,67 +89,37 @@ impl Known {
 }
 
 impl Places {
-    fn known(&self) -> MutexGuard<'_, Option<Known>> {
+    fn write(&self) -> RwLockWriteGuard<'_, Known> {
         // An index that a panic left is made anew: the lock is poisoned then.
-        self.0.lock().unwrap_or_else(|poisoned| {
-            self.0.clear_poison();
+        self.known.write().unwrap_or_else(|poisoned| {
+            self.known.clear_poison();
             let mut known = PoisonError::into_inner(poisoned);
-            *known = None;
+            *known = Known::default();
             known
         })
     }
 
-    /// Takes in which keyframes the next change of the map concerns, which makes `revision`; `map` is the
-    /// map before it.
-    pub(super) fn note(&self, map: &Map, change: &Change, revision: i64) {
-        let mut known = self.known();
-        let Some(held) = &mut *known else { return };
-        let observers = |id: &EntityId| {
-            let landmark = map.landmarks().get(id);
-            landmark.into_iter().flat_map(|landmark| landmark.observers.iter().copied())
-        };
-        let concerned: Vec<EntityId> = match change {
-            Change::KeyframeAdded { id, .. }
-            | Change::ObservationsAdded { keyframe: id, .. }
-            | Change::KeyframeRemoved { keyframe: id } => vec![*id],
-            Change::KeyframeRetired { retired } => {
-                let seen = retired.landmarks.iter().flat_map(observers);
-                seen.chain([retired.keyframe]).collect()
-            }
-            Change::ObservationsRemoved { observations } => {
-                observations.iter().map(|&(keyframe, _)| keyframe).collect()
-            }
-            Change::LandmarksFused { absorbed, .. } => {
-                absorbed.iter().flat_map(observers).collect()
-            }
-            Change::LandmarksRemoved { landmarks } => {
-                landmarks.iter().flat_map(observers).collect()
-            }
-            Change::MapUpdated { policy: Some(policy), .. } | Change::PolicySet { policy } => {
-                if !policy.place_recognition {
-                    *known = None;
-                }
-                return;
-            }
-            Change::Created { .. }
-            | Change::ItemRepeated
-            | Change::MapUpdated { .. }
-            | Change::ClientOpened { .. }
-            | Change::CameraSet { .. }
-            | Change::LandmarksAdded { .. }
-            | Change::ConstraintAdded { .. }
-            | Change::PriorAdded { .. }
-            | Change::ConstraintRevoked { .. }
-            | Change::DuplicatesFound { .. }
-            | Change::DuplicatesSplit { .. }
-            | Change::PlacesSearched { .. }
-            | Change::LandmarksTriangulated { .. }
-            | Change::SolveApplied { .. } => return,
-        };
-        held.changed.extend(concerned.into_iter().map(|id| (id, revision)));
+    fn read(&self) -> RwLockReadGuard<'_, Known> {
+        if self.known.is_poisoned() {
+            drop(self.write());
+        }
+        self.known.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The candidates for the place of a view, best first, none of those that `is_excluded` names.
+    /// The index, where it takes more memory than `map` counts for it: keyframes left the map and nothing
+    /// was searched since, or nothing is to be searched any more. Does not wait for who uses it.
+    pub(super) fn take_excess(&self, map: &Map) -> Option<Known> {
+        let most = if map.policy().place_recognition { map.descriptor_bytes() + LEAST } else { 0 };
+        if self.bytes.load(Ordering::Relaxed) <= most {
+            return None;
+        }
+        let mut known = self.known.try_write().ok()?;
+        self.bytes.store(0, Ordering::Relaxed);
+        Some(std::mem::take(&mut *known))
+    }
+
+    /// The candidates for the place of a view, best first, none of those that `is_excluded` names. None
+    /// where the interrupt was due.
     ///
     /// # Errors
     /// [`PlaceError`] where the view has more descriptors than a keyframe may have.
@@ -141,23 +127,35 @@ impl Places {
         &self,
         map: &Map,
         view: &View<'_>,
+        interrupt: &Interrupt,
         is_excluded: impl Fn(EntityId) -> bool,
     ) -> Result<Vec<Candidate>, PlaceError> {
         let (_, features) = view.searchable();
         if features.is_empty() {
             return Ok(Vec::new());
         }
-        let mut known = self.known();
-        let known = known.get_or_insert_with(|| Known::of(map));
-        known.update(map);
-        // What changed after this map, or was indexed from a later one, is no candidate.
+        if !self.read().is_current(map) {
+            let mut known = self.write();
+            // Another search may have done so meanwhile.
+            if !known.is_current(map) {
+                known.update(map, interrupt);
+                self.bytes.store(known.index.bytes() as u64, Ordering::Relaxed);
+            }
+        }
+        if interrupt.is_due() {
+            return Ok(Vec::new());
+        }
+        let known = self.read();
+        // What is not in this map as it was indexed, from an earlier or a later one, is no candidate.
         let is_out = |id| is_excluded(id) || !known.has(map, id);
         known.index.query(&features, PlaceSearch::MOST_CANDIDATES, is_out)
     }
 
     /// Why the index does not hold a keyframe, if it was refused.
     pub(super) fn refusal(&self, keyframe: EntityId) -> Option<PlaceRefusal> {
-        let known = self.known();
-        known.as_ref().and_then(|known| known.indexed.get(&keyframe)?.refusal.clone())
+        self.read().indexed.get(&keyframe)?.refusal.as_deref().cloned()
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -12,12 +12,11 @@ use std::sync::atomic::AtomicBool;
 
 use covis_solvers::interrupt::Interrupt;
 
-use super::Estimate;
 use super::actor::Actor;
 use super::handle::Shared;
-use super::ingest::Room;
 use super::places::Places;
 use super::pool::{SolvePanicked, SolverPool, Started};
+use super::{EngineError, Estimate, Resource};
 use crate::loop_closing::{View, close, excluded, not_indexed};
 use crate::map::{
     Change, ClientIndex, Constraint, EntityId, Map, PlaceRefusal, PlaceSearch, ToSolve, Unsolved,
@@ -42,7 +41,7 @@ pub(super) struct Recognition {
     shared: Arc<Shared>,
     pool: Arc<SolverPool>,
     running: Option<Started<Vec<Found>>>,
-    /// Whether the journal has refused a change and has taken none since.
+    /// Whether the journal has refused a change and has not moved since.
     waits_for_journal: bool,
 }
 
@@ -68,7 +67,7 @@ impl Recognition {
         self.running.is_none() && self.is_due(map)
     }
 
-    /// A change is in the journal.
+    /// The journal took a change, or brought some to the disk.
     pub(super) fn changed(&mut self) {
         self.waits_for_journal = false;
     }
@@ -84,8 +83,11 @@ impl Recognition {
     fn start(&mut self, map: &Arc<Map>) {
         let pending = map.place_searches().pending().iter();
         let mut due: Vec<(i64, EntityId)> = pending.map(|(&id, &asked)| (asked, id)).collect();
+        if due.len() > SEARCHED_AT_ONCE {
+            due.select_nth_unstable(SEARCHED_AT_ONCE);
+            due.truncate(SEARCHED_AT_ONCE);
+        }
         due.sort_unstable();
-        due.truncate(SEARCHED_AT_ONCE);
         let (map, places) = (Arc::clone(map), Arc::clone(&self.shared.places));
         let cancel = Arc::<AtomicBool>::default();
         let interrupt = Interrupt::at(None).or_when(Arc::clone(&cancel));
@@ -135,7 +137,7 @@ fn find(
             let is_later =
                 |id| map.keyframes().get(&id).is_some_and(|other| other.added_revision > age);
             let is_excluded = |id| excluded.contains(&id) || is_later(id);
-            match places.candidates(map, &view, is_excluded) {
+            match places.candidates(map, &view, interrupt, is_excluded) {
                 Err(error) => (refused(not_indexed(&error)), None),
                 Ok(candidates) => {
                     let (mut search, closure) = close(map, keyframe, &candidates, interrupt);
@@ -151,21 +153,23 @@ fn find(
 type Searches = Vec<(EntityId, PlaceSearch)>;
 type Closures = Vec<(EntityId, Constraint)>;
 
-/// What was found, as far as the map still asks for it.
-fn wanted(map: &Map, found: Vec<Found>) -> (Searches, Closures) {
+/// What was found, as far as the map still asks for it. A place that has left the map is searched again.
+fn wanted(map: &Map, found: &[Found]) -> (Searches, Closures) {
     let (mut searches, mut closures) = (Vec::new(), Vec::new());
-    for Found { keyframe, asked, mut search, closure } in found {
-        if map.place_searches().pending().get(&keyframe) != Some(&asked) {
-            continue;
-        }
+    for Found { keyframe, asked, search, closure } in found {
+        let is_asked = map.place_searches().pending().get(keyframe) == Some(asked);
         let is_held =
             |constraint: &Constraint| map.keyframes().contains_key(&constraint.keyframe_i);
-        if let Some(constraint) = closure.filter(is_held) {
+        if !is_asked || !closure.as_ref().is_none_or(is_held) {
+            continue;
+        }
+        let mut search = search.clone();
+        if let Some(constraint) = closure {
             let id = EntityId::own(keyframe.client, map.revision() + 1, closures.len());
             search.closure = Some(id);
-            closures.push((id, constraint));
+            closures.push((id, *constraint));
         }
-        searches.push((keyframe, search));
+        searches.push((*keyframe, search));
     }
     searches.sort_unstable_by_key(|&(id, _)| id);
     (searches, closures)
@@ -192,27 +196,13 @@ impl Actor {
                 return;
             }
         };
-        let (mut searches, mut closures) = wanted(&self.map, found);
-        if searches.is_empty() {
-            return;
-        }
-        if !closures.is_empty()
-            && let Some(refusal) = self.no_room(&closures)
-        {
-            closures.clear();
-            let searches = searches.iter_mut().filter(|(_, search)| search.closure.is_some());
-            for (_, search) in searches {
-                (search.closure, search.refusal) = (None, Some(refusal.clone()));
-            }
-        }
-        let count = closures.len() as u64;
-        let change = Change::PlacesSearched { searches, closures };
+        let (count, change) = match self.searched(&found).await {
+            Ok(Some(change)) => change,
+            Ok(None) => return,
+            Err(error) => return self.recognition_waits(&error),
+        };
         if let Err(error) = self.commit(None, change).await {
-            let map = &self.shared.name;
-            tracing::warn!(%error, %map, "what a search for places found waits for the journal");
-            self.ingest.count(&self.map);
-            self.recognition.waits_for_journal = true;
-            return;
+            return self.recognition_waits(&error);
         }
         if count > 0 {
             self.shared.meters.closures_found.add(count);
@@ -221,14 +211,51 @@ impl Actor {
         }
     }
 
-    /// Why the map cannot take these closures.
-    fn no_room(&mut self, closures: &[(EntityId, Constraint)]) -> Option<PlaceRefusal> {
-        let change = Change::PlacesSearched { searches: Vec::new(), closures: closures.to_vec() };
-        let error = match self.ingest.reserve(&self.map, &change) {
-            Room::There => return None,
-            Room::Full(exceeded) => self.shared.account.exceeded(exceeded),
-            Room::None(error) => error,
-        };
-        Some(PlaceRefusal { reason: "no_room".to_owned(), text: error.to_string() })
+    /// The change that what was found makes, if there is one. Makes room for its closures as for a
+    /// client's, or notes why there is none.
+    ///
+    /// # Errors
+    /// The journal takes nothing just now: the searches stay due.
+    async fn searched(&mut self, found: &[Found]) -> Result<Option<(u64, Change)>, EngineError> {
+        loop {
+            let (searches, closures) = wanted(&self.map, found);
+            if searches.is_empty() {
+                return Ok(None);
+            }
+            let count = closures.len() as u64;
+            let change = Change::PlacesSearched { searches, closures };
+            // A limit of the map is a reason to refuse a closure, a slow disk is none.
+            drop(self.shared.account.reserve(Resource::JournalBytes, 1)?);
+            if count == 0 {
+                return Ok(Some((0, change)));
+            }
+            match self.make_room(&change).await {
+                Ok(true) => return Ok(Some((count, change))),
+                // A keyframe was retired: it may be one of those that are to be joined.
+                Ok(false) => {}
+                Err(error @ (EngineError::Store(_) | EngineError::Bug { .. })) => {
+                    return Err(error);
+                }
+                Err(full) => return Ok(Some((0, without_closures(change, &full)))),
+            }
+        }
     }
+
+    /// What was found is searched again once the journal takes a change.
+    fn recognition_waits(&mut self, error: &EngineError) {
+        let map = &self.shared.name;
+        tracing::warn!(%error, %map, "what a search for places found waits for the journal");
+        self.ingest.count(&self.map);
+        self.recognition.waits_for_journal = true;
+    }
+}
+
+/// The change without its closures, for which there is no room.
+fn without_closures(change: Change, full: &EngineError) -> Change {
+    let refusal = PlaceRefusal::new("no_room", &full.to_string());
+    let Change::PlacesSearched { mut searches, .. } = change else { return change };
+    for (_, search) in searches.iter_mut().filter(|(_, search)| search.closure.is_some()) {
+        (search.closure, search.refusal) = (None, Some(refusal.clone()));
+    }
+    Change::PlacesSearched { searches, closures: Vec::new() }
 }

@@ -2387,7 +2387,8 @@ impl ::prost::Name for ObservationBatch {
 /// or prior that counted starts a pose graph. It can be sent again, under its id or another one.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct RevokeConstraint {
-    /// Which, of any client; the server's own (negative ids) cannot be revoked. Required.
+    /// Which, of any client. The server's own have negative ids; of these only loop closures can be
+    /// revoked. Required.
     #[prost(message, optional, tag = "1")]
     pub constraint: ::core::option::Option<ConstraintRef>,
 }

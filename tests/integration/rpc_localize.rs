@@ -1,0 +1,206 @@
+//! `Localize`: a lost robot is told where it is, and each code.
+
+use std::time::Duration;
+
+use covis::wire::v1;
+use covis_solvers::geometry::LieGroup;
+use tonic::{Code, Request, Status};
+use v1::ingest_request::Item;
+
+use crate::common::{Stream, TestServer, check_field, check_status, run};
+use crate::made_sequence::{Course, Made, wire};
+use crate::made_verdicts;
+use crate::sequence::{Order, Sequence, items, pose, state};
+
+/// One and a half times around in a room.
+pub(crate) fn walk() -> Made {
+    let room = made_verdicts::room();
+    let way = room.way[..19].to_vec();
+    Course { way, ..room }.make(1)
+}
+
+/// The items of the walk without keyframe `left_out`; the next one brings its landmarks.
+fn without(sequence: &Sequence, left_out: i64) -> Vec<Item> {
+    let mut items = items(sequence, &[], Order::Streamed);
+    let is_it = |item: &Item| matches!(item, Item::Keyframe(k) if k.id == left_out);
+    let at = items.iter().position(is_it).unwrap();
+    let Item::Keyframe(gone) = items.remove(at) else { panic!("not a keyframe") };
+    let Item::Keyframe(next) = &mut items[at] else { panic!("not a keyframe") };
+    next.landmarks.extend(gone.landmarks);
+    items
+}
+
+/// What a camera sees at a keyframe of the sequence, as a request.
+fn request(sequence: &Sequence, k: usize) -> v1::LocalizeRequest {
+    let feature = |(seen, data): (&[f64; 6], &Vec<u8>)| {
+        let [_, x, y, depth, sigma_px, sigma_m] = *seen;
+        let kind = v1::DescriptorKind::Binary.into();
+        v1::Feature {
+            pixel: Some(v1::Vector2 { x, y }),
+            sigma_px: Some(sigma_px),
+            depth_m: Some(depth),
+            sigma_depth_m: Some(sigma_m),
+            descriptor: Some(v1::Descriptor { kind, name: "orb".to_owned(), data: data.clone() }),
+        }
+    };
+    let seen = sequence.observations[k].iter().zip(&sequence.descriptors[k]);
+    v1::LocalizeRequest {
+        map_id: "room".to_owned(),
+        camera: Some(wire()),
+        features: seen.map(feature).collect(),
+    }
+}
+
+async fn localize(
+    server: &TestServer,
+    request: v1::LocalizeRequest,
+) -> Result<v1::LocalizeResponse, Status> {
+    Ok(server.optimization().localize(request).await?.into_inner())
+}
+
+#[test]
+fn a_lost_robot_is_told_where_it_is() {
+    const LOST: usize = 30;
+    let Made { sequence, point_of } = walk();
+    run(async {
+        let server = TestServer::lock_step().await;
+        server.create_map("room").await;
+        let (stream, _) = Stream::open(&server, "room", "robot", 0).await;
+        for (number, item) in (1..).zip(without(&sequence, LOST as i64)) {
+            stream.send(number, item).await;
+        }
+        assert!(stream.finish().await.unwrap().iter().all(|ack| ack.violations.is_empty()));
+        let answer = localize(&server, request(&sequence, LOST)).await.unwrap();
+
+        let found = answer.world_from_camera.unwrap();
+        let (t, q) = (found.translation.unwrap(), found.rotation.unwrap());
+        let found = pose(&[t.x, t.y, t.z, q.x, q.y, q.z, q.w]);
+        // In the frame of the map, by the keyframe before.
+        let before = state(&server, "room").await.poses[LOST - 1];
+        let step = sequence.truth[LOST - 1].inverse().compose(&sequence.truth[LOST]);
+        let error = before.compose(&step).inverse().compose(&found);
+        let (m, deg) = (error.translation.norm(), error.rotation.log().norm().to_degrees());
+        println!("{m:.3} m, {deg:.2} deg, {} inliers", answer.inliers.len());
+        assert!(m < 0.05 && deg < 2.0, "{m} m, {deg} deg");
+
+        assert_eq!(answer.covariance.as_ref().unwrap().upper_triangle.len(), 21);
+        assert!(answer.variance_factor >= 1.0);
+        let get = v1::GetMapRequest { map_id: "room".to_owned(), ..Default::default() };
+        let map = server.maps().get_map(get).await.unwrap().into_inner().map.unwrap();
+        assert_eq!(answer.revision, map.revision);
+        let (last, others) = answer.candidates.split_last().unwrap();
+        assert!(last.refusal.is_none() && others.iter().all(|other| other.refusal.is_some()));
+        assert!(last.score > 0.0 && last.match_count >= 12);
+        // Each inlier names a landmark that is the point which the feature shows.
+        assert!(answer.inliers.len() >= 30, "{}", answer.inliers.len());
+        let is_true = |inlier: &&v1::LocalizedFeature| {
+            let landmark = inlier.landmark.as_ref().unwrap();
+            let seen = sequence.observations[LOST][inlier.feature as usize][0] as i64;
+            landmark.client_id == "robot" && point_of[&landmark.id] == point_of[&seen]
+        };
+        let right = answer.inliers.iter().filter(is_true).count();
+        assert!(20 * right >= 19 * answer.inliers.len(), "{right} of {}", answer.inliers.len());
+        // The same again: nothing is drawn by chance, and nothing was changed.
+        assert_eq!(localize(&server, request(&sequence, LOST)).await.unwrap(), answer);
+
+        // A frozen map is read as any other.
+        let update = v1::UpdateMapRequest {
+            map_id: "room".to_owned(),
+            update_mask: Some(prost_types::FieldMask { paths: vec!["state".to_owned()] }),
+            state: v1::MapState::Frozen.into(),
+            ..Default::default()
+        };
+        server.maps().update_map(update).await.unwrap();
+        let answer = localize(&server, request(&sequence, LOST)).await.unwrap();
+        assert!(answer.world_from_camera.is_some());
+
+        // What nothing looks like, and what nobody described, is nowhere.
+        let mut strange = request(&sequence, LOST);
+        for (k, feature) in strange.features.iter_mut().enumerate() {
+            for byte in &mut feature.descriptor.as_mut().unwrap().data {
+                *byte = byte.wrapping_mul(k as u8 | 1) ^ 0x5a;
+            }
+        }
+        let mut silent = request(&sequence, LOST);
+        silent.features.iter_mut().for_each(|feature| feature.descriptor = None);
+        let features = Vec::new();
+        let blind = v1::LocalizeRequest { features, ..request(&sequence, LOST) };
+        for nowhere in [strange, silent, blind] {
+            let answer = localize(&server, nowhere).await.unwrap();
+            assert!(answer.world_from_camera.is_none() && answer.inliers.is_empty());
+            assert!(answer.covariance.is_none());
+            assert!(answer.candidates.iter().all(|candidate| candidate.refusal.is_some()));
+        }
+    });
+}
+
+#[test]
+fn each_bad_request_is_told_what_is_wrong() {
+    let sequence = walk().sequence;
+    let good = request(&sequence, 0);
+    run(async {
+        let server = TestServer::start().await;
+        let lost = localize(&server, good.clone()).await.unwrap_err();
+        check_status(&lost, Code::NotFound, "MAP_NOT_FOUND");
+        server.create_map("room").await;
+        // A map without keyframes.
+        let answer = localize(&server, good.clone()).await.unwrap();
+        assert!(answer.world_from_camera.is_none() && answer.candidates.is_empty());
+
+        let mut cases = Vec::new();
+        let mut case = |field: &'static str, reason, change: &dyn Fn(&mut v1::LocalizeRequest)| {
+            let mut bad = good.clone();
+            change(&mut bad);
+            cases.push((field, reason, bad));
+        };
+        case("map_id", "MISSING", &|bad| bad.map_id.clear());
+        case("camera", "MISSING", &|bad| bad.camera = None);
+        case("features[1].pixel", "MISSING", &|bad| bad.features[1].pixel = None);
+        case("features[2].pixel.y", "NOT_FINITE", &|bad| {
+            bad.features[2].pixel.as_mut().unwrap().y = f64::NAN;
+        });
+        case("features[0].sigma_px", "OUT_OF_RANGE", &|bad| {
+            bad.features[0].sigma_px = Some(0.0);
+        });
+        case("features[3].sigma_depth_m", "INCONSISTENT", &|bad| {
+            bad.features[3].sigma_depth_m = None
+        });
+        case("features[4].descriptor.kind", "MISSING", &|bad| {
+            bad.features[4].descriptor.as_mut().unwrap().kind = 0;
+        });
+        case("features[4].descriptor.data", "TOO_LARGE", &|bad| {
+            bad.features[4].descriptor.as_mut().unwrap().data = vec![0; 4097];
+        });
+        case("features", "TOO_LARGE", &|bad| {
+            bad.features = vec![bad.features[0].clone(); 4097];
+        });
+        for (field, reason, bad) in cases {
+            check_field(&localize(&server, bad).await.unwrap_err(), field, reason);
+        }
+        // As many as are taken, all alike, and descriptors that no index holds.
+        let most = vec![good.features[0].clone(); 4096];
+        let mut odd = good.clone();
+        for (k, feature) in odd.features.iter_mut().enumerate() {
+            feature.descriptor.as_mut().unwrap().data = vec![7; [0, 15, 513, 4096][k % 4]];
+        }
+        for extreme in [v1::LocalizeRequest { features: most, ..good.clone() }, odd] {
+            let answer = localize(&server, extreme).await.unwrap();
+            assert!(answer.world_from_camera.is_none());
+        }
+        let mut late = Request::new(good.clone());
+        late.set_timeout(Duration::from_nanos(1));
+        let late = server.optimization().localize(late).await.unwrap_err();
+        assert!(matches!(late.code(), Code::DeadlineExceeded | Code::Cancelled), "{late:?}");
+
+        let off = v1::PlaceRecognition { enabled: Some(false) };
+        let policy = v1::MapPolicy { place_recognition: Some(off), ..Default::default() };
+        server.create_map_with("without", policy).await;
+        let without = v1::LocalizeRequest { map_id: "without".to_owned(), ..good.clone() };
+        let refused = localize(&server, without).await.unwrap_err();
+        check_status(&refused, Code::FailedPrecondition, "NO_PLACE_RECOGNITION");
+
+        let server = TestServer::with_poisoned_map("room").await;
+        let answer = localize(&server, good).await.unwrap();
+        assert!(answer.world_from_camera.is_none(), "a poisoned map can be read");
+    });
+}
