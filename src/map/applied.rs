@@ -18,8 +18,8 @@ use nalgebra::Vector3;
 
 use super::window::is_well_placed;
 use super::{
-    AppliedSolve, ClientIndex, ClosureEdge, ConstraintKind, EntityId, GraphProblem, Keyframe, Map,
-    MapProblem, SolveKind, SwitchedOff,
+    AppliedSolve, ClientIndex, ClosureEdge, ConstraintKind, EntityId, GraphProblem, Keyframe,
+    Landmark, Map, MapProblem, SolveKind, SwitchedOff,
 };
 
 /// A problem whose values a solver has moved.
@@ -242,11 +242,31 @@ fn followers(
     poses: &BTreeMap<EntityId, Se3>,
     solved: &BTreeSet<EntityId>,
 ) -> Vec<(EntityId, Vector3<f64>)> {
+    let motion =
+        |(&id, new): (&EntityId, &Se3)| Some((id, motion(map.keyframes().get(&id)?, Some(new))?));
+    let motions = poses.iter().filter_map(motion);
+    // Where most keyframes move, one pass over all landmarks is several times faster than to look up
+    // those of each observation.
+    if 2 * poses.len() > map.keyframes().len() {
+        let motions: BTreeMap<EntityId, Se3> = motions.collect();
+        // Neighbors by id often have the same reference.
+        let mut last: Option<(EntityId, Option<&Se3>)> = None;
+        let moved = |(&id, landmark): (&EntityId, &Landmark)| {
+            let (reference, position) = (landmark.reference?, landmark.position?);
+            let motion = match last {
+                Some((known, motion)) if known == reference => motion,
+                _ => motions.get(&reference),
+            };
+            last = Some((reference, motion));
+            (!solved.contains(&id)).then_some(())?;
+            Some((id, motion?.transform(&position)))
+        };
+        return map.landmarks().iter().filter_map(moved).collect();
+    }
     let mut moved = Vec::new();
-    for (&id, new) in poses {
-        let Some(keyframe) = map.keyframes().get(&id) else { continue };
-        let Some(motion) = motion(keyframe, Some(new)) else { continue };
-        for observation in keyframe.observations.iter() {
+    for (id, motion) in motions {
+        let seen = map.keyframes().get(&id).into_iter().flat_map(|k| k.observations.iter());
+        for observation in seen {
             let Some(landmark) = map.landmarks().get(&observation.landmark) else { continue };
             if landmark.reference == Some(id)
                 && !solved.contains(&observation.landmark)
