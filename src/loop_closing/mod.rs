@@ -13,7 +13,7 @@ use std::collections::BTreeSet;
 use covis_solvers::geometric_verification::{
     self as verification, Feature, Input, InputError, Options, Proposed, Refusal, Verdict, Verified,
 };
-use covis_solvers::geometry::{Camera, LieGroup};
+use covis_solvers::geometry::{Camera, LieGroup, Se3};
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::point_matching::Likeness;
 use covis_solvers::relative_motion::PointEstimate;
@@ -85,8 +85,8 @@ pub fn indexed(keyframe: &Keyframe) -> (Vec<usize>, Vec<place::Feature<'_>>) {
     all.filter_map(|(at, seen)| Some((at, searchable(seen.descriptor.as_deref()?)?))).unzip()
 }
 
-/// The keyframes that are no candidates for the place of `keyframe`: itself and later ones, the last ones
-/// of its client before it, those that the pose graph or a closure joins with it already.
+/// The keyframes that are no candidates for the place of `keyframe`: itself, the last ones of its client
+/// before it, those that the pose graph or a closure joins with it already.
 #[must_use]
 pub fn excluded(map: &Map, keyframe: EntityId) -> BTreeSet<EntityId> {
     let mut excluded = BTreeSet::from([keyframe]);
@@ -113,6 +113,8 @@ pub fn excluded(map: &Map, keyframe: EntityId) -> BTreeSet<EntityId> {
 pub struct Located {
     /// The keyframe that shows it.
     pub keyframe: EntityId,
+    /// The pose of the view in the world, by the keyframe's current estimate.
+    pub world_from_view: Se3,
     /// The pose of the view in the frame of that keyframe, and what it rests on.
     pub verified: Verified,
     /// The landmarks of the inliers with the features that show them.
@@ -222,28 +224,29 @@ fn verify(
         Verdict::Same(verified) => {
             let landmark = |&(point, feature): &(usize, usize)| (around.landmarks[point], feature);
             let landmarks = verified.inliers.iter().map(landmark).collect();
-            Ok(Located { keyframe: candidate.keyframe, verified: *verified, landmarks })
+            let world_from_view =
+                keyframe.world_from_camera.compose(&verified.candidate_from_query);
+            let (keyframe, verified) = (candidate.keyframe, *verified);
+            Ok(Located { keyframe, world_from_view, verified, landmarks })
         }
     }
 }
 
-/// Searches the place of a keyframe among `candidates`, and makes a loop closure where one holds and the
+/// Searches the place of a keyframe, by what it sees, among `candidates`, and makes a loop closure where one holds and the
 /// way that the robot went does not exclude it. The closure has no id yet.
 #[must_use]
 pub fn close(
     map: &Map,
-    keyframe: EntityId,
+    (keyframe, view): (EntityId, &View<'_>),
     candidates: &[Candidate],
     interrupt: &Interrupt,
 ) -> (PlaceSearch, Option<Constraint>) {
-    let view = map.keyframes().get(&keyframe).and_then(|k| View::of_keyframe(map, k));
-    let Some(view) = view else { return (PlaceSearch::default(), None) };
     let accept = |candidate, verified: &Verified| {
         path::expected(map, candidate, keyframe, interrupt)
             .map_or(Ok(()), |expected| expected.is_met_by(verified))
     };
     let seed = keyframe.id as u64;
-    let (candidates, located) = locate(map, &view, candidates, (seed, interrupt), accept);
+    let (candidates, located) = locate(map, view, candidates, (seed, interrupt), accept);
     let closure = located.map(|located| Constraint {
         kind: ConstraintKind::LoopClosure,
         keyframe_i: located.keyframe,

@@ -2,7 +2,7 @@
 //! the geometric verification do the work; nothing of the map is changed.
 
 use covis_solvers::geometric_verification::Feature;
-use covis_solvers::geometry::{Camera, LieGroup};
+use covis_solvers::geometry::Camera;
 use covis_solvers::interrupt::Interrupt;
 
 use super::convert::camera::camera;
@@ -73,15 +73,15 @@ pub(super) fn run(
         candidates: candidates.iter().map(|c| to_place_candidate(map, c)).collect(),
         ..v1::LocalizeResponse::default()
     };
-    let Some(Located { keyframe, verified, landmarks }) = located else { return Ok(answer) };
-    let Some(keyframe) = map.keyframes().get(&keyframe) else { return Ok(answer) };
-    let pose = keyframe.world_from_camera.compose(&verified.candidate_from_query);
+    let Some(Located { world_from_view, verified, landmarks, .. }) = located else {
+        return Ok(answer);
+    };
     let inlier = |&(landmark, feature): &(_, usize)| v1::LocalizedFeature {
         feature: i32::try_from(feature).unwrap_or(i32::MAX),
         landmark: Some(to_landmark_ref(map, landmark)),
     };
     Ok(v1::LocalizeResponse {
-        world_from_camera: Some(to_rigid_transform(&pose)),
+        world_from_camera: Some(to_rigid_transform(&world_from_view)),
         covariance: to_covariance6(&verified.information),
         inliers: landmarks.iter().map(inlier).collect(),
         variance_factor: verified.variance_factor,

@@ -164,16 +164,17 @@ pub(in crate::service) fn to_rigid_transform2(transform: &Se2) -> v1::RigidTrans
 pub(in crate::service) fn to_upper_triangle<const N: usize>(
     information: &Information<N>,
 ) -> Vec<f64> {
-    let matrix = information.matrix();
+    upper_triangle(information.matrix())
+}
+
+fn upper_triangle<const N: usize>(matrix: &SMatrix<f64, N, N>) -> Vec<f64> {
     (0..N).flat_map(|row| (row..N).map(move |column| matrix[(row, column)])).collect()
 }
 
 /// The message of the covariance that an information is the inverse of; absent where there is none.
 pub(in crate::service) fn to_covariance6(information: &Information<6>) -> Option<v1::Covariance6> {
     let covariance = information.covariance().ok()?;
-    let matrix = covariance.matrix();
-    let upper = (0..6).flat_map(|row| (row..6).map(move |column| matrix[(row, column)]));
-    Some(v1::Covariance6 { upper_triangle: upper.collect() })
+    Some(v1::Covariance6 { upper_triangle: upper_triangle(covariance.matrix()) })
 }
 
 /// The message of a 6 × 6 information matrix.

@@ -23,18 +23,18 @@ use super::durability::{Durability, unix_time_ns};
 use super::error::report_bug;
 use super::handle::{Control, Reply, Shared};
 use super::ingest::Ingest;
-use super::pool::{SolvePanicked, panic_message};
+use super::pool::panic_message;
 use super::recognition::Recognition;
-use super::solve::{Job, Outcome, Solution};
-use super::solving::{Running, Solving, switched_off};
+use super::solve::Job;
+use super::solving::Solving;
 use super::touched::{Touched, size_of_change};
 use super::watch::Past;
 use super::watching::Watching;
 use super::{
-    EngineError, Fault, IngestStream, MapHandle, MapInfo, MapState, Opened, OptimizeOutcome,
-    Reservation, Resource, SolveReport, SolverPool, Watch,
+    EngineError, Fault, IngestStream, MapHandle, MapInfo, MapState, Opened, Reservation, Resource,
+    SolverPool, Watch,
 };
-use crate::map::{Cause, Change, ClientIndex, Event, Map, applied};
+use crate::map::{Cause, Change, ClientIndex, Event, Map};
 use crate::store::Position;
 
 /// Most entities of an item or an event that are handled on the task's own thread; a fold takes
@@ -307,91 +307,6 @@ impl Actor {
             Ok(()) => self.solving.request(job, self.ingest.is_lock_step()),
             Err(error) => job.answer(Err(error)),
         }
-    }
-
-    /// Starts the next solve, if none runs and one is due.
-    async fn start_solves(&mut self) {
-        if self.map.is_frozen() {
-            return;
-        }
-        let is_lock_step = self.ingest.is_lock_step();
-        while let Some(triggers) = self.solving.start_next(&self.map, is_lock_step).await {
-            self.optimized(&triggers, 0, &SolveReport::Nothing);
-        }
-    }
-
-    /// Closes triggers and sends the OPTIMIZED acks that this completes.
-    fn optimized(&mut self, triggers: &[u64], solve_id: i64, report: &SolveReport) {
-        let marks = self.solving.schedule.close(triggers);
-        self.ingest.optimized(marks, self.map.revision(), solve_id, report);
-    }
-
-    /// Handles the end of the running solve.
-    async fn solved(&mut self, outcome: Result<Outcome, SolvePanicked>) {
-        let (running, outcome) = match self.solving.take_ended(outcome) {
-            Ok(Some(ended)) => ended,
-            Ok(None) => return,
-            Err(panicked) => {
-                self.poison(&panicked.message);
-                return;
-            }
-        };
-        let (id, map) = (running.id, self.shared.name.clone());
-        let answer = match (outcome, running.is_job) {
-            (outcome, true) if self.solving.is_job_canceled() => {
-                self.pool.discard(outcome);
-                Err(EngineError::Cancelled { map })
-            }
-            (Err(error), true) => Err(EngineError::Solve(error)),
-            (Ok(None), true) => Err(EngineError::NothingToSolve { map }),
-            (Err(error), false) => {
-                return self.optimized(&running.triggers, id, &SolveReport::Failed { error });
-            }
-            (Ok(None), false) => {
-                return self.optimized(&running.triggers, 0, &SolveReport::Nothing);
-            }
-            // The job is kept while its result is applied, so that a bug there ends it with an
-            // error.
-            (Ok(Some(solution)), _) => self.apply(&running, solution).await,
-        };
-        if running.is_job {
-            self.solving.answer_job(answer);
-        }
-    }
-
-    /// Commits a solution as the map's newest revision and acknowledges it. If that fails, the
-    /// streams end.
-    async fn apply(
-        &mut self,
-        running: &Running,
-        solution: Solution,
-    ) -> Result<OptimizeOutcome, EngineError> {
-        let Solution { moved, certificate, counts, proof } = solution;
-        let costs = (certificate.solve.initial_cost, certificate.solve.final_cost);
-        if costs.1.is_finite() {
-            let covered = self.solving.schedule.preview(&running.triggers);
-            let kind = running.kind;
-            let solve = self.compute(move |map| applied(map, moved.solved(), kind, covered, costs));
-            let solve = solve.await;
-            if let Err(error) = self.commit(None, Change::SolveApplied { solve }).await {
-                tracing::warn!(%error, solve = running.id, "a solve could not be applied");
-                self.ingest.end_all(&error);
-                self.solving.schedule.clear();
-                return Err(error);
-            }
-        } else {
-            // The map keeps its estimates; the certificate reports the numerical failure.
-            self.pool.discard(moved);
-        }
-        let certificate = Arc::new(certificate);
-        let report = SolveReport::Solved(Arc::clone(&certificate));
-        self.optimized(&running.triggers, running.id, &report);
-        let switched_off = match running.is_job {
-            true => self.compute(switched_off).await,
-            false => Vec::new(),
-        };
-        let (revision, solve_id) = (self.map.revision(), running.id);
-        Ok(OptimizeOutcome { certificate, revision, solve_id, counts, proof, switched_off })
     }
 
     /// Acknowledges what has become durable. If the journal has failed, the map accepts no further

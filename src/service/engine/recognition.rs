@@ -140,7 +140,8 @@ fn find(
             match places.candidates(map, &view, interrupt, is_excluded) {
                 Err(error) => (refused(not_indexed(&error)), None),
                 Ok(candidates) => {
-                    let (mut search, closure) = close(map, keyframe, &candidates, interrupt);
+                    let (mut search, closure) =
+                        close(map, (keyframe, &view), &candidates, interrupt);
                     search.refusal = places.refusal(keyframe);
                     (search, closure)
                 }
