@@ -162,6 +162,28 @@ impl Client {
         answer("DeleteMap", self.map_service().delete_map(self.timed(request)).await).map(drop)
     }
 
+    /// Makes a map part of another one.
+    ///
+    /// # Errors
+    /// The codes of `MergeMaps`.
+    pub async fn merge_maps(
+        &self,
+        request: v1::MergeMapsRequest,
+    ) -> Result<v1::MergeMapsResponse, ClientError> {
+        answer("MergeMaps", self.map_service().merge_maps(request).await)
+    }
+
+    /// Takes a map out of the one that it was merged into.
+    ///
+    /// # Errors
+    /// The codes of `UndoMerge`.
+    pub async fn undo_merge(
+        &self,
+        request: v1::UndoMergeRequest,
+    ) -> Result<v1::UndoMergeResponse, ClientError> {
+        answer("UndoMerge", self.map_service().undo_merge(request).await)
+    }
+
     /// The poses of a map's keyframes, of one client or (`None`) of all.
     ///
     /// # Errors

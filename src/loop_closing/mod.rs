@@ -6,6 +6,7 @@
 //! view and candidates. [Decision 0025](../../docs/decisions/0025-closing-loops.md) says what is believed
 //! of the odometry. No async and no clock; nothing is changed here.
 
+mod alignment;
 mod path;
 
 use std::collections::BTreeSet;
@@ -18,6 +19,8 @@ use covis_solvers::interrupt::Interrupt;
 use covis_solvers::point_matching::Likeness;
 use covis_solvers::relative_motion::PointEstimate;
 use nalgebra::Vector2;
+
+pub use alignment::{Alignment, NotAligned, align};
 
 use crate::map::{
     Constraint, ConstraintKind, Descriptor, DescriptorKind, EntityId, Keyframe, Map, Observation,

@@ -20,15 +20,15 @@ use crate::map::{EntityId, Map, near_pairs};
 
 /// Drift of the position by the length of the way, where keyframes measure depth: several times what
 /// visual odometry reaches (0.5 to 1 % in the KITTI benchmark), and what handheld cameras that shake do.
-const DRIFT: f64 = 0.03;
+pub(super) const DRIFT: f64 = 0.03;
 /// The same without depth, where the scale drifts too.
 const DRIFT_OF_SCALE: f64 = 0.2;
 /// Drift of the rotation by the length of the way, rad/m, and by the angle that was turned: the former is
 /// three times the 0.05°/m of good visual odometry, the latter an error of the focal length of 1 %.
-const TURN_BY_LENGTH: f64 = 0.003;
+pub(super) const TURN_BY_LENGTH: f64 = 0.003;
 const TURN_BY_ANGLE: f64 = 0.01;
 /// What is left at no way at all, m and rad: two keyframes of one place are no better known.
-const LEAST: (f64, f64) = (0.05, 0.02);
+pub(super) const LEAST: (f64, f64) = (0.05, 0.02);
 /// A turn of a radian counts as much as this many meters where the shortest way is searched.
 const METERS_PER_RADIAN: f64 = 1.0;
 

@@ -71,6 +71,8 @@ pub fn affected(map: &Map, change: &Change) -> Option<Affected> {
         | Change::PlacesSearched { .. }
         | Change::SolveApplied { .. }
         | Change::KeyframeRetired { .. }
+        | Change::MapMerged { .. }
+        | Change::MapTakenOut { .. }
         | Change::ItemRepeated
         | Change::PolicySet { .. }
         | Change::MapUpdated { .. } => return None,

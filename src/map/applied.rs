@@ -198,8 +198,8 @@ fn late_poses(
     start_revision: i64,
     solved: &BTreeMap<EntityId, Se3>,
 ) -> Vec<(EntityId, Se3)> {
-    let since = start_revision.saturating_add(1)..=i64::MAX;
-    let late = map.by_age.range(since).map(|(_, &id)| id);
+    let since = (start_revision.saturating_add(1), EntityId::MIN);
+    let late = map.by_age.entries_from(since).map(|(&(_, id), ())| id);
     let late: Vec<(EntityId, &Keyframe)> =
         late.filter_map(|id| Some((id, map.keyframes().get(&id)?))).collect();
     let clients: BTreeSet<ClientIndex> = late.iter().map(|(id, _)| id.client).collect();

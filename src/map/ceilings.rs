@@ -383,7 +383,9 @@ impl Map {
             Change::LandmarksFused { kept, absorbed } => {
                 NEW_ITEM + self.growth_by_fusing(*kept, absorbed)
             }
-            Change::Created { .. }
+            Change::MapMerged { merge } => merge.content.usage(),
+            Change::MapTakenOut { .. }
+            | Change::Created { .. }
             | Change::ClientOpened { .. }
             | Change::LandmarksTriangulated { .. }
             | Change::SolveApplied { .. }

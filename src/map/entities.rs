@@ -39,6 +39,19 @@ pub struct Client {
 pub const MAX_NUMBER: i64 = 1 << 62;
 
 impl Client {
+    /// A client without items.
+    pub(super) fn new(name: &str, epoch: i64) -> Self {
+        Self {
+            name: name.to_owned(),
+            epoch,
+            next_sequence: 1,
+            optimized_sequence: 0,
+            unsolved: None,
+            closure_variance: 1.0,
+            items: SharedMap::default(),
+        }
+    }
+
     /// Its newest epoch as far as it fences others: one above [`MAX_NUMBER`], which an earlier version
     /// took, fences none, because no later one could follow it.
     #[must_use]

@@ -7,8 +7,8 @@ use covis_solvers::geometry::{Camera, Se3};
 use nalgebra::Vector3;
 
 use super::{
-    CameraEntity, ClientIndex, Comparison, Constraint, Digest, EntityId, MapPolicy, Observation,
-    PlaceSearch, Prior, SwitchedOff,
+    CameraEntity, ClientIndex, Comparison, Constraint, Digest, EntityId, MapPolicy, Merge,
+    Observation, PlaceSearch, Prior, SwitchedOff,
 };
 
 /// One step of a map.
@@ -108,6 +108,7 @@ impl Change {
                 | Self::KeyframeRetired { .. }
                 | Self::LandmarksRemoved { .. }
                 | Self::LandmarksFused { .. }
+                | Self::MapTakenOut { .. }
         )
     }
 }
@@ -241,6 +242,17 @@ pub enum Change {
     ConstraintRevoked {
         /// Which.
         id: EntityId,
+    },
+    /// Another map became part of this one.
+    MapMerged {
+        /// Its content.
+        merge: Box<Merge>,
+    },
+    /// A map that had become part of this one left it: the clients that came with it, with all that is
+    /// theirs.
+    MapTakenOut {
+        /// See [`MergedMap::name`](super::MergedMap::name).
+        name: String,
     },
     /// An item repeated what the map already holds, under another sequence: only the sequence is new,
     /// so that the client's acknowledged sequences have no gap.

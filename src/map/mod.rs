@@ -23,6 +23,7 @@ mod fold;
 mod ids;
 mod item;
 mod keyframe_pairs;
+mod merging;
 mod observations;
 mod parts;
 mod place_searches;
@@ -57,6 +58,7 @@ pub use ids::{ClientIndex, EntityId};
 pub(crate) use item::is_valid_camera;
 pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, PartialItem, Place};
 pub use keyframe_pairs::{GraphPairs, PairInput, later_observers, near_pairs, pair_input};
+pub use merging::{Link, Merge, MergeError, MergedClient, MergedMap};
 pub use observations::Observations;
 pub use parts::MapParts;
 pub use place_searches::{PlaceCandidate, PlaceRefusal, PlaceSearch, PlaceSearches};
@@ -105,6 +107,7 @@ pub struct Map {
     duplicates: Duplicates,
     place_searches: PlaceSearches,
     adjustment_due: bool,
+    merged: Vec<MergedMap>,
     /// The constraints and priors of each keyframe.
     ties: Ties,
     covisibility: Covisibility,
@@ -112,7 +115,7 @@ pub struct Map {
     /// Memory of the observations' descriptors.
     descriptor_bytes: u64,
     /// The keyframes by the revision that added them.
-    by_age: SharedMap<i64, EntityId>,
+    by_age: SharedMap<(i64, EntityId), ()>,
     /// The landmarks that no keyframe sees, by the revision that added them.
     unseen: SharedMap<(i64, EntityId), ()>,
     /// Solves that were applied.

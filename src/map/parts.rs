@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 
 use super::{
     CameraEntity, Client, Constraint, Content, Covisibility, Digest, Duplicates, EntityId,
-    EntityKind, Keyframe, Landmark, Map, MapError, MapPolicy, PlaceSearches, Prior, SharedMap,
-    SwitchedOff, Ties,
+    EntityKind, Keyframe, Landmark, Map, MapError, MapPolicy, MergedMap, PlaceSearches, Prior,
+    SharedMap, SwitchedOff, Ties,
 };
 
 /// What a map consists of. [`Landmark::observers`] is not read: it follows from the keyframes.
@@ -50,6 +50,8 @@ pub struct MapParts {
     pub place_searches: PlaceSearches,
     /// See [`Map::is_adjustment_due`].
     pub adjustment_due: bool,
+    /// See [`Map::merged`].
+    pub merged: Vec<MergedMap>,
     /// See [`Map::contents`].
     pub contents: SharedMap<(Content, EntityId), Digest>,
 }
@@ -88,12 +90,14 @@ impl Map {
             duplicates: self.duplicates.clone(),
             place_searches: self.place_searches.clone(),
             adjustment_due: self.adjustment_due,
+            merged: self.merged.clone(),
             contents: self.contents.clone(),
         }
     }
 
     /// The map as it begins on a server that imports it: created at this time by the server's clock,
-    /// with another display name and policy where they are given. The rest stays as it is.
+    /// with another display name and policy where they are given. That maps were merged into it is not
+    /// known there: their names may be those of other maps. The rest stays as it is.
     #[must_use]
     pub fn imported(
         mut self,
@@ -104,6 +108,7 @@ impl Map {
         (self.create_time_ns, self.update_time_ns) = (create_time_ns, create_time_ns);
         self.display_name = display_name.unwrap_or(self.display_name);
         self.policy = policy.unwrap_or(self.policy);
+        self.merged.clear();
         self
     }
 
@@ -130,13 +135,13 @@ impl Map {
             duplicates,
             place_searches,
             adjustment_due,
+            merged,
             contents,
         } = parts;
         let unknown = |kind, id| MapError::Unknown { revision, kind, id };
         landmarks.values_mut().for_each(|landmark| landmark.observers.clear());
         let mut observation_count = 0;
         let mut descriptor_bytes = 0;
-        let mut by_age = SharedMap::default();
         // By rising id, so that each list of observers is sorted.
         for (&id, keyframe) in &keyframes {
             if let Some(camera) = keyframe.camera.filter(|camera| !cameras.contains_key(camera)) {
@@ -144,7 +149,6 @@ impl Map {
             }
             observation_count += keyframe.observations.len() as u64;
             descriptor_bytes += super::ceilings::descriptor_bytes(&keyframe.observations);
-            by_age.insert(keyframe.added_revision, id);
             for observation in keyframe.observations.iter() {
                 let seen = observation.landmark;
                 let landmark = landmarks.get_mut(&seen);
@@ -171,6 +175,10 @@ impl Map {
         if let Some(id) = joined.into_iter().find(|id| !landmarks.contains_key(id)) {
             return Err(unknown(EntityKind::Landmark, id));
         }
+        let mut by_age: Vec<_> =
+            keyframes.iter().map(|(&id, k)| ((k.added_revision, id), ())).collect();
+        by_age.sort_unstable();
+        let by_age = by_age.into_iter().collect();
         let unseen = landmarks.iter().filter(|(_, landmark)| landmark.observers.is_empty());
         let mut unseen: Vec<_> = unseen.map(|(&id, l)| ((l.added_revision, id), ())).collect();
         unseen.sort_unstable();
@@ -197,6 +205,7 @@ impl Map {
             duplicates,
             place_searches,
             adjustment_due,
+            merged,
             ties,
             covisibility,
             observation_count,

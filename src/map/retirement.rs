@@ -63,7 +63,7 @@ pub fn retire(map: &Map) -> Option<Retired> {
 /// The keyframes that may be removed, oldest first.
 fn candidates(map: &Map) -> impl Iterator<Item = EntityId> + '_ {
     let mut gone: BTreeMap<_, usize> = BTreeMap::new();
-    map.by_age.values().copied().filter(move |id| {
+    map.by_age.keys().map(|&(_, id)| id).filter(move |id| {
         let gone = gone.entry(id.client).or_default();
         let all = EntityId::new(id.client, i64::MIN)..=EntityId::new(id.client, i64::MAX);
         let needed = PROTECTED + *gone + 1;

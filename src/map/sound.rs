@@ -59,9 +59,6 @@ impl Map {
             let is_valid = is_valid_camera(&entity.camera);
             check(is_valid, EntityKind::Camera, id, "has parameters that are not possible")?;
         }
-        // Two keyframes of one age would be one in the order of ages.
-        let ages = self.by_age.len() == self.keyframes.len();
-        check_map(ages, "two keyframes were added at one revision")?;
         self.keyframes.iter().try_for_each(|(&id, keyframe)| self.keyframe(id, keyframe))?;
         self.landmarks.iter().try_for_each(|(&id, landmark)| self.landmark(id, landmark))?;
         self.constraints_are_sound()?;
@@ -79,6 +76,9 @@ impl Map {
             )?;
         }
         self.searches_are_sound()?;
+        let clients = self.merged.iter().flat_map(|merged| &merged.clients);
+        let known = clients.into_iter().all(|client| self.client(client.index).is_some());
+        check_map(known, "a merged map has a client that is not possible")?;
         for &(content, id) in self.contents.keys() {
             let (kind, is_known) = match content {
                 Content::Camera => (EntityKind::Camera, self.cameras.contains_key(&id)),

@@ -117,7 +117,7 @@ async fn opened(
         max_message_bytes: count(context.config.max_message_bytes),
         limits: Some(to_limits(&snapshot.policy().ceilings, queued(snapshot.policy(), waiting))),
         lock_step: opened.lock_step,
-        map_uid: map.uid().to_owned(),
+        map_uid: map.ingest_uid().to_owned(),
         optimized_sequence: opened.optimized_sequence,
     })
 }

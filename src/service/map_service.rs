@@ -7,13 +7,14 @@ use std::sync::Arc;
 
 use tonic::{Request, Response, Status, Streaming};
 
-use super::access::{Caller, deletion, shown};
+use super::access::{Caller, change, shown};
 use super::connections::Peer;
-use super::context::{Answers, Context, Messages, Rpcs, unserved};
+use super::context::{Answers, Context, Messages, Rpcs};
+use super::convert::geometry::to_rigid_transform;
 use super::convert::map::{display_name, policy, to_map};
-use super::convert::{Path, convert, ids, update};
-use super::deadline::{CancelOnDrop, call_time};
-use super::engine::{Estimate, MapHandle, PoolError, Resource};
+use super::convert::{Path, convert, count, ids, merge, update};
+use super::deadline::{CancelOnDrop, call_time, solve_deadline};
+use super::engine::{Estimate, MapHandle, MergeOutcome, PoolError, Resource};
 use super::error::ServiceError;
 use super::watch::{Resolution, Wanted};
 use super::{export, import, listing, watch};
@@ -98,6 +99,50 @@ impl Rpcs {
         lines?.ok_or(ServiceError::Gone)
     }
 
+    async fn merge(
+        &self,
+        request: Request<v1::MergeMapsRequest>,
+    ) -> Result<v1::MergeMapsResponse, ServiceError> {
+        let (caller, deadline) = (Caller::of(&request)?, solve_deadline(&request, 0));
+        let peer = request.extensions().get().map(Peer::address);
+        let request = request.into_inner();
+        let map_id = request.source_map_id.clone();
+        let merge = convert(|out| merge::merge(request, &caller, out))?;
+        // A merge that has begun goes on where the caller is gone.
+        let cancel = CancelOnDrop::default();
+        let merged = self.context.maps.merge(merge, cancel.interrupt(deadline)).await;
+        let merged = merged.map_err(ServiceError::from);
+        change("MergeMaps", &caller, peer, &map_id, &merged);
+        let MergeOutcome { map, target_from_source, closures } = merged?;
+        let queued = self.context.config.engine.queue_capacity;
+        Ok(v1::MergeMapsResponse {
+            map: Some(to_map(&map, queued)),
+            target_from_source: Some(to_rigid_transform(&target_from_source)),
+            closure_count: count(closures),
+        })
+    }
+
+    async fn undo(
+        &self,
+        request: Request<v1::UndoMergeRequest>,
+    ) -> Result<v1::UndoMergeResponse, ServiceError> {
+        let caller = Caller::of(&request)?;
+        let peer = request.extensions().get().map(Peer::address);
+        let request = request.into_inner();
+        let (map_id, source) = convert(|out| {
+            let map_id = ids::map_id(&request.map_id, out);
+            let source = ids::name(Path::root("source_map_id"), &request.source_map_id, out);
+            Some((map_id?, source?))
+        })?;
+        let (into, from) = (caller.engine_name(&map_id), caller.engine_name(&source));
+        let undone = self.context.maps.undo_merge(&into, &from).await.map_err(ServiceError::from);
+        change("UndoMerge", &caller, peer, &source, &undone);
+        let (map, source) = undone?;
+        let queued = self.context.config.engine.queue_capacity;
+        let (map, source) = (Some(to_map(&map, queued)), Some(to_map(&source, queued)));
+        Ok(v1::UndoMergeResponse { map, source })
+    }
+
     fn map(&self, caller: &Caller, map_id: &str) -> Result<MapHandle, ServiceError> {
         let map_id = convert(|out| ids::map_id(map_id, out))?;
         Ok(self.context.maps.get(&caller.engine_name(&map_id))?)
@@ -159,7 +204,7 @@ impl MapService for Rpcs {
             let deleted = self.context.maps.delete(&caller.engine_name(&map_id)).await;
             let deleted = deleted.map_err(ServiceError::from);
             let peer = request.extensions().get().map(Peer::address);
-            deletion(&caller, peer, &map_id, &deleted);
+            change("DeleteMap", &caller, peer, &map_id, &deleted);
             deleted.map(|()| v1::DeleteMapResponse {})
         };
         self.context.answer("DeleteMap", handler).await
@@ -167,9 +212,16 @@ impl MapService for Rpcs {
 
     async fn merge_maps(
         &self,
-        _request: Request<v1::MergeMapsRequest>,
+        request: Request<v1::MergeMapsRequest>,
     ) -> Result<Response<v1::MergeMapsResponse>, Status> {
-        unserved("MergeMaps")
+        self.context.answer("MergeMaps", self.merge(request)).await
+    }
+
+    async fn undo_merge(
+        &self,
+        request: Request<v1::UndoMergeRequest>,
+    ) -> Result<Response<v1::UndoMergeResponse>, Status> {
+        self.context.answer("UndoMerge", self.undo(request)).await
     }
 
     type ExportMapStream = Answers<v1::ExportMapResponse>;

@@ -13,7 +13,7 @@ use crate::wire::v1;
 use v1::server_service_server::ServerService;
 
 /// What is served, sorted; listed in docs/wire.md.
-const FEATURES: [&str; 41] = [
+const FEATURES: [&str; 42] = [
     "export.colmap-binary",
     "export.colmap-text",
     "export.covis",
@@ -43,6 +43,7 @@ const FEATURES: [&str; 41] = [
     "map.list-constraints",
     "map.list-keyframes",
     "map.list-place-searches",
+    "map.merge",
     "map.place-recognition",
     "map.update",
     "map.watch",

@@ -15,7 +15,7 @@ use tonic_types::{ErrorDetails, FieldViolation, StatusExt};
 use super::engine::EngineError;
 use super::error::ServiceError;
 use super::random::random_id;
-use crate::map::{Reason, Rejection};
+use crate::map::{MergeError, Reason, Rejection};
 use crate::store::StoreError;
 use crate::wire::v1::ViolationReason;
 
@@ -25,6 +25,8 @@ const DOMAIN: &str = "covis";
 const RETRY_FULL: Duration = Duration::from_secs(1);
 /// Retry delay while a server opens its maps.
 const RETRY_STARTING: Duration = Duration::from_secs(1);
+/// Retry delay while a map moves into another one.
+const RETRY_MOVING: Duration = Duration::from_millis(100);
 /// Retry delay while a server shuts down and another may replace it.
 const RETRY_DRAINING: Duration = Duration::from_secs(2);
 
@@ -173,6 +175,36 @@ fn engine(error: EngineError) -> Parts {
         EngineError::Frozen { map } => {
             parts(Code::FailedPrecondition, "MAP_FROZEN").with("map_id", map)
         }
+        EngineError::Moving { map } => {
+            parts(Code::Unavailable, "MAP_MOVING").with("map_id", map).retry(RETRY_MOVING)
+        }
+        EngineError::MergedAway { map, into } => parts(Code::FailedPrecondition, "MAP_MERGED")
+            .with("map_id", map)
+            .with("merged_into", into),
+        EngineError::NotMerged { map, source_map: _ } => {
+            parts(Code::NotFound, "NOT_MERGED").with("map_id", map)
+        }
+        EngineError::NotAligned { map, error: _ } => {
+            parts(Code::FailedPrecondition, "NOT_ALIGNED").with("map_id", map)
+        }
+        EngineError::CannotMerge { map, error: MergeError::Content(_) } => {
+            bug(None, &message).with("map_id", map)
+        }
+        EngineError::CannotMerge { map, error } => {
+            let reason = match &error {
+                MergeError::Anchors => "ANCHOR_IN_USE",
+                MergeError::ClientInBoth { .. } => "CLIENT_IN_BOTH",
+                MergeError::UnknownClient { .. } | MergeError::NameTwice { .. } => {
+                    return parts(Code::InvalidArgument, "INCONSISTENT")
+                        .violation("renamed_clients", "INCONSISTENT", &message)
+                        .with("map_id", map);
+                }
+                MergeError::Content(_) => "BUG",
+            };
+            parts(Code::FailedPrecondition, reason).with("map_id", map)
+        }
+        EngineError::NoSuchKeyframe { .. } => parts(Code::InvalidArgument, "UNKNOWN_REFERENCE")
+            .violation("constraints", "UNKNOWN_REFERENCE", &message),
         EngineError::NoPlaceRecognition { map } => {
             parts(Code::FailedPrecondition, "NO_PLACE_RECOGNITION").with("map_id", map)
         }

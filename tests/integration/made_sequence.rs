@@ -225,14 +225,24 @@ impl Course {
     pub(crate) fn make(&self, seed: u64) -> Made {
         let mut rng = seeded(seed);
         let points = self.points(&mut rng);
+        self.walked(&points, &mut rng)
+    }
+
+    /// A robot of `seed` that walks here, where the points are those of another seed.
+    pub(crate) fn walk_of(&self, points: u64, seed: u64) -> Made {
+        let points = self.points(&mut seeded(points));
+        self.walked(&points, &mut seeded(seed))
+    }
+
+    fn walked(&self, points: &[Point], rng: &mut impl rand::Rng) -> Made {
         let truth = self.truth();
         let [focal, depth_scale] =
-            normal_vector::<2>(&mut rng, self.calibration_error).map(|error| 1.0 + error).into();
+            normal_vector::<2>(rng, self.calibration_error).map(|error| 1.0 + error).into();
         let PinholeRadialTangential { fx, fy, cx, cy, .. } = pinhole();
         let model = PinholeRadialTangential::undistorted(focal * fx, focal * fy, cx, cy);
         let device = Device { camera: Camera::Pinhole(model), depth_scale };
         let seen: Vec<Vec<Seen>> =
-            truth.iter().map(|pose| self.views(&points, pose, &device, &mut rng)).collect();
+            truth.iter().map(|pose| self.views(points, pose, &device, rng)).collect();
         let camera = Camera::Pinhole(pinhole());
         let mut odometry = vec![(0.0, truth[0])];
         for (k, views) in seen.windows(2).enumerate() {
@@ -242,7 +252,7 @@ impl Course {
             let motion = measure(&camera, &matches, &start).unwrap();
             odometry.push((0.1 * (k + 1) as f64, odometry[k].1.compose(&motion.a_from_b)));
         }
-        let (closures, matches) = self.close(&truth, &points, &seen, &mut rng);
+        let (closures, matches) = self.close(&truth, points, &seen, rng);
         let mut last_seen: BTreeMap<usize, (usize, i64)> = BTreeMap::new();
         let mut point_of = BTreeMap::new();
         let mut observations = Vec::new();

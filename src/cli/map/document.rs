@@ -24,6 +24,8 @@ pub(super) struct Document {
     switched_off_constraints: i64,
     size_bytes: i64,
     clients: Vec<ClientDocument>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    merged_maps: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     landmark_bounds: Option<[[f64; 3]; 2]>,
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
@@ -89,6 +91,7 @@ impl From<v1::Map> for Document {
                     next_sequence: c.next_sequence,
                 })
                 .collect(),
+            merged_maps: map.merged_maps.into_iter().map(|merged| merged.map_id).collect(),
             landmark_bounds: bounds.and_then(|b| Some([corner(b.min)?, corner(b.max)?])),
             digests: None,
         }
@@ -143,6 +146,9 @@ pub(super) fn details(map: &Document) -> String {
     for c in &map.clients {
         let text = format!("{}, epoch {}, goes on at {}", c.client, c.epoch, c.next_sequence);
         rows.push(("client", text));
+    }
+    if !map.merged_maps.is_empty() {
+        rows.push(("merged maps", map.merged_maps.join(", ")));
     }
     let lines: Vec<String> =
         rows.into_iter().map(|(name, value)| format!("{name:<13} {value}")).collect();

@@ -2,7 +2,7 @@
 //!
 //! Everything goes through [`crate::client`]. `document.rs` prints a map, `export.rs` and `files.rs`
 //! move maps to and from files, `constraints.rs` lists what ties keyframes, `closures.rs` where loops were
-//! found, `edit.rs` changes what a map holds.
+//! found, `edit.rs` changes what a map holds, `merge.rs` makes one of two maps.
 
 mod closures;
 mod constraints;
@@ -10,6 +10,7 @@ mod document;
 mod edit;
 mod export;
 mod files;
+mod merge;
 
 use std::path::PathBuf;
 
@@ -67,6 +68,15 @@ enum Action {
     },
     /// Change or remove what a map holds.
     Edit(edit::Args),
+    /// Make a map part of another one that shows the same places.
+    Merge(merge::Args),
+    /// Take a map out of the one that it was merged into.
+    Unmerge {
+        /// The map that the other one is part of.
+        target: String,
+        /// The map that is taken out.
+        source: String,
+    },
     /// Delete a map with its journal.
     Delete {
         /// The map.
@@ -121,6 +131,8 @@ async fn act(Args { action, json }: Args, config: &Config) -> anyhow::Result<()>
             export::export(&client, name, format, &out, json).await
         }
         Action::Import(args) => files::import(&client, args, json).await,
+        Action::Merge(args) => merge::merge(&client, args, json).await,
+        Action::Unmerge { target, source } => merge::undo(&client, target, source, json).await,
         Action::Edit(edit) => edit::run(edit, &client, json).await,
     }
 }

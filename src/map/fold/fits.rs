@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 
 use super::super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, Comparison, Constraint, EntityId, EntityKind,
-    Event, Map, MapError, NewLandmark, Observation, Prior, Retired,
+    Event, Map, MapError, Merge, MergedClient, NewLandmark, Observation, Prior, Retired,
 };
 
 fn finite(vector: &Vector3<f64>) -> bool {
@@ -130,6 +130,11 @@ impl Fit<'_> {
                 searches.iter().try_for_each(|(keyframe, _)| self.keyframe(*keyframe))?;
                 self.new_constraints(closures)
             }
+            Change::MapMerged { merge } => self.merge(merge),
+            Change::MapTakenOut { name } => {
+                let is_known = self.map.merged.iter().any(|merged| merged.name == *name);
+                self.present(is_known, EntityKind::Client, EntityId::MIN)
+            }
             Change::KeyframeRemoved { keyframe } => self.keyframe(*keyframe),
             Change::KeyframeRetired { retired } => self.retired(retired),
             Change::ConstraintRevoked { id } => {
@@ -171,6 +176,50 @@ impl Fit<'_> {
             self.keyframe(constraint.keyframe_i)?;
             self.keyframe(constraint.keyframe_j)?;
             let measured = constraint.keyframe_i_from_keyframe_j.is_finite();
+            self.finite(measured, EntityKind::Constraint, *id)?;
+        }
+        Ok(())
+    }
+
+    fn merge(&self, merge: &Merge) -> Outcome {
+        let content = &*merge.content;
+        let client = |index| EntityId { client: index, id: 0 };
+        let mut next = self.map.clients.len();
+        let mut taken = BTreeSet::new();
+        for (MergedClient { index, .. }, new) in merge.clients.iter().zip(content.clients()) {
+            let kind = EntityKind::Client;
+            self.absent(taken.insert(*index), kind, client(*index))?;
+            match self.map.client_named(&new.name) {
+                Some(known) => {
+                    let is_free = known == *index && self.map.is_without_content(known);
+                    self.absent(is_free, kind, client(*index))?;
+                }
+                None => {
+                    self.present(index.0 as usize == next, kind, client(*index))?;
+                    next += 1;
+                }
+            }
+        }
+        let is_whole = merge.clients.len() == content.clients().len();
+        self.present(is_whole, EntityKind::Client, client(ClientIndex(0)))?;
+        for (&id, keyframe) in content.keyframes() {
+            self.pose(id, &keyframe.world_from_camera)?;
+        }
+        let positions = content.landmarks().iter().filter_map(|(id, l)| Some((id, l.position?)));
+        for (&id, position) in positions {
+            self.finite(finite(&position), EntityKind::Landmark, id)?;
+        }
+        let added: BTreeSet<EntityId> =
+            content.keyframes().keys().map(|&id| merge.id_of(id)).collect();
+        let constraints = content.constraints().keys().chain(content.priors().keys());
+        let mut new: BTreeSet<EntityId> = constraints.map(|&id| merge.id_of(id)).collect();
+        for (id, closure) in &merge.closures {
+            self.new_constraint(*id)?;
+            self.absent(new.insert(*id), EntityKind::Constraint, *id)?;
+            self.keyframe(closure.keyframe_i)?;
+            let end = closure.keyframe_j;
+            self.present(added.contains(&end), EntityKind::Keyframe, end)?;
+            let measured = closure.keyframe_i_from_keyframe_j.is_finite();
             self.finite(measured, EntityKind::Constraint, *id)?;
         }
         Ok(())

@@ -9,6 +9,7 @@
 
 mod edits;
 mod fits;
+mod merging;
 
 use super::ceilings::descriptor_bytes;
 use super::digest::{self, Content};
@@ -82,7 +83,7 @@ impl Map {
                     added_revision: self.revision,
                 };
                 self.keyframes.insert(*id, keyframe);
-                self.by_age.insert(self.revision, *id);
+                self.by_age.insert((self.revision, *id), ());
                 self.add_observations(*id, observations);
             }
             Change::LandmarksAdded { landmarks } => self.add_landmarks(landmarks),
@@ -126,6 +127,8 @@ impl Map {
             Change::KeyframeRemoved { keyframe } => self.remove_keyframe(*keyframe),
             Change::KeyframeRetired { retired } => self.retire(retired),
             Change::ConstraintRevoked { id } => self.revoke(*id),
+            Change::MapMerged { merge } => self.merge(merge),
+            Change::MapTakenOut { name } => self.take_out(name),
             // The cause contains everything.
             Change::ItemRepeated => {}
             Change::PolicySet { policy } => self.set_policy(*policy),
@@ -153,15 +156,7 @@ impl Map {
                 client.epoch = epoch;
                 client.drop_unusable_sequences();
             }
-            None => self.clients.push(Client {
-                name: name.to_owned(),
-                epoch,
-                next_sequence: 1,
-                optimized_sequence: 0,
-                unsolved: None,
-                closure_variance: 1.0,
-                items: Default::default(),
-            }),
+            None => self.clients.push(Client::new(name, epoch)),
         }
     }
 
@@ -291,7 +286,7 @@ impl Map {
         let Some(keyframe) = self.keyframes.remove(&id) else { return };
         self.observation_count -= keyframe.observations.len() as u64;
         self.descriptor_bytes -= descriptor_bytes(&keyframe.observations);
-        self.by_age.remove(&keyframe.added_revision);
+        self.by_age.remove(&(keyframe.added_revision, id));
         self.place_searches.remove(id);
         for observation in keyframe.observations.iter() {
             self.forget_observer(observation.landmark, id);

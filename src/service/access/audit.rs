@@ -1,4 +1,4 @@
-//! The record of deletions and refusals: log lines with target `audit`, which `COVIS_LOG` filters like any other
+//! The record of deletions, merges and refusals: log lines with target `audit`, which `COVIS_LOG` filters like any other
 //! but which the command line keeps on by default. They name the token's owner, never the token.
 
 use std::net::SocketAddr;
@@ -8,17 +8,18 @@ use super::{Caller, Role};
 use crate::service::error::ServiceError;
 use crate::service::log_limit::LogLimit;
 
-/// Who deleted which map, and whether it worked.
-pub(in crate::service) fn deletion(
+/// Who deleted, merged or took apart which map, and whether it worked.
+pub(in crate::service) fn change<T>(
+    action: &str,
     caller: &Caller,
     peer: Option<SocketAddr>,
     map: &str,
-    result: &Result<(), ServiceError>,
+    result: &Result<T, ServiceError>,
 ) {
-    let outcome = if result.is_ok() { "deleted" } else { "failed" };
+    let outcome = if result.is_ok() { "done" } else { "failed" };
     let peer = peer.map(|peer| peer.to_string()).unwrap_or_default();
     let (token, tenant) = (caller.token(), caller.tenant());
-    tracing::info!(target: "audit", action = "DeleteMap", map, tenant, token, peer, outcome);
+    tracing::info!(target: "audit", action, map, tenant, token, peer, outcome);
 }
 
 /// Refusals. Anybody can cause any number of them, so that a flood is logged as a sum. Strangers

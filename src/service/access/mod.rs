@@ -36,7 +36,7 @@ use jwks::Keys;
 use jwt::Refusal;
 use tokens::Tokens;
 
-pub(super) use audit::deletion;
+pub(super) use audit::change;
 pub(super) use guard::Guarded;
 pub use jwt::JwtOptions;
 use rights::Proof;

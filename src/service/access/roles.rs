@@ -102,6 +102,7 @@ mod tests {
                 "/covis.v1.JobService/DeleteJob",
                 "/covis.v1.MapService/DeleteMap",
                 "/covis.v1.MapService/MergeMaps",
+                "/covis.v1.MapService/UndoMerge",
             ]
         );
         for listed in READ.iter().chain(&WRITE).filter(|path| path.starts_with("/covis")) {

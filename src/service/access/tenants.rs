@@ -89,21 +89,28 @@ pub(in crate::service) fn shown(engine_name: &str) -> &str {
 
 /// The error as the map's tenant may read it.
 pub(in crate::service) fn hide_tenant(mut error: EngineError) -> EngineError {
-    if let Some(map) = map_of(&mut error) {
+    for map in maps_of(&mut error).into_iter().flatten() {
         *map = shown(map).to_owned();
     }
     error
 }
 
-/// The map that an error names.
-fn map_of(error: &mut EngineError) -> Option<&mut String> {
-    match error {
+/// The maps that an error names.
+fn maps_of(error: &mut EngineError) -> [Option<&mut String>; 2] {
+    let map = match error {
+        EngineError::MergedAway { map, into: other }
+        | EngineError::NotMerged { map, source_map: other } => {
+            return [Some(map), Some(other)];
+        }
         EngineError::MapNotFound { map }
         | EngineError::MapExists { map }
         | EngineError::Poisoned { map }
         | EngineError::Frozen { map }
         | EngineError::AnchorInUse { map }
         | EngineError::NoPlaceRecognition { map }
+        | EngineError::Moving { map }
+        | EngineError::NotAligned { map, .. }
+        | EngineError::CannotMerge { map, .. }
         | EngineError::RevisionMismatch { map, .. }
         | EngineError::EpochFenced { map, .. }
         | EngineError::OptimizationRunning { map }
@@ -134,11 +141,13 @@ fn map_of(error: &mut EngineError) -> Option<&mut String> {
             | StoreError::NotEmpty { .. },
         )
         | EngineError::Solve(_)
+        | EngineError::NoSuchKeyframe { .. }
         | EngineError::ShuttingDown
         | EngineError::TenantCeiling { .. }
         | EngineError::Threads { .. }
         | EngineError::Bug { .. } => None,
-    }
+    };
+    [map, None]
 }
 
 #[cfg(test)]

@@ -4,11 +4,11 @@
 //! Nothing here changes a map.
 
 use super::entities::{clients_by_name, to_client_frame};
-use super::geometry::{geodetic, to_geodetic, to_vector3};
+use super::geometry::{geodetic, to_geodetic, to_rigid_transform, to_vector3};
 use super::solve::{gauge, loss, robustness, to_gauge, to_loss, to_robustness};
 use super::time::timestamp;
 use super::{Path, Violations, count, small};
-use crate::map::{Ceilings, Map, MapPolicy, Reason, WhenFull};
+use crate::map::{Ceilings, Map, MapPolicy, MergedMap, Reason, WhenFull};
 use crate::service::access::shown;
 use crate::service::engine::{MapInfo, MapState};
 use crate::store::Durability;
@@ -233,6 +233,16 @@ pub(in crate::service) fn to_map(info: &MapInfo, queued_items: usize) -> v1::Map
         clients: clients_by_name(map).into_iter().map(|(_, c)| to_client(map, c)).collect(),
         uid: info.uid.clone(),
         adjustment_due: map.is_adjustment_due() && map.policy().closure_adjustment,
+        merged_maps: map.merged().iter().map(|merged| to_merged(map, merged)).collect(),
+    }
+}
+
+fn to_merged(map: &Map, merged: &MergedMap) -> v1::MergedMap {
+    let clients = merged.clients.iter().filter_map(|client| map.client(client.index));
+    v1::MergedMap {
+        map_id: shown(&merged.name).to_owned(),
+        target_from_source: Some(to_rigid_transform(&merged.target_from_source)),
+        client_ids: clients.map(|client| client.name.clone()).collect(),
     }
 }
 

@@ -13,6 +13,7 @@ pub(super) mod geometry;
 pub(super) mod ids;
 pub(super) mod item;
 pub(super) mod map;
+pub(super) mod merge;
 pub(super) mod problem;
 pub(super) mod solve;
 pub(super) mod time;

@@ -179,7 +179,8 @@ impl Actor {
             Control::Info { reply } => {
                 let _gone = reply.send(self.info());
             }
-            Control::Open { client, epoch, lock_step, handle, reply } => {
+            Control::Open { client, merged, epoch, lock_step, handle, reply } => {
+                let client = self.named_here(client, merged.as_deref());
                 let _gone = reply.send(self.open_stream(client, epoch, lock_step, handle).await);
             }
             Control::Watch { from_revision, handle, reply } => {
@@ -188,6 +189,15 @@ impl Actor {
             Control::Optimize(job) => self.optimize(*job),
             Control::Update { update, reply } => {
                 let _gone = reply.send(self.update(update).await);
+            }
+            Control::Leave { reply } => {
+                let _gone = reply.send(self.leave().await);
+            }
+            Control::Join { joining, reply } => {
+                let _gone = reply.send(self.join(*joining).await);
+            }
+            Control::TakeOut { name, reply } => {
+                let _gone = reply.send(self.take_out(name).await);
             }
             Control::Delete { reply } => {
                 let map = &self.shared.name;
@@ -237,10 +247,10 @@ impl Actor {
     }
 
     /// Refuses streams and solves of a map that is not open.
-    fn check_open(&self) -> Result<(), EngineError> {
+    pub(super) fn check_open(&self) -> Result<(), EngineError> {
         self.check_changeable()?;
         if self.map.is_frozen() {
-            return Err(EngineError::Frozen { map: self.shared.name.clone() });
+            return Err(self.shared.frozen_error());
         }
         Ok(())
     }

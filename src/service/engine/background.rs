@@ -85,6 +85,8 @@ impl Background {
             Change::ConstraintRevoked { .. }
                 | Change::KeyframeRemoved { .. }
                 | Change::DuplicatesSplit { .. }
+                | Change::MapMerged { .. }
+                | Change::MapTakenOut { .. }
                 | Change::PolicySet { .. }
                 | Change::MapUpdated { .. }
         );

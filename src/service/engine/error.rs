@@ -7,7 +7,8 @@ use std::hash::{BuildHasher, RandomState};
 
 use covis_solvers::problem::SolveError;
 
-use crate::map::MapError;
+use crate::loop_closing::NotAligned;
+use crate::map::{MapError, MergeError};
 use crate::store::StoreError;
 
 /// A refused call or the end of a stream.
@@ -36,6 +37,55 @@ pub enum EngineError {
     Frozen {
         /// The map.
         map: String,
+    },
+    /// The map is becoming part of another one, or was taken out of one: its name soon leads to it.
+    #[error("map {map:?} is moving into or out of another map: try again")]
+    Moving {
+        /// The map.
+        map: String,
+    },
+    /// The map became part of another one.
+    #[error("map {map:?} was merged into map {into:?}")]
+    MergedAway {
+        /// The map.
+        map: String,
+        /// The map that it is part of.
+        into: String,
+    },
+    /// A merge that is to be undone was not made, or was undone already.
+    #[error("map {source_map:?} is not merged into map {map:?}")]
+    NotMerged {
+        /// The target.
+        map: String,
+        /// The source.
+        source_map: String,
+    },
+    /// It is not known where a map lies in the one that is to take it.
+    #[error("it cannot be told where map {map:?} lies in the target: {error}")]
+    NotAligned {
+        /// The source.
+        map: String,
+        /// What was found.
+        error: NotAligned,
+    },
+    /// The content of a map does not fit the one that is to take it.
+    #[error("map {map:?} cannot be merged: {error}")]
+    CannotMerge {
+        /// The source.
+        map: String,
+        /// Why.
+        error: MergeError,
+    },
+    /// A constraint is not between keyframes of two maps.
+    #[error(
+        "keyframes {} of client {:?} and {} of client {:?} are not one of each map",
+        .keyframe_i.1, .keyframe_i.0, .keyframe_j.1, .keyframe_j.0
+    )]
+    NoSuchKeyframe {
+        /// One of them, by client and id.
+        keyframe_i: (String, i64),
+        /// The other one.
+        keyframe_j: (String, i64),
     },
     /// The map's policy has no place recognition.
     #[error("map {map:?} recognizes no places: its policy has place_recognition off")]

@@ -15,6 +15,7 @@ use tracing::Span;
 use super::durability::sequence_of;
 use super::error::report_bug;
 use super::measured_pairs::MeasuredPairs;
+use super::merging::{Joining, Left, MergedName};
 use super::places::Places;
 use super::solve::Job;
 use super::stream::Queued;
@@ -88,6 +89,8 @@ pub(super) enum Control {
     },
     Open {
         client: String,
+        /// Under which name the map was found, where that is the name of a map that became part of it.
+        merged: Option<Arc<MergedName>>,
         epoch: i64,
         lock_step: bool,
         handle: MapHandle,
@@ -102,6 +105,20 @@ pub(super) enum Control {
     Update {
         update: MapUpdate,
         reply: Reply<Result<MapInfo, EngineError>>,
+    },
+    /// Freezes the map, which another one is to take.
+    Leave {
+        reply: Reply<Result<MapInfo, EngineError>>,
+    },
+    /// Takes the content of another map.
+    Join {
+        joining: Box<Joining>,
+        reply: Reply<Result<MapInfo, EngineError>>,
+    },
+    /// Makes a map of what came with a merge, and lets go of it.
+    TakeOut {
+        name: String,
+        reply: Reply<Result<Left, EngineError>>,
     },
     Delete {
         reply: Reply<Result<(), EngineError>>,
@@ -131,6 +148,8 @@ pub(super) struct Shared {
     pub(super) condition: Mutex<Condition>,
     /// Whether the map is frozen by request.
     pub(super) frozen: AtomicBool,
+    /// Whether it is frozen because another map takes its content.
+    pub(super) moving: AtomicBool,
     /// The store from which watchers read the journal.
     pub(super) store: Arc<dyn Store>,
     /// Limits how many watchers read journals at once.
@@ -196,6 +215,8 @@ pub struct MapHandle {
     pub(super) shared: Arc<Shared>,
     pub(super) items: mpsc::Sender<Queued>,
     pub(super) control: mpsc::Sender<Control>,
+    /// The name by which the map was found, where that is the name of a map that became part of it.
+    pub(super) merged: Option<Arc<MergedName>>,
 }
 
 impl fmt::Debug for MapHandle {
@@ -216,6 +237,13 @@ impl MapHandle {
     #[must_use]
     pub fn uid(&self) -> &str {
         &self.shared.uid
+    }
+
+    /// The uid that clients of an ingest stream know: of a map that became part of this one, whose name
+    /// the caller used, it is that map's own, because all that it acknowledged is here.
+    #[must_use]
+    pub fn ingest_uid(&self) -> &str {
+        self.merged.as_ref().map_or(&self.shared.uid, |merged| &merged.uid)
     }
 
     /// The resources that the map holds, and their limits.
@@ -267,8 +295,8 @@ impl MapHandle {
         epoch: i64,
         lock_step: bool,
     ) -> Result<IngestStream, EngineError> {
-        let handle = self.clone();
-        self.call(|reply| Control::Open { client, epoch, lock_step, handle, reply }).await?
+        let (handle, merged) = (self.clone(), self.merged.clone());
+        self.call(|reply| Control::Open { client, merged, epoch, lock_step, handle, reply }).await?
     }
 
     /// Watches the map, from the full state or from a revision that the caller holds.

@@ -94,6 +94,9 @@ impl Maps {
         for name in self.inner.store.list_maps().await? {
             self.reopen(name).await;
         }
+        for map in self.list() {
+            self.lead_merged(&map).await;
+        }
         Ok(())
     }
 
@@ -213,10 +216,16 @@ impl Maps {
         let Some(handle) = claim.map().cloned() else {
             return Err(EngineError::MapNotFound { map: name.to_owned() });
         };
+        if handle.merged.is_some() {
+            let (map, into) = (name.to_owned(), handle.name().to_owned());
+            return Err(EngineError::MergedAway { map, into });
+        }
+        let table = self.inner.table.clone();
         run_to_end(async move {
             handle.call(|reply| Control::Delete { reply }).await??;
             claim.set(None);
             drop(claim);
+            table.forget_merged(&handle);
             tracing::info!(map = handle.name(), "map deleted");
             Ok(())
         })
@@ -315,9 +324,29 @@ impl Table {
         self.lock().get(name).and_then(|entry| entry.map.clone())
     }
 
-    /// The maps by name.
+    /// The maps by name, each once.
     pub(super) fn list(&self) -> Vec<MapHandle> {
-        self.lock().values().filter_map(|entry| entry.map.clone()).collect()
+        let maps = self.lock();
+        let maps = maps.values().filter_map(|entry| entry.map.clone());
+        maps.filter(|map| map.merged.is_none()).collect()
+    }
+
+    /// Names that lead to one map lead to another one.
+    pub(super) fn redirect(&self, from: &MapHandle, to: &MapHandle) {
+        let mut entries = self.lock();
+        let leading = entries.values_mut().filter_map(|entry| entry.map.as_mut());
+        for map in leading.filter(|map| map.merged.is_some() && map.is_same_map(from)) {
+            *map = map.redirected(to);
+        }
+    }
+
+    /// A map is deleted: names that lead to it are free.
+    fn forget_merged(&self, map: &MapHandle) {
+        let leads = |entry: &Entry| {
+            let leading = entry.map.as_ref().filter(|other| other.merged.is_some());
+            leading.is_some_and(|other| other.is_same_map(map)) && entry.change.is_none()
+        };
+        self.lock().retain(|_, entry| !leads(entry));
     }
 
     /// Adds a map that was found in the store.

@@ -147,7 +147,10 @@ impl MeasuredPairs {
             | Change::ObservationsRemoved { .. }
             | Change::LandmarksFused { .. }
             | Change::LandmarksRemoved { .. }
-            | Change::KeyframeRemoved { .. } => self.known().all_changed = revision,
+            | Change::KeyframeRemoved { .. }
+            // Ids of what has gone may come again.
+            | Change::MapMerged { .. }
+            | Change::MapTakenOut { .. } => self.known().all_changed = revision,
             Change::Created { .. }
             | Change::ItemRepeated
             | Change::PolicySet { .. }

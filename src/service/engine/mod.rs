@@ -42,6 +42,7 @@ mod ingest;
 mod items;
 mod maps;
 mod measured_pairs;
+mod merging;
 mod meters;
 mod opening;
 mod places;
@@ -65,6 +66,7 @@ pub use error::EngineError;
 pub use handle::{MapHandle, MapInfo, MapState, MapUpdate, PolicyUpdate};
 pub use importing::{ImportRoom, ImportedAs};
 pub use maps::Maps;
+pub use merging::{LinkRequest, MergeOutcome, MergeRequest};
 pub use meters::{EngineMeters, MapCounts, QueuedSolve, SolveMeters};
 pub use pool::{Estimate, PoolError, SolvePanicked, SolverPool, lower_priority};
 pub use solve::{

@@ -100,7 +100,12 @@ impl Maps {
                     Ok(start) => start,
                 };
                 unopened.stop().await;
-                claim.set(start.map(|start| maps.spawn_existing(start)));
+                let opened = start.map(|start| maps.spawn_existing(start));
+                claim.set(opened.clone());
+                drop(claim);
+                if let Some(opened) = opened {
+                    maps.lead_merged(&opened).await;
+                }
                 tracing::info!(map = name, "a map could be opened at last");
                 return;
             }
@@ -172,6 +177,7 @@ impl Maps {
             meters: Arc::clone(&self.inner.meters),
             condition: Mutex::new(start.condition),
             frozen: AtomicBool::new(start.map.is_frozen()),
+            moving: AtomicBool::new(false),
             store: Arc::clone(store),
             history: Arc::clone(&self.inner.history),
             pairs: Arc::default(),
@@ -201,13 +207,13 @@ impl Maps {
         };
         let meters = Arc::clone(&shared.meters);
         tokio::spawn(meters.measure(actor.run()).instrument(span));
-        MapHandle { shared, items: item_queue, control: control_queue }
+        MapHandle { shared, items: item_queue, control: control_queue, merged: None }
     }
 }
 
 /// Half a SHA-256 of name and creation time, in hex. It stays the same after a restart and differs
 /// for a map that was deleted and created again.
-fn uid(name: &str, create_time_ns: i64) -> String {
+pub(super) fn uid(name: &str, create_time_ns: i64) -> String {
     let mut hash = Sha256::new();
     hash.update(create_time_ns.to_le_bytes());
     hash.update(name.as_bytes());

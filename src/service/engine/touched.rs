@@ -34,6 +34,11 @@ impl Touched {
         {
             touched.removed(*id, map);
         }
+        if let Change::MapTakenOut { name } = change {
+            let going = map.merged().iter().filter(|merged| merged.name == *name);
+            touched.clients.extend(going.flat_map(|merged| &merged.clients).map(|c| c.index));
+            touched.of_clients(map);
+        }
         if change.changes_others() {
             let removed = touched.landmarks.iter();
             let others = removed.flat_map(|&id| map.duplicates().group(id)).collect::<Vec<_>>();
@@ -50,7 +55,19 @@ impl Touched {
             | Change::ItemRepeated
             | Change::PolicySet { .. }
             | Change::MapUpdated { .. }
+            | Change::MapTakenOut { .. }
             | Change::ClientOpened { .. } => {}
+            Change::MapMerged { merge } => {
+                let at = |id: &EntityId| merge.id_of(*id);
+                let content = &merge.content;
+                self.clients.extend(merge.clients.iter().map(|client| client.index));
+                self.cameras.extend(content.cameras().keys().map(at));
+                self.keyframes.extend(content.keyframes().keys().map(at));
+                self.landmarks.extend(content.landmarks().keys().map(at));
+                self.constraints.extend(content.constraints().keys().map(at));
+                self.constraints.extend(content.priors().keys().map(at));
+                self.constraints.extend(merge.closures.iter().map(|&(id, _)| id));
+            }
             Change::CameraSet { id, .. } => {
                 self.cameras.insert(*id);
             }
@@ -116,6 +133,20 @@ impl Touched {
         self.constraints.extend(map.ties().of(keyframe));
     }
 
+    /// Adds all that belongs to its clients, and what their keyframes see and are tied to.
+    fn of_clients(&mut self, map: &Map) {
+        let clients = self.clients.clone();
+        let is_own = |id: &&EntityId| clients.contains(&id.client);
+        self.cameras.extend(map.cameras().keys().filter(is_own));
+        self.landmarks.extend(map.landmarks().keys().filter(is_own));
+        self.constraints.extend(map.constraints().keys().filter(is_own));
+        self.constraints.extend(map.priors().keys().filter(is_own));
+        for &id in map.keyframes().keys().filter(is_own) {
+            self.keyframes.insert(id);
+            self.removed(id, map);
+        }
+    }
+
     /// How many ids it has.
     pub(super) fn len(&self) -> usize {
         self.cameras.len()
@@ -165,7 +196,9 @@ pub(super) fn size_of_change(change: &Change) -> usize {
         | Change::KeyframeRemoved { .. }
         | Change::KeyframeRetired { .. }
         | Change::LandmarksFused { .. }
-        | Change::LandmarksRemoved { .. } => UNKNOWN_SIZE,
+        | Change::LandmarksRemoved { .. }
+        | Change::MapMerged { .. }
+        | Change::MapTakenOut { .. } => UNKNOWN_SIZE,
         Change::Created { .. }
         | Change::ItemRepeated
         | Change::PolicySet { .. }

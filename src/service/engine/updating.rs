@@ -34,7 +34,7 @@ impl Actor {
         }
         self.commit(None, Change::MapUpdated { display_name, policy, frozen }).await?;
         if frozen == Some(true) {
-            let error = EngineError::Frozen { map: self.shared.name.clone() };
+            let error = self.shared.frozen_error();
             self.solving.pause(&error);
             self.recognition.cancel();
             self.background.cancel();
@@ -42,6 +42,7 @@ impl Actor {
         }
         if let Some(frozen) = frozen {
             self.shared.frozen.store(frozen, Ordering::Relaxed);
+            self.shared.moving.fetch_and(frozen, Ordering::Relaxed);
             let map = &self.shared.name;
             tracing::info!(map, frozen, "the map's state was changed");
         }

@@ -162,6 +162,7 @@ impl Watch {
                 self.changed().await?;
             }
             self.signal.borrow_and_update();
+            self.handle.check_name()?;
             let info = self.handle.info().await?;
             let (revision, state) = (info.snapshot.revision(), info.state);
             self.fold(revision).await;

@@ -9,6 +9,7 @@ use super::entities::{
     encode_observations, encode_policy, encode_pose, encode_prior, encode_switched_off,
     encode_vector, required_id,
 };
+use super::merging::{decode_merge, encode_merge};
 use super::places::{decode_search, encode_search};
 use super::v1::event::Change as Wire;
 use super::{EncodingError, required, v1};
@@ -97,6 +98,8 @@ pub(super) fn encode_change(change: &Change) -> Wire {
             searches: searches.iter().map(|(id, search)| encode_search(*id, search)).collect(),
             closures: closures.iter().map(|(id, c)| encode_constraint(*id, c)).collect(),
         }),
+        Change::MapMerged { merge } => Wire::MapMerged(encode_merge(merge)),
+        Change::MapTakenOut { name } => Wire::MapTakenOut(v1::MapTakenOut { name: name.clone() }),
         Change::LandmarksRemoved { landmarks } => {
             let landmarks = landmarks.iter().copied().map(encode_id).collect();
             Wire::LandmarksRemoved(v1::LandmarksRemoved { landmarks })
@@ -190,6 +193,8 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
         }
         Wire::ConstraintRevoked(id) => Change::ConstraintRevoked { id: decode_id(id) },
         Wire::ItemRepeated(v1::ItemRepeated {}) => Change::ItemRepeated,
+        Wire::MapMerged(merge) => Change::MapMerged { merge: Box::new(decode_merge(merge)?) },
+        Wire::MapTakenOut(v1::MapTakenOut { name }) => Change::MapTakenOut { name },
         Wire::PolicySet(policy) => Change::PolicySet { policy: decode_policy(Some(policy))? },
         Wire::MapUpdated(v1::MapUpdated { display_name, policy, frozen }) => Change::MapUpdated {
             display_name,

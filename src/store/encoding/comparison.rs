@@ -144,6 +144,7 @@ fn is_head(read: &MapParts, map: &Map) -> bool {
         && read.duplicates == *map.duplicates()
         && read.adjustment_due == map.is_adjustment_due()
         && read.place_searches == *map.place_searches()
+        && read.merged == map.merged()
         && read.clients.len() == map.clients().len()
         && read.clients.iter().zip(map.clients()).all(client)
 }

@@ -10,6 +10,7 @@ mod clients;
 mod comparison;
 mod entities;
 mod event;
+mod merging;
 mod places;
 mod snapshot;
 

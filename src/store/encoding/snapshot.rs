@@ -15,6 +15,7 @@ use super::entities::{
     encode_pose, encode_prior, encode_switched_off, encode_vector, required_id,
 };
 use super::event::decode_digest;
+use super::merging::{decode_merged, encode_merged};
 use super::places::{decode_pending, decode_search, encode_pending, encode_search};
 use super::{EncodingError, decode, decode_known, required, v1};
 use crate::map::{
@@ -216,6 +217,7 @@ fn head(map: &Map) -> v1::MapHead {
         frozen: map.is_frozen(),
         adjustment_due: map.is_adjustment_due(),
         unsolved_closures: map.place_searches().unsolved(),
+        merged: map.merged().iter().map(encode_merged).collect(),
     }
 }
 
@@ -355,6 +357,7 @@ fn take_part(parts: &mut MapParts, part: v1::MapPart) -> Result<(), EncodingErro
         parts.frozen = head.frozen;
         parts.adjustment_due = head.adjustment_due;
         parts.place_searches.set_unsolved(head.unsolved_closures);
+        parts.merged = head.merged.into_iter().map(decode_merged).collect::<Result<_, _>>()?;
     }
     for client in part.clients {
         parts.clients.push(decode_client(client)?);

@@ -1,5 +1,6 @@
 //! Encoding is exact for every kind of change and for whole maps; what is not known is refused.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use covis_solvers::geometry::{
@@ -15,9 +16,9 @@ use super::{EncodingError, compare_map, decode_event, decode_map, encode_event, 
 use crate::map::{
     Affected, AppliedSolve, CameraEntity, Cause, Ceilings, Change, Client, ClientIndex,
     ClosureRobustness, Comparison, Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind,
-    EntityId, Event, Gauge, Map, MapParts, MapPolicy, NewLandmark, Observation, PlaceCandidate,
-    PlaceRefusal, PlaceSearch, Prior, Retired, SharedMap, SolveKind, SwitchedOff, ToSolve,
-    Unsolved, WhenFull,
+    EntityId, Event, Gauge, Link, Map, MapParts, MapPolicy, NewLandmark, Observation,
+    PlaceCandidate, PlaceRefusal, PlaceSearch, Prior, Retired, SharedMap, SolveKind, SwitchedOff,
+    ToSolve, Unsolved, WhenFull,
 };
 
 fn id(id: i64) -> EntityId {
@@ -283,6 +284,8 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
         Change::MapUpdated { display_name: None, policy: None, frozen: Some(false) },
         Change::MapUpdated { display_name: Some("Hof".into()), policy: None, frozen: None },
     ];
+    let merges = merges(&changes);
+    let changes = changes.into_iter().chain(merges);
     let cause = |revision: i64, change: &Change| {
         let from_client = matches!(
             change,
@@ -303,6 +306,52 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
             Event { revision, time_ns: 7 * revision, cause, change }
         })
         .collect()
+}
+
+/// Another map comes, goes and comes again.
+fn merges(changes: &[Change]) -> Vec<Change> {
+    let event = |(revision, change): (i64, &Change)| {
+        let change = change.clone();
+        Event { revision, time_ns: 7 * revision, cause: None, change }
+    };
+    let target: Vec<Event> = (1..).zip(changes).map(event).collect();
+    let mut target = Map::replay(target.iter()).unwrap();
+    let created = Change::Created {
+        policy: MapPolicy::default(),
+        create_time_ns: 11,
+        display_name: "Garten".to_owned(),
+    };
+    let opened = Change::ClientOpened { name: "mower".to_owned(), epoch: 2 };
+    let alone = Change::KeyframeAdded {
+        id: id(5),
+        capture_time_ns: -3,
+        camera: None,
+        world_from_camera: pose(0.25),
+        odom_from_camera: pose(-0.0),
+        observations: Vec::new(),
+        landmarks: vec![NewLandmark { id: id(6), position: Some(Vector3::new(1.0, 2.0, 3.0)) }],
+    };
+    let source: Vec<Event> = (1..).zip(&[created, opened, alone]).map(event).collect();
+    let source = Map::replay(source.iter()).unwrap();
+    let link = Link {
+        target: id(10),
+        source: id(5),
+        target_from_source: pose(0.75),
+        information: Information::identity(),
+    };
+    let names = BTreeMap::from([("mower".to_owned(), "mower-2".to_owned())]);
+    let mut changes = Vec::new();
+    for links in [vec![link], Vec::new()] {
+        let merge = target.merge_of(("garden", &source), pose(1.5), &names, &links).unwrap();
+        let out = Change::MapTakenOut { name: "garden".to_owned() };
+        for change in [Change::MapMerged { merge: Box::new(merge) }, out] {
+            target.apply(&event((target.revision() + 1, &change))).unwrap();
+            changes.push(change);
+        }
+    }
+    // The last one stays.
+    changes.truncate(3);
+    changes
 }
 
 fn bytes_of(event: &Event) -> Vec<u8> {
@@ -326,7 +375,7 @@ fn every_change_comes_back_bit_for_bit() {
     }
     let kinds: std::collections::HashSet<_> =
         every_change().iter().map(|event| std::mem::discriminant(&event.change)).collect();
-    assert_eq!(kinds.len(), 22, "each kind of change is in the list");
+    assert_eq!(kinds.len(), 24, "each kind of change is in the list");
     let decoded =
         every_change().iter().map(|e| decode_event(&bytes_of(e)).unwrap()).collect::<Vec<_>>();
     assert_eq!(Map::replay(decoded.iter()).unwrap().state_hash(), replayed().state_hash());

@@ -1303,6 +1303,9 @@ pub struct Map {
     /// the next closure; false where MapPolicy.closure_adjustment is. Output only.
     #[prost(bool, tag = "12")]
     pub adjustment_due: bool,
+    /// The maps that became part of it, in the order of the merges. Output only.
+    #[prost(message, repeated, tag = "13")]
+    pub merged_maps: ::prost::alloc::vec::Vec<MergedMap>,
 }
 impl ::prost::Name for Map {
     const NAME: &'static str = "Map";
@@ -1312,6 +1315,29 @@ impl ::prost::Name for Map {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.Map".into()
+    }
+}
+/// A map that became part of another one.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct MergedMap {
+    /// Its map_id, which leads to the other one.
+    #[prost(string, tag = "1")]
+    pub map_id: ::prost::alloc::string::String,
+    /// Pose of its world frame in that of the map, as it was at the merge.
+    #[prost(message, optional, tag = "2")]
+    pub target_from_source: ::core::option::Option<RigidTransform>,
+    /// The clients that came with it, by their names in the map.
+    #[prost(string, repeated, tag = "3")]
+    pub client_ids: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
+}
+impl ::prost::Name for MergedMap {
+    const NAME: &'static str = "MergedMap";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.MergedMap".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.MergedMap".into()
     }
 }
 /// What a map holds. Removed entities do not count.
@@ -3362,15 +3388,20 @@ pub struct MergeMapsRequest {
     /// Takes the content. Required.
     #[prost(string, tag = "1")]
     pub target_map_id: ::prost::alloc::string::String,
-    /// Is emptied and deleted. Required.
+    /// Becomes part of the target; not the target. Required.
     #[prost(string, tag = "2")]
     pub source_map_id: ::prost::alloc::string::String,
-    /// Pose of the source's world frame in the target's. Default: found from shared places.
+    /// Pose of the source's world frame in the target's. Default: by the constraints, else found from
+    /// places that both maps show.
     #[prost(message, optional, tag = "3")]
     pub target_from_source: ::core::option::Option<RigidTransform>,
-    /// Constraints between keyframes of both, to refine the transform.
+    /// Relative poses between keyframes of both, at most 1024. They become loop closures. Their id, kind and
+    /// loss are not read; the keyframes' client_id is required, by its name in its map.
     #[prost(message, repeated, tag = "4")]
     pub constraints: ::prost::alloc::vec::Vec<RelativePoseConstraint>,
+    /// New names of clients of the source. Required for those that the target has too.
+    #[prost(message, repeated, tag = "5")]
+    pub renamed_clients: ::prost::alloc::vec::Vec<RenamedClient>,
 }
 impl ::prost::Name for MergeMapsRequest {
     const NAME: &'static str = "MergeMapsRequest";
@@ -3382,15 +3413,38 @@ impl ::prost::Name for MergeMapsRequest {
         "/covis.v1.MergeMapsRequest".into()
     }
 }
+/// A client that gets another name.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct RenamedClient {
+    /// The name in the source. Required.
+    #[prost(string, tag = "1")]
+    pub client_id: ::prost::alloc::string::String,
+    /// The name in the target. Required.
+    #[prost(string, tag = "2")]
+    pub new_client_id: ::prost::alloc::string::String,
+}
+impl ::prost::Name for RenamedClient {
+    const NAME: &'static str = "RenamedClient";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.RenamedClient".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.RenamedClient".into()
+    }
+}
 /// See MergeMaps.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct MergeMapsResponse {
     /// The target after the merge.
     #[prost(message, optional, tag = "1")]
     pub map: ::core::option::Option<Map>,
-    /// The transform that was used.
+    /// The transform that was used; the closures refine where the clients' keyframes lie.
     #[prost(message, optional, tag = "2")]
     pub target_from_source: ::core::option::Option<RigidTransform>,
+    /// Loop closures between both maps that the merge added. 0 where an earlier call had merged them.
+    #[prost(int64, tag = "3")]
+    pub closure_count: i64,
 }
 impl ::prost::Name for MergeMapsResponse {
     const NAME: &'static str = "MergeMapsResponse";
@@ -3400,6 +3454,46 @@ impl ::prost::Name for MergeMapsResponse {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.MergeMapsResponse".into()
+    }
+}
+/// See UndoMerge.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct UndoMergeRequest {
+    /// The map that the other one is part of. Required.
+    #[prost(string, tag = "1")]
+    pub map_id: ::prost::alloc::string::String,
+    /// The map that is taken out. Required.
+    #[prost(string, tag = "2")]
+    pub source_map_id: ::prost::alloc::string::String,
+}
+impl ::prost::Name for UndoMergeRequest {
+    const NAME: &'static str = "UndoMergeRequest";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.UndoMergeRequest".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.UndoMergeRequest".into()
+    }
+}
+/// See UndoMerge.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct UndoMergeResponse {
+    /// The map that it was part of.
+    #[prost(message, optional, tag = "1")]
+    pub map: ::core::option::Option<Map>,
+    /// The map that was taken out.
+    #[prost(message, optional, tag = "2")]
+    pub source: ::core::option::Option<Map>,
+}
+impl ::prost::Name for UndoMergeResponse {
+    const NAME: &'static str = "UndoMergeResponse";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.UndoMergeResponse".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.UndoMergeResponse".into()
     }
 }
 /// A piece of a file.
@@ -4270,12 +4364,21 @@ pub mod map_service_client {
                 .insert(GrpcMethod::new("covis.v1.MapService", "DeleteMap"));
             self.inner.unary(req, path, codec).await
         }
-        /// Moves the content of one map into another. Not served yet.
+        /// Moves the content of one map into another: its clients with all that is theirs. The name of the
+        /// source leads to the target from then on, so that its robots go on by themselves: their streams and
+        /// watches end with UNAVAILABLE (MAP_MOVING) and go on where they were when they are opened again.
+        /// Calling it again after it was cut off finishes it.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT, NOT_FOUND, FAILED_PRECONDITION when a map is frozen or poisoned or
-        ///  both hold the same client, ABORTED, RESOURCE_EXHAUSTED, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field; a constraint that does not join both maps.
+        /// * NOT_FOUND: no such map.
+        /// * FAILED_PRECONDITION: a map is frozen (the target) or poisoned; both hold a client of one name
+        ///  (CLIENT_IN_BOTH); both hold priors of different anchors (ANCHOR_IN_USE); too few places that both
+        ///  show agree (NOT_ALIGNED), or the target recognizes none (NO_PLACE_RECOGNITION); the source is part
+        ///  of a third map (MAP_MERGED).
+        /// * RESOURCE_EXHAUSTED: the target has no room for the source, or too many solves wait.
+        /// * DEADLINE_EXCEEDED: the deadline passed before the merge began.
+        /// * INTERNAL: a bug.
         pub async fn merge_maps(
             &mut self,
             request: impl tonic::IntoRequest<super::MergeMapsRequest>,
@@ -4298,6 +4401,40 @@ pub mod map_service_client {
             let mut req = request.into_request();
             req.extensions_mut()
                 .insert(GrpcMethod::new("covis.v1.MapService", "MergeMaps"));
+            self.inner.unary(req, path, codec).await
+        }
+        /// Takes a map out of the one that it was merged into: the clients that came with it leave with all that
+        /// is theirs, what they added since too, into a map of the old name and uid. Constraints between what
+        /// goes and what stays, and observations across, are dropped; both maps are solved again.
+        /// Codes:
+        ///
+        /// * INVALID_ARGUMENT: a bad map_id or source_map_id.
+        /// * NOT_FOUND: no such map, or source_map_id is not merged into it (NOT_MERGED).
+        /// * FAILED_PRECONDITION: the map is frozen or poisoned.
+        /// * RESOURCE_EXHAUSTED: too many maps, or the journal has no room just now.
+        /// * INTERNAL: a bug.
+        pub async fn undo_merge(
+            &mut self,
+            request: impl tonic::IntoRequest<super::UndoMergeRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::UndoMergeResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = crate::wire::Codec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/covis.v1.MapService/UndoMerge",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("covis.v1.MapService", "UndoMerge"));
             self.inner.unary(req, path, codec).await
         }
         /// Streams a map as the files of a format: a header, then each file in order, in chunks.
@@ -4643,17 +4780,43 @@ pub mod map_service_server {
             tonic::Response<super::DeleteMapResponse>,
             tonic::Status,
         >;
-        /// Moves the content of one map into another. Not served yet.
+        /// Moves the content of one map into another: its clients with all that is theirs. The name of the
+        /// source leads to the target from then on, so that its robots go on by themselves: their streams and
+        /// watches end with UNAVAILABLE (MAP_MOVING) and go on where they were when they are opened again.
+        /// Calling it again after it was cut off finishes it.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT, NOT_FOUND, FAILED_PRECONDITION when a map is frozen or poisoned or
-        ///  both hold the same client, ABORTED, RESOURCE_EXHAUSTED, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field; a constraint that does not join both maps.
+        /// * NOT_FOUND: no such map.
+        /// * FAILED_PRECONDITION: a map is frozen (the target) or poisoned; both hold a client of one name
+        ///  (CLIENT_IN_BOTH); both hold priors of different anchors (ANCHOR_IN_USE); too few places that both
+        ///  show agree (NOT_ALIGNED), or the target recognizes none (NO_PLACE_RECOGNITION); the source is part
+        ///  of a third map (MAP_MERGED).
+        /// * RESOURCE_EXHAUSTED: the target has no room for the source, or too many solves wait.
+        /// * DEADLINE_EXCEEDED: the deadline passed before the merge began.
+        /// * INTERNAL: a bug.
         async fn merge_maps(
             &self,
             request: tonic::Request<super::MergeMapsRequest>,
         ) -> std::result::Result<
             tonic::Response<super::MergeMapsResponse>,
+            tonic::Status,
+        >;
+        /// Takes a map out of the one that it was merged into: the clients that came with it leave with all that
+        /// is theirs, what they added since too, into a map of the old name and uid. Constraints between what
+        /// goes and what stays, and observations across, are dropped; both maps are solved again.
+        /// Codes:
+        ///
+        /// * INVALID_ARGUMENT: a bad map_id or source_map_id.
+        /// * NOT_FOUND: no such map, or source_map_id is not merged into it (NOT_MERGED).
+        /// * FAILED_PRECONDITION: the map is frozen or poisoned.
+        /// * RESOURCE_EXHAUSTED: too many maps, or the journal has no room just now.
+        /// * INTERNAL: a bug.
+        async fn undo_merge(
+            &self,
+            request: tonic::Request<super::UndoMergeRequest>,
+        ) -> std::result::Result<
+            tonic::Response<super::UndoMergeResponse>,
             tonic::Status,
         >;
         /// Server streaming response type for the ExportMap method.
@@ -5149,6 +5312,51 @@ pub mod map_service_server {
                     let inner = self.inner.clone();
                     let fut = async move {
                         let method = MergeMapsSvc(inner);
+                        let codec = crate::wire::Codec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.unary(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/covis.v1.MapService/UndoMerge" => {
+                    #[allow(non_camel_case_types)]
+                    struct UndoMergeSvc<T: MapService>(pub Arc<T>);
+                    impl<
+                        T: MapService,
+                    > tonic::server::UnaryService<super::UndoMergeRequest>
+                    for UndoMergeSvc<T> {
+                        type Response = super::UndoMergeResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::UndoMergeRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as MapService>::undo_merge(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = UndoMergeSvc(inner);
                         let codec = crate::wire::Codec::default();
                         let mut grpc = tonic::server::Grpc::new(codec)
                             .apply_compression_config(

@@ -11,16 +11,16 @@ pub struct Event {
     /// Unix time in nanoseconds by the server's clock; 0 where it was not recorded.
     #[prost(sint64, tag = "3")]
     pub time_ns: i64,
-    /// What changed. Numbers 28, 29 and 33 to 60 are kept free for changes to come.
+    /// What changed. Numbers 28, 29 and 36 to 60 are kept free for changes to come.
     #[prost(
         oneof = "event::Change",
-        tags = "10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 30, 31, 32, 33"
+        tags = "10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, 26, 27, 30, 31, 32, 33, 34, 35"
     )]
     pub change: ::core::option::Option<event::Change>,
 }
 /// Nested message and enum types in `Event`.
 pub mod event {
-    /// What changed. Numbers 28, 29 and 33 to 60 are kept free for changes to come.
+    /// What changed. Numbers 28, 29 and 36 to 60 are kept free for changes to come.
     #[derive(Clone, PartialEq, ::prost::Oneof)]
     pub enum Change {
         /// The map exists.
@@ -89,6 +89,12 @@ pub mod event {
         /// The places of keyframes were searched.
         #[prost(message, tag = "33")]
         PlacesSearched(super::PlacesSearched),
+        /// Another map became part of this one.
+        #[prost(message, tag = "34")]
+        MapMerged(super::MapMerged),
+        /// A map that had become part of this one left it.
+        #[prost(message, tag = "35")]
+        MapTakenOut(super::MapTakenOut),
     }
 }
 impl ::prost::Name for Event {
@@ -1052,6 +1058,72 @@ impl ::prost::Name for PlacesSearched {
         "/covis.storage.v1.PlacesSearched".into()
     }
 }
+/// Another map became part of this one.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct MapMerged {
+    /// Its name.
+    #[prost(string, tag = "1")]
+    pub name: ::prost::alloc::string::String,
+    /// Its content in this map's frame: messages MapPart, as in a snapshot.
+    #[prost(bytes = "vec", repeated, tag = "2")]
+    pub parts: ::prost::alloc::vec::Vec<::prost::alloc::vec::Vec<u8>>,
+    /// The pose of its world frame in this map's.
+    #[prost(message, optional, tag = "3")]
+    pub target_from_source: ::core::option::Option<Pose>,
+    /// Its clients, in its order.
+    #[prost(message, repeated, tag = "4")]
+    pub clients: ::prost::alloc::vec::Vec<MergedClient>,
+    /// Loop closures between both.
+    #[prost(message, repeated, tag = "5")]
+    pub closures: ::prost::alloc::vec::Vec<Constraint>,
+}
+impl ::prost::Name for MapMerged {
+    const NAME: &'static str = "MapMerged";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.MapMerged".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.MapMerged".into()
+    }
+}
+/// A client that came with a merged map.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct MergedClient {
+    /// Its position among this map's clients.
+    #[prost(uint32, tag = "1")]
+    pub index: u32,
+    /// Its name in the map that it came from.
+    #[prost(string, tag = "2")]
+    pub name: ::prost::alloc::string::String,
+}
+impl ::prost::Name for MergedClient {
+    const NAME: &'static str = "MergedClient";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.MergedClient".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.MergedClient".into()
+    }
+}
+/// A map that had become part of this one left it.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct MapTakenOut {
+    /// Its name.
+    #[prost(string, tag = "1")]
+    pub name: ::prost::alloc::string::String,
+}
+impl ::prost::Name for MapTakenOut {
+    const NAME: &'static str = "MapTakenOut";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.MapTakenOut".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.MapTakenOut".into()
+    }
+}
 /// Landmarks went.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct LandmarksRemoved {
@@ -1173,7 +1245,7 @@ impl ::prost::Name for MapPart {
     }
 }
 /// Scalars of a map.
-#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+#[derive(Clone, PartialEq, ::prost::Message)]
 pub struct MapHead {
     /// The map's revision.
     #[prost(int64, tag = "1")]
@@ -1206,6 +1278,9 @@ pub struct MapHead {
     /// there is none.
     #[prost(int64, tag = "10")]
     pub unsolved_closures: i64,
+    /// The maps that became part of it, in the order of the merges.
+    #[prost(message, repeated, tag = "11")]
+    pub merged: ::prost::alloc::vec::Vec<MergedMap>,
 }
 impl ::prost::Name for MapHead {
     const NAME: &'static str = "MapHead";
@@ -1215,6 +1290,41 @@ impl ::prost::Name for MapHead {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.storage.v1.MapHead".into()
+    }
+}
+/// A map that became part of another one.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct MergedMap {
+    /// Its name.
+    #[prost(string, tag = "1")]
+    pub name: ::prost::alloc::string::String,
+    /// Unix time of its creation in nanoseconds.
+    #[prost(sint64, tag = "2")]
+    pub create_time_ns: i64,
+    /// Its last revision.
+    #[prost(int64, tag = "3")]
+    pub revision: i64,
+    /// Free text for people.
+    #[prost(string, tag = "4")]
+    pub display_name: ::prost::alloc::string::String,
+    /// How it was kept.
+    #[prost(message, optional, tag = "5")]
+    pub policy: ::core::option::Option<Policy>,
+    /// The pose of its world frame in the map's.
+    #[prost(message, optional, tag = "6")]
+    pub target_from_source: ::core::option::Option<Pose>,
+    /// The clients that came with it.
+    #[prost(message, repeated, tag = "7")]
+    pub clients: ::prost::alloc::vec::Vec<MergedClient>,
+}
+impl ::prost::Name for MergedMap {
+    const NAME: &'static str = "MergedMap";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.MergedMap".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.MergedMap".into()
     }
 }
 /// A keyframe whose place is to be searched.

@@ -1,0 +1,113 @@
+//! The fold of merges: the content of another map comes, and goes again.
+//!
+//! All values are in the event. What comes is as new as the event, whatever revision its own map had;
+//! covisibility follows one observation at a time.
+
+use std::collections::BTreeSet;
+
+use covis_solvers::geometry::LieGroup;
+
+use super::super::merging::Renaming;
+use super::super::{Client, ClientIndex, EntityId, Keyframe, Landmark, Map, Merge, MergedMap};
+
+impl Map {
+    /// Adds the content of another map.
+    pub(super) fn merge(&mut self, merge: &Merge) {
+        let positions: Vec<ClientIndex> = merge.clients.iter().map(|c| c.index).collect();
+        let content = &*merge.content;
+        let parts = Renaming::of_clients(&positions).apply(content.to_parts());
+        let revision = self.revision;
+        for (client, at) in parts.clients.into_iter().zip(&positions) {
+            let at = at.0 as usize;
+            match self.clients.get_mut(at) {
+                Some(known) => *known = Client { epoch: known.epoch.max(client.epoch), ..client },
+                None => self.clients.push(client),
+            }
+        }
+        self.cameras.extend(parts.cameras);
+        for (&id, landmark) in &parts.landmarks {
+            let positioned_revision = if landmark.position.is_some() { revision } else { 0 };
+            let landmark =
+                Landmark { added_revision: revision, positioned_revision, ..landmark.clone() };
+            self.landmarks.insert(id, landmark);
+            self.unseen.insert((revision, id), ());
+        }
+        for (&id, keyframe) in &parts.keyframes {
+            let new = Keyframe {
+                observations: Default::default(),
+                added_revision: revision,
+                ..keyframe.clone()
+            };
+            self.keyframes.insert(id, new);
+            self.by_age.insert((revision, id), ());
+        }
+        // Once every keyframe is there: the counts of shared landmarks depend on their ages.
+        for (&id, keyframe) in &parts.keyframes {
+            self.add_observations(id, &keyframe.observations);
+            self.place_searches.remove(id);
+        }
+        parts.constraints.iter().for_each(|(&id, &c)| self.add_constraint(id, c));
+        parts.priors.iter().for_each(|(&id, &p)| self.add_prior(id, p));
+        self.switched_off.extend(parts.switched_off);
+        self.duplicates
+            .extend(parts.duplicates.pairs(), parts.duplicates.compared().iter().copied());
+        let (pending, done) = (parts.place_searches.pending(), parts.place_searches.done());
+        let is_searched = self.policy.place_recognition;
+        self.place_searches.extend(
+            pending.keys().filter(|_| is_searched).map(|&id| (id, revision)),
+            done.iter().map(|(&id, search)| (id, search.clone())),
+        );
+        merge.closures.iter().for_each(|&(id, closure)| self.add_constraint(id, closure));
+        if !merge.closures.is_empty() || parts.place_searches.unsolved() > 0 {
+            self.place_searches.set_unsolved(revision);
+        }
+        self.adjustment_due |= parts.adjustment_due;
+        self.contents.extend(parts.contents.iter().map(|(&key, &digest)| (key, digest)));
+        let inner = parts.merged.into_iter().map(|inner| MergedMap {
+            target_from_source: merge.target_from_source.compose(&inner.target_from_source),
+            ..inner
+        });
+        self.merged.extend(inner);
+        self.merged.push(MergedMap {
+            name: merge.name.clone(),
+            create_time_ns: content.create_time_ns,
+            revision: content.revision,
+            display_name: content.display_name.clone(),
+            policy: content.policy,
+            target_from_source: merge.target_from_source,
+            clients: merge.clients.clone(),
+        });
+    }
+
+    /// Removes the clients that came with a merged map, and all that is theirs.
+    pub(super) fn take_out(&mut self, name: &str) {
+        let Some(place) = self.merged.iter().position(|merged| merged.name == name) else { return };
+        let merged = self.merged.remove(place);
+        let going: BTreeSet<ClientIndex> = merged.clients.iter().map(|c| c.index).collect();
+        let inner = |other: &MergedMap| other.clients.iter().all(|c| going.contains(&c.index));
+        let mut at = 0;
+        self.merged.retain(|other| {
+            at += 1;
+            at > place || !inner(other)
+        });
+        let goes = |id: &EntityId| going.contains(&id.client);
+        let keyframes: Vec<EntityId> = self.keyframes.keys().copied().filter(goes).collect();
+        keyframes.into_iter().for_each(|id| self.remove_keyframe(id));
+        let landmarks: Vec<EntityId> = self.landmarks.keys().copied().filter(goes).collect();
+        self.remove_landmarks(&landmarks);
+        // The server's own ones between keyframes that stay, and those that a client added to them.
+        let left: Vec<EntityId> =
+            self.constraints.keys().chain(self.priors.keys()).copied().filter(goes).collect();
+        left.into_iter().for_each(|id| self.revoke(id));
+        self.cameras.retain(|id, _| !goes(id));
+        let digests: Vec<_> = self.contents.keys().copied().filter(|(_, id)| goes(id)).collect();
+        digests.iter().for_each(|key| drop(self.contents.remove(key)));
+        for index in going {
+            if let Some(client) = self.clients.get_mut(index.0 as usize) {
+                *client = Client::new(&client.name, client.epoch);
+            }
+        }
+        self.place_searches.set_unsolved(self.revision);
+        self.adjustment_due = false;
+    }
+}

@@ -1,0 +1,322 @@
+//! Maps that become one, and apart again: what the event of a merge holds, and how it is made.
+//!
+//! Ids never collide: an entity is named by its client, and a client stands in one map only. The content
+//! of the source comes as values in the target's frame; from then on it is like that of any other client.
+//! To undo a merge, the clients that came with it leave with all that is theirs, wherever solves have
+//! moved it meanwhile. How the frames of both maps were found is not known here.
+
+mod renaming;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use covis_solvers::geometry::{LieGroup, Se3};
+use covis_solvers::information::Information;
+use nalgebra::Matrix3;
+
+use super::{
+    Client, ClientIndex, Constraint, Duplicates, EntityId, Map, MapError, MapParts, MapPolicy,
+    PlaceSearches, Prior, SharedMap,
+};
+pub(super) use renaming::Renaming;
+
+/// A map that became part of this one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MergedMap {
+    /// Its name, under which its clients still find it.
+    pub name: String,
+    /// When it was created, Unix time in nanoseconds by the server's clock.
+    pub create_time_ns: i64,
+    /// Its last revision.
+    pub revision: i64,
+    /// Its free text for people.
+    pub display_name: String,
+    /// How it was kept.
+    pub policy: MapPolicy,
+    /// The pose of its world frame in this map's, as it was at the merge.
+    pub target_from_source: Se3,
+    /// The clients that came with it.
+    pub clients: Vec<MergedClient>,
+}
+
+/// A client that came with a merged map.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MergedClient {
+    /// Its position in this map.
+    pub index: ClientIndex,
+    /// Its name in the map that it came from.
+    pub name: String,
+}
+
+/// What a merge adds to a map.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Merge {
+    /// The name of the source.
+    pub name: String,
+    /// The content of the source in the frame of the target; its clients have their names in the target.
+    pub content: Arc<Map>,
+    /// The pose of the source's world frame in the target's.
+    pub target_from_source: Se3,
+    /// Where each client of the content stands in the target, and its name in the source.
+    pub clients: Vec<MergedClient>,
+    /// Loop closures between both, with ids of the target.
+    pub closures: Vec<(EntityId, Constraint)>,
+}
+
+/// A relative pose between a keyframe of the target and one of the source.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Link {
+    /// The keyframe of the target.
+    pub target: EntityId,
+    /// The keyframe of the source, by the source's ids.
+    pub source: EntityId,
+    /// The pose of the latter in the frame of the former.
+    pub target_from_source: Se3,
+    /// Information of its error, translation first.
+    pub information: Information<6>,
+}
+
+/// Why two maps cannot become one.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs, reason = "the messages say what the fields are")]
+pub enum MergeError {
+    /// A client has content in both.
+    #[error("client {client:?} is in both maps: give it another name by renamed_clients")]
+    ClientInBoth { client: String },
+    /// A new name is given to a client that the source does not have.
+    #[error("renamed_clients names {client:?}, which the source does not have")]
+    UnknownClient { client: String },
+    /// Two clients of the source get one name.
+    #[error("renamed_clients gives the name {client:?} to two clients")]
+    NameTwice { client: String },
+    /// Both have priors, of different places on the Earth.
+    #[error("both maps hold priors and their geodetic anchors differ")]
+    Anchors,
+    /// The content does not fit; a bug, or numbers that overflow.
+    #[error("the source cannot be moved into the target: {0}")]
+    Content(#[from] MapError),
+}
+
+impl Map {
+    /// The maps that became part of this one and were not taken out again, in the order of the merges.
+    #[must_use]
+    pub fn merged(&self) -> &[MergedMap] {
+        &self.merged
+    }
+
+    /// What merges `source`, whose name is `name`, into this map: its world frame lies at
+    /// `target_from_source`, `renamed` has new names of its clients, `links` become loop closures.
+    ///
+    /// # Errors
+    /// [`MergeError`].
+    pub fn merge_of(
+        &self,
+        (name, source): (&str, &Self),
+        target_from_source: Se3,
+        renamed: &BTreeMap<String, String>,
+        links: &[Link],
+    ) -> Result<Merge, MergeError> {
+        let is_client = |name: &&String| source.client_named(name).is_none();
+        if let Some(client) = renamed.keys().find(is_client) {
+            return Err(MergeError::UnknownClient { client: client.clone() });
+        }
+        let keeps_anchor = self.priors.is_empty() || source.priors.is_empty();
+        if !keeps_anchor && self.policy.geodetic_anchor != source.policy.geodetic_anchor {
+            return Err(MergeError::Anchors);
+        }
+        let (mut clients, mut names, mut next) = (Vec::new(), BTreeSet::new(), self.clients.len());
+        for client in source.clients() {
+            let name = renamed.get(&client.name).unwrap_or(&client.name);
+            if !names.insert(name.clone()) {
+                return Err(MergeError::NameTwice { client: name.clone() });
+            }
+            let index = match self.client_named(name) {
+                // It has left with a merge that was undone.
+                Some(index) if self.is_without_content(index) => index,
+                Some(_) => return Err(MergeError::ClientInBoth { client: name.clone() }),
+                None => {
+                    next += 1;
+                    ClientIndex(u32::try_from(next - 1).unwrap_or(u32::MAX))
+                }
+            };
+            clients.push((MergedClient { index, name: client.name.clone() }, name.clone()));
+        }
+        let mut parts = source.to_parts();
+        for (client, (_, name)) in parts.clients.iter_mut().zip(&clients) {
+            client.name.clone_from(name);
+        }
+        let own: Vec<ClientIndex> = (0..).take(clients.len()).map(ClientIndex).collect();
+        let mut parts = Renaming::new(&parts, &own).apply(parts);
+        move_by(&target_from_source, &mut parts);
+        let content = Arc::new(Self::from_parts(parts)?);
+        let clients: Vec<MergedClient> = clients.into_iter().map(|(client, _)| client).collect();
+        let positions: Vec<ClientIndex> = clients.iter().map(|client| client.index).collect();
+        let mut closures = Vec::new();
+        for link in links {
+            let source = Renaming::of_clients(&positions).entity(link.source);
+            let id = EntityId::own(source.client, self.revision + 1, closures.len());
+            closures.push((id, link.closure(source)));
+        }
+        Ok(Merge { name: name.to_owned(), content, target_from_source, clients, closures })
+    }
+
+    /// Whether a client has nothing in the map but its name.
+    pub(super) fn is_without_content(&self, index: ClientIndex) -> bool {
+        let own = EntityId::new(index, i64::MIN)..=EntityId::new(index, i64::MAX);
+        self.cameras.range(own.clone()).next().is_none()
+            && self.keyframes.range(own.clone()).next().is_none()
+            && self.landmarks.range(own.clone()).next().is_none()
+            && self.constraints.range(own.clone()).next().is_none()
+            && self.priors.range(own).next().is_none()
+    }
+
+    /// The map that was merged as `name`, as it is taken out again: its clients with all that is theirs,
+    /// in the frame that it had. Observations of landmarks that stay here are left out, and constraints
+    /// between what goes and what stays. Frozen, until it is opened.
+    ///
+    /// # Errors
+    /// [`MapError`], a bug.
+    pub fn taken_out(&self, name: &str) -> Result<Option<Self>, MapError> {
+        let Some(place) = self.merged.iter().position(|merged| merged.name == name) else {
+            return Ok(None);
+        };
+        let merged = &self.merged[place];
+        let going: BTreeMap<ClientIndex, u32> =
+            merged.clients.iter().map(|client| client.index).zip(0..).collect();
+        let goes = |id: EntityId| going.contains_key(&id.client);
+        let mut parts = self.to_parts();
+        parts.cameras.retain(|&id, _| goes(id));
+        parts.keyframes = kept(&parts.keyframes, goes);
+        for keyframe in parts.keyframes.values_mut() {
+            let own = keyframe.observations.iter().filter(|o| goes(o.landmark)).cloned();
+            keyframe.observations = own.collect();
+            keyframe.camera = keyframe.camera.filter(|&camera| goes(camera));
+            if keyframe.camera.is_none() {
+                keyframe.observations = Default::default();
+            }
+        }
+        parts.landmarks = kept(&parts.landmarks, goes);
+        for landmark in parts.landmarks.values_mut() {
+            landmark.reference = landmark.reference.filter(|&keyframe| goes(keyframe));
+        }
+        let is_inside = |c: &Constraint| goes(c.keyframe_i) && goes(c.keyframe_j);
+        let inside = parts.constraints.iter().filter(|(id, c)| goes(**id) && is_inside(c));
+        parts.constraints = inside.map(|(&id, &c)| (id, c)).collect();
+        let inside = parts.priors.iter().filter(|(id, p)| goes(**id) && goes(p.keyframe()));
+        parts.priors = inside.map(|(&id, &prior)| (id, prior)).collect();
+        let holds =
+            |id: &EntityId| parts.constraints.contains_key(id) || parts.priors.contains_key(id);
+        parts.switched_off.retain(|id, _| holds(id));
+        let mut duplicates = Duplicates::default();
+        duplicates.extend(
+            parts.duplicates.pairs().filter(|&(a, b, closure)| {
+                goes(a) && goes(b) && closure.is_none_or(|id| parts.constraints.contains_key(&id))
+            }),
+            parts.duplicates.compared().iter().copied().filter(|id| holds(id)),
+        );
+        parts.duplicates = duplicates;
+        let searches = &parts.place_searches;
+        let mut place_searches = PlaceSearches::default();
+        place_searches.extend(
+            searches.pending().iter().filter(|(id, _)| goes(**id)).map(|(&id, &r)| (id, r)),
+            searches.done().iter().filter(|(id, _)| goes(**id)).map(|(&id, search)| {
+                let mut search = search.clone();
+                search.candidates.retain(|candidate| goes(candidate.keyframe));
+                search.closure = search.closure.filter(|id| goes(*id));
+                (id, search)
+            }),
+        );
+        // A reader of the map as it was must see that it is another state.
+        parts.revision = self.revision.max(merged.revision.saturating_add(1));
+        // What the other map's keyframes bent is straightened by the closures that are left.
+        place_searches.set_unsolved(parts.revision);
+        parts.place_searches = place_searches;
+        parts.contents = kept(&parts.contents, |(_, id)| goes(id));
+        parts.merged = self.merged[..place]
+            .iter()
+            .filter(|inner| inner.clients.iter().all(|client| going.contains_key(&client.index)))
+            .cloned()
+            .collect();
+        let mut positions = vec![ClientIndex(0); self.clients.len()];
+        going.iter().for_each(|(old, &new)| positions[old.0 as usize] = ClientIndex(new));
+        let renaming = Renaming::new(&parts, &positions);
+        let mut parts = renaming.apply(parts);
+        let clients = merged.clients.iter().filter_map(|client| {
+            let known = parts.clients.get(client.index.0 as usize)?;
+            Some(Client { name: client.name.clone(), ..known.clone() })
+        });
+        parts.clients = clients.collect();
+        let source_from_target = merged.target_from_source.inverse();
+        for inner in &mut parts.merged {
+            inner.target_from_source = source_from_target.compose(&inner.target_from_source);
+        }
+        move_by(&source_from_target, &mut parts);
+        parts.create_time_ns = merged.create_time_ns;
+        parts.display_name.clone_from(&merged.display_name);
+        parts.policy = merged.policy;
+        parts.frozen = true;
+        Self::from_parts(parts).map(Some)
+    }
+}
+
+impl Merge {
+    /// The id in the target of a camera, keyframe, landmark or constraint of the content.
+    #[must_use]
+    pub fn id_of(&self, id: EntityId) -> EntityId {
+        let client = self.clients.get(id.client.0 as usize);
+        EntityId { client: client.map_or(id.client, |client| client.index), ..id }
+    }
+}
+
+impl Link {
+    /// The loop closure that it becomes, `source` being the id of its second keyframe in the target.
+    fn closure(&self, source: EntityId) -> Constraint {
+        Constraint {
+            kind: super::ConstraintKind::LoopClosure,
+            keyframe_i: self.target,
+            keyframe_j: source,
+            keyframe_i_from_keyframe_j: self.target_from_source,
+            information: self.information,
+            loss: None,
+        }
+    }
+}
+
+/// Entries whose key is wanted.
+fn kept<K: Ord + Copy, V: Clone>(
+    entries: &SharedMap<K, V>,
+    is_kept: impl Fn(K) -> bool,
+) -> SharedMap<K, V> {
+    let entries = entries.iter().filter(|(key, _)| is_kept(**key));
+    entries.map(|(&key, value)| (key, value.clone())).collect()
+}
+
+/// Moves the world frame: `motion` is the pose of the old one in the new one. What clients sent, and
+/// their odometry, stay as they were sent.
+fn move_by(motion: &Se3, parts: &mut MapParts) {
+    for keyframe in parts.keyframes.values_mut() {
+        keyframe.world_from_camera = motion.compose(&keyframe.world_from_camera);
+    }
+    for landmark in parts.landmarks.values_mut() {
+        landmark.position = landmark.position.map(|position| motion.transform(&position));
+    }
+    for prior in parts.priors.values_mut() {
+        match prior {
+            Prior::Pose { world_from_camera, .. } => {
+                *world_from_camera = motion.compose(world_from_camera);
+            }
+            Prior::Position { position_in_world, information, .. } => {
+                *position_in_world = motion.transform(position_in_world);
+                *information = rotated(information, &motion.rotation.matrix());
+            }
+        }
+    }
+}
+
+/// Information over the axes of a frame that lies `turned` in another one, over the axes of the latter.
+fn rotated(information: &Information<3>, turned: &Matrix3<f64>) -> Information<3> {
+    let product = turned * information.matrix() * turned.transpose();
+    // Rounding alone can make it asymmetric.
+    let symmetric = (product + product.transpose()) / 2.0;
+    Information::semidefinite(&symmetric).unwrap_or(*information)
+}

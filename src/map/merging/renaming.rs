@@ -1,0 +1,179 @@
+//! The parts of a map under other ids: each client at another position, the server's own constraints
+//! under other numbers. Ids are all that changes; nothing here knows why.
+
+use std::collections::BTreeMap;
+
+use super::super::{
+    Affected, ClientIndex, Constraint, Content, Duplicates, EntityId, Keyframe, Landmark,
+    MAX_NUMBER, MapParts, MergedClient, MergedMap, Observation, PlaceCandidate, PlaceSearch,
+    PlaceSearches, Prior, SharedMap, ToSolve, Unsolved,
+};
+
+/// New ids for old ones.
+pub(in crate::map) struct Renaming<'a> {
+    /// The new position of each client.
+    clients: &'a [ClientIndex],
+    /// The new ids of the server's own constraints and priors, whose numbers count revisions of a map
+    /// that is another one now.
+    own: BTreeMap<EntityId, i64>,
+}
+
+impl<'a> Renaming<'a> {
+    /// `clients` has the new position of each client of `parts`. The server's own constraints get the
+    /// lowest numbers, which no revision reaches.
+    pub(in crate::map) fn new(parts: &MapParts, clients: &'a [ClientIndex]) -> Self {
+        let mut counts: BTreeMap<ClientIndex, i64> = BTreeMap::new();
+        let mut own: Vec<EntityId> =
+            parts.constraints.keys().chain(parts.priors.keys()).copied().collect();
+        own.retain(|id| id.id < 0);
+        own.sort_unstable();
+        let number = |id: EntityId| {
+            let count = counts.entry(id.client).or_default();
+            *count += 1;
+            (id, -MAX_NUMBER + *count)
+        };
+        Self { clients, own: own.into_iter().map(number).collect() }
+    }
+
+    /// `clients` has the new position of each client; the numbers stay.
+    pub(in crate::map) fn of_clients(clients: &'a [ClientIndex]) -> Self {
+        Self { clients, own: BTreeMap::new() }
+    }
+
+    fn client(&self, client: ClientIndex) -> ClientIndex {
+        self.clients.get(client.0 as usize).copied().unwrap_or(client)
+    }
+
+    /// The new id of a camera, keyframe or landmark.
+    pub(in crate::map) fn entity(&self, id: EntityId) -> EntityId {
+        EntityId { client: self.client(id.client), ..id }
+    }
+
+    /// The new id of a constraint or prior.
+    fn constraint(&self, id: EntityId) -> EntityId {
+        let number = self.own.get(&id).copied().unwrap_or(id.id);
+        EntityId { client: self.client(id.client), id: number }
+    }
+
+    fn observation(&self, observation: &Observation) -> Observation {
+        Observation { landmark: self.entity(observation.landmark), ..observation.clone() }
+    }
+
+    fn keyframe(&self, keyframe: &Keyframe) -> Keyframe {
+        Keyframe {
+            camera: keyframe.camera.map(|camera| self.entity(camera)),
+            observations: keyframe.observations.iter().map(|o| self.observation(o)).collect(),
+            ..keyframe.clone()
+        }
+    }
+
+    fn landmark(&self, landmark: &Landmark) -> Landmark {
+        let observers = Vec::new();
+        let reference = landmark.reference.map(|keyframe| self.entity(keyframe));
+        Landmark { reference, observers, ..landmark.clone() }
+    }
+
+    fn measurement(&self, constraint: &Constraint) -> Constraint {
+        Constraint {
+            keyframe_i: self.entity(constraint.keyframe_i),
+            keyframe_j: self.entity(constraint.keyframe_j),
+            ..*constraint
+        }
+    }
+
+    fn prior(&self, prior: &Prior) -> Prior {
+        let mut prior = *prior;
+        let (Prior::Pose { keyframe, .. } | Prior::Position { keyframe, .. }) = &mut prior;
+        *keyframe = self.entity(*keyframe);
+        prior
+    }
+
+    fn search(&self, search: &PlaceSearch) -> PlaceSearch {
+        let candidate = |candidate: &PlaceCandidate| PlaceCandidate {
+            keyframe: self.entity(candidate.keyframe),
+            ..candidate.clone()
+        };
+        PlaceSearch {
+            candidates: search.candidates.iter().map(candidate).collect(),
+            closure: search.closure.map(|closure| self.constraint(closure)),
+            refusal: search.refusal.clone(),
+        }
+    }
+
+    fn unsolved(&self, unsolved: Unsolved) -> Unsolved {
+        let to_solve = match unsolved.to_solve {
+            ToSolve::Views(keyframe) => ToSolve::Views(self.entity(keyframe)),
+            same @ (ToSolve::Loop | ToSolve::Prior) => same,
+            ToSolve::Edited(Affected { graph, keyframes }) => {
+                let keyframes = keyframes.into_iter().map(|id| self.entity(id)).collect();
+                ToSolve::Edited(Affected { graph, keyframes })
+            }
+        };
+        Unsolved { to_solve, ..unsolved }
+    }
+
+    /// The parts under their new ids. The clients stay in their list; the scalars stay as they are.
+    pub(in crate::map) fn apply(&self, parts: MapParts) -> MapParts {
+        let mut place_searches = PlaceSearches::default();
+        let (pending, done) = (parts.place_searches.pending(), parts.place_searches.done());
+        place_searches.extend(
+            pending.iter().map(|(&id, &revision)| (self.entity(id), revision)),
+            done.iter().map(|(&id, search)| (self.entity(id), self.search(search))),
+        );
+        place_searches.set_unsolved(parts.place_searches.unsolved());
+        let mut duplicates = Duplicates::default();
+        let pair = |(a, b, closure): (EntityId, EntityId, Option<EntityId>)| {
+            (self.entity(a), self.entity(b), closure.map(|closure| self.constraint(closure)))
+        };
+        duplicates.extend(
+            parts.duplicates.pairs().map(pair),
+            parts.duplicates.compared().iter().map(|&closure| self.constraint(closure)),
+        );
+        let mut clients = parts.clients;
+        for client in &mut clients {
+            client.unsolved = client.unsolved.take().map(|unsolved| self.unsolved(unsolved));
+        }
+        let mut merged = parts.merged;
+        for client in merged.iter_mut().flat_map(|map: &mut MergedMap| &mut map.clients) {
+            let MergedClient { index, name: _ } = client;
+            *index = self.client(*index);
+        }
+        let content = |(kind, id)| match kind {
+            Content::Camera | Content::Keyframe => (kind, self.entity(id)),
+            Content::Constraint => (kind, self.constraint(id)),
+        };
+        MapParts {
+            clients,
+            cameras: parts.cameras.iter().map(|(&id, &c)| (self.entity(id), c)).collect(),
+            keyframes: sorted(
+                parts.keyframes.iter().map(|(&id, k)| (self.entity(id), self.keyframe(k))),
+            ),
+            landmarks: sorted(
+                parts.landmarks.iter().map(|(&id, l)| (self.entity(id), self.landmark(l))),
+            ),
+            constraints: sorted(
+                parts.constraints.iter().map(|(&id, c)| (self.constraint(id), self.measurement(c))),
+            ),
+            switched_off: parts
+                .switched_off
+                .iter()
+                .map(|(&id, &off)| (self.constraint(id), off))
+                .collect(),
+            priors: sorted(
+                parts.priors.iter().map(|(&id, p)| (self.constraint(id), self.prior(p))),
+            ),
+            contents: sorted(parts.contents.iter().map(|(&key, &digest)| (content(key), digest))),
+            duplicates,
+            place_searches,
+            merged,
+            ..parts
+        }
+    }
+}
+
+/// A list by its new ids, which may order otherwise than the old ones.
+fn sorted<K: Ord + Copy, V: Clone>(entries: impl Iterator<Item = (K, V)>) -> SharedMap<K, V> {
+    let mut entries: Vec<(K, V)> = entries.collect();
+    entries.sort_by_key(|&(key, _)| key);
+    entries.into_iter().collect()
+}
