@@ -145,6 +145,7 @@ fn event(revision: i64) -> Event {
         odom_from_camera: Se3::identity(),
         observations: observations.collect(),
         landmarks: Vec::new(),
+        motion: None,
     };
     Event { revision, time_ns: 0, cause: None, change }
 }

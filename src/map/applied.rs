@@ -172,6 +172,11 @@ pub fn applied<'a>(
     landmarks.extend(followers);
 
     let (switched_off, switched_on) = verdicts(map_now, solved);
+    let left_frames = match kind {
+        // A window moves little.
+        SolveKind::LocalBundle => Vec::new(),
+        SolveKind::PoseGraph | SolveKind::Global => map_now.left_frames(&poses),
+    };
     AppliedSolve {
         kind,
         poses: poses.into_iter().collect(),
@@ -180,6 +185,7 @@ pub fn applied<'a>(
         switched_off,
         switched_on,
         closure_variances: closure_variances(map_now, solved),
+        left_frames,
         covered,
         initial_cost: costs.0,
         final_cost: costs.1,

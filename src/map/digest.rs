@@ -46,6 +46,8 @@ pub(super) fn content(change: &Change) -> Digest {
         odom_from_camera,
         observations,
         landmarks,
+        // Of the map, not of what was sent.
+        motion: _,
     } = change
     {
         hash.tag(1);
@@ -106,6 +108,12 @@ impl Map {
             hash.tag(2);
             hash.u64(index);
             hash.f64(client.closure_variance);
+        }
+        let moved = (0_u64..).zip(&self.clients).filter(|(_, c)| !c.earlier_frames.is_empty());
+        for (index, client) in moved {
+            hash.tag(6);
+            hash.u64(index);
+            hash.list(&client.earlier_frames, |hash, frame| hash.pose(frame));
         }
         if self.frozen {
             hash.tag(1);

@@ -31,6 +31,9 @@ pub struct Client {
     /// By what the covariances that it states for its loop closures are multiplied, at least 1: found
     /// by the last pose graph that judged them.
     pub closure_variance: f64,
+    /// Earlier values of [`Keyframe::map_from_odom`] of its newest keyframe from before large corrections,
+    /// the last four: start estimates may still be of them.
+    pub earlier_frames: Vec<Se3>,
     /// The digests of the last 65,536 journaled items by sequence, kept past optimization.
     pub items: SharedMap<i64, Digest>,
 }
@@ -48,6 +51,7 @@ impl Client {
             optimized_sequence: 0,
             unsolved: None,
             closure_variance: 1.0,
+            earlier_frames: Vec::new(),
             items: SharedMap::default(),
         }
     }

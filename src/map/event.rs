@@ -46,6 +46,14 @@ pub struct NewLandmark {
     pub position: Option<Vector3<f64>>,
 }
 
+impl NewLandmark {
+    /// Its position where that was sent in another frame, which `motion` moves.
+    pub(super) fn moved_by(&self, motion: Option<&Se3>) -> Self {
+        let moved = |position| motion.map_or(position, |motion| motion.transform(&position));
+        Self { position: self.position.map(moved), ..*self }
+    }
+}
+
 /// Which solve an event carries. Journals have the place in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SolveKind {
@@ -74,6 +82,9 @@ pub struct AppliedSolve {
     pub switched_on: Vec<EntityId>,
     /// New values of [`Client::closure_variance`](super::Client::closure_variance).
     pub closure_variances: Vec<(ClientIndex, f64)>,
+    /// The clients that it moves far, and their frames before: see
+    /// [`Client::earlier_frames`](super::Client::earlier_frames).
+    pub left_frames: Vec<(ClientIndex, Se3)>,
     /// Per client the last sequence whose items are covered.
     pub covered: Vec<(ClientIndex, i64)>,
     /// ½ Σ ρ at the start.
@@ -155,6 +166,9 @@ pub enum Change {
         observations: Vec<Observation>,
         /// Landmarks sent with it.
         landmarks: Vec<NewLandmark>,
+        /// What moves the start estimate, and the positions of new landmarks, into the client's present
+        /// frame; `None` where they are of it.
+        motion: Option<Se3>,
     },
     /// Landmarks are new, or repeated as in [`Change::KeyframeAdded`].
     LandmarksAdded {

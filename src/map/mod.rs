@@ -20,6 +20,7 @@ mod entities;
 mod error;
 mod event;
 mod fold;
+mod frames;
 mod ids;
 mod item;
 mod keyframe_pairs;

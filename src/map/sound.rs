@@ -103,6 +103,7 @@ impl Map {
                 optimized_sequence,
                 unsolved,
                 closure_variance,
+                earlier_frames,
                 items,
             } = client;
             let numbers = (1..=MAX_NUMBER).contains(epoch)
@@ -118,6 +119,9 @@ impl Map {
                     && self.can_be_solved(&unsolved.to_solve)
             };
             check_map(unsolved.as_ref().is_none_or(waits), text)?;
+            let frames = earlier_frames.len() <= super::frames::MOST_FRAMES;
+            let text = "a client's earlier frames are not possible";
+            check_map(frames && earlier_frames.iter().all(is_pose), text)?;
             let text = "a client's variance factor is not possible";
             check_map(positive(*closure_variance), text)?;
         }

@@ -129,13 +129,12 @@ impl Rpcs {
         let caller = Caller::of(&request)?;
         let peer = request.extensions().get().map(Peer::address);
         let request = request.into_inner();
-        let (map_id, source) = convert(|out| {
-            let map_id = ids::map_id(&request.map_id, out);
-            let source = ids::name(Path::root("source_map_id"), &request.source_map_id, out);
-            Some((map_id?, source?))
-        })?;
-        let (into, from) = (caller.engine_name(&map_id), caller.engine_name(&source));
-        let undone = self.context.maps.undo_merge(&into, &from).await.map_err(ServiceError::from);
+        let map = self.map(&caller, &request.map_id)?;
+        let source =
+            convert(|out| ids::name(Path::root("source_map_id"), &request.source_map_id, out))?;
+        let from = caller.engine_name(&source);
+        let undone = self.context.maps.undo_merge(map.name(), &from).await;
+        let undone = undone.map_err(ServiceError::from);
         change("UndoMerge", &caller, peer, &source, &undone);
         let (map, source) = undone?;
         let queued = self.context.config.engine.queue_capacity;

@@ -38,6 +38,7 @@ mod map_duplicates;
 mod map_edit_solves;
 mod map_edits;
 mod map_fold;
+mod map_frames;
 mod map_merging;
 mod map_numbers;
 mod map_placement;

@@ -52,6 +52,7 @@ fn an_edit_asks_for_its_keyframes_and_a_closure_or_prior_for_the_graph() {
         switched_off: vec![(id(7), SwitchedOff { chi2: 50.0, weight: 0.0, is_provisional: false })],
         switched_on: Vec::new(),
         closure_variances: Vec::new(),
+        left_frames: Vec::new(),
         covered: Vec::new(),
         initial_cost: 1.0,
         final_cost: 0.5,

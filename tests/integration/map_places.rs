@@ -101,6 +101,7 @@ fn covering(revision: i64) -> Change {
         switched_off: Vec::new(),
         switched_on: Vec::new(),
         closure_variances: Vec::new(),
+        left_frames: Vec::new(),
         covered: vec![(ClientIndex::SERVER, revision)],
         initial_cost: 1.0,
         final_cost: 1.0,

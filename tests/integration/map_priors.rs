@@ -25,6 +25,7 @@ fn judged(switched_off: Vec<(covis::map::EntityId, SwitchedOff)>) -> Change {
             switched_on: Vec::new(),
             switched_off,
             closure_variances: Vec::new(),
+            left_frames: Vec::new(),
             covered: Vec::new(),
             initial_cost: 1.0,
             final_cost: 0.5,

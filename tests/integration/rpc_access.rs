@@ -188,6 +188,15 @@ fn the_map_of_another_tenant_is_not_there_for_any_rpc() {
                 _ => assert!(WITHOUT_MAP.contains(&&*name), "{path}: whose map does it touch?"),
             }
         }
+        server.maps().create_map(by("rival", create("shed"))).await.unwrap();
+        for (target, source) in [("shed", "house"), ("house", "shed")] {
+            let (target_map_id, source_map_id) = (target.to_owned(), source.to_owned());
+            let merge = v1::MergeMapsRequest { target_map_id, source_map_id, ..Default::default() };
+            let status = server.maps().merge_maps(by("rival", merge)).await.unwrap_err();
+            check_status(&status, Code::NotFound, "MAP_NOT_FOUND");
+        }
+        let shed = v1::DeleteMapRequest { map_id: "shed".to_owned() };
+        server.maps().delete_map(by("rival", shed)).await.unwrap();
         let open = open_item("house", "robot", 0);
         let open = v1::IngestRequest { sequence: 0, item: Some(open) };
         let mut ingest = IngestServiceClient::new(server.channel.clone());

@@ -134,10 +134,15 @@ impl Check<'_> {
                     self.add(path, Reason::Missing, "required where there are observations");
                 }
                 let landmarks = self.landmarks("keyframe.landmarks", landmarks);
+                let odom = odom_from_camera.as_ref();
+                let motion = self.map.start_motion(self.client, world_from_camera, odom);
+                let moved = |pose: &Se3| motion.map_or(*pose, |motion: Se3| motion.compose(pose));
+                let new_landmarks: Vec<NewLandmark> =
+                    landmarks.iter().map(|new| new.moved_by(motion.as_ref())).collect();
                 let view = Viewpoint {
                     camera: camera_id.flatten(),
-                    world_from_camera,
-                    new_landmarks: &landmarks,
+                    world_from_camera: &moved(world_from_camera),
+                    new_landmarks: &new_landmarks,
                     present: &[],
                 };
                 let observations = self.observations("keyframe.observations", observations, &view);
@@ -149,6 +154,7 @@ impl Check<'_> {
                     odom_from_camera: odom_from_camera.unwrap_or(*world_from_camera),
                     observations,
                     landmarks,
+                    motion,
                 })
             }
             Item::Landmarks { landmarks } => {

@@ -76,6 +76,7 @@ impl Fit<'_> {
                 odom_from_camera,
                 observations,
                 landmarks,
+                motion,
                 ..
             } => {
                 self.absent(!self.map.keyframes.contains_key(id), EntityKind::Keyframe, *id)?;
@@ -85,6 +86,7 @@ impl Fit<'_> {
                 }
                 self.pose(*id, world_from_camera)?;
                 self.pose(*id, odom_from_camera)?;
+                motion.iter().try_for_each(|motion| self.pose(*id, motion))?;
                 let new = self.new_landmarks(landmarks)?;
                 self.observations(observations, &new, &[])
             }
@@ -332,6 +334,9 @@ impl Fit<'_> {
                 EntityKind::Client,
                 EntityId::new(client, 0),
             )?;
+        }
+        for (client, frame) in &solve.left_frames {
+            self.finite(frame.is_finite(), EntityKind::Client, EntityId::new(*client, 0))?;
         }
         let varied = solve.closure_variances.iter().map(|&(client, _)| client);
         for client in solve.covered.iter().map(|&(client, _)| client).chain(varied) {

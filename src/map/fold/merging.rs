@@ -101,7 +101,9 @@ impl Map {
         left.into_iter().for_each(|id| self.revoke(id));
         self.cameras.retain(|id, _| !goes(id));
         let digests: Vec<_> = self.contents.keys().copied().filter(|(_, id)| goes(id)).collect();
-        digests.iter().for_each(|key| drop(self.contents.remove(key)));
+        for key in digests {
+            self.contents.remove(&key);
+        }
         for index in going {
             if let Some(client) = self.clients.get_mut(index.0 as usize) {
                 *client = Client::new(&client.name, client.epoch);

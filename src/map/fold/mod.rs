@@ -11,8 +11,11 @@ mod edits;
 mod fits;
 mod merging;
 
+use covis_solvers::geometry::{LieGroup, Se3};
+
 use super::ceilings::descriptor_bytes;
 use super::digest::{self, Content};
+use super::frames;
 use super::unsolved::to_solve;
 use super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, Constraint, EntityId, Event, Keyframe,
@@ -71,13 +74,15 @@ impl Map {
                 odom_from_camera,
                 observations,
                 landmarks,
+                motion,
             } => {
                 self.contents.insert((Content::Keyframe, *id), digest::content(change));
-                self.add_landmarks(landmarks);
+                self.add_landmarks(landmarks, motion.as_ref());
                 let keyframe = Keyframe {
                     capture_time_ns: *capture_time_ns,
                     camera: *camera,
-                    world_from_camera: *world_from_camera,
+                    world_from_camera: motion
+                        .map_or(*world_from_camera, |motion| motion.compose(world_from_camera)),
                     odom_from_camera: *odom_from_camera,
                     observations: Observations::default(),
                     added_revision: self.revision,
@@ -86,7 +91,7 @@ impl Map {
                 self.by_age.insert((self.revision, *id), ());
                 self.add_observations(*id, observations);
             }
-            Change::LandmarksAdded { landmarks } => self.add_landmarks(landmarks),
+            Change::LandmarksAdded { landmarks } => self.add_landmarks(landmarks, None),
             Change::ObservationsAdded { keyframe, observations } => {
                 self.add_observations(*keyframe, observations);
             }
@@ -173,7 +178,7 @@ impl Map {
         }
     }
 
-    fn add_landmarks(&mut self, landmarks: &[NewLandmark]) {
+    fn add_landmarks(&mut self, landmarks: &[NewLandmark], motion: Option<&Se3>) {
         let revision = self.revision;
         for new in landmarks {
             if self.landmarks.contains_key(&new.id) {
@@ -181,7 +186,7 @@ impl Map {
             }
             self.unseen.insert((revision, new.id), ());
             let landmark = Landmark {
-                position: new.position,
+                position: new.moved_by(motion).position,
                 sent_position: new.position,
                 reference: None,
                 observers: Vec::new(),
@@ -269,6 +274,11 @@ impl Map {
         for &(client, variance) in &solve.closure_variances {
             if let Some(client) = self.clients.get_mut(client.0 as usize) {
                 client.closure_variance = variance;
+            }
+        }
+        for &(client, frame) in &solve.left_frames {
+            if let Some(client) = self.clients.get_mut(client.0 as usize) {
+                frames::remember(&mut client.earlier_frames, frame);
             }
         }
         for &(client, sequence) in &solve.covered {

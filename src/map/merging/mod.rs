@@ -14,6 +14,7 @@ use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Information;
 use nalgebra::Matrix3;
 
+use super::frames;
 use super::{
     Client, ClientIndex, Constraint, Duplicates, EntityId, Map, MapError, MapParts, MapPolicy,
     PlaceSearches, Prior, SharedMap,
@@ -142,10 +143,13 @@ impl Map {
             clients.push((MergedClient { index, name: client.name.clone() }, name.clone()));
         }
         let mut parts = source.to_parts();
-        for (client, (_, name)) in parts.clients.iter_mut().zip(&clients) {
-            client.name.clone_from(name);
-        }
         let own: Vec<ClientIndex> = (0..).take(clients.len()).map(ClientIndex).collect();
+        for ((client, (_, name)), &index) in parts.clients.iter_mut().zip(&clients).zip(&own) {
+            client.name.clone_from(name);
+            if let Some((_, newest)) = source.newest_keyframe(index) {
+                frames::remember(&mut client.earlier_frames, newest.map_from_odom());
+            }
+        }
         let mut parts = Renaming::new(&parts, &own).apply(parts);
         move_by(&target_from_source, &mut parts);
         let content = Arc::new(Self::from_parts(parts)?);
@@ -243,7 +247,11 @@ impl Map {
         let mut parts = renaming.apply(parts);
         let clients = merged.clients.iter().filter_map(|client| {
             let known = parts.clients.get(client.index.0 as usize)?;
-            Some(Client { name: client.name.clone(), ..known.clone() })
+            let mut left = Client { name: client.name.clone(), ..known.clone() };
+            if let Some((_, newest)) = self.newest_keyframe(client.index) {
+                frames::remember(&mut left.earlier_frames, newest.map_from_odom());
+            }
+            Some(left)
         });
         parts.clients = clients.collect();
         let source_from_target = merged.target_from_source.inverse();

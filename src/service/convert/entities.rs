@@ -222,7 +222,7 @@ pub(in crate::service) fn to_client_frame(
     map: &Map,
     client: ClientIndex,
 ) -> Option<v1::ClientFrame> {
-    let (id, newest) = map.trajectory(client).pop()?;
+    let (id, newest) = map.newest_keyframe(client)?;
     Some(v1::ClientFrame {
         client_id: client_name(map, id),
         map_from_odom: Some(to_rigid_transform(&newest.map_from_odom())),

@@ -304,6 +304,7 @@ mod tests {
                 odom_from_camera: pose,
                 observations,
                 landmarks: (0..LANDMARKS).map(new).collect(),
+                motion: None,
             });
         }
 

@@ -65,6 +65,7 @@ fn map() -> Arc<Map> {
             odom_from_camera: pose(k),
             observations: observations.collect(),
             landmarks: Vec::new(),
+            motion: None,
         });
     }
     for k in 0..KEYFRAMES - 2 {

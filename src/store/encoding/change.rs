@@ -37,6 +37,7 @@ pub(super) fn encode_change(change: &Change) -> Wire {
             odom_from_camera,
             observations,
             landmarks,
+            motion,
         } => Wire::KeyframeAdded(v1::KeyframeAdded {
             id: Some(encode_id(*id)),
             capture_time_ns: *capture_time_ns,
@@ -45,6 +46,7 @@ pub(super) fn encode_change(change: &Change) -> Wire {
             odom_from_camera: Some(encode_pose(odom_from_camera)),
             observations: encode_observations(observations),
             landmarks: encode_new_landmarks(landmarks),
+            motion: motion.as_ref().map(encode_pose),
         }),
         Change::LandmarksAdded { landmarks } => {
             Wire::LandmarksAdded(v1::LandmarksAdded { landmarks: encode_new_landmarks(landmarks) })
@@ -137,6 +139,7 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
             odom_from_camera: decode_pose(added.odom_from_camera, "odom_from_camera")?,
             observations: decode_observations(added.observations)?,
             landmarks: decode_new_landmarks(added.landmarks),
+            motion: added.motion.map(|pose| decode_pose(Some(pose), "a motion")).transpose()?,
         },
         Wire::LandmarksAdded(v1::LandmarksAdded { landmarks }) => {
             Change::LandmarksAdded { landmarks: decode_new_landmarks(landmarks) }
@@ -263,6 +266,7 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
         switched_off,
         switched_on,
         closure_variances,
+        left_frames,
         covered,
         initial_cost,
         final_cost,
@@ -270,6 +274,10 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
     let variance = |&(client, variance): &(ClientIndex, f64)| v1::ClosureVariance {
         client: client.0,
         variance: variance.to_bits(),
+    };
+    let left_frame = |(client, frame): &(ClientIndex, _)| v1::LeftFrame {
+        client: client.0,
+        map_from_odom: Some(encode_pose(frame)),
     };
     let pose = |(id, pose): &(EntityId, _)| v1::NewPose {
         id: Some(encode_id(*id)),
@@ -292,6 +300,7 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
         switched_off: switched_off.iter().map(|(id, off)| encode_switched_off(*id, off)).collect(),
         switched_on: switched_on.iter().copied().map(encode_id).collect(),
         closure_variances: closure_variances.iter().map(variance).collect(),
+        left_frames: left_frames.iter().map(left_frame).collect(),
     }
 }
 
@@ -302,6 +311,9 @@ fn decode_solve(solve: v1::SolveApplied) -> Decoded<AppliedSolve> {
         Ok((required_id(id, "a keyframe")?, decode_pose(world_from_camera, "a new pose")?))
     };
     let camera = |set| decode_camera_set(set).map(|(id, entity)| (id, entity.camera));
+    let left_frame = |v1::LeftFrame { client, map_from_odom }| {
+        Ok((ClientIndex(client), decode_pose(map_from_odom, "a frame")?))
+    };
     let covered = |v1::Covered { client, sequence }| (ClientIndex(client), sequence);
     Ok(AppliedSolve {
         kind,
@@ -319,6 +331,7 @@ fn decode_solve(solve: v1::SolveApplied) -> Decoded<AppliedSolve> {
             .into_iter()
             .map(|of| (ClientIndex(of.client), f64::from_bits(of.variance)))
             .collect(),
+        left_frames: solve.left_frames.into_iter().map(left_frame).collect::<Decoded<_>>()?,
         covered: solve.covered.into_iter().map(covered).collect(),
         initial_cost: f64::from_bits(solve.initial_cost),
         final_cost: f64::from_bits(solve.final_cost),

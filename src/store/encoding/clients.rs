@@ -1,7 +1,7 @@
 //! A client of a map as the message of a snapshot, with what is to be solved for it, and back to the same
 //! values. Its items are parts of their own. Nothing here knows where messages are kept.
 
-use super::entities::{decode_id, encode_id};
+use super::entities::{decode_id, decode_pose, encode_id, encode_pose};
 use super::{EncodingError, v1};
 use crate::map::{Affected, Client, EntityId, ToSolve, Unsolved};
 
@@ -13,6 +13,7 @@ pub(super) fn encode_client(client: &Client) -> v1::Client {
         optimized_sequence,
         unsolved,
         closure_variance,
+        earlier_frames,
         // Parts of their own.
         items: _,
     } = client;
@@ -23,17 +24,32 @@ pub(super) fn encode_client(client: &Client) -> v1::Client {
         optimized_sequence: *optimized_sequence,
         closure_variance: Some(closure_variance.to_bits()),
         unsolved: unsolved.as_ref().map(encode_unsolved),
+        earlier_frames: earlier_frames.iter().map(encode_pose).collect(),
     }
 }
 
 pub(super) fn decode_client(client: v1::Client) -> Result<Client, EncodingError> {
-    let v1::Client { name, epoch, next_sequence, optimized_sequence, closure_variance, unsolved } =
-        client;
-    // An earlier version had none.
-    let closure_variance = closure_variance.map_or(1.0, f64::from_bits);
-    let unsolved = unsolved.map(decode_unsolved).transpose()?;
-    let items = Default::default();
-    Ok(Client { name, epoch, next_sequence, optimized_sequence, unsolved, closure_variance, items })
+    let v1::Client {
+        name,
+        epoch,
+        next_sequence,
+        optimized_sequence,
+        closure_variance,
+        unsolved,
+        earlier_frames,
+    } = client;
+    let frame = |pose| decode_pose(Some(pose), "an earlier frame");
+    Ok(Client {
+        name,
+        epoch,
+        next_sequence,
+        optimized_sequence,
+        unsolved: unsolved.map(decode_unsolved).transpose()?,
+        // An earlier version had none.
+        closure_variance: closure_variance.map_or(1.0, f64::from_bits),
+        earlier_frames: earlier_frames.into_iter().map(frame).collect::<Result<_, _>>()?,
+        items: Default::default(),
+    })
 }
 
 fn encode_unsolved(unsolved: &Unsolved) -> v1::Unsolved {

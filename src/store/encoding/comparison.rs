@@ -125,6 +125,7 @@ fn is_head(read: &MapParts, map: &Map) -> bool {
             optimized_sequence,
             unsolved,
             closure_variance,
+            earlier_frames,
             items: _,
         } = a;
         *name == b.name
@@ -133,6 +134,7 @@ fn is_head(read: &MapParts, map: &Map) -> bool {
             && *optimized_sequence == b.optimized_sequence
             && *unsolved == b.unsolved
             && *closure_variance == b.closure_variance
+            && *earlier_frames == b.earlier_frames
     };
     read.revision == map.revision()
         && read.create_time_ns == map.create_time_ns()

@@ -48,6 +48,7 @@ fn keyframe(k: i64, observations: Vec<Observation>, landmarks: Vec<NewLandmark>)
         odom_from_camera: pose(0.5 * k as f64),
         observations,
         landmarks,
+        motion: Some(pose(0.0625)),
     }
 }
 
@@ -170,6 +171,7 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
                 SwitchedOff { chi2: 1e9, weight: -0.0, is_provisional: true },
             )],
             switched_on: vec![id(2)],
+            left_frames: vec![(ClientIndex(0), pose(0.125))],
             closure_variances: vec![(ClientIndex(0), 270.5)],
             covered: vec![(ClientIndex(0), 3)],
             initial_cost: 1e9,
@@ -330,6 +332,7 @@ fn merges(changes: &[Change]) -> Vec<Change> {
         odom_from_camera: pose(-0.0),
         observations: Vec::new(),
         landmarks: vec![NewLandmark { id: id(6), position: Some(Vector3::new(1.0, 2.0, 3.0)) }],
+        motion: None,
     };
     let source: Vec<Event> = (1..).zip(&[created, opened, alone]).map(event).collect();
     let source = Map::replay(source.iter()).unwrap();

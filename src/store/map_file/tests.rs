@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use covis_solvers::geometry::{LieGroup, Se3};
 use proptest::prelude::*;
 
 use super::*;
@@ -173,10 +174,8 @@ fn a_map_that_no_event_makes_is_refused() {
             let keyframe = p.keyframes.values_mut().last().unwrap().clone();
             p.keyframes.insert(EntityId::new(ClientIndex(9), 1), keyframe);
         }),
-        ("two keyframes of one revision", |p| {
-            let mut keyframe = p.keyframes.values_mut().last().unwrap().clone();
-            keyframe.observations = Vec::new().into();
-            p.keyframes.insert(EntityId::new(ClientIndex(0), 999), keyframe);
+        ("more earlier frames than are kept", |p| {
+            p.clients[0].earlier_frames = vec![Se3::identity(); 5];
         }),
         ("a keyframe of a later revision", |p| {
             p.keyframes.values_mut().last().unwrap().added_revision = i64::MAX;

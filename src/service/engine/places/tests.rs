@@ -60,6 +60,7 @@ fn add(map: &mut Map, keyframe: i64, described: &[Described<'_>]) {
         odom_from_camera: Se3::identity(),
         observations: described.iter().enumerate().map(seen).collect(),
         landmarks: landmarks.map(|k| NewLandmark { id: landmark(k), position: None }).collect(),
+        motion: None,
     };
     apply(map, change);
 }
@@ -140,6 +141,7 @@ fn memory(keyframes: &[Vec<Described<'_>>]) -> (u64, u64) {
             odom_from_camera: Se3::identity(),
             observations: known.observations.iter().map(float).collect(),
             landmarks,
+            motion: None,
         };
         apply(&mut plain, change);
     }

@@ -587,6 +587,10 @@ pub struct KeyframeAdded {
     /// Landmarks sent with it.
     #[prost(message, repeated, tag = "7")]
     pub landmarks: ::prost::alloc::vec::Vec<Point>,
+    /// What moves the start estimate and the positions of new landmarks into the client's present frame;
+    /// absent where they are of it.
+    #[prost(message, optional, tag = "8")]
+    pub motion: ::core::option::Option<Pose>,
 }
 impl ::prost::Name for KeyframeAdded {
     const NAME: &'static str = "KeyframeAdded";
@@ -821,6 +825,9 @@ pub struct SolveApplied {
     /// Variance factors of clients' loop closures that changed.
     #[prost(message, repeated, tag = "10")]
     pub closure_variances: ::prost::alloc::vec::Vec<ClosureVariance>,
+    /// The clients that it moves far, with their frames before.
+    #[prost(message, repeated, tag = "11")]
+    pub left_frames: ::prost::alloc::vec::Vec<LeftFrame>,
 }
 impl ::prost::Name for SolveApplied {
     const NAME: &'static str = "SolveApplied";
@@ -830,6 +837,26 @@ impl ::prost::Name for SolveApplied {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.storage.v1.SolveApplied".into()
+    }
+}
+/// A frame in which a client may still send its start estimates.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct LeftFrame {
+    /// Position of the client among the map's clients.
+    #[prost(uint32, tag = "1")]
+    pub client: u32,
+    /// The pose of its odometry frame in the world.
+    #[prost(message, optional, tag = "2")]
+    pub map_from_odom: ::core::option::Option<Pose>,
+}
+impl ::prost::Name for LeftFrame {
+    const NAME: &'static str = "LeftFrame";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.LeftFrame".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.LeftFrame".into()
     }
 }
 /// By what the covariances that a client states for its loop closures are multiplied.
@@ -1391,6 +1418,9 @@ pub struct Client {
     /// The last of its items that asked for a solve, while none has covered it.
     #[prost(message, optional, tag = "6")]
     pub unsolved: ::core::option::Option<Unsolved>,
+    /// Poses of its odometry frame in the world from before large corrections, the oldest first.
+    #[prost(message, repeated, tag = "7")]
+    pub earlier_frames: ::prost::alloc::vec::Vec<Pose>,
 }
 impl ::prost::Name for Client {
     const NAME: &'static str = "Client";

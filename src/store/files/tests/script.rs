@@ -51,6 +51,7 @@ pub(super) fn event(revision: i64, kind: i64) -> Arc<Event> {
                 switched_off: Vec::new(),
                 switched_on: Vec::new(),
                 closure_variances: Vec::new(),
+                left_frames: Vec::new(),
                 covered: vec![(ClientIndex(0), sequence - 1)],
                 initial_cost: 2.0,
                 final_cost: 0.1 + 0.2,
@@ -74,6 +75,7 @@ pub(super) fn event(revision: i64, kind: i64) -> Arc<Event> {
                 odom_from_camera: pose(revision),
                 observations: seen.collect(),
                 landmarks: (0..3).map(landmark).collect(),
+                motion: None,
             }
         }
     };

@@ -1,0 +1,75 @@
+//! Frames that a client may still believe in: where a solve or a merge has moved the newest keyframe of a
+//! client by far, its next start estimates may be of the frame before.
+//!
+//! A robot learns of a correction a moment later than the map, and much later over a poor link. Small
+//! corrections are left to bundle adjustment. After a large one, of the first closure with another robot's
+//! keyframes for instance, a keyframe in the old frame would see its landmarks behind the camera. Its
+//! start estimate says which frame it is of: in that one it follows from the newest keyframe and the
+//! odometry. Nothing is estimated here.
+
+use std::collections::BTreeMap;
+
+use covis_solvers::geometry::{LieGroup, Se3};
+
+use super::{ClientIndex, EntityId, Keyframe, Map};
+
+/// Earlier frames of a client that are kept: a robot that is further behind has not been heard for long.
+pub(super) const MOST_FRAMES: usize = 4;
+/// Motion of a keyframe from which on its client's frame is another one, m and rad: below it bundle
+/// adjustment converges from either.
+const FAR: (f64, f64) = (0.5, 0.2);
+
+impl Map {
+    /// The keyframe of a client with the latest capture time, then the highest id.
+    #[must_use]
+    pub fn newest_keyframe(&self, client: ClientIndex) -> Option<(EntityId, &Keyframe)> {
+        let own = EntityId::new(client, i64::MIN)..=EntityId::new(client, i64::MAX);
+        let own = self.keyframes.range(own).map(|(&id, keyframe)| (id, keyframe));
+        own.max_by_key(|&(id, keyframe)| (keyframe.capture_time_ns, id))
+    }
+
+    /// The clients whose newest keyframe moves far with `poses`, and their frames until now,
+    /// [`Keyframe::map_from_odom`].
+    pub(super) fn left_frames(&self, poses: &BTreeMap<EntityId, Se3>) -> Vec<(ClientIndex, Se3)> {
+        let left = |client: ClientIndex| {
+            let (id, newest) = self.newest_keyframe(client)?;
+            let motion = newest.world_from_camera.inverse().compose(poses.get(&id)?);
+            let is_far = motion.translation.norm() > FAR.0 || motion.rotation.log().norm() > FAR.1;
+            is_far.then(|| (client, newest.map_from_odom()))
+        };
+        (0..).zip(&self.clients).filter_map(|(index, _)| left(ClientIndex(index))).collect()
+    }
+
+    /// What moves the start estimate of a client's next keyframe into the present frame, where it is of
+    /// an earlier one: by the newest keyframe and the odometry since it is nearer there.
+    pub(super) fn start_motion(
+        &self,
+        client: ClientIndex,
+        world_from_camera: &Se3,
+        odom_from_camera: Option<&Se3>,
+    ) -> Option<Se3> {
+        let frames = &self.client(client)?.earlier_frames;
+        if frames.is_empty() {
+            return None;
+        }
+        let (_, newest) = self.newest_keyframe(client)?;
+        // Without odometry the robot can only be near to where it was.
+        let odometry = odom_from_camera.unwrap_or(&newest.odom_from_camera);
+        let distance = |frame: &Se3| {
+            let error = frame.compose(odometry).inverse().compose(world_from_camera);
+            error.translation.norm() + error.rotation.log().norm()
+        };
+        let present = newest.map_from_odom();
+        let nearest = frames.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        let is_nearer = distance(nearest) < distance(&present);
+        is_nearer.then(|| present.compose(&nearest.inverse()))
+    }
+}
+
+/// Adds the frame that a client's start estimates may be of; the oldest one goes.
+pub(super) fn remember(frames: &mut Vec<Se3>, frame: Se3) {
+    if frames.len() == MOST_FRAMES {
+        frames.remove(0);
+    }
+    frames.push(frame);
+}

@@ -1,0 +1,472 @@
+//! Many runs, one map: robots that began at different places of one floor, each with a map of its own, or
+//! all in one. Nobody says where they began; the server finds it by what they see.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use covis::client::{Client, RetryPolicy, SessionOptions, WatchOptions};
+use covis::wire::v1;
+use covis_solvers::geometry::{LieGroup, Se3};
+use nalgebra::Vector3;
+use tonic::Code;
+
+use crate::common::{
+    Stream, TestServer, check_field, check_status, keyframe, keyframe_position, run, shift,
+};
+use crate::made_sequence::Course;
+use crate::made_verdicts;
+use crate::sequence::{Order, Sequence, adjusted, items, pose};
+
+/// A robot that begins at the corner `start` of the ring of 12 and walks around once and a bit, in a frame
+/// that begins where it begins.
+fn walker(start: i32, seed: u64) -> Sequence {
+    let corner = |k: i32| {
+        let angle = f64::from(k) * std::f64::consts::FRAC_PI_6;
+        [1.2 * angle.cos(), 1.0 * angle.sin()]
+    };
+    let way = (start..=start + 14).map(corner).collect();
+    // The camera is that of every robot: an error of its calibration scales a map, and merging does not
+    // take that away.
+    let course =
+        Course { way, closure_step: 1000, calibration_error: 0.0, ..made_verdicts::room() };
+    let mut sequence = course.walk_of(7, seed).sequence;
+    let origin = sequence.odometry[0].1.inverse();
+    for (_, pose) in &mut sequence.odometry {
+        *pose = origin.compose(pose);
+    }
+    sequence
+}
+
+fn robot(number: usize) -> String {
+    format!("robot-{number}")
+}
+
+/// Sends what a robot saw.
+async fn walk(server: &TestServer, map: &str, client: &str, sequence: &Sequence) {
+    let (stream, _) = Stream::open(server, map, client, 0).await;
+    for (number, item) in (1..).zip(items(sequence, &[], Order::Streamed)) {
+        stream.send(number, item).await;
+    }
+    for ack in stream.finish().await.unwrap() {
+        assert!(ack.violations.is_empty(), "{ack:?}");
+    }
+}
+
+/// The poses of a map by client and id.
+async fn poses(server: &TestServer, map: &str) -> BTreeMap<(String, i64), Se3> {
+    let request =
+        v1::WatchMapRequest { map_id: map.to_owned(), omit_landmarks: true, ..Default::default() };
+    let mut watch = server.maps().watch_map(request).await.unwrap().into_inner();
+    let mut poses = BTreeMap::new();
+    loop {
+        let delta = watch.message().await.unwrap().unwrap().delta.unwrap();
+        for keyframe in delta.keyframes {
+            let id = keyframe.keyframe.unwrap();
+            let found = keyframe.world_from_camera.unwrap();
+            let (t, q) = (found.translation.unwrap(), found.rotation.unwrap());
+            let found = pose(&[t.x, t.y, t.z, q.x, q.y, q.z, q.w]);
+            poses.insert((id.client_id, id.id), found);
+        }
+        if delta.last_part {
+            return poses;
+        }
+    }
+}
+
+/// How far the frames of the robots are from each other, m: the largest root mean square of the others'
+/// positions where the first robot's positions are aligned with the truth.
+async fn between_frames(server: &TestServer, map: &str, walks: &[Sequence]) -> f64 {
+    let poses = poses(server, map).await;
+    let of = |number: usize| -> Vec<Vector3<f64>> {
+        let keyframes = 0..walks[number].truth.len() as i64;
+        keyframes.map(|id| poses[&(robot(number), id)].translation).collect()
+    };
+    let truth = |number: usize| -> Vec<Vector3<f64>> {
+        walks[number].truth.iter().map(|pose| pose.translation).collect()
+    };
+    let mean = |points: &[Vector3<f64>]| points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+    let (a, b) = (of(0), truth(0));
+    let (mean_a, mean_b) = (mean(&a), mean(&b));
+    let correlation: nalgebra::Matrix3<f64> =
+        a.iter().zip(&b).map(|(a, b)| (b - mean_b) * (a - mean_a).transpose()).sum();
+    let svd = correlation.svd(true, true);
+    let (u, v) = (svd.u.unwrap(), svd.v_t.unwrap());
+    let sign = Vector3::new(1.0, 1.0, (u * v).determinant().signum());
+    let rotation = u * nalgebra::Matrix3::from_diagonal(&sign) * v;
+    let error = |number: usize| {
+        let pairs = of(number).into_iter().zip(truth(number));
+        let squares: Vec<f64> =
+            pairs.map(|(a, b)| (b - mean_b - rotation * (a - mean_a)).norm_squared()).collect();
+        (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
+    };
+    (1..walks.len()).map(error).fold(0.0, f64::max)
+}
+
+fn merge(target: &str, source: &str) -> v1::MergeMapsRequest {
+    v1::MergeMapsRequest {
+        target_map_id: target.to_owned(),
+        source_map_id: source.to_owned(),
+        ..Default::default()
+    }
+}
+
+async fn get(server: &TestServer, map: &str) -> v1::Map {
+    let request = v1::GetMapRequest { map_id: map.to_owned(), ..Default::default() };
+    server.maps().get_map(request).await.unwrap().into_inner().map.unwrap()
+}
+
+#[test]
+#[allow(clippy::print_stdout, reason = "docs/benchmarking.md has this figure")]
+fn two_robots_of_one_floor_become_one_map() {
+    run(async {
+        let server = TestServer::lock_step().await;
+        let walks = [walker(0, 1), walker(5, 2)];
+        for (number, walked) in walks.iter().enumerate() {
+            server.create_map(&format!("run-{number}")).await;
+            walk(&server, &format!("run-{number}"), &robot(number), walked).await;
+        }
+        let before = get(&server, "run-1").await;
+        let merged = server.maps().merge_maps(merge("run-0", "run-1")).await.unwrap().into_inner();
+        assert!(merged.closure_count >= 3, "{merged:?}");
+        let map = merged.map.unwrap();
+        assert_eq!((map.map_id.as_str(), map.clients.len()), ("run-0", 2));
+        assert_eq!(map.merged_maps[0].map_id, "run-1");
+        assert_eq!(map.merged_maps[0].client_ids, ["robot-1"]);
+        adjusted(&server, "run-0").await;
+        let error = between_frames(&server, "run-0", &walks).await;
+        println!("two robots merged: {error:.4} m between their frames");
+        assert!(error <= 0.03, "{error} m");
+        // By either name, and listed once.
+        assert_eq!(get(&server, "run-1").await.map_id, "run-0");
+        let list = server.maps().list_maps(v1::ListMapsRequest::default()).await.unwrap();
+        assert_eq!(list.into_inner().maps.len(), 1);
+        // Asked again by one who did not get the answer.
+        let again = server.maps().merge_maps(merge("run-0", "run-1")).await.unwrap().into_inner();
+        assert_eq!(again.target_from_source, merged.target_from_source);
+        // And apart again.
+        let undo =
+            v1::UndoMergeRequest { map_id: "run-0".to_owned(), source_map_id: "run-1".to_owned() };
+        let undone = server.maps().undo_merge(undo.clone()).await.unwrap().into_inner();
+        let (map, source) = (undone.map.unwrap(), undone.source.unwrap());
+        assert_eq!(map.counts.unwrap().keyframe_count, walks[0].truth.len() as i64);
+        assert_eq!((source.map_id.as_str(), &source.uid), ("run-1", &before.uid));
+        assert_eq!(source.state(), v1::MapState::Open);
+        let counts = |map: &v1::Map| {
+            let counts = map.counts.unwrap();
+            [counts.keyframe_count, counts.landmark_count, counts.observation_count]
+        };
+        assert_eq!(counts(&source), counts(&before));
+        assert_eq!(get(&server, "run-1").await.map_id, "run-1");
+        let status = server.maps().undo_merge(undo).await.unwrap_err();
+        check_status(&status, Code::NotFound, "NOT_MERGED");
+        // The robot goes on where it was.
+        let (stream, opened) = Stream::open(&server, "run-1", "robot-1", 0).await;
+        assert_eq!(opened.next_sequence, before.clients[0].next_sequence);
+        drop(stream);
+    });
+}
+
+#[test]
+#[allow(clippy::print_stdout, reason = "docs/benchmarking.md has this figure")]
+fn eight_maps_become_one_at_once() {
+    run(async {
+        let server = TestServer::lock_step().await;
+        let walks: Vec<Sequence> = (0..8).map(|k| walker(3 * k, 10 + k as u64)).collect();
+        for (number, walked) in walks.iter().enumerate() {
+            let name = format!("run-{number}");
+            server.create_map(&name).await;
+            walk(&server, &name, &robot(number), walked).await;
+        }
+        let merges = (1..8).map(|number| {
+            let mut maps = server.maps();
+            async move { maps.merge_maps(merge("run-0", &format!("run-{number}"))).await.unwrap() }
+        });
+        futures_util::future::join_all(merges).await;
+        let map = get(&server, "run-0").await;
+        assert_eq!((map.clients.len(), map.merged_maps.len()), (8, 7));
+        adjusted(&server, "run-0").await;
+        let error = between_frames(&server, "run-0", &walks).await;
+        println!("eight robots merged: at most {error:.4} m between their frames");
+        assert!(error <= 0.03, "{error} m");
+    });
+}
+
+#[test]
+#[allow(clippy::print_stdout, reason = "docs/benchmarking.md has this figure")]
+fn eight_robots_that_write_one_map_from_eight_starts_find_each_other() {
+    run(async {
+        let server = TestServer::start().await;
+        server.create_map("floor").await;
+        let walks: Vec<Sequence> = (0..8).map(|k| walker(3 * k, 10 + k as u64)).collect();
+        let writes = walks.iter().enumerate().map(|(number, walked)| {
+            let server = &server;
+            async move { walk(server, "floor", &robot(number), walked).await }
+        });
+        futures_util::future::join_all(writes).await;
+        settled(&server, "floor").await;
+        let error = between_frames(&server, "floor", &walks).await;
+        println!("eight robots in one map: at most {error:.4} m between their frames");
+        assert!(error <= 0.03, "{error} m");
+    });
+}
+
+/// Waits until every place is searched and the map is adjusted: an optimization on request comes last.
+async fn settled(server: &TestServer, map: &str) {
+    loop {
+        let request = v1::ListPlaceSearchesRequest { map_id: map.to_owned(), ..Default::default() };
+        let mut stream = server.maps().list_place_searches(request).await.unwrap().into_inner();
+        let mut searched = 0;
+        while let Some(part) = stream.message().await.unwrap() {
+            searched += part.searches.len() as i64;
+        }
+        adjusted(server, map).await;
+        if searched == get(server, map).await.counts.unwrap().keyframe_count {
+            return;
+        }
+    }
+}
+
+/// Retries without waiting long.
+fn quickly() -> RetryPolicy {
+    let first_delay = std::time::Duration::from_millis(1);
+    RetryPolicy {
+        max_attempts: 1000,
+        first_delay,
+        longest_delay: first_delay,
+        ..Default::default()
+    }
+}
+
+#[test]
+fn a_robot_goes_on_while_its_map_becomes_part_of_another_one_and_leaves_it() {
+    run(async {
+        let server = TestServer::start().await;
+        let client =
+            Client::connect(&format!("http://{}", server.running.local_addr())).await.unwrap();
+        for map in ["floor", "run"] {
+            server.create_map(map).await;
+        }
+        let options = || SessionOptions { retry: quickly(), ..SessionOptions::default() };
+        let mut other = client.ingest("floor", "other", options()).await.unwrap();
+        let mut session = client.ingest("run", "robot", options()).await.unwrap();
+        let watched = WatchOptions { retry: quickly(), ..WatchOptions::default() };
+        let mut watch = client.watch("run", watched).await.unwrap();
+        for session in [&mut other, &mut session] {
+            session.send(crate::common::camera(0)).await.unwrap();
+            for id in 0..4 {
+                session.send(keyframe(id)).await.unwrap();
+            }
+            session.flush().await.unwrap();
+        }
+        let request = v1::MergeMapsRequest {
+            target_from_source: Some(shift([10.0, 0.0, 0.0])),
+            ..merge("floor", "run")
+        };
+        server.maps().merge_maps(request).await.unwrap();
+        // It need not know: its next keyframes are in the other map, under the sequences that follow.
+        for id in 4..6 {
+            session.send(keyframe(id)).await.unwrap();
+        }
+        session.flush().await.unwrap();
+        let counts = get(&server, "floor").await.counts.unwrap();
+        assert_eq!((counts.keyframe_count, counts.camera_count), (10, 2));
+        // Sent in the frame of its own map, they are where they belong in this one.
+        let found = poses(&server, "floor").await;
+        let x = |id: i64| found[&("robot".to_owned(), id)].translation.x;
+        for id in 4..6 {
+            let expected = 10.0 + keyframe_position(id)[0];
+            assert!((x(id) - expected).abs() < 0.05, "{} for {expected}", x(id));
+        }
+        // Its watch tells it where its frame lies now.
+        let x = |watch: &covis::client::MapWatch| {
+            let frame = watch.mirror().client_frames.get("robot")?;
+            Some(frame.map_from_odom?.translation?.x)
+        };
+        while x(&watch).is_none_or(|x| x < 5.0) {
+            watch.next().await.unwrap();
+        }
+        let undo =
+            v1::UndoMergeRequest { map_id: "floor".to_owned(), source_map_id: "run".to_owned() };
+        server.maps().undo_merge(undo).await.unwrap();
+        session.send(keyframe(6)).await.unwrap();
+        let report = session.finish().await.unwrap();
+        assert_eq!((report.rejected, report.unanswered()), (0, 0));
+        assert_eq!(get(&server, "run").await.counts.unwrap().keyframe_count, 7);
+        assert_eq!(get(&server, "floor").await.counts.unwrap().keyframe_count, 4);
+        while x(&watch).is_none_or(|x| x > 5.0) {
+            watch.next().await.unwrap();
+        }
+        other.finish().await.unwrap();
+    });
+}
+
+#[test]
+fn what_cannot_be_merged_is_refused_by_name_and_stays_as_it_was() {
+    run(async {
+        let server = TestServer::start().await;
+        for map in ["a", "b"] {
+            server.create_map(map).await;
+            server.build_map(map, 4).await;
+        }
+        let refused = async |request: v1::MergeMapsRequest| {
+            server.maps().merge_maps(request).await.unwrap_err()
+        };
+        check_field(&refused(merge("a", "a")).await, "source_map_id", "DUPLICATE");
+        check_field(&refused(merge("", "b")).await, "target_map_id", "MISSING");
+        check_status(&refused(merge("a", "none")).await, Code::NotFound, "MAP_NOT_FOUND");
+        // These keyframes have no descriptors.
+        check_status(&refused(merge("a", "b")).await, Code::FailedPrecondition, "NOT_ALIGNED");
+        let placed = v1::MergeMapsRequest {
+            target_from_source: Some(shift([1.0, 0.0, 0.0])),
+            ..merge("a", "b")
+        };
+        check_status(&refused(placed.clone()).await, Code::FailedPrecondition, "CLIENT_IN_BOTH");
+        let client = |from: &str, to: &str| v1::RenamedClient {
+            client_id: from.to_owned(),
+            new_client_id: to.to_owned(),
+        };
+        let renamed = |renamed_clients| v1::MergeMapsRequest { renamed_clients, ..placed.clone() };
+        let status = refused(renamed(vec![client("nobody", "x")])).await;
+        check_field(&status, "renamed_clients", "INCONSISTENT");
+        let status = refused(renamed(vec![client("robot", "x"), client("robot", "y")])).await;
+        check_field(&status, "renamed_clients[1].client_id", "DUPLICATE");
+        let status = refused(renamed(vec![client("robot", "X")])).await;
+        check_field(&status, "renamed_clients[0].new_client_id", "OUT_OF_RANGE");
+        let mut constraint = crate::common::relative_pose(0, 0, 99);
+        let status = refused(v1::MergeMapsRequest {
+            constraints: vec![constraint.clone()],
+            ..placed.clone()
+        });
+        check_field(&status.await, "constraints[0].keyframe_i.client_id", "MISSING");
+        for keyframe in [&mut constraint.keyframe_i, &mut constraint.keyframe_j] {
+            keyframe.as_mut().unwrap().client_id = "robot".to_owned();
+        }
+        let constraints = vec![constraint];
+        let status = refused(v1::MergeMapsRequest { constraints, ..placed.clone() }).await;
+        check_field(&status, "constraints", "UNKNOWN_REFERENCE");
+        // Nothing has changed: both take items.
+        for map in ["a", "b"] {
+            assert_eq!(get(&server, map).await.state(), v1::MapState::Open);
+            let (mut stream, opened) = Stream::open(&server, map, "robot", 0).await;
+            let ack = stream.put(opened.next_sequence, keyframe_item(9)).await;
+            assert!(ack.violations.is_empty(), "{ack:?}");
+        }
+        // Under another name it fits; then its map is no map of its own any more.
+        let request = renamed(vec![client("robot", "robot-b")]);
+        server.maps().merge_maps(request).await.unwrap();
+        let delete = v1::DeleteMapRequest { map_id: "b".to_owned() };
+        let status = server.maps().delete_map(delete).await.unwrap_err();
+        check_status(&status, Code::FailedPrecondition, "MAP_MERGED");
+        let create = v1::CreateMapRequest { map_id: "b".to_owned(), ..Default::default() };
+        let status = server.maps().create_map(create.clone()).await.unwrap_err();
+        check_status(&status, Code::AlreadyExists, "MAP_EXISTS");
+        // The robot that wrote it has its own items, by the name that it knows.
+        let (mut stream, opened) = Stream::open(&server, "b", "robot", 0).await;
+        let ack = stream.put(opened.next_sequence, keyframe_item(10)).await;
+        assert!(ack.violations.is_empty(), "{ack:?}");
+        let clients = get(&server, "a").await.clients;
+        let next = |name: &str| clients.iter().find(|c| c.client_id == name).unwrap().next_sequence;
+        assert!(next("robot-b") > next("robot"));
+        // With the map its other name goes.
+        let delete = v1::DeleteMapRequest { map_id: "a".to_owned() };
+        server.maps().delete_map(delete).await.unwrap();
+        server.maps().create_map(create).await.unwrap();
+    });
+}
+
+fn keyframe_item(id: i64) -> v1::ingest_request::Item {
+    v1::ingest_request::Item::Keyframe(keyframe(id))
+}
+
+async fn on_disk(folder: &Path) -> TestServer {
+    let folder = folder.to_owned();
+    TestServer::with(|config| config.data_dir = Some(folder)).await
+}
+
+async fn names(server: &TestServer) -> Vec<String> {
+    let list = server.maps().list_maps(v1::ListMapsRequest::default()).await.unwrap();
+    list.into_inner().maps.into_iter().map(|map| map.map_id).collect()
+}
+
+async fn set_frozen(server: &TestServer, map: &str) {
+    let request = v1::UpdateMapRequest {
+        map_id: map.to_owned(),
+        state: v1::MapState::Frozen.into(),
+        update_mask: Some(prost_types::FieldMask { paths: vec!["state".to_owned()] }),
+        ..Default::default()
+    };
+    server.maps().update_map(request).await.unwrap();
+}
+
+fn copy(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let to = to.join(entry.file_name());
+        match entry.file_type().unwrap().is_dir() {
+            true => copy(&entry.path(), &to),
+            false => drop(std::fs::copy(entry.path(), to).unwrap()),
+        }
+    }
+}
+
+#[test]
+fn merged_maps_are_found_after_a_restart_and_what_a_merge_left_behind_is_cleared() {
+    run(async {
+        let folder = tempfile::tempdir().unwrap();
+        let (data, aside) = (folder.path().join("data"), folder.path().join("aside"));
+        let server = on_disk(&data).await;
+        let folders = || -> BTreeSet<PathBuf> {
+            let entries = std::fs::read_dir(data.join("maps")).unwrap();
+            entries.map(|entry| entry.unwrap().path()).collect()
+        };
+        server.create_map("floor").await;
+        let other = folders();
+        server.create_map("run").await;
+        let run = folders().difference(&other).next().unwrap().clone();
+        for map in ["floor", "run"] {
+            server.build_map(map, 4).await;
+        }
+        server.running.shutdown().await;
+        copy(&run, &aside.join("open"));
+        let server = on_disk(&data).await;
+        set_frozen(&server, "run").await;
+        server.running.shutdown().await;
+        copy(&run, &aside.join("frozen"));
+        let server = on_disk(&data).await;
+        let renamed = v1::RenamedClient {
+            client_id: "robot".to_owned(),
+            new_client_id: "robot-b".to_owned(),
+        };
+        let request = v1::MergeMapsRequest {
+            target_from_source: Some(shift([1.0, 0.0, 0.0])),
+            renamed_clients: vec![renamed],
+            ..merge("floor", "run")
+        };
+        server.maps().merge_maps(request).await.unwrap();
+        let merged = get(&server, "floor").await;
+        server.running.shutdown().await;
+        // As if the server had died before it deleted the source.
+        copy(&aside.join("frozen"), &run);
+        let server = on_disk(&data).await;
+        assert_eq!(names(&server).await, ["floor"]);
+        assert!(!run.exists());
+        let found = get(&server, "run").await;
+        assert_eq!((found.uid, found.counts), (merged.uid, merged.counts));
+        server.running.shutdown().await;
+        // A map of this name that takes items is somebody's: nothing of it is deleted.
+        copy(&aside.join("open"), &run);
+        let server = on_disk(&data).await;
+        assert_eq!(names(&server).await, ["floor", "run"]);
+        server.running.shutdown().await;
+        std::fs::remove_dir_all(&run).unwrap();
+        let server = on_disk(&data).await;
+        let undo =
+            v1::UndoMergeRequest { map_id: "floor".to_owned(), source_map_id: "run".to_owned() };
+        server.maps().undo_merge(undo).await.unwrap();
+        server.running.shutdown().await;
+        let server = on_disk(&data).await;
+        assert_eq!(names(&server).await, ["floor", "run"]);
+        assert_eq!(get(&server, "run").await.counts.unwrap().keyframe_count, 4);
+    });
+}
