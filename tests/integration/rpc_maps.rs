@@ -1,4 +1,4 @@
-//! `MapService`: making, reading, listing, deleting; trajectories and landmarks; what is not served.
+//! `MapService`: making, reading, listing, deleting; trajectories and landmarks.
 
 use covis::wire::v1;
 use tonic::{Code, Status, Streaming};
@@ -433,15 +433,6 @@ fn landmarks_come_in_pages_that_can_be_resumed_and_masked() {
         let none = v1::ListLandmarksRequest { map_id: "none".to_owned(), ..Default::default() };
         check_status(&bad(none).await, Code::NotFound, "MAP_NOT_FOUND");
         check_field(&bad(v1::ListLandmarksRequest::default()).await, "map_id", "MISSING");
-    });
-}
-
-#[test]
-fn what_is_not_served_yet_is_unimplemented() {
-    run(async {
-        let server = TestServer::start().await;
-        let status = server.maps().merge_maps(v1::MergeMapsRequest::default()).await.unwrap_err();
-        check_status(&status, Code::Unimplemented, "UNIMPLEMENTED");
     });
 }
 
