@@ -146,6 +146,7 @@ fn event(revision: i64) -> Event {
         observations: observations.collect(),
         landmarks: Vec::new(),
         motion: None,
+        global_descriptor: None,
     };
     Event { revision, time_ns: 0, cause: None, change }
 }

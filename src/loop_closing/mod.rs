@@ -46,6 +46,8 @@ pub struct View<'a> {
     pub features: Vec<Feature>,
     /// What each feature looks like, where that is known.
     pub descriptors: Vec<Option<&'a Descriptor>>,
+    /// What the whole image looks like, where that is known.
+    pub image: Option<&'a Descriptor>,
 }
 
 impl<'a> View<'a> {
@@ -63,6 +65,7 @@ impl<'a> View<'a> {
             camera_id: Some(camera_id),
             features: keyframe.observations.iter().map(feature).collect(),
             descriptors: keyframe.observations.iter().map(|o| o.descriptor.as_deref()).collect(),
+            image: keyframe.global_descriptor.as_deref(),
         })
     }
 
@@ -72,6 +75,13 @@ impl<'a> View<'a> {
         let all = self.descriptors.iter().enumerate();
         all.filter_map(|(at, descriptor)| Some((at, searchable((*descriptor)?)?))).unzip()
     }
+}
+
+/// The descriptor of a whole image, as the index of places compares it.
+#[must_use]
+pub fn comparable(image: Option<&Descriptor>) -> Option<place::Feature<'_>> {
+    let Descriptor { kind, name, data } = image?;
+    (*kind == DescriptorKind::Float32).then_some(place::Feature { name, data })
 }
 
 /// A descriptor that the index of places can hold.

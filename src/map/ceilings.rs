@@ -279,6 +279,13 @@ pub(super) fn descriptor_bytes(observations: &[Observation]) -> u64 {
     descriptors.map(|descriptor| bytes(descriptor)).sum()
 }
 
+/// Memory of the descriptor of a whole image, with the index's copy of it.
+pub(super) fn image_bytes(descriptor: Option<&Descriptor>) -> u64 {
+    descriptor.map_or(0, |descriptor| {
+        (2 * descriptor.data.len() + 2 * descriptor.name.len()) as u64 + 2 * DESCRIPTOR
+    })
+}
+
 const NOTHING: Usage = Usage {
     clients: 0,
     cameras: 0,
@@ -357,8 +364,10 @@ impl Map {
         by_observations: impl Fn(&[Observation]) -> Usage,
     ) -> Usage {
         match change {
-            Change::KeyframeAdded { observations, landmarks, .. } => {
-                NEW_KEYFRAME + by_landmarks(landmarks) + by_observations(observations)
+            Change::KeyframeAdded { observations, landmarks, global_descriptor, .. } => {
+                let bytes = image_bytes(global_descriptor.as_deref());
+                let image = Usage { bytes, ..NOTHING };
+                NEW_KEYFRAME + image + by_landmarks(landmarks) + by_observations(observations)
             }
             Change::LandmarksAdded { landmarks } => NEW_ITEM + by_landmarks(landmarks),
             Change::ObservationsAdded { observations, .. } => {

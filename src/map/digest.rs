@@ -12,9 +12,9 @@ use nalgebra::Vector3;
 use sha2::{Digest as _, Sha256};
 
 use super::{
-    CameraEntity, Change, ClosureRobustness, Constraint, Depth, Digest, EntityId, Gauge, Keyframe,
-    Landmark, Map, MapPolicy, NewLandmark, Observation, PlaceCandidate, PlaceRefusal, PlaceSearch,
-    Prior, SwitchedOff, WhenFull,
+    CameraEntity, Change, ClosureRobustness, Constraint, Depth, Descriptor, Digest, EntityId,
+    Gauge, Keyframe, Landmark, Map, MapPolicy, NewLandmark, Observation, PlaceCandidate,
+    PlaceRefusal, PlaceSearch, Prior, SwitchedOff, WhenFull,
 };
 
 /// Added to the tag of a constraint or prior with a loss of its own or a lever arm.
@@ -46,6 +46,7 @@ pub(super) fn content(change: &Change) -> Digest {
         odom_from_camera,
         observations,
         landmarks,
+        global_descriptor,
         // Of the map, not of what was sent.
         motion: _,
     } = change
@@ -61,6 +62,9 @@ pub(super) fn content(change: &Change) -> Digest {
             hash.id(id);
             hash.optional_vector(position.as_ref());
         });
+        if let Some(descriptor) = global_descriptor {
+            hash.descriptor(descriptor);
+        }
     } else if let Change::ConstraintAdded { id, constraint } = change {
         hash.tag(2);
         hash.id(*id);
@@ -174,6 +178,13 @@ impl Map {
             }
         });
         hash.entities(&self.priors, Hash::prior);
+        // Earlier versions kept none.
+        let images = self.keyframes.iter();
+        for (&id, image) in images.filter_map(|(id, k)| Some((id, k.global_descriptor.as_ref()?))) {
+            hash.tag(7);
+            hash.id(id);
+            hash.descriptor(image);
+        }
     }
 
     /// SHA-256 over the ids of all keyframes by client name, then id: the name as text, the id as
@@ -427,9 +438,7 @@ impl Hash {
         }
         self.tag(u8::from(descriptor.is_some()));
         if let Some(descriptor) = descriptor {
-            self.tag(descriptor.kind as u8);
-            self.text(&descriptor.name);
-            self.bytes(&descriptor.data);
+            self.descriptor(descriptor);
         }
     }
 
@@ -444,6 +453,12 @@ impl Hash {
         self.pose(&keyframe.world_from_camera);
         self.pose(&keyframe.odom_from_camera);
         self.observations(&keyframe.observations);
+    }
+
+    fn descriptor(&mut self, descriptor: &Descriptor) {
+        self.tag(descriptor.kind as u8);
+        self.text(&descriptor.name);
+        self.bytes(&descriptor.data);
     }
 
     fn landmark(&mut self, landmark: &Landmark) {

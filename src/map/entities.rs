@@ -161,6 +161,8 @@ pub struct Keyframe {
     pub odom_from_camera: Se3,
     /// Features seen, in the order of arrival; each [`Observation::key`] once.
     pub observations: Observations,
+    /// What the whole image looks like, where the client said.
+    pub global_descriptor: Option<Arc<Descriptor>>,
     /// The revision that added it.
     pub added_revision: i64,
 }

@@ -3,12 +3,14 @@
 //! A map is the fold of its events. Because a solve's event carries the resulting poses and
 //! landmarks, replaying a journal runs no solver and gives the same bits on any machine.
 
+use std::sync::Arc;
+
 use covis_solvers::geometry::{Camera, Se3};
 use nalgebra::Vector3;
 
 use super::{
-    CameraEntity, ClientIndex, Comparison, Constraint, Digest, EntityId, MapPolicy, Merge,
-    Observation, PlaceSearch, Prior, SwitchedOff,
+    CameraEntity, ClientIndex, Comparison, Constraint, Descriptor, Digest, EntityId, MapPolicy,
+    Merge, Observation, PlaceSearch, Prior, SwitchedOff,
 };
 
 /// One step of a map.
@@ -166,6 +168,8 @@ pub enum Change {
         observations: Vec<Observation>,
         /// Landmarks sent with it.
         landmarks: Vec<NewLandmark>,
+        /// See [`Keyframe::global_descriptor`](super::Keyframe::global_descriptor).
+        global_descriptor: Option<Arc<Descriptor>>,
         /// What moves the start estimate, and the positions of new landmarks, into the client's present
         /// frame; `None` where they are of it.
         motion: Option<Se3>,

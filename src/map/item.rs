@@ -103,6 +103,8 @@ pub enum Item {
         observations: Vec<ItemObservation>,
         /// Landmarks that are new with it.
         landmarks: Vec<ItemLandmark>,
+        /// What the whole image looks like, where the client says.
+        global_descriptor: Option<Arc<Descriptor>>,
     },
     /// Adds landmarks.
     Landmarks {

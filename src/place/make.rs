@@ -215,12 +215,13 @@ impl Make {
         hamming::run(Search { make: self, query, excluded, each });
     }
 
-    /// The `count` best keyframes at most, one of each island.
+    /// The `count` best keyframes at most, one of each island, and those of `alike` that are not among
+    /// them.
     pub(super) fn query(
         &self,
-        query: &[u64],
-        numbers: &[u16],
+        (query, numbers): (&[u64], &[u16]),
         count: usize,
+        alike: &[EntityId],
         excluded: impl Fn(EntityId) -> bool,
     ) -> Vec<Found> {
         let total = self.len() as f64;
@@ -238,7 +239,14 @@ impl Make {
         let mean = told.clone().sum::<f64>() / (told.count() as f64).max(1.0);
         let weights: Vec<f64> = weights.into_iter().map(|weight| weight.unwrap_or(mean)).collect();
         let ordered: Vec<f64> = self.order.iter().map(|&slot| votes[slot as usize]).collect();
-        let found = islands(&ordered, &self.runs(), count);
+        let mut found = islands(&ordered, &self.runs(), count);
+        for slot in alike.iter().filter_map(|id| self.slots.get(id)) {
+            let key = self.key_in_order(*slot);
+            let at = self.order.partition_point(|&other| self.key_in_order(other) < key);
+            if !found.iter().any(|island| island.best == at) {
+                found.push(Island { members: at..at + 1, best: at });
+            }
+        }
         let found =
             found.iter().filter_map(|island| self.compare(query, numbers, &weights, island));
         found.collect()

@@ -15,6 +15,7 @@ mod make;
 mod matching;
 #[cfg(test)]
 mod tests;
+mod whole_images;
 
 use std::collections::BTreeMap;
 
@@ -22,6 +23,7 @@ use thiserror::Error;
 
 use crate::map::{ClientIndex, EntityId};
 use make::{KEYFRAMES, Make};
+use whole_images::WholeImages;
 
 pub use make::DESCRIPTORS;
 
@@ -52,6 +54,12 @@ pub enum PlaceError {
     Length {
         /// Its place in the features.
         number: usize,
+        /// Its length.
+        bytes: usize,
+    },
+    /// The descriptor of a whole image has no direction.
+    #[error("the {bytes} bytes of the image's descriptor are no finite 32-bit floats other than 0")]
+    WholeImage {
         /// Its length.
         bytes: usize,
     },
@@ -121,6 +129,7 @@ pub struct Candidate {
 #[derive(Clone, Debug, Default)]
 pub struct PlaceIndex {
     makes: BTreeMap<(String, usize), Make>,
+    whole: WholeImages,
 }
 
 /// The features of one make: their places, and their data.
@@ -161,17 +170,18 @@ impl PlaceIndex {
     /// Whether the keyframe is in the index. One without descriptors never is.
     #[must_use]
     pub fn contains(&self, keyframe: EntityId) -> bool {
-        self.makes.values().any(|make| make.contains(keyframe))
+        self.makes.values().any(|make| make.contains(keyframe)) || self.whole.contains(keyframe)
     }
 
     /// Memory, bytes: descriptors, tables and lists.
     #[must_use]
     pub fn bytes(&self) -> usize {
         // A node of the ordered map beside what each make holds.
-        self.makes
+        let makes = self
+            .makes
             .iter()
-            .map(|((name, _), make)| name.len() + size_of::<Make>() + make.bytes())
-            .sum()
+            .map(|((name, _), make)| name.len() + size_of::<Make>() + make.bytes());
+        makes.sum::<usize>() + self.whole.bytes()
     }
 
     /// Adds a keyframe. `capture_time_ns` orders the keyframes of a client; late ones are legal.
@@ -185,7 +195,7 @@ impl PlaceIndex {
         capture_time_ns: i64,
         features: &[Feature<'_>],
     ) -> Result<(), PlaceError> {
-        if self.contains(keyframe) {
+        if self.makes.values().any(|make| make.contains(keyframe)) {
             return Err(PlaceError::Known(keyframe));
         }
         let sorted = sorted(features)?;
@@ -211,9 +221,26 @@ impl PlaceIndex {
         Ok(())
     }
 
+    /// Adds what the whole image of a keyframe looks like, by little-endian 32-bit floats.
+    ///
+    /// # Errors
+    ///
+    /// [`PlaceError::Known`], [`PlaceError::WholeImage`], and the index is as it was.
+    pub fn add_image(
+        &mut self,
+        keyframe: EntityId,
+        capture_time_ns: i64,
+        image: &Feature<'_>,
+    ) -> Result<(), PlaceError> {
+        if self.whole.contains(keyframe) {
+            return Err(PlaceError::Known(keyframe));
+        }
+        self.whole.add(keyframe, capture_time_ns, image)
+    }
+
     /// Removes a keyframe and gives its memory back; false where it is not in the index.
     pub fn remove(&mut self, keyframe: EntityId) -> bool {
-        let mut removed = false;
+        let mut removed = self.whole.remove(keyframe);
         for make in self.makes.values_mut() {
             removed |= make.remove(keyframe);
         }
@@ -234,13 +261,31 @@ impl PlaceIndex {
         count: usize,
         excluded: impl Fn(EntityId) -> bool,
     ) -> Result<Vec<Candidate>, PlaceError> {
+        self.query_with_image(features, None, count, excluded)
+    }
+
+    /// As [`PlaceIndex::query`]; the keyframes whose image is most like `image` are compared as well,
+    /// whatever the features voted for. An image that cannot be compared is not.
+    ///
+    /// # Errors
+    ///
+    /// As [`PlaceIndex::query`].
+    pub fn query_with_image(
+        &self,
+        features: &[Feature<'_>],
+        image: Option<&Feature<'_>>,
+        count: usize,
+        excluded: impl Fn(EntityId) -> bool,
+    ) -> Result<Vec<Candidate>, PlaceError> {
         let mut candidates: BTreeMap<EntityId, Candidate> = BTreeMap::new();
+        let alike = image.map(|image| self.whole.nearest(image, count, &excluded));
+        let alike = alike.unwrap_or_default();
         for ((name, bytes), numbers) in sorted(features)? {
             let Some(make) = self.makes.get(&(name.to_owned(), bytes)) else { continue };
             let words = packed(make, features, &numbers);
             // Scores of several makes are shares of all features.
             let share = numbers.len() as f64 / features.len() as f64;
-            for found in make.query(&words, &numbers, count, &excluded) {
+            for found in make.query((&words, &numbers), count, &alike, &excluded) {
                 let (first_ns, last_ns) = found.time_ns;
                 let island = Island { client: found.keyframe.client, first_ns, last_ns };
                 let keyframe = found.keyframe;

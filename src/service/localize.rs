@@ -9,7 +9,7 @@ use super::convert::camera::camera;
 use super::convert::entities::to_place_candidate;
 use super::convert::geometry::{to_covariance6, to_rigid_transform, vector2};
 use super::convert::ids::to_landmark_ref;
-use super::convert::item::{depth, feature_descriptor};
+use super::convert::item::{depth, feature_descriptor, image_descriptor};
 use super::convert::{Path, all, convert};
 use super::engine::MapHandle;
 use super::error::ServiceError;
@@ -24,6 +24,7 @@ pub(super) struct Input {
     camera: Camera,
     features: Vec<Feature>,
     descriptors: Vec<Option<Descriptor>>,
+    image: Option<Descriptor>,
 }
 
 /// Reads a request but for its map.
@@ -45,8 +46,11 @@ pub(super) fn input(request: v1::LocalizeRequest) -> Result<Input, ServiceError>
             let depth_m = depth?.map(|depth| (depth.depth_m, depth.sigma_m));
             Some((Feature { pixel: pixel?, sigma_px: sigma?, depth_m }, descriptor))
         });
+        let at = Path::root("global_descriptor");
+        let image = request.global_descriptor;
+        let image = image.and_then(|image| image_descriptor(at, image, out));
         let (features, descriptors) = features?.into_iter().unzip();
-        Some(Input { camera: camera?.camera, features, descriptors })
+        Some(Input { camera: camera?.camera, features, descriptors, image })
     })
     .map_err(Into::into)
 }
@@ -63,6 +67,7 @@ pub(super) fn run(
         camera_id: None,
         features: input.features.clone(),
         descriptors: input.descriptors.iter().map(Option::as_ref).collect(),
+        image: input.image.as_ref(),
     };
     let (candidates, located) = handle.locate(map, &view, interrupt)?;
     if interrupt.is_due() {

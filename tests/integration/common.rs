@@ -392,6 +392,12 @@ pub(crate) fn keyframe(id: i64) -> v1::Keyframe {
 }
 
 /// The upper triangle of `n` × `n` times `scale`.
+/// The descriptor of a whole image.
+pub(crate) fn image_descriptor(numbers: &[f32]) -> v1::Descriptor {
+    let data = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+    v1::Descriptor { kind: v1::DescriptorKind::Float32.into(), name: "vlad".to_owned(), data }
+}
+
 pub(crate) fn diagonal(n: usize, scale: f64) -> Vec<f64> {
     let entry = move |row, column| if row == column { scale } else { 0.0 };
     (0..n).flat_map(|row| (row..n).map(move |column| entry(row, column))).collect()

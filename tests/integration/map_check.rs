@@ -42,6 +42,7 @@ fn keyframe(
         odom_from_camera: None,
         observations,
         landmarks,
+        global_descriptor: None,
     }
 }
 
@@ -103,6 +104,7 @@ fn dangling_references_are_named() {
             odom_from_camera: None,
             observations,
             landmarks,
+            global_descriptor: None,
         },
         &[("keyframe.id", Reason::OutOfRange), ("keyframe.camera_id", Reason::UnknownReference)],
     );
@@ -186,6 +188,7 @@ fn doubles_are_named() {
         odom_from_camera: None,
         observations,
         landmarks: Vec::new(),
+        global_descriptor: None,
     };
     check(&journal, &again, &[("keyframe.id", Reason::AlreadyExists)]);
     let other = Item::Camera { id: 0, camera: camera_of(300.0), width_px: 0, height_px: 0 };
@@ -324,6 +327,7 @@ fn references_reach_across_clients_and_descriptors_are_kept() {
         odom_from_camera: None,
         observations: vec![observation],
         landmarks: Vec::new(),
+        global_descriptor: None,
     };
     journal.send(drone, &item).unwrap();
     assert_eq!(journal.map.keyframes().len(), 2);
@@ -345,6 +349,7 @@ fn a_keyframe_without_camera_takes_no_observations() {
         odom_from_camera: None,
         observations,
         landmarks: Vec::new(),
+        global_descriptor: None,
     };
     let seen = vec![observe(20, &pose_at(2.0), &corner(20))];
     check(&journal, &at_two(None, seen.clone()), &[("keyframe.camera_id", Reason::Missing)]);
@@ -410,6 +415,7 @@ fn a_pixel_far_outside_is_refused_whether_the_image_is_known_or_not() {
             odom_from_camera: None,
             observations: vec![seen],
             landmarks: Vec::new(),
+            global_descriptor: None,
         };
         match field {
             None => drop(journal.map.check(ROBOT, &item).unwrap()),

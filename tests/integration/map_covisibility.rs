@@ -23,6 +23,7 @@ fn see(journal: &mut Journal, id: i64, seen: impl Iterator<Item = i64>) {
         odom_from_camera,
         observations,
         landmarks,
+        global_descriptor: None,
     };
     journal.send(ROBOT, &keyframe).unwrap();
 }

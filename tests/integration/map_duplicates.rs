@@ -51,6 +51,7 @@ fn twice(off: f64) -> Journal {
             odom_from_camera: None,
             observations: observations.collect(),
             landmarks: landmarks.collect(),
+            global_descriptor: None,
         };
         journal.send(ROBOT, &item).unwrap();
     }

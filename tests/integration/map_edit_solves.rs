@@ -139,6 +139,7 @@ fn a_solve_leaves_alone_what_was_edited_while_it_ran() {
         odom_from_camera: None,
         observations: Vec::new(),
         landmarks: Vec::new(),
+        global_descriptor: None,
     };
     journal.send(ROBOT, &again).unwrap();
     journal

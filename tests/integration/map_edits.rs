@@ -215,6 +215,7 @@ fn fused_landmarks_have_one_observation_a_keyframe_and_the_first_position() {
             odom_from_camera: None,
             observations: seen.iter().map(|&k| observe(k, &pose, &corner(k))).collect(),
             landmarks: Vec::new(),
+            global_descriptor: None,
         };
         journal.send(ROBOT, &item).unwrap();
     };
@@ -372,6 +373,7 @@ fn after_random_edits_everything_that_is_kept_is_as_from_scratch() {
                         .map(|&k| observe(k, &pose, &corner(k % 500)))
                         .collect(),
                     landmarks: Vec::new(),
+                    global_descriptor: None,
                 };
                 journal.send(ROBOT, &item).unwrap();
                 next += 1;

@@ -54,6 +54,7 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
                 odom_from_camera: None,
                 observations,
                 landmarks,
+                global_descriptor: None,
             };
             journal.send(ROBOT, &item).unwrap();
         }

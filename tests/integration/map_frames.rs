@@ -103,6 +103,7 @@ fn a_landmark_that_is_sent_again_need_not_be_in_the_new_frame() {
         odom_from_camera: Some(pose),
         observations: vec![observe(55, &pose, &corner(55))],
         landmarks: vec![ItemLandmark { id: 55, position: Some(corner(55)) }],
+        global_descriptor: None,
     };
     journal.send(ROBOT, &again).unwrap();
     let expected = moved_to().compose(&pose);

@@ -23,6 +23,7 @@ fn keyframe(k: i64, x: f64, points: &[Vector3<f64>]) -> Item {
         odom_from_camera: None,
         observations: (0..).zip(points).map(|(l, p)| observe(l, &pose, p)).collect(),
         landmarks: if k == 0 { points.iter().enumerate().map(new).collect() } else { Vec::new() },
+        global_descriptor: None,
     }
 }
 

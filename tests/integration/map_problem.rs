@@ -142,6 +142,7 @@ fn every_piece_of_the_map_gets_a_gauge_and_bare_poses_are_held() {
         odom_from_camera: None,
         observations: Vec::new(),
         landmarks: Vec::new(),
+        global_descriptor: None,
     };
     journal.send(ROBOT, &bare).unwrap();
     let problem = global_problem(&journal.map, &GlobalOptions::default());
@@ -169,6 +170,7 @@ fn what_arrived_during_a_solve_moves_with_its_reference() {
         odom_from_camera: None,
         observations: Vec::new(),
         landmarks: Vec::new(),
+        global_descriptor: None,
     };
     journal.send(ROBOT, &between).unwrap();
     // The solve moves 1 and 3, each by another motion.
@@ -279,6 +281,7 @@ fn bare(k: i64, seen: &[i64], new: &[i64]) -> Item {
         odom_from_camera: None,
         observations: seen.iter().map(|&l| observe(l, &pose, &corner(l))).collect(),
         landmarks: new.iter().map(|&id| ItemLandmark { id, position: None }).collect(),
+        global_descriptor: None,
     }
 }
 

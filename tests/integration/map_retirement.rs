@@ -109,6 +109,7 @@ fn odometry_through_a_keyframe_that_goes_is_composed() {
             odom_from_camera: None,
             observations: Vec::new(),
             landmarks: Vec::new(),
+            global_descriptor: None,
         };
         journal.send(ROBOT, &item).unwrap();
         if k > 0 {

@@ -136,6 +136,7 @@ pub(crate) fn street_keyframe(id: i64, start: Se3, known: &Map) -> Item {
         odom_from_camera: None,
         observations: seen.iter().map(|&k| observe(k, &pose, &corner(k))).collect(),
         landmarks,
+        global_descriptor: None,
     }
 }
 

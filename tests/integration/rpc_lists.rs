@@ -6,8 +6,8 @@ use v1::constraint::Constraint;
 use v1::ingest_request::Item;
 
 use crate::common::{
-    LANDMARKS, Stream, TestServer, camera, check_field, check_status, information6, keyframe,
-    landmark, observation, relative_pose, run, shift,
+    LANDMARKS, Stream, TestServer, camera, check_field, check_status, image_descriptor,
+    information6, keyframe, landmark, observation, relative_pose, run, shift,
 };
 
 async fn all<T>(mut stream: Streaming<T>) -> Result<Vec<T>, Status> {
@@ -56,6 +56,7 @@ fn keyframes_come_by_client_and_id_with_what_the_mask_names() {
             sensor: None,
             observations: Vec::new(),
             landmarks: Vec::new(),
+            global_descriptor: Some(image_descriptor(&[1.0, -2.0])),
             ..keyframe(7)
         };
         stream.put(2, Item::Keyframe(bare)).await;
@@ -63,7 +64,11 @@ fn keyframes_come_by_client_and_id_with_what_the_mask_names() {
         let listed: Vec<_> = pages.iter().flat_map(|page| &page.keyframes).collect();
         let names: Vec<_> = listed.iter().map(|k| (k.client_id.as_str(), k.id)).collect();
         assert_eq!(names, [("drone", 7), ("robot", 0), ("robot", 1), ("robot", 2)]);
-        assert_eq!(listed[0].sensor, None);
+        assert_eq!((listed[0].sensor, &listed[0].global_descriptor), (None, &None));
+        let pictured = keyframes(&server, masked(&["global_descriptor"])).await.unwrap();
+        let images = pictured[0].keyframes.iter().map(|k| k.global_descriptor.clone());
+        let sent = Some(image_descriptor(&[1.0, -2.0]));
+        assert_eq!(images.collect::<Vec<_>>(), [sent, None, None, None]);
         let second = listed[2];
         assert_eq!(second.sensor, Some(v1::keyframe::Sensor::CameraId(0)));
         assert_eq!(second.capture_time.unwrap().seconds, 101);

@@ -7,7 +7,7 @@ use covis_solvers::geometry::LieGroup;
 use tonic::{Code, Request, Status};
 use v1::ingest_request::Item;
 
-use crate::common::{Stream, TestServer, check_field, check_status, run};
+use crate::common::{Stream, TestServer, check_field, check_status, image_descriptor, run};
 use crate::made_sequence::{Course, Made, wire};
 use crate::made_verdicts;
 use crate::sequence::{Order, Sequence, items, pose, state};
@@ -48,6 +48,7 @@ fn request(sequence: &Sequence, k: usize) -> v1::LocalizeRequest {
         map_id: "room".to_owned(),
         camera: Some(wire()),
         features: seen.map(feature).collect(),
+        global_descriptor: None,
     }
 }
 
@@ -102,6 +103,13 @@ fn a_lost_robot_is_told_where_it_is() {
         assert!(20 * right >= 19 * answer.inliers.len(), "{right} of {}", answer.inliers.len());
         // The same again: nothing is drawn by chance, and nothing was changed.
         assert_eq!(localize(&server, request(&sequence, LOST)).await.unwrap(), answer);
+
+        // An image that no keyframe has changes nothing.
+        let pictured = v1::LocalizeRequest {
+            global_descriptor: Some(image_descriptor(&[0.5, -1.0])),
+            ..request(&sequence, LOST)
+        };
+        assert_eq!(localize(&server, pictured).await.unwrap(), answer);
 
         // A frozen map is read as any other.
         let update = v1::UpdateMapRequest {
@@ -173,6 +181,9 @@ fn each_bad_request_is_told_what_is_wrong() {
         });
         case("features", "TOO_LARGE", &|bad| {
             bad.features = vec![bad.features[0].clone(); 4097];
+        });
+        case("global_descriptor.data", "NOT_FINITE", &|bad| {
+            bad.global_descriptor = Some(image_descriptor(&[1.0, f32::INFINITY]));
         });
         for (field, reason, bad) in cases {
             check_field(&localize(&server, bad).await.unwrap_err(), field, reason);

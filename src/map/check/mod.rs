@@ -121,6 +121,7 @@ impl Check<'_> {
                 odom_from_camera,
                 observations,
                 landmarks,
+                global_descriptor,
             } => {
                 let id = self.own("keyframe.id", *id);
                 if self.map.keyframes.contains_key(&id) {
@@ -154,6 +155,7 @@ impl Check<'_> {
                     odom_from_camera: odom_from_camera.unwrap_or(*world_from_camera),
                     observations,
                     landmarks,
+                    global_descriptor: global_descriptor.clone(),
                     motion,
                 })
             }

@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 
 use covis_solvers::geometry::LieGroup;
 
+use super::super::ceilings::image_bytes;
 use super::super::merging::Renaming;
 use super::super::{Client, ClientIndex, EntityId, Keyframe, Landmark, Map, Merge, MergedMap};
 
@@ -38,6 +39,7 @@ impl Map {
                 added_revision: revision,
                 ..keyframe.clone()
             };
+            self.descriptor_bytes += image_bytes(new.global_descriptor.as_deref());
             self.keyframes.insert(id, new);
             self.by_age.insert((revision, id), ());
         }

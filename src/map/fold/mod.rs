@@ -13,7 +13,7 @@ mod merging;
 
 use covis_solvers::geometry::{LieGroup, Se3};
 
-use super::ceilings::descriptor_bytes;
+use super::ceilings::{descriptor_bytes, image_bytes};
 use super::digest::{self, Content};
 use super::frames;
 use super::unsolved::to_solve;
@@ -74,6 +74,7 @@ impl Map {
                 odom_from_camera,
                 observations,
                 landmarks,
+                global_descriptor,
                 motion,
             } => {
                 self.contents.insert((Content::Keyframe, *id), digest::content(change));
@@ -85,8 +86,10 @@ impl Map {
                         .map_or(*world_from_camera, |motion| motion.compose(world_from_camera)),
                     odom_from_camera: *odom_from_camera,
                     observations: Observations::default(),
+                    global_descriptor: global_descriptor.clone(),
                     added_revision: self.revision,
                 };
+                self.descriptor_bytes += image_bytes(keyframe.global_descriptor.as_deref());
                 self.keyframes.insert(*id, keyframe);
                 self.by_age.insert((self.revision, *id), ());
                 self.add_observations(*id, observations);
@@ -296,6 +299,7 @@ impl Map {
         let Some(keyframe) = self.keyframes.remove(&id) else { return };
         self.observation_count -= keyframe.observations.len() as u64;
         self.descriptor_bytes -= descriptor_bytes(&keyframe.observations);
+        self.descriptor_bytes -= image_bytes(keyframe.global_descriptor.as_deref());
         self.by_age.remove(&(keyframe.added_revision, id));
         self.place_searches.remove(id);
         for observation in keyframe.observations.iter() {

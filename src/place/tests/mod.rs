@@ -90,6 +90,35 @@ fn what_all_places_have_counts_less() {
 }
 
 #[test]
+fn a_keyframe_whose_image_looks_alike_is_compared_too() {
+    let mut index = filled(0..40);
+    let image = |number: u64| {
+        let turn = 0.1 * number as f32;
+        [turn.cos(), turn.sin()].iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>()
+    };
+    for number in 0..40 {
+        let data = image(number);
+        let seen = Feature { name: "vlad", data: &data };
+        index.add_image(id(0, number as i64), number as i64 * 1_000, &seen).unwrap();
+    }
+    // Most features are of place 30, some of place 3.
+    let query: Vec<Vec<u8>> = place(30).into_iter().take(30).chain(place(3)).take(45).collect();
+    let keyframes = |image: Option<&Feature<'_>>, out: i64| {
+        let found = index.query_with_image(&orb(&query), image, 1, |id| id.id == out).unwrap();
+        found.iter().map(|candidate| candidate.keyframe).collect::<Vec<_>>()
+    };
+    assert_eq!(keyframes(None, -1), [id(0, 30)]);
+    let data = image(3);
+    let like_3 = Feature { name: "vlad", data: &data };
+    assert_eq!(keyframes(Some(&like_3), -1), [id(0, 30), id(0, 3)]);
+    assert!(!keyframes(Some(&like_3), 3).contains(&id(0, 3)), "what is excluded is no candidate");
+    // What cannot be compared changes nothing.
+    assert_eq!(keyframes(Some(&Feature { data: &data[1..], ..like_3 }), -1), [id(0, 30)]);
+    let known = index.add_image(id(0, 3), 0, &like_3);
+    assert_eq!(known, Err(PlaceError::Known(id(0, 3))));
+}
+
+#[test]
 fn memory_comes_back() {
     let empty = PlaceIndex::new().bytes();
     let mut index = filled(0..300);

@@ -14,8 +14,9 @@ use super::ids::{client_name, to_keyframe_ref, to_landmark_ref};
 use super::solve::to_loss;
 use super::time::timestamp;
 use crate::map::{
-    CameraEntity, ClientIndex, Constraint, ConstraintKind, DescriptorKind, EntityId, Keyframe,
-    Landmark, Map, Observation, PlaceCandidate, PlaceRefusal, PlaceSearch, Prior, SwitchedOff,
+    CameraEntity, ClientIndex, Constraint, ConstraintKind, Descriptor, DescriptorKind, EntityId,
+    Keyframe, Landmark, Map, Observation, PlaceCandidate, PlaceRefusal, PlaceSearch, Prior,
+    SwitchedOff,
 };
 use crate::wire::v1;
 use v1::constraint::Constraint as WireConstraint;
@@ -66,17 +67,19 @@ pub(in crate::service) fn to_observation(map: &Map, observation: &Observation) -
         sigma_px: Some(*sigma_px),
         depth_m: depth.map(|depth| depth.depth_m),
         sigma_depth_m: depth.map(|depth| depth.sigma_m),
-        descriptor: descriptor.as_ref().map(|descriptor| v1::Descriptor {
-            kind: match descriptor.kind {
-                DescriptorKind::Binary => v1::DescriptorKind::Binary,
-                DescriptorKind::Float32 => v1::DescriptorKind::Float32,
-                DescriptorKind::Uint8 => v1::DescriptorKind::Uint8,
-            }
-            .into(),
-            name: descriptor.name.clone(),
-            data: descriptor.data.clone(),
-        }),
+        descriptor: descriptor.as_deref().map(to_descriptor),
     }
+}
+
+/// A descriptor of a feature or of a whole image.
+pub(in crate::service) fn to_descriptor(descriptor: &Descriptor) -> v1::Descriptor {
+    let kind = match descriptor.kind {
+        DescriptorKind::Binary => v1::DescriptorKind::Binary,
+        DescriptorKind::Float32 => v1::DescriptorKind::Float32,
+        DescriptorKind::Uint8 => v1::DescriptorKind::Uint8,
+    };
+    let (name, data) = (descriptor.name.clone(), descriptor.data.clone());
+    v1::Descriptor { kind: kind.into(), name, data }
 }
 
 /// A landmark, without its descriptor.

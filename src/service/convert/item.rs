@@ -168,10 +168,8 @@ fn keyframe(message: v1::Keyframe, sender: &str, out: &mut Violations) -> Option
     let odom = odom.and_then(|odom| rigid_transform(at.field("odom_from_camera"), Some(odom), out));
     let observations = observations(at.field("observations"), message.observations, out);
     let landmarks = landmarks(at.field("landmarks"), &message.landmarks, sender, out);
-    if let Some(global) = &message.global_descriptor {
-        let _kind =
-            descriptor_kind(at.field("global_descriptor"), global, MAX_IMAGE_DESCRIPTOR, out);
-    }
+    let image = message.global_descriptor;
+    let image = image.and_then(|image| image_descriptor(at.field("global_descriptor"), image, out));
     Some(Item::Keyframe {
         id,
         capture_time_ns: time.unwrap_or(0),
@@ -180,6 +178,7 @@ fn keyframe(message: v1::Keyframe, sender: &str, out: &mut Violations) -> Option
         odom_from_camera: odom,
         observations: observations?,
         landmarks: landmarks?,
+        global_descriptor: image.map(Arc::new),
     })
 }
 
@@ -244,10 +243,42 @@ pub(in crate::service) fn depth(
 /// The descriptor of a feature.
 pub(in crate::service) fn feature_descriptor(
     at: Path<'_>,
-    descriptor: v1::Descriptor,
+    message: v1::Descriptor,
     out: &mut Violations,
 ) -> Option<Descriptor> {
-    let kind = descriptor_kind(at, &descriptor, MAX_FEATURE_DESCRIPTOR, out)?;
+    descriptor(at, message, MAX_FEATURE_DESCRIPTOR, out)
+}
+
+/// The descriptor of a whole image. Floats are compared as numbers, so they must be finite.
+pub(in crate::service) fn image_descriptor(
+    at: Path<'_>,
+    message: v1::Descriptor,
+    out: &mut Violations,
+) -> Option<Descriptor> {
+    let image = descriptor(at, message, MAX_IMAGE_DESCRIPTOR, out)?;
+    if image.kind != DescriptorKind::Float32 {
+        return Some(image);
+    }
+    let (words, rest) = image.data.as_chunks();
+    if !rest.is_empty() {
+        let text = format!("{} bytes are no whole number of 32-bit floats", image.data.len());
+        return out.report(at.field("data"), Reason::WrongLength, text);
+    }
+    let is_finite = |word: &[u8; 4]| f32::from_le_bytes(*word).is_finite();
+    if let Some(number) = words.iter().position(|word| !is_finite(word)) {
+        let text = format!("number {number} is not finite");
+        return out.report(at.field("data"), Reason::NotFinite, text);
+    }
+    Some(image)
+}
+
+fn descriptor(
+    at: Path<'_>,
+    descriptor: v1::Descriptor,
+    longest: usize,
+    out: &mut Violations,
+) -> Option<Descriptor> {
+    let kind = descriptor_kind(at, &descriptor, longest, out)?;
     let v1::Descriptor { name, data, .. } = descriptor;
     Some(Descriptor { kind, name, data })
 }

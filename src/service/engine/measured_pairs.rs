@@ -305,6 +305,7 @@ mod tests {
                 observations,
                 landmarks: (0..LANDMARKS).map(new).collect(),
                 motion: None,
+                global_descriptor: None,
             });
         }
 

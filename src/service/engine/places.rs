@@ -11,7 +11,7 @@ use std::sync::{PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use covis_solvers::interrupt::Interrupt;
 
-use crate::loop_closing::{View, indexed, not_indexed};
+use crate::loop_closing::{View, comparable, indexed, not_indexed};
 use crate::map::{EntityId, Map, Observations, PlaceRefusal, PlaceSearch};
 use crate::place::{Candidate, PlaceError, PlaceIndex};
 
@@ -73,6 +73,12 @@ impl Known {
             } else {
                 self.index.add(id, keyframe.capture_time_ns, &features)
             };
+            if let (Ok(()), Some(image)) =
+                (&added, comparable(keyframe.global_descriptor.as_deref()))
+                && let Err(error) = self.index.add_image(id, keyframe.capture_time_ns, &image)
+            {
+                tracing::debug!(keyframe = %id, %error, "an image is not compared");
+            }
             let refusal = added.err().map(|error| Box::new(not_indexed(&error)));
             let observations = keyframe.observations.clone();
             self.indexed.insert(id, Entry { observations, refusal });
@@ -148,7 +154,13 @@ impl Places {
         let known = self.read();
         // What is not in this map as it was indexed, from an earlier or a later one, is no candidate.
         let is_out = |id| is_excluded(id) || !known.has(map, id);
-        known.index.query(&features, PlaceSearch::MOST_CANDIDATES, is_out)
+        let image = comparable(view.image);
+        known.index.query_with_image(
+            &features,
+            image.as_ref(),
+            PlaceSearch::MOST_CANDIDATES,
+            is_out,
+        )
     }
 
     /// Why the index does not hold a keyframe, if it was refused.

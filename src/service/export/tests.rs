@@ -66,6 +66,7 @@ fn map() -> Arc<Map> {
             observations: observations.collect(),
             landmarks: Vec::new(),
             motion: None,
+            global_descriptor: None,
         });
     }
     for k in 0..KEYFRAMES - 2 {

@@ -183,6 +183,7 @@ fn colmap(
             odom_from_camera: None,
             observations,
             landmarks: Vec::new(),
+            global_descriptor: None,
         };
         building.add(client, what, &item)?;
     }
@@ -199,6 +200,7 @@ fn keyframe(id: i64, capture_time_ns: i64, world_from_camera: Se3) -> Item {
         odom_from_camera: None,
         observations: Vec::new(),
         landmarks: Vec::new(),
+        global_descriptor: None,
     }
 }
 

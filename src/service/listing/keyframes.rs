@@ -7,7 +7,7 @@
 use prost::Message;
 
 use super::super::context::Sink;
-use super::super::convert::entities::{to_keyframe, to_observation};
+use super::super::convert::entities::{to_descriptor, to_keyframe, to_observation};
 use super::super::convert::{Path, Violations};
 use super::super::error::ServiceError;
 use super::pager::{Pager, Pages};
@@ -34,6 +34,7 @@ struct Mask {
     world_from_camera: bool,
     odom_from_camera: bool,
     observations: bool,
+    global_descriptor: bool,
 }
 
 /// Reads the paging fields and the mask of a request.
@@ -55,15 +56,16 @@ fn mask(mask: Option<&prost_types::FieldMask>, out: &mut Violations) -> Option<M
             world_from_camera: true,
             odom_from_camera: true,
             observations: false,
+            global_descriptor: false,
         });
     };
     let mut fields = Mask::default();
     for path in &mask.paths {
         match path.as_str() {
             // Ids are always returned. A keyframe has no rig yet, its landmarks are entities of
-            // their own, and the descriptor of a whole image is not kept yet.
-            "client_id" | "id" | "rig_id" | "world_from_rig" | "landmarks"
-            | "global_descriptor" => {}
+            // their own.
+            "client_id" | "id" | "rig_id" | "world_from_rig" | "landmarks" => {}
+            "global_descriptor" => fields.global_descriptor = true,
             "capture_time" => fields.capture_time = true,
             "camera_id" => fields.sensor = true,
             "world_from_camera" => fields.world_from_camera = true,
@@ -102,7 +104,10 @@ pub(in crate::service) async fn keyframes(
                 0 => masked(to_keyframe(map, id, keyframe), *mask),
                 _ => ids_only(range.name, id.id),
             };
-            let mut bytes = 0;
+            let image = keyframe.global_descriptor.as_deref();
+            entry.global_descriptor =
+                image.filter(|_| sent == 0 && mask.global_descriptor).map(to_descriptor);
+            let mut bytes = entry.global_descriptor.as_ref().map_or(0, Message::encoded_len);
             let rest = keyframe.observations.iter().skip(sent).filter(|_| mask.observations);
             for (sent, observation) in (sent..).zip(rest) {
                 let message = to_observation(map, observation);

@@ -3,11 +3,11 @@
 //! Both matches name every variant: a new kind of change does not compile until it has its message.
 
 use super::entities::{
-    decode_camera_set, decode_constraint, decode_id, decode_kind, decode_new_landmarks,
-    decode_observations, decode_policy, decode_pose, decode_prior, decode_switched_off,
-    decode_vector, encode_camera_set, encode_constraint, encode_id, encode_new_landmarks,
-    encode_observations, encode_policy, encode_pose, encode_prior, encode_switched_off,
-    encode_vector, required_id,
+    decode_camera_set, decode_constraint, decode_descriptor, decode_id, decode_kind,
+    decode_new_landmarks, decode_observations, decode_policy, decode_pose, decode_prior,
+    decode_switched_off, decode_vector, encode_camera_set, encode_constraint, encode_descriptor,
+    encode_id, encode_new_landmarks, encode_observations, encode_policy, encode_pose, encode_prior,
+    encode_switched_off, encode_vector, required_id,
 };
 use super::merging::{decode_merge, encode_merge};
 use super::places::{decode_search, encode_search};
@@ -37,6 +37,7 @@ pub(super) fn encode_change(change: &Change) -> Wire {
             odom_from_camera,
             observations,
             landmarks,
+            global_descriptor,
             motion,
         } => Wire::KeyframeAdded(v1::KeyframeAdded {
             id: Some(encode_id(*id)),
@@ -47,6 +48,7 @@ pub(super) fn encode_change(change: &Change) -> Wire {
             observations: encode_observations(observations),
             landmarks: encode_new_landmarks(landmarks),
             motion: motion.as_ref().map(encode_pose),
+            global_descriptor: global_descriptor.as_deref().map(encode_descriptor),
         }),
         Change::LandmarksAdded { landmarks } => {
             Wire::LandmarksAdded(v1::LandmarksAdded { landmarks: encode_new_landmarks(landmarks) })
@@ -139,6 +141,7 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
             odom_from_camera: decode_pose(added.odom_from_camera, "odom_from_camera")?,
             observations: decode_observations(added.observations)?,
             landmarks: decode_new_landmarks(added.landmarks),
+            global_descriptor: added.global_descriptor.map(decode_descriptor).transpose()?,
             motion: added.motion.map(|pose| decode_pose(Some(pose), "a motion")).transpose()?,
         },
         Wire::LandmarksAdded(v1::LandmarksAdded { landmarks }) => {

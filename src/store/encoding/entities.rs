@@ -298,10 +298,7 @@ fn encode_observation(observation: &Observation) -> v1::Observation {
         depth_m: depth_m.to_bits(),
         sigma_m: sigma_m.to_bits(),
     });
-    let descriptor = descriptor.as_ref().map(|descriptor| {
-        let Descriptor { kind, name, data } = &**descriptor;
-        v1::Descriptor { kind: *kind as u32 + 1, name: name.clone(), data: data.clone() }
-    });
+    let descriptor = descriptor.as_deref().map(encode_descriptor);
     v1::Observation {
         client: landmark.client.0,
         landmark: landmark.id,
@@ -319,17 +316,24 @@ fn decode_observation(row: v1::Observation) -> Decoded<Observation> {
         depth_m: f64::from_bits(depth.depth_m),
         sigma_m: f64::from_bits(depth.sigma_m),
     });
-    let descriptor = descriptor.map(|v1::Descriptor { kind, name, data }| {
-        let kind = decode_kind(&DESCRIPTOR_KINDS, kind, "a descriptor's kind");
-        kind.map(|kind| Arc::new(Descriptor { kind, name, data }))
-    });
     Ok(Observation {
         landmark: EntityId::new(ClientIndex(client), landmark),
         pixel: Vector2::new(f64::from_bits(u), f64::from_bits(v)),
         sigma_px: f64::from_bits(sigma_px),
         depth,
-        descriptor: descriptor.transpose()?,
+        descriptor: descriptor.map(decode_descriptor).transpose()?,
     })
+}
+
+pub(super) fn encode_descriptor(descriptor: &Descriptor) -> v1::Descriptor {
+    let Descriptor { kind, name, data } = descriptor;
+    v1::Descriptor { kind: *kind as u32 + 1, name: name.clone(), data: data.clone() }
+}
+
+pub(super) fn decode_descriptor(descriptor: v1::Descriptor) -> Decoded<Arc<Descriptor>> {
+    let v1::Descriptor { kind, name, data } = descriptor;
+    let kind = decode_kind(&DESCRIPTOR_KINDS, kind, "a descriptor's kind")?;
+    Ok(Arc::new(Descriptor { kind, name, data }))
 }
 
 pub(super) fn encode_new_landmarks(landmarks: &[NewLandmark]) -> Vec<v1::Point> {

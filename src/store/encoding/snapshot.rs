@@ -9,10 +9,11 @@ use prost::Message;
 
 use super::clients::{decode_client, encode_client};
 use super::entities::{
-    decode_camera_set, decode_constraint, decode_id, decode_kind, decode_observations,
-    decode_policy, decode_pose, decode_prior, decode_switched_off, decode_vector,
-    encode_camera_set, encode_constraint, encode_id, encode_observations, encode_policy,
-    encode_pose, encode_prior, encode_switched_off, encode_vector, required_id,
+    decode_camera_set, decode_constraint, decode_descriptor, decode_id, decode_kind,
+    decode_observations, decode_policy, decode_pose, decode_prior, decode_switched_off,
+    decode_vector, encode_camera_set, encode_constraint, encode_descriptor, encode_id,
+    encode_observations, encode_policy, encode_pose, encode_prior, encode_switched_off,
+    encode_vector, required_id,
 };
 use super::event::decode_digest;
 use super::merging::{decode_merged, encode_merged};
@@ -453,6 +454,7 @@ fn encode_keyframe(id: EntityId, keyframe: &Keyframe) -> v1::Keyframe {
         world_from_camera,
         odom_from_camera,
         observations,
+        global_descriptor,
         added_revision,
     } = keyframe;
     v1::Keyframe {
@@ -462,6 +464,7 @@ fn encode_keyframe(id: EntityId, keyframe: &Keyframe) -> v1::Keyframe {
         world_from_camera: Some(encode_pose(world_from_camera)),
         odom_from_camera: Some(encode_pose(odom_from_camera)),
         observations: encode_observations(observations),
+        global_descriptor: global_descriptor.as_deref().map(encode_descriptor),
         added_revision: *added_revision,
     }
 }
@@ -474,6 +477,7 @@ fn decode_keyframe(keyframe: v1::Keyframe) -> Result<(EntityId, Keyframe), Encod
         world_from_camera: decode_pose(keyframe.world_from_camera, "world_from_camera")?,
         odom_from_camera: decode_pose(keyframe.odom_from_camera, "odom_from_camera")?,
         observations: decode_observations(keyframe.observations)?.into(),
+        global_descriptor: keyframe.global_descriptor.map(decode_descriptor).transpose()?,
         added_revision: keyframe.added_revision,
     };
     Ok((id, keyframe))

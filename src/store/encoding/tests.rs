@@ -49,6 +49,10 @@ fn keyframe(k: i64, observations: Vec<Observation>, landmarks: Vec<NewLandmark>)
         observations,
         landmarks,
         motion: Some(pose(0.0625)),
+        global_descriptor: (k % 2 == 1).then(|| {
+            let (name, data) = ("vlad".to_owned(), vec![k as u8, 0, 0x80, 0x3f]);
+            Arc::new(Descriptor { kind: DescriptorKind::Float32, name, data })
+        }),
     }
 }
 
@@ -333,6 +337,7 @@ fn merges(changes: &[Change]) -> Vec<Change> {
         observations: Vec::new(),
         landmarks: vec![NewLandmark { id: id(6), position: Some(Vector3::new(1.0, 2.0, 3.0)) }],
         motion: None,
+        global_descriptor: None,
     };
     let source: Vec<Event> = (1..).zip(&[created, opened, alone]).map(event).collect();
     let source = Map::replay(source.iter()).unwrap();

@@ -1597,7 +1597,8 @@ pub struct Keyframe {
     /// Landmarks that are new with this keyframe, added before its observations are read. Input only.
     #[prost(message, repeated, tag = "10")]
     pub landmarks: ::prost::alloc::vec::Vec<Landmark>,
-    /// Describes the whole image, for place recognition. Checked, not kept yet.
+    /// Describes the whole image, for place recognition: FLOAT32, compared by the cosine. The keyframes that
+    /// look most alike by it are compared by their features too. Left out of answers unless asked for.
     #[prost(message, optional, tag = "11")]
     pub global_descriptor: ::core::option::Option<Descriptor>,
     /// What captured it. Required when the keyframe has observations; a keyframe without takes none
@@ -6116,6 +6117,9 @@ pub struct LocalizeRequest {
     /// What it sees, at most 4096. At least 12 with a descriptor are needed to find a place.
     #[prost(message, repeated, tag = "3")]
     pub features: ::prost::alloc::vec::Vec<Feature>,
+    /// Describes the whole image, as Keyframe.global_descriptor. Default: none.
+    #[prost(message, optional, tag = "4")]
+    pub global_descriptor: ::core::option::Option<Descriptor>,
 }
 impl ::prost::Name for LocalizeRequest {
     const NAME: &'static str = "LocalizeRequest";

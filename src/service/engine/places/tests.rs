@@ -61,6 +61,7 @@ fn add(map: &mut Map, keyframe: i64, described: &[Described<'_>]) {
         observations: described.iter().enumerate().map(seen).collect(),
         landmarks: landmarks.map(|k| NewLandmark { id: landmark(k), position: None }).collect(),
         motion: None,
+        global_descriptor: None,
     };
     apply(map, change);
 }
@@ -142,6 +143,7 @@ fn memory(keyframes: &[Vec<Described<'_>>]) -> (u64, u64) {
             observations: known.observations.iter().map(float).collect(),
             landmarks,
             motion: None,
+            global_descriptor: None,
         };
         apply(&mut plain, change);
     }

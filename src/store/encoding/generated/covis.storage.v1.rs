@@ -591,6 +591,9 @@ pub struct KeyframeAdded {
     /// absent where they are of it.
     #[prost(message, optional, tag = "8")]
     pub motion: ::core::option::Option<Pose>,
+    /// What the whole image looks like.
+    #[prost(message, optional, tag = "9")]
+    pub global_descriptor: ::core::option::Option<Descriptor>,
 }
 impl ::prost::Name for KeyframeAdded {
     const NAME: &'static str = "KeyframeAdded";
@@ -1541,6 +1544,9 @@ pub struct Keyframe {
     /// The revision that added it.
     #[prost(int64, tag = "7")]
     pub added_revision: i64,
+    /// What the whole image looks like.
+    #[prost(message, optional, tag = "8")]
+    pub global_descriptor: ::core::option::Option<Descriptor>,
 }
 impl ::prost::Name for Keyframe {
     const NAME: &'static str = "Keyframe";

@@ -76,6 +76,7 @@ pub(super) fn event(revision: i64, kind: i64) -> Arc<Event> {
                 observations: seen.collect(),
                 landmarks: (0..3).map(landmark).collect(),
                 motion: None,
+                global_descriptor: None,
             }
         }
     };
