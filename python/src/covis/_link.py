@@ -1,0 +1,205 @@
+"""The connection to a server: where it leads, what each call carries, and the calls by their names.
+
+Calls are described by the descriptors of the services, so that no code is generated for them. Secrets
+show in no `repr`. This file knows gRPC and no message.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from collections.abc import AsyncIterator, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+from urllib.parse import urlsplit
+
+import grpc
+import grpc.aio
+from google.protobuf.message import Message
+from google.protobuf.message_factory import GetMessageClass
+
+from . import errors
+from .v1 import (
+    ingest_service_pb2,
+    job_service_pb2,
+    map_service_pb2,
+    optimization_service_pb2,
+    server_service_pb2,
+)
+
+_MAX_ANSWER_BYTES = 256 * 1024 * 1024
+
+_FILES = (
+    ingest_service_pb2,
+    job_service_pb2,
+    map_service_pb2,
+    optimization_service_pb2,
+    server_service_pb2,
+)
+METHODS: dict[str, Any] = {
+    method.input_type.full_name: method
+    for file in _FILES
+    for service in file.DESCRIPTOR.services_by_name.values()
+    for method in service.methods
+}
+"""Each method by the name of its request."""
+
+
+@dataclass(frozen=True)
+class LinkOptions:
+    """Times of a link, and how it is used."""
+
+    connect_timeout_s: float = 10.0
+    """How long a connection may take to stand."""
+    keep_alive_s: float = 10.0
+    """A connection is probed (HTTP/2 PING) after so long without a word from the server."""
+    keep_alive_timeout_s: float = 10.0
+    """It is given up when a probe is not answered for so long."""
+    deadline_s: float = 30.0
+    """How long a call with one answer may take, those that solve left out."""
+    compress: bool = False
+    """Messages travel compressed (gzip), for links that are slow."""
+
+    def _channel_options(self, is_loopback: bool) -> list[tuple[str, int]]:
+        options = [
+            ("grpc.max_receive_message_length", _MAX_ANSWER_BYTES),
+            ("grpc.max_send_message_length", -1),
+            ("grpc.keepalive_time_ms", round(self.keep_alive_s * 1000)),
+            ("grpc.keepalive_timeout_ms", round(self.keep_alive_timeout_s * 1000)),
+            ("grpc.keepalive_permit_without_calls", 1),
+            ("grpc.http2.max_pings_without_data", 0),
+            # The retries of sessions decide how long to wait; the channel itself waits shortly.
+            ("grpc.initial_reconnect_backoff_ms", 100),
+            ("grpc.min_reconnect_backoff_ms", round(self.connect_timeout_s * 1000)),
+            ("grpc.max_reconnect_backoff_ms", 1000),
+            # Clients of one process do not share connections, so that closing one ends its own.
+            ("grpc.use_local_subchannel_pool", 1),
+        ]
+        if is_loopback:
+            options.append(("grpc.enable_http_proxy", 0))
+        return options
+
+
+@dataclass(frozen=True)
+class Credentials:
+    """What a client shows, and whom it trusts."""
+
+    token: str | None = field(default=None, repr=False)
+    ca_pem: bytes | None = field(default=None, repr=False)
+    identity_pem: tuple[bytes, bytes] | None = field(default=None, repr=False)
+    """The client's certificate chain and private key."""
+
+
+class Link:
+    """A channel whose calls carry the token."""
+
+    def __init__(self, url: str, credentials: Credentials, options: LinkOptions) -> None:
+        self.url = url
+        self._deadline = options.deadline_s
+        self._timeout = options.connect_timeout_s
+        scheme, host, port = _split(url)
+        self._metadata = _metadata(url, scheme, host, credentials.token)
+        target = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+        settings = options._channel_options(_is_loopback(host))
+        compression = grpc.Compression.Gzip if options.compress else None
+        if scheme == "https":
+            chain, key = credentials.identity_pem or (None, None)
+            tls = grpc.ssl_channel_credentials(credentials.ca_pem, key, chain)
+            self._channel = grpc.aio.secure_channel(target, tls, settings, compression)
+        else:
+            self._channel = grpc.aio.insecure_channel(target, settings, compression)
+
+    async def check(self) -> None:
+        """Sees whether somebody answers: the call of the health service, which is open to everybody."""
+        call = self._channel.unary_unary("/grpc.health.v1.Health/Check")
+        try:
+            await call(b"", timeout=self._timeout)
+        except grpc.aio.AioRpcError as error:
+            failure = errors.of_call("Check", error)
+            codes = (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.DEADLINE_EXCEEDED)
+            if failure.reason is None and failure.code in codes:
+                raise errors.Unreachable(self.url, failure.message) from error
+
+    async def close(self) -> None:
+        """Ends all calls."""
+        await self._channel.close()
+
+    def raw_stream(self, request: Any, decode: Any) -> Any:
+        """Begins a call of the method that takes `request`, with messages that are bytes already."""
+        return self._channel.stream_stream(
+            _path(METHODS[request.DESCRIPTOR.full_name]), None, decode
+        )(metadata=self._metadata)
+
+    async def unary(self, request: Message, timeout: float | None = None, solves: bool = False) -> Any:
+        """Makes a call with one answer."""
+        method = METHODS[request.DESCRIPTOR.full_name]
+        if timeout is None and not solves:
+            timeout = self._deadline
+        decode = GetMessageClass(method.output_type).FromString
+        call = self._channel.unary_unary(_path(method), _encode, decode)
+        try:
+            return await call(request, timeout=timeout, metadata=self._metadata)
+        except grpc.aio.AioRpcError as error:
+            raise errors.of_call(method.name, error) from None
+
+    async def answers(self, request: Message, timeout: float | None = None) -> AsyncIterator[Any]:
+        """Makes a call with many answers. Closing the iterator cancels it."""
+        method = METHODS[request.DESCRIPTOR.full_name]
+        decode = GetMessageClass(method.output_type).FromString
+        stub = self._channel.unary_stream(_path(method), _encode, decode)
+        call = stub(request, timeout=timeout, metadata=self._metadata)
+        try:
+            async for answer in call:
+                yield answer
+        except grpc.aio.AioRpcError as error:
+            raise errors.of_call(method.name, error) from None
+        finally:
+            call.cancel()
+
+    async def upload(self, requests: Iterable[Message], kind: type[Message]) -> Any:
+        """Makes a call with many requests and one answer."""
+        method = METHODS[kind.DESCRIPTOR.full_name]
+        decode = GetMessageClass(method.output_type).FromString
+        call = self._channel.stream_unary(_path(method), _encode, decode)
+        try:
+            return await call(iter(requests), metadata=self._metadata)
+        except grpc.aio.AioRpcError as error:
+            raise errors.of_call(method.name, error) from None
+
+
+def _encode(message: Message) -> bytes:
+    return message.SerializeToString()
+
+
+def _path(method: Any) -> str:
+    return f"/{method.containing_service.full_name}/{method.name}"
+
+
+def _split(url: str) -> tuple[str, str, int]:
+    """Scheme, host and port."""
+    try:
+        parts = urlsplit(url)
+        scheme, host, port = parts.scheme, parts.hostname, parts.port
+    except ValueError:
+        raise errors.InvalidUrl(url) from None
+    if scheme not in ("http", "https") or not host or parts.path not in ("", "/"):
+        raise errors.InvalidUrl(url)
+    return scheme, host, port or (443 if scheme == "https" else 80)
+
+
+def _metadata(url: str, scheme: str, host: str, token: str | None) -> tuple[tuple[str, str], ...]:
+    """What each call carries. A token never travels in plain text to another machine."""
+    if token is None:
+        return ()
+    token = token.strip()
+    if not token or not token.isascii() or not token.isprintable():
+        raise errors.InvalidToken
+    if scheme != "https" and not _is_loopback(host):
+        raise errors.TokenInPlainText(url)
+    return (("authorization", f"Bearer {token}"),)
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"

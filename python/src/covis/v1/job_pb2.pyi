@@ -1,0 +1,164 @@
+import datetime
+
+from covis.v1 import map_pb2 as _map_pb2
+from covis.v1 import map_service_pb2 as _map_service_pb2
+from covis.v1 import optimization_pb2 as _optimization_pb2
+from covis.v1 import optimization_service_pb2 as _optimization_service_pb2
+from google.protobuf import timestamp_pb2 as _timestamp_pb2
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class JobState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    JOB_STATE_UNSPECIFIED: _ClassVar[JobState]
+    JOB_STATE_PENDING: _ClassVar[JobState]
+    JOB_STATE_RUNNING: _ClassVar[JobState]
+    JOB_STATE_SUCCEEDED: _ClassVar[JobState]
+    JOB_STATE_FAILED: _ClassVar[JobState]
+    JOB_STATE_CANCELLED: _ClassVar[JobState]
+JOB_STATE_UNSPECIFIED: JobState
+JOB_STATE_PENDING: JobState
+JOB_STATE_RUNNING: JobState
+JOB_STATE_SUCCEEDED: JobState
+JOB_STATE_FAILED: JobState
+JOB_STATE_CANCELLED: JobState
+
+class Job(_message.Message):
+    __slots__ = ("job_id", "spec", "state", "progress", "failure", "result", "create_time", "start_time", "end_time", "expire_time", "cancel_requested")
+    JOB_ID_FIELD_NUMBER: _ClassVar[int]
+    SPEC_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    PROGRESS_FIELD_NUMBER: _ClassVar[int]
+    FAILURE_FIELD_NUMBER: _ClassVar[int]
+    RESULT_FIELD_NUMBER: _ClassVar[int]
+    CREATE_TIME_FIELD_NUMBER: _ClassVar[int]
+    START_TIME_FIELD_NUMBER: _ClassVar[int]
+    END_TIME_FIELD_NUMBER: _ClassVar[int]
+    EXPIRE_TIME_FIELD_NUMBER: _ClassVar[int]
+    CANCEL_REQUESTED_FIELD_NUMBER: _ClassVar[int]
+    job_id: str
+    spec: JobSpec
+    state: JobState
+    progress: JobProgress
+    failure: JobFailure
+    result: JobResult
+    create_time: _timestamp_pb2.Timestamp
+    start_time: _timestamp_pb2.Timestamp
+    end_time: _timestamp_pb2.Timestamp
+    expire_time: _timestamp_pb2.Timestamp
+    cancel_requested: bool
+    def __init__(self, job_id: _Optional[str] = ..., spec: _Optional[_Union[JobSpec, _Mapping]] = ..., state: _Optional[_Union[JobState, str]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., failure: _Optional[_Union[JobFailure, _Mapping]] = ..., result: _Optional[_Union[JobResult, _Mapping]] = ..., create_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., end_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., expire_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., cancel_requested: bool = ...) -> None: ...
+
+class JobSpec(_message.Message):
+    __slots__ = ("optimize_map", "merge_maps", "rebuild_map", "compact_map", "evaluate_trajectory")
+    OPTIMIZE_MAP_FIELD_NUMBER: _ClassVar[int]
+    MERGE_MAPS_FIELD_NUMBER: _ClassVar[int]
+    REBUILD_MAP_FIELD_NUMBER: _ClassVar[int]
+    COMPACT_MAP_FIELD_NUMBER: _ClassVar[int]
+    EVALUATE_TRAJECTORY_FIELD_NUMBER: _ClassVar[int]
+    optimize_map: _optimization_service_pb2.OptimizeMapRequest
+    merge_maps: _map_service_pb2.MergeMapsRequest
+    rebuild_map: RebuildMapSpec
+    compact_map: CompactMapSpec
+    evaluate_trajectory: EvaluateTrajectorySpec
+    def __init__(self, optimize_map: _Optional[_Union[_optimization_service_pb2.OptimizeMapRequest, _Mapping]] = ..., merge_maps: _Optional[_Union[_map_service_pb2.MergeMapsRequest, _Mapping]] = ..., rebuild_map: _Optional[_Union[RebuildMapSpec, _Mapping]] = ..., compact_map: _Optional[_Union[CompactMapSpec, _Mapping]] = ..., evaluate_trajectory: _Optional[_Union[EvaluateTrajectorySpec, _Mapping]] = ...) -> None: ...
+
+class RebuildMapSpec(_message.Message):
+    __slots__ = ("source_map_id", "target_map_id", "policy")
+    SOURCE_MAP_ID_FIELD_NUMBER: _ClassVar[int]
+    TARGET_MAP_ID_FIELD_NUMBER: _ClassVar[int]
+    POLICY_FIELD_NUMBER: _ClassVar[int]
+    source_map_id: str
+    target_map_id: str
+    policy: _map_pb2.MapPolicy
+    def __init__(self, source_map_id: _Optional[str] = ..., target_map_id: _Optional[str] = ..., policy: _Optional[_Union[_map_pb2.MapPolicy, _Mapping]] = ...) -> None: ...
+
+class CompactMapSpec(_message.Message):
+    __slots__ = ("map_id", "redundant_share", "drop_old_journal")
+    MAP_ID_FIELD_NUMBER: _ClassVar[int]
+    REDUNDANT_SHARE_FIELD_NUMBER: _ClassVar[int]
+    DROP_OLD_JOURNAL_FIELD_NUMBER: _ClassVar[int]
+    map_id: str
+    redundant_share: float
+    drop_old_journal: bool
+    def __init__(self, map_id: _Optional[str] = ..., redundant_share: _Optional[float] = ..., drop_old_journal: bool = ...) -> None: ...
+
+class EvaluateTrajectorySpec(_message.Message):
+    __slots__ = ("map_id", "client_id", "truth", "max_time_difference_s")
+    MAP_ID_FIELD_NUMBER: _ClassVar[int]
+    CLIENT_ID_FIELD_NUMBER: _ClassVar[int]
+    TRUTH_FIELD_NUMBER: _ClassVar[int]
+    MAX_TIME_DIFFERENCE_S_FIELD_NUMBER: _ClassVar[int]
+    map_id: str
+    client_id: str
+    truth: _containers.RepeatedCompositeFieldContainer[_map_service_pb2.KeyframePose]
+    max_time_difference_s: float
+    def __init__(self, map_id: _Optional[str] = ..., client_id: _Optional[str] = ..., truth: _Optional[_Iterable[_Union[_map_service_pb2.KeyframePose, _Mapping]]] = ..., max_time_difference_s: _Optional[float] = ...) -> None: ...
+
+class JobProgress(_message.Message):
+    __slots__ = ("phase", "share", "iteration", "update_time")
+    PHASE_FIELD_NUMBER: _ClassVar[int]
+    SHARE_FIELD_NUMBER: _ClassVar[int]
+    ITERATION_FIELD_NUMBER: _ClassVar[int]
+    UPDATE_TIME_FIELD_NUMBER: _ClassVar[int]
+    phase: str
+    share: float
+    iteration: _optimization_pb2.IterationSummary
+    update_time: _timestamp_pb2.Timestamp
+    def __init__(self, phase: _Optional[str] = ..., share: _Optional[float] = ..., iteration: _Optional[_Union[_optimization_pb2.IterationSummary, _Mapping]] = ..., update_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ...) -> None: ...
+
+class JobFailure(_message.Message):
+    __slots__ = ("code", "message", "reason")
+    CODE_FIELD_NUMBER: _ClassVar[int]
+    MESSAGE_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    code: int
+    message: str
+    reason: str
+    def __init__(self, code: _Optional[int] = ..., message: _Optional[str] = ..., reason: _Optional[str] = ...) -> None: ...
+
+class JobResult(_message.Message):
+    __slots__ = ("optimize_map", "merge_maps", "rebuild_map", "compact_map", "evaluate_trajectory")
+    OPTIMIZE_MAP_FIELD_NUMBER: _ClassVar[int]
+    MERGE_MAPS_FIELD_NUMBER: _ClassVar[int]
+    REBUILD_MAP_FIELD_NUMBER: _ClassVar[int]
+    COMPACT_MAP_FIELD_NUMBER: _ClassVar[int]
+    EVALUATE_TRAJECTORY_FIELD_NUMBER: _ClassVar[int]
+    optimize_map: _optimization_service_pb2.OptimizeMapResult
+    merge_maps: _map_service_pb2.MergeMapsResponse
+    rebuild_map: RebuildMapResult
+    compact_map: CompactMapResult
+    evaluate_trajectory: EvaluateTrajectoryResult
+    def __init__(self, optimize_map: _Optional[_Union[_optimization_service_pb2.OptimizeMapResult, _Mapping]] = ..., merge_maps: _Optional[_Union[_map_service_pb2.MergeMapsResponse, _Mapping]] = ..., rebuild_map: _Optional[_Union[RebuildMapResult, _Mapping]] = ..., compact_map: _Optional[_Union[CompactMapResult, _Mapping]] = ..., evaluate_trajectory: _Optional[_Union[EvaluateTrajectoryResult, _Mapping]] = ...) -> None: ...
+
+class RebuildMapResult(_message.Message):
+    __slots__ = ("map",)
+    MAP_FIELD_NUMBER: _ClassVar[int]
+    map: _map_pb2.Map
+    def __init__(self, map: _Optional[_Union[_map_pb2.Map, _Mapping]] = ...) -> None: ...
+
+class CompactMapResult(_message.Message):
+    __slots__ = ("counts_before", "counts_after")
+    COUNTS_BEFORE_FIELD_NUMBER: _ClassVar[int]
+    COUNTS_AFTER_FIELD_NUMBER: _ClassVar[int]
+    counts_before: _map_pb2.MapCounts
+    counts_after: _map_pb2.MapCounts
+    def __init__(self, counts_before: _Optional[_Union[_map_pb2.MapCounts, _Mapping]] = ..., counts_after: _Optional[_Union[_map_pb2.MapCounts, _Mapping]] = ...) -> None: ...
+
+class EvaluateTrajectoryResult(_message.Message):
+    __slots__ = ("matched_pose_count", "absolute_translation_rmse_m", "relative_translation_rmse_m", "relative_rotation_rmse_rad")
+    MATCHED_POSE_COUNT_FIELD_NUMBER: _ClassVar[int]
+    ABSOLUTE_TRANSLATION_RMSE_M_FIELD_NUMBER: _ClassVar[int]
+    RELATIVE_TRANSLATION_RMSE_M_FIELD_NUMBER: _ClassVar[int]
+    RELATIVE_ROTATION_RMSE_RAD_FIELD_NUMBER: _ClassVar[int]
+    matched_pose_count: int
+    absolute_translation_rmse_m: float
+    relative_translation_rmse_m: float
+    relative_rotation_rmse_rad: float
+    def __init__(self, matched_pose_count: _Optional[int] = ..., absolute_translation_rmse_m: _Optional[float] = ..., relative_translation_rmse_m: _Optional[float] = ..., relative_rotation_rmse_rad: _Optional[float] = ...) -> None: ...
