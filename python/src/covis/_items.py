@@ -29,10 +29,11 @@ from .v1 import (
 Ids = npt.NDArray[np.int64]
 Time = float | np.datetime64 | datetime.datetime
 
-_FIELDS = {
-    field.message_type.full_name: field.number
-    for field in IngestRequest.DESCRIPTOR.oneofs_by_name["item"].fields
-    if field.name != "set_camera"
+_MEMBERS: list[Any] = list(IngestRequest.DESCRIPTOR.oneofs_by_name["item"].fields)
+_FIELDS: dict[str, int] = {
+    member.message_type.full_name: member.number
+    for member in _MEMBERS
+    if member.name not in ("open", "set_camera")
 }
 KEYFRAME = _FIELDS[Keyframe.DESCRIPTOR.full_name]
 SET_CAMERA: int = IngestRequest.DESCRIPTOR.fields_by_name["set_camera"].number
@@ -174,7 +175,7 @@ def landmarks(field: int, ids: Ids, points: npt.ArrayLike | None) -> bytes:
     columns = _rows.integers(2, ids)
     if points is not None:
         xyz = np.asarray(points, np.float64)
-        has_point = ~np.isnan(xyz).any(axis=1)
+        has_point = np.asarray(~np.isnan(xyz).any(axis=1))
         columns += _rows.nested(3, _rows.doubles(1, xyz), has_point)
     return _rows.join(_rows.nested(field, columns))
 

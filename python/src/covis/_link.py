@@ -6,8 +6,9 @@ show in no `repr`. This file knows gRPC and no message.
 
 from __future__ import annotations
 
+import asyncio
 import ipaddress
-from collections.abc import AsyncIterator, Iterable
+from collections.abc import AsyncIterator, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 from urllib.parse import urlsplit
@@ -65,6 +66,8 @@ class LinkOptions:
             ("grpc.max_send_message_length", -1),
             ("grpc.keepalive_time_ms", round(self.keep_alive_s * 1000)),
             ("grpc.keepalive_timeout_ms", round(self.keep_alive_timeout_s * 1000)),
+            # A ping that measures the link may be under way when it breaks; it is given up as soon.
+            ("grpc.http2.ping_timeout_ms", round(self.keep_alive_timeout_s * 1000)),
             ("grpc.keepalive_permit_without_calls", 1),
             ("grpc.http2.max_pings_without_data", 0),
             # The retries of sessions decide how long to wait; the channel itself waits shortly.
@@ -160,10 +163,24 @@ class Link:
         method = METHODS[kind.DESCRIPTOR.full_name]
         decode = GetMessageClass(method.output_type).FromString
         call = self._channel.stream_unary(_path(method), _encode, decode)
+        failures: list[Exception] = []
+
+        def guarded() -> Iterator[Message]:
+            try:
+                yield from requests
+            except Exception as error:
+                failures.append(error)
+                raise
+
         try:
-            return await call(iter(requests), metadata=self._metadata)
+            return await call(guarded(), metadata=self._metadata)
         except grpc.aio.AioRpcError as error:
             raise errors.of_call(method.name, error) from None
+        except asyncio.CancelledError:
+            # gRPC cancels a call whose requests cannot be made, and keeps the reason to itself.
+            if failures:
+                raise failures[0] from None
+            raise
 
 
 def _encode(message: Message) -> bytes:

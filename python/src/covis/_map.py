@@ -202,7 +202,6 @@ class Map:
 
     def _named(self, entities: Callable[[Mirror], dict[Key, T]]) -> dict[int | Key, T]:
         with self._lock:
-            found = entities(self._mirror)
-            if len(self._mirror.clients) > 1:
-                return dict(found)
-            return {key[1]: value for key, value in found.items()}
+            are_several = len(self._mirror.clients) > 1
+            found = entities(self._mirror).items()
+            return {key if are_several else key[1]: value for key, value in found}

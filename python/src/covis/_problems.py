@@ -89,13 +89,10 @@ def loss(text: str | None) -> Loss | None:
     if text is None:
         return None
     name, _, width = text.partition(":")
-    kinds = {kind.removeprefix("LOSS_KIND_").lower().replace("_", "-"): kind for kind in LossKind.keys()}
-    kinds.pop("unspecified")
-    if name not in kinds or (name == "trivial") == bool(width):
-        raise ValueError(f"loss must be one of {', '.join(kinds)}, with a width as huber:2; not {text!r}")
-    if not width:
-        return Loss(kind=LossKind.Value(kinds[name]))
-    return Loss(kind=LossKind.Value(kinds[name]), width=float(width))
+    kind: Any = choice(LossKind, "LOSS_KIND_", "loss", name)
+    if (name == "trivial") == bool(width):
+        raise ValueError(f"loss must have a width, such as huber:2, and trivial none; not {text!r}")
+    return Loss(kind=kind, width=float(width)) if width else Loss(kind=kind)
 
 
 def choice(enum: Any, prefix: str, name: str, value: str | None) -> int:

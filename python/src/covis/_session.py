@@ -8,6 +8,7 @@ arguments into items and waits for acks.
 from __future__ import annotations
 
 from collections.abc import Callable
+from collections.abc import Set as AbstractSet
 
 import numpy as np
 import numpy.typing as npt
@@ -113,10 +114,7 @@ class Session:
         OpenCV's coefficients: (k1, k2, p1, p2[, k3]), or (k1, k2, k3, k4) for the model "fisheye".
         An earlier session of the client may have sent the same camera.
         """
-        item = _items.camera(id, width, height, K, distortion, model)
-        sequence = await self.send(item)
-        self._cameras.add(id)
-        return sequence
+        return await self.send(_items.camera(id, width, height, K, distortion, model))
 
     async def keyframe(
         self,
@@ -178,13 +176,8 @@ class Session:
             fresh = np.isin(unique, np.fromiter(declared, np.int64, len(declared)))
             start = None if points is None else points[first[fresh]]
             added = _items.landmarks(10, unique[fresh], start)
-        self._landmarks |= declared
-        try:
-            payload = head.SerializeToString() + seen + added
-            return await self._send(_items.KEYFRAME, payload, True, declared=declared)
-        except BaseException:
-            self._landmarks -= declared
-            raise
+        payload = head.SerializeToString() + seen + added
+        return await self._send(_items.KEYFRAME, payload, True, declared=declared)
 
     async def observations(
         self,
@@ -215,14 +208,8 @@ class Session:
         checked = _items.ids("ids", ids)
         xyz = None if points is None else _poses.shaped("points", points, len(checked), 3)
         declared = set(checked.tolist()) - self._landmarks
-        self._landmarks |= declared
-        try:
-            field = _items.field_of(LandmarkBatch())
-            payload = _items.landmarks(1, checked, xyz)
-            return await self._send(field, payload, False, declared=declared)
-        except BaseException:
-            self._landmarks -= declared
-            raise
+        field, payload = _items.field_of(LandmarkBatch()), _items.landmarks(1, checked, xyz)
+        return await self._send(field, payload, False, declared=declared)
 
     async def closure(
         self,
@@ -299,8 +286,12 @@ class Session:
         loop_closure = ConstraintKind.CONSTRAINT_KIND_LOOP_CLOSURE
         is_odometry = isinstance(item, RelativePoseConstraint) and item.kind != loop_closure
         is_solved = name not in _WITHOUT_SOLVE and not is_odometry
-        payload = item.SerializeToString()
-        sent = await self._send(_items.field_of(item), payload, is_solved, sequence=sequence)
+        new = item.landmarks if isinstance(item, (Keyframe, LandmarkBatch)) else ()
+        declared = {mark.id for mark in new} - self._landmarks
+        field, payload = _items.field_of(item), item.SerializeToString()
+        sent = await self._send(field, payload, is_solved, sequence=sequence, declared=declared)
+        if isinstance(item, Camera):
+            self._cameras.add(item.id)
         gone = item.landmarks if isinstance(item, RemoveLandmarks) else ()
         gone = item.absorbed if isinstance(item, FuseLandmarks) else gone
         self._landmarks -= {ref.id for ref in gone if ref.client_id in ("", self._client_id)}
@@ -389,23 +380,29 @@ class Session:
         is_solved: bool,
         *,
         sequence: int | None = None,
-        declared: set[int] | None = None,
+        declared: AbstractSet[int] = frozenset(),
     ) -> int:
-        """Waits for room and hands an item over. Cancelling it before it returns sends nothing."""
+        """Waits for room and hands an item over. Canceling it before it returns sends nothing."""
         if sequence is not None and sequence <= self._last_sequence:
             raise SequenceOrder(sequence, self._last_sequence)
         limit = self.opened.max_message_bytes
         size = len(_items.request(sequence or self.next_sequence, field, payload))
         if size > limit:
             raise TooLarge(size, limit)
-        await self._stream.room()
+        # Also for those who send while this one waits.
+        self._landmarks |= declared
+        try:
+            await self._stream.room()
+        except BaseException:
+            self._landmarks -= declared
+            raise
         if sequence is None:
             sequence = self.next_sequence
         elif sequence <= self._last_sequence:
             raise SequenceOrder(sequence, self._last_sequence)
         self._last_sequence = sequence
         request = _items.request(sequence, field, payload)
-        self._stream.push(sequence, request, is_solved, declared or set())
+        self._stream.push(sequence, request, is_solved, declared)
         return sequence
 
     async def _covered(self, by: str, sequence: int | None, timeout: float | None, what: str) -> None:
@@ -433,7 +430,7 @@ class Session:
         if untold:
             raise Rejected(untold)
 
-    def _forget(self, declared: set[int]) -> None:
+    def _forget(self, declared: AbstractSet[int]) -> None:
         """Landmarks of an item that was refused are not in the map."""
         self._landmarks -= declared
 

@@ -11,6 +11,7 @@ import asyncio
 import dataclasses
 import logging
 from collections.abc import Callable
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -105,7 +106,7 @@ class Stream:
         self._task: asyncio.Task[None] | None = None
         self._is_closing = False
         self._failure: BaseException | None = None
-        self._declared: dict[int, set[int]] = {}
+        self._declared: dict[int, AbstractSet[int]] = {}
         # Sequences that wait for an ack, rising; dictionaries as sorted sets.
         self._waiting: dict[str, dict[int, None]] = {"answer": {}, "durable": {}, "optimized": {}}
         self.is_done = False
@@ -113,7 +114,7 @@ class Stream:
         self.rejected: set[int] = set()
         self.untold: list[RejectedItem] = []
         """Refused items of which nobody was told yet."""
-        self.on_dismissed: Callable[[set[int]], None] | None = None
+        self.on_dismissed: Callable[[AbstractSet[int]], None] | None = None
         """Called with the landmarks that a refused item would have declared."""
 
     @property
@@ -143,9 +144,15 @@ class Stream:
 
     async def room(self) -> None:
         """Waits until another item fits."""
-        await self.until(lambda: self._outbox.has_room and not self._is_closing)
+        while True:
+            self._check_open()
+            if self._is_closing:
+                raise errors.Closed
+            if self._outbox.has_room:
+                return
+            await self._changed.wait()
 
-    def push(self, sequence: int, request: bytes, is_solved: bool, declared: set[int]) -> None:
+    def push(self, sequence: int, request: bytes, is_solved: bool, declared: AbstractSet[int]) -> None:
         """Hands an item over for which there is room."""
         self._outbox.push(sequence, request)
         self.report.sent += 1
@@ -166,11 +173,14 @@ class Stream:
     async def until(self, met: Callable[[], bool]) -> None:
         """Waits for a state; raises why the session ended before it came."""
         while not met():
-            if self._failure is not None:
-                raise self._failure.with_traceback(None)
-            if self.is_done or self._task is None:
-                raise errors.Closed
+            self._check_open()
             await self._changed.wait()
+
+    def _check_open(self) -> None:
+        if self._failure is not None:
+            raise self._failure.with_traceback(None)
+        if self.is_done or self._task is None:
+            raise errors.Closed
 
     def close(self) -> None:
         """Nothing more will be pushed."""

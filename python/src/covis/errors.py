@@ -206,7 +206,8 @@ class RpcError(CovisError):
         for key, value in (error.trailing_metadata() or ()) if error else ():
             if key == _DETAILS and isinstance(value, bytes):
                 self._read(value)
-        named = [str(v) for v in self._violations if v.field not in self.message]
+        violations = self.violations
+        named = [str(one) for one in violations if one.field not in self.message]
         super().__init__(f"{rpc}: {'; '.join([self.message, *named])} ({self.code.name})")
 
     @property
@@ -229,9 +230,8 @@ class RpcError(CovisError):
                 self.reason = message.reason
                 self.metadata = dict(message.metadata)
             elif packed.Unpack(message := error_details_pb2.BadRequest()):
-                self._violations = tuple(
-                    Violation(v.field, v.description, v.reason) for v in message.field_violations
-                )
+                fields = list(message.field_violations)
+                self._violations = tuple(Violation(f.field, f.description, f.reason) for f in fields)
             elif packed.Unpack(message := error_details_pb2.RetryInfo()):
                 delay = message.retry_delay
                 self.retry_after_s = delay.seconds + delay.nanos * 1e-9
