@@ -114,7 +114,7 @@ fn spelling_is_american() {
     let mut offenders = Vec::new();
     let rooms = [
         "src", "client", "frontend", "solvers", "docs", "proto", "tests", "examples", "benches",
-        "fuzz",
+        "fuzz", "python",
     ];
     let read = ["rs", "proto", "md", "toml", "py"];
     for file in files() {

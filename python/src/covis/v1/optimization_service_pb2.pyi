@@ -72,14 +72,16 @@ class PointObservation(_message.Message):
     def __init__(self, point_in_world: _Optional[_Union[_geometry_pb2.Vector3, _Mapping]] = ..., pixel: _Optional[_Union[_geometry_pb2.Vector2, _Mapping]] = ..., sigma_px: _Optional[float] = ..., depth_m: _Optional[float] = ..., sigma_depth_m: _Optional[float] = ...) -> None: ...
 
 class LocalizeRequest(_message.Message):
-    __slots__ = ("map_id", "camera", "features")
+    __slots__ = ("map_id", "camera", "features", "global_descriptor")
     MAP_ID_FIELD_NUMBER: _ClassVar[int]
     CAMERA_FIELD_NUMBER: _ClassVar[int]
     FEATURES_FIELD_NUMBER: _ClassVar[int]
+    GLOBAL_DESCRIPTOR_FIELD_NUMBER: _ClassVar[int]
     map_id: str
     camera: _camera_pb2.Camera
     features: _containers.RepeatedCompositeFieldContainer[Feature]
-    def __init__(self, map_id: _Optional[str] = ..., camera: _Optional[_Union[_camera_pb2.Camera, _Mapping]] = ..., features: _Optional[_Iterable[_Union[Feature, _Mapping]]] = ...) -> None: ...
+    global_descriptor: _map_pb2.Descriptor
+    def __init__(self, map_id: _Optional[str] = ..., camera: _Optional[_Union[_camera_pb2.Camera, _Mapping]] = ..., features: _Optional[_Iterable[_Union[Feature, _Mapping]]] = ..., global_descriptor: _Optional[_Union[_map_pb2.Descriptor, _Mapping]] = ...) -> None: ...
 
 class Feature(_message.Message):
     __slots__ = ("pixel", "sigma_px", "depth_m", "sigma_depth_m", "descriptor")
