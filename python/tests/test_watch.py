@@ -58,6 +58,8 @@ def test_changes_are_told_as_they_come(client):
         with client.ingest("room", "robot") as session:
             send(session, 0)
             session.wait_optimized(timeout=GUARD_S)
+            # A slow reader would get one delta for both, in which the landmark never was.
+            watched.wait(session.report.revision, GUARD_S)
             session.send(v1.RemoveLandmarks(landmarks=[v1.LandmarkRef(id=5)]))
             session.wait_optimized(timeout=GUARD_S)
             watched.wait(session.report.revision, GUARD_S)
