@@ -2,6 +2,7 @@
 
 import datetime
 
+import covis
 import numpy as np
 import pytest
 from covis import _items, _poses, _problems, _rows, v1
@@ -99,6 +100,13 @@ def test_quaternions_and_matrices_are_each_other():
     assert np.allclose(_poses.rotations(quaternions), matrices, atol=1e-12)
     quarter = _poses.quaternions(np.array([[[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]]))
     assert np.allclose(np.abs(quarter), [[0, 0, np.sqrt(0.5), np.sqrt(0.5)]])
+
+
+def test_a_pose_is_split_and_joined():
+    for rotation in rotations(20):
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = rotation, RNG.normal(size=3)
+        assert np.allclose(covis.join_pose(*covis.split_pose(pose)), pose)
 
 
 def test_a_bundle_of_arrays_is_the_message_made_one_by_one():

@@ -21,6 +21,7 @@ from . import aio, v1
 from ._client import camera
 from ._link import LinkOptions
 from ._mirror import Closure, MapChanges
+from ._poses import join_pose, split_pose
 from ._problems import BundleSolution, Localization, PoseGraphSolution
 from ._retry import RetryPolicy
 from ._stream import IngestReport
@@ -89,6 +90,7 @@ __all__ = [
     "InvalidUrl",
     "ItemsLost",
     "JobFailed",
+    "join_pose",
     "kinect_sigma_m",
     "LinkOptions",
     "local",
@@ -113,6 +115,7 @@ __all__ = [
     "ServerFailed",
     "ServerRestarted",
     "Session",
+    "split_pose",
     "stereo_sigma_m",
     "TokenInPlainText",
     "TooLarge",

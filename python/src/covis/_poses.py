@@ -79,6 +79,20 @@ def rotations(quaternion: Array) -> Array:
     return out
 
 
+def split_pose(pose: npt.ArrayLike) -> tuple[Array, Array]:
+    """Translation (3) and unit quaternion (x, y, z, w) of a 4×4 transform, as ROS and TUM have them."""
+    checked = matrix("pose", pose)
+    return checked[:3, 3], quaternions(checked[None, :3, :3])[0]
+
+
+def join_pose(translation: npt.ArrayLike, quaternion: npt.ArrayLike) -> Array:
+    """The 4×4 transform of a translation and a quaternion (x, y, z, w), which is normalized."""
+    out = np.eye(4)
+    out[:3, 3] = shaped("translation", translation, 3)
+    out[:3, :3] = rotations(shaped("quaternion", quaternion, 4)[None])[0]
+    return out
+
+
 def message(pose: Array) -> RigidTransform:
     """The message of one checked 4×4 transform."""
     out = RigidTransform()
