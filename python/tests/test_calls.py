@@ -1,6 +1,7 @@
 """Each call against a real server: maps, files, solves, places, errors."""
 
 import covis
+import grpc
 import numpy as np
 import pytest
 from covis import v1
@@ -202,3 +203,27 @@ def test_answers_of_many_messages_are_iterated(room):
     for page in room.answers(request):
         assert page.keyframes
         break
+
+
+def test_a_job_optimizes_a_map_while_nobody_waits(room):
+    spec = v1.JobSpec(optimize_map=v1.OptimizeMapRequest(map_id="room"))
+    try:
+        made = room.create_job("nightly", spec)
+    except covis.RpcError as error:
+        assert error.code == grpc.StatusCode.UNIMPLEMENTED
+        pytest.skip("this server has no jobs yet")
+    assert made.job_id == "nightly"
+    seen = [job.state for job in room.watch_job("nightly")]
+    assert seen[-1] == v1.JobState.JOB_STATE_SUCCEEDED and seen == sorted(seen)
+    ended = room.wait_job("nightly")
+    assert ended.result.optimize_map.keyframe_count == 5
+    assert [job.job_id for job in room.list_jobs("room")] == ["nightly"]
+    assert room.list_jobs(states=[v1.JobState.JOB_STATE_RUNNING]) == []
+    assert room.create_job("nightly", spec).job_id == "nightly"
+    with pytest.raises(covis.FailedPrecondition):
+        room.cancel_job("nightly")
+    room.delete_job("nightly")
+    with pytest.raises(covis.NotFound):
+        room.get_job("nightly")
+    with pytest.raises(covis.NotFound):
+        room.wait_job("nightly")

@@ -134,6 +134,8 @@ def test_a_bundle_of_arrays_is_the_message_made_one_by_one():
     [
         (lambda: _poses.rigid("pose", np.eye(3)), r"pose must be 4×4, not of shape \(3, 3\)"),
         (lambda: _poses.rigid("pose", 2 * np.eye(4)), "pose is no rigid transform"),
+        (lambda: _poses.rigid("pose", np.full((4, 4), np.nan)), "pose is no rigid transform"),
+        (lambda: _poses.rigid("pose", np.full((4, 4), np.inf)), "pose is no rigid transform"),
         (lambda: _poses.rigid("pose", np.diag([1.0, 1, -1, 1])), "pose is no rigid transform"),
         (lambda: _items.ids("landmark_ids", [0.5]), "landmark_ids must be N integers, not float64"),
         (lambda: _items.ids("landmark_ids", [-1]), "landmark_ids must be at least 0, not -1"),

@@ -47,10 +47,15 @@ def field_of(item: Message) -> int:
     return number
 
 
+def head(sequence: int, field: int, size: int) -> bytes:
+    """An `IngestRequest` up to its item of so many bytes."""
+    start = _rows.tag(1, _rows.VARINT) + _rows.varint(sequence) + _rows.tag(field, _rows.LENGTH)
+    return start + _rows.varint(size)
+
+
 def request(sequence: int, field: int, item: bytes) -> bytes:
     """An `IngestRequest`."""
-    head = _rows.tag(1, _rows.VARINT) + _rows.varint(sequence) + _rows.tag(field, _rows.LENGTH)
-    return head + _rows.varint(len(item)) + item
+    return head(sequence, field, len(item)) + item
 
 
 def timestamp(t: Time) -> Timestamp:

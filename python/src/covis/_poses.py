@@ -24,10 +24,12 @@ def matrices(name: str, value: npt.ArrayLike, size: int = 4) -> Array:
     last = np.zeros(size)
     last[-1] = 1.0
     rotation = array[:, :-1, :-1]
-    product = rotation @ rotation.transpose(0, 2, 1)
-    is_rigid = np.isclose(array[:, -1], last, atol=1e-9).all(axis=1)
-    is_rigid &= np.isclose(product, np.eye(size - 1), atol=1e-3).all(axis=(1, 2))
-    is_rigid &= np.linalg.det(np.where(np.isfinite(rotation), rotation, 0.0)) > 0
+    # Comparisons with NaN are false.
+    with np.errstate(invalid="ignore"):
+        product = rotation @ rotation.transpose(0, 2, 1)
+        is_rigid = (np.abs(array[:, -1] - last) < 1e-9).all(axis=1)
+        is_rigid &= (np.abs(product - np.eye(size - 1)) < 2e-3).all(axis=(1, 2))
+        is_rigid &= np.linalg.det(rotation) > 0
     if not is_rigid.all():
         wrong = int(np.argmin(is_rigid))
         raise ValueError(f"{name}[{wrong}] is no rigid transform: rotation and last row are checked")

@@ -386,7 +386,8 @@ class Session:
         if sequence is not None and sequence <= self._last_sequence:
             raise SequenceOrder(sequence, self._last_sequence)
         limit = self.opened.max_message_bytes
-        size = len(_items.request(sequence or self.next_sequence, field, payload))
+        head = _items.head(sequence or self.next_sequence, field, len(payload))
+        size = len(head) + len(payload)
         if size > limit:
             raise TooLarge(size, limit)
         # Also for those who send while this one waits.
