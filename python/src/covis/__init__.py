@@ -18,7 +18,7 @@ Conventions (frames, units, the order of matrices) are those of docs/conventions
 from importlib.metadata import version as _version
 
 from . import aio, v1
-from ._client import camera
+from ._connect import camera
 from ._link import LinkOptions
 from ._mirror import Closure, MapChanges
 from ._poses import join_pose, split_pose

@@ -12,7 +12,7 @@ from google.protobuf.message import Message
 from pathlib import Path
 from typing import Any
 
-from . import _client, _map, _session
+from . import _client, _connect, _map, _session
 from ._items import Time
 from ._link import LinkOptions
 from ._loop import Blocking, iterate, run
@@ -207,29 +207,6 @@ class Client(Blocking[_client.Client]):
     def wait_job(self, job_id: str, retry: RetryPolicy=RetryPolicy()) -> Job:
         """Waits until a job has ended. Raises `JobFailed` where it failed."""
         return run(self._twin.wait_job(job_id, retry))
-
-
-def connect(url: str, token: str | None=None, *, token_file: str | os.PathLike[str] | None=None, ca: str | os.PathLike[str] | None=None, cert: str | os.PathLike[str] | None=None, key: str | os.PathLike[str] | None=None, link: LinkOptions=LinkOptions()) -> Client:
-    """Connects to a server, for instance `https://maps.example:7411`.
-
-    - `token`: of the server's tokens, or a JSON Web Token. By default that of `token_file`, else of the
-      variables `COVIS_TOKEN_FILE` and `COVIS_TOKEN`. It is never sent in plain text to another machine.
-    - `ca`: file with the authorities (PEM) that are trusted instead of the system's.
-    - `cert`, `key`: the client's own certificate and key (PEM), for mutual TLS.
-
-    Raises `InvalidUrl`, `InvalidToken`, `TokenInPlainText`, `Unreachable`.
-    """
-    return Client(run(_client.connect(url, token, token_file=token_file, ca=ca, cert=cert, key=key, link=link)))
-
-
-def local(data_dir: str | os.PathLike[str] | None=None, *, binary: str | None=None, arguments: Sequence[str]=(), link: LinkOptions=LinkOptions()) -> Client:
-    """Starts a server of its own on a free port of this machine, and connects to it.
-
-    It ends when the client is closed. Maps are kept in `data_dir`, by default in a folder that is
-    removed at the end. The program is `binary`, else `$COVIS_BIN`, else `covis` from the PATH;
-    `arguments` are further ones of `covis serve`. Raises `ServerFailed`.
-    """
-    return Client(run(_client.local(data_dir, binary=binary, arguments=arguments, link=link)))
 
 
 class Session(Blocking[_session.Session]):
@@ -439,3 +416,26 @@ class Map(Blocking[_map.Map]):
         Raises `NotFound` when the map is deleted; why the watch ended; `TimeoutError`.
         """
         run(self._twin.wait_until(is_met, timeout))
+
+
+def connect(url: str, token: str | None=None, *, token_file: str | os.PathLike[str] | None=None, ca: str | os.PathLike[str] | None=None, cert: str | os.PathLike[str] | None=None, key: str | os.PathLike[str] | None=None, link: LinkOptions=LinkOptions()) -> Client:
+    """Connects to a server, for instance `https://maps.example:7411`.
+
+    - `token`: of the server's tokens, or a JSON Web Token. By default that of `token_file`, else of the
+      variables `COVIS_TOKEN_FILE` and `COVIS_TOKEN`. It is never sent in plain text to another machine.
+    - `ca`: file with the authorities (PEM) that are trusted instead of the system's.
+    - `cert`, `key`: the client's own certificate and key (PEM), for mutual TLS.
+
+    Raises `InvalidUrl`, `InvalidToken`, `TokenInPlainText`, `Unreachable`.
+    """
+    return Client(run(_connect.connect(url, token, token_file=token_file, ca=ca, cert=cert, key=key, link=link)))
+
+
+def local(data_dir: str | os.PathLike[str] | None=None, *, binary: str | None=None, arguments: Sequence[str]=(), link: LinkOptions=LinkOptions()) -> Client:
+    """Starts a server of its own on a free port of this machine, and connects to it.
+
+    It ends when the client is closed. Maps are kept in `data_dir`, by default in a folder that is
+    removed at the end. The program is `binary`, else `$COVIS_BIN`, else `covis` from the PATH;
+    `arguments` are further ones of `covis serve`. Raises `ServerFailed`.
+    """
+    return Client(run(_connect.local(data_dir, binary=binary, arguments=arguments, link=link)))

@@ -7,7 +7,8 @@ async with await covis.aio.connect(url) as client:
 ```
 """
 
-from ._client import Client, connect, local
+from ._client import Client
+from ._connect import connect, local
 from ._map import Map
 from ._session import Session
 
