@@ -32,7 +32,7 @@ async def connect(
 
     - `token`: of the server's tokens, or a JSON Web Token. By default that of `token_file`, else of the
       variables `COVIS_TOKEN_FILE` and `COVIS_TOKEN`. It is never sent in plain text to another machine.
-    - `ca`: file with the authorities (PEM) that are trusted instead of the system's.
+    - `ca`: file with the authorities (PEM) that are trusted instead of those that gRPC brings.
     - `cert`, `key`: the client's own certificate and key (PEM), for mutual TLS.
 
     Raises `InvalidUrl`, `InvalidToken`, `TokenInPlainText`, `Unreachable`.
