@@ -1,8 +1,8 @@
 //! `covis serve`: the server in the foreground until SIGTERM or ctrl-c.
 //!
 //! Standard output gets two lines once every map is open: `listening on http://ADDRESS` (`https`
-//! with TLS), with port 0 the port that was taken, and where maps are kept; a third one tells where
-//! metrics are, if they are served. The first signal drains the server, a second one ends the
+//! with TLS), with port 0 the port that was taken, and where maps are kept; further ones tell where
+//! metrics and the page are, if they are served. The first signal drains the server, a second one ends the
 //! process at once. SIGHUP has certificates, tokens and keys read again, where there are any.
 
 use std::ffi::OsString;
@@ -60,8 +60,10 @@ async fn serve(config: &Config) -> anyhow::Result<()> {
     let metrics =
         server.metrics_addr().map(|address| format!("\nmetrics on http://{address}/metrics"));
     let metrics = metrics.unwrap_or_default();
+    let page = server.page_addr().map(|address| format!("\nthe page is at {scheme}://{address}/"));
+    let page = page.unwrap_or_default();
     let address = server.local_addr();
-    match print(format_args!("listening on {scheme}://{address}\n{kept}{metrics}")) {
+    match print(format_args!("listening on {scheme}://{address}\n{kept}{metrics}{page}")) {
         // Nobody needs to read the address for the server to be of use.
         Err(error) if !error.is::<ClosedPipe>() => return Err(error),
         Ok(()) | Err(_) => {}
@@ -127,6 +129,7 @@ fn guarded(config: &Config) -> ServerConfig {
         jwt,
         insecure_plain_text: config.insecure_plain_text,
         metrics_listen: config.metrics_listen.clone(),
+        page_listen: config.http.clone(),
         ..server_config(config)
     }
 }

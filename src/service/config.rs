@@ -83,6 +83,8 @@ pub struct ServerConfig {
     pub insecure_plain_text: bool,
     /// Where `GET /metrics` is answered, `host:port` (nowhere).
     pub metrics_listen: Option<String>,
+    /// Where the page is served to browsers, `host:port` (nowhere).
+    pub page_listen: Option<String>,
     /// Threads of the solver pool (one per processor).
     pub threads: usize,
     /// How engines run.
@@ -133,6 +135,7 @@ impl Default for ServerConfig {
             jwt: None,
             insecure_plain_text: false,
             metrics_listen: None,
+            page_listen: None,
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             engine: EngineConfig::default(),
             drain_budget: Duration::from_secs(10),

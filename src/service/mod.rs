@@ -12,7 +12,9 @@
 //! | `access` | tokens, roles and tenants: who may call what |
 //! | `clock` | the clock that decides whether tokens have expired |
 //! | `connections` | who is connected, and for how long |
-//! | `tls` | certificates of the listener |
+//! | `tls` | certificates of the listeners |
+//! | `routes` | the services, as the listeners serve them |
+//! | `page` | the page for browsers |
 //! | `telemetry` | metrics, and spans of calls |
 //! | `*_service` | one file per service of the wire; `watch`, `export`, `listing` serve `MapService` |
 
@@ -40,9 +42,11 @@ mod localize;
 mod log_limit;
 mod map_service;
 mod optimization_service;
+mod page;
 mod random;
 mod readers;
 mod refine;
+mod routes;
 mod server;
 mod server_service;
 mod status;

@@ -2,7 +2,8 @@
 //!
 //! Plain text is served beyond the loopback interface only if the configuration allows it.
 //!
-//! Metrics have their own listener, which answers from the start to the end of the drain.
+//! Metrics have their own listener, which answers from the start to the end of the drain. So does the
+//! page ([`super::page`]): its connections are accepted, bounded and drained like all others.
 //!
 //! Starting: the transport answers at once, health with NOT_SERVING and calls with UNAVAILABLE, until
 //! every map is open.
@@ -24,27 +25,21 @@ use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tokio_stream::Stream;
-use tonic::codec::CompressionEncoding;
-use tonic::server::NamedService;
-use tonic::service::Routes;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
-use super::access::{Access, AccessError, Guarded};
+use super::access::{Access, AccessError};
 use super::config::ServerConfig;
 use super::connections::{self, Accepted, Connections, Socket, Transport};
-use super::context::{Context, Rpcs};
+use super::context::Context;
 use super::engine::{Accounts, EngineError, Maps, SolverPool};
+use super::page::Hosts;
 use super::random::random_id;
 use super::readers::Readers;
-use super::telemetry::{self, Metered, ServerMeters};
-use super::tls::{Tls, TlsError};
+use super::routes::{Routed, SERVED, routes, transport};
+use super::telemetry::{self, ServerMeters};
+use super::tls::{self, Tls, TlsError};
 use crate::store::{FileStore, FileStoreOptions, MemoryStore, Store, StoreMeters};
-use crate::wire::v1::ingest_service_server::IngestServiceServer;
-use crate::wire::v1::job_service_server::JobServiceServer;
-use crate::wire::v1::map_service_server::MapServiceServer;
-use crate::wire::v1::optimization_service_server::OptimizationServiceServer;
-use crate::wire::v1::server_service_server::ServerServiceServer;
 
 /// Why a server does not start.
 #[derive(Debug, thiserror::Error)]
@@ -86,6 +81,14 @@ pub enum ServerError {
         /// The error of the system.
         source: io::Error,
     },
+    /// The address for the page cannot be bound.
+    #[error("cannot serve the page on {address}")]
+    Page {
+        /// Where it was to be served.
+        address: String,
+        /// The error of the system.
+        source: io::Error,
+    },
     /// The descriptors of the wire cannot be served.
     #[error("server reflection")]
     Reflection(#[from] tonic_reflection::server::Error),
@@ -112,8 +115,10 @@ pub struct StartingServer(RunningServer);
 pub struct RunningServer {
     address: SocketAddr,
     context: Arc<Context>,
-    tls: Option<Arc<Tls>>,
+    /// That of the listener, and that of the page.
+    tls: Vec<Arc<Tls>>,
     metrics: Option<(SocketAddr, JoinHandle<()>)>,
+    page: Option<(SocketAddr, JoinHandle<()>)>,
     drain: watch::Sender<bool>,
     health: HealthReporter,
     task: JoinHandle<()>,
@@ -155,15 +160,18 @@ impl Server {
     ) -> Result<StartingServer, ServerError> {
         #[cfg(feature = "faults")]
         let config = staged(config)?;
-        let tls = config.tls.clone().map(Tls::new).transpose()?.map(Arc::new);
+        let secured = |protocols| config.tls.clone().map(|files| Tls::new(files, protocols));
+        let tls = secured(tls::GRPC).transpose()?.map(Arc::new);
         let access = Arc::new(Access::new(&config)?);
-        let is_open = !address.ip().is_loopback();
-        if tls.is_none() && is_open && !config.insecure_plain_text {
-            return Err(ServerError::PlainText { address });
+        check_address(address, &config, &access)?;
+        let page = page_listener(&config).await?;
+        if let Some((address, _)) = &page {
+            check_address(*address, &config, &access)?;
         }
-        if is_open && !access.is_guarded() {
-            tracing::warn!("without tokens, whoever reaches {address} may do everything");
-        }
+        let page_tls = match &page {
+            Some(_) => secured(tls::BROWSERS).transpose()?.map(Arc::new),
+            None => None,
+        };
         let accounts =
             Accounts::new(config.account_limits(), config.tenant_limits, config.map_limits());
         accounts.set_tenants(access.tenant_limits());
@@ -190,12 +198,35 @@ impl Server {
             draining,
             readers,
         });
-        let (health, task) = serve(incoming, tls.clone(), Arc::clone(&context)).await?;
+        let hosts = page.as_ref().map(|(address, _)| {
+            Hosts::of(*address, page_tls.is_some(), context.access.is_guarded())
+        });
+        let Routed { health, grpc, page: page_routes } = routes(&context, hosts).await?;
+        let server = transport(&context);
+        let grpc = Transport { server: server.clone(), routes: grpc, tls: tls.clone() };
+        let task = tokio::spawn(connections::serve(incoming, grpc, Arc::clone(&context)));
+        let page = page.zip(page_routes).map(|((address, listener), routes)| {
+            // Browsers speak HTTP/2 with TLS only.
+            let server = server.accept_http1(true);
+            let transport = Transport { server, routes, tls: page_tls.clone() };
+            let incoming = connections::accepted(listener, context.config.keep_alive.tcp);
+            (address, tokio::spawn(connections::serve(incoming, transport, Arc::clone(&context))))
+        });
+        let tls = tls.into_iter().chain(page_tls).collect();
         let metrics = metrics.map(|(address, listener)| {
             (address, tokio::spawn(telemetry::serve(listener, Arc::clone(&context))))
         });
         // From here on, dropping the server ends the transport.
-        Ok(StartingServer(RunningServer { address, context, tls, metrics, drain, health, task }))
+        Ok(StartingServer(RunningServer {
+            address,
+            context,
+            tls,
+            metrics,
+            page,
+            drain,
+            health,
+            task,
+        }))
     }
 }
 
@@ -259,15 +290,21 @@ impl RunningServer {
         self.metrics.as_ref().map(|(address, _)| *address)
     }
 
+    /// The address of the page, with the port that was bound.
+    #[must_use]
+    pub fn page_addr(&self) -> Option<SocketAddr> {
+        self.page.as_ref().map(|(address, _)| *address)
+    }
+
     /// Reads certificates, keys, tokens and the keys of JSON Web Tokens again. New connections use
     /// the new certificate; new calls and open streams need a token that is known now.
     ///
     /// # Errors
     /// [`ServerError::Tls`], [`ServerError::Access`]; then nothing is changed.
     pub fn reload(&self) -> Result<(), ServerError> {
-        let acceptor = self.tls.as_ref().map(|tls| tls.read()).transpose()?;
+        let acceptors = self.tls.iter().map(|tls| tls.read()).collect::<Result<Vec<_>, _>>()?;
         let known = self.context.access.read()?;
-        if let (Some(tls), Some(acceptor)) = (&self.tls, acceptor) {
+        for (tls, acceptor) in self.tls.iter().zip(acceptors) {
             tls.put(acceptor);
         }
         self.context.access.put(known);
@@ -289,12 +326,15 @@ impl RunningServer {
         self.tell_health(ServingStatus::NotServing).await;
         self.drain.send_replace(true);
         let budget = self.context.config.drain_budget;
-        match tokio::time::timeout(budget, &mut self.task).await {
-            Ok(Ok(())) => {}
-            Ok(Err(error)) => tracing::warn!(%error, "the transport's task ended badly"),
-            Err(_elapsed) => {
-                tracing::warn!("calls were still running after {budget:?}, they are cut");
-                self.task.abort();
+        for task in [Some(&mut self.task), self.page.as_mut().map(|(_, task)| task)] {
+            let Some(task) = task else { continue };
+            match tokio::time::timeout(budget.saturating_sub(start.elapsed()), &mut *task).await {
+                Ok(Ok(())) => {}
+                Ok(Err(error)) => tracing::warn!(%error, "the transport's task ended badly"),
+                Err(_elapsed) => {
+                    tracing::warn!("calls were still running after {budget:?}, they are cut");
+                    task.abort();
+                }
             }
         }
         // Engines without work also need some time to stop.
@@ -312,103 +352,28 @@ impl Drop for RunningServer {
     fn drop(&mut self) {
         self.drain.send_replace(true);
         self.task.abort();
-        if let Some((_, task)) = &self.metrics {
+        for (_, task) in self.metrics.iter().chain(&self.page) {
             task.abort();
         }
     }
 }
 
-/// How much a stream may send before the server reads, bytes.
-const STREAM_WINDOW_BYTES: u32 = 256 << 10;
-/// The same for a connection. The transport drops a connection whose unread small frames cost more
-/// than half of this, 256 bytes each; a stream full of the smallest items stays below.
-const CONNECTION_WINDOW_BYTES: u32 = 8 << 20;
-/// The largest message to a service that needs no large ones: health, which needs no token.
-const SMALL_MESSAGE_BYTES: usize = 4 << 10;
-/// All headers of a call together; a JSON Web Token is a few KiB.
-const HEADER_LIST_BYTES: u32 = 16 << 10;
-
-/// Every service of the wire that is served, by full name.
-const SERVED: [&str; 4] = [
-    IngestServiceServer::<Rpcs>::NAME,
-    MapServiceServer::<Rpcs>::NAME,
-    OptimizationServiceServer::<Rpcs>::NAME,
-    ServerServiceServer::<Rpcs>::NAME,
-];
-/// Part of the wire, but every call answers UNIMPLEMENTED: health never reports it as serving.
-const UNSERVED: &str = JobServiceServer::<Rpcs>::NAME;
-
-/// Starts the transport with all services.
-async fn serve<S: Socket>(
-    incoming: impl Stream<Item = io::Result<Accepted<S>>> + Send + 'static,
-    tls: Option<Arc<Tls>>,
-    context: Arc<Context>,
-) -> Result<(HealthReporter, JoinHandle<()>), ServerError> {
-    let (bytes, keep_alive) = (context.config.max_message_bytes, context.config.keep_alive);
-    // The generated servers share no trait for their limits.
-    macro_rules! limited {
-        ($service:expr) => {
-            $service.max_decoding_message_size(bytes).max_encoding_message_size(bytes)
-        };
+/// Plain text is served beyond the loopback interface only if the configuration allows it.
+fn check_address(
+    address: SocketAddr,
+    config: &ServerConfig,
+    access: &Access,
+) -> Result<(), ServerError> {
+    if address.ip().is_loopback() {
+        return Ok(());
     }
-    // A client may send messages compressed; the limit applies to the decompressed size.
-    macro_rules! compressed {
-        ($service:expr) => {
-            $service.accept_compressed(CompressionEncoding::Gzip)
-        };
+    if config.tls.is_none() && !config.insecure_plain_text {
+        return Err(ServerError::PlainText { address });
     }
-    let (health, health_service) = tonic_health::server::health_reporter();
-    for name in SERVED.into_iter().chain([UNSERVED, ""]) {
-        health.set_service_status(name, ServingStatus::NotServing).await;
+    if !access.is_guarded() {
+        tracing::warn!("without tokens, whoever reaches {address} may do everything");
     }
-    #[cfg(not(test))]
-    let reflection = || {
-        tonic_reflection::server::Builder::configure()
-            .register_encoded_file_descriptor_set(crate::wire::v1::FILE_DESCRIPTOR_SET)
-            .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
-    };
-    macro_rules! metered {
-        ($service:expr) => {
-            Metered::new($service, &context.meters.calls)
-        };
-    }
-    // Health needs no token, because monitoring has none.
-    macro_rules! guarded {
-        ($service:expr) => {
-            metered!(Guarded::new(limited!($service), &context.access))
-        };
-    }
-    // Only corrections and exports are large enough to compress in answers; acks are not.
-    let rpcs = Arc::new(Rpcs { context: Arc::clone(&context) });
-    let maps = compressed!(MapServiceServer::from_arc(Arc::clone(&rpcs)))
-        .send_compressed(CompressionEncoding::Gzip);
-    let ingest = compressed!(IngestServiceServer::from_arc(Arc::clone(&rpcs)));
-    let optimization = compressed!(OptimizationServiceServer::from_arc(Arc::clone(&rpcs)))
-        .send_compressed(CompressionEncoding::Gzip);
-    let info = ServerServiceServer::from_arc(Arc::clone(&rpcs));
-    let health_service = health_service.max_decoding_message_size(SMALL_MESSAGE_BYTES);
-    let server = tonic::transport::Server::builder()
-        .max_concurrent_streams(context.config.max_concurrent_streams)
-        .initial_stream_window_size(STREAM_WINDOW_BYTES)
-        .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
-        .http2_max_header_list_size(HEADER_LIST_BYTES)
-        .http2_keepalive_interval(Some(keep_alive.interval))
-        .http2_keepalive_timeout(Some(keep_alive.timeout));
-    let routes = Routes::new(guarded!(maps))
-        .add_service(guarded!(ingest))
-        .add_service(guarded!(optimization))
-        .add_service(guarded!(JobServiceServer::from_arc(rpcs)))
-        .add_service(guarded!(info))
-        .add_service(metered!(health_service));
-    // The simulation starts thousands of servers, and reading the descriptors is half of a start.
-    #[cfg(not(test))]
-    let routes = routes
-        .add_service(guarded!(reflection().build_v1()?))
-        .add_service(guarded!(reflection().build_v1alpha()?));
-    let routes = routes.prepare();
-    let transport = Transport { server, routes, tls };
-    let task = tokio::spawn(connections::serve(incoming, transport, Arc::clone(&context)));
-    Ok((health, task))
+    Ok(())
 }
 
 /// The listener for metrics, if one is configured.
@@ -417,12 +382,25 @@ async fn metrics_listener(
 ) -> Result<Option<(SocketAddr, TcpListener)>, ServerError> {
     let Some(wanted) = &config.metrics_listen else { return Ok(None) };
     let failed = |source| ServerError::Metrics { address: wanted.clone(), source };
-    let listener = TcpListener::bind(wanted).await.map_err(failed)?;
-    let address = listener.local_addr().map_err(failed)?;
+    let (address, listener) = bind(wanted).await.map_err(failed)?;
     if !address.ip().is_loopback() && !config.insecure_plain_text {
         return Err(ServerError::PlainMetrics { address });
     }
     Ok(Some((address, listener)))
+}
+
+/// The listener for the page, if one is configured.
+async fn page_listener(
+    config: &ServerConfig,
+) -> Result<Option<(SocketAddr, TcpListener)>, ServerError> {
+    let Some(wanted) = &config.page_listen else { return Ok(None) };
+    let failed = |source| ServerError::Page { address: wanted.clone(), source };
+    bind(wanted).await.map_err(failed).map(Some)
+}
+
+async fn bind(wanted: &str) -> io::Result<(SocketAddr, TcpListener)> {
+    let listener = TcpListener::bind(wanted).await?;
+    Ok((listener.local_addr()?, listener))
 }
 
 /// Passes a fault of the engine to its configuration; the edge handles faults of handlers.

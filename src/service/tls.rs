@@ -50,9 +50,17 @@ pub enum TlsError {
     ClientCa(#[from] VerifierBuilderError),
 }
 
+/// The protocols of a listener, as ALPN names them.
+pub(super) type Protocols = &'static [&'static [u8]];
+/// gRPC needs HTTP/2.
+pub(super) const GRPC: Protocols = &[b"h2"];
+/// Browsers may speak HTTP/1.1 as well.
+pub(super) const BROWSERS: Protocols = &[b"h2", b"http/1.1"];
+
 /// The listener's side of TLS, from the files that were read last.
 pub(super) struct Tls {
     files: TlsFiles,
+    protocols: Protocols,
     acceptor: RwLock<TlsAcceptor>,
 }
 
@@ -64,14 +72,14 @@ impl fmt::Debug for Tls {
 
 impl Tls {
     /// Reads the files.
-    pub(super) fn new(files: TlsFiles) -> Result<Self, TlsError> {
-        let acceptor = RwLock::new(acceptor(&files)?);
-        Ok(Self { files, acceptor })
+    pub(super) fn new(files: TlsFiles, protocols: Protocols) -> Result<Self, TlsError> {
+        let acceptor = RwLock::new(acceptor(&files, protocols)?);
+        Ok(Self { files, protocols, acceptor })
     }
 
     /// Reads the files again; nothing changes before [`Tls::put`].
     pub(super) fn read(&self) -> Result<TlsAcceptor, TlsError> {
-        acceptor(&self.files)
+        acceptor(&self.files, self.protocols)
     }
 
     /// From now on handshakes use `acceptor`.
@@ -85,7 +93,7 @@ impl Tls {
     }
 }
 
-fn acceptor(files: &TlsFiles) -> Result<TlsAcceptor, TlsError> {
+fn acceptor(files: &TlsFiles, protocols: Protocols) -> Result<TlsAcceptor, TlsError> {
     let provider = Arc::new(default_provider());
     let builder = rustls::ServerConfig::builder_with_provider(Arc::clone(&provider))
         .with_safe_default_protocol_versions()?;
@@ -103,7 +111,7 @@ fn acceptor(files: &TlsFiles) -> Result<TlsAcceptor, TlsError> {
     };
     let mut config =
         builder.with_single_cert(certificates(&files.certificate)?, key(&files.key)?)?;
-    config.alpn_protocols = vec![b"h2".to_vec()];
+    config.alpn_protocols = protocols.iter().map(|name| name.to_vec()).collect();
     Ok(TlsAcceptor::from(Arc::new(config)))
 }
 

@@ -48,6 +48,7 @@ mod map_problem;
 mod map_retirement;
 mod map_support;
 mod metrics;
+mod page;
 #[cfg(target_os = "linux")]
 mod power;
 mod proto_compat;

@@ -68,6 +68,10 @@ pub struct Config {
     /// free one [default: none].
     #[arg(long, value_name = "ADDR")]
     pub metrics_listen: Option<String>,
+    /// Address at which browsers get the page that shows maps; port 0 takes a free one
+    /// [default: none].
+    #[arg(long, value_name = "ADDR")]
+    pub http: Option<String>,
     /// Seconds that the server waits for running calls when it is told to end [default: 10].
     #[arg(long, value_name = "SECONDS")]
     pub drain_budget: u64,
@@ -165,6 +169,7 @@ impl Default for Config {
             jwt_audience: None,
             insecure_plain_text: server.insecure_plain_text,
             metrics_listen: None,
+            http: None,
             drain_budget: server.drain_budget.as_secs(),
             otlp_endpoint: None,
             threads: server.threads,
@@ -217,6 +222,11 @@ impl Config {
                 self.metrics_listen.as_deref().is_none_or(is_address),
                 "metrics_listen",
                 "must be host:port, for instance 127.0.0.1:9411",
+            ),
+            (
+                self.http.as_deref().is_none_or(is_address),
+                "http",
+                "must be host:port, for instance 127.0.0.1:7412",
             ),
             (self.threads > 0, "threads", "must be at least 1"),
             (

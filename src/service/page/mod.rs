@@ -1,0 +1,68 @@
+//! The page that shows maps in a browser, on a listener of its own.
+//!
+//! The page is a client like any other: it calls the services of the wire by gRPC-Web, behind the same
+//! guard and with the same limits. Without a token it gets only the files it consists of.
+//!
+//! | module | role |
+//! |---|---|
+//! | `assets` | the files of the page, and the headers that they are answered with |
+//! | `grpc_web` | calls without trailers |
+//! | `hosts` | requests that another site has sent through a browser |
+//!
+//! The sources of the page are in `page/`; this module knows only the files that are built from them.
+
+mod assets;
+mod grpc_web;
+mod hosts;
+
+use std::convert::Infallible;
+
+use tonic::body::Body;
+use tonic::codegen::Service;
+use tonic::codegen::http::{Request, Response};
+use tonic::server::NamedService;
+use tonic::service::Routes;
+
+use assets::Assets;
+use grpc_web::GrpcWeb;
+pub(super) use hosts::Hosts;
+use hosts::SameSite;
+
+/// The routes of the page's listener.
+pub(super) struct PageRoutes {
+    hosts: Hosts,
+    routes: Routes,
+}
+
+impl PageRoutes {
+    /// The files of the page, and `metrics` at `/metrics`, for requests that `hosts` allows.
+    pub(super) fn new<M>(hosts: Hosts, metrics: M) -> Self
+    where
+        M: Service<Request<Body>, Response = Response<Body>, Error = Infallible>,
+        M: Clone + Send + Sync + 'static,
+        M::Future: Send,
+    {
+        let mut routes = Routes::default();
+        let router = routes.axum_router_mut();
+        *router = std::mem::take(router)
+            .route_service("/metrics", SameSite::new(metrics, hosts))
+            .fallback_service(SameSite::new(Assets, hosts));
+        Self { hosts, routes }
+    }
+
+    /// With this service too, by gRPC-Web.
+    pub(super) fn add<S>(self, service: S) -> Self
+    where
+        S: Service<Request<Body>, Response = Response<Body>, Error = Infallible> + NamedService,
+        S: Clone + Send + Sync + 'static,
+        S::Future: Send,
+    {
+        let service = SameSite::new(GrpcWeb(service), self.hosts);
+        Self { routes: self.routes.add_service(service), ..self }
+    }
+
+    /// The routes.
+    pub(super) fn routes(self) -> Routes {
+        self.routes.prepare()
+    }
+}
