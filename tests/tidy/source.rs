@@ -74,7 +74,7 @@ pub(crate) fn files() -> Vec<File> {
     let mut paths = Vec::new();
     for room in [
         "src", "client", "frontend", "solvers", "proto", "docs", "tests", "examples", "benches",
-        "fuzz", ".ci",
+        "fuzz", "page", ".ci",
     ] {
         walk(&root.join(room), &mut paths);
     }
@@ -103,7 +103,8 @@ pub(crate) fn rust_files() -> Vec<File> {
 fn walk(folder: &Path, paths: &mut Vec<PathBuf>) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     for path in entries.filter_map(|entry| entry.ok().map(|e| e.path())) {
-        let made = ["target", "generated", "__pycache__", "node_modules", "corpus", "artifacts"];
+        let made =
+            ["target", "generated", "__pycache__", "node_modules", "corpus", "artifacts", "dist"];
         if !path.is_dir() {
             paths.push(path);
         } else if !made.iter().any(|name| path.ends_with(name)) {
