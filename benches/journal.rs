@@ -72,6 +72,7 @@ async fn snapshot(folder: &Path) -> Result<String, Failure> {
                 world_from_camera: Se3::identity(),
                 odom_from_camera: Se3::identity(),
                 observations: observations.into(),
+                global_descriptor: None,
                 added_revision: k,
             },
         ))
