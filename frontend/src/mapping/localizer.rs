@@ -66,6 +66,7 @@ impl Localizer {
             map_id: self.map_id.clone(),
             camera: Some(self.camera.clone()),
             features: encode::features(&question.features),
+            ..v1::LocalizeRequest::default()
         };
         self.call =
             Some(Box::pin(localize(self.client.clone(), request, (question.number, self.pause))));

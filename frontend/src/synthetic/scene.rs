@@ -20,7 +20,7 @@ const ROUND_S: f64 = 6.0;
 /// Half the axes of its way, m.
 const WAY_M: [f64; 2] = [1.5, 0.9];
 /// How far ahead of it people are, rad.
-const AHEAD: f64 = 1.4;
+const AHEAD: f64 = 1.6;
 /// Where it looks, from the room's middle outward, rad: along its way, and a little outward.
 const FOLLOWING_YAW: f64 = 2.0;
 
