@@ -131,7 +131,9 @@ async fn on_people(client: &Client, map: &str, sequence: &Sequence) -> anyhow::R
         .map(|index| (microseconds(sequence.timestamp_s(index)), index))
         .collect();
     let (mut all, mut on_people) = (0_usize, 0_usize);
-    for keyframe in client.keyframes(map, None).await?.keyframes {
+    let paths = ["capture_time", "observations"].map(str::to_owned).to_vec();
+    let fields = Some(prost_types::FieldMask { paths });
+    for keyframe in client.keyframes(map, fields).await?.keyframes {
         let time = keyframe.capture_time.unwrap_or_default();
         let seconds = time.seconds as f64 + f64::from(time.nanos) * 1e-9;
         let Some(&index) = index_of.get(&microseconds(seconds)) else { continue };

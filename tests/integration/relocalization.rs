@@ -235,8 +235,8 @@ fn a_recorded_camera_that_was_covered_is_told_where_it_is() {
     let Some(folder) = data("rgbd/tum_fr1_rpy") else { return };
     run(async {
         let source = || open_folder(&folder, FolderOptions::default()).unwrap().source;
-        let attempts = attempt(source, &[(180, 270..354), (240, 330..354)]).await;
-        assert!(attempts.all >= 20 && attempts.wrong <= 1, "{attempts:?}");
+        let attempts = attempt(source, &[(180, 270..354)]).await;
+        assert!(attempts.all >= 15 && attempts.wrong == 0, "{attempts:?}");
         assert!(100 * attempts.right >= 95 * attempts.all, "{attempts:?}");
     });
 }
@@ -252,7 +252,8 @@ fn a_rendered_camera_that_was_covered_is_told_where_it_is() {
         };
         let attempts = attempt(source, &[(200, 290..354)]).await;
         assert!(attempts.all >= 10 && attempts.wrong == 0, "{attempts:?}");
-        assert!(100 * attempts.right >= 95 * attempts.all, "{attempts:?}");
+        // People hide much of a small image: some need more frames.
+        assert!(5 * attempts.right >= 4 * attempts.all, "{attempts:?}");
     });
 }
 
