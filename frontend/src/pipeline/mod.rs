@@ -177,8 +177,10 @@ enum State {
     Tracking,
     /// Only an earlier frame has one.
     Lost,
-    /// The last frame has one again; where it was asked for, the local map need not show the place.
+    /// The last frame has one that was asked for; the local map need not show the place.
     Located,
+    /// The last frame has one that landmarks confirmed; they must confirm the next one too.
+    Confirmed,
 }
 
 /// The frame that is being tracked.
@@ -370,11 +372,14 @@ impl Pipeline {
         let refined = pose::refine_static(&self.map, &view, &split.still, &near);
         seconds.refine += stage.elapsed().as_secs_f64();
 
-        let found = match refined {
+        let is_confirmed = self.state == State::Confirmed;
+        let least = if is_confirmed { FEW_INLIERS } else { LEAST_INLIERS };
+        let found = match refined.filter(|refined| refined.inliers.len() >= least) {
             Some(refined) => {
                 self.coasted = 0;
                 Some((refined.world_from_camera, refined.inliers))
             }
+            None if is_confirmed => None,
             None if initial.median_residual < COASTING_RESIDUAL && self.coasted < MOST_COASTED => {
                 self.coasted += 1;
                 Some((start, Vec::new()))

@@ -72,7 +72,7 @@ impl Pipeline {
         let Some(pose) = self.come_back(frame) else { return self.ask(frame) };
         let view = frame.view(&self.camera, frame.given_mask);
         let newest = lost_frame(frame, &view, pose, Motion::unknown());
-        self.find(newest);
+        self.find(newest, State::Confirmed);
         None
     }
 
@@ -88,8 +88,8 @@ impl Pipeline {
     }
 
     /// The next frame is tracked from this one.
-    fn find(&mut self, frame: LastFrame) {
-        (self.last, self.state, self.asked) = (Some(frame), State::Located, None);
+    fn find(&mut self, frame: LastFrame, state: State) {
+        (self.last, self.state, self.asked) = (Some(frame), state, None);
         self.coasted = 0;
     }
 
@@ -129,7 +129,7 @@ impl Pipeline {
         };
         let world_from_camera = world_from_asked.compose(&newest.pose.world_from_camera);
         let pose = known.pose.moved_to(&world_from_camera);
-        self.find(LastFrame { pose, ..newest });
+        self.find(LastFrame { pose, ..newest }, State::Located);
         true
     }
 
