@@ -9,7 +9,7 @@
 //! | [`image`] | images, and a frame with color and depth |
 //! | [`input`] | where frames come from: recorded folders |
 //! | [`synthetic`] | ray-cast sequences with known truth |
-//! | [`features`] | corners, descriptors, matches and the pose they tell |
+//! | [`features`] | corners and their descriptors |
 //! | [`pyramid`] | an image and its halvings |
 //! | [`camera`] | the lens, and the ray of each pixel |
 //! | [`shutter`] | rows that are exposed one after the other |
@@ -18,7 +18,7 @@
 //! | [`tracking`] | where the camera is |
 //! | [`motion`] | what moves |
 //! | [`pipeline`] | a frame through all stages |
-//! | [`mapping`] | keyframes to the server, corrections back |
+//! | [`mapping`] | keyframes and questions to the server, corrections and answers back |
 //! | [`dense`] | a surface from depth and poses |
 
 pub mod camera;

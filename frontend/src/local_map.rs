@@ -12,12 +12,11 @@ use std::sync::Arc;
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::{Vector2, Vector3};
 
-use super::features::descriptor::Descriptor;
 use super::pyramid::Pyramid;
 
-/// The most keyframes that are kept as a rule. Matching takes ten of them and movement four,
-/// relocalization tries sixty: a hundred hold these and what a moving camera adds in half a minute. At
-/// 640 × 480 pixels their images take 60 MB.
+/// The most keyframes that are kept as a rule. Matching takes ten of them and movement four: a hundred
+/// hold these and what a moving camera adds in half a minute. At 640 × 480 pixels their images take
+/// 60 MB.
 pub const MOST_KEYFRAMES: usize = 100;
 
 /// A keyframe.
@@ -48,8 +47,6 @@ pub struct MapLandmark {
     pub observations: Vec<(usize, Vector2<f64>)>,
     /// Frames whose pose it fitted, since it last seemed to move.
     pub times_tracked: usize,
-    /// What it looked like at first.
-    pub descriptor: Option<Descriptor>,
 }
 
 /// Where a camera is.
@@ -182,21 +179,11 @@ impl LocalMap {
     }
 
     /// Adds a landmark, which no keyframe sees yet, and returns its place.
-    pub fn add_landmark(
-        &mut self,
-        point_in_world: Vector3<f64>,
-        descriptor: Option<Descriptor>,
-    ) -> usize {
+    pub fn add_landmark(&mut self, point_in_world: Vector3<f64>) -> usize {
         let (id, observations) = (self.next_landmark, Vec::new());
         self.next_landmark += 1;
         let times_tracked = 0;
-        self.landmarks.push(MapLandmark {
-            id,
-            point_in_world,
-            observations,
-            times_tracked,
-            descriptor,
-        });
+        self.landmarks.push(MapLandmark { id, point_in_world, observations, times_tracked });
         self.landmarks.len() - 1
     }
 
@@ -321,9 +308,9 @@ mod tests {
     /// A map whose keyframe n sees the landmarks n and n + 1.
     fn map(keyframes: usize) -> LocalMap {
         let mut map = LocalMap::default();
-        map.add_landmark(Vector3::zeros(), None);
+        map.add_landmark(Vector3::zeros());
         for n in 0..keyframes {
-            let place = map.add_landmark(Vector3::new(n as f64, 0.0, 1.0), None);
+            let place = map.add_landmark(Vector3::new(n as f64, 0.0, 1.0));
             let seen = [place - 1, place].map(|place| (place, Vector2::zeros())).to_vec();
             map.add_keyframe(n as f64, pyramid(), Se3::identity(), seen);
             map.tracked([place - 1, place].into_iter());
@@ -357,7 +344,7 @@ mod tests {
         // The first two are seen again.
         map.tracked([0, 1].into_iter());
         for n in 0..5 {
-            let place = map.add_landmark(Vector3::zeros(), None);
+            let place = map.add_landmark(Vector3::zeros());
             let seen = [place - 1, place].map(|place| (place, Vector2::zeros())).to_vec();
             let id = map.add_keyframe(0.0, pyramid(), Se3::identity(), seen);
             assert_eq!((id, map.next_keyframe()), (MOST_KEYFRAMES + n, MOST_KEYFRAMES + n + 1));

@@ -1,9 +1,12 @@
-//! `covis demo`: a room in which people walk, tracked with and without the mask of what moves.
+//! `covis demo`: a camera follows people around a room, twice; drift, the loops that the server finds,
+//! and what the mask of what moves gains.
 //!
 //! The reference frontend runs twice on one synthetic sequence, through a server in this process,
-//! as `covis run` does. The truth is known to this file alone; errors are those of
-//! [`crate::evaluation`]. In lock-step, so that every run prints the same errors.
+//! as `covis run` does: with the mask and without. Its local map is small, so that it has forgotten a
+//! place when it comes back to it; the server has not. The truth is known to this file alone; errors are
+//! those of [`crate::evaluation`]. In lock-step, so that every run prints the same errors.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -13,20 +16,23 @@ use fs_err as fs;
 use super::config::Config;
 use super::connect::Embedded;
 use super::output::print;
-use super::run::{RunOptions, Source, report, sequence};
-use crate::evaluation::{ape, rpe_over};
+use super::run::{self, RunOptions, Source, report};
+use crate::client::Client;
+use crate::evaluation::ape;
 use crate::frontend::mapping::run::RunReport;
 use crate::frontend::synthetic::{SceneName, Sequence, SequenceOptions};
 use crate::wire::v1;
 
 /// What is seen.
-const SCENE: SceneName = SceneName::Walking;
+const SCENE: SceneName = SceneName::Rounds;
 /// The two maps.
 const MAPS: [&str; 2] = ["with-mask", "without-mask"];
+/// Columns and rows of a frame.
+const SIZE: (usize, usize) = (320, 240);
+/// Keyframes of the local map.
+const MOST_KEYFRAMES: usize = 20;
 /// How far apart timestamps may be that belong together, in seconds.
 const MAX_TIME_DIFFERENCE_S: f64 = 0.01;
-/// Over what time drift is counted, in seconds.
-const DRIFT_S: f64 = 1.0;
 
 /// Arguments of `covis demo`.
 #[derive(Debug, clap::Args)]
@@ -34,8 +40,8 @@ pub(super) struct Args {
     /// Folder for the map and the trajectories; made when it does not exist.
     #[arg(long, value_name = "FOLDER", default_value = "covis-demo")]
     out: PathBuf,
-    /// Frames of 640 x 480 pixels, 30 a second.
-    #[arg(long, value_name = "N", default_value_t = 90, value_parser = clap::value_parser!(u16).range(5..=2000))]
+    /// Frames, 30 a second; a round takes 180.
+    #[arg(long, value_name = "N", default_value_t = 360, value_parser = clap::value_parser!(u16).range(5..=2000))]
     frames: u16,
     /// Seed of the scene and of all noise.
     #[arg(long, value_name = "N", default_value_t = 2)]
@@ -53,36 +59,57 @@ pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
 }
 
 async fn session(args: &Args, config: &Config) -> anyhow::Result<()> {
-    let frames = usize::from(args.frames);
+    let (width, height) = SIZE;
+    let (frames, seed) = (usize::from(args.frames), args.seed);
+    let options = SequenceOptions { width, height, frames, seed, noise: true };
     print(format_args!(
-        "People walk through a room, and an RGB-D camera is held into it by hand. covis tracks it\n\
-         twice, through a server of its own: without what moves, then as if nothing did.\n\n\
-         Scene    {SCENE}, seed {}: {frames} frames of 640 x 480",
-        args.seed
+        "Two people walk around a room, twice, and an RGB-D camera follows them. covis tracks it\n\
+         through a server of its own: first without what moves, then as if nothing did. Tracking\n\
+         remembers {MOST_KEYFRAMES} keyframes; that the second round is where the first was, the server finds.\n\n\
+         Scene    {SCENE}, seed {seed}: {frames} frames of {width} x {height}"
     ))?;
     let server = Embedded::start(config).await?;
-    let source = Source::Synthetic(SCENE, args.seed, Some(frames));
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let mut estimates = Vec::new();
+    let sequence = Sequence::new(SCENE, &options);
+    let mut runs = Vec::new();
     for (map, removes_motion) in MAPS.into_iter().zip([true, false]) {
-        let options =
-            RunOptions { removes_motion, lock_step: true, threads, ..RunOptions::default() };
-        let (run, _) = sequence(&source, &options, &server.client, map).await?;
-        print(summary(map, &run))?;
-        estimates.push(report::trajectory(&run));
+        let source = Source::Synthetic(SCENE, options);
+        let options = RunOptions {
+            removes_motion,
+            lock_step: true,
+            threads,
+            most_keyframes: Some(MOST_KEYFRAMES),
+            ..RunOptions::default()
+        };
+        let (report, _) = run::sequence(&source, &options, &server.client, map).await?;
+        print(summary(map, &report))?;
+        let on_people = on_people(&server.client, map, &sequence).await?;
+        runs.push(Run { report, on_people });
     }
 
-    let truth = truth(frames, args.seed);
-    print(errors(&truth, &estimates)?)?;
+    let truth = truth(&sequence);
+    print(comparison(&truth, &runs)?)?;
     truth.write(&args.out.join("truth.tum"))?;
-    for (name, estimate) in ["with_mask.tum", "without_mask.tum"].into_iter().zip(&estimates) {
-        estimate.write(&args.out.join(name))?;
+    let trajectories = [
+        ("odometry.tum", odometry(&runs[0].report)),
+        ("with_mask.tum", report::trajectory(&runs[0].report)),
+        ("without_mask.tum", report::trajectory(&runs[1].report)),
+    ];
+    for (name, trajectory) in trajectories {
+        trajectory.write(&args.out.join(name))?;
     }
     let export = server.client.export_map(MAPS[0], v1::MapFormat::Ply).await?;
     super::map::write(export, &args.out.join("map.ply")).await?;
     print(ending(&args.out))?;
     server.stop().await;
     Ok(())
+}
+
+/// One of the two runs.
+struct Run {
+    report: RunReport,
+    /// Share of the map's measurements that show people.
+    on_people: f64,
 }
 
 /// What became of a run.
@@ -98,37 +125,71 @@ fn summary(map: &str, run: &RunReport) -> String {
     )
 }
 
+/// The share of the measurements in a map that show what moves, by the truth.
+async fn on_people(client: &Client, map: &str, sequence: &Sequence) -> anyhow::Result<f64> {
+    let index_of: BTreeMap<i64, usize> = (0..sequence.len())
+        .map(|index| (microseconds(sequence.timestamp_s(index)), index))
+        .collect();
+    let (mut all, mut on_people) = (0_usize, 0_usize);
+    let paths = ["capture_time", "observations"].map(str::to_owned).to_vec();
+    let fields = Some(prost_types::FieldMask { paths });
+    for keyframe in client.keyframes(map, fields).await?.keyframes {
+        let time = keyframe.capture_time.unwrap_or_default();
+        let seconds = time.seconds as f64 + f64::from(time.nanos) * 1e-9;
+        let Some(&index) = index_of.get(&microseconds(seconds)) else { continue };
+        let moving = sequence.moving_mask(index);
+        for pixel in keyframe.observations.iter().filter_map(|seen| seen.pixel) {
+            let (u, v) = (pixel.x.round().max(0.0) as usize, pixel.y.round().max(0.0) as usize);
+            all += 1;
+            let (width, height) = moving.size();
+            on_people += usize::from(u < width && v < height && moving.at(u, v) > 127);
+        }
+    }
+    Ok(on_people as f64 / all.max(1) as f64)
+}
+
+fn microseconds(seconds: f64) -> i64 {
+    (seconds * 1e6).round() as i64
+}
+
 /// Where the camera was.
-fn truth(frames: usize, seed: u64) -> Trajectory {
-    let options = SequenceOptions { frames, seed, ..SequenceOptions::default() };
-    let sequence = Sequence::new(SCENE, &options);
+fn truth(sequence: &Sequence) -> Trajectory {
     let mut truth = Trajectory::default();
-    for index in 0..frames {
+    for index in 0..sequence.len() {
         truth.push(sequence.timestamp_s(index), sequence.world_from_camera(index));
     }
     truth
 }
 
-/// The errors of both, side by side. A sequence that is too short has no drift over a second.
-fn errors(truth: &Trajectory, estimates: &[Trajectory]) -> anyhow::Result<String> {
+/// Where tracking alone says that the camera was: no loop moved it.
+fn odometry(run: &RunReport) -> Trajectory {
+    let mut odometry = Trajectory::default();
+    run.live.iter().for_each(|frame| odometry.push(frame.timestamp_s, frame.odom_from_camera));
+    odometry
+}
+
+/// Both runs, side by side.
+fn comparison(truth: &Trajectory, runs: &[Run]) -> anyhow::Result<String> {
+    let rmse_mm = |estimate: &Trajectory| -> anyhow::Result<String> {
+        let error = ape(truth, estimate, MAX_TIME_DIFFERENCE_S)?;
+        Ok(format!("{:.1} mm", error.translation_m.rmse * 1e3))
+    };
     let mut rows = [
-        "  position (APE), rmse        ".to_owned(),
-        "  drift a second (RPE), rmse  ".to_owned(),
-        "  rotation a second, rmse     ".to_owned(),
+        "Measurements in the map that show people ".to_owned(),
+        "Position error (APE, rmse) of tracking   ".to_owned(),
+        "  loops that the server found            ".to_owned(),
+        "  error after them, on the server's map  ".to_owned(),
     ];
-    for estimate in estimates {
-        let absolute = ape(truth, estimate, MAX_TIME_DIFFERENCE_S)?.translation_m.rmse;
-        let drift = rpe_over(truth, estimate, DRIFT_S).ok();
-        let of = |value: Option<f64>, digits: usize, unit: &str| match value {
-            Some(value) => format!("{value:>10.digits$} {unit:<4}"),
-            None => format!("{:>10} {unit:<4}", "-"),
-        };
-        rows[0].push_str(&of(Some(absolute * 1e3), 1, "mm"));
-        rows[1].push_str(&of(drift.as_ref().map(|e| e.translation_m.rmse * 1e3), 1, "mm"));
-        rows[2].push_str(&of(drift.as_ref().map(|e| e.angle_deg.rmse), 3, "deg"));
+    for Run { report, on_people } in runs {
+        let cells = [
+            format!("{:.2} %", 100.0 * on_people),
+            rmse_mm(&odometry(report))?,
+            report.loops.counting.to_string(),
+            rmse_mm(&report::trajectory(report))?,
+        ];
+        rows.iter_mut().zip(cells).for_each(|(row, cell)| row.push_str(&format!("{cell:>15}")));
     }
-    let rows: Vec<&str> = rows.iter().map(|row| row.trim_end()).collect();
-    Ok(format!("\nTrajectory error{:>25}{:>15}\n{}", "with mask", "without mask", rows.join("\n")))
+    Ok(format!("\n{:>56}{:>15}\n{}", "with mask", "without mask", rows.join("\n")))
 }
 
 fn ending(out: &Path) -> String {
@@ -137,6 +198,7 @@ fn ending(out: &Path) -> String {
         "\nWritten to {folder}/\n\
          \x20 map.ply            landmarks and trajectory, for MeshLab, CloudCompare or Open3D\n\
          \x20 truth.tum          where the camera was\n\
+         \x20 odometry.tum       where tracking alone says it was, without what moves\n\
          \x20 with_mask.tum      where covis says it was, without what moves\n\
          \x20 without_mask.tum   the same as if nothing moved\n\n\
          Next: compare them yourself\n\

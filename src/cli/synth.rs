@@ -27,7 +27,7 @@ enum What {
 struct Rgbd {
     /// The folder to write; made where it is missing, files of the same names are replaced.
     out: PathBuf,
-    /// static, walking, sitting, pushed, exposure, loop or covered.
+    /// static, walking, sitting, pushed, exposure, loop, covered or rounds.
     #[arg(long, value_name = "NAME")]
     scene: SceneName,
     /// The same scene and seed give the same bytes.

@@ -19,22 +19,27 @@ use crate::common::{TestServer, run};
 use crate::proxy::Proxy;
 
 const FRAMES: usize = 24;
-const CLIENT: &str = "frontend";
+pub(crate) const CLIENT: &str = "frontend";
 
 /// A camera that turns in a room by 6° a frame, so that each third frame is a keyframe.
-fn sequence() -> Sequence {
+pub(crate) fn sequence() -> Sequence {
     let options = SequenceOptions { width: 320, height: 240, frames: 60, seed: 1, noise: false };
     Sequence::new(SceneName::Loop, &options)
 }
 
 /// Its first frames, rendered once for all tests.
-fn frames() -> &'static [RgbdFrame] {
+pub(crate) fn frames() -> &'static [RgbdFrame] {
     static ALL: OnceLock<Vec<RgbdFrame>> = OnceLock::new();
     ALL.get_or_init(|| (0..FRAMES).map(|index| sequence().frame(index)).collect())
 }
 
-fn pipeline() -> Pipeline {
-    let camera = FrameCamera::new(*sequence().camera(), 320, 240).unwrap();
+pub(crate) fn camera() -> &'static PinholeRadialTangential {
+    static CAMERA: OnceLock<PinholeRadialTangential> = OnceLock::new();
+    CAMERA.get_or_init(|| *sequence().camera())
+}
+
+pub(crate) fn pipeline() -> Pipeline {
+    let camera = FrameCamera::new(*camera(), 320, 240).unwrap();
     Pipeline::new(camera, PipelineOptions::default())
 }
 
@@ -44,20 +49,20 @@ fn alone() -> Vec<TrackedFrame> {
     frames().iter().filter_map(|frame| pipeline.track(frame, None).tracked).collect()
 }
 
-/// Calls back after each frame, with how many there were.
-struct AfterFrame<F> {
-    frames: usize,
-    call: F,
+/// Calls back after each frame, with how many there were and whether it has a pose.
+pub(crate) struct AfterFrame<F> {
+    pub(crate) frames: usize,
+    pub(crate) call: F,
 }
 
-impl<F: FnMut(usize)> Companion for AfterFrame<F> {
+impl<F: FnMut(usize, bool)> Companion for AfterFrame<F> {
     fn mask(&mut self, _timestamp_s: f64) -> Option<Image<u8>> {
         None
     }
 
-    fn tracked(&mut self, _frame: &RgbdFrame, _outcome: &Outcome) {
+    fn tracked(&mut self, _frame: &RgbdFrame, outcome: &Outcome) {
         self.frames += 1;
-        (self.call)(self.frames);
+        (self.call)(self.frames, outcome.tracked.is_some());
     }
 
     fn skipped(&mut self, _error: &FrameError) {}
@@ -67,22 +72,22 @@ impl<F: FnMut(usize)> Companion for AfterFrame<F> {
 async fn run_with(
     client: &Client,
     (lock_step, most_held): (bool, usize),
-    call: impl FnMut(usize) + Send + 'static,
+    mut call: impl FnMut(usize) + Send + 'static,
 ) -> Result<RunReport, ClientError> {
     client.create_map("m", None).await?;
     let target = Target { client, map_id: "m", client_id: CLIENT, lock_step, most_held };
     let source = Box::new(Frames { frames: Arc::new(frames().to_vec()), next: 0 });
-    let companion = AfterFrame { frames: 0, call };
+    let companion = AfterFrame { frames: 0, call: move |frames, _| call(frames) };
     let (report, companion) = track(source, pipeline(), target, false, companion, None).await?;
     assert_eq!(companion.frames, FRAMES);
     Ok(report)
 }
 
-async fn connected(server: &TestServer) -> Client {
+pub(crate) async fn connected(server: &TestServer) -> Client {
     Client::connect(&format!("http://{}", server.running.local_addr())).await.unwrap()
 }
 
-async fn relayed() -> (TestServer, Arc<Proxy>, Client) {
+pub(crate) async fn relayed() -> (TestServer, Arc<Proxy>, Client) {
     let server = TestServer::start().await;
     let proxy = Arc::new(Proxy::to(server.running.local_addr()).await);
     let client = Client::connect(&proxy.url()).await.unwrap();
@@ -323,10 +328,10 @@ fn loops_that_the_server_finds_come_back_and_lock_step_repeats_to_the_bit() {
                 lock_step: true,
                 most_held: MOST_HELD,
             };
-            let camera = FrameCamera::new(*sequence().camera(), 320, 240).unwrap();
+            let camera = FrameCamera::new(*camera(), 320, 240).unwrap();
             let options = PipelineOptions { most_keyframes: 5, ..PipelineOptions::default() };
             let source = Box::new(Frames { frames: Arc::clone(&all), next: 0 });
-            let companion = AfterFrame { frames: 0, call: |_| {} };
+            let companion = AfterFrame { frames: 0, call: |_, _| {} };
             let pipeline = Pipeline::new(camera, options);
             let (report, _) =
                 track(source, pipeline, target, false, companion, None).await.unwrap();
@@ -344,15 +349,14 @@ fn loops_that_the_server_finds_come_back_and_lock_step_repeats_to_the_bit() {
 }
 
 /// Frames as a source.
-struct Frames {
-    frames: Arc<Vec<RgbdFrame>>,
-    next: usize,
+pub(crate) struct Frames {
+    pub(crate) frames: Arc<Vec<RgbdFrame>>,
+    pub(crate) next: usize,
 }
 
 impl FrameSource for Frames {
     fn camera(&self) -> &PinholeRadialTangential {
-        static CAMERA: OnceLock<PinholeRadialTangential> = OnceLock::new();
-        CAMERA.get_or_init(|| *sequence().camera())
+        camera()
     }
 
     fn timing(&self) -> SensorTiming {

@@ -54,6 +54,7 @@ mod power;
 mod proto_compat;
 mod proxy;
 mod reference;
+mod relocalization;
 mod replay;
 mod replay_broken;
 mod rights;

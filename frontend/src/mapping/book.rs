@@ -90,6 +90,11 @@ impl Book {
         Some(self.keyframes.get(&id)?.world_from_camera)
     }
 
+    /// When a keyframe was captured, seconds.
+    pub(super) fn timestamp_s(&self, id: usize) -> Option<f64> {
+        Some(self.keyframes.get(&id)?.timestamp_s)
+    }
+
     /// Enters a new keyframe and makes it ready to be sent: on the present poses, with the landmarks of
     /// keyframes that were left out.
     pub(super) fn enter(&mut self, keyframe: &mut NewKeyframe) {

@@ -1,10 +1,12 @@
-//! Encodes cameras and keyframes as messages.
+//! Encodes cameras, keyframes and what a lost frame shows as messages.
 
 use covis_client::wire::v1;
 use covis_solvers::geometry::Camera;
 
 use super::messages;
 use crate::camera::FrameCamera;
+use crate::features::descriptor::Descriptor;
+use crate::pipeline::relocalization::Feature;
 use crate::tracking::keyframe::{NewKeyframe, NewObservation};
 
 /// The name of the frontend's descriptors.
@@ -32,11 +34,7 @@ pub(super) fn keyframe(camera_id: i64, keyframe: &NewKeyframe) -> v1::Keyframe {
             sigma_px: Some(seen.sigma_px),
             depth_m: seen.depth_m.map(|(z, _)| z),
             sigma_depth_m: seen.depth_m.map(|(_, sigma)| sigma),
-            descriptor: descriptor.map(|descriptor| v1::Descriptor {
-                kind: v1::DescriptorKind::Binary.into(),
-                name: DESCRIPTOR.to_owned(),
-                data: descriptor.to_bytes().to_vec(),
-            }),
+            descriptor: descriptor.as_ref().map(self::descriptor),
             ..v1::Observation::default()
         }
     });
@@ -49,5 +47,28 @@ pub(super) fn keyframe(camera_id: i64, keyframe: &NewKeyframe) -> v1::Keyframe {
         observations: observations.collect(),
         landmarks: landmarks.collect(),
         ..v1::Keyframe::default()
+    }
+}
+
+/// What a lost frame shows.
+pub(super) fn features(features: &[Feature]) -> Vec<v1::Feature> {
+    let feature = |feature: &Feature| {
+        let (depth_m, sigma_depth_m) = feature.depth_m;
+        v1::Feature {
+            pixel: Some(messages::vector2(&feature.pixel)),
+            sigma_px: Some(feature.sigma_px),
+            depth_m: Some(depth_m),
+            sigma_depth_m: Some(sigma_depth_m),
+            descriptor: Some(descriptor(&feature.descriptor)),
+        }
+    };
+    features.iter().map(feature).collect()
+}
+
+fn descriptor(descriptor: &Descriptor) -> v1::Descriptor {
+    v1::Descriptor {
+        kind: v1::DescriptorKind::Binary.into(),
+        name: DESCRIPTOR.to_owned(),
+        data: descriptor.to_bytes().to_vec(),
     }
 }

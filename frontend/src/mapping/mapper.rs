@@ -1,8 +1,8 @@
 //! The session with the server and the watch on its map.
 //!
-//! Beside tracking it waits for keyframes and deltas at once and takes whichever comes. A keyframe for
-//! which the session has no room is left out; after an error that is final, all are, and tracking goes
-//! on without corrections. In lock-step each keyframe has a session of its own: the end of a stream waits
+//! Beside tracking it waits for keyframes, questions, deltas and answers at once and takes whichever
+//! comes. A keyframe for which the session has no room is left out; after an error that is final, all
+//! are, and tracking goes on without corrections. In lock-step each keyframe has a session of its own: the end of a stream waits
 //! for all that its items started, searches for known places and their closures among them.
 
 use std::pin::pin;
@@ -16,7 +16,8 @@ use tokio::sync::mpsc::UnboundedReceiver;
 
 use super::book::Book;
 use super::encode;
-use super::handover::Putting;
+use super::handover::{FromServer, FromTracking, Putting};
+use super::localizer::{Localizer, Located};
 use super::run::{Loops, Target};
 use crate::camera::FrameCamera;
 use crate::local_map::Corrections;
@@ -25,13 +26,13 @@ use crate::tracking::keyframe::NewKeyframe;
 /// The id of the only camera.
 const CAMERA: i64 = 0;
 
-/// A session with the server and a watch on its map.
-#[derive(Debug)]
+/// A session with the server, a watch on its map, and the questions of a lost camera.
 pub(super) struct Mapper {
     client: Client,
     map_id: String,
     client_id: String,
     watch: MapWatch,
+    localizer: Localizer,
     pub(super) sender: Sender,
 }
 
@@ -65,7 +66,8 @@ impl Mapper {
             SessionOptions { lock_step, max_unanswered: most_held, ..SessionOptions::default() };
         let mut session = client.ingest(map_id, client_id, options).await?;
         let watch = client.watch(map_id, WatchOptions::default()).await?;
-        session.send(encode::camera(CAMERA, camera)).await?;
+        let camera = encode::camera(CAMERA, camera);
+        session.send(camera.clone()).await?;
         session.flush().await?;
         let session = if lock_step {
             session.finish().await?;
@@ -81,49 +83,68 @@ impl Mapper {
             most_held: 0,
             failure: None,
         };
+        let localizer = Localizer::new(target, camera);
         let (map_id, client_id) = (map_id.to_owned(), client_id.to_owned());
-        Ok(Self { client: client.clone(), map_id, client_id, watch, sender })
+        Ok(Self { client: client.clone(), map_id, client_id, watch, localizer, sender })
     }
 
-    /// Sends keyframes and passes corrections on, until tracking ends.
+    /// Sends keyframes, asks questions, and passes corrections and answers on, until tracking ends.
     ///
     /// # Errors
     /// In lock-step: why the session ended; [`ClientError::Rejected`] where the server refused a
     /// keyframe. Beside tracking these are kept in [`Sender::failure`].
     pub(super) async fn serve(
         &mut self,
-        mut keyframes: UnboundedReceiver<NewKeyframe>,
-        corrections: Putting,
+        mut inbox: UnboundedReceiver<FromTracking>,
+        putting: Putting,
     ) -> Result<(), ClientError> {
         if self.sender.session.is_none() {
-            while let Some(keyframe) = keyframes.recv().await {
-                corrections.put(self.map_keyframe(keyframe).await?);
+            while let Some(message) = inbox.recv().await {
+                putting.put(match message {
+                    FromTracking::Keyframe(keyframe) => self.map_keyframe(keyframe).await?.into(),
+                    FromTracking::Question(question) => {
+                        self.localizer.ask(question);
+                        let Located { revision, answer } = self.localizer.answered().await;
+                        let corrections = self.reach(revision).await?;
+                        FromServer { corrections, answer: Some(answer) }
+                    }
+                });
             }
             return Ok(());
         }
+        // An answer waits for the corrections of the map that it is in.
+        let mut located: Option<Located> = None;
         while self.sender.failure.is_none() {
-            // A broken watch waits before it tries again: keyframes must not cut that short.
+            let revision = self.watch.mirror().revision;
+            located = located.and_then(|located| located.put(revision, &putting));
+            // A broken watch waits before it tries again: nothing else must cut that short.
             let changes = {
                 let mut changes = pin!(self.watch.next_changes());
                 loop {
                     tokio::select! {
                         changes = &mut changes => break changes,
-                        keyframe = keyframes.recv() => match keyframe {
-                            Some(keyframe) => self.sender.send(keyframe),
+                        message = inbox.recv() => match message {
+                            Some(FromTracking::Keyframe(keyframe)) => self.sender.send(keyframe),
+                            Some(FromTracking::Question(question)) => self.localizer.ask(question),
                             None => return Ok(()),
                         },
+                        answered = self.localizer.answered() => {
+                            located = answered.put(revision, &putting);
+                        }
                     }
                 }
             };
             match changes {
                 Ok(changes) => {
-                    corrections.put(self.sender.book.correct(&changes, self.watch.mirror()));
+                    putting.put(self.sender.book.correct(&changes, self.watch.mirror()).into());
                 }
                 Err(error) => self.sender.fail(error),
             }
         }
-        while let Some(keyframe) = keyframes.recv().await {
-            self.sender.send(keyframe);
+        while let Some(message) = inbox.recv().await {
+            if let FromTracking::Keyframe(keyframe) = message {
+                self.sender.send(keyframe);
+            }
         }
         Ok(())
     }
@@ -186,11 +207,21 @@ impl Mapper {
             if let Some(v1::constraint::Constraint::RelativePose(pose)) = &constraint.constraint
                 && pose.kind() == v1::ConstraintKind::LoopClosure
             {
-                let is_off = pose.switched_off.is_some();
-                loops.switched_off += usize::from(is_off);
-                loops.counting += usize::from(!is_off);
+                if pose.switched_off.is_some() {
+                    loops.switched_off += 1;
+                    continue;
+                }
+                loops.counting += 1;
+                let time = |keyframe: &Option<v1::KeyframeRef>| {
+                    let keyframe = keyframe.as_ref().filter(|k| k.client_id == self.client_id)?;
+                    self.sender.book.timestamp_s(usize::try_from(keyframe.id).ok()?)
+                };
+                if let Some((a, b)) = time(&pose.keyframe_i).zip(time(&pose.keyframe_j)) {
+                    loops.times_s.push((a.max(b), a.min(b)));
+                }
             }
         }
+        loops.times_s.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
         loops
     }
 

@@ -1,4 +1,5 @@
-//! The bridge to the server: keyframes are sent as items, `WatchMap` returns corrections.
+//! The bridge to the server: keyframes are sent as items, `WatchMap` returns corrections,
+//! `Localize` tells where a lost camera is.
 //!
 //! | file | role |
 //! |---|---|
@@ -6,6 +7,7 @@
 //! | `tracker` | the tracking thread |
 //! | `handover` | what both threads give each other without waiting |
 //! | `mapper` | the session and the watch |
+//! | `localizer` | asks where a lost camera is |
 //! | `book` | which keyframes the server knows, and what its answers correct |
 //! | `encode`, [`messages`] | messages |
 //!
@@ -15,6 +17,7 @@
 mod book;
 mod encode;
 mod handover;
+mod localizer;
 mod mapper;
 pub mod messages;
 pub mod run;

@@ -51,18 +51,21 @@ pub struct Durations {
     pub stages: Vec<StageSeconds>,
     /// Tracking a frame and handing it over: all that the tracking thread does for it.
     pub frame: Vec<f64>,
-    /// The part of it for mapping, of frames with a keyframe or a correction: handing over, in
-    /// lock-step waiting for the server.
+    /// The part of it for mapping, of frames with a keyframe, a question or a correction: handing over,
+    /// in lock-step waiting for the server.
     pub map: Vec<f64>,
 }
 
 /// Constraints of kind `LOOP_CLOSURE` in the map at the end, whoever found them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Loops {
     /// Those that count.
     pub counting: usize,
     /// Those that were found false and are switched off.
     pub switched_off: usize,
+    /// Of those that count and are the run's own: when the camera came back, and when it had been there,
+    /// seconds, in the order of the first.
+    pub times_s: Vec<(f64, f64)>,
 }
 
 /// The result of a run.
@@ -82,6 +85,8 @@ pub struct RunReport {
     pub landmarks: usize,
     /// How often tracking took corrections from the server.
     pub corrections: usize,
+    /// How often the server told a lost frame's pose.
+    pub relocalizations: usize,
     /// Loop closures of the map.
     pub loops: Loops,
     /// The most keyframes that waited for the server's answer.
@@ -142,15 +147,15 @@ pub async fn run<C: Companion + Send + 'static>(
     dense: Option<DenseFeed>,
 ) -> Result<(RunReport, C), ClientError> {
     let mut mapper = Mapper::open(&target, pipeline.camera()).await?;
-    let (keyframes, inbox) = mpsc::unbounded_channel();
-    let (putting, fetching) = handover::corrections(target.lock_step);
+    let (mapping, inbox) = mpsc::unbounded_channel();
+    let (putting, from_server) = handover::from_server(target.lock_step);
     let (ended, end) = oneshot::channel();
     let tracker = Tracker {
         pipeline,
         companion,
         dense: dense.clone(),
-        keyframes,
-        corrections: fetching,
+        mapping,
+        from_server,
         tracked: Tracked::default(),
     };
     let tracking = std::thread::spawn(move || {
@@ -196,6 +201,7 @@ async fn finish(
         keyframes: mapper.sender.book.poses().map(|(_, seconds, pose)| (seconds, pose)).collect(),
         landmarks: tracked.landmarks,
         corrections: tracked.corrections,
+        relocalizations: tracked.relocalizations,
         loops: mapper.loops(),
         most_held: mapper.sender.most_held,
         left_out: mapper.sender.left_out,

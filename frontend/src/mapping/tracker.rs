@@ -1,4 +1,5 @@
-//! The tracking thread: frames in, poses out, keyframes to mapping, corrections from it.
+//! The tracking thread: frames in, poses out; keyframes and questions to mapping, corrections and answers
+//! from it.
 //!
 //! Never waits for the server, except in lock-step. Dense mapping has a short queue of its own. What a
 //! user's companion does with a frame is not counted as a frame's time.
@@ -9,7 +10,7 @@ use std::time::Instant;
 use covis_solvers::geometry::Se3;
 use tokio::sync::mpsc::UnboundedSender;
 
-use super::handover::Fetching;
+use super::handover::{Fetching, FromServer, FromTracking};
 use super::run::{Companion, Durations};
 use crate::dense::frame_log::LoggedFrame;
 use crate::dense::mapper::AnchoredFrame;
@@ -18,7 +19,6 @@ use crate::image::RgbdFrame;
 use crate::input::{FrameError, FrameSource};
 use crate::local_map::Corrections;
 use crate::pipeline::{Outcome, Pipeline, TrackedFrame};
-use crate::tracking::keyframe::NewKeyframe;
 
 /// Frames that are decoded ahead.
 const AHEAD: usize = 4;
@@ -31,6 +31,7 @@ pub(super) struct Tracked {
     pub(super) live: Vec<TrackedFrame>,
     pub(super) landmarks: usize,
     pub(super) corrections: usize,
+    pub(super) relocalizations: usize,
     pub(super) durations: Durations,
 }
 
@@ -39,9 +40,9 @@ pub(super) struct Tracker<C> {
     pub(super) pipeline: Pipeline,
     pub(super) companion: C,
     pub(super) dense: Option<DenseFeed>,
-    /// Mapping takes them at once.
-    pub(super) keyframes: UnboundedSender<NewKeyframe>,
-    pub(super) corrections: Fetching,
+    /// Mapping takes it at once.
+    pub(super) mapping: UnboundedSender<FromTracking>,
+    pub(super) from_server: Fetching,
     pub(super) tracked: Tracked,
 }
 
@@ -98,36 +99,38 @@ impl<C: Companion> Tracker<C> {
         self.tracked.frames += 1;
         let mask = self.companion.mask(frame.timestamp_s);
         let start = Instant::now();
-        let fetched = self.corrections.fetch();
+        let fetched = self.from_server.fetch();
         let has_fetched = fetched.is_some();
-        self.correct(fetched);
+        self.take(fetched);
         let fetch_s = start.elapsed().as_secs_f64();
         let mut outcome = self.pipeline.track(&frame, mask.as_ref());
         self.tracked.live.extend(outcome.tracked);
         self.companion.tracked(&frame, &outcome);
 
         let start = Instant::now();
-        let keyframe = outcome.keyframe.take();
+        let (keyframe, question) = (outcome.keyframe.take(), outcome.question.take());
         let seconds = outcome.seconds;
         self.map_densely(frame, outcome, keyframe.is_some());
         let dense_s = start.elapsed().as_secs_f64();
-        let has_keyframe = keyframe.is_some();
-        if let Some(keyframe) = keyframe {
-            if self.keyframes.send(keyframe).is_err() {
+        let keyframe = keyframe.map(FromTracking::Keyframe);
+        let question = question.map(FromTracking::Question);
+        let hands_over = keyframe.is_some() || question.is_some();
+        for message in keyframe.into_iter().chain(question) {
+            if self.mapping.send(message).is_err() {
                 return false;
             }
-            let corrections = self.corrections.after_keyframe();
-            self.correct(corrections);
+            let follows = self.from_server.after_handing_over();
+            self.take(follows);
         }
         let map_s = fetch_s + start.elapsed().as_secs_f64() - dense_s;
         let durations = &mut self.tracked.durations;
         durations.decode.push(decode_s);
         durations.stages.push(seconds);
         durations.frame.push(seconds.track + map_s + dense_s);
-        if has_keyframe || has_fetched {
+        if hands_over || has_fetched {
             durations.map.push(map_s);
         }
-        !self.keyframes.is_closed()
+        !self.mapping.is_closed()
     }
 
     /// Hands a frame to dense mapping, if it is due and its pose is based on landmarks.
@@ -148,9 +151,17 @@ impl<C: Companion> Tracker<C> {
         dense.integrate(anchored, reference.world_from_camera);
     }
 
+    /// Takes what came from the server.
+    fn take(&mut self, news: Option<FromServer>) {
+        let Some(FromServer { corrections, answer }) = news else { return };
+        self.correct(corrections);
+        if answer.is_some_and(|answer| self.pipeline.answer(&answer)) {
+            self.tracked.relocalizations += 1;
+        }
+    }
+
     /// Applies what the server corrected.
-    fn correct(&mut self, corrections: Option<Corrections>) {
-        let Some(corrections) = corrections else { return };
+    fn correct(&mut self, corrections: Corrections) {
         self.tracked.corrections += usize::from(!corrections.is_empty());
         self.pipeline.correct(&corrections);
         let Some(dense) = &self.dense else { return };

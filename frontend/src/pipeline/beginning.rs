@@ -53,7 +53,8 @@ impl Pipeline {
     pub(super) fn begin_again(&mut self, next: &CurrentFrame<'_>) -> Option<NewKeyframe> {
         let FirstFrame { rgbd, pyramid, given_mask, mut keyframe } = self.first.take()?;
         for _ in 0..ROUNDS {
-            let Some(initial) = self.initial_pose(next) else { break };
+            let initial = self.last.as_ref().and_then(|last| self.initial_pose(last, next));
+            let Some(initial) = initial else { break };
             let frame = CurrentFrame::new(&rgbd, Arc::clone(&pyramid), given_mask.as_ref())
                 .synchronized(&self.camera, &self.options.timing, &initial.motion);
             self.map = LocalMap::default();

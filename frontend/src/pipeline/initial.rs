@@ -6,7 +6,7 @@
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector2;
 
-use super::{CurrentFrame, Motion, Pipeline};
+use super::{CurrentFrame, LastFrame, Motion, Pipeline};
 use crate::image::Image;
 use crate::motion::warp::Exposure;
 use crate::shutter::Shutter;
@@ -32,9 +32,13 @@ pub(super) struct InitialPose {
 }
 
 impl Pipeline {
-    /// A. The initial pose; `None` where no alignment is found.
-    pub(super) fn initial_pose(&self, frame: &CurrentFrame<'_>) -> Option<InitialPose> {
-        let (last, camera, timing) = (self.last.as_ref()?, &self.camera, &self.options.timing);
+    /// A. The initial pose; `None` where no alignment with the last frame is found.
+    pub(super) fn initial_pose(
+        &self,
+        last: &LastFrame,
+        frame: &CurrentFrame<'_>,
+    ) -> Option<InitialPose> {
+        let (camera, timing) = (&self.camera, &self.options.timing);
         let seconds = frame.rgbd.timestamp_s - last.timestamp_s;
         let Motion { first_from_second, seconds: last_s } = &last.motion;
         let rate = if *last_s > 0.0 { 1.0 / last_s } else { 0.0 };

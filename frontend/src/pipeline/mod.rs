@@ -8,7 +8,7 @@
 //! | D. pose from the static matches | `pose` | `RefinedPose` |
 //! | keyframe, and what the next frame needs | this | [`Outcome`] |
 //!
-//! `beginning` makes the first keyframe; `relocalization` finds the pose after tracking was lost.
+//! `beginning` makes the first keyframe; `relocalization` asks for the pose after tracking was lost.
 //!
 //! This is tracking, the first of the paper's four threads. Tracked frames are handed to dense mapping
 //! (`crate::dense::thread`). The server does local mapping and loop closing: keyframes are sent and
@@ -21,7 +21,7 @@ mod beginning;
 mod initial;
 mod movement;
 mod pose;
-mod relocalization;
+pub mod relocalization;
 #[cfg(test)]
 mod tests;
 
@@ -47,6 +47,7 @@ use super::tracking::surfaces::Surfaces;
 use beginning::FirstFrame;
 use movement::usable_mask;
 use pose::{FEW_INLIERS, LEAST_INLIERS};
+use relocalization::{Asked, Question};
 
 /// Levels of the pyramid.
 const LEVELS: usize = 5;
@@ -64,8 +65,7 @@ pub struct PipelineOptions {
     pub removes_motion: bool,
     /// When rows and depth are taken.
     pub timing: SensorTiming,
-    /// The most keyframes of the local map, at least 1: what lies outside has neither images nor
-    /// descriptors in memory.
+    /// The most keyframes of the local map, at least 1: what lies outside has no images in memory.
     pub most_keyframes: usize,
 }
 
@@ -116,6 +116,8 @@ pub struct Outcome {
     pub tracked: Option<TrackedFrame>,
     /// The new keyframe, if there is one.
     pub keyframe: Option<NewKeyframe>,
+    /// What is to be asked while tracking is lost; [`Pipeline::answer`] takes the answer.
+    pub question: Option<Question>,
     /// 255 where a pixel shows something that moves, as detected or given; `None` without either.
     pub moving: Option<Image<u8>>,
     /// Depth at the time of the color image, where the frame's own depth was taken at another time.
@@ -150,6 +152,35 @@ struct LastFrame {
     pose: CameraPose,
     /// The motion that led to it.
     motion: Motion,
+}
+
+impl LastFrame {
+    /// A frame at a pose, without its surfaces.
+    fn new(frame: &CurrentFrame<'_>, view: &View<'_>, pose: CameraPose, motion: Motion) -> Self {
+        Self {
+            timestamp_s: frame.rgbd.timestamp_s,
+            small: SmallImage::new(&frame.pyramid),
+            moving: view.moving.cloned(),
+            points: select_points(view),
+            surfaces: None,
+            pyramid: Arc::clone(&frame.pyramid),
+            pose,
+            motion,
+        }
+    }
+}
+
+/// What is known of the camera's pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// The last frame has one.
+    Tracking,
+    /// Only an earlier frame has one.
+    Lost,
+    /// The last frame has one that was asked for; the local map need not show the place.
+    Located,
+    /// The last frame has one that landmarks confirmed; they must confirm the next one too.
+    Confirmed,
 }
 
 /// The frame that is being tracked.
@@ -218,6 +249,10 @@ pub struct Pipeline {
     last: Option<LastFrame>,
     since_keyframe: usize,
     coasted: usize,
+    state: State,
+    asked: Option<Asked>,
+    /// How many there were.
+    questions: u64,
 }
 
 impl Pipeline {
@@ -226,8 +261,19 @@ impl Pipeline {
     pub fn new(camera: FrameCamera, options: PipelineOptions) -> Self {
         let detector = options.removes_motion.then(|| MotionDetector::new(&camera));
         let map = LocalMap::default();
-        let (first, last) = (None, None);
-        Self { camera, options, map, detector, first, last, since_keyframe: 0, coasted: 0 }
+        Self {
+            camera,
+            options,
+            map,
+            detector,
+            first: None,
+            last: None,
+            since_keyframe: 0,
+            coasted: 0,
+            state: State::Tracking,
+            asked: None,
+            questions: 0,
+        }
     }
 
     /// The lens.
@@ -275,24 +321,26 @@ impl Pipeline {
 
     /// A frame after the first.
     fn track_next(&mut self, frame: CurrentFrame<'_>) -> Outcome {
+        if self.state == State::Lost {
+            return Outcome { question: self.search(&frame), ..Outcome::default() };
+        }
         let first_keyframe = self.begin_again(&frame);
         let mut findings = self.follow(frame);
+        let mut question = None;
         if findings.pose.is_none() {
             let CurrentFrame { rgbd, pyramid, given_mask, .. } = findings.frame;
-            let frame = CurrentFrame::new(rgbd, pyramid, given_mask);
-            findings.pose = self.relocalize(&frame, findings.moving.as_ref());
-            findings.frame = frame;
+            findings.frame = CurrentFrame::new(rgbd, pyramid, given_mask);
+            question = self.ask(&findings.frame);
         }
-        let mut outcome = self.finish(findings, first_keyframe.is_none());
-        outcome.keyframe = outcome.keyframe.or(first_keyframe);
-        outcome
+        let outcome = self.finish(findings, first_keyframe.is_none());
+        Outcome { keyframe: outcome.keyframe.or(first_keyframe), question, ..outcome }
     }
 
     /// The stages A to D: the pose of a frame by its motion since the last one.
     fn follow<'a>(&mut self, frame: CurrentFrame<'a>) -> Findings<'a> {
         let mut seconds = StageSeconds::default();
         let mut stage = Instant::now();
-        let initial = self.initial_pose(&frame);
+        let initial = self.last.as_ref().and_then(|last| self.initial_pose(last, &frame));
         seconds.align = stage.elapsed().as_secs_f64();
         let (Some(last), Some(initial)) = (&self.last, initial) else {
             return Findings { frame, pose: None, moving: None, seconds };
@@ -324,11 +372,14 @@ impl Pipeline {
         let refined = pose::refine_static(&self.map, &view, &split.still, &near);
         seconds.refine += stage.elapsed().as_secs_f64();
 
-        let found = match refined {
+        let is_confirmed = self.state == State::Confirmed;
+        let least = if is_confirmed { FEW_INLIERS } else { LEAST_INLIERS };
+        let found = match refined.filter(|refined| refined.inliers.len() >= least) {
             Some(refined) => {
                 self.coasted = 0;
                 Some((refined.world_from_camera, refined.inliers))
             }
+            None if is_confirmed => None,
             None if initial.median_residual < COASTING_RESIDUAL && self.coasted < MOST_COASTED => {
                 self.coasted += 1;
                 Some((start, Vec::new()))
@@ -354,11 +405,15 @@ impl Pipeline {
         let times = |found: &&Match| self.map.landmarks[found.landmark].times_tracked;
         let known = inliers.iter().filter(|found| times(found) >= KNOWN_TIMES).count();
         self.since_keyframe += 1;
+        // A place that the local map does not show is mapped anew; what joins both is the server's to find.
+        let is_elsewhere = self.state == State::Located && inliers.len() < LEAST_INLIERS;
+        (self.state, self.asked) = (State::Tracking, None);
         let is_due = self.map.reference().is_none_or(|reference| {
             may_be_keyframe
-                && inliers.len() >= LEAST_INLIERS
-                && self.since_keyframe >= keyframe::LEAST_FRAMES
-                && keyframe::is_due(reference, &pose.world_from_camera, &inliers)
+                && (is_elsewhere
+                    || inliers.len() >= LEAST_INLIERS
+                        && self.since_keyframe >= keyframe::LEAST_FRAMES
+                        && keyframe::is_due(reference, &pose.world_from_camera, &inliers))
         });
         if let Some(detector) = &mut self.detector {
             detector.correct_newest(&pose.odom_from_camera);
@@ -395,19 +450,12 @@ impl Pipeline {
             odom_from_camera: pose.odom_from_camera,
             inliers: inliers.len(),
         });
-        self.last = Some(LastFrame {
-            timestamp_s,
-            small: SmallImage::new(&frame.pyramid),
-            moving: view.moving.cloned(),
-            points: select_points(&view),
-            surfaces: (known < FEW_INLIERS).then(|| Surfaces::new(&view)),
-            pyramid: Arc::clone(&frame.pyramid),
-            pose,
-            motion,
-        });
+        let surfaces = (known < FEW_INLIERS).then(|| Surfaces::new(&view));
+        self.last = Some(LastFrame { surfaces, ..LastFrame::new(&frame, &view, pose, motion) });
         Outcome {
             tracked,
             keyframe: new,
+            question: None,
             moving,
             synchronized_depth_m: frame.synchronized_depth_m,
             seconds,

@@ -1,94 +1,182 @@
-//! Relocalization after tracking was lost: matches the frame's corners with the landmarks of keyframes.
+//! Relocalization after tracking was lost: the pose of a lost frame is asked for, and the frames that
+//! follow are aligned with one another until the answer comes.
 //!
-//! Descriptors are matched with one keyframe after the other, newest first. The first rigid motion with
-//! enough inliers is the start of a refinement.
+//! Who answers is not known here; on a robot it is the server. The motion from the frame that was asked
+//! for to the newest one takes the answer to the newest frame, however late it comes. Where that motion
+//! is lost too, the newest frame is asked for instead. Besides, each frame is aligned with the last one
+//! whose pose is known: without any answer tracking resumes where the camera comes back to it. A frame
+//! that was found is not published, because how the camera turns meanwhile, and so the error of its
+//! shutter, is not known: the next one is tracked from it.
 
-use covis_solvers::geometry::{Camera, LieGroup, Se3};
+use std::sync::Arc;
+
+use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector2;
 
 use super::pose::{FEW_INLIERS, match_map};
-use super::{CurrentFrame, FoundPose, Motion, Pipeline};
+use super::{COASTING_RESIDUAL, CurrentFrame, LastFrame, Motion, Pipeline, State};
 use crate::depth;
-use crate::features::corners::{CornerOptions, detect};
+use crate::features::corners::{Corner, CornerOptions, detect};
 use crate::features::descriptor::{Describer, Descriptor};
-use crate::features::matching::{MatchOptions, match_mutual};
-use crate::features::rigid_alignment::{AlignmentOptions, Correspondence, align};
-use crate::image::Image;
-use crate::local_map::LocalMap;
+use crate::local_map::CameraPose;
 use crate::tracking::local_matching::View;
+use crate::tracking::surfaces::Surfaces;
 
-/// Keyframes that a frame is compared with at most.
-const MOST_KEYFRAMES: usize = 60;
-/// Least number of corners that must agree on a motion.
-const LEAST_INLIERS: usize = 15;
-/// Largest reprojection error of an inlier, pixels: depth and color are not synchronized here.
-const REACH_PX: f64 = 5.0;
+/// Fewer corners than this do not show where a camera is.
+const LEAST_FEATURES: usize = 12;
+/// Standard deviation of a corner, pixels. The motion of the frame is not known: the shutter is not
+/// corrected, and depth is of another time.
+const SIGMA_PX: f64 = 2.0;
+
+/// A corner of a lost frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Feature {
+    /// Where the image shows it.
+    pub pixel: Vector2<f64>,
+    /// Standard deviation of each coordinate, pixels.
+    pub sigma_px: f64,
+    /// Depth and its standard deviation, meters.
+    pub depth_m: (f64, f64),
+    /// What it looks like.
+    pub descriptor: Descriptor,
+}
+
+/// A lost frame, whose pose in the map is asked for.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Question {
+    /// The answer has the same.
+    pub number: u64,
+    /// What the frame shows.
+    pub features: Vec<Feature>,
+}
+
+/// The answer to a question.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Answer {
+    /// That of the question.
+    pub number: u64,
+    /// The pose of the frame; `None` where it was not found.
+    pub world_from_camera: Option<Se3>,
+}
+
+/// The frame that was asked for, and those after it.
+pub(super) struct Asked {
+    number: u64,
+    /// The newest of them; its pose in the map stands for asked_from_camera.
+    newest: LastFrame,
+}
 
 impl Pipeline {
-    /// The pose of a frame whose motion is not known. Odometry continues by the motion in the map,
-    /// without a gap.
-    pub(super) fn relocalize(
-        &mut self,
-        frame: &CurrentFrame<'_>,
-        moving: Option<&Image<u8>>,
-    ) -> Option<FoundPose> {
-        let view = frame.view(&self.camera, moving);
-        let start = locate(&self.map, &view)?;
+    /// Takes a frame after tracking was lost.
+    pub(super) fn search(&mut self, frame: &CurrentFrame<'_>) -> Option<Question> {
+        let Some(pose) = self.come_back(frame) else { return self.ask(frame) };
+        let view = frame.view(&self.camera, frame.given_mask);
+        let newest = lost_frame(frame, &view, pose, Motion::unknown());
+        self.find(newest, State::Confirmed);
+        None
+    }
+
+    /// The pose of a frame near the last one whose pose is known, confirmed by landmarks.
+    fn come_back(&self, frame: &CurrentFrame<'_>) -> Option<CameraPose> {
+        let last = self.last.as_ref()?;
+        let motion = self.initial_pose(last, frame)?.motion;
+        let start = last.pose.world_from_camera.compose(&motion.first_from_second);
+        let view = frame.view(&self.camera, frame.given_mask);
         let refined = match_map(&self.map, &view, &start)?.refined;
-        if refined.inliers.len() < FEW_INLIERS {
+        let is_confirmed = refined.inliers.len() >= FEW_INLIERS;
+        is_confirmed.then(|| last.pose.moved_to(&refined.world_from_camera))
+    }
+
+    /// The next frame is tracked from this one.
+    fn find(&mut self, frame: LastFrame, state: State) {
+        (self.last, self.state, self.asked) = (Some(frame), state, None);
+        self.coasted = 0;
+    }
+
+    /// Takes a frame whose pose is not known. Returns a question, unless one is out that can still be
+    /// used.
+    pub(super) fn ask(&mut self, frame: &CurrentFrame<'_>) -> Option<Question> {
+        self.state = State::Lost;
+        if let Some(Asked { number, newest }) = self.asked.take()
+            && let Some(newest) = self.carry_on(&newest, frame)
+        {
+            self.asked = Some(Asked { number, newest });
             return None;
         }
-        let pose = self.last.as_ref()?.pose.moved_to(&refined.world_from_camera);
-        self.coasted = 0;
-        Some(FoundPose { pose, motion: Motion::unknown(), inliers: refined.inliers })
+        let view = frame.view(&self.camera, frame.given_mask);
+        let features = features(&view);
+        if features.len() < LEAST_FEATURES {
+            return None;
+        }
+        self.questions += 1;
+        let number = self.questions;
+        let newest = lost_frame(frame, &view, CameraPose::origin(), Motion::unknown());
+        self.asked = Some(Asked { number, newest });
+        Some(Question { number, features })
+    }
+
+    /// Takes the answer to a question: the next frame is tracked from the newest one since. Odometry
+    /// continues by the motion in the map, without a gap. Returns whether that frame has a pose now: not
+    /// where none was found, nor where tracking was resumed meanwhile or the motion since the question was
+    /// lost.
+    pub fn answer(&mut self, answer: &Answer) -> bool {
+        let is_answered = |asked: &mut Asked| asked.number == answer.number;
+        let asked = self.asked.take_if(is_answered);
+        let (Some(Asked { newest, .. }), Some(world_from_asked), Some(known)) =
+            (asked, answer.world_from_camera, &self.last)
+        else {
+            return false;
+        };
+        let world_from_camera = world_from_asked.compose(&newest.pose.world_from_camera);
+        let pose = known.pose.moved_to(&world_from_camera);
+        self.find(LastFrame { pose, ..newest }, State::Located);
+        true
+    }
+
+    /// The frame after the newest of those that wait for an answer, where an alignment gives its motion.
+    fn carry_on(&self, newest: &LastFrame, frame: &CurrentFrame<'_>) -> Option<LastFrame> {
+        let initial = self.initial_pose(newest, frame)?;
+        if initial.median_residual >= COASTING_RESIDUAL {
+            return None;
+        }
+        let asked_from_newest = newest.pose.world_from_camera;
+        let asked_from_camera = asked_from_newest.compose(&initial.motion.first_from_second);
+        let pose = newest.pose.moved_to(&asked_from_camera);
+        let frame = CurrentFrame::new(frame.rgbd, Arc::clone(&frame.pyramid), frame.given_mask)
+            .synchronized(&self.camera, &self.options.timing, &initial.motion);
+        let view = frame.view(&self.camera, frame.given_mask);
+        Some(lost_frame(&frame, &view, pose, initial.motion))
     }
 }
 
-/// The pose of a frame in the map.
-fn locate(map: &LocalMap, view: &View<'_>) -> Option<Se3> {
+/// A lost frame as the next one needs it. No landmarks tell what moves: surfaces do.
+fn lost_frame(
+    frame: &CurrentFrame<'_>,
+    view: &View<'_>,
+    pose: CameraPose,
+    motion: Motion,
+) -> LastFrame {
+    let surfaces = Some(Surfaces::new(view));
+    LastFrame { surfaces, ..LastFrame::new(frame, view, pose, motion) }
+}
+
+/// The corners of a frame that lie on surfaces.
+fn features(view: &View<'_>) -> Vec<Feature> {
     let gray = view.pyramid.level(0);
     let describer = Describer::new(gray);
     let is_allowed = |u: usize, v: usize| {
         depth::on_surface(view.depth_m, u, v).is_some()
             && !view.is_moving(&Vector2::new(u as f64, v as f64))
     };
-    let mut descriptors: Vec<Descriptor> = Vec::new();
-    let mut points = Vec::new();
-    for corner in detect(gray, &CornerOptions::default(), is_allowed) {
-        let Some(descriptor) = describer.describe(corner.u as f32, corner.v as f32) else {
-            continue;
-        };
-        let depth_m = view.depth_m.at(corner.u, corner.v);
-        let pixel = Vector2::new(corner.u as f64, corner.v as f64);
-        descriptors.push(descriptor);
-        points.push(view.camera.ray(&pixel) * f64::from(depth_m));
-    }
-    if points.len() < LEAST_INLIERS {
-        return None;
-    }
-    let lens = Camera::from(*view.camera.model());
-    let options = AlignmentOptions {
-        max_reprojection_px: REACH_PX,
-        min_inliers: LEAST_INLIERS,
-        ..AlignmentOptions::default()
+    let corners = detect(gray, &CornerOptions::default(), is_allowed);
+    let feature = |corner: Corner| {
+        let z = f64::from(view.depth_m.at(corner.u, corner.v));
+        Some(Feature {
+            pixel: Vector2::new(corner.u as f64, corner.v as f64),
+            sigma_px: SIGMA_PX,
+            depth_m: (z, depth::sigma_m(z)),
+            descriptor: describer.describe(corner.u as f32, corner.v as f32)?,
+        })
     };
-    // The newest keyframe, and older ones at even steps.
-    let stride = map.keyframes.len().div_ceil(MOST_KEYFRAMES).max(1);
-    map.keyframes.iter().rev().step_by(stride).find_map(|keyframe| {
-        let known = keyframe.observations.iter().filter_map(|(landmark, _)| {
-            let landmark = &map.landmarks[*landmark];
-            Some((landmark.descriptor?, landmark.point_in_world))
-        });
-        let (known, places): (Vec<_>, Vec<_>) = known.unzip();
-        let matches = match_mutual(&descriptors, &known, &MatchOptions::default());
-        let correspondences: Vec<_> = matches
-            .iter()
-            .map(|found| Correspondence {
-                point_in_world: places[found.candidate],
-                point_in_camera: points[found.query],
-            })
-            .collect();
-        let found = align(&lens, &correspondences, depth::sigma_m, &options)?;
-        Some(found.camera_from_world.inverse())
-    })
+    corners.into_iter().filter_map(feature).collect()
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector6;
 
+use super::relocalization::Answer;
 use super::{Outcome, Pipeline, PipelineOptions, TrackedFrame};
 use crate::camera::FrameCamera;
 use crate::image::{Image, RgbdFrame};
@@ -102,11 +103,99 @@ fn black_frames_are_lost_and_tracking_resumes_where_the_camera_is() {
         let outcome = pipeline.track(&black(sequence.timestamp_s(index)), None);
         assert_eq!(outcome.tracked, None, "frame {index}");
     }
-    for index in 10..14 {
+    // How the camera turned over the first frame is not known: the second one shows it.
+    assert_eq!(track(&mut pipeline, 10), None);
+    for index in 11..14 {
         let tracked = track(&mut pipeline, index).unwrap();
         let (meters, radians) = error(&sequence, index, &tracked);
         assert!(meters < 0.02 && radians < 0.01, "frame {index}: {meters} m, {radians} rad");
     }
+}
+
+/// A camera that turns by 6° a frame is covered after frame 11 and shown again from frame 30 on, where it
+/// sees nothing that it has seen before. Returns what it is asked there.
+fn covered_and_turned(sequence: &Sequence, pipeline: &mut Pipeline) -> u64 {
+    for index in 0..12 {
+        assert!(pipeline.track(&sequence.frame(index), None).tracked.is_some(), "frame {index}");
+    }
+    for index in 12..30 {
+        let outcome = pipeline.track(&black(sequence.timestamp_s(index)), None);
+        assert_eq!((outcome.tracked, outcome.question), (None, None), "frame {index}");
+    }
+    let outcome = pipeline.track(&sequence.frame(30), None);
+    assert_eq!(outcome.tracked, None);
+    let question = outcome.question.unwrap();
+    assert!(question.features.len() > 100, "{}", question.features.len());
+    question.number
+}
+
+/// The true pose of a frame in the map, whose origin is the first frame.
+fn truth(sequence: &Sequence, index: usize) -> Se3 {
+    sequence.world_from_camera(0).inverse().compose(&sequence.world_from_camera(index))
+}
+
+#[test]
+fn an_answer_that_comes_late_is_carried_on_to_the_newest_frame() {
+    let sequence = sequence(SceneName::Loop, 60);
+    let mut pipeline = pipeline(&sequence);
+    let number = covered_and_turned(&sequence, &mut pipeline);
+    for index in 31..35 {
+        let outcome = pipeline.track(&sequence.frame(index), None);
+        assert_eq!((outcome.tracked, outcome.question), (None, None), "one question is enough");
+    }
+    assert!(!pipeline.answer(&Answer { number: number + 1, world_from_camera: None }));
+    let answer = Answer { number, world_from_camera: Some(truth(&sequence, 30)) };
+    assert!(pipeline.answer(&answer));
+    assert!(!pipeline.answer(&answer), "a question has one answer");
+    let mut keyframes = 0;
+    for index in 35..40 {
+        let outcome = pipeline.track(&sequence.frame(index), None);
+        let tracked = outcome.tracked.unwrap();
+        let (meters, radians) = error(&sequence, index, &tracked);
+        assert!(meters < 0.02 && radians < 0.01, "frame {index}: {meters} m, {radians} rad");
+        // Odometry has the motion of the map since frame 11.
+        let off = tracked.odom_from_camera.inverse().compose(&tracked.world_from_camera);
+        assert!(off.log().norm() < 0.02, "frame {index}: {off:?}");
+        // A place that the local map does not show is mapped at once.
+        assert!(index > 35 || outcome.keyframe.is_some());
+        keyframes += usize::from(outcome.keyframe.is_some());
+    }
+    assert!(keyframes >= 2, "{keyframes}");
+}
+
+#[test]
+fn an_answer_is_of_no_use_once_the_motion_since_the_question_is_lost() {
+    let sequence = sequence(SceneName::Loop, 60);
+    let mut pipeline = pipeline(&sequence);
+    let number = covered_and_turned(&sequence, &mut pipeline);
+    pipeline.track(&black(sequence.timestamp_s(31)), None);
+    let outcome = pipeline.track(&sequence.frame(32), None);
+    let again = outcome.question.unwrap();
+    assert!(again.number > number);
+    let world_from_camera = Some(truth(&sequence, 30));
+    assert!(!pipeline.answer(&Answer { number, world_from_camera }));
+    // Nobody knows where the second one is: the next frame is asked for.
+    assert!(!pipeline.answer(&Answer { number: again.number, world_from_camera: None }));
+    let outcome = pipeline.track(&sequence.frame(33), None);
+    assert!(outcome.question.is_some_and(|question| question.number > again.number));
+}
+
+#[test]
+fn without_answers_tracking_resumes_where_the_camera_comes_back_to() {
+    let sequence = sequence(SceneName::Loop, 60);
+    let mut pipeline = pipeline(&sequence);
+    let number = covered_and_turned(&sequence, &mut pipeline);
+    let back = |index: usize, shown: usize| RgbdFrame {
+        timestamp_s: sequence.timestamp_s(index),
+        ..sequence.frame(shown)
+    };
+    let outcome = pipeline.track(&back(31, 11), None);
+    assert_eq!((outcome.tracked, outcome.question), (None, None));
+    let tracked = pipeline.track(&back(32, 12), None).tracked.unwrap();
+    let (meters, radians) = error(&sequence, 12, &tracked);
+    assert!(meters < 0.02 && radians < 0.01, "{meters} m, {radians} rad");
+    let world_from_camera = Some(truth(&sequence, 30));
+    assert!(!pipeline.answer(&Answer { number, world_from_camera }), "it is known already");
 }
 
 #[test]

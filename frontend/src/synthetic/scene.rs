@@ -15,6 +15,15 @@ use super::motion::Hand;
 use super::solid::Solid;
 use super::{random, room};
 
+/// How long the camera takes for a round.
+const ROUND_S: f64 = 6.0;
+/// Half the axes of its way, m.
+const WAY_M: [f64; 2] = [1.5, 0.9];
+/// How far ahead of it people are, rad.
+const AHEAD: f64 = 1.6;
+/// Where it looks, from the room's middle outward, rad: along its way, and a little outward.
+const FOLLOWING_YAW: f64 = 2.0;
+
 /// A scene by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SceneName {
@@ -32,11 +41,13 @@ pub enum SceneName {
     Loop,
     /// The camera is covered for a second in the middle: black and without depth.
     Covered,
+    /// The camera follows two people who walk around the room, twice.
+    Rounds,
 }
 
 impl SceneName {
     /// All scenes.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Static,
         Self::Walking,
         Self::Sitting,
@@ -44,6 +55,7 @@ impl SceneName {
         Self::Exposure,
         Self::Loop,
         Self::Covered,
+        Self::Rounds,
     ];
 
     /// The name that a user types.
@@ -57,6 +69,7 @@ impl SceneName {
             Self::Exposure => "exposure",
             Self::Loop => "loop",
             Self::Covered => "covered",
+            Self::Rounds => "rounds",
         }
     }
 }
@@ -123,7 +136,7 @@ impl Scene {
             duration_s,
             standing: room::furnished(seed),
             walkers: Vec::new(),
-            hand: Hand::new(own, if name == SceneName::Loop { 0.35 } else { 1.0 }),
+            hand: Hand::new(own, hand_strength(name)),
         };
         match name {
             SceneName::Walking => scene.walkers = [0, 1].map(|index| scene.walker(index)).to_vec(),
@@ -132,7 +145,8 @@ impl Scene {
             | SceneName::Pushed
             | SceneName::Exposure
             | SceneName::Loop
-            | SceneName::Covered => {}
+            | SceneName::Covered
+            | SceneName::Rounds => {}
         }
         scene
     }
@@ -166,7 +180,27 @@ impl Scene {
         if self.name == SceneName::Pushed {
             solids.extend(self.carton(time_s));
         }
+        if self.name == SceneName::Rounds {
+            for index in 0..2 {
+                self.followed(index, time_s, &mut solids);
+            }
+        }
         solids
+    }
+
+    /// Someone who walks ahead of the camera, now nearer to it and now farther away.
+    fn followed(&self, index: u8, time_s: f64, solids: &mut Vec<Solid>) {
+        let number =
+            |i| random::uniform(random::number(self.seed, 200 + 10 * u64::from(index) + i));
+        let sway = |rate_hz: f64, i| (TAU * (rate_hz * time_s + number(i))).sin();
+        let side = if index == 0 { -1.0 } else { 1.0 };
+        let angle = around(time_s) + AHEAD + 0.12 * side + 0.1 * sway(0.31, 0);
+        let scale = 1.0 + 0.14 * side + 0.05 * sway(0.23, 1);
+        let place = on_the_way(angle, scale);
+        let direction = on_the_way(angle + 1e-3, scale) - place;
+        let figure = super::solid::upright(place, direction.y.atan2(direction.x));
+        let clothes = Clothes::new((self.seed as u32 >> 8) + u32::from(index));
+        figure::walking(&figure, WAY_M[0] * angle, &clothes, solids);
     }
 
     /// A carton with a bag on it: rests, is pushed across the view, rests.
@@ -193,6 +227,11 @@ impl Scene {
             let place = Vector3::new(0.7 * yaw.sin(), 0.55 * yaw.cos() - 0.1, 1.25);
             return self.hand.held(place, yaw, -0.12, time_s);
         }
+        if self.name == SceneName::Rounds {
+            let angle = around(time_s);
+            let place = on_the_way(angle, 1.0) + Vector3::new(0.0, 0.0, 1.35);
+            return self.hand.held(place, angle + FOLLOWING_YAW, -0.12, time_s);
+        }
         self.hand.held(Vector3::new(0.0, -1.45, 1.3), 0.0, -0.15, time_s)
     }
 
@@ -207,6 +246,27 @@ impl Scene {
     /// Whether something covers the camera.
     pub(super) fn is_covered(&self, time_s: f64) -> bool {
         self.name == SceneName::Covered && (time_s - 0.5 * self.duration_s).abs() < 0.5
+    }
+}
+
+/// How far around the room the camera has come, rad.
+fn around(time_s: f64) -> f64 {
+    TAU * time_s / ROUND_S
+}
+
+/// A place on the floor on the way around the room, clockwise from the desk; `scale` 1 is the camera's way.
+fn on_the_way(angle: f64, scale: f64) -> Vector3<f64> {
+    Vector3::new(scale * WAY_M[0] * angle.sin(), scale * WAY_M[1] * angle.cos() - 0.1, 0.0)
+}
+
+/// How strongly the hand sways that holds the camera.
+fn hand_strength(name: SceneName) -> f64 {
+    if name == SceneName::Loop {
+        0.35
+    } else if name == SceneName::Rounds {
+        0.9
+    } else {
+        1.0
     }
 }
 
@@ -253,6 +313,29 @@ mod tests {
                     assert!(place.y < 1.2, "inside the desk: {place}");
                 }
             }
+        }
+    }
+
+    #[test]
+    fn people_who_are_followed_stay_in_the_room_and_ahead_of_the_camera() {
+        for seed in 0..20 {
+            let scene = Scene::new(SceneName::Rounds, seed, 12.0);
+            let standing = scene.standing.len();
+            for i in 0..360 {
+                let time_s = f64::from(i) / 30.0;
+                let camera = scene.world_from_camera(time_s).translation;
+                let solids = scene.solids(time_s);
+                assert!(solids.len() > standing);
+                for solid in &solids[standing..] {
+                    let place = solid.world_from_solid.translation;
+                    let [x, y, _] = room::HALF_ROOM_M;
+                    assert!(place.x.abs() < x && place.y.abs() < y, "{seed}, {time_s} s: {place}");
+                    let distance = (place - camera).xy().norm();
+                    assert!((0.35..3.2).contains(&distance), "{seed}, {time_s} s: {distance} m");
+                }
+            }
+            let [first, second] = [2.0, 2.0 + ROUND_S].map(around);
+            assert!((second - first - TAU).abs() < 1e-12);
         }
     }
 

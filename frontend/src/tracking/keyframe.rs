@@ -121,7 +121,7 @@ pub fn add_keyframe(
         let point_in_world = world_from_camera.transform(&(ray * z));
         let straight = view.shutter.straightened(view.camera, &pixel);
         let descriptor = describe(&pixel);
-        let place = map.add_landmark(point_in_world, descriptor);
+        let place = map.add_landmark(point_in_world);
         let landmark = map.landmarks[place].id;
         landmarks.push(NewLandmark { id: landmark, point_in_world });
         let depth_m = Some((z, depth::sigma_m(z)));

@@ -163,7 +163,7 @@ mod tests {
         let point_in_world = camera.ray(&pixel) * z;
         let seen = point_in_world + moved;
         let pixel = camera.project(&seen).unwrap();
-        let landmark = map.add_landmark(point_in_world, None);
+        let landmark = map.add_landmark(point_in_world);
         map.landmarks[landmark].times_tracked = times_tracked;
         let depth_m = Some((seen.z, 0.005));
         matches.push(Match { landmark, pixel, straight: pixel, sigma_px: 0.7, depth_m });

@@ -14,7 +14,7 @@ use crate::cli::run::{Source, report};
 use crate::evaluation::{self, MaskEvaluation};
 use crate::frontend::input::encode;
 use crate::frontend::mapping::run::RunReport;
-use crate::frontend::synthetic::{Sequence, SequenceOptions};
+use crate::frontend::synthetic::Sequence;
 
 /// How far apart timestamps may be that belong together, in seconds, as of `covis eval`.
 const MAX_TIME_DIFFERENCE_S: f64 = 0.01;
@@ -41,12 +41,7 @@ impl Truth {
                 };
                 Ok(Self { trajectory, masks })
             }
-            Source::Synthetic(scene, seed, frames) => {
-                let usual = SequenceOptions::default();
-                let frames = frames.unwrap_or(usual.frames);
-                let options = SequenceOptions { frames, seed: *seed, ..usual };
-                Self::draw(&Sequence::new(*scene, &options), out)
-            }
+            Source::Synthetic(scene, options) => Self::draw(&Sequence::new(*scene, options), out),
         }
     }
 

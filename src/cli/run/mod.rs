@@ -23,6 +23,7 @@ use crate::client::Client;
 use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::image::{Image, RgbdFrame};
 use crate::frontend::input::{FrameError, SensorTiming};
+use crate::frontend::local_map::MOST_KEYFRAMES;
 use crate::frontend::mapping::run::{Companion, MOST_HELD, RunReport, Target, run as track};
 use crate::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
 use dense::DenseOptions;
@@ -105,6 +106,8 @@ pub(super) struct RunOptions {
     pub(super) lock_step: bool,
     /// Threads; one decodes nothing ahead.
     pub(super) threads: usize,
+    /// Keyframes of the local map, where not as many as usual.
+    pub(super) most_keyframes: Option<usize>,
 }
 
 /// Runs the frontend.
@@ -131,6 +134,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         saved_masks: args.save_masks.then(|| args.out.join("masks")),
         lock_step: args.lock_step,
         threads,
+        most_keyframes: None,
     };
     let source = args.source.clone().with(args.drawing);
     let runtime = tokio::runtime::Builder::new_multi_thread()
@@ -180,8 +184,8 @@ pub(super) async fn sequence(
         None => None,
     };
     let removes_motion = options.removes_motion;
-    let options_of_tracking =
-        PipelineOptions { removes_motion, timing, ..PipelineOptions::default() };
+    let most_keyframes = options.most_keyframes.unwrap_or(MOST_KEYFRAMES);
+    let options_of_tracking = PipelineOptions { removes_motion, timing, most_keyframes };
     let pipeline = Pipeline::new(camera, options_of_tracking);
     client
         .create_map(map, None)

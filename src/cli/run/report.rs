@@ -13,6 +13,9 @@ use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::mapping::run::RunReport;
 use crate::frontend::pipeline::StageSeconds;
 
+/// Loops that the table lists.
+const SHOWN_LOOPS: usize = 5;
+
 /// The object of `--json`.
 #[derive(Debug, Serialize)]
 pub(super) struct Document {
@@ -30,6 +33,10 @@ pub(super) struct Document {
     loops: usize,
     /// Those that were found false.
     loops_switched_off: usize,
+    /// When the camera came back, and when it had been there; seconds, as in the trajectories.
+    loop_times_s: Vec<(f64, f64)>,
+    /// How often the server told where the lost camera was.
+    relocalizations: usize,
     /// The most keyframes that waited for the server's answer.
     most_held: usize,
     /// Keyframes that were not sent.
@@ -101,6 +108,8 @@ pub(super) fn document(report: &RunReport, dense: Option<(&DenseReport, MeshFigu
         corrections: report.corrections,
         loops: report.loops.counting,
         loops_switched_off: report.loops.switched_off,
+        loop_times_s: report.loops.times_s.clone(),
+        relocalizations: report.relocalizations,
         most_held: report.most_held,
         left_out: report.left_out,
         reconnects: report.reconnects,
@@ -128,7 +137,8 @@ pub(super) fn table(document: &Document, out: &Path) -> String {
     let mut text = format!(
         "{} frames: {} tracked, {} lost, {} skipped, {} later than 33 ms\n\
          {} keyframes, {} landmarks; {} waited for the server at most, {} were left out\n\
-         {} corrections, {} loops, {} false loops, {} reconnects\n\n\
+         {} corrections, {} reconnects; a lost camera was found {} times\n\
+         {}\n\n\
          {:>8}  {:>9}  {:>9}",
         document.frames,
         document.tracked,
@@ -140,9 +150,9 @@ pub(super) fn table(document: &Document, out: &Path) -> String {
         document.most_held,
         document.left_out,
         document.corrections,
-        document.loops,
-        document.loops_switched_off,
         document.reconnects,
+        document.relocalizations,
+        loops(document),
         "stage",
         "p50",
         "p99"
@@ -155,5 +165,22 @@ pub(super) fn table(document: &Document, out: &Path) -> String {
         text.push_str(&format!("\n\n{vertices} vertices, {triangles} triangles in mesh.ply"));
     }
     text.push_str(&format!("\n\nTrajectories are in {}", out.display()));
+    text
+}
+
+/// The loops of a map, and the first of them by their times.
+fn loops(document: &Document) -> String {
+    let Document { loops, loops_switched_off, loop_times_s, .. } = document;
+    let mut text = format!("{loops} loops closed, {loops_switched_off} found false");
+    for (back_s, before_s) in loop_times_s.iter().take(SHOWN_LOOPS) {
+        let after_s = back_s - before_s;
+        text.push_str(&format!(
+            "\n  at {back_s:.3} s the camera was back where it had been {after_s:.1} s before"
+        ));
+    }
+    let more = loop_times_s.len().saturating_sub(SHOWN_LOOPS);
+    if more > 0 {
+        text.push_str(&format!("\n  and {more} more; --json has all"));
+    }
     text
 }

@@ -20,8 +20,8 @@ use crate::frontend::synthetic::{SceneName, Sequence, SequenceOptions, Synthetic
 pub(in crate::cli) enum Source {
     /// A recorded folder.
     Folder(PathBuf),
-    /// A scene, with seed and number of frames.
-    Synthetic(SceneName, u64, Option<usize>),
+    /// A scene, and how it is drawn.
+    Synthetic(SceneName, SequenceOptions),
 }
 
 impl FromStr for Source {
@@ -32,7 +32,7 @@ impl FromStr for Source {
             Some(("tum", folder)) if !folder.is_empty() => Ok(Self::Folder(folder.into())),
             Some(("synthetic", scene)) => {
                 let scene = scene.parse().map_err(|error| format!("{error}"))?;
-                Ok(Self::Synthetic(scene, 0, None))
+                Ok(Self::Synthetic(scene, SequenceOptions::default()))
             }
             _ => Err("must be tum:FOLDER or synthetic:SCENE".to_owned()),
         }
@@ -74,7 +74,11 @@ impl Source {
     pub(in crate::cli) fn with(self, drawing: Drawing) -> Self {
         match self {
             Self::Folder(folder) => Self::Folder(folder),
-            Self::Synthetic(scene, ..) => Self::Synthetic(scene, drawing.seed, drawing.frames),
+            Self::Synthetic(scene, usual) => {
+                let Drawing { seed, frames } = drawing;
+                let frames = frames.unwrap_or(usual.frames);
+                Self::Synthetic(scene, SequenceOptions { seed, frames, ..usual })
+            }
         }
     }
 
@@ -104,15 +108,12 @@ impl Source {
                 }
                 Ok(open.source)
             }
-            Self::Synthetic(scene, seed, frames) => {
+            Self::Synthetic(scene, options) => {
                 ensure!(
                     recorded.depth_scale.is_none(),
                     "--depth-scale is for recorded folders; {scene} is drawn in meters"
                 );
-                let usual = SequenceOptions::default();
-                let frames = frames.unwrap_or(usual.frames);
-                let options = SequenceOptions { frames, seed: *seed, ..usual };
-                Ok(Box::new(SyntheticSource::new(Sequence::new(*scene, &options))))
+                Ok(Box::new(SyntheticSource::new(Sequence::new(*scene, options))))
             }
         }
     }

@@ -54,7 +54,7 @@ fn corners_are_those_of_the_definition() {
     let textured = render(71, 53, |u, v| texture(5, 1.7 * u, 1.7 * v));
     let mut generator = SplitMix64(9);
     let mut random = Image::filled(64, 48, 0);
-    random.pixels_mut().iter_mut().for_each(|pixel| *pixel = generator.below(256) as u8);
+    random.pixels_mut().iter_mut().for_each(|pixel| *pixel = (generator.bits() >> 56) as u8);
     for (image, threshold) in [(&textured, 10), (&textured, 0), (&random, 40), (&random, 90)] {
         let (width, height) = image.size();
         let mut strength = Image::filled(width, height, 0);

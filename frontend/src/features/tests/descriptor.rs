@@ -2,7 +2,6 @@
 
 use super::super::corners::{CornerOptions, detect};
 use super::super::descriptor::{Describer, Descriptor};
-use super::super::matching::{MatchOptions, match_mutual};
 use super::super::splitmix::SplitMix64;
 use super::{normal, render, texture};
 use crate::image::Image;
@@ -28,9 +27,22 @@ fn rates(second: &Image<u8>, place: impl Fn(f64, f64) -> (f64, f64)) -> (usize, 
             candidates.push(candidate);
         }
     }
-    let matches = match_mutual(&queries, &candidates, &MatchOptions::default());
+    let nearest = |from: &Descriptor, all: &[Descriptor]| -> Option<usize> {
+        let mut by_distance: Vec<_> = all.iter().map(|to| from.distance(to)).zip(0..).collect();
+        by_distance.sort_unstable();
+        let [(first, index), (second, _), ..] = by_distance[..] else { return None };
+        (first <= 64 && f64::from(first) < 0.8 * f64::from(second)).then_some(index)
+    };
+    // Mutual, and clearly nearer than the next.
+    let matches: Vec<(usize, usize)> = (0..queries.len())
+        .filter_map(|query| Some((query, nearest(&queries[query], &candidates)?)))
+        .filter(|&(query, found)| {
+            let from = &candidates[found];
+            queries.iter().all(|other| from.distance(other) >= from.distance(&queries[query]))
+        })
+        .collect();
     let share = |count: usize| count as f64 / queries.len() as f64;
-    let right = matches.iter().filter(|m| m.query == m.candidate).count();
+    let right = matches.iter().filter(|(query, found)| query == found).count();
     (queries.len(), share(matches.len()), share(right))
 }
 
@@ -130,7 +142,7 @@ fn the_bits_of_a_point_never_change() {
     let mut generator = SplitMix64(77);
     let mut image = Image::filled(64, 64, 0);
     // Blocks of 4 × 4, so that the smoothing leaves contrast.
-    let blocks: Vec<u8> = (0..256).map(|_| generator.below(256) as u8).collect();
+    let blocks: Vec<u8> = (0..256).map(|_| (generator.bits() >> 56) as u8).collect();
     for v in 0..64 {
         for u in 0..64 {
             image.set(u, v, blocks[v / 4 * 16 + u / 4]);

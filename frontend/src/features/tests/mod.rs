@@ -2,8 +2,6 @@
 
 mod corners;
 mod descriptor;
-mod matching;
-mod rigid_alignment;
 
 use super::splitmix::SplitMix64;
 use crate::image::Image;
@@ -39,5 +37,5 @@ fn texture(seed: u64, u: f64, v: f64) -> f64 {
 
 /// About normal, with σ = 1.
 fn normal(generator: &mut SplitMix64) -> f64 {
-    (0..12).map(|_| generator.below(1 << 20) as f64 / f64::from(1 << 20)).sum::<f64>() - 6.0
+    (0..12).map(|_| (generator.bits() >> 44) as f64 / f64::from(1 << 20)).sum::<f64>() - 6.0
 }
