@@ -13,7 +13,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use covis::map::{
-    Change, ClientIndex, EntityId, Event, Keyframe, Landmark, Map, MapParts, MapPolicy, Observation,
+    Change, ClientIndex, EntityId, Event, Keyframe, Landmark, Map, MapParts, MapPolicy,
+    Observation, Observers,
 };
 use covis::store::{FileStore, FileStoreOptions, Flushed, Store};
 use covis_solvers::geometry::{LieGroup, Se3};
@@ -83,7 +84,7 @@ async fn snapshot(folder: &Path) -> Result<String, Failure> {
             position,
             sent_position: position,
             reference: None,
-            observers: Vec::new(),
+            observers: Observers::default(),
             added_revision: k,
             positioned_revision: k,
         };

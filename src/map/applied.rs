@@ -154,7 +154,7 @@ pub fn applied<'a>(
     let late = late_poses(map_now, start, &poses);
     poses.extend(late);
 
-    let mut landmarks: BTreeMap<EntityId, Vector3<f64>> = solved
+    let mut landmarks: Vec<(EntityId, Vector3<f64>)> = solved
         .landmarks()
         .into_iter()
         .filter(|(id, position)| {
@@ -168,8 +168,15 @@ pub fn applied<'a>(
             kind != SolveKind::LocalBundle || is_well_placed(map_now, *id, landmark, position, pose)
         })
         .collect();
-    let followers = followers(map_now, &poses, &landmarks.keys().copied().collect());
-    landmarks.extend(followers);
+    landmarks.sort_by_key(|&(id, _)| id);
+    let followers = followers(map_now, &poses, &landmarks);
+    if landmarks.is_empty() {
+        landmarks = followers;
+    } else {
+        landmarks.extend(followers);
+        // Two parts that are sorted: this takes one pass.
+        landmarks.sort_by_key(|&(id, _)| id);
+    }
 
     let (switched_off, switched_on) = verdicts(map_now, solved);
     let left_frames = match kind {
@@ -180,7 +187,7 @@ pub fn applied<'a>(
     AppliedSolve {
         kind,
         poses: poses.into_iter().collect(),
-        landmarks: landmarks.into_iter().collect(),
+        landmarks,
         cameras: solved.cameras(map_now),
         switched_off,
         switched_on,
@@ -242,12 +249,14 @@ fn most_shared(map: &Map, keyframe: EntityId, start_revision: i64) -> Option<Ent
     known.max_by_key(|&(id, shared)| (shared, std::cmp::Reverse(id))).map(|(id, _)| id)
 }
 
-/// New positions of the landmarks that are not solved and whose reference keyframe moves.
+/// New positions of the landmarks that are not solved and whose reference keyframe moves, by rising id;
+/// `solved` is sorted too.
 fn followers(
     map: &Map,
     poses: &BTreeMap<EntityId, Se3>,
-    solved: &BTreeSet<EntityId>,
+    solved: &[(EntityId, Vector3<f64>)],
 ) -> Vec<(EntityId, Vector3<f64>)> {
+    let is_solved = |id: &EntityId| solved.binary_search_by_key(id, |&(id, _)| id).is_ok();
     let motion =
         |(&id, new): (&EntityId, &Se3)| Some((id, motion(map.keyframes().get(&id)?, Some(new))?));
     let motions = poses.iter().filter_map(motion);
@@ -264,10 +273,12 @@ fn followers(
                 _ => motions.get(&reference),
             };
             last = Some((reference, motion));
-            (!solved.contains(&id)).then_some(())?;
+            (!is_solved(&id)).then_some(())?;
             Some((id, motion?.transform(&position)))
         };
-        return map.landmarks().iter().filter_map(moved).collect();
+        let mut all = Vec::with_capacity(map.landmarks().len());
+        all.extend(map.landmarks().iter().filter_map(moved));
+        return all;
     }
     let mut moved = Vec::new();
     for (id, motion) in motions {
@@ -275,12 +286,15 @@ fn followers(
         for observation in seen {
             let Some(landmark) = map.landmarks().get(&observation.landmark) else { continue };
             if landmark.reference == Some(id)
-                && !solved.contains(&observation.landmark)
+                && !is_solved(&observation.landmark)
                 && let Some(position) = &landmark.position
             {
                 moved.push((observation.landmark, motion.transform(position)));
             }
         }
     }
+    moved.sort_by_key(|&(id, _)| id);
+    // A keyframe may see a landmark twice.
+    moved.dedup_by_key(|&mut (id, _)| id);
     moved
 }

@@ -236,8 +236,8 @@ const KEYFRAME: u64 = entry(size_of::<Keyframe>())
 const LANDMARK: u64 = entry(size_of::<Landmark>());
 /// A landmark without observers is in a separate list.
 const UNSEEN: u64 = entry(size_of::<i64>());
-/// It is also in its landmark's list of observers, which may have twice the capacity that it needs, and
-/// in the index of its keyframe.
+/// It is also in its landmark's list of observers, whose counters and padding take no more than it needs
+/// itself, and in the index of its keyframe.
 const OBSERVATION: u64 = (size_of::<Observation>() + 2 * size_of::<EntityId>() + 4) as u64;
 /// In the index of its keyframe.
 const TIE: u64 = entry(size_of::<EntityId>());

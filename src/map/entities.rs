@@ -10,7 +10,7 @@ use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
 use nalgebra::{Vector2, Vector3};
 
-use super::{EntityId, Observations, SharedMap, Unsolved};
+use super::{EntityId, Observations, Observers, SharedMap, Unsolved};
 
 /// A SHA-256 digest.
 pub type Digest = [u8; 32];
@@ -192,7 +192,7 @@ pub struct Landmark {
     /// The keyframe that it moves with until a solve covers it: its first observer.
     pub reference: Option<EntityId>,
     /// The keyframes that see it, sorted.
-    pub observers: Vec<EntityId>,
+    pub observers: Observers,
     /// The revision that added it.
     pub added_revision: i64,
     /// The revision that gave it a position, by a client or by triangulation; 0 before.

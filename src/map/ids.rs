@@ -43,6 +43,11 @@ impl EntityId {
         Self { client, id: first.saturating_add_unsigned(number as u64) }
     }
 
+    /// Whether it names a constraint of the server's own.
+    pub(crate) fn is_own(&self) -> bool {
+        self.id < 0
+    }
+
     /// The entity `id` of `client`.
     #[must_use]
     pub fn new(client: ClientIndex, id: i64) -> Self {

@@ -26,6 +26,7 @@ mod item;
 mod keyframe_pairs;
 mod merging;
 mod observations;
+mod observers;
 mod parts;
 mod place_searches;
 mod policy;
@@ -61,6 +62,7 @@ pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, PartialItem, Plac
 pub use keyframe_pairs::{GraphPairs, PairInput, later_observers, near_pairs, pair_input};
 pub use merging::{Link, Merge, MergeError, MergedClient, MergedMap};
 pub use observations::Observations;
+pub use observers::Observers;
 pub use parts::MapParts;
 pub use place_searches::{PlaceCandidate, PlaceRefusal, PlaceSearch, PlaceSearches};
 pub use policy::{ClosureRobustness, Gauge, MapPolicy, WhenFull};

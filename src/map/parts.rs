@@ -139,7 +139,8 @@ impl Map {
             contents,
         } = parts;
         let unknown = |kind, id| MapError::Unknown { revision, kind, id };
-        landmarks.values_mut().for_each(|landmark| landmark.observers.clear());
+        let ids: Vec<EntityId> = landmarks.keys().copied().collect();
+        let mut observers: Vec<Vec<EntityId>> = vec![Vec::new(); ids.len()];
         let mut observation_count = 0;
         let mut descriptor_bytes = 0;
         // By rising id, so that each list of observers is sorted.
@@ -152,12 +153,15 @@ impl Map {
                 + super::ceilings::image_bytes(keyframe.global_descriptor.as_deref());
             for observation in keyframe.observations.iter() {
                 let seen = observation.landmark;
-                let landmark = landmarks.get_mut(&seen);
-                let landmark = landmark.ok_or_else(|| unknown(EntityKind::Landmark, seen))?;
-                if landmark.observers.last() != Some(&id) {
-                    landmark.observers.push(id);
+                let place = ids.binary_search(&seen);
+                let place = place.map_err(|_place| unknown(EntityKind::Landmark, seen))?;
+                if observers[place].last() != Some(&id) {
+                    observers[place].push(id);
                 }
             }
+        }
+        for (landmark, observers) in landmarks.values_mut().zip(observers) {
+            landmark.observers = observers.into();
         }
         let references = landmarks.values().filter_map(|landmark| landmark.reference);
         let ends = constraints.values().flat_map(|c| [c.keyframe_i, c.keyframe_j]);

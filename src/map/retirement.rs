@@ -84,9 +84,8 @@ fn well_seen(map: &Map, id: EntityId) -> usize {
 
 /// The landmarks that are removed with a keyframe, sorted.
 fn orphans(map: &Map, id: EntityId, keyframe: &Keyframe) -> Vec<EntityId> {
-    let only = |landmark: &EntityId| {
-        map.landmarks().get(landmark).is_some_and(|l| l.observers.as_slice() == [id])
-    };
+    let only =
+        |landmark: &EntityId| map.landmarks().get(landmark).is_some_and(|l| *l.observers == [id]);
     let seen = keyframe.observations.iter().map(|o| o.landmark).filter(only);
     let unseen = map.unseen.keys().take(UNSEEN);
     let unseen = unseen.take_while(|&&(added, _)| added < keyframe.added_revision);

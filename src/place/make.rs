@@ -22,8 +22,11 @@ pub(super) const SHARE: f64 = 0.35;
 /// bits passes in 98 of 100 cases, one of an unrelated descriptor in 6.
 const FINGERPRINT_DISTANCE: u32 = 11;
 /// Descriptors of a query that vote, evenly chosen: as many as find a place by a twentieth of them. All
-/// take part in the matches.
-const VOTERS: usize = 1024;
+/// take part in the matches. Those of several makes are so many together.
+pub(super) const VOTERS: usize = 1024;
+/// A descriptor to whose fingerprint so many others are near does not vote: it tells no places apart. In
+/// maps of all sizes some 70 are near to one.
+pub(super) const MOST_NEAR: usize = 4096;
 /// Descriptors of one make in a keyframe.
 pub const DESCRIPTORS: usize = 1 << FEATURE_BITS;
 /// Keyframes of one make.
@@ -204,30 +207,32 @@ impl Make {
         true
     }
 
-    /// For each descriptor of `query`: the keyframes that have one like it, by slot, nearest descriptor
-    /// each. Keyframes that `excluded` names are passed over.
+    /// For each of `voters` descriptors of `query`: the keyframes that have one like it, by slot, nearest
+    /// descriptor each. Keyframes that `excluded` names are passed over. Answers how many descriptors were
+    /// compared.
     pub(super) fn hits(
         &self,
         query: &[u64],
+        voters: usize,
         excluded: impl Fn(EntityId) -> bool,
         each: impl FnMut(usize, &[Hit]),
-    ) {
-        hamming::run(Search { make: self, query, excluded, each });
+    ) -> usize {
+        hamming::run(Search { make: self, query, voters, excluded, each })
     }
 
     /// The `count` best keyframes at most, one of each island, and those of `alike` that are not among
-    /// them.
+    /// them; `voters` descriptors vote.
     pub(super) fn query(
         &self,
         (query, numbers): (&[u64], &[u16]),
-        count: usize,
+        (voters, count): (usize, usize),
         alike: &[EntityId],
         excluded: impl Fn(EntityId) -> bool,
     ) -> Vec<Found> {
         let total = self.len() as f64;
         let mut votes = vec![0.0; self.frames.len()];
         let mut weights = vec![None; numbers.len()];
-        self.hits(query, excluded, |descriptor, hits| {
+        self.hits(query, voters, excluded, |descriptor, hits| {
             // What nothing else looks like tells most.
             let weight = (1.0 + total / hits.len().max(1) as f64).ln() / (1.0 + total).ln();
             weights[descriptor] = Some(weight);
@@ -295,26 +300,28 @@ impl Make {
     }
 }
 
-/// What each descriptor of a query finds.
+/// What `voters` descriptors of a query find.
 struct Search<'a, X, F> {
     make: &'a Make,
     query: &'a [u64],
+    voters: usize,
     excluded: X,
     each: F,
 }
 
 impl<X: Fn(EntityId) -> bool, F: FnMut(usize, &[Hit])> Kernel for Search<'_, X, F> {
-    type Output = ();
+    type Output = usize;
 
     #[inline(always)]
-    fn run(mut self) {
+    fn run(mut self) -> usize {
         let make = self.make;
         // Each keyframe is asked for once.
         let mut asked: Vec<Option<bool>> = vec![None; make.frames.len()];
         let mut candidates: Vec<u32> = Vec::new();
         let mut hits: Vec<Hit> = Vec::new();
         let count = self.query.len() / make.words;
-        let voters = count.min(VOTERS);
+        let voters = count.min(self.voters.max(1));
+        let mut compared = 0;
         for voter in 0..voters {
             let index = voter * count / voters;
             let descriptor = &self.query[index * make.words..(index + 1) * make.words];
@@ -324,6 +331,10 @@ impl<X: Fn(EntityId) -> bool, F: FnMut(usize, &[Hit])> Kernel for Search<'_, X, 
                 let (key, fingerprint) = (make.group(t, descriptor), make.group(2 + t, descriptor));
                 table.near(key, fingerprint, FINGERPRINT_DISTANCE, &mut candidates);
             }
+            if candidates.len() > MOST_NEAR {
+                continue;
+            }
+            compared += candidates.len();
             for &value in &candidates {
                 let slot = value >> FEATURE_BITS;
                 let Some(frame) = &make.frames[slot as usize] else { continue };
@@ -340,6 +351,7 @@ impl<X: Fn(EntityId) -> bool, F: FnMut(usize, &[Hit])> Kernel for Search<'_, X, 
             hits.dedup_by_key(|hit| hit.slot);
             (self.each)(index, &hits);
         }
+        compared
     }
 }
 

@@ -4,7 +4,7 @@
 //! All pairs are compared, so what is found does not depend on the index. Knows nothing of islands or
 //! scores.
 
-use super::hamming::{Kernel, distance};
+use super::hamming::{Blocks, Kernel, LANES, NONE, ranked};
 
 /// A descriptor that has a second one nearly as near is ambiguous: largest ratio of the two distances.
 /// Lowe (2004) takes 0.8 for SIFT, ORB-SLAM up to 0.9 for binary descriptors.
@@ -28,36 +28,37 @@ pub(super) struct Matching<'a> {
     pub(super) largest: u32,
 }
 
+fn distance_of(rank: u64) -> u32 {
+    (rank >> 32) as u32
+}
+
+fn place_of(rank: u64) -> usize {
+    rank as u32 as usize
+}
+
 impl Kernel for Matching<'_> {
     type Output = Vec<Pair>;
 
     #[inline(always)]
     fn run(self) -> Vec<Pair> {
-        // Of each b: the nearest a and its distance. The first of equal ones stays.
-        let mut nearest_a = vec![(u32::MAX, 0); self.b.len() / self.words];
+        let b = Blocks::new(self.b, self.words);
+        // Of each b: the nearest a.
+        let mut nearest_a = vec![[NONE; LANES]; b.len()];
         let mut of_a = Vec::with_capacity(self.a.len() / self.words);
         for (i, a) in self.a.chunks_exact(self.words).enumerate() {
-            let (mut best, mut second, mut at) = (u32::MAX, u32::MAX, 0);
-            for (j, b) in self.b.chunks_exact(self.words).enumerate() {
-                let d = distance(a, b);
-                if d < second {
-                    if d < best {
-                        (second, best, at) = (best, d, j);
-                    } else {
-                        second = d;
-                    }
-                }
-                if d < nearest_a[j].0 {
-                    nearest_a[j] = (d, i);
-                }
-            }
-            of_a.push((best, second, at));
+            let [best, second] = ranked(a, i, &b, &mut nearest_a);
+            let nearest = best.iter().copied().fold(NONE, u64::min);
+            let others = best.iter().map(|&rank| if rank == nearest { NONE } else { rank });
+            let next = others.chain(second).fold(NONE, u64::min);
+            of_a.push((nearest, distance_of(next)));
         }
-        let matched = of_a.into_iter().enumerate().filter_map(|(a, (distance, second, b))| {
+        let matched = of_a.into_iter().enumerate().filter_map(|(a, (nearest, second))| {
+            let (distance, b) = (distance_of(nearest), place_of(nearest));
             // Two that are equally near, be it at distance 0, are ambiguous.
             let clear = distance < second && f64::from(distance) <= RATIO * f64::from(second);
-            let mutual = nearest_a.get(b).is_some_and(|&(_, nearest)| nearest == a);
-            (distance <= self.largest && clear && mutual).then_some(Pair { a, b, distance })
+            let to_b = nearest_a.get(b / LANES).map(|block| place_of(block[b % LANES]));
+            let is_match = distance <= self.largest && clear && to_b == Some(a);
+            is_match.then_some(Pair { a, b, distance })
         });
         matched.collect()
     }
@@ -65,7 +66,7 @@ impl Kernel for Matching<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::hamming;
+    use super::super::hamming::{self, distance};
     use super::*;
 
     #[test]
@@ -78,5 +79,49 @@ mod tests {
         let pair = |a, b| Pair { a, b, distance: 0 };
         assert_eq!(matched(&[one, other], &[other, one]), [pair(0, 1), pair(1, 0)]);
         assert_eq!(matched(&[one, other], &[one, other, one]), [pair(1, 1)]);
+        assert_eq!(matched(&[one], &[]), []);
+    }
+
+    /// By the definition, a pair at a time.
+    fn one_by_one(a: &[u64], b: &[u64], words: usize, largest: u32) -> Vec<Pair> {
+        let (a, b): (Vec<_>, Vec<_>) = (a.chunks(words).collect(), b.chunks(words).collect());
+        let nearest = |from: &[u64], all: &[&[u64]]| {
+            let mut by: Vec<(u32, usize)> =
+                all.iter().enumerate().map(|(k, to)| (distance(from, to), k)).collect();
+            by.sort_unstable();
+            by
+        };
+        let pair = |(i, from): (usize, &&[u64])| {
+            let to_b = nearest(from, &b);
+            let &(distance, j) = to_b.first()?;
+            let second = to_b.get(1).map_or(u32::MAX, |&(second, _)| second);
+            let clear = distance < second && f64::from(distance) <= RATIO * f64::from(second);
+            let mutual = nearest(b[j], &a)[0].1 == i;
+            (distance <= largest && clear && mutual).then_some(Pair { a: i, b: j, distance })
+        };
+        a.iter().enumerate().filter_map(pair).collect()
+    }
+
+    #[test]
+    fn many_at_once_are_matched_as_one_by_one() {
+        let mut word = 7_u64;
+        let mut next = || {
+            word = word.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(0x1405_7b7e_f767_814f);
+            word ^ (word >> 29)
+        };
+        for (words, count) in [(2, 1), (4, 7), (4, 8), (4, 133), (8, 65), (64, 20)] {
+            let a: Vec<u64> = (0..words * count).map(|_| next()).collect();
+            // In another order and number, with some bits changed; some twice.
+            let mut b: Vec<u64> = Vec::new();
+            for k in (0..count).rev().chain(0..count / 9) {
+                let own = a[k * words..(k + 1) * words].iter();
+                b.extend(own.map(|word| word ^ (next() & next() & next())));
+            }
+            b.extend((0..3 * words).map(|_| next()));
+            let largest = 22 * words as u32;
+            let found = hamming::run(Matching { a: &a, b: &b, words, largest });
+            assert_eq!(found, one_by_one(&a, &b, words, largest), "{words} words, {count}");
+            assert!(2 * found.len() >= count, "{words} words, {count}: {}", found.len());
+        }
     }
 }

@@ -22,7 +22,7 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 use crate::map::{ClientIndex, EntityId};
-use make::{KEYFRAMES, Make};
+use make::{KEYFRAMES, Make, VOTERS};
 use whole_images::WholeImages;
 
 pub use make::DESCRIPTORS;
@@ -30,6 +30,10 @@ pub use make::DESCRIPTORS;
 /// Fewest and most bytes of a binary descriptor: 128 bits are what keys and fingerprints take, and 4096 is
 /// eight times what the longest in use have.
 pub const DESCRIPTOR_BYTES: std::ops::RangeInclusive<usize> = 16..=512;
+
+/// Bytes of the binary descriptors of a keyframe at most: 4096 of 512 bits. It bounds what a query takes,
+/// whatever a client sends.
+pub const KEYFRAME_BYTES: usize = 256 << 10;
 
 /// Makes of descriptors in one index. Maps have one or two; each costs memory of its own.
 pub const MAKES: usize = 16;
@@ -74,6 +78,9 @@ pub enum PlaceError {
     /// Too many features in one keyframe.
     #[error("{0} descriptors in one keyframe, more than 65,536")]
     Features(usize),
+    /// Too many bytes in one keyframe.
+    #[error("{0} bytes of descriptors in one keyframe, more than 262,144")]
+    Bytes(usize),
     /// Too many makes.
     #[error("descriptors named {name:?} of {bytes} bytes would be the 17th make in the index")]
     Makes {
@@ -152,6 +159,10 @@ fn sorted<'a>(features: &[Feature<'a>]) -> Result<Sorted<'a>, PlaceError> {
             let (name, count) = ((*name).to_owned(), numbers.len());
             return Err(PlaceError::Descriptors { name, count });
         }
+    }
+    let bytes = features.iter().map(|feature| feature.data.len()).sum();
+    if bytes > KEYFRAME_BYTES {
+        return Err(PlaceError::Bytes(bytes));
     }
     Ok(sorted)
 }
@@ -285,7 +296,8 @@ impl PlaceIndex {
             let words = packed(make, features, &numbers);
             // Scores of several makes are shares of all features.
             let share = numbers.len() as f64 / features.len() as f64;
-            for found in make.query((&words, &numbers), count, &alike, &excluded) {
+            let voters = VOTERS * numbers.len() / features.len();
+            for found in make.query((&words, &numbers), (voters, count), &alike, &excluded) {
                 let (first_ns, last_ns) = found.time_ns;
                 let island = Island { client: found.keyframe.client, first_ns, last_ns };
                 let keyframe = found.keyframe;

@@ -14,8 +14,8 @@ use super::convert::{Path, all, convert};
 use super::engine::MapHandle;
 use super::error::ServiceError;
 use crate::loop_closing::{Located, View};
-use crate::map::{Descriptor, Map};
-use crate::place::DESCRIPTORS;
+use crate::map::{Descriptor, DescriptorKind, Map, Reason};
+use crate::place::{DESCRIPTORS, KEYFRAME_BYTES};
 use crate::wire::v1;
 
 /// A request in the terms of loop closing.
@@ -49,7 +49,13 @@ pub(super) fn input(request: v1::LocalizeRequest) -> Result<Input, ServiceError>
         let at = Path::root("global_descriptor");
         let image = request.global_descriptor;
         let image = image.and_then(|image| image_descriptor(at, image, out));
-        let (features, descriptors) = features?.into_iter().unzip();
+        let (features, descriptors): (_, Vec<Option<Descriptor>>) = features?.into_iter().unzip();
+        let binary = descriptors.iter().flatten().filter(|d| d.kind == DescriptorKind::Binary);
+        let bytes: usize = binary.map(|descriptor| descriptor.data.len()).sum();
+        if bytes > KEYFRAME_BYTES {
+            let text = format!("{bytes} bytes of descriptors, at most {KEYFRAME_BYTES} are taken");
+            return out.report(Path::root("features"), Reason::TooLarge, text);
+        }
         Some(Input { camera: camera?.camera, features, descriptors, image })
     })
     .map_err(Into::into)

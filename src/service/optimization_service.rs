@@ -112,8 +112,19 @@ impl Rpcs {
         let snapshot = map.snapshot().await?;
         let cancel = CancelOnDrop::default();
         let interrupt = cancel.interrupt(deadline);
-        let work = move || localize::run(&map, &snapshot, &input, &interrupt);
-        self.solve(&caller, Estimate::LONG, deadline, work).await?
+        let asked = Arc::new((map, snapshot, input, interrupt));
+        loop {
+            let asked = Arc::clone(&asked);
+            let work = move || {
+                let (map, snapshot, input, interrupt) = &*asked;
+                let is_indexed = map.index_places(snapshot, interrupt);
+                is_indexed.then(|| localize::run(map, snapshot, input, interrupt))
+            };
+            // An index that lacks much, as after a restart, is made in several turns of the pool.
+            if let Some(answer) = self.solve(&caller, Estimate::LONG, deadline, work).await? {
+                return answer;
+            }
+        }
     }
 
     async fn bundle(

@@ -56,6 +56,9 @@ pub(super) async fn watch(
         watch = map.watch(wanted.from_revision) => watch?,
         () = context.drained() => return Err(ServiceError::Draining),
     };
+    if !wanted.landmarks {
+        watch.omit_landmarks();
+    }
     let mut sent = Sent::new(wanted.resolution);
     if let Some(snapshot) = watch.reset.take() {
         sent.reset();

@@ -166,7 +166,7 @@ pub(crate) fn assert_consistent(map: &Map) {
     }
     for (id, landmark) in map.landmarks() {
         let expected = observers.remove(id).unwrap_or_default();
-        assert_eq!(landmark.observers, expected, "landmark {id}");
+        assert_eq!(*landmark.observers, expected, "landmark {id}");
         assert_eq!(landmark.reference.is_some(), !expected.is_empty(), "landmark {id}");
         assert!(landmark.reference.is_none_or(|r| expected.contains(&r)), "landmark {id}");
     }

@@ -100,7 +100,8 @@ fn a_merged_map_is_there_in_the_frame_of_the_target() {
         let expected = pose.transform(&landmark.position.unwrap());
         assert!((new.position.unwrap() - expected).norm() < 1e-12);
         assert_eq!(new.sent_position, landmark.sent_position);
-        assert_eq!(new.observers, landmark.observers.iter().map(|&o| moved(o)).collect::<Vec<_>>());
+        let observers: Vec<_> = landmark.observers.iter().map(|&o| moved(o)).collect();
+        assert_eq!(*new.observers, observers);
     }
     let prior = map.priors().get(&moved(id(8))).unwrap();
     let Prior::Position { position_in_world, information, .. } = prior else { panic!() };

@@ -40,7 +40,7 @@ fn the_oldest_goes_and_what_it_told_of_its_neighbors_stays() {
     assert!(!map.keyframes().contains_key(&id(0)) && map.keyframes().len() == 11);
     // Keyframe 0 sees corners 0 to 19, keyframe 1 those from 0 on too: none is left alone.
     assert_eq!(gone.landmarks, []);
-    assert!(map.landmarks().get(&id(0)).unwrap().observers == [id(1), id(2)]);
+    assert!(map.landmarks().get(&id(0)).unwrap().observers[..] == [id(1), id(2)]);
     assert!(!gone.constraints.is_empty() && gone.priors.is_empty());
     for (constraint_id, constraint) in map.constraints() {
         assert!(constraint_id.id < 0 && constraint.kind == ConstraintKind::Marginal);

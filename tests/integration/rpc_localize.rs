@@ -180,6 +180,11 @@ fn each_bad_request_is_told_what_is_wrong() {
             bad.features[4].descriptor.as_mut().unwrap().data = vec![0; 4097];
         });
         case("features", "TOO_LARGE", &|bad| {
+            bad.features = vec![bad.features[0].clone(); 513];
+            let longest = bad.features.iter_mut().flat_map(|feature| &mut feature.descriptor);
+            longest.for_each(|descriptor| descriptor.data = vec![0; 512]);
+        });
+        case("features", "TOO_LARGE", &|bad| {
             bad.features = vec![bad.features[0].clone(); 4097];
         });
         case("global_descriptor.data", "NOT_FINITE", &|bad| {

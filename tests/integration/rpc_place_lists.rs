@@ -1,6 +1,7 @@
 //! Searches for places as a user meets them: the pages of `ListPlaceSearches`, the command line, a closure
 //! of the server's that is revoked, and searches that a restart interrupts.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use covis::wire::v1;
@@ -134,6 +135,62 @@ fn searches_are_listed_page_by_page_and_by_the_command_line() {
                 assert_ne!(pose.id, first);
             }
         }
+    });
+}
+
+/// The keyframes with half of their observations, each followed by the other half.
+fn in_halves(items: Vec<Item>) -> Vec<Item> {
+    let halves = |item: Item| match item {
+        Item::Keyframe(mut keyframe) => {
+            let (mut early, mut late) = (Vec::new(), Vec::new());
+            for (k, seen) in std::mem::take(&mut keyframe.observations).into_iter().enumerate() {
+                if k % 2 == 0 { early.push(seen) } else { late.push(seen) }
+            }
+            let id = keyframe.id;
+            let of = v1::KeyframeRef { id, ..Default::default() };
+            let late = v1::ObservationBatch { keyframe: Some(of), observations: late };
+            vec![
+                Item::Keyframe(v1::Keyframe { observations: early, ..keyframe }),
+                Item::Observations(late),
+            ]
+        }
+        other => vec![other],
+    };
+    items.into_iter().flat_map(halves).collect()
+}
+
+#[test]
+fn closures_of_every_search_of_a_keyframe_are_listed() {
+    let items = in_halves(items(&walk().sequence, &[], Order::Streamed));
+    run(async {
+        let server = TestServer::lock_step().await;
+        server.create_map("room").await;
+        send(&server, (1, &items)).await;
+        let mut in_map = BTreeSet::new();
+        let list = v1::ListConstraintsRequest { map_id: "room".to_owned(), ..Default::default() };
+        let mut stream = server.maps().list_constraints(list).await.unwrap().into_inner();
+        while let Some(page) = stream.message().await.unwrap() {
+            for constraint in page.constraints {
+                if let Some(Constraint::RelativePose(pose)) = constraint.constraint
+                    && pose.kind() == v1::ConstraintKind::LoopClosure
+                {
+                    in_map.insert((pose.keyframe_j.unwrap().id, pose.id));
+                }
+            }
+        }
+        let searches = searches(&server).await;
+        let listed: BTreeSet<(i64, i64)> = searches
+            .iter()
+            .flat_map(|search| {
+                let keyframe = search.keyframe.as_ref().unwrap().id;
+                let closures = search.closure.iter().chain(&search.earlier_closures);
+                closures.map(move |closure| (keyframe, closure.id))
+            })
+            .collect();
+        assert_eq!(listed, in_map);
+        let is_again = |s: &&v1::PlaceSearch| !s.earlier_closures.is_empty();
+        let again = searches.iter().filter(is_again).count();
+        assert!(again >= 2, "{again} keyframes have an earlier closure");
     });
 }
 

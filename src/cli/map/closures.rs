@@ -52,29 +52,45 @@ pub(super) async fn closures(client: &Client, name: String, json: bool) -> anyho
     show(json, &listed, || text(&listed.candidates))
 }
 
+/// A relative pose of the map.
+struct State {
+    verdict: &'static str,
+    /// Client and id of its first keyframe.
+    from: Option<(String, i64)>,
+}
+
+type States = BTreeMap<(String, i64), State>;
+
+fn named(keyframe: Option<v1::KeyframeRef>) -> Option<(String, i64)> {
+    keyframe.map(|keyframe| (keyframe.client_id, keyframe.id))
+}
+
 /// What became of each relative pose, by client and id.
-fn states(constraints: Vec<v1::Constraint>) -> BTreeMap<(String, i64), &'static str> {
+fn states(constraints: Vec<v1::Constraint>) -> States {
     let relative = constraints.into_iter().filter_map(|message| match message.constraint? {
         Constraint::RelativePose(pose) => Some(pose),
         Constraint::PosePrior(_) | Constraint::PositionPrior(_) => None,
     });
-    let state = |off: Option<v1::SwitchedOff>| match off {
+    let verdict = |off: Option<v1::SwitchedOff>| match off {
         None => "closed",
         Some(off) if off.provisional => "provisional",
         Some(_) => "switched_off",
     };
-    relative.map(|pose| ((pose.client_id, pose.id), state(pose.switched_off))).collect()
+    let state = |pose: v1::RelativePoseConstraint| {
+        let (verdict, from) = (verdict(pose.switched_off), named(pose.keyframe_i));
+        ((pose.client_id, pose.id), State { verdict, from })
+    };
+    relative.map(state).collect()
 }
 
-fn rows(search: v1::PlaceSearch, states: &BTreeMap<(String, i64), &'static str>) -> Vec<Row> {
-    let named = |keyframe: Option<v1::KeyframeRef>| {
-        keyframe.map(|keyframe| (keyframe.client_id, keyframe.id))
-    };
+fn rows(search: v1::PlaceSearch, states: &States) -> Vec<Row> {
     let Some(keyframe) = named(search.keyframe) else { return Vec::new() };
     let closure = search.closure.map(|closure| (closure.client_id, closure.id));
     let of_search = search.refusal;
     let accepted = match &closure {
-        Some(closure) => (states.get(closure).copied().unwrap_or("removed"), String::new()),
+        Some(closure) => {
+            (states.get(closure).map_or("removed", |state| state.verdict), String::new())
+        }
         None => ("refused", String::new()),
     };
     let row = |candidate: v1::PlaceCandidate| {
@@ -94,7 +110,16 @@ fn rows(search: v1::PlaceSearch, states: &BTreeMap<(String, i64), &'static str>)
         && let Some(v1::PlaceRefusal { reason, text }) = &of_search
     {
         let (verdict, text) = (reason.clone(), text.clone());
-        rows.push(Row { keyframe, candidate: None, score: 0.0, matches: 0, verdict, text });
+        let (keyframe, candidate) = (keyframe.clone(), None);
+        rows.push(Row { keyframe, candidate, score: 0.0, matches: 0, verdict, text });
+    }
+    for closure in search.earlier_closures {
+        let Some(State { verdict, from }) = states.get(&(closure.client_id, closure.id)) else {
+            continue;
+        };
+        let (keyframe, candidate) = (keyframe.clone(), from.clone());
+        let (verdict, text) = ((*verdict).to_owned(), "by an earlier search".to_owned());
+        rows.push(Row { keyframe, candidate, score: 0.0, matches: 0, verdict, text });
     }
     rows
 }
@@ -139,6 +164,7 @@ mod tests {
             candidates,
             closure,
             refusal,
+            earlier_closures: Vec::new(),
         };
         let constraint = |id, switched_off| v1::Constraint {
             constraint: Some(Constraint::RelativePose(v1::RelativePoseConstraint {
@@ -166,6 +192,12 @@ mod tests {
             let found = verdicts(search(20, vec![candidate(2, None)], closure(id), None));
             assert_eq!(found, [pair(verdict, "")]);
         }
+        let again = v1::PlaceSearch {
+            earlier_closures: vec![closure(-5).unwrap()],
+            ..search(20, vec![candidate(2, None)], closure(-4), None)
+        };
+        let found = verdicts(again);
+        assert_eq!(found, [pair("closed", ""), pair("switched_off", "by an earlier search")]);
         let full = verdicts(search(20, vec![candidate(2, None)], None, Some(refusal("no_room"))));
         assert_eq!(full, [pair("no_room", "why")]);
         let none = verdicts(search(20, Vec::new(), None, Some(refusal("descriptors"))));

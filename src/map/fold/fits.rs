@@ -303,8 +303,10 @@ impl Fit<'_> {
     }
 
     fn positions(&self, positions: &[(EntityId, Vector3<f64>)]) -> Outcome {
+        // A solve may move all landmarks, by rising id.
+        let mut landmarks = self.map.landmarks.rising();
         for (id, position) in positions {
-            self.landmark(*id)?;
+            self.present(landmarks.get(id).is_some(), EntityKind::Landmark, *id)?;
             self.finite(finite(position), EntityKind::Landmark, *id)?;
         }
         Ok(())

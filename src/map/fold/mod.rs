@@ -19,8 +19,8 @@ use super::frames;
 use super::unsolved::to_solve;
 use super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, Constraint, EntityId, Event, Keyframe,
-    Landmark, Map, MapError, MapPolicy, NewLandmark, Observation, Observations, Prior, Retired,
-    SolveKind, ToSolve, Unsolved,
+    Landmark, Map, MapError, MapPolicy, NewLandmark, Observation, Observations, Observers, Prior,
+    Retired, SolveKind, ToSolve, Unsolved,
 };
 
 /// Items of a client whose digests are kept. Clients do not resend older items: a client keeps only
@@ -192,7 +192,7 @@ impl Map {
                 position: new.moved_by(motion).position,
                 sent_position: new.position,
                 reference: None,
-                observers: Vec::new(),
+                observers: Observers::default(),
                 added_revision: revision,
                 positioned_revision: if new.position.is_some() { revision } else { 0 },
             };
@@ -245,11 +245,9 @@ impl Map {
                 keyframe.world_from_camera = *pose;
             }
         }
-        for (id, position) in &solve.landmarks {
-            if let Some(landmark) = self.landmarks.get_mut(id) {
-                landmark.position = Some(*position);
-            }
-        }
+        self.landmarks.update_rising(solve.landmarks.iter().copied(), |landmark, position| {
+            landmark.position = Some(position);
+        });
         for (id, camera) in &solve.cameras {
             if let Some(entity) = self.cameras.get_mut(id) {
                 entity.camera = *camera;

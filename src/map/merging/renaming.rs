@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use super::super::{
     Affected, ClientIndex, Constraint, Content, Duplicates, EntityId, Keyframe, Landmark,
-    MAX_NUMBER, MapParts, MergedClient, MergedMap, Observation, PlaceCandidate, PlaceSearch,
-    PlaceSearches, Prior, SharedMap, ToSolve, Unsolved,
+    MAX_NUMBER, MapParts, MergedClient, MergedMap, Observation, Observers, PlaceCandidate,
+    PlaceSearch, PlaceSearches, Prior, SharedMap, ToSolve, Unsolved,
 };
 
 /// New ids for old ones.
@@ -25,7 +25,7 @@ impl<'a> Renaming<'a> {
         let mut counts: BTreeMap<ClientIndex, i64> = BTreeMap::new();
         let mut own: Vec<EntityId> =
             parts.constraints.keys().chain(parts.priors.keys()).copied().collect();
-        own.retain(|id| id.id < 0);
+        own.retain(EntityId::is_own);
         own.sort_unstable();
         let number = |id: EntityId| {
             let count = counts.entry(id.client).or_default();
@@ -68,7 +68,7 @@ impl<'a> Renaming<'a> {
     }
 
     fn landmark(&self, landmark: &Landmark) -> Landmark {
-        let observers = Vec::new();
+        let observers = Observers::default();
         let reference = landmark.reference.map(|keyframe| self.entity(keyframe));
         Landmark { reference, observers, ..landmark.clone() }
     }

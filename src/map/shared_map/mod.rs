@@ -78,6 +78,14 @@ fn part_of<K: Ord, T>(parts: &[(K, T)], key: &K) -> Option<usize> {
     parts.partition_point(|part| part.0 <= *key).checked_sub(1)
 }
 
+/// The place of a key in a leaf; it is most often at `at`.
+fn place_near<K: Ord + Copy, V>(leaf: &[(K, V)], at: usize, key: &K) -> Result<usize, usize> {
+    match leaf.get(at) {
+        Some((next, _)) if next == key => Ok(at),
+        _ => leaf.binary_search_by_key(key, |entry| entry.0),
+    }
+}
+
 impl<K: Ord + Copy, V> SharedMap<K, V> {
     /// `None` below all entries.
     fn place(&self, key: &K) -> Option<Place> {
@@ -100,6 +108,18 @@ impl<K: Ord + Copy, V> SharedMap<K, V> {
     #[must_use]
     pub fn contains_key(&self, key: &K) -> bool {
         self.get(key).is_some()
+    }
+
+    /// Finds the values of keys that rise, mostly without a search from the top.
+    #[must_use]
+    pub fn rising(&self) -> Rising<'_, K, V> {
+        Rising { map: self, leaf: &[], end: None, at: 0 }
+    }
+
+    /// The first key behind the leaf at a place; `None` behind the last leaf.
+    fn end_of(&self, branch: usize, leaf: usize) -> Option<K> {
+        let next = self.branches[branch].1.get(leaf + 1).map(|&(key, _)| key);
+        next.or_else(|| self.branches.get(branch + 1).map(|&(key, _)| key))
     }
 
     /// The entry of the highest key.
@@ -144,6 +164,33 @@ impl<K: Ord + Copy, V: Clone> SharedMap<K, V> {
         let (branch, leaf, at) = self.place(key)?;
         let at = at.ok()?;
         Some(&mut Arc::make_mut(&mut self.leaves_mut(branch)[leaf].1)[at].1)
+    }
+
+    /// Changes the values of keys that rise, mostly without a search from the top; keys without a value
+    /// are skipped. Other orders take longer and do the same.
+    pub fn update_rising<T>(
+        &mut self,
+        changes: impl IntoIterator<Item = (K, T)>,
+        mut change: impl FnMut(&mut V, T),
+    ) {
+        let mut changes = changes.into_iter().peekable();
+        while let Some((first, value)) = changes.next() {
+            let Some((branch, leaf, Ok(at))) = self.place(&first) else { continue };
+            let end = self.end_of(branch, leaf);
+            let entries = Arc::make_mut(&mut self.leaves_mut(branch)[leaf].1);
+            change(&mut entries[at].1, value);
+            let mut at = at + 1;
+            let is_here = |key: &K| *key > first && end.is_none_or(|end| *key < end);
+            while let Some((key, value)) = changes.next_if(|(key, _)| is_here(key)) {
+                match place_near(entries, at, &key) {
+                    Ok(found) => {
+                        change(&mut entries[found].1, value);
+                        at = found + 1;
+                    }
+                    Err(next) => at = next,
+                }
+            }
+        }
     }
 
     /// The value of a key, to be changed; `value` where it has none yet.
@@ -312,6 +359,36 @@ impl<'a, K, V> IntoIterator for &'a SharedMap<K, V> {
 
     fn into_iter(self) -> Self::IntoIter {
         self.iter()
+    }
+}
+
+/// Finds values of a [`SharedMap`] by rising keys. Other orders take longer and find the same.
+#[derive(Debug)]
+pub struct Rising<'a, K, V> {
+    map: &'a SharedMap<K, V>,
+    /// The leaf of the last key that was found.
+    leaf: &'a [(K, V)],
+    /// The first key behind that leaf; `None` behind the last leaf.
+    end: Option<K>,
+    /// The place in the leaf where the next key is expected.
+    at: usize,
+}
+
+impl<'a, K: Ord + Copy, V> Rising<'a, K, V> {
+    /// The value of a key.
+    pub fn get(&mut self, key: &K) -> Option<&'a V> {
+        let is_here = self.leaf.first().is_some_and(|(first, _)| first <= key)
+            && self.end.is_none_or(|end| *key < end);
+        let at = if is_here {
+            place_near(self.leaf, self.at, key)
+        } else {
+            let (branch, leaf, at) = self.map.place(key)?;
+            self.leaf = &self.map.branches[branch].1[leaf].1;
+            self.end = self.map.end_of(branch, leaf);
+            at
+        };
+        self.at = at.map_or_else(|at| at, |at| at + 1);
+        Some(&self.leaf[at.ok()?].1)
     }
 }
 

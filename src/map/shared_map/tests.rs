@@ -157,3 +157,43 @@ proptest! {
         }
     }
 }
+
+/// Keys that rise with gaps, those of one map and some that it does not have.
+fn rising_keys() -> impl Iterator<Item = i64> {
+    (-3..60_000).filter(|key| key % 7 < 4 && key / 500 % 3 != 1)
+}
+
+#[test]
+fn rising_keys_are_found_as_any_others() {
+    // Gaps within leaves, of whole leaves and of whole branches.
+    let kept = |key: &i64| key % 3 != 0 && !(9_000..9_100).contains(key) && key / 10_000 != 2;
+    let map: SharedMap<i64, i64> = (0..50_000).filter(kept).map(|key| (key, -key)).collect();
+    let mut rising = map.rising();
+    assert!(rising_keys().all(|key| rising.get(&key) == map.get(&key)));
+    // In any other order too.
+    for key in [40, 49_999, 3, 41, 41, 40, -1, 60_000, 9_050, 25_000, 40] {
+        assert_eq!(rising.get(&key), map.get(&key), "{key}");
+    }
+    assert_eq!(SharedMap::<i64, i64>::default().rising().get(&3), None);
+}
+
+#[test]
+fn values_of_rising_keys_are_changed_and_nothing_else() {
+    let kept = |key: &i64| key % 3 != 0 && key / 10_000 != 2;
+    let first: SharedMap<i64, i64> = (0..50_000).filter(kept).map(|key| (key, 0)).collect();
+    let (mut rising, mut one_by_one) = (first.clone(), first.clone());
+    let changes = || rising_keys().chain([7, 40_000, 8]).zip(1..);
+    rising.update_rising(changes(), |value, change| *value = 10 * *value + change);
+    for (key, change) in changes() {
+        if let Some(value) = one_by_one.get_mut(&key) {
+            *value = 10 * *value + change;
+        }
+    }
+    check(&rising);
+    assert_eq!(rising, one_by_one);
+    assert!(first.values().all(|&value| value == 0), "a copy stays as it was");
+    // A leaf without such a key is not copied.
+    let mut few = first.clone();
+    few.update_rising([(1, 5), (2, 5), (3, 5), (49_999, 5)], |value, change| *value = change);
+    assert_eq!(own_parts(&few, &first).0, 2);
+}

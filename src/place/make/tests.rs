@@ -56,7 +56,7 @@ proptest! {
         }
         let query: Vec<u64> = asked.iter().flat_map(|&n| descriptor(n)).collect();
         let excluded = id(excluded);
-        index.hits(&query, |id| id == excluded, |at, hits| {
+        index.hits(&query, 1024, |id| id == excluded, |at, hits| {
             let asked = &query[4 * at..4 * at + 4];
             let name = |hit: &Hit| index.frames[hit.slot as usize].as_ref().unwrap().id;
             let hits: BTreeMap<EntityId, u32> = hits.iter().map(|hit| (name(hit), hit.distance)).collect();
@@ -74,7 +74,7 @@ proptest! {
         });
         // Every answer is of keyframes that are there, with the distances that their matches have.
         let numbers: Vec<u16> = (0..asked.len() as u16).collect();
-        for found in index.query((&query, &numbers), 9, &[], |id| id == excluded) {
+        for found in index.query((&query, &numbers), (1024, 9), &[], |id| id == excluded) {
             prop_assert!(found.keyframe != excluded && found.score > 0.0 && found.score <= 1.0);
             let words = &model[&found.keyframe];
             for (a, b, d) in found.matches {

@@ -10,7 +10,7 @@ use super::count;
 use super::geometry::{
     to_information6, to_rigid_transform, to_upper_triangle, to_vector2, to_vector3,
 };
-use super::ids::{client_name, to_keyframe_ref, to_landmark_ref};
+use super::ids::{client_name, to_constraint_ref, to_keyframe_ref, to_landmark_ref};
 use super::solve::to_loss;
 use super::time::timestamp;
 use crate::map::{
@@ -152,13 +152,18 @@ pub(in crate::service) fn to_place_search(
     search: &PlaceSearch,
 ) -> v1::PlaceSearch {
     let PlaceSearch { candidates, closure, refusal } = search;
-    let closure =
-        closure.map(|id| v1::ConstraintRef { client_id: client_name(map, id), id: id.id });
+    // A keyframe is searched again when it gets observations.
+    let is_earlier = |id: &EntityId| {
+        let found = map.constraints().get(id).filter(|_| id.is_own() && Some(*id) != *closure);
+        found.is_some_and(|c| c.kind == ConstraintKind::LoopClosure && c.keyframe_j == keyframe)
+    };
+    let earlier = map.ties().of(keyframe).filter(is_earlier);
     v1::PlaceSearch {
         keyframe: Some(to_keyframe_ref(map, keyframe)),
         candidates: candidates.iter().map(|c| to_place_candidate(map, c)).collect(),
-        closure,
+        closure: closure.map(|id| to_constraint_ref(map, id)),
         refusal: refusal.as_ref().map(to_place_refusal),
+        earlier_closures: earlier.map(|id| to_constraint_ref(map, id)).collect(),
     }
 }
 

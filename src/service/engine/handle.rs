@@ -350,6 +350,14 @@ impl MapHandle {
         is_whole.then(|| measured_graph(map, map.policy().gauge, &pairs, &motions))
     }
 
+    /// Brings the index of places up to `map`, a snapshot of this map, by a piece that takes a tenth of a
+    /// second at most. Whether nothing is left to do, which is so too where the interrupt is due. Blocks its
+    /// thread.
+    #[must_use]
+    pub fn index_places(&self, map: &Map, interrupt: &Interrupt) -> bool {
+        !map.policy().place_recognition || self.shared.places.advance(map, interrupt)
+    }
+
     /// The place of a view in `map`, a snapshot of this map, and the candidates that were verified. Blocks
     /// its thread.
     ///

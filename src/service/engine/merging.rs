@@ -163,21 +163,32 @@ impl Maps {
         if !of_target.policy().place_recognition {
             return Err(EngineError::NoPlaceRecognition { map: target.name().to_owned() });
         }
-        let places = Arc::clone(&target.shared.places);
-        let work = move || {
-            let candidates =
-                |view: &View<'_>| places.candidates(&of_target, view, &interrupt, |_| false);
-            let aligned = align(&of_target, &of_source, candidates, &interrupt);
-            (!interrupt.is_due()).then_some(aligned)
-        };
-        match self.inner.pool.run(&target.shared.account, Estimate::LONG, work).await {
-            Ok(None) => Err(EngineError::Solve(SolveError::Interrupted)),
-            Ok(Some(Ok(alignment))) => Ok((alignment.target_from_source, alignment.links)),
-            Ok(Some(Err(error))) => {
-                Err(EngineError::NotAligned { map: source.name().to_owned(), error })
-            }
-            Err(PoolError::Full(error)) => Err(error),
-            Err(PoolError::Panicked(panicked)) => Err(report_bug(&panicked.message)),
+        let asked = Arc::new((Arc::clone(&target.shared.places), of_source, of_target, interrupt));
+        loop {
+            let asked = Arc::clone(&asked);
+            let work = move || {
+                let (places, of_source, of_target, interrupt) = &*asked;
+                // An index that lacks much, as after a restart, is made in several turns of the pool.
+                if !places.advance(of_target, interrupt) {
+                    return None;
+                }
+                let candidates =
+                    |view: &View<'_>| places.candidates(of_target, view, interrupt, |_| false);
+                let aligned = align(of_target, of_source, candidates, interrupt);
+                Some((!interrupt.is_due()).then_some(aligned))
+            };
+            return match self.inner.pool.run(&target.shared.account, Estimate::LONG, work).await {
+                Ok(None) => continue,
+                Ok(Some(None)) => Err(EngineError::Solve(SolveError::Interrupted)),
+                Ok(Some(Some(Ok(alignment)))) => {
+                    Ok((alignment.target_from_source, alignment.links))
+                }
+                Ok(Some(Some(Err(error)))) => {
+                    Err(EngineError::NotAligned { map: source.name().to_owned(), error })
+                }
+                Err(PoolError::Full(error)) => Err(error),
+                Err(PoolError::Panicked(panicked)) => Err(report_bug(&panicked.message)),
+            };
         }
     }
 

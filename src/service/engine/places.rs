@@ -1,7 +1,7 @@
 //! The index of a map's places, kept so that a search need not index the map again.
 //!
 //! It is a function of what the map holds and lost with the process: it is made when a place is first
-//! searched, and brought up to the map of each later search by what differs. So nobody has to tell what
+//! searched, and brought up to the map of each later search by what differs, a piece at a time. So nobody has to tell what
 //! changed, and whoever changes the map never waits for it. It is shared by the searches and the calls of
 //! one map, blocks its thread and uses nothing of the engine.
 
@@ -17,6 +17,9 @@ use crate::place::{Candidate, PlaceError, PlaceIndex};
 
 /// Memory that an index may take beyond what the map counts for it: its smallest tables, of each make.
 const LEAST: u64 = 1 << 20;
+
+/// Descriptors that are indexed or removed at once, and a keyframe more: some 3 µs each.
+const PIECE: usize = 1 << 15;
 
 /// The index of a map's places.
 #[derive(Debug, Default)]
@@ -48,13 +51,21 @@ impl Known {
         self.revision >= Some(map.revision())
     }
 
-    /// Indexes what is not as in the map, which is newer. What is done when the interrupt is due is kept.
+    /// Indexes a piece of what is not as in the map, which is newer. What is done when the interrupt is due
+    /// is kept.
     fn update(&mut self, map: &Map, interrupt: &Interrupt) {
         let keyframes = map.keyframes();
-        let gone = self.indexed.extract_if(.., |id, _| !keyframes.contains_key(id));
-        gone.for_each(|(id, _)| {
+        let mut left = PIECE;
+        let gone = self.indexed.iter().filter(|(id, _)| !keyframes.contains_key(id));
+        let gone: Vec<_> = gone.map(|(&id, entry)| (id, entry.observations.len())).collect();
+        for (id, count) in gone {
+            if left == 0 || interrupt.is_due() {
+                return;
+            }
             self.index.remove(id);
-        });
+            self.indexed.remove(&id);
+            left = left.saturating_sub(count);
+        }
         let is_due = |id: &EntityId, seen: &Observations| {
             self.indexed.get(id).is_none_or(|entry| !entry.observations.is_same(seen))
         };
@@ -63,11 +74,12 @@ impl Known {
         let mut due: Vec<_> = due.map(|(&id, known)| ((known.added_revision, id), known)).collect();
         due.sort_unstable_by_key(|&(age, _)| age);
         for ((_, id), keyframe) in due {
-            if interrupt.is_due() {
+            if left == 0 || interrupt.is_due() {
                 return;
             }
             self.index.remove(id);
             let (_, features) = indexed(keyframe);
+            left = left.saturating_sub(features.len());
             let added = if features.is_empty() {
                 Ok(())
             } else {
@@ -124,6 +136,22 @@ impl Places {
         Some(std::mem::take(&mut *known))
     }
 
+    /// Indexes a piece of what the index lacks of a map: a tenth of a second at most, so that whoever has
+    /// much to index can give its thread to others in between. Whether nothing is left to do: the index is
+    /// as new as the map, or the interrupt is due.
+    pub(super) fn advance(&self, map: &Map, interrupt: &Interrupt) -> bool {
+        if interrupt.is_due() || self.read().is_current(map) {
+            return true;
+        }
+        let mut known = self.write();
+        // Another search may have done so meanwhile.
+        if !known.is_current(map) {
+            known.update(map, interrupt);
+            self.bytes.store(known.index.bytes() as u64, Ordering::Relaxed);
+        }
+        known.is_current(map) || interrupt.is_due()
+    }
+
     /// The candidates for the place of a view, best first, none of those that `is_excluded` names. None
     /// where the interrupt was due.
     ///
@@ -140,14 +168,7 @@ impl Places {
         if features.is_empty() {
             return Ok(Vec::new());
         }
-        if !self.read().is_current(map) {
-            let mut known = self.write();
-            // Another search may have done so meanwhile.
-            if !known.is_current(map) {
-                known.update(map, interrupt);
-                self.bytes.store(known.index.bytes() as u64, Ordering::Relaxed);
-            }
-        }
+        while !self.advance(map, interrupt) {}
         if interrupt.is_due() {
             return Ok(Vec::new());
         }

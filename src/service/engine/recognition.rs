@@ -93,6 +93,11 @@ impl Recognition {
         let interrupt = Interrupt::at(None).or_when(Arc::clone(&cancel));
         let meters = Arc::clone(&self.shared.meters);
         let answer = self.pool.start(&self.shared.account, Estimate::LONG, move || {
+            // An index that lacks much, as after a restart, is made in several tasks: between two of them
+            // other solves have their turns.
+            if !places.advance(&map, &interrupt) {
+                return Vec::new();
+            }
             let search = |(asked, keyframe)| {
                 let started = std::time::Instant::now();
                 let found = find(&map, &places, (keyframe, asked), &interrupt);

@@ -92,7 +92,7 @@ impl Touched {
             }
             Change::SolveApplied { solve } => {
                 solve.poses.iter().for_each(|&(id, _)| self.keyframe(id));
-                self.landmarks.extend(solve.landmarks.iter().map(|&(id, _)| id));
+                self.landmarks(solve.landmarks.iter().map(|&(id, _)| id));
                 self.cameras.extend(solve.cameras.iter().map(|&(id, _)| id));
                 self.constraints.extend(solve.switched_off.iter().map(|&(id, _)| id));
                 self.constraints.extend(&solve.switched_on);
@@ -161,11 +161,21 @@ impl Touched {
         self.clients.insert(id.client);
     }
 
-    /// Adds the ids of `other`.
-    pub(super) fn join(&mut self, other: &Self) {
+    /// Adds ids of landmarks, which rise and may be all that there are: a set is made of them in one pass.
+    fn landmarks(&mut self, ids: impl Iterator<Item = EntityId>) {
+        self.landmarks.append(&mut ids.collect());
+    }
+
+    /// Adds the ids of `other`, those of landmarks only `with_landmarks`.
+    pub(super) fn join(&mut self, other: &Self, with_landmarks: bool) {
         self.cameras.extend(&other.cameras);
         self.keyframes.extend(&other.keyframes);
-        self.landmarks.extend(&other.landmarks);
+        // Both sets in one pass, where that is less work than to insert each id.
+        if with_landmarks && other.landmarks.len() > self.landmarks.len() / 8 {
+            self.landmarks.append(&mut other.landmarks.clone());
+        } else if with_landmarks {
+            self.landmarks.extend(&other.landmarks);
+        }
         self.constraints.extend(&other.constraints);
         self.clients.extend(&other.clients);
     }

@@ -67,9 +67,9 @@ impl Gathered {
         self.touched = Touched::default();
     }
 
-    pub(super) fn join(&mut self, touched: &Touched) {
+    pub(super) fn join(&mut self, touched: &Touched, with_landmarks: bool) {
         if !self.reset {
-            self.touched.join(touched);
+            self.touched.join(touched, with_landmarks);
             self.check();
         }
     }
@@ -103,6 +103,8 @@ pub struct Watch {
     signal: watch::Receiver<()>,
     /// The ids gathered so far for the next change.
     gathered: Gathered,
+    /// Whether ids of landmarks are gathered.
+    with_landmarks: bool,
     /// Names of clients that opened a stream before the log begins.
     opened: BTreeSet<String>,
     /// The revision and state that the reader got last, initially those of the start.
@@ -133,6 +135,7 @@ impl Watch {
             log,
             signal,
             gathered: Gathered::new(most_touched(map)),
+            with_landmarks: true,
             opened: BTreeSet::new(),
             sent: (revision, state),
             due: false,
@@ -141,6 +144,12 @@ impl Watch {
             _open: handle.shared.meters.watchers.hold(),
             handle,
         }
+    }
+
+    /// Gathers no ids of landmarks from here on: the reader does not want them.
+    pub fn omit_landmarks(&mut self) {
+        self.with_landmarks = false;
+        self.gathered.touched.landmarks = BTreeSet::new();
     }
 
     /// Waits for the next step, which joins all changes since the last one. Canceling loses
@@ -213,7 +222,8 @@ impl Watch {
                 Taken::Lost => self.gathered.reset(),
                 Taken::Some(some, most) => {
                     self.gathered.most = most;
-                    some.iter().for_each(|touched| self.gathered.join(touched));
+                    let with_landmarks = self.with_landmarks;
+                    some.iter().for_each(|touched| self.gathered.join(touched, with_landmarks));
                 }
             }
             // Lets other tasks run, above all the engine.
@@ -243,7 +253,7 @@ impl Watch {
         };
         match read {
             Some((touched, opened)) => {
-                self.gathered.join(&touched);
+                self.gathered.join(&touched, self.with_landmarks);
                 self.opened = opened;
             }
             None => self.gathered.reset(),

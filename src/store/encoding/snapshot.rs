@@ -20,7 +20,7 @@ use super::merging::{decode_merged, encode_merged};
 use super::places::{decode_pending, decode_search, encode_pending, encode_search};
 use super::{EncodingError, decode, decode_known, required, v1};
 use crate::map::{
-    ClientIndex, Content, Digest, EntityId, Keyframe, Landmark, Map, MapParts, Usage,
+    ClientIndex, Content, Digest, EntityId, Keyframe, Landmark, Map, MapParts, Observers, Usage,
 };
 
 /// Entries of one kind in one part: what a part takes in memory is not to be seen beside a small map.
@@ -440,7 +440,7 @@ fn decode_landmark(landmark: v1::Landmark) -> (EntityId, Landmark) {
         position: landmark.position.map(decode_vector),
         sent_position: landmark.sent_position.map(decode_vector),
         reference: landmark.reference.map(decode_id),
-        observers: Vec::new(),
+        observers: Observers::default(),
         added_revision: landmark.added_revision,
         positioned_revision: landmark.positioned_revision,
     };

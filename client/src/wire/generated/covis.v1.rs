@@ -2141,6 +2141,10 @@ pub struct PlaceSearch {
     /// where there is nothing to say. Reasons: "descriptors", "no_room".
     #[prost(message, optional, tag = "4")]
     pub refusal: ::core::option::Option<PlaceRefusal>,
+    /// Other loop closures of the server that end at this keyframe and that are in the map: of earlier
+    /// searches, before the keyframe got more observations, or of a merge.
+    #[prost(message, repeated, tag = "5")]
+    pub earlier_closures: ::prost::alloc::vec::Vec<ConstraintRef>,
 }
 impl ::prost::Name for PlaceSearch {
     const NAME: &'static str = "PlaceSearch";
@@ -6114,7 +6118,8 @@ pub struct LocalizeRequest {
     /// The camera; its id and client are ignored. Required.
     #[prost(message, optional, tag = "2")]
     pub camera: ::core::option::Option<Camera>,
-    /// What it sees, at most 4096. At least 12 with a descriptor are needed to find a place.
+    /// What it sees, at most 4096, with at most 256 KiB of binary descriptors. At least 12 with a
+    /// descriptor are needed to find a place.
     #[prost(message, repeated, tag = "3")]
     pub features: ::prost::alloc::vec::Vec<Feature>,
     /// Describes the whole image, as Keyframe.global_descriptor. Default: none.

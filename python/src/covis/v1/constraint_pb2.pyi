@@ -110,16 +110,18 @@ class PosePrior(_message.Message):
     def __init__(self, client_id: _Optional[str] = ..., id: _Optional[int] = ..., keyframe: _Optional[_Union[_map_pb2.KeyframeRef, _Mapping]] = ..., world_from_camera: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., information: _Optional[_Union[_geometry_pb2.InformationMatrix6, _Mapping]] = ..., loss: _Optional[_Union[_optimization_pb2.Loss, _Mapping]] = ...) -> None: ...
 
 class PlaceSearch(_message.Message):
-    __slots__ = ("keyframe", "candidates", "closure", "refusal")
+    __slots__ = ("keyframe", "candidates", "closure", "refusal", "earlier_closures")
     KEYFRAME_FIELD_NUMBER: _ClassVar[int]
     CANDIDATES_FIELD_NUMBER: _ClassVar[int]
     CLOSURE_FIELD_NUMBER: _ClassVar[int]
     REFUSAL_FIELD_NUMBER: _ClassVar[int]
+    EARLIER_CLOSURES_FIELD_NUMBER: _ClassVar[int]
     keyframe: _map_pb2.KeyframeRef
     candidates: _containers.RepeatedCompositeFieldContainer[PlaceCandidate]
     closure: ConstraintRef
     refusal: PlaceRefusal
-    def __init__(self, keyframe: _Optional[_Union[_map_pb2.KeyframeRef, _Mapping]] = ..., candidates: _Optional[_Iterable[_Union[PlaceCandidate, _Mapping]]] = ..., closure: _Optional[_Union[ConstraintRef, _Mapping]] = ..., refusal: _Optional[_Union[PlaceRefusal, _Mapping]] = ...) -> None: ...
+    earlier_closures: _containers.RepeatedCompositeFieldContainer[ConstraintRef]
+    def __init__(self, keyframe: _Optional[_Union[_map_pb2.KeyframeRef, _Mapping]] = ..., candidates: _Optional[_Iterable[_Union[PlaceCandidate, _Mapping]]] = ..., closure: _Optional[_Union[ConstraintRef, _Mapping]] = ..., refusal: _Optional[_Union[PlaceRefusal, _Mapping]] = ..., earlier_closures: _Optional[_Iterable[_Union[ConstraintRef, _Mapping]]] = ...) -> None: ...
 
 class PlaceCandidate(_message.Message):
     __slots__ = ("keyframe", "score", "match_count", "refusal")

@@ -117,6 +117,35 @@ fn an_index_that_is_cut_off_is_finished_by_the_next_search() {
     assert_eq!(candidates(&places, &map, 1, &Interrupt::default()), [1]);
 }
 
+#[test]
+fn an_index_that_lacks_much_is_made_in_pieces() {
+    let mut map = empty();
+    // Eight of these are a piece.
+    let large = PIECE as u64 / 8;
+    for number in 0..12 {
+        let first = 10_000 * (number + 1);
+        let seen: Vec<_> = (first..first + large).map(|k| ("orb", bytes(k, 16))).collect();
+        add(&mut map, number as i64, &seen);
+    }
+    let (places, never) = (Places::default(), Interrupt::default());
+    let indexed = || places.read().indexed.len();
+    assert!(!places.advance(&map, &never) && indexed() == 8);
+    // What comes meanwhile waits for its turn.
+    add(&mut map, 12, &place(3));
+    let due = Interrupt::at(None).or_when(Arc::new(AtomicBool::new(true)));
+    assert!(places.advance(&map, &due) && indexed() == 8);
+    assert!(places.advance(&map, &never) && indexed() == 13);
+    assert!(places.advance(&map, &never));
+    assert_eq!(candidates(&places, &map, 12, &never), [12]);
+    // So does what leaves.
+    for number in 0..12 {
+        apply(&mut map, Change::KeyframeRemoved { keyframe: id(number) });
+    }
+    assert!(!places.advance(&map, &never) && indexed() == 5);
+    while !places.advance(&map, &never) {}
+    assert_eq!(candidates(&places, &map, 12, &never), [12]);
+}
+
 /// The memory of the index of a map with these keyframes, and what the map counts for it.
 fn memory(keyframes: &[Vec<Described<'_>>]) -> (u64, u64) {
     let places = Places::default();
