@@ -1,4 +1,5 @@
 //! Encodes cameras, keyframes and what a lost frame shows as messages.
+//! It sends nothing, and knows neither the session nor the map.
 
 use covis_client::wire::v1;
 use covis_solvers::geometry::Camera;
