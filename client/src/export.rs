@@ -32,7 +32,7 @@ impl MapExport {
         if !header.paths.iter().all(|path| is_safe(path)) {
             return Err(protocol("a path leaves the folder of the export"));
         }
-        let order = Order { paths: header.paths.clone(), file: 0, offset: 0 };
+        let order = Order::of(header.paths.clone());
         Ok(Self { header, stream, order })
     }
 
@@ -49,8 +49,8 @@ impl MapExport {
     pub async fn next(&mut self) -> Result<Option<v1::FileChunk>, ClientError> {
         match next(RPC, &mut self.stream).await?.map(|answer| answer.content) {
             Some(Some(Content::Chunk(chunk))) => {
-                self.order.check(&chunk)?;
-                Ok(Some(chunk))
+                let fits = self.order.fits(&chunk);
+                fits.then_some(Some(chunk)).ok_or_else(|| protocol("a chunk is out of order"))
             }
             Some(_) => Err(protocol("a chunk was expected")),
             None if self.order.is_done() => Ok(None),
@@ -61,32 +61,39 @@ impl MapExport {
 
 /// Where the next chunk must begin.
 #[derive(Debug)]
-struct Order {
+pub(super) struct Order {
     paths: Vec<String>,
     file: usize,
     offset: i64,
 }
 
 impl Order {
-    fn check(&mut self, chunk: &v1::FileChunk) -> Result<(), ClientError> {
+    /// Of files with these paths.
+    pub(super) fn of(paths: Vec<String>) -> Self {
+        Self { paths, file: 0, offset: 0 }
+    }
+
+    /// Whether a chunk is the next one.
+    pub(super) fn fits(&mut self, chunk: &v1::FileChunk) -> bool {
         let path = self.paths.get(self.file);
         if path != Some(&chunk.path) || chunk.offset != self.offset {
-            return Err(protocol("a chunk is out of order"));
+            return false;
         }
         self.offset += i64::try_from(chunk.data.len()).unwrap_or(i64::MAX);
         if chunk.last_chunk {
             (self.file, self.offset) = (self.file + 1, 0);
         }
-        Ok(())
+        true
     }
 
-    fn is_done(&self) -> bool {
+    /// Whether every file was there.
+    pub(super) fn is_done(&self) -> bool {
         self.file == self.paths.len()
     }
 }
 
 /// Whether a path stays below its folder, on any system.
-fn is_safe(path: &str) -> bool {
+pub(super) fn is_safe(path: &str) -> bool {
     let is_plain = |part: &str| !matches!(part, "" | "." | "..");
     !path.contains(['\\', ':', '\0']) && path.split('/').all(is_plain)
 }
@@ -114,14 +121,14 @@ mod tests {
     #[test]
     fn chunks_come_in_order_and_without_gaps() {
         let paths = vec!["a".to_owned(), "b".to_owned()];
-        let mut order = Order { paths, file: 0, offset: 0 };
-        assert!(order.check(&chunk("b", 0, b"", true)).is_err());
-        assert!(order.check(&chunk("a", 0, b"xy", false)).is_ok());
-        assert!(order.check(&chunk("a", 3, b"z", true)).is_err());
-        assert!(order.check(&chunk("a", 2, b"z", true)).is_ok());
+        let mut order = Order::of(paths);
+        assert!(!order.fits(&chunk("b", 0, b"", true)));
+        assert!(order.fits(&chunk("a", 0, b"xy", false)));
+        assert!(!order.fits(&chunk("a", 3, b"z", true)));
+        assert!(order.fits(&chunk("a", 2, b"z", true)));
         assert!(!order.is_done());
-        assert!(order.check(&chunk("b", 0, b"", true)).is_ok());
+        assert!(order.fits(&chunk("b", 0, b"", true)));
         assert!(order.is_done());
-        assert!(order.check(&chunk("b", 0, b"", true)).is_err());
+        assert!(!order.fits(&chunk("b", 0, b"", true)));
     }
 }

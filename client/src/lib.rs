@@ -8,6 +8,7 @@
 //! | [`Client`] | one call a method |
 //! | `credentials` | [`Credentials`]: token, certificates, trust |
 //! | `link` | [`LinkOptions`]: how a link that is gone is found |
+//! | `jobs` | jobs, their uploads, [`JobDownload`]: the files that they made |
 //! | `ingest` | [`IngestSession`]: send with back-pressure, acks, finish |
 //! | `stream` | the task behind a session: reconnects and resumes |
 //! | `outbox` | the items that the server has not answered yet |
@@ -26,6 +27,7 @@ pub mod depth_noise;
 mod error;
 mod export;
 mod ingest;
+mod jobs;
 mod link;
 mod mirror;
 mod outbox;
@@ -44,6 +46,7 @@ use tonic::transport::{Channel, Endpoint};
 
 use crate::wire::v1;
 use v1::ingest_service_client::IngestServiceClient;
+use v1::job_service_client::JobServiceClient;
 use v1::map_service_client::MapServiceClient;
 use v1::optimization_service_client::OptimizationServiceClient;
 use v1::server_service_client::ServerServiceClient;
@@ -57,6 +60,7 @@ pub use export::MapExport;
 pub use ingest::{
     IngestReport, IngestSession, Item, KEPT_REJECTIONS, OnAck, RejectedItem, SessionOptions,
 };
+pub use jobs::JobDownload;
 pub use link::LinkOptions;
 pub use mirror::{Key, MapChanges, MapMirror};
 pub use retry::RetryPolicy;
@@ -190,6 +194,11 @@ impl Client {
 
     fn ingest_service(&self) -> IngestServiceClient<Link> {
         packed!(self, IngestServiceClient::new(self.channel.clone()))
+            .max_decoding_message_size(MAX_ANSWER_BYTES)
+    }
+
+    fn job_service(&self) -> JobServiceClient<Link> {
+        packed!(self, JobServiceClient::new(self.channel.clone()))
             .max_decoding_message_size(MAX_ANSWER_BYTES)
     }
 

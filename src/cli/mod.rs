@@ -12,6 +12,7 @@ mod data_dir;
 mod demo;
 mod eval;
 mod fuse;
+mod job;
 mod logging;
 mod map;
 mod output;
@@ -54,6 +55,8 @@ enum Command {
     Solve(solve::Args),
     /// List, show, edit, freeze, export, import or delete the maps of a server.
     Map(map::Args),
+    /// Submit, list, show, watch, cancel or delete the jobs of a server.
+    Job(job::Args),
     /// Look at a data directory without a server: verify, report, repair.
     Doctor(data_dir::DoctorArgs),
     /// Copy a data directory, also while a server uses it.
@@ -80,7 +83,7 @@ enum Command {
 /// The arguments, settings included: each command has the flags of those that it uses.
 fn command() -> clap::Command {
     let mut command = Cli::command().args(flags(|setting| setting.get_help_heading() == Some(LOG)));
-    for name in ["map", "replay", "run"] {
+    for name in ["job", "map", "replay", "run"] {
         let settings = flags(|setting| setting.get_help_heading() == Some(CONNECTION));
         command = command.mut_subcommand(name, |client| client.args(settings));
     }
@@ -122,6 +125,7 @@ fn dispatch(cli: Cli, settings: Texts) -> anyhow::Result<()> {
         Command::Serve => serve::run(&config),
         Command::Replay(args) => replay::run(args, &config),
         Command::Solve(args) => solve::run(args, &config),
+        Command::Job(args) => job::run(args, &config),
         Command::Map(args) => map::run(args, &config),
         Command::Doctor(args) => data_dir::doctor(&args),
         Command::Backup(args) => data_dir::backup(&args),

@@ -159,6 +159,7 @@ pub(super) fn server_config(config: &Config) -> ServerConfig {
         max_concurrent_streams: config.max_concurrent_streams,
         connections,
         drain_budget: Duration::from_secs(config.drain_budget),
+        job_retention: Duration::from_secs(config.job_retention),
         engine,
         #[cfg(feature = "faults")]
         test_fault: config.test_fault.clone(),

@@ -71,7 +71,7 @@ pub use problem::{
     graph_problem, local_problem, loop_problem, measured_graph,
 };
 pub use rejection::{FieldViolation, Reason, Rejection};
-pub use retirement::retire;
+pub use retirement::{redundant_keyframes, retire, retire_redundant};
 pub use shared_map::SharedMap;
 pub use surroundings::{Surroundings, likeness};
 pub use ties::Ties;

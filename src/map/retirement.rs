@@ -44,6 +44,11 @@ pub fn retire(map: &Map) -> Option<Retired> {
         }
     };
     let entity = map.keyframes().get(&keyframe)?;
+    Some(retired(map, keyframe, entity))
+}
+
+/// What the removal of a keyframe leaves.
+fn retired(map: &Map, keyframe: EntityId, entity: &Keyframe) -> Retired {
     let mut retired = Retired {
         keyframe,
         landmarks: orphans(map, keyframe, entity),
@@ -57,7 +62,32 @@ pub fn retire(map: &Map) -> Option<Retired> {
         // Without a linearization no information is kept; the keyframe is removed all the same.
         Err(error) => tracing::debug!(?keyframe, %error, "nothing stays of a keyframe"),
     }
-    Some(retired)
+    retired
+}
+
+/// The keyframes of which at least `share` of the landmarks are seen by enough others, the oldest
+/// first; the newest of each client are never among them.
+#[must_use]
+pub fn redundant_keyframes(map: &Map, share: f64) -> Vec<EntityId> {
+    candidates(map).filter(|&id| is_redundant(map, id, share)).collect()
+}
+
+/// What the removal of a keyframe leaves, where it may be removed and is redundant as
+/// [`redundant_keyframes`] says.
+#[must_use]
+pub fn retire_redundant(map: &Map, keyframe: EntityId, share: f64) -> Option<Retired> {
+    let is_protected = || {
+        let newer =
+            EntityId::new(keyframe.client, i64::MIN)..=EntityId::new(keyframe.client, i64::MAX);
+        map.keyframes.range(newer).take(PROTECTED + 1).count() <= PROTECTED
+    };
+    let entity = map.keyframes().get(&keyframe)?;
+    (is_redundant(map, keyframe, share) && !is_protected()).then(|| retired(map, keyframe, entity))
+}
+
+fn is_redundant(map: &Map, id: EntityId, share: f64) -> bool {
+    let sees = map.keyframes().get(&id).is_some_and(|keyframe| !keyframe.observations.is_empty());
+    sees && well_seen(map, id) as f64 >= 1000.0 * share
 }
 
 /// The keyframes that may be removed, oldest first.

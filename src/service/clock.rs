@@ -1,7 +1,7 @@
-//! The clock that decides whether tokens have expired. Tests set it by hand, so that they do not
-//! wait for real time.
+//! The clock that decides whether tokens and jobs have expired. Tests set it by hand, so that they do
+//! not wait for real time.
 //!
-//! It is used for expiry only; waits and budgets use the runtime's timers.
+//! It is used for expiry and for the times of jobs only; waits and budgets use the runtime's timers.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -29,6 +29,17 @@ impl Clock {
                 i64::try_from(since.as_secs()).unwrap_or(i64::MAX)
             }
             Self::Manual(time) => *time.borrow(),
+        }
+    }
+
+    /// The current time in nanoseconds, as fine as the clock is.
+    pub(super) fn now_ns(&self) -> i64 {
+        match self {
+            Self::System => {
+                let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+                i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
+            }
+            Self::Manual(time) => time.borrow().saturating_mul(1_000_000_000),
         }
     }
 

@@ -34,6 +34,9 @@ pub fn default_ceilings() -> Ceilings {
     }
 }
 
+/// Bytes of the files of jobs that a server without a data directory keeps, in memory: half a GiB.
+const JOB_BYTES_IN_MEMORY: u64 = GIB / 2;
+
 /// Limits of a server on a machine of 8 GiB: 4 GiB for all maps, 2 GiB for solves and half a GiB
 /// for journals that wait for the disk leave the rest to queues, exports and the system. A stream
 /// needs some ten kilobytes with its queue; an export needs its snapshot and one chunk.
@@ -49,6 +52,8 @@ pub fn default_limits() -> AccountLimits {
         max_waiting_solves: Some(256),
         max_running_solve_bytes: Some(2 * GIB),
         max_journal_bytes: Some(GIB / 2),
+        max_pending_jobs: Some(256),
+        max_job_bytes: Some(4 * GIB),
     }
 }
 
@@ -89,12 +94,14 @@ pub struct ServerConfig {
     pub threads: usize,
     /// How engines run.
     pub engine: EngineConfig,
+    /// How long a job is kept after its end (7 days).
+    pub job_retention: Duration,
     /// How long a shutdown waits for calls that are still running (10 s).
     pub drain_budget: Duration,
     /// The clock that decides whether a token has expired (the system's).
     pub clock: Clock,
     /// A fault that a test injects, from `COVIS_TEST_FAULT`: `rpc:NAME` panics in the handler of
-    /// that RPC, `rpc:*` of any; `panic-in-solve`, `panic-in-engine` and `fail-calls` are faults of
+    /// that RPC, `rpc:*` of any; `hold-jobs` and `hold-problems` hold jobs; `panic-in-solve`, `panic-in-engine` and `fail-calls` are faults of
     /// the engine.
     #[cfg(feature = "faults")]
     pub test_fault: Option<String>,
@@ -138,6 +145,7 @@ impl Default for ServerConfig {
             page_listen: None,
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             engine: EngineConfig::default(),
+            job_retention: Duration::from_secs(7 * 24 * 3600),
             drain_budget: Duration::from_secs(10),
             clock: Clock::System,
             #[cfg(feature = "faults")]
@@ -154,6 +162,19 @@ impl ServerConfig {
         fault.is_some_and(|name| name == rpc || name == "*")
     }
 
+    /// Whether a test holds jobs: `hold-jobs` before their work, `hold-problems` before the second
+    /// problem of one.
+    #[cfg(feature = "faults")]
+    pub(super) fn holds(&self, what: &str) -> bool {
+        self.test_fault.as_deref() == Some(what)
+    }
+
+    /// Without the feature `faults` no job is held.
+    #[cfg(not(feature = "faults"))]
+    pub(super) const fn holds(&self, _what: &str) -> bool {
+        false
+    }
+
     /// Without the feature `faults` no panic is injected.
     #[cfg(not(feature = "faults"))]
     pub(super) const fn panics_in_rpc(&self, _rpc: &str) -> bool {
@@ -163,7 +184,13 @@ impl ServerConfig {
     /// Limits of the server's account.
     pub(super) fn account_limits(&self) -> AccountLimits {
         let max_maps = u64::try_from(self.max_maps).unwrap_or(u64::MAX);
-        AccountLimits { max_maps: Some(max_maps), ..self.server_limits }
+        let AccountLimits { max_job_bytes, .. } = self.server_limits;
+        // In memory they are part of the process.
+        let max_job_bytes = match self.data_dir {
+            Some(_) => max_job_bytes,
+            None => Some(max_job_bytes.map_or(JOB_BYTES_IN_MEMORY, |b| b.min(JOB_BYTES_IN_MEMORY))),
+        };
+        AccountLimits { max_maps: Some(max_maps), max_job_bytes, ..self.server_limits }
     }
 
     /// Limits of the account of each map.

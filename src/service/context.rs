@@ -25,6 +25,7 @@ use super::connections::Connections;
 use super::convert::map::ServerCeilings;
 use super::engine::{EngineError, Maps};
 use super::error::ServiceError;
+use super::jobs::Jobs;
 use super::readers::Readers;
 use super::telemetry::ServerMeters;
 
@@ -41,6 +42,8 @@ const LONGEST_UNREAD: Duration = Duration::from_secs(120);
 pub(super) struct Context {
     /// All maps.
     pub maps: Maps,
+    /// All jobs.
+    pub jobs: Jobs,
     /// The settings.
     pub config: ServerConfig,
     /// Meters besides those of the engines.
@@ -65,11 +68,6 @@ pub(super) struct Context {
 #[derive(Clone, Debug)]
 pub(super) struct Rpcs {
     pub(super) context: Arc<Context>,
-}
-
-/// The answer to a call that is part of the wire and not served yet.
-pub(super) fn unserved<T>(what: &'static str) -> Result<Response<T>, Status> {
-    Err(ServiceError::Unserved { what }.into())
 }
 
 /// A stream of answers.

@@ -5,6 +5,7 @@ use covis_solvers::problem::SolveError;
 
 use super::access::hide_tenant;
 use super::engine::{EngineError, PoolError};
+use super::jobs::JobError;
 use crate::map::{Reason, Rejection};
 
 /// The end of a call that has no answer.
@@ -42,6 +43,8 @@ pub(super) enum ServiceError {
         /// What the format cannot contain.
         reason: String,
     },
+    /// An error of a job.
+    Job(JobError),
     /// Part of the wire, not served yet.
     Unserved {
         /// The call or value.
@@ -110,6 +113,12 @@ impl ServiceError {
 impl From<Rejection> for ServiceError {
     fn from(rejection: Rejection) -> Self {
         Self::Rejected(rejection)
+    }
+}
+
+impl From<JobError> for ServiceError {
+    fn from(error: JobError) -> Self {
+        Self::Job(error)
     }
 }
 

@@ -140,8 +140,12 @@ pub fn wire_requests(input: &[u8]) {
         4 => decoded(bytes).map_or((), |request| {
             judge(optimization_service::map_options(&request, THREADS, None));
         }),
-        _ => decoded(bytes).map_or((), |request| {
-            judge(listing::map_page(&request, &listing::PagedList::maps("")));
+        _ => decoded(bytes).map_or((), |request: v1::ListMapsRequest| {
+            judge(listing::page(
+                request.page_size,
+                &request.page_token,
+                &listing::PagedList::maps(""),
+            ));
         }),
     }
 }

@@ -1,55 +1,196 @@
-//! `JobService`: part of the wire, not served yet. Every RPC answers UNIMPLEMENTED. The messages
-//! are complete, so that jobs can be added without breaking the wire.
+//! `JobService`: making, watching and canceling jobs, and the files that they take and make.
+//!
+//! Each handler reads its request and asks [`Jobs`]; what a job does is not known here.
 
-use tonic::{Request, Response, Status};
+use std::sync::Arc;
 
-use super::context::{Answers, Rpcs, unserved};
+use prost::Message;
+use tonic::{Request, Response, Status, Streaming};
+
+use super::access::Caller;
+use super::context::{Answers, Messages, Rpcs};
+use super::convert::{Path, convert, ids};
+use super::deadline::call_time;
+use super::error::ServiceError;
+use super::jobs::{JobError, JobList, Jobs, download, is_ended};
+use super::listing::{self, ENTRY_OVERHEAD, MESSAGE_BYTES, PagedList};
+use crate::map::Reason;
 use crate::wire::v1;
+use v1::JobState;
 use v1::job_service_server::JobService;
+
+/// A required name of a job.
+fn job_id(job_id: &str) -> Result<String, ServiceError> {
+    Ok(convert(|out| ids::name(Path::root("job_id"), job_id, out))?)
+}
+
+impl Rpcs {
+    fn jobs(
+        &self,
+        request: &Request<v1::ListJobsRequest>,
+    ) -> Result<v1::ListJobsResponse, ServiceError> {
+        let caller = Caller::of(request)?;
+        let v1::ListJobsRequest { page_size, page_token, map_id, states } = request.get_ref();
+        let states = convert(|out| {
+            if !map_id.is_empty() {
+                ids::map_id(map_id, out)?;
+            }
+            let at = Path::root("states");
+            let mut known = Vec::new();
+            for (index, &state) in states.iter().enumerate() {
+                let state = out.known::<JobState>(at.index(index), state)?;
+                if state == JobState::Unspecified {
+                    return out.missing(at.index(index));
+                }
+                known.push(state);
+            }
+            Some(known)
+        })?;
+        let list = PagedList::jobs(caller.tenant(), &format!("{map_id}/{states:?}"));
+        let (size, after) = listing::page(*page_size, page_token, &list)?;
+        let before = match after.as_str() {
+            "" => i64::MAX,
+            number => number.parse().map_err(|_error| {
+                let text = "no token that this server gave";
+                ServiceError::field("page_token", Reason::OutOfRange, text)
+            })?,
+        };
+        let wanted = JobList { before, map_id, states: &states };
+        let (mut jobs, mut bytes, mut token) = (Vec::new(), 0, String::new());
+        let mut last = 0;
+        for (number, job) in self.context.jobs.list(&caller, &wanted) {
+            let length = job.encoded_len() + ENTRY_OVERHEAD;
+            if jobs.len() == size || (!jobs.is_empty() && bytes + length > MESSAGE_BYTES) {
+                token = list.token(&last.to_string());
+                break;
+            }
+            (bytes, last) = (bytes + length, number);
+            jobs.push(job);
+        }
+        Ok(v1::ListJobsResponse { jobs, next_page_token: token })
+    }
+}
 
 #[async_trait::async_trait]
 impl JobService for Rpcs {
     async fn create_job(
         &self,
-        _request: Request<v1::CreateJobRequest>,
+        request: Request<v1::CreateJobRequest>,
     ) -> Result<Response<v1::CreateJobResponse>, Status> {
-        unserved("CreateJob")
+        let handler = async {
+            let caller = Caller::of(&request)?;
+            let job = Jobs::create(&self.context, &caller, request.into_inner()).await?;
+            Ok(v1::CreateJobResponse { job: Some(job) })
+        };
+        self.context.answer("CreateJob", handler).await
     }
 
     async fn get_job(
         &self,
-        _request: Request<v1::GetJobRequest>,
+        request: Request<v1::GetJobRequest>,
     ) -> Result<Response<v1::GetJobResponse>, Status> {
-        unserved("GetJob")
+        let handler = async {
+            let caller = Caller::of(&request)?;
+            let job = self.context.jobs.get(&caller, &job_id(&request.get_ref().job_id)?)?;
+            Ok(v1::GetJobResponse { job: Some(job) })
+        };
+        self.context.answer("GetJob", handler).await
     }
 
     async fn list_jobs(
         &self,
-        _request: Request<v1::ListJobsRequest>,
+        request: Request<v1::ListJobsRequest>,
     ) -> Result<Response<v1::ListJobsResponse>, Status> {
-        unserved("ListJobs")
+        self.context.answer("ListJobs", async { self.jobs(&request) }).await
     }
 
     async fn cancel_job(
         &self,
-        _request: Request<v1::CancelJobRequest>,
+        request: Request<v1::CancelJobRequest>,
     ) -> Result<Response<v1::CancelJobResponse>, Status> {
-        unserved("CancelJob")
+        let handler = async {
+            let caller = Caller::of(&request)?;
+            let id = job_id(&request.get_ref().job_id)?;
+            let job = Jobs::cancel(&self.context, &caller, &id).await?;
+            Ok(v1::CancelJobResponse { job: Some(job) })
+        };
+        self.context.answer("CancelJob", handler).await
     }
 
     async fn delete_job(
         &self,
-        _request: Request<v1::DeleteJobRequest>,
+        request: Request<v1::DeleteJobRequest>,
     ) -> Result<Response<v1::DeleteJobResponse>, Status> {
-        unserved("DeleteJob")
+        let handler = async {
+            let caller = Caller::of(&request)?;
+            let id = job_id(&request.get_ref().job_id)?;
+            Jobs::delete(&self.context, &caller, &id).await?;
+            Ok(v1::DeleteJobResponse {})
+        };
+        self.context.answer("DeleteJob", handler).await
     }
 
     type WatchJobStream = Answers<v1::WatchJobResponse>;
 
     async fn watch_job(
         &self,
-        _request: Request<v1::WatchJobRequest>,
+        request: Request<v1::WatchJobRequest>,
     ) -> Result<Response<Self::WatchJobStream>, Status> {
-        unserved("WatchJob")
+        let time = call_time(request.metadata());
+        let caller = Caller::of(&request);
+        let (context, request) = (Arc::clone(&self.context), request.into_inner());
+        self.context.stream("WatchJob", time, Messages::Small, |sink| async move {
+            let caller = caller?;
+            let id = job_id(&request.job_id)?;
+            let mut following = context.jobs.follow(&caller, &id)?;
+            let watching = async {
+                loop {
+                    // The newest state at the time when there is room for it.
+                    let room = sink.room().await?;
+                    let job = following.borrow_and_update().clone();
+                    let has_ended = is_ended(job.state());
+                    room.send(v1::WatchJobResponse { job: Some(job) });
+                    if has_ended {
+                        return Ok(());
+                    }
+                    if following.changed().await.is_err() {
+                        return Err(JobError::NotFound { job: id.clone() }.into());
+                    }
+                }
+            };
+            tokio::select! {
+                biased;
+                ended = watching => ended,
+                reason = context.access.withdrawn(&caller) => Err(reason),
+                () = context.drained() => Err(ServiceError::Draining),
+            }
+        })
+    }
+
+    async fn upload_job_files(
+        &self,
+        request: Request<Streaming<v1::UploadJobFilesRequest>>,
+    ) -> Result<Response<v1::UploadJobFilesResponse>, Status> {
+        let handler = async {
+            let caller = Caller::of(&request)?;
+            Jobs::upload(&self.context, &caller, request.into_inner()).await
+        };
+        self.context.answer("UploadJobFiles", handler).await
+    }
+
+    type DownloadJobFilesStream = Answers<v1::DownloadJobFilesResponse>;
+
+    async fn download_job_files(
+        &self,
+        request: Request<v1::DownloadJobFilesRequest>,
+    ) -> Result<Response<Self::DownloadJobFilesStream>, Status> {
+        let time = call_time(request.metadata());
+        let caller = Caller::of(&request);
+        let (context, request) = (Arc::clone(&self.context), request.into_inner());
+        self.context.stream("DownloadJobFiles", time, Messages::Large, |sink| async move {
+            let caller = caller?;
+            let id = job_id(&request.job_id)?;
+            download(&context.jobs, &caller, &id, &request.path, &sink).await
+        })
     }
 }

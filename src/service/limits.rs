@@ -65,6 +65,10 @@ pub struct TenantLimits {
     pub max_running_solve_bytes: Option<u64>,
     /// Bytes of journals that wait for the disk.
     pub max_journal_bytes: Option<u64>,
+    /// Jobs that wait or run.
+    pub max_pending_jobs: Option<u64>,
+    /// Bytes of uploads for jobs, and of the files that jobs made.
+    pub max_job_bytes: Option<u64>,
 }
 
 impl TenantLimits {
@@ -84,6 +88,8 @@ impl TenantLimits {
                 .max_running_solve_bytes
                 .or(default.max_running_solve_bytes),
             max_journal_bytes: given.max_journal_bytes.or(default.max_journal_bytes),
+            max_pending_jobs: given.max_pending_jobs.or(default.max_pending_jobs),
+            max_job_bytes: given.max_job_bytes.or(default.max_job_bytes),
         }
     }
 }
@@ -94,7 +100,7 @@ impl From<TenantLimits> for AccountLimits {
         let TenantLimits { max_observations, max_constraints, max_priors, max_bytes, .. } = limits;
         let TenantLimits { max_maps, max_streams, max_watchers, max_exports, .. } = limits;
         let TenantLimits { max_solves, max_waiting_solves, max_running_solve_bytes, .. } = limits;
-        let max_journal_bytes = limits.max_journal_bytes;
+        let TenantLimits { max_journal_bytes, max_pending_jobs, max_job_bytes, .. } = limits;
         let held = Ceilings {
             max_clients,
             max_cameras,
@@ -115,6 +121,8 @@ impl From<TenantLimits> for AccountLimits {
             max_waiting_solves,
             max_running_solve_bytes,
             max_journal_bytes,
+            max_pending_jobs,
+            max_job_bytes,
         }
     }
 }

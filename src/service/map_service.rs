@@ -59,7 +59,8 @@ impl Rpcs {
     ) -> Result<v1::ListMapsResponse, ServiceError> {
         let caller = Caller::of(&request)?;
         let list = listing::PagedList::maps(caller.tenant());
-        let (size, after) = listing::map_page(request.get_ref(), &list)?;
+        let v1::ListMapsRequest { page_size, page_token } = request.get_ref();
+        let (size, after) = listing::page(*page_size, page_token, &list)?;
         let queued = self.context.config.engine.queue_capacity;
         let mut handles = self.context.maps.list();
         handles.retain(|map| caller.owns(map.name()) && shown(map.name()) > after.as_str());
@@ -82,7 +83,7 @@ impl Rpcs {
 
     /// The edges of a map's pose graph. Pairs of keyframes that no solve has measured are measured on
     /// the solver pool, until the caller leaves.
-    async fn graph_lines(
+    pub(super) async fn graph_lines(
         &self,
         map: &MapHandle,
         snapshot: Arc<Map>,

@@ -10,7 +10,9 @@
 //! | `status` | domain error → status code, only here |
 //! | `context` | turns a handler's outcome into an answer |
 //! | `access` | tokens, roles and tenants: who may call what |
-//! | `clock` | the clock that decides whether tokens have expired |
+//! | `clock` | the clock that decides whether tokens and jobs have expired |
+//! | `jobs` | work that outlives a call |
+//! | `upload` | files that come in chunks |
 //! | `connections` | who is connected, and for how long |
 //! | `tls` | certificates of the listeners |
 //! | `routes` | the services, as the listeners serve them |
@@ -36,6 +38,7 @@ mod graph_solve;
 mod import;
 mod ingest_service;
 mod job_service;
+mod jobs;
 mod limits;
 mod listing;
 mod localize;
@@ -52,6 +55,7 @@ mod server_service;
 mod status;
 mod telemetry;
 mod tls;
+mod upload;
 mod watch;
 
 pub use access::{AccessError, JwtOptions};

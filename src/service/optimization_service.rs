@@ -226,7 +226,7 @@ pub(super) fn map_options(
     Ok(converted)
 }
 
-fn to_result(outcome: &OptimizeOutcome) -> v1::OptimizeMapResult {
+pub(super) fn to_result(outcome: &OptimizeOutcome) -> v1::OptimizeMapResult {
     let off = outcome.switched_off.iter().map(|(client, id, off)| v1::SwitchedOffConstraint {
         constraint: Some(v1::ConstraintRef { client_id: client.clone(), id: *id }),
         switched_off: Some(to_switched_off(off)),

@@ -33,14 +33,13 @@ const SMALL_MESSAGE_BYTES: usize = 4 << 10;
 const HEADER_LIST_BYTES: u32 = 16 << 10;
 
 /// Every service of the wire that is served, by full name.
-pub(super) const SERVED: [&str; 4] = [
+pub(super) const SERVED: [&str; 5] = [
     IngestServiceServer::<Rpcs>::NAME,
+    JobServiceServer::<Rpcs>::NAME,
     MapServiceServer::<Rpcs>::NAME,
     OptimizationServiceServer::<Rpcs>::NAME,
     ServerServiceServer::<Rpcs>::NAME,
 ];
-/// Part of the wire, but every call answers UNIMPLEMENTED: health never reports it as serving.
-const UNSERVED: &str = JobServiceServer::<Rpcs>::NAME;
 
 /// What the listeners serve.
 pub(super) struct Routed {
@@ -94,7 +93,7 @@ pub(super) async fn routes(
         };
     }
     let (health, health_service) = tonic_health::server::health_reporter();
-    for name in SERVED.into_iter().chain([UNSERVED, ""]) {
+    for name in SERVED.into_iter().chain([""]) {
         health.set_service_status(name, ServingStatus::NotServing).await;
     }
     // Only corrections and exports are large enough to compress in answers; acks are not.
@@ -105,7 +104,9 @@ pub(super) async fn routes(
     let ingest = compressed!(IngestServiceServer::from_arc(Arc::clone(&rpcs)));
     let optimization = compressed!(OptimizationServiceServer::from_arc(Arc::clone(&rpcs)))
         .send_compressed(CompressionEncoding::Gzip);
-    let jobs = guarded!(limited!(JobServiceServer::from_arc(Arc::clone(&rpcs))));
+    let jobs = compressed!(JobServiceServer::from_arc(Arc::clone(&rpcs)))
+        .send_compressed(CompressionEncoding::Gzip);
+    let jobs = guarded!(limited!(jobs));
     let info = guarded!(limited!(ServerServiceServer::from_arc(rpcs)));
     let health_service = health_service.max_decoding_message_size(SMALL_MESSAGE_BYTES);
     let page = hosts.map(|hosts| {

@@ -33,13 +33,14 @@ use super::config::ServerConfig;
 use super::connections::{self, Accepted, Connections, Socket, Transport};
 use super::context::Context;
 use super::engine::{Accounts, EngineError, Maps, SolverPool};
+use super::jobs::{self, Jobs};
 use super::page::Hosts;
 use super::random::random_id;
 use super::readers::Readers;
 use super::routes::{Routed, SERVED, routes, transport};
 use super::telemetry::{self, ServerMeters};
 use super::tls::{self, Tls, TlsError};
-use crate::store::{FileStore, FileStoreOptions, MemoryStore, Store, StoreMeters};
+use crate::store::{FileStore, FileStoreOptions, JobFiles, MemoryStore, Store, StoreMeters};
 
 /// Why a server does not start.
 #[derive(Debug, thiserror::Error)]
@@ -50,6 +51,12 @@ pub enum ServerError {
     /// The engines do not start, for instance because a journal does not replay.
     #[error("the engines")]
     Engine(#[from] EngineError),
+    /// The folder of jobs cannot be read.
+    #[error("the jobs: {reason}")]
+    Jobs {
+        /// What is wrong.
+        reason: String,
+    },
     /// The file of tokens or that of keys cannot be used.
     #[error("who may come in")]
     Access(#[from] AccessError),
@@ -122,6 +129,8 @@ pub struct RunningServer {
     drain: watch::Sender<bool>,
     health: HealthReporter,
     task: JoinHandle<()>,
+    /// Runs the jobs, once every map is open.
+    jobs: Option<JoinHandle<()>>,
 }
 
 impl Server {
@@ -176,11 +185,13 @@ impl Server {
             Accounts::new(config.account_limits(), config.tenant_limits, config.map_limits());
         accounts.set_tenants(access.tenant_limits());
         let metrics = metrics_listener(&config).await?;
-        let Backend { store, counted, pool, readers } = match backend {
+        let Backend { store, counted, pool, readers, job_files } = match backend {
             Some(backend) => backend,
             None => Backend::open(&config, accounts).await?,
         };
         let meters = ServerMeters::new(counted);
+        let (clock, retention) = (config.clock.clone(), config.job_retention);
+        let jobs = Jobs::new(job_files, pool.accounts().clone(), clock, retention, pool.threads());
         let maps = Maps::new(store, pool, config.engine);
         let (drain, draining) = watch::channel(false);
         let connections = Connections::new(config.connections, telemetry::max_open_files());
@@ -188,6 +199,7 @@ impl Server {
         let (start_time_ns, ready) = (now_ns(), AtomicBool::new(false));
         let context = Arc::new(Context {
             maps,
+            jobs,
             config,
             meters,
             access,
@@ -226,6 +238,7 @@ impl Server {
             drain,
             health,
             task,
+            jobs: None,
         }))
     }
 }
@@ -238,6 +251,8 @@ pub(crate) struct Backend {
     pub(crate) pool: Arc<SolverPool>,
     /// The threads that build messages from maps.
     pub(crate) readers: Readers,
+    /// Where jobs are kept.
+    pub(crate) job_files: JobFiles,
 }
 
 impl Backend {
@@ -248,11 +263,13 @@ impl Backend {
         let readers = Readers::start(count).map_err(|_error| EngineError::Threads { count })?;
         let Some(directory) = &config.data_dir else {
             let store = Arc::new(MemoryStore::new());
-            return Ok(Self { store, counted: Arc::default(), pool, readers });
+            let job_files = JobFiles::in_memory();
+            return Ok(Self { store, counted: Arc::default(), pool, readers, job_files });
         };
         let opened = FileStore::open(directory, FileStoreOptions::default()).await;
         let store = opened.map_err(EngineError::Store)?;
-        Ok(Self { counted: store.meters(), store: Arc::new(store), pool, readers })
+        let (counted, job_files) = (store.meters(), store.job_files());
+        Ok(Self { counted, store: Arc::new(store), pool, readers, job_files })
     }
 }
 
@@ -260,10 +277,13 @@ impl StartingServer {
     /// Opens every map; then calls are accepted.
     ///
     /// # Errors
-    /// [`ServerError::Engine`] when the store cannot be read.
+    /// [`ServerError::Engine`] when the store cannot be read, [`ServerError::Jobs`] when jobs cannot.
     pub async fn open(self) -> Result<RunningServer, ServerError> {
-        let server = self.0;
+        let mut server = self.0;
         server.context.maps.load().await?;
+        let loaded = Jobs::load(&server.context).await;
+        loaded.map_err(|error| ServerError::Jobs { reason: error.to_string() })?;
+        server.jobs = Some(tokio::spawn(jobs::serve(Arc::clone(&server.context))));
         server.context.ready.store(true, Ordering::Release);
         server.tell_health(ServingStatus::Serving).await;
         Ok(server)
@@ -337,8 +357,15 @@ impl RunningServer {
                 }
             }
         }
-        // Engines without work also need some time to stop.
-        let left = budget.saturating_sub(start.elapsed()).max(budget / 10);
+        // Jobs and engines without work also need some time to stop.
+        let left = || budget.saturating_sub(start.elapsed()).max(budget / 10);
+        if let Some(mut jobs) = self.jobs.take()
+            && tokio::time::timeout(left(), &mut jobs).await.is_err()
+        {
+            tracing::warn!("jobs were still running, they begin again at the next start");
+            jobs.abort();
+        }
+        let left = left();
         self.context.maps.shutdown(left).await;
         if let Some((_, task)) = &mut self.metrics {
             task.abort();
@@ -409,7 +436,7 @@ fn staged(mut config: ServerConfig) -> Result<ServerConfig, ServerError> {
     use super::engine::Fault;
 
     let Some(name) = &config.test_fault else { return Ok(config) };
-    if name.starts_with("rpc:") {
+    if name.starts_with("rpc:") || name.starts_with("hold-") {
         return Ok(config);
     }
     let fault = match name.as_str() {

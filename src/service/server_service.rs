@@ -13,7 +13,7 @@ use crate::wire::v1;
 use v1::server_service_server::ServerService;
 
 /// What is served, sorted; listed in docs/wire.md.
-const FEATURES: [&str; 42] = [
+const FEATURES: [&str; 49] = [
     "export.colmap-binary",
     "export.colmap-text",
     "export.covis",
@@ -38,6 +38,13 @@ const FEATURES: [&str; 42] = [
     "ingest.remove-observations",
     "ingest.revoke-constraint",
     "ingest.set-camera",
+    "job.compact",
+    "job.evaluate",
+    "job.export",
+    "job.merge",
+    "job.optimize-map",
+    "job.optimize-pose-graph",
+    "job.solve-files",
     "map.closure-adjustment",
     "map.freeze",
     "map.list-constraints",

@@ -14,6 +14,7 @@ use tonic_types::{ErrorDetails, FieldViolation, StatusExt};
 
 use super::engine::EngineError;
 use super::error::ServiceError;
+use super::jobs::JobError;
 use super::random::random_id;
 use crate::map::{MergeError, Reason, Rejection};
 use crate::store::StoreError;
@@ -99,6 +100,7 @@ impl From<ServiceError> for Status {
                 Parts::new(Code::FailedPrecondition, "FORMAT_CANNOT_HOLD_MAP", reason)
                     .with("map_id", map)
             }
+            ServiceError::Job(error) => job(error),
             ServiceError::Unserved { what } => {
                 let text = format!("{what} is not served yet");
                 Parts::new(Code::Unimplemented, "UNIMPLEMENTED", text)
@@ -142,6 +144,37 @@ impl From<ServiceError> for Status {
             ServiceError::Panicked { message } => bug(None, &message),
         }
         .status()
+    }
+}
+
+fn job(error: JobError) -> Parts {
+    let message = error.to_string();
+    let parts = |code, reason| Parts::new(code, reason, message.clone());
+    match error {
+        JobError::NotFound { job } => parts(Code::NotFound, "JOB_NOT_FOUND").with("job_id", job),
+        JobError::Exists { job } => parts(Code::AlreadyExists, "JOB_EXISTS").with("job_id", job),
+        JobError::Ended { job } => parts(Code::FailedPrecondition, "JOB_ENDED").with("job_id", job),
+        JobError::NotEnded { job } => {
+            parts(Code::FailedPrecondition, "JOB_NOT_ENDED").with("job_id", job)
+        }
+        JobError::MapBusy { map, job } => {
+            parts(Code::Aborted, "JOB_RUNNING").with("map_id", map).with("job_id", job)
+        }
+        JobError::UploadNotFound { upload } => {
+            parts(Code::NotFound, "UPLOAD_NOT_FOUND").with("upload_id", upload)
+        }
+        JobError::FileNotFound { job, path } => {
+            parts(Code::NotFound, "JOB_FILE_NOT_FOUND").with("job_id", job).with("path", path)
+        }
+        JobError::Unavailable { cause: _ } => {
+            parts(Code::ResourceExhausted, "STORE_UNAVAILABLE").retry(RETRY_FULL)
+        }
+        JobError::Failed { cause: _ } => parts(Code::Internal, "STORE_FAILED"),
+        JobError::BadFile { text } => parts(Code::InvalidArgument, "INCONSISTENT").violation(
+            "spec.solve_files",
+            "INCONSISTENT",
+            &text,
+        ),
     }
 }
 

@@ -25,7 +25,7 @@ use super::robot::Robot;
 use crate::client::Client;
 use crate::service::engine::SolverPool;
 use crate::service::{Backend, KeepAlive, Readers, Server, ServerConfig};
-use crate::store::{FileStore, FileStoreOptions};
+use crate::store::{FileStore, FileStoreOptions, JobFiles};
 
 /// Small, so that a short run fills several files and takes snapshots.
 const FILES: FileStoreOptions = FileStoreOptions { segment_bytes: 1500, snapshot_bytes: 3000 };
@@ -334,7 +334,8 @@ async fn serve(disk: SimDisk) -> turmoil::Result {
     let config = ServerConfig { max_maps: 4, keep_alive, ..ServerConfig::default() };
     let (counted, pool) = (store.meters(), SolverPool::in_place());
     let readers = Readers::in_place();
-    let backend = Some(Backend { store: Arc::new(store), counted, pool, readers });
+    let job_files = JobFiles::in_memory();
+    let backend = Some(Backend { store: Arc::new(store), counted, pool, readers, job_files });
     let incoming = ReceiverStream::new(incoming);
     let Ok(starting) = Server::listen_to(incoming, address, config, backend).await else {
         return Ok(());

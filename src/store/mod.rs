@@ -11,6 +11,7 @@
 //! | `memory` | every rule, nothing durable |
 //! | `files` | journals and snapshots as files ([decision 0011](../../docs/decisions/0011-journal.md)) |
 //! | `encoding` | events and maps as bytes |
+//! | `job_files` | records of jobs, uploads and results |
 //! | `map_file` | a map as a file that can be moved to another server |
 
 use std::fmt;
@@ -27,6 +28,7 @@ mod error;
 mod files;
 #[cfg(any(test, feature = "fuzzing"))]
 pub mod fuzzing;
+mod job_files;
 mod map_file;
 mod memory;
 mod meters;
@@ -38,6 +40,9 @@ pub use error::{Damage, StoreError};
 #[allow(unused_imports, reason = "for a simulated disk outside this module")]
 pub(crate) use files::{Disk, DiskFile};
 pub use files::{FileStore, FileStoreOptions, MapCheckup, back_up, check_up};
+pub use job_files::{
+    FoundRecord, JobFile, JobFileError, JobFiles, JobFolder, JobRecord, JobUid, JobUpload,
+};
 pub use map_file::{MAP_FILE, MapFileError, MapFileWriter, read_map_file};
 pub use memory::MemoryStore;
 pub use meters::StoreMeters;

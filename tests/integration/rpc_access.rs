@@ -16,12 +16,13 @@ use v1::ingest_service_client::IngestServiceClient;
 
 use crate::common::{TestServer, bearing, check_status, open_item, run};
 
-/// RPCs that touch no map, are not served yet, or (`Ingest`) are called in a way of their own. The
+/// RPCs that touch no map of their own, or (`Ingest`) are called in a way of their own. The
 /// others are called for a map of another tenant.
-const WITHOUT_MAP: [&str; 14] = [
+const WITHOUT_MAP: [&str; 16] = [
     "CancelJob",
     "CreateJob",
     "DeleteJob",
+    "DownloadJobFiles",
     "GetJob",
     "GetServerInfo",
     "ImportMap",
@@ -32,6 +33,7 @@ const WITHOUT_MAP: [&str; 14] = [
     "RefinePose",
     "SolveBundle",
     "SolvePoseGraph",
+    "UploadJobFiles",
     "WatchJob",
 ];
 

@@ -7,7 +7,6 @@ use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 use tonic_reflection::pb::{v1 as reflection, v1alpha as reflection_alpha};
 use v1::ingest_request::Item;
-use v1::job_service_client::JobServiceClient;
 use v1::server_service_client::ServerServiceClient;
 
 use crate::common::{
@@ -63,12 +62,7 @@ fn health_tells_each_service_and_turns_when_the_server_drains() {
         for service in SERVICES.into_iter().chain([""]) {
             let request = HealthCheckRequest { service: service.to_owned() };
             let answer = health.check(request).await.unwrap().into_inner();
-            // Jobs are part of the wire, and each of their calls answers UNIMPLEMENTED.
-            let expected = match service {
-                "covis.v1.JobService" => ServingStatus::NotServing,
-                _ => ServingStatus::Serving,
-            };
-            assert_eq!(answer.status(), expected, "{service}");
+            assert_eq!(answer.status(), ServingStatus::Serving, "{service}");
         }
         let request = HealthCheckRequest { service: "covis.v1.Nothing".to_owned() };
         assert_eq!(health.check(request).await.unwrap_err().code(), Code::NotFound);
@@ -127,25 +121,6 @@ fn reflection_lists_the_services_in_both_versions() {
         let names: Vec<String> = list.service.into_iter().map(|s| s.name).collect();
         for name in &expected {
             assert!(names.iter().any(|n| n == name), "{name} is not in {names:?}");
-        }
-    });
-}
-
-#[test]
-fn jobs_are_not_served_yet() {
-    run(async {
-        let server = TestServer::start().await;
-        let mut jobs = JobServiceClient::new(server.channel.clone());
-        let statuses = [
-            jobs.create_job(v1::CreateJobRequest::default()).await.unwrap_err(),
-            jobs.get_job(v1::GetJobRequest::default()).await.unwrap_err(),
-            jobs.list_jobs(v1::ListJobsRequest::default()).await.unwrap_err(),
-            jobs.cancel_job(v1::CancelJobRequest::default()).await.unwrap_err(),
-            jobs.delete_job(v1::DeleteJobRequest::default()).await.unwrap_err(),
-            jobs.watch_job(v1::WatchJobRequest::default()).await.map(|_| ()).unwrap_err(),
-        ];
-        for status in statuses {
-            check_status(&status, Code::Unimplemented, "UNIMPLEMENTED");
         }
     });
 }

@@ -75,6 +75,9 @@ pub struct Config {
     /// Seconds that the server waits for running calls when it is told to end [default: 10].
     #[arg(long, value_name = "SECONDS")]
     pub drain_budget: u64,
+    /// Seconds that a job is kept after its end [default: 604800].
+    #[arg(long, value_name = "SECONDS")]
+    pub job_retention: u64,
     /// Export spans of calls, items and solves to this collector by OTLP over gRPC, in builds with
     /// the feature `opentelemetry` [default: none].
     #[arg(long, value_name = "URL")]
@@ -171,6 +174,7 @@ impl Default for Config {
             metrics_listen: None,
             http: None,
             drain_budget: server.drain_budget.as_secs(),
+            job_retention: server.job_retention.as_secs(),
             otlp_endpoint: None,
             threads: server.threads,
             lock_step: server.engine.lock_step,

@@ -12,7 +12,8 @@ use serde::Serialize;
 
 use super::super::output::print;
 use super::files::Format;
-use crate::client::{Client, MapExport};
+use crate::client::{Client, ClientError, MapExport};
+use crate::wire::v1;
 
 /// Files of an export in `--json`.
 #[derive(Debug, Serialize)]
@@ -46,13 +47,22 @@ pub(in crate::cli) async fn write(
     out: &Path,
 ) -> anyhow::Result<Vec<PathBuf>> {
     let paths = export.header().paths.clone();
-    let is_folder = paths.len() != 1 || out.is_dir();
     if paths.is_empty() {
         bail!("the map holds nothing to export in this format");
     }
+    write_files(&paths, async || export.next().await, out).await
+}
+
+/// Writes files whose chunks come in order, as [`write`] does, and returns their paths.
+pub(in crate::cli) async fn write_files(
+    paths: &[String],
+    mut next: impl AsyncFnMut() -> Result<Option<v1::FileChunk>, ClientError>,
+    out: &Path,
+) -> anyhow::Result<Vec<PathBuf>> {
+    let is_folder = paths.len() != 1 || out.is_dir();
     let target = |path: &str| if is_folder { out.join(path) } else { out.to_owned() };
     let mut open: Option<(PathBuf, fs::File)> = None;
-    while let Some(chunk) = export.next().await? {
+    while let Some(chunk) = next().await? {
         let path = target(&chunk.path);
         let partial = partial(&path);
         let mut file = match open.take() {

@@ -20,7 +20,7 @@ use crate::wire::v1;
 const CHUNK_BYTES: usize = 1 << 18;
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
-pub(super) enum Format {
+pub(in crate::cli) enum Format {
     /// COLMAP sparse model as text.
     ColmapText,
     /// COLMAP sparse model in binary.
@@ -145,7 +145,11 @@ fn in_folder(folder: &Path, format: Option<Format>) -> anyhow::Result<(Format, F
 
 /// Sends a file in chunks. Ends early where nobody takes them any more; the call's answer then says
 /// why.
-fn send(path: &str, file: &Path, chunks: &mpsc::Sender<v1::FileChunk>) -> anyhow::Result<()> {
+pub(in crate::cli) fn send(
+    path: &str,
+    file: &Path,
+    chunks: &mpsc::Sender<v1::FileChunk>,
+) -> anyhow::Result<()> {
     let mut file = fs::File::open(file)?;
     let read = |file: &mut fs::File| -> std::io::Result<Vec<u8>> {
         let mut data = Vec::new();

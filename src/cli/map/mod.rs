@@ -24,7 +24,8 @@ use super::output::{print, show};
 use crate::client::Client;
 use crate::wire::v1;
 
-pub(in crate::cli) use export::write;
+pub(in crate::cli) use export::{write, write_files};
+pub(in crate::cli) use files::{Format as MapFormat, send};
 
 /// Lists, shows, changes, moves and deletes the maps of a server.
 #[derive(Debug, clap::Args)]

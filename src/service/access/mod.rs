@@ -40,7 +40,7 @@ pub(super) use audit::change;
 pub(super) use guard::Guarded;
 pub use jwt::JwtOptions;
 use rights::Proof;
-use roles::Role;
+pub(super) use roles::Role;
 pub(super) use tenants::{Caller, hide_tenant, shown};
 pub use tokens::AccessError;
 #[cfg(any(test, feature = "fuzzing"))]

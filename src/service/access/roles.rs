@@ -31,7 +31,8 @@ impl Role {
     }
 }
 
-const READ: [&str; 15] = [
+const READ: [&str; 16] = [
+    "/covis.v1.JobService/DownloadJobFiles",
     "/covis.v1.JobService/GetJob",
     "/covis.v1.JobService/ListJobs",
     "/covis.v1.JobService/WatchJob",
@@ -50,10 +51,11 @@ const READ: [&str; 15] = [
 ];
 
 /// Solves of problems that come with the call change nothing, but take the server's time.
-const WRITE: [&str; 11] = [
+const WRITE: [&str; 12] = [
     "/covis.v1.IngestService/Ingest",
     "/covis.v1.JobService/CancelJob",
     "/covis.v1.JobService/CreateJob",
+    "/covis.v1.JobService/UploadJobFiles",
     "/covis.v1.MapService/CreateMap",
     "/covis.v1.MapService/ImportMap",
     "/covis.v1.MapService/UpdateMap",

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use super::Role;
 use super::rights::Proof;
 use crate::service::engine::{EngineError, SEPARATOR, tenant_of};
+use crate::service::error::ServiceError;
 use crate::store::StoreError;
 
 /// Who makes a call.
@@ -41,6 +42,20 @@ impl Caller {
     /// The caller of a server without tokens.
     pub(super) fn everybody() -> Self {
         Self::new("", "", Role::Admin)
+    }
+
+    /// Whoever acts for a tenant in a job that was created before.
+    pub(in crate::service) fn of_tenant(tenant: &str) -> Self {
+        Self::new("", tenant, Role::Admin)
+    }
+
+    /// Refuses what takes a higher role than the caller's.
+    ///
+    /// # Errors
+    /// [`ServiceError::RoleTooLow`].
+    pub(in crate::service) fn require(&self, needed: Role) -> Result<(), ServiceError> {
+        let is_covered = self.role >= needed;
+        is_covered.then_some(()).ok_or(ServiceError::RoleTooLow { needed: needed.name() })
     }
 
     /// The name of its token.

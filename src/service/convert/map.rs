@@ -256,7 +256,7 @@ fn to_client(map: &Map, index: crate::map::ClientIndex) -> v1::MapClient {
     }
 }
 
-fn to_counts(map: &Map) -> v1::MapCounts {
+pub(in crate::service) fn to_counts(map: &Map) -> v1::MapCounts {
     let observations = usize::try_from(map.observation_count()).unwrap_or(usize::MAX);
     let (keyframes, landmarks) = (map.keyframes().len(), map.landmarks().len());
     let positioned = map.landmarks().values().filter(|l| l.position.is_some()).count();

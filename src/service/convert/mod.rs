@@ -17,6 +17,7 @@ pub(super) mod merge;
 pub(super) mod problem;
 pub(super) mod solve;
 pub(super) mod time;
+pub(super) mod trajectory;
 pub(super) mod update;
 
 #[cfg(test)]

@@ -190,6 +190,10 @@ impl Actor {
             Control::Update { update, reply } => {
                 let _gone = reply.send(self.update(update).await);
             }
+            Control::RetireRedundant { keyframes, share, reply } => {
+                let _gone = reply.send(self.retire_redundant(keyframes, share).await);
+            }
+            Control::DropJournal { reply } => self.drop_journal(reply),
             Control::Leave { reply } => {
                 let _gone = reply.send(self.leave().await);
             }

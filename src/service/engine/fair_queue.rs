@@ -1,4 +1,4 @@
-//! Chooses the next solve fairly among tenants, so that no tenant starves another.
+//! Chooses the next solve, or the next job, fairly among tenants, so that no tenant starves another.
 //!
 //! Start-time fair queuing: each tenant has a virtual clock, and each of its solves advances the
 //! clock by its running time. The waiting tenant with the earliest clock is next. An idle tenant
@@ -15,7 +15,7 @@ const FIRST_GUESS_NS: u64 = 1_000_000;
 
 /// The waiting work of all tenants.
 #[derive(Debug)]
-pub(super) struct FairQueue<T> {
+pub struct FairQueue<T> {
     tenants: BTreeMap<Arc<str>, TenantQueue<T>>,
     /// The clock of the tenant that had the last turn.
     now_ns: u64,
@@ -35,14 +35,21 @@ struct TenantQueue<T> {
 /// The right to run one piece of work. It is passed to [`FairQueue::ended`] when the work has
 /// ended.
 #[derive(Clone, Debug)]
-pub(super) struct Turn {
+pub struct Turn {
     tenant: Arc<str>,
     guess_ns: u64,
 }
 
+impl Turn {
+    /// Whose turn it is.
+    pub fn tenant(&self) -> &Arc<str> {
+        &self.tenant
+    }
+}
+
 impl<T> FairQueue<T> {
     /// At most `slots` run at once.
-    pub(super) fn new(slots: usize) -> Self {
+    pub fn new(slots: usize) -> Self {
         Self { tenants: BTreeMap::new(), now_ns: 0, running: 0, slots: slots.max(1) }
     }
 
@@ -53,7 +60,7 @@ impl<T> FairQueue<T> {
     }
 
     /// Appends work to the queue of a tenant.
-    pub(super) fn push(&mut self, tenant: &Arc<str>, work: T) {
+    pub fn push(&mut self, tenant: &Arc<str>, work: T) {
         let now_ns = self.now_ns;
         let tenant_queue = self.tenants.entry(Arc::clone(tenant)).or_insert_with(|| TenantQueue {
             waiting: VecDeque::new(),
@@ -71,7 +78,7 @@ impl<T> FairQueue<T> {
     /// and says whether the tenant may start its next work; if not, another tenant is chosen.
     /// `fits` gets the total number of running solves and says whether the chosen work can start
     /// now; if not, nothing starts, so that small work does not overtake large work.
-    pub(super) fn next(
+    pub fn next(
         &mut self,
         may: impl Fn(&str, u64, &T) -> bool,
         fits: impl Fn(usize, &T) -> bool,
@@ -99,7 +106,7 @@ impl<T> FairQueue<T> {
     }
 
     /// Ends a turn that took `took_ns`.
-    pub(super) fn ended(&mut self, turn: &Turn, took_ns: u64) {
+    pub fn ended(&mut self, turn: &Turn, took_ns: u64) {
         self.running = self.running.saturating_sub(1);
         let Some(tenant_queue) = self.tenants.get_mut(&turn.tenant) else { return };
         tenant_queue.running = tenant_queue.running.saturating_sub(1);

@@ -4,7 +4,7 @@
 //! behind a busy stream. Once an item is acknowledged, every later snapshot contains it.
 
 use std::fmt;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use covis_solvers::interrupt::Interrupt;
@@ -21,11 +21,13 @@ use super::solve::Job;
 use super::stream::Queued;
 use super::watch::Past;
 use super::{
-    Account, EngineConfig, EngineError, EngineMeters, IngestStream, OptimizeOptions,
+    Account, Cancellation, EngineConfig, EngineError, EngineMeters, IngestStream, OptimizeOptions,
     OptimizeOutcome, Watch,
 };
 use crate::loop_closing::{Located, View, locate};
-use crate::map::{GraphPairs, GraphProblem, Map, MapPolicy, PlaceCandidate, measured_graph};
+use crate::map::{
+    EntityId, GraphPairs, GraphProblem, Map, MapPolicy, PlaceCandidate, measured_graph,
+};
 use crate::store::{Durability, Flushed, Store};
 
 /// Whether a map accepts changes.
@@ -105,6 +107,16 @@ pub(super) enum Control {
     Update {
         update: MapUpdate,
         reply: Reply<Result<MapInfo, EngineError>>,
+    },
+    /// Removes those of the keyframes that are redundant still; the answer counts them.
+    RetireRedundant {
+        keyframes: Vec<EntityId>,
+        share: f64,
+        reply: Reply<Result<usize, EngineError>>,
+    },
+    /// Keeps a snapshot and drops the journal before it.
+    DropJournal {
+        reply: Reply<Result<(), EngineError>>,
     },
     /// Freezes the map, which another one is to take.
     Leave {
@@ -391,26 +403,39 @@ impl MapHandle {
         options: OptimizeOptions,
         progress: mpsc::Sender<IterationSummary>,
     ) -> Result<OptimizeOutcome, EngineError> {
+        self.optimize_unless(Arc::default(), options, progress).await
+    }
+
+    /// As [`MapHandle::optimize`]; `cancellation` decides whether the result is applied.
+    ///
+    /// # Errors
+    /// As [`MapHandle::optimize`].
+    pub async fn optimize_unless(
+        &self,
+        cancellation: Arc<Cancellation>,
+        options: OptimizeOptions,
+        progress: mpsc::Sender<IterationSummary>,
+    ) -> Result<OptimizeOutcome, EngineError> {
         self.shared.config.check_calls()?;
         // Unbounded, so that a slow caller cannot delay the solve; a solve has few iterations.
         let (rows, mut row) = mpsc::unbounded_channel();
         let (reply, mut answer) = oneshot::channel();
-        let canceled = CancelOnDrop(Arc::new(AtomicBool::new(false)));
-        let cancel = Arc::clone(&canceled.0);
-        let job = Job { options, rows, cancel, span: Span::current(), reply };
+        let mut guard = CancelOnDrop(Some(Arc::clone(&cancellation)));
+        let canceled = Arc::clone(&cancellation);
+        let job = Job { options, rows, cancellation, span: Span::current(), reply };
         self.send(Control::Optimize(Box::new(job))).await?;
         loop {
             tokio::select! {
                 biased;
                 Some(row) = row.recv() => {
                     if progress.send(row).await.is_err() {
-                        canceled.0.store(true, Ordering::Relaxed);
+                        canceled.abandon();
                     }
                 }
-                () = progress.closed(), if !canceled.0.load(Ordering::Relaxed) => {
-                    canceled.0.store(true, Ordering::Relaxed);
-                }
+                () = progress.closed(), if !canceled.is_canceled() => canceled.abandon(),
                 outcome = &mut answer => {
+                    // The caller may ask again with the same cancellation.
+                    guard.0 = None;
                     return outcome.unwrap_or_else(|_lost| Err(self.end_error()));
                 }
             }
@@ -460,10 +485,12 @@ impl MapHandle {
 }
 
 /// Cancels an optimization when its caller drops the future.
-struct CancelOnDrop(Arc<AtomicBool>);
+struct CancelOnDrop(Option<Arc<Cancellation>>);
 
 impl Drop for CancelOnDrop {
     fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
+        if let Some(cancellation) = &self.0 {
+            cancellation.abandon();
+        }
     }
 }

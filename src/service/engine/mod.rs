@@ -19,6 +19,8 @@
 //! | `durability` | the journal, DURABLE acks, snapshots |
 //! | `schedule` | which items wait for which solve |
 //! | `solving`, `solve` | starting and ending a solve; its body |
+//! | `cancellation` | whether a requested change may still be made, or is canceled |
+//! | `compacting` | a map made smaller on request: redundant keyframes and old journal go |
 //! | `background` | what follows a loop closure while items go on: comparing places, adjusting the map |
 //! | `recognition` | searching the places that keyframes show again |
 //! | `places` | the index of a map's places |
@@ -33,6 +35,8 @@
 mod account;
 mod actor;
 mod background;
+mod cancellation;
+mod compacting;
 mod durability;
 mod error;
 mod fair_queue;
@@ -62,7 +66,10 @@ use covis_solvers::price::Ceiling;
 pub use account::{
     Account, AccountLimits, AccountRow, Accounts, Reservation, Resource, SEPARATOR, tenant_of,
 };
+pub use cancellation::Cancellation;
+pub use compacting::Compacted;
 pub use error::EngineError;
+pub use fair_queue::{FairQueue, Turn};
 pub use handle::{MapHandle, MapInfo, MapState, MapUpdate, PolicyUpdate};
 pub use importing::{ImportRoom, ImportedAs};
 pub use maps::Maps;

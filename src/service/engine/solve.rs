@@ -8,7 +8,7 @@
 //! verdicts on loop closures are stored in the problem and become part of the event.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use covis_solvers::bundle_adjustment::{self, LinearSolver};
@@ -26,9 +26,9 @@ use covis_solvers::robust::{PositionJudging, VarianceFactors};
 use tokio::sync::mpsc;
 use tracing::Span;
 
-use super::EngineError;
 use super::handle::Reply;
 use super::measured_pairs::MeasuredPairs;
+use super::{Cancellation, EngineError};
 pub use crate::map::Gauge as GaugeKind;
 use crate::map::{
     ClientIndex, GlobalOptions, GraphPairs, GraphProblem, Map, MapProblem, Solved, SwitchedOff,
@@ -105,7 +105,7 @@ pub struct OptimizeCounts {
 pub(super) struct Job {
     pub(super) options: OptimizeOptions,
     pub(super) rows: mpsc::UnboundedSender<IterationSummary>,
-    pub(super) cancel: Arc<AtomicBool>,
+    pub(super) cancellation: Arc<Cancellation>,
     /// Span of the call that requested it.
     pub(super) span: Span,
     pub(super) reply: Reply<Result<OptimizeOutcome, EngineError>>,
@@ -113,7 +113,7 @@ pub(super) struct Job {
 
 impl Job {
     pub(super) fn is_canceled(&self) -> bool {
-        self.cancel.load(Ordering::Relaxed)
+        self.cancellation.is_canceled()
     }
 
     /// Sends the outcome to the caller, if it still waits.

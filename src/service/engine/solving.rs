@@ -117,7 +117,7 @@ impl Solving {
         let Some(job) = &self.job else { return };
         let _entered = job.span.clone().entered();
         let (mut options, rows) = (job.options, job.rows.clone());
-        let cancel = Some(Arc::clone(&job.cancel));
+        let cancel = Some(Arc::clone(job.cancellation.flag()));
         options.optimizer.ceiling = self.shared.config.ceiling();
         let map = Arc::clone(map);
         let optimizer = &options.optimizer;
@@ -249,9 +249,11 @@ impl Solving {
         Ok(Some((running, outcome)))
     }
 
-    /// Whether the caller of the requested optimization went away.
-    pub(super) fn is_job_canceled(&self) -> bool {
-        self.job.as_ref().is_none_or(Job::is_canceled)
+    /// Whether the requested optimization may take effect: it was not canceled, and from here on
+    /// nobody can.
+    fn commits_job(&self) -> bool {
+        let job = self.job.as_ref();
+        job.is_some_and(|job| !job.is_canceled() && job.cancellation.commit())
     }
 
     /// Answers the requested optimization, which has ended.
@@ -310,7 +312,7 @@ impl Actor {
         };
         let (id, map) = (running.id, self.shared.name.clone());
         let answer = match (outcome, running.is_job) {
-            (outcome, true) if self.solving.is_job_canceled() => {
+            (outcome, true) if !self.solving.commits_job() => {
                 self.pool.discard(outcome);
                 Err(EngineError::Cancelled { map })
             }

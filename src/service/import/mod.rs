@@ -3,7 +3,7 @@
 //! A file of covis is read while it comes, and only the map that it holds is in memory; the files of
 //! other formats are kept until all are there, because they refer to each other. The account of the
 //! new map bounds both. A map exists once everything was read and checked, and not before: a call
-//! that ends early leaves nothing. `upload.rs` puts chunks in order, `models.rs` makes items of other
+//! that ends early leaves nothing. `upload.rs` takes the files, `models.rs` makes items of other
 //! formats.
 
 mod models;
@@ -12,7 +12,7 @@ mod upload;
 use covis_solvers::io::colmap::ColmapEncoding;
 use tonic::Streaming;
 
-use self::upload::{Pipe, Upload, pipe};
+use self::upload::{Import, Pipe, files, one_file, pipe};
 use super::access::Caller;
 use super::context::Context;
 use super::convert::map::{ServerCeilings, display_name, policy, to_limits, to_map, to_policy};
@@ -60,7 +60,7 @@ pub(super) async fn import(
     inbound: Streaming<v1::ImportMapRequest>,
 ) -> Result<v1::ImportMapResponse, ServiceError> {
     let ceilings = context.ceilings();
-    let mut upload = Upload::new(context, inbound);
+    let mut upload = Import::new(context, inbound);
     let header = header(upload.header().await?, caller, &ceilings)?;
     let Header { name, imported, format, client } = header;
     let room = context.maps.begin_import(&name)?;
@@ -76,7 +76,7 @@ pub(super) async fn import(
             (content, room, ImportedAs { policy: Some(policy), ..imported })
         }
         Format::Colmap(_) | Format::Tum | Format::G2o => {
-            let (files, room) = upload.files(room).await?;
+            let (files, room) = files(&mut upload, room).await?;
             let policy = match imported.policy {
                 Some(policy) => policy,
                 None => convert(|out| policy(None, &ceilings, out))?,
@@ -132,7 +132,7 @@ fn header(
 
 /// Reads a file of covis while it comes. The policy is that of the map in it.
 async fn own(
-    upload: &mut Upload<'_>,
+    upload: &mut Import<'_>,
     mut room: ImportRoom,
     ceilings: &ServerCeilings,
 ) -> Result<(Map, MapPolicy, ImportRoom), ServiceError> {
@@ -150,7 +150,7 @@ async fn own(
         drop::<Pipe>(input);
         (read, full, room)
     });
-    let sent = upload.one_file(sender).await;
+    let sent = one_file(upload, sender).await;
     let (read, full, room) = match reading.await {
         Ok(read) => read,
         Err(error) if error.is_panic() => {

@@ -1,4 +1,4 @@
-//! Pages and streams of `MapService`: maps, trajectories, landmarks, keyframes, constraints, searches
+//! Pages of `JobService`, pages and streams of `MapService`: jobs, maps, trajectories, landmarks, keyframes, constraints, searches
 //! for places.
 //!
 //! A page token names the last entry of its page, so that a later call continues after it whatever
@@ -29,10 +29,10 @@ pub(super) use place_searches::{place_search_pages, place_searches};
 
 /// Size at which a streamed message is cut, bytes.
 pub(super) const MESSAGE_BYTES: usize = 1 << 20;
-/// Maps in a page if the request gives no number.
-const DEFAULT_MAPS: usize = 100;
-/// Most maps in a page.
-const MAX_MAPS: i64 = 1000;
+/// Maps or jobs in a page if the request gives no number.
+const DEFAULT_ROWS: usize = 100;
+/// Most maps or jobs in a page.
+const MAX_ROWS: i64 = 1000;
 /// Bytes of a repeated message's tag and length, at most.
 pub(super) const ENTRY_OVERHEAD: usize = 6;
 
@@ -47,6 +47,11 @@ impl PagedList {
     /// The maps of a tenant.
     pub(super) fn maps(tenant: &str) -> Self {
         Self { call: "ListMaps", owner: tenant.to_owned() }
+    }
+
+    /// The jobs of a tenant that fit a filter.
+    pub(super) fn jobs(tenant: &str, filter: &str) -> Self {
+        Self { call: "ListJobs", owner: format!("{tenant}/{filter}") }
     }
 
     /// A list of entities of a map.
@@ -81,18 +86,19 @@ impl PagedList {
     }
 }
 
-/// How many maps a page has, and the map after which it begins.
-pub(super) fn map_page(
-    request: &v1::ListMapsRequest,
+/// How many maps or jobs a page has, and the one after which it begins.
+pub(super) fn page(
+    page_size: i32,
+    page_token: &str,
     list: &PagedList,
 ) -> Result<(usize, String), ServiceError> {
     let page = convert(|out| {
-        let size = out.within(Path::root("page_size"), request.page_size, 0, MAX_MAPS);
-        let after = match request.page_token.as_str() {
+        let size = out.within(Path::root("page_size"), page_size, 0, MAX_ROWS);
+        let after = match page_token {
             "" => Some(""),
             token => list.last(token, out),
         };
-        Some((if size? == 0 { DEFAULT_MAPS } else { size? }, after?.to_owned()))
+        Some((if size? == 0 { DEFAULT_ROWS } else { size? }, after?.to_owned()))
     })?;
     Ok(page)
 }

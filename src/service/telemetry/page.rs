@@ -10,6 +10,7 @@ use super::text::Text;
 use crate::service::connections::Connections;
 use crate::service::context::Context;
 use crate::service::engine::EngineMeters;
+use crate::service::jobs::Jobs;
 use crate::store::StoreMeters;
 
 /// The page of a server as it is now.
@@ -21,6 +22,7 @@ pub(in crate::service) fn page(context: &Context) -> String {
     maps(&mut text, context);
     items(&mut text, context.maps.meters());
     solves(&mut text, context.maps.meters());
+    jobs(&mut text, &context.jobs);
     store(&mut text, &context.meters.store);
     text.finish()
 }
@@ -172,6 +174,22 @@ fn solves(text: &mut Text, engine: &EngineMeters) {
     let help = "How long an engine held a thread of the async runtime at a time: processor time on \
                 Linux, elapsed time elsewhere.";
     text.histogram("covis_engine_held_seconds", help).seconds(&[], &engine.held_ns);
+}
+
+fn jobs(text: &mut Text, jobs: &Jobs) {
+    let [pending, running, ended] = jobs.counts();
+    text.gauge("covis_jobs", "Jobs: waiting, running, and ended ones that are kept.")
+        .row(&[("state", "pending")], pending)
+        .row(&[("state", "running")], running)
+        .row(&[("state", "ended")], ended);
+    let mut family = text.counter("covis_jobs_ended_total", "Jobs that ended, by kind and state.");
+    for (kind, state, count) in jobs.meters.rows() {
+        family.row(&[("kind", kind), ("state", state)], count);
+    }
+    text.histogram("covis_job_duration_seconds", "From a job's begin to its end.")
+        .seconds(&[], &jobs.meters.running_ns);
+    text.histogram("covis_job_wait_seconds", "From a job's creation to its begin.")
+        .seconds(&[], &jobs.meters.waiting_ns);
 }
 
 fn store(text: &mut Text, store: &StoreMeters) {

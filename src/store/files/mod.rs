@@ -7,6 +7,7 @@
 //! DIR/maps/UID/SEQUENCE.snap    the map at this sequence; the newest two are kept
 //! DIR/maps/UID/durable          how far the journal was synced when it was idle last
 //! DIR/maps/UID/*.bad            damaged files that were set aside, kept for people
+//! DIR/jobs/UID/                 a job, or what was uploaded for one; see `jobs`
 //! DIR/set-aside/UID.bad         maps of which nothing could be brought back
 //! ```
 //!
@@ -20,6 +21,7 @@
 //! | `failure` | which failures are temporary, and what callers read of them |
 //! | `folders`, `changes` | what the folders in `maps/` are; creating and deleting maps |
 //! | `record`, `sealed` | the bytes of journals, and of files that are written once |
+//! | `jobs` | the folders of jobs |
 //! | `load` | opening a map's folder |
 //! | `read` | reading events and snapshots, whole or a piece at a time |
 //! | `journal`, `writer` | a map's journal: order, groups, the mark; writing them, healing, making durable what was found |
@@ -34,6 +36,7 @@ mod failure;
 mod folders;
 #[cfg(any(test, feature = "fuzzing"))]
 pub(in crate::store) mod fuzzing;
+mod jobs;
 mod journal;
 mod load;
 mod lock;
@@ -44,6 +47,7 @@ mod writer;
 
 pub use self::backup::back_up;
 pub use self::doctor::{MapCheckup, check_up};
+pub(super) use self::jobs::JobFolders;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -64,8 +68,8 @@ use self::journal::Journal;
 use self::lock::DirectoryLock;
 use self::record::Uid;
 use super::{
-    Damage, Durability, Epoch, EventReader, Flushed, Position, Store, StoreError, StoreMeters,
-    sequence_of,
+    Damage, Durability, Epoch, EventReader, Flushed, JobFiles, Position, Store, StoreError,
+    StoreMeters, sequence_of,
 };
 use crate::map::{Event, Map};
 
@@ -174,6 +178,13 @@ impl FileStore {
     #[must_use]
     pub fn meters(&self) -> Arc<StoreMeters> {
         Arc::clone(&self.inner.meters)
+    }
+
+    /// The files of jobs in the same directory.
+    #[must_use]
+    pub fn job_files(&self) -> JobFiles {
+        let disk = Arc::clone(&self.inner.disk);
+        JobFiles::on_disk(JobFolders::new(disk, &self.inner.root))
     }
 
     /// The journal of a map, after its folder was read.

@@ -2,7 +2,7 @@
 //! memory.
 //!
 //! ```text
-//! "covissnp" or "covismap"  version u32  0 u32  uid [16]  sequence u64  length u64
+//! "covissnp", "covismap", "covisjob" or "covisjbd"  version u32  0 u32  uid [16]  sequence u64  length u64
 //! body [length]  crc32c u32 over all that stands before it
 //! ```
 //!
@@ -46,6 +46,10 @@ pub(super) enum Kind {
     Identity,
     /// A map at a sequence.
     Snapshot,
+    /// The record of a job.
+    Job,
+    /// What was uploaded for a job, or what it made.
+    JobData,
 }
 
 impl Kind {
@@ -53,6 +57,8 @@ impl Kind {
         match self {
             Self::Identity => b"covismap",
             Self::Snapshot => b"covissnp",
+            Self::Job => b"covisjob",
+            Self::JobData => b"covisjbd",
         }
     }
 }
@@ -144,6 +150,33 @@ pub(super) fn write_snapshot(
 ) -> Result<u64, StoreError> {
     let label = Label { uid: *uid, sequence: sequence_of(map.revision()) };
     write(disk, path, (Kind::Snapshot, &label), |out| put_map(map, out))
+}
+
+/// Writes a file of a job; returns its size in bytes.
+///
+/// # Errors
+/// [`StoreError::File`].
+pub(super) fn write_of_job(
+    disk: &dyn Disk,
+    path: &Path,
+    kind: Kind,
+    uid: &Uid,
+    body: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<u64, StoreError> {
+    let label = Label { uid: *uid, sequence: 0 };
+    write(disk, path, (kind, &label), body)
+}
+
+/// Reads a file of a job.
+///
+/// # Errors
+/// [`SealError`].
+pub(super) fn read_of_job<T>(
+    kind: Kind,
+    input: &mut dyn Read,
+    read: impl FnOnce(&mut dyn BufRead) -> io::Result<T>,
+) -> Result<(Label, T), SealError> {
+    unseal(kind, input, |_label, body| Ok(read(body)?))
 }
 
 fn put_map(map: &Map, out: &mut dyn Write) -> io::Result<()> {

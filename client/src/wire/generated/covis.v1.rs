@@ -7397,6 +7397,22 @@ pub struct Job {
     /// Whether CancelJob was called. Output only.
     #[prost(bool, tag = "11")]
     pub cancel_requested: bool,
+    /// Among the waiting jobs of a tenant the highest begins first. -100 to 100. Default 0.
+    #[prost(int32, tag = "12")]
+    pub priority: i32,
+    /// What DownloadJobFiles gives, the report first. Output only.
+    #[prost(message, repeated, tag = "13")]
+    pub files: ::prost::alloc::vec::Vec<JobFile>,
+    /// How often it has begun: more than once after restarts of the server. Output only.
+    #[prost(int32, tag = "14")]
+    pub attempt_count: i32,
+    /// Cost of what was solved before, in the unit of the problem; of several problems the sum.
+    /// SUCCEEDED jobs that solve. Output only.
+    #[prost(double, optional, tag = "15")]
+    pub cost_before: ::core::option::Option<f64>,
+    /// The same after. Output only.
+    #[prost(double, optional, tag = "16")]
+    pub cost_after: ::core::option::Option<f64>,
 }
 impl ::prost::Name for Job {
     const NAME: &'static str = "Job";
@@ -7408,16 +7424,38 @@ impl ::prost::Name for Job {
         "/covis.v1.Job".into()
     }
 }
+/// A file that a job made.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct JobFile {
+    /// Path with '/', never absolute and without "..".
+    #[prost(string, tag = "1")]
+    pub path: ::prost::alloc::string::String,
+    /// Its length, bytes.
+    #[prost(int64, tag = "2")]
+    pub size_bytes: i64,
+}
+impl ::prost::Name for JobFile {
+    const NAME: &'static str = "JobFile";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.JobFile".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.JobFile".into()
+    }
+}
 /// What a job does.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct JobSpec {
-    /// Required. Further kinds take numbers from 6 on.
-    #[prost(oneof = "job_spec::Spec", tags = "1, 2, 3, 4, 5")]
+    /// Required. Further kinds take numbers from 8 on; 8 is kept for maps that are built from raw
+    /// observations.
+    #[prost(oneof = "job_spec::Spec", tags = "1, 2, 3, 4, 5, 6, 7")]
     pub spec: ::core::option::Option<job_spec::Spec>,
 }
 /// Nested message and enum types in `JobSpec`.
 pub mod job_spec {
-    /// Required. Further kinds take numbers from 6 on.
+    /// Required. Further kinds take numbers from 8 on; 8 is kept for maps that are built from raw
+    /// observations.
     #[derive(Clone, PartialEq, ::prost::Oneof)]
     pub enum Spec {
         /// Optimizes a map as OptimizationService.OptimizeMap does.
@@ -7435,6 +7473,12 @@ pub mod job_spec {
         /// Compares a map's trajectory with the truth.
         #[prost(message, tag = "5")]
         EvaluateTrajectory(super::EvaluateTrajectorySpec),
+        /// Makes the files of MapService.ExportMap.
+        #[prost(message, tag = "6")]
+        ExportMap(super::ExportMapRequest),
+        /// Solves files that were uploaded.
+        #[prost(message, tag = "7")]
+        SolveFiles(super::SolveFilesSpec),
     }
 }
 impl ::prost::Name for JobSpec {
@@ -7447,7 +7491,33 @@ impl ::prost::Name for JobSpec {
         "/covis.v1.JobSpec".into()
     }
 }
-/// Builds a map anew from its journal: all items again, all solves again.
+/// Solves problem files as `covis solve` does by default: no loss, at most 100 iterations, intrinsics
+/// free. Several problems are solved one after the other; the job fails with the first that cannot be
+/// solved.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct SolveFilesSpec {
+    /// From UploadJobFiles; the job takes it. Required.
+    #[prost(string, tag = "1")]
+    pub upload_id: ::prost::alloc::string::String,
+    /// What the files are. Default: COLMAP where there are files of COLMAP's names, a pose graph where a
+    /// name ends in ".g2o", otherwise BAL.
+    #[prost(enumeration = "ProblemFileKind", tag = "2")]
+    pub kind: i32,
+    /// Whether the solved problems are kept as files in the formats in which they came. Default false.
+    #[prost(bool, tag = "3")]
+    pub keep_solutions: bool,
+}
+impl ::prost::Name for SolveFilesSpec {
+    const NAME: &'static str = "SolveFilesSpec";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.SolveFilesSpec".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.SolveFilesSpec".into()
+    }
+}
+/// Builds a map anew from its journal: all items again, all solves again. Not served yet.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct RebuildMapSpec {
     /// The map that is read. Required.
@@ -7477,7 +7547,7 @@ pub struct CompactMapSpec {
     #[prost(string, tag = "1")]
     pub map_id: ::prost::alloc::string::String,
     /// A keyframe goes when this share of its landmarks is seen by at least 3 others, greater than 0,
-    /// at most 1. Default: none goes.
+    /// at most 1; the newest two of each client stay. Default: none goes.
     #[prost(double, optional, tag = "2")]
     pub redundant_share: ::core::option::Option<f64>,
     /// Whether journal before the newest snapshot is dropped. Default false.
@@ -7503,12 +7573,16 @@ pub struct EvaluateTrajectorySpec {
     /// The client whose keyframes are compared. Required.
     #[prost(string, tag = "2")]
     pub client_id: ::prost::alloc::string::String,
-    /// The truth; capture_time and world_from_camera of each pose. At least 3.
+    /// The truth; capture_time and world_from_camera of each pose. At least 3, or none with
+    /// truth_upload_id.
     #[prost(message, repeated, tag = "3")]
     pub truth: ::prost::alloc::vec::Vec<KeyframePose>,
     /// Largest difference of times that are matched, s, greater than 0. Default 0.01.
     #[prost(double, optional, tag = "4")]
     pub max_time_difference_s: ::core::option::Option<f64>,
+    /// The truth as one TUM file, from UploadJobFiles; the job takes it. Default: the truth is above.
+    #[prost(string, tag = "5")]
+    pub truth_upload_id: ::prost::alloc::string::String,
 }
 impl ::prost::Name for EvaluateTrajectorySpec {
     const NAME: &'static str = "EvaluateTrajectorySpec";
@@ -7535,6 +7609,10 @@ pub struct JobProgress {
     /// When this was written, by the server's clock.
     #[prost(message, optional, tag = "4")]
     pub update_time: ::core::option::Option<::prost_types::Timestamp>,
+    /// How much longer it takes, s, at least 0, judged by the work so far: a solve by its last iterations
+    /// and by how fast its cost falls. Absent when it cannot be told.
+    #[prost(double, optional, tag = "5")]
+    pub time_left_s: ::core::option::Option<f64>,
 }
 impl ::prost::Name for JobProgress {
     const NAME: &'static str = "JobProgress";
@@ -7573,7 +7651,7 @@ impl ::prost::Name for JobFailure {
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct JobResult {
     /// The same kind as the spec.
-    #[prost(oneof = "job_result::Result", tags = "1, 2, 3, 4, 5")]
+    #[prost(oneof = "job_result::Result", tags = "1, 2, 3, 4, 5, 6, 7")]
     pub result: ::core::option::Option<job_result::Result>,
 }
 /// Nested message and enum types in `JobResult`.
@@ -7596,6 +7674,12 @@ pub mod job_result {
         /// See EvaluateTrajectorySpec.
         #[prost(message, tag = "5")]
         EvaluateTrajectory(super::EvaluateTrajectoryResult),
+        /// See ExportMapRequest; the files are in Job.files.
+        #[prost(message, tag = "6")]
+        ExportMap(super::ExportMapResult),
+        /// See SolveFilesSpec.
+        #[prost(message, tag = "7")]
+        SolveFiles(super::SolveFilesResult),
     }
 }
 impl ::prost::Name for JobResult {
@@ -7606,6 +7690,60 @@ impl ::prost::Name for JobResult {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.JobResult".into()
+    }
+}
+/// What an export made.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ExportMapResult {
+    /// The revision that was exported.
+    #[prost(int64, tag = "1")]
+    pub revision: i64,
+}
+impl ::prost::Name for ExportMapResult {
+    const NAME: &'static str = "ExportMapResult";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.ExportMapResult".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.ExportMapResult".into()
+    }
+}
+/// See SolveFilesSpec.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct SolveFilesResult {
+    /// One for each problem, in the order in which they were solved.
+    #[prost(message, repeated, tag = "1")]
+    pub problems: ::prost::alloc::vec::Vec<SolvedProblem>,
+}
+impl ::prost::Name for SolveFilesResult {
+    const NAME: &'static str = "SolveFilesResult";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.SolveFilesResult".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.SolveFilesResult".into()
+    }
+}
+/// A problem of a file, or of the files of a folder.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct SolvedProblem {
+    /// Path of the file; of a COLMAP model its folder, "." where it has none.
+    #[prost(string, tag = "1")]
+    pub path: ::prost::alloc::string::String,
+    /// The certificate, as of SolveBundle or SolvePoseGraph.
+    #[prost(message, optional, tag = "2")]
+    pub summary: ::core::option::Option<SolveSummary>,
+}
+impl ::prost::Name for SolvedProblem {
+    const NAME: &'static str = "SolvedProblem";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.SolvedProblem".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.SolvedProblem".into()
     }
 }
 /// See RebuildMapSpec.
@@ -7634,6 +7772,9 @@ pub struct CompactMapResult {
     /// Counts after.
     #[prost(message, optional, tag = "2")]
     pub counts_after: ::core::option::Option<MapCounts>,
+    /// Keyframes that went; what they measured is kept as constraints and priors between others.
+    #[prost(int64, tag = "3")]
+    pub retired_keyframe_count: i64,
 }
 impl ::prost::Name for CompactMapResult {
     const NAME: &'static str = "CompactMapResult";
@@ -7716,6 +7857,40 @@ impl JobState {
         }
     }
 }
+/// What problem files are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum ProblemFileKind {
+    /// The default: told by their names.
+    Unspecified = 0,
+    /// Bundle adjustment: BAL files, and COLMAP sparse models (cameras, images and points3D, text or
+    /// binary, of one folder).
+    Bundle = 1,
+    /// Pose graphs: g2o files.
+    PoseGraph = 2,
+}
+impl ProblemFileKind {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "PROBLEM_FILE_KIND_UNSPECIFIED",
+            Self::Bundle => "PROBLEM_FILE_KIND_BUNDLE",
+            Self::PoseGraph => "PROBLEM_FILE_KIND_POSE_GRAPH",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "PROBLEM_FILE_KIND_UNSPECIFIED" => Some(Self::Unspecified),
+            "PROBLEM_FILE_KIND_BUNDLE" => Some(Self::Bundle),
+            "PROBLEM_FILE_KIND_POSE_GRAPH" => Some(Self::PoseGraph),
+            _ => None,
+        }
+    }
+}
 /// See CreateJob.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct CreateJobRequest {
@@ -7725,6 +7900,9 @@ pub struct CreateJobRequest {
     /// What to do. Required.
     #[prost(message, optional, tag = "2")]
     pub spec: ::core::option::Option<JobSpec>,
+    /// See Job.priority.
+    #[prost(int32, tag = "3")]
+    pub priority: i32,
 }
 impl ::prost::Name for CreateJobRequest {
     const NAME: &'static str = "CreateJobRequest";
@@ -7816,7 +7994,7 @@ impl ::prost::Name for ListJobsRequest {
 /// See ListJobs.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct ListJobsResponse {
-    /// The newest first.
+    /// The newest first; specs without the truth of evaluations.
     #[prost(message, repeated, tag = "1")]
     pub jobs: ::prost::alloc::vec::Vec<Job>,
     /// Empty on the last page.
@@ -7931,6 +8109,147 @@ impl ::prost::Name for WatchJobResponse {
         "/covis.v1.WatchJobResponse".into()
     }
 }
+/// See UploadJobFiles.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct UploadJobFilesRequest {
+    /// The header comes first, once; then chunks.
+    #[prost(oneof = "upload_job_files_request::Content", tags = "1, 2")]
+    pub content: ::core::option::Option<upload_job_files_request::Content>,
+}
+/// Nested message and enum types in `UploadJobFilesRequest`.
+pub mod upload_job_files_request {
+    /// The header comes first, once; then chunks.
+    #[derive(Clone, PartialEq, Eq, Hash, ::prost::Oneof)]
+    pub enum Content {
+        /// What follows.
+        #[prost(message, tag = "1")]
+        Header(super::UploadJobFilesHeader),
+        /// A piece of a file.
+        #[prost(message, tag = "2")]
+        Chunk(super::FileChunk),
+    }
+}
+impl ::prost::Name for UploadJobFilesRequest {
+    const NAME: &'static str = "UploadJobFilesRequest";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.UploadJobFilesRequest".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.UploadJobFilesRequest".into()
+    }
+}
+/// What an upload holds.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct UploadJobFilesHeader {
+    /// All files together, bytes, at least 0: room for them is reserved before the first chunk.
+    /// Default: not known.
+    #[prost(int64, tag = "1")]
+    pub size_bytes: i64,
+}
+impl ::prost::Name for UploadJobFilesHeader {
+    const NAME: &'static str = "UploadJobFilesHeader";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.UploadJobFilesHeader".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.UploadJobFilesHeader".into()
+    }
+}
+/// See UploadJobFiles.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct UploadJobFilesResponse {
+    /// What a spec names: 32 hexadecimal digits.
+    #[prost(string, tag = "1")]
+    pub upload_id: ::prost::alloc::string::String,
+    /// Files.
+    #[prost(int32, tag = "2")]
+    pub file_count: i32,
+    /// All of them together, bytes.
+    #[prost(int64, tag = "3")]
+    pub size_bytes: i64,
+    /// When the server drops it if no job has taken it, by the server's clock.
+    #[prost(message, optional, tag = "4")]
+    pub expire_time: ::core::option::Option<::prost_types::Timestamp>,
+}
+impl ::prost::Name for UploadJobFilesResponse {
+    const NAME: &'static str = "UploadJobFilesResponse";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.UploadJobFilesResponse".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.UploadJobFilesResponse".into()
+    }
+}
+/// See DownloadJobFiles.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct DownloadJobFilesRequest {
+    /// The job. Required.
+    #[prost(string, tag = "1")]
+    pub job_id: ::prost::alloc::string::String,
+    /// Only the file of this path. Default: all.
+    #[prost(string, tag = "2")]
+    pub path: ::prost::alloc::string::String,
+}
+impl ::prost::Name for DownloadJobFilesRequest {
+    const NAME: &'static str = "DownloadJobFilesRequest";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.DownloadJobFilesRequest".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.DownloadJobFilesRequest".into()
+    }
+}
+/// See DownloadJobFiles.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct DownloadJobFilesResponse {
+    /// The header comes first, once; then chunks.
+    #[prost(oneof = "download_job_files_response::Content", tags = "1, 2")]
+    pub content: ::core::option::Option<download_job_files_response::Content>,
+}
+/// Nested message and enum types in `DownloadJobFilesResponse`.
+pub mod download_job_files_response {
+    /// The header comes first, once; then chunks.
+    #[derive(Clone, PartialEq, ::prost::Oneof)]
+    pub enum Content {
+        /// What follows.
+        #[prost(message, tag = "1")]
+        Header(super::DownloadJobFilesHeader),
+        /// A piece of a file.
+        #[prost(message, tag = "2")]
+        Chunk(super::FileChunk),
+    }
+}
+impl ::prost::Name for DownloadJobFilesResponse {
+    const NAME: &'static str = "DownloadJobFilesResponse";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.DownloadJobFilesResponse".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.DownloadJobFilesResponse".into()
+    }
+}
+/// See DownloadJobFiles.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct DownloadJobFilesHeader {
+    /// The files that follow, in order.
+    #[prost(message, repeated, tag = "1")]
+    pub files: ::prost::alloc::vec::Vec<JobFile>,
+}
+impl ::prost::Name for DownloadJobFilesHeader {
+    const NAME: &'static str = "DownloadJobFilesHeader";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.DownloadJobFilesHeader".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.DownloadJobFilesHeader".into()
+    }
+}
 /// Generated client implementations.
 pub mod job_service_client {
     #![allow(
@@ -7942,7 +8261,8 @@ pub mod job_service_client {
     )]
     use tonic::codegen::*;
     use tonic::codegen::http::Uri;
-    /// Runs jobs. Any RPC can also end with the transport's codes, see docs/wire.md.
+    /// Runs jobs. A tenant sees its own only. Any RPC can also end with the transport's codes, see
+    /// docs/wire.md.
     #[derive(Debug, Clone)]
     pub struct JobServiceClient<T> {
         inner: tonic::client::Grpc<T>,
@@ -8023,13 +8343,20 @@ pub mod job_service_client {
             self.inner = self.inner.max_encoding_message_size(limit);
             self
         }
-        /// Creates a job and returns at once. The same job_id with the same spec answers the job that
-        /// is there.
+        /// Creates a job and returns at once; no crash loses it then. The same job_id with the same spec
+        /// answers the job that is there. Takes the role of the RPC that the job stands for, at least that of
+        /// this call.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad spec, NOT_FOUND for its map, ALREADY_EXISTS when the job_id
-        ///  has another spec, ABORTED when another job changes the map, RESOURCE_EXHAUSTED, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field.
+        /// * PERMISSION_DENIED: the role does not cover what the job does.
+        /// * NOT_FOUND: no such map, client or upload.
+        /// * ALREADY_EXISTS: the job_id has another spec.
+        /// * FAILED_PRECONDITION: the map is frozen or poisoned and the job would change it.
+        /// * ABORTED: another job that is not ended changes the map.
+        /// * RESOURCE_EXHAUSTED: the tenant or the server keeps no more jobs.
+        /// * UNIMPLEMENTED: the kind is not served yet.
+        /// * INTERNAL: a bug.
         pub async fn create_job(
             &mut self,
             request: impl tonic::IntoRequest<super::CreateJobRequest>,
@@ -8057,8 +8384,9 @@ pub mod job_service_client {
         /// Answers one job.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT, NOT_FOUND, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field.
+        /// * NOT_FOUND: no such job.
+        /// * INTERNAL: a bug.
         pub async fn get_job(
             &mut self,
             request: impl tonic::IntoRequest<super::GetJobRequest>,
@@ -8083,8 +8411,8 @@ pub mod job_service_client {
         /// Lists the jobs, the newest first.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad page or filter, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad page or filter.
+        /// * INTERNAL: a bug.
         pub async fn list_jobs(
             &mut self,
             request: impl tonic::IntoRequest<super::ListJobsRequest>,
@@ -8109,11 +8437,15 @@ pub mod job_service_client {
                 .insert(GrpcMethod::new("covis.v1.JobService", "ListJobs"));
             self.inner.unary(req, path, codec).await
         }
-        /// Asks a job to stop, best effort: it ends in CANCELLED, or as it would have.
+        /// Asks a job to stop. One that has not begun to apply its result ends in CANCELLED at once and
+        /// changes nothing; any other ends as it would have. Again: answers the job as it is.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT, NOT_FOUND, FAILED_PRECONDITION when it has ended, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field.
+        /// * NOT_FOUND: no such job.
+        /// * FAILED_PRECONDITION: it has ended.
+        /// * RESOURCE_EXHAUSTED: the disk is full; nothing was changed.
+        /// * INTERNAL: a bug.
         pub async fn cancel_job(
             &mut self,
             request: impl tonic::IntoRequest<super::CancelJobRequest>,
@@ -8138,11 +8470,13 @@ pub mod job_service_client {
                 .insert(GrpcMethod::new("covis.v1.JobService", "CancelJob"));
             self.inner.unary(req, path, codec).await
         }
-        /// Forgets a job that has ended.
+        /// Forgets a job that has ended, with its files.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT, NOT_FOUND, FAILED_PRECONDITION when it has not ended, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field.
+        /// * NOT_FOUND: no such job.
+        /// * FAILED_PRECONDITION: it has not ended.
+        /// * INTERNAL: a bug.
         pub async fn delete_job(
             &mut self,
             request: impl tonic::IntoRequest<super::DeleteJobRequest>,
@@ -8167,11 +8501,13 @@ pub mod job_service_client {
                 .insert(GrpcMethod::new("covis.v1.JobService", "DeleteJob"));
             self.inner.unary(req, path, codec).await
         }
-        /// Streams a job as it changes, until it has ended; the first message comes at once.
+        /// Streams a job as it changes, until it has ended; the first message comes at once. What a slow
+        /// reader misses is joined.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT, NOT_FOUND, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field.
+        /// * NOT_FOUND: no such job, or it was deleted meanwhile.
+        /// * INTERNAL: a bug.
         pub async fn watch_job(
             &mut self,
             request: impl tonic::IntoRequest<super::WatchJobRequest>,
@@ -8196,6 +8532,69 @@ pub mod job_service_client {
                 .insert(GrpcMethod::new("covis.v1.JobService", "WatchJob"));
             self.inner.server_streaming(req, path, codec).await
         }
+        /// Uploads files for one job: the header, then the chunks of each file in order. An upload that is cut
+        /// off leaves nothing. One that no job takes is dropped at its expire_time.
+        /// Codes:
+        ///
+        /// * INVALID_ARGUMENT: messages out of order, a bad path or chunk, no file.
+        /// * RESOURCE_EXHAUSTED: the tenant or the server keeps no more bytes.
+        /// * INTERNAL: a bug.
+        pub async fn upload_job_files(
+            &mut self,
+            request: impl tonic::IntoStreamingRequest<
+                Message = super::UploadJobFilesRequest,
+            >,
+        ) -> std::result::Result<
+            tonic::Response<super::UploadJobFilesResponse>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = crate::wire::Codec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/covis.v1.JobService/UploadJobFiles",
+            );
+            let mut req = request.into_streaming_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("covis.v1.JobService", "UploadJobFiles"));
+            self.inner.client_streaming(req, path, codec).await
+        }
+        /// Streams files that a job made: the header, then the chunks of each file in order.
+        /// Codes:
+        ///
+        /// * INVALID_ARGUMENT: a bad field.
+        /// * NOT_FOUND: no such job or file.
+        /// * INTERNAL: a bug.
+        pub async fn download_job_files(
+            &mut self,
+            request: impl tonic::IntoRequest<super::DownloadJobFilesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<tonic::codec::Streaming<super::DownloadJobFilesResponse>>,
+            tonic::Status,
+        > {
+            self.inner
+                .ready()
+                .await
+                .map_err(|e| {
+                    tonic::Status::unknown(
+                        format!("Service was not ready: {}", e.into()),
+                    )
+                })?;
+            let codec = crate::wire::Codec::default();
+            let path = http::uri::PathAndQuery::from_static(
+                "/covis.v1.JobService/DownloadJobFiles",
+            );
+            let mut req = request.into_request();
+            req.extensions_mut()
+                .insert(GrpcMethod::new("covis.v1.JobService", "DownloadJobFiles"));
+            self.inner.server_streaming(req, path, codec).await
+        }
     }
 }
 /// Generated server implementations.
@@ -8211,13 +8610,20 @@ pub mod job_service_server {
     /// Generated trait containing gRPC methods that should be implemented for use with JobServiceServer.
     #[async_trait]
     pub trait JobService: std::marker::Send + std::marker::Sync + 'static {
-        /// Creates a job and returns at once. The same job_id with the same spec answers the job that
-        /// is there.
+        /// Creates a job and returns at once; no crash loses it then. The same job_id with the same spec
+        /// answers the job that is there. Takes the role of the RPC that the job stands for, at least that of
+        /// this call.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad spec, NOT_FOUND for its map, ALREADY_EXISTS when the job_id
-        ///  has another spec, ABORTED when another job changes the map, RESOURCE_EXHAUSTED, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field.
+        /// * PERMISSION_DENIED: the role does not cover what the job does.
+        /// * NOT_FOUND: no such map, client or upload.
+        /// * ALREADY_EXISTS: the job_id has another spec.
+        /// * FAILED_PRECONDITION: the map is frozen or poisoned and the job would change it.
+        /// * ABORTED: another job that is not ended changes the map.
+        /// * RESOURCE_EXHAUSTED: the tenant or the server keeps no more jobs.
+        /// * UNIMPLEMENTED: the kind is not served yet.
+        /// * INTERNAL: a bug.
         async fn create_job(
             &self,
             request: tonic::Request<super::CreateJobRequest>,
@@ -8228,8 +8634,9 @@ pub mod job_service_server {
         /// Answers one job.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT, NOT_FOUND, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field.
+        /// * NOT_FOUND: no such job.
+        /// * INTERNAL: a bug.
         async fn get_job(
             &self,
             request: tonic::Request<super::GetJobRequest>,
@@ -8237,8 +8644,8 @@ pub mod job_service_server {
         /// Lists the jobs, the newest first.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT for a bad page or filter, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad page or filter.
+        /// * INTERNAL: a bug.
         async fn list_jobs(
             &self,
             request: tonic::Request<super::ListJobsRequest>,
@@ -8246,11 +8653,15 @@ pub mod job_service_server {
             tonic::Response<super::ListJobsResponse>,
             tonic::Status,
         >;
-        /// Asks a job to stop, best effort: it ends in CANCELLED, or as it would have.
+        /// Asks a job to stop. One that has not begun to apply its result ends in CANCELLED at once and
+        /// changes nothing; any other ends as it would have. Again: answers the job as it is.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT, NOT_FOUND, FAILED_PRECONDITION when it has ended, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field.
+        /// * NOT_FOUND: no such job.
+        /// * FAILED_PRECONDITION: it has ended.
+        /// * RESOURCE_EXHAUSTED: the disk is full; nothing was changed.
+        /// * INTERNAL: a bug.
         async fn cancel_job(
             &self,
             request: tonic::Request<super::CancelJobRequest>,
@@ -8258,11 +8669,13 @@ pub mod job_service_server {
             tonic::Response<super::CancelJobResponse>,
             tonic::Status,
         >;
-        /// Forgets a job that has ended.
+        /// Forgets a job that has ended, with its files.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT, NOT_FOUND, FAILED_PRECONDITION when it has not ended, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field.
+        /// * NOT_FOUND: no such job.
+        /// * FAILED_PRECONDITION: it has not ended.
+        /// * INTERNAL: a bug.
         async fn delete_job(
             &self,
             request: tonic::Request<super::DeleteJobRequest>,
@@ -8276,17 +8689,56 @@ pub mod job_service_server {
             >
             + std::marker::Send
             + 'static;
-        /// Streams a job as it changes, until it has ended; the first message comes at once.
+        /// Streams a job as it changes, until it has ended; the first message comes at once. What a slow
+        /// reader misses is joined.
         /// Codes:
         ///
-        /// * UNIMPLEMENTED: always, for now.
-        ///  Later: INVALID_ARGUMENT, NOT_FOUND, INTERNAL.
+        /// * INVALID_ARGUMENT: a bad field.
+        /// * NOT_FOUND: no such job, or it was deleted meanwhile.
+        /// * INTERNAL: a bug.
         async fn watch_job(
             &self,
             request: tonic::Request<super::WatchJobRequest>,
         ) -> std::result::Result<tonic::Response<Self::WatchJobStream>, tonic::Status>;
+        /// Uploads files for one job: the header, then the chunks of each file in order. An upload that is cut
+        /// off leaves nothing. One that no job takes is dropped at its expire_time.
+        /// Codes:
+        ///
+        /// * INVALID_ARGUMENT: messages out of order, a bad path or chunk, no file.
+        /// * RESOURCE_EXHAUSTED: the tenant or the server keeps no more bytes.
+        /// * INTERNAL: a bug.
+        async fn upload_job_files(
+            &self,
+            request: tonic::Request<tonic::Streaming<super::UploadJobFilesRequest>>,
+        ) -> std::result::Result<
+            tonic::Response<super::UploadJobFilesResponse>,
+            tonic::Status,
+        >;
+        /// Server streaming response type for the DownloadJobFiles method.
+        type DownloadJobFilesStream: tonic::codegen::tokio_stream::Stream<
+                Item = std::result::Result<
+                    super::DownloadJobFilesResponse,
+                    tonic::Status,
+                >,
+            >
+            + std::marker::Send
+            + 'static;
+        /// Streams files that a job made: the header, then the chunks of each file in order.
+        /// Codes:
+        ///
+        /// * INVALID_ARGUMENT: a bad field.
+        /// * NOT_FOUND: no such job or file.
+        /// * INTERNAL: a bug.
+        async fn download_job_files(
+            &self,
+            request: tonic::Request<super::DownloadJobFilesRequest>,
+        ) -> std::result::Result<
+            tonic::Response<Self::DownloadJobFilesStream>,
+            tonic::Status,
+        >;
     }
-    /// Runs jobs. Any RPC can also end with the transport's codes, see docs/wire.md.
+    /// Runs jobs. A tenant sees its own only. Any RPC can also end with the transport's codes, see
+    /// docs/wire.md.
     #[derive(Debug)]
     pub struct JobServiceServer<T> {
         inner: Arc<T>,
@@ -8617,6 +9069,100 @@ pub mod job_service_server {
                     let inner = self.inner.clone();
                     let fut = async move {
                         let method = WatchJobSvc(inner);
+                        let codec = crate::wire::Codec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.server_streaming(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/covis.v1.JobService/UploadJobFiles" => {
+                    #[allow(non_camel_case_types)]
+                    struct UploadJobFilesSvc<T: JobService>(pub Arc<T>);
+                    impl<
+                        T: JobService,
+                    > tonic::server::ClientStreamingService<super::UploadJobFilesRequest>
+                    for UploadJobFilesSvc<T> {
+                        type Response = super::UploadJobFilesResponse;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::Response>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<
+                                tonic::Streaming<super::UploadJobFilesRequest>,
+                            >,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as JobService>::upload_job_files(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = UploadJobFilesSvc(inner);
+                        let codec = crate::wire::Codec::default();
+                        let mut grpc = tonic::server::Grpc::new(codec)
+                            .apply_compression_config(
+                                accept_compression_encodings,
+                                send_compression_encodings,
+                            )
+                            .apply_max_message_size_config(
+                                max_decoding_message_size,
+                                max_encoding_message_size,
+                            );
+                        let res = grpc.client_streaming(method, req).await;
+                        Ok(res)
+                    };
+                    Box::pin(fut)
+                }
+                "/covis.v1.JobService/DownloadJobFiles" => {
+                    #[allow(non_camel_case_types)]
+                    struct DownloadJobFilesSvc<T: JobService>(pub Arc<T>);
+                    impl<
+                        T: JobService,
+                    > tonic::server::ServerStreamingService<
+                        super::DownloadJobFilesRequest,
+                    > for DownloadJobFilesSvc<T> {
+                        type Response = super::DownloadJobFilesResponse;
+                        type ResponseStream = T::DownloadJobFilesStream;
+                        type Future = BoxFuture<
+                            tonic::Response<Self::ResponseStream>,
+                            tonic::Status,
+                        >;
+                        fn call(
+                            &mut self,
+                            request: tonic::Request<super::DownloadJobFilesRequest>,
+                        ) -> Self::Future {
+                            let inner = Arc::clone(&self.0);
+                            let fut = async move {
+                                <T as JobService>::download_job_files(&inner, request).await
+                            };
+                            Box::pin(fut)
+                        }
+                    }
+                    let accept_compression_encodings = self.accept_compression_encodings;
+                    let send_compression_encodings = self.send_compression_encodings;
+                    let max_decoding_message_size = self.max_decoding_message_size;
+                    let max_encoding_message_size = self.max_encoding_message_size;
+                    let inner = self.inner.clone();
+                    let fut = async move {
+                        let method = DownloadJobFilesSvc(inner);
                         let codec = crate::wire::Codec::default();
                         let mut grpc = tonic::server::Grpc::new(codec)
                             .apply_compression_config(

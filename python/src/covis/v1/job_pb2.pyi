@@ -22,15 +22,24 @@ class JobState(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     JOB_STATE_SUCCEEDED: _ClassVar[JobState]
     JOB_STATE_FAILED: _ClassVar[JobState]
     JOB_STATE_CANCELLED: _ClassVar[JobState]
+
+class ProblemFileKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    PROBLEM_FILE_KIND_UNSPECIFIED: _ClassVar[ProblemFileKind]
+    PROBLEM_FILE_KIND_BUNDLE: _ClassVar[ProblemFileKind]
+    PROBLEM_FILE_KIND_POSE_GRAPH: _ClassVar[ProblemFileKind]
 JOB_STATE_UNSPECIFIED: JobState
 JOB_STATE_PENDING: JobState
 JOB_STATE_RUNNING: JobState
 JOB_STATE_SUCCEEDED: JobState
 JOB_STATE_FAILED: JobState
 JOB_STATE_CANCELLED: JobState
+PROBLEM_FILE_KIND_UNSPECIFIED: ProblemFileKind
+PROBLEM_FILE_KIND_BUNDLE: ProblemFileKind
+PROBLEM_FILE_KIND_POSE_GRAPH: ProblemFileKind
 
 class Job(_message.Message):
-    __slots__ = ("job_id", "spec", "state", "progress", "failure", "result", "create_time", "start_time", "end_time", "expire_time", "cancel_requested")
+    __slots__ = ("job_id", "spec", "state", "progress", "failure", "result", "create_time", "start_time", "end_time", "expire_time", "cancel_requested", "priority", "files", "attempt_count", "cost_before", "cost_after")
     JOB_ID_FIELD_NUMBER: _ClassVar[int]
     SPEC_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
@@ -42,6 +51,11 @@ class Job(_message.Message):
     END_TIME_FIELD_NUMBER: _ClassVar[int]
     EXPIRE_TIME_FIELD_NUMBER: _ClassVar[int]
     CANCEL_REQUESTED_FIELD_NUMBER: _ClassVar[int]
+    PRIORITY_FIELD_NUMBER: _ClassVar[int]
+    FILES_FIELD_NUMBER: _ClassVar[int]
+    ATTEMPT_COUNT_FIELD_NUMBER: _ClassVar[int]
+    COST_BEFORE_FIELD_NUMBER: _ClassVar[int]
+    COST_AFTER_FIELD_NUMBER: _ClassVar[int]
     job_id: str
     spec: JobSpec
     state: JobState
@@ -53,21 +67,48 @@ class Job(_message.Message):
     end_time: _timestamp_pb2.Timestamp
     expire_time: _timestamp_pb2.Timestamp
     cancel_requested: bool
-    def __init__(self, job_id: _Optional[str] = ..., spec: _Optional[_Union[JobSpec, _Mapping]] = ..., state: _Optional[_Union[JobState, str]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., failure: _Optional[_Union[JobFailure, _Mapping]] = ..., result: _Optional[_Union[JobResult, _Mapping]] = ..., create_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., end_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., expire_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., cancel_requested: bool = ...) -> None: ...
+    priority: int
+    files: _containers.RepeatedCompositeFieldContainer[JobFile]
+    attempt_count: int
+    cost_before: float
+    cost_after: float
+    def __init__(self, job_id: _Optional[str] = ..., spec: _Optional[_Union[JobSpec, _Mapping]] = ..., state: _Optional[_Union[JobState, str]] = ..., progress: _Optional[_Union[JobProgress, _Mapping]] = ..., failure: _Optional[_Union[JobFailure, _Mapping]] = ..., result: _Optional[_Union[JobResult, _Mapping]] = ..., create_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., start_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., end_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., expire_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., cancel_requested: bool = ..., priority: _Optional[int] = ..., files: _Optional[_Iterable[_Union[JobFile, _Mapping]]] = ..., attempt_count: _Optional[int] = ..., cost_before: _Optional[float] = ..., cost_after: _Optional[float] = ...) -> None: ...
+
+class JobFile(_message.Message):
+    __slots__ = ("path", "size_bytes")
+    PATH_FIELD_NUMBER: _ClassVar[int]
+    SIZE_BYTES_FIELD_NUMBER: _ClassVar[int]
+    path: str
+    size_bytes: int
+    def __init__(self, path: _Optional[str] = ..., size_bytes: _Optional[int] = ...) -> None: ...
 
 class JobSpec(_message.Message):
-    __slots__ = ("optimize_map", "merge_maps", "rebuild_map", "compact_map", "evaluate_trajectory")
+    __slots__ = ("optimize_map", "merge_maps", "rebuild_map", "compact_map", "evaluate_trajectory", "export_map", "solve_files")
     OPTIMIZE_MAP_FIELD_NUMBER: _ClassVar[int]
     MERGE_MAPS_FIELD_NUMBER: _ClassVar[int]
     REBUILD_MAP_FIELD_NUMBER: _ClassVar[int]
     COMPACT_MAP_FIELD_NUMBER: _ClassVar[int]
     EVALUATE_TRAJECTORY_FIELD_NUMBER: _ClassVar[int]
+    EXPORT_MAP_FIELD_NUMBER: _ClassVar[int]
+    SOLVE_FILES_FIELD_NUMBER: _ClassVar[int]
     optimize_map: _optimization_service_pb2.OptimizeMapRequest
     merge_maps: _map_service_pb2.MergeMapsRequest
     rebuild_map: RebuildMapSpec
     compact_map: CompactMapSpec
     evaluate_trajectory: EvaluateTrajectorySpec
-    def __init__(self, optimize_map: _Optional[_Union[_optimization_service_pb2.OptimizeMapRequest, _Mapping]] = ..., merge_maps: _Optional[_Union[_map_service_pb2.MergeMapsRequest, _Mapping]] = ..., rebuild_map: _Optional[_Union[RebuildMapSpec, _Mapping]] = ..., compact_map: _Optional[_Union[CompactMapSpec, _Mapping]] = ..., evaluate_trajectory: _Optional[_Union[EvaluateTrajectorySpec, _Mapping]] = ...) -> None: ...
+    export_map: _map_service_pb2.ExportMapRequest
+    solve_files: SolveFilesSpec
+    def __init__(self, optimize_map: _Optional[_Union[_optimization_service_pb2.OptimizeMapRequest, _Mapping]] = ..., merge_maps: _Optional[_Union[_map_service_pb2.MergeMapsRequest, _Mapping]] = ..., rebuild_map: _Optional[_Union[RebuildMapSpec, _Mapping]] = ..., compact_map: _Optional[_Union[CompactMapSpec, _Mapping]] = ..., evaluate_trajectory: _Optional[_Union[EvaluateTrajectorySpec, _Mapping]] = ..., export_map: _Optional[_Union[_map_service_pb2.ExportMapRequest, _Mapping]] = ..., solve_files: _Optional[_Union[SolveFilesSpec, _Mapping]] = ...) -> None: ...
+
+class SolveFilesSpec(_message.Message):
+    __slots__ = ("upload_id", "kind", "keep_solutions")
+    UPLOAD_ID_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    KEEP_SOLUTIONS_FIELD_NUMBER: _ClassVar[int]
+    upload_id: str
+    kind: ProblemFileKind
+    keep_solutions: bool
+    def __init__(self, upload_id: _Optional[str] = ..., kind: _Optional[_Union[ProblemFileKind, str]] = ..., keep_solutions: bool = ...) -> None: ...
 
 class RebuildMapSpec(_message.Message):
     __slots__ = ("source_map_id", "target_map_id", "policy")
@@ -90,28 +131,32 @@ class CompactMapSpec(_message.Message):
     def __init__(self, map_id: _Optional[str] = ..., redundant_share: _Optional[float] = ..., drop_old_journal: bool = ...) -> None: ...
 
 class EvaluateTrajectorySpec(_message.Message):
-    __slots__ = ("map_id", "client_id", "truth", "max_time_difference_s")
+    __slots__ = ("map_id", "client_id", "truth", "max_time_difference_s", "truth_upload_id")
     MAP_ID_FIELD_NUMBER: _ClassVar[int]
     CLIENT_ID_FIELD_NUMBER: _ClassVar[int]
     TRUTH_FIELD_NUMBER: _ClassVar[int]
     MAX_TIME_DIFFERENCE_S_FIELD_NUMBER: _ClassVar[int]
+    TRUTH_UPLOAD_ID_FIELD_NUMBER: _ClassVar[int]
     map_id: str
     client_id: str
     truth: _containers.RepeatedCompositeFieldContainer[_map_service_pb2.KeyframePose]
     max_time_difference_s: float
-    def __init__(self, map_id: _Optional[str] = ..., client_id: _Optional[str] = ..., truth: _Optional[_Iterable[_Union[_map_service_pb2.KeyframePose, _Mapping]]] = ..., max_time_difference_s: _Optional[float] = ...) -> None: ...
+    truth_upload_id: str
+    def __init__(self, map_id: _Optional[str] = ..., client_id: _Optional[str] = ..., truth: _Optional[_Iterable[_Union[_map_service_pb2.KeyframePose, _Mapping]]] = ..., max_time_difference_s: _Optional[float] = ..., truth_upload_id: _Optional[str] = ...) -> None: ...
 
 class JobProgress(_message.Message):
-    __slots__ = ("phase", "share", "iteration", "update_time")
+    __slots__ = ("phase", "share", "iteration", "update_time", "time_left_s")
     PHASE_FIELD_NUMBER: _ClassVar[int]
     SHARE_FIELD_NUMBER: _ClassVar[int]
     ITERATION_FIELD_NUMBER: _ClassVar[int]
     UPDATE_TIME_FIELD_NUMBER: _ClassVar[int]
+    TIME_LEFT_S_FIELD_NUMBER: _ClassVar[int]
     phase: str
     share: float
     iteration: _optimization_pb2.IterationSummary
     update_time: _timestamp_pb2.Timestamp
-    def __init__(self, phase: _Optional[str] = ..., share: _Optional[float] = ..., iteration: _Optional[_Union[_optimization_pb2.IterationSummary, _Mapping]] = ..., update_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ...) -> None: ...
+    time_left_s: float
+    def __init__(self, phase: _Optional[str] = ..., share: _Optional[float] = ..., iteration: _Optional[_Union[_optimization_pb2.IterationSummary, _Mapping]] = ..., update_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., time_left_s: _Optional[float] = ...) -> None: ...
 
 class JobFailure(_message.Message):
     __slots__ = ("code", "message", "reason")
@@ -124,18 +169,42 @@ class JobFailure(_message.Message):
     def __init__(self, code: _Optional[int] = ..., message: _Optional[str] = ..., reason: _Optional[str] = ...) -> None: ...
 
 class JobResult(_message.Message):
-    __slots__ = ("optimize_map", "merge_maps", "rebuild_map", "compact_map", "evaluate_trajectory")
+    __slots__ = ("optimize_map", "merge_maps", "rebuild_map", "compact_map", "evaluate_trajectory", "export_map", "solve_files")
     OPTIMIZE_MAP_FIELD_NUMBER: _ClassVar[int]
     MERGE_MAPS_FIELD_NUMBER: _ClassVar[int]
     REBUILD_MAP_FIELD_NUMBER: _ClassVar[int]
     COMPACT_MAP_FIELD_NUMBER: _ClassVar[int]
     EVALUATE_TRAJECTORY_FIELD_NUMBER: _ClassVar[int]
+    EXPORT_MAP_FIELD_NUMBER: _ClassVar[int]
+    SOLVE_FILES_FIELD_NUMBER: _ClassVar[int]
     optimize_map: _optimization_service_pb2.OptimizeMapResult
     merge_maps: _map_service_pb2.MergeMapsResponse
     rebuild_map: RebuildMapResult
     compact_map: CompactMapResult
     evaluate_trajectory: EvaluateTrajectoryResult
-    def __init__(self, optimize_map: _Optional[_Union[_optimization_service_pb2.OptimizeMapResult, _Mapping]] = ..., merge_maps: _Optional[_Union[_map_service_pb2.MergeMapsResponse, _Mapping]] = ..., rebuild_map: _Optional[_Union[RebuildMapResult, _Mapping]] = ..., compact_map: _Optional[_Union[CompactMapResult, _Mapping]] = ..., evaluate_trajectory: _Optional[_Union[EvaluateTrajectoryResult, _Mapping]] = ...) -> None: ...
+    export_map: ExportMapResult
+    solve_files: SolveFilesResult
+    def __init__(self, optimize_map: _Optional[_Union[_optimization_service_pb2.OptimizeMapResult, _Mapping]] = ..., merge_maps: _Optional[_Union[_map_service_pb2.MergeMapsResponse, _Mapping]] = ..., rebuild_map: _Optional[_Union[RebuildMapResult, _Mapping]] = ..., compact_map: _Optional[_Union[CompactMapResult, _Mapping]] = ..., evaluate_trajectory: _Optional[_Union[EvaluateTrajectoryResult, _Mapping]] = ..., export_map: _Optional[_Union[ExportMapResult, _Mapping]] = ..., solve_files: _Optional[_Union[SolveFilesResult, _Mapping]] = ...) -> None: ...
+
+class ExportMapResult(_message.Message):
+    __slots__ = ("revision",)
+    REVISION_FIELD_NUMBER: _ClassVar[int]
+    revision: int
+    def __init__(self, revision: _Optional[int] = ...) -> None: ...
+
+class SolveFilesResult(_message.Message):
+    __slots__ = ("problems",)
+    PROBLEMS_FIELD_NUMBER: _ClassVar[int]
+    problems: _containers.RepeatedCompositeFieldContainer[SolvedProblem]
+    def __init__(self, problems: _Optional[_Iterable[_Union[SolvedProblem, _Mapping]]] = ...) -> None: ...
+
+class SolvedProblem(_message.Message):
+    __slots__ = ("path", "summary")
+    PATH_FIELD_NUMBER: _ClassVar[int]
+    SUMMARY_FIELD_NUMBER: _ClassVar[int]
+    path: str
+    summary: _optimization_pb2.SolveSummary
+    def __init__(self, path: _Optional[str] = ..., summary: _Optional[_Union[_optimization_pb2.SolveSummary, _Mapping]] = ...) -> None: ...
 
 class RebuildMapResult(_message.Message):
     __slots__ = ("map",)
@@ -144,12 +213,14 @@ class RebuildMapResult(_message.Message):
     def __init__(self, map: _Optional[_Union[_map_pb2.Map, _Mapping]] = ...) -> None: ...
 
 class CompactMapResult(_message.Message):
-    __slots__ = ("counts_before", "counts_after")
+    __slots__ = ("counts_before", "counts_after", "retired_keyframe_count")
     COUNTS_BEFORE_FIELD_NUMBER: _ClassVar[int]
     COUNTS_AFTER_FIELD_NUMBER: _ClassVar[int]
+    RETIRED_KEYFRAME_COUNT_FIELD_NUMBER: _ClassVar[int]
     counts_before: _map_pb2.MapCounts
     counts_after: _map_pb2.MapCounts
-    def __init__(self, counts_before: _Optional[_Union[_map_pb2.MapCounts, _Mapping]] = ..., counts_after: _Optional[_Union[_map_pb2.MapCounts, _Mapping]] = ...) -> None: ...
+    retired_keyframe_count: int
+    def __init__(self, counts_before: _Optional[_Union[_map_pb2.MapCounts, _Mapping]] = ..., counts_after: _Optional[_Union[_map_pb2.MapCounts, _Mapping]] = ..., retired_keyframe_count: _Optional[int] = ...) -> None: ...
 
 class EvaluateTrajectoryResult(_message.Message):
     __slots__ = ("matched_pose_count", "absolute_translation_rmse_m", "relative_translation_rmse_m", "relative_rotation_rmse_rad")

@@ -23,39 +23,53 @@ _sym_db = _symbol_database.Default()
 
 
 from covis.v1 import job_pb2 as covis_dot_v1_dot_job__pb2
+from covis.v1 import map_service_pb2 as covis_dot_v1_dot_map__service__pb2
+from google.protobuf import timestamp_pb2 as google_dot_protobuf_dot_timestamp__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1a\x63ovis/v1/job_service.proto\x12\x08\x63ovis.v1\x1a\x12\x63ovis/v1/job.proto\"C\n\x10\x43reateJobRequest\x12\x0e\n\x06job_id\x18\x01 \x01(\t\x12\x1f\n\x04spec\x18\x02 \x01(\x0b\x32\x11.covis.v1.JobSpec\"/\n\x11\x43reateJobResponse\x12\x1a\n\x03job\x18\x01 \x01(\x0b\x32\r.covis.v1.Job\"\x1f\n\rGetJobRequest\x12\x0e\n\x06job_id\x18\x01 \x01(\t\",\n\x0eGetJobResponse\x12\x1a\n\x03job\x18\x01 \x01(\x0b\x32\r.covis.v1.Job\"l\n\x0fListJobsRequest\x12\x11\n\tpage_size\x18\x01 \x01(\x05\x12\x12\n\npage_token\x18\x02 \x01(\t\x12\x0e\n\x06map_id\x18\x03 \x01(\t\x12\"\n\x06states\x18\x04 \x03(\x0e\x32\x12.covis.v1.JobState\"H\n\x10ListJobsResponse\x12\x1b\n\x04jobs\x18\x01 \x03(\x0b\x32\r.covis.v1.Job\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\"\n\x10\x43\x61ncelJobRequest\x12\x0e\n\x06job_id\x18\x01 \x01(\t\"/\n\x11\x43\x61ncelJobResponse\x12\x1a\n\x03job\x18\x01 \x01(\x0b\x32\r.covis.v1.Job\"\"\n\x10\x44\x65leteJobRequest\x12\x0e\n\x06job_id\x18\x01 \x01(\t\"\x13\n\x11\x44\x65leteJobResponse\"!\n\x0fWatchJobRequest\x12\x0e\n\x06job_id\x18\x01 \x01(\t\".\n\x10WatchJobResponse\x12\x1a\n\x03job\x18\x01 \x01(\x0b\x32\r.covis.v1.Job2\xa3\x03\n\nJobService\x12\x44\n\tCreateJob\x12\x1a.covis.v1.CreateJobRequest\x1a\x1b.covis.v1.CreateJobResponse\x12;\n\x06GetJob\x12\x17.covis.v1.GetJobRequest\x1a\x18.covis.v1.GetJobResponse\x12\x41\n\x08ListJobs\x12\x19.covis.v1.ListJobsRequest\x1a\x1a.covis.v1.ListJobsResponse\x12\x44\n\tCancelJob\x12\x1a.covis.v1.CancelJobRequest\x1a\x1b.covis.v1.CancelJobResponse\x12\x44\n\tDeleteJob\x12\x1a.covis.v1.DeleteJobRequest\x1a\x1b.covis.v1.DeleteJobResponse\x12\x43\n\x08WatchJob\x12\x19.covis.v1.WatchJobRequest\x1a\x1a.covis.v1.WatchJobResponse0\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1a\x63ovis/v1/job_service.proto\x12\x08\x63ovis.v1\x1a\x12\x63ovis/v1/job.proto\x1a\x1a\x63ovis/v1/map_service.proto\x1a\x1fgoogle/protobuf/timestamp.proto\"U\n\x10\x43reateJobRequest\x12\x0e\n\x06job_id\x18\x01 \x01(\t\x12\x1f\n\x04spec\x18\x02 \x01(\x0b\x32\x11.covis.v1.JobSpec\x12\x10\n\x08priority\x18\x03 \x01(\x05\"/\n\x11\x43reateJobResponse\x12\x1a\n\x03job\x18\x01 \x01(\x0b\x32\r.covis.v1.Job\"\x1f\n\rGetJobRequest\x12\x0e\n\x06job_id\x18\x01 \x01(\t\",\n\x0eGetJobResponse\x12\x1a\n\x03job\x18\x01 \x01(\x0b\x32\r.covis.v1.Job\"l\n\x0fListJobsRequest\x12\x11\n\tpage_size\x18\x01 \x01(\x05\x12\x12\n\npage_token\x18\x02 \x01(\t\x12\x0e\n\x06map_id\x18\x03 \x01(\t\x12\"\n\x06states\x18\x04 \x03(\x0e\x32\x12.covis.v1.JobState\"H\n\x10ListJobsResponse\x12\x1b\n\x04jobs\x18\x01 \x03(\x0b\x32\r.covis.v1.Job\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"\"\n\x10\x43\x61ncelJobRequest\x12\x0e\n\x06job_id\x18\x01 \x01(\t\"/\n\x11\x43\x61ncelJobResponse\x12\x1a\n\x03job\x18\x01 \x01(\x0b\x32\r.covis.v1.Job\"\"\n\x10\x44\x65leteJobRequest\x12\x0e\n\x06job_id\x18\x01 \x01(\t\"\x13\n\x11\x44\x65leteJobResponse\"!\n\x0fWatchJobRequest\x12\x0e\n\x06job_id\x18\x01 \x01(\t\".\n\x10WatchJobResponse\x12\x1a\n\x03job\x18\x01 \x01(\x0b\x32\r.covis.v1.Job\"z\n\x15UploadJobFilesRequest\x12\x30\n\x06header\x18\x01 \x01(\x0b\x32\x1e.covis.v1.UploadJobFilesHeaderH\x00\x12$\n\x05\x63hunk\x18\x02 \x01(\x0b\x32\x13.covis.v1.FileChunkH\x00\x42\t\n\x07\x63ontent\"*\n\x14UploadJobFilesHeader\x12\x12\n\nsize_bytes\x18\x01 \x01(\x03\"\x84\x01\n\x16UploadJobFilesResponse\x12\x11\n\tupload_id\x18\x01 \x01(\t\x12\x12\n\nfile_count\x18\x02 \x01(\x05\x12\x12\n\nsize_bytes\x18\x03 \x01(\x03\x12/\n\x0b\x65xpire_time\x18\x04 \x01(\x0b\x32\x1a.google.protobuf.Timestamp\"7\n\x17\x44ownloadJobFilesRequest\x12\x0e\n\x06job_id\x18\x01 \x01(\t\x12\x0c\n\x04path\x18\x02 \x01(\t\"\x7f\n\x18\x44ownloadJobFilesResponse\x12\x32\n\x06header\x18\x01 \x01(\x0b\x32 .covis.v1.DownloadJobFilesHeaderH\x00\x12$\n\x05\x63hunk\x18\x02 \x01(\x0b\x32\x13.covis.v1.FileChunkH\x00\x42\t\n\x07\x63ontent\":\n\x16\x44ownloadJobFilesHeader\x12 \n\x05\x66iles\x18\x01 \x03(\x0b\x32\x11.covis.v1.JobFile2\xd7\x04\n\nJobService\x12\x44\n\tCreateJob\x12\x1a.covis.v1.CreateJobRequest\x1a\x1b.covis.v1.CreateJobResponse\x12;\n\x06GetJob\x12\x17.covis.v1.GetJobRequest\x1a\x18.covis.v1.GetJobResponse\x12\x41\n\x08ListJobs\x12\x19.covis.v1.ListJobsRequest\x1a\x1a.covis.v1.ListJobsResponse\x12\x44\n\tCancelJob\x12\x1a.covis.v1.CancelJobRequest\x1a\x1b.covis.v1.CancelJobResponse\x12\x44\n\tDeleteJob\x12\x1a.covis.v1.DeleteJobRequest\x1a\x1b.covis.v1.DeleteJobResponse\x12\x43\n\x08WatchJob\x12\x19.covis.v1.WatchJobRequest\x1a\x1a.covis.v1.WatchJobResponse0\x01\x12U\n\x0eUploadJobFiles\x12\x1f.covis.v1.UploadJobFilesRequest\x1a .covis.v1.UploadJobFilesResponse(\x01\x12[\n\x10\x44ownloadJobFiles\x12!.covis.v1.DownloadJobFilesRequest\x1a\".covis.v1.DownloadJobFilesResponse0\x01\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'covis.v1.job_service_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_CREATEJOBREQUEST']._serialized_start=60
-  _globals['_CREATEJOBREQUEST']._serialized_end=127
-  _globals['_CREATEJOBRESPONSE']._serialized_start=129
-  _globals['_CREATEJOBRESPONSE']._serialized_end=176
-  _globals['_GETJOBREQUEST']._serialized_start=178
-  _globals['_GETJOBREQUEST']._serialized_end=209
-  _globals['_GETJOBRESPONSE']._serialized_start=211
-  _globals['_GETJOBRESPONSE']._serialized_end=255
-  _globals['_LISTJOBSREQUEST']._serialized_start=257
-  _globals['_LISTJOBSREQUEST']._serialized_end=365
-  _globals['_LISTJOBSRESPONSE']._serialized_start=367
-  _globals['_LISTJOBSRESPONSE']._serialized_end=439
-  _globals['_CANCELJOBREQUEST']._serialized_start=441
-  _globals['_CANCELJOBREQUEST']._serialized_end=475
-  _globals['_CANCELJOBRESPONSE']._serialized_start=477
-  _globals['_CANCELJOBRESPONSE']._serialized_end=524
-  _globals['_DELETEJOBREQUEST']._serialized_start=526
-  _globals['_DELETEJOBREQUEST']._serialized_end=560
-  _globals['_DELETEJOBRESPONSE']._serialized_start=562
-  _globals['_DELETEJOBRESPONSE']._serialized_end=581
-  _globals['_WATCHJOBREQUEST']._serialized_start=583
-  _globals['_WATCHJOBREQUEST']._serialized_end=616
-  _globals['_WATCHJOBRESPONSE']._serialized_start=618
-  _globals['_WATCHJOBRESPONSE']._serialized_end=664
-  _globals['_JOBSERVICE']._serialized_start=667
-  _globals['_JOBSERVICE']._serialized_end=1086
+  _globals['_CREATEJOBREQUEST']._serialized_start=121
+  _globals['_CREATEJOBREQUEST']._serialized_end=206
+  _globals['_CREATEJOBRESPONSE']._serialized_start=208
+  _globals['_CREATEJOBRESPONSE']._serialized_end=255
+  _globals['_GETJOBREQUEST']._serialized_start=257
+  _globals['_GETJOBREQUEST']._serialized_end=288
+  _globals['_GETJOBRESPONSE']._serialized_start=290
+  _globals['_GETJOBRESPONSE']._serialized_end=334
+  _globals['_LISTJOBSREQUEST']._serialized_start=336
+  _globals['_LISTJOBSREQUEST']._serialized_end=444
+  _globals['_LISTJOBSRESPONSE']._serialized_start=446
+  _globals['_LISTJOBSRESPONSE']._serialized_end=518
+  _globals['_CANCELJOBREQUEST']._serialized_start=520
+  _globals['_CANCELJOBREQUEST']._serialized_end=554
+  _globals['_CANCELJOBRESPONSE']._serialized_start=556
+  _globals['_CANCELJOBRESPONSE']._serialized_end=603
+  _globals['_DELETEJOBREQUEST']._serialized_start=605
+  _globals['_DELETEJOBREQUEST']._serialized_end=639
+  _globals['_DELETEJOBRESPONSE']._serialized_start=641
+  _globals['_DELETEJOBRESPONSE']._serialized_end=660
+  _globals['_WATCHJOBREQUEST']._serialized_start=662
+  _globals['_WATCHJOBREQUEST']._serialized_end=695
+  _globals['_WATCHJOBRESPONSE']._serialized_start=697
+  _globals['_WATCHJOBRESPONSE']._serialized_end=743
+  _globals['_UPLOADJOBFILESREQUEST']._serialized_start=745
+  _globals['_UPLOADJOBFILESREQUEST']._serialized_end=867
+  _globals['_UPLOADJOBFILESHEADER']._serialized_start=869
+  _globals['_UPLOADJOBFILESHEADER']._serialized_end=911
+  _globals['_UPLOADJOBFILESRESPONSE']._serialized_start=914
+  _globals['_UPLOADJOBFILESRESPONSE']._serialized_end=1046
+  _globals['_DOWNLOADJOBFILESREQUEST']._serialized_start=1048
+  _globals['_DOWNLOADJOBFILESREQUEST']._serialized_end=1103
+  _globals['_DOWNLOADJOBFILESRESPONSE']._serialized_start=1105
+  _globals['_DOWNLOADJOBFILESRESPONSE']._serialized_end=1232
+  _globals['_DOWNLOADJOBFILESHEADER']._serialized_start=1234
+  _globals['_DOWNLOADJOBFILESHEADER']._serialized_end=1292
+  _globals['_JOBSERVICE']._serialized_start=1295
+  _globals['_JOBSERVICE']._serialized_end=1894
 # @@protoc_insertion_point(module_scope)

@@ -225,7 +225,7 @@ impl Reservation {
     }
 
     /// Sets the amount without checking limits, where it is known only afterwards.
-    pub(super) fn count(&mut self, amount: u64) {
+    pub fn count(&mut self, amount: u64) {
         match amount.checked_sub(self.amount) {
             Some(more) => self.account.chain().for_each(|account| {
                 account.held[self.resource as usize].fetch_add(more, Ordering::AcqRel);

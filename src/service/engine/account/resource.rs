@@ -20,11 +20,15 @@ pub enum Resource {
     RunningSolveBytes,
     /// Bytes of journals that wait for the disk.
     JournalBytes,
+    /// Jobs that wait or run.
+    PendingJobs,
+    /// Bytes of the files of jobs: what was uploaded for them, and what they made.
+    JobBytes,
 }
 
 impl Resource {
     /// All resources.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::Maps,
         Self::Streams,
         Self::Watchers,
@@ -32,6 +36,8 @@ impl Resource {
         Self::WaitingSolves,
         Self::RunningSolveBytes,
         Self::JournalBytes,
+        Self::PendingJobs,
+        Self::JobBytes,
     ];
 
     pub(super) fn name(self) -> &'static str {
@@ -43,6 +49,8 @@ impl Resource {
             Self::WaitingSolves => "waiting_solves",
             Self::RunningSolveBytes => "running_solve_bytes",
             Self::JournalBytes => "journal_bytes",
+            Self::PendingJobs => "pending_jobs",
+            Self::JobBytes => "job_bytes",
         }
     }
 }
@@ -68,6 +76,11 @@ pub struct AccountLimits {
     pub max_running_solve_bytes: Option<u64>,
     /// Bytes of journals that wait for the disk. One map has at most 64 MiB; then its items wait.
     pub max_journal_bytes: Option<u64>,
+    /// Jobs that wait or run.
+    pub max_pending_jobs: Option<u64>,
+    /// Bytes of the files of jobs: what was uploaded for them, and what they made. A job without files
+    /// counts 4 KiB.
+    pub max_job_bytes: Option<u64>,
 }
 
 impl AccountLimits {
@@ -82,6 +95,8 @@ impl AccountLimits {
             Resource::WaitingSolves => self.max_waiting_solves,
             Resource::RunningSolveBytes => self.max_running_solve_bytes,
             Resource::JournalBytes => self.max_journal_bytes,
+            Resource::PendingJobs => self.max_pending_jobs,
+            Resource::JobBytes => self.max_job_bytes,
         }
     }
 }
@@ -105,6 +120,8 @@ impl Owner {
             (Self::Tenant, Resource::WaitingSolves) => "tenant_max_waiting_solve_count",
             (Self::Tenant, Resource::RunningSolveBytes) => "tenant_max_running_solve_bytes",
             (Self::Tenant, Resource::JournalBytes) => "tenant_max_journal_bytes",
+            (Self::Tenant, Resource::PendingJobs) => "tenant_max_pending_job_count",
+            (Self::Tenant, Resource::JobBytes) => "tenant_max_job_bytes",
             (Self::Map | Self::Server, Resource::Maps) => "max_map_count",
             (Self::Map | Self::Server, Resource::Streams) => "max_stream_count",
             (Self::Map | Self::Server, Resource::Watchers) => "max_watcher_count",
@@ -112,6 +129,8 @@ impl Owner {
             (Self::Map | Self::Server, Resource::WaitingSolves) => "max_waiting_solve_count",
             (Self::Map | Self::Server, Resource::RunningSolveBytes) => "max_running_solve_bytes",
             (Self::Map | Self::Server, Resource::JournalBytes) => "max_journal_bytes",
+            (Self::Map | Self::Server, Resource::PendingJobs) => "max_pending_job_count",
+            (Self::Map | Self::Server, Resource::JobBytes) => "max_job_bytes",
         }
     }
 

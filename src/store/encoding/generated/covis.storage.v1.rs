@@ -1200,6 +1200,79 @@ impl ::prost::Name for KeyframeRetired {
         "/covis.storage.v1.KeyframeRetired".into()
     }
 }
+/// Written anew at each change of the job's state.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct JobRecord {
+    /// The tenant; empty for the default one. Stays field 1 in every later version.
+    #[prost(string, tag = "1")]
+    pub tenant: ::prost::alloc::string::String,
+    /// The job's name within the tenant. Stays field 2 in every later version, so that an earlier one,
+    /// which refuses the job, still knows that its name is taken.
+    #[prost(string, tag = "2")]
+    pub job_id: ::prost::alloc::string::String,
+    /// Counts the jobs of the server in the order of their creation.
+    #[prost(int64, tag = "3")]
+    pub number: i64,
+    /// The job as the wire has it, a covis.v1.Job.
+    #[prost(bytes = "vec", tag = "4")]
+    pub job: ::prost::alloc::vec::Vec<u8>,
+    /// What is finished of its work, for a restart: a covis.v1.JobResult.
+    #[prost(bytes = "vec", tag = "5")]
+    pub done: ::prost::alloc::vec::Vec<u8>,
+}
+impl ::prost::Name for JobRecord {
+    const NAME: &'static str = "JobRecord";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.JobRecord".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.JobRecord".into()
+    }
+}
+/// Files that were uploaded for a job.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct JobUpload {
+    /// The tenant; empty for the default one.
+    #[prost(string, tag = "1")]
+    pub tenant: ::prost::alloc::string::String,
+    /// When the upload ended, Unix time in seconds.
+    #[prost(sint64, tag = "2")]
+    pub create_time_s: i64,
+    /// The files in order; the first one is number 0.
+    #[prost(message, repeated, tag = "3")]
+    pub files: ::prost::alloc::vec::Vec<JobUploadFile>,
+}
+impl ::prost::Name for JobUpload {
+    const NAME: &'static str = "JobUpload";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.JobUpload".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.JobUpload".into()
+    }
+}
+/// A file that was uploaded.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct JobUploadFile {
+    /// Its path as the client gave it; never part of a path on disk.
+    #[prost(string, tag = "1")]
+    pub path: ::prost::alloc::string::String,
+    /// Its length, bytes.
+    #[prost(uint64, tag = "2")]
+    pub size_bytes: u64,
+}
+impl ::prost::Name for JobUploadFile {
+    const NAME: &'static str = "JobUploadFile";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.JobUploadFile".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.JobUploadFile".into()
+    }
+}
 /// Written once, when the map is created.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct MapIdentity {

@@ -1,0 +1,203 @@
+//! A job as `covis job` prints it: a row of a table, a page of details, a line while it runs, or JSON.
+//!
+//! Only converts what the server answered; asks nothing and prints nothing itself.
+
+use serde::Serialize;
+use serde_json::Value;
+
+use super::super::output;
+use crate::wire::v1;
+use v1::JobState;
+use v1::job_spec::Spec;
+
+/// A job in `--json`.
+#[derive(Debug, Serialize)]
+pub(super) struct Document {
+    pub(super) id: String,
+    kind: &'static str,
+    pub(super) state: &'static str,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    maps: Vec<String>,
+    priority: i32,
+    attempts: i32,
+    cancel_requested: bool,
+    create_time: Option<String>,
+    start_time: Option<String>,
+    end_time: Option<String>,
+    expire_time: Option<String>,
+    phase: Option<String>,
+    share: Option<f64>,
+    iteration: Option<i32>,
+    cost: Option<f64>,
+    time_left_s: Option<f64>,
+    cost_before: Option<f64>,
+    cost_after: Option<f64>,
+    failure: Option<Failure>,
+    files: Vec<File>,
+    /// The report of a job that succeeded; absent in lists.
+    pub(super) report: Option<Value>,
+}
+
+#[derive(Debug, Serialize)]
+struct Failure {
+    code: i32,
+    reason: String,
+    message: String,
+}
+
+#[derive(Debug, Serialize)]
+struct File {
+    path: String,
+    size_bytes: i64,
+}
+
+/// The name of a spec's kind.
+fn kind(spec: Option<&Spec>) -> &'static str {
+    match spec {
+        Some(Spec::OptimizeMap(request)) => match request.problem() {
+            v1::MapProblem::PoseGraph => "optimize-pose-graph",
+            v1::MapProblem::Full | v1::MapProblem::Unspecified => "optimize-map",
+        },
+        Some(Spec::MergeMaps(_)) => "merge",
+        Some(Spec::RebuildMap(_)) => "rebuild",
+        Some(Spec::CompactMap(_)) => "compact",
+        Some(Spec::EvaluateTrajectory(_)) => "evaluate",
+        Some(Spec::ExportMap(_)) => "export",
+        Some(Spec::SolveFiles(_)) => "solve",
+        None => "unknown",
+    }
+}
+
+fn maps(spec: Option<Spec>) -> Vec<String> {
+    match spec {
+        Some(Spec::OptimizeMap(request)) => vec![request.map_id],
+        Some(Spec::MergeMaps(request)) => vec![request.source_map_id, request.target_map_id],
+        Some(Spec::RebuildMap(spec)) => vec![spec.source_map_id, spec.target_map_id],
+        Some(Spec::CompactMap(spec)) => vec![spec.map_id],
+        Some(Spec::EvaluateTrajectory(spec)) => vec![spec.map_id],
+        Some(Spec::ExportMap(request)) => vec![request.map_id],
+        Some(Spec::SolveFiles(_)) | None => Vec::new(),
+    }
+}
+
+fn name(state: JobState) -> &'static str {
+    match state {
+        JobState::Unspecified => "unknown",
+        JobState::Pending => "pending",
+        JobState::Running => "running",
+        JobState::Succeeded => "succeeded",
+        JobState::Failed => "failed",
+        JobState::Cancelled => "cancelled",
+    }
+}
+
+impl From<v1::Job> for Document {
+    fn from(job: v1::Job) -> Self {
+        let state = name(job.state());
+        let spec = job.spec.and_then(|spec| spec.spec);
+        let time = |time: Option<prost_types::Timestamp>| time.map(|time| time.to_string());
+        let progress = job.progress.unwrap_or_default();
+        let row = progress.iteration;
+        Self {
+            id: job.job_id,
+            kind: kind(spec.as_ref()),
+            state,
+            maps: maps(spec),
+            priority: job.priority,
+            attempts: job.attempt_count,
+            cancel_requested: job.cancel_requested,
+            create_time: time(job.create_time),
+            start_time: time(job.start_time),
+            end_time: time(job.end_time),
+            expire_time: time(job.expire_time),
+            phase: Some(progress.phase).filter(|phase| !phase.is_empty()),
+            share: progress.share,
+            iteration: row.map(|row| row.iteration),
+            cost: row.map(|row| row.cost),
+            time_left_s: progress.time_left_s,
+            cost_before: job.cost_before,
+            cost_after: job.cost_after,
+            failure: job.failure.map(|failure| Failure {
+                code: failure.code,
+                reason: failure.reason,
+                message: failure.message,
+            }),
+            files: job
+                .files
+                .into_iter()
+                .map(|file| File { path: file.path, size_bytes: file.size_bytes })
+                .collect(),
+            report: None,
+        }
+    }
+}
+
+fn costs(job: &Document) -> String {
+    match (job.cost_before, job.cost_after) {
+        (Some(before), Some(after)) => format!("{before:.10e} -> {after:.10e}"),
+        _ => String::new(),
+    }
+}
+
+/// Jobs below each other.
+pub(super) fn table(jobs: &[Document]) -> String {
+    if jobs.is_empty() {
+        return "no jobs".to_owned();
+    }
+    let head = ["JOB", "KIND", "STATE", "MAPS", "COST", "CREATED"].map(str::to_owned);
+    let row = |job: &Document| {
+        [
+            job.id.clone(),
+            job.kind.to_owned(),
+            job.state.to_owned(),
+            job.maps.join(", "),
+            costs(job),
+            job.create_time.clone().unwrap_or_default(),
+        ]
+    };
+    output::table(std::iter::once(head).chain(jobs.iter().map(row)))
+}
+
+/// Where a job stands, in one line.
+pub(super) fn line(job: &Document) -> String {
+    let mut text = format!("{} {}", job.id, job.state);
+    if let (Some(phase), "running") = (&job.phase, job.state) {
+        text.push_str(&format!(": {phase}"));
+    }
+    if let Some(share) = job.share {
+        text.push_str(&format!(", {:.0} %", 100.0 * share));
+    }
+    if let (Some(iteration), Some(cost)) = (job.iteration, job.cost) {
+        text.push_str(&format!(", iteration {iteration}, cost {cost:.10e}"));
+    }
+    if let Some(left) = job.time_left_s {
+        text.push_str(&format!(", {left:.1} s left"));
+    }
+    if let Some(failure) = &job.failure {
+        text.push_str(&format!(": {} ({})", failure.message, failure.reason));
+    }
+    text
+}
+
+/// A page about one job.
+pub(super) fn details(job: &Document) -> String {
+    let mut lines = vec![
+        ("job", job.id.clone()),
+        ("kind", job.kind.to_owned()),
+        ("state", job.state.to_owned()),
+        ("maps", job.maps.join(", ")),
+        ("cost", costs(job)),
+        ("created", job.create_time.clone().unwrap_or_default()),
+        ("started", job.start_time.clone().unwrap_or_default()),
+        ("ended", job.end_time.clone().unwrap_or_default()),
+        ("kept until", job.expire_time.clone().unwrap_or_default()),
+        ("phase", job.phase.clone().unwrap_or_default()),
+    ];
+    if let Some(failure) = &job.failure {
+        lines.push(("failure", format!("{} ({})", failure.message, failure.reason)));
+    }
+    lines.extend(job.files.iter().map(|f| ("file", format!("{}, {} bytes", f.path, f.size_bytes))));
+    lines.retain(|(_, value)| !value.is_empty());
+    let lines = lines.into_iter().map(|(name, value)| format!("{name:>10}: {value}"));
+    lines.collect::<Vec<_>>().join("\n")
+}

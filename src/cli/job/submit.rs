@@ -1,0 +1,208 @@
+//! `covis job submit`: from the arguments to a job, and to its end where it is waited for.
+
+use std::hash::{BuildHasher, RandomState};
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
+use serde::Serialize;
+
+use super::super::map::{MapFormat, write_files};
+use super::super::output::succeed_if;
+use super::{REPORT, files, follow, print_job};
+use crate::client::Client;
+use crate::wire::v1;
+use v1::JobState;
+use v1::job_spec::Spec;
+
+/// Arguments of `covis job submit`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// What to do.
+    kind: Kind,
+    /// The map that it is done to.
+    #[arg(long, value_name = "NAME", conflicts_with = "file")]
+    map: Option<String>,
+    /// A problem to solve instead of a map: a BAL or g2o file, a folder with a COLMAP sparse model, or
+    /// a folder of such problems. It is sent to the server.
+    #[arg(long, value_name = "PATH")]
+    file: Option<PathBuf>,
+    /// The job's name; the same name and arguments again answer the job that is there, but for files
+    /// [default: a new one].
+    #[arg(long, value_name = "NAME")]
+    id: Option<String>,
+    /// Waiting jobs with a higher priority begin first, -100 to 100.
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    priority: i32,
+    /// Wait for the job's end; the exit code is 1 if it does not succeed.
+    #[arg(long)]
+    wait: bool,
+    /// Wait, and write the files that the job makes: solved problems, an export. One file goes to this
+    /// path, several into this folder.
+    #[arg(long, value_name = "PATH")]
+    out: Option<PathBuf>,
+    /// optimize-map, optimize-pose-graph on a map: most iterations [default: 50].
+    #[arg(long, value_name = "N")]
+    max_iterations: Option<i32>,
+    /// optimize-map on a map: free the cameras' intrinsics too; files always do.
+    #[arg(long)]
+    refine_intrinsics: bool,
+    /// compact: retire keyframes of which this share of the landmarks is seen by three others.
+    #[arg(long, value_name = "SHARE")]
+    redundant_share: Option<f64>,
+    /// compact: keep the journal before the snapshot.
+    #[arg(long)]
+    keep_journal: bool,
+    /// evaluate: the truth as a TUM trajectory.
+    #[arg(long, value_name = "FILE")]
+    truth: Option<PathBuf>,
+    /// evaluate: the client whose keyframes are compared [default: the map's only one].
+    #[arg(long, value_name = "NAME")]
+    client: Option<String>,
+    /// evaluate: timestamps match within this many seconds [default: 0.01].
+    #[arg(long, value_name = "SECONDS")]
+    max_time_difference: Option<f64>,
+    /// export: what to write.
+    #[arg(long)]
+    format: Option<MapFormat>,
+}
+
+/// What a job does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum Kind {
+    /// Global bundle adjustment of a map, or of a BAL file or COLMAP folder.
+    OptimizeMap,
+    /// The pose graph of a map, or of a g2o file.
+    OptimizePoseGraph,
+    /// Make a map smaller: drop the journal behind a snapshot, retire redundant keyframes.
+    Compact,
+    /// Compare a trajectory of a map with the truth: APE and RPE.
+    Evaluate,
+    /// Write a map to files.
+    Export,
+    /// Solve problem files of any kind.
+    Solve,
+}
+
+impl Kind {
+    fn name(self) -> &'static str {
+        match self {
+            Self::OptimizeMap => "optimize-map",
+            Self::OptimizePoseGraph => "optimize-pose-graph",
+            Self::Compact => "compact",
+            Self::Evaluate => "evaluate",
+            Self::Export => "export",
+            Self::Solve => "solve",
+        }
+    }
+}
+
+/// Creates the job, waits for it if that is asked for, and prints it.
+pub(super) async fn submit(client: &Client, args: Args, json: bool) -> anyhow::Result<()> {
+    let spec = Some(v1::JobSpec { spec: Some(spec(client, &args).await?) });
+    let random = || format!("{}-{:08x}", args.kind.name(), RandomState::new().hash_one(0u8) >> 32);
+    let job_id = args.id.clone().unwrap_or_else(random);
+    let request = v1::CreateJobRequest { job_id, spec, priority: args.priority };
+    let mut job = client.create_job(request).await?;
+    let waits = args.wait || args.out.is_some();
+    if waits {
+        job = follow(client, &job.job_id, |job| {
+            tracing::debug!(state = job.state().as_str_name(), progress = ?job.progress, "job");
+            Ok(())
+        })
+        .await?;
+    }
+    let has_succeeded = job.state() == JobState::Succeeded;
+    if let (Some(out), true) = (&args.out, has_succeeded) {
+        let mut download = client.download_job_files(&job.job_id, None).await?;
+        let all = download.files().iter().map(|file| file.path.clone());
+        let paths: Vec<String> = all.filter(|path| path != REPORT).collect();
+        // The report is printed, not written.
+        let next = async || loop {
+            match download.next().await? {
+                Some(chunk) if chunk.path == REPORT => {}
+                chunk => break Ok(chunk),
+            }
+        };
+        write_files(&paths, next, out).await?;
+    }
+    print_job(client, job, json).await?;
+    succeed_if(has_succeeded || !waits)
+}
+
+/// The spec that the arguments describe; files are sent first.
+async fn spec(client: &Client, args: &Args) -> anyhow::Result<Spec> {
+    let map = || args.map.clone().with_context(|| format!("{} needs --map", args.kind.name()));
+    if let Some(path) = &args.file {
+        let kind = match args.kind {
+            Kind::OptimizeMap => v1::ProblemFileKind::Bundle,
+            Kind::OptimizePoseGraph => v1::ProblemFileKind::PoseGraph,
+            Kind::Solve => v1::ProblemFileKind::Unspecified,
+            Kind::Compact | Kind::Evaluate | Kind::Export => {
+                bail!("{} works on a map, not on files: --map names it", args.kind.name())
+            }
+        };
+        let upload_id = files::upload(client, files::find(path)?).await?;
+        let keep_solutions = args.out.is_some();
+        let spec = v1::SolveFilesSpec { upload_id, kind: kind.into(), keep_solutions };
+        return Ok(Spec::SolveFiles(spec));
+    }
+    Ok(match args.kind {
+        Kind::OptimizeMap => Spec::OptimizeMap(optimization(map()?, v1::MapProblem::Full, args)),
+        Kind::OptimizePoseGraph => {
+            Spec::OptimizeMap(optimization(map()?, v1::MapProblem::PoseGraph, args))
+        }
+        Kind::Compact => Spec::CompactMap(v1::CompactMapSpec {
+            map_id: map()?,
+            redundant_share: args.redundant_share,
+            drop_old_journal: !args.keep_journal,
+        }),
+        Kind::Evaluate => Spec::EvaluateTrajectory(evaluation(client, map()?, args).await?),
+        Kind::Export => {
+            let format = args.format.context("export needs --format")?;
+            let format = v1::MapFormat::from(format).into();
+            Spec::ExportMap(v1::ExportMapRequest { map_id: map()?, format })
+        }
+        Kind::Solve => bail!("solve needs --file"),
+    })
+}
+
+fn optimization(map_id: String, problem: v1::MapProblem, args: &Args) -> v1::OptimizeMapRequest {
+    let options = args.max_iterations.map(|iterations| v1::SolverOptions {
+        max_iteration_count: Some(iterations),
+        ..v1::SolverOptions::default()
+    });
+    v1::OptimizeMapRequest {
+        map_id,
+        options,
+        problem: problem.into(),
+        refine_intrinsics: args.refine_intrinsics,
+        ..v1::OptimizeMapRequest::default()
+    }
+}
+
+async fn evaluation(
+    client: &Client,
+    map_id: String,
+    args: &Args,
+) -> anyhow::Result<v1::EvaluateTrajectorySpec> {
+    let truth = args.truth.as_ref().context("evaluate needs --truth")?;
+    let client_id = match &args.client {
+        Some(name) => name.clone(),
+        None => {
+            let map = client.get_map(&map_id).await?;
+            match &map.clients[..] {
+                [only] => only.client_id.clone(),
+                clients => bail!("map {map_id} has {} clients: --client names one", clients.len()),
+            }
+        }
+    };
+    let truth_upload_id = files::upload(client, files::find(truth)?).await?;
+    Ok(v1::EvaluateTrajectorySpec {
+        map_id,
+        client_id,
+        max_time_difference_s: args.max_time_difference,
+        truth_upload_id,
+        ..v1::EvaluateTrajectorySpec::default()
+    })
+}

@@ -1,0 +1,105 @@
+//! A map made smaller on request: redundant keyframes are marginalized, and the journal before a
+//! snapshot is dropped.
+//!
+//! Which keyframes are redundant is found in a snapshot, beside the engine. The engine looks at each
+//! again before it goes, a few at a time, so that items are taken in between. What a keyframe measured
+//! stays as constraints and priors between others, as in a full map. Nothing is changed before the
+//! caller's [`Cancellation`] is asked.
+
+use std::sync::Arc;
+
+use super::actor::Actor;
+use super::handle::{Control, Reply};
+use super::{Cancellation, EngineError, MapHandle};
+use crate::map::{Change, EntityId, Map, redundant_keyframes, retire_redundant};
+
+/// Keyframes that are removed before the engine takes items again.
+const AT_ONCE: usize = 8;
+
+/// What was made smaller.
+#[derive(Clone, Debug)]
+pub struct Compacted {
+    /// The map before.
+    pub before: Arc<Map>,
+    /// The map after.
+    pub after: Arc<Map>,
+    /// Keyframes that went.
+    pub retired: usize,
+}
+
+impl MapHandle {
+    /// Removes keyframes of which `redundant_share` of the landmarks are seen by at least three others,
+    /// where one is given, then drops the journal before a snapshot if `drop_journal`. `on_progress`
+    /// gets how many keyframes were looked at, and of how many.
+    ///
+    /// # Errors
+    /// [`EngineError::Cancelled`]: nothing was changed. [`EngineError::Frozen`],
+    /// [`EngineError::Poisoned`], [`EngineError::Store`], [`EngineError::Bug`], and as
+    /// [`MapHandle::info`].
+    pub async fn compact(
+        &self,
+        redundant_share: Option<f64>,
+        drop_journal: bool,
+        cancellation: &Cancellation,
+        mut on_progress: impl FnMut(usize, usize),
+    ) -> Result<Compacted, EngineError> {
+        let before = self.snapshot().await?;
+        let keyframes = match redundant_share {
+            None => Vec::new(),
+            Some(share) => {
+                let map = Arc::clone(&before);
+                let found = tokio::task::spawn_blocking(move || redundant_keyframes(&map, share));
+                found.await.map_err(|error| super::error::report_bug(&error.to_string()))?
+            }
+        };
+        if !cancellation.commit() {
+            return Err(EngineError::Cancelled { map: self.name().to_owned() });
+        }
+        let (all, mut looked, mut retired) = (keyframes.len(), 0, 0);
+        let share = redundant_share.unwrap_or(1.0);
+        for some in keyframes.chunks(AT_ONCE) {
+            let keyframes = some.to_vec();
+            let call = self.call(|reply| Control::RetireRedundant { keyframes, share, reply });
+            retired += call.await??;
+            looked += some.len();
+            on_progress(looked, all);
+        }
+        if drop_journal {
+            self.call(|reply| Control::DropJournal { reply }).await??;
+        }
+        let after = self.snapshot().await?;
+        self.durable(after.revision()).await?;
+        Ok(Compacted { before, after, retired })
+    }
+}
+
+impl Actor {
+    /// Removes those of the keyframes that are redundant still, and counts them.
+    pub(super) async fn retire_redundant(
+        &mut self,
+        keyframes: Vec<EntityId>,
+        share: f64,
+    ) -> Result<usize, EngineError> {
+        self.check_open()?;
+        let mut count = 0;
+        for keyframe in keyframes {
+            let retired = self.compute(move |map| retire_redundant(map, keyframe, share)).await;
+            if let Some(retired) = retired {
+                self.commit(None, Change::KeyframeRetired { retired }).await?;
+                self.shared.meters.retired.increment();
+                count += 1;
+            }
+        }
+        Ok(count)
+    }
+
+    /// Drops the journal before a snapshot of the map as it is.
+    pub(super) fn drop_journal(&self, reply: Reply<Result<(), EngineError>>) {
+        match self.check_changeable() {
+            Ok(()) => self.durability.drop_journal(&self.map, reply),
+            Err(error) => {
+                let _gone = reply.send(Err(error));
+            }
+        }
+    }
+}

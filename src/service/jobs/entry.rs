@@ -1,0 +1,245 @@
+//! One job: what clients see of it, its record on disk, and what it holds of its tenant's account.
+//!
+//! A change of its state is written first and shown afterwards, so that no client learns of a state
+//! that a crash could undo. Progress is shown only. Changes of one job are made one at a time, by whoever
+//! has [`Entry::exclusive`].
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use prost::Message;
+use tokio::sync::watch;
+
+use super::JobError;
+use crate::service::convert::time::timestamp;
+use crate::service::engine::{Cancellation, Reservation};
+use crate::store::{JobFiles, JobRecord, JobUid, JobUpload};
+use crate::wire::v1;
+use v1::JobState;
+
+/// Tenant and name of a job.
+pub(super) type JobKey = (String, String);
+
+/// Bytes that a job counts besides its files and its record: an empty job is not free.
+pub(super) const JOB_BYTES: u64 = 4096;
+
+/// A job.
+pub(super) struct Entry {
+    pub(super) key: JobKey,
+    pub(super) uid: JobUid,
+    pub(super) number: i64,
+    pub(super) spec: v1::JobSpec,
+    /// The maps that it changes, by the engine's names.
+    pub(super) changes: Vec<String>,
+    /// What was uploaded for it.
+    pub(super) upload: Option<JobUpload>,
+    /// Whether it may still change something.
+    pub(super) cancellation: Arc<Cancellation>,
+    /// Whether it has had its turn.
+    begun: AtomicBool,
+    shown: watch::Sender<v1::Job>,
+    /// What is finished of its work.
+    done: Mutex<v1::JobResult>,
+    held: Mutex<Held>,
+    exclusive: tokio::sync::Mutex<()>,
+}
+
+/// What a job holds of its tenant's account.
+pub(super) struct Held {
+    /// Bytes of its files.
+    pub(super) bytes: Reservation,
+    /// A place among the jobs that have not ended.
+    pub(super) pending: Option<Reservation>,
+}
+
+impl Entry {
+    /// A job with its full spec and what it holds.
+    pub(super) fn new(
+        (key, uid, number): (JobKey, JobUid, i64),
+        mut job: v1::Job,
+        done: v1::JobResult,
+        changes: Vec<String>,
+        upload: Option<JobUpload>,
+        held: Held,
+    ) -> Self {
+        let spec = job.spec.clone().unwrap_or_default();
+        // The truth of an evaluation may be as long as a message.
+        if let Some(v1::job_spec::Spec::EvaluateTrajectory(spec)) =
+            job.spec.as_mut().and_then(|spec| spec.spec.as_mut())
+        {
+            spec.truth.clear();
+        }
+        Self {
+            key,
+            uid,
+            number,
+            spec,
+            changes,
+            upload,
+            cancellation: Arc::default(),
+            begun: AtomicBool::new(false),
+            shown: watch::Sender::new(job),
+            done: Mutex::new(done),
+            held: Mutex::new(held),
+            exclusive: tokio::sync::Mutex::default(),
+        }
+    }
+
+    /// Its name.
+    pub(super) fn id(&self) -> &str {
+        &self.key.1
+    }
+
+    /// The job as clients see it.
+    pub(super) fn job(&self) -> v1::Job {
+        self.shown.borrow().clone()
+    }
+
+    /// Follows the job as clients see it.
+    pub(super) fn follow(&self) -> watch::Receiver<v1::Job> {
+        self.shown.subscribe()
+    }
+
+    /// Where it stands.
+    pub(super) fn state(&self) -> JobState {
+        self.shown.borrow().state()
+    }
+
+    /// Whether it has ended.
+    pub(super) fn is_ended(&self) -> bool {
+        is_ended(self.state())
+    }
+
+    /// Whether it waits for its turn.
+    pub(super) fn is_waiting(&self) -> bool {
+        self.state() == JobState::Pending && !self.begun.load(Ordering::Acquire)
+    }
+
+    /// It has its turn.
+    pub(super) fn begin(&self) {
+        self.begun.store(true, Ordering::Release);
+    }
+
+    /// Its priority.
+    pub(super) fn priority(&self) -> i32 {
+        self.shown.borrow().priority
+    }
+
+    /// When the server forgets it, Unix time in seconds.
+    pub(super) fn expires(&self) -> Option<i64> {
+        self.shown.borrow().expire_time.as_ref().map(|time| time.seconds)
+    }
+
+    /// Keeps an expired job for an hour, because it could not be removed.
+    pub(super) fn keep_longer(&self) {
+        self.shown.send_modify(|job| {
+            if let Some(time) = &mut job.expire_time {
+                time.seconds = time.seconds.saturating_add(3600);
+            }
+        });
+    }
+
+    /// Whoever has it changes the job.
+    pub(super) async fn exclusive(&self) -> tokio::sync::MutexGuard<'_, ()> {
+        self.exclusive.lock().await
+    }
+
+    /// What is finished of its work.
+    pub(super) fn done(&self) -> v1::JobResult {
+        lock(&self.done).clone()
+    }
+
+    /// Bytes that its files hold of the account.
+    pub(super) fn held(&self) -> MutexGuard<'_, Held> {
+        lock(&self.held)
+    }
+
+    /// Writes the job as `change` makes it, then shows it. The caller has [`Entry::exclusive`].
+    ///
+    /// # Errors
+    /// [`JobError::Unavailable`], [`JobError::Failed`]; nothing is changed.
+    pub(super) async fn change(
+        self: &Arc<Self>,
+        files: &Arc<JobFiles>,
+        change: impl FnOnce(&mut v1::Job, &mut v1::JobResult),
+    ) -> Result<(), JobError> {
+        let (mut job, mut done) = (self.job(), self.done());
+        change(&mut job, &mut done);
+        self.write(files, &job, &done).await?;
+        *lock(&self.done) = done;
+        let has_ended = is_ended(job.state());
+        self.shown.send_modify(|shown| {
+            // Progress that was told meanwhile stays.
+            let progress = shown.progress.take();
+            *shown = job;
+            if !has_ended {
+                shown.progress = progress;
+            }
+        });
+        Ok(())
+    }
+
+    /// Writes its record.
+    ///
+    /// # Errors
+    /// As [`Entry::change`].
+    pub(super) async fn write(
+        self: &Arc<Self>,
+        files: &Arc<JobFiles>,
+        job: &v1::Job,
+        done: &v1::JobResult,
+    ) -> Result<(), JobError> {
+        let spec = Some(self.spec.clone());
+        let job = v1::Job { spec, progress: None, ..job.clone() };
+        let record = JobRecord {
+            tenant: self.key.0.clone(),
+            job_id: self.key.1.clone(),
+            number: self.number,
+            job: job.encode_to_vec(),
+            done: done.encode_to_vec(),
+        };
+        let uid = self.uid;
+        on_disk(files, move |files| Ok(files.write_record(&uid, &record)?)).await?;
+        Ok(())
+    }
+
+    /// Shows how far the job has come.
+    pub(super) fn progress(&self, now_ns: i64, tell: impl FnOnce(&mut v1::JobProgress)) {
+        self.shown.send_modify(|job| {
+            let progress = job.progress.get_or_insert_default();
+            tell(progress);
+            progress.update_time = Some(timestamp(now_ns));
+        });
+    }
+}
+
+/// Whether a job in this state has ended.
+pub(in crate::service) fn is_ended(state: JobState) -> bool {
+    match state {
+        JobState::Succeeded | JobState::Failed | JobState::Cancelled => true,
+        JobState::Unspecified | JobState::Pending | JobState::Running => false,
+    }
+}
+
+/// Works on files of jobs: on a thread that may block where they are on disk.
+///
+/// # Errors
+/// Those of `work`, and [`JobError::Failed`] where it panics or the server stops.
+pub(super) async fn on_disk<T: Send + 'static>(
+    files: &Arc<JobFiles>,
+    work: impl FnOnce(&JobFiles) -> Result<T, JobError> + Send + 'static,
+) -> Result<T, JobError> {
+    if !files.is_durable() {
+        return work(files);
+    }
+    let files = Arc::clone(files);
+    let done = tokio::task::spawn_blocking(move || work(&files)).await;
+    done.unwrap_or_else(|error| {
+        tracing::error!(%error, "work on files of a job did not end");
+        Err(JobError::Failed { cause: "the work on them did not end".to_owned() })
+    })
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,324 @@
+//! The work of jobs on maps. Each kind is the call that it stands for, without a caller who waits.
+//!
+//! Whatever changes a map asks [`Cancellation`](crate::service::engine::Cancellation) before it does:
+//! a job that is canceled leaves the map as it was.
+
+use std::collections::HashMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use covis_solvers::geometry::Se3;
+use covis_solvers::io::trajectory::Trajectory;
+use serde_json::json;
+use tokio::sync::mpsc;
+
+use super::progress::TimeLeft;
+use super::run::{Made, Run, add_file, next_output, pause};
+use super::{JobError, report};
+use crate::evaluation::{EvaluationError, ape, rpe};
+use crate::map::{ClientIndex, Map, Reason};
+use crate::service::access::change;
+use crate::service::context::{Context, Rpcs};
+use crate::service::convert::geometry::to_rigid_transform;
+use crate::service::convert::map::{to_counts, to_map};
+use crate::service::convert::solve::to_iteration;
+use crate::service::convert::{Path as FieldPath, convert, count, merge as merging, trajectory};
+use crate::service::engine::{Compacted, EngineError, MapHandle, MergeOutcome, Resource};
+use crate::service::error::ServiceError;
+use crate::service::export::{Export, Format, GraphLines, format};
+use crate::service::optimization_service::{map_options, to_result};
+use crate::store::JobFile;
+use crate::wire::v1;
+use v1::job_result::Result as Kind;
+
+/// Largest difference of times that are matched, s.
+const TIME_DIFFERENCE_S: f64 = 0.01;
+/// Nanoseconds in a second.
+const NANOSECONDS: f64 = 1e9;
+
+impl Run<'_> {
+    fn map(&self, map_id: &str) -> Result<MapHandle, ServiceError> {
+        Ok(self.context.maps.get(&self.caller.engine_name(map_id))?)
+    }
+}
+
+/// `OptimizeMap`.
+pub(super) async fn optimize(
+    run: &Run<'_>,
+    request: &v1::OptimizeMapRequest,
+) -> Result<Made, ServiceError> {
+    let (context, cancellation) = (run.context, &run.entry.cancellation);
+    let threads = context.maps.pool().threads();
+    let (map_id, options) = map_options(request, threads, None)?;
+    let most = options.optimizer.max_iterations;
+    let (outcome, rows) = loop {
+        let map = run.map(&map_id)?;
+        run.phase("optimizes the map");
+        let (progress, mut rows) = mpsc::channel(16);
+        let mut all = Vec::new();
+        let telling = async {
+            let mut left = TimeLeft::new(most);
+            while let Some(row) = rows.recv().await {
+                let time_left_s = left.after(&row);
+                let row = to_iteration(&row);
+                all.push(row);
+                run.tell(|progress| {
+                    progress.iteration = Some(row);
+                    progress.time_left_s = time_left_s;
+                });
+            }
+        };
+        let solving = map.optimize_unless(Arc::clone(cancellation), options, progress);
+        match tokio::join!(solving, telling).0 {
+            // By a call, which ends by itself.
+            Err(EngineError::OptimizationRunning { .. }) => {
+                run.phase("waits for another optimization of the map");
+                pause().await;
+            }
+            outcome => break (outcome?, all),
+        }
+    };
+    let result = to_result(&outcome);
+    let costs = result.summary.as_ref().map(|summary| (summary.initial_cost, summary.final_cost));
+    let mut report = json!({
+        "map": map_id,
+        "revision": result.revision,
+        "cameras": result.camera_count,
+        "keyframes": result.keyframe_count,
+        "landmarks": result.landmark_count,
+        "observations": result.observation_count,
+        "constraints": result.constraint_count,
+        "switched_off_constraints": result.switched_off_constraints.len(),
+    });
+    report::join(&mut report, report::solve(result.summary.as_ref(), &rows));
+    Ok(Made { result: Kind::OptimizeMap(result), costs, report })
+}
+
+/// `MergeMaps`.
+pub(super) async fn merge(
+    run: &Run<'_>,
+    request: &v1::MergeMapsRequest,
+) -> Result<Made, ServiceError> {
+    let (context, cancellation) = (run.context, &run.entry.cancellation);
+    let map_id = request.source_map_id.clone();
+    let asked = convert(|out| merging::merge(request.clone(), &run.caller, out))?;
+    run.phase("merges the maps");
+    // A merge that has begun goes on.
+    if !cancellation.commit() {
+        return Err(EngineError::Cancelled { map: map_id }.into());
+    }
+    let merged = context.maps.merge(asked, cancellation.interrupt()).await;
+    let merged = merged.map_err(ServiceError::from);
+    change("MergeMaps", &run.caller, None, &map_id, &merged);
+    let MergeOutcome { map, target_from_source, closures } = merged?;
+    let queued = context.config.engine.queue_capacity;
+    let response = v1::MergeMapsResponse {
+        map: Some(to_map(&map, queued)),
+        target_from_source: Some(to_rigid_transform(&target_from_source)),
+        closure_count: count(closures),
+    };
+    let report = json!({
+        "source": map_id,
+        "target": request.target_map_id,
+        "revision": map.snapshot.revision(),
+        "closures": closures,
+    });
+    Ok(Made { result: Kind::MergeMaps(response), costs: None, report })
+}
+
+/// Makes a map smaller.
+pub(super) async fn compact(
+    run: &Run<'_>,
+    spec: &v1::CompactMapSpec,
+) -> Result<Made, ServiceError> {
+    let map = run.map(&spec.map_id)?;
+    run.phase("compacts the map");
+    let tell = |looked: usize, all: usize| {
+        run.tell(|progress| progress.share = Some(looked as f64 / all.max(1) as f64));
+    };
+    let (share, drop_journal) = (spec.redundant_share, spec.drop_old_journal);
+    let compacted = map.compact(share, drop_journal, &run.entry.cancellation, tell).await?;
+    let Compacted { before, after, retired } = compacted;
+    let report = json!({
+        "map": spec.map_id,
+        "revision": after.revision(),
+        "retired_keyframes": retired,
+        "keyframes_before": before.keyframes().len(),
+        "keyframes_after": after.keyframes().len(),
+        "landmarks_before": before.landmarks().len(),
+        "landmarks_after": after.landmarks().len(),
+        "size_bytes_before": before.usage().bytes,
+        "size_bytes_after": after.usage().bytes,
+        "journal_dropped": drop_journal,
+    });
+    let result = v1::CompactMapResult {
+        counts_before: Some(to_counts(&before)),
+        counts_after: Some(to_counts(&after)),
+        retired_keyframe_count: count(retired),
+    };
+    Ok(Made { result: Kind::CompactMap(result), costs: None, report })
+}
+
+/// Compares a trajectory with the truth.
+pub(super) async fn evaluate(
+    run: &Run<'_>,
+    spec: &v1::EvaluateTrajectorySpec,
+) -> Result<Made, ServiceError> {
+    let map = run.map(&spec.map_id)?.snapshot().await?;
+    let client = map.client_named(&spec.client_id).ok_or_else(|| {
+        let (map, client) = (spec.map_id.clone(), spec.client_id.clone());
+        ServiceError::ClientNotFound { map, client }
+    })?;
+    run.phase("compares the trajectories");
+    let at = FieldPath::root("truth");
+    let given = convert(|out| trajectory::poses(at, &spec.truth, out))?;
+    let upload = run.entry.upload.clone();
+    let (files, uid) = (Arc::clone(&run.context.jobs.files), run.entry.uid);
+    let most = spec.max_time_difference_s.unwrap_or(TIME_DIFFERENCE_S);
+    let compared = Context::blocking(move || {
+        let truth = match upload.as_ref().and_then(|upload| upload.files.first()) {
+            None => of_poses(given.iter().map(|(time, pose)| (*time, pose))),
+            Some((path, _)) => {
+                let bytes = files.bytes(&uid, JobFile::Input(0)).map_err(JobError::from)?;
+                let parsed = Trajectory::parse(&bytes, Path::new(path));
+                parsed.map_err(|error| JobError::BadFile { text: error.to_string() })?
+            }
+        };
+        let estimate = of_client(&map, client);
+        let unlike =
+            |e: EvaluationError| ServiceError::field("truth", Reason::Inconsistent, e.to_string());
+        let ape = ape(&truth, &estimate, most).map_err(unlike)?;
+        let rpe = rpe(&truth, &estimate, most).map_err(unlike)?;
+        Ok((truth.len(), estimate.len(), map.revision(), ape, rpe))
+    });
+    let (truth, estimate, revision, ape, rpe) = compared.await?;
+    let statistics = |evaluation: &crate::evaluation::Evaluation| {
+        json!({
+            "translation_m": evaluation.translation_m,
+            "angle_deg": evaluation.angle_deg,
+            "rotation_part": evaluation.rotation_part,
+        })
+    };
+    let report = json!({
+        "map": spec.map_id,
+        "client": spec.client_id,
+        "revision": revision,
+        "truth_poses": truth,
+        "estimate_poses": estimate,
+        "pairs": ape.pairs,
+        "ape": statistics(&ape),
+        "rpe": statistics(&rpe),
+    });
+    let result = v1::EvaluateTrajectoryResult {
+        matched_pose_count: count(ape.pairs),
+        absolute_translation_rmse_m: ape.translation_m.rmse,
+        relative_translation_rmse_m: rpe.translation_m.rmse,
+        relative_rotation_rmse_rad: rpe.angle_deg.rmse.to_radians(),
+    };
+    Ok(Made { result: Kind::EvaluateTrajectory(result), costs: None, report })
+}
+
+/// The poses of a client by time.
+fn of_client(map: &Map, client: ClientIndex) -> Trajectory {
+    let keyframes = map.trajectory(client);
+    of_poses(keyframes.iter().map(|(_, k)| (k.capture_time_ns, &k.world_from_camera)))
+}
+
+fn of_poses<'a>(poses: impl Iterator<Item = (i64, &'a Se3)>) -> Trajectory {
+    let mut trajectory = Trajectory::default();
+    poses.for_each(|(time_ns, pose)| trajectory.push(time_ns as f64 / NANOSECONDS, *pose));
+    trajectory
+}
+
+/// `ExportMap`, into files of the job.
+pub(super) async fn export(
+    run: &Run<'_>,
+    request: &v1::ExportMapRequest,
+) -> Result<Made, ServiceError> {
+    let format = format(request.format)?;
+    let map = run.map(&request.map_id)?;
+    let place = map.account().reserve(Resource::Exports, 1)?;
+    run.phase("exports the map");
+    let snapshot = map.snapshot().await?;
+    let mut export = {
+        let (map_id, snapshot) = (request.map_id.clone(), Arc::clone(&snapshot));
+        Context::blocking(move || Export::new(map_id, snapshot, format)).await?
+    };
+    if format == Format::G2o {
+        let rpcs = Rpcs { context: Arc::clone(run.context) };
+        let lines: GraphLines = rpcs.graph_lines(&map, snapshot).await?;
+        export = export.with_graph(lines);
+    }
+    let (revision, paths) = (export.revision(), export.paths());
+    let all = paths.len().max(1);
+    let mut sizes = HashMap::new();
+    // Files of an attempt that a restart cut off are written again.
+    forget_files(run).await?;
+    for (done, path) in paths.iter().enumerate() {
+        let (files, uid) = (Arc::clone(&run.context.jobs.files), run.entry.uid);
+        let file = next_output(&run.entry.job());
+        let (entry, cancellation) = (Arc::clone(run.entry), Arc::clone(&run.entry.cancellation));
+        let written = Context::blocking(move || {
+            let (mut size, mut refused) = (0_u64, None);
+            let written = files.write(&uid, file, |out| {
+                loop {
+                    let made = match export.next_chunk() {
+                        Ok(Some(chunk)) if !cancellation.is_canceled() => chunk,
+                        Ok(_) => return Err(std::io::ErrorKind::Interrupted.into()),
+                        Err(error) => {
+                            refused = Some(error);
+                            return Err(std::io::ErrorKind::InvalidData.into());
+                        }
+                    };
+                    let length = made.data.len() as u64;
+                    let grown = {
+                        let mut held = entry.held();
+                        let amount = held.bytes.amount().saturating_add(length);
+                        held.bytes.resize(amount)
+                    };
+                    if let Err(error) = grown {
+                        refused = Some(error.into());
+                        return Err(std::io::ErrorKind::QuotaExceeded.into());
+                    }
+                    out.write_all(&made.data)?;
+                    size += length;
+                    if made.last_chunk {
+                        return Ok(());
+                    }
+                }
+            });
+            match (refused, written) {
+                (Some(error), _) => Err(error),
+                (None, Err(error)) => Err(JobError::from(error).into()),
+                (None, Ok(_)) => Ok((size, export)),
+            }
+        });
+        let size;
+        (size, export) = written.await?;
+        sizes.insert(path.clone(), size);
+        let size_bytes = i64::try_from(size).unwrap_or(i64::MAX);
+        let _exclusive = run.entry.exclusive().await;
+        let change = run.entry.change(&run.context.jobs.files, |job, _| {
+            add_file(job, path.clone(), size_bytes);
+        });
+        change.await?;
+        run.tell(|progress| progress.share = Some((done + 1) as f64 / all as f64));
+    }
+    drop(place);
+    let files: Vec<_> = paths
+        .iter()
+        .map(|path| json!({ "path": path, "size_bytes": sizes.get(path).copied().unwrap_or(0) }))
+        .collect();
+    let report = json!({ "map": request.map_id, "revision": revision, "files": files });
+    let result = Kind::ExportMap(v1::ExportMapResult { revision });
+    Ok(Made { result, costs: None, report })
+}
+
+/// Takes the files of an earlier attempt out of the record.
+async fn forget_files(run: &Run<'_>) -> Result<(), ServiceError> {
+    if run.entry.job().files.is_empty() {
+        return Ok(());
+    }
+    let _exclusive = run.entry.exclusive().await;
+    Ok(run.entry.change(&run.context.jobs.files, |job, _| job.files.clear()).await?)
+}

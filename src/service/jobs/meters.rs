@@ -1,0 +1,56 @@
+//! What is counted of jobs.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use super::spec::KINDS;
+use crate::meter::Histogram;
+use crate::wire::v1::JobState;
+
+/// Instruments of jobs.
+#[derive(Debug)]
+pub(in crate::service) struct JobMeters {
+    /// Jobs that ended, by kind and state.
+    ended: Mutex<BTreeMap<(&'static str, &'static str), u64>>,
+    /// From a job's begin to its end, of those that ran.
+    pub(in crate::service) running_ns: Histogram,
+    /// From a job's creation to its begin.
+    pub(in crate::service) waiting_ns: Histogram,
+}
+
+impl Default for JobMeters {
+    fn default() -> Self {
+        let (running_ns, waiting_ns) = (Histogram::of_durations(), Histogram::of_durations());
+        // A row for each from the start, so that no alert waits for one that is not there yet.
+        let states = [JobState::Succeeded, JobState::Failed, JobState::Cancelled];
+        let rows = KINDS.into_iter().flat_map(|kind| states.map(|state| ((kind, name(state)), 0)));
+        Self { ended: Mutex::new(rows.collect()), running_ns, waiting_ns }
+    }
+}
+
+impl JobMeters {
+    /// Counts a job that has ended.
+    pub(super) fn ended(&self, kind: &'static str, state: JobState) {
+        *self.lock().entry((kind, name(state))).or_default() += 1;
+    }
+
+    /// Jobs that ended: kind, state, count.
+    pub(in crate::service) fn rows(&self) -> Vec<(&'static str, &'static str, u64)> {
+        self.lock().iter().map(|(&(kind, state), &count)| (kind, state, count)).collect()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<(&'static str, &'static str), u64>> {
+        self.ended.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The name of a state.
+fn name(state: JobState) -> &'static str {
+    match state {
+        JobState::Pending | JobState::Unspecified => "pending",
+        JobState::Running => "running",
+        JobState::Succeeded => "succeeded",
+        JobState::Failed => "failed",
+        JobState::Cancelled => "cancelled",
+    }
+}

@@ -1,0 +1,453 @@
+//! Jobs: work that outlives a call, and survives the server where maps are kept on disk.
+//!
+//! A job is on disk before its creation is answered, and each change of its state before it is shown.
+//! A restart begins again with what ran: a solve gives the same bits as one that was not cut off, and
+//! what a job has finished of several problems is not solved again
+//! ([decision 0030](../../../docs/decisions/0030-jobs.md)).
+//!
+//! | file | role |
+//! |---|---|
+//! | `entry` | one job, its record and what it holds |
+//! | `spec` | what a spec asks for: role, maps, uploads |
+//! | `uploads`, `download` | the files that jobs take and make |
+//! | `schedule` | which job begins next; restarts; what has expired |
+//! | `run` | one job from its begin to its end |
+//! | `maps` | the work on maps: optimizing, compacting, merging, exporting, evaluating |
+//! | `problems` | the work on problem files |
+//! | `progress` | how much longer a solve takes |
+//! | `report` | what is kept of a job's work as JSON |
+//!
+//! No mathematics here: solves are those of the engine and of the solver crate.
+
+mod download;
+mod entry;
+mod error;
+mod maps;
+mod meters;
+mod problems;
+mod progress;
+mod report;
+mod run;
+mod schedule;
+mod spec;
+mod uploads;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use tokio::sync::Notify;
+
+use super::access::Caller;
+use super::clock::Clock;
+use super::context::Context;
+use super::convert::time::timestamp;
+use super::engine::{Accounts, FairQueue, Resource};
+use super::error::ServiceError;
+use super::random::random_uid;
+use crate::store::{JobFile, JobFiles, JobUid};
+use crate::wire::v1;
+use entry::{Entry, Held, JOB_BYTES, JobKey};
+use uploads::Waiting;
+use v1::JobState;
+
+pub(super) use download::download;
+pub(super) use entry::is_ended;
+pub(in crate::service) use error::JobError;
+pub(super) use meters::JobMeters;
+pub(super) use schedule::serve;
+
+/// Jobs of a server.
+pub(super) struct Jobs {
+    files: Arc<JobFiles>,
+    accounts: Accounts,
+    clock: Clock,
+    /// How long a job is kept after its end.
+    retention: Duration,
+    table: Mutex<Table>,
+    /// Jobs are created one at a time, so that none conflicts with another that is not there yet.
+    creating: tokio::sync::Mutex<()>,
+    /// Wakes the schedule.
+    wake: Notify,
+    /// Whether the server stops: what runs is left as it is, for the next start.
+    stopping: AtomicBool,
+    /// What is counted.
+    pub(super) meters: JobMeters,
+}
+
+impl std::fmt::Debug for Jobs {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Jobs").field("retention", &self.retention).finish_non_exhaustive()
+    }
+}
+
+/// All jobs and uploads.
+struct Table {
+    jobs: BTreeMap<JobKey, Arc<Entry>>,
+    /// Uploads that no job has taken.
+    uploads: BTreeMap<JobUid, Waiting>,
+    /// Names of jobs that a later version wrote: they are taken.
+    taken: BTreeSet<JobKey>,
+    /// One entry for each waiting job: whose turn it is. Which job of a tenant begins is chosen then.
+    queue: FairQueue<()>,
+    last_number: i64,
+}
+
+/// A page of a list of jobs.
+pub(super) struct JobList<'a> {
+    /// Only jobs that were created before this one.
+    pub(super) before: i64,
+    /// Only jobs on this map.
+    pub(super) map_id: &'a str,
+    /// Only jobs in these states; empty for all.
+    pub(super) states: &'a [JobState],
+}
+
+impl Jobs {
+    /// No jobs yet; at most `slots` run at once.
+    pub(super) fn new(
+        files: JobFiles,
+        accounts: Accounts,
+        clock: Clock,
+        retention: Duration,
+        slots: usize,
+    ) -> Self {
+        let table = Table {
+            jobs: BTreeMap::new(),
+            uploads: BTreeMap::new(),
+            taken: BTreeSet::new(),
+            queue: FairQueue::new(slots),
+            last_number: 0,
+        };
+        Self {
+            files: Arc::new(files),
+            accounts,
+            clock,
+            retention,
+            table: Mutex::new(table),
+            creating: tokio::sync::Mutex::default(),
+            wake: Notify::new(),
+            stopping: AtomicBool::new(false),
+            meters: JobMeters::default(),
+        }
+    }
+
+    fn table(&self) -> MutexGuard<'_, Table> {
+        self.table.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Nanoseconds since 1970 by the server's clock.
+    fn now_ns(&self) -> i64 {
+        self.clock.now_ns()
+    }
+
+    /// How many jobs wait, run, and have ended.
+    pub(super) fn counts(&self) -> [u64; 3] {
+        let mut counts = [0; 3];
+        for entry in self.table().jobs.values() {
+            let place = match entry.state() {
+                JobState::Unspecified | JobState::Pending => 0,
+                JobState::Running => 1,
+                JobState::Succeeded | JobState::Failed | JobState::Cancelled => 2,
+            };
+            counts[place] += 1;
+        }
+        counts
+    }
+
+    fn find(&self, key: &JobKey) -> Option<Arc<Entry>> {
+        self.table().jobs.get(key).cloned()
+    }
+
+    fn get_entry(&self, caller: &Caller, job_id: &str) -> Result<Arc<Entry>, JobError> {
+        let found = self.find(&(caller.tenant().to_owned(), job_id.to_owned()));
+        found.ok_or_else(|| JobError::NotFound { job: job_id.to_owned() })
+    }
+
+    /// One job of the caller's tenant.
+    ///
+    /// # Errors
+    /// [`JobError::NotFound`].
+    pub(super) fn get(&self, caller: &Caller, job_id: &str) -> Result<v1::Job, JobError> {
+        Ok(self.get_entry(caller, job_id)?.job())
+    }
+
+    /// Follows a job of the caller's tenant; the channel closes when it is deleted.
+    ///
+    /// # Errors
+    /// [`JobError::NotFound`].
+    pub(super) fn follow(
+        &self,
+        caller: &Caller,
+        job_id: &str,
+    ) -> Result<tokio::sync::watch::Receiver<v1::Job>, JobError> {
+        Ok(self.get_entry(caller, job_id)?.follow())
+    }
+
+    /// The jobs of the caller's tenant that fit, the newest first, each with its number.
+    pub(super) fn list(&self, caller: &Caller, list: &JobList<'_>) -> Vec<(i64, v1::Job)> {
+        let mut entries: Vec<Arc<Entry>> = {
+            let table = self.table();
+            let from = (caller.tenant().to_owned(), String::new());
+            let of_tenant = table.jobs.range(from..).map(|(_, entry)| entry);
+            let of_tenant = of_tenant.take_while(|entry| entry.key.0 == caller.tenant());
+            of_tenant.filter(|entry| entry.number < list.before).cloned().collect()
+        };
+        entries.sort_by_key(|entry| std::cmp::Reverse(entry.number));
+        let is_wanted = |entry: &Arc<Entry>| {
+            let of_state = list.states.is_empty() || list.states.contains(&entry.state());
+            let of_map =
+                list.map_id.is_empty() || spec::maps_of(&entry.spec).contains(&list.map_id);
+            of_state && of_map
+        };
+        entries.retain(is_wanted);
+        entries.into_iter().map(|entry| (entry.number, entry.job())).collect()
+    }
+
+    /// Creates a job, or answers the one that is there.
+    ///
+    /// # Errors
+    /// [`JobError`], [`ServiceError::RoleTooLow`], and those of the maps that it needs.
+    pub(super) async fn create(
+        context: &Arc<Context>,
+        caller: &Caller,
+        request: v1::CreateJobRequest,
+    ) -> Result<v1::Job, ServiceError> {
+        let asked = spec::read(&request, context)?;
+        caller.require(asked.role)?;
+        let v1::CreateJobRequest { job_id, spec, priority } = request;
+        let spec = spec.unwrap_or_default();
+        let key = (caller.tenant().to_owned(), job_id);
+        let jobs = &context.jobs;
+        if let Some(job) = jobs.same(&key, &spec)? {
+            return Ok(job);
+        }
+        let changes = spec::check(&spec, &asked, context, caller).await?;
+        let context = Arc::clone(context);
+        // A creation that has begun ends, whether its caller waits or not.
+        to_end(async move {
+            let jobs = &context.jobs;
+            let _creating = jobs.creating.lock().await;
+            if let Some(job) = jobs.same(&key, &spec)? {
+                return Ok(job);
+            }
+            jobs.check_free(&changes)?;
+            let account = jobs.accounts.tenant(&key.0);
+            let pending = account.reserve(Resource::PendingJobs, 1)?;
+            let size = JOB_BYTES + prost::Message::encoded_len(&spec) as u64;
+            let mut bytes = account.reserve(Resource::JobBytes, size)?;
+            let taken = match &asked.upload {
+                Some(id) => Some(jobs.take_upload(&key.0, id)?),
+                None => None,
+            };
+            let (uid, upload) = match &taken {
+                Some(waiting) => (waiting.uid, Some(waiting.upload.clone())),
+                None => (random_uid(), None),
+            };
+            let job = v1::Job {
+                job_id: key.1.clone(),
+                spec: Some(spec),
+                state: JobState::Pending.into(),
+                create_time: Some(timestamp(jobs.now_ns())),
+                priority,
+                ..v1::Job::default()
+            };
+            let number = {
+                let mut table = jobs.table();
+                table.last_number += 1;
+                table.last_number
+            };
+            if let Some(waiting) = &taken {
+                // Counted already, as an upload.
+                bytes.count(size + waiting.upload.bytes());
+            }
+            let held = Held { bytes, pending: Some(pending) };
+            let done = v1::JobResult::default();
+            let entry = Entry::new((key, uid, number), job, done, changes, upload, held);
+            let entry = Arc::new(entry);
+            if let Err(error) = entry.write(&jobs.files, &entry.job(), &entry.done()).await {
+                match taken {
+                    Some(waiting) => jobs.give_back(waiting),
+                    None => {
+                        let removed =
+                            entry::on_disk(&jobs.files, move |files| Ok(files.remove(&uid)?));
+                        // A folder without a record is removed by the next start.
+                        let _left = removed.await;
+                    }
+                }
+                return Err(error.into());
+            }
+            drop(taken);
+            let job = entry.job();
+            jobs.put_pending(entry);
+            Ok(job)
+        })
+        .await
+    }
+
+    /// The job that is there under this name, if it has this spec.
+    fn same(&self, key: &JobKey, spec: &v1::JobSpec) -> Result<Option<v1::Job>, JobError> {
+        let exists = || JobError::Exists { job: key.1.clone() };
+        let table = self.table();
+        match table.jobs.get(key) {
+            Some(entry) if entry.spec == *spec => Ok(Some(entry.job())),
+            Some(_) => Err(exists()),
+            None if table.taken.contains(key) => Err(exists()),
+            None => Ok(None),
+        }
+    }
+
+    /// Refuses a job that would change a map which another one changes.
+    fn check_free(&self, changes: &[String]) -> Result<(), JobError> {
+        let table = self.table();
+        let mut going = table.jobs.values().filter(|entry| !entry.is_ended());
+        let busy = going.find_map(|entry| {
+            let map = entry.changes.iter().find(|map| changes.contains(map))?;
+            Some((map.clone(), entry.id().to_owned()))
+        });
+        match busy {
+            Some((map, job)) => {
+                let map = super::access::shown(&map).to_owned();
+                Err(JobError::MapBusy { map, job })
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Adds a job that waits for its turn.
+    fn put_pending(&self, entry: Arc<Entry>) {
+        let mut table = self.table();
+        table.queue.push(&Arc::from(entry.key.0.as_str()), ());
+        table.jobs.insert(entry.key.clone(), entry);
+        drop(table);
+        self.wake.notify_one();
+    }
+
+    /// Asks a job to stop.
+    ///
+    /// # Errors
+    /// [`JobError::NotFound`], [`JobError::Ended`], [`JobError::Unavailable`], [`JobError::Failed`].
+    pub(super) async fn cancel(
+        context: &Arc<Context>,
+        caller: &Caller,
+        job_id: &str,
+    ) -> Result<v1::Job, ServiceError> {
+        let entry = context.jobs.get_entry(caller, job_id)?;
+        let context = Arc::clone(context);
+        to_end(async move {
+            let jobs = &context.jobs;
+            let _exclusive = entry.exclusive().await;
+            if entry.is_ended() {
+                return Err(JobError::Ended { job: entry.id().to_owned() }.into());
+            }
+            if entry.state() == JobState::Pending {
+                jobs.end(&entry, JobState::Cancelled, |job, _| job.cancel_requested = true).await?;
+            } else {
+                entry.change(&jobs.files, |job, _| job.cancel_requested = true).await?;
+                // Where its changes are under way already, it ends as it would have.
+                let _stops = entry.cancellation.cancel();
+            }
+            Ok(entry.job())
+        })
+        .await
+    }
+
+    /// Ends a job in `state` and gives back what it does not need any more. The caller has the job's
+    /// exclusive lock.
+    async fn end(
+        &self,
+        entry: &Arc<Entry>,
+        state: JobState,
+        change: impl FnOnce(&mut v1::Job, &mut v1::JobResult),
+    ) -> Result<(), JobError> {
+        let now_ns = self.now_ns();
+        let kept_ns = i64::try_from(self.retention.as_nanos()).unwrap_or(i64::MAX);
+        entry
+            .change(&self.files, |job, done| {
+                change(job, done);
+                job.set_state(state);
+                if let Some(progress) = &mut job.progress {
+                    progress.phase = "ended".to_owned();
+                    progress.time_left_s = None;
+                    progress.update_time = Some(timestamp(now_ns));
+                }
+                job.end_time = Some(timestamp(now_ns));
+                job.expire_time = Some(timestamp(now_ns.saturating_add(kept_ns)));
+                if state != JobState::Succeeded {
+                    (job.cost_before, job.cost_after) = (None, None);
+                }
+                *done = v1::JobResult::default();
+            })
+            .await?;
+        self.drop_inputs(entry).await;
+        self.meters.ended(spec::kind(&entry.spec), state);
+        self.wake.notify_one();
+        Ok(())
+    }
+
+    /// Removes what an ended job needs no more: what was uploaded, parts of its work, and files that it
+    /// did not finish.
+    async fn drop_inputs(&self, entry: &Arc<Entry>) {
+        let (uid, job) = (entry.uid, entry.job());
+        let outputs = uploads::number(job.files.len());
+        let removed = entry::on_disk(&self.files, move |files| {
+            Ok(files.retain(&uid, |file| match file {
+                JobFile::Record => true,
+                JobFile::Output(number) => number < outputs,
+                JobFile::Upload | JobFile::Input(_) | JobFile::Part(_) => false,
+            })?)
+        });
+        if let Err(error) = removed.await {
+            tracing::warn!(job = entry.id(), %error, "files of an ended job could not be removed");
+        }
+        let made: i64 = job.files.iter().map(|file| file.size_bytes).sum();
+        let spec = prost::Message::encoded_len(&entry.spec) as u64;
+        let mut held = entry.held();
+        held.bytes.count(JOB_BYTES + spec + u64::try_from(made).unwrap_or(0));
+        held.pending = None;
+    }
+
+    /// Forgets a job that has ended.
+    ///
+    /// # Errors
+    /// [`JobError::NotFound`], [`JobError::NotEnded`], [`JobError::Unavailable`],
+    /// [`JobError::Failed`].
+    pub(super) async fn delete(
+        context: &Arc<Context>,
+        caller: &Caller,
+        job_id: &str,
+    ) -> Result<(), ServiceError> {
+        let entry = context.jobs.get_entry(caller, job_id)?;
+        let context = Arc::clone(context);
+        to_end(async move { Ok(context.jobs.forget(&entry).await?) }).await
+    }
+
+    /// Removes an ended job with its files.
+    async fn forget(&self, entry: &Arc<Entry>) -> Result<(), JobError> {
+        let _exclusive = entry.exclusive().await;
+        let not_found = || JobError::NotFound { job: entry.id().to_owned() };
+        let present = self.find(&entry.key).filter(|present| Arc::ptr_eq(present, entry));
+        present.ok_or_else(not_found)?;
+        if !entry.is_ended() {
+            return Err(JobError::NotEnded { job: entry.id().to_owned() });
+        }
+        let uid = entry.uid;
+        entry::on_disk(&self.files, move |files| Ok(files.remove(&uid)?)).await?;
+        self.table().jobs.remove(&entry.key);
+        Ok(())
+    }
+}
+
+/// Runs a change in a task of its own, so that it goes on if its caller stops waiting.
+async fn to_end<T: Send + 'static>(
+    change: impl Future<Output = Result<T, ServiceError>> + Send + 'static,
+) -> Result<T, ServiceError> {
+    match tokio::spawn(change).await {
+        Ok(outcome) => outcome,
+        Err(error) if error.is_panic() => {
+            Err(ServiceError::Panicked { message: format!("a change of a job: {error}") })
+        }
+        Err(_canceled) => Err(ServiceError::Draining),
+    }
+}

@@ -1,0 +1,81 @@
+//! Reports: what is kept of a job's work as JSON, for people and scripts.
+//!
+//! The keys of a solve are those of `covis solve --json`; numbers have all their digits. Nothing is
+//! computed here.
+
+use serde_json::{Value, json};
+
+use crate::wire::v1;
+
+/// Microseconds in a second.
+const MICROSECONDS: f64 = 1e6;
+
+/// The keys of a solve.
+pub(super) fn solve(summary: Option<&v1::SolveSummary>, rows: &[v1::IterationSummary]) -> Value {
+    let Some(summary) = summary else { return json!({}) };
+    let iterations: Vec<Value> = rows.iter().map(row).collect();
+    let residuals: Vec<Value> = summary.residuals.iter().map(residual).collect();
+    let converged = matches!(
+        summary.termination(),
+        v1::Termination::ConvergedFunction
+            | v1::Termination::ConvergedGradient
+            | v1::Termination::ConvergedParameter
+    );
+    json!({
+        "initial_cost": summary.initial_cost,
+        "final_cost": summary.final_cost,
+        "iterations": iterations,
+        "solve_seconds": summary.solve_duration_us as f64 / MICROSECONDS,
+        "termination": summary.description,
+        "converged": converged,
+        "threads": summary.thread_count,
+        "gradient_max_norm": summary.gradient_max_norm,
+        "linear_residual": summary.linear_residual,
+        "residuals": residuals,
+    })
+}
+
+fn row(row: &v1::IterationSummary) -> Value {
+    json!({
+        "iteration": row.iteration,
+        "cost": row.cost,
+        "seconds": row.elapsed_us as f64 / MICROSECONDS,
+        "accepted": row.accepted,
+        "damping": row.damping,
+        "gradient_max_norm": row.gradient_max_norm,
+        "step_norm": row.step_norm,
+        "step_quality": row.step_quality,
+    })
+}
+
+fn residual(residual: &v1::ResidualStatistics) -> Value {
+    let (name, unit) = match residual.kind() {
+        v1::ResidualKind::Unspecified => ("unknown", ""),
+        v1::ResidualKind::Pixel => ("pixel", "px"),
+        v1::ResidualKind::Depth => ("depth", "m"),
+        v1::ResidualKind::RelativeTranslation => ("relative translation", "m"),
+        v1::ResidualKind::RelativeRotation => ("relative rotation", "rad"),
+        v1::ResidualKind::PriorTranslation => ("prior translation", "m"),
+        v1::ResidualKind::PriorRotation => ("prior rotation", "rad"),
+        v1::ResidualKind::PriorPosition => ("prior position", "m"),
+    };
+    json!({
+        "quantity": name,
+        "unit": unit,
+        "count": residual.factor_count,
+        "initial_rms": residual.initial_rms,
+        "final_rms": residual.final_rms,
+        "redundant_count": residual.redundant_count,
+        "reduced_chi2": residual.reduced_chi2,
+        "outlier_share": residual.outlier_share,
+        "sigma_ratio": residual.sigma_ratio,
+        "hint": Some(&residual.hint).filter(|hint| !hint.is_empty()),
+    })
+}
+
+/// Adds the keys of another object.
+pub(super) fn join(object: &mut Value, more: Value) {
+    if let (Value::Object(object), Value::Object(more)) = (object, more) {
+        object.extend(more);
+    }
+}

@@ -1,0 +1,275 @@
+//! One job from its begin to its end.
+//!
+//! The job's state on disk is RUNNING while it runs. Its files are complete before its end is written:
+//! a job that has ended has all of them. A cancel that comes before the first change ends it at once;
+//! the threads that still work on it stop by themselves, and what they make is dropped. A bug ends the
+//! job and nothing else.
+
+use std::panic::AssertUnwindSafe;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use futures_util::FutureExt;
+use tonic::Status;
+use tonic_types::StatusExt as _;
+
+use super::entry::{Entry, on_disk};
+use super::uploads::number;
+use super::{Context, maps, problems, spec};
+use crate::service::access::Caller;
+use crate::service::convert::time::timestamp;
+use crate::service::engine::EngineError;
+use crate::service::error::ServiceError;
+use crate::store::JobFile;
+use crate::wire::v1;
+use v1::JobState;
+use v1::job_spec::Spec;
+
+/// Path of the report among a job's files.
+pub(super) const REPORT: &str = "report.json";
+
+/// How long a job waits before it asks again for a disk that has no room, or a map that is busy.
+const PAUSE: Duration = Duration::from_millis(200);
+
+/// What a job made.
+pub(super) struct Made {
+    /// The result.
+    pub(super) result: v1::job_result::Result,
+    /// Cost before and after, where it solved something.
+    pub(super) costs: Option<(f64, f64)>,
+    /// What is kept of its work.
+    pub(super) report: serde_json::Value,
+}
+
+/// A job that runs.
+pub(super) struct Run<'a> {
+    pub(super) context: &'a Arc<Context>,
+    pub(super) entry: &'a Arc<Entry>,
+    /// Somebody of the job's tenant; the role was checked when the job was created.
+    pub(super) caller: Caller,
+}
+
+impl Run<'_> {
+    /// Shows how far the job has come.
+    pub(super) fn tell(&self, tell: impl FnOnce(&mut v1::JobProgress)) {
+        self.entry.progress(self.context.jobs.now_ns(), tell);
+    }
+
+    /// Shows what the job is doing.
+    pub(super) fn phase(&self, phase: impl Into<String>) {
+        let phase = phase.into();
+        self.tell(|progress| {
+            *progress = v1::JobProgress { phase, ..v1::JobProgress::default() };
+        });
+    }
+
+    /// Counts more bytes of files that the job made.
+    ///
+    /// # Errors
+    /// RESOURCE_EXHAUSTED.
+    pub(super) fn reserve(&self, more: u64) -> Result<(), EngineError> {
+        let mut held = self.entry.held();
+        let amount = held.bytes.amount().saturating_add(more);
+        held.bytes.resize(amount)
+    }
+
+    /// Writes a file of the job. It counts for the job once it is in the record.
+    ///
+    /// # Errors
+    /// RESOURCE_EXHAUSTED, [`super::JobError`].
+    pub(super) async fn write(&self, file: JobFile, bytes: Vec<u8>) -> Result<(), ServiceError> {
+        self.reserve(bytes.len() as u64)?;
+        let uid = self.entry.uid;
+        let written = on_disk(&self.context.jobs.files, move |files| {
+            files.write(&uid, file, |out| out.write_all(&bytes))?;
+            Ok(())
+        });
+        Ok(written.await?)
+    }
+
+    async fn work(&self) -> Result<Made, ServiceError> {
+        match self.entry.spec.spec.as_ref() {
+            Some(Spec::OptimizeMap(request)) => maps::optimize(self, request).await,
+            Some(Spec::MergeMaps(request)) => maps::merge(self, request).await,
+            Some(Spec::CompactMap(spec)) => maps::compact(self, spec).await,
+            Some(Spec::EvaluateTrajectory(spec)) => maps::evaluate(self, spec).await,
+            Some(Spec::ExportMap(request)) => maps::export(self, request).await,
+            Some(Spec::SolveFiles(spec)) => problems::solve(self, spec).await,
+            Some(Spec::RebuildMap(_)) | None => Err(ServiceError::Unserved { what: "this kind" }),
+        }
+    }
+
+    /// Does the work, and writes the report.
+    async fn made(&self) -> Result<Made, ServiceError> {
+        if self.context.config.holds("hold-jobs") {
+            self.entry.cancellation.canceled().await;
+        }
+        let made = self.work().await?;
+        let mut report = serde_json::to_vec_pretty(&made.report).unwrap_or_default();
+        report.push(b'\n');
+        let size = report.len();
+        self.write(JobFile::Output(0), report).await?;
+        let file = v1::JobFile {
+            path: REPORT.to_owned(),
+            size_bytes: crate::service::convert::count(size),
+        };
+        let _exclusive = self.entry.exclusive().await;
+        let changed =
+            self.entry.change(&self.context.jobs.files, |job, _| match job.files.first_mut() {
+                Some(first) => *first = file,
+                None => job.files.push(file),
+            });
+        changed.await?;
+        Ok(made)
+    }
+}
+
+/// The number of the file that a job writes next; 0 is the report's.
+pub(super) fn next_output(job: &v1::Job) -> JobFile {
+    JobFile::Output(number(job.files.len().max(1)))
+}
+
+/// Adds a file that is written to those of a job.
+pub(super) fn add_file(job: &mut v1::Job, path: String, size_bytes: i64) {
+    if job.files.is_empty() {
+        // The report's place.
+        job.files.push(v1::JobFile { path: REPORT.to_owned(), size_bytes: 0 });
+    }
+    job.files.push(v1::JobFile { path, size_bytes });
+}
+
+/// Waits before something is tried again.
+pub(super) async fn pause() {
+    tokio::time::sleep(PAUSE).await;
+}
+
+/// Runs a job to its end, or until the server stops.
+pub(super) async fn run(context: &Arc<Context>, entry: &Arc<Entry>) {
+    let jobs = &context.jobs;
+    if !begin(context, entry).await {
+        return;
+    }
+    let caller = Caller::of_tenant(&entry.key.0);
+    let run = Run { context, entry, caller };
+    let work = AssertUnwindSafe(run.made()).catch_unwind();
+    let outcome = tokio::select! {
+        biased;
+        () = entry.cancellation.canceled() => None,
+        outcome = work => Some(outcome.unwrap_or_else(|panic| {
+            let message = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
+            let message = message.or_else(|| panic.downcast_ref::<String>().cloned());
+            let message = message.unwrap_or_else(|| "a panic without a message".to_owned());
+            Err(ServiceError::Panicked { message: format!("a job: {message}") })
+        })),
+    };
+    let is_stopping = || jobs.stopping.load(Ordering::Acquire);
+    let outcome = match outcome {
+        // For the next start.
+        None if is_stopping() => return,
+        None => Err(None),
+        Some(Err(error)) if ends_with_the_server(&error) => {
+            context.drained().await;
+            return;
+        }
+        Some(Err(error)) => Err(Some(failure(error))),
+        Some(Ok(made)) => Ok(made),
+    };
+    loop {
+        let exclusive = entry.exclusive().await;
+        let ended = match &outcome {
+            Ok(made) => {
+                let change = |job: &mut v1::Job, _: &mut v1::JobResult| {
+                    job.result = Some(v1::JobResult { result: Some(made.result.clone()) });
+                    (job.cost_before, job.cost_after) = match made.costs {
+                        Some((before, after)) => (Some(before), Some(after)),
+                        None => (None, None),
+                    };
+                };
+                jobs.end(entry, JobState::Succeeded, change).await
+            }
+            Err(Some(failure)) => {
+                jobs.end(entry, JobState::Failed, |job, _| {
+                    job.failure = Some(failure.clone());
+                    job.files.clear();
+                })
+                .await
+            }
+            Err(None) => jobs.end(entry, JobState::Cancelled, |job, _| job.files.clear()).await,
+        };
+        let Err(error) = ended else { break };
+        tracing::warn!(job = entry.id(), %error, "the end of a job could not be written");
+        run.phase("waits for the disk");
+        drop(exclusive);
+        tokio::select! {
+            () = pause() => {}
+            () = context.drained() => return,
+        }
+    }
+    if let Some(begin) = entry.job().start_time.as_ref().and_then(nanoseconds) {
+        let took = jobs.now_ns().saturating_sub(begin);
+        jobs.meters.running_ns.observe(u64::try_from(took).unwrap_or(0));
+    }
+}
+
+/// Whether work ended because the server does, and is to be done by the next start.
+fn ends_with_the_server(error: &ServiceError) -> bool {
+    matches!(error, ServiceError::Draining | ServiceError::Engine(EngineError::ShuttingDown))
+}
+
+/// Writes that the job runs. `false` if it was canceled before, or the server stops.
+async fn begin(context: &Arc<Context>, entry: &Arc<Entry>) -> bool {
+    let jobs = &context.jobs;
+    loop {
+        let exclusive = entry.exclusive().await;
+        if entry.is_ended() {
+            return false;
+        }
+        let now_ns = jobs.now_ns();
+        // Where it was canceled before, the server ended before the job did.
+        let is_canceled = entry.job().cancel_requested;
+        let written = if is_canceled {
+            jobs.end(entry, JobState::Cancelled, |job, _| job.files.clear()).await
+        } else {
+            let begun = entry.change(&jobs.files, |job, _| {
+                job.set_state(JobState::Running);
+                job.start_time = Some(timestamp(now_ns));
+                job.attempt_count = job.attempt_count.saturating_add(1);
+            });
+            begun.await
+        };
+        match written {
+            Ok(()) if is_canceled => return false,
+            Ok(()) => break,
+            Err(error) => {
+                tracing::warn!(job = entry.id(), %error, "the begin of a job could not be written");
+            }
+        }
+        drop(exclusive);
+        tokio::select! {
+            () = pause() => {}
+            () = context.drained() => return false,
+        }
+    }
+    let job = entry.job();
+    let times = job.create_time.as_ref().zip(job.start_time.as_ref());
+    if let Some((created, begun)) = times
+        && let (Some(created), Some(begun)) = (nanoseconds(created), nanoseconds(begun))
+    {
+        let waited = begun.saturating_sub(created);
+        jobs.meters.waiting_ns.observe(u64::try_from(waited).unwrap_or(0));
+    }
+    tracing::debug!(job = entry.id(), kind = spec::kind(&entry.spec), "job begun");
+    true
+}
+
+fn nanoseconds(time: &prost_types::Timestamp) -> Option<i64> {
+    time.seconds.checked_mul(1_000_000_000)?.checked_add(i64::from(time.nanos))
+}
+
+/// Why a job failed, as the call would have answered.
+fn failure(error: ServiceError) -> v1::JobFailure {
+    let status = Status::from(error);
+    let reason = status.get_details_error_info().map(|info| info.reason).unwrap_or_default();
+    v1::JobFailure { code: status.code() as i32, message: status.message().to_owned(), reason }
+}
