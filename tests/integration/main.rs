@@ -11,6 +11,7 @@ mod cli_eval_mask;
 mod cli_fuse;
 mod cli_map;
 mod cli_pose_graph;
+mod cli_rebuild;
 mod cli_recorded;
 mod cli_run;
 mod cli_solve;
