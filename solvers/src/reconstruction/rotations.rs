@@ -68,10 +68,7 @@ pub(super) fn average(
     let pairs = inside.iter().filter_map(|edge| Some((row_of[edge.a]?, row_of[edge.b]?)));
     let pattern = Arc::new(BlockPattern::new(vec![3; rows], pairs));
     let mut matrix = BlockMatrix::new(Arc::clone(&pattern));
-    let mut factor = match planned(&pattern, limits)? {
-        Some(factor) => factor,
-        None => return Ok(None),
-    };
+    let Some(mut factor) = planned(&pattern, limits)? else { return Ok(None) };
     let weights: Vec<Matrix3<f64>> = inside.iter().map(|edge| floored(&edge.information)).collect();
     for robust in [false, true] {
         for _ in 0..ITERATIONS {

@@ -259,8 +259,8 @@ fn rotation_information(
     let e = motion.essential();
     let agreeing = pairs.iter().zip(inliers).filter(|(_, agrees)| **agrees);
     let (sum, count) =
-        agreeing.fold((0.0, 0), |(sum, count), (p, _)| (sum + squared(p, &e), count + 1));
-    let variance = (sum / (count as f64 - 5.0).max(1.0)).max(1.0);
+        agreeing.fold((0.0, 0.0), |(sum, count), (p, _)| (sum + squared(p, &e), count + 1.0));
+    let variance = (sum / f64::max(count - 5.0, 1.0)).max(1.0);
     let turn: Matrix3<f64> = hessian.fixed_view::<3, 3>(0, 0) / variance;
     let cross: Matrix3x2<f64> = hessian.fixed_view::<3, 2>(0, 3) / variance;
     let direction: Matrix2<f64> = hessian.fixed_view::<2, 2>(3, 3) / variance + Matrix2::identity();
