@@ -17,7 +17,8 @@
 //! | 9 | [`robust`]: pose graphs with false loop closures; [`certificate`]: a proven global optimum; [`marginalization`]: a keyframe removed, its knowledge kept |
 //! | 10 | [`evaluation`]: every cost again, independent of the fast paths; [`point_matching`]: points of two places that are one |
 //! | 11 | [`graph_optimization`]: a pose graph from its start to its result, closures judged and proved; [`geometric_verification`]: whether two keyframes show one place |
-//! | 12 | [`io`]: BAL, g2o, COLMAP, TUM files |
+//! | 12 | [`reconstruction`]: poses and points from observations alone |
+//! | 13 | [`io`]: BAL, g2o, COLMAP, TUM files |
 //!
 //! The crate is synchronous and knows nothing of servers, maps or the wire.
 //! Conventions (frames, tangent order, units) are those of `docs/conventions.md`.
@@ -43,6 +44,7 @@ pub mod pose_graph;
 pub mod pose_refinement;
 pub mod price;
 pub mod problem;
+pub mod reconstruction;
 pub mod relative_motion;
 pub mod robust;
 mod simd;

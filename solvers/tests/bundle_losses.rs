@@ -31,7 +31,7 @@ fn pose(x: &[f64]) -> Se3 {
 }
 
 /// What a small RGB-D frontend made of a real sequence; with its loop closures as relative poses.
-fn rgbd() -> Option<BundleProblem> {
+pub(crate) fn rgbd() -> Option<BundleProblem> {
     let folder = data("closures/fr1_rpy")?;
     let intrinsics = table(&data("rgbd/tum_fr1_rpy/camera.txt")?).remove(0);
     let [fx, fy, cx, cy, k1, k2, p1, p2, k3] = intrinsics[..] else { unreachable!() };

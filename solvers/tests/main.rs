@@ -19,6 +19,7 @@ mod marginalization;
 mod pose_graph;
 mod pose_refinement;
 mod prices;
+mod reconstruction;
 mod residuals;
 mod robust;
 mod robust_odometry;

@@ -53,7 +53,7 @@ fn solve(kind: &str, input: &Path, options: &str, loss: Loss) -> Value {
     report
 }
 
-fn check_rows(report: &Value) {
+pub(crate) fn check_rows(report: &Value) {
     let rows = report["iterations"].as_array().unwrap();
     assert_eq!(rows[0]["cost"], report["initial_cost"]);
     assert_eq!(rows.last().unwrap()["cost"], report["final_cost"]);

@@ -12,6 +12,7 @@ mod cli_fuse;
 mod cli_job;
 mod cli_map;
 mod cli_pose_graph;
+mod cli_rebuild;
 mod cli_recorded;
 mod cli_run;
 mod cli_solve;

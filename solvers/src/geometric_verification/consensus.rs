@@ -9,14 +9,12 @@
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 use super::Options;
-use super::sampling::{Numbers, Sampler};
+use super::sampling::{Numbers, Sampler, samples_needed};
 use crate::geometry::{Camera, LieGroup, RigidMotion, Se3};
 use crate::initialization::p3p;
 use crate::relative_motion::{Match, PointEstimate, RelativeMotion, measure, squared_error};
 use crate::robust::default_threshold;
 
-/// Probability that no sample without wrong matches was drawn when the search ends.
-const MISSED: f64 = 1e-3;
 /// Rounds of fitting to inliers and choosing them again.
 const ROUNDS: usize = 4;
 /// Most inliers that such a fit takes, spread over all: its pose decides which matches agree, and is off by
@@ -77,7 +75,8 @@ impl Problem<'_> {
                 let found = self.optimized(pose);
                 if best.as_ref().is_none_or(|best| found.support > best.support) {
                     let inlying: f64 = found.inliers.iter().map(|&k| self.matches[k].weight).sum();
-                    needed = needed.min(samples_needed(inlying / total, self.options.max_samples));
+                    needed =
+                        needed.min(samples_needed(inlying / total, 3, self.options.max_samples));
                     // What the fitted pose has is what others must exceed.
                     most = most.max(found.support);
                     best = Some(found);
@@ -180,17 +179,6 @@ fn scaled(seen: &Match, variance: f64) -> Match {
     scaled.sigma_px *= factor;
     scaled.depth_m = seen.depth_m.map(|(depth, sigma)| (depth, sigma * factor));
     scaled
-}
-
-/// Samples after which one without wrong matches was drawn but for [`MISSED`].
-fn samples_needed(inlying: f64, most: usize) -> usize {
-    let good = inlying.clamp(0.0, 1.0).powi(3);
-    if good >= 1.0 {
-        return 1;
-    }
-    // ln(1 − good) is 0 for the smallest good by subtraction, with the wrong sign.
-    let needed = MISSED.ln() / (-good).ln_1p();
-    if needed < most as f64 { needed.ceil() as usize } else { most }
 }
 
 /// The rigid motion that takes three points to three others with the least sum of squares (Horn 1987, by
@@ -305,17 +293,4 @@ fn support(problem: &Problem<'_>, gates: [f64; 2], pose: &Se3, total: f64, most:
         }
     }
     gained
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_search_ends_early_only_where_much_agrees() {
-        let needed = |share: f64| samples_needed(share, 2400);
-        assert_eq!([1.0, 0.5, 1.0 / 7.0].map(needed), [1, 52, 2366]);
-        // A share whose cube is rounded away in 1 − x.
-        assert_eq!([0.1, 1e-5, 1e-6, 1e-300, 0.0].map(needed), [2400; 5]);
-    }
 }

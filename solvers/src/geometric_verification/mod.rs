@@ -22,7 +22,7 @@ use crate::information::{Covariance, Information};
 use crate::point_matching::Likeness;
 use crate::relative_motion::{Calibration, Match, PointEstimate, calibration_covariance};
 use consensus::{Consensus, Problem, Weighted};
-use sampling::Numbers;
+pub(crate) use sampling::{Numbers, distinct, samples_needed};
 
 pub use refusal::{InputError, Refusal};
 

@@ -1,4 +1,5 @@
-//! Samples of three matches, drawn with a probability in proportion to their weights.
+//! Samples of matches, drawn with a probability in proportion to their weights or all alike, and how many
+//! are needed.
 //!
 //! SplitMix64 (Steele, Lea and Flood, OOPSLA 2014) from the caller's seed: the same samples on every
 //! machine and on any number of threads. Knows nothing of geometry.
@@ -6,16 +7,19 @@
 /// Draws for one sample: where few matches carry all the weight, one comes again and again.
 const MAX_DRAWS: usize = 64;
 
+/// Probability that no sample without wrong matches was drawn when a search ends.
+const MISSED: f64 = 1e-3;
+
 /// The stream of random numbers of a seed.
-pub(super) struct Numbers(u64);
+pub(crate) struct Numbers(u64);
 
 impl Numbers {
-    pub(super) fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self(seed)
     }
 
     /// Uniform in [0, 1).
-    pub(super) fn share(&mut self) -> f64 {
+    pub(crate) fn share(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -24,6 +28,32 @@ impl Numbers {
         // The upper 53 bits are the digits of a number with 53.
         (z >> 11) as f64 / (1_u64 << 53) as f64
     }
+}
+
+/// `N` different indices below `count`, which is at least `N`.
+pub(crate) fn distinct<const N: usize>(numbers: &mut Numbers, count: usize) -> [usize; N] {
+    let mut sample = [usize::MAX; N];
+    let mut k = 0;
+    while k < N {
+        let drawn = ((numbers.share() * count as f64) as usize).min(count.saturating_sub(1));
+        if !sample[..k].contains(&drawn) {
+            sample[k] = drawn;
+            k += 1;
+        }
+    }
+    sample
+}
+
+/// Samples of `size` matches, `inlying` of which are right, after which one without wrong matches was
+/// drawn but for [`MISSED`]; at most `most`.
+pub(crate) fn samples_needed(inlying: f64, size: i32, most: usize) -> usize {
+    let good = inlying.clamp(0.0, 1.0).powi(size);
+    if good >= 1.0 {
+        return 1;
+    }
+    // ln(1 − good) is 0 for the smallest good by subtraction, with the wrong sign.
+    let needed = MISSED.ln() / (-good).ln_1p();
+    if needed < most as f64 { needed.ceil() as usize } else { most }
 }
 
 /// Draws indices in proportion to weights.
@@ -95,5 +125,13 @@ mod tests {
         for weights in [vec![], vec![1.0], vec![1.0, 3.0], vec![1.0, 0.0, 2.0, 0.0], vec![0.0; 5]] {
             assert_eq!(Sampler::new(weights.into_iter()).three(&mut numbers), None);
         }
+    }
+
+    #[test]
+    fn a_search_ends_early_only_where_much_agrees() {
+        let needed = |share: f64| samples_needed(share, 3, 2400);
+        assert_eq!([1.0, 0.5, 1.0 / 7.0].map(needed), [1, 52, 2366]);
+        // A share whose cube is rounded away in 1 − x.
+        assert_eq!([0.1, 1e-5, 1e-6, 1e-300, 0.0].map(needed), [2400; 5]);
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Minimizes ½ Σ ρ(‖predicted − measured‖²) in px² over every observation, also those behind their
 //! camera, or over those that start in front of it (`--behind-camera drop`). The gauge is free, as
-//! in Ceres' bundle adjuster: the damping holds it.
+//! in Ceres' bundle adjuster: the damping holds it. With `--rebuild` the file's poses and points are no start.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -17,6 +17,7 @@ use covis_solvers::optimizer::{self, Termination};
 use serde::Serialize;
 
 use super::arguments::{SOLVERS, Shared, choice, name_of};
+use super::rebuild::{Rebuilt, rebuild};
 use super::report::{Details, Report};
 use super::residuals;
 use crate::cli::config::Config;
@@ -38,6 +39,10 @@ pub(super) struct Args {
     /// What becomes of observations whose landmark starts at or behind the camera's center plane.
     #[arg(long, value_name = "MODE", value_enum, default_value_t = BehindCamera::Count)]
     behind_camera: BehindCamera,
+    /// Throw poses and points of the file away and reconstruct them from its observations first; those
+    /// that do not agree are left out of the solve.
+    #[arg(long)]
+    rebuild: bool,
 }
 
 /// Observations that start behind their camera.
@@ -66,6 +71,8 @@ struct BundleDetails {
     dropped_observations: usize,
     /// Of `observations`, at the end.
     behind_camera_observations: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rebuilt: Option<Rebuilt>,
 }
 
 impl Details for BundleDetails {
@@ -87,11 +94,13 @@ impl Details for BundleDetails {
             },
             self.behind_camera_observations
         );
-        vec![
+        let mut lines = vec![
             ("linear solver", self.linear_solver.to_owned()),
             ("problem", size),
             ("behind camera", behind),
-        ]
+        ];
+        lines.extend(self.rebuilt.iter().flat_map(Rebuilt::lines));
+        lines
     }
 }
 
@@ -112,6 +121,14 @@ fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
     if args.fix_intrinsics {
         problem.constant_cameras.fill(true);
     }
+    let rebuilt = if args.rebuild {
+        let images = &solved.image_ids;
+        let id = |pose: usize| images.get(pose).map_or(pose as u64, |&image| image.into());
+        let rebuilt = rebuild(problem, id, args.linear_solver, shared.json).with_context(name)?;
+        Some(rebuilt)
+    } else {
+        None
+    };
     let behind_camera_at_start = problem.behind_camera_count();
     let dropped_observations = match args.behind_camera {
         BehindCamera::Count => 0,
@@ -144,6 +161,7 @@ fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
         behind_camera_at_start,
         dropped_observations,
         behind_camera_observations: summary.behind_camera,
+        rebuilt,
     };
     let residuals = residuals::rows(Some(&before), &bundle_cost(problem));
     report.check_reader()?;

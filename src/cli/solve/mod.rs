@@ -9,6 +9,7 @@ mod bundle;
 mod graph_details;
 mod incremental;
 mod pose_graph;
+mod rebuild;
 mod report;
 mod residuals;
 

@@ -1,0 +1,137 @@
+//! Observations as rays: what a reconstruction works on, sorted by keyframe and by landmark.
+//!
+//! A sight is a unit ray in its camera with a standard deviation in radians, and where there is a depth
+//! the distance along the ray. Sights are numbered as the problem's observations: those without depth
+//! first, then those with. It reads no pose and no landmark.
+
+use nalgebra::{Vector2, Vector3};
+
+use crate::geometry::Camera;
+use crate::problem::BundleProblem;
+
+/// One observation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Sight {
+    pub(super) pose: usize,
+    pub(super) camera: usize,
+    pub(super) landmark: usize,
+    pub(super) pixel: Vector2<f64>,
+    pub(super) sigma_px: f64,
+    /// Depth along the optical axis and its standard deviation, m.
+    pub(super) depth_m: Option<(f64, f64)>,
+    /// In the camera, of unit length; zero where the pixel has none, and the sight is not used then.
+    pub(super) ray: Vector3<f64>,
+    /// Standard deviation of the ray's direction, rad.
+    pub(super) sigma_rad: f64,
+}
+
+impl Sight {
+    /// Whether there is a ray.
+    pub(super) fn is_usable(&self) -> bool {
+        self.sigma_rad > 0.0
+    }
+
+    /// The point in the camera that is measured, with its distance and the standard deviation of that, m.
+    pub(super) fn point_in_camera(&self) -> Option<(Vector3<f64>, f64, f64)> {
+        let (depth, sigma) = self.depth_m.filter(|&(depth, _)| depth > 0.0)?;
+        let distance = depth / self.ray.z;
+        (self.ray.z > 0.0).then(|| (self.ray * distance, distance, sigma / self.ray.z))
+    }
+}
+
+/// All observations of a problem.
+#[derive(Clone, Debug)]
+pub(super) struct Sights {
+    pub(super) all: Vec<Sight>,
+    /// Sights of each pose, by rising landmark, usable ones, one a landmark.
+    pub(super) of_pose: Vec<Vec<u32>>,
+    /// Sights of each landmark, by rising pose, those of `of_pose`.
+    pub(super) of_landmark: Vec<Vec<u32>>,
+}
+
+impl Sights {
+    /// The problem is valid.
+    pub(super) fn new(problem: &BundleProblem) -> Self {
+        let (plain, depth) = (&problem.reprojections, &problem.depth_reprojections);
+        let mut all = Vec::with_capacity(problem.observation_count());
+        for k in 0..plain.len() {
+            let indices = [plain.poses[k], plain.cameras[k], plain.landmarks[k]];
+            all.push(sight(problem, indices, plain.pixels[k], plain.sigmas_px[k], None));
+        }
+        for k in 0..depth.len() {
+            let indices = [depth.poses[k], depth.cameras[k], depth.landmarks[k]];
+            let depth_m = Some((depth.depths_m[k], depth.sigmas_depth_m[k]));
+            all.push(sight(problem, indices, depth.pixels[k], depth.sigmas_px[k], depth_m));
+        }
+        let mut of_pose = vec![Vec::new(); problem.poses.len()];
+        for (index, sight) in all.iter().enumerate().filter(|(_, sight)| sight.is_usable()) {
+            of_pose[sight.pose].push(index as u32);
+        }
+        let mut of_landmark = vec![Vec::new(); problem.landmarks.len()];
+        for sights in &mut of_pose {
+            // By landmark, the first observation where there are several of one.
+            sights.sort_by_key(|&s| (all[s as usize].landmark, s));
+            sights.dedup_by_key(|s| all[*s as usize].landmark);
+            for &s in sights.iter() {
+                of_landmark[all[s as usize].landmark].push(s);
+            }
+        }
+        Self { all, of_pose, of_landmark }
+    }
+
+    /// Takes the rays of cameras that have changed.
+    pub(super) fn set_cameras(&mut self, cameras: &[Camera]) {
+        for sight in &mut self.all {
+            if sight.is_usable()
+                && let Some((ray, sigma)) =
+                    ray(&cameras[sight.camera], &sight.pixel, sight.sigma_px)
+            {
+                (sight.ray, sight.sigma_rad) = (ray, sigma);
+            }
+        }
+    }
+
+    pub(super) fn get(&self, index: u32) -> &Sight {
+        &self.all[index as usize]
+    }
+
+    /// Pairs of sights of the landmarks that two poses share, by rising landmark.
+    pub(super) fn common(&self, a: usize, b: usize) -> Vec<(u32, u32)> {
+        let (first, second) = (&self.of_pose[a], &self.of_pose[b]);
+        let mut pairs = Vec::new();
+        let (mut i, mut j) = (0, 0);
+        while let (Some(&s), Some(&t)) = (first.get(i), second.get(j)) {
+            let order = self.get(s).landmark.cmp(&self.get(t).landmark);
+            if order.is_eq() {
+                pairs.push((s, t));
+            }
+            i += usize::from(order.is_le());
+            j += usize::from(order.is_ge());
+        }
+        pairs
+    }
+}
+
+fn sight(
+    problem: &BundleProblem,
+    [pose, camera, landmark]: [u32; 3],
+    pixel: Vector2<f64>,
+    sigma_px: f64,
+    depth_m: Option<(f64, f64)>,
+) -> Sight {
+    let of = ray(&problem.cameras[camera as usize], &pixel, sigma_px);
+    let (ray, sigma_rad) = of.unwrap_or((Vector3::zeros(), 0.0));
+    let (pose, camera, landmark) = (pose as usize, camera as usize, landmark as usize);
+    Sight { pose, camera, landmark, pixel, sigma_px, depth_m, ray, sigma_rad }
+}
+
+/// The unit ray of a pixel and its standard deviation.
+fn ray(camera: &Camera, pixel: &Vector2<f64>, sigma_px: f64) -> Option<(Vector3<f64>, f64)> {
+    let ray = camera.unproject(pixel)?.try_normalize(f64::MIN_POSITIVE)?;
+    let d_point = camera.project_with_jacobians(&ray)?.d_point;
+    let tangent = super::tangent_basis(&ray);
+    // Pixels a radian, as the root of how areas grow.
+    let px_per_rad = (d_point * tangent).determinant().abs().sqrt();
+    let sigma = sigma_px / px_per_rad;
+    (sigma > 0.0 && sigma.is_finite() && ray.iter().all(|v| v.is_finite())).then_some((ray, sigma))
+}
