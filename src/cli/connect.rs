@@ -4,6 +4,7 @@
 //! A token comes from a file or from `COVIS_TOKEN`, never from an argument, which every user of the
 //! machine could read.
 
+use std::net::SocketAddr;
 use std::path::Path;
 
 use anyhow::{Context, bail};
@@ -13,7 +14,7 @@ use tokio::net::TcpListener;
 use super::config::Config;
 use super::serve::server_config;
 use crate::client::{Client, Credentials, RetryPolicy, Token};
-use crate::service::{RunningServer, Server};
+use crate::service::{RunningServer, Server, ServerConfig};
 
 /// Connects to the server that the configuration names.
 pub(super) async fn connect(config: &Config) -> anyhow::Result<Client> {
@@ -54,8 +55,20 @@ pub(super) struct Embedded {
 impl Embedded {
     /// Starts it on a free loopback port.
     pub(super) async fn start(config: &Config) -> anyhow::Result<Self> {
+        Self::serve(server_config(config)).await
+    }
+
+    /// Starts it with the page on another free loopback port, and tells where that is.
+    pub(super) async fn start_with_page(config: &Config) -> anyhow::Result<(Self, SocketAddr)> {
+        let page_listen = Some("127.0.0.1:0".to_owned());
+        let embedded = Self::serve(ServerConfig { page_listen, ..server_config(config) }).await?;
+        let address = embedded.server.page_addr().context("the page is not served")?;
+        Ok((embedded, address))
+    }
+
+    async fn serve(config: ServerConfig) -> anyhow::Result<Self> {
         let listener = TcpListener::bind("127.0.0.1:0").await.context("no free loopback port")?;
-        let server = Server::start(listener, server_config(config)).await?;
+        let server = Server::start(listener, config).await?;
         let client = Client::connect(&format!("http://{}", server.local_addr())).await?;
         Ok(Self { server, client })
     }

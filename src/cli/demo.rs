@@ -68,7 +68,8 @@ async fn session(args: &Args, config: &Config) -> anyhow::Result<()> {
          remembers {MOST_KEYFRAMES} keyframes; that the second round is where the first was, the server finds.\n\n\
          Scene    {SCENE}, seed {seed}: {frames} frames of {width} x {height}"
     ))?;
-    let server = Embedded::start(config).await?;
+    let (server, page) = Embedded::start_with_page(config).await?;
+    print(format_args!("Watch    http://{page}/ in a browser, as long as it runs"))?;
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let sequence = Sequence::new(SCENE, &options);
     let mut runs = Vec::new();

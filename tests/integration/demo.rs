@@ -19,6 +19,7 @@ fn the_demo_tells_both_errors_and_writes_what_it_says() {
     let ran = workspace.run("--log warn demo --frames 12 --seed 2 --out walk", &[]);
     assert_eq!(ran.code, Some(0), "{}", ran.stderr);
     assert_eq!(ran.stdout.matches("12 frames tracked, 0 lost").count(), 2, "{}", ran.stdout);
+    assert!(ran.stdout.contains("Watch    http://127.0.0.1:"), "{}", ran.stdout);
     let names = ["truth.tum", "odometry.tum", "with_mask.tum", "without_mask.tum"];
     for name in names {
         assert!(ran.stdout.contains(name), "{}", ran.stdout);
