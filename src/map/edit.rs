@@ -58,6 +58,26 @@ pub enum Edit {
 const UNKNOWN_SIZE: usize = 1 << 16;
 
 impl Edit {
+    /// Calls `each` with every reference.
+    pub(super) fn references(&mut self, mut each: impl FnMut(&mut EntityRef)) {
+        match self {
+            Self::RevokeConstraint { constraint: one }
+            | Self::RemoveKeyframe { keyframe: one }
+            | Self::SetCamera { id: one, .. } => each(one),
+            Self::RemoveObservations { observations } => {
+                for Sighting { keyframe, landmark } in observations {
+                    each(keyframe);
+                    each(landmark);
+                }
+            }
+            Self::FuseLandmarks { kept, absorbed } => {
+                each(kept);
+                absorbed.iter_mut().for_each(each);
+            }
+            Self::RemoveLandmarks { landmarks } => landmarks.iter_mut().for_each(each),
+        }
+    }
+
     /// The camera that it brings.
     #[must_use]
     pub fn camera(&self) -> Option<&CameraEntity> {

@@ -35,7 +35,8 @@ impl Map {
             let (id, newest) = self.newest_keyframe(client)?;
             let motion = newest.world_from_camera.inverse().compose(poses.get(&id)?);
             let is_far = motion.translation.norm() > FAR.0 || motion.rotation.log().norm() > FAR.1;
-            is_far.then(|| (client, newest.map_from_odom()))
+            let frame = newest.map_from_odom();
+            (is_far && frame.is_finite()).then_some((client, frame))
         };
         (0..).zip(&self.clients).filter_map(|(index, _)| left(ClientIndex(index))).collect()
     }
@@ -61,13 +62,19 @@ impl Map {
         };
         let present = newest.map_from_odom();
         let nearest = frames.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-        let is_nearer = distance(nearest) < distance(&present);
-        is_nearer.then(|| present.compose(&nearest.inverse()))
+        // It follows from the odometry, unless that began anew.
+        let most = if odom_from_camera.is_some() { FAR.0 + FAR.1 } else { f64::INFINITY };
+        let is_nearer = distance(nearest) < distance(&present).min(most);
+        is_nearer.then(|| present.compose(&nearest.inverse())).filter(Se3::is_finite)
     }
 }
 
-/// Adds the frame that a client's start estimates may be of; the oldest one goes.
+/// Adds the frame that a client's start estimates may be of; the oldest one goes. One that overflows is
+/// that of no start estimate.
 pub(super) fn remember(frames: &mut Vec<Se3>, frame: Se3) {
+    if !frame.is_finite() {
+        return;
+    }
     if frames.len() == MOST_FRAMES {
         frames.remove(0);
     }

@@ -3,6 +3,7 @@
 //! The conversion checked every number: finite, in range, definite, quaternions normalized. References
 //! may dangle: [`Map::check`](super::Map::check) looks them up.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use covis_solvers::geometry::{Camera, Geodetic, LieGroup, Se3};
@@ -165,6 +166,37 @@ pub enum Item {
     },
     /// Changes or removes what the map holds.
     Edit(Edit),
+}
+
+impl Item {
+    /// Gives other names to the clients that references name.
+    pub(crate) fn rename_clients(&mut self, new_names: &BTreeMap<String, String>) {
+        let rename = |reference: &mut EntityRef| {
+            if let Some(name) = &mut reference.client
+                && let Some(new) = new_names.get(name)
+            {
+                name.clone_from(new);
+            }
+        };
+        match self {
+            Self::Camera { .. } | Self::Landmarks { .. } => {}
+            Self::Keyframe { camera, observations, .. } => {
+                camera.iter_mut().for_each(rename);
+                observations.iter_mut().for_each(|seen| rename(&mut seen.landmark));
+            }
+            Self::Observations { keyframe, observations } => {
+                rename(keyframe);
+                observations.iter_mut().for_each(|seen| rename(&mut seen.landmark));
+            }
+            Self::RelativePose { keyframe_i, keyframe_j, .. } => {
+                [keyframe_i, keyframe_j].into_iter().for_each(rename);
+            }
+            Self::PosePrior { keyframe, .. } | Self::PositionPrior { keyframe, .. } => {
+                rename(keyframe);
+            }
+            Self::Edit(edit) => edit.references(rename),
+        }
+    }
 }
 
 /// Whether a camera's numbers are finite and its focal lengths positive.

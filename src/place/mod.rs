@@ -236,7 +236,8 @@ impl PlaceIndex {
     ///
     /// # Errors
     ///
-    /// [`PlaceError::Known`], [`PlaceError::WholeImage`], and the index is as it was.
+    /// [`PlaceError::Known`], [`PlaceError::Makes`], [`PlaceError::WholeImage`], and the index is as it
+    /// was.
     pub fn add_image(
         &mut self,
         keyframe: EntityId,

@@ -4,35 +4,37 @@
 //! approximate search saves where the best of each place is wanted. Knows nothing of features.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use super::islands::REACH;
-use super::{Feature, PlaceError};
+use super::{Feature, MAKES, PlaceError};
 use crate::map::EntityId;
 
-/// Bytes of a descriptor of a whole image at most.
-const LONGEST: usize = 65_536;
+/// What described an image: a name and how many numbers it gives.
+type Kind = (Arc<str>, usize);
 
 /// A keyframe's image.
 #[derive(Clone, Debug)]
 struct Image {
-    client: u32,
     time_ns: i64,
     id: EntityId,
     /// Of length 1.
     direction: Box<[f32]>,
 }
 
-impl Image {
-    fn order(&self) -> (u32, i64, EntityId) {
-        (self.client, self.time_ns, self.id)
-    }
-}
-
-/// The images of a map, by what described them: a name and a length.
+/// The images of a map.
 #[derive(Clone, Debug, Default)]
 pub(super) struct WholeImages {
     /// Each list by client, then time.
-    kinds: BTreeMap<(String, usize), Vec<Image>>,
+    kinds: BTreeMap<Kind, Vec<Image>>,
+    /// The list of each keyframe's image, and its time there.
+    places: BTreeMap<EntityId, (Kind, i64)>,
+}
+
+/// Where the image of a keyframe stands in a list, or where it belongs.
+fn place(images: &[Image], id: EntityId, time_ns: i64) -> usize {
+    let order = (id.client, time_ns, id);
+    images.partition_point(|other| (other.id.client, other.time_ns, other.id) < order)
 }
 
 /// The direction of a descriptor of little-endian 32-bit floats.
@@ -45,7 +47,6 @@ fn direction(descriptor: &Feature<'_>) -> Result<Box<[f32]>, PlaceError> {
     let squares: f32 = numbers.iter().map(|number| (number / largest).powi(2)).sum();
     let norm = largest * squares.sqrt();
     let is_possible = rest.is_empty()
-        && bytes.len() <= LONGEST
         && numbers.iter().all(|number| number.is_finite())
         && norm.is_finite()
         && norm > 0.0;
@@ -78,36 +79,48 @@ impl WholeImages {
         time_ns: i64,
         descriptor: &Feature<'_>,
     ) -> Result<(), PlaceError> {
-        let image = Image { client: id.client.0, time_ns, id, direction: direction(descriptor)? };
-        let kind = (descriptor.name.to_owned(), image.direction.len());
-        let images = self.kinds.entry(kind).or_default();
-        let place = images.partition_point(|other| other.order() < image.order());
-        images.insert(place, image);
+        let image = Image { time_ns, id, direction: direction(descriptor)? };
+        let kind = (Arc::from(descriptor.name), image.direction.len());
+        let kind = match self.kinds.get_key_value(&kind) {
+            Some((known, _)) => known.clone(),
+            None if self.kinds.len() < MAKES => kind,
+            None => {
+                let (name, bytes) = (descriptor.name.to_owned(), descriptor.data.len());
+                return Err(PlaceError::Makes { name, bytes });
+            }
+        };
+        let images = self.kinds.entry(kind.clone()).or_default();
+        images.insert(place(images, id, time_ns), image);
+        self.places.insert(id, (kind, time_ns));
         Ok(())
     }
 
     /// Removes the image of a keyframe; false where there is none.
     pub(super) fn remove(&mut self, id: EntityId) -> bool {
-        let mut removed = false;
-        for images in self.kinds.values_mut() {
-            let before = images.len();
-            images.retain(|image| image.id != id);
-            removed |= images.len() < before;
+        let Some((kind, time_ns)) = self.places.remove(&id) else { return false };
+        if let Some(images) = self.kinds.get_mut(&kind) {
+            let place = place(images, id, time_ns);
+            if images.get(place).is_some_and(|image| image.id == id) {
+                images.remove(place);
+            }
+            if images.is_empty() {
+                self.kinds.remove(&kind);
+            }
         }
-        self.kinds.retain(|_, images| !images.is_empty());
-        removed
+        true
     }
 
     pub(super) fn contains(&self, id: EntityId) -> bool {
-        self.kinds.values().flatten().any(|image| image.id == id)
+        self.places.contains_key(&id)
     }
 
     /// Memory, bytes.
     pub(super) fn bytes(&self) -> usize {
-        let of = |((name, length), images): (&(String, usize), &Vec<Image>)| {
-            name.len() + images.len() * (size_of::<Image>() + 4 * length)
+        let of = |((name, length), images): (&Kind, &Vec<Image>)| {
+            name.len() + images.capacity() * size_of::<Image>() + images.len() * 4 * length
         };
-        self.kinds.iter().map(of).sum()
+        let places = self.places.len() * size_of::<(EntityId, (Kind, i64))>();
+        self.kinds.iter().map(of).sum::<usize>() + places
     }
 
     /// The keyframes most like the query: the best ones, none within the reach in time of a better one,
@@ -119,7 +132,7 @@ impl WholeImages {
         excluded: impl Fn(EntityId) -> bool,
     ) -> Vec<EntityId> {
         let Ok(query_direction) = direction(query) else { return Vec::new() };
-        let kind = (query.name.to_owned(), query_direction.len());
+        let kind = (Arc::from(query.name), query_direction.len());
         let Some(images) = self.kinds.get(&kind) else { return Vec::new() };
         let likeness = |image: &Image| match excluded(image.id) {
             true => f32::NEG_INFINITY,
@@ -138,7 +151,7 @@ impl WholeImages {
             }
             nearest.push(images[at].id);
             let around = at.saturating_sub(REACH)..(at + REACH + 1).min(images.len());
-            for near in around.filter(|&near| images[near].client == images[at].client) {
+            for near in around.filter(|&near| images[near].id.client == images[at].id.client) {
                 likeness[near] = f32::NEG_INFINITY;
             }
         }
@@ -182,6 +195,24 @@ mod tests {
         assert_eq!(images.nearest(&query, 1, |_| false), [id(19)]);
         assert_eq!((0..40).filter(|&k| images.remove(id(k))).count(), 39);
         assert_eq!(images.bytes(), 0);
+    }
+
+    #[test]
+    fn a_seventeenth_kind_of_descriptors_is_refused_by_name() {
+        let mut images = WholeImages::default();
+        let data = bytes(&[1.0, 0.0]);
+        let names: Vec<String> = (0..=MAKES).map(|kind| format!("net-{kind}")).collect();
+        for (k, name) in (0..).zip(&names[..MAKES]) {
+            images.add(id(k), k, &Feature { name, data: &data }).unwrap();
+        }
+        let name = &names[MAKES];
+        let refused = images.add(id(99), 99, &Feature { name, data: &data });
+        assert_eq!(refused, Err(PlaceError::Makes { name: name.clone(), bytes: 8 }));
+        assert!(!images.contains(id(99)));
+        // One of a known kind has room, and so has the new one once another kind is gone.
+        images.add(id(98), 0, &Feature { name: &names[3], data: &data }).unwrap();
+        assert!(images.remove(id(0)));
+        images.add(id(99), 99, &Feature { name, data: &data }).unwrap();
     }
 
     #[test]

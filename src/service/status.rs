@@ -232,6 +232,11 @@ fn engine(error: EngineError) -> Parts {
                         .violation("renamed_clients", "INCONSISTENT", &message)
                         .with("map_id", map);
                 }
+                MergeError::OutOfRange => {
+                    return parts(Code::InvalidArgument, "OUT_OF_RANGE")
+                        .violation("target_from_source", "OUT_OF_RANGE", &message)
+                        .with("map_id", map);
+                }
                 MergeError::Content(_) => "BUG",
             };
             parts(Code::FailedPrecondition, reason).with("map_id", map)

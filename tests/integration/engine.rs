@@ -4,6 +4,7 @@ mod bugs;
 mod ceilings;
 mod journal;
 mod maps;
+mod merging;
 mod solves;
 mod stream;
 mod watch;

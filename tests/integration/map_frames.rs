@@ -89,6 +89,22 @@ fn a_keyframe_of_the_frame_before_a_large_correction_comes_to_where_it_belongs()
 }
 
 #[test]
+fn a_start_estimate_that_the_odometry_does_not_lead_to_stays_as_it_was_sent() {
+    let mut journal = corrected();
+    // The robot began anew with its odometry, and knows the present frame. Its pose is nearer to what the
+    // frame of before gives than to what the present one does.
+    let world = moved_to().compose(&pose_at(4.0));
+    let mut item = next(&journal.map, &moved_to(), true);
+    if let Item::Keyframe { odom_from_camera, .. } = &mut item {
+        *odom_from_camera =
+            Some(Se3::new(world.rotation, world.translation + Vector3::new(2.0, 0.0, 0.0)));
+    }
+    journal.send(ROBOT, &item).unwrap();
+    let keyframe = journal.map.keyframes().get(&id(4)).unwrap();
+    assert!(pose_error(&keyframe.world_from_camera, &world) < 1e-9, "{keyframe:?}");
+}
+
+#[test]
 fn a_landmark_that_is_sent_again_need_not_be_in_the_new_frame() {
     let mut journal = corrected();
     let item = next(&journal.map, &Se3::identity(), true);
@@ -123,4 +139,38 @@ fn small_corrections_leave_start_estimates_as_they_are_sent() {
         let solve = applied(&journal.map, &problem, SolveKind::PoseGraph, Vec::new(), costs);
         assert_eq!(solve.left_frames.len(), usize::from(leaves), "{shift} m");
     }
+}
+
+/// A frame that overflows is none: what it would move stays as it was sent, and the map takes it.
+#[test]
+fn frames_that_overflow_are_not_kept_and_move_nothing() {
+    let at = |x: f64| Se3::new(So3::identity(), Vector3::new(x, 0.0, 0.0));
+    let blind = |id: i64, world: Se3, odom: Se3, landmarks: Vec<ItemLandmark>| Item::Keyframe {
+        id,
+        capture_time_ns: id,
+        camera: None,
+        world_from_camera: world,
+        odom_from_camera: Some(odom),
+        observations: Vec::new(),
+        landmarks,
+        global_descriptor: None,
+    };
+    let mut journal = Journal::new(MapPolicy::default());
+    for id in 0..2 {
+        journal.send(ROBOT, &blind(id, at(1.7e308), at(-1.7e308), Vec::new())).unwrap();
+    }
+    let mut problem = graph_problem(&journal.map, Gauge::default(), |_, _| None);
+    for pose in &mut problem.graph.poses {
+        pose.translation.y += 10.0;
+    }
+    let solve = applied(&journal.map, &problem, SolveKind::PoseGraph, Vec::new(), (1.0, 0.0));
+    assert!(!solve.poses.is_empty() && solve.left_frames.is_empty(), "{solve:?}");
+    journal.push(Change::SolveApplied { solve });
+    // The landmark overflows where the keyframe would be moved.
+    let mut journal = corrected();
+    let far = Vector3::repeat(1.7e308);
+    let landmarks = vec![ItemLandmark { id: 77, position: Some(far) }];
+    journal.send(ROBOT, &blind(4, pose_at(4.0), pose_at(4.0), landmarks)).unwrap();
+    assert_eq!(journal.map.landmarks().get(&id(77)).unwrap().position, Some(far));
+    journal.map.check_sound().unwrap();
 }

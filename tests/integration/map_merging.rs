@@ -130,7 +130,7 @@ fn a_map_that_is_taken_out_is_what_it_was() {
     let (mut target, source) = merged();
     let out = target.map.taken_out("floor-2").unwrap().unwrap();
     is_whole(&out);
-    assert!(out.is_frozen() && out.revision() > source.revision());
+    assert!(!out.is_frozen() && out.revision() > source.revision());
     let names = |map: &Map| map.clients().iter().map(|c| c.name.clone()).collect::<Vec<_>>();
     assert_eq!(names(&out), names(&source));
     for (out, source) in out.clients().iter().zip(source.clients()) {
@@ -235,9 +235,160 @@ fn maps_that_do_not_fit_are_refused() {
         longitude_deg: 9.0,
         height_m: 400.0,
     });
+    // The source has a fix of its own.
     let mut anchored = street(2, MapPolicy { geodetic_anchor, ..MapPolicy::default() });
     anchored.send(ROBOT, &fix(0, 0, Vector3::zeros())).unwrap();
     let error = anchored.map.merge_of(("b", &source), Se3::identity(), &renamed(), &[]);
+    assert_eq!(error.unwrap_err(), MergeError::Anchors);
+}
+
+#[test]
+fn what_is_left_of_a_merged_map_is_known_by_what_its_clients_have_sent() {
+    let (target, source) = merged();
+    let is_rest = |map: &Map| map.is_within(&target.map, target.map.merged_as("floor-2").unwrap());
+    assert!(is_rest(&source));
+    let out = target.map.taken_out("floor-2").unwrap().unwrap();
+    assert!(is_rest(&out), "as an undo leaves it that is cut off before the target's event");
+    let mut later = other("helper");
+    later.push(Change::MapUpdated { display_name: None, policy: None, frozen: Some(true) });
+    assert!(is_rest(&later.map));
+    later.push(Change::MapUpdated { display_name: None, policy: None, frozen: Some(false) });
+    later.send(ROBOT, &crate::map_support::camera_item(7)).unwrap();
+    assert!(!is_rest(&later.map), "it has an item that the target has not");
+    // Made later, under the same name.
+    let mut parts = source.to_parts();
+    parts.create_time_ns += 1;
+    assert!(!is_rest(&Map::from_parts(parts).unwrap()));
+}
+
+#[test]
+fn poses_that_overflow_in_the_target_s_frame_are_refused() {
+    let target = street(2, MapPolicy::default()).map;
+    let mut source = other("helper");
+    let far = Se3::new(So3::identity(), Vector3::new(1.7e308, 0.0, 0.0));
+    let keyframe = Item::Keyframe {
+        id: 99,
+        capture_time_ns: 99,
+        camera: None,
+        world_from_camera: far,
+        odom_from_camera: None,
+        observations: Vec::new(),
+        landmarks: Vec::new(),
+        global_descriptor: None,
+    };
+    source.send(ROBOT, &keyframe).unwrap();
+    let merge = |pose, links: &[Link]| {
+        target.merge_of(("b", &source.map), pose, &renamed(), links).map(drop)
+    };
+    assert_eq!(merge(Se3::identity(), &[]), Ok(()));
+    assert_eq!(merge(far, &[]), Err(MergeError::OutOfRange));
+    let infinite = Se3::new(So3::identity(), Vector3::new(f64::INFINITY, 0.0, 0.0));
+    let link = Link { target_from_source: infinite, ..link() };
+    assert_eq!(merge(Se3::identity(), &[link]), Err(MergeError::OutOfRange));
+}
+
+#[test]
+fn a_constraint_that_an_undo_drops_leaves_no_digest() {
+    let (mut target, _) = merged();
+    let helper = target.map.client_named("robot-b").unwrap();
+    let mut across = relative_pose(60, ConstraintKind::LoopClosure, 0, 0, pose_at(1.0));
+    if let Item::RelativePose { keyframe_j, .. } = &mut across {
+        *keyframe_j = EntityRef { client: Some("robot".to_owned()), id: 1 };
+    }
+    let change = target.map.check(helper, &across).unwrap();
+    target.push(change);
+    assert!(target.map.constraints().contains_key(&EntityId::new(helper, 60)));
+    let out = target.map.taken_out("floor-2").unwrap().unwrap();
+    is_whole(&out);
+    assert!(!out.constraints().contains_key(&id(60)));
+}
+
+#[test]
+fn a_landmark_that_is_taken_out_moves_with_a_keyframe_that_is_taken_out() {
+    let (mut target, _) = merged();
+    let seen = |client: &str, id: i64| EntityRef { client: Some(client.to_owned()), id };
+    let item = Item::Observations {
+        keyframe: EntityRef::own(0),
+        observations: vec![ItemObservation {
+            landmark: seen("robot-b", 15),
+            pixel: crate::map_support::pixel(5.0, 5.0),
+            sigma_px: 1.0,
+            depth: None,
+            descriptor: None,
+        }],
+    };
+    target.send(ROBOT, &item).unwrap();
+    let landmark = moved(id(15));
+    let reference = |map: &Map, id| map.landmarks().get(&id).unwrap().reference;
+    let first = reference(&target.map, landmark).unwrap();
+    target.push(Change::KeyframeRemoved { keyframe: first });
+    assert_eq!(reference(&target.map, landmark), Some(id(0)), "the lowest one stays here");
+    let out = target.map.taken_out("floor-2").unwrap().unwrap();
+    is_whole(&out);
+    assert!(reference(&out, id(15)).is_some());
+}
+
+#[test]
+fn a_map_that_left_does_not_leave_again_with_another_one() {
+    let (middle, _) = merged();
+    let mut outer = Journal::new(MapPolicy::default());
+    let names = BTreeMap::from([("robot".to_owned(), "robot-a".to_owned())]);
+    let merge = outer.map.merge_of(("floor-1", &middle.map), Se3::identity(), &names, &[]).unwrap();
+    outer.push(Change::MapMerged { merge: Box::new(merge) });
+    let inner = outer.map.taken_out("floor-2").unwrap().unwrap();
+    outer.push(Change::MapTakenOut { name: "floor-2".to_owned() });
+    let [floor] = outer.map.merged() else { panic!() };
+    assert_eq!(floor.clients.len(), 1, "{floor:?}");
+    // A map without clients leaves with no other.
+    let (policy, display_name) = (MapPolicy::default(), String::new());
+    let change = Change::Created { policy, create_time_ns: 5, display_name };
+    let mut empty = Map::new();
+    empty.apply(&Event { revision: 1, time_ns: 0, cause: None, change }).unwrap();
+    let merge = outer.map.merge_of(("empty", &empty), Se3::identity(), &BTreeMap::new(), &[]);
+    outer.push(Change::MapMerged { merge: Box::new(merge.unwrap()) });
+    let merge = outer.map.merge_of(("floor-2", &inner), Se3::identity(), &renamed(), &[]).unwrap();
+    outer.push(Change::MapMerged { merge: Box::new(merge) });
+    let out = outer.map.taken_out("floor-1").unwrap().unwrap();
+    assert_eq!((out.clients().len(), out.merged().len()), (1, 0));
+    outer.push(Change::MapTakenOut { name: "floor-1".to_owned() });
+    let left = |map: &Map| map.merged().iter().map(|m| m.name.clone()).collect::<Vec<_>>();
+    assert_eq!(left(&outer.map), ["empty", "floor-2"]);
+    outer.push(Change::MapTakenOut { name: "floor-2".to_owned() });
+    assert_eq!(left(&outer.map), ["empty"]);
+}
+
+/// What was measured in the frame of one place on the Earth is there in both maps.
+#[test]
+fn priors_of_one_anchor_stay_where_they_are() {
+    let geodetic_anchor = Some(covis_solvers::geometry::Geodetic {
+        latitude_deg: 48.0,
+        longitude_deg: 9.0,
+        height_m: 400.0,
+    });
+    let policy = MapPolicy { geodetic_anchor, ..MapPolicy::default() };
+    let mut target = street(2, policy);
+    let mut source = street(2, policy);
+    source.send(ROBOT, &fix(8, 1, Vector3::new(1.0, 2.0, 3.0))).unwrap();
+    let pose = target_from_source();
+    let merge = target.map.merge_of(("b", &source.map), pose, &renamed(), &[]).unwrap();
+    target.push(Change::MapMerged { merge: Box::new(merge) });
+    let prior = |map: &Map, id| match map.priors().get(&id).unwrap() {
+        Prior::Position { position_in_world, .. } => *position_in_world,
+        Prior::Pose { .. } => panic!(),
+    };
+    assert_eq!(prior(&target.map, moved(id(8))), Vector3::new(1.0, 2.0, 3.0));
+    let out = target.map.taken_out("b").unwrap().unwrap();
+    assert_eq!(prior(&out, id(8)), Vector3::new(1.0, 2.0, 3.0));
+    // Of another anchor it has no place here, also where the target has none of its own.
+    let other = street(
+        2,
+        MapPolicy {
+            geodetic_anchor: geodetic_anchor
+                .map(|anchor| covis_solvers::geometry::Geodetic { height_m: 0.0, ..anchor }),
+            ..MapPolicy::default()
+        },
+    );
+    let error = other.map.merge_of(("b", &source.map), pose, &renamed(), &[]);
     assert_eq!(error.unwrap_err(), MergeError::Anchors);
 }
 

@@ -5,8 +5,8 @@ use v1::ViolationReason as Reason;
 use v1::ingest_request::Item;
 
 use crate::common::{
-    Stream, TestServer, camera, diagonal, image_descriptor, information3, information6, keyframe,
-    landmark, observation, relative_pose, run, shift, vector3,
+    Stream, TestServer, camera, diagonal, information3, information6, keyframe, landmark,
+    observation, relative_pose, run, shift, vector3,
 };
 
 /// A keyframe that is new and good, changed by `edit`.
@@ -374,19 +374,6 @@ fn ranges_ids_and_contradictions() {
             }),
             "keyframe.global_descriptor.data",
             Reason::TooLarge,
-        ),
-        (
-            bad_keyframe(|k| {
-                let image = v1::Descriptor { data: vec![0; 6], ..image_descriptor(&[]) };
-                k.global_descriptor = Some(image);
-            }),
-            "keyframe.global_descriptor.data",
-            Reason::WrongLength,
-        ),
-        (
-            bad_keyframe(|k| k.global_descriptor = Some(image_descriptor(&[1.0, f32::NAN]))),
-            "keyframe.global_descriptor.data",
-            Reason::NotFinite,
         ),
         (
             bad_keyframe(|k| {

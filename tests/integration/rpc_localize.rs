@@ -182,11 +182,14 @@ fn each_bad_request_is_told_what_is_wrong() {
         case("features", "TOO_LARGE", &|bad| {
             bad.features = vec![bad.features[0].clone(); 4097];
         });
-        case("global_descriptor.data", "NOT_FINITE", &|bad| {
-            bad.global_descriptor = Some(image_descriptor(&[1.0, f32::INFINITY]));
-        });
         for (field, reason, bad) in cases {
             check_field(&localize(&server, bad).await.unwrap_err(), field, reason);
+        }
+        // Floats that cannot be compared were taken before they were.
+        for data in [vec![0; 6], f32::INFINITY.to_le_bytes().to_vec()] {
+            let image = v1::Descriptor { data, ..image_descriptor(&[]) };
+            let odd = v1::LocalizeRequest { global_descriptor: Some(image), ..good.clone() };
+            localize(&server, odd).await.unwrap();
         }
         // As many as are taken, all alike, and descriptors that no index holds.
         let most = vec![good.features[0].clone(); 4096];

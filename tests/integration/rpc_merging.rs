@@ -314,8 +314,7 @@ fn what_cannot_be_merged_is_refused_by_name_and_stays_as_it_was() {
         check_field(&refused(merge("a", "a")).await, "source_map_id", "DUPLICATE");
         check_field(&refused(merge("", "b")).await, "target_map_id", "MISSING");
         check_status(&refused(merge("a", "none")).await, Code::NotFound, "MAP_NOT_FOUND");
-        // These keyframes have no descriptors.
-        check_status(&refused(merge("a", "b")).await, Code::FailedPrecondition, "NOT_ALIGNED");
+        check_status(&refused(merge("a", "b")).await, Code::FailedPrecondition, "CLIENT_IN_BOTH");
         let placed = v1::MergeMapsRequest {
             target_from_source: Some(shift([1.0, 0.0, 0.0])),
             ..merge("a", "b")
@@ -326,6 +325,12 @@ fn what_cannot_be_merged_is_refused_by_name_and_stays_as_it_was() {
             new_client_id: to.to_owned(),
         };
         let renamed = |renamed_clients| v1::MergeMapsRequest { renamed_clients, ..placed.clone() };
+        // These keyframes have no descriptors.
+        let unplaced = v1::MergeMapsRequest {
+            target_from_source: None,
+            ..renamed(vec![client("robot", "robot-b")])
+        };
+        check_status(&refused(unplaced).await, Code::FailedPrecondition, "NOT_ALIGNED");
         let status = refused(renamed(vec![client("nobody", "x")])).await;
         check_field(&status, "renamed_clients", "INCONSISTENT");
         let status = refused(renamed(vec![client("robot", "x"), client("robot", "y")])).await;
@@ -428,11 +433,17 @@ fn merged_maps_are_found_after_a_restart_and_what_a_merge_left_behind_is_cleared
             server.build_map(map, 4).await;
         }
         server.running.shutdown().await;
-        copy(&run, &aside.join("open"));
+        copy(&run, &aside.join("same"));
         let server = on_disk(&data).await;
+        let (mut stream, opened) = Stream::open(&server, "run", "robot", 0).await;
+        stream.put(opened.next_sequence, keyframe_item(4)).await;
+        drop(stream);
+        // The rest of a merge may be frozen, and so may a map that is not.
         set_frozen(&server, "run").await;
         server.running.shutdown().await;
-        copy(&run, &aside.join("frozen"));
+        copy(&run, &aside.join("more"));
+        std::fs::remove_dir_all(&run).unwrap();
+        copy(&aside.join("same"), &run);
         let server = on_disk(&data).await;
         let renamed = v1::RenamedClient {
             client_id: "robot".to_owned(),
@@ -447,15 +458,15 @@ fn merged_maps_are_found_after_a_restart_and_what_a_merge_left_behind_is_cleared
         let merged = get(&server, "floor").await;
         server.running.shutdown().await;
         // As if the server had died before it deleted the source.
-        copy(&aside.join("frozen"), &run);
+        copy(&aside.join("same"), &run);
         let server = on_disk(&data).await;
         assert_eq!(names(&server).await, ["floor"]);
         assert!(!run.exists());
         let found = get(&server, "run").await;
         assert_eq!((found.uid, found.counts), (merged.uid, merged.counts));
         server.running.shutdown().await;
-        // A map of this name that takes items is somebody's: nothing of it is deleted.
-        copy(&aside.join("open"), &run);
+        // A map of this name with an item that the other one has not stays.
+        copy(&aside.join("more"), &run);
         let server = on_disk(&data).await;
         assert_eq!(names(&server).await, ["floor", "run"]);
         server.running.shutdown().await;

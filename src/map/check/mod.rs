@@ -79,7 +79,15 @@ impl Map {
         };
         // Contents are compared by digest alone, so violations do not matter here.
         let change = check.item(item);
-        change.is_some_and(|change| *stored == digest::content(&change))
+        change.is_some_and(|mut change| {
+            // Earlier versions kept none.
+            if let Change::KeyframeAdded { id, global_descriptor, .. } = &mut change
+                && self.keyframes.get(id).is_some_and(|known| known.global_descriptor.is_none())
+            {
+                *global_descriptor = None;
+            }
+            *stored == digest::content(&change)
+        })
     }
 }
 
@@ -137,6 +145,14 @@ impl Check<'_> {
                 let landmarks = self.landmarks("keyframe.landmarks", landmarks);
                 let odom = odom_from_camera.as_ref();
                 let motion = self.map.start_motion(self.client, world_from_camera, odom);
+                // A frame in which it overflows is not the one that it is of.
+                let motion = motion.filter(|motion| {
+                    let points = landmarks.iter().filter_map(|new| new.position);
+                    motion.compose(world_from_camera).is_finite()
+                        && points
+                            .map(|p| motion.transform(&p))
+                            .all(|p| p.iter().all(|v| v.is_finite()))
+                });
                 let moved = |pose: &Se3| motion.map_or(*pose, |motion: Se3| motion.compose(pose));
                 let new_landmarks: Vec<NewLandmark> =
                     landmarks.iter().map(|new| new.moved_by(motion.as_ref())).collect();

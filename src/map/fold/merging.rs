@@ -86,11 +86,12 @@ impl Map {
         let Some(place) = self.merged.iter().position(|merged| merged.name == name) else { return };
         let merged = self.merged.remove(place);
         let going: BTreeSet<ClientIndex> = merged.clients.iter().map(|c| c.index).collect();
-        let inner = |other: &MergedMap| other.clients.iter().all(|c| going.contains(&c.index));
         let mut at = 0;
-        self.merged.retain(|other| {
+        self.merged.retain_mut(|other| {
             at += 1;
-            at > place || !inner(other)
+            let leaves = at <= place && other.is_among(|client| going.contains(&client));
+            other.clients.retain(|client| !going.contains(&client.index));
+            !leaves
         });
         let goes = |id: &EntityId| going.contains(&id.client);
         let keyframes: Vec<EntityId> = self.keyframes.keys().copied().filter(goes).collect();

@@ -12,12 +12,12 @@ use std::sync::Arc;
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Information;
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::frames;
 use super::{
-    Client, ClientIndex, Constraint, Duplicates, EntityId, Map, MapError, MapParts, MapPolicy,
-    PlaceSearches, Prior, SharedMap,
+    Client, ClientIndex, Constraint, Content, Duplicates, EntityId, Map, MapError, MapParts,
+    MapPolicy, PlaceSearches, Prior, SharedMap,
 };
 pub(super) use renaming::Renaming;
 
@@ -90,10 +90,13 @@ pub enum MergeError {
     /// Two clients of the source get one name.
     #[error("renamed_clients gives the name {client:?} to two clients")]
     NameTwice { client: String },
-    /// Both have priors, of different places on the Earth.
-    #[error("both maps hold priors and their geodetic anchors differ")]
+    /// The source has priors, of another place on the Earth.
+    #[error("the source holds priors and the geodetic anchors of both maps differ")]
     Anchors,
-    /// The content does not fit; a bug, or numbers that overflow.
+    /// Numbers overflow.
+    #[error("a pose or position overflows in the target's frame")]
+    OutOfRange,
+    /// The content does not fit, a bug.
     #[error("the source cannot be moved into the target: {0}")]
     Content(#[from] MapError),
 }
@@ -103,6 +106,25 @@ impl Map {
     #[must_use]
     pub fn merged(&self) -> &[MergedMap] {
         &self.merged
+    }
+
+    /// The map that became part of this one as `name`.
+    #[must_use]
+    pub fn merged_as(&self, name: &str) -> Option<&MergedMap> {
+        self.merged.iter().find(|merged| merged.name == name)
+    }
+
+    /// Whether `target`, of which a map became part as `merged` says, has all that clients ever sent to
+    /// this map: it is then what is left of the other one. Revisions do not tell, since a map that was
+    /// taken out again has a later one.
+    #[must_use]
+    pub fn is_within(&self, target: &Self, merged: &MergedMap) -> bool {
+        let has_all = |client: &Client| {
+            let known = merged.clients.iter().find(|known| known.name == client.name);
+            let there = known.and_then(|known| target.client(known.index));
+            client.next_sequence <= there.map_or(1, |there| there.next_sequence)
+        };
+        self.create_time_ns == merged.create_time_ns && self.clients.iter().all(has_all)
     }
 
     /// What merges `source`, whose name is `name`, into this map: its world frame lies at
@@ -117,12 +139,53 @@ impl Map {
         renamed: &BTreeMap<String, String>,
         links: &[Link],
     ) -> Result<Merge, MergeError> {
+        let clients = self.joining(source, renamed)?;
+        let mut parts = source.to_parts();
+        let own: Vec<ClientIndex> = (0..).take(clients.len()).map(ClientIndex).collect();
+        for ((client, (_, name)), &index) in parts.clients.iter_mut().zip(&clients).zip(&own) {
+            client.name.clone_from(name);
+            if let Some((_, newest)) = source.newest_keyframe(index) {
+                frames::remember(&mut client.earlier_frames, newest.map_from_odom());
+            }
+        }
+        let mut parts = Renaming::new(&parts, &own).apply(parts);
+        let keeps_priors = has_anchor(&self.policy, &source.policy);
+        move_by(&target_from_source, &mut parts, keeps_priors);
+        if !(target_from_source.is_finite() && is_finite(&parts)) {
+            return Err(MergeError::OutOfRange);
+        }
+        let content = Arc::new(Self::from_parts(parts)?);
+        let clients: Vec<MergedClient> = clients.into_iter().map(|(client, _)| client).collect();
+        let positions: Vec<ClientIndex> = clients.iter().map(|client| client.index).collect();
+        let mut closures = Vec::new();
+        for link in links {
+            let source = Renaming::of_clients(&positions).entity(link.source);
+            let id = EntityId::own(source.client, self.revision + 1, closures.len());
+            let closure = link.closure(source);
+            if !closure.keyframe_i_from_keyframe_j.is_finite() {
+                return Err(MergeError::OutOfRange);
+            }
+            closures.push((id, closure));
+        }
+        Ok(Merge { name: name.to_owned(), content, target_from_source, clients, closures })
+    }
+
+    /// Where each client of `source` would stand in this map, and its name here.
+    ///
+    /// # Errors
+    /// [`MergeError`]: why the maps cannot become one, wherever they lie.
+    pub fn joining(
+        &self,
+        source: &Self,
+        renamed: &BTreeMap<String, String>,
+    ) -> Result<Vec<(MergedClient, String)>, MergeError> {
         let is_client = |name: &&String| source.client_named(name).is_none();
         if let Some(client) = renamed.keys().find(is_client) {
             return Err(MergeError::UnknownClient { client: client.clone() });
         }
-        let keeps_anchor = self.priors.is_empty() || source.priors.is_empty();
-        if !keeps_anchor && self.policy.geodetic_anchor != source.policy.geodetic_anchor {
+        let anchor = self.policy.geodetic_anchor;
+        let is_other = anchor != source.policy.geodetic_anchor;
+        if is_other && !source.priors.is_empty() && (anchor.is_some() || !self.priors.is_empty()) {
             return Err(MergeError::Anchors);
         }
         let (mut clients, mut names, mut next) = (Vec::new(), BTreeSet::new(), self.clients.len());
@@ -133,7 +196,7 @@ impl Map {
             }
             let index = match self.client_named(name) {
                 // It has left with a merge that was undone.
-                Some(index) if self.is_without_content(index) => index,
+                Some(index) if self.has_never_sent(index) => index,
                 Some(_) => return Err(MergeError::ClientInBoth { client: name.clone() }),
                 None => {
                     next += 1;
@@ -142,26 +205,12 @@ impl Map {
             };
             clients.push((MergedClient { index, name: client.name.clone() }, name.clone()));
         }
-        let mut parts = source.to_parts();
-        let own: Vec<ClientIndex> = (0..).take(clients.len()).map(ClientIndex).collect();
-        for ((client, (_, name)), &index) in parts.clients.iter_mut().zip(&clients).zip(&own) {
-            client.name.clone_from(name);
-            if let Some((_, newest)) = source.newest_keyframe(index) {
-                frames::remember(&mut client.earlier_frames, newest.map_from_odom());
-            }
-        }
-        let mut parts = Renaming::new(&parts, &own).apply(parts);
-        move_by(&target_from_source, &mut parts);
-        let content = Arc::new(Self::from_parts(parts)?);
-        let clients: Vec<MergedClient> = clients.into_iter().map(|(client, _)| client).collect();
-        let positions: Vec<ClientIndex> = clients.iter().map(|client| client.index).collect();
-        let mut closures = Vec::new();
-        for link in links {
-            let source = Renaming::of_clients(&positions).entity(link.source);
-            let id = EntityId::own(source.client, self.revision + 1, closures.len());
-            closures.push((id, link.closure(source)));
-        }
-        Ok(Merge { name: name.to_owned(), content, target_from_source, clients, closures })
+        Ok(clients)
+    }
+
+    fn has_never_sent(&self, index: ClientIndex) -> bool {
+        let sent = self.client(index).is_some_and(|client| client.next_sequence > 1);
+        !sent && self.is_without_content(index)
     }
 
     /// Whether a client has nothing in the map but its name.
@@ -176,11 +225,11 @@ impl Map {
 
     /// The map that was merged as `name`, as it is taken out again: its clients with all that is theirs,
     /// in the frame that it had. Observations of landmarks that stay here are left out, and constraints
-    /// between what goes and what stays. Frozen, until it is opened.
+    /// between what goes and what stays.
     ///
     /// # Errors
-    /// [`MapError`], a bug.
-    pub fn taken_out(&self, name: &str) -> Result<Option<Self>, MapError> {
+    /// [`MergeError::OutOfRange`], and [`MergeError::Content`], a bug.
+    pub fn taken_out(&self, name: &str) -> Result<Option<Self>, MergeError> {
         let Some(place) = self.merged.iter().position(|merged| merged.name == name) else {
             return Ok(None);
         };
@@ -200,8 +249,24 @@ impl Map {
             }
         }
         parts.landmarks = kept(&parts.landmarks, goes);
-        for landmark in parts.landmarks.values_mut() {
-            landmark.reference = landmark.reference.filter(|&keyframe| goes(keyframe));
+        let sees = |keyframe: &EntityId, landmark| {
+            let keyframe = parts.keyframes.get(keyframe);
+            keyframe.is_some_and(|keyframe| keyframe.observation_of(landmark).is_some())
+        };
+        // As where a keyframe is removed: the lowest of those that still see it.
+        let references: Vec<_> = parts
+            .landmarks
+            .iter()
+            .filter_map(|(&id, landmark)| {
+                let reference = landmark.reference.filter(|reference| !sees(reference, id))?;
+                let left = landmark.observers.iter().copied().find(|other| sees(other, id));
+                (left != Some(reference)).then_some((id, left))
+            })
+            .collect();
+        for (id, reference) in references {
+            if let Some(landmark) = parts.landmarks.get_mut(&id) {
+                landmark.reference = reference;
+            }
         }
         let is_inside = |c: &Constraint| goes(c.keyframe_i) && goes(c.keyframe_j);
         let inside = parts.constraints.iter().filter(|(id, c)| goes(**id) && is_inside(c));
@@ -235,12 +300,12 @@ impl Map {
         // What the other map's keyframes bent is straightened by the closures that are left.
         place_searches.set_unsolved(parts.revision);
         parts.place_searches = place_searches;
-        parts.contents = kept(&parts.contents, |(_, id)| goes(id));
-        parts.merged = self.merged[..place]
-            .iter()
-            .filter(|inner| inner.clients.iter().all(|client| going.contains_key(&client.index)))
-            .cloned()
-            .collect();
+        parts.contents = kept(&parts.contents, |(kind, id)| {
+            goes(id) && (kind != Content::Constraint || holds(&id))
+        });
+        let inner = self.merged[..place].iter();
+        let inner = inner.filter(|inner| inner.is_among(|client| going.contains_key(&client)));
+        parts.merged = inner.cloned().collect();
         let mut positions = vec![ClientIndex(0); self.clients.len()];
         going.iter().for_each(|(old, &new)| positions[old.0 as usize] = ClientIndex(new));
         let renaming = Renaming::new(&parts, &positions);
@@ -258,12 +323,33 @@ impl Map {
         for inner in &mut parts.merged {
             inner.target_from_source = source_from_target.compose(&inner.target_from_source);
         }
-        move_by(&source_from_target, &mut parts);
+        let keeps_priors = has_anchor(&self.policy, &merged.policy);
+        move_by(&source_from_target, &mut parts, keeps_priors);
         parts.create_time_ns = merged.create_time_ns;
         parts.display_name.clone_from(&merged.display_name);
         parts.policy = merged.policy;
-        parts.frozen = true;
-        Self::from_parts(parts).map(Some)
+        parts.frozen = false;
+        if !is_finite(&parts) {
+            return Err(MergeError::OutOfRange);
+        }
+        Ok(Some(Self::from_parts(parts)?))
+    }
+}
+
+impl MergedMap {
+    /// The names in `map`, which it became part of, of the clients that have another one there.
+    #[must_use]
+    pub fn renamed(&self, map: &Map) -> BTreeMap<String, String> {
+        let renamed = self.clients.iter().filter_map(|client| {
+            let here = &map.client(client.index)?.name;
+            (*here != client.name).then(|| (client.name.clone(), here.clone()))
+        });
+        renamed.collect()
+    }
+
+    /// Whether it leaves with the clients that go: it has some, and all of them do.
+    pub(super) fn is_among(&self, goes: impl Fn(ClientIndex) -> bool) -> bool {
+        !self.clients.is_empty() && self.clients.iter().all(|client| goes(client.index))
     }
 }
 
@@ -299,14 +385,22 @@ fn kept<K: Ord + Copy, V: Clone>(
     entries.map(|(&key, value)| (key, value.clone())).collect()
 }
 
+/// Whether priors of two maps are in one frame: that of one anchor on the Earth.
+fn has_anchor(policy: &MapPolicy, other: &MapPolicy) -> bool {
+    policy.geodetic_anchor.is_some() && policy.geodetic_anchor == other.geodetic_anchor
+}
+
 /// Moves the world frame: `motion` is the pose of the old one in the new one. What clients sent, and
-/// their odometry, stay as they were sent.
-fn move_by(motion: &Se3, parts: &mut MapParts) {
+/// their odometry, stay as they were sent; priors too where `keeps_priors`.
+fn move_by(motion: &Se3, parts: &mut MapParts, keeps_priors: bool) {
     for keyframe in parts.keyframes.values_mut() {
         keyframe.world_from_camera = motion.compose(&keyframe.world_from_camera);
     }
     for landmark in parts.landmarks.values_mut() {
         landmark.position = landmark.position.map(|position| motion.transform(&position));
+    }
+    if keeps_priors {
+        return;
     }
     for prior in parts.priors.values_mut() {
         match prior {
@@ -319,6 +413,21 @@ fn move_by(motion: &Se3, parts: &mut MapParts) {
             }
         }
     }
+}
+
+/// Whether every pose and position in the world frame is a number.
+fn is_finite(parts: &MapParts) -> bool {
+    let is_number = |point: &Vector3<f64>| point.iter().all(|value| value.is_finite());
+    let mut poses = parts.keyframes.values().map(|keyframe| &keyframe.world_from_camera);
+    let mut positions = parts.landmarks.values().filter_map(|landmark| landmark.position.as_ref());
+    let mut merged = parts.merged.iter().map(|merged| &merged.target_from_source);
+    poses.all(Se3::is_finite)
+        && merged.all(Se3::is_finite)
+        && positions.all(is_number)
+        && parts.priors.values().all(|prior| match prior {
+            Prior::Pose { world_from_camera, .. } => world_from_camera.is_finite(),
+            Prior::Position { position_in_world, .. } => is_number(position_in_world),
+        })
 }
 
 /// Information over the axes of a frame that lies `turned` in another one, over the axes of the latter.

@@ -13,6 +13,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use futures_util::FutureExt;
 use tokio::sync::mpsc;
@@ -95,7 +96,7 @@ impl Actor {
                 }
             }
             // The items of a frozen map wait for it to be opened.
-            let is_solved = self.solving.is_idle() || self.map.is_frozen();
+            let is_solved = self.solving.is_idle() || self.is_held();
             let is_settled = is_solved && self.durability.is_settled();
             if !self.closing.is_empty() && self.ingest.is_drained() && is_settled {
                 break;
@@ -114,7 +115,7 @@ impl Actor {
     }
 
     async fn step(&mut self) -> Flow {
-        if self.has_unsolved && !self.map.is_frozen() {
+        if self.has_unsolved && !self.is_held() {
             self.has_unsolved = false;
             for (client, unsolved) in self.map.unsolved() {
                 self.trigger(client, unsolved).await;
@@ -126,7 +127,7 @@ impl Actor {
         self.start_background().await;
         let is_idle = self.solving.is_idle() && self.is_background_idle();
         let takes_items = is_idle || !self.ingest.is_lock_step();
-        let takes_items = takes_items || self.map.is_frozen();
+        let takes_items = takes_items || self.is_held();
         let answered = std::mem::take(&mut self.answered);
         let flow = tokio::select! {
             biased;
@@ -179,9 +180,12 @@ impl Actor {
             Control::Info { reply } => {
                 let _gone = reply.send(self.info());
             }
-            Control::Open { client, merged, epoch, lock_step, handle, reply } => {
-                let client = self.named_here(client, merged.as_deref());
-                let _gone = reply.send(self.open_stream(client, epoch, lock_step, handle).await);
+            Control::Open { client, epoch, lock_step, handle, reply } => {
+                let opened = match self.named_here(client, &handle) {
+                    Ok(client) => self.open_stream(client, epoch, lock_step, handle).await,
+                    Err(moving) => Err(moving),
+                };
+                let _gone = reply.send(opened);
             }
             Control::Watch { from_revision, handle, reply } => {
                 let _gone = reply.send(self.watch(from_revision, handle));
@@ -194,8 +198,8 @@ impl Actor {
                 let _gone = reply.send(self.retire_redundant(keyframes, share).await);
             }
             Control::DropJournal { reply } => self.drop_journal(reply),
-            Control::Leave { reply } => {
-                let _gone = reply.send(self.leave().await);
+            Control::Hold { reply } => {
+                let _gone = reply.send(self.hold());
             }
             Control::Join { joining, reply } => {
                 let _gone = reply.send(self.join(*joining).await);
@@ -208,7 +212,11 @@ impl Actor {
                 let deleted = self.shared.store.delete_map(map).await;
                 let stop = deleted.is_ok();
                 if stop {
-                    self.shared.ended.get_or_init(|| EngineError::MapNotFound { map: map.clone() });
+                    let map = map.clone();
+                    self.shared.ended.get_or_init(|| match self.is_moving() {
+                        true => EngineError::Moving { map },
+                        false => EngineError::MapNotFound { map },
+                    });
                 }
                 let _gone = reply.send(deleted.map_err(EngineError::Store));
                 if stop {
@@ -241,12 +249,25 @@ impl Actor {
         }
     }
 
-    /// Refuses every change of a poisoned or ending map.
+    /// Whether another map takes its content, or has it.
+    fn is_moving(&self) -> bool {
+        self.shared.moving.load(Ordering::Relaxed)
+    }
+
+    /// Whether it takes no items and starts no solves: it is frozen by request, or moving.
+    pub(super) fn is_held(&self) -> bool {
+        self.map.is_frozen() || self.is_moving()
+    }
+
+    /// Refuses every change of a poisoned, moving or ending map.
     pub(super) fn check_changeable(&self) -> Result<(), EngineError> {
-        if self.closing.is_empty() {
-            self.shared.check_open()
-        } else {
-            Err(EngineError::ShuttingDown)
+        if !self.closing.is_empty() {
+            return Err(EngineError::ShuttingDown);
+        }
+        self.shared.check_open()?;
+        match self.is_moving() {
+            true => Err(EngineError::Moving { map: self.shared.name.clone() }),
+            false => Ok(()),
         }
     }
 
@@ -254,7 +275,7 @@ impl Actor {
     pub(super) fn check_open(&self) -> Result<(), EngineError> {
         self.check_changeable()?;
         if self.map.is_frozen() {
-            return Err(self.shared.frozen_error());
+            return Err(EngineError::Frozen { map: self.shared.name.clone() });
         }
         Ok(())
     }
@@ -299,6 +320,13 @@ impl Actor {
         from_revision: Option<i64>,
         handle: MapHandle,
     ) -> Result<(Watch, Past), EngineError> {
+        // Where clients have other names here, their old ones may be those of others.
+        if let Some(merged) = handle.merged_in(&self.map)?
+            && !merged.renamed(&self.map).is_empty()
+        {
+            let (map, into) = (merged.name.clone(), self.shared.name.clone());
+            return Err(EngineError::MergedAway { map, into });
+        }
         let account = &self.shared.account;
         let watcher = account.reserve(Resource::Watchers, 1)?;
         let place = [watcher, account.reserve(Resource::Streams, 1)?];
@@ -428,6 +456,15 @@ impl Actor {
         self.ingest.count(&self.map);
         self.end(&bug);
         bug
+    }
+
+    /// Ends streams and drops what runs. The items whose solves it ends are solved once the map takes
+    /// changes again.
+    pub(super) fn pause(&mut self, error: &EngineError) {
+        self.solving.pause(error);
+        self.recognition.cancel();
+        self.background.cancel();
+        self.ingest.end_all(error);
     }
 
     /// Ends solves and streams, and wakes the watchers.

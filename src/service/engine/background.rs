@@ -223,7 +223,7 @@ impl Actor {
     /// Whether nothing runs in the background, or what is due there has to wait.
     pub(super) fn is_background_idle(&self) -> bool {
         let is_idle = self.recognition.is_idle(&self.map) && self.background.is_idle();
-        is_idle || !self.closing.is_empty() || self.map.is_frozen()
+        is_idle || !self.closing.is_empty() || self.is_held()
     }
 
     /// Starts the next background task, if one is due.

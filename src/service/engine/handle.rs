@@ -14,8 +14,9 @@ use tracing::Span;
 
 use super::durability::sequence_of;
 use super::error::report_bug;
+use super::joining::{Joining, Left};
 use super::measured_pairs::MeasuredPairs;
-use super::merging::{Joining, Left, MergedName};
+use super::merging::MergedName;
 use super::places::Places;
 use super::solve::Job;
 use super::stream::Queued;
@@ -28,7 +29,7 @@ use crate::loop_closing::{Located, View, locate};
 use crate::map::{
     EntityId, GraphPairs, GraphProblem, Map, MapPolicy, PlaceCandidate, measured_graph,
 };
-use crate::store::{Durability, Flushed, Store};
+use crate::store::{Durability, Flushed, Store, StoreError};
 
 /// Whether a map accepts changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -91,8 +92,6 @@ pub(super) enum Control {
     },
     Open {
         client: String,
-        /// Under which name the map was found, where that is the name of a map that became part of it.
-        merged: Option<Arc<MergedName>>,
         epoch: i64,
         lock_step: bool,
         handle: MapHandle,
@@ -118,8 +117,8 @@ pub(super) enum Control {
     DropJournal {
         reply: Reply<Result<(), EngineError>>,
     },
-    /// Freezes the map, which another one is to take.
-    Leave {
+    /// Takes nothing more, because another map is to take its content.
+    Hold {
         reply: Reply<Result<MapInfo, EngineError>>,
     },
     /// Takes the content of another map.
@@ -160,7 +159,7 @@ pub(super) struct Shared {
     pub(super) condition: Mutex<Condition>,
     /// Whether the map is frozen by request.
     pub(super) frozen: AtomicBool,
-    /// Whether it is frozen because another map takes its content.
+    /// Whether it takes nothing because another map takes its content, or has it.
     pub(super) moving: AtomicBool,
     /// The store from which watchers read the journal.
     pub(super) store: Arc<dyn Store>,
@@ -307,8 +306,8 @@ impl MapHandle {
         epoch: i64,
         lock_step: bool,
     ) -> Result<IngestStream, EngineError> {
-        let (handle, merged) = (self.clone(), self.merged.clone());
-        self.call(|reply| Control::Open { client, merged, epoch, lock_step, handle, reply }).await?
+        let handle = self.clone();
+        self.call(|reply| Control::Open { client, epoch, lock_step, handle, reply }).await?
     }
 
     /// Watches the map, from the full state or from a revision that the caller holds.
@@ -336,11 +335,24 @@ impl MapHandle {
     /// was sent. Returns at once if the store makes nothing durable, and with an error if the disk
     /// is full.
     pub(super) async fn durable(&self, revision: i64) -> Result<(), EngineError> {
+        self.durable_unless(revision, Flushed::trouble).await
+    }
+
+    /// As [`MapHandle::durable`], but waits for a disk that is full.
+    pub(super) async fn durable_at_last(&self, revision: i64) -> Result<(), EngineError> {
+        self.durable_unless(revision, |flushed| flushed.failed.as_ref()).await
+    }
+
+    async fn durable_unless(
+        &self,
+        revision: i64,
+        trouble: impl Fn(&Flushed) -> Option<&StoreError>,
+    ) -> Result<(), EngineError> {
         let sequence = sequence_of(revision);
         let mut flushed = self.shared.flushed.clone();
-        let ended = |f: &Flushed| f.through >= sequence || f.trouble().is_some();
+        let ended = |f: &Flushed| f.through >= sequence || trouble(f).is_some();
         match flushed.wait_for(ended).await {
-            Ok(reached) if reached.through < sequence => match reached.trouble() {
+            Ok(reached) if reached.through < sequence => match trouble(&reached) {
                 Some(error) => {
                     let ended = self.shared.ended.get().cloned();
                     Err(ended.unwrap_or_else(|| EngineError::Store(error.clone())))

@@ -14,7 +14,6 @@ use super::maps::{Claim, run_to_end};
 use super::opening::Start;
 use super::{Account, EngineError, MapInfo, Maps, Reservation, Resource, tenant_of};
 use crate::map::{Map, MapPolicy, Usage};
-use crate::store::StoreError;
 
 /// Room for the content of a map that is being read. Dropping it gives the room back.
 pub struct ImportRoom {
@@ -107,14 +106,7 @@ impl Maps {
         let tenant = self.inner.pool.accounts().tenant(tenant_of(&name));
         let place = tenant.reserve(Resource::Maps, 1)?;
         let content = Arc::new(content);
-        let epoch = match store.create_map_of(&name, Arc::clone(&content)).await {
-            // No engine owns it: a failed creation left it and could not be undone.
-            Err(StoreError::MapExists { .. }) => {
-                store.delete_map(&name).await?;
-                store.create_map_of(&name, Arc::clone(&content)).await?
-            }
-            epoch => epoch?,
-        };
+        let epoch = self.create_stored(&name, Some(&content)).await?;
         let flushed = store.follow(&name).await?;
         let start = Start {
             name,

@@ -63,6 +63,8 @@ struct Stream {
     epoch: i64,
     lock_step: bool,
     finishing: bool,
+    /// The names in this map of the clients that have another one in the map by whose name it was opened.
+    renamed: BTreeMap<String, String>,
     end: Option<Permit>,
     optimized: Vec<Permit>,
     /// Sequence and arrival of items whose OPTIMIZED ack is outstanding, at most
@@ -171,7 +173,9 @@ impl Ingest {
             let room = sender.clone().try_reserve_owned().ok();
             room.map(|room| Permit::new(room, meters, 0, now))
         };
+        let merged = handle.merged_in(map).ok().flatten();
         let stream = Stream {
+            renamed: merged.map(|merged| merged.renamed(map)).unwrap_or_default(),
             epoch,
             lock_step,
             finishing: false,
@@ -192,6 +196,18 @@ impl Ingest {
     /// Whether the stream may write.
     pub(super) fn is_current(&self, client: ClientIndex, epoch: i64) -> bool {
         self.streams.get(&client).is_some_and(|s| s.epoch == epoch && !s.finishing)
+    }
+
+    /// Makes an item name clients as this map does.
+    pub(super) fn rename(&self, client: ClientIndex, item: &mut Item) {
+        if let Some(stream) = self.streams.get(&client).filter(|s| !s.renamed.is_empty()) {
+            item.rename_clients(&stream.renamed);
+        }
+    }
+
+    /// Whether the client has a stream.
+    pub(super) fn has_stream(&self, client: ClientIndex) -> bool {
+        self.streams.contains_key(&client)
     }
 
     /// Whether items wait for solves.

@@ -23,9 +23,13 @@ impl Actor {
             return;
         }
         match body {
-            Body::Item(item) => self.take_item(client, epoch, *item).await,
+            Body::Item(mut item) => {
+                self.ingest.rename(client, &mut item.item);
+                self.take_item(client, epoch, *item).await;
+            }
             Body::Rejected { sequence, mut rejection, partial, receipt } => {
-                if let Some(partial) = partial {
+                if let Some(mut partial) = partial {
+                    self.ingest.rename(client, &mut partial.item);
                     let check = move |map: &Map| {
                         let PartialItem { item, unreadable } = *partial;
                         if let Err(more) = map.check(client, &item) {

@@ -15,7 +15,7 @@ use std::time::Duration;
 use tokio::sync::{Semaphore, watch};
 use tracing::Instrument;
 
-use super::durability::unix_time_ns;
+use super::durability::{stored, unix_time_ns};
 use super::error::report_bug;
 use super::handle::{Condition, Control};
 use super::opening::Start;
@@ -25,7 +25,7 @@ use super::{
     SolverPool, tenant_of,
 };
 use crate::map::{Change, Event, Map, MapPolicy};
-use crate::store::{Durability, Store, StoreError};
+use crate::store::{Durability, Epoch, Store, StoreError};
 
 /// All maps of a server. Cheap to clone.
 #[derive(Clone)]
@@ -133,14 +133,7 @@ impl Maps {
         // Reserved before the map is created; released if the creation fails.
         let tenant = self.inner.pool.accounts().tenant(tenant_of(&name));
         let place = tenant.reserve(Resource::Maps, 1)?;
-        let epoch = match store.create_map(&name).await {
-            // No engine owns it: a failed creation left it and could not be undone.
-            Err(StoreError::MapExists { .. }) => {
-                store.delete_map(&name).await?;
-                store.create_map(&name).await?
-            }
-            epoch => epoch?,
-        };
+        let epoch = self.create_stored(&name, None).await?;
         let create_time_ns = self.create_time_ns();
         let change = Change::Created { policy, create_time_ns, display_name };
         let event = Event { revision: 1, time_ns: create_time_ns, cause: None, change };
@@ -164,6 +157,31 @@ impl Maps {
             flushed,
         };
         self.start_created(claim, start, place).await
+    }
+
+    /// Creates a map in the store, empty or with content. An empty one without an engine is what a failed
+    /// creation left and could not undo; nothing else is deleted.
+    pub(super) async fn create_stored(
+        &self,
+        name: &str,
+        content: Option<&Arc<Map>>,
+    ) -> Result<Epoch, EngineError> {
+        let store = &self.inner.store;
+        let create = async || match content {
+            Some(content) => store.create_map_of(name, Arc::clone(content)).await,
+            None => store.create_map(name).await,
+        };
+        match create().await {
+            Err(StoreError::MapExists { .. }) => {
+                let (map, events) = stored(&**store, name).await?;
+                if map.revision() > 0 || !events.is_empty() {
+                    return Err(EngineError::MapExists { map: name.to_owned() });
+                }
+                store.delete_map(name).await?;
+                Ok(create().await?)
+            }
+            epoch => Ok(epoch?),
+        }
     }
 
     /// Starts the engine of a map that the store just created.
@@ -220,12 +238,16 @@ impl Maps {
             let (map, into) = (name.to_owned(), handle.name().to_owned());
             return Err(EngineError::MergedAway { map, into });
         }
-        let table = self.inner.table.clone();
+        let maps = self.clone();
         run_to_end(async move {
+            let deleted = handle.snapshot().await;
             handle.call(|reply| Control::Delete { reply }).await??;
             claim.set(None);
             drop(claim);
-            table.forget_merged(&handle);
+            maps.inner.table.forget_merged(&handle);
+            if let Ok(deleted) = deleted {
+                maps.release_merged(&deleted).await;
+            }
             tracing::info!(map = handle.name(), "map deleted");
             Ok(())
         })
@@ -342,11 +364,10 @@ impl Table {
 
     /// A map is deleted: names that lead to it are free.
     fn forget_merged(&self, map: &MapHandle) {
-        let leads = |entry: &Entry| {
-            let leading = entry.map.as_ref().filter(|other| other.merged.is_some());
-            leading.is_some_and(|other| other.is_same_map(map)) && entry.change.is_none()
-        };
-        self.lock().retain(|_, entry| !leads(entry));
+        self.lock().retain(|_, entry| {
+            entry.map.take_if(|other| other.merged.is_some() && other.is_same_map(map));
+            entry.map.is_some() || entry.change.is_some()
+        });
     }
 
     /// Adds a map that was found in the store.
@@ -376,7 +397,8 @@ impl Table {
         };
         let (ended, change) = watch::channel(());
         entries.insert(name.to_owned(), Entry { map: map.clone(), change: Some(change) });
-        Ok(Claim { table: self.clone(), name: name.to_owned(), map, _ended: ended })
+        let (table, name) = (self.clone(), name.to_owned());
+        Ok(Claim { table, name, map, set: None, _ended: ended })
     }
 
     /// Resolves when no name is being changed.
@@ -397,8 +419,10 @@ impl Table {
 pub(super) struct Claim {
     table: Table,
     name: String,
-    /// The map that has the name when the change ends.
+    /// The map that had the name when it was claimed.
     map: Option<MapHandle>,
+    /// The map that has the name when the change ends, where the change sets one.
+    set: Option<Option<MapHandle>>,
     _ended: watch::Sender<()>,
 }
 
@@ -408,27 +432,27 @@ impl Claim {
         &self.name
     }
 
-    /// The map that has the name.
+    /// The map that had the name when it was claimed.
     pub(super) fn map(&self) -> Option<&MapHandle> {
         self.map.as_ref()
     }
 
     /// Sets the map that has the name when the change ends; `None` makes the name free.
     pub(super) fn set(&mut self, map: Option<MapHandle>) {
-        self.map = map;
+        self.set = Some(map);
     }
 }
 
 impl Drop for Claim {
     fn drop(&mut self) {
         let mut entries = self.table.lock();
-        match self.map.take() {
-            Some(map) => {
-                entries.insert(self.name.clone(), Entry { map: Some(map), change: None });
-            }
-            None => {
-                entries.remove(&self.name);
-            }
+        let Some(entry) = entries.get_mut(&self.name) else { return };
+        entry.change = None;
+        if let Some(map) = self.set.take() {
+            entry.map = map;
+        }
+        if entry.map.is_none() {
+            entries.remove(&self.name);
         }
     }
 }

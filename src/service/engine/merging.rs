@@ -1,9 +1,11 @@
 //! Maps that become one, and apart again.
 //!
-//! The order makes every step safe to be cut off. Merging: the source is frozen, the target journals the
-//! whole content as one event, the source is deleted. Undoing: the source is made anew, frozen, the target
-//! journals that it left, the source is opened. A server that stops in between finds at its start a frozen
-//! map that is also part of another one, and deletes it: nothing was added to it since.
+//! The order makes every step safe to be cut off. Merging: the source takes nothing more, the target
+//! journals the whole content as one event, and once no crash can undo that the source is deleted.
+//! Undoing: the source is made anew, the target journals that it left, the source is opened. A server that
+//! stops in between finds at its start a map that is also part of another one. It is deleted if the other
+//! one has every item of it, and stays otherwise. That it takes nothing is not journaled: a source whose
+//! merge was cut off before the target's event is a map as before.
 //!
 //! The name of a merged map leads to the map that it became part of ([`MergedName`]), so that the robots
 //! that write to it go on after they have connected again. Where the maps lie in each other is found by
@@ -11,23 +13,22 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::problem::SolveError;
 
-use super::actor::Actor;
 use super::error::report_bug;
-use super::handle::{Condition, Control, Shared};
+use super::handle::{Condition, Control};
+use super::joining::{Joining, Left, check_room};
 use super::maps::{Claim, run_to_end};
 use super::opening::{Start, uid};
 use super::pool::{Estimate, PoolError};
-use super::{EngineError, MapHandle, MapInfo, MapUpdate, Maps, Resource, tenant_of};
+use super::{EngineError, MapHandle, MapInfo, Maps, Resource, tenant_of};
 use crate::loop_closing::{View, align};
-use crate::map::{Change, ClientIndex, EntityId, Link, Map, MergedMap, ToSolve, Unsolved};
-use crate::store::{Epoch, StoreError};
+use crate::map::{EntityId, Link, Map, MergedMap};
 
 /// A request to merge one map into another.
 #[derive(Clone, Debug, Default)]
@@ -73,33 +74,18 @@ pub struct MergeOutcome {
 #[derive(Debug)]
 pub(super) struct MergedName {
     /// The name.
-    pub(super) name: String,
+    name: String,
+    create_time_ns: i64,
     /// The uid of the map that had it: its clients' items are all in the other map.
     pub(super) uid: String,
-    /// Whether the map left the other one again.
-    pub(super) is_over: AtomicBool,
 }
 
 impl MergedName {
     fn new(merged: &MergedMap) -> Arc<Self> {
-        let uid = uid(&merged.name, merged.create_time_ns);
-        Arc::new(Self { name: merged.name.clone(), uid, is_over: AtomicBool::new(false) })
+        let MergedMap { name, create_time_ns, .. } = merged;
+        let uid = uid(name, *create_time_ns);
+        Arc::new(Self { name: name.clone(), create_time_ns: *create_time_ns, uid })
     }
-}
-
-/// What an engine is to take into its map.
-pub(super) struct Joining {
-    name: String,
-    source: Arc<Map>,
-    target_from_source: Se3,
-    renamed: BTreeMap<String, String>,
-    links: Vec<Link>,
-}
-
-/// A map that has left another one: its content, and the epoch under which the store made it.
-pub(super) struct Left {
-    content: Arc<Map>,
-    epoch: Epoch,
 }
 
 impl Maps {
@@ -109,8 +95,9 @@ impl Maps {
     /// # Errors
     /// [`EngineError::MapNotFound`], [`EngineError::NotAligned`], [`EngineError::CannotMerge`],
     /// [`EngineError::NoSuchKeyframe`], [`EngineError::Frozen`], [`EngineError::Poisoned`],
-    /// [`EngineError::Ceiling`], [`EngineError::Store`], [`EngineError::ShuttingDown`]; both maps are then
-    /// as they were.
+    /// [`EngineError::Ceiling`], [`EngineError::ShuttingDown`]; both maps are then as they were.
+    /// [`EngineError::Store`]; where the target has the content already, the source takes nothing until a
+    /// further call or a restart has deleted it.
     pub async fn merge(
         &self,
         request: MergeRequest,
@@ -120,9 +107,15 @@ impl Maps {
         if source.is_same_map(&target) {
             return self.merged_already(&request.source, &source).await;
         }
-        let (pose, links) = self.aligned(&request, &source, &target, interrupt).await?;
+        let is_part = target.snapshot().await?.merged_as(&request.source).is_some();
+        let aligned = match is_part {
+            true => None,
+            false => Some(self.aligned(&request, &source, &target, interrupt).await?),
+        };
+        // The other one may have been found by the name of a map that became part of it.
+        let request = MergeRequest { target: target.name().to_owned(), ..request };
         let maps = self.clone();
-        run_to_end(async move { maps.merge_aligned(request, pose, links).await }).await
+        run_to_end(async move { maps.merge_aligned(request, aligned).await }).await
     }
 
     /// What an earlier call did.
@@ -132,7 +125,7 @@ impl Maps {
         handle: &MapHandle,
     ) -> Result<MergeOutcome, EngineError> {
         let map = handle.info().await?;
-        let merged = map.snapshot.merged().iter().find(|merged| merged.name == name);
+        let merged = map.snapshot.merged_as(name);
         let Some(target_from_source) = merged.map(|merged| merged.target_from_source) else {
             let (map, into) = (name.to_owned(), handle.name().to_owned());
             return Err(EngineError::MergedAway { map, into });
@@ -152,6 +145,14 @@ impl Maps {
         let (of_source, of_target) = (source.snapshot().await?, target.snapshot().await?);
         let link = |request: &LinkRequest| request.link(&of_target, &of_source);
         let links: Vec<Link> = request.constraints.iter().map(link).collect::<Result<_, _>>()?;
+        // The engine asks all of this again: here no stream has ended yet.
+        if of_target.is_frozen() {
+            return Err(EngineError::Frozen { map: target.name().to_owned() });
+        }
+        of_target
+            .joining(&of_source, &request.renamed)
+            .map_err(|error| EngineError::CannotMerge { map: request.source.clone(), error })?;
+        check_room(&target.shared.account, &of_target, of_source.usage())?;
         let by_link = links.first().and_then(|link| {
             let at = of_target.keyframes().get(&link.target)?.world_from_camera;
             let seen = of_source.keyframes().get(&link.source)?.world_from_camera;
@@ -192,60 +193,62 @@ impl Maps {
         }
     }
 
+    /// Merges under claims of both names. `aligned` says where the source lies, and what ties it; it is
+    /// `None` where the target had the source already.
     async fn merge_aligned(
         &self,
         request: MergeRequest,
-        target_from_source: Se3,
-        links: Vec<Link>,
+        aligned: Option<(Se3, Vec<Link>)>,
     ) -> Result<MergeOutcome, EngineError> {
-        let MergeRequest { source: name, target: into, renamed, .. } = request;
-        // In the order of the names, so that two merges never wait for each other.
-        let (mut source, target) = if name < into {
-            let source = self.claim(&name).await?;
-            (source, self.claim(&into).await?)
-        } else {
-            let target = self.claim(&into).await?;
-            (self.claim(&name).await?, target)
-        };
-        let from = found(&source, &name)?;
-        let to = found(&target, &into)?;
+        let (name, into) = (request.source.clone(), request.target.clone());
+        let (mut source, target) = self.claim_both(&name, &into).await?;
+        let (from, to) = (found(&source, &name)?, found(&target, &into)?);
         if from.is_same_map(&to) {
             return self.merged_already(&name, &from).await;
         }
-        if let Some(merged) = &from.merged {
-            let (map, into) = (merged.name.clone(), from.name().to_owned());
+        if from.merged.is_some() {
+            let (map, into) = (name, from.name().to_owned());
             return Err(EngineError::MergedAway { map, into });
         }
-        let was_frozen = from.snapshot().await?.is_frozen();
-        let left = from.call(|reply| Control::Leave { reply }).await??;
-        from.durable(left.snapshot.revision()).await?;
-        let count = links.len();
-        let joining = Joining {
-            name: name.clone(),
-            source: left.snapshot,
-            target_from_source,
-            renamed,
-            links,
-        };
-        let joined = to.call(|reply| Control::Join { joining: Box::new(joining), reply }).await;
-        let map = match joined.and_then(|joined| joined) {
-            Ok(map) => map,
+        if to.merged.is_some() {
+            return Err(EngineError::Moving { map: into });
+        }
+        let was_held = from.is_held();
+        let (map, closures) = match joined(&from, &to, request, aligned).await {
+            Ok(joined) => joined,
             Err(error) => {
-                let update = MapUpdate { frozen: Some(was_frozen), ..MapUpdate::default() };
-                if let Err(reopening) = from.update(update).await {
-                    tracing::error!(map = name, %reopening, "a map that was to be merged stays frozen");
+                // What an earlier call has begun is not for this one to take back.
+                if !was_held {
+                    from.release().await;
                 }
                 return Err(error);
             }
         };
+        // From here on the source is a copy: it takes nothing more, whatever fails.
         to.durable(map.snapshot.revision()).await?;
-        from.shared.ended.get_or_init(|| EngineError::Moving { map: name.clone() });
         from.call(|reply| Control::Delete { reply }).await??;
-        source.set(map.snapshot.merged().last().map(|merged| to.called(merged)));
+        let Some(merged) = map.snapshot.merged_as(&name) else {
+            return Err(report_bug("a map that was merged is not in the target"));
+        };
+        source.set(Some(to.called(merged)));
         // Names that led to the source lead to the target.
         self.inner.table.redirect(&from, &to);
         tracing::info!(map = name, into, "map merged");
-        Ok(MergeOutcome { map, target_from_source, closures: count })
+        let target_from_source = merged.target_from_source;
+        Ok(MergeOutcome { map, target_from_source, closures })
+    }
+
+    /// Claims two names, always in the same order, so that two changes never wait for each other.
+    async fn claim_both(&self, a: &str, b: &str) -> Result<(Claim, Claim), EngineError> {
+        if a == b {
+            return Err(EngineError::Moving { map: a.to_owned() });
+        }
+        if a < b {
+            let first = self.claim(a).await?;
+            return Ok((first, self.claim(b).await?));
+        }
+        let first = self.claim(b).await?;
+        Ok((self.claim(a).await?, first))
     }
 
     /// Takes a map out of the one that it was merged into. Answers both, the latter first. Dropping the
@@ -270,30 +273,28 @@ impl Maps {
         name: String,
     ) -> Result<(MapInfo, MapInfo), EngineError> {
         let not_merged = || EngineError::NotMerged { map: into.clone(), source_map: name.clone() };
-        let source = self.claim(&name).await?;
-        let to = self.get(&into)?;
-        let merged = match source.map().cloned() {
-            Some(handle) if handle.is_same_map(&to) => handle.merged,
-            Some(_) | None => None,
-        };
-        let Some(merged) = merged else { return Err(not_merged()) };
+        // It may have been found by the name of a map that became part of it.
+        let target = self.get(&into)?.name().to_owned();
+        if target == name {
+            return Err(not_merged());
+        }
+        let (mut source, claim) = self.claim_both(&name, &target).await?;
+        let to = found(&claim, &target)?;
+        let is_part = |found: &MapHandle| found.merged.is_some() && found.is_same_map(&to);
+        if to.merged.is_some() {
+            return Err(EngineError::Moving { map: into });
+        }
+        if !source.map().is_some_and(is_part) {
+            return Err(not_merged());
+        }
         let tenant = self.inner.pool.accounts().tenant(tenant_of(&name));
         let place = tenant.reserve(Resource::Maps, 1)?;
-        // Its watchers connect again, to the map of its own.
-        merged.is_over.store(true, Ordering::Release);
-        let left = to.call(|reply| Control::TakeOut { name: name.clone(), reply }).await;
-        let Left { content, epoch } = match left.and_then(|left| left) {
-            Ok(left) => left,
-            Err(error) => {
-                merged.is_over.store(false, Ordering::Release);
-                return Err(error);
-            }
-        };
-        let map = to.info().await?;
-        to.durable(map.snapshot.revision()).await?;
-        let inner: Vec<MergedMap> = content.merged().to_vec();
+        let left = to.call(|reply| Control::TakeOut { name: name.clone(), reply }).await??;
+        let Left { map, content, epoch, flushed } = left;
+        // A full disk delays it only: the content has no other map any more.
+        let durable = to.durable_at_last(map.snapshot.revision()).await;
         let start = Start {
-            flushed: self.inner.store.follow(&name).await?,
+            flushed,
             name: name.clone(),
             epoch,
             snapshot: content.revision(),
@@ -301,15 +302,13 @@ impl Maps {
             condition: Condition::Open,
             unopened: None,
         };
-        self.start_created(source, start, place).await?;
-        let from = self.get(&name)?;
-        let update = MapUpdate { frozen: Some(false), ..MapUpdate::default() };
-        let opened = from.update(update).await?;
-        for merged in &inner {
-            self.lead(&from, merged).await?;
-        }
+        let from = self.spawn(start, place);
+        source.set(Some(from.clone()));
+        drop((source, claim));
+        self.lead_merged(&from).await;
+        durable?;
         tracing::info!(map = name, from = into, "a merge was undone");
-        Ok((map, opened))
+        Ok((map, from.info().await?))
     }
 
     /// Makes the names of the maps that became part of this one lead to it. What a merge that was cut off
@@ -326,22 +325,59 @@ impl Maps {
 
     async fn lead(&self, handle: &MapHandle, merged: &MergedMap) -> Result<(), EngineError> {
         let mut claim = self.claim(&merged.name).await?;
-        if let Some(other) = claim.map().cloned() {
-            let info = other.info().await?;
-            let is_rest = other.merged.is_none()
-                && info.snapshot.is_frozen()
-                && info.snapshot.create_time_ns() == merged.create_time_ns;
-            if !is_rest && other.merged.is_none() {
+        if let Some(rest) = claim.map().filter(|other| other.merged.is_none()).cloned() {
+            // A damaged map is no reason to delete another one.
+            handle.shared.check_open()?;
+            let (left, kept) = (rest.hold().await?, handle.snapshot().await?);
+            if !left.is_within(&kept, merged) {
+                rest.release().await;
                 return Err(EngineError::MapExists { map: merged.name.clone() });
             }
-            if is_rest {
-                tracing::warn!(map = merged.name, "what is left of a merged map is deleted");
-                other.call(|reply| Control::Delete { reply }).await??;
-            }
+            handle.durable(kept.revision()).await?;
+            tracing::warn!(map = merged.name, "what is left of a merged map is deleted");
+            rest.call(|reply| Control::Delete { reply }).await??;
         }
         claim.set(Some(handle.called(merged)));
         Ok(())
     }
+
+    /// Lets the maps go on that were to be deleted because `deleted` had their content.
+    pub(super) async fn release_merged(&self, deleted: &Map) {
+        for merged in deleted.merged() {
+            let Ok(claim) = self.claim(&merged.name).await else { return };
+            if let Some(rest) = claim.map().filter(|rest| rest.merged.is_none()) {
+                rest.release().await;
+            }
+        }
+    }
+}
+
+/// Lets the target take what the source holds, unless an earlier call did. Answers the target, and how
+/// many closures tie both. The source takes nothing more from here on.
+async fn joined(
+    from: &MapHandle,
+    to: &MapHandle,
+    request: MergeRequest,
+    aligned: Option<(Se3, Vec<Link>)>,
+) -> Result<(MapInfo, usize), EngineError> {
+    let MergeRequest { source: name, renamed, .. } = request;
+    let source = from.hold().await?;
+    let there = to.info().await?;
+    if let Some(merged) = there.snapshot.merged_as(&name) {
+        return match source.is_within(&there.snapshot, merged) {
+            true => Ok((there, 0)),
+            false => Err(EngineError::MapExists { map: name }),
+        };
+    }
+    let Some((target_from_source, links)) = aligned else {
+        // It was taken out meanwhile.
+        return Err(EngineError::Moving { map: name });
+    };
+    from.durable(source.revision()).await?;
+    let count = links.len();
+    let joining = Box::new(Joining { name, source, target_from_source, renamed, links });
+    let map = to.call(|reply| Control::Join { joining, reply }).await??;
+    Ok((map, count))
 }
 
 /// The map of a claim.
@@ -361,14 +397,32 @@ impl MapHandle {
         Self { merged: Some(MergedName::new(merged)), ..self.clone() }
     }
 
-    /// Refuses a handle by a name that leads to another map by now.
-    pub(super) fn check_name(&self) -> Result<(), EngineError> {
-        match &self.merged {
-            Some(merged) if merged.is_over.load(Ordering::Acquire) => {
-                Err(EngineError::Moving { map: merged.name.clone() })
-            }
-            Some(_) | None => Ok(()),
-        }
+    /// What `map`, this handle's map, says of the name by which it was found; `None` where that is its own.
+    ///
+    /// # Errors
+    /// [`EngineError::Moving`] where the map of that name has left again.
+    pub(super) fn merged_in<'a>(&self, map: &'a Map) -> Result<Option<&'a MergedMap>, EngineError> {
+        let Some(name) = &self.merged else { return Ok(None) };
+        let known = map.merged_as(&name.name);
+        let known = known.filter(|known| known.create_time_ns == name.create_time_ns);
+        known.map(Some).ok_or_else(|| EngineError::Moving { map: name.name.clone() })
+    }
+
+    /// The map as it is, which from now on takes nothing until [`MapHandle::release`].
+    async fn hold(&self) -> Result<Arc<Map>, EngineError> {
+        Ok(self.call(|reply| Control::Hold { reply }).await??.snapshot)
+    }
+
+    /// Whether the map takes nothing because another one is to take its content, or has.
+    fn is_held(&self) -> bool {
+        self.shared.moving.load(Ordering::Relaxed)
+    }
+
+    /// The map takes changes again.
+    async fn release(&self) {
+        self.shared.moving.store(false, Ordering::Relaxed);
+        // The engine wakes and starts the solves that have waited.
+        let _ended = self.info().await;
     }
 
     /// The same name for another map.
@@ -402,101 +456,5 @@ impl LinkRequest {
         let symmetric = (product + product.transpose()) / 2.0;
         let information = Information::semidefinite(&symmetric).unwrap_or(self.information);
         Ok(Link { target: j, source: i, target_from_source: i_from_j.inverse(), information })
-    }
-}
-
-impl Shared {
-    /// Why a map takes nothing that was frozen to be moved, or by request.
-    pub(super) fn frozen_error(&self) -> EngineError {
-        let map = self.name.clone();
-        match self.moving.load(Ordering::Relaxed) {
-            true => EngineError::Moving { map },
-            false => EngineError::Frozen { map },
-        }
-    }
-}
-
-impl Actor {
-    /// The name in this map of a client that found it by the name of a map that became part of it.
-    pub(super) fn named_here(&self, client: String, merged: Option<&MergedName>) -> String {
-        let merged = merged.and_then(|name| self.map.merged().iter().find(|m| m.name == name.name));
-        let known = merged.and_then(|merged| merged.clients.iter().find(|c| c.name == client));
-        let known = known.and_then(|known| self.map.client(known.index));
-        known.map_or(client, |known| known.name.clone())
-    }
-
-    /// Freezes the map and ends its streams: what it holds now is what the other map takes.
-    pub(super) async fn leave(&mut self) -> Result<MapInfo, EngineError> {
-        self.check_changeable()?;
-        self.shared.moving.store(true, Ordering::Relaxed);
-        let update = MapUpdate { frozen: Some(true), ..MapUpdate::default() };
-        let frozen = self.update(update).await;
-        if frozen.is_err() {
-            self.shared.moving.store(false, Ordering::Relaxed);
-        }
-        frozen
-    }
-
-    /// Takes the content of another map.
-    pub(super) async fn join(&mut self, joining: Joining) -> Result<MapInfo, EngineError> {
-        self.check_open()?;
-        let Joining { name, source, target_from_source, renamed, mut links } = joining;
-        let map = name.clone();
-        let merge = self.compute(move |map| {
-            links.retain(|link| {
-                let held = |map: &Map, id| map.keyframes().contains_key(&id);
-                held(map, link.target) && held(&source, link.source)
-            });
-            map.merge_of((&name, &source), target_from_source, &renamed, &links)
-        });
-        let merge = merge.await.map_err(|error| EngineError::CannotMerge { map, error })?;
-        let account = &self.shared.account;
-        let ceilings = self.map.policy().ceilings.lower(&account.limits().held);
-        if let Some(exceeded) = ceilings.exceeded(self.map.usage(), merge.content.usage()) {
-            return Err(account.exceeded(exceeded));
-        }
-        let clients: Vec<ClientIndex> = merge.clients.iter().map(|client| client.index).collect();
-        self.commit(None, Change::MapMerged { merge: Box::new(merge) }).await?;
-        for (client, unsolved) in self.map.unsolved() {
-            if client == ClientIndex::SERVER || clients.contains(&client) {
-                self.trigger(client, unsolved).await;
-            }
-        }
-        Ok(self.info())
-    }
-
-    /// Makes a map of what came with a merge, and lets go of it.
-    pub(super) async fn take_out(&mut self, name: String) -> Result<Left, EngineError> {
-        self.check_open()?;
-        let wanted = name.clone();
-        let content = self.compute(move |map| map.taken_out(&wanted)).await;
-        let content = content.map_err(|error| report_bug(&error.to_string()))?;
-        let Some(content) = content.map(Arc::new) else {
-            let map = self.shared.name.clone();
-            return Err(EngineError::NotMerged { map, source_map: name });
-        };
-        let merged = self.map.merged().iter().find(|merged| merged.name == name);
-        let clients: Vec<ClientIndex> =
-            merged.into_iter().flat_map(|merged| &merged.clients).map(|c| c.index).collect();
-        let store = Arc::clone(&self.shared.store);
-        let epoch = match store.create_map_of(&name, Arc::clone(&content)).await {
-            // No engine owns it: a failed creation left it and could not be undone.
-            Err(StoreError::MapExists { .. }) => {
-                store.delete_map(&name).await?;
-                store.create_map_of(&name, Arc::clone(&content)).await?
-            }
-            epoch => epoch?,
-        };
-        let moving = EngineError::Moving { map: name.clone() };
-        clients.into_iter().for_each(|client| self.ingest.end(client, moving.clone()));
-        if let Err(error) = self.commit(None, Change::MapTakenOut { name: name.clone() }).await {
-            if let Err(left) = store.delete_map(&name).await {
-                tracing::error!(map = name, %left, "a map that was not taken out is left in the store");
-            }
-            return Err(error);
-        }
-        let unsolved = Unsolved { sequence: self.map.revision(), to_solve: ToSolve::Loop };
-        self.trigger(ClientIndex::SERVER, unsolved).await;
-        Ok(Left { content, epoch })
     }
 }

@@ -44,6 +44,7 @@ mod handle;
 mod importing;
 mod ingest;
 mod items;
+mod joining;
 mod maps;
 mod measured_pairs;
 mod merging;

@@ -80,6 +80,12 @@ impl Schedule {
         self.done.clear();
     }
 
+    /// Removes the triggers of a client that has left the map.
+    pub(super) fn forget(&mut self, client: ClientIndex) {
+        self.open.retain(|_, trigger| trigger.client != client);
+        self.done.remove(&client);
+    }
+
     /// Every open trigger.
     pub(super) fn all(&self) -> Vec<u64> {
         self.open.keys().copied().collect()
@@ -208,6 +214,19 @@ mod tests {
         assert_eq!(schedule.close(&rest), [(A, 6), (B, 2)]);
         assert!(schedule.is_empty() && !schedule.is_waiting(A));
         assert_eq!(schedule.push_done(A, 7), Some(7));
+    }
+
+    #[test]
+    fn a_client_that_left_is_marked_by_no_solve() {
+        let mut schedule = Schedule::default();
+        schedule.push(A, 3, Task::Loop);
+        schedule.push(B, 1, Task::Loop);
+        assert_eq!(schedule.push_done(A, 4), None);
+        let running = schedule.loops();
+        schedule.forget(A);
+        assert_eq!(schedule.preview(&running), [(B, 1)]);
+        assert_eq!(schedule.close(&running), [(B, 1)]);
+        assert_eq!(schedule.push_done(A, 1), Some(1));
     }
 
     #[test]

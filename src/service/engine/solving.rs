@@ -285,7 +285,7 @@ impl Solving {
 impl Actor {
     /// Starts the next solve, if none runs and one is due.
     pub(super) async fn start_solves(&mut self) {
-        if self.map.is_frozen() {
+        if self.is_held() {
             return;
         }
         let is_lock_step = self.ingest.is_lock_step();

@@ -19,6 +19,8 @@ pub struct Touched {
     pub constraints: BTreeSet<EntityId>,
     /// Clients that are new or whose keyframes changed.
     pub clients: BTreeSet<ClientIndex>,
+    /// Whether what went cannot be told by ids: cameras, and all of a client.
+    pub(super) is_all: bool,
 }
 
 impl Touched {
@@ -34,11 +36,7 @@ impl Touched {
         {
             touched.removed(*id, map);
         }
-        if let Change::MapTakenOut { name } = change {
-            let going = map.merged().iter().filter(|merged| merged.name == *name);
-            touched.clients.extend(going.flat_map(|merged| &merged.clients).map(|c| c.index));
-            touched.of_clients(map);
-        }
+        touched.is_all = matches!(change, Change::MapTakenOut { .. });
         if change.changes_others() {
             let removed = touched.landmarks.iter();
             let others = removed.flat_map(|&id| map.duplicates().group(id)).collect::<Vec<_>>();
@@ -133,20 +131,6 @@ impl Touched {
         self.constraints.extend(map.ties().of(keyframe));
     }
 
-    /// Adds all that belongs to its clients, and what their keyframes see and are tied to.
-    fn of_clients(&mut self, map: &Map) {
-        let clients = self.clients.clone();
-        let is_own = |id: &&EntityId| clients.contains(&id.client);
-        self.cameras.extend(map.cameras().keys().filter(is_own));
-        self.landmarks.extend(map.landmarks().keys().filter(is_own));
-        self.constraints.extend(map.constraints().keys().filter(is_own));
-        self.constraints.extend(map.priors().keys().filter(is_own));
-        for &id in map.keyframes().keys().filter(is_own) {
-            self.keyframes.insert(id);
-            self.removed(id, map);
-        }
-    }
-
     /// How many ids it has.
     pub(super) fn len(&self) -> usize {
         self.cameras.len()
@@ -178,6 +162,7 @@ impl Touched {
         }
         self.constraints.extend(&other.constraints);
         self.clients.extend(&other.clients);
+        self.is_all |= other.is_all;
     }
 }
 

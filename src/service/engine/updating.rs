@@ -34,15 +34,10 @@ impl Actor {
         }
         self.commit(None, Change::MapUpdated { display_name, policy, frozen }).await?;
         if frozen == Some(true) {
-            let error = self.shared.frozen_error();
-            self.solving.pause(&error);
-            self.recognition.cancel();
-            self.background.cancel();
-            self.ingest.end_all(&error);
+            self.pause(&EngineError::Frozen { map: self.shared.name.clone() });
         }
         if let Some(frozen) = frozen {
             self.shared.frozen.store(frozen, Ordering::Relaxed);
-            self.shared.moving.fetch_and(frozen, Ordering::Relaxed);
             let map = &self.shared.name;
             tracing::info!(map, frozen, "the map's state was changed");
         }

@@ -76,7 +76,7 @@ impl Gathered {
 
     /// Resets if there are too many ids.
     pub(super) fn check(&mut self) {
-        if self.touched.len() > self.most {
+        if self.touched.is_all || self.touched.len() > self.most {
             self.reset();
         }
     }
@@ -171,8 +171,8 @@ impl Watch {
                 self.changed().await?;
             }
             self.signal.borrow_and_update();
-            self.handle.check_name()?;
             let info = self.handle.info().await?;
+            self.handle.merged_in(&info.snapshot)?;
             let (revision, state) = (info.snapshot.revision(), info.state);
             self.fold(revision).await;
             // There is no await from here on, so that canceling cannot split the step.

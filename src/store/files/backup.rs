@@ -3,9 +3,12 @@
 //! A journal only grows at its end and a snapshot is written once. Files that are copied in the
 //! right order are therefore a map as it was at some moment: first the mark, which must not be
 //! ahead of the journal, then the snapshots, then the journal. The server may remove files
-//! meanwhile; the copy is checked as `doctor` does, and a map with missing files is copied again.
+//! meanwhile; the copy is checked as `doctor` does, and a map with missing files is copied again. A map
+//! that is gone before it was copied may have become part of one that was copied already: then all are
+//! copied again. Maps that are new at the end are copied too.
 //! The copy is a complete data directory: to restore it, serve it. Everything here blocks.
 
+use std::collections::BTreeSet;
 use std::io::ErrorKind;
 use std::path::Path;
 
@@ -15,8 +18,8 @@ use super::folders::{self, Folder};
 use super::{MARK, create_root, file_error};
 use crate::store::StoreError;
 
-/// How often the copy of a map is tried. A try fails when the server replaces the map's files
-/// meanwhile.
+/// How often the copy of a map is tried, and that of all. A try fails when the server replaces the map's
+/// files meanwhile, or takes the map away.
 const TRIES: usize = 5;
 
 /// Copies every map of a data directory to `copy`, which must be missing or empty. Blocks.
@@ -25,10 +28,20 @@ const TRIES: usize = 5;
 /// copy is damaged only if the original is.
 ///
 /// # Errors
-/// [`StoreError::NotEmpty`] if `copy` is not empty, [`StoreError::File`].
+/// [`StoreError::NotEmpty`] if `copy` is not empty, [`StoreError::File`], also where maps go away faster
+/// than they are copied.
 pub fn back_up(directory: &Path, copy: &Path) -> Result<Vec<MapCheckup>, StoreError> {
+    back_up_while(directory, copy, || ())
+}
+
+/// As [`back_up`]; calls `listed` each time after the maps were listed.
+pub(super) fn back_up_while(
+    directory: &Path,
+    copy: &Path,
+    mut listed: impl FnMut(),
+) -> Result<Vec<MapCheckup>, StoreError> {
     let maps = directory.join("maps");
-    let folders = RealDisk.list(&maps).map_err(|e| file_error("cannot list", &maps, &e))?;
+    RealDisk.list(&maps).map_err(|e| file_error("cannot list", &maps, &e))?;
     match RealDisk.list(copy) {
         Ok(names) if !names.is_empty() => {
             return Err(StoreError::NotEmpty { path: copy.display().to_string() });
@@ -36,24 +49,56 @@ pub fn back_up(directory: &Path, copy: &Path) -> Result<Vec<MapCheckup>, StoreEr
         Ok(_) | Err(_) => {}
     }
     create_root(&RealDisk, copy)?;
-    let mut checkups = Vec::new();
-    for name in folders {
-        match folders::look(&RealDisk, &maps, &name) {
-            Folder::Map { .. } | Folder::Later(_) | Folder::Nameless(_) | Folder::Unknown(_) => {
-                checkups.extend(copy_map(&maps, &copy.join("maps"), &name)?);
+    let folder = copy.join("maps");
+    for _ in 0..TRIES {
+        if let Some(mut checkups) = copy_maps(&maps, &folder, &mut listed)? {
+            name_ambiguous(checkups.iter_mut());
+            RealDisk.sync_folder(&folder).map_err(|e| file_error("cannot sync", &folder, &e))?;
+            return Ok(checkups);
+        }
+        RealDisk.remove_folder(&folder).map_err(|e| file_error("cannot remove", &folder, &e))?;
+        RealDisk.create_folder(&folder).map_err(|e| file_error("cannot create", &folder, &e))?;
+    }
+    let text = "maps were deleted or merged during each try";
+    Err(file_error("cannot copy", &maps, &std::io::Error::other(text)))
+}
+
+/// Copies every map; `None` if one was gone before it was copied.
+fn copy_maps(
+    maps: &Path,
+    copy: &Path,
+    listed: &mut impl FnMut(),
+) -> Result<Option<Vec<MapCheckup>>, StoreError> {
+    let (mut seen, mut checkups) = (BTreeSet::new(), Vec::new());
+    loop {
+        let folders = RealDisk.list(maps).map_err(|e| file_error("cannot list", maps, &e))?;
+        listed();
+        let new: Vec<String> = folders.into_iter().filter(|name| !seen.contains(name)).collect();
+        if new.is_empty() {
+            return Ok(Some(checkups));
+        }
+        for name in new {
+            let folder = maps.join(&name);
+            match folders::look(&RealDisk, maps, &name) {
+                _ if RealDisk.list(maps).is_ok_and(|now| !now.contains(&name)) => return Ok(None),
+                Folder::Map { .. }
+                | Folder::Later(_)
+                | Folder::Nameless(_)
+                | Folder::Unknown(_) => match copy_map(maps, copy, &name)? {
+                    Some(checkup) => checkups.push(checkup),
+                    None if RealDisk.list(&folder).is_err() => return Ok(None),
+                    // Its creation never finished.
+                    None => {}
+                },
+                // Left by an unfinished creation or deletion.
+                Folder::Leftover => {}
+                Folder::Stray(reason) => {
+                    tracing::warn!(folder = %folder.display(), reason, "not a map, it is not copied");
+                }
             }
-            // Left by an unfinished creation or deletion.
-            Folder::Leftover => {}
-            Folder::Stray(reason) => {
-                let folder = maps.join(&name);
-                tracing::warn!(folder = %folder.display(), reason, "not a map, it is not copied");
-            }
+            seen.insert(name);
         }
     }
-    name_ambiguous(checkups.iter_mut());
-    let folder = copy.join("maps");
-    RealDisk.sync_folder(&folder).map_err(|e| file_error("cannot sync", &folder, &e))?;
-    Ok(checkups)
 }
 
 /// Copies a map; `None` if it was deleted meanwhile, or its creation never finished. A map of a

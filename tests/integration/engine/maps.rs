@@ -12,39 +12,42 @@ use covis::store::{Damage, Durability, Epoch, Flushed, MemoryStore, Position, St
 use tokio::sync::{Semaphore, watch};
 
 /// A store whose creations and deletions wait until the test lets them go on, or fail.
-struct HeldStore {
-    inner: MemoryStore,
+pub(super) struct HeldStore {
+    pub(super) inner: MemoryStore,
     /// Calls that wait, for the test.
     entered: Semaphore,
     /// Calls that may go on.
     released: Semaphore,
     /// Calls that fail once they go on.
-    failing: Semaphore,
+    pub(super) failing: Semaphore,
     /// Openings that find nothing left of what the system has.
     unavailable: Semaphore,
     /// Whether openings fail for good.
     unreadable: AtomicBool,
+    /// How far journals of maps of this name are on the disk, where the test says so.
+    pub(super) disk: watch::Sender<(String, Flushed)>,
 }
 
 impl HeldStore {
-    fn new() -> Arc<Self> {
+    pub(super) fn new() -> Arc<Self> {
         let none = || Semaphore::new(0);
         let (entered, released, failing, unavailable) = (none(), none(), none(), none());
         let (inner, unreadable) = (MemoryStore::new(), AtomicBool::new(false));
-        Arc::new(Self { inner, entered, released, failing, unavailable, unreadable })
+        let disk = watch::Sender::default();
+        Arc::new(Self { inner, entered, released, failing, unavailable, unreadable, disk })
     }
 
-    async fn maps(self: &Arc<Self>) -> Maps {
+    pub(super) async fn maps(self: &Arc<Self>) -> Maps {
         let store: Arc<dyn Store> = Arc::<Self>::clone(self);
         Maps::open(store, SolverPool::new(1).unwrap(), EngineConfig::default()).await.unwrap()
     }
 
     /// Waits until a call waits.
-    async fn entered(&self) {
+    pub(super) async fn entered(&self) {
         self.entered.acquire().await.unwrap().forget();
     }
 
-    fn release(&self, calls: usize) {
+    pub(super) fn release(&self, calls: usize) {
         self.released.add_permits(calls);
     }
 
@@ -106,7 +109,17 @@ impl Store for HeldStore {
     }
 
     async fn follow(&self, map: &str) -> Result<watch::Receiver<Flushed>, StoreError> {
-        self.inner.follow(map).await
+        let mut disk = self.disk.subscribe();
+        if disk.borrow().0 != map {
+            return self.inner.follow(map).await;
+        }
+        let (flushed, followed) = watch::channel(disk.borrow_and_update().1.clone());
+        tokio::spawn(async move {
+            while disk.changed().await.is_ok() {
+                flushed.send_replace(disk.borrow_and_update().1.clone());
+            }
+        });
+        Ok(followed)
     }
 
     async fn read(&self, map: &str, from: u64) -> Result<Vec<Arc<Event>>, StoreError> {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::faulty::{FaultyDisk, Survives};
 use super::script::{SMALL, event, fold, open, stored};
+use crate::store::files::backup::back_up_while;
 use crate::store::files::sealed::{Kind, sealed};
 use crate::store::files::{FileStore, back_up, check_up};
 use crate::store::{Store, StoreError};
@@ -60,6 +61,57 @@ async fn what_is_not_ours_is_left_alone_and_stops_nothing() {
     assert_eq!(store.list_maps().await.unwrap(), ["a"]);
     assert_eq!(stored(&store, "a").await.unwrap(), fold(1, 1));
     assert_eq!(entries(), before - 1, "only what an unfinished deletion left is gone");
+}
+
+/// Maps "a" and "b", which becomes part of "a" while a backup runs; a deletion and an event stand for that.
+#[tokio::test]
+async fn what_moves_from_map_to_map_while_a_backup_runs_is_in_it() {
+    let root = tempfile::tempdir().unwrap();
+    let store = FileStore::open(root.path(), SMALL).await.unwrap();
+    let mut folders = Vec::new();
+    let maps = root.path().join("maps");
+    let list = || -> Vec<String> {
+        let entries = fs_err::read_dir(&maps).unwrap();
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+    };
+    for name in ["a", "b"] {
+        let before = if folders.is_empty() { Vec::new() } else { list() };
+        let epoch = store.create_map(name).await.unwrap();
+        store.append(name, epoch, 0, vec![event(1, 1)]).await.unwrap();
+        store.follow(name).await.unwrap().wait_for(|f| f.through == 1).await.unwrap();
+        folders.push(list().into_iter().find(|folder| !before.contains(folder)).unwrap());
+    }
+    store.close().await;
+    // The first one is copied first; it is the one that takes the other's content.
+    folders.sort();
+    let [first, second] = [&folders[0], &folders[1]].map(|folder| maps.join(folder));
+    let (backup, mut times) = (tempfile::tempdir().unwrap(), 0);
+    let aside = backup.path().join("aside");
+    copy(&second, &aside);
+    let copied = back_up_while(root.path(), &backup.path().join("copy"), || {
+        times += 1;
+        if times == 2 {
+            // Both were copied: the copy of what goes now is whole.
+            fs_err::remove_dir_all(&second).unwrap();
+        }
+    });
+    assert_eq!((copied.unwrap().len(), times), (2, 2));
+    copy(&aside, &second);
+    times = 0;
+    let copied = back_up_while(root.path(), &backup.path().join("other"), || {
+        times += 1;
+        if times == 1 {
+            fs_err::remove_dir_all(&second).unwrap();
+            fs_err::write(first.join("content"), "of the second").unwrap();
+        }
+        if times == 2 {
+            copy(&aside, &second);
+        }
+    });
+    // Listed again because one was gone, and because one is new.
+    assert_eq!((copied.unwrap().len(), times), (2, 4));
+    let copied = backup.path().join("other/maps").join(&folders[0]).join("content");
+    assert_eq!(fs_err::read_to_string(copied).unwrap(), "of the second");
 }
 
 /// Map "a" with a snapshot, closed.

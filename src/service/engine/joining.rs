@@ -1,0 +1,150 @@
+//! The engine's side of maps that become one, and apart again: it takes nothing while another map takes its
+//! content, it takes the content of another map, or makes a map of what came and lets go of it.
+//!
+//! The order of the steps, and what names lead to, is not known here.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use covis_solvers::geometry::Se3;
+use tokio::sync::watch;
+
+use super::actor::Actor;
+use super::{Account, EngineError, MapHandle, MapInfo, Resource};
+use crate::map::{
+    Change, ClientIndex, Link, Map, MergeError, MergedClient, ToSolve, Unsolved, Usage,
+};
+use crate::store::{Epoch, Flushed, StoreError};
+
+/// What an engine is to take into its map.
+pub(super) struct Joining {
+    pub(super) name: String,
+    pub(super) source: Arc<Map>,
+    pub(super) target_from_source: Se3,
+    pub(super) renamed: BTreeMap<String, String>,
+    pub(super) links: Vec<Link>,
+}
+
+/// A map that has left another one, as the store has made it.
+pub(super) struct Left {
+    /// The other one, without it.
+    pub(super) map: MapInfo,
+    pub(super) content: Arc<Map>,
+    pub(super) epoch: Epoch,
+    pub(super) flushed: watch::Receiver<Flushed>,
+}
+
+/// # Errors
+/// [`EngineError::Ceiling`] and its kin where `map` has no room for the content of another one.
+pub(super) fn check_room(
+    account: &Arc<Account>,
+    map: &Map,
+    content: Usage,
+) -> Result<(), EngineError> {
+    let ceilings = map.policy().ceilings.lower(&account.limits().held);
+    match ceilings.exceeded(map.usage(), content) {
+        Some(exceeded) => Err(account.exceeded(exceeded)),
+        None => Ok(()),
+    }
+}
+
+impl Actor {
+    /// The name in this map of a client that found it by the name of a map that became part of it.
+    ///
+    /// # Errors
+    /// [`EngineError::Moving`].
+    pub(super) fn named_here(
+        &self,
+        client: String,
+        handle: &MapHandle,
+    ) -> Result<String, EngineError> {
+        let merged = handle.merged_in(&self.map)?;
+        let known = merged.and_then(|merged| merged.clients.iter().find(|c| c.name == client));
+        let known = known.and_then(|known| self.map.client(known.index));
+        Ok(known.map_or(client, |known| known.name.clone()))
+    }
+
+    /// Ends the streams and takes nothing more: what the map holds now is what the other one takes.
+    pub(super) fn hold(&mut self) -> Result<MapInfo, EngineError> {
+        match self.check_changeable() {
+            Ok(()) | Err(EngineError::Moving { .. }) => {}
+            Err(error) => return Err(error),
+        }
+        self.shared.moving.store(true, Ordering::Relaxed);
+        self.pause(&EngineError::Moving { map: self.shared.name.clone() });
+        Ok(self.info())
+    }
+
+    /// Takes the content of another map.
+    pub(super) async fn join(&mut self, joining: Joining) -> Result<MapInfo, EngineError> {
+        self.check_open()?;
+        let Joining { name, source, target_from_source, renamed, mut links } = joining;
+        let map = name.clone();
+        let merge = self.compute(move |map| {
+            links.retain(|link| {
+                let held = |map: &Map, id| map.keyframes().contains_key(&id);
+                held(map, link.target) && held(&source, link.source)
+            });
+            map.merge_of((&name, &source), target_from_source, &renamed, &links)
+        });
+        let cannot = |error: MergeError| EngineError::CannotMerge { map: map.clone(), error };
+        let merge = merge.await.map_err(cannot)?;
+        // A robot at work that has sent nothing yet is one of the target's too.
+        let is_at_work = |client: &&MergedClient| self.ingest.has_stream(client.index);
+        if let Some(known) = merge.clients.iter().find(is_at_work) {
+            let client = self.map.client(known.index).map(|client| client.name.clone());
+            let client = client.unwrap_or_default();
+            return Err(cannot(MergeError::ClientInBoth { client }));
+        }
+        let (account, usage) = (&self.shared.account, merge.content.usage());
+        check_room(account, &self.map, usage)?;
+        // One event of this size may fill what the journals of all maps may have waiting.
+        let _room = account.reserve(Resource::JournalBytes, usage.bytes)?;
+        let clients: Vec<ClientIndex> = merge.clients.iter().map(|client| client.index).collect();
+        self.commit(None, Change::MapMerged { merge: Box::new(merge) }).await?;
+        for (client, unsolved) in self.map.unsolved() {
+            if client == ClientIndex::SERVER || clients.contains(&client) {
+                self.trigger(client, unsolved).await;
+            }
+        }
+        Ok(self.info())
+    }
+
+    /// Makes a map of what came with a merge, and lets go of it.
+    pub(super) async fn take_out(&mut self, name: String) -> Result<Left, EngineError> {
+        self.check_open()?;
+        let wanted = name.clone();
+        let content = self.compute(move |map| map.taken_out(&wanted)).await;
+        let map = || self.shared.name.clone();
+        let content = content.map_err(|error| EngineError::CannotMerge { map: map(), error })?;
+        let Some(content) = content.map(Arc::new) else {
+            return Err(EngineError::NotMerged { map: map(), source_map: name });
+        };
+        let merged = self.map.merged().iter().find(|merged| merged.name == name);
+        let clients: Vec<ClientIndex> =
+            merged.into_iter().flat_map(|merged| &merged.clients).map(|c| c.index).collect();
+        let store = Arc::clone(&self.shared.store);
+        let epoch = match store.create_map_of(&name, Arc::clone(&content)).await {
+            // No engine owns it: a failed creation left it and could not be undone.
+            Err(StoreError::MapExists { .. }) => {
+                store.delete_map(&name).await?;
+                store.create_map_of(&name, Arc::clone(&content)).await?
+            }
+            epoch => epoch?,
+        };
+        let flushed = store.follow(&name).await?;
+        let moving = EngineError::Moving { map: name.clone() };
+        clients.iter().for_each(|&client| self.ingest.end(client, moving.clone()));
+        if let Err(error) = self.commit(None, Change::MapTakenOut { name: name.clone() }).await {
+            if let Err(left) = store.delete_map(&name).await {
+                tracing::error!(map = name, %left, "a map that was not taken out is left in the store");
+            }
+            return Err(error);
+        }
+        clients.into_iter().for_each(|client| self.solving.schedule.forget(client));
+        let unsolved = Unsolved { sequence: self.map.revision(), to_solve: ToSolve::Loop };
+        self.trigger(ClientIndex::SERVER, unsolved).await;
+        Ok(Left { map: self.info(), content, epoch, flushed })
+    }
+}
