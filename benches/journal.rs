@@ -75,7 +75,6 @@ async fn snapshot(folder: &Path) -> Result<String, Failure> {
                 observations: observations.into(),
                 global_descriptor: None,
                 added_revision: k,
-                global_descriptor: None,
             },
         ))
     };
