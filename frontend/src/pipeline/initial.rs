@@ -55,6 +55,15 @@ impl Pipeline {
         let small = SmallImage::new(&frame.pyramid);
         let turned = last.small.rotation_to(&small, camera, &predicted.rotation, is_moving);
         let turned = turned.map(|rotation| Se3::new(rotation, predicted.translation));
+        if last.points.is_empty() {
+            // A frame without depth has nothing to align with: landmarks must confirm a guess.
+            let first_from_second = turned.unwrap_or(predicted).inverse();
+            return Some(InitialPose {
+                motion: Motion { first_from_second, seconds },
+                exposure: Exposure::SAME,
+                median_residual: f32::INFINITY,
+            });
+        }
         let reference = Reference::new(camera, &last.pyramid, &last.points, FINEST);
         let mut best: Option<Alignment> = None;
         for start in turned.into_iter().chain([predicted, Se3::identity()]) {
