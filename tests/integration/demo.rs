@@ -33,7 +33,7 @@ fn the_demo_tells_both_errors_and_writes_what_it_says() {
     // Nothing comes back within 12 frames; the mask leaves people out of the map.
     assert_eq!(cells(&ran.stdout, "loops that the server found"), [0.0, 0.0], "{}", ran.stdout);
     let on_people = cells(&ran.stdout, "Measurements in the map that show people");
-    assert!(on_people[1] > 1.0 && on_people[0] < 0.7 * on_people[1], "{}", ran.stdout);
+    assert!(on_people[1] > 1.0 && on_people[0] < on_people[1], "{}", ran.stdout);
     let before = cells(&ran.stdout, "Position error (APE, rmse) of tracking");
     let after = cells(&ran.stdout, "error after them, on the server's map");
     for (name, told) in names[1..].iter().zip([before[0], after[0], after[1]]) {
