@@ -14,8 +14,8 @@ use super::convert::{Path, all, convert};
 use super::engine::MapHandle;
 use super::error::ServiceError;
 use crate::loop_closing::{Located, View};
-use crate::map::{Descriptor, DescriptorKind, Map, Reason};
-use crate::place::{DESCRIPTORS, KEYFRAME_BYTES};
+use crate::map::{Descriptor, DescriptorKind, Map};
+use crate::place::{DESCRIPTOR_BYTES, DESCRIPTORS, KEYFRAME_BYTES};
 use crate::wire::v1;
 
 /// A request in the terms of loop closing.
@@ -49,12 +49,20 @@ pub(super) fn input(request: v1::LocalizeRequest) -> Result<Input, ServiceError>
         let at = Path::root("global_descriptor");
         let image = request.global_descriptor;
         let image = image.and_then(|image| image_descriptor(at, image, out));
-        let (features, descriptors): (_, Vec<Option<Descriptor>>) = features?.into_iter().unzip();
-        let binary = descriptors.iter().flatten().filter(|d| d.kind == DescriptorKind::Binary);
-        let bytes: usize = binary.map(|descriptor| descriptor.data.len()).sum();
-        if bytes > KEYFRAME_BYTES {
-            let text = format!("{bytes} bytes of descriptors, at most {KEYFRAME_BYTES} are taken");
-            return out.report(Path::root("features"), Reason::TooLarge, text);
+        let (features, mut descriptors): (_, Vec<Option<Descriptor>>) =
+            features?.into_iter().unzip();
+        // What a keyframe could not have is not compared.
+        let mut left = KEYFRAME_BYTES;
+        let is_searchable = |descriptor: &&Descriptor| {
+            descriptor.kind == DescriptorKind::Binary
+                && DESCRIPTOR_BYTES.contains(&descriptor.data.len())
+        };
+        for descriptor in &mut descriptors {
+            let bytes = descriptor.as_ref().filter(is_searchable).map_or(0, |d| d.data.len());
+            match left.checked_sub(bytes) {
+                Some(rest) => left = rest,
+                None => *descriptor = None,
+            }
         }
         Some(Input { camera: camera?.camera, features, descriptors, image })
     })

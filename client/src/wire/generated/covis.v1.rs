@@ -6118,8 +6118,8 @@ pub struct LocalizeRequest {
     /// The camera; its id and client are ignored. Required.
     #[prost(message, optional, tag = "2")]
     pub camera: ::core::option::Option<Camera>,
-    /// What it sees, at most 4096, with at most 256 KiB of binary descriptors. At least 12 with a
-    /// descriptor are needed to find a place.
+    /// What it sees, at most 4096. At least 12 with a descriptor are needed to find a place; binary
+    /// descriptors beyond 256 KiB together are not compared.
     #[prost(message, repeated, tag = "3")]
     pub features: ::prost::alloc::vec::Vec<Feature>,
     /// Describes the whole image, as Keyframe.global_descriptor. Default: none.
