@@ -221,9 +221,11 @@ fn what_cannot_be_placed_is_named_with_its_reason() {
     let found = run(&problem, &Options::default());
     assert_eq!(found.placed(), 30);
     assert!(found.placements[..30].iter().all(|placement| *placement == Placement::Views));
-    let reason = |pose: usize| match found.placements[pose] {
-        Placement::Unplaced(reason) => reason,
-        placement => panic!("{pose}: {placement:?}"),
+    let reason = |pose: usize| {
+        let Placement::Unplaced(reason) = found.placements[pose] else {
+            panic!("{pose}: {:?}", found.placements[pose]);
+        };
+        reason
     };
     assert_eq!(reason(blind), Unplaced::NoObservations);
     assert_eq!(reason(poor), Unplaced::TooFewCommon { most: 5, needed: 8 });
