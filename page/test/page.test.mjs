@@ -204,7 +204,7 @@ test("a job is followed, and canceled by its button", { skip }, async () => {
       assert.match(answer.message, /code 12/);
       await page.getByText("This server has no jobs.").waitFor();
     } else {
-      await page.getByText("covis job create makes one").waitFor();
+      await page.getByText("covis job submit makes one").waitFor();
       // A map that takes some hundred iterations of a tenth of a second, which the test does not wait for.
       await grpc.call("MapService", "CreateMap", { mapId: "hall", policy: { localBundleAdjustment: false } });
       const robot = new Robot(400, 20_000);

@@ -34,7 +34,7 @@ export class JobsPanel {
       this.node,
       rows.length > 0
         ? table("The newest jobs", columns, rows)
-        : el("p", { className: "note" }, "No jobs. covis job create makes one."),
+        : el("p", { className: "note" }, "No jobs. covis job submit makes one."),
     );
   }
 
