@@ -17,7 +17,7 @@ use crate::tracking::keyframe::NewKeyframe;
 /// What tracking hands to mapping.
 #[derive(Debug)]
 pub(super) enum FromTracking {
-    Keyframe(NewKeyframe),
+    Keyframe(Box<NewKeyframe>),
     Question(Question),
 }
 

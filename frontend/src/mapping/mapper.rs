@@ -101,7 +101,7 @@ impl Mapper {
         if self.sender.session.is_none() {
             while let Some(message) = inbox.recv().await {
                 putting.put(match message {
-                    FromTracking::Keyframe(keyframe) => self.map_keyframe(keyframe).await?.into(),
+                    FromTracking::Keyframe(keyframe) => self.map_keyframe(*keyframe).await?.into(),
                     FromTracking::Question(question) => {
                         self.localizer.ask(question);
                         let Located { revision, answer } = self.localizer.answered().await;
@@ -124,7 +124,7 @@ impl Mapper {
                     tokio::select! {
                         changes = &mut changes => break changes,
                         message = inbox.recv() => match message {
-                            Some(FromTracking::Keyframe(keyframe)) => self.sender.send(keyframe),
+                            Some(FromTracking::Keyframe(keyframe)) => self.sender.send(*keyframe),
                             Some(FromTracking::Question(question)) => self.localizer.ask(question),
                             None => return Ok(()),
                         },
@@ -143,7 +143,7 @@ impl Mapper {
         }
         while let Some(message) = inbox.recv().await {
             if let FromTracking::Keyframe(keyframe) = message {
-                self.sender.send(keyframe);
+                self.sender.send(*keyframe);
             }
         }
         Ok(())

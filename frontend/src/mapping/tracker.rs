@@ -112,7 +112,7 @@ impl<C: Companion> Tracker<C> {
         let seconds = outcome.seconds;
         self.map_densely(frame, outcome, keyframe.is_some());
         let dense_s = start.elapsed().as_secs_f64();
-        let keyframe = keyframe.map(FromTracking::Keyframe);
+        let keyframe = keyframe.map(|keyframe| FromTracking::Keyframe(Box::new(keyframe)));
         let question = question.map(FromTracking::Question);
         let hands_over = keyframe.is_some() || question.is_some();
         for message in keyframe.into_iter().chain(question) {

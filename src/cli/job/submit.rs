@@ -1,4 +1,5 @@
-//! `covis job submit`: from the arguments to a job, and to its end where it is waited for.
+//! `covis job submit`: from the arguments to a job, and to its end where it is waited for. It reads
+//! files and uploads them; the server opens no path of a client's.
 
 use std::hash::{BuildHasher, RandomState};
 use std::path::PathBuf;
