@@ -170,6 +170,7 @@ struct Attempts {
 
 /// Maps the frames of a source up to some place, and attempts to find the camera in frames that were taken
 /// three seconds later and more.
+#[allow(clippy::print_stdout, reason = "docs/benchmarking.md has these figures")]
 async fn attempt(
     source: impl Fn() -> Box<dyn FrameSource>,
     maps: &[(usize, Range<usize>)],

@@ -140,21 +140,18 @@ fn searches_are_listed_page_by_page_and_by_the_command_line() {
 
 /// The keyframes with half of their observations, each followed by the other half.
 fn in_halves(items: Vec<Item>) -> Vec<Item> {
-    let halves = |item: Item| match item {
-        Item::Keyframe(mut keyframe) => {
-            let (mut early, mut late) = (Vec::new(), Vec::new());
-            for (k, seen) in std::mem::take(&mut keyframe.observations).into_iter().enumerate() {
-                if k % 2 == 0 { early.push(seen) } else { late.push(seen) }
-            }
-            let id = keyframe.id;
-            let of = v1::KeyframeRef { id, ..Default::default() };
-            let late = v1::ObservationBatch { keyframe: Some(of), observations: late };
-            vec![
-                Item::Keyframe(v1::Keyframe { observations: early, ..keyframe }),
-                Item::Observations(late),
-            ]
+    let halves = |item: Item| {
+        let Item::Keyframe(mut keyframe) = item else { return vec![item] };
+        let (mut early, mut late) = (Vec::new(), Vec::new());
+        for (k, seen) in std::mem::take(&mut keyframe.observations).into_iter().enumerate() {
+            if k % 2 == 0 { early.push(seen) } else { late.push(seen) }
         }
-        other => vec![other],
+        let of = v1::KeyframeRef { id: keyframe.id, ..Default::default() };
+        let late = v1::ObservationBatch { keyframe: Some(of), observations: late };
+        vec![
+            Item::Keyframe(v1::Keyframe { observations: early, ..keyframe }),
+            Item::Observations(late),
+        ]
     };
     items.into_iter().flat_map(halves).collect()
 }
