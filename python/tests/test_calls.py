@@ -1,12 +1,14 @@
 """Each call against a real server: maps, files, solves, places, errors."""
 
+from pathlib import Path
+
 import covis
-import grpc
 import numpy as np
 import pytest
 from covis import v1
 from scene import CENTER_PX, FOCAL_PX, LANDMARKS, POINTS, K, SIZE, pose, send, view
 
+ROOT = Path(__file__).resolve().parents[2]
 RNG = np.random.default_rng(5)
 
 
@@ -207,12 +209,7 @@ def test_answers_of_many_messages_are_iterated(room):
 
 def test_a_job_optimizes_a_map_while_nobody_waits(room):
     spec = v1.JobSpec(optimize_map=v1.OptimizeMapRequest(map_id="room"))
-    try:
-        made = room.create_job("nightly", spec)
-    except covis.RpcError as error:
-        assert error.code == grpc.StatusCode.UNIMPLEMENTED
-        pytest.skip("this server has no jobs yet")
-    assert made.job_id == "nightly"
+    assert room.create_job("nightly", spec, priority=5).priority == 5
     seen = [job.state for job in room.watch_job("nightly")]
     assert seen[-1] == v1.JobState.JOB_STATE_SUCCEEDED and seen == sorted(seen)
     ended = room.wait_job("nightly")
@@ -227,3 +224,28 @@ def test_a_job_optimizes_a_map_while_nobody_waits(room):
         room.get_job("nightly")
     with pytest.raises(covis.NotFound):
         room.wait_job("nightly")
+
+
+def test_a_job_takes_files_and_gives_files(room, tmp_path):
+    upload_id = room.upload_job_files(ROOT / "tests" / "golden" / "twins" / "window-6-80.txt")
+    solve = v1.SolveFilesSpec(upload_id=upload_id, keep_solutions=True)
+    room.create_job("solve", v1.JobSpec(solve_files=solve))
+    job = room.wait_job("solve")
+    assert job.cost_after < 0.1 * job.cost_before
+    paths = room.download_job_files("solve", tmp_path)
+    assert [path.relative_to(tmp_path).as_posix() for path in paths] == [file.path for file in job.files]
+    assert [path.stat().st_size for path in paths] == [file.size_bytes for file in job.files]
+    one = room.download_job_files("solve", tmp_path / "one", job.files[0].path)
+    assert one[0].read_bytes() == paths[0].read_bytes()
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(FileNotFoundError, match="holds no file"):
+        room.upload_job_files(tmp_path / "empty")
+
+
+def test_a_job_that_fails_says_why(room, tmp_path):
+    (tmp_path / "bad.g2o").write_text("nonsense")
+    solve = v1.SolveFilesSpec(upload_id=room.upload_job_files(tmp_path / "bad.g2o"))
+    room.create_job("bad", v1.JobSpec(solve_files=solve))
+    with pytest.raises(covis.JobFailed, match="job bad failed: .*line 1") as failed:
+        room.wait_job("bad")
+    assert failed.value.job.state == v1.JobState.JOB_STATE_FAILED

@@ -36,6 +36,7 @@ from .v1 import (
     CreateMapRequest,
     DeleteJobRequest,
     DeleteMapRequest,
+    DownloadJobFilesRequest,
     ExportMapRequest,
     GetJobRequest,
     GetMapRequest,
@@ -57,6 +58,7 @@ from .v1 import (
     OptimizeMapResult,
     SolveBundleRequest,
     SolvePoseGraphRequest,
+    UploadJobFilesRequest,
     WatchJobRequest,
 )
 from .v1 import Map as MapInfo
@@ -228,7 +230,7 @@ class Client:
         """
         request = ExportMapRequest(map_id=map_id, format=_files.format_number(format))  # type: ignore[arg-type]
         async with aclosing(self._link.answers(request)) as answers:  # type: ignore[type-var]
-            return await _files.write(answers, Path(folder))
+            return await _files.write("ExportMap", answers, Path(folder))
 
     async def import_map(
         self,
@@ -250,7 +252,7 @@ class Client:
             format=_files.format_number(format),  # type: ignore[arg-type]
             client_id=client_id,
         )
-        requests = _files.requests(header, Path(path))
+        requests = _files.import_requests(header, Path(path))
         return _map_of(await self._link.upload(requests, ImportMapRequest))
 
     async def to_pycolmap(self, map_id: str) -> Any:
@@ -411,9 +413,28 @@ class Client:
         )  # fmt: skip
         return _problems.localization(await self._link.unary(request, solves=True))
 
-    async def create_job(self, job_id: str, spec: JobSpec) -> Job:
-        """Begins work that outlives the call. The same id with the same spec is the job that is there."""
-        return _job_of(await self._link.unary(CreateJobRequest(job_id=job_id, spec=spec)))
+    async def create_job(self, job_id: str, spec: JobSpec, priority: int = 0) -> Job:
+        """Begins work that outlives the call. The same id with the same spec is the job that is there.
+
+        Of the jobs that wait, the one with the highest priority (-100 to 100) begins first.
+        """
+        request = CreateJobRequest(job_id=job_id, spec=spec, priority=priority)
+        return _job_of(await self._link.unary(request))
+
+    async def upload_job_files(self, path: str | os.PathLike[str]) -> str:
+        """Uploads a file, or all files below a folder, and returns the `upload_id` for a spec."""
+        requests = _files.upload_requests(Path(path))
+        answer = await self._link.upload(requests, UploadJobFilesRequest)
+        upload_id: str = answer.upload_id
+        return upload_id
+
+    async def download_job_files(
+        self, job_id: str, folder: str | os.PathLike[str], path: str = ""
+    ) -> list[Path]:
+        """Writes the files that a job made, or the one of this path, into `folder`; their paths."""
+        request = DownloadJobFilesRequest(job_id=job_id, path=path)
+        async with aclosing(self._link.answers(request)) as answers:  # type: ignore[type-var]
+            return await _files.write("DownloadJobFiles", answers, Path(folder))
 
     async def get_job(self, job_id: str) -> Job:
         """One job. Raises `NotFound`."""

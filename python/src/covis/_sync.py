@@ -180,9 +180,20 @@ class Client(Blocking[_client.Client]):
         """
         return run(self._twin.localize(map_id, camera, pixels, descriptors, depths, sigmas, sigma_px=sigma_px, descriptor_name=descriptor_name, descriptor_kind=descriptor_kind))
 
-    def create_job(self, job_id: str, spec: JobSpec) -> Job:
-        """Begins work that outlives the call. The same id with the same spec is the job that is there."""
-        return run(self._twin.create_job(job_id, spec))
+    def create_job(self, job_id: str, spec: JobSpec, priority: int=0) -> Job:
+        """Begins work that outlives the call. The same id with the same spec is the job that is there.
+
+        Of the jobs that wait, the one with the highest priority (-100 to 100) begins first.
+        """
+        return run(self._twin.create_job(job_id, spec, priority))
+
+    def upload_job_files(self, path: str | os.PathLike[str]) -> str:
+        """Uploads a file, or all files below a folder, and returns the `upload_id` for a spec."""
+        return run(self._twin.upload_job_files(path))
+
+    def download_job_files(self, job_id: str, folder: str | os.PathLike[str], path: str='') -> list[Path]:
+        """Writes the files that a job made, or the one of this path, into `folder`; their paths."""
+        return run(self._twin.download_job_files(job_id, folder, path))
 
     def get_job(self, job_id: str) -> Job:
         """One job. Raises `NotFound`."""
