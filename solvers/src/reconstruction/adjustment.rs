@@ -1,10 +1,10 @@
 //! Bundle adjustment of what a reconstruction has so far.
 //!
-//! The sights that agree become observations; variables without any stay as they are. The lowest placed
+//! The bearings that agree become observations; variables without any stay as they are. The lowest placed
 //! keyframe is held, and with views alone the damping holds the scale.
 
 use super::Estimate;
-use super::sights::Sights;
+use super::bearings::Bearings;
 use crate::bundle_adjustment::{self, BundleSummary};
 use crate::factors::{DepthReprojection, RelativePose};
 use crate::geometry::{LieGroup, Se3};
@@ -23,9 +23,9 @@ pub(super) struct Adjustment<'a> {
     pub(super) options: bundle_adjustment::Options,
 }
 
-/// Adjusts poses, points and cameras in place; `None` where no sight agrees.
+/// Adjusts poses, points and cameras in place; `None` where no bearing agrees.
 pub(super) fn adjust(
-    sights: &Sights,
+    bearings: &Bearings,
     estimate: &mut Estimate,
     adjustment: Adjustment<'_>,
     interrupt: &Interrupt,
@@ -47,12 +47,12 @@ pub(super) fn adjust(
         let index = problem.push_landmark(point.unwrap_or_default());
         problem.constant_landmarks[index] = point.is_none();
     }
-    for (sight, _) in sights.all.iter().zip(&estimate.used).filter(|(_, used)| **used) {
-        let (pose, camera) = (sight.pose as u32, sight.camera as u32);
-        let landmark = sight.landmark as u32;
-        match sight.depth_m {
+    for (bearing, _) in bearings.all.iter().zip(&estimate.used).filter(|(_, used)| **used) {
+        let (pose, camera) = (bearing.pose as u32, bearing.camera as u32);
+        let landmark = bearing.landmark as u32;
+        match bearing.depth_m {
             None => {
-                let (pixel, sigma_px) = (sight.pixel, sight.sigma_px);
+                let (pixel, sigma_px) = (bearing.pixel, bearing.sigma_px);
                 problem.reprojections.push(pose, camera, landmark, pixel, sigma_px);
             }
             Some((depth_m, sigma_depth_m)) => problem.depth_reprojections.push(
@@ -60,9 +60,9 @@ pub(super) fn adjust(
                 camera,
                 landmark,
                 DepthReprojection {
-                    pixel: sight.pixel,
+                    pixel: bearing.pixel,
                     depth_m,
-                    sigma_px: sight.sigma_px,
+                    sigma_px: bearing.sigma_px,
                     sigma_depth_m,
                 },
             ),

@@ -1,15 +1,15 @@
 //! The frame and the scale of a reconstruction, which views alone leave open.
 //!
 //! By itself: the lowest placed keyframe is the origin, and without a measured length the median depth of
-//! the sights is 1 m. Onto given poses: the similarity, or the rigid motion where the scale is measured,
+//! the bearings is 1 m. Onto given poses: the similarity, or the rigid motion where the scale is measured,
 //! that takes the poses to those given, by a mean of the turns and a fit of the centers that both weigh a
 //! pose by one over its distance, so that poses that are wrong do not matter (Weiszfeld 1937).
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::Estimate;
+use super::bearings::Bearings;
 use super::points::squared_error;
-use super::sights::Sights;
 use crate::geometry::{LieGroup, Se3, So3};
 use crate::problem::BundleProblem;
 
@@ -48,7 +48,7 @@ pub(super) fn rescale(estimate: &mut Estimate, scale: f64) {
 }
 
 /// The lowest placed keyframe becomes the origin; with `has_scale` lengths stay.
-pub(super) fn to_own(sights: &Sights, estimate: &mut Estimate, has_scale: bool) {
+pub(super) fn to_own(bearings: &Bearings, estimate: &mut Estimate, has_scale: bool) {
     let Some(first) = estimate.poses.iter().flatten().next().copied() else { return };
     let back = first.inverse();
     let motion = Similarity { scale: 1.0, rotation: back.rotation, translation: back.translation };
@@ -56,10 +56,10 @@ pub(super) fn to_own(sights: &Sights, estimate: &mut Estimate, has_scale: bool) 
     if has_scale {
         return;
     }
-    let used = sights.all.iter().zip(&estimate.used).filter(|(_, used)| **used);
+    let used = bearings.all.iter().zip(&estimate.used).filter(|(_, used)| **used);
     let mut depths: Vec<f64> = used
-        .filter_map(|(sight, _)| {
-            let (pose, point) = (estimate.poses[sight.pose]?, estimate.points[sight.landmark]?);
+        .filter_map(|(bearing, _)| {
+            let (pose, point) = (estimate.poses[bearing.pose]?, estimate.points[bearing.landmark]?);
             Some(pose.inverse_transform(&point).z)
         })
         .collect();
@@ -163,15 +163,15 @@ pub(super) fn scale_by_relative_poses(problem: &BundleProblem, estimate: &Estima
     (!ratios.is_empty() && median > 0.0 && median.is_finite()).then_some(median)
 }
 
-/// Median of the whitened errors of the used sights over what it is of normal noise, at least 1.
-pub(super) fn noise_factor(sights: &Sights, estimate: &Estimate) -> f64 {
+/// Median of the whitened errors of the used bearings over what it is of normal noise, at least 1.
+pub(super) fn noise_factor(bearings: &Bearings, estimate: &Estimate) -> f64 {
     /// Median of the root of χ² with two degrees of freedom.
     const MEDIAN: f64 = 1.177;
-    let used = sights.all.iter().zip(&estimate.used).filter(|(_, used)| **used);
+    let used = bearings.all.iter().zip(&estimate.used).filter(|(_, used)| **used);
     let mut errors: Vec<f64> = used
-        .filter_map(|(sight, _)| {
-            let (pose, point) = (estimate.poses[sight.pose]?, estimate.points[sight.landmark]?);
-            let plain = super::sights::Sight { depth_m: None, ..*sight };
+        .filter_map(|(bearing, _)| {
+            let (pose, point) = (estimate.poses[bearing.pose]?, estimate.points[bearing.landmark]?);
+            let plain = super::bearings::Bearing { depth_m: None, ..*bearing };
             Some(squared_error(&plain, &pose, estimate, &point).sqrt())
         })
         .collect();

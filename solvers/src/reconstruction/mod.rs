@@ -19,6 +19,7 @@
 //! [`Reconstruction::apply_to`], which leaves a problem of what agrees.
 
 mod adjustment;
+mod bearings;
 mod five_point;
 mod frame;
 mod pipeline;
@@ -29,7 +30,6 @@ mod refinement;
 mod relative_poses;
 mod resection;
 mod rotations;
-mod sights;
 mod two_views;
 mod view_graph;
 
@@ -313,13 +313,13 @@ impl Options {
     }
 }
 
-/// What is known so far; entries stand as in the problem, flags as in [`sights::Sights`].
+/// What is known so far; entries stand as in the problem, flags as in [`bearings::Bearings`].
 #[derive(Clone, Debug)]
 struct Estimate {
     poses: Vec<Option<Se3>>,
     points: Vec<Option<Vector3<f64>>>,
     cameras: Vec<Camera>,
-    /// Sights that agree with pose and point.
+    /// Bearings that agree with pose and point.
     used: Vec<bool>,
 }
 

@@ -5,11 +5,11 @@
 
 use std::time::Instant;
 
+use super::bearings::Bearings;
 use super::frame;
 use super::positions::global_positions;
 use super::relative_poses::{Edge, Measuring};
 use super::rotations;
-use super::sights::Sights;
 use super::view_graph::{self, Candidate};
 use super::{
     Estimate, Frame, Observer, Options, Placement, Progress, Reconstruction, Scale, Stage,
@@ -32,7 +32,7 @@ pub(super) struct Run<'a, 'o> {
     pub(super) observer: &'a mut Observer<'o>,
     pub(super) begin: Instant,
     pub(super) is_cancelled: bool,
-    pub(super) sights: Sights,
+    pub(super) bearings: Bearings,
     pub(super) estimate: Estimate,
     pub(super) view_graph: ViewGraph,
     pub(super) adjustment: Option<SolveSummary>,
@@ -50,12 +50,12 @@ impl<'a, 'o> Run<'a, 'o> {
         observer: &'a mut Observer<'o>,
     ) -> Self {
         let begin = Instant::now();
-        let sights = Sights::new(problem);
+        let bearings = Bearings::new(problem);
         let estimate = Estimate {
             poses: vec![None; problem.poses.len()],
             points: vec![None; problem.landmarks.len()],
             cameras: problem.cameras.clone(),
-            used: vec![false; sights.all.len()],
+            used: vec![false; bearings.all.len()],
         };
         Self {
             problem,
@@ -64,7 +64,7 @@ impl<'a, 'o> Run<'a, 'o> {
             observer,
             begin,
             is_cancelled: false,
-            sights,
+            bearings,
             estimate,
             view_graph: ViewGraph::default(),
             adjustment: None,
@@ -109,7 +109,7 @@ impl<'a, 'o> Run<'a, 'o> {
             return Vec::new();
         }
         let candidates =
-            view_graph::candidates(&self.sights, self.options.min_common, &self.interrupt);
+            view_graph::candidates(&self.bearings, self.options.min_common, &self.interrupt);
         let mut chosen = view_graph::selected(&candidates, count, self.options.max_neighbors);
         self.tell(Stage::ViewGraph, count, count, None);
         let pairs: Vec<Candidate> = chosen.iter().map(|&index| candidates[index]).collect();
@@ -137,7 +137,7 @@ impl<'a, 'o> Run<'a, 'o> {
 
     fn measure(&mut self, pairs: &[Candidate], before: usize) -> Vec<Edge> {
         let measuring = Measuring {
-            sights: &self.sights,
+            bearings: &self.bearings,
             cameras: &self.problem.cameras,
             allowance: self.options.sigma_allowance,
             min_common: self.options.min_common,
@@ -167,10 +167,10 @@ impl<'a, 'o> Run<'a, 'o> {
         for pose in 0..count {
             let needed = self.options.min_common;
             let others = sizes[sets.root(pose)] - 1;
-            self.reasons[pose] = if self.sights.of_pose[pose].is_empty() {
+            self.reasons[pose] = if self.bearings.of_pose[pose].is_empty() {
                 Unplaced::NoObservations
             } else if pairs[pose] == 0 {
-                let most = view_graph::most_common(&self.sights, pose);
+                let most = view_graph::most_common(&self.bearings, pose);
                 Unplaced::TooFewCommon { most, needed }
             } else if others == 0 {
                 Unplaced::NoRelativePose { pairs: pairs[pose] }
@@ -228,7 +228,7 @@ impl<'a, 'o> Run<'a, 'o> {
                 self.reasons[pose] = Unplaced::NoParallax;
             }
         }
-        let mut votes = vec![0_i32; self.sights.all.len()];
+        let mut votes = vec![0_i32; self.bearings.all.len()];
         for edge in &kept {
             for &(s, t, agrees) in &edge.votes {
                 let vote = if agrees { 1 } else { -1 };
@@ -247,9 +247,9 @@ impl<'a, 'o> Run<'a, 'o> {
             !*is_cancelled
         };
         let seed = self.options.seed;
-        let (sights, interrupt) = (&self.sights, &self.interrupt);
+        let (bearings, interrupt) = (&self.bearings, &self.interrupt);
         let limits = Limits { ceiling, interrupt };
-        let found = global_positions(sights, &averaged, &used, seed, limits, &mut row)?;
+        let found = global_positions(bearings, &averaged, &used, seed, limits, &mut row)?;
         let Some(positions) = found else {
             return Ok(false);
         };
@@ -265,8 +265,8 @@ impl<'a, 'o> Run<'a, 'o> {
     }
 
     pub(super) fn has_depth(&self) -> bool {
-        let mut used = self.sights.all.iter().zip(&self.estimate.used);
-        used.any(|(sight, used)| *used && sight.depth_m.is_some())
+        let mut used = self.bearings.all.iter().zip(&self.estimate.used);
+        used.any(|(bearing, used)| *used && bearing.depth_m.is_some())
     }
 
     /// Stage 7.
@@ -282,7 +282,7 @@ impl<'a, 'o> Run<'a, 'o> {
             let given = frame::to_given(&self.problem.poses, &mut self.estimate, scale.is_some());
             return scale.unwrap_or(if given { Scale::Given } else { Scale::Convention });
         }
-        frame::to_own(&self.sights, &mut self.estimate, scale.is_some());
+        frame::to_own(&self.bearings, &mut self.estimate, scale.is_some());
         scale.unwrap_or(Scale::Convention)
     }
 

@@ -1,14 +1,14 @@
-//! Points from the sights of placed keyframes, some of which are of other points.
+//! Points from the bearings of placed keyframes, some of which are of other points.
 //!
 //! Hypotheses are two rays that nearly meet, a measured depth, and where the point is now; the one that
-//! most sights agree with is refined by [`crate::initialization::triangulate`] over those. A sight agrees
+//! most bearings agree with is refined by [`crate::initialization::triangulate`] over those. A bearing agrees
 //! where its whitened reprojection error is within the gate and the point lies in front of its camera.
 
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::Estimate;
-use super::sights::{Sight, Sights};
+use super::bearings::{Bearing, Bearings};
 use crate::factors::Observed;
 use crate::geometric_verification::Numbers;
 use crate::geometry::Se3;
@@ -20,18 +20,22 @@ const PAIRS: usize = 24;
 /// When a point is one.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Acceptance {
-    /// Largest whitened reprojection error of a sight.
+    /// Largest whitened reprojection error of a bearing.
     pub(super) gate: f64,
     /// Least angle between two rays, rad; points with depth need none.
     pub(super) min_parallax_rad: f64,
     pub(super) seed: u64,
 }
 
-/// Places every landmark anew, as far as it can be, and says which sights agree.
-pub(super) fn triangulate_all(sights: &Sights, estimate: &mut Estimate, acceptance: &Acceptance) {
-    let placed: Vec<Option<(Vector3<f64>, Vec<u32>)>> = (0..sights.of_landmark.len())
+/// Places every landmark anew, as far as it can be, and says which bearings agree.
+pub(super) fn triangulate_all(
+    bearings: &Bearings,
+    estimate: &mut Estimate,
+    acceptance: &Acceptance,
+) {
+    let placed: Vec<Option<(Vector3<f64>, Vec<u32>)>> = (0..bearings.of_landmark.len())
         .into_par_iter()
-        .map(|landmark| place(sights, estimate, landmark, acceptance))
+        .map(|landmark| place(bearings, estimate, landmark, acceptance))
         .collect();
     estimate.used.fill(false);
     for (landmark, placed) in placed.into_iter().enumerate() {
@@ -51,23 +55,23 @@ struct Ray {
 }
 
 fn place(
-    sights: &Sights,
+    bearings: &Bearings,
     estimate: &Estimate,
     landmark: usize,
     acceptance: &Acceptance,
 ) -> Option<(Vector3<f64>, Vec<u32>)> {
-    let rays: Vec<Ray> = sights.of_landmark[landmark]
+    let rays: Vec<Ray> = bearings.of_landmark[landmark]
         .iter()
         .filter_map(|&index| {
-            let sight = sights.get(index);
-            let pose = estimate.poses[sight.pose].as_ref()?;
-            let direction = pose.rotation.rotate(&sight.ray);
+            let bearing = bearings.get(index);
+            let pose = estimate.poses[bearing.pose].as_ref()?;
+            let direction = pose.rotation.rotate(&bearing.ray);
             Some(Ray { index, center: pose.translation, direction })
         })
         .collect();
     let mut best: Option<(f64, Vector3<f64>)> = None;
     let mut consider = |point: Vector3<f64>| {
-        let support = support(sights, estimate, &rays, &point, acceptance.gate);
+        let support = support(bearings, estimate, &rays, &point, acceptance.gate);
         if best.is_none_or(|(most, _)| support > most) && support > 0.0 {
             best = Some((support, point));
         }
@@ -75,9 +79,9 @@ fn place(
     let now = estimate.points[landmark];
     now.into_iter().for_each(&mut consider);
     for ray in &rays {
-        let sight = sights.get(ray.index);
+        let bearing = bearings.get(ray.index);
         if let (Some((point, ..)), Some(pose)) =
-            (sight.point_in_camera(), &estimate.poses[sight.pose])
+            (bearing.point_in_camera(), &estimate.poses[bearing.pose])
         {
             consider(pose.transform(&point));
         }
@@ -86,13 +90,13 @@ fn place(
         meeting(&rays[i], &rays[j]).into_iter().for_each(&mut consider);
     }
     let (_, point) = best?;
-    let agreeing = agreeing(sights, estimate, &rays, &point, acceptance.gate);
+    let agreeing = agreeing(bearings, estimate, &rays, &point, acceptance.gate);
     let views: Vec<View> =
-        agreeing.iter().map(|&index| view(sights.get(index), estimate)).collect::<Option<_>>()?;
+        agreeing.iter().map(|&index| view(bearings.get(index), estimate)).collect::<Option<_>>()?;
     let has_depth = views.iter().any(|view| view.depth_m.is_some());
     let options = TriangulationOptions {
         min_parallax_rad: acceptance.min_parallax_rad,
-        // Each sight is within the gate already; more would be searched for at great cost.
+        // Each bearing is within the gate already; more would be searched for at great cost.
         max_whitened_rms: 2.0 * acceptance.gate,
         max_whitened_error: 2.0 * acceptance.gate,
     };
@@ -100,10 +104,10 @@ fn place(
         return None;
     }
     let refined = triangulate(&views, &options).map_or(point, |found| found.point_in_world);
-    let of = |point| support(sights, estimate, &rays, point, acceptance.gate);
+    let of = |point| support(bearings, estimate, &rays, point, acceptance.gate);
     let point = if of(&refined) >= of(&point) { refined } else { point };
-    let agreeing = self::agreeing(sights, estimate, &rays, &point, acceptance.gate);
-    let has_depth = agreeing.iter().any(|&index| sights.get(index).depth_m.is_some());
+    let agreeing = self::agreeing(bearings, estimate, &rays, &point, acceptance.gate);
+    let has_depth = agreeing.iter().any(|&index| bearings.get(index).depth_m.is_some());
     let is_enough = agreeing.len() >= 2 || (has_depth && !agreeing.is_empty());
     is_enough.then_some((point, agreeing))
 }
@@ -135,9 +139,9 @@ fn meeting(p: &Ray, q: &Ray) -> Option<Vector3<f64>> {
     (s > 0.0 && t > 0.0 && point.iter().all(|v| v.is_finite())).then_some(point)
 }
 
-/// Whitened error of a sight in the image; infinite behind the camera.
+/// Whitened error of a bearing in the image; infinite behind the camera.
 pub(super) fn squared_error(
-    sight: &Sight,
+    bearing: &Bearing,
     pose: &Se3,
     estimate: &Estimate,
     point: &Vector3<f64>,
@@ -145,46 +149,46 @@ pub(super) fn squared_error(
     if pose.inverse_transform(point).z <= 0.0 {
         return f64::INFINITY;
     }
-    let factor = Observed::new(sight.pixel, sight.sigma_px, sight.depth_m);
-    factor.squared_error(pose, &estimate.cameras[sight.camera], point)
+    let factor = Observed::new(bearing.pixel, bearing.sigma_px, bearing.depth_m);
+    factor.squared_error(pose, &estimate.cameras[bearing.camera], point)
 }
 
-fn of_ray(sights: &Sights, estimate: &Estimate, ray: &Ray, point: &Vector3<f64>) -> f64 {
-    let sight = sights.get(ray.index);
-    estimate.poses[sight.pose]
+fn of_ray(bearings: &Bearings, estimate: &Estimate, ray: &Ray, point: &Vector3<f64>) -> f64 {
+    let bearing = bearings.get(ray.index);
+    estimate.poses[bearing.pose]
         .as_ref()
-        .map_or(f64::INFINITY, |pose| squared_error(sight, pose, estimate, point))
+        .map_or(f64::INFINITY, |pose| squared_error(bearing, pose, estimate, point))
 }
 
 fn support(
-    sights: &Sights,
+    bearings: &Bearings,
     estimate: &Estimate,
     rays: &[Ray],
     point: &Vector3<f64>,
     gate: f64,
 ) -> f64 {
-    let gain = |ray| (1.0 - of_ray(sights, estimate, ray, point) / (gate * gate)).max(0.0);
+    let gain = |ray| (1.0 - of_ray(bearings, estimate, ray, point) / (gate * gate)).max(0.0);
     rays.iter().map(gain).sum()
 }
 
 fn agreeing(
-    sights: &Sights,
+    bearings: &Bearings,
     estimate: &Estimate,
     rays: &[Ray],
     point: &Vector3<f64>,
     gate: f64,
 ) -> Vec<u32> {
-    let agrees = |ray: &&Ray| of_ray(sights, estimate, ray, point) <= gate * gate;
+    let agrees = |ray: &&Ray| of_ray(bearings, estimate, ray, point) <= gate * gate;
     rays.iter().filter(agrees).map(|ray| ray.index).collect()
 }
 
-fn view(sight: &Sight, estimate: &Estimate) -> Option<View> {
+fn view(bearing: &Bearing, estimate: &Estimate) -> Option<View> {
     Some(View {
-        world_from_camera: estimate.poses[sight.pose]?,
-        camera: estimate.cameras[sight.camera],
-        pixel: sight.pixel,
-        sigma_px: sight.sigma_px,
-        depth_m: sight.depth_m,
+        world_from_camera: estimate.poses[bearing.pose]?,
+        camera: estimate.cameras[bearing.camera],
+        pixel: bearing.pixel,
+        sigma_px: bearing.sigma_px,
+        depth_m: bearing.depth_m,
     })
 }
 

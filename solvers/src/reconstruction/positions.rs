@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::sights::Sights;
+use super::bearings::Bearings;
 use super::{add_block, planned};
 use crate::geometric_verification::Numbers;
 use crate::geometry::So3;
@@ -53,21 +53,21 @@ pub(super) struct Positions {
     pub(super) points: Vec<Option<Vector3<f64>>>,
 }
 
-/// Positions of the poses with a rotation, and of the landmarks that at least two of `used` sights of
+/// Positions of the poses with a rotation, and of the landmarks that at least two of `used` bearings of
 /// theirs see. `None` where there are none, the interrupt is due, or `row`, which is told of iterations,
 /// says no.
 ///
 /// # Errors
 /// [`SolveError::TooExpensive`], [`SolveError::TooLarge`].
 pub(super) fn global_positions(
-    sights: &Sights,
+    bearings: &Bearings,
     rotations: &[Option<So3>],
     used: &[bool],
     seed: u64,
     limits: Limits<'_>,
     row: &mut dyn FnMut(usize, f64) -> bool,
 ) -> Result<Option<Positions>, SolveError> {
-    let Some(mut system) = System::new(sights, rotations, used, seed, limits)? else {
+    let Some(mut system) = System::new(bearings, rotations, used, seed, limits)? else {
         return Ok(None);
     };
     let mut cost = system.cost(&system.state);
@@ -101,7 +101,7 @@ pub(super) fn global_positions(
             return Ok(None);
         }
     }
-    Ok(Some(system.positions(rotations.len(), sights.of_landmark.len())))
+    Ok(Some(system.positions(rotations.len(), bearings.of_landmark.len())))
 }
 
 /// The variables.
@@ -129,7 +129,7 @@ struct System {
 
 impl System {
     fn new(
-        sights: &Sights,
+        bearings: &Bearings,
         rotations: &[Option<So3>],
         used: &[bool],
         seed: u64,
@@ -137,7 +137,7 @@ impl System {
     ) -> Result<Option<Self>, SolveError> {
         let poses: Vec<usize> =
             (0..rotations.len()).filter(|&pose| rotations[pose].is_some()).collect();
-        let (mut springs, landmarks) = springs(sights, rotations, &poses, used);
+        let (mut springs, landmarks) = springs(bearings, rotations, &poses, used);
         if springs.is_empty() || poses.len() < 2 {
             return Ok(None);
         }
@@ -293,26 +293,26 @@ impl System {
 
 /// The springs from points (eliminated) to centers (kept), and the landmark of each point.
 fn springs(
-    sights: &Sights,
+    bearings: &Bearings,
     rotations: &[Option<So3>],
     poses: &[usize],
     used: &[bool],
 ) -> (Vec<Spring>, Vec<usize>) {
     let (mut springs, mut landmarks) = (Vec::new(), Vec::new());
-    for (landmark, list) in sights.of_landmark.iter().enumerate() {
+    for (landmark, list) in bearings.of_landmark.iter().enumerate() {
         let first = springs.len();
         for &index in list.iter().filter(|&&index| used[index as usize]) {
-            let sight = sights.get(index);
+            let bearing = bearings.get(index);
             let (Ok(center), Some(rotation)) =
-                (poses.binary_search(&sight.pose), &rotations[sight.pose])
+                (poses.binary_search(&bearing.pose), &rotations[bearing.pose])
             else {
                 continue;
             };
-            let distance = sight.point_in_camera().filter(|(_, d, sigma)| *sigma < KNOWN * d);
+            let distance = bearing.point_in_camera().filter(|(_, d, sigma)| *sigma < KNOWN * d);
             springs.push(Spring {
                 eliminated: landmarks.len(),
                 kept: center,
-                ray: rotation.rotate(&sight.ray),
+                ray: rotation.rotate(&bearing.ray),
                 scale: distance.map_or(1.0, |(_, distance, _)| 1.0 / distance),
                 is_known: distance.is_some(),
             });

@@ -7,10 +7,10 @@
 use rayon::prelude::*;
 
 use super::adjustment::{Adjustment, adjust};
+use super::bearings::{Bearing, Bearings};
 use super::pipeline::Run;
 use super::points::{Acceptance, triangulate_all};
 use super::resection::{Seen, exact, resect};
-use super::sights::{Sight, Sights};
 use super::{Estimate, Options, Progress, Stage, Unplaced, frame};
 use crate::bundle_adjustment;
 use crate::factors::RelativePose;
@@ -41,19 +41,19 @@ impl Run<'_, '_> {
             min_parallax_rad: self.options.min_parallax_rad,
             seed: self.options.seed,
         };
-        triangulate_all(&self.sights, &mut self.estimate, &acceptance);
+        triangulate_all(&self.bearings, &mut self.estimate, &acceptance);
     }
 
     /// The gate of observations that agree.
     fn last_gate(&self) -> f64 {
         LAST_GATE
-            * frame::noise_factor(&self.sights, &self.estimate).min(self.options.sigma_allowance)
+            * frame::noise_factor(&self.bearings, &self.estimate).min(self.options.sigma_allowance)
     }
 
     /// Stage 5, its first part.
     pub(super) fn adjust_narrowing(&mut self) -> Result<(), SolveError> {
         let mut sigmas: Vec<f64> =
-            self.sights.all.iter().filter(|s| s.is_usable()).map(|s| s.sigma_rad).collect();
+            self.bearings.all.iter().filter(|s| s.is_usable()).map(|s| s.sigma_rad).collect();
         let mut gate = FIRST_GATE_RAD / super::median(&mut sigmas).max(f64::MIN_POSITIVE);
         loop {
             gate = gate.max(self.last_gate());
@@ -72,8 +72,8 @@ impl Run<'_, '_> {
     fn drop_weak(&mut self) {
         loop {
             let mut counts = vec![0; self.problem.poses.len()];
-            let used = self.sights.all.iter().zip(&self.estimate.used).filter(|(_, used)| **used);
-            used.for_each(|(sight, _)| counts[sight.pose] += 1);
+            let used = self.bearings.all.iter().zip(&self.estimate.used).filter(|(_, used)| **used);
+            used.for_each(|(bearing, _)| counts[bearing.pose] += 1);
             let needed = self.options.min_observations;
             let mut dropped = false;
             for (pose, &agreeing) in counts.iter().enumerate() {
@@ -88,18 +88,18 @@ impl Run<'_, '_> {
             }
             // Points that those alone held go with them.
             let mut views = vec![(0, false); self.problem.landmarks.len()];
-            for (sight, used) in self.sights.all.iter().zip(&mut self.estimate.used) {
-                *used &= self.estimate.poses[sight.pose].is_some();
+            for (bearing, used) in self.bearings.all.iter().zip(&mut self.estimate.used) {
+                *used &= self.estimate.poses[bearing.pose].is_some();
                 if *used {
-                    views[sight.landmark].0 += 1;
-                    views[sight.landmark].1 |= sight.depth_m.is_some();
+                    views[bearing.landmark].0 += 1;
+                    views[bearing.landmark].1 |= bearing.depth_m.is_some();
                 }
             }
-            for (sight, used) in self.sights.all.iter().zip(&mut self.estimate.used) {
-                let (count, has_depth) = views[sight.landmark];
+            for (bearing, used) in self.bearings.all.iter().zip(&mut self.estimate.used) {
+                let (count, has_depth) = views[bearing.landmark];
                 if count < 2 && !has_depth {
                     *used = false;
-                    self.estimate.points[sight.landmark] = None;
+                    self.estimate.points[bearing.landmark] = None;
                 }
             }
         }
@@ -152,12 +152,12 @@ impl Run<'_, '_> {
             control
         };
         let summary =
-            adjust(&self.sights, &mut self.estimate, adjustment, &self.interrupt, &mut row)?;
+            adjust(&self.bearings, &mut self.estimate, adjustment, &self.interrupt, &mut row)?;
         if let Some(summary) = summary {
             self.adjustment = Some(summary.solve);
         }
         if with_intrinsics {
-            self.sights.set_cameras(&self.estimate.cameras);
+            self.bearings.set_cameras(&self.estimate.cameras);
         }
         Ok(())
     }
@@ -170,12 +170,12 @@ impl Run<'_, '_> {
             }
             let open: Vec<usize> = (0..self.problem.poses.len())
                 .filter(|&pose| self.estimate.poses[pose].is_none())
-                .filter(|&pose| !self.sights.of_pose[pose].is_empty())
+                .filter(|&pose| !self.bearings.of_pose[pose].is_empty())
                 .collect();
-            let (sights, estimate, options) = (&self.sights, &self.estimate, self.options);
+            let (bearings, estimate, options) = (&self.bearings, &self.estimate, self.options);
             let found: Vec<Result<Se3, usize>> = open
                 .par_iter()
-                .map(|&pose| resected(sights, estimate, options, pose, pass))
+                .map(|&pose| resected(bearings, estimate, options, pose, pass))
                 .collect();
             let mut placed = false;
             for (&pose, found) in open.iter().zip(&found) {
@@ -260,22 +260,23 @@ impl Run<'_, '_> {
     }
 }
 
-/// A pose by the placed points; else how many sights agree at best, 0 where it sees too few.
+/// A pose by the placed points; else how many bearings agree at best, 0 where it sees too few.
 fn resected(
-    sights: &Sights,
+    bearings: &Bearings,
     estimate: &Estimate,
     options: &Options,
     pose: usize,
     pass: usize,
 ) -> Result<Se3, usize> {
-    let own: Vec<&Sight> = sights.of_pose[pose].iter().map(|&index| sights.get(index)).collect();
-    let Some(camera) = own.first().map(|sight| sight.camera) else { return Err(0) };
+    let own: Vec<&Bearing> =
+        bearings.of_pose[pose].iter().map(|&index| bearings.get(index)).collect();
+    let Some(camera) = own.first().map(|bearing| bearing.camera) else { return Err(0) };
     let seen: Vec<Seen<'_>> = own
         .into_iter()
-        .filter(|sight| sight.camera == camera)
-        .filter_map(|sight| {
-            let point = estimate.points[sight.landmark]?;
-            Some(Seen { point: exact(point), sight })
+        .filter(|bearing| bearing.camera == camera)
+        .filter_map(|bearing| {
+            let point = estimate.points[bearing.landmark]?;
+            Some(Seen { point: exact(point), bearing })
         })
         .collect();
     let least = options.min_observations.max((seen.len() as f64 * LEAST_SHARE) as usize);

@@ -7,8 +7,8 @@
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
+use super::bearings::Bearings;
 use super::resection::{Seen, resect};
-use super::sights::Sights;
 use super::two_views::{RayPair, two_views};
 use super::view_graph::Candidate;
 use crate::geometric_verification::Numbers;
@@ -29,7 +29,7 @@ pub(super) struct Edge {
     /// Information of a left perturbation of it, 1/rad².
     pub(super) information: Matrix3<f64>,
     pub(super) inliers: usize,
-    /// Sights of both keyframes with whether they agree.
+    /// Bearings of both keyframes with whether they agree.
     pub(super) votes: Vec<(u32, u32, bool)>,
     /// Whether the baseline can be told from none; true with depth.
     pub(super) has_parallax: bool,
@@ -38,7 +38,7 @@ pub(super) struct Edge {
 /// What pairs are measured by.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Measuring<'a> {
-    pub(super) sights: &'a Sights,
+    pub(super) bearings: &'a Bearings,
     pub(super) cameras: &'a [Camera],
     pub(super) allowance: f64,
     pub(super) min_common: usize,
@@ -72,7 +72,7 @@ impl Measuring<'_> {
 
     fn one(&self, pair: &Candidate) -> Option<Edge> {
         let Candidate { a, b, .. } = *pair;
-        let common = self.sights.common(a, b);
+        let common = self.bearings.common(a, b);
         let least = self.min_common.max((common.len() as f64 * LEAST_SHARE) as usize);
         let mut numbers = Numbers::new(
             self.seed ^ (a as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ (b as u64).rotate_left(32),
@@ -80,7 +80,7 @@ impl Measuring<'_> {
         let with_depth = |side: fn(&(u32, u32)) -> u32| {
             let measured = common
                 .iter()
-                .filter(|pair| self.sights.get(side(pair)).point_in_camera().is_some());
+                .filter(|pair| self.bearings.get(side(pair)).point_in_camera().is_some());
             measured.count()
         };
         let (depth_a, depth_b) = (with_depth(|p| p.0), with_depth(|p| p.1));
@@ -103,7 +103,7 @@ impl Measuring<'_> {
         let rays: Vec<RayPair> = common
             .iter()
             .map(|&(s, t)| {
-                let (s, t) = (self.sights.get(s), self.sights.get(t));
+                let (s, t) = (self.bearings.get(s), self.bearings.get(t));
                 RayPair { a: s.ray, b: t.ray, sigma_a: s.sigma_rad, sigma_b: t.sigma_rad }
             })
             .collect();
@@ -130,12 +130,12 @@ impl Measuring<'_> {
         numbers: &mut Numbers,
     ) -> Option<Edge> {
         let ordered = |&(s, t): &(u32, u32)| if swapped { (t, s) } else { (s, t) };
-        let camera = self.sights.get(ordered(common.first()?).1).camera;
+        let camera = self.bearings.get(ordered(common.first()?).1).camera;
         let mut seen = Vec::with_capacity(common.len());
         let mut indices = Vec::with_capacity(common.len());
         for pair in common {
             let (from, to) = ordered(pair);
-            let (from, to) = (self.sights.get(from), self.sights.get(to));
+            let (from, to) = (self.bearings.get(from), self.bearings.get(to));
             let Some((point, distance, sigma)) = from.point_in_camera() else { continue };
             if to.camera != camera {
                 continue;
@@ -144,7 +144,7 @@ impl Measuring<'_> {
             let along = from.ray * from.ray.transpose();
             let covariance =
                 Matrix3::identity() * across + along * (sigma * sigma - across).max(0.0);
-            seen.push(Seen { point: PointEstimate { point, covariance }, sight: to });
+            seen.push(Seen { point: PointEstimate { point, covariance }, bearing: to });
             indices.push(*pair);
         }
         let found = resect(&self.cameras[camera], &seen, self.allowance, least, numbers).ok()?;

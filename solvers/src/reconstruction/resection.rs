@@ -7,7 +7,7 @@
 
 use nalgebra::Vector3;
 
-use super::sights::Sight;
+use super::bearings::Bearing;
 use crate::factors::Observed;
 use crate::geometric_verification::{Numbers, distinct, samples_needed};
 use crate::geometry::{Camera, LieGroup, Se3};
@@ -26,7 +26,7 @@ const WIDE: f64 = 3.0;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen<'a> {
     pub(super) point: PointEstimate,
-    pub(super) sight: &'a Sight,
+    pub(super) bearing: &'a Bearing,
 }
 
 /// A pose and the indices of what agrees with it.
@@ -37,7 +37,7 @@ pub(super) struct Resected {
     pub(super) count: usize,
 }
 
-/// Searches and refines. All sights are of one camera.
+/// Searches and refines. All bearings are of one camera.
 ///
 /// # Errors
 /// How many agree at best, where those are fewer than `min_inliers` or leave the pose open.
@@ -59,7 +59,7 @@ pub(super) fn resect(
     while drawn < needed.max(MIN_SAMPLES) {
         drawn += 1;
         let sample = distinct::<3>(numbers, count);
-        let rays = sample.map(|k| seen[k].sight.ray);
+        let rays = sample.map(|k| seen[k].bearing.ray);
         for pose in p3p(&rays, &sample.map(|k| seen[k].point.point)) {
             let (gained, _) = support(camera, seen, &pose, gate * WIDE * WIDE);
             if gained <= most_wide {
@@ -91,9 +91,9 @@ fn fitted(camera: &Camera, seen: &[Seen<'_>], pose: &Se3, gate: f64) -> Option<R
         .filter(|s| squared(camera, s, pose) < gate)
         .map(|s| Match {
             landmark: s.point,
-            pixel: s.sight.pixel,
-            sigma_px: s.sight.sigma_px,
-            depth_m: s.sight.depth_m,
+            pixel: s.bearing.pixel,
+            sigma_px: s.bearing.sigma_px,
+            depth_m: s.bearing.depth_m,
         })
         .collect();
     measure(camera, &matches, pose)
@@ -106,12 +106,12 @@ fn squared(camera: &Camera, seen: &Seen<'_>, pose: &Se3) -> f64 {
     if in_camera.z.is_nan() || in_camera.z <= 0.0 {
         return f64::INFINITY;
     }
-    let sight = seen.sight;
-    let factor = Observed::new(sight.pixel, sight.sigma_px, None);
+    let bearing = seen.bearing;
+    let factor = Observed::new(bearing.pixel, bearing.sigma_px, None);
     let chi2 = factor.squared_error(&Se3::identity(), camera, &in_camera);
     // As if the covariance were a ball as large as its mean.
     let spread = seen.point.covariance.trace() / 3.0 / in_camera.norm_squared();
-    chi2 / (1.0 + spread / (sight.sigma_rad * sight.sigma_rad))
+    chi2 / (1.0 + spread / (bearing.sigma_rad * bearing.sigma_rad))
 }
 
 /// The gain of MSAC and how many agree.

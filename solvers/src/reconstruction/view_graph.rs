@@ -9,8 +9,8 @@ use std::cmp::Reverse;
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
+use super::bearings::Bearings;
 use super::relative_poses::Edge;
-use super::sights::Sights;
 use crate::geometry::So3;
 use crate::interrupt::Interrupt;
 use crate::problem::DisjointSets;
@@ -36,7 +36,7 @@ pub(super) struct Candidate {
 /// All pairs with at least `min_common` landmarks in common, by (a, b); some of them where `interrupt` is
 /// due.
 pub(super) fn candidates(
-    sights: &Sights,
+    bearings: &Bearings,
     min_common: usize,
     interrupt: &Interrupt,
 ) -> Vec<Candidate> {
@@ -44,11 +44,11 @@ pub(super) fn candidates(
         if interrupt.is_due() {
             return Vec::new();
         }
-        let mut counts = vec![0_u32; sights.of_pose.len()];
+        let mut counts = vec![0_u32; bearings.of_pose.len()];
         let mut met = Vec::new();
-        for &s in &sights.of_pose[a] {
-            for &t in &sights.of_landmark[sights.get(s).landmark] {
-                let b = sights.get(t).pose;
+        for &s in &bearings.of_pose[a] {
+            for &t in &bearings.of_landmark[bearings.get(s).landmark] {
+                let b = bearings.get(t).pose;
                 if b > a {
                     if counts[b] == 0 {
                         met.push(b);
@@ -59,29 +59,30 @@ pub(super) fn candidates(
         }
         met.sort_unstable();
         let enough = met.into_iter().filter(|&b| counts[b] as usize >= min_common);
-        enough.map(|b| candidate(sights, a, b)).collect::<Vec<_>>()
+        enough.map(|b| candidate(bearings, a, b)).collect::<Vec<_>>()
     };
-    let lists: Vec<_> = (0..sights.of_pose.len()).into_par_iter().map(of_pose).collect();
+    let lists: Vec<_> = (0..bearings.of_pose.len()).into_par_iter().map(of_pose).collect();
     lists.into_iter().flatten().collect()
 }
 
 /// The most landmarks that a keyframe shares with another one.
-pub(super) fn most_common(sights: &Sights, pose: usize) -> usize {
-    let mut counts = vec![0; sights.of_pose.len()];
-    for &s in &sights.of_pose[pose] {
-        for &t in &sights.of_landmark[sights.get(s).landmark] {
-            counts[sights.get(t).pose] += 1;
+pub(super) fn most_common(bearings: &Bearings, pose: usize) -> usize {
+    let mut counts = vec![0; bearings.of_pose.len()];
+    for &s in &bearings.of_pose[pose] {
+        for &t in &bearings.of_landmark[bearings.get(s).landmark] {
+            counts[bearings.get(t).pose] += 1;
         }
     }
     counts[pose] = 0;
     counts.into_iter().max().unwrap_or(0)
 }
 
-fn candidate(sights: &Sights, a: usize, b: usize) -> Candidate {
-    let pairs = sights.common(a, b);
+fn candidate(bearings: &Bearings, a: usize, b: usize) -> Candidate {
+    let pairs = bearings.common(a, b);
     let common = pairs.len();
     let every = common.div_ceil(LOOKED_AT).max(1);
-    let looked_at = || pairs.iter().step_by(every).map(|&(s, t)| (sights.get(s), sights.get(t)));
+    let looked_at =
+        || pairs.iter().step_by(every).map(|&(s, t)| (bearings.get(s), bearings.get(t)));
     let turn = looked_at().fold(Matrix3::zeros(), |sum, (s, t)| sum + t.ray * s.ray.transpose());
     let turn = So3::from_matrix(&turn);
     let mut parallax: Vec<f64> = looked_at()

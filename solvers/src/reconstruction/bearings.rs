@@ -1,7 +1,7 @@
 //! Observations as rays: what a reconstruction works on, sorted by keyframe and by landmark.
 //!
-//! A sight is a unit ray in its camera with a standard deviation in radians, and where there is a depth
-//! the distance along the ray. Sights are numbered as the problem's observations: those without depth
+//! A bearing is a unit ray in its camera with a standard deviation in radians, and where there is a depth
+//! the distance along the ray. Bearings are numbered as the problem's observations: those without depth
 //! first, then those with. It reads no pose and no landmark.
 
 use nalgebra::{Vector2, Vector3};
@@ -11,7 +11,7 @@ use crate::problem::BundleProblem;
 
 /// One observation.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Sight {
+pub(super) struct Bearing {
     pub(super) pose: usize,
     pub(super) camera: usize,
     pub(super) landmark: usize,
@@ -19,13 +19,13 @@ pub(super) struct Sight {
     pub(super) sigma_px: f64,
     /// Depth along the optical axis and its standard deviation, m.
     pub(super) depth_m: Option<(f64, f64)>,
-    /// In the camera, of unit length; zero where the pixel has none, and the sight is not used then.
+    /// In the camera, of unit length; zero where the pixel has none, and the bearing is not used then.
     pub(super) ray: Vector3<f64>,
     /// Standard deviation of the ray's direction, rad.
     pub(super) sigma_rad: f64,
 }
 
-impl Sight {
+impl Bearing {
     /// Whether there is a ray.
     pub(super) fn is_usable(&self) -> bool {
         self.sigma_rad > 0.0
@@ -41,38 +41,38 @@ impl Sight {
 
 /// All observations of a problem.
 #[derive(Clone, Debug)]
-pub(super) struct Sights {
-    pub(super) all: Vec<Sight>,
-    /// Sights of each pose, by rising landmark, usable ones, one a landmark.
+pub(super) struct Bearings {
+    pub(super) all: Vec<Bearing>,
+    /// Bearings of each pose, by rising landmark, usable ones, one a landmark.
     pub(super) of_pose: Vec<Vec<u32>>,
-    /// Sights of each landmark, by rising pose, those of `of_pose`.
+    /// Bearings of each landmark, by rising pose, those of `of_pose`.
     pub(super) of_landmark: Vec<Vec<u32>>,
 }
 
-impl Sights {
+impl Bearings {
     /// The problem is valid.
     pub(super) fn new(problem: &BundleProblem) -> Self {
         let (plain, depth) = (&problem.reprojections, &problem.depth_reprojections);
         let mut all = Vec::with_capacity(problem.observation_count());
         for k in 0..plain.len() {
             let indices = [plain.poses[k], plain.cameras[k], plain.landmarks[k]];
-            all.push(sight(problem, indices, plain.pixels[k], plain.sigmas_px[k], None));
+            all.push(bearing(problem, indices, plain.pixels[k], plain.sigmas_px[k], None));
         }
         for k in 0..depth.len() {
             let indices = [depth.poses[k], depth.cameras[k], depth.landmarks[k]];
             let depth_m = Some((depth.depths_m[k], depth.sigmas_depth_m[k]));
-            all.push(sight(problem, indices, depth.pixels[k], depth.sigmas_px[k], depth_m));
+            all.push(bearing(problem, indices, depth.pixels[k], depth.sigmas_px[k], depth_m));
         }
         let mut of_pose = vec![Vec::new(); problem.poses.len()];
-        for (index, sight) in all.iter().enumerate().filter(|(_, sight)| sight.is_usable()) {
-            of_pose[sight.pose].push(index as u32);
+        for (index, bearing) in all.iter().enumerate().filter(|(_, bearing)| bearing.is_usable()) {
+            of_pose[bearing.pose].push(index as u32);
         }
         let mut of_landmark = vec![Vec::new(); problem.landmarks.len()];
-        for sights in &mut of_pose {
+        for bearings in &mut of_pose {
             // By landmark, the first observation where there are several of one.
-            sights.sort_by_key(|&s| (all[s as usize].landmark, s));
-            sights.dedup_by_key(|s| all[*s as usize].landmark);
-            for &s in sights.iter() {
+            bearings.sort_by_key(|&s| (all[s as usize].landmark, s));
+            bearings.dedup_by_key(|s| all[*s as usize].landmark);
+            for &s in bearings.iter() {
                 of_landmark[all[s as usize].landmark].push(s);
             }
         }
@@ -81,21 +81,21 @@ impl Sights {
 
     /// Takes the rays of cameras that have changed.
     pub(super) fn set_cameras(&mut self, cameras: &[Camera]) {
-        for sight in &mut self.all {
-            if sight.is_usable()
+        for bearing in &mut self.all {
+            if bearing.is_usable()
                 && let Some((ray, sigma)) =
-                    ray(&cameras[sight.camera], &sight.pixel, sight.sigma_px)
+                    ray(&cameras[bearing.camera], &bearing.pixel, bearing.sigma_px)
             {
-                (sight.ray, sight.sigma_rad) = (ray, sigma);
+                (bearing.ray, bearing.sigma_rad) = (ray, sigma);
             }
         }
     }
 
-    pub(super) fn get(&self, index: u32) -> &Sight {
+    pub(super) fn get(&self, index: u32) -> &Bearing {
         &self.all[index as usize]
     }
 
-    /// Pairs of sights of the landmarks that two poses share, by rising landmark.
+    /// Pairs of bearings of the landmarks that two poses share, by rising landmark.
     pub(super) fn common(&self, a: usize, b: usize) -> Vec<(u32, u32)> {
         let (first, second) = (&self.of_pose[a], &self.of_pose[b]);
         let mut pairs = Vec::new();
@@ -112,17 +112,17 @@ impl Sights {
     }
 }
 
-fn sight(
+fn bearing(
     problem: &BundleProblem,
     [pose, camera, landmark]: [u32; 3],
     pixel: Vector2<f64>,
     sigma_px: f64,
     depth_m: Option<(f64, f64)>,
-) -> Sight {
+) -> Bearing {
     let of = ray(&problem.cameras[camera as usize], &pixel, sigma_px);
     let (ray, sigma_rad) = of.unwrap_or((Vector3::zeros(), 0.0));
     let (pose, camera, landmark) = (pose as usize, camera as usize, landmark as usize);
-    Sight { pose, camera, landmark, pixel, sigma_px, depth_m, ray, sigma_rad }
+    Bearing { pose, camera, landmark, pixel, sigma_px, depth_m, ray, sigma_rad }
 }
 
 /// The unit ray of a pixel and its standard deviation.
