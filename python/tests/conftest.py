@@ -6,7 +6,7 @@ import os
 import shutil
 import signal
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import covis
@@ -64,6 +64,12 @@ def server(tmp_path: Path) -> Iterator[Server]:
 
 
 @pytest.fixture
+def connect() -> Callable[..., covis.Client]:
+    """Connects the client that the outage scenarios are about; cpp/tests puts the one in C++ here."""
+    return covis.connect
+
+
+@pytest.fixture
 def client(server: Server) -> Iterator[covis.Client]:
     """A client past any proxy."""
     with covis.connect(server.url) as connected:
@@ -78,7 +84,7 @@ def proxy(server: Server) -> Iterator[Proxy]:
 
 
 @pytest.fixture
-def linked(proxy: Proxy) -> Iterator[covis.Client]:
+def linked(proxy: Proxy, connect: Callable[..., covis.Client]) -> Iterator[covis.Client]:
     """A client whose link can be cut."""
-    with covis.connect(proxy.url) as connected:
+    with connect(proxy.url) as connected:
         yield connected

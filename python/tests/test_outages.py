@@ -1,4 +1,8 @@
-"""The Rust client's outage scenarios: links cut anywhere, servers that are killed, fenced epochs."""
+"""The Rust client's outage scenarios: links cut anywhere, servers that are killed, fenced epochs.
+
+`linked` and `connect` are the client that is tested, `client` looks at the server past it: cpp/tests runs
+the same scenarios with the client in C++.
+"""
 
 import covis
 import numpy as np
@@ -40,9 +44,9 @@ def test_a_broken_link_is_resumed_and_lost_acks_do_no_harm(client, linked, proxy
     assert found.clients[0].next_sequence == 10
 
 
-def drive(url, map_id):
-    """Six keyframes and a closure through a link; the state of the map afterwards."""
-    with covis.connect(url) as client:
+def drive(connect, url, map_id):
+    """Six keyframes and a closure through a link; the session's report."""
+    with connect(url) as client:
         with client.ingest(map_id, "robot", retry=AT_ONCE, lock_step=True) as session:
             send(session, *range(6))
             between = np.linalg.inv(pose(0)) @ pose(5)
@@ -56,8 +60,8 @@ def digest(client, map_id):
     return client.call(v1.GetMapRequest(map_id=map_id, include_digests=True)).state_hash
 
 
-def test_a_link_that_is_cut_at_any_byte_loses_and_doubles_nothing(server, client, proxy):
-    report = drive(proxy.url, "whole")
+def test_a_link_that_is_cut_at_any_byte_loses_and_doubles_nothing(server, client, connect, proxy):
+    report = drive(connect, proxy.url, "whole")
     assert (report.acknowledged, report.duplicates, report.reconnects) == (8, 0, 0)
     whole = digest(client, "whole")
     reconnects = 0
@@ -69,7 +73,7 @@ def test_a_link_that_is_cut_at_any_byte_loses_and_doubles_nothing(server, client
                 map_id = f"{direction}-{count}"
                 with Proxy(server.port) as link:
                     link.cut_after(direction, int(count))
-                    report = drive(link.url, map_id)
+                    report = drive(connect, link.url, map_id)
                 assert (report.sent, report.acknowledged, report.rejected) == (8, 8, 0), map_id
                 assert report.optimized_through == 8
                 reconnects += report.reconnects
@@ -97,12 +101,12 @@ def test_a_server_that_is_killed_and_started_again_loses_nothing(server, client,
         assert fresh.get_map("room").counts.keyframe_count == 11
 
 
-def test_the_next_session_goes_on_where_a_killed_program_was(server, client):
-    first = client.ingest("room", "robot")
+def test_the_next_session_goes_on_where_a_killed_program_was(client, linked):
+    first = linked.ingest("room", "robot")
     send(first, 0, 1, 2)
     first.wait_durable(timeout=GUARD_S)
     first.abort()
-    with client.ingest("room", "robot") as session:
+    with linked.ingest("room", "robot") as session:
         assert session.next_sequence == 5
         session.camera(0, *SIZE, K)
         send(session, 3)
@@ -127,11 +131,11 @@ def test_the_retries_are_bounded(linked, proxy):
         send(session, 1)
 
 
-def test_a_newer_session_takes_over_and_the_older_one_does_not_fight_back(client):
-    old = client.ingest("room", "robot")
+def test_a_newer_session_takes_over_and_the_older_one_does_not_fight_back(linked):
+    old = linked.ingest("room", "robot")
     old.camera(0, *SIZE, K)
     old.flush(GUARD_S)
-    with client.ingest("room", "robot") as new:
+    with linked.ingest("room", "robot") as new:
         assert (new.opened.epoch, new.next_sequence) == (2, 2)
         with pytest.raises(covis.Fenced):
             old.finish(GUARD_S)
@@ -141,12 +145,12 @@ def test_a_newer_session_takes_over_and_the_older_one_does_not_fight_back(client
 
 
 @pytest.mark.parametrize("is_made_again", [False, True])
-def test_a_server_that_lost_the_map_is_a_clear_error(tmp_path, is_made_again):
+def test_a_server_that_lost_the_map_is_a_clear_error(tmp_path, connect, is_made_again):
     (tmp_path / "old").mkdir()
     (tmp_path / "new").mkdir()
     old = Server(tmp_path / "old", in_memory=True)
     new = Server(tmp_path / "new", in_memory=True)
-    with Proxy(old.port) as proxy, covis.connect(proxy.url) as client:
+    with Proxy(old.port) as proxy, connect(proxy.url) as client:
         session = client.ingest("room", "robot", retry=AT_ONCE)
         session.camera(0, *SIZE, K)
         session.flush(GUARD_S)
@@ -162,8 +166,8 @@ def test_a_server_that_lost_the_map_is_a_clear_error(tmp_path, is_made_again):
     new.stop()
 
 
-def test_a_session_finds_a_link_that_is_half_open_and_resumes(client, proxy):
-    with covis.connect(proxy.url, link=PROBING) as linked:
+def test_a_session_finds_a_link_that_is_half_open_and_resumes(client, connect, proxy):
+    with connect(proxy.url, link=PROBING) as linked:
         with linked.ingest("room", "robot", retry=AT_ONCE) as session:
             send(session, 0)
             session.flush(GUARD_S)
@@ -176,9 +180,9 @@ def test_a_session_finds_a_link_that_is_half_open_and_resumes(client, proxy):
     assert (found.counts.keyframe_count, found.clients[0].next_sequence) == (8, 10)
 
 
-def test_a_watch_over_a_link_that_is_half_open_goes_on(client, proxy):
+def test_a_watch_over_a_link_that_is_half_open_goes_on(client, connect, proxy):
     client.create_map("room")
-    with covis.connect(proxy.url, link=PROBING) as linked:
+    with connect(proxy.url, link=PROBING) as linked:
         with linked.watch("room", retry=AT_ONCE) as watched:
             proxy.freeze()
             with client.ingest("room", "robot") as session:
@@ -186,8 +190,8 @@ def test_a_watch_over_a_link_that_is_half_open_goes_on(client, proxy):
             watched.wait_until(lambda: len(watched.poses) == 3, GUARD_S)
 
 
-def test_a_call_over_a_link_that_is_half_open_ends_by_its_deadline(proxy):
-    with covis.connect(proxy.url, link=covis.LinkOptions(deadline_s=0.3)) as linked:
+def test_a_call_over_a_link_that_is_half_open_ends_by_its_deadline(connect, proxy):
+    with connect(proxy.url, link=covis.LinkOptions(deadline_s=0.3)) as linked:
         linked.server_info()
         proxy.freeze()
         with pytest.raises(covis.DeadlineExceeded):

@@ -46,8 +46,8 @@ def test_landmarks_are_declared_once_also_by_the_next_session(client):
     assert (counts.keyframe_count, counts.landmark_count, counts.camera_count) == (3, 61, 1)
 
 
-def test_a_refused_item_is_told_by_whoever_waits_and_the_session_goes_on(client):
-    with client.ingest("room", "robot") as session:
+def test_a_refused_item_is_told_by_whoever_waits_and_the_session_goes_on(client, linked):
+    with linked.ingest("room", "robot") as session:
         session.camera(0, *SIZE, K)
         bad = keyframe(0)
         bad["pixels"] = np.array(bad["pixels"])

@@ -1,0 +1,90 @@
+//! A connection to a server, and its calls. A call is made once: whether it may be repeated is the
+//! caller's to know.
+
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <grpcpp/grpcpp.h>
+
+#include "covis/map.hpp"
+#include "covis/options.hpp"
+#include "covis/session.hpp"
+#include "covis/v1/map_service.grpc.pb.h"
+#include "covis/v1/optimization_service.grpc.pb.h"
+#include "covis/v1/server_service.grpc.pb.h"
+
+namespace covis {
+
+/// A keyframe's pose and its time.
+struct TimedPose {
+    Ref keyframe;
+    std::chrono::nanoseconds capture_time{0};
+    Pose world_from_camera;
+};
+
+/// A connection to a server. Copies share it; sessions and watches keep it for themselves. A broken
+/// connection is made again by the next call.
+class Client {
+  public:
+    /// Connects to a server, for instance `https://maps.example:7411`. A token is never sent in plain
+    /// text to another machine. Throws `kInvalidUrl`, `kInvalidToken`, `kTokenInPlainText`,
+    /// `kUnreachable`.
+    static Client connect(const std::string& url, const ConnectOptions& options = {});
+
+    /// The server's address as it was given.
+    const std::string& url() const;
+
+    /// Opens a session that sends what `client_id` sees into a map. Throws `kRetriesExhausted`, and
+    /// `kRpc` with NOT_FOUND, or FAILED_PRECONDITION for a frozen map.
+    Session ingest(const std::string& map_id, const std::string& client_id, SessionOptions options = {});
+    /// Follows a map; returns once its full state is there. Throws `kRpc` with NOT_FOUND,
+    /// `kRetriesExhausted`.
+    Map watch(const std::string& map_id, WatchOptions options = {});
+
+    /// Version, limits, durability and features of the server.
+    v1::GetServerInfoResponse server_info() const;
+    /// Creates an empty map; without a policy it has the server's. Throws `kRpc` with ALREADY_EXISTS.
+    v1::Map create_map(const std::string& map_id, const std::optional<v1::MapPolicy>& policy = {}) const;
+    /// One map with its policy and counts. Throws `kRpc` with NOT_FOUND.
+    v1::Map get_map(const std::string& map_id) const;
+    /// Deletes a map with its journal. Throws `kRpc` with NOT_FOUND.
+    void delete_map(const std::string& map_id) const;
+    /// The poses of one client's keyframes by time; of all clients' by default.
+    std::vector<TimedPose> trajectory(const std::string& map_id, const std::string& client_id = "") const;
+    /// Optimizes a whole map; `on_iteration` gets each iteration as it comes.
+    v1::OptimizeMapResult optimize(
+        const v1::OptimizeMapRequest& request,
+        const std::function<void(const v1::IterationSummary&)>& on_iteration = {}) const;
+
+    /// Makes any call of the wire with one answer, for instance
+    /// `client.call(&v1::MapService::Stub::ListMaps, request)`. Throws `kRpc`.
+    template <class Service, class Question, class Answer>
+    Answer call(grpc::Status (Service::*method)(grpc::ClientContext*, const Question&, Answer*),
+                const Question& request, Timeout timeout = {}) const {
+        grpc::ClientContext context;
+        prepare(context, timeout);
+        Service stub(channel());
+        Answer answer;
+        const grpc::Status status = (stub.*method)(&context, request, &answer);
+        if (!status.ok()) {
+            throw Error::of_request(Question::descriptor()->name(), status);
+        }
+        return answer;
+    }
+
+    /// The channel, for stubs of the program's own; `prepare` puts the token on a call.
+    std::shared_ptr<grpc::Channel> channel() const;
+    void prepare(grpc::ClientContext& context, Timeout timeout = {}) const;
+
+  private:
+    explicit Client(std::shared_ptr<const detail::Link> link);
+    void create_if_missing(const std::string& map_id, const std::optional<v1::MapPolicy>& policy) const;
+
+    std::shared_ptr<const detail::Link> link_;
+};
+
+}  // namespace covis
