@@ -1,9 +1,11 @@
-//! The house rules as ordinary tests: floors, file heads, names, manifests, the wire.
+//! The house rules as ordinary tests: floors, file heads, names, documents, manifests, the wire.
 //!
 //! Each test reads the project's own files, collects every offender and prints them all at once, with
 //! file, line and what is wrong. Only the standard library is used. What a rule is for stands in
 //! `ARCHITECTURE.md`; a rule that must change is changed there and here in one commit.
 
+#[path = "tidy/book.rs"]
+mod book;
 #[path = "tidy/edges.rs"]
 mod edges;
 #[path = "tidy/manifests.rs"]

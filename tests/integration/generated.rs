@@ -14,7 +14,7 @@ const PACKAGES: [(&str, &str, &str); 2] = [
 ];
 
 /// A compiler that has opened all files of a folder.
-fn compiler(root: &Path, folder: &str) -> protox::Compiler {
+pub(crate) fn compiler(root: &Path, folder: &str) -> protox::Compiler {
     let files = fs_err::read_dir(root.join(folder)).unwrap();
     let mut files: Vec<PathBuf> = files.map(|entry| entry.unwrap().path()).collect();
     files.retain(|path| path.extension().is_some_and(|e| e == "proto"));

@@ -98,3 +98,4 @@ mod spans;
 mod spill;
 mod strangers;
 mod tls;
+mod wire_reference;

@@ -1,6 +1,4 @@
-//! How files look: heads, sizes, names, spelling, links.
-
-use std::path::Path;
+//! How files look: heads, sizes, names, spelling.
 
 use crate::report;
 use crate::source::{File, files, rust_files};
@@ -137,24 +135,4 @@ fn spelling_is_american() {
         }
     }
     report("Spelling is American.", &offenders);
-}
-
-#[test]
-fn links_in_documents_lead_somewhere() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut offenders = Vec::new();
-    for file in files().iter().filter(|f| f.extension() == "md") {
-        let folder = root.join(&file.path);
-        let folder = folder.parent().unwrap_or(root);
-        for (number, line) in file.text.lines().enumerate() {
-            let targets = line.split("](").skip(1).filter_map(|rest| rest.split(')').next());
-            for target in targets.filter(|t| !t.contains("://") && !t.starts_with('#')) {
-                let path = target.split('#').next().unwrap_or(target);
-                if !folder.join(path).exists() {
-                    offenders.push(format!("{}:{}: {target}", file.path, number + 1));
-                }
-            }
-        }
-    }
-    report("Links between documents lead to files.", &offenders);
 }
