@@ -66,6 +66,23 @@ pub struct MapDigests {
     pub keyframe_ids_digest: Vec<u8>,
 }
 
+/// Makes a call, and again at the server that owns the map where another one was asked. Nothing was done
+/// there, so that this is one call.
+macro_rules! led {
+    ($client:ident, $call:expr) => {{
+        let mut followed = 0;
+        loop {
+            let answered: Result<_, ClientError> = $call;
+            let Err(error) = &answered else { break answered };
+            if !$client.servers.follow(error) || followed == $crate::servers::MOST_FOLLOWED {
+                break answered;
+            }
+            followed += 1;
+        }
+    }};
+}
+pub(super) use led;
+
 impl Client {
     /// Version, limits, durability and features of the server.
     ///
@@ -88,7 +105,10 @@ impl Client {
         const RPC: &str = "CreateMap";
         let map_id = map_id.to_owned();
         let request = v1::CreateMapRequest { map_id, policy, ..v1::CreateMapRequest::default() };
-        let answer = answer(RPC, self.map_service().create_map(self.timed(request)).await)?;
+        let answer = led!(
+            self,
+            answer(RPC, self.map_service().create_map(self.timed(request.clone())).await)
+        )?;
         answer.map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })
     }
 
@@ -118,7 +138,8 @@ impl Client {
     ) -> Result<(v1::Map, MapDigests), ClientError> {
         const RPC: &str = "GetMap";
         let request = v1::GetMapRequest { map_id: map_id.to_owned(), include_digests };
-        let answer = answer(RPC, self.map_service().get_map(self.timed(request)).await)?;
+        let answer =
+            led!(self, answer(RPC, self.map_service().get_map(self.timed(request.clone())).await))?;
         let v1::GetMapResponse { map, state_hash, keyframe_ids_digest } = answer;
         let map = map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })?;
         Ok((map, MapDigests { state_hash, keyframe_ids_digest }))
@@ -159,7 +180,8 @@ impl Client {
     /// The codes of `DeleteMap`.
     pub async fn delete_map(&self, map_id: &str) -> Result<(), ClientError> {
         let request = v1::DeleteMapRequest { map_id: map_id.to_owned() };
-        answer("DeleteMap", self.map_service().delete_map(self.timed(request)).await).map(drop)
+        let call = || self.timed(request.clone());
+        led!(self, answer("DeleteMap", self.map_service().delete_map(call()).await)).map(drop)
     }
 
     /// Makes a map part of another one.
@@ -170,7 +192,7 @@ impl Client {
         &self,
         request: v1::MergeMapsRequest,
     ) -> Result<v1::MergeMapsResponse, ClientError> {
-        answer("MergeMaps", self.map_service().merge_maps(request).await)
+        led!(self, answer("MergeMaps", self.map_service().merge_maps(request.clone()).await))
     }
 
     /// Takes a map out of the one that it was merged into.
@@ -181,7 +203,7 @@ impl Client {
         &self,
         request: v1::UndoMergeRequest,
     ) -> Result<v1::UndoMergeResponse, ClientError> {
-        answer("UndoMerge", self.map_service().undo_merge(request).await)
+        led!(self, answer("UndoMerge", self.map_service().undo_merge(request.clone()).await))
     }
 
     /// The poses of a map's keyframes, of one client or (`None`) of all.
@@ -198,13 +220,20 @@ impl Client {
             map_id: map_id.to_owned(),
             client_id: client_id.unwrap_or_default().to_owned(),
         };
-        let mut stream = answer(RPC, self.map_service().get_trajectory(request).await)?;
-        let mut trajectory = Trajectory::default();
-        while let Some(part) = next(RPC, &mut stream).await? {
-            trajectory.revision = part.revision;
-            trajectory.poses.extend(part.poses);
-        }
-        Ok(trajectory)
+        led!(
+            self,
+            async {
+                let mut stream =
+                    answer(RPC, self.map_service().get_trajectory(request.clone()).await)?;
+                let mut trajectory = Trajectory::default();
+                while let Some(part) = next(RPC, &mut stream).await? {
+                    trajectory.revision = part.revision;
+                    trajectory.poses.extend(part.poses);
+                }
+                Ok(trajectory)
+            }
+            .await
+        )
     }
 
     /// A map's landmarks, without descriptors.
@@ -217,13 +246,20 @@ impl Client {
             map_id: map_id.to_owned(),
             ..v1::ListLandmarksRequest::default()
         };
-        let mut stream = answer(RPC, self.map_service().list_landmarks(request).await)?;
-        let mut landmarks = Landmarks::default();
-        while let Some(part) = next(RPC, &mut stream).await? {
-            landmarks.revision = part.revision;
-            landmarks.landmarks.extend(part.landmarks);
-        }
-        Ok(landmarks)
+        led!(
+            self,
+            async {
+                let mut stream =
+                    answer(RPC, self.map_service().list_landmarks(request.clone()).await)?;
+                let mut landmarks = Landmarks::default();
+                while let Some(part) = next(RPC, &mut stream).await? {
+                    landmarks.revision = part.revision;
+                    landmarks.landmarks.extend(part.landmarks);
+                }
+                Ok(landmarks)
+            }
+            .await
+        )
     }
 
     /// A map's constraints: relative poses, those that are switched off too, and priors.
@@ -236,13 +272,20 @@ impl Client {
             map_id: map_id.to_owned(),
             ..v1::ListConstraintsRequest::default()
         };
-        let mut stream = answer(RPC, self.map_service().list_constraints(request).await)?;
-        let mut constraints = Constraints::default();
-        while let Some(part) = next(RPC, &mut stream).await? {
-            constraints.revision = part.revision;
-            constraints.constraints.extend(part.constraints);
-        }
-        Ok(constraints)
+        led!(
+            self,
+            async {
+                let mut stream =
+                    answer(RPC, self.map_service().list_constraints(request.clone()).await)?;
+                let mut constraints = Constraints::default();
+                while let Some(part) = next(RPC, &mut stream).await? {
+                    constraints.revision = part.revision;
+                    constraints.constraints.extend(part.constraints);
+                }
+                Ok(constraints)
+            }
+            .await
+        )
     }
 
     /// What the searches for known places found.
@@ -255,13 +298,20 @@ impl Client {
             map_id: map_id.to_owned(),
             ..v1::ListPlaceSearchesRequest::default()
         };
-        let mut stream = answer(RPC, self.map_service().list_place_searches(request).await)?;
-        let mut searches = PlaceSearches::default();
-        while let Some(part) = next(RPC, &mut stream).await? {
-            searches.revision = part.revision;
-            searches.searches.extend(part.searches);
-        }
-        Ok(searches)
+        led!(
+            self,
+            async {
+                let mut stream =
+                    answer(RPC, self.map_service().list_place_searches(request.clone()).await)?;
+                let mut searches = PlaceSearches::default();
+                while let Some(part) = next(RPC, &mut stream).await? {
+                    searches.revision = part.revision;
+                    searches.searches.extend(part.searches);
+                }
+                Ok(searches)
+            }
+            .await
+        )
     }
 
     /// A map's keyframes with the fields that the mask names; `None` for all but observations.
@@ -279,21 +329,30 @@ impl Client {
             read_mask,
             ..v1::ListKeyframesRequest::default()
         };
-        let mut stream = answer(RPC, self.map_service().list_keyframes(request).await)?;
-        let mut all = Keyframes::default();
-        while let Some(part) = next(RPC, &mut stream).await? {
-            all.revision = part.revision;
-            for entry in part.keyframes {
-                match all.keyframes.last_mut() {
-                    // More observations than fit one entry.
-                    Some(last) if (&last.client_id, last.id) == (&entry.client_id, entry.id) => {
-                        last.observations.extend(entry.observations);
+        led!(
+            self,
+            async {
+                let mut stream =
+                    answer(RPC, self.map_service().list_keyframes(request.clone()).await)?;
+                let mut all = Keyframes::default();
+                while let Some(part) = next(RPC, &mut stream).await? {
+                    all.revision = part.revision;
+                    for entry in part.keyframes {
+                        match all.keyframes.last_mut() {
+                            // More observations than fit one entry.
+                            Some(last)
+                                if (&last.client_id, last.id) == (&entry.client_id, entry.id) =>
+                            {
+                                last.observations.extend(entry.observations);
+                            }
+                            Some(_) | None => all.keyframes.push(entry),
+                        }
                     }
-                    Some(_) | None => all.keyframes.push(entry),
                 }
+                Ok(all)
             }
-        }
-        Ok(all)
+            .await
+        )
     }
 
     /// Changes name, policy or state of a map, as the request's mask says; the map after it.
@@ -302,7 +361,10 @@ impl Client {
     /// The codes of `UpdateMap`.
     pub async fn update_map(&self, request: v1::UpdateMapRequest) -> Result<v1::Map, ClientError> {
         const RPC: &str = "UpdateMap";
-        let answer = answer(RPC, self.map_service().update_map(self.timed(request)).await)?;
+        let answer = led!(
+            self,
+            answer(RPC, self.map_service().update_map(self.timed(request.clone())).await)
+        )?;
         answer.map.ok_or(ClientError::Protocol { rpc: RPC, what: "no map" })
     }
 
@@ -334,7 +396,13 @@ impl Client {
         format: v1::MapFormat,
     ) -> Result<MapExport, ClientError> {
         let request = v1::ExportMapRequest { map_id: map_id.to_owned(), format: format.into() };
-        MapExport::begin(answer(export::RPC, self.map_service().export_map(request).await)?).await
+        led!(
+            self,
+            match answer(export::RPC, self.map_service().export_map(request.clone()).await) {
+                Ok(stream) => MapExport::begin(stream).await,
+                Err(error) => Err(error),
+            }
+        )
     }
 
     /// Optimizes a whole map; `on_iteration` sees each iteration as it comes. Dropping the future
@@ -348,15 +416,24 @@ impl Client {
         mut on_iteration: impl FnMut(&v1::IterationSummary),
     ) -> Result<v1::OptimizeMapResult, ClientError> {
         const RPC: &str = "OptimizeMap";
-        let mut stream = answer(RPC, self.optimization_service().optimize_map(request).await)?;
-        while let Some(part) = next(RPC, &mut stream).await? {
-            match part.event {
-                Some(Event::Iteration(row)) => on_iteration(&row),
-                Some(Event::Result(result)) => return Ok(result),
-                None => {}
+        led!(
+            self,
+            async {
+                let request = request.clone();
+                let answered = self.optimization_service().optimize_map(request).await;
+                let mut stream = answer(RPC, answered)?;
+                while let Some(part) = next(RPC, &mut stream).await? {
+                    match part.event {
+                        Some(Event::Iteration(row)) => on_iteration(&row),
+                        Some(Event::Result(result)) => return Ok(result),
+                        None => {}
+                    }
+                }
+                let what = "the stream ended without a result";
+                Err(ClientError::Protocol { rpc: RPC, what })
             }
-        }
-        Err(ClientError::Protocol { rpc: RPC, what: "the stream ended without a result" })
+            .await
+        )
     }
 
     /// Refines the pose of one camera over known points.
@@ -378,7 +455,7 @@ impl Client {
         &self,
         request: v1::LocalizeRequest,
     ) -> Result<v1::LocalizeResponse, ClientError> {
-        answer("Localize", self.optimization_service().localize(request).await)
+        led!(self, answer("Localize", self.optimization_service().localize(request.clone()).await))
     }
 
     /// Solves a bundle adjustment problem that comes with the call.

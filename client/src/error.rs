@@ -15,6 +15,8 @@ use crate::wire::v1;
 
 /// `ErrorInfo.domain` of statuses that the server built.
 const DOMAIN: &str = "covis";
+/// `ErrorInfo.reason` where another server serves the map.
+const ELSEWHERE: &str = "MAP_OWNED_ELSEWHERE";
 
 /// Why a call or a session failed.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -207,6 +209,19 @@ impl ClientError {
             return matches!(code, Code::Unavailable | Code::ResourceExhausted);
         }
         matches!(code, Code::Unavailable | Code::Unknown | Code::Internal | Code::Cancelled)
+    }
+
+    /// Whether the server has no room.
+    pub(super) fn is_full(&self) -> bool {
+        self.code() == Some(Code::ResourceExhausted)
+    }
+
+    /// The URL of the server that serves the map of a call, where the one that was asked does not.
+    /// Nothing of the call was done then.
+    pub(super) fn owner(&self) -> Option<String> {
+        let info = self.cause().status()?.get_details_error_info()?;
+        let is_elsewhere = info.domain == DOMAIN && info.reason == ELSEWHERE;
+        info.metadata.get("owner").filter(|_| is_elsewhere).cloned()
     }
 
     /// How long the server asks to wait before the next attempt.

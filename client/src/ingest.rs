@@ -198,7 +198,7 @@ impl IngestSession {
             },
         };
         let session = Session {
-            client: client.clone(),
+            client: client.apart(),
             identity,
             retries: Retries::new(options.retry),
             shared: Arc::clone(&shared),

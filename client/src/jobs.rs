@@ -6,7 +6,7 @@
 use tokio_stream::{Stream, StreamExt as _};
 use tonic::Streaming;
 
-use super::calls::{answer, next};
+use super::calls::{answer, led, next};
 use super::export::{Order, is_safe};
 use super::{Client, ClientError};
 use crate::wire::v1;
@@ -22,7 +22,8 @@ impl Client {
     /// The codes of `CreateJob`.
     pub async fn create_job(&self, request: v1::CreateJobRequest) -> Result<v1::Job, ClientError> {
         const RPC: &str = "CreateJob";
-        let answer = answer(RPC, self.job_service().create_job(self.timed(request)).await)?;
+        let call = || self.timed(request.clone());
+        let answer = led!(self, answer(RPC, self.job_service().create_job(call()).await))?;
         one(RPC, answer.job)
     }
 

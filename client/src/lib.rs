@@ -7,6 +7,7 @@
 //! |---|---|
 //! | [`Client`] | one call a method |
 //! | `credentials` | [`Credentials`]: token, certificates, trust |
+//! | `servers` | which of several servers a client talks to |
 //! | `link` | [`LinkOptions`]: how a link that is gone is found |
 //! | `jobs` | jobs, their uploads, [`JobDownload`]: the files that they made |
 //! | `ingest` | [`IngestSession`]: send with back-pressure, acks, finish |
@@ -32,6 +33,7 @@ mod link;
 mod mirror;
 mod outbox;
 mod retry;
+mod servers;
 mod spill;
 mod stream;
 mod watch;
@@ -42,7 +44,7 @@ use std::time::Duration;
 
 use tonic::Request;
 use tonic::codegen::InterceptedService;
-use tonic::transport::{Channel, Endpoint};
+use tonic::transport::Channel;
 
 use crate::wire::v1;
 use v1::ingest_service_client::IngestServiceClient;
@@ -52,6 +54,7 @@ use v1::optimization_service_client::OptimizationServiceClient;
 use v1::server_service_client::ServerServiceClient;
 
 use credentials::Bearer;
+use servers::Servers;
 
 pub use calls::{Constraints, Keyframes, Landmarks, MapDigests, PlaceSearches, Trajectory};
 pub use credentials::{Credentials, Token};
@@ -89,14 +92,14 @@ type Link = InterceptedService<Channel, Bearer>;
 /// the next call.
 #[derive(Clone, Debug)]
 pub struct Client {
-    channel: Link,
-    url: Arc<str>,
+    servers: Arc<Servers>,
     deadline: Duration,
     compress: bool,
 }
 
 impl Client {
-    /// Connects to a server without credentials, for instance `http://127.0.0.1:7411`.
+    /// Connects to a server without credentials, for instance `http://127.0.0.1:7411`. Of several URLs,
+    /// separated by commas, the first that answers is taken, and the others when it is gone.
     ///
     /// # Errors
     /// As [`Client::connect_with`].
@@ -123,28 +126,15 @@ impl Client {
         credentials: &Credentials,
         link: LinkOptions,
     ) -> Result<Self, ClientError> {
-        let invalid = || ClientError::InvalidUrl { url: url.to_owned() };
-        let endpoint = Endpoint::from_shared(url.to_owned()).map_err(|_invalid| invalid())?;
-        let is_http = matches!(endpoint.uri().scheme_str(), Some("http" | "https"));
-        if !is_http || endpoint.uri().host().is_none() {
-            return Err(invalid());
-        }
-        let bearer = credentials.bearer(&endpoint)?;
-        let endpoint = link.set(credentials.secure(endpoint)?);
-        let channel = endpoint.connect().await.map_err(|source| ClientError::Unreachable {
-            url: url.to_owned(),
-            source: Arc::new(source),
-        })?;
-        let channel = InterceptedService::new(channel, bearer);
-        Ok(Self { channel, url: url.into(), deadline: link.deadline, compress: link.compress })
+        let servers = Servers::connect(url, credentials, link).await?;
+        Ok(Self { servers, deadline: link.deadline, compress: link.compress })
     }
 
     /// A client without credentials on a channel that the caller made, for instance over a socket of
     /// its own. `url` is for messages only.
     #[must_use]
     pub fn on_channel(channel: Channel, url: &str, deadline: Duration) -> Self {
-        let channel = InterceptedService::new(channel, Bearer::default());
-        Self { channel, url: url.into(), deadline, compress: false }
+        Self { servers: Servers::on_channel(channel, url), deadline, compress: false }
     }
 
     /// The same client with another deadline of calls that solve nothing.
@@ -153,10 +143,15 @@ impl Client {
         Self { deadline, ..self.clone() }
     }
 
-    /// The server's address as it was given.
+    /// The address of the server that calls go to.
     #[must_use]
-    pub fn url(&self) -> &str {
-        &self.url
+    pub fn url(&self) -> Arc<str> {
+        self.servers.url()
+    }
+
+    /// A client that goes its own ways from here on, for what follows one map.
+    fn apart(&self) -> Self {
+        Self { servers: self.servers.apart(), ..self.clone() }
     }
 
     /// Opens a session that sends items of `client_id` into a map; the map must exist.
@@ -193,26 +188,26 @@ impl Client {
     }
 
     fn ingest_service(&self) -> IngestServiceClient<Link> {
-        packed!(self, IngestServiceClient::new(self.channel.clone()))
+        packed!(self, IngestServiceClient::new(self.servers.link()))
             .max_decoding_message_size(MAX_ANSWER_BYTES)
     }
 
     fn job_service(&self) -> JobServiceClient<Link> {
-        packed!(self, JobServiceClient::new(self.channel.clone()))
+        packed!(self, JobServiceClient::new(self.servers.link()))
             .max_decoding_message_size(MAX_ANSWER_BYTES)
     }
 
     fn map_service(&self) -> MapServiceClient<Link> {
-        packed!(self, MapServiceClient::new(self.channel.clone()))
+        packed!(self, MapServiceClient::new(self.servers.link()))
             .max_decoding_message_size(MAX_ANSWER_BYTES)
     }
 
     fn optimization_service(&self) -> OptimizationServiceClient<Link> {
-        packed!(self, OptimizationServiceClient::new(self.channel.clone()))
+        packed!(self, OptimizationServiceClient::new(self.servers.link()))
             .max_decoding_message_size(MAX_ANSWER_BYTES)
     }
 
     fn server_service(&self) -> ServerServiceClient<Link> {
-        ServerServiceClient::new(self.channel.clone())
+        ServerServiceClient::new(self.servers.link())
     }
 }

@@ -89,6 +89,7 @@ pub(super) async fn run(
             }
             Err(error) => session.explain(error).await,
         };
+        session.client.servers.follow(&error);
         if let Err(error) = session.retries.wait(error).await {
             session.publish.send_modify(|state| state.failure = Some(error.clone()));
             if let Some(opened) = opened.take() {

@@ -49,7 +49,7 @@ impl MapWatch {
         options: WatchOptions,
     ) -> Result<Self, ClientError> {
         let mut watch = Self {
-            client: client.clone(),
+            client: client.apart(),
             map_id: map_id.to_owned(),
             options,
             retries: Retries::new(options.retry),
@@ -86,6 +86,7 @@ impl MapWatch {
             match self.delta().await {
                 Ok(changes) => return Ok(changes),
                 Err(error) => {
+                    self.client.servers.follow(&error);
                     self.stream = None;
                     self.parts.clear();
                     self.retries.wait(error).await?;
