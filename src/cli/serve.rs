@@ -7,6 +7,7 @@
 
 use std::ffi::OsString;
 use std::io;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -50,7 +51,9 @@ async fn serve(config: &Config) -> anyhow::Result<()> {
         Some(directory) => format!("maps are kept in {}", directory.display()),
         None => "maps are kept in memory, and gone at the end".to_owned(),
     };
-    let start = Server::start(listener, ServerConfig { data_dir, ..guarded(config) });
+    let address = listener.local_addr().context("the listener's address")?;
+    let settings = ServerConfig { data_dir, ..guarded(config) };
+    let start = Server::start(listener, shared(settings, config, address)?);
     let server = tokio::select! {
         server = start => server?,
         // What was opened so far needs no more than to be dropped.
@@ -84,6 +87,48 @@ async fn serve(config: &Config) -> anyhow::Result<()> {
         () = server.shutdown() => Ok(()),
         signal = signals.next() => anyhow::bail!("{signal} while shutting down"),
     }
+}
+
+/// The settings with those of a cluster, where maps are shared.
+#[cfg(feature = "cluster")]
+fn shared(
+    settings: ServerConfig,
+    config: &Config,
+    address: SocketAddr,
+) -> anyhow::Result<ServerConfig> {
+    let Some(nats) = &config.nats else { return Ok(settings) };
+    let scheme = if config.tls_cert.is_some() { "https" } else { "http" };
+    let address = match &config.advertise {
+        Some(url) => url.clone(),
+        None if address.ip().is_unspecified() => {
+            anyhow::bail!(
+                "clients that ask another server need --advertise: {address} is no address"
+            )
+        }
+        None => format!("{scheme}://{address}"),
+    };
+    let monitoring = config.nats_monitoring.as_deref().unwrap_or_default().split(',');
+    let monitoring = monitoring.map(str::trim).filter(|url| !url.is_empty());
+    let replication = Some(crate::store::ReplicationOptions {
+        nats: nats.clone(),
+        monitoring: monitoring.map(str::to_owned).collect(),
+        accept_unsynced: config.accept_unsynced_replicas,
+        replicas: config.nats_replicas,
+        lease: Duration::from_secs(config.lease_seconds),
+        address,
+    });
+    Ok(ServerConfig { replication, ..settings })
+}
+
+/// Without the feature `cluster` nothing is shared.
+#[cfg(not(feature = "cluster"))]
+fn shared(
+    settings: ServerConfig,
+    config: &Config,
+    _address: SocketAddr,
+) -> anyhow::Result<ServerConfig> {
+    anyhow::ensure!(config.nats.is_none(), "this covis was built without the feature `cluster`");
+    Ok(settings)
 }
 
 /// Where maps are kept; `None` is in memory. Without a setting it is where the platform keeps data

@@ -78,6 +78,9 @@ pub struct ServerConfig {
     pub server_limits: AccountLimits,
     /// The folder where maps are kept (none: in memory, lost at the end).
     pub data_dir: Option<PathBuf>,
+    /// With whom maps are shared (nobody). Needs `data_dir`.
+    #[cfg(feature = "cluster")]
+    pub replication: Option<crate::store::ReplicationOptions>,
     /// Certificate and key of the listener (none: plain text).
     pub tls: Option<TlsFiles>,
     /// The file of tokens (none). Without it and `jwt` everybody may do everything.
@@ -137,6 +140,8 @@ impl Default for ServerConfig {
             tenant_limits: AccountLimits::default(),
             server_limits: default_limits(),
             data_dir: None,
+            #[cfg(feature = "cluster")]
+            replication: None,
             tls: None,
             tokens: None,
             jwt: None,

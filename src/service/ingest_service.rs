@@ -61,7 +61,7 @@ async fn session(
         () = context.drained() => return Err(ServiceError::Draining),
         reason = context.access.withdrawn(&caller) => return Err(reason),
     };
-    let map = context.maps.get(&caller.engine_name(&open.map))?;
+    let map = context.maps.find(&caller.engine_name(&open.map)).await?;
     let stream = map.open_stream(open.client.clone(), open.epoch, open.lock_step).await?;
     let opened = opened(&context, &map, stream.opened).await?;
     sink.send(v1::IngestResponse { event: Some(Event::Opened(opened)) }).await?;

@@ -47,7 +47,7 @@ impl Rpcs {
     ) -> Result<v1::UpdateMapResponse, ServiceError> {
         let (caller, request) = (Caller::of(&request)?, request.into_inner());
         let ceilings = self.context.ceilings();
-        let map = self.map(&caller, &request.map_id)?;
+        let map = self.map(&caller, &request.map_id).await?;
         let update = convert(|out| update::update(&request, &ceilings, out))?;
         let info = map.update(update).await?;
         Ok(v1::UpdateMapResponse { map: Some(to_map(&info, ceilings.queued_items)) })
@@ -130,7 +130,7 @@ impl Rpcs {
         let caller = Caller::of(&request)?;
         let peer = request.extensions().get().map(Peer::address);
         let request = request.into_inner();
-        let map = self.map(&caller, &request.map_id)?;
+        let map = self.map(&caller, &request.map_id).await?;
         let source =
             convert(|out| ids::name(Path::root("source_map_id"), &request.source_map_id, out))?;
         let from = caller.engine_name(&source);
@@ -143,9 +143,9 @@ impl Rpcs {
         Ok(v1::UndoMergeResponse { map, source })
     }
 
-    fn map(&self, caller: &Caller, map_id: &str) -> Result<MapHandle, ServiceError> {
+    async fn map(&self, caller: &Caller, map_id: &str) -> Result<MapHandle, ServiceError> {
         let map_id = convert(|out| ids::map_id(map_id, out))?;
-        Ok(self.context.maps.get(&caller.engine_name(&map_id))?)
+        Ok(self.context.maps.find(&caller.engine_name(&map_id)).await?)
     }
 }
 
@@ -164,7 +164,7 @@ impl MapService for Rpcs {
     ) -> Result<Response<v1::GetMapResponse>, Status> {
         let handler = async {
             let caller = Caller::of(&request)?;
-            let info = self.map(&caller, &request.get_ref().map_id)?.info().await?;
+            let info = self.map(&caller, &request.get_ref().map_id).await?.info().await?;
             let queued = self.context.config.engine.queue_capacity;
             let map = Some(to_map(&info, queued));
             let mut answer = v1::GetMapResponse { map, ..v1::GetMapResponse::default() };
@@ -233,7 +233,7 @@ impl MapService for Rpcs {
         let (rpcs, time) = (self.clone(), call_time(request.metadata()));
         let (caller, request) = (Caller::of(&request), request.into_inner());
         self.context.stream("ExportMap", time, Messages::Large, |sink| async move {
-            let map = rpcs.map(&caller?, &request.map_id)?;
+            let map = rpcs.map(&caller?, &request.map_id).await?;
             let format = export::format(request.format)?;
             let _place = map.account().reserve(Resource::Exports, 1)?;
             let snapshot = map.snapshot().await?;
@@ -289,7 +289,7 @@ impl MapService for Rpcs {
                 "" => None,
                 id => Some(convert(|out| ids::name(Path::root("client_id"), id, out))?),
             };
-            let map = rpcs.map(&caller?, &request.map_id)?.snapshot().await?;
+            let map = rpcs.map(&caller?, &request.map_id).await?.snapshot().await?;
             let client = match wanted {
                 None => None,
                 Some(client) => {
@@ -317,7 +317,7 @@ impl MapService for Rpcs {
                 map_id?;
                 pages
             })?;
-            let map = rpcs.map(&caller?, &request.map_id)?.snapshot().await?;
+            let map = rpcs.map(&caller?, &request.map_id).await?.snapshot().await?;
             listing::keyframes(&map, &pages, &sink).await
         })
     }
@@ -337,7 +337,7 @@ impl MapService for Rpcs {
                 map_id?;
                 pages
             })?;
-            let map = rpcs.map(&caller?, &request.map_id)?.snapshot().await?;
+            let map = rpcs.map(&caller?, &request.map_id).await?.snapshot().await?;
             listing::landmarks(&map, &pages, &sink).await
         })
     }
@@ -357,7 +357,7 @@ impl MapService for Rpcs {
                 map_id?;
                 pages
             })?;
-            let map = rpcs.map(&caller?, &request.map_id)?.snapshot().await?;
+            let map = rpcs.map(&caller?, &request.map_id).await?.snapshot().await?;
             listing::constraints(&map, &pages, &sink).await
         })
     }
@@ -377,7 +377,7 @@ impl MapService for Rpcs {
                 map_id?;
                 pages
             })?;
-            let map = rpcs.map(&caller?, &request.map_id)?.snapshot().await?;
+            let map = rpcs.map(&caller?, &request.map_id).await?.snapshot().await?;
             listing::place_searches(&map, &pages, &sink).await
         })
     }
@@ -392,7 +392,7 @@ impl MapService for Rpcs {
         let (caller, request) = (Caller::of(&request), request.into_inner());
         self.context.stream("WatchMap", time, Messages::Large, |sink| async move {
             let caller = caller?;
-            let map = rpcs.map(&caller, &request.map_id)?;
+            let map = rpcs.map(&caller, &request.map_id).await?;
             if let Some(revision) = request.from_revision.filter(|&revision| revision < 0) {
                 let text = format!("{revision} is below 0");
                 return Err(ServiceError::field("from_revision", Reason::OutOfRange, text));

@@ -107,7 +107,7 @@ impl Rpcs {
         let request = request.into_inner();
         // First of all: a call for a map that is not there, or of another tenant, has nothing read.
         let map_id = convert(|out| ids::map_id(&request.map_id, out))?;
-        let map = self.context.maps.get(&caller.engine_name(&map_id))?;
+        let map = self.context.maps.find(&caller.engine_name(&map_id)).await?;
         let input = read(bytes, move || localize::input(request)).await?;
         let snapshot = map.snapshot().await?;
         let cancel = CancelOnDrop::default();
@@ -274,7 +274,7 @@ impl OptimizationService for Rpcs {
         self.context.stream("OptimizeMap", time, Messages::Small, |sink| async move {
             let threads = context.maps.pool().threads();
             let (map_id, options) = map_options(&request, threads, deadline)?;
-            let map = context.maps.get(&caller?.engine_name(&map_id))?;
+            let map = context.maps.find(&caller?.engine_name(&map_id)).await?;
             let (progress, mut rows) = mpsc::channel(16);
             let forwarding = async {
                 while let Some(row) = rows.recv().await {

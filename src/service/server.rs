@@ -41,6 +41,8 @@ use super::routes::{Routed, SERVED, routes, transport};
 use super::telemetry::{self, ServerMeters};
 use super::tls::{self, Tls, TlsError};
 use crate::store::{FileStore, FileStoreOptions, JobFiles, MemoryStore, Store, StoreMeters};
+#[cfg(feature = "cluster")]
+use crate::store::{ReplicatedStore, ReplicationError};
 
 /// Why a server does not start.
 #[derive(Debug, thiserror::Error)]
@@ -57,6 +59,10 @@ pub enum ServerError {
         /// What is wrong.
         reason: String,
     },
+    /// Maps cannot be shared with other servers.
+    #[cfg(feature = "cluster")]
+    #[error("the cluster")]
+    Replication(#[from] ReplicationError),
     /// The file of tokens or that of keys cannot be used.
     #[error("who may come in")]
     Access(#[from] AccessError),
@@ -269,7 +275,30 @@ impl Backend {
         let opened = FileStore::open(directory, FileStoreOptions::default()).await;
         let store = opened.map_err(EngineError::Store)?;
         let (counted, job_files) = (store.meters(), store.job_files());
-        Ok(Self { counted, store: Arc::new(store), pool, readers, job_files })
+        let store = Self::shared(config, store).await?;
+        Ok(Self { counted, store, pool, readers, job_files })
+    }
+
+    /// The store between several servers, where maps are shared.
+    #[cfg(feature = "cluster")]
+    async fn shared(
+        config: &ServerConfig,
+        store: FileStore,
+    ) -> Result<Arc<dyn Store>, ServerError> {
+        match &config.replication {
+            Some(options) => Ok(Arc::new(ReplicatedStore::open(store, options.clone()).await?)),
+            None => Ok(Arc::new(store)),
+        }
+    }
+
+    /// Without the feature `cluster` maps are not shared.
+    #[cfg(not(feature = "cluster"))]
+    #[allow(clippy::unused_async, reason = "as with the feature")]
+    async fn shared(
+        _config: &ServerConfig,
+        store: FileStore,
+    ) -> Result<Arc<dyn Store>, ServerError> {
+        Ok(Arc::new(store))
     }
 }
 

@@ -28,6 +28,8 @@ const RETRY_FULL: Duration = Duration::from_secs(1);
 const RETRY_STARTING: Duration = Duration::from_secs(1);
 /// Retry delay while a map moves into another one.
 const RETRY_MOVING: Duration = Duration::from_millis(100);
+/// Retry delay while a map has no server, or the caller has not asked the one that it has.
+const RETRY_ELSEWHERE: Duration = Duration::from_millis(100);
 /// Retry delay while a server shuts down and another may replace it.
 const RETRY_DRAINING: Duration = Duration::from_secs(2);
 
@@ -338,6 +340,16 @@ fn store(error: StoreError) -> Parts {
             damage.file = damage.file.rsplit(['/', '\\']).next().unwrap_or_default().to_owned();
             let message = StoreError::Damaged { map: map.clone(), damage }.to_string();
             Parts::new(Code::FailedPrecondition, "MAP_POISONED", message).with("map_id", map)
+        }
+        // Clients follow to the owner.
+        StoreError::OwnedElsewhere { map, owner } => {
+            let parts = Parts::new(Code::Unavailable, "MAP_OWNED_ELSEWHERE", message)
+                .with("map_id", map)
+                .retry(RETRY_ELSEWHERE);
+            match owner {
+                Some(owner) => parts.with("owner", owner),
+                None => parts,
+            }
         }
         // The engine is the only writer of a journal: if another writer fenced it, that is a bug.
         StoreError::Fenced { .. }

@@ -18,6 +18,13 @@ pub enum StoreError {
     /// A newer writer owns the map.
     #[error("map {map:?}: epoch {epoch} is fenced by epoch {newest}")]
     Fenced { map: String, epoch: Epoch, newest: Epoch },
+    /// Another server serves the map, or is about to: this one may not.
+    #[error("map {map:?} is served by another server{}", at(owner.as_deref()))]
+    OwnedElsewhere {
+        map: String,
+        /// Where clients reach it, as a URL, as far as it is known.
+        owner: Option<String>,
+    },
     /// The journal does not stand where the caller thinks, or an event is not numbered in order.
     #[error("map {map:?}: the journal needs sequence {expected}, the caller gave {actual}")]
     SequenceMismatch { map: String, expected: u64, actual: u64 },
@@ -100,6 +107,10 @@ pub enum StoreError {
     /// Acknowledged events are lost; what is left can be read.
     #[error("map {map:?} takes no changes: {damage}")]
     Damaged { map: String, damage: Damage },
+}
+
+fn at(owner: Option<&str>) -> String {
+    owner.map_or_else(String::new, |owner| format!(", at {owner}"))
 }
 
 /// A damaged place of a map's files.

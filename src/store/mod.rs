@@ -10,6 +10,7 @@
 //! |---|---|
 //! | `memory` | every rule, nothing durable |
 //! | `files` | journals and snapshots as files ([decision 0011](../../docs/decisions/0011-journal.md)) |
+//! | `replicated` | the same and a stream on several machines ([decision 0037](../../docs/decisions/0037-cluster.md)), behind the feature `cluster` |
 //! | `encoding` | events and maps as bytes |
 //! | `job_files` | records of jobs, uploads and results |
 //! | `map_file` | a map as a file that can be moved to another server |
@@ -33,6 +34,8 @@ mod map_file;
 mod memory;
 mod meters;
 mod reader;
+#[cfg(feature = "cluster")]
+mod replicated;
 
 pub use encoding::EncodingError;
 pub use error::{Damage, StoreError};
@@ -47,6 +50,8 @@ pub use map_file::{MAP_FILE, MapFileError, MapFileWriter, read_map_file};
 pub use memory::MemoryStore;
 pub use meters::StoreMeters;
 pub use reader::{EventReader, Piece};
+#[cfg(feature = "cluster")]
+pub use replicated::{ReplicatedStore, ReplicationError, ReplicationOptions};
 
 /// Counts the writers that a map has had; a newer one fences the older ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -65,6 +70,8 @@ pub enum Durability {
     Memory,
     /// Loss of power, once an append is durable.
     Disk,
+    /// Loss of power, and loss of machines as long as most of them are left.
+    Replicated,
 }
 
 /// How far a journal reaches after an append.
@@ -140,6 +147,15 @@ pub trait Store: Send + Sync + 'static {
     /// # Errors
     /// [`StoreError::UnknownMap`], [`StoreError::Unavailable`].
     async fn delete_map(&self, map: &str) -> Result<(), StoreError>;
+
+    /// Makes a map that is not open here this server's, where several servers share maps and no other
+    /// one serves it; then it can be acquired. A store of one server has listed all its maps.
+    ///
+    /// # Errors
+    /// [`StoreError::UnknownMap`], [`StoreError::OwnedElsewhere`], [`StoreError::Unavailable`].
+    async fn claim(&self, map: &str) -> Result<(), StoreError> {
+        Err(StoreError::UnknownMap { map: map.to_owned() })
+    }
 
     /// Makes the caller the map's writer: appends of every earlier epoch fail from now on.
     ///

@@ -20,6 +20,7 @@ mod cli_support;
 mod cli_synth;
 mod client;
 mod closure_verdicts;
+mod cluster;
 mod common;
 mod demo;
 mod doctor;

@@ -68,7 +68,7 @@ struct Room {
     why: &'static str,
 }
 
-const ROOMS: [Room; 20] = [
+const ROOMS: [Room; 21] = [
     Room {
         rooms: &["src/meter"],
         except: &[],
@@ -150,6 +150,13 @@ const ROOMS: [Room; 20] = [
         forbidden: &["prost*"],
         but: &[],
         why: "how events and maps are encoded is known in one place",
+    },
+    Room {
+        rooms: &["src", "client", "frontend"],
+        except: &["src/store/replicated"],
+        forbidden: &["async_nats*"],
+        but: &[],
+        why: "how servers share maps is known in one place",
     },
     Room {
         rooms: &["src/service/engine"],

@@ -94,6 +94,28 @@ pub struct Config {
     /// Keep maps in memory only: they are gone at the end.
     #[arg(long)]
     pub in_memory: bool,
+    /// Share maps with other servers over these NATS servers, URLs separated by commas, in builds with
+    /// the feature `cluster` [default: none].
+    #[arg(long, value_name = "URLS")]
+    pub nats: Option<String>,
+    /// Monitoring addresses of all NATS servers, separated by commas (http://host:8222): they tell
+    /// whether NATS syncs before it acknowledges [default: none].
+    #[arg(long, value_name = "URLS")]
+    pub nats_monitoring: Option<String>,
+    /// On how many NATS servers each map's journal is: 1, 3 or 5 [default: 3].
+    #[arg(long, value_name = "N")]
+    pub nats_replicas: usize,
+    /// Seconds after which the maps of a server that is not heard of are taken over [default: 5].
+    #[arg(long, value_name = "SECONDS")]
+    pub lease_seconds: u64,
+    /// URL by which clients reach this server, for those that asked another one [default: from
+    /// --listen].
+    #[arg(long, value_name = "URL")]
+    pub advertise: Option<String>,
+    /// Take NATS servers that acknowledge before they sync: a loss of power of several of them loses
+    /// what was acknowledged.
+    #[arg(long)]
+    pub accept_unsynced_replicas: bool,
     /// Largest message in bytes, in and out [default: 4194304].
     #[arg(long, value_name = "N")]
     pub max_message_bytes: usize,
@@ -180,6 +202,12 @@ impl Default for Config {
             lock_step: server.engine.lock_step,
             data_dir: None,
             in_memory: false,
+            nats: None,
+            nats_monitoring: None,
+            nats_replicas: 3,
+            lease_seconds: 5,
+            advertise: None,
+            accept_unsynced_replicas: false,
             max_message_bytes: server.max_message_bytes,
             max_concurrent_streams: server.max_concurrent_streams,
             max_connections: server.connections.max_connections,
@@ -261,6 +289,13 @@ impl Config {
                 "in_memory",
                 "excludes data_dir: maps are kept here or there",
             ),
+            (
+                self.nats.is_none() || !self.in_memory,
+                "nats",
+                "excludes in_memory: what is acknowledged is on this server's disk too",
+            ),
+            (matches!(self.nats_replicas, 1 | 3 | 5), "nats_replicas", "must be 1, 3 or 5"),
+            (self.lease_seconds > 0, "lease_seconds", "must be at least 1"),
             (self.queue_capacity > 0, "queue_capacity", "must be at least 1"),
             (is_log, "log", "must be off, error, warn, info, debug, trace or directives"),
         ];

@@ -137,6 +137,7 @@ fn maps_of(error: &mut EngineError) -> [Option<&mut String>; 2] {
         | EngineError::Store(
             StoreError::UnknownMap { map }
             | StoreError::MapExists { map }
+            | StoreError::OwnedElsewhere { map, .. }
             | StoreError::Fenced { map, .. }
             | StoreError::SequenceMismatch { map, .. }
             | StoreError::Truncated { map, .. }

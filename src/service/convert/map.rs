@@ -31,6 +31,7 @@ pub(in crate::service) fn to_durability(durability: Durability) -> v1::Durabilit
     match durability {
         Durability::Memory => v1::Durability::InMemory,
         Durability::Disk => v1::Durability::Disk,
+        Durability::Replicated => v1::Durability::Replicated,
     }
 }
 

@@ -36,7 +36,7 @@ use super::{
     SolverPool, Watch,
 };
 use crate::map::{Cause, Change, ClientIndex, Event, Map};
-use crate::store::Position;
+use crate::store::{Position, StoreError};
 
 /// Most entities of an item or an event that are handled on the task's own thread; a fold takes
 /// about 0.4 µs for each, and the check of an item half of that. Larger ones are handled on a
@@ -147,10 +147,7 @@ impl Actor {
                 self.background_ended(done).await;
                 Flow::Continue
             }
-            () = self.durability.progress() => {
-                self.flushed();
-                Flow::Continue
-            }
+            () = self.durability.progress() => self.flushed(),
             item = self.ingest.next(), if takes_items => {
                 if let Some(item) = item {
                     let parent = &item.span;
@@ -352,15 +349,23 @@ impl Actor {
     }
 
     /// Acknowledges what has become durable. If the journal has failed, the map accepts no further
-    /// changes.
-    fn flushed(&mut self) {
+    /// changes; if another server has the map, the engine ends.
+    fn flushed(&mut self) -> Flow {
         self.recognition.changed();
-        if let Some(error) = self.durability.acknowledge(self.map.revision()) {
-            let error = EngineError::Store(error);
+        let Some(error) = self.durability.acknowledge(self.map.revision()) else {
+            return Flow::Continue;
+        };
+        let is_elsewhere = matches!(error, StoreError::OwnedElsewhere { .. });
+        let error = EngineError::Store(error);
+        if is_elsewhere {
+            tracing::warn!(%error, "this server serves the map no longer");
+            self.shared.ended.get_or_init(|| error.clone());
+        } else {
             tracing::error!(%error, "the map takes no changes any more");
-            self.shared.set_damaged(&error);
-            self.end(&error);
         }
+        self.shared.set_damaged(&error);
+        self.end(&error);
+        if is_elsewhere { Flow::Stop } else { Flow::Continue }
     }
 
     /// Computes something from the map on another thread. The engine awaits the result; its thread

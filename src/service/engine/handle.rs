@@ -214,6 +214,11 @@ impl Shared {
         }
     }
 
+    /// Whether the engine has ended because another server has the map.
+    pub(super) fn is_elsewhere(&self) -> bool {
+        matches!(self.ended.get(), Some(EngineError::Store(StoreError::OwnedElsewhere { .. })))
+    }
+
     /// Whether items that are acknowledged as durable survive a crash.
     pub(super) fn is_durable(&self) -> bool {
         self.store.durability() != Durability::Memory

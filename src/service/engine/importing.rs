@@ -62,10 +62,8 @@ impl Maps {
     /// # Errors
     /// [`EngineError::MapExists`], [`EngineError::TenantCeiling`] and
     /// [`EngineError::ServerCeiling`] for too many streams, [`EngineError::ShuttingDown`].
-    pub fn begin_import(&self, name: &str) -> Result<ImportRoom, EngineError> {
-        if self.get(name).is_ok() {
-            return Err(EngineError::MapExists { map: name.to_owned() });
-        }
+    pub async fn begin_import(&self, name: &str) -> Result<ImportRoom, EngineError> {
+        self.check_free(name).await?;
         let account = self.inner.pool.accounts().of_map(name);
         let place = account.reserve(Resource::Streams, 1)?;
         let held = HeldEntities::existing(&account, Usage::default());

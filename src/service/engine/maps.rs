@@ -9,7 +9,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 
 use tokio::sync::{Semaphore, watch};
@@ -17,7 +17,7 @@ use tracing::Instrument;
 
 use super::durability::{stored, unix_time_ns};
 use super::error::report_bug;
-use super::handle::{Condition, Control};
+use super::handle::{Condition, Control, Shared};
 use super::opening::Start;
 use super::watch::READERS;
 use super::{
@@ -111,6 +111,7 @@ impl Maps {
         display_name: &str,
         policy: MapPolicy,
     ) -> Result<MapInfo, EngineError> {
+        self.look_elsewhere(name).await?;
         let claim = self.claim(name).await?;
         if let Some(handle) = claim.map().cloned() {
             drop(claim);
@@ -230,6 +231,7 @@ impl Maps {
     /// # Errors
     /// [`EngineError::MapNotFound`], [`EngineError::ShuttingDown`], [`EngineError::Store`].
     pub async fn delete(&self, name: &str) -> Result<(), EngineError> {
+        self.look_elsewhere(name).await?;
         let mut claim = self.claim(name).await?;
         let Some(handle) = claim.map().cloned() else {
             return Err(EngineError::MapNotFound { map: name.to_owned() });
@@ -366,6 +368,14 @@ impl Table {
     fn forget_merged(&self, map: &MapHandle) {
         self.lock().retain(|_, entry| {
             entry.map.take_if(|other| other.merged.is_some() && other.is_same_map(map));
+            entry.map.is_some() || entry.change.is_some()
+        });
+    }
+
+    /// An engine has ended by itself: its name is free for the next one.
+    pub(super) fn forget_ended(&self, ended: &Weak<Shared>) {
+        self.lock().retain(|_, entry| {
+            entry.map.take_if(|map| std::ptr::eq(Arc::as_ptr(&map.shared), ended.as_ptr()));
             entry.map.is_some() || entry.change.is_some()
         });
     }

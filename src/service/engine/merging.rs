@@ -103,7 +103,8 @@ impl Maps {
         request: MergeRequest,
         interrupt: Interrupt,
     ) -> Result<MergeOutcome, EngineError> {
-        let (source, target) = (self.get(&request.source)?, self.get(&request.target)?);
+        let source = self.find(&request.source).await?;
+        let target = self.find(&request.target).await?;
         if source.is_same_map(&target) {
             return self.merged_already(&request.source, &source).await;
         }
@@ -274,7 +275,7 @@ impl Maps {
     ) -> Result<(MapInfo, MapInfo), EngineError> {
         let not_merged = || EngineError::NotMerged { map: into.clone(), source_map: name.clone() };
         // It may have been found by the name of a map that became part of it.
-        let target = self.get(&into)?.name().to_owned();
+        let target = self.find(&into).await?.name().to_owned();
         if target == name {
             return Err(not_merged());
         }

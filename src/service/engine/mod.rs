@@ -54,6 +54,7 @@ mod places;
 mod pool;
 mod recognition;
 mod schedule;
+mod sharing;
 mod solve;
 mod solving;
 mod stream;

@@ -74,7 +74,7 @@ impl Maps {
     }
 
     /// Starts the engine of an existing map, even above the limits.
-    fn spawn_existing(&self, start: Start) -> MapHandle {
+    pub(super) fn spawn_existing(&self, start: Start) -> MapHandle {
         let tenant = self.inner.pool.accounts().tenant(tenant_of(&start.name));
         self.spawn(start, tenant.reserve_existing(Resource::Maps, 1))
     }
@@ -113,7 +113,7 @@ impl Maps {
     }
 
     /// Loads a map; `None` for a map whose creation was never answered.
-    async fn load_map(&self, name: &str) -> Result<Option<Start>, StoreError> {
+    pub(super) async fn load_map(&self, name: &str) -> Result<Option<Start>, StoreError> {
         let store = &self.inner.store;
         let epoch = store.acquire(name).await?;
         let (map, events) = stored(&**store, name).await?;
@@ -206,7 +206,16 @@ impl Maps {
             closing: Vec::new(),
         };
         let meters = Arc::clone(&shared.meters);
-        tokio::spawn(meters.measure(actor.run()).instrument(span));
+        let running = meters.measure(actor.run()).instrument(span);
+        let (maps, ended) = (Arc::downgrade(&self.inner), Arc::downgrade(&shared));
+        tokio::spawn(async move {
+            running.await;
+            if let Some(maps) = maps.upgrade()
+                && ended.upgrade().is_some_and(|shared| shared.is_elsewhere())
+            {
+                maps.table.forget_ended(&ended);
+            }
+        });
         MapHandle { shared, items: item_queue, control: control_queue, merged: None }
     }
 }

@@ -63,7 +63,7 @@ pub(super) async fn import(
     let mut upload = Import::new(context, inbound);
     let header = header(upload.header().await?, caller, &ceilings)?;
     let Header { name, imported, format, client } = header;
-    let room = context.maps.begin_import(&name)?;
+    let room = context.maps.begin_import(&name).await?;
     let (content, room, imported) = match format {
         Format::Covis => {
             let (content, kept, room) = own(&mut upload, room, &ceilings).await?;

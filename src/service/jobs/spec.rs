@@ -218,7 +218,7 @@ pub(super) async fn check(
     let Some(kind) = &spec.spec else { return Ok(Vec::new()) };
     let mut changed = Vec::new();
     for map_id in maps_of(spec) {
-        let map = context.maps.get(&caller.engine_name(map_id))?;
+        let map = context.maps.find(&caller.engine_name(map_id)).await?;
         let info = map.info().await?;
         if let Spec::EvaluateTrajectory(spec) = kind
             && info.snapshot.client_named(&spec.client_id).is_none()

@@ -1,0 +1,182 @@
+//! From catalog, snapshot and stream to a map that this server serves.
+//!
+//! The owner message comes first: what is read afterwards is all that the stream has, and no other server
+//! can add to it. Then the own journal is made to hold the same: what it lacks is appended, and where it
+//! does not fit (another server wrote in between, or the stream begins behind its end) it is made anew
+//! from the snapshot. What it holds beyond the stream, when everything else is the same, is published: it
+//! was accepted here, and nobody has written since. Last the catalog is asked whether the map is still
+//! this server's: a server that paused in between lets go of it.
+
+use std::sync::Arc;
+
+use super::ReplicatedStore;
+use super::catalog::{Entry, Known};
+use super::map_stream::MapStream;
+use super::message::Found;
+use super::owned::Owned;
+use super::publisher::{Begin, Publisher};
+use crate::map::Map;
+use crate::store::encoding::encode_event;
+use crate::store::{Epoch, Store, StoreError, sequence_of};
+
+/// Events that are appended to the own journal at once.
+const BATCH: usize = 256;
+
+/// What the own journal has to do with the stream.
+enum Own {
+    /// It holds the stream's events up to a revision.
+    Through(u64),
+    /// It holds all of them, and further ones, encoded.
+    Beyond(Vec<(u64, Vec<u8>)>),
+    /// It is missing or another one.
+    Other,
+}
+
+impl ReplicatedStore {
+    /// Opens a map that the catalog gives to this server.
+    pub(super) async fn take_over(&self, map: &str) -> Result<Epoch, StoreError> {
+        let elsewhere = || StoreError::OwnedElsewhere { map: map.to_owned(), owner: None };
+        let me = self.members.me();
+        let known = self.catalog.get(map).await?;
+        let known = known.ok_or_else(|| StoreError::UnknownMap { map: map.to_owned() })?;
+        if known.entry.owner.as_ref() != Some(me) {
+            return Err(elsewhere());
+        }
+        // A map that was open here is open no more.
+        let former = self.maps().remove(map);
+        drop(former);
+        let stream = MapStream::open(&self.context, map, &known.entry.uid, self.replicas).await?;
+        let epoch = stream.fence(me).await?;
+        let found = stream.read(epoch).await?.events;
+        let last = found.last().map_or(0, |found| sequence_of(found.event.revision));
+        let through = known.entry.snapshots.last().copied().unwrap_or(0).max(last);
+        let own = self.compare(map, &found, through).await?;
+        let beyond = self.mend(map, &known.entry, &found, own).await?;
+        let index = found.iter().map(|found| (sequence_of(found.event.revision), found.at));
+        let begin = Begin { epoch, through, index: index.collect(), most: self.most };
+        let publisher = Publisher::start(map.to_owned(), stream.clone(), begin);
+        let waits_for = beyond.last().map(|&(revision, _)| revision);
+        publisher.push(beyond);
+        let own_epoch = self.local.acquire(map).await?;
+        let local = self.local.follow(map).await?;
+        let known = self.confirm(&known).await?.ok_or_else(elsewhere)?;
+        let lease = self.members.holds_lease();
+        let owned = Owned::start(map, stream, publisher, known, local, lease);
+        owned.wait_durable(waits_for.unwrap_or(through)).await?;
+        self.maps().insert(map.to_owned(), owned);
+        tracing::info!(map, epoch, through, "this server serves the map");
+        Ok(own_epoch)
+    }
+
+    /// Whether the entry is still the one that was known: then it is written again, unchanged, so that
+    /// a claim that another server has begun on it fails.
+    async fn confirm(&self, known: &Known) -> Result<Option<Known>, StoreError> {
+        self.catalog.replace(known, known.entry.clone()).await
+    }
+
+    /// Compares the own journal with the stream, event by event.
+    async fn compare(&self, map: &str, found: &[Found], through: u64) -> Result<Own, StoreError> {
+        match self.local.acquire(map).await {
+            Ok(_) => {}
+            Err(StoreError::UnknownMap { .. }) => return Ok(Own::Other),
+            Err(error) => return Err(error),
+        }
+        if self.local.damage(map).await?.iter().any(|damage| damage.lost.is_some()) {
+            return Ok(Own::Other);
+        }
+        let Some(first) = found.first().map(|found| sequence_of(found.event.revision)) else {
+            // Nothing that both have tells that they are one history.
+            return Ok(Own::Other);
+        };
+        let own = match self.local.read(map, first - 1).await {
+            Ok(own) => own,
+            Err(StoreError::Truncated { .. }) => return Ok(Own::Other),
+            Err(error) => return Err(error),
+        };
+        let mut bytes = Vec::new();
+        let mut encoded = own.iter().map(|event| {
+            bytes.clear();
+            encode_event(event, &mut bytes);
+            (sequence_of(event.revision), bytes.clone())
+        });
+        let mut same = 0;
+        for found in found {
+            match encoded.next() {
+                Some((_, bytes)) if bytes == found.encoded => {
+                    same = sequence_of(found.event.revision);
+                }
+                Some(_) => return Ok(Own::Other),
+                None if same == 0 => return Ok(Own::Other),
+                None => return Ok(Own::Through(same)),
+            }
+        }
+        let beyond: Vec<_> = encoded.collect();
+        Ok(if beyond.is_empty() && same == through {
+            Own::Through(same)
+        } else {
+            Own::Beyond(beyond)
+        })
+    }
+
+    /// Makes the own journal hold what the stream has; returns what it holds beyond.
+    async fn mend(
+        &self,
+        map: &str,
+        entry: &Entry,
+        found: &[Found],
+        own: Own,
+    ) -> Result<Vec<(u64, Vec<u8>)>, StoreError> {
+        let from = match own {
+            Own::Beyond(beyond) => return Ok(beyond),
+            Own::Through(through) => through,
+            Own::Other => self.make_anew(map, entry).await?,
+        };
+        let epoch = self.local.acquire(map).await?;
+        let missing = found.iter().filter(|found| sequence_of(found.event.revision) > from);
+        let missing: Vec<_> = missing.map(|found| Arc::clone(&found.event)).collect();
+        let mut last = from;
+        for batch in missing.chunks(BATCH) {
+            let reached = self.local.append(map, epoch, last, batch.to_vec()).await?;
+            last = reached.sequence;
+        }
+        Ok(Vec::new())
+    }
+
+    /// Makes the own journal anew, with the newest snapshot that opens; returns its revision.
+    async fn make_anew(&self, map: &str, entry: &Entry) -> Result<u64, StoreError> {
+        match self.local.delete_map(map).await {
+            Ok(()) | Err(StoreError::UnknownMap { .. }) => {}
+            Err(error) => return Err(error),
+        }
+        match self.newest_snapshot(map, entry).await? {
+            Some(snapshot) => {
+                let revision = sequence_of(snapshot.revision());
+                self.local.create_map_of(map, snapshot).await?;
+                Ok(revision)
+            }
+            None => {
+                self.local.create_map(map).await?;
+                Ok(0)
+            }
+        }
+    }
+
+    async fn newest_snapshot(
+        &self,
+        map: &str,
+        entry: &Entry,
+    ) -> Result<Option<Arc<Map>>, StoreError> {
+        let mut last = None;
+        for &revision in entry.snapshots.iter().rev() {
+            match self.snapshots.get(map, &entry.uid, revision).await {
+                Ok(snapshot) => return Ok(Some(Arc::new(snapshot))),
+                Err(error @ StoreError::Content { .. }) => {
+                    tracing::error!(map, %error, "a snapshot does not open");
+                    last = Some(error);
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        last.map_or(Ok(None), Err)
+    }
+}

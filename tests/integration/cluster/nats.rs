@@ -1,0 +1,184 @@
+//! Real NATS servers on loopback ports, and servers of covis that share maps over them.
+
+use std::io::{BufRead, BufReader};
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+use covis_solvers::testing::skip;
+
+use crate::cli_support::{Running, Workspace};
+
+/// The program of NATS, or why there is none.
+fn program() -> Result<PathBuf, String> {
+    let named = std::env::var_os("NATS_SERVER").map(PathBuf::from);
+    let program = named.unwrap_or_else(|| PathBuf::from("nats-server"));
+    let answer = Command::new(&program).arg("--version").output();
+    let answer = answer.map_err(|error| format!("{}: {error}", program.display()))?;
+    let text = String::from_utf8_lossy(&answer.stdout).into_owned();
+    let version = text.trim().rsplit('v').next().unwrap_or_default();
+    let mut numbers = version.split('.').map(|number| number.parse::<u32>().unwrap_or(0));
+    match (numbers.next(), numbers.next()) >= (Some(2), Some(10)) {
+        true => Ok(program),
+        false => Err(format!("{} is {text:?}, 2.10 is needed", program.display())),
+    }
+}
+
+/// One NATS server: where it listens, and the process while it runs.
+pub(super) struct Node {
+    config: PathBuf,
+    pub(super) port: u16,
+    monitoring: u16,
+    process: Option<Child>,
+}
+
+impl Node {
+    fn start(&mut self, program: &Path) {
+        let mut command = Command::new(program);
+        command.arg("-c").arg(&self.config).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut process = command.spawn().unwrap();
+        let mut lines = BufReader::new(process.stderr.take().unwrap()).lines();
+        let ready = lines.by_ref().map_while(Result::ok).any(|l| l.contains("Server is ready"));
+        assert!(ready, "nats-server ended: {}", self.config.display());
+        // What it says from here on is read, so that it never waits for a reader.
+        std::thread::spawn(move || lines.map_while(Result::ok).for_each(drop));
+        self.process = Some(process);
+    }
+
+    fn kill(&mut self) {
+        if let Some(mut process) = self.process.take() {
+            process.kill().unwrap();
+            process.wait().unwrap();
+        }
+    }
+}
+
+impl Drop for Node {
+    fn drop(&mut self) {
+        if let Some(mut process) = self.process.take() {
+            let _ = process.kill();
+            let _ = process.wait();
+        }
+    }
+}
+
+/// NATS servers that form a cluster.
+pub(super) struct Nats {
+    program: PathBuf,
+    pub(super) nodes: Vec<Node>,
+    /// Removed with the test.
+    _folder: tempfile::TempDir,
+}
+
+impl Nats {
+    /// So many servers, which sync before they acknowledge or not; `None` where there is no NATS.
+    pub(super) fn start(count: usize, syncs: bool) -> Option<Self> {
+        let program = match program() {
+            Ok(program) => program,
+            Err(why) => {
+                skip(&format!("no NATS server ({why})"));
+                return None;
+            }
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let ports = free_ports(3 * count);
+        let routes: Vec<String> =
+            ports[2 * count..].iter().map(|port| format!("nats://127.0.0.1:{port}")).collect();
+        let nodes = (0..count).map(|index| {
+            let (port, monitoring) = (ports[index], ports[count + index]);
+            let store = folder.path().join(format!("node-{index}"));
+            let sync = if syncs { "sync_interval: always" } else { "" };
+            let mut text = format!(
+                "server_name: n{index}\nlisten: \"127.0.0.1:{port}\"\nhttp: \"127.0.0.1:{monitoring}\"\n\
+                 jetstream {{ store_dir: \"{}\", {sync} }}\n",
+                store.display(),
+            );
+            if count > 1 {
+                // Clients are told of no other server, so that a test decides whom they reach.
+                text += &format!(
+                    "cluster {{ name: c, listen: \"127.0.0.1:{}\", no_advertise: true, routes: [{}] }}\n",
+                    ports[2 * count + index],
+                    routes.join(", "),
+                );
+            }
+            let config = folder.path().join(format!("node-{index}.conf"));
+            std::fs::write(&config, text).unwrap();
+            Node { config, port, monitoring, process: None }
+        });
+        let mut nats = Self { program, nodes: nodes.collect(), _folder: folder };
+        nats.restart();
+        Some(nats)
+    }
+
+    /// Starts every server that does not run.
+    pub(super) fn restart(&mut self) {
+        for node in self.nodes.iter_mut().filter(|node| node.process.is_none()) {
+            node.start(&self.program);
+        }
+    }
+
+    /// SIGKILL to all of them.
+    pub(super) fn kill(&mut self) {
+        self.nodes.iter_mut().for_each(Node::kill);
+    }
+
+    /// All URLs, as `--nats` takes them.
+    pub(super) fn urls(&self) -> String {
+        let urls: Vec<_> =
+            self.nodes.iter().map(|node| format!("nats://127.0.0.1:{}", node.port)).collect();
+        urls.join(",")
+    }
+
+    /// All monitoring addresses, as `--nats-monitoring` takes them.
+    pub(super) fn monitoring(&self) -> String {
+        let urls: Vec<_> =
+            self.nodes.iter().map(|node| format!("http://127.0.0.1:{}", node.monitoring)).collect();
+        urls.join(",")
+    }
+
+    /// A server of covis with a folder of its own.
+    pub(super) fn covis(&self, workspace: &Workspace, name: &str) -> Running {
+        self.covis_over(&self.urls(), workspace, name, &[])
+    }
+
+    /// As [`Nats::covis`], on an address.
+    pub(super) fn covis_at(&self, address: &str, workspace: &Workspace, name: &str) -> Running {
+        self.start_covis(address, &self.urls(), workspace, name, &[])
+    }
+
+    /// As [`Nats::covis`], by other URLs of NATS and with more arguments.
+    pub(super) fn covis_over(
+        &self,
+        urls: &str,
+        workspace: &Workspace,
+        name: &str,
+        arguments: &[&str],
+    ) -> Running {
+        self.start_covis("127.0.0.1:0", urls, workspace, name, arguments)
+    }
+
+    fn start_covis(
+        &self,
+        address: &str,
+        urls: &str,
+        workspace: &Workspace,
+        name: &str,
+        arguments: &[&str],
+    ) -> Running {
+        let replicas = if self.nodes.len() < 3 { "1" } else { "3" };
+        let monitoring = self.monitoring();
+        let mut all = vec!["--nats", urls, "--nats-monitoring", &monitoring];
+        all.extend(["--nats-replicas", replicas]);
+        if !arguments.contains(&"--lease-seconds") {
+            all.extend(["--lease-seconds", "2"]);
+        }
+        all.extend(arguments);
+        Running::spawn(workspace.command(), address, &workspace.path(name), &all)
+    }
+}
+
+/// Ports that were free a moment ago.
+fn free_ports(count: usize) -> Vec<u16> {
+    let listeners: Vec<_> = (0..count).map(|_| TcpListener::bind("127.0.0.1:0").unwrap()).collect();
+    listeners.iter().map(|listener| listener.local_addr().unwrap().port()).collect()
+}
