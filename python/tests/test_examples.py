@@ -41,6 +41,32 @@ def synthetic(folder, frames):
     subprocess.run(command, check=True, capture_output=True)
 
 
+def test_the_odometry_of_opencv_maps_through_covis(tmp_path, monkeypatch, server):
+    cv2 = pytest.importorskip("cv2")
+    file_interface = pytest.importorskip("evo.tools.file_interface")
+    if not hasattr(cv2, "Odometry"):
+        pytest.skip("OpenCV before 5 has no odometry outside of its contributed modules")
+    from evo.core import metrics, sync
+
+    synthetic(tmp_path / "room", 36)
+    arguments = ["opencv_odometry.py", str(tmp_path / "room"), server.url, "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", arguments)
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    runpy.run_path(str(EXAMPLES / "opencv_odometry.py"), run_name="__main__")
+    errors = []
+    for name in ("alone", "covis"):
+        truth = file_interface.read_tum_trajectory_file(str(tmp_path / "room" / "groundtruth.txt"))
+        found = file_interface.read_tum_trajectory_file(str(tmp_path / f"{name}.tum"))
+        truth, found = sync.associate_trajectories(truth, found, max_diff=0.01)
+        assert found.num_poses == 36
+        found.align(truth)
+        error = metrics.APE(metrics.PoseRelation.translation_part)
+        error.process_data((truth, found))
+        errors.append(error.get_statistic(metrics.StatisticsType.rmse))
+    # Too short for a loop: what is left is the noise of both.
+    assert max(errors) < 0.01, errors
+
+
 def test_the_rgbd_frontend_tracks_a_sequence_to_within_centimeters(tmp_path, monkeypatch, server):
     pytest.importorskip("cv2")
     file_interface = pytest.importorskip("evo.tools.file_interface")
