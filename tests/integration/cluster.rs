@@ -18,7 +18,7 @@ use self::nats::Nats;
 use self::streams::{messages, prove_one_writer};
 use crate::cli_support::{Ran, Running, Workspace};
 use crate::common::{camera, run};
-use crate::durable::long_keyframe;
+use crate::durable::{long_keyframe, on_disk};
 use crate::proxy::Proxy;
 
 /// How often a scenario that kills is played.
@@ -37,6 +37,7 @@ fn patient() -> RetryPolicy {
 struct Robot {
     session: IngestSession,
     durable: Arc<AtomicI64>,
+    received: Arc<AtomicI64>,
     acks: Arc<Notify>,
     sent: i64,
 }
@@ -46,19 +47,24 @@ impl Robot {
     async fn new(urls: &str) -> Self {
         let client = Client::connect(urls).await.unwrap();
         client.create_map("house", None).await.unwrap();
-        let (durable, acks) = (Arc::new(AtomicI64::new(0)), Arc::new(Notify::new()));
-        let (seen, notify) = (Arc::clone(&durable), Arc::clone(&acks));
+        let (durable, received): (Arc<AtomicI64>, Arc<AtomicI64>) = Default::default();
+        let acks = Arc::new(Notify::new());
+        let seen = [Arc::clone(&durable), Arc::clone(&received)];
+        let notify = Arc::clone(&acks);
         let options = SessionOptions { retry: patient(), ..SessionOptions::default() };
         let options = options.on_ack(move |ack| {
-            if ack.status() == v1::AckStatus::Durable {
-                seen.fetch_max(ack.sequence, Ordering::AcqRel);
-                notify.notify_one();
-            }
+            let [durable, received] = &seen;
+            match ack.status() {
+                v1::AckStatus::Durable => durable.fetch_max(ack.sequence, Ordering::AcqRel),
+                v1::AckStatus::Received => received.fetch_max(ack.sequence, Ordering::AcqRel),
+                _ => return,
+            };
+            notify.notify_one();
         });
         let mut session = client.ingest("house", "robot", options).await.unwrap();
         assert_eq!(session.opened().durability(), v1::Durability::Replicated);
         session.send(camera(0)).await.unwrap();
-        Self { session, durable, acks, sent: 0 }
+        Self { session, durable, received, acks, sent: 0 }
     }
 
     /// Sends keyframes; sequence of the last one.
@@ -70,6 +76,13 @@ impl Robot {
             self.sent += 1;
         }
         self.sent + 1
+    }
+
+    /// Waits until a sequence is accepted.
+    async fn received(&self, sequence: i64) {
+        while self.received.load(Ordering::Acquire) < sequence {
+            self.acks.notified().await;
+        }
     }
 
     fn durable(&self) -> i64 {
@@ -259,6 +272,33 @@ fn no_acknowledged_keyframe_is_lost_when_the_owner_and_all_of_nats_are_killed() 
             let kept = keyframes(&server.url).await;
             assert_eq!(kept, (0..robot.sent).collect::<Vec<_>>(), "round {round}");
         }
+        prove_one_writer(&messages(&nats.urls()).await);
+    });
+}
+
+#[test]
+fn what_an_owner_has_on_its_disk_and_the_stream_lacks_is_put_back_where_nobody_wrote_since() {
+    let Some(mut nats) = Nats::start(1, true) else { return };
+    let workspace = Workspace::new();
+    let mut server = nats.covis(&workspace, "a");
+    let address = server.url.strip_prefix("http://").unwrap().to_owned();
+    run(async {
+        let mut robot = Robot::new(&server.url).await;
+        let last = robot.send(5).await;
+        robot.reach(last).await;
+        nats.kill();
+        let last = robot.send(1).await;
+        // Accepted, and on the owner's disk; nothing acknowledges it as durable.
+        robot.received(last).await;
+        assert!(robot.durable() < last);
+        // Nobody sends it again.
+        drop(robot);
+        let folder = workspace.path("a");
+        server.kill();
+        assert_eq!(on_disk(&folder, "house").await.keyframes().len(), 6);
+        nats.restart();
+        server = nats.covis_at(&address, &workspace, "a");
+        assert_eq!(keyframes(&server.url).await, (0..6).collect::<Vec<_>>());
         prove_one_writer(&messages(&nats.urls()).await);
     });
 }
