@@ -1,6 +1,6 @@
 //! `docs/wire-reference.md` is what the comments of `proto/covis/v1` say, as a page.
 //!
-//! `COVIS_TEST_REGENERATE=1 cargo test --test integration wire_reference` writes it.
+//! `COVIS_TEST_REGENERATE=1 cargo test --test integration generated` writes it, with the code.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -26,7 +26,7 @@ const ONEOF: i32 = 8;
 const SYNTAX: i32 = 12;
 
 #[test]
-fn the_reference_of_the_wire_is_that_of_the_protos() {
+fn the_generated_reference_of_the_wire_is_that_of_the_protos() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let page = page(&compiler(root, FOLDER).file_descriptor_set().file);
     let path = root.join(PAGE);
