@@ -1,7 +1,9 @@
 //! Residuals by quantity: figures by hand, and whether a wrong sigma shows and a right one does not.
 
 use covis_solvers::bundle_adjustment::{Options, solve};
-use covis_solvers::evaluation::{Quantity, SigmaJudgment, bundle_cost, pose_graph_cost};
+use covis_solvers::evaluation::{
+    ObservationLengths, Quantity, SigmaJudgment, bundle_cost, edge_lengths, pose_graph_cost,
+};
 use covis_solvers::factors::{DepthReprojection, PosePrior, PositionPrior, RelativePose};
 use covis_solvers::geometry::{LieGroup, Se2, Se3, So3};
 use covis_solvers::information::Information;
@@ -200,4 +202,37 @@ fn a_graphs_sigmas_are_judged_where_loops_can_contradict_them() {
     let mut chain = grid(12, 0.02, 0.02);
     chain.edges.retain(|edge| edge.j == edge.i + 1 || edge.i % 12 == 0);
     assert_eq!(judge(&mut chain), [SigmaJudgment::Unknown; 2]);
+}
+
+#[test]
+fn the_lengths_of_residuals_add_up_to_the_costs() {
+    let problem = walk();
+    let (lengths, report) = (ObservationLengths::of(&problem), bundle_cost(&problem));
+    let rms = |all: &[f64]| (all.iter().map(|l| l * l).sum::<f64>() / all.len() as f64).sqrt();
+    assert_eq!(lengths.pixels_px.len(), problem.observation_count());
+    assert!((rms(&lengths.pixels_px) - report.rmse_px).abs() < 1e-12 * report.rmse_px);
+    let depth = report.residuals.of(Quantity::Depth);
+    assert_eq!(lengths.depths_m.len(), depth.count);
+    assert!((rms(&lengths.depths_m) - depth.rms).abs() < 1e-12 * depth.rms);
+    // Those of the poses, weighted by how many observations each has, are those of all.
+    let by_pose = lengths.rmse_px_by_pose(problem.poses.len());
+    let squares: f64 = lengths.poses.iter().map(|&pose| by_pose[pose as usize].powi(2)).sum();
+    let all = (squares / lengths.poses.len() as f64).sqrt();
+    assert!((all - report.rmse_px).abs() < 1e-12 * report.rmse_px);
+    assert_eq!(lengths.rmse_px_by_pose(problem.poses.len() + 1).last(), Some(&0.0));
+
+    let mut graph = PoseGraph::<Se2, 3>::default();
+    for k in 0..3 {
+        graph.push_pose(k, Se2::exp(&SVector::from([k as f64, 0.0, 0.0])));
+    }
+    for (i, j, measured) in [(0, 1, 1.5), (1, 2, 1.0)] {
+        let i_from_j = Se2::exp(&SVector::from([measured, 0.0, 0.0]));
+        let information = Information::identity();
+        graph.edges.push(RelativePose { i, j, i_from_j, information, loss: None });
+    }
+    assert_eq!(
+        edge_lengths(&graph).iter().map(|l| (l * 1e9).round()).collect::<Vec<_>>(),
+        [5e8, 0.0]
+    );
+    assert!((pose_graph_cost(&graph).total - 0.125).abs() < 1e-12);
 }

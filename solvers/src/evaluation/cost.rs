@@ -196,16 +196,23 @@ fn relative_poses<G: ReferencePose<N>, const N: usize>(
 ) -> FactorCost {
     let mut tally = Tally::default();
     for edge in edges {
-        let s = match (poses.get(edge.i), poses.get(edge.j)) {
-            (Some(a), Some(b)) => {
-                let residual = G::reference_residual(&edge.i_from_j, a, b);
-                quadratic_form(&edge.information, &residual)
-            }
-            (None, _) | (_, None) => f64::NAN,
-        };
-        tally.add(edge.loss.unwrap_or(loss), s);
+        tally.add(edge.loss.unwrap_or(loss), edge_chi2(edge, poses));
     }
     tally.cost()
+}
+
+/// rᵀΩr of a relative pose; NaN where an index has no pose.
+pub(super) fn edge_chi2<G: ReferencePose<N>, const N: usize>(
+    edge: &RelativePose<G, N>,
+    poses: &[G],
+) -> f64 {
+    match (poses.get(edge.i), poses.get(edge.j)) {
+        (Some(a), Some(b)) => {
+            let residual = G::reference_residual(&edge.i_from_j, a, b);
+            quadratic_form(&edge.information, &residual)
+        }
+        (None, _) | (_, None) => f64::NAN,
+    }
 }
 
 fn pose_priors<G: ReferencePose<N>, const N: usize>(

@@ -6,10 +6,12 @@
 //! only, and must not call factors or the groups' own operations. One slow loop, no threads.
 
 mod cost;
+mod lengths;
 mod reference;
 mod residuals;
 mod sum;
 
 pub use cost::{CostReport, FactorCost, bundle_cost, pose_graph_cost};
+pub use lengths::{ObservationLengths, edge_lengths};
 pub use reference::ReferencePose;
 pub use residuals::{Quantity, ResidualReport, ResidualStatistics, SIGMA_FACTOR, SigmaJudgment};

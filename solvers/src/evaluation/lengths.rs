@@ -1,0 +1,63 @@
+//! How long each residual of a problem is: what histograms and colored pictures are made of.
+//!
+//! The numbers are those that [`super::bundle_cost`] and [`super::pose_graph_cost`] sum up. What an index
+//! out of range makes of a factor is not a number.
+
+use super::cost::{edge_chi2, observe, rigids};
+use super::reference::ReferencePose;
+use crate::problem::{BundleProblem, PoseGraph};
+
+/// The residuals of all observations: those without a depth first, then those with one.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ObservationLengths {
+    /// The pose of each observation.
+    pub poses: Vec<u32>,
+    /// ‖(u, v) − measured‖ of each observation, pixels, not whitened and without loss.
+    pub pixels_px: Vec<f64>,
+    /// |z − measured| of each observation that has a depth, meters.
+    pub depths_m: Vec<f64>,
+}
+
+impl ObservationLengths {
+    /// Those of a problem as it stands.
+    #[must_use]
+    pub fn of(problem: &BundleProblem) -> Self {
+        let rigids = rigids(problem);
+        let mut lengths = Self::default();
+        let batch = &problem.reprojections;
+        for k in 0..batch.len() {
+            let indices = [batch.poses[k], batch.cameras[k], batch.landmarks[k]];
+            let (square, _) = observe(problem, &rigids, indices, batch.pixels[k].into());
+            lengths.poses.push(batch.poses[k]);
+            lengths.pixels_px.push(square.sqrt());
+        }
+        let batch = &problem.depth_reprojections;
+        for k in 0..batch.len() {
+            let indices = [batch.poses[k], batch.cameras[k], batch.landmarks[k]];
+            let (square, depth) = observe(problem, &rigids, indices, batch.pixels[k].into());
+            lengths.poses.push(batch.poses[k]);
+            lengths.pixels_px.push(square.sqrt());
+            lengths.depths_m.push((depth - batch.depths_m[k]).abs());
+        }
+        lengths
+    }
+
+    /// √(Σ ‖r‖² / N) of the pixels of each of `count` poses; 0 for one without observations.
+    #[must_use]
+    pub fn rmse_px_by_pose(&self, count: usize) -> Vec<f64> {
+        let mut sums = vec![(0.0, 0_usize); count];
+        for (&pose, length) in self.poses.iter().zip(&self.pixels_px) {
+            if let Some((square, observations)) = sums.get_mut(pose as usize) {
+                *square += length * length;
+                *observations += 1;
+            }
+        }
+        sums.into_iter().map(|(square, n)| (square / n.max(1) as f64).sqrt()).collect()
+    }
+}
+
+/// √(rᵀΩr) of each edge of a pose graph, in standard deviations, without loss.
+#[must_use]
+pub fn edge_lengths<G: ReferencePose<N>, const N: usize>(graph: &PoseGraph<G, N>) -> Vec<f64> {
+    graph.edges.iter().map(|edge| edge_chi2(edge, &graph.poses).sqrt()).collect()
+}
