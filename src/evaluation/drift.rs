@@ -16,7 +16,7 @@
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::io::trajectory::Trajectory;
 
-use super::{Evaluation, EvaluationError, Statistics, evaluation};
+use super::{Error, Evaluation, EvaluationError, Statistics, evaluation};
 
 /// Relative pose errors between poses of the estimate that are `delta_s` seconds apart.
 ///
@@ -56,7 +56,11 @@ pub fn rpe_over(
             continue;
         }
         let motion = estimate.motion(i, j);
-        errors.push(motion.inverse().compose(&truth.motion(true_i, true_j)));
+        errors.push(Error {
+            timestamp_s: stamp,
+            position: truth.poses[true_i].translation,
+            error: motion.inverse().compose(&truth.motion(true_i, true_j)),
+        });
     }
     let pairs = errors.len();
     if pairs < 2 {

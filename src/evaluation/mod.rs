@@ -19,6 +19,7 @@ use std::f64::consts::SQRT_2;
 
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::io::trajectory::Trajectory;
+use nalgebra::Vector3;
 
 pub use drift::rpe_over;
 pub use mask::{LEAST_COVERAGE, MaskEvaluation, MaskOverlap};
@@ -94,6 +95,21 @@ pub struct Evaluation {
     pub angle_deg: Statistics,
     /// ‖R − I‖ of the rotation error, Frobenius (`rot_part`).
     pub rotation_part: Statistics,
+    /// Each of the errors, in the order of the truth for [`ape`] and [`rpe`], else of the estimate.
+    pub errors: Vec<PoseError>,
+}
+
+/// The error of one pose, or of the motion that begins at one pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseError {
+    /// The pose's time in its own trajectory, seconds.
+    pub timestamp_s: f64,
+    /// Where it is in the frame of the truth, m: of [`ape`] the aligned estimate, otherwise the true pose.
+    pub position: Vector3<f64>,
+    /// Length of the translation error, m.
+    pub translation_m: f64,
+    /// Angle of the rotation error, degrees.
+    pub angle_deg: f64,
 }
 
 /// Absolute pose errors after SE(3) alignment: E = (T · estimate)⁻¹ · truth.
@@ -107,12 +123,17 @@ pub fn ape(
     estimate: &Trajectory,
     max_difference_s: f64,
 ) -> Result<Evaluation, EvaluationError> {
-    let (truth, estimate) = matched(truth, estimate, max_difference_s)?;
-    let positions = |poses: &[Se3]| poses.iter().map(|p| p.translation).collect::<Vec<_>>();
-    let truth_from_estimate = align(&positions(&truth), &positions(&estimate))?;
-    let aligned = estimate.iter().map(|pose| truth_from_estimate.compose(pose));
-    let errors = aligned.zip(&truth).map(|(pose, truth)| pose.inverse().compose(truth));
-    Ok(evaluation(truth.len(), truth_from_estimate, &errors.collect::<Vec<_>>()))
+    let pairs = matched(truth, estimate, max_difference_s)?;
+    let positions =
+        |of: fn(&Pair) -> &Se3| pairs.iter().map(|p| of(p).translation).collect::<Vec<_>>();
+    let truth_from_estimate = align(&positions(|p| &p.truth), &positions(|p| &p.estimate))?;
+    let error = |pair: &Pair| {
+        let aligned = truth_from_estimate.compose(&pair.estimate);
+        let error = aligned.inverse().compose(&pair.truth);
+        Error { timestamp_s: pair.estimate_s, position: aligned.translation, error }
+    };
+    let errors: Vec<Error> = pairs.iter().map(error).collect();
+    Ok(evaluation(pairs.len(), truth_from_estimate, &errors))
 }
 
 /// Relative pose errors between neighboring matched poses (delta 1 frame), without alignment:
@@ -127,35 +148,63 @@ pub fn rpe(
     estimate: &Trajectory,
     max_difference_s: f64,
 ) -> Result<Evaluation, EvaluationError> {
-    let (truth, estimate) = matched(truth, estimate, max_difference_s)?;
-    if truth.len() < 2 {
-        return Err(EvaluationError::TooFewPairs { pairs: truth.len() });
+    let pairs = matched(truth, estimate, max_difference_s)?;
+    if pairs.len() < 2 {
+        return Err(EvaluationError::TooFewPairs { pairs: pairs.len() });
     }
-    let motions = |poses: &[Se3]| -> Vec<Se3> {
-        poses.windows(2).map(|pair| pair[0].inverse().compose(&pair[1])).collect()
+    let error = |both: &[Pair]| {
+        let motion = |of: fn(&Pair) -> &Se3| of(&both[0]).inverse().compose(of(&both[1]));
+        let error = motion(|p| &p.truth).inverse().compose(&motion(|p| &p.estimate));
+        let position = both[0].truth.translation;
+        Error { timestamp_s: both[0].estimate_s, position, error }
     };
-    let both = motions(&truth).into_iter().zip(motions(&estimate));
-    let errors: Vec<_> = both.map(|(truth, motion)| truth.inverse().compose(&motion)).collect();
-    Ok(evaluation(truth.len(), Se3::identity(), &errors))
+    let errors: Vec<Error> = pairs.windows(2).map(error).collect();
+    Ok(evaluation(pairs.len(), Se3::identity(), &errors))
+}
+
+/// An error as a transform, with its place.
+struct Error {
+    timestamp_s: f64,
+    position: Vector3<f64>,
+    error: Se3,
 }
 
 /// Statistics of errors: length of the translation, angle and norm of the rotation.
 ///
 /// The angle is 2 atan2(‖v‖, |w|) of the error's quaternion (v, w): an acos of the trace would lose
 /// half of the digits near 0. ‖R − I‖ = 2√2 sin(angle/2) = 2√2 ‖v‖.
-fn evaluation(pairs: usize, truth_from_estimate: Se3, errors: &[Se3]) -> Evaluation {
-    let of =
-        |figure: fn(&Se3) -> f64| Statistics::of(&errors.iter().map(figure).collect::<Vec<_>>());
+fn evaluation(pairs: usize, truth_from_estimate: Se3, errors: &[Error]) -> Evaluation {
+    let angle_deg = |error: &Se3| {
+        let quaternion = error.rotation.quaternion();
+        (2.0 * quaternion.imag().norm().atan2(quaternion.w.abs())).to_degrees()
+    };
+    let of_pose = |error: &Error| PoseError {
+        timestamp_s: error.timestamp_s,
+        position: error.position,
+        translation_m: error.error.translation.norm(),
+        angle_deg: angle_deg(&error.error),
+    };
+    let poses: Vec<PoseError> = errors.iter().map(of_pose).collect();
+    let of = |figure: fn(&PoseError) -> f64| {
+        Statistics::of(&poses.iter().map(figure).collect::<Vec<_>>())
+    };
+    let norm = |error: &Error| 2.0 * SQRT_2 * error.error.rotation.quaternion().imag().norm();
     Evaluation {
         pairs,
         truth_from_estimate,
-        translation_m: of(|error| error.translation.norm()),
-        angle_deg: of(|error| {
-            let quaternion = error.rotation.quaternion();
-            (2.0 * quaternion.imag().norm().atan2(quaternion.w.abs())).to_degrees()
-        }),
-        rotation_part: of(|error| 2.0 * SQRT_2 * error.rotation.quaternion().imag().norm()),
+        translation_m: of(|pose| pose.translation_m),
+        angle_deg: of(|pose| pose.angle_deg),
+        rotation_part: Statistics::of(&errors.iter().map(norm).collect::<Vec<_>>()),
+        errors: poses,
     }
+}
+
+/// Poses of one time.
+struct Pair {
+    truth: Se3,
+    estimate: Se3,
+    /// The estimate's time.
+    estimate_s: f64,
 }
 
 /// The matched poses of both, in the order of [`associate`].
@@ -163,7 +212,7 @@ fn matched(
     truth: &Trajectory,
     estimate: &Trajectory,
     max_difference_s: f64,
-) -> Result<(Vec<Se3>, Vec<Se3>), EvaluationError> {
+) -> Result<Vec<Pair>, EvaluationError> {
     if !(max_difference_s.is_finite() && max_difference_s >= 0.0) {
         return Err(EvaluationError::InvalidTimeDifference { value: max_difference_s });
     }
@@ -171,6 +220,10 @@ fn matched(
     if pairs.is_empty() {
         return Err(EvaluationError::NoMatches { max_difference_s });
     }
-    let pose = |(i, j): (usize, usize)| (truth.world_from_body[i], estimate.world_from_body[j]);
-    Ok(pairs.into_iter().map(pose).unzip())
+    let pair = |(i, j): (usize, usize)| Pair {
+        truth: truth.world_from_body[i],
+        estimate: estimate.world_from_body[j],
+        estimate_s: estimate.timestamps[j],
+    };
+    Ok(pairs.into_iter().map(pair).collect())
 }
