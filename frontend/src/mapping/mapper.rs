@@ -19,6 +19,7 @@ use super::encode;
 use super::handover::{FromServer, FromTracking, Putting};
 use super::localizer::{Localizer, Located};
 use super::run::{Loops, Target};
+use super::solves::{LastSolve, SolveLog};
 use crate::camera::FrameCamera;
 use crate::local_map::Corrections;
 use crate::tracking::keyframe::NewKeyframe;
@@ -42,6 +43,7 @@ pub(super) struct Sender {
     /// `None` in lock-step.
     session: Option<IngestSession>,
     pub(super) book: Book,
+    pub(super) solves: SolveLog,
     /// The sequence of the last keyframe.
     last_sequence: Option<i64>,
     /// Keyframes that were left out.
@@ -64,7 +66,8 @@ impl Mapper {
         let Target { client, map_id, client_id, lock_step, most_held } = *target;
         let options =
             SessionOptions { lock_step, max_unanswered: most_held, ..SessionOptions::default() };
-        let mut session = client.ingest(map_id, client_id, options).await?;
+        let solves = SolveLog::default();
+        let mut session = client.ingest(map_id, client_id, solves.listening(options)).await?;
         let watch = client.watch(map_id, WatchOptions::default()).await?;
         let camera = encode::camera(CAMERA, camera);
         session.send(camera.clone()).await?;
@@ -78,6 +81,7 @@ impl Mapper {
         let sender = Sender {
             session,
             book: Book::new(client_id),
+            solves,
             last_sequence: None,
             left_out: 0,
             most_held: 0,
@@ -155,7 +159,9 @@ impl Mapper {
         mut keyframe: NewKeyframe,
     ) -> Result<Corrections, ClientError> {
         let options = SessionOptions { lock_step: true, ..SessionOptions::default() };
+        let options = self.sender.solves.listening(options);
         let mut session = self.client.ingest(&self.map_id, &self.client_id, options).await?;
+        self.sender.solves.sends(keyframe.timestamp_s);
         let Sender { book, last_sequence, .. } = &mut self.sender;
         book.enter(&mut keyframe);
         *last_sequence = Some(session.send(encode::keyframe(CAMERA, &keyframe)).await?);
@@ -176,13 +182,14 @@ impl Mapper {
         Ok(all)
     }
 
-    /// Waits until everything is solved, optimizes the whole map and follows it there.
+    /// Waits until everything is solved, optimizes the whole map and follows it there. `None` where
+    /// no keyframe was sent.
     ///
     /// # Errors
     /// As [`Mapper::serve`] in lock-step; any code of `OptimizeMap`.
-    pub(super) async fn settle(&mut self) -> Result<(), ClientError> {
+    pub(super) async fn settle(&mut self) -> Result<Option<LastSolve>, ClientError> {
         let Sender { session, book, last_sequence, .. } = &mut self.sender;
-        let Some(sequence) = *last_sequence else { return Ok(()) };
+        let Some(sequence) = *last_sequence else { return Ok(None) };
         if let Some(session) = session {
             let (answer, _) = follow_until(&mut self.watch, book, session.flush()).await?;
             answer?;
@@ -192,12 +199,13 @@ impl Mapper {
             answer?;
         }
         let request = v1::OptimizeMapRequest { map_id: self.map_id.clone(), ..Default::default() };
-        let optimize = self.client.optimize_map(request, |_row| {});
+        let mut iterations = Vec::new();
+        let optimize = self.client.optimize_map(request, |row| iterations.push(*row));
         let (answer, _) = follow_until(&mut self.watch, book, optimize).await?;
-        answer?;
+        let summary = answer?.summary.unwrap_or_default();
         let revision = self.client.get_map(&self.map_id).await?.revision;
         self.reach(revision).await?;
-        Ok(())
+        Ok(Some(LastSolve { iterations, summary }))
     }
 
     /// The loop closures of the map, as it was last told.
@@ -259,6 +267,7 @@ async fn follow_until<T>(
 impl Sender {
     /// Sends a keyframe, or leaves it out where that must wait.
     fn send(&mut self, mut keyframe: NewKeyframe) {
+        self.solves.sends(keyframe.timestamp_s);
         self.book.enter(&mut keyframe);
         match self.try_send(&keyframe) {
             Ok(true) => return self.book.sent(keyframe.id),

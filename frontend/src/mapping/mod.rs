@@ -8,6 +8,7 @@
 //! | `handover` | what both threads give each other without waiting |
 //! | `mapper` | the session and the watch |
 //! | `localizer` | asks where a lost camera is |
+//! | [`solves`] | what the server's solves reached, for reports |
 //! | `book` | which keyframes the server knows, and what its answers correct |
 //! | `encode`, [`messages`] | messages |
 //!
@@ -21,4 +22,5 @@ mod localizer;
 mod mapper;
 pub mod messages;
 pub mod run;
+pub mod solves;
 mod tracker;

@@ -12,6 +12,7 @@ use tokio::sync::{mpsc, oneshot};
 
 use super::handover;
 use super::mapper::Mapper;
+use super::solves::{LastSolve, LocalSolve};
 use super::tracker::{Tracked, Tracker};
 use covis_client::{Client, ClientError};
 
@@ -89,6 +90,10 @@ pub struct RunReport {
     pub relocalizations: usize,
     /// Loop closures of the map.
     pub loops: Loops,
+    /// The server's solves that covered the run's keyframes, in the order of their answers.
+    pub local_solves: Vec<LocalSolve>,
+    /// The optimization of the whole map at the end; absent where the session had ended before.
+    pub last_solve: Option<LastSolve>,
     /// The most keyframes that waited for the server's answer.
     pub most_held: usize,
     /// Keyframes that were not sent, because too many waited or the session had ended.
@@ -180,13 +185,13 @@ async fn finish(
     lock_step: bool,
     dense: Option<&DenseFeed>,
 ) -> Result<RunReport, ClientError> {
-    if mapper.sender.failure.is_none()
-        && let Err(error) = mapper.settle().await
-    {
-        if lock_step {
-            return Err(error);
+    let mut last_solve = None;
+    if mapper.sender.failure.is_none() {
+        match mapper.settle().await {
+            Ok(solve) => last_solve = solve,
+            Err(error) if lock_step => return Err(error),
+            Err(error) => mapper.sender.failure = Some(error),
         }
-        mapper.sender.failure = Some(error);
     }
     let pose = |tracked: &TrackedFrame| {
         let keyframe = mapper.sender.book.pose(tracked.keyframe);
@@ -203,6 +208,8 @@ async fn finish(
         corrections: tracked.corrections,
         relocalizations: tracked.relocalizations,
         loops: mapper.loops(),
+        local_solves: mapper.sender.solves.solves(),
+        last_solve,
         most_held: mapper.sender.most_held,
         left_out: mapper.sender.left_out,
         durations: tracked.durations,
