@@ -12,6 +12,7 @@
 //! | [`store`] | journal of a map's events |
 //! | [`service`] | the engine that owns a map, and the gRPC edge |
 //! | [`evaluation`] | trajectory errors as evo and the TUM scripts define them, overlap of masks |
+//! | [`report`] | reports as HTML files: pages, tables, pictures |
 //! | [`cli`] | one file a subcommand |
 
 pub mod cli;
@@ -23,6 +24,7 @@ pub mod loop_closing;
 pub mod map;
 pub mod meter;
 pub mod place;
+pub mod report;
 pub mod service;
 #[cfg(test)]
 mod simulation;

@@ -12,6 +12,7 @@ mod data_dir;
 mod demo;
 mod eval;
 mod fuse;
+mod html;
 mod job;
 mod logging;
 mod map;

@@ -14,6 +14,7 @@ mod cli_map;
 mod cli_pose_graph;
 mod cli_rebuild;
 mod cli_recorded;
+mod cli_report;
 mod cli_run;
 mod cli_solve;
 mod cli_support;

@@ -69,6 +69,7 @@ struct Room {
 }
 
 const ROOMS: [Room; 21] = [
+const ROOMS: [Room; 22] = [
     Room {
         rooms: &["src/meter"],
         except: &[],
@@ -199,6 +200,29 @@ const ROOMS: [Room; 21] = [
         forbidden: &["tokio*", "tonic*", "prost*", "crate"],
         but: &["crate::evaluation"],
         why: "trajectory errors are plain functions of trajectories",
+    },
+    Room {
+        rooms: &["src/report"],
+        except: &[],
+        forbidden: &[
+            "tokio*",
+            "tonic*",
+            "prost*",
+            "crate",
+            "covis_solvers",
+            "std::time",
+            "std::fs",
+            "fs_err",
+        ],
+        but: &["crate::report"],
+        why: "a page is a function of numbers and text: no clock, no files",
+    },
+    Room {
+        rooms: &["src", "client", "frontend", "solvers"],
+        except: &["src/cli/record/sink"],
+        forbidden: &["mcap"],
+        but: &[],
+        why: "the format of recordings is known in one place",
     },
     Room {
         rooms: &["src"],

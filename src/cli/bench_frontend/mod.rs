@@ -6,24 +6,28 @@
 //! | this | runs each sequence twice, each time on a new map of a server in this process |
 //! | `truth` | what is known of a sequence, and what a run's errors are against it |
 //! | `table` | the report for people |
+//! | `page` | the same as an HTML file, with the trajectories |
 //!
 //! A run never sees the truth, which is opened when both runs of a sequence have ended. A sequence
 //! that cannot be run is told and the next one follows.
 
+mod page;
 mod table;
 mod truth;
 
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use covis_solvers::io::trajectory::Trajectory;
 use fs_err as fs;
 use serde::Serialize;
 
 use super::config::Config;
 use super::connect::Embedded;
+use super::html::{self, ReportFlag};
 use super::output::{show, succeed_if};
 use super::run::{Drawing, RunOptions, Source, report, sequence};
-use crate::evaluation::{PaperRow, paper_row};
+use crate::evaluation::{PaperRow, PoseError, paper_row};
 use crate::frontend::mapping::run::RunReport;
 use truth::Truth;
 
@@ -44,6 +48,8 @@ pub(super) struct Args {
     threads: u16,
     #[command(flatten)]
     drawing: Drawing,
+    #[command(flatten)]
+    report: ReportFlag,
     /// Print one JSON object instead of tables.
     #[arg(long)]
     json: bool,
@@ -70,6 +76,17 @@ struct Row {
     mask_iou: Option<f64>,
     /// The paper's row; null where a method failed.
     paper: Option<&'static PaperRow>,
+    /// The truth and what each run is off by, for the page.
+    #[serde(skip)]
+    drawn: Vec<Drawn>,
+}
+
+/// A run's trajectory beside the truth.
+#[derive(Debug)]
+struct Drawn {
+    run: &'static str,
+    truth: Trajectory,
+    errors: Vec<PoseError>,
 }
 
 #[derive(Clone, Copy, Debug, Default, Serialize)]
@@ -126,7 +143,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         let name = name(&source);
         tracing::info!("{name}");
         let mut row = Row {
-            source: label(&source),
+            source: source.to_string(),
             error: None,
             with_mask: None,
             without_mask: None,
@@ -134,6 +151,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
             mask_iou: None,
             paper: paper_row(&name).filter(|_| matches!(source, Source::Folder(_))),
             name,
+            drawn: Vec::new(),
         };
         // Two folders may have one name.
         let out = args.out.join(format!("{}-{}", index + 1, row.name));
@@ -146,7 +164,11 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         sequences.push(row);
     }
     let is_whole = sequences.iter().all(|row| row.error.is_none());
+    if let Some(path) = &args.report.path {
+        html::write(path, page::page(&sequences))?;
+    }
     show(args.json, &Document { sequences: &sequences }, || table::text(&sequences))?;
+    html::tell(args.json, &args.report)?;
     succeed_if(is_whole)
 }
 
@@ -173,10 +195,15 @@ async fn measure(
     row.without_mask = Some(RunFigures::of(&without_mask));
 
     let truth = Truth::open(source, &out.join("truth"))?;
-    for (figures, run) in [(&mut row.with_mask, &with_mask), (&mut row.without_mask, &without_mask)]
-    {
-        if let Some(figures) = figures {
-            truth.compare(run, figures);
+    let runs = [
+        ("with the mask", &mut row.with_mask, &with_mask),
+        ("without the mask", &mut row.without_mask, &without_mask),
+    ];
+    for (name, figures, run) in runs {
+        if let Some(figures) = figures
+            && let Some((truth, errors)) = truth.compare(run, figures)
+        {
+            row.drawn.push(Drawn { run: name, truth, errors });
         }
     }
     row.mask_iou = truth.mask_iou(&masks)?;
@@ -217,14 +244,6 @@ fn reduction(row: &Row, figure: fn(&RunFigures) -> Option<f64>) -> Option<f64> {
     let of = |run: &Option<RunFigures>| run.as_ref().filter(|run| run.counts).and_then(figure);
     let (with, without) = (of(&row.with_mask)?, of(&row.without_mask)?);
     (without > 0.0).then(|| 100.0 * (1.0 - with / without))
-}
-
-/// As the source was named.
-fn label(source: &Source) -> String {
-    match source {
-        Source::Folder(folder) => format!("tum:{}", folder.display()),
-        Source::Synthetic(scene, ..) => format!("synthetic:{scene}"),
-    }
 }
 
 /// The folder's or the scene's name.

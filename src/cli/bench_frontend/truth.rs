@@ -11,7 +11,7 @@ use super::RunFigures;
 use crate::cli::eval::mask;
 use crate::cli::eval::truth::of_folder;
 use crate::cli::run::{Source, report};
-use crate::evaluation::{self, MaskEvaluation};
+use crate::evaluation::{self, MaskEvaluation, PoseError};
 use crate::frontend::input::encode;
 use crate::frontend::mapping::run::RunReport;
 use crate::frontend::synthetic::Sequence;
@@ -61,9 +61,13 @@ impl Truth {
     }
 
     /// Fills in a run's errors. Where they cannot be told, of too short a trajectory for instance,
-    /// they stay unknown, and a warning says why.
-    pub(super) fn compare(&self, run: &RunReport, figures: &mut RunFigures) {
-        let Some(truth) = &self.trajectory else { return };
+    /// they stay unknown, and a warning says why. Gives the truth and the absolute errors of the poses.
+    pub(super) fn compare(
+        &self,
+        run: &RunReport,
+        figures: &mut RunFigures,
+    ) -> Option<(Trajectory, Vec<PoseError>)> {
+        let truth = self.trajectory.as_ref()?;
         let estimate = report::trajectory(run);
         match evaluation::rpe_over(truth, &estimate, DRIFT_S) {
             Ok(drift) => {
@@ -73,8 +77,14 @@ impl Truth {
             Err(error) => tracing::warn!("no RPE: {error}"),
         }
         match evaluation::ape(truth, &estimate, MAX_TIME_DIFFERENCE_S) {
-            Ok(absolute) => figures.ate_m = Some(absolute.translation_m.rmse),
-            Err(error) => tracing::warn!("no ATE: {error}"),
+            Ok(absolute) => {
+                figures.ate_m = Some(absolute.translation_m.rmse);
+                Some((truth.clone(), absolute.errors))
+            }
+            Err(error) => {
+                tracing::warn!("no ATE: {error}");
+                None
+            }
         }
     }
 

@@ -10,8 +10,10 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail, ensure};
 use serde::Serialize;
 
+use super::super::html::{self, ReportFlag};
 use super::super::output::show;
 use crate::evaluation::{LEAST_COVERAGE, MaskEvaluation, MaskOverlap, Statistics};
+use crate::report::{Labels, Line, Page, Role, Table, count, lines, number};
 
 /// Names are told to a microsecond; frames are milliseconds apart.
 const SAME_TIME_S: f64 = 1e-4;
@@ -26,6 +28,8 @@ pub(super) struct Args {
     /// Nothing moves in the sequence: all that is masked is false.
     #[arg(long = "static")]
     is_static: bool,
+    #[command(flatten)]
+    report: ReportFlag,
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
@@ -74,7 +78,68 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
         false_share: evaluation.false_share,
         masked_share: evaluation.masked_share,
     };
-    show(args.json, &document, || table(&document, &evaluation))
+    if let Some(path) = &args.report.path {
+        html::write(path, page(&frames, &evaluation))?;
+    }
+    show(args.json, &document, || table(&document, &evaluation))?;
+    html::tell(args.json, &args.report)
+}
+
+/// The page: the figures of the table, and each frame's.
+fn page(frames: &[MaskOverlap], evaluation: &MaskEvaluation) -> Page {
+    let facts = [
+        ("frames", count(frames.len())),
+        ("frames with something that moves", count(evaluation.iou.count)),
+    ];
+    let mut page = html::page("Masks of what moves", &html::facts(&facts));
+    let row = |name: &str, s: &Statistics| {
+        let figures = [s.mean, s.median, s.min, s.max].map(number);
+        std::iter::once(name.to_owned()).chain(figures).collect::<Vec<_>>()
+    };
+    let mut rows = vec![
+        row("falsely masked share", &evaluation.false_share),
+        row("masked share", &evaluation.masked_share),
+    ];
+    if evaluation.iou.count > 0 {
+        rows.insert(0, row("IoU", &evaluation.iou));
+    }
+    let head = ["figure", "mean", "median", "least", "most"];
+    page.table(&Table::new("Over all frames", &head, rows));
+    page.section("Frames");
+    let line = |name: Option<&str>, role, of: &dyn Fn(&MaskOverlap) -> Option<f64>| Line {
+        name: name.map(str::to_owned),
+        role,
+        points: frames
+            .iter()
+            .enumerate()
+            .filter_map(|(k, frame)| Some((k as f64, of(frame)?)))
+            .collect(),
+        marked: Vec::new(),
+    };
+    let iou = Labels {
+        title: "Intersection over union",
+        description: "Of each frame whose truth covers enough of it.",
+        x: "frame",
+        y: "IoU",
+    };
+    let shares = Labels {
+        title: "Masked share",
+        description: "Of the pixels of each frame: what the truth masks, and what the estimate does.",
+        x: "frame",
+        y: "%",
+    };
+    let covered = |frame: &MaskOverlap| frame.iou().filter(|_| frame.coverage() >= LEAST_COVERAGE);
+    let truth = |frame: &MaskOverlap| Some(100.0 * frame.coverage());
+    let masked = |frame: &MaskOverlap| Some(100.0 * frame.masked_share());
+    let both = [
+        line(Some("truth"), Role::Reference, &truth),
+        line(Some("estimate"), Role::After, &masked),
+    ];
+    page.row(
+        &[lines(iou, false, &[line(None, Role::After, &covered)]), lines(shares, false, &both)],
+        &[],
+    );
+    page
 }
 
 /// What two folders of masks have in common.

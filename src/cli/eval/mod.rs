@@ -13,8 +13,10 @@ use anyhow::Context;
 use covis_solvers::io::trajectory::Trajectory;
 use serde::Serialize;
 
+use super::html::{self, ReportFlag};
 use super::output::show;
 use crate::evaluation::{self, Evaluation, Statistics};
+use crate::report::{Page, Table, count, number};
 
 /// Arguments of `covis eval`.
 #[derive(Debug, clap::Args)]
@@ -64,6 +66,8 @@ struct Files {
     /// Timestamps match within this many seconds.
     #[arg(long, value_name = "SECONDS", default_value_t = 0.01, value_parser = time_difference)]
     max_time_difference: f64,
+    #[command(flatten)]
+    report: ReportFlag,
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
@@ -138,7 +142,11 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
     let result = result
         .with_context(|| format!("{} and {}", files.truth.display(), files.estimate.display()))?;
     let poses = (truth.len(), estimate.len());
-    show(files.json, &document(measure, poses, &result), || table(measure, poses, &result))
+    if let Some(path) = &files.report.path {
+        html::write(path, page(measure, &truth, poses, &result))?;
+    }
+    show(files.json, &document(measure, poses, &result), || table(measure, poses, &result))?;
+    html::tell(files.json, &files.report)
 }
 
 fn document(measure: Measure, poses: (usize, usize), result: &Evaluation) -> Document {
@@ -167,27 +175,61 @@ fn document(measure: Measure, poses: (usize, usize), result: &Evaluation) -> Doc
     }
 }
 
-fn table(measure: Measure, poses: (usize, usize), result: &Evaluation) -> String {
-    let title = match measure {
+/// The page: the figures of the table, and where, when and how large the errors are.
+fn page(
+    measure: Measure,
+    truth: &Trajectory,
+    (true_poses, estimated_poses): (usize, usize),
+    result: &Evaluation,
+) -> Page {
+    let counts = [
+        ("true poses", count(true_poses)),
+        ("estimated poses", count(estimated_poses)),
+        ("pairs", count(result.pairs)),
+    ];
+    let mut page = html::page(&title(measure), &html::facts(&counts));
+    let rows = rows(&result.translation_m).into_iter().zip(rows(&result.angle_deg));
+    let rows = rows.map(|((name, translation), (_, angle))| {
+        vec![name.to_owned(), number(translation), number(angle)]
+    });
+    let head = ["figure", "translation, m", "rotation, deg"];
+    page.table(&Table::new("Errors", &head, rows.collect()));
+    html::trajectory::errors(
+        &mut page,
+        truth,
+        &result.errors,
+        matches!(measure, Measure::Absolute),
+    );
+    page
+}
+
+fn title(measure: Measure) -> String {
+    match measure {
         Measure::Absolute => "absolute pose error, SE(3) aligned".to_owned(),
         Measure::Neighbors => "relative pose error, one matched pose to the next".to_owned(),
         Measure::Over { delta_s } => format!("relative pose error over {delta_s} s"),
-    };
+    }
+}
+
+/// The figures of a list of errors by their names.
+fn rows(figures: &Statistics) -> [(&'static str, f64); 7] {
+    [
+        ("rmse", figures.rmse),
+        ("mean", figures.mean),
+        ("median", figures.median),
+        ("std", figures.std),
+        ("min", figures.min),
+        ("max", figures.max),
+        ("sse", figures.sse),
+    ]
+}
+
+fn table(measure: Measure, poses: (usize, usize), result: &Evaluation) -> String {
+    let title = title(measure);
     let mut text = format!(
         "{title}\n{} pairs of {} true and {} estimated poses\n\n{:>8}  {:>16}  {:>14}",
         result.pairs, poses.0, poses.1, "", "translation (m)", "rotation (deg)"
     );
-    let rows = |f: &Statistics| {
-        [
-            ("rmse", f.rmse),
-            ("mean", f.mean),
-            ("median", f.median),
-            ("std", f.std),
-            ("min", f.min),
-            ("max", f.max),
-            ("sse", f.sse),
-        ]
-    };
     for ((name, translation), (_, angle)) in
         rows(&result.translation_m).into_iter().zip(rows(&result.angle_deg))
     {

@@ -179,8 +179,14 @@ pub(super) fn line(job: &Document) -> String {
     text
 }
 
-/// A page about one job.
+/// What is known of one job, below each other.
 pub(super) fn details(job: &Document) -> String {
+    let lines = lines(job).into_iter().map(|(name, value)| format!("{name:>10}: {value}"));
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// The same as name and value.
+pub(super) fn lines(job: &Document) -> Vec<(&'static str, String)> {
     let mut lines = vec![
         ("job", job.id.clone()),
         ("kind", job.kind.to_owned()),
@@ -198,6 +204,5 @@ pub(super) fn details(job: &Document) -> String {
     }
     lines.extend(job.files.iter().map(|f| ("file", format!("{}, {} bytes", f.path, f.size_bytes))));
     lines.retain(|(_, value)| !value.is_empty());
-    let lines = lines.into_iter().map(|(name, value)| format!("{name:>10}: {value}"));
-    lines.collect::<Vec<_>>().join("\n")
+    lines
 }

@@ -5,6 +5,7 @@
 
 mod document;
 mod files;
+mod page;
 mod submit;
 
 use std::path::PathBuf;
@@ -14,6 +15,7 @@ use anyhow::Context;
 use self::document::{Document, details, line, table};
 use super::config::Config;
 use super::connect::connect;
+use super::html::{self, ReportFlag};
 use super::map::write_files;
 use super::output::{print, show, succeed_if};
 use crate::client::{Client, RetryPolicy};
@@ -50,6 +52,8 @@ enum Action {
     Show {
         /// The job.
         id: String,
+        #[command(flatten)]
+        report: ReportFlag,
     },
     /// Follow a job to its end: a line at each change.
     Watch {
@@ -120,7 +124,14 @@ async fn act(Args { action, json }: Args, config: &Config) -> anyhow::Result<()>
             let jobs: Vec<Document> = jobs.into_iter().map(Document::from).collect();
             show(json, &jobs, || table(&jobs))
         }
-        Action::Show { id } => print_job(&client, client.job(&id).await?, json).await,
+        Action::Show { id, report } => {
+            let job = described(&client, client.job(&id).await?).await?;
+            if let Some(path) = &report.path {
+                html::write(path, page::page(&job))?;
+            }
+            show(json, &job, || details(&job))?;
+            html::tell(json, &report)
+        }
         Action::Watch { id } => {
             let job = follow(&client, &id, |job| {
                 let document = Document::from(job.clone());
@@ -174,11 +185,17 @@ async fn follow(
 
 /// Prints a job with its report.
 async fn print_job(client: &Client, job: v1::Job, json: bool) -> anyhow::Result<()> {
+    let document = described(client, job).await?;
+    show(json, &document, || details(&document))
+}
+
+/// A job with the report that it made.
+async fn described(client: &Client, job: v1::Job) -> anyhow::Result<Document> {
     let has_report = job.state() == JobState::Succeeded;
     let mut document = Document::from(job);
     if has_report {
         let bytes = client.job_file(&document.id, REPORT).await?;
         document.report = Some(serde_json::from_slice(&bytes).context("the report")?);
     }
-    show(json, &document, || details(&document))
+    Ok(document)
 }

@@ -6,6 +6,7 @@
 
 pub(super) mod dense;
 mod masks;
+mod page;
 pub(super) mod report;
 mod source;
 
@@ -16,6 +17,7 @@ use fs_err as fs;
 
 use super::config::Config;
 use super::connect::{Embedded, connect};
+use super::html::{self, ReportFlag};
 use super::output::show;
 use super::progress::Progress;
 use super::volume::Measures;
@@ -28,6 +30,7 @@ use crate::frontend::mapping::run::{Companion, MOST_HELD, RunReport, Target, run
 use crate::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
 use dense::DenseOptions;
 use masks::{GivenMasks, SavedMasks};
+use page::FinalMap;
 pub(super) use source::{Drawing, Peeked, Recorded, Source};
 
 /// The frontend's name as a client.
@@ -74,7 +77,7 @@ pub(super) struct Args {
           value_parser = clap::value_parser!(u16).range(1..))]
     mesh_every: u16,
     /// Wait at each keyframe until the server has solved it: slower, and each run gives the same
-    /// files. Otherwise tracking never waits for the server.
+    /// files, but for the times in its report. Otherwise tracking never waits for the server.
     #[arg(long)]
     lock_step: bool,
     /// Threads; with one, frames are decoded between others' tracking [default: all processors].
@@ -82,9 +85,21 @@ pub(super) struct Args {
     threads: Option<u16>,
     #[command(flatten)]
     drawing: Drawing,
+    /// Where the page about the run goes, one HTML file without scripts [default: OUT/report.html; with
+    /// --json none].
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// Print one JSON object instead of a table.
     #[arg(long)]
     json: bool,
+}
+
+impl Args {
+    /// Where the page goes: to whoever reads text, unasked.
+    fn report_flag(&self) -> ReportFlag {
+        let path = self.report.clone();
+        ReportFlag { path: path.or_else(|| (!self.json).then(|| self.out.join("report.html"))) }
+    }
 }
 
 /// How a sequence is run, apart from where it comes from.
@@ -142,13 +157,13 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         .enable_all()
         .build()
         .context("the async runtime")?;
-    let (report, mut volume) = runtime.block_on(async {
+    let ((report, mut volume), map) = runtime.block_on(async {
         if config.names_server {
             let client = connect(config).await?;
-            return sequence(&source, &options, &client, &args.map).await;
+            return run_and_ask(args, &source, &options, &client).await;
         }
         let server = Embedded::start(config).await?;
-        let report = sequence(&source, &options, &server.client, &args.map).await;
+        let report = run_and_ask(args, &source, &options, &server.client).await;
         server.stop().await;
         report
     })?;
@@ -156,11 +171,34 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
     let mesh =
         volume.as_mut().map(|dense| dense::write(&mut dense.volume, &args.out)).transpose()?;
     let document = report::document(&report, volume.as_ref().zip(mesh));
+    let flag = args.report_flag();
+    if let Some(path) = &flag.path {
+        let title = format!("Run of {}", args.source);
+        html::write(path, page::page(&title, &document, &report, map.as_ref()))?;
+    }
     show(args.json, &document, || report::table(&document, &args.out))?;
+    html::tell(args.json, &flag)?;
     match report.failure {
         Some(failure) => Err(failure).context("the session with the server ended early"),
         None => Ok(()),
     }
+}
+
+/// Runs the sequence, and asks the map for what only a page shows.
+async fn run_and_ask(
+    args: &Args,
+    source: &Source,
+    options: &RunOptions,
+    client: &Client,
+) -> anyhow::Result<((RunReport, Option<DenseReport>), Option<FinalMap>)> {
+    let run = sequence(source, options, client, &args.map).await?;
+    if args.report_flag().path.is_none() || run.0.failure.is_some() {
+        return Ok((run, None));
+    }
+    // What was tracked is kept, whatever the server says now.
+    let map = FinalMap::of(client, &args.map).await;
+    let map = map.inspect_err(|error| tracing::warn!("the report lacks the map: {error:#}"));
+    Ok((run, map.ok()))
 }
 
 /// Runs one sequence into a new map.

@@ -68,6 +68,44 @@ impl Quantiles {
     }
 }
 
+impl Document {
+    /// The counts as lines `name value`.
+    pub(super) fn facts(&self) -> Vec<(&'static str, String)> {
+        let mut facts = vec![
+            (
+                "frames",
+                format!(
+                    "{}: {} tracked, {} lost, {} skipped, {} later than 33 ms",
+                    self.frames, self.tracked, self.lost, self.skipped, self.late
+                ),
+            ),
+            ("map", format!("{} keyframes, {} landmarks", self.keyframes, self.landmarks)),
+            ("loops", format!("{} closed, {} found false", self.loops, self.loops_switched_off)),
+            (
+                "server",
+                format!(
+                    "{} corrections, {} reconnects, {} relocalizations; {} keyframes waited at most, \
+                     {} were left out",
+                    self.corrections,
+                    self.reconnects,
+                    self.relocalizations,
+                    self.most_held,
+                    self.left_out
+                ),
+            ),
+        ];
+        if let Some(MeshFigures { vertices, triangles, .. }) = self.mesh {
+            facts.push(("mesh", format!("{vertices} vertices, {triangles} triangles")));
+        }
+        facts
+    }
+
+    /// Durations by stage.
+    pub(super) fn stages(&self) -> &BTreeMap<&'static str, Quantiles> {
+        &self.stages
+    }
+}
+
 /// Tracking a frame, mask included and decoding not.
 pub(in crate::cli) fn track(report: &RunReport) -> Quantiles {
     Quantiles::of(report.durations.stages.iter().map(|s| s.track))

@@ -2,6 +2,7 @@
 //! assumed; reading is [`crate::frontend::input`]'s.
 
 use std::collections::VecDeque;
+use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -22,6 +23,16 @@ pub(in crate::cli) enum Source {
     Folder(PathBuf),
     /// A scene, and how it is drawn.
     Synthetic(SceneName, SequenceOptions),
+}
+
+/// As it is named on the command line.
+impl fmt::Display for Source {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Folder(folder) => write!(f, "tum:{}", folder.display()),
+            Self::Synthetic(scene, ..) => write!(f, "synthetic:{scene}"),
+        }
+    }
 }
 
 impl FromStr for Source {

@@ -11,6 +11,8 @@ use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::Method;
 use covis_solvers::robust::Kernel;
 
+use crate::cli::html::ReportFlag;
+
 /// The values of a flag: name, value, help.
 pub(super) type Choices<T> = [(&'static str, T, &'static str)];
 
@@ -94,6 +96,8 @@ pub(super) struct Shared {
     /// Write the solved problem in the input's own format, with 17 digits.
     #[arg(long, value_name = "PATH")]
     pub(super) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) report: ReportFlag,
 }
 
 /// Parses the argument; the error is a sentence for clap.

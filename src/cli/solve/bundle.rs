@@ -9,11 +9,12 @@ use std::time::Instant;
 
 use anyhow::Context;
 use covis_solvers::bundle_adjustment::{self, LinearSolver};
-use covis_solvers::evaluation::bundle_cost;
+use covis_solvers::evaluation::{ObservationLengths, bundle_cost};
 use covis_solvers::io::IoError;
 use covis_solvers::io::bal::BalFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel, ColmapProblem};
 use covis_solvers::optimizer::{self, Termination};
+use covis_solvers::problem::BundleProblem;
 use serde::Serialize;
 
 use super::arguments::{SOLVERS, Shared, choice, name_of};
@@ -21,6 +22,8 @@ use super::rebuild::{Rebuilt, rebuild};
 use super::report::{Details, Report};
 use super::residuals;
 use crate::cli::config::Config;
+use crate::cli::html::{self, solve::Residuals};
+use crate::report::{Page, Plan, views};
 
 /// Arguments of `covis solve bundle`.
 #[derive(Debug, clap::Args)]
@@ -145,6 +148,7 @@ fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
     };
     let preparation = start.elapsed();
     let before = bundle_cost(problem);
+    let start_of_page = shared.report.path.as_ref().map(|_| Drawn::of(problem));
     let mut report = Report::start(shared.json, preparation);
     let mut observer = |row: &optimizer::IterationSummary| report.observe(row);
     let summary = bundle_adjustment::solve(problem, &options, &mut observer).with_context(name)?;
@@ -168,8 +172,58 @@ fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
     if let Some(out) = &shared.out {
         source.write(&solved, out)?;
     }
+    if let (Some(path), Some(start)) = (&shared.report.path, start_of_page) {
+        let title = format!("Bundle adjustment of {}", args.input.display());
+        let mut page = report.page(&title, &summary.solve, &residuals, &details);
+        // Images of a COLMAP model are in the order of their names, as a rule that of a camera's way.
+        let is_path = matches!(source, Source::Colmap(..));
+        start.show(&solved.problem, is_path, &mut page);
+        html::write(path, page)?;
+    }
     report.finish(&summary.solve, &residuals, &details)?;
+    html::tell(shared.json, &shared.report)?;
     Ok(summary.solve.termination)
+}
+
+/// What a page shows of a problem as it stands.
+struct Drawn {
+    positions: Vec<[f64; 3]>,
+    lengths: ObservationLengths,
+}
+
+impl Drawn {
+    fn of(problem: &BundleProblem) -> Self {
+        let positions = problem.poses.iter().map(|pose| pose.translation.into()).collect();
+        Self { positions, lengths: ObservationLengths::of(problem) }
+    }
+
+    /// The start beside the solved problem.
+    fn show(&self, solved: &BundleProblem, is_path: bool, page: &mut Page) {
+        let after = Self::of(solved);
+        let residuals = |name, unit, of: fn(&ObservationLengths) -> &Vec<f64>| Residuals {
+            name,
+            unit,
+            before: Some(of(&self.lengths)),
+            after: of(&after.lengths),
+        };
+        let pixels = residuals("pixels", "px", |lengths| &lengths.pixels_px);
+        let depths = residuals("depths", "m", |lengths| &lengths.depths_m);
+        html::solve::residuals(page, &[pixels, depths]);
+        page.section("Cameras");
+        let errors = after.lengths.rmse_px_by_pose(solved.poses.len());
+        let points: Vec<[f64; 3]> = solved.landmarks.iter().map(|&point| point.into()).collect();
+        let plan = Plan {
+            name: "Cameras",
+            positions: &after.positions,
+            errors: &errors,
+            error_name: "reprojection RMSE, px",
+            is_path,
+            reference: is_path.then_some(("the start", &self.positions[..])),
+            points: &points,
+            links: &[],
+        };
+        page.row(&views(&plan), &[]);
+    }
 }
 
 /// The input's own numbers, so that it can be written back with all that the problem leaves out.

@@ -14,8 +14,10 @@ use covis_solvers::problem::PoseGraph;
 use serde::Serialize;
 
 use super::graph_details::Diagnosis;
+use crate::cli::html::{self, facts};
 use crate::cli::output::print;
 use crate::cli::progress::Progress;
+use crate::report::{Labels, Line, Page, Role, histogram, lines};
 
 /// A row every so many steps.
 const ROW_EVERY: usize = 100;
@@ -31,6 +33,9 @@ pub(super) struct Incremental {
     solve_seconds: f64,
     iterations: Vec<Row>,
     incremental: Steps,
+    /// Of each step, for the page.
+    #[serde(skip)]
+    milliseconds: Vec<f64>,
     #[serde(flatten)]
     diagnosis: Diagnosis,
 }
@@ -121,6 +126,7 @@ pub(super) fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         let index = (share * milliseconds.len().saturating_sub(1) as f64).round();
         milliseconds.get(index as usize).copied().unwrap_or(0.0)
     };
+    let (steps, median_ms, p99_ms, max_ms) = (milliseconds.len(), at(0.5), at(0.99), at(1.0));
     let final_cost = rows.last().map_or(0.0, |row: &Row| row.cost);
     Ok(Incremental {
         problem: "pose-graph",
@@ -130,11 +136,12 @@ pub(super) fn solve<G: RigidMotion<D, N>, const D: usize, const N: usize>(
         final_cost,
         solve_seconds: seconds,
         iterations: rows,
+        milliseconds,
         incremental: Steps {
-            steps: milliseconds.len(),
-            median_ms: at(0.5),
-            p99_ms: at(0.99),
-            max_ms: at(1.0),
+            steps,
+            median_ms,
+            p99_ms,
+            max_ms,
             final_cost,
             relinearized,
             batch_steps,
@@ -154,6 +161,36 @@ impl Incremental {
         for Row { iteration, cost, seconds } in &self.iterations {
             print(format_args!("{iteration:>9}  {cost:>18.10e}  {seconds:>9.4} s"))?;
         }
+        for (name, value) in self.lines() {
+            print(format_args!("{name:>17}: {value}"))?;
+        }
+        Ok(())
+    }
+
+    /// The page: how the cost grew with the graph, and how long steps took.
+    pub(super) fn page(&self, title: &str) -> Page {
+        let mut page = html::page(title, &facts(&self.lines()));
+        page.section("Steps");
+        let labels = Labels {
+            title: "Cost over vertices",
+            description: "The cost of the graph as far as it had grown.",
+            x: "vertices",
+            y: "cost",
+        };
+        let points = self.iterations.iter().map(|row| (row.iteration as f64, row.cost)).collect();
+        let line = Line { name: None, role: Role::After, points, marked: Vec::new() };
+        let times = Labels {
+            title: "Time of a step",
+            description: "Share of the steps, %, over the time that they took, ms.",
+            x: "ms",
+            y: "%",
+        };
+        page.row(&[lines(labels, false, &[line]), histogram(times, None, &self.milliseconds)], &[]);
+        page
+    }
+
+    /// Lines `name value` under the table.
+    fn lines(&self) -> Vec<(&'static str, String)> {
         let Steps { steps, median_ms, p99_ms, max_ms, batch_steps, .. } = self.incremental;
         let mut lines = vec![
             ("cost", format!("{:.10e}", self.final_cost)),
@@ -171,9 +208,6 @@ impl Incremental {
             ),
         ];
         lines.extend(self.diagnosis.lines());
-        for (name, value) in lines {
-            print(format_args!("{name:>17}: {value}"))?;
-        }
-        Ok(())
+        lines
     }
 }

@@ -7,6 +7,7 @@
 mod arguments;
 mod bundle;
 mod graph_details;
+mod graph_page;
 mod incremental;
 mod pose_graph;
 mod rebuild;

@@ -27,10 +27,13 @@ use covis_solvers::problem::PoseGraph;
 
 use super::arguments::{KERNELS, METHODS, Robust, STARTS, Shared, choice, name_of};
 use super::graph_details::{self, CertificateDetails, Diagnosis, GraphDetails, RobustDetails};
+use super::graph_page::GraphPage;
 use super::incremental::{self, Incremental};
 use super::report::Report;
 use super::residuals;
 use crate::cli::config::Config;
+use crate::cli::html;
+use crate::report::Page;
 
 /// Arguments of `covis solve pose-graph`.
 #[derive(Debug, clap::Args)]
@@ -103,15 +106,23 @@ fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
     };
     match outcome {
         Outcome::Whole(outcome) => {
-            let Whole { mut report, summary, residuals, details } = *outcome;
+            let Whole { mut report, summary, residuals, details, page } = *outcome;
             report.check_reader()?;
             write(&file)?;
+            if let (Some(path), Some(page)) = (&args.shared.report.path, page) {
+                html::write(path, page)?;
+            }
             report.finish(&summary, &residuals, &details)?;
+            html::tell(args.shared.json, &args.shared.report)?;
             Ok(summary.termination)
         }
         Outcome::Incremental(incremental) => {
             write(&file)?;
+            if let Some(path) = &args.shared.report.path {
+                html::write(path, incremental.page(&format!("Pose graph {}", name())))?;
+            }
             incremental.print(args.shared.json)?;
+            html::tell(args.shared.json, &args.shared.report)?;
             Ok(Termination::Converged(Tolerance::Cost))
         }
     }
@@ -136,6 +147,7 @@ struct Whole {
     summary: SolveSummary,
     residuals: Vec<residuals::Row>,
     details: GraphDetails,
+    page: Option<Page>,
 }
 
 impl Run<'_> {
@@ -169,6 +181,9 @@ impl Run<'_> {
         options.optimizer.max_iterations = shared.max_iterations;
         options.optimizer.threads = None;
         options.optimizer.method = self.args.method;
+        let wants_page = shared.report.path.is_some();
+        // A file without vertices has no start to compare with.
+        let given = (wants_page && self.from_file).then(|| GraphPage::of(graph));
         let mut report = Report::start(shared.json, self.start.elapsed());
         let rows = &mut |row: &IterationSummary| report.observe(row);
         let optimized = optimize(graph, self.from_file, &options, &Interrupt::NEVER, rows)
@@ -176,6 +191,7 @@ impl Run<'_> {
         let Optimized { solve: summary, start, start_seconds, judged, proof, .. } = optimized;
         // Of all edges, those that are judged false included: their share shows.
         let residuals = residuals::rows(None, &pose_graph_cost(graph));
+        let verdicts = judged.as_ref().map_or(&[][..], |judged| &judged.closures).to_vec();
         let mut details = GraphDetails {
             problem: "pose-graph",
             group: self.group,
@@ -192,7 +208,13 @@ impl Run<'_> {
             diagnosis,
         };
         details.diagnosis.of_solution(graph).with_context(|| self.name())?;
-        Ok(Outcome::Whole(Box::new(Whole { report, summary, residuals, details })))
+        let page = wants_page.then(|| {
+            let title = format!("Pose graph {}", self.name());
+            let mut page = report.page(&title, &summary, &residuals, &details);
+            GraphPage::of(graph).show(given.as_ref(), graph, &verdicts, &mut page);
+            page
+        });
+        Ok(Outcome::Whole(Box::new(Whole { report, summary, residuals, details, page })))
     }
 
     fn name(&self) -> String {

@@ -9,7 +9,9 @@ use covis_solvers::optimizer::{Control, IterationSummary, SolveSummary};
 use serde::Serialize;
 
 use super::residuals;
+use crate::cli::html::{self, facts, solve::Iteration};
 use crate::cli::output::print;
+use crate::report::Page;
 
 /// One object of `--json`.
 #[derive(Debug, Serialize)]
@@ -122,6 +124,39 @@ impl Report {
             let document = self.document(summary, residuals, details);
             return print(serde_json::to_string(&document)?);
         }
+        for (name, value) in self.lines(summary, residuals, details) {
+            print(format_args!("{name:>17}: {value}"))?;
+        }
+        Ok(())
+    }
+
+    /// A page with the summary and the cost; the caller adds what it knows of its problem.
+    pub(super) fn page(
+        &self,
+        title: &str,
+        summary: &SolveSummary,
+        residuals: &[residuals::Row],
+        details: &impl Details,
+    ) -> Page {
+        let mut page = html::page(title, &facts(&self.lines(summary, residuals, details)));
+        let row = |row: &IterationSummary| Iteration {
+            iteration: row.iteration,
+            cost: row.cost,
+            seconds: self.shifted(row.seconds),
+            accepted: row.accepted,
+            damping: row.damping,
+        };
+        html::solve::cost(&mut page, &summary.iterations.iter().map(row).collect::<Vec<_>>());
+        page
+    }
+
+    /// Lines `name value`: the outcome, what is special to the problem, the residuals.
+    fn lines(
+        &self,
+        summary: &SolveSummary,
+        residuals: &[residuals::Row],
+        details: &impl Details,
+    ) -> Vec<(&'static str, String)> {
         let count = summary.iterations.len().saturating_sub(1);
         let accepted = summary.iterations.iter().skip(1).filter(|row| row.accepted).count();
         let seconds = self.shifted(summary.solve_seconds);
@@ -135,10 +170,7 @@ impl Report {
         ];
         lines.extend(details.lines());
         lines.extend(residuals.iter().flat_map(residuals::Row::lines));
-        for (name, value) in lines {
-            print(format_args!("{name:>17}: {value}"))?;
-        }
-        Ok(())
+        lines
     }
 
     fn document<'a, D>(

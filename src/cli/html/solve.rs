@@ -1,0 +1,91 @@
+//! What pages show of a solve: the cost over iterations and time, residuals before and after.
+
+use crate::report::{Labels, Line, Page, Role, Table, histogram, lines, number, quantiles};
+
+/// An iteration of a solve.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::cli) struct Iteration {
+    pub(in crate::cli) iteration: usize,
+    pub(in crate::cli) cost: f64,
+    pub(in crate::cli) seconds: f64,
+    pub(in crate::cli) accepted: bool,
+    pub(in crate::cli) damping: f64,
+}
+
+/// The cost over iterations and over time, with its table.
+pub(in crate::cli) fn cost(page: &mut Page, rows: &[Iteration]) {
+    page.section("Cost");
+    let line = |x: fn(&Iteration) -> f64| Line {
+        name: None,
+        role: Role::After,
+        points: rows.iter().map(|row| (x(row), row.cost)).collect(),
+        marked: rows.iter().filter(|row| !row.accepted).map(|row| (x(row), row.cost)).collect(),
+    };
+    let described = |title, x| Labels {
+        title,
+        description: "Powers of ten; a circle is a step that was rejected.",
+        x,
+        y: "cost",
+    };
+    let pictures = [
+        lines(
+            described("Cost over iterations", "iteration"),
+            true,
+            &[line(|r| r.iteration as f64)],
+        ),
+        lines(described("Cost over time", "time, s"), true, &[line(|r| r.seconds)]),
+    ];
+    page.row(&pictures, &[]);
+    let cells = |row: &Iteration| {
+        vec![
+            row.iteration.to_string(),
+            format!("{:.10e}", row.cost),
+            format!("{:.6}", row.seconds),
+            format!("{:.1e}", row.damping),
+            if row.accepted { "taken" } else { "rejected" }.to_owned(),
+        ]
+    };
+    let head = ["iteration", "cost", "time, s", "damping", "step"];
+    page.table(&Table::new("Iterations", &head, rows.iter().map(cells).collect()));
+}
+
+/// Residuals of one kind.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::cli) struct Residuals<'a> {
+    /// What they are of.
+    pub(in crate::cli) name: &'a str,
+    pub(in crate::cli) unit: &'a str,
+    /// Their lengths before, where they are known.
+    pub(in crate::cli) before: Option<&'a [f64]>,
+    pub(in crate::cli) after: &'a [f64],
+}
+
+/// Histograms of residuals, with quantiles beside them.
+pub(in crate::cli) fn residuals(page: &mut Page, all: &[Residuals<'_>]) {
+    let all: Vec<_> = all.iter().filter(|kind| !kind.after.is_empty()).collect();
+    if all.is_empty() {
+        return;
+    }
+    page.section("Residuals");
+    let head = ["residuals", "count", "rms", "median", "90 %", "99 %", "largest"];
+    for kind in all {
+        let Residuals { name, unit, before, after } = *kind;
+        let title = format!("Residuals of {name}");
+        let description = format!("Share of them, %, over their length, {unit}.");
+        let labels = Labels { title: &title, description: &description, x: unit, y: "%" };
+        let row = |when: &str, values: &[f64]| {
+            let [count, rest @ ..] = quantiles(values);
+            let start = [when.to_owned(), count, number(rms(values))];
+            start.into_iter().chain(rest).collect::<Vec<_>>()
+        };
+        let mut rows: Vec<Vec<String>> =
+            before.map(|before| row("before", before)).into_iter().collect();
+        rows.push(row("after", after));
+        let caption = format!("{title}, {unit}");
+        page.row(&[histogram(labels, before, after)], &[Table::new(&caption, &head, rows)]);
+    }
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}

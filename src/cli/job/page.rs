@@ -1,0 +1,83 @@
+//! The page of a job: what is known of it, and its report: figures, the cost over iterations and time,
+//! residuals before and after, of each problem that it solved.
+//!
+//! Works on the report's JSON as the server wrote it: a key that is not there leaves its part out.
+
+use serde_json::Value;
+
+use super::document::{Document, lines};
+use crate::cli::html::solve::{Iteration, cost};
+use crate::cli::html::{self, facts};
+use crate::report::{Page, Table, number};
+
+/// The page of a job.
+pub(super) fn page(job: &Document) -> Page {
+    let mut page = html::page(&format!("Job {}", job.id), &facts(&lines(job)));
+    let Some(report) = &job.report else {
+        page.note("A job has a report once it has succeeded.");
+        return page;
+    };
+    match report["problems"].as_array() {
+        Some(problems) => problems.iter().for_each(|problem| of_problem(&mut page, problem)),
+        None => of_problem(&mut page, report),
+    }
+    page
+}
+
+fn of_problem(page: &mut Page, report: &Value) {
+    page.section(report["path"].as_str().unwrap_or("Report"));
+    let mut figures = Vec::new();
+    flatten("", report, &mut figures);
+    page.table(&Table::new("Figures", &["name", "value"], figures));
+    let row = |row: &Value| {
+        Some(Iteration {
+            iteration: usize::try_from(row["iteration"].as_u64()?).ok()?,
+            cost: row["cost"].as_f64()?,
+            seconds: row["seconds"].as_f64()?,
+            accepted: row["accepted"].as_bool()?,
+            damping: row["damping"].as_f64()?,
+        })
+    };
+    let list = |key: &str| report[key].as_array().map_or(&[][..], Vec::as_slice);
+    let iterations: Vec<Iteration> = list("iterations").iter().filter_map(row).collect();
+    if !iterations.is_empty() {
+        cost(page, &iterations);
+    }
+    let rows = list("residuals").iter().map(|kind| {
+        let figure = |key: &str| kind[key].as_f64().map_or_else(|| "–".to_owned(), number);
+        let text = |key: &str| kind[key].as_str().unwrap_or_default();
+        vec![
+            format!("{}, {}", text("quantity"), text("unit")),
+            figure("count"),
+            figure("initial_rms"),
+            figure("final_rms"),
+            figure("reduced_chi2"),
+            figure("outlier_share"),
+        ]
+    });
+    let rows: Vec<_> = rows.collect();
+    if !rows.is_empty() {
+        page.section("Residuals");
+        let head = ["residuals", "count", "rms before", "rms after", "reduced chi2", "outliers"];
+        page.table(&Table::new("Before and after the solve", &head, rows));
+    }
+}
+
+/// Rows of all that is a single value; keys of objects within objects are joined with a point.
+fn flatten(prefix: &str, value: &Value, rows: &mut Vec<Vec<String>>) {
+    let Value::Object(object) = value else { return };
+    for (key, value) in object {
+        let name = format!("{prefix}{key}");
+        match value {
+            Value::Object(_) => flatten(&format!("{name}."), value, rows),
+            Value::String(text) => rows.push(vec![name, text.clone()]),
+            Value::Number(figure) => {
+                let figure = figure.as_f64().map_or_else(|| figure.to_string(), number);
+                rows.push(vec![name, figure]);
+            }
+            Value::Bool(is) => rows.push(vec![name, if *is { "yes" } else { "no" }.to_owned()]),
+            // Lists have pictures and tables of their own.
+            Value::Array(_) | Value::Null => {}
+        }
+    }
+}

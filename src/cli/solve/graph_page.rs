@@ -1,0 +1,134 @@
+//! What the page about a pose graph shows beside its cost: residuals of the edges, the vertices in space with
+//! the closures, and the closures' verdicts. Lengths are the evaluator's.
+
+use covis_solvers::evaluation::{ReferencePose, edge_lengths};
+use covis_solvers::problem::PoseGraph;
+use covis_solvers::robust::ClosureVerdict;
+use nalgebra::Vector3;
+
+use crate::cli::html::solve::{Residuals, residuals};
+use crate::report::{Link, Page, Plan, Table, number, views};
+
+/// A graph as it stands.
+pub(super) struct GraphPage {
+    positions: Vec<[f64; 3]>,
+    lengths: Vec<f64>,
+}
+
+impl GraphPage {
+    pub(super) fn of<G: ReferencePose<N>, const N: usize>(graph: &PoseGraph<G, N>) -> Self {
+        let position = |pose: &G| pose.reference_point(&Vector3::zeros()).into();
+        Self { positions: graph.poses.iter().map(position).collect(), lengths: edge_lengths(graph) }
+    }
+
+    /// Adds the sections about the solved graph; `given` is the file's own.
+    pub(super) fn show<G: ReferencePose<N>, const N: usize>(
+        &self,
+        given: Option<&Self>,
+        graph: &PoseGraph<G, N>,
+        verdicts: &[ClosureVerdict],
+        page: &mut Page,
+    ) {
+        let kind = Residuals {
+            name: "edges",
+            unit: "standard deviations",
+            before: given.map(|given| &given.lengths[..]),
+            after: &self.lengths,
+        };
+        residuals(page, &[kind]);
+
+        page.section("Vertices");
+        // In the order of the ids, which is a robot's way as a rule.
+        let mut order: Vec<usize> = (0..graph.ids.len()).collect();
+        order.sort_by_key(|&vertex| graph.ids[vertex]);
+        let ordered = |positions: &[[f64; 3]]| order.iter().map(|&v| positions[v]).collect();
+        let positions: Vec<[f64; 3]> = ordered(&self.positions);
+        let before: Option<Vec<[f64; 3]>> = given.map(|given| ordered(&given.positions));
+        let counts = counts(graph.edges.len(), verdicts);
+        let worst = self.worst_at_vertices(graph, &counts);
+        let errors: Vec<f64> = order.iter().map(|&vertex| worst[vertex]).collect();
+        let links: Vec<Link> = self.links(graph, &counts);
+        let plan = Plan {
+            name: "Vertices",
+            positions: &positions,
+            errors: &errors,
+            error_name: "largest residual of an edge that counts, standard deviations",
+            is_path: true,
+            reference: before.as_deref().map(|before| ("the file's own vertices", before)),
+            points: &[],
+            links: &links,
+        };
+        page.row(&views(&plan), &[]);
+
+        if verdicts.is_empty() {
+            return;
+        }
+        page.section("Closures");
+        let row = |verdict: &ClosureVerdict| {
+            let edge = &graph.edges[verdict.edge];
+            let name = match (verdict.is_switched_off, verdict.is_provisional) {
+                (false, _) => "counts",
+                (true, false) => "found false",
+                (true, true) => "found false, nothing but odometry speaks against it",
+            };
+            vec![
+                format!("{} to {}", graph.ids[edge.i], graph.ids[edge.j]),
+                number(verdict.chi2),
+                number(verdict.weight),
+                name.to_owned(),
+            ]
+        };
+        // Those that were found false first, the worst of them at the top.
+        let mut sorted: Vec<&ClosureVerdict> = verdicts.iter().collect();
+        sorted.sort_by(|a, b| {
+            b.is_switched_off.cmp(&a.is_switched_off).then(b.chi2.total_cmp(&a.chi2))
+        });
+        let rows = sorted.into_iter().map(row).collect();
+        page.table(&Table::new("Verdicts", &["closure", "chi2", "weight", "verdict"], rows));
+    }
+
+    /// The largest length of an edge at each vertex, those left out that were found false.
+    fn worst_at_vertices<G: ReferencePose<N>, const N: usize>(
+        &self,
+        graph: &PoseGraph<G, N>,
+        counts: &[bool],
+    ) -> Vec<f64> {
+        let mut worst = vec![0.0_f64; graph.poses.len()];
+        let edges = graph.edges.iter().zip(&self.lengths).zip(counts);
+        for ((edge, &length), _) in edges.filter(|(_, counts)| **counts) {
+            for vertex in [edge.i, edge.j] {
+                worst[vertex] = worst[vertex].max(length);
+            }
+        }
+        worst
+    }
+
+    /// The edges between vertices whose ids do not follow each other.
+    fn links<G: ReferencePose<N>, const N: usize>(
+        &self,
+        graph: &PoseGraph<G, N>,
+        counts: &[bool],
+    ) -> Vec<Link> {
+        let closures = graph
+            .edges
+            .iter()
+            .zip(counts)
+            .filter(|(edge, _)| graph.ids[edge.i].abs_diff(graph.ids[edge.j]) != 1);
+        closures
+            .map(|(edge, &counts)| Link {
+                from: self.positions[edge.i],
+                to: self.positions[edge.j],
+                counts,
+            })
+            .collect()
+    }
+}
+
+/// Which edges count: all but the closures that were found false.
+fn counts(edges: usize, verdicts: &[ClosureVerdict]) -> Vec<bool> {
+    let mut counts = vec![true; edges];
+    for verdict in verdicts {
+        counts[verdict.edge] = !verdict.is_switched_off;
+    }
+    counts
+}

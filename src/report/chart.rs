@@ -1,0 +1,281 @@
+//! Charts: lines, histograms and bars over axes.
+//!
+//! Coordinates have one decimal. A chart of very many points shows [`MOST_POINTS`] of a line, those with
+//! the largest values.
+
+use std::fmt::Write;
+
+use super::markup::Markup;
+use super::picture::Picture;
+use super::scale::{Kind, Scale};
+use super::thin::thin;
+
+/// Points of a line.
+const MOST_POINTS: usize = 800;
+/// Bins of a histogram.
+const BINS: usize = 48;
+
+const WIDTH: f64 = 560.0;
+const HEIGHT: f64 = 300.0;
+const LEFT: f64 = 66.0;
+const RIGHT: f64 = 546.0;
+const TOP: f64 = 30.0;
+const BOTTOM: f64 = 256.0;
+
+/// The role of a line, an area or a path; it decides its color.
+#[derive(Clone, Copy, Debug, Eq, PartialEq)]
+pub enum Role {
+    /// What was there first.
+    Before,
+    /// What it became.
+    After,
+    /// What it is compared with.
+    Reference,
+}
+
+impl Role {
+    fn line(self) -> &'static str {
+        match self {
+            Self::Before => "line before",
+            Self::After => "line after",
+            Self::Reference => "line reference",
+        }
+    }
+
+    fn area(self) -> &'static str {
+        match self {
+            Self::Before => "area line before",
+            Self::After | Self::Reference => "area line after",
+        }
+    }
+
+    pub(super) fn fill(self) -> &'static str {
+        match self {
+            Self::Before => "fill-before",
+            Self::After => "fill-after",
+            Self::Reference => "fill-reference",
+        }
+    }
+}
+
+/// A line of a chart.
+#[derive(Clone, Debug)]
+pub struct Line {
+    /// Its name in the legend; none where there is one line only.
+    pub name: Option<String>,
+    /// Its role.
+    pub role: Role,
+    /// x and y, by increasing x. Points that are not finite are left out.
+    pub points: Vec<(f64, f64)>,
+    /// Points that are marked, for instance rejected steps.
+    pub marked: Vec<(f64, f64)>,
+}
+
+/// The texts around a chart.
+#[derive(Clone, Copy, Debug)]
+pub struct Labels<'a> {
+    /// The picture's title.
+    pub title: &'a str,
+    /// What the picture shows, in a sentence, for those who do not see it.
+    pub description: &'a str,
+    /// What is along x, with its unit.
+    pub x: &'a str,
+    /// What is along y, with its unit.
+    pub y: &'a str,
+}
+
+/// Lines; with `log_y` by powers of ten.
+#[must_use]
+pub fn lines(labels: Labels<'_>, log_y: bool, lines: &[Line]) -> Picture {
+    let all = || lines.iter().flat_map(|line| line.points.iter().chain(&line.marked));
+    let kind = if log_y { Kind::Log } else { Kind::Linear };
+    let x = Scale::new(Kind::Linear, Scale::range(Kind::Linear, all().map(|p| p.0)), (LEFT, RIGHT));
+    let (low, high) = Scale::range(kind, all().map(|p| p.1));
+    let low = if log_y { low } else { low.min(0.0) };
+    let y = Scale::new(kind, (low, high), (BOTTOM, TOP));
+    let mut body = axes(&x, &y, &labels);
+    for line in lines {
+        let finite: Vec<_> =
+            line.points.iter().filter(|p| p.0.is_finite() && p.1.is_finite()).collect();
+        let kept = thin(finite.len(), MOST_POINTS, |index| finite[index].1);
+        let pixels = kept.iter().map(|&index| (x.at(finite[index].0), y.at(finite[index].1)));
+        body.empty("path", &[("class", &line.role.line()), ("d", &path(pixels))]);
+        let marked: Vec<_> =
+            line.marked.iter().filter(|p| p.0.is_finite() && p.1.is_finite()).collect();
+        for index in thin(marked.len(), MOST_POINTS, |_| 0.0) {
+            let (cx, cy) = (x.at(marked[index].0), y.at(marked[index].1));
+            let (cx, cy) = (format!("{cx:.1}"), format!("{cy:.1}"));
+            body.empty("circle", &[("class", &"rejected"), ("cx", &cx), ("cy", &cy), ("r", &3)]);
+        }
+    }
+    let named = lines.iter().filter_map(|line| Some((line.name.as_deref()?, line.role)));
+    legend(&mut body, &named.collect::<Vec<_>>());
+    Picture::new(labels.title, labels.description, (WIDTH, HEIGHT), body)
+}
+
+/// How often each size occurs, by powers of ten: before and after, each as a share of its own count.
+/// Sizes that are not finite are left out, those of 0 lie in the lowest bin.
+#[must_use]
+pub fn histogram(labels: Labels<'_>, before: Option<&[f64]>, after: &[f64]) -> Picture {
+    let sets = [(Role::Before, before.unwrap_or_default()), (Role::After, after)];
+    // The tails are cut where next to nothing lies, so that the middle is seen.
+    let mut sizes: Vec<f64> =
+        sets.iter().flat_map(|set| set.1).copied().filter(|v| v.is_finite() && *v > 0.0).collect();
+    sizes.sort_by(f64::total_cmp);
+    let at = |share: f64| {
+        let index = (share * sizes.len().saturating_sub(1) as f64) as usize;
+        sizes.get(index).copied().unwrap_or(1.0)
+    };
+    let (low, high) = (at(0.002), at(1.0));
+    let x = Scale::new(Kind::Log, (low, high), (LEFT, RIGHT));
+    let shares = sets.map(|(role, values)| {
+        let mut bins = [0_usize; BINS];
+        let mut count = 0_usize;
+        for value in values.iter().filter(|value| value.is_finite()) {
+            let bin = (x.at(*value) - LEFT) / (RIGHT - LEFT) * BINS as f64;
+            bins[(bin as usize).min(BINS - 1)] += 1;
+            count += 1;
+        }
+        (role, bins.map(|bin| 100.0 * bin as f64 / count.max(1) as f64), count)
+    });
+    let most = shares.iter().flat_map(|set| set.1).fold(0.0, f64::max);
+    let y = Scale::new(Kind::Linear, (0.0, most), (BOTTOM, TOP));
+    let mut body = axes(&x, &y, &labels);
+    for (role, bins, count) in shares {
+        if count == 0 {
+            continue;
+        }
+        let left = |bin: usize| LEFT + (RIGHT - LEFT) * bin as f64 / BINS as f64;
+        let steps = bins
+            .iter()
+            .enumerate()
+            .flat_map(|(bin, share)| [(left(bin), y.at(*share)), (left(bin + 1), y.at(*share))]);
+        let outline =
+            std::iter::once((LEFT, BOTTOM)).chain(steps).chain(std::iter::once((RIGHT, BOTTOM)));
+        body.empty("path", &[("class", &role.area()), ("d", &path(outline))]);
+    }
+    if before.is_some_and(|before| !before.is_empty()) {
+        legend(&mut body, &[("before", Role::Before), ("after", Role::After)]);
+    }
+    Picture::new(labels.title, labels.description, (WIDTH, HEIGHT), body)
+}
+
+/// A bar of [`bars`].
+#[derive(Clone, Debug)]
+pub struct Bar {
+    /// Its name.
+    pub name: String,
+    /// Its length.
+    pub value: f64,
+    /// A mark further out, for instance a quantile.
+    pub mark: Option<f64>,
+}
+
+/// Bars below each other. `labels.y` is not shown: each bar has its name.
+#[must_use]
+pub fn bars(labels: Labels<'_>, all: &[Bar]) -> Picture {
+    const PITCH: f64 = 26.0;
+    const NAMES: f64 = 110.0;
+    let bottom = TOP + PITCH * all.len() as f64;
+    let most = all.iter().flat_map(|bar| [Some(bar.value), bar.mark]).flatten();
+    let (_, high) = Scale::range(Kind::Linear, most);
+    let high = if high > 0.0 { high } else { 1.0 };
+    let x = Scale::new(Kind::Linear, (0.0, high), (NAMES, RIGHT));
+    let mut body = Markup::default();
+    for (value, text) in x.ticks() {
+        let at = format!("{:.1}", x.at(value));
+        let line = format!("M{at} {TOP:.1}V{bottom:.1}");
+        body.empty("path", &[("class", &"grid"), ("d", &line)]);
+        let below = format!("{:.1}", bottom + 16.0);
+        body.element("text", &[("x", &at), ("y", &below), ("text-anchor", &"middle")], text);
+    }
+    for (row, bar) in all.iter().enumerate() {
+        let middle = TOP + PITCH * (row as f64 + 0.5);
+        let (baseline, top) = (format!("{:.1}", middle + 4.0), format!("{:.1}", middle - 7.0));
+        let name = shortened(&bar.name);
+        let place: [(&str, &dyn std::fmt::Display); 4] = [
+            ("class", &"strong"),
+            ("x", &(NAMES - 8.0)),
+            ("y", &baseline),
+            ("text-anchor", &"end"),
+        ];
+        body.element("text", &place, name);
+        let width = format!("{:.1}", (x.at(bar.value) - NAMES).max(1.0));
+        let box_of: [(&str, &dyn std::fmt::Display); 5] = [
+            ("class", &Role::After.fill()),
+            ("x", &NAMES),
+            ("y", &top),
+            ("width", &width),
+            ("height", &14),
+        ];
+        body.empty("rect", &box_of);
+        if let Some(mark) = bar.mark.filter(|mark| mark.is_finite()) {
+            let line = format!("M{:.1} {:.1}V{:.1}", x.at(mark), middle - 9.0, middle + 9.0);
+            body.empty("path", &[("class", &"mark"), ("d", &line)]);
+        }
+    }
+    let (center, below) =
+        (format!("{:.1}", (NAMES + RIGHT) / 2.0), format!("{:.1}", bottom + 34.0));
+    body.element("text", &[("x", &center), ("y", &below), ("text-anchor", &"middle")], labels.x);
+    Picture::new(labels.title, labels.description, (WIDTH, bottom + 44.0), body)
+}
+
+/// A name that fits beside a bar.
+fn shortened(name: &str) -> String {
+    const MOST: usize = 16;
+    if name.chars().count() <= MOST {
+        name.to_owned()
+    } else {
+        name.chars().take(MOST - 1).chain(['…']).collect()
+    }
+}
+
+/// Path data through points, one decimal each.
+pub(super) fn path(points: impl Iterator<Item = (f64, f64)>) -> String {
+    let mut data = String::new();
+    for (index, (x, y)) in points.enumerate() {
+        let command = if index == 0 { 'M' } else { 'L' };
+        // Writing to a string does not fail.
+        let _ = write!(data, "{command}{x:.1} {y:.1}");
+    }
+    data
+}
+
+/// Grid, ticks and labels.
+fn axes(x: &Scale, y: &Scale, labels: &Labels<'_>) -> Markup {
+    let mut body = Markup::default();
+    for (value, text) in x.ticks() {
+        let at = format!("{:.1}", x.at(value));
+        let line = format!("M{at} {TOP:.1}V{BOTTOM:.1}");
+        body.empty("path", &[("class", &"grid"), ("d", &line)]);
+        let below = BOTTOM + 17.0;
+        body.element("text", &[("x", &at), ("y", &below), ("text-anchor", &"middle")], text);
+    }
+    for (value, text) in y.ticks() {
+        let at = y.at(value);
+        let line = format!("M{LEFT:.1} {at:.1}H{RIGHT:.1}");
+        body.empty("path", &[("class", &"grid"), ("d", &line)]);
+        let (beside, baseline) = (LEFT - 7.0, format!("{:.1}", at + 4.0));
+        body.element("text", &[("x", &beside), ("y", &baseline), ("text-anchor", &"end")], text);
+    }
+    let frame = format!("M{LEFT:.1} {TOP:.1}V{BOTTOM:.1}H{RIGHT:.1}");
+    body.empty("path", &[("class", &"axis"), ("d", &frame)]);
+    let (middle, below) = ((LEFT + RIGHT) / 2.0, BOTTOM + 37.0);
+    body.element("text", &[("x", &middle), ("y", &below), ("text-anchor", &"middle")], labels.x);
+    body.element("text", &[("x", &4), ("y", &(TOP - 13.0))], labels.y);
+    body
+}
+
+/// Names of lines and areas, at the top right.
+fn legend(body: &mut Markup, entries: &[(&str, Role)]) {
+    let mut right = RIGHT;
+    for (name, role) in entries.iter().rev() {
+        let (x, y) = (format!("{right:.1}"), TOP - 13.0);
+        body.element("text", &[("x", &x), ("y", &y), ("text-anchor", &"end")], name);
+        // Text cannot be measured here: a character is 7 wide at most.
+        right -= 7.0 * name.chars().count() as f64 + 6.0;
+        let swatch = format!("M{:.1} {:.1}h-16", right, TOP - 17.0);
+        body.empty("path", &[("class", &role.line()), ("d", &swatch)]);
+        right -= 30.0;
+    }
+}

@@ -1,0 +1,370 @@
+//! A trajectory from above and from the side, colored by an error along it.
+//!
+//! The world need not have its z axis up: "above" looks along the axis in which the trajectory extends
+//! least, and the axes are named. Both pictures have one scale in both directions. A trajectory of very
+//! many poses shows [`MOST_POSES`] of them, of each piece the one with the largest error.
+
+use std::fmt::Display;
+
+use super::chart::path;
+use super::markup::Markup;
+use super::number::number;
+use super::picture::Picture;
+use super::scale::{Kind, Scale};
+use super::thin::thin;
+
+/// Poses of a path.
+const MOST_POSES: usize = 2000;
+/// Points of the scene.
+const MOST_POINTS: usize = 2500;
+/// Links between places.
+const MOST_LINKS: usize = 500;
+/// Colors of errors, by their classes in the style sheet.
+const COLORS: [&str; 7] = ["e0", "e1", "e2", "e3", "e4", "e5", "e6"];
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+const WIDTH: f64 = 560.0;
+const LEFT: f64 = 66.0;
+const RIGHT: f64 = 546.0;
+const TOP: f64 = 30.0;
+const MOST_HEIGHT: f64 = 440.0;
+const LEAST_HEIGHT: f64 = 90.0;
+
+/// What is drawn of a trajectory.
+#[derive(Clone, Copy, Debug)]
+pub struct Plan<'a> {
+    /// What the trajectory is, for titles: "Trajectory", "Vertices".
+    pub name: &'a str,
+    /// The positions, m, in their order.
+    pub positions: &'a [[f64; 3]],
+    /// An error at each of them, at least 0; empty where there is none.
+    pub errors: &'a [f64],
+    /// What the errors are, with their unit.
+    pub error_name: &'a str,
+    /// Whether the positions follow each other; otherwise they are dots.
+    pub is_path: bool,
+    /// What it is compared with: its name and its positions.
+    pub reference: Option<(&'a str, &'a [[f64; 3]])>,
+    /// Points of the scene; those far from the trajectory are left out.
+    pub points: &'a [[f64; 3]],
+    /// Places that are linked.
+    pub links: &'a [Link],
+}
+
+/// Two places that a closure ties.
+#[derive(Clone, Copy, Debug)]
+pub struct Link {
+    /// One place, m.
+    pub from: [f64; 3],
+    /// The other.
+    pub to: [f64; 3],
+    /// Whether it counts; otherwise it was found false.
+    pub counts: bool,
+}
+
+/// The picture from above, and that from the side unless the trajectory lies in a plane.
+#[must_use]
+pub fn views(plan: &Plan<'_>) -> Vec<Picture> {
+    let ranges = [0, 1, 2].map(|axis| {
+        let reference = plan.reference.map_or(&[][..], |(_, positions)| positions);
+        Scale::range(Kind::Linear, plan.positions.iter().chain(reference).map(|p| p[axis]))
+    });
+    let extents = ranges.map(|(low, high)| if high >= low { high - low } else { 0.0 });
+    let mut axes = [0, 1, 2];
+    // Stable: axes of one extent stay in their order.
+    axes.sort_by(|&a, &b| extents[b].total_cmp(&extents[a]));
+    let [longest, middle, up] = axes;
+    let (across, along) = (longest.min(middle), longest.max(middle));
+    let bounds = [0, 1, 2].map(|axis| bounds(ranges[axis], extents[longest]));
+    let view = |kind: &str, axes: [usize; 2]| {
+        View { plan, axes, bounds: axes.map(|a| bounds[a]) }.draw(kind)
+    };
+    let from_above = view("from above", [across, along]);
+    if extents[up] <= 1e-9 * extents[longest].max(1e-300) {
+        vec![from_above]
+    } else {
+        vec![from_above, view("from the side", [longest, up])]
+    }
+}
+
+/// A range with a margin; as wide as a share of the longest one at least.
+fn bounds((low, high): (f64, f64), longest: f64) -> (f64, f64) {
+    if high < low {
+        return (0.0, 1.0);
+    }
+    let longest = if longest > 0.0 { longest } else { 1.0 };
+    let width = (high - low).max(0.12 * longest) + 0.06 * longest;
+    let middle = low.midpoint(high);
+    (middle - width / 2.0, middle + width / 2.0)
+}
+
+/// One picture.
+struct View<'a> {
+    plan: &'a Plan<'a>,
+    axes: [usize; 2],
+    bounds: [(f64, f64); 2],
+}
+
+impl View<'_> {
+    fn draw(&self, kind: &str) -> Picture {
+        let plan = self.plan;
+        let [(left, right), (low, high)] = self.bounds;
+        let (wide, tall) = (right - left, high - low);
+        // One scale: what is too tall for its width gets less of the width.
+        let scale = ((RIGHT - LEFT) / wide).min(MOST_HEIGHT / tall);
+        let height = (tall * scale).max(LEAST_HEIGHT);
+        let middle = (LEFT + RIGHT) / 2.0;
+        let bottom = TOP + height;
+        let half = (RIGHT - LEFT) / 2.0 / scale;
+        let x = Scale::new(
+            Kind::Linear,
+            (left.midpoint(right) - half, left.midpoint(right) + half),
+            (middle - half * scale, middle + half * scale),
+        );
+        let up = height / scale / 2.0;
+        let y = Scale::new(
+            Kind::Linear,
+            (low.midpoint(high) - up, low.midpoint(high) + up),
+            (bottom, TOP),
+        );
+        let canvas = Canvas { x, y, axes: self.axes, bottom };
+        let mut body = canvas.axes();
+        canvas.points(plan.points, &mut body);
+        if let Some((_, reference)) = plan.reference {
+            canvas.line(reference, &mut body);
+        }
+        let worst = canvas.path(plan, &mut body);
+        canvas.links(plan.links, &mut body);
+        canvas.legend(plan, worst, &mut body);
+        let title = format!("{} {kind}", plan.name);
+        let description = self.description(worst);
+        Picture::new(&title, &description, (WIDTH, bottom + 76.0), body)
+    }
+
+    fn description(&self, worst: f64) -> String {
+        let [a, b] = self.axes.map(|axis| AXES[axis]);
+        let plan = self.plan;
+        let mut text = format!(
+            "{} positions over {a} and {b} in meters",
+            super::number::count(plan.positions.len())
+        );
+        if !plan.errors.is_empty() {
+            text.push_str(&format!(", colored by {} (0 to {})", plan.error_name, number(worst)));
+        }
+        if let Some((name, _)) = plan.reference {
+            text.push_str(&format!("; the gray line is {name}"));
+        }
+        if !plan.links.is_empty() {
+            let off = plan.links.iter().filter(|link| !link.counts).count();
+            text.push_str(&format!(
+                "; {} closures count (green), {off} were found false (red, dashed)",
+                plan.links.len() - off
+            ));
+        }
+        text.push('.');
+        text
+    }
+}
+
+/// Scales and what is drawn with them.
+struct Canvas {
+    x: Scale,
+    y: Scale,
+    axes: [usize; 2],
+    bottom: f64,
+}
+
+impl Canvas {
+    fn at(&self, position: &[f64; 3]) -> (f64, f64) {
+        (self.x.at(position[self.axes[0]]), self.y.at(position[self.axes[1]]))
+    }
+
+    fn axes(&self) -> Markup {
+        let (mut body, bottom) = (Markup::default(), self.bottom);
+        for (value, text) in self.x.ticks() {
+            let at = format!("{:.1}", self.x.at(value));
+            let line = format!("M{at} {TOP:.1}V{bottom:.1}");
+            body.empty("path", &[("class", &"grid"), ("d", &line)]);
+            let below = format!("{:.1}", bottom + 17.0);
+            body.element("text", &[("x", &at), ("y", &below), ("text-anchor", &"middle")], text);
+        }
+        for (value, text) in self.y.ticks() {
+            let at = self.y.at(value);
+            let line = format!("M{LEFT:.1} {at:.1}H{RIGHT:.1}");
+            body.empty("path", &[("class", &"grid"), ("d", &line)]);
+            let baseline = format!("{:.1}", at + 4.0);
+            let place: [(&'static str, &dyn Display); 3] =
+                [("x", &(LEFT - 7.0)), ("y", &baseline), ("text-anchor", &"end")];
+            body.element("text", &place, text);
+        }
+        let [across, along] = self.axes.map(|axis| format!("{}, m", AXES[axis]));
+        let below = format!("{:.1}", bottom + 36.0);
+        let middle = (LEFT + RIGHT) / 2.0;
+        body.element("text", &[("x", &middle), ("y", &below), ("text-anchor", &"middle")], across);
+        body.element("text", &[("x", &4), ("y", &(TOP - 13.0))], along);
+        body
+    }
+
+    /// Dots of the scene, those inside the picture.
+    fn points(&self, points: &[[f64; 3]], body: &mut Markup) {
+        let (mut data, low) = (String::new(), self.bottom);
+        for index in thin(points.len(), MOST_POINTS, |_| 0.0) {
+            let (x, y) = self.at(&points[index]);
+            // What lies at the border is outside.
+            if points[index].iter().all(|v| v.is_finite())
+                && x > LEFT
+                && x < RIGHT
+                && y > TOP
+                && y < low
+            {
+                data.push_str(&format!("M{x:.1} {y:.1}h1v1h-1z"));
+            }
+        }
+        if !data.is_empty() {
+            body.empty("path", &[("class", &"dots"), ("d", &data)]);
+        }
+    }
+
+    fn line(&self, positions: &[[f64; 3]], body: &mut Markup) {
+        let kept = thin(positions.len(), MOST_POSES, |_| 0.0);
+        let inside =
+            kept.iter().map(|&k| &positions[k]).filter(|p| p.iter().all(|v| v.is_finite()));
+        let data = path(inside.map(|position| self.at(position)));
+        body.empty("path", &[("class", &"line reference"), ("d", &data)]);
+    }
+
+    /// The path, piece by piece of one color. Gives the error of the last color.
+    fn path(&self, plan: &Plan<'_>, body: &mut Markup) -> f64 {
+        let error = |index: usize| plan.errors.get(index).copied().unwrap_or(0.0);
+        let worst = color_limit(plan.errors);
+        let kept = thin(plan.positions.len(), MOST_POSES, error);
+        let kept: Vec<usize> =
+            kept.into_iter().filter(|&k| plan.positions[k].iter().all(|v| v.is_finite())).collect();
+        let color = |index: usize| {
+            let share = if worst > 0.0 { error(index) / worst } else { 0.0 };
+            // An error that is no number is as bad as can be.
+            let class =
+                if share.is_nan() { COLORS.len() } else { (share * COLORS.len() as f64) as usize };
+            class.min(COLORS.len() - 1)
+        };
+        if !plan.is_path {
+            // One path a color: a dot is a line of no length with round ends.
+            for (class, name) in COLORS.iter().enumerate() {
+                let of_class = kept.iter().filter(|&&k| color(k) == class);
+                let data: String = of_class
+                    .map(|&k| self.at(&plan.positions[k]))
+                    .map(|(x, y)| format!("M{x:.1} {y:.1}h0"))
+                    .collect();
+                if !data.is_empty() {
+                    let class = format!("error dot {name}");
+                    body.empty("path", &[("class", &class), ("d", &data)]);
+                }
+            }
+            return worst;
+        }
+        let mut start = 0;
+        while start + 1 < kept.len() {
+            let class = color(kept[start + 1]);
+            let mut end = start + 1;
+            while end + 1 < kept.len() && color(kept[end + 1]) == class {
+                end += 1;
+            }
+            let data = path(kept[start..=end].iter().map(|&k| self.at(&plan.positions[k])));
+            let class = if plan.errors.is_empty() {
+                "line after".to_owned()
+            } else {
+                format!("error {}", COLORS[class])
+            };
+            body.empty("path", &[("class", &class), ("d", &data)]);
+            start = end;
+        }
+        worst
+    }
+
+    /// Links; those that were found false are on top, however many there are.
+    fn links(&self, links: &[Link], body: &mut Markup) {
+        // Places that are tied are near each other as a rule: a dot shows where.
+        for (counts, line, dot) in [(true, "good", "good dot"), (false, "bad dashed", "bad dot")] {
+            let of_kind: Vec<&Link> = links.iter().filter(|link| link.counts == counts).collect();
+            let kept = thin(of_kind.len(), MOST_LINKS, |_| 0.0);
+            let ends = kept.iter().map(|&k| [of_kind[k].from, of_kind[k].to]);
+            let lines = ends.filter(|ends| ends.iter().flatten().all(|v| v.is_finite()));
+            let (mut data, mut dots) = (String::new(), String::new());
+            for ends in lines {
+                data.push_str(&path(ends.iter().map(|place| self.at(place))));
+                let (x, y) = self.at(&ends[1]);
+                dots.push_str(&format!("M{x:.1} {y:.1}h0"));
+            }
+            if !data.is_empty() {
+                body.empty("path", &[("class", &line), ("d", &data)]);
+                body.empty("path", &[("class", &dot), ("d", &dots)]);
+            }
+        }
+    }
+
+    /// The colors with their errors, below the picture.
+    fn legend(&self, plan: &Plan<'_>, worst: f64, body: &mut Markup) {
+        const SWATCH: f64 = 26.0;
+        if plan.errors.is_empty() {
+            return;
+        }
+        let y = self.bottom + 56.0;
+        let mut x = LEFT;
+        for name in COLORS {
+            let line = format!("M{:.1} {y:.1}h{:.1}", x + 2.0, SWATCH - 4.0);
+            let class = format!("error dot {name}");
+            body.empty("path", &[("class", &class), ("d", &line)]);
+            x += SWATCH;
+        }
+        let (middle, baseline) = (format!("{:.1}", x + 10.0), format!("{:.1}", y + 4.0));
+        let text = format!("{}: 0 to {} and more", plan.error_name, number(worst));
+        body.element("text", &[("x", &middle), ("y", &baseline)], text);
+    }
+}
+
+/// Where the last color begins: the 99 % quantile, so that one outlier does not make all else one color.
+fn color_limit(errors: &[f64]) -> f64 {
+    let mut sorted: Vec<f64> = errors.iter().copied().filter(|error| error.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let index = (0.99 * sorted.len().saturating_sub(1) as f64).ceil() as usize;
+    sorted.get(index).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Plan, color_limit, views};
+
+    fn plan<'a>(positions: &'a [[f64; 3]], errors: &'a [f64]) -> Plan<'a> {
+        Plan {
+            name: "Trajectory",
+            positions,
+            errors,
+            error_name: "error, m",
+            is_path: true,
+            reference: None,
+            points: &[],
+            links: &[],
+        }
+    }
+
+    #[test]
+    fn above_looks_along_the_axis_of_least_extent() {
+        let positions: Vec<[f64; 3]> =
+            (0..50).map(|k| f64::from(k)).map(|k| [k, 0.1 * k.sin(), 3.0 * k.cos()]).collect();
+        let pictures = views(&plan(&positions, &[]));
+        let texts: Vec<String> = pictures.iter().map(|picture| format!("{picture:?}")).collect();
+        assert_eq!(texts.len(), 2);
+        assert!(texts[0].contains("over x and z"), "{}", texts[0]);
+        assert!(texts[1].contains("over x and y"), "{}", texts[1]);
+        let flat: Vec<[f64; 3]> = positions.iter().map(|p| [p[0], p[2], 0.0]).collect();
+        assert_eq!(views(&plan(&flat, &[])).len(), 1);
+    }
+
+    #[test]
+    fn one_outlier_does_not_take_all_colors() {
+        let mut errors = vec![0.01; 500];
+        errors[250] = 90.0;
+        assert_eq!(color_limit(&errors), 0.01);
+        assert_eq!(color_limit(&[]), 0.0);
+    }
+}
