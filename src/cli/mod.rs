@@ -18,6 +18,7 @@ mod logging;
 mod map;
 mod output;
 mod progress;
+mod record;
 mod replay;
 mod run;
 mod serve;
@@ -58,6 +59,8 @@ enum Command {
     Map(map::Args),
     /// Submit, list, show, watch, cancel or delete the jobs of a server.
     Job(job::Args),
+    /// Record a map as MCAP, for Foxglove and Rerun.
+    Record(record::Args),
     /// Look at a data directory without a server: verify, report, repair.
     Doctor(data_dir::DoctorArgs),
     /// Copy a data directory, also while a server uses it.
@@ -84,7 +87,7 @@ enum Command {
 /// The arguments, settings included: each command has the flags of those that it uses.
 fn command() -> clap::Command {
     let mut command = Cli::command().args(flags(|setting| setting.get_help_heading() == Some(LOG)));
-    for name in ["job", "map", "replay", "run"] {
+    for name in ["job", "map", "record", "replay", "run"] {
         let settings = flags(|setting| setting.get_help_heading() == Some(CONNECTION));
         command = command.mut_subcommand(name, |client| client.args(settings));
     }
@@ -128,6 +131,7 @@ fn dispatch(cli: Cli, settings: Texts) -> anyhow::Result<()> {
         Command::Solve(args) => solve::run(args, &config),
         Command::Job(args) => job::run(args, &config),
         Command::Map(args) => map::run(args, &config),
+        Command::Record(args) => record::run(&args, &config),
         Command::Doctor(args) => data_dir::doctor(&args),
         Command::Backup(args) => data_dir::backup(&args),
         Command::Eval(args) => eval::run(&args),

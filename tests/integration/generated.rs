@@ -8,8 +8,10 @@
 use std::path::{Path, PathBuf};
 
 /// Each folder of protos, and where its code and its descriptors stand.
-const PACKAGES: [(&str, &str, &str); 2] = [
+const PACKAGES: [(&str, &str, &str); 4] = [
     ("proto/covis/v1", "covis.v1", "client/src/wire/generated"),
+    ("proto/covis/recording/v1", "covis.recording.v1", "src/cli/record/generated"),
+    ("proto/foxglove", "foxglove", "src/cli/record/generated"),
     ("proto/covis/storage/v1", "covis.storage.v1", "src/store/encoding/generated"),
 ];
 

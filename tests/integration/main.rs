@@ -13,6 +13,7 @@ mod cli_job;
 mod cli_map;
 mod cli_pose_graph;
 mod cli_rebuild;
+mod cli_record;
 mod cli_recorded;
 mod cli_report;
 mod cli_run;

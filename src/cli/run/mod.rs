@@ -20,6 +20,7 @@ use super::connect::{Embedded, connect};
 use super::html::{self, ReportFlag};
 use super::output::show;
 use super::progress::Progress;
+use super::record::{FrameWriter, RunRecording};
 use super::volume::Measures;
 use crate::client::Client;
 use crate::frontend::dense::thread::DenseReport;
@@ -85,6 +86,9 @@ pub(super) struct Args {
     threads: Option<u16>,
     #[command(flatten)]
     drawing: Drawing,
+    /// Record the map, images of keyframes and figures to plot as MCAP, for Foxglove and Rerun.
+    #[arg(long, value_name = "FILE")]
+    mcap: Option<PathBuf>,
     /// Where the page about the run goes, one HTML file without scripts [default: OUT/report.html; with
     /// --json none].
     #[arg(long, value_name = "FILE")]
@@ -121,6 +125,8 @@ pub(super) struct RunOptions {
     pub(super) lock_step: bool,
     /// Threads; one decodes nothing ahead.
     pub(super) threads: usize,
+    /// Where the recording goes.
+    pub(super) mcap: Option<PathBuf>,
     /// Keyframes of the local map, where not as many as usual.
     pub(super) most_keyframes: Option<usize>,
 }
@@ -149,6 +155,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         saved_masks: args.save_masks.then(|| args.out.join("masks")),
         lock_step: args.lock_step,
         threads,
+        mcap: args.mcap.clone(),
         most_keyframes: None,
     };
     let source = args.source.clone().with(args.drawing);
@@ -229,7 +236,14 @@ pub(super) async fn sequence(
         .create_map(map, None)
         .await
         .with_context(|| format!("map {map} (--map names another)"))?;
+    let recording = match &options.mcap {
+        Some(path) => {
+            Some(RunRecording::start(client, (map, CLIENT), path, options.lock_step).await?)
+        }
+        None => None,
+    };
     let companion = Watcher {
+        frames: recording.as_ref().map(RunRecording::frames),
         progress: Progress::new("frames", frames.source.len() as u64),
         given: options.mask_dir.as_deref().map(GivenMasks::open).transpose()?,
         saved: options.saved_masks.as_deref().map(SavedMasks::open).transpose()?,
@@ -247,14 +261,21 @@ pub(super) async fn sequence(
     let (report, companion) =
         track(Box::new(frames), pipeline, target, ahead, companion, feed).await?;
     companion.progress.finish();
+    if let Some((recording, frames)) = recording.zip(companion.frames) {
+        // What was tracked is kept, whatever becomes of the recording.
+        if let Err(error) = recording.finish(frames, &report).await {
+            tracing::error!("the recording ends early: {error:#}");
+        }
+    }
     if let Some(failure) = companion.failure {
         return Err(failure);
     }
     Ok((report, dense.map(|(thread, _)| dense::finish(thread)).transpose()?))
 }
 
-/// Progress, masks in and masks out.
+/// Progress, frames of a recording, masks in and masks out.
 struct Watcher {
+    frames: Option<FrameWriter>,
     progress: Progress,
     given: Option<GivenMasks>,
     saved: Option<SavedMasks>,
@@ -275,6 +296,9 @@ impl Companion for Watcher {
 
     fn tracked(&mut self, frame: &RgbdFrame, outcome: &Outcome) {
         self.progress.advance(1);
+        if let Some(frames) = &mut self.frames {
+            frames.tracked(frame, outcome);
+        }
         if outcome.tracked.is_none() {
             tracing::warn!("{:.6} s: tracking is lost", frame.timestamp_s);
         }

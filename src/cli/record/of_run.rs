@@ -1,0 +1,176 @@
+//! What `covis run --mcap` adds to the map: the image of each keyframe, figures of each frame, and the server's
+//! solves.
+//!
+//! Images are compressed on a thread of their own. Tracking never waits for it: an image that comes while
+//! several wait is left out and counted, but in lock-step, where runs repeat.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use anyhow::anyhow;
+use tokio::sync::oneshot;
+use tokio::task;
+
+use super::recorder::Recorder;
+use super::scene::{Frames, timestamp};
+use super::schemas::figures::{FrameFigures, SolveFigures};
+use super::schemas::foxglove::CompressedImage;
+use super::sink::Sink;
+use crate::client::Client;
+use crate::frontend::image::{Image, RgbdFrame};
+use crate::frontend::input::encode;
+use crate::frontend::mapping::run::RunReport;
+use crate::frontend::pipeline::Outcome;
+
+/// Images that wait to be compressed.
+const MOST_WAITING: usize = 8;
+/// How often states of the map are written.
+const EVERY: Duration = Duration::from_secs(1);
+
+/// The recording of a run.
+#[derive(Debug)]
+pub(in crate::cli) struct RunRecording {
+    sink: Arc<Sink>,
+    lock_step: bool,
+    frame: String,
+    end: oneshot::Sender<()>,
+    recorder: task::JoinHandle<anyhow::Result<u64>>,
+}
+
+impl RunRecording {
+    /// Opens the recording of a map that a run of `client_id` is going to fill.
+    pub(in crate::cli) async fn start(
+        client: &Client,
+        (map, client_id): (&str, &str),
+        path: &Path,
+        lock_step: bool,
+    ) -> anyhow::Result<Self> {
+        anyhow::ensure!(
+            path.as_os_str() != "-",
+            "--mcap takes a file: standard output has the figures"
+        );
+        let mut recorder = Recorder::open(client, map, EVERY).await?;
+        let sink = Arc::new(Sink::create(path)?);
+        let (end, ended) = oneshot::channel();
+        let its_sink = Arc::clone(&sink);
+        let recorder = tokio::spawn(async move {
+            let end = async {
+                // Also where the run failed and nobody tells it.
+                let _told = ended.await;
+            };
+            recorder.record(&its_sink, true, end).await
+        });
+        Ok(Self { sink, lock_step, frame: Frames::of(client_id).camera, end, recorder })
+    }
+
+    /// What the tracking thread writes with.
+    pub(in crate::cli) fn frames(&self) -> FrameWriter {
+        let (images, waiting) = sync_channel(MOST_WAITING);
+        let (sink, frame) = (Arc::clone(&self.sink), self.frame.clone());
+        let compressor = std::thread::spawn(move || compress(&waiting, &sink, &frame));
+        FrameWriter {
+            sink: Arc::clone(&self.sink),
+            waits: self.lock_step,
+            images: Some(images),
+            compressor: Some(compressor),
+            left_out: 0,
+            failure: None,
+        }
+    }
+
+    /// Ends the recording; `frames` come from the tracking thread, which has ended. Returns how many messages
+    /// there are.
+    pub(in crate::cli) async fn finish(
+        self,
+        frames: FrameWriter,
+        report: &RunReport,
+    ) -> anyhow::Result<u64> {
+        let left_out = frames.finish()?;
+        if left_out > 0 {
+            tracing::warn!("the recording lacks {left_out} images: compressing them took too long");
+        }
+        for solve in &report.local_solves {
+            let time_ns = nanoseconds(solve.newest_keyframe_s);
+            let figures = SolveFigures {
+                timestamp: Some(timestamp(time_ns)),
+                initial_cost: solve.initial_cost,
+                final_cost: solve.final_cost,
+                solve_ms: solve.solve_s * 1e3,
+            };
+            self.sink.put("/covis/solve", time_ns, &figures)?;
+        }
+        // The recorder has ended before only where it failed, which its answer tells.
+        let _ended = self.end.send(());
+        self.recorder.await?
+    }
+}
+
+/// Writes frames from the tracking thread.
+#[derive(Debug)]
+pub(in crate::cli) struct FrameWriter {
+    sink: Arc<Sink>,
+    waits: bool,
+    images: Option<SyncSender<(u64, Image<[u8; 3]>)>>,
+    compressor: Option<JoinHandle<anyhow::Result<()>>>,
+    left_out: usize,
+    failure: Option<anyhow::Error>,
+}
+
+impl FrameWriter {
+    /// Writes a frame that was tracked or lost; the image of one that became a keyframe.
+    pub(in crate::cli) fn tracked(&mut self, frame: &RgbdFrame, outcome: &Outcome) {
+        let time_ns = nanoseconds(frame.timestamp_s);
+        let figures = FrameFigures {
+            timestamp: Some(timestamp(time_ns)),
+            tracked: outcome.tracked.is_some(),
+            inlier_count: outcome.tracked.as_ref().map_or(0, |t| t.inliers as i64),
+            track_ms: outcome.seconds.track * 1e3,
+        };
+        if let Err(error) = self.sink.put("/covis/frame", time_ns, &figures) {
+            self.failure.get_or_insert(error);
+        }
+        if outcome.keyframe.is_none() {
+            return;
+        }
+        let Some(images) = &self.images else { return };
+        let image = (time_ns, frame.color.clone());
+        let is_sent =
+            if self.waits { images.send(image).is_ok() } else { images.try_send(image).is_ok() };
+        self.left_out += usize::from(!is_sent);
+    }
+
+    /// Waits for the last image. Returns how many were left out.
+    fn finish(mut self) -> anyhow::Result<usize> {
+        drop(self.images.take());
+        if let Some(compressor) = self.compressor.take() {
+            compressor.join().map_err(|_panic| anyhow!("the thread for images panicked"))??;
+        }
+        self.failure.map_or(Ok(self.left_out), Err)
+    }
+}
+
+/// Compresses images and writes them, until there are no more.
+fn compress(
+    waiting: &Receiver<(u64, Image<[u8; 3]>)>,
+    sink: &Sink,
+    frame: &str,
+) -> anyhow::Result<()> {
+    while let Ok((time_ns, image)) = waiting.recv() {
+        let message = CompressedImage {
+            timestamp: Some(timestamp(time_ns)),
+            data: encode::rgb(&image)?,
+            format: "png".to_owned(),
+            frame_id: frame.to_owned(),
+        };
+        sink.put("/covis/image", time_ns, &message)?;
+    }
+    Ok(())
+}
+
+fn nanoseconds(seconds: f64) -> u64 {
+    // Negative times and such that are no numbers become 0.
+    (seconds * 1e9).round() as u64
+}
