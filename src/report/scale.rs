@@ -1,4 +1,5 @@
-//! Scales of axes: values to pixels, and where the ticks are.
+//! Scales of axes: values to pixels, linear or by powers of ten, and where the ticks are.
+//! An axis of no extent is widened, so that no coordinate is ever not a number.
 
 use super::number::with_digits;
 

@@ -45,7 +45,9 @@ fn sequence() -> Workspace {
 #[test]
 fn masks_of_the_same_time_are_compared() {
     let workspace = sequence();
-    let report = workspace.json("eval mask truth masks --json", &[]);
+    let report = workspace.json("eval mask truth masks --json --report masks.html", &[]);
+    let page = fs_err::read_to_string(workspace.path("masks.html")).unwrap();
+    assert!(page.contains("Intersection over union") && page.contains("0.65</td>"), "mean IoU");
     let count = |key: &str| report[key].as_u64().unwrap();
     assert_eq!((count("frames"), count("truth_only"), count("estimate_only")), (3, 1, 1));
     // 20 of 40 and 20 of 25; the frame of which 1 % moves has no IoU.

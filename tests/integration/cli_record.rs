@@ -290,6 +290,6 @@ fn what_cannot_be_recorded_is_one_line() {
     assert_eq!(run("record sphere a.mcap --for 1 --follow").code, Some(2));
     assert_eq!(run("record sphere a.mcap --for -1").code, Some(2));
     assert_eq!(run("record sphere a.mcap --for 0").code, Some(0));
-    let ran = workspace.run("run synthetic:static --frames 2 --mcap - --out out", &[]);
+    let ran = workspace.run("--log warn run synthetic:static --frames 2 --mcap - --out out", &[]);
     ran.expect_failure(&["--mcap"]);
 }

@@ -56,8 +56,10 @@ impl ObservationLengths {
     }
 }
 
-/// √(rᵀΩr) of each edge of a pose graph, in standard deviations, without loss.
+/// √(rᵀΩr) of each edge of a pose graph, in standard deviations, without loss; 0 where rounding makes rᵀΩr
+/// negative.
 #[must_use]
 pub fn edge_lengths<G: ReferencePose<N>, const N: usize>(graph: &PoseGraph<G, N>) -> Vec<f64> {
-    graph.edges.iter().map(|edge| edge_chi2(edge, &graph.poses).sqrt()).collect()
+    let length = |chi2: f64| if chi2 < 0.0 { 0.0 } else { chi2.sqrt() };
+    graph.edges.iter().map(|edge| length(edge_chi2(edge, &graph.poses))).collect()
 }

@@ -1,4 +1,5 @@
-//! What pages show of a solve: the cost over iterations and time, residuals before and after.
+//! What pages show of a solve: the cost over iterations and time, residuals before and after. Figures come
+//! from the solvers and the evaluator; only their quantiles are taken here.
 
 use crate::report::{Labels, Line, Page, Role, Table, histogram, lines, number, quantiles};
 

@@ -1,4 +1,5 @@
 //! What pages show of trajectories: positions from above and from the side, errors over time and by size.
+//! The errors are those of [`crate::evaluation`].
 
 use covis_solvers::io::trajectory::Trajectory;
 

@@ -87,8 +87,8 @@ pub(super) struct Args {
     #[command(flatten)]
     drawing: Drawing,
     /// Record the map, images of keyframes and figures to plot as MCAP, for Foxglove and Rerun.
-    #[arg(long, value_name = "FILE")]
-    mcap: Option<PathBuf>,
+    #[arg(long = "mcap", value_name = "FILE")]
+    recording: Option<PathBuf>,
     /// Where the page about the run goes, one HTML file without scripts [default: OUT/report.html; with
     /// --json none].
     #[arg(long, value_name = "FILE")]
@@ -126,7 +126,7 @@ pub(super) struct RunOptions {
     /// Threads; one decodes nothing ahead.
     pub(super) threads: usize,
     /// Where the recording goes.
-    pub(super) mcap: Option<PathBuf>,
+    pub(super) recording: Option<PathBuf>,
     /// Keyframes of the local map, where not as many as usual.
     pub(super) most_keyframes: Option<usize>,
 }
@@ -155,7 +155,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         saved_masks: args.save_masks.then(|| args.out.join("masks")),
         lock_step: args.lock_step,
         threads,
-        mcap: args.mcap.clone(),
+        recording: args.recording.clone(),
         most_keyframes: None,
     };
     let source = args.source.clone().with(args.drawing);
@@ -236,7 +236,7 @@ pub(super) async fn sequence(
         .create_map(map, None)
         .await
         .with_context(|| format!("map {map} (--map names another)"))?;
-    let recording = match &options.mcap {
+    let recording = match &options.recording {
         Some(path) => {
             Some(RunRecording::start(client, (map, CLIENT), path, options.lock_step).await?)
         }
