@@ -115,7 +115,8 @@ impl Page {
     pub fn table(&mut self, table: &Table) {
         let body = &mut self.body;
         body.open("div", &[("class", &"scroll")]);
-        body.open("table", &[]);
+        let kind = if table.head.is_empty() { "facts" } else { "figures" };
+        body.open("table", &[("class", &kind)]);
         if !table.caption.is_empty() {
             body.element("caption", &[], &table.caption);
         }

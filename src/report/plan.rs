@@ -19,6 +19,8 @@ const MOST_POSES: usize = 2000;
 const MOST_POINTS: usize = 2500;
 /// Links between places.
 const MOST_LINKS: usize = 500;
+/// Links that are few enough to have dots, which hide the path where they are many.
+const MOST_DOTS: usize = 100;
 /// Colors of errors, by their classes in the style sheet.
 const COLORS: [&str; 7] = ["e0", "e1", "e2", "e3", "e4", "e5", "e6"];
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -297,6 +299,8 @@ impl Canvas {
             }
             if !data.is_empty() {
                 body.empty("path", &[("class", &line), ("d", &data)]);
+            }
+            if !dots.is_empty() && kept.len() <= MOST_DOTS {
                 body.empty("path", &[("class", &dot), ("d", &dots)]);
             }
         }
@@ -317,7 +321,8 @@ impl Canvas {
             x += SWATCH;
         }
         let (middle, baseline) = (format!("{:.1}", x + 10.0), format!("{:.1}", y + 4.0));
-        let text = format!("{}: 0 to {} and more", plan.error_name, number(worst));
+        // What the colors mean is in the description, which has the room.
+        let text = format!("0 to {} and more", number(worst));
         body.element("text", &[("x", &middle), ("y", &baseline)], text);
     }
 }

@@ -82,10 +82,18 @@ impl Scale {
         let step = step.unwrap_or(power);
         let first = (self.low / step).ceil() as i64;
         let last = (self.high / step).floor() as i64;
-        // As many digits as tell neighbors apart.
+        // As many decimals as the step has, so that neighbors differ; with a power of ten where that is long.
         let size = self.low.abs().max(self.high.abs());
-        let digits = ((size / step).log10().floor() as i32 + 1).clamp(1, 12) as usize;
-        (first..=last).map(|k| k as f64 * step).map(|v| (v, with_digits(v, digits))).collect()
+        let decimals = (-step.log10().floor()).max(0.0) as usize;
+        let digits = ((size / step).log10().floor() as i32 + 2).clamp(1, 12) as usize;
+        let text = |value: f64| {
+            if size < 1e6 && decimals <= 5 {
+                format!("{:.decimals$}", value + 0.0)
+            } else {
+                with_digits(value, digits)
+            }
+        };
+        (first..=last).map(|k| k as f64 * step).map(|v| (v, text(v))).collect()
     }
 
     fn log_ticks(&self) -> Vec<(f64, String)> {
@@ -105,5 +113,22 @@ impl Scale {
         let step = (last - first) / MOST + 1;
         let powers = (first..=last).filter(|p| (p - first) % step == 0);
         powers.map(|p| (10_f64.powi(p), with_digits(10_f64.powi(p), 1))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Kind, Scale};
+
+    #[test]
+    fn neighboring_ticks_have_different_texts() {
+        for (low, high) in
+            [(0.074, 0.125), (0.6, 2.1), (-80.0, 15.0), (1e-9, 3e-9), (0.0, 4e7), (1e5, 1.00001e5)]
+        {
+            let scale = Scale::new(Kind::Linear, (low, high), (0.0, 500.0));
+            let texts: Vec<String> = scale.ticks().into_iter().map(|(_, text)| text).collect();
+            assert!((2..=12).contains(&texts.len()), "{low} {high}: {texts:?}");
+            assert!(texts.windows(2).all(|pair| pair[0] != pair[1]), "{low} {high}: {texts:?}");
+        }
     }
 }

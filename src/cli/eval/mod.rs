@@ -187,7 +187,11 @@ fn page(
         ("estimated poses", count(estimated_poses)),
         ("pairs", count(result.pairs)),
     ];
-    let mut page = html::page(&title(measure), &html::facts(&counts));
+    let mut title = title(measure);
+    if let Some(first) = title.get_mut(..1) {
+        first.make_ascii_uppercase();
+    }
+    let mut page = html::page(&title, &html::facts(&counts));
     let rows = rows(&result.translation_m).into_iter().zip(rows(&result.angle_deg));
     let rows = rows.map(|((name, translation), (_, angle))| {
         vec![name.to_owned(), number(translation), number(angle)]

@@ -9,7 +9,7 @@
 //! | `/covis/landmarks`, `/covis/trajectory/CLIENT`, `/covis/closures`, `/covis/map` | the state of the map |
 //!
 //! A state has the capture time of the newest keyframe, and is a microsecond later than the state before
-//! where no keyframe came in between. Only converts; asks no server and knows no clock.
+//! where no keyframe came in between. A map without keyframes has neither time nor state. Only converts; asks no server and knows no clock.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -64,7 +64,8 @@ impl Scene {
             .map(|key| (capture_ns(mirror, key), key))
             .collect();
         new.sort();
-        let first_ns = new.first().map_or(self.last_ns.unwrap_or(0), |(time_ns, _)| *time_ns);
+        // A recording begins with its first keyframe: there is no time before it.
+        let Some(&(first_ns, _)) = new.first() else { return Ok(()) };
         for (key, camera) in &mirror.cameras {
             if self.cameras.insert(key.clone()) {
                 let topic = format!("/covis/calibration/{}/{}", key.0, key.1);
@@ -98,8 +99,8 @@ impl Scene {
         now_ns: Option<u64>,
         sink: &Sink,
     ) -> anyhow::Result<()> {
-        let newest_ns =
-            mirror.keyframes.keys().map(|key| capture_ns(mirror, key)).max().unwrap_or(0);
+        let newest_ns = mirror.keyframes.keys().map(|key| capture_ns(mirror, key)).max();
+        let Some(newest_ns) = newest_ns else { return Ok(()) };
         let time_ns = self.last_ns.map_or(newest_ns, |last| newest_ns.max(last + STEP_NS));
         self.last_ns = Some(time_ns);
         // What is gone from the map, for instance with a map of the same name that was made anew.

@@ -128,7 +128,7 @@ fn trajectory(page: &mut Page, report: &RunReport, map: Option<&FinalMap>) {
         name: "Camera on the final map",
         positions: &positions,
         errors: &moved,
-        error_name: "moved by corrections since it was tracked, m",
+        error_name: "correction since it was tracked, m",
         is_path: true,
         reference: Some(("where tracking said it was at the time", &live)),
         points: &[],
@@ -198,7 +198,7 @@ fn solves(page: &mut Page, report: &RunReport) {
         };
     let costs = Labels {
         title: "Cost of the server's local solves",
-        description: "Before and after each solve, over the newest keyframe when its answer came, by powers of ten.",
+        description: "Before and after each solve, over the newest keyframe when its answer came.",
         x: "time of the sequence, s",
         y: "cost",
     };
@@ -211,7 +211,7 @@ fn solves(page: &mut Page, report: &RunReport) {
     let before = line("before", Role::Before, |solve| solve.initial_cost);
     let after = line("after", Role::After, |solve| solve.final_cost);
     let took = Line { name: None, ..line("", Role::After, |solve| solve.solve_s * 1e3) };
-    page.row(&[lines(costs, true, &[before, after]), lines(times, false, &[took])], &[]);
+    page.row(&[lines(costs, false, &[before, after]), lines(times, false, &[took])], &[]);
 }
 
 /// Where the time went: stages, and frames one after the other.
