@@ -139,7 +139,8 @@ impl MapStream {
         epoch: u64,
         message: &Outgoing,
     ) -> Result<u64, PutError> {
-        let unknown = |error: &dyn std::fmt::Display| PutError::Unknown { cause: error.to_string() };
+        let unknown =
+            |error: &dyn std::fmt::Display| PutError::Unknown { cause: error.to_string() };
         let publish = PublishMessage::build()
             .headers(message.headers(epoch))
             .payload(message.payload.clone())
