@@ -17,7 +17,7 @@ pub(in crate::cli) enum RunRecording {}
 pub(in crate::cli) enum FrameWriter {}
 
 impl RunRecording {
-    #[expect(clippy::unused_async, reason = "as the one of a program that records")]
+    #[allow(clippy::unused_async, reason = "as the one of a program that records")]
     pub(in crate::cli) async fn start(
         _client: &Client,
         _map_and_client: (&str, &str),
@@ -31,7 +31,7 @@ impl RunRecording {
         match *self {}
     }
 
-    #[expect(clippy::unused_async, reason = "as the one of a program that records")]
+    #[allow(clippy::unused_async, reason = "as the one of a program that records")]
     pub(in crate::cli) async fn finish(
         self,
         _frames: FrameWriter,
