@@ -116,8 +116,10 @@ fn new_channel<M: Name>(writer: &mut Writer<Output>, topic: &str) -> anyhow::Res
 
 /// A reader that went away ends the program quietly, as everywhere.
 fn failed(error: McapError) -> anyhow::Error {
-    match error {
-        McapError::Io(error) if error.kind() == io::ErrorKind::BrokenPipe => ClosedPipe.into(),
-        other => anyhow::Error::new(other).context("the recording"),
+    if let McapError::Io(cause) = &error
+        && cause.kind() == io::ErrorKind::BrokenPipe
+    {
+        return ClosedPipe.into();
     }
+    anyhow::Error::new(error).context("the recording")
 }
