@@ -1,11 +1,13 @@
 //! Readers and writers: round trips, conversions, refusals that name the place, and no panics.
 
 mod bal;
+mod bundler;
 mod colmap;
 pub(crate) mod data;
 mod g2o;
 mod ply;
 mod robustness;
+mod sparse_model;
 mod trajectory;
 
 use covis_solvers::io::IoError;

@@ -32,7 +32,7 @@ const POSE_REACH_S: f64 = 0.02;
 pub(super) struct Args {
     /// tum:FOLDER (TUM RGB-D or 7-Scenes layout), or synthetic:SCENE.
     source: Source,
-    /// Where the camera was: a TUM trajectory, or a recorded folder with the truth beside its
+    /// Where the camera was: a TUM or EuRoC trajectory, or a recorded folder with the truth beside its
     /// images. Poses are interpolated; frames farther than 0.02 s from one are skipped.
     #[arg(long, value_name = "TRAJECTORY|FOLDER")]
     poses: PathBuf,
@@ -127,7 +127,7 @@ fn fuse(args: &Args) -> anyhow::Result<()> {
     }
     // Seen now rather than after the work.
     fs::create_dir_all(&args.out)?;
-    let poses = PoseTrack::new(&truth::read(&args.poses)?);
+    let poses = PoseTrack::new(&truth::read_timed(&args.poses)?);
     let source = args.source.clone().with(args.drawing);
     let mut frames = Peeked::new(source.open(&args.recorded)?)?;
     let camera = frames.frame_camera()?;

@@ -8,9 +8,11 @@
 mod bench_frontend;
 pub mod config;
 mod connect;
+mod convert;
 mod data_dir;
 mod demo;
 mod eval;
+mod formats;
 mod fuse;
 mod html;
 mod job;
@@ -65,6 +67,8 @@ enum Command {
     Doctor(data_dir::DoctorArgs),
     /// Copy a data directory, also while a server uses it.
     Backup(data_dir::BackupArgs),
+    /// Write a file in another format: trajectories, bundle adjustment, pose graphs.
+    Convert(convert::Args),
     /// Compare trajectories: absolute (APE) or relative pose error (RPE).
     Eval(eval::Args),
     /// Track an RGB-D sequence with the reference frontend, through a server.
@@ -84,8 +88,10 @@ enum Command {
     Synth(synth::Args),
 }
 
-/// The arguments, settings included: each command has the flags of those that it uses.
-fn command() -> clap::Command {
+/// The arguments, settings included: each command has the flags of those that it uses. Man pages and
+/// completions are made of it.
+#[must_use]
+pub fn command() -> clap::Command {
     let mut command = Cli::command().args(flags(|setting| setting.get_help_heading() == Some(LOG)));
     for name in ["job", "map", "record", "replay", "run"] {
         let settings = flags(|setting| setting.get_help_heading() == Some(CONNECTION));
@@ -134,6 +140,7 @@ fn dispatch(cli: Cli, settings: Texts) -> anyhow::Result<()> {
         Command::Record(args) => record::run(&args, &config),
         Command::Doctor(args) => data_dir::doctor(&args),
         Command::Backup(args) => data_dir::backup(&args),
+        Command::Convert(args) => convert::run(&args),
         Command::Eval(args) => eval::run(&args),
         Command::Run(args) => run::run(&args, &config),
         Command::Fuse(args) => fuse::run(&args),

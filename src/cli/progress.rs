@@ -1,13 +1,51 @@
-//! Progress of a long command: a bar on a terminal, a log line every tenth otherwise.
+//! Progress of a long command: a bar on a terminal, a log line every tenth otherwise; what has no length
+//! shows that it works, on a terminal only.
 //!
 //! Everything goes to standard error, so that `--json` on standard output stays clean.
 
+use std::fmt::Display;
 use std::io::IsTerminal;
+use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// How many log lines a whole run writes where there is no terminal.
 const LOG_LINES: u64 = 10;
+
+/// A sign of life on a terminal, of work whose length is not known; gone at the end.
+#[derive(Debug)]
+pub(super) struct Working(Option<ProgressBar>);
+
+impl Working {
+    /// Shows `what` is done, and for how long.
+    #[must_use]
+    pub(super) fn new(what: impl Display) -> Self {
+        Self(std::io::stderr().is_terminal().then(|| {
+            let bar = ProgressBar::new_spinner();
+            if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
+                bar.set_style(style);
+            }
+            bar.set_message(what.to_string());
+            bar.enable_steady_tick(Duration::from_millis(250));
+            bar
+        }))
+    }
+
+    /// Shows something else.
+    pub(super) fn tell(&self, what: impl Display) {
+        if let Some(bar) = &self.0 {
+            bar.set_message(what.to_string());
+        }
+    }
+}
+
+impl Drop for Working {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.0 {
+            bar.finish_and_clear();
+        }
+    }
+}
 
 /// A count that goes up to a total.
 #[derive(Debug)]

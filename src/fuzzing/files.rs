@@ -7,10 +7,13 @@ use std::path::Path;
 
 use covis_solvers::geometry::LieGroup;
 use covis_solvers::io::bal::BalFile;
+use covis_solvers::io::bundler::BundlerFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
+use covis_solvers::io::format::Format;
 use covis_solvers::io::g2o::G2oGraph;
 use covis_solvers::io::pose_matrix;
-use covis_solvers::io::trajectory::Trajectory;
+use covis_solvers::io::sparse_model::SparseModel;
+use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 
 use crate::cli::config::Config;
 
@@ -75,20 +78,44 @@ fn colmap(input: &[u8], encoding: ColmapEncoding) {
     }
 }
 
-/// A TUM trajectory.
+/// A trajectory in each of its forms, whichever the bytes are.
 pub(super) fn trajectory(input: &[u8]) {
-    let Ok(read) = Trajectory::parse(input, path()) else { return };
-    match Trajectory::parse(&read.to_bytes(), path()) {
-        Ok(again) => {
-            assert_eq!(again.timestamps, read.timestamps);
-            let same = again.world_from_body.iter().zip(&read.world_from_body).all(|(a, b)| {
-                // Normalizing once more may move the last bit.
-                a.translation == b.translation
-                    && a.rotation.quaternion().angle_to(b.rotation.quaternion()) < 1e-15
-            });
-            assert!(same && again.len() == read.len(), "another trajectory is read back");
+    let _told = Format::of_file(path(), input);
+    for format in [TrajectoryFormat::Tum, TrajectoryFormat::Kitti, TrajectoryFormat::Euroc] {
+        let Ok(read) = Trajectory::parse_as(input, path(), format) else { continue };
+        // A time that is no 64-bit number of nanoseconds is refused.
+        let Ok(written) = read.to_bytes_as(format) else { continue };
+        // Normalizing once more may move the last bit, of a matrix half of the digits.
+        let (reach_s, angle) = match format {
+            TrajectoryFormat::Tum => (0.0, 1e-15),
+            TrajectoryFormat::Kitti => (0.0, 1e-7),
+            TrajectoryFormat::Euroc => (1e-9, 1e-15),
+        };
+        match Trajectory::parse_as(&written, path(), format) {
+            Ok(again) => {
+                assert_eq!(again.len(), read.len(), "another trajectory is read back");
+                let times = again.timestamps.iter().zip(&read.timestamps);
+                let poses = again.world_from_body.iter().zip(&read.world_from_body);
+                for ((a, b), (pose, given)) in times.zip(poses) {
+                    assert!((a - b).abs() <= reach_s + 4.0 * f64::EPSILON * b.abs(), "{a} {b}");
+                    assert_eq!(pose.translation, given.translation);
+                    let turn = pose.rotation.quaternion().angle_to(given.rotation.quaternion());
+                    assert!(turn < angle, "another trajectory is read back: {turn}");
+                }
+            }
+            Err(error) => panic!("what was written is not read: {error}"),
         }
-        Err(error) => panic!("what was written is not read: {error}"),
+    }
+}
+
+/// A Bundler file.
+pub(super) fn bundler(input: &[u8]) {
+    let Ok(file) = BundlerFile::parse(input, path()) else { return };
+    let again = BundlerFile::parse(&file.to_bytes(), path());
+    assert_eq!(again.ok().as_ref(), Some(&file), "what is written is read as another file");
+    match SparseModel::from_bundler(&file) {
+        Ok(model) => drop(model.problem.validate()),
+        Err(error) => panic!("a file that was read makes no model: {error}"),
     }
 }
 

@@ -23,8 +23,9 @@ pub struct Target {
 }
 
 /// Every target, by name.
-pub const TARGETS: [Target; 20] = [
+pub const TARGETS: [Target; 21] = [
     Target { name: "bal", run: files::bal },
+    Target { name: "bundler", run: files::bundler },
     Target { name: "camera_file", run: input::camera_file },
     Target { name: "colmap_binary", run: files::colmap_binary },
     Target { name: "colmap_text", run: files::colmap_text },

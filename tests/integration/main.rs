@@ -5,6 +5,7 @@
 
 mod backup;
 mod cli_config;
+mod cli_convert;
 mod cli_edit;
 mod cli_eval;
 mod cli_eval_mask;

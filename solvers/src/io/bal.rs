@@ -3,15 +3,15 @@
 //! Text: a header `cameras points observations`, then observations `camera point u v`, then nine
 //! numbers a camera (Rodrigues vector and translation of camera_from_world, focal length, k1, k2),
 //! then three a point. BAL's camera looks down −z with y up, and its image's v points up: on import
-//! the camera's y and z and the image's v are flipped, on export flipped back. The world and
+//! the camera's y and z and the image's v are flipped, on export flipped back (`down_z`). The world and
 //! the cost ½ Σ ‖r‖² stay as they are.
 
 use std::path::Path;
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 
 use super::text::{Text, TextWriter};
-use super::{IoError, files};
+use super::{IoError, down_z, files};
 use crate::geometry::{Camera, LieGroup, Se3, Snavely, So3};
 use crate::problem::BundleProblem;
 
@@ -56,9 +56,10 @@ impl BalFile {
     /// Parses a file's bytes; `path` names them in errors.
     ///
     /// # Errors
-    /// The first field that is missing, malformed, not finite or out of range, with its line; a
-    /// header that announces more than the bytes could hold; anything after the last point.
+    /// [`IoError::Compressed`]; the first field that is missing, malformed, not finite or out of range,
+    /// with its line; a header that announces more than the bytes could hold; anything after the last point.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self, IoError> {
+        files::check_plain(bytes, path)?;
         let mut text = Text::new(bytes, path);
         let camera_count: u32 = text.integer("camera count")?;
         let point_count: u32 = text.integer("point count")?;
@@ -130,7 +131,7 @@ impl BalFile {
         }
         problem.reprojections.reserve(self.observations.len());
         for o in &self.observations {
-            let pixel = Vector2::new(o.u, -o.v);
+            let pixel = down_z::flip_pixel(Vector2::new(o.u, o.v));
             problem.reprojections.push(o.camera, o.camera, o.point, pixel, 1.0);
         }
         problem
@@ -154,15 +155,14 @@ impl BalFile {
         }
         let mut cameras = Vec::with_capacity(self.cameras.len());
         for (k, (pose, camera)) in problem.poses.iter().zip(&problem.cameras).enumerate() {
-            let Camera::Snavely(Snavely { focal, k1, k2 }) = *camera else {
+            let Camera::Snavely(snavely) = *camera else {
                 return Err(IoError::UnsupportedCamera {
                     camera: k as u64,
                     model: format!("{camera:?}"),
                     reason: "a BAL file holds Snavely cameras only",
                 });
             };
-            let [w, t] = rodrigues_and_translation(pose);
-            cameras.push([w.x, w.y, w.z, t.x, t.y, t.z, focal, k1, k2]);
+            cameras.push(camera_numbers(pose, &snavely));
         }
         self.cameras = cameras;
         self.points = problem.landmarks.iter().map(|p| [p.x, p.y, p.z]).collect();
@@ -170,22 +170,17 @@ impl BalFile {
     }
 }
 
-/// The half turn about x that flips y and z: from BAL's camera frame to covis' and back.
-fn flip() -> Se3 {
-    let half_turn = UnitQuaternion::new_unchecked(Quaternion::new(0.0, 1.0, 0.0, 0.0));
-    Se3::new(So3::from_unit_quaternion(half_turn), Vector3::zeros())
-}
-
 fn world_from_camera(numbers: &[f64; 9]) -> Se3 {
     let [w0, w1, w2, t0, t1, t2, ..] = *numbers;
     let rotation = So3::exp(&Vector3::new(w0, w1, w2));
-    let bal_camera_from_world = Se3::new(rotation, Vector3::new(t0, t1, t2));
-    flip().compose(&bal_camera_from_world).inverse()
+    down_z::world_from_camera(&Se3::new(rotation, Vector3::new(t0, t1, t2)))
 }
 
-fn rodrigues_and_translation(world_from_camera: &Se3) -> [Vector3<f64>; 2] {
-    let bal_camera_from_world = flip().compose(&world_from_camera.inverse());
-    [bal_camera_from_world.rotation.log(), bal_camera_from_world.translation]
+/// The nine numbers of a camera.
+pub(super) fn camera_numbers(world_from_camera: &Se3, camera: &Snavely) -> [f64; 9] {
+    let Se3 { rotation, translation: t } = down_z::file_camera_from_world(world_from_camera);
+    let w = rotation.log();
+    [w.x, w.y, w.z, t.x, t.y, t.z, camera.focal, camera.k1, camera.k2]
 }
 
 /// The next word as an index below `count`.

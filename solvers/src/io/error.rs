@@ -80,6 +80,14 @@ pub enum IoError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A text file is compressed.
+    #[error("{}: is compressed; `{with} {}` unpacks it", path.display(), path.display())]
+    Compressed {
+        /// The file.
+        path: PathBuf,
+        /// The program that unpacks it.
+        with: &'static str,
+    },
     /// A file that belongs to a folder's model is not there.
     #[error("{}: holds no {what}", path.display())]
     MissingFile {
@@ -254,6 +262,18 @@ pub enum IoError {
         id: u64,
         /// What stands in the way.
         reason: &'static str,
+    },
+    /// A file beside another one has not one line for each of its records.
+    #[error("{}: {actual} {what}, {expected} are needed", path.display())]
+    ListLength {
+        /// The file beside.
+        path: PathBuf,
+        /// What its lines are.
+        what: &'static str,
+        /// How many there are.
+        actual: usize,
+        /// How many records the other file has.
+        expected: usize,
     },
     /// A problem and a file that should describe the same things differ in size.
     #[error("{what}: the problem has {actual}, the file {expected}")]

@@ -1,22 +1,27 @@
-//! Files: BAL, g2o, COLMAP sparse models, TUM trajectories, pose matrices, PLY.
+//! Files: BAL, Bundler, COLMAP sparse models, g2o, trajectories of TUM, KITTI and EuRoC, pose matrices,
+//! PLY.
 //!
 //! Each format has a plain struct that holds the file's own numbers and writes them back, and a
 //! conversion to and from problems. Conventions of a format (axes, pixel centers, direction of a
-//! transform) are converted here and nowhere else. Readers take any bytes without a panic, allocate
+//! transform) are converted here and nowhere else; [`format`] has the one list of formats. Readers take any bytes without a panic, allocate
 //! nothing from a count that the file has not proven, and name line or byte of what they refuse.
 //! Writers come thrice: to a file, to bytes for a caller without a file system, and record by record
 //! (`put_…`) for one that does not hold the whole either.
 
 pub mod bal;
 mod binary;
+pub mod bundler;
 pub mod colmap;
+mod down_z;
 mod error;
 mod files;
+pub mod format;
 pub mod g2o;
 mod natural_order;
 pub mod ply;
 pub mod pose_matrix;
 mod rotation;
+pub mod sparse_model;
 mod text;
 pub mod trajectory;
 

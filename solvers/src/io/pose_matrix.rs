@@ -8,7 +8,7 @@ use std::path::Path;
 use nalgebra::{Matrix3, Vector3};
 
 use super::text::Text;
-use super::{IoError, files};
+use super::{IoError, Place, files};
 use crate::geometry::{Se3, So3};
 
 /// How far an element of RᵀR, and of the last row, may be from what a rigid motion has.
@@ -45,16 +45,36 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<Option<Se3>, IoError> {
     if !is_known {
         return Ok(None);
     }
-    let rotation = Matrix3::from_fn(|i, j| elements[i][j]);
-    let last = elements[3].iter().zip([0.0, 0.0, 0.0, 1.0]);
+    let [first, second, third, last] = elements;
+    let pose = rigid([first, second, third], || place.clone())?;
+    let deviation = last.iter().zip([0.0, 0.0, 0.0, 1.0]);
+    let deviation = deviation.fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+    if deviation <= TOLERANCE {
+        Ok(Some(pose))
+    } else {
+        Err(IoError::NotRigid { place, deviation })
+    }
+}
+
+/// The rigid motion of the rows [R | t]; R is made orthonormal where it is off by rounding.
+///
+/// # Errors
+/// [`IoError::NotRigid`].
+pub(super) fn rigid(rows: [[f64; 4]; 3], place: impl FnOnce() -> Place) -> Result<Se3, IoError> {
+    let rotation = Matrix3::from_fn(|i, j| rows[i][j]);
     let deviation = (rotation.tr_mul(&rotation) - Matrix3::identity()).amax();
-    let deviation = last.fold(deviation, |most, (a, b)| most.max((a - b).abs()));
     // An overflow is no rigid motion either.
     if !(deviation <= TOLERANCE && rotation.determinant() > 0.0) {
-        return Err(IoError::NotRigid { place, deviation });
+        return Err(IoError::NotRigid { place: place(), deviation });
     }
-    let translation = Vector3::from_fn(|i, _| elements[i][3]);
-    Ok(Some(Se3::new(So3::from_matrix(&rotation), translation)))
+    let translation = Vector3::from_fn(|i, _| rows[i][3]);
+    Ok(Se3::new(So3::from_matrix(&rotation), translation))
+}
+
+/// The rows [R | t] of a rigid motion.
+pub(super) fn rows(pose: &Se3) -> [[f64; 4]; 3] {
+    let (rotation, t) = (pose.rotation.matrix(), pose.translation);
+    [0, 1, 2].map(|i| [rotation[(i, 0)], rotation[(i, 1)], rotation[(i, 2)], t[i]])
 }
 
 #[cfg(test)]

@@ -81,6 +81,7 @@ impl<'a> Text<'a> {
             rest: &self.rest[..end.unwrap_or(self.rest.len())],
             number: self.line,
             path: self.path,
+            is_table: false,
         };
         self.rest = end.map_or(&[], |end| &self.rest[end + 1..]);
         self.line += 1;
@@ -105,6 +106,8 @@ pub(super) struct Line<'a> {
     rest: &'a [u8],
     number: u64,
     path: &'a Path,
+    /// Whether words end at commas, as in a table, and not at white space.
+    is_table: bool,
 }
 
 impl<'a> Line<'a> {
@@ -118,12 +121,29 @@ impl<'a> Line<'a> {
         self.number
     }
 
+    /// The same line as one of a table whose cells commas separate.
+    pub(super) fn cells(self) -> Self {
+        Self { is_table: true, ..self }
+    }
+
     /// The next word, `None` at the end of the line.
     pub(super) fn word(&mut self) -> Option<&'a [u8]> {
+        if self.is_table {
+            let end = self.rest.iter().position(|&c| c == b',').unwrap_or(self.rest.len());
+            let is_last = self.is_at_end();
+            let cell = self.rest[..end].trim_ascii();
+            self.rest = self.rest.get(end + 1..).unwrap_or_default();
+            return (!is_last).then_some(cell);
+        }
         self.rest = self.rest.trim_ascii_start();
         let word = cut_word(self.rest);
         self.rest = &self.rest[word.len()..];
         (!word.is_empty()).then_some(word)
+    }
+
+    /// How many bytes are left.
+    pub(super) fn remaining(&self) -> usize {
+        self.rest.len()
     }
 
     /// Whether nothing but white space is left.

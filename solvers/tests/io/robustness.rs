@@ -3,12 +3,15 @@
 use std::path::Path;
 
 use covis_solvers::io::bal::BalFile;
+use covis_solvers::io::bundler::BundlerFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
+use covis_solvers::io::format::Format;
 use covis_solvers::io::g2o::G2oGraph;
-use covis_solvers::io::trajectory::Trajectory;
+use covis_solvers::io::sparse_model::SparseModel;
+use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use proptest::prelude::*;
 
-use super::{bal, colmap, g2o};
+use super::{bal, bundler, colmap, g2o};
 
 /// Reads `bytes` as every format; what is accepted must also convert without a panic.
 fn read_as_everything(bytes: &[u8]) {
@@ -21,7 +24,13 @@ fn read_as_everything(bytes: &[u8]) {
         Ok(G2oGraph::Se3(file)) => drop(file.to_pose_graph().unwrap()),
         Err(_) => {}
     }
-    let _ = Trajectory::parse(bytes, path);
+    if let Ok(file) = BundlerFile::parse(bytes, path) {
+        let _ = SparseModel::from_bundler(&file).unwrap();
+    }
+    for format in [TrajectoryFormat::Tum, TrajectoryFormat::Kitti, TrajectoryFormat::Euroc] {
+        let _ = Trajectory::parse_as(bytes, path, format);
+    }
+    let _ = Format::of_file(path, bytes);
 }
 
 /// Replaces one of a valid model's files by `bytes`.
@@ -79,13 +88,16 @@ proptest! {
     }
 
     #[test]
-    fn mutated_text_files(changes in changes(), which in 0..4usize) {
+    fn mutated_text_files(changes in changes(), which in 0..7usize) {
         let trajectory = b"1.5 1 2 3 0 0 0 1\n2.5 1 2 3 0 0.6 0 0.8\n".to_vec();
         let mut bytes = [
             bal::small().to_bytes(),
             g2o::se2().to_bytes(),
             g2o::se3().to_bytes(),
             trajectory,
+            b"1 0 0 5 0 0 -1 6 0 1 0 7\n".to_vec(),
+            b"#timestamp [ns], p_x\n1403636580838555648,1,2,3,0.8,0,0.6,0,9\n".to_vec(),
+            bundler::small().to_bytes(),
         ][which].clone();
         mutate(&mut bytes, &changes);
         read_as_everything(&bytes);

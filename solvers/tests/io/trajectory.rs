@@ -1,9 +1,11 @@
-//! TUM trajectories: exact round trips, bad lines named.
+//! Trajectories: round trips in each format, bad lines named.
 
 use std::path::Path;
 
+use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::io::IoError;
-use covis_solvers::io::trajectory::Trajectory;
+use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat, read_times};
+use proptest::prelude::*;
 
 use super::data::data;
 use super::refused;
@@ -51,5 +53,90 @@ fn bad_lines_are_refused_by_line_and_field() {
     ];
     for (text, parts) in table {
         refused(parse(text), parts);
+    }
+}
+
+fn parse_as(text: &str, format: TrajectoryFormat) -> Result<Trajectory, IoError> {
+    Trajectory::parse_as(text.as_bytes(), Path::new("t.txt"), format)
+}
+
+#[test]
+fn kitti_and_euroc_are_read_where_they_stand() {
+    let kitti = "1 0 0 5 0 0 -1 6 0 1 0 7\n\n1 0 0 0 0 1 0 0 0 0 1 0\n";
+    let read = parse_as(kitti, TrajectoryFormat::Kitti).unwrap();
+    assert_eq!(read.timestamps, [0.0, 1.0], "rows are numbered");
+    let moved = read.world_from_body[0].transform(&nalgebra::Vector3::new(0.0, 0.0, 1.0));
+    assert!((moved - nalgebra::Vector3::new(5.0, 5.0, 7.0)).norm() < 1e-15, "{moved}");
+    let euroc = "#timestamp [ns], p_x [m]\n1403636580838555648, 1,-2 ,3,0.8,0,0.6,0,0.1,nan,x\r\n";
+    let read = parse_as(euroc, TrajectoryFormat::Euroc).unwrap();
+    assert_eq!(read.timestamps, [1403636580.8385556]);
+    assert_eq!(read.world_from_body[0].translation, nalgebra::Vector3::new(1.0, -2.0, 3.0));
+    assert_eq!(read.world_from_body[0].rotation.quaternion().j, 0.6);
+    let written = String::from_utf8(read.to_bytes_as(TrajectoryFormat::Euroc).unwrap()).unwrap();
+    assert!(written.contains("\n1403636580838555648,1.0,-2.0,3.0,0.8,0.0,0.6,0.0\n"), "{written}");
+    for (text, format) in [(kitti, TrajectoryFormat::Kitti), (euroc, TrajectoryFormat::Euroc)] {
+        assert_eq!(TrajectoryFormat::of_bytes(text.as_bytes()), format);
+    }
+}
+
+#[test]
+fn bad_lines_of_kitti_and_euroc_are_refused_by_line_and_field() {
+    let (kitti, euroc) = (TrajectoryFormat::Kitti, TrajectoryFormat::Euroc);
+    let table: &[(TrajectoryFormat, &str, &[&str])] = &[
+        (kitti, "1 0 0 5 0 0 -1 6 0 1 0\n", &["t.txt, line 1", "row 2[3] is missing"]),
+        (kitti, "#\n1 0 0 5 0 0 -1 6 0 1 0 7 8\n", &["line 2", "`8` follows"]),
+        (kitti, "1 0 0 5 0 0 1 6 0 1 0 7\n", &["line 1", "no rigid motion"]),
+        (kitti, "1 0 0 x 0 0 -1 6 0 1 0 7\n", &["line 1", "row 0[3]", "`x`"]),
+        (euroc, "1,2,3\n", &["line 1", "position[2] is missing"]),
+        (euroc, "1,2,,3,1,0,0,0\n", &["line 1", "position[1] cannot be ``"]),
+        (euroc, "#\n1,2,3,4,0,0,0,0\n", &["line 2", "norm 0"]),
+        (euroc, "1,2,inf,4,1,0,0,0\n", &["line 1", "position[1] is not finite"]),
+    ];
+    for (format, text, parts) in table {
+        refused(parse_as(text, *format), parts);
+    }
+    let mut late = Trajectory::default();
+    late.push(1e10, Se3::identity());
+    refused(late.to_bytes_as(euroc), &["pose 0", "nanoseconds"]);
+}
+
+#[test]
+fn times_beside_a_kitti_file_are_one_a_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("times.txt");
+    fs_err::write(&path, "0.000000e+00\n1.037e-01\n").unwrap();
+    assert_eq!(read_times(&path).unwrap(), [0.0, 0.1037]);
+    fs_err::write(&path, "0 1\n").unwrap();
+    refused(read_times(&path), &["times.txt, line 1", "`1` follows"]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..Default::default() })]
+
+    #[test]
+    fn poses_survive_every_format(
+        tangents in prop::collection::vec(prop::array::uniform6(-3.0..3.0f64), 0..5),
+        begin_ns in 0..(1i64 << 55),
+    ) {
+        let mut given = Trajectory::default();
+        for (k, tangent) in tangents.iter().enumerate() {
+            // EuRoC's own times are multiples of 256 ns.
+            let nanoseconds = (begin_ns + k as i64 * 50_000_000) / 256 * 256;
+            given.push(nanoseconds as f64 / 1e9, Se3::exp(&(*tangent).into()));
+        }
+        let path = Path::new("copy");
+        for format in [TrajectoryFormat::Tum, TrajectoryFormat::Kitti, TrajectoryFormat::Euroc] {
+            let bytes = given.to_bytes_as(format).unwrap();
+            let read = Trajectory::parse_as(&bytes, path, format).unwrap();
+            if format.has_times() {
+                prop_assert_eq!(&read.timestamps, &given.timestamps);
+            }
+            prop_assert_eq!(read.len(), given.len());
+            for (a, b) in read.world_from_body.iter().zip(&given.world_from_body) {
+                prop_assert_eq!(a.translation, b.translation);
+                let turn = a.rotation.inverse().compose(&b.rotation).log().norm();
+                prop_assert!(turn < 1e-14, "{}", turn);
+            }
+        }
     }
 }

@@ -18,7 +18,7 @@ mod truth;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use covis_solvers::io::trajectory::Trajectory;
+use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use fs_err as fs;
 use serde::Serialize;
 
@@ -235,7 +235,7 @@ async fn once(
     let run = sequence(source, &options, &server.client, "bench").await.map(|(report, _)| report);
     server.stop().await;
     let run = run?;
-    report::write(&run, out)?;
+    report::write(&run, out, TrajectoryFormat::Tum)?;
     Ok(run)
 }
 

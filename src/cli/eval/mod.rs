@@ -1,4 +1,4 @@
-//! `covis eval`: the errors of a TUM trajectory, or of masks of what moves, against the truth.
+//! `covis eval`: the errors of a trajectory, or of masks of what moves, against the truth.
 //!
 //! The figures agree with `evo_ape tum … -a` and `evo_rpe tum …`; with `--per-second` or
 //! `--delta-s` with `evaluate_rpe.py` of the TUM RGB-D benchmark. All mathematics stands in
@@ -9,11 +9,12 @@ pub(super) mod truth;
 
 use std::path::PathBuf;
 
-use anyhow::Context;
-use covis_solvers::io::trajectory::Trajectory;
+use anyhow::{Context, bail};
+use covis_solvers::io::trajectory::TrajectoryFormat;
 use serde::Serialize;
 
 use super::html::{self, ReportFlag};
+use super::formats::{of_trajectories, read_trajectory};
 use super::output::show;
 use crate::evaluation::{self, Evaluation, Statistics};
 use crate::report::{Page, Table, count, number};
@@ -58,11 +59,14 @@ impl Relative {
 
 #[derive(Debug, clap::Args)]
 struct Files {
-    /// The true trajectory: lines `timestamp tx ty tz qx qy qz qw`, or a recorded folder with
-    /// groundtruth.txt (TUM) or frame-*.pose.txt (7-Scenes).
+    /// The true trajectory: a TUM, KITTI or EuRoC file, or a recorded folder with groundtruth.txt (TUM)
+    /// or frame-*.pose.txt (7-Scenes).
     truth: PathBuf,
     /// The estimated trajectory, in a frame of its own.
     estimate: PathBuf,
+    /// What both files are [default: told by names and first lines].
+    #[arg(long, value_name = "FORMAT", value_parser = of_trajectories())]
+    format: Option<TrajectoryFormat>,
     /// Timestamps match within this many seconds.
     #[arg(long, value_name = "SECONDS", default_value_t = 0.01, value_parser = time_difference)]
     max_time_difference: f64,
@@ -132,8 +136,16 @@ pub(super) fn run(args: &Args) -> anyhow::Result<()> {
             (over.unwrap_or(Measure::Neighbors), &relative.files)
         }
     };
-    let truth = truth::read(&files.truth)?;
-    let estimate = Trajectory::read(&files.estimate)?;
+    let (truth, truth_has_times) = truth::read(&files.truth, files.format)?;
+    let (estimate, format) = read_trajectory(&files.estimate, files.format)?;
+    if truth_has_times != format.has_times() {
+        let (truth, estimate) = (files.truth.display(), files.estimate.display());
+        let without = if truth_has_times { &estimate } else { &truth };
+        bail!(
+            "{truth} and {estimate}: KITTI's poses have no times and cannot be matched with others; \
+             `covis convert {without} OUT.txt --times FILE` adds times"
+        );
+    }
     let result = match measure {
         Measure::Absolute => evaluation::ape(&truth, &estimate, files.max_time_difference),
         Measure::Neighbors => evaluation::rpe(&truth, &estimate, files.max_time_difference),

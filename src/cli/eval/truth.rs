@@ -1,15 +1,16 @@
-//! The true trajectory: a TUM file, or a recorded folder with the truth beside its images.
+//! The true trajectory: a file of any format, or a recorded folder with the truth beside its images.
 //!
-//! `covis eval truth` writes it as a TUM file, for instance for evo. Only commands that compare with
+//! `covis eval truth` writes it as a file, for instance for evo. Only commands that compare with
 //! the truth or are told to use it come here; the frontend does not.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::{bail, ensure};
 use covis_solvers::io::pose_matrix;
-use covis_solvers::io::trajectory::Trajectory;
+use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use serde::Serialize;
 
+use super::super::formats::{self, of_trajectories, read_trajectory};
 use super::super::output::show;
 use crate::frontend::input::seven_scenes;
 
@@ -21,8 +22,11 @@ const TUM_TRUTH: &str = "groundtruth.txt";
 pub(super) struct Args {
     /// A recorded folder with groundtruth.txt (TUM) or frame-*.pose.txt (7-Scenes).
     folder: PathBuf,
-    /// The trajectory to write: lines `timestamp tx ty tz qx qy qz qw`, camera in world.
+    /// The trajectory to write, camera in world.
     out: PathBuf,
+    /// What to write.
+    #[arg(long, value_name = "FORMAT", value_parser = of_trajectories(), default_value = "tum")]
+    format: TrajectoryFormat,
     /// Print one JSON object instead of a sentence.
     #[arg(long)]
     json: bool,
@@ -35,22 +39,31 @@ struct Document {
 }
 
 pub(super) fn run(args: &Args) -> anyhow::Result<()> {
-    let truth = read(&args.folder)?;
-    truth.write(&args.out)?;
+    let truth = read_timed(&args.folder)?;
+    truth.write_as(&args.out, args.format)?;
     let document = Document { poses: truth.len() };
     show(args.json, &document, || format!("{} poses in {}", truth.len(), args.out.display()))
 }
 
-/// A TUM trajectory from a file, or a folder's truth.
+/// The trajectory of a file, or a folder's truth, and whether it has times.
 /// Fails for what cannot be read, and for a folder without truth.
-pub(in crate::cli) fn read(path: &Path) -> anyhow::Result<Trajectory> {
+pub(super) fn read(
+    path: &Path,
+    format: Option<TrajectoryFormat>,
+) -> anyhow::Result<(Trajectory, bool)> {
     if !path.is_dir() {
-        return Ok(Trajectory::read(path)?);
+        let (trajectory, format) = read_trajectory(path, format)?;
+        return Ok((trajectory, format.has_times()));
     }
     let Some(truth) = of_folder(path)? else {
         bail!("{}: neither {TUM_TRUTH} nor frame-000000.pose.txt is in this folder", path.display())
     };
-    Ok(truth)
+    Ok((truth, true))
+}
+
+/// As [`read`], where times are needed.
+pub(in crate::cli) fn read_timed(path: &Path) -> anyhow::Result<Trajectory> {
+    if path.is_dir() { read(path, None).map(|(truth, _)| truth) } else { formats::read_timed(path) }
 }
 
 /// The truth beside a folder's images, where there is one: `groundtruth.txt`, else the poses of

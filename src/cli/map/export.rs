@@ -11,6 +11,7 @@ use fs_err as fs;
 use serde::Serialize;
 
 use super::super::output::print;
+use super::super::progress::Working;
 use super::files::Format;
 use crate::client::{Client, ClientError, MapExport};
 use crate::wire::v1;
@@ -31,9 +32,11 @@ pub(super) async fn export(
     out: &Path,
     json: bool,
 ) -> anyhow::Result<()> {
+    let working = Working::new(format_args!("exporting map {name}"));
     let export = client.export_map(&name, format.into()).await?;
     let revision = export.header().revision;
-    let files = write(export, out).await?;
+    let files = format.finish(write(export, out).await?)?;
+    drop(working);
     if json {
         return print(serde_json::to_string(&Exported { map: name, revision, files })?);
     }
@@ -64,7 +67,9 @@ pub(in crate::cli) async fn write_files(
     let mut open: Option<(PathBuf, fs::File)> = None;
     while let Some(chunk) = next().await? {
         let path = target(&chunk.path);
-        let partial = partial(&path);
+        // A pipe or a device is written into, never replaced.
+        let is_replaced = fs::symlink_metadata(&path).map_or(true, |there| there.is_file());
+        let partial = if is_replaced { partial(&path) } else { path.clone() };
         let mut file = match open.take() {
             Some((_, file)) => file,
             None => {
@@ -76,8 +81,10 @@ pub(in crate::cli) async fn write_files(
         };
         file.write_all(&chunk.data)?;
         if chunk.last_chunk {
-            file.sync_all()?;
-            fs::rename(&partial, &path)?;
+            if is_replaced {
+                file.sync_all()?;
+                fs::rename(&partial, &path)?;
+            }
         } else {
             open = Some((path, file));
         }

@@ -7,11 +7,14 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
+use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use fs_err as fs;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 
+use super::super::formats::extension;
 use super::super::output::show;
+use super::super::progress::Working;
 use super::document::{Document, details};
 use crate::client::Client;
 use crate::wire::v1;
@@ -27,6 +30,10 @@ pub(in crate::cli) enum Format {
     ColmapBinary,
     /// TUM trajectories.
     Tum,
+    /// KITTI's poses, without times.
+    Kitti,
+    /// Trajectories as EuRoC's ground truth; the body is the camera.
+    Euroc,
     /// Pose graph as the server solves it: relative poses that keyframes measure, and constraints that
     /// are not switched off. `covis solve pose-graph` finds the same poses.
     G2o,
@@ -41,11 +48,45 @@ impl From<Format> for v1::MapFormat {
         match format {
             Format::ColmapText => Self::ColmapText,
             Format::ColmapBinary => Self::ColmapBinary,
-            Format::Tum => Self::Tum,
+            // What the server makes and reads; the files are converted here.
+            Format::Tum | Format::Kitti | Format::Euroc => Self::Tum,
             Format::G2o => Self::G2o,
             Format::Ply => Self::Ply,
             Format::Covis => Self::Covis,
         }
+    }
+}
+
+impl Format {
+    /// The form of trajectories that is not the server's own.
+    fn trajectories(self) -> Option<TrajectoryFormat> {
+        match self {
+            Self::Kitti => Some(TrajectoryFormat::Kitti),
+            Self::Euroc => Some(TrajectoryFormat::Euroc),
+            Self::ColmapText
+            | Self::ColmapBinary
+            | Self::Tum
+            | Self::G2o
+            | Self::Ply
+            | Self::Covis => None,
+        }
+    }
+
+    /// Writes trajectories that the server exported in this format, where it is not the server's own, and
+    /// returns the paths of the files.
+    pub(in crate::cli) fn finish(self, files: Vec<PathBuf>) -> anyhow::Result<Vec<PathBuf>> {
+        let Some(format) = self.trajectories() else { return Ok(files) };
+        let convert = |file: PathBuf| {
+            let trajectory = Trajectory::read(&file)?;
+            let is_tum = file.extension().is_some_and(|extension| extension == "tum");
+            let out = if is_tum { file.with_extension(extension(format)) } else { file.clone() };
+            trajectory.write_as(&out, format)?;
+            if is_tum {
+                fs::remove_file(&file)?;
+            }
+            Ok(out)
+        };
+        files.into_iter().map(convert).collect()
     }
 }
 
@@ -54,7 +95,7 @@ impl From<Format> for v1::MapFormat {
 pub(super) struct ImportArgs {
     /// The new map.
     name: String,
-    /// The file; a folder for COLMAP, and for TUM with several clients.
+    /// The file; a folder for COLMAP, and for trajectories of several clients.
     path: PathBuf,
     /// What the files are. Default: told by their names.
     #[arg(long)]
@@ -74,13 +115,18 @@ pub(super) async fn import(client: &Client, args: ImportArgs, json: bool) -> any
         client_id,
         ..v1::ImportMapHeader::default()
     };
+    let working = Working::new(format_args!("importing {}", path.display()));
     let (sender, chunks) = mpsc::channel(2);
     let reading = tokio::task::spawn_blocking(move || {
-        files.iter().try_for_each(|(path, file)| send(path, file, &sender))
+        files.iter().try_for_each(|(path, file)| match format.trajectories() {
+            Some(format) => send_converted(path, file, format, &sender),
+            None => send(path, file, &sender),
+        })
     });
     let answer = client.import_map(header, ReceiverStream::new(chunks)).await;
     // A file that cannot be read is the cause of what the server says of it.
     reading.await.context("the files were not read to their end")??;
+    drop(working);
     let map = Document::from(answer?);
     show(json, &map, || details(&map))
 }
@@ -98,6 +144,8 @@ fn find(path: &Path, format: Option<Format>) -> anyhow::Result<(Format, Files)> 
         Some("covis") => Some(Format::Covis),
         Some("g2o") => Some(Format::G2o),
         Some("tum" | "txt") => Some(Format::Tum),
+        Some("kitti") => Some(Format::Kitti),
+        Some("csv") => Some(Format::Euroc),
         Some(_) | None => None,
     };
     let Some(format) = format.or(told) else {
@@ -127,11 +175,12 @@ fn in_folder(folder: &Path, format: Option<Format>) -> anyhow::Result<(Format, F
         Format::Covis => vec!["map.covis".to_owned()],
         Format::G2o => vec!["graph.g2o".to_owned()],
         Format::Ply => vec!["map.ply".to_owned()],
-        Format::Tum => {
+        Format::Tum | Format::Kitti | Format::Euroc => {
+            let ending = format!(".{}", told.trajectories().map_or("tum", extension));
             let mut names = Vec::new();
             for entry in fs::read_dir(folder)? {
                 let name = entry?.file_name().to_string_lossy().into_owned();
-                names.extend(Some(name).filter(|name| name.ends_with(".tum")));
+                names.extend(Some(name).filter(|name| name.ends_with(&ending)));
             }
             names.sort();
             names
@@ -150,8 +199,27 @@ pub(in crate::cli) fn send(
     file: &Path,
     chunks: &mpsc::Sender<v1::FileChunk>,
 ) -> anyhow::Result<()> {
-    let mut file = fs::File::open(file)?;
-    let read = |file: &mut fs::File| -> std::io::Result<Vec<u8>> {
+    send_all(path, fs::File::open(file)?, chunks)
+}
+
+/// As [`send`], of a trajectory that becomes the server's form on the way.
+fn send_converted(
+    path: &str,
+    file: &Path,
+    format: TrajectoryFormat,
+    chunks: &mpsc::Sender<v1::FileChunk>,
+) -> anyhow::Result<()> {
+    let (trajectory, _) = Trajectory::read_any(file, Some(format))?;
+    let name = Path::new(path).with_extension("tum");
+    send_all(&name.to_string_lossy(), &trajectory.to_bytes()[..], chunks)
+}
+
+fn send_all(
+    path: &str,
+    mut file: impl Read,
+    chunks: &mpsc::Sender<v1::FileChunk>,
+) -> anyhow::Result<()> {
+    let read = |file: &mut dyn Read| -> std::io::Result<Vec<u8>> {
         let mut data = Vec::new();
         file.take(CHUNK_BYTES as u64).read_to_end(&mut data)?;
         Ok(data)

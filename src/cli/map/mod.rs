@@ -90,11 +90,11 @@ enum Action {
         /// What to write.
         #[arg(long)]
         format: Format,
-        /// The file; a folder where there are several (COLMAP's three, TUM with several clients).
+        /// The file; a folder where there are several (COLMAP's three, trajectories of several clients).
         #[arg(long, value_name = "PATH")]
         out: PathBuf,
     },
-    /// Create a map from files: an export of covis, COLMAP, g2o or TUM.
+    /// Create a map from files: an export of covis, COLMAP, g2o, or a trajectory.
     Import(ImportArgs),
 }
 

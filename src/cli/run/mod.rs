@@ -13,11 +13,13 @@ mod source;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
+use covis_solvers::io::trajectory::TrajectoryFormat;
 use fs_err as fs;
 
 use super::config::Config;
 use super::connect::{Embedded, connect};
 use super::html::{self, ReportFlag};
+use super::formats::of_trajectories;
 use super::output::show;
 use super::progress::Progress;
 use super::record::{FrameWriter, RunRecording};
@@ -48,6 +50,9 @@ pub(super) struct Args {
     /// Folder for trajectories and masks; made where it is missing.
     #[arg(long, value_name = "FOLDER", default_value = "covis-run")]
     out: PathBuf,
+    /// What the trajectories are written as.
+    #[arg(long, value_name = "FORMAT", value_parser = of_trajectories(), default_value = "tum")]
+    format: TrajectoryFormat,
     #[command(flatten)]
     recorded: Recorded,
     /// From the first row's exposure to the last row's [default: what camera.txt says, else a
@@ -174,7 +179,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         server.stop().await;
         report
     })?;
-    report::write(&report, &args.out)?;
+    report::write(&report, &args.out, args.format)?;
     let mesh =
         volume.as_mut().map(|dense| dense::write(&mut dense.volume, &args.out)).transpose()?;
     let document = report::document(&report, volume.as_ref().zip(mesh));

@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use covis_solvers::geometry::Se3;
-use covis_solvers::io::trajectory::Trajectory;
+use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use serde::Serialize;
 
+use super::super::formats::extension;
 use super::super::volume::{MeshFigures, Paging};
 use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::mapping::run::RunReport;
@@ -113,7 +114,7 @@ pub(in crate::cli) fn track(report: &RunReport) -> Quantiles {
 
 /// Every tracked frame on the final map.
 pub(in crate::cli) fn trajectory(report: &RunReport) -> Trajectory {
-    tum(report.trajectory.iter().copied())
+    joined(report.trajectory.iter().copied())
 }
 
 /// The figures of a run.
@@ -155,16 +156,21 @@ pub(super) fn document(report: &RunReport, dense: Option<(&DenseReport, MeshFigu
     }
 }
 
-/// Writes `trajectory.txt`, `trajectory_live.txt` and `keyframes.txt`.
-pub(in crate::cli) fn write(report: &RunReport, out: &Path) -> anyhow::Result<()> {
+/// Writes `trajectory`, `trajectory_live` and `keyframes`, with the extension that the format has.
+pub(in crate::cli) fn write(
+    report: &RunReport,
+    out: &Path,
+    format: TrajectoryFormat,
+) -> anyhow::Result<()> {
     let live = report.live.iter().map(|t| (t.timestamp_s, t.world_from_camera));
-    trajectory(report).write(&out.join("trajectory.txt"))?;
-    tum(live).write(&out.join("trajectory_live.txt"))?;
-    tum(report.keyframes.iter().copied()).write(&out.join("keyframes.txt"))?;
+    let path = |name: &str| out.join(name).with_extension(extension(format));
+    trajectory(report).write_as(&path("trajectory"), format)?;
+    joined(live).write_as(&path("trajectory_live"), format)?;
+    joined(report.keyframes.iter().copied()).write_as(&path("keyframes"), format)?;
     Ok(())
 }
 
-fn tum(poses: impl Iterator<Item = (f64, Se3)>) -> Trajectory {
+fn joined(poses: impl Iterator<Item = (f64, Se3)>) -> Trajectory {
     let mut trajectory = Trajectory::default();
     poses.for_each(|(time, pose)| trajectory.push(time, pose));
     trajectory

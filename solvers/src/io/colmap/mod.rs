@@ -31,6 +31,13 @@ pub enum ColmapEncoding {
 }
 
 impl ColmapEncoding {
+    /// The encoding of the model in a folder, binary where there are both; `None` without a model.
+    #[must_use]
+    pub fn of_folder(folder: &Path) -> Option<Self> {
+        let has = |encoding: &Self| folder.join(encoding.file_names()[0]).is_file();
+        [Self::Binary, Self::Text].into_iter().find(has)
+    }
+
     /// Names of the files of cameras, images and points.
     #[must_use]
     pub fn file_names(self) -> [&'static str; 3] {
@@ -150,12 +157,18 @@ impl ColmapModel {
     /// # Errors
     /// [`IoError::MissingFile`], [`IoError::Read`], and those of [`ColmapModel::parse`].
     pub fn read(folder: &Path) -> Result<Self, IoError> {
-        let has = |e: &ColmapEncoding| folder.join(e.file_names()[0]).is_file();
-        let encodings = [ColmapEncoding::Binary, ColmapEncoding::Text];
-        let Some(encoding) = encodings.into_iter().find(has) else {
+        let Some(encoding) = ColmapEncoding::of_folder(folder) else {
             let what = "cameras.bin or cameras.txt";
             return Err(IoError::MissingFile { path: folder.to_owned(), what });
         };
+        Self::read_as(folder, encoding)
+    }
+
+    /// Reads the model in a folder that has this encoding.
+    ///
+    /// # Errors
+    /// [`IoError::Read`], and those of [`ColmapModel::parse`].
+    pub fn read_as(folder: &Path, encoding: ColmapEncoding) -> Result<Self, IoError> {
         let [cameras, images, points] = encoding.file_names().map(|f| files::read(&folder.join(f)));
         Self::parse(encoding, [&cameras?, &images?, &points?], folder)
     }

@@ -8,7 +8,7 @@ use std::path::Path;
 use super::super::error::excerpt;
 use super::super::rotation::check_norm;
 use super::super::text::{Line, Text};
-use super::super::{IoError, Place};
+use super::super::{IoError, Place, files};
 use super::convert::{refused, symmetric, upper_triangle};
 use super::{G2oEdge, G2oFile, G2oGraph, G2oVertex, RepairedEdges};
 use crate::information::{Information, InformationError};
@@ -42,6 +42,7 @@ pub(super) fn parse(
     path: &Path,
     indefinite: Indefinite,
 ) -> Result<(G2oGraph, Option<RepairedEdges>), IoError> {
+    files::check_plain(bytes, path)?;
     let mut se2 = Builder::<3, 6>::new();
     let mut se3 = Builder::<7, 21>::new();
     let mut fixed: Vec<(i64, u64)> = Vec::new();

@@ -1,0 +1,272 @@
+//! `covis convert`: a file of one format as a file of another one.
+//!
+//! Reads all of the input before it writes. What is converted stays what it is: poses, points and
+//! residuals; what a format cannot hold is refused or named in the report. Conventions of formats are
+//! [`covis_solvers::io`]'s.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow, bail, ensure};
+use covis_solvers::geometry::{Se2, Se3, So3};
+use covis_solvers::io::bal::BalFile;
+use covis_solvers::io::bundler::BundlerFile;
+use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel};
+use covis_solvers::io::format::{Content, Format};
+use covis_solvers::io::g2o::G2oGraph;
+use covis_solvers::io::ply::{PlyEncoding, PlyFile, PlyVertex};
+use covis_solvers::io::sparse_model::SparseModel;
+use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat, read_times};
+use fs_err as fs;
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use super::formats;
+use super::output::show;
+use super::progress::Working;
+
+/// Color of paths for viewers.
+const PATH_COLOR: [u8; 3] = [220, 80, 40];
+
+/// Arguments of `covis convert`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// The file, or a folder with a COLMAP sparse model.
+    input: PathBuf,
+    /// The file to write; a folder for COLMAP.
+    output: PathBuf,
+    /// What the input is [default: told by its name or its first line].
+    #[arg(long, value_name = "FORMAT", value_parser = formats::readable(), hide_possible_values = true)]
+    from: Option<Format>,
+    /// What to write: tum, kitti, euroc, bal, bundler, colmap-text, colmap-binary, g2o or ply [default:
+    /// told by the name; a name without extension is a COLMAP folder].
+    #[arg(long, value_name = "FORMAT", value_parser = formats::writable(), hide_possible_values = true)]
+    to: Option<Format>,
+    /// Times of the poses of a KITTI file, seconds, one a line.
+    #[arg(long, value_name = "FILE")]
+    times: Option<PathBuf>,
+    /// Print one JSON object instead of a sentence.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The object of `--json`.
+#[derive(Debug, Serialize)]
+struct Document {
+    from: &'static str,
+    to: &'static str,
+    output: PathBuf,
+    poses: usize,
+    landmarks: usize,
+    observations: usize,
+    /// What stands for times where the input has none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    times: Option<&'static str>,
+}
+
+/// What a file holds.
+enum Input {
+    Trajectory(Trajectory),
+    /// With COLMAP's own numbers, where it is one.
+    Bundle(Box<SparseModel>, Option<ColmapModel>),
+    PoseGraph(G2oGraph),
+}
+
+/// Converts.
+/// Fails for what cannot be read or written, and for what the other format cannot hold.
+pub(super) fn run(args: &Args) -> anyhow::Result<()> {
+    let working = Working::new(format_args!("reading {}", args.input.display()));
+    let (from, input) = read(args)?;
+    working.tell(format_args!("writing {}", args.output.display()));
+    let content = from.entry().content;
+    let told = args.to.or_else(|| Format::to_write(&args.output, content));
+    let to = told.with_context(|| {
+        format!("{}: the name does not tell the format, --to does", args.output.display())
+    })?;
+    let (poses, landmarks, observations) = input.counts();
+    let is_numbered = from.entry().content != Content::Trajectory
+        || from == Format::Trajectory(TrajectoryFormat::Kitti) && args.times.is_none();
+    let has_times = matches!(to, Format::Trajectory(format) if format.has_times());
+    write(&input, from, to, &args.output)?;
+    drop(working);
+    let document = Document {
+        from: from.entry().name,
+        to: to.entry().name,
+        output: args.output.clone(),
+        poses,
+        landmarks,
+        observations,
+        times: (is_numbered && has_times).then(|| numbers(&input)),
+    };
+    show(args.json, &document, || sentence(&document))
+}
+
+fn sentence(document: &Document) -> String {
+    let Document { from, to, output, poses, landmarks, observations, times } = document;
+    let more = if *landmarks > 0 {
+        format!(", {landmarks} points, {observations} observations")
+    } else {
+        String::new()
+    };
+    let times = times.map(|times| format!("; times are {times}")).unwrap_or_default();
+    format!("{from} to {to}: {poses} poses{more} in {}{times}", output.display())
+}
+
+/// What stands for times.
+fn numbers(input: &Input) -> &'static str {
+    match input {
+        Input::Trajectory(_) => "the numbers of rows (--times FILE gives others)",
+        Input::Bundle(..) => "the names of images where these are numbers, else their numbers",
+        Input::PoseGraph(_) => "the ids of vertices",
+    }
+}
+
+fn read(args: &Args) -> anyhow::Result<(Format, Input)> {
+    let path = &args.input;
+    let told = match args.from {
+        None if path.is_dir() => {
+            Some(ColmapEncoding::of_folder(path).map(Format::Colmap).with_context(|| {
+                format!("{}: neither cameras.bin nor cameras.txt is in this folder", path.display())
+            })?)
+        }
+        told => told,
+    };
+    if let Some(from @ Format::Colmap(encoding)) = told {
+        ensure!(path.is_dir(), "{}: a COLMAP model is a folder", path.display());
+        let model = ColmapModel::read_as(path, encoding)?;
+        let bundle =
+            SparseModel::from_colmap(&model).with_context(|| format!("{}", path.display()))?;
+        return with_times(args, from, Input::Bundle(Box::new(bundle), Some(model)));
+    }
+    let bytes = fs::read(path)?;
+    let from = told.unwrap_or_else(|| Format::of_file(path, &bytes));
+    let input = match from {
+        Format::Trajectory(format) => {
+            Input::Trajectory(Trajectory::parse_as(&bytes, path, format)?)
+        }
+        Format::Bal => {
+            let model = SparseModel::from_bal(&BalFile::parse(&bytes, path)?);
+            Input::Bundle(Box::new(model), None)
+        }
+        Format::Bundler => {
+            let model = SparseModel::from_bundler(&BundlerFile::read(path)?)?;
+            Input::Bundle(Box::new(model), None)
+        }
+        Format::G2o => Input::PoseGraph(G2oGraph::parse(&bytes, path)?),
+        Format::Colmap(_) | Format::Ply => {
+            bail!("{}: covis writes {} and does not read it", path.display(), from.entry().name)
+        }
+    };
+    with_times(args, from, input)
+}
+
+/// The times of a file beside the trajectory, where one is given.
+fn with_times(args: &Args, from: Format, mut input: Input) -> anyhow::Result<(Format, Input)> {
+    if let Some(path) = &args.times {
+        let Input::Trajectory(trajectory) = &mut input else {
+            bail!("--times is for trajectories, and {} is none", args.input.display())
+        };
+        let times = read_times(path)?;
+        ensure!(
+            times.len() == trajectory.len(),
+            "{}: {} times, but {} has {} poses",
+            path.display(),
+            times.len(),
+            args.input.display(),
+            trajectory.len()
+        );
+        trajectory.timestamps = times;
+    }
+    Ok((from, input))
+}
+
+impl Input {
+    /// Poses, landmarks, observations.
+    fn counts(&self) -> (usize, usize, usize) {
+        match self {
+            Self::Trajectory(trajectory) => (trajectory.len(), 0, 0),
+            Self::Bundle(model, _) => {
+                let problem = &model.problem;
+                (problem.poses.len(), problem.landmarks.len(), problem.observation_count())
+            }
+            Self::PoseGraph(graph) => (graph_trajectory(graph).map_or(0, |t| t.len()), 0, 0),
+        }
+    }
+
+    fn trajectory(&self) -> anyhow::Result<Trajectory> {
+        match self {
+            Self::Trajectory(trajectory) => Ok(trajectory.clone()),
+            Self::Bundle(model, _) => Ok(model.trajectory()),
+            Self::PoseGraph(graph) => graph_trajectory(graph),
+        }
+    }
+}
+
+fn write(input: &Input, from: Format, to: Format, out: &Path) -> anyhow::Result<()> {
+    let refuse = || {
+        let (has, wanted) = (from.entry(), to.entry());
+        anyhow!(
+            "{} ({}) is not made of {} ({})",
+            wanted.name,
+            wanted.content.name(),
+            has.name,
+            has.content.name()
+        )
+    };
+    match (to, input) {
+        (Format::Trajectory(format), input) => input.trajectory()?.write_as(out, format)?,
+        // COLMAP's own numbers, with keypoints that have no point.
+        (Format::Colmap(encoding), Input::Bundle(_, Some(own))) => own.write(out, encoding)?,
+        (Format::Colmap(encoding), Input::Bundle(model, None)) => {
+            model.to_colmap()?.write(out, encoding)?;
+        }
+        (Format::Bal, Input::Bundle(model, _)) => model.to_bal()?.write(out)?,
+        (Format::Bundler, Input::Bundle(model, _)) => model.to_bundler()?.write(out)?,
+        (Format::G2o, Input::PoseGraph(graph)) => graph.write(out)?,
+        (Format::Ply, input) => picture(input)?.write(out, PlyEncoding::Binary)?,
+        (Format::Colmap(_) | Format::Bal | Format::Bundler, _) | (Format::G2o, _) => {
+            return Err(refuse());
+        }
+    }
+    Ok(())
+}
+
+/// Points, and the path of the poses.
+fn picture(input: &Input) -> anyhow::Result<PlyFile> {
+    let mut file = PlyFile::default();
+    if let Input::Bundle(model, _) = input {
+        let points = model.problem.landmarks.iter().zip(&model.colors);
+        file.vertices.extend(points.map(|(&position, &color)| PlyVertex { position, color }));
+    }
+    let trajectory = input.trajectory()?;
+    let centers: Vec<_> = trajectory.world_from_body.iter().map(|pose| pose.translation).collect();
+    file.push_polyline(&centers, PATH_COLOR);
+    Ok(file)
+}
+
+/// Poses of a graph by rising id, those of a plane at z = 0.
+fn graph_trajectory(graph: &G2oGraph) -> anyhow::Result<Trajectory> {
+    ensure!(graph.has_vertices(), "the graph has edges only: `covis solve pose-graph` finds poses");
+    let mut poses: Vec<(i64, Se3)> = match graph {
+        G2oGraph::Se2(file) => {
+            let graph = file.to_pose_graph()?;
+            graph.ids.iter().zip(&graph.poses).map(|(&id, pose)| (id, in_space(pose))).collect()
+        }
+        G2oGraph::Se3(file) => {
+            let graph = file.to_pose_graph()?;
+            graph.ids.iter().copied().zip(graph.poses.iter().copied()).collect()
+        }
+    };
+    poses.sort_by_key(|(id, _)| *id);
+    let mut trajectory = Trajectory::default();
+    for (id, pose) in poses {
+        trajectory.push(id as f64, pose);
+    }
+    Ok(trajectory)
+}
+
+fn in_space(pose: &Se2) -> Se3 {
+    let half = 0.5 * pose.rotation.angle();
+    let rotation = So3::from_quaternion_xyzw(0.0, 0.0, half.sin(), half.cos());
+    let translation = Vector3::new(pose.translation.x, pose.translation.y, 0.0);
+    Se3::new(rotation.unwrap_or_else(covis_solvers::geometry::LieGroup::identity), translation)
+}
