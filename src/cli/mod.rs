@@ -16,6 +16,7 @@ mod formats;
 mod fuse;
 mod html;
 mod job;
+pub mod load;
 mod logging;
 mod map;
 mod output;
@@ -67,6 +68,8 @@ enum Command {
     Doctor(data_dir::DoctorArgs),
     /// Copy a data directory, also while a server uses it.
     Backup(data_dir::BackupArgs),
+    /// Put a server under load: so many maps, each with a client that sends keyframes at a fixed rate.
+    Load(load::Args),
     /// Write a file in another format: trajectories, bundle adjustment, pose graphs.
     Convert(convert::Args),
     /// Compare trajectories: absolute (APE) or relative pose error (RPE).
@@ -93,7 +96,7 @@ enum Command {
 #[must_use]
 pub fn command() -> clap::Command {
     let mut command = Cli::command().args(flags(|setting| setting.get_help_heading() == Some(LOG)));
-    for name in ["job", "map", "record", "replay", "run"] {
+    for name in ["job", "load", "map", "record", "replay", "run"] {
         let settings = flags(|setting| setting.get_help_heading() == Some(CONNECTION));
         command = command.mut_subcommand(name, |client| client.args(settings));
     }
@@ -136,6 +139,7 @@ fn dispatch(cli: Cli, settings: Texts) -> anyhow::Result<()> {
         Command::Replay(args) => replay::run(args, &config),
         Command::Solve(args) => solve::run(args, &config),
         Command::Job(args) => job::run(args, &config),
+        Command::Load(args) => load::run(&args, &config),
         Command::Map(args) => map::run(args, &config),
         Command::Record(args) => record::run(&args, &config),
         Command::Doctor(args) => data_dir::doctor(&args),

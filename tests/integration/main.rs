@@ -11,6 +11,7 @@ mod cli_eval;
 mod cli_eval_mask;
 mod cli_fuse;
 mod cli_job;
+mod cli_load;
 mod cli_map;
 mod cli_pose_graph;
 mod cli_rebuild;

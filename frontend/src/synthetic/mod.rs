@@ -3,7 +3,9 @@
 //! A sequence is a function of scene, seed and frame number, on any number of threads; frames can be
 //! drawn in any order. `scene` says what stands and moves, `render` casts the rays, `sensor` adds what
 //! a Kinect does to them, `writer` keeps a sequence in the TUM layout.
+//! `corridor` draws nothing: its views are points along a wall, for loads on a server.
 
+pub mod corridor;
 mod figure;
 mod material;
 mod motion;

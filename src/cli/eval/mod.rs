@@ -10,7 +10,7 @@ pub(super) mod truth;
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use covis_solvers::io::trajectory::TrajectoryFormat;
+use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use serde::Serialize;
 
 use super::html::{self, ReportFlag};
