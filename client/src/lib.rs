@@ -67,6 +67,7 @@ pub use jobs::JobDownload;
 pub use link::LinkOptions;
 pub use mirror::{Key, MapChanges, MapMirror};
 pub use retry::RetryPolicy;
+pub use servers::connect_channel;
 pub use spill::{LeftOver, SpillDamage, SpillOptions};
 pub use watch::{MapWatch, WatchOptions};
 

@@ -127,6 +127,23 @@ impl Servers {
     }
 }
 
+/// Connects to a server for calls of services that are not covis' own, such as its health. No call
+/// carries the token.
+///
+/// # Errors
+/// As [`Client::connect_with`](super::Client::connect_with).
+pub async fn connect_channel(
+    url: &str,
+    credentials: &Credentials,
+    options: LinkOptions,
+) -> Result<Channel, ClientError> {
+    let (endpoint, _) = endpoint(url, credentials, options)?;
+    endpoint.connect().await.map_err(|source| {
+        let (url, source) = (url.to_owned(), Arc::new(source));
+        ClientError::Unreachable { url, source }
+    })
+}
+
 /// The endpoint of a URL, and the token for it.
 fn endpoint(
     url: &str,

@@ -6,14 +6,16 @@
 
 use std::net::SocketAddr;
 use std::path::Path;
+use std::time::Duration;
 
 use anyhow::{Context, bail};
 use fs_err as fs;
 use tokio::net::TcpListener;
+use tonic::transport::Channel;
 
 use super::config::Config;
 use super::serve::server_config;
-use crate::client::{Client, Credentials, RetryPolicy, Token};
+use crate::client::{Client, Credentials, LinkOptions, RetryPolicy, Token, connect_channel};
 use crate::service::{RunningServer, Server, ServerConfig};
 
 /// Connects to the server that the configuration names.
@@ -28,6 +30,20 @@ pub(super) async fn connect_patiently(
 ) -> anyhow::Result<Client> {
     let credentials = credentials(config)?;
     Ok(retry.run(|| Client::connect_with(&config.server, &credentials)).await?)
+}
+
+/// A channel to the server that the configuration names, for services that ask for no token. Ends where
+/// the server does not answer for some seconds.
+pub(super) async fn channel(config: &Config, deadline: Duration) -> anyhow::Result<Channel> {
+    let credentials = Credentials { token: None, ..credentials(config)? };
+    let link = LinkOptions { deadline, ..LinkOptions::default() };
+    // Of several servers, the first is asked.
+    let url = config.server.split(',').next().unwrap_or_default().trim();
+    let connecting = connect_channel(url, &credentials, link);
+    match tokio::time::timeout(deadline, connecting).await {
+        Ok(channel) => Ok(channel?),
+        Err(_elapsed) => bail!("{url}: no answer within {} s", deadline.as_secs_f64()),
+    }
 }
 
 fn credentials(config: &Config) -> anyhow::Result<Credentials> {

@@ -12,8 +12,10 @@ mod convert;
 mod data_dir;
 mod demo;
 mod eval;
+mod facts;
 mod formats;
 mod fuse;
+mod health;
 mod html;
 mod job;
 pub mod load;
@@ -40,7 +42,7 @@ use config::{CONNECTION, Config, Environment, LOG, Texts, flags};
 
 /// An optimization-centric SLAM backend: keyframes in over gRPC, optimized maps out.
 #[derive(Debug, Parser)]
-#[command(name = "covis", version, about, max_term_width = 100)]
+#[command(name = "covis", version, long_version = facts::LONG_VERSION, about, max_term_width = 100)]
 struct Cli {
     /// Configuration file instead of ./covis.toml [env: COVIS_CONFIG].
     #[arg(long, global = true, value_name = "FILE")]
@@ -53,6 +55,8 @@ struct Cli {
 enum Command {
     /// Serve maps over gRPC until SIGTERM or ctrl-c.
     Serve,
+    /// Tell whether a server serves; the exit code is 0 if it does.
+    Health(health::Args),
     /// Stream a BAL file or a COLMAP folder to a server, as a frontend would, then optimize the
     /// map.
     Replay(replay::Args),
@@ -96,7 +100,7 @@ enum Command {
 #[must_use]
 pub fn command() -> clap::Command {
     let mut command = Cli::command().args(flags(|setting| setting.get_help_heading() == Some(LOG)));
-    for name in ["job", "load", "map", "record", "replay", "run"] {
+    for name in ["health", "job", "load", "map", "record", "replay", "run"] {
         let settings = flags(|setting| setting.get_help_heading() == Some(CONNECTION));
         command = command.mut_subcommand(name, |client| client.args(settings));
     }
@@ -136,6 +140,7 @@ fn dispatch(cli: Cli, settings: Texts) -> anyhow::Result<()> {
     }
     match cli.command {
         Command::Serve => serve::run(&config),
+        Command::Health(args) => health::run(&args, &config),
         Command::Replay(args) => replay::run(args, &config),
         Command::Solve(args) => solve::run(args, &config),
         Command::Job(args) => job::run(args, &config),

@@ -27,6 +27,7 @@ mod closure_verdicts;
 mod cluster;
 mod common;
 mod demo;
+mod deploy;
 mod doctor;
 mod durable;
 mod engine;

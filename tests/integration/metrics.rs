@@ -363,3 +363,63 @@ fn maps_are_counted_by_what_makes_them_read_only() {
         assert_eq!(counts(&server).await, [0.0, 0.0, 0.0, 1.0]);
     });
 }
+
+/// Names of metrics in a text.
+fn names(text: &str) -> BTreeSet<String> {
+    let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let words = text.split(|c: char| !is_name(c));
+    words.filter(|word| word.starts_with("covis_")).map(str::to_owned).collect()
+}
+
+/// Every expression of a dashboard, wherever it stands.
+fn expressions(value: &serde_json::Value, out: &mut Vec<String>) {
+    out.extend(value.get("expr").and_then(|text| text.as_str()).map(str::to_owned));
+    let fields = value.as_object().into_iter().flat_map(|fields| fields.values());
+    let items = value.as_array().into_iter().flatten();
+    fields.chain(items).for_each(|value| expressions(value, out));
+}
+
+#[test]
+fn dashboard_and_alerts_ask_for_metrics_that_a_server_has() {
+    run(async {
+        let server = start(|_| {}).await;
+        let page = Page::of(&server.running).await;
+        let read = |file: &str| {
+            let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy");
+            fs_err::read_to_string(root.join(file)).unwrap()
+        };
+        let dashboard: serde_json::Value =
+            serde_json::from_str(&read("grafana/covis.json")).unwrap();
+        let panels = dashboard["panels"].as_array().unwrap();
+        let mut ids = BTreeSet::new();
+        for panel in panels {
+            assert!(ids.insert(panel["id"].as_i64().unwrap()), "{panel}");
+            assert!(!panel["title"].as_str().unwrap().is_empty(), "{panel}");
+            let is_row = panel["type"] == "row";
+            let targets = panel["targets"].as_array().map_or(0, Vec::len);
+            assert_eq!(is_row, targets == 0, "{panel}");
+            let grid = &panel["gridPos"];
+            let end = grid["x"].as_i64().unwrap() + grid["w"].as_i64().unwrap();
+            assert!(end <= 24, "{panel}");
+        }
+        let mut asked = Vec::new();
+        expressions(&dashboard, &mut asked);
+        let mut shown = BTreeSet::new();
+        for text in asked.iter().map(String::as_str).chain([&*read("prometheus/alerts.yaml")]) {
+            for open in [('(', ')'), ('{', '}'), ('[', ']')] {
+                let count = |c: char| text.matches(c).count();
+                assert_eq!(count(open.0), count(open.1), "{text}");
+            }
+            for name in names(text) {
+                let part = ["_bucket", "_sum", "_count"];
+                let whole = part.iter().find_map(|end| name.strip_suffix(end));
+                let family = whole.unwrap_or(&name).to_owned();
+                assert!(page.families.contains(&family), "no metric {name}: {text}");
+                shown.insert(family);
+            }
+        }
+        // Nothing that is counted stays unseen.
+        let unseen: Vec<&String> = page.families.difference(&shown).collect();
+        assert!(unseen.is_empty(), "not in the dashboard: {unseen:?}");
+    });
+}

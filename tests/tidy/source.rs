@@ -74,7 +74,7 @@ pub(crate) fn files() -> Vec<File> {
     let mut paths = Vec::new();
     for room in [
         "src", "client", "frontend", "solvers", "proto", "docs", "tests", "examples", "benches",
-        "fuzz", "page", ".ci",
+        "fuzz", "page", "deploy", ".ci",
     ] {
         walk(&root.join(room), &mut paths);
     }

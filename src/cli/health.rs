@@ -1,0 +1,55 @@
+//! `covis health`: whether a server serves, for whoever starts, probes or waits for one.
+//!
+//! Asks `grpc.health.v1`, which takes no token. The exit code is the answer.
+
+use std::time::Duration;
+
+use anyhow::Context;
+use serde::Serialize;
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_check_response::ServingStatus;
+use tonic_health::pb::health_client::HealthClient;
+
+use super::config::Config;
+use super::connect::channel;
+use super::output::{show, succeed_if};
+
+/// How long the server may take to answer.
+const DEADLINE: Duration = Duration::from_secs(4);
+
+/// Arguments of `covis health`.
+#[derive(Debug, clap::Args)]
+pub(super) struct Args {
+    /// Print one JSON object instead of a sentence.
+    #[arg(long)]
+    json: bool,
+}
+
+/// The object of `--json`.
+#[derive(Debug, Serialize)]
+struct Document<'a> {
+    server: &'a str,
+    serving: bool,
+}
+
+/// Asks, prints the answer; the exit code is 0 if the server serves.
+/// Fails for a server that is not there.
+pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let serving = runtime.context("the async runtime")?.block_on(ask(config))?;
+    let server = &config.server;
+    show(args.json, &Document { server, serving }, || {
+        let text = if serving { "serves" } else { "opens its maps or drains: calls are refused" };
+        format!("{server} {text}")
+    })?;
+    succeed_if(serving)
+}
+
+async fn ask(config: &Config) -> anyhow::Result<bool> {
+    let mut health = HealthClient::new(channel(config, DEADLINE).await?);
+    let mut request = tonic::Request::new(HealthCheckRequest::default());
+    request.set_timeout(DEADLINE);
+    let answer = health.check(request).await;
+    let answer = answer.with_context(|| format!("{}: health", config.server))?.into_inner();
+    Ok(answer.status() == ServingStatus::Serving)
+}
