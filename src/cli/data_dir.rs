@@ -6,12 +6,13 @@
 //! prints it. Exit code 1 where something was damaged, also when it has been repaired: a second
 //! look then finds nothing.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, ensure};
 use serde::Serialize;
 
 use super::output::{show, succeed_if};
+use super::progress::Working;
 use crate::store::{Damage, MapCheckup, back_up, check_up};
 
 /// Looks at the journals and snapshots of a data directory that no server uses.
@@ -85,8 +86,11 @@ struct CopiedMap<'a> {
 /// Looks, and repairs where it is told to; fails where the directory holds no maps, cannot be read,
 /// or is in use by a server.
 pub(super) fn doctor(args: &DoctorArgs) -> anyhow::Result<()> {
+    holds_maps(&args.data_dir)?;
+    let working = Working::new(format_args!("looking at {}", args.data_dir.display()));
     let checkups = check_up(&args.data_dir, args.repair)
         .with_context(|| format!("cannot look at {}", args.data_dir.display()))?;
+    drop(working);
     let damaged_maps = damaged(&checkups);
     let maps = checkups.iter().map(checked).collect();
     let document = Document { data_dir: Some(&args.data_dir), copy: None, damaged_maps, maps };
@@ -101,8 +105,11 @@ pub(super) fn doctor(args: &DoctorArgs) -> anyhow::Result<()> {
 /// Copies and looks; fails where the directory holds no maps or cannot be read, and where the copy
 /// is not empty or cannot be written.
 pub(super) fn backup(args: &BackupArgs) -> anyhow::Result<()> {
+    holds_maps(&args.data_dir)?;
+    let working = Working::new(format_args!("copying {}", args.data_dir.display()));
     let checkups = back_up(&args.data_dir, &args.copy)
         .with_context(|| format!("cannot back up {}", args.data_dir.display()))?;
+    drop(working);
     let damaged_maps = damaged(&checkups);
     let maps = checkups.iter().map(|checkup| CopiedMap {
         map: checkup.map.as_deref(),
@@ -122,6 +129,16 @@ pub(super) fn backup(args: &BackupArgs) -> anyhow::Result<()> {
         lines.join("\n")
     })?;
     succeed_if(damaged_maps == 0)
+}
+
+/// Refuses a folder that no server has kept maps in.
+fn holds_maps(data_dir: &Path) -> anyhow::Result<()> {
+    ensure!(
+        data_dir.join("maps").is_dir(),
+        "{}: is no folder that a server keeps maps in; `covis serve` says at its start where that is",
+        data_dir.display()
+    );
+    Ok(())
 }
 
 fn damaged(checkups: &[MapCheckup]) -> usize {

@@ -5,6 +5,7 @@
 //! success, 1 for a failure with one line on standard error, 2 for wrong usage. No mathematics
 //! here.
 
+mod advice;
 mod bench_frontend;
 pub mod config;
 mod connect;
@@ -40,9 +41,14 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use config::{CONNECTION, Config, Environment, LOG, Texts, flags};
 
+/// Under the help of the program.
+const EXIT_CODES: &str = "Exit codes: 0 success; 1 failure, with one line on standard error that says what \
+    happened, to what, and what to do next, or a result that is bad (damage found, items refused, a job \
+    that failed); 2 wrong usage.";
+
 /// An optimization-centric SLAM backend: keyframes in over gRPC, optimized maps out.
 #[derive(Debug, Parser)]
-#[command(name = "covis", version, long_version = facts::LONG_VERSION, about, max_term_width = 100)]
+#[command(name = "covis", version, long_version = facts::LONG_VERSION, about, max_term_width = 100, after_help = EXIT_CODES)]
 struct Cli {
     /// Configuration file instead of ./covis.toml [env: COVIS_CONFIG].
     #[arg(long, global = true, value_name = "FILE")]

@@ -6,9 +6,13 @@
 
 use std::fmt::Display;
 use std::io::{self, Write};
+use std::path::Path;
 use std::process::ExitCode;
 
+use anyhow::bail;
 use serde::Serialize;
+
+use super::advice::next_step;
 
 /// The reader of standard output went away; not a failure.
 #[derive(Debug, thiserror::Error)]
@@ -52,6 +56,20 @@ pub(super) fn table<const N: usize>(lines: impl Iterator<Item = [String; N]>) ->
     lines.iter().map(text).collect::<Vec<_>>().join("\n")
 }
 
+/// Sees before the work, not after it, that the folder of a file to write is there.
+///
+/// # Errors
+/// Where it is not.
+pub(super) fn writable(out: Option<&Path>) -> anyhow::Result<()> {
+    let folder = out.and_then(Path::parent).filter(|folder| !folder.as_os_str().is_empty());
+    match (out, folder) {
+        (Some(out), Some(folder)) if !folder.is_dir() => {
+            bail!("{}: cannot be written: there is no folder {}", out.display(), folder.display())
+        }
+        _ => Ok(()),
+    }
+}
+
 /// What a command found bad is printed already; only its exit code is left to tell.
 #[derive(Debug, thiserror::Error)]
 #[error("not all is good")]
@@ -70,7 +88,8 @@ pub(super) fn exit_code(result: anyhow::Result<()>) -> ExitCode {
         Err(error) if error.is::<ClosedPipe>() => ExitCode::SUCCESS,
         Err(error) => {
             // Nothing can be told when standard error is gone as well.
-            let _ = writeln!(io::stderr(), "error: {}", one_line(&error));
+            let next = next_step(&error).map(|step| format!("; {step}")).unwrap_or_default();
+            let _ = writeln!(io::stderr(), "error: {}{next}", one_line(&error));
             ExitCode::FAILURE
         }
     }

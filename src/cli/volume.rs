@@ -14,6 +14,8 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 use super::output::print;
+use super::progress::Working;
+use crate::frontend::dense::file::VolumeFileError;
 use crate::frontend::dense::mapper::MemoryCeiling;
 use crate::frontend::dense::navigation::{
     Ground, NavigationOptions, distance_slice, occupancy_grid,
@@ -39,7 +41,16 @@ impl Memory {
         let folder = out.parent().filter(|folder| !folder.as_os_str().is_empty());
         let folder = folder.unwrap_or_else(|| Path::new("."));
         let ceiling = self.memory_mb.map(|megabytes| ceiling(megabytes, folder));
-        Ok(file::load(volume, ceiling.as_ref())?)
+        let _working = Working::new(format_args!("reading {}", volume.display()));
+        file::load(volume, ceiling.as_ref()).map_err(|error| {
+            // One of the system names the file itself.
+            if matches!(error, VolumeFileError::File { .. }) {
+                return error.into();
+            }
+            let volume = volume.display();
+            let context = format!("{volume}: `covis fuse` and `covis run --mesh` write volumes");
+            anyhow::Error::new(error).context(context)
+        })
     }
 }
 

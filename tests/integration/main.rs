@@ -10,6 +10,7 @@ mod cli_edit;
 mod cli_eval;
 mod cli_eval_mask;
 mod cli_fuse;
+mod cli_hurry;
 mod cli_job;
 mod cli_load;
 mod cli_map;

@@ -13,8 +13,8 @@ use anyhow::{Context, bail};
 use covis_solvers::io::trajectory::{Trajectory, TrajectoryFormat};
 use serde::Serialize;
 
-use super::html::{self, ReportFlag};
 use super::formats::{of_trajectories, read_trajectory};
+use super::html::{self, ReportFlag};
 use super::output::show;
 use crate::evaluation::{self, Evaluation, Statistics};
 use crate::report::{Page, Table, count, number};

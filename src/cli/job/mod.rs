@@ -18,6 +18,7 @@ use super::connect::connect;
 use super::html::{self, ReportFlag};
 use super::map::write_files;
 use super::output::{print, show, succeed_if};
+use super::signals::Signals;
 use crate::client::{Client, RetryPolicy};
 use crate::wire::v1;
 use v1::JobState;
@@ -133,7 +134,7 @@ async fn act(Args { action, json }: Args, config: &Config) -> anyhow::Result<()>
             html::tell(json, &report)
         }
         Action::Watch { id } => {
-            let job = follow(&client, &id, |job| {
+            let job = to_end(&client, &id, |job| {
                 let document = Document::from(job.clone());
                 if json { print(serde_json::to_string(&document)?) } else { print(line(&document)) }
             });
@@ -159,6 +160,22 @@ async fn act(Args { action, json }: Args, config: &Config) -> anyhow::Result<()>
                 files.iter().map(|f| f.display().to_string()).collect::<Vec<_>>().join("\n")
             })
         }
+    }
+}
+
+/// As [`follow`]; a signal ends the waiting and not the job, and the error says so.
+async fn to_end(
+    client: &Client,
+    id: &str,
+    on_change: impl FnMut(&v1::Job) -> anyhow::Result<()>,
+) -> anyhow::Result<v1::Job> {
+    let mut signals = Signals::new().context("signal handlers")?;
+    tokio::select! {
+        job = follow(client, id, on_change) => job,
+        signal = signals.next() => anyhow::bail!(
+            "{signal}; job {id} goes on: `covis job watch {id}` follows it, `covis job cancel {id}` \
+             stops it"
+        ),
     }
 }
 

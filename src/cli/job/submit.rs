@@ -9,7 +9,9 @@ use serde::Serialize;
 
 use super::super::map::{MapFormat, write_files};
 use super::super::output::succeed_if;
-use super::{REPORT, files, follow, print_job};
+use super::super::progress::Working;
+use super::document::{Document, line};
+use super::{REPORT, files, print_job, to_end};
 use crate::client::Client;
 use crate::wire::v1;
 use v1::JobState;
@@ -107,7 +109,9 @@ pub(super) async fn submit(client: &Client, args: Args, json: bool) -> anyhow::R
     let mut job = client.create_job(request).await?;
     let waits = args.wait || args.out.is_some();
     if waits {
-        job = follow(client, &job.job_id, |job| {
+        let working = Working::new(format_args!("job {}", job.job_id));
+        job = to_end(client, &job.job_id, |job| {
+            working.tell(line(&Document::from(job.clone())));
             tracing::debug!(state = job.state().as_str_name(), progress = ?job.progress, "job");
             Ok(())
         })
@@ -125,7 +129,10 @@ pub(super) async fn submit(client: &Client, args: Args, json: bool) -> anyhow::R
                 chunk => break Ok(chunk),
             }
         };
-        write_files(&paths, next, out).await?;
+        let files = write_files(&paths, next, out).await?;
+        if let Some(format) = args.format {
+            format.finish(files)?;
+        }
     }
     print_job(client, job, json).await?;
     succeed_if(has_succeeded || !waits)

@@ -18,8 +18,8 @@ use fs_err as fs;
 
 use super::config::Config;
 use super::connect::{Embedded, connect};
-use super::html::{self, ReportFlag};
 use super::formats::of_trajectories;
+use super::html::{self, ReportFlag};
 use super::output::show;
 use super::progress::Progress;
 use super::record::{FrameWriter, RunRecording};

@@ -1,4 +1,4 @@
-//! `covis solve bundle`: a BAL file or a COLMAP folder.
+//! `covis solve bundle`: a BAL or Bundler file or a COLMAP folder.
 //!
 //! Minimizes ½ Σ ρ(‖predicted − measured‖²) in px² over every observation, also those behind their
 //! camera, or over those that start in front of it (`--behind-camera drop`). The gauge is free, as
@@ -12,7 +12,10 @@ use covis_solvers::bundle_adjustment::{self, LinearSolver};
 use covis_solvers::evaluation::{ObservationLengths, bundle_cost};
 use covis_solvers::io::IoError;
 use covis_solvers::io::bal::BalFile;
+use covis_solvers::io::bundler::BundlerFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel, ColmapProblem};
+use covis_solvers::io::format::Content;
+use covis_solvers::io::sparse_model::SparseModel;
 use covis_solvers::optimizer::{self, Termination};
 use covis_solvers::problem::BundleProblem;
 use serde::Serialize;
@@ -22,13 +25,16 @@ use super::rebuild::{Rebuilt, rebuild};
 use super::report::{Details, Report};
 use super::residuals;
 use crate::cli::config::Config;
+use crate::cli::formats::with_kind;
 use crate::cli::html::{self, solve::Residuals};
+use crate::cli::output::writable;
+use crate::cli::progress::Working;
 use crate::report::{Page, Plan, views};
 
 /// Arguments of `covis solve bundle`.
 #[derive(Debug, clap::Args)]
 pub(super) struct Args {
-    /// A BAL file, or a folder with a COLMAP sparse model (text or binary).
+    /// A BAL file, a Bundler file (.out), or a folder with a COLMAP sparse model (text or binary).
     #[arg(value_name = "FILE")]
     input: PathBuf,
     #[command(flatten)]
@@ -115,7 +121,12 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
 
 fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
     let shared = &args.shared;
-    let mut source = Source::read(&args.input)?;
+    // A folder is made with all its parents.
+    writable(shared.out.as_deref().filter(|_| !args.input.is_dir()))?;
+    let working = Working::new(format_args!("reading {}", args.input.display()));
+    let read = Source::read(&args.input);
+    let mut source = read.map_err(|error| with_kind(error, &args.input, Content::Bundle))?;
+    drop(working);
     let start = Instant::now();
     let name = || args.input.display().to_string();
     let mut solved = source.to_problem().with_context(name)?;
@@ -229,33 +240,41 @@ impl Drawn {
 /// The input's own numbers, so that it can be written back with all that the problem leaves out.
 enum Source {
     Bal(BalFile),
+    Bundler(Box<SparseModel>),
     Colmap(ColmapModel, ColmapEncoding),
 }
 
 impl Source {
     fn read(path: &Path) -> Result<Self, IoError> {
+        if path.extension().is_some_and(|extension| extension == "out") {
+            return Ok(Self::Bundler(Box::new(SparseModel::from_bundler(&BundlerFile::read(
+                path,
+            )?)?)));
+        }
         if !path.is_dir() {
             return Ok(Self::Bal(BalFile::read(path)?));
         }
-        let model = ColmapModel::read(path)?;
-        let binary = path.join(ColmapEncoding::Binary.file_names()[0]).is_file();
-        let encoding = if binary { ColmapEncoding::Binary } else { ColmapEncoding::Text };
-        Ok(Self::Colmap(model, encoding))
+        let encoding = ColmapEncoding::of_folder(path).unwrap_or(ColmapEncoding::Text);
+        Ok(Self::Colmap(ColmapModel::read(path)?, encoding))
     }
 
     fn format(&self) -> &'static str {
         match self {
             Self::Bal(_) => "bal",
+            Self::Bundler(_) => "bundler",
             Self::Colmap(_, ColmapEncoding::Text) => "colmap-text",
             Self::Colmap(_, ColmapEncoding::Binary) => "colmap-binary",
         }
     }
 
-    /// The problem; a BAL file leaves the ids empty, since they are its indices.
+    /// The problem; only a COLMAP model has ids that are not its indices.
     fn to_problem(&self) -> Result<ColmapProblem, IoError> {
         match self {
             Self::Bal(file) => {
                 Ok(ColmapProblem { problem: file.to_problem(), ..ColmapProblem::default() })
+            }
+            Self::Bundler(model) => {
+                Ok(ColmapProblem { problem: model.problem.clone(), ..ColmapProblem::default() })
             }
             Self::Colmap(model, _) => model.to_problem(),
         }
@@ -266,6 +285,13 @@ impl Source {
             Self::Bal(file) => {
                 file.update_from(&solved.problem)?;
                 file.write(out)
+            }
+            Self::Bundler(model) => {
+                // Observations stay the file's, also those that were left out of the solve.
+                model.problem.poses.clone_from(&solved.problem.poses);
+                model.problem.cameras.clone_from(&solved.problem.cameras);
+                model.problem.landmarks.clone_from(&solved.problem.landmarks);
+                model.to_bundler()?.write(out)
             }
             Self::Colmap(model, encoding) => {
                 model.update_from(solved)?;

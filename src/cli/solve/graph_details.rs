@@ -9,6 +9,7 @@ use std::path::Path;
 use covis_solvers::certificate::Certificate;
 use covis_solvers::geometry::LieGroup;
 use covis_solvers::io::IoError;
+use covis_solvers::io::format::Content;
 use covis_solvers::io::g2o::{G2oGraph, RepairedEdges};
 use covis_solvers::loss::Loss;
 use covis_solvers::pose_graph::{self, Undetermined};
@@ -17,6 +18,7 @@ use covis_solvers::robust::RobustSummary;
 use serde::Serialize;
 
 use super::report::Details;
+use crate::cli::formats::with_kind;
 
 /// Facts of a pose graph's solve.
 #[derive(Debug, Serialize)]
@@ -203,7 +205,7 @@ pub(super) fn read(path: &Path, repair: bool) -> anyhow::Result<(G2oGraph, Diagn
         Ok(file) => Ok((file, Diagnosis::default())),
         Err(error @ IoError::IndefiniteInformation { .. }) => Err(anyhow::Error::new(error)
             .context("--repair-information takes the nearest positive semi-definite matrices")),
-        Err(error) => Err(error.into()),
+        Err(error) => Err(with_kind(error, path, Content::PoseGraph)),
     }
 }
 

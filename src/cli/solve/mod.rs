@@ -27,7 +27,7 @@ pub(super) struct Args {
 
 #[derive(Debug, clap::Subcommand)]
 enum Problem {
-    /// Bundle adjustment of a BAL file or a folder with a COLMAP sparse model.
+    /// Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model.
     Bundle(bundle::Args),
     /// A g2o pose graph, SE2 or SE3; its first vertex (lowest id) is held fixed.
     PoseGraph(pose_graph::Args),

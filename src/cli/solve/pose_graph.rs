@@ -33,6 +33,8 @@ use super::report::Report;
 use super::residuals;
 use crate::cli::config::Config;
 use crate::cli::html;
+use crate::cli::output::writable;
+use crate::cli::progress::Working;
 use crate::report::Page;
 
 /// Arguments of `covis solve pose-graph`.
@@ -80,7 +82,10 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<Termination> {
 }
 
 fn run_on_threads(args: &Args) -> anyhow::Result<Termination> {
+    writable(args.shared.out.as_deref())?;
+    let working = Working::new(format_args!("reading {}", args.input.display()));
     let (mut file, diagnosis) = graph_details::read(&args.input, args.repair_information)?;
+    drop(working);
     let start = Instant::now();
     let from_file = file.has_vertices();
     let name = || args.input.display().to_string();
