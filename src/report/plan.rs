@@ -355,7 +355,7 @@ mod tests {
     #[test]
     fn above_looks_along_the_axis_of_least_extent() {
         let positions: Vec<[f64; 3]> =
-            (0..50).map(|k| f64::from(k)).map(|k| [k, 0.1 * k.sin(), 3.0 * k.cos()]).collect();
+            (0..50).map(f64::from).map(|k| [k, 0.1 * k.sin(), 3.0 * k.cos()]).collect();
         let pictures = views(&plan(&positions, &[]));
         let texts: Vec<String> = pictures.iter().map(|picture| format!("{picture:?}")).collect();
         assert_eq!(texts.len(), 2);

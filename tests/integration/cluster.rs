@@ -57,7 +57,9 @@ impl Robot {
             match ack.status() {
                 v1::AckStatus::Durable => durable.fetch_max(ack.sequence, Ordering::AcqRel),
                 v1::AckStatus::Received => received.fetch_max(ack.sequence, Ordering::AcqRel),
-                _ => return,
+                v1::AckStatus::Unspecified | v1::AckStatus::Optimized | v1::AckStatus::Rejected => {
+                    return;
+                }
             };
             notify.notify_one();
         });
