@@ -6,7 +6,7 @@
 //! made again. Windows fill it as keyframes come; a pose graph measures what is missing on the threads
 //! of its solve. It is shared by the solves and the exports of one map and uses nothing of the engine.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap, VecDeque};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use covis_solvers::interrupt::Interrupt;
@@ -19,6 +19,10 @@ use crate::map::{
 };
 
 type Pair = (EntityId, EntityId);
+
+/// Retired keyframes whose retirement is remembered for measurements that are under way: far more than
+/// retire while one is made.
+const RETIRED_REMEMBERED: usize = 1024;
 
 /// A measurement and the revision of the map that it was made in; `None` where the landmarks do not
 /// determine the pose.
@@ -35,11 +39,13 @@ pub(super) struct MeasuredPairs(Mutex<Known>);
 #[derive(Debug, Default)]
 struct Known {
     entries: HashMap<Pair, Entry>,
+    /// The keyframes that a keyframe has entries with.
+    partners: HashMap<EntityId, Vec<EntityId>>,
     /// The revision of the last change of what the measurements that a keyframe takes part in are made
     /// of; no entry without a change since [`MeasuredPairs::complete`].
     changed: BTreeMap<EntityId, i64>,
-    /// The same for all keyframes.
-    all_changed: i64,
+    /// The retired keyframes among them with their revisions, oldest first.
+    retired: VecDeque<(EntityId, i64)>,
     /// What changed up to this revision is not in `changed` any more; measurements of older maps are not
     /// kept.
     forgotten: i64,
@@ -48,23 +54,77 @@ struct Known {
 }
 
 impl Known {
+    /// The revision of the last change of what a pair's measurement is made of, as far as it is known.
+    fn newest_change(&self, pair: Pair) -> i64 {
+        let changed = |id| self.changed.get(&id).copied().unwrap_or(0);
+        changed(pair.0).max(changed(pair.1))
+    }
+
     /// The entry of a pair, if it holds for the map at `revision`, which may be older than the newest
     /// change: then one that was made of a newer map may not hold.
     fn get(&self, pair: Pair, revision: i64) -> Option<&Entry> {
-        let changed = |id| self.changed.get(&id).copied().unwrap_or(0);
-        let newest = self.all_changed.max(changed(pair.0)).max(changed(pair.1));
-        self.entries.get(&pair).filter(|entry| (newest..=revision).contains(&entry.revision))
+        let holds =
+            |entry: &&Entry| (self.newest_change(pair)..=revision).contains(&entry.revision);
+        self.entries.get(&pair).filter(holds)
     }
 
-    /// Keeps an entry, unless a newer one is there or what has changed since is not known.
+    /// Keeps an entry, unless a newer one is there, or it is older than a change, or what has changed
+    /// since is not known.
     fn keep(&mut self, pair: Pair, entry: Entry) {
-        if entry.revision < self.forgotten {
+        if entry.revision < self.forgotten.max(self.newest_change(pair)) {
             return;
         }
-        let known = self.entries.entry(pair).or_insert(entry);
-        if known.revision < entry.revision {
-            *known = entry;
+        match self.entries.get_mut(&pair) {
+            Some(known) if known.revision < entry.revision => *known = entry,
+            Some(_) => {}
+            None => {
+                self.entries.insert(pair, entry);
+                self.partners.entry(pair.0).or_default().push(pair.1);
+                self.partners.entry(pair.1).or_default().push(pair.0);
+            }
         }
+    }
+
+    /// Forgets what was measured with a keyframe that leaves the map. Another keyframe may come under its
+    /// id while a measurement of it is under way, so that its change is remembered for a while.
+    fn retire(&mut self, keyframe: EntityId, revision: i64) {
+        for partner in self.partners.remove(&keyframe).unwrap_or_default() {
+            self.entries.remove(&(keyframe, partner));
+            self.entries.remove(&(partner, keyframe));
+            if let Some(others) = self.partners.get_mut(&partner) {
+                others.retain(|&other| other != keyframe);
+                if others.is_empty() {
+                    self.partners.remove(&partner);
+                }
+            }
+        }
+        self.changed.insert(keyframe, revision);
+        self.retired.push_back((keyframe, revision));
+        if self.retired.len() > RETIRED_REMEMBERED
+            && let Some((oldest, at)) = self.retired.pop_front()
+        {
+            // A newer change is that of another keyframe of the id.
+            if self.changed.get(&oldest) == Some(&at) {
+                self.changed.remove(&oldest);
+            }
+            self.forgotten = self.forgotten.max(at);
+        }
+    }
+
+    /// Keeps the entries of the pairs that `needed` has.
+    fn retain(&mut self, needed: &BTreeSet<Pair>) {
+        self.entries.retain(|pair, _| needed.contains(pair));
+        self.partners.clear();
+        for &(a, b) in self.entries.keys() {
+            self.partners.entry(a).or_default().push(b);
+            self.partners.entry(b).or_default().push(a);
+        }
+    }
+
+    /// Forgets everything, because any measurement may have changed at `revision`.
+    fn clear(&mut self, revision: i64) {
+        let newest = std::mem::take(&mut self.newest);
+        *self = Self { newest, forgotten: revision, ..Self::default() };
     }
 
     /// A keyframe takes or gives up views of landmarks: the measurements of later keyframes that see
@@ -133,8 +193,7 @@ impl MeasuredPairs {
             }
             Change::KeyframeRetired { retired } => {
                 let mut known = self.known();
-                // Another keyframe may come under its id.
-                known.changed.insert(retired.keyframe, revision);
+                known.retire(retired.keyframe, revision);
                 if let Some((time_ns, gone)) = entity(&retired.keyframe) {
                     let (at, views) = ((time_ns, retired.keyframe), gone.observations.iter());
                     known.views_changed(map, at, views, revision);
@@ -150,7 +209,7 @@ impl MeasuredPairs {
             | Change::KeyframeRemoved { .. }
             // Ids of what has gone may come again.
             | Change::MapMerged { .. }
-            | Change::MapTakenOut { .. } => self.known().all_changed = revision,
+            | Change::MapTakenOut { .. } => self.known().clear(revision),
             Change::Created { .. }
             | Change::ItemRepeated
             | Change::PolicySet { .. }
@@ -216,7 +275,7 @@ impl MeasuredPairs {
         if made.iter().all(Option::is_some) {
             if known.entries.len() > pairs.len() {
                 let needed: BTreeSet<Pair> = pairs.into_iter().collect();
-                known.entries.retain(|pair, _| needed.contains(pair));
+                known.retain(&needed);
             }
             known.changed.retain(|_, revision| *revision > map.revision());
             known.forgotten = known.forgotten.max(map.revision());
@@ -346,6 +405,38 @@ mod tests {
     }
 
     #[test]
+    fn what_is_kept_of_a_bounded_map_does_not_grow_with_what_passed_through_it() {
+        let mut kept = Kept::new();
+        for k in 6..3_000 {
+            kept.keyframe(k, 10 * k, LANDMARKS);
+            let unmeasured = kept.pairs.unmeasured_near(&kept.map, id(k));
+            let near = unmeasured
+                .into_iter()
+                .map(|one| (one.pair, Entry { revision: one.revision, motion: None }));
+            near.for_each(|(pair, entry)| kept.pairs.known().keep(pair, entry));
+            let retired = retire(&kept.map).unwrap();
+            kept.push(Change::KeyframeRetired { retired });
+        }
+        let known = kept.pairs.known();
+        let keyframes = kept.map.keyframes();
+        let held = |(a, b): &Pair| keyframes.contains_key(a) && keyframes.contains_key(b);
+        assert!(!known.entries.is_empty() && known.entries.keys().all(held));
+        assert!(known.partners.keys().all(|id| keyframes.contains_key(id)));
+        assert!(known.changed.len() <= RETIRED_REMEMBERED + keyframes.len());
+        assert_eq!(known.retired.len(), RETIRED_REMEMBERED);
+    }
+
+    #[test]
+    fn a_measurement_under_way_does_not_outlive_its_keyframe() {
+        let mut kept = Kept::new();
+        let measurement = Unmeasured::of(&kept.map, (id(0), id(1)));
+        let retired = retire(&kept.map).unwrap();
+        kept.push(Change::KeyframeRetired { retired });
+        kept.pairs.measure(vec![measurement]);
+        assert!(kept.pairs.known().entries.is_empty());
+    }
+
+    #[test]
     fn observations_that_an_earlier_keyframe_gains_change_the_pairs_after_it() {
         let mut kept = Kept::new();
         let before = kept.of(3, 4);
@@ -378,7 +469,7 @@ mod tests {
         assert_eq!(found[&(id(2), id(3))], Some(before));
         assert_eq!(kept.of(2, 3), after, "and spoils nothing for the newest");
         // The same where the newest measurement is gone when the reader keeps its own.
-        kept.pairs.known().entries.clear();
+        kept.pairs.known().retain(&BTreeSet::new());
         kept.pairs.complete(&older, &graph, &Interrupt::NEVER);
         assert_eq!(kept.of(2, 3), after);
     }
