@@ -9,9 +9,10 @@
 use std::io::{IsTerminal, stderr};
 
 use anyhow::{Context, anyhow};
+use tracing_subscriber::Layer as _;
+use tracing_subscriber::filter::Targets;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
-use tracing_subscriber::{EnvFilter, Layer as _};
 
 use super::config::{Config, LogFormat};
 use super::spans::Exporter;
@@ -20,8 +21,13 @@ use super::spans::Exporter;
 /// is left. A second call in one process changes nothing. Fails where the filter is not a list of
 /// directives, or the collector's URL is none.
 pub(super) fn start(config: &Config, collector: Option<&str>) -> anyhow::Result<Option<Exporter>> {
-    let filter = EnvFilter::try_new(format!("audit=info,{}", config.log))
-        .with_context(|| anyhow!("log filter `{}`", config.log))?;
+    let directives = match config.log.as_str() {
+        "" => "audit=info".to_owned(),
+        given => format!("audit=info,{given}"),
+    };
+    // Levels by target; a filter that also looks at spans and fields would bring a regex engine.
+    let filter: Targets =
+        directives.parse().with_context(|| anyhow!("log filter `{}`", config.log))?;
     let lines = tracing_subscriber::fmt::layer().with_writer(stderr);
     let lines = match config.log_format {
         LogFormat::Text => lines.with_ansi(stderr().is_terminal()).boxed(),

@@ -158,7 +158,7 @@ pub struct Config {
     /// File that holds the bearer token; COVIS_TOKEN holds the token itself.
     #[arg(long, value_name = "FILE", help_heading = CONNECTION)]
     pub token_file: Option<PathBuf>,
-    /// Log level (off, error, warn, info, debug, trace) or a list of directives [default: info].
+    /// Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info].
     #[arg(long, value_name = "LEVEL", help_heading = LOG)]
     pub log: String,
     /// How log lines look [default: text].
@@ -245,7 +245,7 @@ impl Config {
         };
         // A bare word that is no level would be taken for a module's name and silence everything.
         let levels = ["off", "error", "warn", "info", "debug", "trace"];
-        let is_log = self.log.contains(['=', ',', '['])
+        let is_log = self.log.contains(['=', ','])
             || levels.contains(&self.log.to_ascii_lowercase().as_str());
         let jwt = [self.jwks.is_some(), self.jwt_issuer.is_some(), self.jwt_audience.is_some()];
         let rules = [
@@ -297,7 +297,11 @@ impl Config {
             (matches!(self.nats_replicas, 1 | 3 | 5), "nats_replicas", "must be 1, 3 or 5"),
             (self.lease_seconds > 0, "lease_seconds", "must be at least 1"),
             (self.queue_capacity > 0, "queue_capacity", "must be at least 1"),
-            (is_log, "log", "must be off, error, warn, info, debug, trace or directives"),
+            (
+                is_log,
+                "log",
+                "must be off, error, warn, info, debug, trace or a list like info,covis=debug",
+            ),
         ];
         let broken = rules.into_iter().find(|(holds, ..)| !holds);
         broken.map(|(_, key, reason)| (key, reason))
