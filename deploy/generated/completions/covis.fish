@@ -25,7 +25,7 @@ function __fish_covis_using_subcommand
 end
 
 complete -c covis -n "__fish_covis_needs_command" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_needs_command" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_needs_command" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_needs_command" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_needs_command" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -51,14 +51,14 @@ complete -c covis -n "__fish_covis_needs_command" -f -a "serve" -d 'Serve maps o
 complete -c covis -n "__fish_covis_needs_command" -f -a "solve" -d 'Solve a file: bundle adjustment or pose graph'
 complete -c covis -n "__fish_covis_needs_command" -f -a "help" -d 'Print this message or the help of the given subcommand(s)'
 complete -c covis -n "__fish_covis_using_subcommand doctor" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand doctor" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand doctor" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand doctor" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand doctor" -l repair -d 'Set damaged files aside and let their maps go on from what could be brought back; nothing is deleted'
 complete -c covis -n "__fish_covis_using_subcommand doctor" -l json -d 'Print one JSON object instead of text'
 complete -c covis -n "__fish_covis_using_subcommand doctor" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand backup" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand backup" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand backup" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand backup" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand backup" -l json -d 'Print one JSON object instead of text'
@@ -82,13 +82,13 @@ g2o\t'pose graph'
 ply\t'points and paths for viewers'"
 complete -c covis -n "__fish_covis_using_subcommand convert" -l times -d 'Times of the poses of a KITTI file, seconds, one a line' -r -F
 complete -c covis -n "__fish_covis_using_subcommand convert" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand convert" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand convert" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand convert" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand convert" -l json -d 'Print one JSON object instead of a sentence'
 complete -c covis -n "__fish_covis_using_subcommand convert" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and not __fish_seen_subcommand_from ape rpe mask truth help" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -103,7 +103,7 @@ euroc\t'EuRoC (ASL) ground truth'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l max-time-difference -d 'Timestamps match within this many seconds' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l report -d 'Write a page with pictures and tables: one HTML file without scripts, for a browser' -r -F
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from ape" -l json -d 'Print one JSON object instead of a table'
@@ -115,7 +115,7 @@ complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcom
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l report -d 'Write a page with pictures and tables: one HTML file without scripts, for a browser' -r -F
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l delta-s -d 'The same over this time' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -l json -d 'Print one JSON object instead of a table'
@@ -123,7 +123,7 @@ complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcom
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from rpe" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l report -d 'Write a page with pictures and tables: one HTML file without scripts, for a browser' -r -F
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from mask" -l static -d 'Nothing moves in the sequence: all that is masked is false'
@@ -133,7 +133,7 @@ complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcom
 kitti\t'KITTI odometry poses'
 euroc\t'EuRoC (ASL) ground truth'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand eval; and __fish_seen_subcommand_from truth" -l json -d 'Print one JSON object instead of a sentence'
@@ -156,14 +156,14 @@ complete -c covis -n "__fish_covis_using_subcommand fuse" -l threads -d 'Threads
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l seed -d 'Seed of a synthetic scene' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l frames -d 'Frames of a synthetic scene' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand fuse" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand fuse" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand fuse" -l json -d 'Print one JSON object instead of a table'
 complete -c covis -n "__fish_covis_using_subcommand fuse" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand mesh" -l memory-mb -d 'Megabytes of the volume that are in memory at most; the rest waits in a temporary file beside OUT [default: all is in memory, 4.2 KB a block]' -r
 complete -c covis -n "__fish_covis_using_subcommand mesh" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand mesh" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand mesh" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand mesh" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand mesh" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -172,7 +172,7 @@ complete -c covis -n "__fish_covis_using_subcommand grid" -l heights -d 'Heights
 complete -c covis -n "__fish_covis_using_subcommand grid" -l slice -d 'Height of the slice of distances, meters along up' -r
 complete -c covis -n "__fish_covis_using_subcommand grid" -l memory-mb -d 'Megabytes of the volume that are in memory at most; the rest waits in a temporary file beside OUT [default: all is in memory, 4.2 KB a block]' -r
 complete -c covis -n "__fish_covis_using_subcommand grid" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand grid" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand grid" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand grid" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand grid" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -182,7 +182,7 @@ complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l seed -d '
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l frames -d 'Frames of a synthetic scene' -r
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l report -d 'Write a page with pictures and tables: one HTML file without scripts, for a browser' -r -F
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand bench-frontend" -l json -d 'Print one JSON object instead of tables'
@@ -191,12 +191,12 @@ complete -c covis -n "__fish_covis_using_subcommand demo" -l out -d 'Folder for 
 complete -c covis -n "__fish_covis_using_subcommand demo" -l frames -d 'Frames, 30 a second; a round takes 180' -r
 complete -c covis -n "__fish_covis_using_subcommand demo" -l seed -d 'Seed of the scene and of all noise' -r
 complete -c covis -n "__fish_covis_using_subcommand demo" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand demo" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand demo" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand demo" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand demo" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand synth; and not __fish_seen_subcommand_from rgbd help" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -206,7 +206,7 @@ complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subco
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l seed -d 'The same scene and seed give the same bytes' -r
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l frames -d 'How many frames of 640 x 480 pixels, 30 a second' -r
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand synth; and __fish_seen_subcommand_from rgbd" -l no-noise -d 'Exact depth and color, without a Kinect\'s noise and gaps'
@@ -219,7 +219,7 @@ complete -c covis -n "__fish_covis_using_subcommand health" -l cert -d 'The clie
 complete -c covis -n "__fish_covis_using_subcommand health" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand health" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand health" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand health" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand health" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand health" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand health" -l json -d 'Print one JSON object instead of a sentence'
@@ -230,7 +230,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_sub
 complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and not __fish_seen_subcommand_from submit list show watch cancel delete fetch help" -l json -d 'Print JSON instead of text'
@@ -267,7 +267,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from submit" -l wait -d 'Wait for the job\'s end; the exit code is 1 if it does not succeed'
@@ -287,7 +287,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from list" -l json -d 'Print JSON instead of text'
@@ -299,7 +299,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from show" -l json -d 'Print JSON instead of text'
@@ -310,7 +310,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from watch" -l json -d 'Print JSON instead of text'
@@ -321,7 +321,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from cancel" -l json -d 'Print JSON instead of text'
@@ -332,7 +332,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from delete" -l json -d 'Print JSON instead of text'
@@ -344,7 +344,7 @@ complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand job; and __fish_seen_subcommand_from fetch" -l json -d 'Print JSON instead of text'
@@ -368,7 +368,7 @@ complete -c covis -n "__fish_covis_using_subcommand load" -l cert -d 'The client
 complete -c covis -n "__fish_covis_using_subcommand load" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand load" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand load" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand load" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand load" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand load" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand load" -l json -d 'Print one JSON object instead of a table'
@@ -379,7 +379,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_sub
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and not __fish_seen_subcommand_from list show closures constraints freeze unfreeze edit merge unmerge delete export import help" -l json -d 'Print JSON instead of text'
@@ -403,7 +403,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from list" -l json -d 'Print JSON instead of text'
@@ -414,7 +414,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from show" -l json -d 'Print JSON instead of text'
@@ -425,7 +425,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from closures" -l json -d 'Print JSON instead of text'
@@ -436,7 +436,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from constraints" -l json -d 'Print JSON instead of text'
@@ -447,7 +447,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from freeze" -l json -d 'Print JSON instead of text'
@@ -458,7 +458,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unfreeze" -l json -d 'Print JSON instead of text'
@@ -470,7 +470,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from edit" -l optimized -d 'Wait until the solves that the edit starts have ended, too'
@@ -490,7 +490,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from merge" -l json -d 'Print JSON instead of text'
@@ -501,7 +501,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from unmerge" -l json -d 'Print JSON instead of text'
@@ -512,7 +512,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from delete" -l json -d 'Print JSON instead of text'
@@ -532,7 +532,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from export" -l json -d 'Print JSON instead of text'
@@ -552,7 +552,7 @@ complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcomm
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand map; and __fish_seen_subcommand_from import" -l json -d 'Print JSON instead of text'
@@ -578,7 +578,7 @@ complete -c covis -n "__fish_covis_using_subcommand record" -l cert -d 'The clie
 complete -c covis -n "__fish_covis_using_subcommand record" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand record" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand record" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand record" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand record" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand record" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand record" -l follow -d 'Go on recording what changes, until ctrl-c, SIGTERM or the end of the map'
@@ -594,7 +594,7 @@ complete -c covis -n "__fish_covis_using_subcommand replay" -l cert -d 'The clie
 complete -c covis -n "__fish_covis_using_subcommand replay" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand replay" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand replay" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand replay" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand replay" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand replay" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand replay" -l append -d 'Add to a map that is not empty. A file that was sent before is recognized, nothing doubles'
@@ -627,7 +627,7 @@ complete -c covis -n "__fish_covis_using_subcommand run" -l cert -d 'The client\
 complete -c covis -n "__fish_covis_using_subcommand run" -l key -d 'The private key of --cert (PEM) [env: COVIS_KEY]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand run" -l token-file -d 'File that holds the bearer token; COVIS_TOKEN holds the token itself [env: COVIS_TOKEN_FILE]' -r -F
 complete -c covis -n "__fish_covis_using_subcommand run" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand run" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand run" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand run" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand run" -l no-mask -d 'Detect nothing that moves'
@@ -662,7 +662,7 @@ complete -c covis -n "__fish_covis_using_subcommand serve" -l max-connections -d
 complete -c covis -n "__fish_covis_using_subcommand serve" -l max-strangers -d 'Most of them that have made no call that was admitted; half of all at most [default: 256] [env: COVIS_MAX_STRANGERS]' -r
 complete -c covis -n "__fish_covis_using_subcommand serve" -l queue-capacity -d 'Items that may wait for a map\'s engine before a stream is slowed down [default: 64] [env: COVIS_QUEUE_CAPACITY]' -r
 complete -c covis -n "__fish_covis_using_subcommand serve" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand serve" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand serve" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand serve" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand serve" -l insecure-plain-text -d 'Speak plain text also beyond loopback: others on the network can read and change all of it [env: COVIS_INSECURE_PLAIN_TEXT]'
@@ -672,7 +672,7 @@ complete -c covis -n "__fish_covis_using_subcommand serve" -l accept-unsynced-re
 complete -c covis -n "__fish_covis_using_subcommand serve" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l threads -d 'Worker threads of solves; results do not depend on it [default: one per processor] [env: COVIS_THREADS]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and not __fish_seen_subcommand_from bundle pose-graph help" -s h -l help -d 'Print help (see more with \'--help\')'
@@ -691,7 +691,7 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subco
 drop\t'They are left out of the solve; the written file keeps them'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l threads -d 'Worker threads of solves; results do not depend on it [default: one per processor] [env: COVIS_THREADS]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from bundle" -l json -d 'Print one JSON object instead of a table'
@@ -716,7 +716,7 @@ complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subco
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l trusted -d 'A loop closure that `--robust` takes for true, by the ids of its ends; may be repeated' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l threads -d 'Worker threads of solves; results do not depend on it [default: one per processor] [env: COVIS_THREADS]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l config -d 'Configuration file instead of ./covis.toml [env: COVIS_CONFIG]' -r -F
-complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of directives [default: info] [env: COVIS_LOG]' -r
+complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l log -d 'Log level (off, error, warn, info, debug, trace) or a list of them, `target=level` [default: info] [env: COVIS_LOG]' -r
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l log-format -d 'How log lines look [default: text] [env: COVIS_LOG_FORMAT]' -r -f -a "text\t'For people'
 json\t'One JSON object a line'"
 complete -c covis -n "__fish_covis_using_subcommand solve; and __fish_seen_subcommand_from pose-graph" -l json -d 'Print one JSON object instead of a table'
