@@ -115,7 +115,7 @@ impl Known {
     fn retain(&mut self, needed: &BTreeSet<Pair>) {
         self.entries.retain(|pair, _| needed.contains(pair));
         self.partners.clear();
-        for &(a, b) in self.entries.keys() {
+        for &(a, b) in needed.iter().filter(|pair| self.entries.contains_key(pair)) {
             self.partners.entry(a).or_default().push(b);
             self.partners.entry(b).or_default().push(a);
         }
