@@ -21,13 +21,13 @@ fn run(problem: &mut BundleProblem, options: &Options) -> BundleSummary {
 }
 
 /// A small walk: 12 keyframes, about 200 landmarks.
-fn small_scene(seed: u64) -> BundleProblem {
+pub(crate) fn small_scene(seed: u64) -> BundleProblem {
     let options =
         SceneOptions { keyframes: 12, laps: 0.2, landmarks: 500, seed, ..Default::default() };
     Scene::generate(&options).to_problem()
 }
 
-fn twin() -> BundleProblem {
+pub(crate) fn twin() -> BundleProblem {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/golden/twins");
     BalFile::read(&root.join("window-6-80.txt")).unwrap().to_problem()
 }

@@ -5,6 +5,7 @@
 
 mod behind_camera;
 mod bundle_adjustment;
+mod bundle_checkpoints;
 mod bundle_hard;
 mod bundle_kernels;
 mod bundle_losses;

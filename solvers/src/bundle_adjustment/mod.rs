@@ -25,9 +25,14 @@ mod under_loss;
 
 use std::time::Instant;
 
-use crate::geometry::Camera;
+use nalgebra::Vector3;
+
+use crate::geometry::{Camera, Se3};
 use crate::interrupt::Interrupt;
-use crate::optimizer::{self, Observer, SolveSummary, Unmoved, minimize_until, with_threads};
+use crate::optimizer::{
+    self, IterationSummary, LoopState, Observer, SolveSummary, Unmoved, minimize_from,
+    minimize_until, with_threads,
+};
 use crate::price::{Limits, Price};
 use crate::problem::{BundleProblem, SolveError};
 pub use crate::simd::Class;
@@ -111,7 +116,77 @@ pub fn solve_until(
     let interrupt = interrupt.or_after(start, options.optimizer.deadline);
     with_threads(options.optimizer.threads, || {
         let layout = Layout::new(problem)?;
-        let run = Solve { problem, options, start, interrupt: &interrupt, observer };
+        let (from, keeper) = (None, None);
+        let run = Solve { problem, options, start, interrupt: &interrupt, observer, from, keeper };
+        dispatch(&layout, run)
+    })?
+}
+
+/// A solve on its way: from here it comes to the result that it would have come to, to the bit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Checkpoint {
+    /// Where the loop stands.
+    pub state: LoopState,
+    /// `world_from_camera` of each pose.
+    pub poses: Vec<Se3>,
+    /// `point_in_world` of each landmark.
+    pub landmarks: Vec<Vector3<f64>>,
+    /// Intrinsics.
+    pub cameras: Vec<Camera>,
+}
+
+/// Keeps checkpoints of a solve.
+pub trait Keeper: Send {
+    /// Whether a checkpoint is to be kept after the iteration of `row`, whose step was accepted.
+    fn is_due(&mut self, row: &IterationSummary) -> bool;
+
+    /// Keeps one.
+    fn keep(&mut self, checkpoint: Checkpoint);
+}
+
+/// As [`solve`], from `from` on if it is given, with checkpoints kept by `keeper`. Problem and options are
+/// those that the checkpoint was made with.
+///
+/// # Errors
+/// As [`solve`], and [`SolveError::LengthMismatch`] where the checkpoint is of another problem.
+pub fn solve_kept(
+    problem: &mut BundleProblem,
+    options: &Options,
+    from: Option<&Checkpoint>,
+    keeper: &mut dyn Keeper,
+    observer: &mut Observer<'_>,
+) -> Result<BundleSummary, SolveError> {
+    let start = Instant::now();
+    options.optimizer.validate()?;
+    if let Some(from) = from {
+        for (what, actual, expected) in [
+            ("a checkpoint's poses", from.poses.len(), problem.poses.len()),
+            ("a checkpoint's landmarks", from.landmarks.len(), problem.landmarks.len()),
+            ("a checkpoint's cameras", from.cameras.len(), problem.cameras.len()),
+        ] {
+            if actual != expected {
+                return Err(SolveError::LengthMismatch { what, actual, expected });
+            }
+        }
+        problem.poses.clone_from(&from.poses);
+        problem.landmarks.clone_from(&from.landmarks);
+        problem.cameras.clone_from(&from.cameras);
+    }
+    problem.validate()?;
+    let interrupt = Interrupt::NEVER.or_after(start, options.optimizer.deadline);
+    with_threads(options.optimizer.threads, || {
+        let layout = Layout::new(problem)?;
+        let from = from.map(|from| &from.state);
+        let keeper: &mut dyn Keeper = keeper;
+        let run = Solve {
+            problem,
+            options,
+            start,
+            interrupt: &interrupt,
+            observer,
+            from,
+            keeper: Some(keeper),
+        };
         dispatch(&layout, run)
     })?
 }
@@ -202,6 +277,9 @@ struct Solve<'a, 'o> {
     start: Instant,
     interrupt: &'a Interrupt,
     observer: &'a mut Observer<'o>,
+    /// Where the loop goes on.
+    from: Option<&'a LoopState>,
+    keeper: Option<&'a mut (dyn Keeper + 'a)>,
 }
 
 impl Run for Solve<'_, '_> {
@@ -216,7 +294,7 @@ impl Run for Solve<'_, '_> {
         layout: &Layout,
         model: Model,
     ) -> Result<BundleSummary, SolveError> {
-        let Self { problem, options, start, interrupt, observer } = self;
+        let Self { problem, options, start, interrupt, observer, from, keeper } = self;
         let class = options.class.unwrap_or_else(Class::detect);
         let choice = (options.linear_solver, class);
         let limits = Limits { ceiling: options.optimizer.ceiling, interrupt };
@@ -224,7 +302,11 @@ impl Run for Solve<'_, '_> {
         let run = (start, interrupt);
         let (solve, linear_solver) = match system {
             Ok(mut system) => {
-                let solve = minimize_until(&mut system, &options.optimizer, run, observer);
+                system.keeper = match keeper {
+                    Some(keeper) => Some(keeper),
+                    None => None,
+                };
+                let solve = minimize_from(&mut system, &options.optimizer, run, from, observer);
                 let linear_solver = system.linear_solver();
                 system.finish();
                 (solve, linear_solver)

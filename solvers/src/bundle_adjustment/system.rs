@@ -7,7 +7,6 @@
 use nalgebra::{SVector, Vector3};
 use rayon::prelude::*;
 
-use super::LinearSolver;
 use super::accumulate::{Accumulate, ChunkSums};
 use super::back_substitute::{BackSubstitute, Cost, StepSums};
 use super::blocks::ViewVector;
@@ -22,11 +21,14 @@ use super::price::Costs;
 use super::reduce::{ReducedVectors, Reduction};
 use super::reduced_solver::{Choice, choose};
 use super::sorted::{GROUPS, split};
+use super::{Checkpoint, Keeper, LinearSolver};
 use crate::geometry::{Camera, LieGroup, Se3};
 use crate::interrupt::Interrupt;
 use crate::linear::{BlockMatrix, Cholesky, LinearError};
 use crate::loss::Loss;
-use crate::optimizer::{Gradient, Losses, Step, StepFailure, System, damping_scale};
+use crate::optimizer::{
+    Gradient, IterationSummary, LoopState, Losses, Step, StepFailure, System, damping_scale,
+};
 use crate::price::Limits;
 use crate::problem::{BundleProblem, SolveError};
 use crate::simd::Class;
@@ -61,6 +63,8 @@ pub(super) struct BundleSystem<'a, const D: usize, const V: usize, const T: usiz
     backup: Values,
     /// Whether each step is followed by them.
     has_inner_iterations: bool,
+    /// Keeps checkpoints.
+    pub(super) keeper: Option<&'a mut (dyn Keeper + 'a)>,
 }
 
 /// The landmarks in the kernels' order, and one more: eight numbers are read from any landmark on.
@@ -166,6 +170,7 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
             points,
             backup: Values::default(),
             has_inner_iterations: false,
+            keeper: None,
             pairs,
             problem,
             layout,
@@ -178,9 +183,17 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
 
     /// Puts the landmarks back into the problem.
     pub(super) fn finish(self) {
+        let landmarks = std::mem::take(&mut self.problem.landmarks);
+        let landmarks = self.put_back(landmarks);
+        self.problem.landmarks = landmarks;
+    }
+
+    /// Puts the landmarks into their places among `landmarks`.
+    fn put_back(&self, mut landmarks: Vec<Vector3<f64>>) -> Vec<Vector3<f64>> {
         for (&landmark, point) in self.layout.sorted.order.iter().zip(self.points.chunks(POINT)) {
-            self.problem.landmarks[landmark as usize] = Vector3::new(point[0], point[1], point[2]);
+            landmarks[landmark as usize] = Vector3::new(point[0], point[1], point[2]);
         }
+        landmarks
     }
 
     fn fill_view_records(&mut self) {
@@ -380,6 +393,19 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> System
     fn begin_inner_iterations(&mut self) {
         // Without a loss a step minimizes landmarks to first order as it is.
         self.has_inner_iterations = self.problem.observation_loss != Loss::Trivial;
+    }
+
+    fn keep(&mut self, row: &IterationSummary, state: &dyn Fn() -> LoopState) {
+        let Some(keeper) = self.keeper.take() else { return };
+        if keeper.is_due(row) {
+            keeper.keep(Checkpoint {
+                state: state(),
+                poses: self.problem.poses.clone(),
+                landmarks: self.put_back(self.problem.landmarks.clone()),
+                cameras: self.problem.cameras.clone(),
+            });
+        }
+        self.keeper = Some(keeper);
     }
 
     fn set_stiffness(&mut self, stiffness: f64) {

@@ -16,7 +16,8 @@ pub use summary::{
     Control, IterationSummary, Observer, SolveSummary, Termination, Tolerance, ignore_iterations,
 };
 pub use trust_region::{
-    Gradient, Losses, Step, StepFailure, System, Unmoved, minimize, minimize_until,
+    Gradient, LoopState, Losses, Step, StepFailure, System, Unmoved, minimize, minimize_from,
+    minimize_until,
 };
 pub(crate) use trust_region::{SCALE_RANGE, damping_scale};
 

@@ -58,6 +58,40 @@ const LEAST_STIFFNESS: f64 = 0.003;
 /// Under bounded losses a step that lowers the cost by this share or less ends the approach.
 const APPROACHED: f64 = 0.01;
 
+/// Where a loop stands after an accepted step. With the values of the variables it is all that the rest
+/// depends on: a loop that goes on from there takes the steps that it would have taken, to the bit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoopState {
+    /// Cost before the first step.
+    pub initial_cost: f64,
+    /// Cost now.
+    pub cost: f64,
+    /// λ of the next step.
+    pub damping: f64,
+    /// By what λ grows where that step is rejected.
+    pub damping_growth: f64,
+    /// See [`System::set_stiffness`]; `None` where inner iterations have not begun.
+    pub stiffness: Option<f64>,
+    /// Whether steps under bounded losses still lower the cost by much.
+    pub is_approaching: bool,
+    /// See [`Step::linear_residual`]; that of the last step.
+    pub linear_residual: f64,
+    /// The rows so far.
+    pub rows: Vec<IterationSummary>,
+}
+
+impl LoopState {
+    /// Iterations so far.
+    #[must_use]
+    pub fn iteration(&self) -> usize {
+        self.rows.last().map_or(0, |row| row.iteration)
+    }
+
+    fn seconds(&self) -> f64 {
+        self.rows.last().map_or(0.0, |row| row.seconds)
+    }
+}
+
 /// What a linearization tells the loop.
 #[derive(Clone, Copy, Debug)]
 pub struct Gradient {
@@ -122,6 +156,10 @@ pub trait System {
     /// it is not negative. The last linearization is to be made again. 1 at first.
     fn set_stiffness(&mut self, _stiffness: f64) {}
 
+    /// The loop goes on from here after an accepted step, `row` being its last row: the system may keep its
+    /// values with `state`, to go on from there another time.
+    fn keep(&mut self, _row: &IterationSummary, _state: &dyn Fn() -> LoopState) {}
+
     /// Takes the applied step back and applies `length` times it instead; returns the new cost. `None`
     /// where it cannot.
     fn apply_lengthened(&mut self, _length: f64) -> Option<f64> {
@@ -182,15 +220,29 @@ pub fn minimize(
 pub fn minimize_until(
     system: &mut impl System,
     options: &Options,
+    run: (Instant, &Interrupt),
+    observer: &mut Observer<'_>,
+) -> SolveSummary {
+    minimize_from(system, options, run, None, observer)
+}
+
+/// As [`minimize_until`], from where another loop stood, if `from` is given: the system has the values
+/// that the variables had then. Rows and times go on from those of that loop.
+pub fn minimize_from(
+    system: &mut impl System,
+    options: &Options,
     (start, interrupt): (Instant, &Interrupt),
+    from: Option<&LoopState>,
     observer: &mut Observer<'_>,
 ) -> SolveSummary {
     let cost = system.cost();
     let losses = system.losses();
-    if losses == Losses::Unbounded {
+    if losses == Losses::Unbounded || from.is_some_and(|from| from.stiffness.is_some()) {
         system.begin_inner_iterations();
     }
     let mut run = Run {
+        initial_cost: cost,
+        seconds_before: 0.0,
         options,
         start,
         interrupt,
@@ -206,15 +258,18 @@ pub fn minimize_until(
         linear_residual: 0.0,
         rows: Vec::new(),
     };
-    let termination = run.iterate(system, observer);
+    let termination = match from {
+        None => run.begin(system, observer),
+        Some(from) => run.go_on(system, from, observer),
+    };
     SolveSummary {
         termination,
-        initial_cost: cost,
+        initial_cost: run.initial_cost,
         final_cost: run.cost,
         iterations: run.rows,
         gradient_max_norm: run.gradient_max_norm,
         linear_residual: run.linear_residual,
-        solve_seconds: start.elapsed().as_secs_f64(),
+        solve_seconds: run.seconds_before + start.elapsed().as_secs_f64(),
         threads: rayon::current_num_threads(),
     }
 }
@@ -236,6 +291,9 @@ struct Run<'a> {
     options: &'a Options,
     start: Instant,
     interrupt: &'a Interrupt,
+    initial_cost: f64,
+    /// Of the loop that this one goes on from.
+    seconds_before: f64,
     cost: f64,
     damping: f64,
     damping_growth: f64,
@@ -249,7 +307,7 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    fn iterate(&mut self, system: &mut impl System, observer: &mut Observer<'_>) -> Termination {
+    fn begin(&mut self, system: &mut impl System, observer: &mut Observer<'_>) -> Termination {
         if !self.cost.is_finite() {
             return Termination::NumericalFailure;
         }
@@ -257,8 +315,55 @@ impl Run<'_> {
         if let Some(end) = self.record(0, true, None, observer).or(end) {
             return end;
         }
+        self.iterate(system, 0, observer)
+    }
+
+    /// Goes on where another loop stood.
+    fn go_on(
+        &mut self,
+        system: &mut impl System,
+        from: &LoopState,
+        observer: &mut Observer<'_>,
+    ) -> Termination {
+        self.initial_cost = from.initial_cost;
+        self.seconds_before = from.seconds();
+        self.cost = from.cost;
+        self.damping = from.damping;
+        self.damping_growth = from.damping_growth;
+        self.stiffness = from.stiffness;
+        self.is_approaching = from.is_approaching;
+        self.linear_residual = from.linear_residual;
+        self.rows.clone_from(&from.rows);
+        if let Some(stiffness) = from.stiffness {
+            system.set_stiffness(stiffness);
+        }
+        if let Some(end) = self.linearize(system) {
+            return end;
+        }
+        self.iterate(system, from.iteration(), observer)
+    }
+
+    /// Where the loop stands.
+    fn state(&self) -> LoopState {
+        LoopState {
+            initial_cost: self.initial_cost,
+            cost: self.cost,
+            damping: self.damping,
+            damping_growth: self.damping_growth,
+            stiffness: self.stiffness,
+            is_approaching: self.is_approaching,
+            linear_residual: self.linear_residual,
+            rows: self.rows.clone(),
+        }
+    }
+
+    fn iterate(
+        &mut self,
+        system: &mut impl System,
+        mut iteration: usize,
+        observer: &mut Observer<'_>,
+    ) -> Termination {
         let tolerance = self.options.cost_tolerance;
-        let mut iteration = 0;
         loop {
             if !self.gradient_max_norm.is_finite() {
                 return Termination::NumericalFailure;
@@ -323,6 +428,9 @@ impl Run<'_> {
                 }
                 if short && (light || self.is_flat(COST_RESOLUTION)) {
                     return Termination::Converged(Tolerance::Step);
+                }
+                if let Some(row) = self.rows.last() {
+                    system.keep(row, &|| self.state());
                 }
             } else {
                 system.restore();
@@ -441,7 +549,7 @@ impl Run<'_> {
         let row = IterationSummary {
             iteration,
             cost: self.cost,
-            seconds: self.start.elapsed().as_secs_f64(),
+            seconds: self.seconds_before + self.start.elapsed().as_secs_f64(),
             accepted,
             damping: step.map_or(0.0, |(_, _, damping)| damping),
             gradient_max_norm: self.gradient_max_norm,

@@ -37,11 +37,11 @@ use std::sync::Arc;
 
 use nalgebra::{Matrix3, Matrix3x2, Vector3};
 
-use crate::bundle_adjustment::LinearSolver;
+use crate::bundle_adjustment::{BundleSummary, LinearSolver};
 use crate::geometry::{Camera, Se3};
 use crate::interrupt::{Interrupt, Interruption};
 use crate::linear::{BlockMatrix, BlockPattern, Cholesky, LinearError};
-use crate::optimizer::{self, Control, SolveSummary, from_linear, with_threads};
+use crate::optimizer::{self, Control, from_linear, with_threads};
 use crate::price::Limits;
 use crate::problem::{BundleProblem, SolveError};
 
@@ -110,6 +110,19 @@ pub enum Scale {
     Given,
     /// None is measured: the median depth of the observations is 1.
     Convention,
+}
+
+impl Scale {
+    /// For reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Depth => "meters, by measured depths",
+            Self::RelativePoses => "meters, by relative poses",
+            Self::Given => "that of the given poses",
+            Self::Convention => "the median depth is 1",
+        }
+    }
 }
 
 /// How a keyframe came to its pose.
@@ -183,6 +196,32 @@ pub enum Stage {
     Resection,
 }
 
+impl Stage {
+    /// What it does, for reports.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ViewGraph => "view graph",
+            Self::RelativePoses => "relative poses",
+            Self::Rotations => "rotations",
+            Self::Positions => "positions",
+            Self::Adjustment => "adjustment",
+            Self::Resection => "resection",
+        }
+    }
+
+    /// What its steps are, for reports.
+    #[must_use]
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::ViewGraph | Self::Resection => "keyframes",
+            Self::RelativePoses => "pairs",
+            Self::Rotations => "rounds",
+            Self::Positions | Self::Adjustment => "iterations",
+        }
+    }
+}
+
 /// How far the work is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
@@ -234,7 +273,7 @@ pub struct Reconstruction {
     /// The view graph in numbers.
     pub view_graph: ViewGraph,
     /// The last bundle adjustment, over what agrees; `None` where there was nothing to adjust.
-    pub adjustment: Option<SolveSummary>,
+    pub adjustment: Option<BundleSummary>,
     /// Why it ended early; `None` where it came to its end.
     pub ended: Option<Interruption>,
     /// Seconds from the call to its return.

@@ -15,9 +15,10 @@ use super::{
     Estimate, Frame, Observer, Options, Placement, Progress, Reconstruction, Scale, Stage,
     Unplaced, ViewGraph,
 };
+use crate::bundle_adjustment::BundleSummary;
 use crate::geometry::Se3;
 use crate::interrupt::{Interrupt, Interruption};
-use crate::optimizer::{Control, SolveSummary};
+use crate::optimizer::Control;
 use crate::price::Limits;
 use crate::problem::{BundleProblem, DisjointSets, SolveError};
 
@@ -35,7 +36,7 @@ pub(super) struct Run<'a, 'o> {
     pub(super) bearings: Bearings,
     pub(super) estimate: Estimate,
     pub(super) view_graph: ViewGraph,
-    pub(super) adjustment: Option<SolveSummary>,
+    pub(super) adjustment: Option<BundleSummary>,
     /// Of each keyframe without a pose.
     pub(super) reasons: Vec<Unplaced>,
     /// Keyframes that are placed by relative poses.

@@ -13,6 +13,7 @@ use crate::factors::Observed;
 use crate::geometric_verification::Numbers;
 use crate::geometry::Se3;
 use crate::initialization::{TriangulationOptions, View, triangulate};
+use crate::interrupt::Interrupt;
 
 /// Pairs of rays that are tried for a point.
 const PAIRS: usize = 24;
@@ -27,16 +28,23 @@ pub(super) struct Acceptance {
     pub(super) seed: u64,
 }
 
-/// Places every landmark anew, as far as it can be, and says which bearings agree.
+/// Places every landmark anew, as far as it can be, and says which bearings agree. Changes nothing where
+/// `interrupt` is due before all are placed.
 pub(super) fn triangulate_all(
     bearings: &Bearings,
     estimate: &mut Estimate,
     acceptance: &Acceptance,
+    interrupt: &Interrupt,
 ) {
-    let placed: Vec<Option<(Vector3<f64>, Vec<u32>)>> = (0..bearings.of_landmark.len())
-        .into_par_iter()
-        .map(|landmark| place(bearings, estimate, landmark, acceptance))
-        .collect();
+    let one = |landmark| match interrupt.is_due() {
+        true => None,
+        false => place(bearings, estimate, landmark, acceptance),
+    };
+    let placed: Vec<Option<(Vector3<f64>, Vec<u32>)>> =
+        (0..bearings.of_landmark.len()).into_par_iter().map(one).collect();
+    if interrupt.is_due() {
+        return;
+    }
     estimate.used.fill(false);
     for (landmark, placed) in placed.into_iter().enumerate() {
         let placed = placed.map(|(point, agreeing)| {

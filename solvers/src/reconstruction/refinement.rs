@@ -41,7 +41,7 @@ impl Run<'_, '_> {
             min_parallax_rad: self.options.min_parallax_rad,
             seed: self.options.seed,
         };
-        triangulate_all(&self.bearings, &mut self.estimate, &acceptance);
+        triangulate_all(&self.bearings, &mut self.estimate, &acceptance, &self.interrupt);
     }
 
     /// The gate of observations that agree.
@@ -153,8 +153,8 @@ impl Run<'_, '_> {
         };
         let summary =
             adjust(&self.bearings, &mut self.estimate, adjustment, &self.interrupt, &mut row)?;
-        if let Some(summary) = summary {
-            self.adjustment = Some(summary.solve);
+        if summary.is_some() {
+            self.adjustment = summary;
         }
         if with_intrinsics {
             self.bearings.set_cameras(&self.estimate.cameras);
@@ -173,10 +173,15 @@ impl Run<'_, '_> {
                 .filter(|&pose| !self.bearings.of_pose[pose].is_empty())
                 .collect();
             let (bearings, estimate, options) = (&self.bearings, &self.estimate, self.options);
-            let found: Vec<Result<Se3, usize>> = open
-                .par_iter()
-                .map(|&pose| resected(bearings, estimate, options, pose, pass))
-                .collect();
+            let interrupt = &self.interrupt;
+            let one = |&pose: &usize| match interrupt.is_due() {
+                true => Err(0),
+                false => resected(bearings, estimate, options, pose, pass),
+            };
+            let found: Vec<Result<Se3, usize>> = open.par_iter().map(one).collect();
+            if self.is_due() {
+                return Ok(());
+            }
             let mut placed = false;
             for (&pose, found) in open.iter().zip(&found) {
                 match *found {

@@ -89,7 +89,7 @@ fn a_room_seen_without_depth_comes_out_as_it_is_up_to_scale() {
     let truth = truth(&scene(40), true);
     let found = run(&forgotten(&truth), &Options::default());
     assert_eq!((found.placed(), found.scale, found.ended), (40, Scale::Convention, None));
-    assert!(found.adjustment.as_ref().unwrap().termination.is_converged());
+    assert!(found.adjustment.as_ref().unwrap().solve.termination.is_converged());
     assert_eq!(found.poses[0], Some(Se3::identity()));
     let [own, from_truth] = costs_of_kept(&truth, &found);
     assert!((own / from_truth - 1.0).abs() < 1e-6, "{own} and {from_truth}");
@@ -169,7 +169,8 @@ fn bits_do_not_depend_on_threads() {
             let mut options = Options::default();
             options.optimizer.threads = Some(threads);
             let found = run(&start, &options);
-            let adjustment = found.adjustment.as_ref().map(|adjustment| adjustment.final_cost);
+            let adjustment =
+                found.adjustment.as_ref().map(|adjustment| adjustment.solve.final_cost);
             (found.poses, found.landmarks, found.reprojections, found.placements, adjustment)
         };
         let one = with(1);
