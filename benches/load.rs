@@ -1,12 +1,18 @@
 //! How long a keyframe waits for its local bundle adjustment while several robots stream at once.
 //!
-//! `cargo bench --bench load -- [--robots N] [--hz F] [--keyframes N] [--landmarks N] [--monocular]`
+//! `cargo bench --bench load -- [--robots N] [--hz F] [--keyframes N] [--landmarks N] [--monocular]
+//! [--cancels N]`
 //!
 //! A real server on a loopback port, one map and one ingest session a robot, each walking its own
 //! scene with depth, or without and with landmarks that the server places. Keyframes leave at fixed
 //! times, whatever the server does. A keyframe's wait is from the call of `send` to the OPTIMIZED ack that covers it, so it holds encoding, transport,
 //! checks, the journal, the queue, the solve and the way back. The last row is the server's own: how
 //! long a map's task held a thread of the async runtime at a time. Robots and server share the machine.
+//!
+//! With `--cancels` jobs on the first robot's map follow: each is run once to its end, then canceled again
+//! and again at places that are spread over that time. A row is the time from the call of `CancelJob` to
+//! the state CANCELLED, and from there to the first step of a job that comes next, beside that of a job
+//! that nothing came before: by their difference the canceled work held its threads.
 
 #![allow(clippy::print_stdout, reason = "a bench shows what it measured")]
 
@@ -22,6 +28,7 @@ use covis::service::{Server, ServerConfig};
 use covis::wire::v1;
 use covis_solvers::testing::{Scene, SceneOptions};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use v1::job_spec::Spec;
 
 use crate::timing::milliseconds;
 
@@ -43,6 +50,9 @@ struct Args {
     /// Send neither depths nor positions.
     #[arg(long)]
     monocular: bool,
+    /// How often a job of each kind is canceled.
+    #[arg(long, default_value_t = 0)]
+    cancels: usize,
     /// Given by cargo.
     #[arg(long, hide = true)]
     bench: bool,
@@ -63,6 +73,13 @@ async fn main() -> anyhow::Result<()> {
     for robot in robots {
         all.add(robot.await??);
     }
+    let mut rows = Vec::new();
+    if args.cancels > 0 {
+        let client = Client::connect(&url).await?;
+        for (name, spec) in [("optimize-map", optimize()), ("rebuild", rebuild())] {
+            rows.extend(cancels(&client, name, &spec, args.cancels).await?);
+        }
+    }
     let page = match server.metrics_addr() {
         Some(address) => page(address).await?,
         None => String::new(),
@@ -82,7 +99,75 @@ async fn main() -> anyhow::Result<()> {
     print_held(&page);
     let solves = all.solves_s.len().max(1);
     println!("{:.1} iterations a solve", all.iterations as f64 / solves as f64);
+    rows.iter_mut().for_each(|(name, seconds)| print_row(name, seconds));
     Ok(())
+}
+
+fn optimize() -> Spec {
+    let map_id = "robot-0".to_owned();
+    Spec::OptimizeMap(v1::OptimizeMapRequest { map_id, ..v1::OptimizeMapRequest::default() })
+}
+
+fn rebuild() -> Spec {
+    let map_id = "robot-0".to_owned();
+    Spec::Reconstruct(v1::ReconstructSpec { map_id, ..v1::ReconstructSpec::default() })
+}
+
+/// Cancels jobs of a kind; rows of a table.
+async fn cancels(
+    client: &Client,
+    name: &str,
+    spec: &Spec,
+    count: usize,
+) -> anyhow::Result<Vec<(String, Vec<f64>)>> {
+    let (mut canceled, mut idle, mut after) = (Vec::new(), Vec::new(), Vec::new());
+    let begin = Instant::now();
+    create(client, &format!("{name}-whole"), spec).await?;
+    client.watch_job(&format!("{name}-whole"), |_| {}).await?;
+    let whole = begin.elapsed();
+    println!("{name}: {:.3} s to its end", whole.as_secs_f64());
+    for round in 0..count {
+        let id = format!("{name}-{round}");
+        idle.push(first_step(client, &id, spec).await?.as_secs_f64());
+        // Not to order events: a job that has ended by then has no time to measure.
+        tokio::time::sleep(whole.mul_f64((round as f64 + 0.5) / count as f64)).await;
+        let begin = Instant::now();
+        if client.cancel_job(&id).await.is_err() {
+            continue;
+        }
+        let job = client.watch_job(&id, |_| {}).await?;
+        if job.state() == v1::JobState::Cancelled {
+            canceled.push(begin.elapsed().as_secs_f64());
+            let next = format!("{name}-{round}-next");
+            after.push(first_step(client, &next, spec).await?.as_secs_f64());
+            client.cancel_job(&next).await.map_or((), drop);
+            client.watch_job(&next, |_| {}).await?;
+        }
+    }
+    Ok(vec![
+        (format!("{name}: cancel"), canceled),
+        (format!("{name}: first step"), idle),
+        (format!("{name}: after a cancel"), after),
+    ])
+}
+
+async fn create(client: &Client, job_id: &str, spec: &Spec) -> anyhow::Result<()> {
+    let (job_id, spec) = (job_id.to_owned(), Some(v1::JobSpec { spec: Some(spec.clone()) }));
+    client.create_job(v1::CreateJobRequest { job_id, spec, priority: 0 }).await?;
+    Ok(())
+}
+
+/// Creates a job; the time until its work has told of a first step, or it has ended.
+async fn first_step(client: &Client, job_id: &str, spec: &Spec) -> anyhow::Result<Duration> {
+    let begin = Instant::now();
+    create(client, job_id, spec).await?;
+    loop {
+        let job = client.job(job_id).await?;
+        let progress = job.progress.unwrap_or_default();
+        if progress.iteration.is_some() || progress.share.is_some() || job.end_time.is_some() {
+            return Ok(begin.elapsed());
+        }
+    }
 }
 
 fn print_row(name: &str, seconds: &mut [f64]) {

@@ -46,6 +46,15 @@ pub(super) async fn channel(config: &Config, deadline: Duration) -> anyhow::Resu
     }
 }
 
+/// Runs `act` with a client of the server that the configuration names.
+pub(super) fn with_client(
+    config: &Config,
+    act: impl AsyncFnOnce(Client) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    let runtime = tokio::runtime::Runtime::new().context("the async runtime")?;
+    runtime.block_on(async { act(connect(config).await?).await })
+}
+
 fn credentials(config: &Config) -> anyhow::Result<Credentials> {
     let read = |path: &Path| fs::read(path).context("credentials");
     let identity_pem = match (&config.cert, &config.key) {

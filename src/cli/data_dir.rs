@@ -13,15 +13,15 @@ use serde::Serialize;
 
 use super::output::{show, succeed_if};
 use super::progress::Working;
-use crate::store::{Damage, MapCheckup, back_up, check_up};
+use crate::store::{Damage, JobCheckup, MapCheckup, back_up, check_up, check_up_jobs};
 
-/// Looks at the journals and snapshots of a data directory that no server uses.
+/// Looks at the journals, snapshots and jobs of a data directory that no server uses.
 #[derive(Debug, clap::Args)]
 pub(super) struct DoctorArgs {
     /// The folder that a server keeps its maps in.
     data_dir: PathBuf,
     /// Set damaged files aside and let their maps go on from what could be brought back; nothing is
-    /// deleted.
+    /// deleted. Jobs are left as they are: one that is damaged is not listed by the server.
     #[arg(long)]
     repair: bool,
     /// Print one JSON object instead of text.
@@ -29,7 +29,7 @@ pub(super) struct DoctorArgs {
     json: bool,
 }
 
-/// Copies the maps of a data directory, also while a server uses it.
+/// Copies the maps and jobs of a data directory, also while a server uses it.
 #[derive(Debug, clap::Args)]
 pub(super) struct BackupArgs {
     /// The folder that a server keeps its maps in.
@@ -50,6 +50,16 @@ struct Document<'a, M> {
     copy: Option<&'a PathBuf>,
     damaged_maps: usize,
     maps: Vec<M>,
+    damaged_jobs: usize,
+    jobs: Vec<CheckedJob<'a>>,
+}
+
+/// A job that was looked at, or an upload; its name is `null` where it is lost, and of an upload.
+#[derive(Debug, Serialize)]
+struct CheckedJob<'a> {
+    job: Option<&'a str>,
+    folder: &'a PathBuf,
+    damage: &'a [String],
 }
 
 /// A map that was looked at; `null` where its name is lost, or where no snapshot opens.
@@ -90,16 +100,22 @@ pub(super) fn doctor(args: &DoctorArgs) -> anyhow::Result<()> {
     let working = Working::new(format_args!("looking at {}", args.data_dir.display()));
     let checkups = check_up(&args.data_dir, args.repair)
         .with_context(|| format!("cannot look at {}", args.data_dir.display()))?;
+    let looked = check_up_jobs(&args.data_dir)
+        .with_context(|| format!("cannot look at {}", args.data_dir.display()))?;
     drop(working);
     let damaged_maps = damaged(&checkups);
     let maps = checkups.iter().map(checked).collect();
-    let document = Document { data_dir: Some(&args.data_dir), copy: None, damaged_maps, maps };
+    let (damaged_jobs, jobs) = checked_jobs(&looked);
+    let data_dir = Some(&args.data_dir);
+    let document = Document { data_dir, copy: None, damaged_maps, maps, damaged_jobs, jobs };
     show(args.json, &document, || {
         let mut lines: Vec<String> = checkups.iter().flat_map(describe).collect();
+        lines.extend(describe_jobs(&looked));
         lines.push(format!("{} maps, {damaged_maps} of them damaged", checkups.len()));
+        lines.push(format!("{} jobs, {damaged_jobs} of them damaged", looked.len()));
         lines.join("\n")
     })?;
-    succeed_if(damaged_maps == 0)
+    succeed_if(damaged_maps + damaged_jobs == 0)
 }
 
 /// Copies and looks; fails where the directory holds no maps or cannot be read, and where the copy
@@ -117,7 +133,11 @@ pub(super) fn backup(args: &BackupArgs) -> anyhow::Result<()> {
         damage: complaints(checkup).collect(),
     });
     let maps = maps.collect();
-    let document = Document { data_dir: None, copy: Some(&args.copy), damaged_maps, maps };
+    let looked = check_up_jobs(&args.copy)
+        .with_context(|| format!("cannot look at {}", args.copy.display()))?;
+    let (damaged_jobs, jobs) = checked_jobs(&looked);
+    let copy = Some(&args.copy);
+    let document = Document { data_dir: None, copy, damaged_maps, maps, damaged_jobs, jobs };
     show(args.json, &document, || {
         let mut lines = Vec::new();
         for checkup in &checkups {
@@ -125,10 +145,13 @@ pub(super) fn backup(args: &BackupArgs) -> anyhow::Result<()> {
             lines.extend(complaints(checkup).map(|damage| format!("  {damage}")));
         }
         let (count, copy) = (checkups.len(), args.copy.display());
+        lines.extend(describe_jobs(&looked));
         lines.push(format!("{count} maps copied to {copy}, {damaged_maps} of them damaged"));
+        let count = looked.len();
+        lines.push(format!("{count} jobs copied to {copy}, {damaged_jobs} of them damaged"));
         lines.join("\n")
     })?;
-    succeed_if(damaged_maps == 0)
+    succeed_if(damaged_maps + damaged_jobs == 0)
 }
 
 /// Refuses a folder that no server has kept maps in.
@@ -143,6 +166,26 @@ fn holds_maps(data_dir: &Path) -> anyhow::Result<()> {
 
 fn damaged(checkups: &[MapCheckup]) -> usize {
     checkups.iter().filter(|checkup| checkup.is_damaged()).count()
+}
+
+/// Jobs in `--json`, and how many of them are damaged.
+fn checked_jobs(looked: &[JobCheckup]) -> (usize, Vec<CheckedJob<'_>>) {
+    let damaged = looked.iter().filter(|job| !job.damage.is_empty()).count();
+    let checked = looked.iter().map(|job| CheckedJob {
+        job: job.job.as_deref(),
+        folder: &job.folder,
+        damage: &job.damage,
+    });
+    (damaged, checked.collect())
+}
+
+/// What is damaged of jobs, a line a job and a file.
+fn describe_jobs(looked: &[JobCheckup]) -> impl Iterator<Item = String> {
+    looked.iter().filter(|job| !job.damage.is_empty()).flat_map(|job| {
+        let name = job.job.as_deref().unwrap_or("(a job without a name)");
+        let first = format!("job {name} in {}", job.folder.display());
+        std::iter::once(first).chain(job.damage.iter().map(|damage| format!("  {damage}")))
+    })
 }
 
 fn name(checkup: &MapCheckup) -> &str {

@@ -61,13 +61,15 @@ impl Solved<'_> {
         free.map(|((&id, &pose), _)| (id, pose)).collect()
     }
 
+    /// The landmarks that were free to move.
     fn landmarks(&self) -> Vec<(EntityId, Vector3<f64>)> {
         match self {
             Self::Bundle(p) => {
-                let positions = &p.problem.landmarks;
-                let own = p.landmarks.iter().copied().zip(positions.iter().copied());
-                let joined = p.duplicates.iter();
-                let joined = joined.filter_map(|&(id, at)| Some((id, *positions.get(at)?)));
+                let (positions, constant) = (&p.problem.landmarks, &p.problem.constant_landmarks);
+                let free = |at: usize| (constant.get(at) == Some(&false)).then_some(positions[at]);
+                let own = p.landmarks.iter().copied().enumerate();
+                let own = own.filter_map(|(at, id)| Some((id, free(at)?)));
+                let joined = p.duplicates.iter().filter_map(|&(id, at)| Some((id, free(at)?)));
                 own.chain(joined).collect()
             }
             Self::Graph(_) => Vec::new(),
@@ -196,6 +198,7 @@ pub fn applied<'a>(
         covered,
         initial_cost: costs.0,
         final_cost: costs.1,
+        request: None,
     }
 }
 

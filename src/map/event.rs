@@ -93,6 +93,24 @@ pub struct AppliedSolve {
     pub initial_cost: f64,
     /// ½ Σ ρ at the end.
     pub final_cost: f64,
+    /// What asked for it, where that is to find out later whether its solve was applied.
+    pub request: Option<RequestId>,
+}
+
+/// Names what asked for a solve; random.
+pub type RequestId = [u8; 16];
+
+/// The last solve that named its request.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LastRequest {
+    /// What asked for it.
+    pub id: RequestId,
+    /// The revision that holds its result.
+    pub revision: i64,
+    /// ½ Σ ρ at the start.
+    pub initial_cost: f64,
+    /// ½ Σ ρ at the end.
+    pub final_cost: f64,
 }
 
 /// A keyframe that was removed to make room.

@@ -55,7 +55,9 @@ pub use entities::{
     Keyframe, Landmark, MAX_NUMBER, Observation, Prior, SwitchedOff,
 };
 pub use error::{EntityKind, MapError};
-pub use event::{AppliedSolve, Cause, Change, Event, NewLandmark, Retired, SolveKind};
+pub use event::{
+    AppliedSolve, Cause, Change, Event, LastRequest, NewLandmark, RequestId, Retired, SolveKind,
+};
 pub use ids::{ClientIndex, EntityId};
 pub(crate) use item::is_valid_camera;
 pub use item::{EntityRef, Item, ItemLandmark, ItemObservation, PartialItem, Place};
@@ -67,8 +69,8 @@ pub use parts::MapParts;
 pub use place_searches::{PlaceCandidate, PlaceRefusal, PlaceSearch, PlaceSearches};
 pub use policy::{ClosureRobustness, Gauge, MapPolicy, WhenFull};
 pub use problem::{
-    ClosureEdge, GlobalOptions, GraphProblem, JudgedPosition, MapProblem, global_problem,
-    graph_problem, local_problem, loop_problem, measured_graph,
+    ClosureEdge, Compared, GlobalOptions, GraphProblem, JudgedPosition, MapProblem, global_problem,
+    graph_problem, local_problem, loop_problem, measured_graph, observation_problem,
 };
 pub use rejection::{FieldViolation, Reason, Rejection};
 pub use retirement::{redundant_keyframes, retire, retire_redundant};
@@ -110,6 +112,7 @@ pub struct Map {
     duplicates: Duplicates,
     place_searches: PlaceSearches,
     adjustment_due: bool,
+    last_request: Option<LastRequest>,
     merged: Vec<MergedMap>,
     /// The constraints and priors of each keyframe.
     ties: Ties,

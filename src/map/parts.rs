@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 
 use super::{
     CameraEntity, Client, Constraint, Content, Covisibility, Digest, Duplicates, EntityId,
-    EntityKind, Keyframe, Landmark, Map, MapError, MapPolicy, MergedMap, PlaceSearches, Prior,
-    SharedMap, SwitchedOff, Ties,
+    EntityKind, Keyframe, Landmark, LastRequest, Map, MapError, MapPolicy, MergedMap,
+    PlaceSearches, Prior, SharedMap, SwitchedOff, Ties,
 };
 
 /// What a map consists of. [`Landmark::observers`] is not read: it follows from the keyframes.
@@ -50,6 +50,8 @@ pub struct MapParts {
     pub place_searches: PlaceSearches,
     /// See [`Map::is_adjustment_due`].
     pub adjustment_due: bool,
+    /// See [`Map::last_request`].
+    pub last_request: Option<LastRequest>,
     /// See [`Map::merged`].
     pub merged: Vec<MergedMap>,
     /// See [`Map::contents`].
@@ -61,6 +63,12 @@ impl Map {
     #[must_use]
     pub fn solve_count(&self) -> i64 {
         self.solve_count
+    }
+
+    /// The last solve that named its request. It is no part of the hashes: it says nothing of the map.
+    #[must_use]
+    pub fn last_request(&self) -> Option<&LastRequest> {
+        self.last_request.as_ref()
     }
 
     /// The digests of cameras, keyframes and constraints as they were sent.
@@ -90,6 +98,7 @@ impl Map {
             duplicates: self.duplicates.clone(),
             place_searches: self.place_searches.clone(),
             adjustment_due: self.adjustment_due,
+            last_request: self.last_request,
             merged: self.merged.clone(),
             contents: self.contents.clone(),
         }
@@ -135,6 +144,7 @@ impl Map {
             duplicates,
             place_searches,
             adjustment_due,
+            last_request,
             merged,
             contents,
         } = parts;
@@ -210,6 +220,7 @@ impl Map {
             duplicates,
             place_searches,
             adjustment_due,
+            last_request,
             merged,
             ties,
             covisibility,

@@ -168,7 +168,8 @@ impl ServerConfig {
     }
 
     /// Whether a test holds jobs: `hold-jobs` before their work, `hold-problems` before the second
-    /// problem of one.
+    /// problem of one, `hold-checkpoint` after a
+    /// checkpoint, `hold-applied` after a map's solve was applied and before that is in the record.
     #[cfg(feature = "faults")]
     pub(super) fn holds(&self, what: &str) -> bool {
         self.test_fault.as_deref() == Some(what)

@@ -4,7 +4,7 @@
 
 use covis_solvers::evaluation::ReferencePose;
 use covis_solvers::geometry::{RigidMotion, Se2, Se3};
-use covis_solvers::graph_optimization::{self, Judging, optimize};
+use covis_solvers::graph_optimization::{self, Judging, Optimized, optimize};
 use covis_solvers::initialization::Start;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::loss::Loss;
@@ -146,6 +146,24 @@ pub(super) fn run(
     Ok(answer)
 }
 
+/// The certificate of a graph's solve; `marked` where fixed vertices were given.
+pub(super) fn to_graph_summary<G, const N: usize>(
+    graph: &PoseGraph<G, N>,
+    solved: &Optimized,
+    options: &Options,
+    marked: bool,
+) -> v1::SolveSummary {
+    let mut summary = to_summary(&solved.solve, options.method);
+    add_costs(&mut summary, &solved.before, &solved.after);
+    summary.linear_solver = v1::LinearSolver::SparseCholesky.into();
+    let gauge = if marked { v1::Gauge::FixedPoses } else { v1::Gauge::FirstKeyframeFixed };
+    summary.gauge = gauge.into();
+    let free = graph.constant.iter().filter(|&&constant| !constant).count();
+    summary.free_pose_count = count(free);
+    summary.fixed_pose_count = count(graph.constant.len() - free);
+    summary
+}
+
 fn vertices<G, const N: usize>(graph: &PoseGraph<G, N>) -> impl Iterator<Item = (i64, &G, bool)> {
     let vertices = graph.ids.iter().zip(&graph.poses).zip(&graph.constant);
     vertices.map(|((&id, pose), &fixed)| (id, pose, fixed))
@@ -173,14 +191,7 @@ fn answer<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usiz
     };
     let solved = optimize(&mut graph, has_poses, &options, interrupt, &mut ignore_iterations);
     let solved = solved.map_err(|error| ServiceError::Unsolvable { field, error })?;
-    let mut summary = to_summary(&solved.solve, settings.options.method);
-    add_costs(&mut summary, &solved.before, &solved.after);
-    summary.linear_solver = v1::LinearSolver::SparseCholesky.into();
-    let gauge = if marked { v1::Gauge::FixedPoses } else { v1::Gauge::FirstKeyframeFixed };
-    summary.gauge = gauge.into();
-    let free = graph.constant.iter().filter(|&&constant| !constant).count();
-    summary.free_pose_count = count(free);
-    summary.fixed_pose_count = count(graph.constant.len() - free);
+    let summary = to_graph_summary(&graph, &solved, &settings.options, marked);
     let closures = solved.judged.iter().flat_map(|judged| &judged.closures);
     let off = closures.filter(|verdict| verdict.is_switched_off).map(|verdict| {
         let ClosureVerdict { chi2, weight, is_provisional: provisional, .. } = *verdict;

@@ -62,6 +62,7 @@ pub use access::{AccessError, JwtOptions};
 pub use clock::Clock;
 pub use config::{KeepAlive, ServerConfig, default_ceilings, default_limits};
 pub use connections::ConnectionLimits;
+pub(crate) use jobs::{kind as kind_of_job, maps_of as maps_of_job};
 pub use limits::{SolveLimits, TenantLimits};
 #[cfg(test)]
 pub(crate) use readers::Readers;

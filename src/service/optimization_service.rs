@@ -191,7 +191,7 @@ pub(super) fn map_options(
             v1::MapProblem::PoseGraph => OptimizeProblem::PoseGraph { certify: request.certify },
         };
         let systems = match problem {
-            OptimizeProblem::Full => Systems::Bundle,
+            OptimizeProblem::Full | OptimizeProblem::Rebuild => Systems::Bundle,
             OptimizeProblem::PoseGraph { .. } => Systems::PoseGraph,
         };
         let options = options(request.options.as_ref(), systems, threads, None, out);

@@ -13,7 +13,7 @@ use crate::wire::v1;
 use v1::server_service_server::ServerService;
 
 /// What is served, sorted; listed in docs/wire.md.
-const FEATURES: [&str; 49] = [
+const FEATURES: [&str; 50] = [
     "export.colmap-binary",
     "export.colmap-text",
     "export.covis",
@@ -44,6 +44,7 @@ const FEATURES: [&str; 49] = [
     "job.merge",
     "job.optimize-map",
     "job.optimize-pose-graph",
+    "job.rebuild",
     "job.solve-files",
     "map.closure-adjustment",
     "map.freeze",

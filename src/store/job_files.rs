@@ -8,9 +8,12 @@ use std::collections::BTreeMap;
 use std::io::{self, BufRead, Write};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use covis_solvers::bundle_adjustment::Checkpoint;
+
 use super::StoreError;
 use super::encoding::{
-    EncodingError, decode_job, decode_later_job, decode_upload, encode_job, encode_upload,
+    EncodingError, decode_checkpoint, decode_job, decode_later_job, decode_upload,
+    encode_checkpoint, encode_job, encode_upload,
 };
 use super::files::JobFolders;
 
@@ -30,6 +33,8 @@ pub enum JobFile {
     Output(u32),
     /// A part of its work that need not be done again.
     Part(u32),
+    /// A solve on its way.
+    Checkpoint(u32),
 }
 
 /// What is there of a job or an upload.
@@ -165,6 +170,29 @@ impl JobFiles {
     pub fn write_record(&self, uid: &JobUid, record: &JobRecord) -> Result<u64, StoreError> {
         let bytes = encode_job(record);
         self.write(uid, JobFile::Record, |out| out.write_all(&bytes))
+    }
+
+    /// Writes a checkpoint of solve `number`; returns its size in bytes.
+    ///
+    /// # Errors
+    /// [`StoreError::File`]; the checkpoint before it stays.
+    pub fn write_checkpoint(
+        &self,
+        uid: &JobUid,
+        number: u32,
+        checkpoint: &Checkpoint,
+    ) -> Result<u64, StoreError> {
+        let bytes = encode_checkpoint(checkpoint);
+        self.write(uid, JobFile::Checkpoint(number), |out| out.write_all(&bytes))
+    }
+
+    /// The last checkpoint of solve `number`.
+    ///
+    /// # Errors
+    /// [`JobFileError`].
+    pub fn read_checkpoint(&self, uid: &JobUid, number: u32) -> Result<Checkpoint, JobFileError> {
+        let bytes = self.bytes(uid, JobFile::Checkpoint(number))?;
+        decode_checkpoint(&bytes).map_err(|error| unreadable(uid, &error))
     }
 
     /// A whole file.

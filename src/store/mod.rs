@@ -42,7 +42,9 @@ pub use error::{Damage, StoreError};
 #[cfg(test)]
 #[allow(unused_imports, reason = "for a simulated disk outside this module")]
 pub(crate) use files::{Disk, DiskFile};
-pub use files::{FileStore, FileStoreOptions, MapCheckup, back_up, check_up};
+pub use files::{
+    FileStore, FileStoreOptions, JobCheckup, MapCheckup, back_up, check_up, check_up_jobs,
+};
 pub use job_files::{
     FoundRecord, JobFile, JobFileError, JobFiles, JobFolder, JobRecord, JobUid, JobUpload,
 };

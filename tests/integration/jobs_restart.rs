@@ -179,7 +179,7 @@ fn a_result_that_is_damaged_on_disk_is_not_given_out() {
 }
 
 /// Starts the real server, with a fault of the tests.
-fn spawn(workspace: &Workspace, folder: &Path, fault: &str) -> Running {
+pub(crate) fn spawn(workspace: &Workspace, folder: &Path, fault: &str) -> Running {
     let mut command = workspace.command();
     if !fault.is_empty() {
         command.env("COVIS_TEST_FAULT", fault);
@@ -289,6 +289,59 @@ fn a_problem_that_was_solved_before_kill_9_is_not_solved_again() {
                 };
                 assert_eq!(pick(&shown), pick(&undisturbed), "{index} {key}");
             }
+        }
+    });
+}
+
+#[cfg(unix)]
+#[test]
+fn a_solve_that_kill_9_cuts_off_goes_on_from_its_checkpoint_to_the_same_bits() {
+    run(async {
+        let workspace = Workspace::new();
+        let folder = workspace.path("data");
+        let problem = crate::cli_support::golden("twins").join(BUNDLE);
+        let undisturbed = {
+            let server = spawn(&workspace, &workspace.path("other"), "");
+            let arguments =
+                format!("job submit solve --file {{}} --wait --json --server {}", server.url);
+            workspace.json(&arguments, &[&problem])
+        };
+        let mut held = spawn(&workspace, &folder, "hold-checkpoint");
+        let arguments =
+            format!("job submit solve --file {{}} --id one --json --server {}", held.url);
+        workspace.json(&arguments, &[&problem]);
+        let client = Client::connect(&held.url).await.unwrap();
+        let at = loop {
+            let progress = client.job("one").await.unwrap().progress.unwrap_or_default();
+            if progress.phase == "held by a test" {
+                break progress.iteration.unwrap().iteration;
+            }
+            tokio::task::yield_now().await;
+        };
+        assert!(at >= 3);
+        held.kill();
+        let server = spawn(&workspace, &folder, "");
+        let client = Client::connect(&server.url).await.unwrap();
+        let mut seen = Vec::new();
+        let job = client
+            .watch_job("one", |job| {
+                let row = job.progress.as_ref().and_then(|progress| progress.iteration);
+                seen.extend(row.map(|row| row.iteration));
+            })
+            .await
+            .unwrap();
+        assert_eq!((job.state(), job.attempt_count), (JobState::Succeeded, 2), "{job:?}");
+        assert!(seen.iter().all(|&iteration| iteration > at), "{seen:?} after {at}");
+        let cost = undisturbed["cost_after"].as_f64().unwrap();
+        assert_eq!(job.cost_after.unwrap().to_bits(), cost.to_bits());
+        let shown = workspace.json(&format!("job show one --json --server {}", server.url), &[]);
+        let costs = |document: &serde_json::Value| -> Vec<u64> {
+            let rows = document["report"]["iterations"].as_array().unwrap();
+            rows.iter().map(|row| row["cost"].as_f64().unwrap().to_bits()).collect()
+        };
+        assert_eq!(costs(&shown), costs(&undisturbed), "every iteration, once");
+        for key in ["initial_cost", "final_cost", "termination", "gradient_max_norm"] {
+            assert_eq!(shown["report"][key], undisturbed["report"][key], "{key}");
         }
     });
 }

@@ -36,6 +36,8 @@ mod first_frontend;
 mod frontend_beside;
 mod generated;
 mod job_support;
+mod jobs_beside;
+mod jobs_rebuild;
 mod jobs_restart;
 mod jwt;
 mod links;

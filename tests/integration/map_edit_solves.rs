@@ -56,6 +56,7 @@ fn an_edit_asks_for_its_keyframes_and_a_closure_or_prior_for_the_graph() {
         covered: Vec::new(),
         initial_cost: 1.0,
         final_cost: 0.5,
+        request: None,
     };
     journal.push(Change::SolveApplied { solve: solve.clone() });
     assert_eq!(asked(&journal, revoke(7)), graph(false, &[]));

@@ -105,6 +105,7 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
                 covered: vec![(ROBOT, n)],
                 initial_cost: 2.0,
                 final_cost: 1.0,
+                request: None,
             };
             journal.push(Change::SolveApplied { solve });
         }
@@ -217,6 +218,7 @@ fn the_hash_sees_the_last_bit_of_a_pose_and_of_a_landmark() {
                 covered,
                 initial_cost,
                 final_cost,
+                request: None,
             },
         });
         journal.map.state_hash()
@@ -260,6 +262,7 @@ fn the_odometry_pose_is_kept_and_hashed_and_no_solve_moves_it() {
         covered: Vec::new(),
         initial_cost: 1.0,
         final_cost: 0.5,
+        request: None,
     };
     apart.push(Change::SolveApplied { solve });
     let keyframe = &apart.map.keyframes().get(&id(1)).unwrap();
@@ -284,6 +287,7 @@ fn an_event_that_does_not_fit_is_refused_and_changes_nothing() {
         covered: Vec::new(),
         initial_cost: 0.0,
         final_cost: 0.0,
+        request: None,
     };
     let triangulated = |id| Change::LandmarksTriangulated { positions: vec![(id, corner(1))] };
     let nan = Se3::new(pose_at(0.0).rotation, Vector3::new(f64::NAN, 0.0, 0.0));
@@ -406,6 +410,7 @@ fn what_a_client_sent_is_held_past_optimization() {
         covered: vec![(ROBOT, 3)],
         initial_cost: 1.0,
         final_cost: 0.5,
+        request: None,
     };
     journal.push(Change::SolveApplied { solve });
     assert_eq!(journal.map.client(ROBOT).unwrap().optimized_sequence, 3);
@@ -434,6 +439,7 @@ fn verdict(off: Option<SwitchedOff>) -> Change {
         covered: Vec::new(),
         initial_cost: 1.0,
         final_cost: 0.5,
+        request: None,
     };
     Change::SolveApplied { solve }
 }

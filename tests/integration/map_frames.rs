@@ -38,6 +38,7 @@ fn corrected() -> Journal {
         covered: Vec::new(),
         initial_cost: 1.0,
         final_cost: 0.0,
+        request: None,
     };
     journal.push(Change::SolveApplied { solve });
     journal

@@ -105,6 +105,7 @@ fn covering(revision: i64) -> Change {
         covered: vec![(ClientIndex::SERVER, revision)],
         initial_cost: 1.0,
         final_cost: 1.0,
+        request: None,
     };
     Change::SolveApplied { solve }
 }

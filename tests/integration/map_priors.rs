@@ -29,6 +29,7 @@ fn judged(switched_off: Vec<(covis::map::EntityId, SwitchedOff)>) -> Change {
             covered: Vec::new(),
             initial_cost: 1.0,
             final_cost: 0.5,
+            request: None,
         },
     }
 }

@@ -9,6 +9,7 @@
 
 mod calls;
 mod cut_off;
+mod jobs;
 mod machine;
 mod model;
 mod restart;

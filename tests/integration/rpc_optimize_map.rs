@@ -88,7 +88,10 @@ fn optimize_map_refuses_what_it_cannot_solve() {
 }
 
 /// Asks for two optimizations of one map, of which one is refused; returns the other.
-async fn one_of_two(server: &TestServer, map_id: &str) -> Streaming<v1::OptimizeMapResponse> {
+pub(crate) async fn one_of_two(
+    server: &TestServer,
+    map_id: &str,
+) -> Streaming<v1::OptimizeMapResponse> {
     let mut client = server.optimization();
     let mut one = client.optimize_map(optimize(map_id)).await.unwrap().into_inner();
     let mut two = client.optimize_map(optimize(map_id)).await.unwrap().into_inner();

@@ -6,9 +6,9 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::super::output;
+use crate::service::{kind_of_job, maps_of_job};
 use crate::wire::v1;
 use v1::JobState;
-use v1::job_spec::Spec;
 
 /// A job in `--json`.
 #[derive(Debug, Serialize)]
@@ -51,35 +51,6 @@ struct File {
     size_bytes: i64,
 }
 
-/// The name of a spec's kind.
-fn kind(spec: Option<&Spec>) -> &'static str {
-    match spec {
-        Some(Spec::OptimizeMap(request)) => match request.problem() {
-            v1::MapProblem::PoseGraph => "optimize-pose-graph",
-            v1::MapProblem::Full | v1::MapProblem::Unspecified => "optimize-map",
-        },
-        Some(Spec::MergeMaps(_)) => "merge",
-        Some(Spec::RebuildMap(_)) => "rebuild",
-        Some(Spec::CompactMap(_)) => "compact",
-        Some(Spec::EvaluateTrajectory(_)) => "evaluate",
-        Some(Spec::ExportMap(_)) => "export",
-        Some(Spec::SolveFiles(_)) => "solve",
-        None => "unknown",
-    }
-}
-
-fn maps(spec: Option<Spec>) -> Vec<String> {
-    match spec {
-        Some(Spec::OptimizeMap(request)) => vec![request.map_id],
-        Some(Spec::MergeMaps(request)) => vec![request.source_map_id, request.target_map_id],
-        Some(Spec::RebuildMap(spec)) => vec![spec.source_map_id, spec.target_map_id],
-        Some(Spec::CompactMap(spec)) => vec![spec.map_id],
-        Some(Spec::EvaluateTrajectory(spec)) => vec![spec.map_id],
-        Some(Spec::ExportMap(request)) => vec![request.map_id],
-        Some(Spec::SolveFiles(_)) | None => Vec::new(),
-    }
-}
-
 fn name(state: JobState) -> &'static str {
     match state {
         JobState::Unspecified => "unknown",
@@ -94,15 +65,15 @@ fn name(state: JobState) -> &'static str {
 impl From<v1::Job> for Document {
     fn from(job: v1::Job) -> Self {
         let state = name(job.state());
-        let spec = job.spec.and_then(|spec| spec.spec);
+        let spec = job.spec.unwrap_or_default();
         let time = |time: Option<prost_types::Timestamp>| time.map(|time| time.to_string());
         let progress = job.progress.unwrap_or_default();
         let row = progress.iteration;
         Self {
             id: job.job_id,
-            kind: kind(spec.as_ref()),
+            kind: kind_of_job(&spec),
             state,
-            maps: maps(spec),
+            maps: maps_of_job(&spec).into_iter().map(str::to_owned).collect(),
             priority: job.priority,
             attempts: job.attempt_count,
             cancel_requested: job.cancel_requested,

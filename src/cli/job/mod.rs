@@ -14,7 +14,7 @@ use anyhow::Context;
 
 use self::document::{Document, details, line, table};
 use super::config::Config;
-use super::connect::connect;
+use super::connect::with_client;
 use super::html::{self, ReportFlag};
 use super::map::write_files;
 use super::output::{print, show, succeed_if};
@@ -107,12 +107,10 @@ impl From<State> for JobState {
 /// Fails for a server that is not there, a job that it does not have, a file that cannot be read or
 /// written, and, where the job was waited for, a job that did not succeed.
 pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
-    let runtime = tokio::runtime::Runtime::new().context("the async runtime")?;
-    runtime.block_on(act(args, config))
+    with_client(config, async |client| act(args, client).await)
 }
 
-async fn act(Args { action, json }: Args, config: &Config) -> anyhow::Result<()> {
-    let client = connect(config).await?;
+async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> {
     match action {
         Action::Submit(args) => submit::submit(&client, args, json).await,
         Action::List { map, state } => {

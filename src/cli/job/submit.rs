@@ -5,7 +5,7 @@ use std::hash::{BuildHasher, RandomState};
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use serde::Serialize;
+use clap::ValueEnum;
 
 use super::super::map::{MapFormat, write_files};
 use super::super::output::succeed_if;
@@ -70,8 +70,7 @@ pub(super) struct Args {
 }
 
 /// What a job does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Kind {
     /// Global bundle adjustment of a map, or of a BAL file or COLMAP folder.
     OptimizeMap,
@@ -85,18 +84,14 @@ enum Kind {
     Export,
     /// Solve problem files of any kind.
     Solve,
+    /// Poses and points of a map, or of a BAL file or COLMAP folder, anew from the observations alone.
+    Rebuild,
 }
 
 impl Kind {
-    fn name(self) -> &'static str {
-        match self {
-            Self::OptimizeMap => "optimize-map",
-            Self::OptimizePoseGraph => "optimize-pose-graph",
-            Self::Compact => "compact",
-            Self::Evaluate => "evaluate",
-            Self::Export => "export",
-            Self::Solve => "solve",
-        }
+    /// As on the command line.
+    fn name(self) -> String {
+        self.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default()
     }
 }
 
@@ -145,13 +140,19 @@ async fn spec(client: &Client, args: &Args) -> anyhow::Result<Spec> {
         let kind = match args.kind {
             Kind::OptimizeMap => v1::ProblemFileKind::Bundle,
             Kind::OptimizePoseGraph => v1::ProblemFileKind::PoseGraph,
-            Kind::Solve => v1::ProblemFileKind::Unspecified,
+            // What the files are is told by their names; a reconstruction takes bundles only.
+            Kind::Solve | Kind::Rebuild => v1::ProblemFileKind::Unspecified,
             Kind::Compact | Kind::Evaluate | Kind::Export => {
                 bail!("{} works on a map, not on files: --map names it", args.kind.name())
             }
         };
         let upload_id = files::upload(client, files::find(path)?).await?;
         let keep_solutions = args.out.is_some();
+        if args.kind == Kind::Rebuild {
+            let map_id = String::new();
+            let spec = v1::ReconstructSpec { map_id, upload_id, keep_solutions };
+            return Ok(Spec::Reconstruct(spec));
+        }
         let spec = v1::SolveFilesSpec { upload_id, kind: kind.into(), keep_solutions };
         return Ok(Spec::SolveFiles(spec));
     }
@@ -170,6 +171,9 @@ async fn spec(client: &Client, args: &Args) -> anyhow::Result<Spec> {
             let format = args.format.context("export needs --format")?;
             let format = v1::MapFormat::from(format).into();
             Spec::ExportMap(v1::ExportMapRequest { map_id: map()?, format })
+        }
+        Kind::Rebuild => {
+            Spec::Reconstruct(v1::ReconstructSpec { map_id: map()?, ..Default::default() })
         }
         Kind::Solve => bail!("solve needs --file"),
     })

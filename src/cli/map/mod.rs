@@ -14,12 +14,10 @@ mod merge;
 
 use std::path::PathBuf;
 
-use anyhow::Context;
-
 use self::document::{Document, details, table};
 use self::files::{Format, ImportArgs};
 use super::config::Config;
-use super::connect::connect;
+use super::connect::with_client;
 use super::output::{print, show};
 use crate::client::Client;
 use crate::wire::v1;
@@ -102,12 +100,10 @@ enum Action {
 /// Fails for a server that is not there, a map that it does not have, a file that cannot be read or
 /// written.
 pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
-    let runtime = tokio::runtime::Runtime::new().context("the async runtime")?;
-    runtime.block_on(act(args, config))
+    with_client(config, async |client| act(args, client).await)
 }
 
-async fn act(Args { action, json }: Args, config: &Config) -> anyhow::Result<()> {
-    let client = connect(config).await?;
+async fn act(Args { action, json }: Args, client: Client) -> anyhow::Result<()> {
     match action {
         Action::List => {
             let maps: Vec<Document> =

@@ -10,19 +10,11 @@ use covis_solvers::interrupt::Interrupt;
 use covis_solvers::optimizer::{self, Control};
 use covis_solvers::problem::BundleProblem;
 use covis_solvers::reconstruction::{
-    Options, Placement, Progress, Reconstruction, Scale, Stage, reconstruct,
+    Options, Placement, Progress, Reconstruction, Stage, reconstruct,
 };
 use serde::Serialize;
 
 use crate::cli::output::print;
-
-/// Names of units of length, as reports print them.
-const SCALES: [(Scale, &str); 4] = [
-    (Scale::Depth, "meters, by measured depths"),
-    (Scale::RelativePoses, "meters, by relative poses"),
-    (Scale::Given, "that of the given poses"),
-    (Scale::Convention, "the median depth is 1"),
-];
 
 /// What a report says of a reconstruction.
 #[derive(Debug, Serialize)]
@@ -112,7 +104,6 @@ pub(super) fn rebuild(
             .context("no keyframe could be placed by its observations");
     }
     let dropped_observations = found.apply_to(problem);
-    let scale = SCALES.iter().find(|(scale, _)| *scale == found.scale);
     Ok(Rebuilt {
         keyframes: found.poses.len(),
         placed: found.placed(),
@@ -124,7 +115,7 @@ pub(super) fn rebuild(
         pairs: found.view_graph.pairs,
         measured_pairs: found.view_graph.measured,
         relative_poses: found.view_graph.edges,
-        scale: scale.map_or("", |(_, name)| name),
+        scale: found.scale.name(),
         seconds: (found.seconds * 1e6).round() / 1e6,
     })
 }
@@ -153,14 +144,7 @@ impl Lines {
             return Control::Continue;
         }
         self.last = Some((stage, seconds));
-        let (name, unit) = match stage {
-            Stage::ViewGraph => ("view graph", "keyframes"),
-            Stage::RelativePoses => ("relative poses", "pairs"),
-            Stage::Rotations => ("rotations", "rounds"),
-            Stage::Positions => ("positions", "iterations"),
-            Stage::Adjustment => ("adjustment", "iterations"),
-            Stage::Resection => ("resection", "keyframes"),
-        };
+        let (name, unit) = (stage.name(), stage.unit());
         let cost = cost.map(|cost| format!(", cost {cost:.6e}")).unwrap_or_default();
         match print(format_args!("{name:>17}: {done} of {total} {unit}{cost}, {seconds:.3} s")) {
             Ok(()) => Control::Continue,

@@ -19,8 +19,8 @@ use super::frames;
 use super::unsolved::to_solve;
 use super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, Constraint, EntityId, Event, Keyframe,
-    Landmark, Map, MapError, MapPolicy, NewLandmark, Observation, Observations, Observers, Prior,
-    Retired, SolveKind, ToSolve, Unsolved,
+    Landmark, LastRequest, Map, MapError, MapPolicy, NewLandmark, Observation, Observations,
+    Observers, Prior, Retired, SolveKind, ToSolve, Unsolved,
 };
 
 /// Items of a client whose digests are kept. Clients do not resend older items: a client keeps only
@@ -245,8 +245,11 @@ impl Map {
                 keyframe.world_from_camera = *pose;
             }
         }
+        let revision = self.revision;
         self.landmarks.update_rising(solve.landmarks.iter().copied(), |landmark, position| {
-            landmark.position = Some(position);
+            if landmark.position.replace(position).is_none() {
+                landmark.positioned_revision = revision;
+            }
         });
         for (id, camera) in &solve.cameras {
             if let Some(entity) = self.cameras.get_mut(id) {
@@ -256,6 +259,10 @@ impl Map {
         self.switched_off.extend(solve.switched_off.iter().copied());
         for id in &solve.switched_on {
             self.switched_off.remove(id);
+        }
+        if let Some(id) = solve.request {
+            let AppliedSolve { initial_cost, final_cost, .. } = *solve;
+            self.last_request = Some(LastRequest { id, revision, initial_cost, final_cost });
         }
         match solve.kind {
             SolveKind::LocalBundle => {}

@@ -60,6 +60,20 @@ pub fn global_problem(map: &Map, options: &GlobalOptions) -> MapProblem {
     builder.finish(options.fix_intrinsics)
 }
 
+/// The observations of the whole map, for a reconstruction that looks at no estimate: of landmarks without
+/// position too. Of what else was measured it has odometry. Loop closures and priors are left out: one
+/// that was believed wrongly may be the reason for the reconstruction, and views of the same landmarks
+/// close loops too.
+#[must_use]
+pub fn observation_problem(map: &Map) -> MapProblem {
+    let mut builder = Builder::new(map, map.policy().observation_loss);
+    builder.looks_at_estimates = false;
+    map.keyframes().keys().for_each(|&id| builder.keyframe(id, false));
+    let seen = map.landmarks().iter().filter(|(_, landmark)| !landmark.observers.is_empty());
+    seen.for_each(|(&id, _)| builder.landmark(id));
+    builder.finish(true)
+}
+
 /// The problem whose marginal is the information of `keyframe`, which is pose 0, on its neighbors:
 /// those that share most landmarks with it, those that a constraint ties to it, and every landmark that
 /// it sees. Nothing is held constant: the result is information, not a solution.
@@ -95,6 +109,9 @@ struct Builder<'a> {
     duplicates: Vec<(EntityId, usize)>,
     /// Whether priors are left out that the estimates do not fit.
     strained_priors_wait: bool,
+    /// Whether what depends on estimates counts: which landmarks have one, which observations they do not
+    /// fit at all, closures and priors.
+    looks_at_estimates: bool,
 }
 
 impl<'a> Builder<'a> {
@@ -113,6 +130,7 @@ impl<'a> Builder<'a> {
             landmark_of: BTreeMap::new(),
             duplicates: Vec::new(),
             strained_priors_wait: false,
+            looks_at_estimates: true,
         }
     }
 
@@ -132,8 +150,11 @@ impl<'a> Builder<'a> {
             self.duplicates.push((id, joined as usize));
             return;
         }
-        let Some(position) = self.map.landmarks().get(&id).and_then(|l| l.position) else { return };
-        let index = self.problem.push_landmark(position);
+        let Some(landmark) = self.map.landmarks().get(&id) else { return };
+        if landmark.position.is_none() && self.looks_at_estimates {
+            return;
+        }
+        let index = self.problem.push_landmark(landmark.position.unwrap_or_default());
         // The solver's batches index by u32; a map that large does not fit memory.
         if let Ok(index) = u32::try_from(index) {
             self.landmarks.push(id);
@@ -228,7 +249,7 @@ impl<'a> Builder<'a> {
             let Some(&landmark) = self.landmark_of.get(&observation.landmark) else { continue };
             let position = &self.problem.landmarks[landmark as usize];
             let point_in_camera = keyframe.world_from_camera.inverse_transform(position);
-            if model.project(&point_in_camera).is_none() {
+            if self.looks_at_estimates && model.project(&point_in_camera).is_none() {
                 continue;
             }
             let (pixel, sigma_px) = (observation.pixel, observation.sigma_px);
@@ -255,6 +276,9 @@ impl<'a> Builder<'a> {
         let active = ties.iter().filter_map(|&id| Some((id, self.map.active_constraint(id)?)));
         for (id, constraint) in active {
             let is_closure = constraint.kind == ConstraintKind::LoopClosure;
+            if is_closure && !self.looks_at_estimates {
+                continue;
+            }
             let sender = self.map.client(id.client).filter(|_| is_closure);
             let variance = sender.map_or(1.0, |sender| sender.closure_variance);
             let i = self.pose_of.get(&constraint.keyframe_i).copied();
@@ -269,6 +293,9 @@ impl<'a> Builder<'a> {
             });
             measured[i] += MIN_OBSERVATIONS;
             measured[j] += MIN_OBSERVATIONS;
+        }
+        if !self.looks_at_estimates {
+            return;
         }
         for (id, prior) in ties.iter().filter_map(|&id| Some((id, self.map.active_prior(id)?))) {
             let Some(&pose) = self.pose_of.get(&prior.keyframe()) else { continue };

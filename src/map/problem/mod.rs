@@ -7,6 +7,7 @@
 mod bundle;
 mod graph;
 mod priors;
+mod reconstructed;
 
 use std::collections::BTreeMap;
 
@@ -17,8 +18,9 @@ use covis_solvers::robust::VarianceFactors;
 
 use super::{ClientIndex, EntityId, Gauge, SwitchedOff};
 
-pub use bundle::{global_problem, local_problem, retirement_problem};
+pub use bundle::{global_problem, local_problem, observation_problem, retirement_problem};
 pub use graph::{graph_problem, loop_problem, measured_graph};
+pub use reconstructed::Compared;
 
 /// A bundle adjustment problem with the names of its variables.
 #[derive(Clone, Debug, PartialEq)]

@@ -14,11 +14,14 @@ use covis_solvers::loss::Loss;
 use covis_solvers::optimizer::{
     IterationSummary, Method, Options, SolveSummary, Termination, Tolerance,
 };
+use covis_solvers::reconstruction::Scale;
 use covis_solvers::robust::Kernel;
 
 use super::{Path, Violations, count, small};
 use crate::map::{ClosureRobustness, Reason};
-use crate::service::engine::{ClosureCounts, GaugeKind, SolveCertificate, SolverKind};
+use crate::service::engine::{
+    ClosureCounts, GaugeKind, Rebuilt, SolveCertificate, SolverKind, UnplacedKeyframe,
+};
 use crate::wire::v1;
 
 /// Iterations if the request names none.
@@ -342,6 +345,38 @@ pub(in crate::service) fn to_certificate(certificate: &SolveCertificate) -> v1::
     summary.free_landmark_count = count(certificate.free_landmarks);
     summary.closures = certificate.closures.as_ref().map(to_closure_summary);
     summary
+}
+
+/// Most keyframes without a pose that are named.
+const MOST_UNPLACED: usize = 1000;
+
+/// What a reconstruction found.
+pub(in crate::service) fn to_reconstruction(rebuilt: &Rebuilt) -> v1::Reconstruction {
+    let unplaced = rebuilt.unplaced.iter().take(MOST_UNPLACED).cloned();
+    let unplaced = unplaced.map(|UnplacedKeyframe { client, id, reason }| v1::UnplacedKeyframe {
+        client_id: client,
+        id,
+        reason,
+    });
+    let length_unit = match rebuilt.scale {
+        Scale::Depth => v1::LengthUnit::Depth,
+        Scale::RelativePoses => v1::LengthUnit::RelativePoses,
+        Scale::Given => v1::LengthUnit::Given,
+        Scale::Convention => v1::LengthUnit::Convention,
+    };
+    v1::Reconstruction {
+        keyframe_count: count(rebuilt.keyframes),
+        placed_keyframe_count: count(rebuilt.placed),
+        landmark_count: count(rebuilt.landmarks),
+        placed_landmark_count: count(rebuilt.placed_landmarks),
+        observation_count: count(rebuilt.observations),
+        agreeing_observation_count: count(rebuilt.agreeing),
+        pair_count: count(rebuilt.view_graph.pairs),
+        measured_pair_count: count(rebuilt.view_graph.measured),
+        relative_pose_count: count(rebuilt.view_graph.edges),
+        length_unit: length_unit.into(),
+        unplaced_keyframes: unplaced.collect(),
+    }
 }
 
 fn to_closure_summary(closures: &ClosureCounts) -> v1::ClosureSummary {

@@ -23,11 +23,11 @@ use super::stream::Queued;
 use super::watch::Past;
 use super::{
     Account, Cancellation, EngineConfig, EngineError, EngineMeters, IngestStream, OptimizeOptions,
-    OptimizeOutcome, Watch,
+    OptimizeOutcome, SolveStep, Watch,
 };
 use crate::loop_closing::{Located, View, locate};
 use crate::map::{
-    EntityId, GraphPairs, GraphProblem, Map, MapPolicy, PlaceCandidate, measured_graph,
+    EntityId, GraphPairs, GraphProblem, Map, MapPolicy, PlaceCandidate, RequestId, measured_graph,
 };
 use crate::store::{Durability, Flushed, Store, StoreError};
 
@@ -420,18 +420,37 @@ impl MapHandle {
         options: OptimizeOptions,
         progress: mpsc::Sender<IterationSummary>,
     ) -> Result<OptimizeOutcome, EngineError> {
-        self.optimize_unless(Arc::default(), options, progress).await
+        let iteration = |step| match step {
+            SolveStep::Iteration(row) => Some(row),
+            SolveStep::Reconstruction(_) => None,
+        };
+        self.solve_unless((Arc::default(), None), options, progress, iteration).await
     }
 
-    /// As [`MapHandle::optimize`]; `cancellation` decides whether the result is applied.
+    /// As [`MapHandle::optimize`]; `cancellation` decides whether the result is applied. The event that
+    /// applies it names `request` ([`Map::last_request`]), and no crash can undo it when this returns.
     ///
     /// # Errors
-    /// As [`MapHandle::optimize`].
+    /// As [`MapHandle::optimize`], and [`EngineError::Store`].
     pub async fn optimize_unless(
         &self,
         cancellation: Arc<Cancellation>,
+        request: RequestId,
         options: OptimizeOptions,
-        progress: mpsc::Sender<IterationSummary>,
+        progress: mpsc::Sender<SolveStep>,
+    ) -> Result<OptimizeOutcome, EngineError> {
+        let asked = (cancellation, Some(request));
+        let outcome = self.solve_unless(asked, options, progress, Some).await?;
+        self.durable_at_last(outcome.revision).await?;
+        Ok(outcome)
+    }
+
+    async fn solve_unless<T>(
+        &self,
+        (cancellation, request): (Arc<Cancellation>, Option<RequestId>),
+        options: OptimizeOptions,
+        progress: mpsc::Sender<T>,
+        told: impl Fn(SolveStep) -> Option<T>,
     ) -> Result<OptimizeOutcome, EngineError> {
         self.shared.config.check_calls()?;
         // Unbounded, so that a slow caller cannot delay the solve; a solve has few iterations.
@@ -439,13 +458,16 @@ impl MapHandle {
         let (reply, mut answer) = oneshot::channel();
         let mut guard = CancelOnDrop(Some(Arc::clone(&cancellation)));
         let canceled = Arc::clone(&cancellation);
-        let job = Job { options, rows, cancellation, span: Span::current(), reply };
+        let span = Span::current();
+        let job = Job { options, rows, cancellation, request, span, reply };
         self.send(Control::Optimize(Box::new(job))).await?;
         loop {
             tokio::select! {
                 biased;
-                Some(row) = row.recv() => {
-                    if progress.send(row).await.is_err() {
+                Some(step) = row.recv() => {
+                    if let Some(step) = told(step)
+                        && progress.send(step).await.is_err()
+                    {
                         canceled.abandon();
                     }
                 }

@@ -19,6 +19,7 @@
 //! | `durability` | the journal, DURABLE acks, snapshots |
 //! | `schedule` | which items wait for which solve |
 //! | `solving`, `solve` | starting and ending a solve; its body |
+//! | `rebuilding` | the body of a solve that starts from observations alone |
 //! | `cancellation` | whether a requested change may still be made, or is canceled |
 //! | `compacting` | a map made smaller on request: redundant keyframes and old journal go |
 //! | `background` | what follows a loop closure while items go on: comparing places, adjusting the map |
@@ -52,6 +53,7 @@ mod meters;
 mod opening;
 mod places;
 mod pool;
+mod rebuilding;
 mod recognition;
 mod schedule;
 mod sharing;
@@ -78,9 +80,10 @@ pub use maps::Maps;
 pub use merging::{LinkRequest, MergeOutcome, MergeRequest};
 pub use meters::{EngineMeters, MapCounts, QueuedSolve, SolveMeters};
 pub use pool::{Estimate, PoolError, SolvePanicked, SolverPool, lower_priority};
+pub use rebuilding::{Rebuilt, UnplacedKeyframe};
 pub use solve::{
     ClosureCounts, GaugeKind, OptimizeCounts, OptimizeOptions, OptimizeOutcome, OptimizeProblem,
-    SolveCertificate, SolverKind,
+    SolveCertificate, SolveStep, SolverKind,
 };
 pub use stream::{Ack, AckStatus, IngestStream, ItemSender, Opened, SolveReport, StreamEvent};
 pub use touched::Touched;

@@ -22,17 +22,19 @@ use covis_solvers::optimizer::{
 };
 use covis_solvers::price::Ceiling;
 use covis_solvers::problem::SolveError;
+use covis_solvers::reconstruction;
 use covis_solvers::robust::{PositionJudging, VarianceFactors};
 use tokio::sync::mpsc;
 use tracing::Span;
 
 use super::handle::Reply;
 use super::measured_pairs::MeasuredPairs;
+use super::rebuilding::Rebuilt;
 use super::{Cancellation, EngineError};
 pub use crate::map::Gauge as GaugeKind;
 use crate::map::{
-    ClientIndex, GlobalOptions, GraphPairs, GraphProblem, Map, MapProblem, Solved, SwitchedOff,
-    global_problem, is_valid_camera, measured_graph,
+    ClientIndex, GlobalOptions, GraphPairs, GraphProblem, Map, MapProblem, RequestId, Solved,
+    SwitchedOff, global_problem, is_valid_camera, measured_graph,
 };
 
 /// Which part of a map is optimized.
@@ -46,6 +48,17 @@ pub enum OptimizeProblem {
         /// Whether the chordal optimum is proved and used as the start of the last solve.
         certify: bool,
     },
+    /// Poses and landmarks anew, from observations alone.
+    Rebuild,
+}
+
+/// What a solve on request tells while it runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SolveStep {
+    /// An iteration of its last solve.
+    Iteration(IterationSummary),
+    /// A step of a reconstruction.
+    Reconstruction(reconstruction::Progress),
 }
 
 /// How a whole map is optimized.
@@ -84,6 +97,8 @@ pub struct OptimizeOutcome {
     pub proof: Option<Proof>,
     /// Every constraint of the map that is switched off after it, sorted by client name, then id.
     pub switched_off: Vec<(String, i64, SwitchedOff)>,
+    /// What was found from observations, where the map was rebuilt.
+    pub rebuilt: Option<Rebuilt>,
 }
 
 /// What was in a problem.
@@ -101,11 +116,28 @@ pub struct OptimizeCounts {
     pub constraints: usize,
 }
 
+impl OptimizeCounts {
+    pub(super) fn of(problem: &MapProblem) -> Self {
+        let bundle = &problem.problem;
+        Self {
+            cameras: problem.cameras.len(),
+            keyframes: problem.keyframes.len(),
+            landmarks: problem.landmarks.len(),
+            observations: bundle.observation_count(),
+            constraints: bundle.relative_poses.len()
+                + bundle.pose_priors.len()
+                + bundle.position_priors.len(),
+        }
+    }
+}
+
 /// An optimization that waits or runs.
 pub(super) struct Job {
     pub(super) options: OptimizeOptions,
-    pub(super) rows: mpsc::UnboundedSender<IterationSummary>,
+    pub(super) rows: mpsc::UnboundedSender<SolveStep>,
     pub(super) cancellation: Arc<Cancellation>,
+    /// What asks, where the event that applies the result is to say so.
+    pub(super) request: Option<RequestId>,
     /// Span of the call that requested it.
     pub(super) span: Span,
     pub(super) reply: Reply<Result<OptimizeOutcome, EngineError>>,
@@ -190,6 +222,7 @@ pub(super) struct Solution {
     pub(super) certificate: SolveCertificate,
     pub(super) counts: OptimizeCounts,
     pub(super) proof: Option<Proof>,
+    pub(super) rebuilt: Option<Rebuilt>,
 }
 
 /// `Ok(None)` when there was nothing to solve.
@@ -224,7 +257,7 @@ pub(super) fn solve_window(
 pub(super) fn solve_map(
     map: Arc<Map>,
     options: &OptimizeOptions,
-    rows: &mpsc::UnboundedSender<IterationSummary>,
+    rows: &mpsc::UnboundedSender<SolveStep>,
     cancel: &Arc<AtomicBool>,
 ) -> Outcome {
     let gauge = options.gauge.unwrap_or(map.policy().gauge);
@@ -247,7 +280,7 @@ pub(super) fn solve_map(
     let gauge = used_gauge(gauge, has_constant, has_priors);
     solve_bundle(problem, &bundle, gauge, &interrupt, &mut |row| {
         // The receiver is gone when the caller went away; the solve is then canceled.
-        let _gone = rows.send(*row);
+        let _gone = rows.send(SolveStep::Iteration(*row));
         Control::Continue
     })
 }
@@ -270,7 +303,7 @@ pub(super) fn solve_map_graph(
     pairs: &MeasuredPairs,
     options: &OptimizeOptions,
     certify: bool,
-    rows: &mpsc::UnboundedSender<IterationSummary>,
+    rows: &mpsc::UnboundedSender<SolveStep>,
     cancel: &Arc<AtomicBool>,
 ) -> Outcome {
     let OptimizeOptions { optimizer, constraint_loss, gauge, .. } = *options;
@@ -278,7 +311,7 @@ pub(super) fn solve_map_graph(
     let outcome = solve_graph(map, pairs, &settings, &interrupt(options.deadline, cancel));
     if let Ok(Some(solution)) = &outcome {
         for row in &solution.certificate.solve.iterations {
-            let _gone = rows.send(*row);
+            let _gone = rows.send(SolveStep::Iteration(*row));
         }
     }
     outcome
@@ -320,21 +353,13 @@ fn solve_bundle(
         free_landmarks: bundle.constant_landmarks.iter().filter(|&&c| !c).count(),
         closures: None,
     };
-    let counts = OptimizeCounts {
-        cameras: problem.cameras.len(),
-        keyframes: problem.keyframes.len(),
-        landmarks: problem.landmarks.len(),
-        observations: bundle.observation_count(),
-        constraints: bundle.relative_poses.len()
-            + bundle.pose_priors.len()
-            + bundle.position_priors.len(),
-    };
+    let counts = OptimizeCounts::of(&problem);
     let moved = Moved::Bundle(Box::new(problem));
-    Ok(Some(Solution { moved, certificate, counts, proof: None }))
+    Ok(Some(Solution { moved, certificate, counts, proof: None, rebuilt: None }))
 }
 
 /// Ends a solve within its iterations: at the deadline or when it is canceled.
-fn interrupt(deadline: Option<Instant>, cancel: &Arc<AtomicBool>) -> Interrupt {
+pub(super) fn interrupt(deadline: Option<Instant>, cancel: &Arc<AtomicBool>) -> Interrupt {
     Interrupt::at(deadline).or_when(Arc::clone(cancel))
 }
 
@@ -455,5 +480,5 @@ fn solve_graph(
         ..OptimizeCounts::default()
     };
     let moved = Moved::Graph(Box::new(problem));
-    Ok(Some(Solution { moved, certificate, counts, proof: solved.proof }))
+    Ok(Some(Solution { moved, certificate, counts, proof: solved.proof, rebuilt: None }))
 }

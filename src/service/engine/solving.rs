@@ -18,11 +18,13 @@ use covis_solvers::{bundle_adjustment, optimizer};
 use super::actor::Actor;
 use super::handle::Shared;
 use super::pool::{SolvePanicked, SolverPool, Started};
+use super::rebuilding::rebuild_map;
 use super::schedule::Schedule;
 use super::solve::{Job, Outcome, Solution, solve_loop, solve_map, solve_map_graph, solve_window};
 use super::{EngineError, Estimate, Fault, OptimizeOutcome, OptimizeProblem, SolveReport};
 use crate::map::{
-    Change, EntityId, Map, SolveKind, SwitchedOff, applied, choose_window_of, local_problem,
+    Change, EntityId, Map, RequestId, SolveKind, SwitchedOff, applied, choose_window_of,
+    local_problem,
 };
 
 /// The solve that runs.
@@ -127,6 +129,12 @@ impl Solving {
                 let triggers = self.schedule.all();
                 self.launch(SolveKind::Global, estimate, triggers, cancel, move |cancel| {
                     solve_map(map, &options, &rows, cancel)
+                });
+            }
+            OptimizeProblem::Rebuild => {
+                let triggers = self.schedule.all();
+                self.launch(SolveKind::Global, estimate, triggers, cancel, move |cancel| {
+                    rebuild_map(map, &options, &rows, cancel)
                 });
             }
             OptimizeProblem::PoseGraph { certify } => {
@@ -256,6 +264,11 @@ impl Solving {
         job.is_some_and(|job| !job.is_canceled() && job.cancellation.commit())
     }
 
+    /// What asked for a solve.
+    fn request_of(&self, running: &Running) -> Option<RequestId> {
+        self.job.as_ref().filter(|_| running.is_job)?.request
+    }
+
     /// Answers the requested optimization, which has ended.
     pub(super) fn answer_job(&mut self, answer: Result<OptimizeOutcome, EngineError>) {
         if let Some(job) = self.job.take() {
@@ -340,13 +353,14 @@ impl Actor {
         running: &Running,
         solution: Solution,
     ) -> Result<OptimizeOutcome, EngineError> {
-        let Solution { moved, certificate, counts, proof } = solution;
+        let Solution { moved, certificate, counts, proof, rebuilt } = solution;
         let costs = (certificate.solve.initial_cost, certificate.solve.final_cost);
         if costs.1.is_finite() {
             let covered = self.solving.schedule.preview(&running.triggers);
             let kind = running.kind;
             let solve = self.compute(move |map| applied(map, moved.solved(), kind, covered, costs));
-            let solve = solve.await;
+            let mut solve = solve.await;
+            solve.request = self.solving.request_of(running);
             if let Err(error) = self.commit(None, Change::SolveApplied { solve }).await {
                 tracing::warn!(%error, solve = running.id, "a solve could not be applied");
                 self.ingest.end_all(&error);
@@ -365,7 +379,15 @@ impl Actor {
             false => Vec::new(),
         };
         let (revision, solve_id) = (self.map.revision(), running.id);
-        Ok(OptimizeOutcome { certificate, revision, solve_id, counts, proof, switched_off })
+        Ok(OptimizeOutcome {
+            certificate,
+            revision,
+            solve_id,
+            counts,
+            proof,
+            switched_off,
+            rebuilt,
+        })
     }
 }
 

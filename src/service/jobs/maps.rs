@@ -12,18 +12,23 @@ use covis_solvers::io::trajectory::Trajectory;
 use serde_json::json;
 use tokio::sync::mpsc;
 
-use super::progress::TimeLeft;
+use super::progress::{StagesLeft, TimeLeft};
 use super::run::{Made, Run, add_file, next_output, pause};
 use super::{JobError, report};
 use crate::evaluation::{EvaluationError, ape, rpe};
-use crate::map::{ClientIndex, Map, Reason};
+use crate::map::{ClientIndex, LastRequest, Map, Reason};
 use crate::service::access::change;
 use crate::service::context::{Context, Rpcs};
 use crate::service::convert::geometry::to_rigid_transform;
 use crate::service::convert::map::{to_counts, to_map};
-use crate::service::convert::solve::to_iteration;
+use crate::service::convert::solve::{
+    to_certificate, to_iteration, to_iterations, to_reconstruction,
+};
 use crate::service::convert::{Path as FieldPath, convert, count, merge as merging, trajectory};
-use crate::service::engine::{Compacted, EngineError, MapHandle, MergeOutcome, Resource};
+use crate::service::engine::{
+    Compacted, EngineError, MapHandle, MergeOutcome, OptimizeOptions, OptimizeOutcome,
+    OptimizeProblem, Resource, SolveStep,
+};
 use crate::service::error::ServiceError;
 use crate::service::export::{Export, Format, GraphLines, format};
 use crate::service::optimization_service::{map_options, to_result};
@@ -42,40 +47,102 @@ impl Run<'_> {
     }
 }
 
-/// `OptimizeMap`.
-pub(super) async fn optimize(
+/// What a solve of a map came to.
+enum SolvedMap {
+    Now(Box<OptimizeOutcome>),
+    /// An earlier attempt applied it, and the server ended before its result was written down.
+    Before(LastRequest),
+}
+
+/// What is said where the certificate of a solve is lost.
+const LOST: &str = "applied before the server ended; of its certificate only the costs are kept";
+
+/// The certificate of a solve that an earlier attempt applied, and its report.
+fn lost(map_id: &str, applied: &LastRequest) -> (v1::SolveSummary, serde_json::Value) {
+    let LastRequest { revision, initial_cost, final_cost, .. } = *applied;
+    let description = LOST.to_owned();
+    let summary = v1::SolveSummary { initial_cost, final_cost, description, ..Default::default() };
+    let report = json!({
+        "map": map_id,
+        "revision": revision,
+        "initial_cost": initial_cost,
+        "final_cost": final_cost,
+        "note": LOST,
+    });
+    (summary, report)
+}
+
+/// Solves a map as soon as no call does, once for each job; `on_step` sees its steps.
+async fn solved(
     run: &Run<'_>,
-    request: &v1::OptimizeMapRequest,
-) -> Result<Made, ServiceError> {
-    let (context, cancellation) = (run.context, &run.entry.cancellation);
-    let threads = context.maps.pool().threads();
-    let (map_id, options) = map_options(request, threads, None)?;
-    let most = options.optimizer.max_iterations;
-    let (outcome, rows) = loop {
-        let map = run.map(&map_id)?;
-        run.phase("optimizes the map");
-        let (progress, mut rows) = mpsc::channel(16);
-        let mut all = Vec::new();
+    (map_id, options): (&str, OptimizeOptions),
+    phase: &str,
+    mut on_step: impl FnMut(SolveStep),
+) -> Result<SolvedMap, ServiceError> {
+    let request = run.entry.uid;
+    loop {
+        let map = run.map(map_id)?;
+        let last = map.snapshot().await?.last_request().copied();
+        if let Some(applied) = last.filter(|last| last.id == request) {
+            return Ok(SolvedMap::Before(applied));
+        }
+        run.phase(phase);
+        let (progress, mut steps) = mpsc::channel(16);
         let telling = async {
-            let mut left = TimeLeft::new(most);
-            while let Some(row) = rows.recv().await {
-                let time_left_s = left.after(&row);
-                let row = to_iteration(&row);
-                all.push(row);
-                run.tell(|progress| {
-                    progress.iteration = Some(row);
-                    progress.time_left_s = time_left_s;
-                });
+            while let Some(step) = steps.recv().await {
+                on_step(step);
             }
         };
-        let solving = map.optimize_unless(Arc::clone(cancellation), options, progress);
+        let cancellation = Arc::clone(&run.entry.cancellation);
+        let solving = map.optimize_unless(cancellation, request, options, progress);
         match tokio::join!(solving, telling).0 {
             // By a call, which ends by itself.
             Err(EngineError::OptimizationRunning { .. }) => {
                 run.phase("waits for another optimization of the map");
                 pause().await;
             }
-            outcome => break (outcome?, all),
+            outcome => {
+                let outcome = outcome?;
+                if run.context.config.holds("hold-applied") {
+                    run.phase("held by a test");
+                    std::future::pending::<()>().await;
+                }
+                return Ok(SolvedMap::Now(Box::new(outcome)));
+            }
+        }
+    }
+}
+
+/// `OptimizeMap`.
+pub(super) async fn optimize(
+    run: &Run<'_>,
+    request: &v1::OptimizeMapRequest,
+) -> Result<Made, ServiceError> {
+    let threads = run.context.maps.pool().threads();
+    let (map_id, options) = map_options(request, threads, None)?;
+    let mut rows = Vec::new();
+    let mut left = TimeLeft::new(options.optimizer.max_iterations);
+    let on_step = |step| {
+        let SolveStep::Iteration(row) = step else { return };
+        let time_left_s = left.after(&row);
+        let row = to_iteration(&row);
+        rows.push(row);
+        run.tell(|progress| {
+            progress.iteration = Some(row);
+            progress.time_left_s = time_left_s;
+        });
+    };
+    let outcome = match solved(run, (&map_id, options), "optimizes the map", on_step).await? {
+        SolvedMap::Now(outcome) => outcome,
+        SolvedMap::Before(applied) => {
+            let (summary, report) = lost(&map_id, &applied);
+            let result = v1::OptimizeMapResult {
+                revision: applied.revision,
+                summary: Some(summary),
+                ..v1::OptimizeMapResult::default()
+            };
+            let costs = Some((applied.initial_cost, applied.final_cost));
+            return Ok(Made { result: Kind::OptimizeMap(result), costs, report });
         }
     };
     let result = to_result(&outcome);
@@ -92,6 +159,44 @@ pub(super) async fn optimize(
     });
     report::join(&mut report, report::solve(result.summary.as_ref(), &rows));
     Ok(Made { result: Kind::OptimizeMap(result), costs, report })
+}
+
+/// Poses and landmarks anew, from observations alone.
+pub(super) async fn rebuild(run: &Run<'_>, map_id: &str) -> Result<Made, ServiceError> {
+    let options = OptimizeOptions { problem: OptimizeProblem::Rebuild, ..Default::default() };
+    let mut stages = StagesLeft::default();
+    let on_step = |step| {
+        if let SolveStep::Reconstruction(step) = step {
+            run.tell(|progress| stages.show(&step, "rebuilds the map", progress));
+        }
+    };
+    let outcome = match solved(run, (map_id, options), "rebuilds the map", on_step).await? {
+        SolvedMap::Now(outcome) => outcome,
+        SolvedMap::Before(applied) => {
+            let (summary, report) = lost(map_id, &applied);
+            let result = v1::ReconstructResult {
+                revision: applied.revision,
+                summary: Some(summary),
+                ..v1::ReconstructResult::default()
+            };
+            let costs = Some((applied.initial_cost, applied.final_cost));
+            return Ok(Made { result: Kind::Reconstruct(result), costs, report });
+        }
+    };
+    let summary = to_certificate(&outcome.certificate);
+    let costs = Some((summary.initial_cost, summary.final_cost));
+    let mut report = json!({ "map": map_id, "revision": outcome.revision });
+    let reconstruction = outcome.rebuilt.as_ref().map(to_reconstruction);
+    report::join(&mut report, report::reconstruction(reconstruction.as_ref()));
+    let rows = to_iterations(&outcome.certificate.solve, true);
+    report::join(&mut report, report::solve(Some(&summary), &rows));
+    let result = Kind::Reconstruct(v1::ReconstructResult {
+        revision: outcome.revision,
+        summary: Some(summary),
+        reconstruction,
+        problems: Vec::new(),
+    });
+    Ok(Made { result, costs, report })
 }
 
 /// `MergeMaps`.
@@ -297,11 +402,7 @@ pub(super) async fn export(
         (size, export) = written.await?;
         sizes.insert(path.clone(), size);
         let size_bytes = i64::try_from(size).unwrap_or(i64::MAX);
-        let _exclusive = run.entry.exclusive().await;
-        let change = run.entry.change(&run.context.jobs.files, |job, _| {
-            add_file(job, path.clone(), size_bytes);
-        });
-        change.await?;
+        run.change(|job, _| add_file(job, path.clone(), size_bytes)).await?;
         run.tell(|progress| progress.share = Some((done + 1) as f64 / all as f64));
     }
     drop(place);
@@ -319,6 +420,5 @@ async fn forget_files(run: &Run<'_>) -> Result<(), ServiceError> {
     if run.entry.job().files.is_empty() {
         return Ok(());
     }
-    let _exclusive = run.entry.exclusive().await;
-    Ok(run.entry.change(&run.context.jobs.files, |job, _| job.files.clear()).await?)
+    run.change(|job, _| job.files.clear()).await
 }

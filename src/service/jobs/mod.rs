@@ -1,8 +1,9 @@
 //! Jobs: work that outlives a call, and survives the server where maps are kept on disk.
 //!
 //! A job is on disk before its creation is answered, and each change of its state before it is shown.
-//! A restart begins again with what ran: a solve gives the same bits as one that was not cut off, and
-//! what a job has finished of several problems is not solved again
+//! A restart begins again with what ran: a solve gives the same bits as one that was not cut off. What a
+//! job has finished of several problems is not solved again, and a bundle adjustment of files goes on from
+//! its last checkpoint
 //! ([decision 0030](../../../docs/decisions/0030-jobs.md)).
 //!
 //! | file | role |
@@ -14,11 +15,13 @@
 //! | `run` | one job from its begin to its end |
 //! | `maps` | the work on maps: optimizing, compacting, merging, exporting, evaluating |
 //! | `problems` | the work on problem files |
+//! | `checkpoints` | solves of problem files on their way |
 //! | `progress` | how much longer a solve takes |
 //! | `report` | what is kept of a job's work as JSON |
 //!
 //! No mathematics here: solves are those of the engine and of the solver crate.
 
+mod checkpoints;
 mod download;
 mod entry;
 mod error;
@@ -57,6 +60,7 @@ pub(super) use entry::is_ended;
 pub(in crate::service) use error::JobError;
 pub(super) use meters::JobMeters;
 pub(super) use schedule::serve;
+pub(crate) use spec::{kind, maps_of};
 
 /// Jobs of a server.
 pub(super) struct Jobs {
@@ -395,7 +399,9 @@ impl Jobs {
             Ok(files.retain(&uid, |file| match file {
                 JobFile::Record => true,
                 JobFile::Output(number) => number < outputs,
-                JobFile::Upload | JobFile::Input(_) | JobFile::Part(_) => false,
+                JobFile::Upload | JobFile::Input(_) | JobFile::Part(_) | JobFile::Checkpoint(_) => {
+                    false
+                }
             })?)
         });
         if let Err(error) = removed.await {

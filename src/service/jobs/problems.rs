@@ -1,40 +1,44 @@
-//! The work of jobs on problem files: bundle adjustment of BAL files and COLMAP models, pose graphs of
-//! g2o files, as `covis solve` does by default.
+//! The work of jobs on problem files: bundle adjustment of BAL files and COLMAP models, after a
+//! reconstruction where one is asked for, and pose graphs of g2o files, as `covis solve` does by default.
 //!
 //! Files are read from the job's own, one problem at a time. A bundle is not interrupted inside of an
 //! iteration: a large dense factorization that may be interrupted rounds in another order, and the cost
 //! is to be that of `covis solve` to the last digit. A problem that is solved is written down, so that a
-//! restart does not solve it again.
+//! restart does not solve it again; one on its way goes on from its last checkpoint.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use covis_solvers::bundle_adjustment;
+use covis_solvers::bundle_adjustment::{self, solve_kept};
 use covis_solvers::evaluation::{ReferencePose, bundle_cost};
-use covis_solvers::geometry::RigidMotion;
+use covis_solvers::geometry::{LieGroup, RigidMotion, Se3};
 use covis_solvers::graph_optimization::{self, optimize};
 use covis_solvers::initialization::Start;
+use covis_solvers::interrupt::Interrupt;
 use covis_solvers::io::IoError;
 use covis_solvers::io::bal::BalFile;
 use covis_solvers::io::colmap::{ColmapEncoding, ColmapModel, ColmapProblem};
 use covis_solvers::io::g2o::G2oGraph;
-use covis_solvers::optimizer::{self, Control, IterationSummary};
+use covis_solvers::optimizer::{self, Control};
 use covis_solvers::pose_graph;
 use covis_solvers::price::{Ceiling, Price};
-use covis_solvers::problem::{PoseGraph, SolveError};
+use covis_solvers::problem::{BundleProblem, PoseGraph, SolveError};
+use covis_solvers::reconstruction::{self, Progress, reconstruct};
 use serde_json::{Value, json};
 
-use super::progress::TimeLeft;
+use super::checkpoints::Checkpoints;
+use super::progress::{StagesLeft, TimeLeft};
 use super::run::{Made, Run, add_file, next_output};
 use super::uploads::number;
 use super::{JobError, report};
 use crate::service::convert::count;
 use crate::service::convert::solve::{
-    add_costs, to_iteration, to_iterations, to_linear_solver, to_summary,
+    add_costs, to_iteration, to_iterations, to_linear_solver, to_reconstruction, to_summary,
 };
-use crate::service::engine::{Cancellation, Estimate};
+use crate::service::engine::{Cancellation, Estimate, Rebuilt, SolveStep};
 use crate::service::error::ServiceError;
+use crate::service::graph_solve::to_graph_summary;
 use crate::store::{JobFile, JobUpload};
 use crate::wire::v1;
 use v1::job_result::Result as Kind;
@@ -65,6 +69,7 @@ enum Source {
 /// What one problem gave.
 struct Solved {
     summary: v1::SolveSummary,
+    reconstruction: Option<v1::Reconstruction>,
     report: Value,
     /// The solved problem, if it is kept, by the names of its files.
     files: Vec<(String, Vec<u8>)>,
@@ -127,11 +132,47 @@ fn problems(upload: &JobUpload, kind: v1::ProblemFileKind) -> Vec<(String, Probl
     found
 }
 
+/// How problems are solved.
+#[derive(Clone, Copy)]
+struct How {
+    /// Whether solutions are kept as files.
+    keep: bool,
+    /// Whether poses and points are reconstructed first.
+    rebuild: bool,
+}
+
+/// What several problems gave: each of them, costs, reports.
+type AllSolved = (Vec<v1::SolvedProblem>, Option<(f64, f64)>, Value);
+
 /// Solves the files of an upload.
 pub(super) async fn solve(run: &Run<'_>, spec: &v1::SolveFilesSpec) -> Result<Made, ServiceError> {
-    let missing = || JobError::UploadNotFound { upload: spec.upload_id.clone() };
+    let how = How { keep: spec.keep_solutions, rebuild: false };
+    let (problems, costs, report) = solve_all(run, &spec.upload_id, spec.kind(), how).await?;
+    let result = Kind::SolveFiles(v1::SolveFilesResult { problems });
+    Ok(Made { result, costs, report })
+}
+
+/// Reconstructs the files of an upload, and solves what was found.
+pub(super) async fn rebuild(
+    run: &Run<'_>,
+    spec: &v1::ReconstructSpec,
+) -> Result<Made, ServiceError> {
+    let how = How { keep: spec.keep_solutions, rebuild: true };
+    let kind = v1::ProblemFileKind::Bundle;
+    let (problems, costs, report) = solve_all(run, &spec.upload_id, kind, how).await?;
+    let result = v1::ReconstructResult { problems, ..v1::ReconstructResult::default() };
+    Ok(Made { result: Kind::Reconstruct(result), costs, report })
+}
+
+async fn solve_all(
+    run: &Run<'_>,
+    upload_id: &str,
+    kind: v1::ProblemFileKind,
+    how: How,
+) -> Result<AllSolved, ServiceError> {
+    let missing = || JobError::UploadNotFound { upload: upload_id.to_owned() };
     let upload = run.entry.upload.clone().ok_or_else(missing)?;
-    let problems = problems(&upload, spec.kind());
+    let problems = problems(&upload, kind);
     let mut done = match run.entry.done().result {
         Some(Kind::SolveFiles(done)) => done.problems,
         _ => Vec::new(),
@@ -156,8 +197,9 @@ pub(super) async fn solve(run: &Run<'_>, spec: &v1::SolveFilesSpec) -> Result<Ma
                 ..v1::JobProgress::default()
             };
         });
-        let Solved { summary, mut report, files } =
-            one(run, (&path, &problem), &upload, spec.keep_solutions).await?;
+        let kept = Checkpoints::new(run.context, run.entry, number(index));
+        let Solved { summary, reconstruction, mut report, files } =
+            one(run, (&path, &problem), &upload, (how, kept)).await?;
         report["path"] = json!(path);
         let bytes = serde_json::to_vec(&report).unwrap_or_default();
         run.write(JobFile::Part(number(index)), bytes).await?;
@@ -169,13 +211,12 @@ pub(super) async fn solve(run: &Run<'_>, spec: &v1::SolveFilesSpec) -> Result<Ma
             add_file(&mut shown, path.clone(), size);
             kept.push((path, size));
         }
-        done.push(v1::SolvedProblem { path, summary: Some(summary) });
+        done.push(v1::SolvedProblem { path, summary: Some(summary), reconstruction });
         reports.push(report);
-        let _exclusive = run.entry.exclusive().await;
         let result = Kind::SolveFiles(v1::SolveFilesResult { problems: done.clone() });
-        let change = run.entry.change(&run.context.jobs.files, |job, done| {
-            kept.into_iter().for_each(|(path, size)| add_file(job, path, size));
-            done.result = Some(result);
+        let change = run.change(|job, done| {
+            kept.iter().for_each(|(path, size)| add_file(job, path.clone(), *size));
+            done.result = Some(result.clone());
         });
         change.await?;
     }
@@ -187,8 +228,7 @@ pub(super) async fn solve(run: &Run<'_>, spec: &v1::SolveFilesSpec) -> Result<Ma
         Ok([report]) => report,
         Err(reports) => json!({ "problems": reports }),
     };
-    let result = Kind::SolveFiles(v1::SolveFilesResult { problems: done });
-    Ok(Made { result, costs, report })
+    Ok((done, costs, report))
 }
 
 /// The report of a problem that an earlier attempt solved.
@@ -205,7 +245,7 @@ async fn one(
     run: &Run<'_>,
     (path, problem): (&str, &Problem),
     upload: &JobUpload,
-    keep: bool,
+    (how, mut kept): (How, Checkpoints),
 ) -> Result<Solved, ServiceError> {
     let source = read(run, problem, upload).await?;
     let ceiling = run.context.config.engine.ceiling();
@@ -214,20 +254,25 @@ async fn one(
     let entry = Arc::clone(run.entry);
     let context = Arc::clone(run.context);
     let mut left = TimeLeft::new(MOST_ITERATIONS);
-    let mut tell = move |row: &IterationSummary| {
-        let time_left_s = left.after(row);
-        let iteration = Some(to_iteration(row));
-        entry.progress(context.jobs.now_ns(), |progress| {
-            progress.iteration = iteration;
-            progress.time_left_s = time_left_s;
+    let mut stages = StagesLeft::default();
+    let path = path.to_owned();
+    let (rebuilds, solves) = (format!("rebuilds {path}"), format!("solves {path}"));
+    let mut tell = move |step: &SolveStep| {
+        entry.progress(context.jobs.now_ns(), |progress| match step {
+            SolveStep::Iteration(row) => {
+                let time_left_s = left.after(row);
+                progress.phase.clone_from(&solves);
+                progress.iteration = Some(to_iteration(row));
+                progress.time_left_s = time_left_s;
+            }
+            SolveStep::Reconstruction(step) => stages.show(step, &rebuilds, progress),
         });
     };
-    let path = path.to_owned();
     match source {
         Source::Graph(graph) => {
             let estimate = graph_estimate(&graph, &ceiling).map_err(bad_file)?;
             let work =
-                move || solve_graph(*graph, (&path, keep), ceiling, &cancellation, &mut tell);
+                move || solve_graph(*graph, (&path, how.keep), ceiling, &cancellation, &mut tell);
             pooled(run, estimate, work).await
         }
         source @ (Source::Bal(_) | Source::Colmap(..)) => {
@@ -238,7 +283,8 @@ async fn one(
             let bound = bundle_adjustment::price_bound(&problem.problem);
             let estimate = Estimate::new(bound, MOST_ITERATIONS, &ceiling);
             let work = move || {
-                solve_bundle((source, problem), (&path, keep), ceiling, &cancellation, &mut tell)
+                let problem = (source, problem);
+                solve_bundle(problem, (&path, how), &mut kept, ceiling, &cancellation, &mut tell)
             };
             pooled(run, estimate, work).await
         }
@@ -368,12 +414,29 @@ fn unsolvable(error: SolveError) -> ServiceError {
 
 fn solve_bundle(
     (mut source, mut solved): (Source, ColmapProblem),
-    (path, keep): (&str, bool),
+    (path, how): (&str, How),
+    kept: &mut Checkpoints,
     ceiling: Ceiling,
     cancellation: &Cancellation,
-    tell: &mut (dyn FnMut(&IterationSummary) + Send),
+    tell: &mut (dyn FnMut(&SolveStep) + Send),
 ) -> Result<Solved, ServiceError> {
+    let control = || match cancellation.is_canceled() {
+        true => Control::Cancel,
+        false => Control::Continue,
+    };
+    let images = &solved.image_ids;
+    let id = |pose: usize| images.get(pose).map_or(pose as i64, |&image| image.into());
     let bundle = &mut solved.problem;
+    let reconstruction = match how.rebuild {
+        false => None,
+        true => {
+            let mut step = |step: &Progress| {
+                tell(&SolveStep::Reconstruction(*step));
+                control()
+            };
+            Some(reconstructed(bundle, ceiling, id, &mut step)?)
+        }
+    };
     let before = bundle_cost(bundle);
     let behind_at_start = bundle.behind_camera_count();
     let optimizer = optimizer::Options {
@@ -382,9 +445,10 @@ fn solve_bundle(
         ..optimizer::Options::default()
     };
     let options = bundle_adjustment::Options { optimizer, ..bundle_adjustment::Options::default() };
-    let solve = bundle_adjustment::solve(bundle, &options, &mut |row| {
-        tell(row);
-        if cancellation.is_canceled() { Control::Cancel } else { Control::Continue }
+    let from = kept.last();
+    let solve = solve_kept(bundle, &options, from.as_ref(), kept, &mut |row| {
+        tell(&SolveStep::Iteration(*row));
+        control()
     });
     let solve = solve.map_err(unsolvable)?;
     let after = bundle_cost(bundle);
@@ -404,9 +468,31 @@ fn solve_bundle(
         "behind_camera_at_start": behind_at_start,
         "behind_camera_observations": solve.behind_camera,
     });
+    report::join(&mut document, report::reconstruction(reconstruction.as_ref()));
     report::join(&mut document, report::solve(Some(&summary), &to_iterations(&solve.solve, true)));
-    let files = if keep { source.files(&solved, path).map_err(bad_file)? } else { Vec::new() };
-    Ok(Solved { summary, report: document, files })
+    let files = if how.keep { source.files(&solved, path).map_err(bad_file)? } else { Vec::new() };
+    Ok(Solved { summary, reconstruction, report: document, files })
+}
+
+/// Puts poses and points that are found from the observations in place of those of a file, and leaves out
+/// the observations that do not agree, as `covis solve bundle --rebuild` does.
+fn reconstructed(
+    bundle: &mut BundleProblem,
+    ceiling: Ceiling,
+    id: impl Fn(usize) -> i64,
+    step: &mut reconstruction::Observer<'_>,
+) -> Result<v1::Reconstruction, ServiceError> {
+    bundle.poses.fill(Se3::identity());
+    bundle.landmarks.fill(Default::default());
+    let options = reconstruction::Options {
+        optimizer: optimizer::Options { ceiling, ..optimizer::Options::default() },
+        ..reconstruction::Options::default()
+    };
+    let found = reconstruct(bundle, &options, &Interrupt::NEVER, step).map_err(unsolvable)?;
+    let rebuilt = Rebuilt::new(&found, bundle, |pose| (String::new(), id(pose)));
+    let rebuilt = rebuilt.map_err(unsolvable)?;
+    found.apply_to(bundle);
+    Ok(to_reconstruction(&rebuilt))
 }
 
 /// The expected cost of a graph's solve.
@@ -423,7 +509,7 @@ fn solve_graph(
     (path, keep): (&str, bool),
     ceiling: Ceiling,
     cancellation: &Cancellation,
-    tell: &mut (dyn FnMut(&IterationSummary) + Send),
+    tell: &mut (dyn FnMut(&SolveStep) + Send),
 ) -> Result<Solved, ServiceError> {
     let has_poses = file.has_vertices();
     let (group, solved) = match &mut file {
@@ -444,7 +530,7 @@ fn solve_graph(
     document["group"] = json!(group);
     report::join(&mut document, report::solve(Some(&summary), &rows));
     let files = if keep { vec![(kept_path(path), file.to_bytes())] } else { Vec::new() };
-    Ok(Solved { summary, report: document, files })
+    Ok(Solved { summary, reconstruction: None, report: document, files })
 }
 
 fn optimize_graph<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const N: usize>(
@@ -452,7 +538,7 @@ fn optimize_graph<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const
     has_poses: bool,
     ceiling: Ceiling,
     cancellation: &Cancellation,
-    tell: &mut (dyn FnMut(&IterationSummary) + Send),
+    tell: &mut (dyn FnMut(&SolveStep) + Send),
 ) -> Result<(v1::SolveSummary, Value, Vec<v1::IterationSummary>), ServiceError> {
     let marked = graph.constant.contains(&true);
     if !marked {
@@ -464,18 +550,11 @@ fn optimize_graph<G: ReferencePose<N> + RigidMotion<D, N>, const D: usize, const
     options.optimizer.ceiling = ceiling;
     let interrupt = cancellation.interrupt();
     let solved = optimize(graph, has_poses, &options, &interrupt, &mut |row| {
-        tell(row);
+        tell(&SolveStep::Iteration(*row));
         Control::Continue
     });
     let solved = solved.map_err(unsolvable)?;
-    let mut summary = to_summary(&solved.solve, options.optimizer.method);
-    add_costs(&mut summary, &solved.before, &solved.after);
-    summary.linear_solver = v1::LinearSolver::SparseCholesky.into();
-    let gauge = if marked { v1::Gauge::FixedPoses } else { v1::Gauge::FirstKeyframeFixed };
-    summary.gauge = gauge.into();
-    let free = graph.constant.iter().filter(|&&constant| !constant).count();
-    summary.free_pose_count = count(free);
-    summary.fixed_pose_count = count(graph.constant.len() - free);
+    let summary = to_graph_summary(graph, &solved, &options.optimizer, marked);
     let document = json!({
         "problem": "pose-graph",
         "format": "g2o",

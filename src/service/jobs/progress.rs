@@ -1,4 +1,4 @@
-//! How much longer a solve takes, judged by its iterations so far.
+//! How much longer a solve takes, judged by its iterations so far, and a reconstruction by its stages.
 //!
 //! Near the optimum each step lowers the cost by about the same share of the step before; the solve ends
 //! where a step lowers it by less than the tolerance of the cost. Farther away, or where steps are
@@ -6,6 +6,60 @@
 //! bound.
 
 use covis_solvers::optimizer::{IterationSummary, Options};
+use covis_solvers::reconstruction::{Progress, Stage};
+
+use crate::service::convert::small;
+use crate::wire::v1;
+
+/// The stages of a reconstruction with the share of the time that each ends at, as measured on maps of some
+/// hundred keyframes. A stage may be much longer in another map: the share is a rough one.
+const STAGES: [(Stage, f64); 6] = [
+    (Stage::ViewGraph, 0.02),
+    (Stage::RelativePoses, 0.40),
+    (Stage::Rotations, 0.42),
+    (Stage::Positions, 0.60),
+    (Stage::Adjustment, 0.95),
+    (Stage::Resection, 0.97),
+];
+
+/// How far a reconstruction is. Its stages come in turns near the end, so that the share stays where it is
+/// rather than to fall.
+#[derive(Default)]
+pub(super) struct StagesLeft {
+    share: f64,
+}
+
+impl StagesLeft {
+    /// Share of the work that is done, and seconds that are left; none before there is a share.
+    fn after(&mut self, step: &Progress) -> (f64, Option<f64>) {
+        let mut begin = 0.0;
+        for (stage, end) in STAGES {
+            if stage == step.stage {
+                let done = step.done as f64 / step.total.max(1) as f64;
+                self.share = self.share.max(begin + (end - begin) * done.min(1.0));
+            }
+            begin = end;
+        }
+        let left = (self.share > 0.0).then(|| step.seconds * (1.0 - self.share) / self.share);
+        (self.share, left)
+    }
+
+    /// Shows a step as the progress of a job that does `what`.
+    pub(super) fn show(&mut self, step: &Progress, what: &str, progress: &mut v1::JobProgress) {
+        let &Progress { stage, done, total, cost, seconds } = step;
+        let (share, time_left_s) = self.after(step);
+        let (name, unit) = (stage.name(), stage.unit());
+        progress.phase = format!("{what}: {name}, {done} of {total} {unit}");
+        progress.share = Some(share);
+        progress.time_left_s = time_left_s;
+        progress.iteration = cost.map(|cost| v1::IterationSummary {
+            iteration: small(done),
+            cost,
+            elapsed_us: (seconds * 1e6) as i64,
+            ..v1::IterationSummary::default()
+        });
+    }
+}
 
 /// The estimate for one solve.
 pub(super) struct TimeLeft {
@@ -57,6 +111,22 @@ mod tests {
             step_norm: 0.0,
             step_quality: 1.0,
         }
+    }
+
+    #[test]
+    fn the_share_of_a_reconstruction_rises_while_its_stages_take_turns() {
+        let mut left = StagesLeft::default();
+        let mut step = |stage, done, seconds| {
+            left.after(&Progress { stage, done, total: 10, cost: None, seconds })
+        };
+        assert_eq!(step(Stage::ViewGraph, 0, 0.0), (0.0, None));
+        let (share, time) = step(Stage::RelativePoses, 5, 21.0);
+        assert!((share - 0.21).abs() < 1e-12 && (time.unwrap() - 79.0).abs() < 1e-9);
+        let (last, _) = step(Stage::Resection, 5, 40.0);
+        assert!(last > 0.95);
+        let (share, time) = step(Stage::Adjustment, 1, 48.0);
+        assert_eq!(share, last, "another adjustment after a resection");
+        assert!(time.unwrap() > 0.0);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //! The keys of a solve are those of `covis solve --json`; numbers have all their digits. Nothing is
 //! computed here.
 
+use covis_solvers::reconstruction::Scale;
 use serde_json::{Value, json};
 
 use crate::wire::v1;
@@ -33,6 +34,39 @@ pub(super) fn solve(summary: Option<&v1::SolveSummary>, rows: &[v1::IterationSum
         "linear_residual": summary.linear_residual,
         "residuals": residuals,
     })
+}
+
+/// The keys of a reconstruction: those of `rebuilt` in `covis solve --json`.
+pub(super) fn reconstruction(found: Option<&v1::Reconstruction>) -> Value {
+    let Some(found) = found else { return json!({}) };
+    let unplaced: Vec<Value> = found
+        .unplaced_keyframes
+        .iter()
+        .map(|keyframe| {
+            let client = Some(&keyframe.client_id).filter(|client| !client.is_empty());
+            json!({ "client": client, "id": keyframe.id, "reason": keyframe.reason })
+        })
+        .collect();
+    let scale = match found.length_unit() {
+        v1::LengthUnit::Unspecified => "",
+        v1::LengthUnit::Depth => Scale::Depth.name(),
+        v1::LengthUnit::RelativePoses => Scale::RelativePoses.name(),
+        v1::LengthUnit::Given => Scale::Given.name(),
+        v1::LengthUnit::Convention => Scale::Convention.name(),
+    };
+    json!({ "rebuilt": {
+        "keyframes": found.keyframe_count,
+        "placed": found.placed_keyframe_count,
+        "unplaced": unplaced,
+        "landmarks": found.landmark_count,
+        "placed_landmarks": found.placed_landmark_count,
+        "observations": found.observation_count,
+        "dropped_observations": found.observation_count - found.agreeing_observation_count,
+        "pairs": found.pair_count,
+        "measured_pairs": found.measured_pair_count,
+        "relative_poses": found.relative_pose_count,
+        "scale": scale,
+    }})
 }
 
 fn row(row: &v1::IterationSummary) -> Value {

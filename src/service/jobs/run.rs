@@ -5,6 +5,7 @@
 //! the threads that still work on it stop by themselves, and what they make is dropped. A bug ends the
 //! job and nothing else.
 
+use std::future::Future;
 use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -16,7 +17,7 @@ use tonic_types::StatusExt as _;
 
 use super::entry::{Entry, on_disk};
 use super::uploads::number;
-use super::{Context, maps, problems, spec};
+use super::{Context, JobError, maps, problems, spec};
 use crate::service::access::Caller;
 use crate::service::convert::time::timestamp;
 use crate::service::engine::EngineError;
@@ -31,6 +32,9 @@ pub(super) const REPORT: &str = "report.json";
 
 /// How long a job waits before it asks again for a disk that has no room, or a map that is busy.
 const PAUSE: Duration = Duration::from_millis(200);
+
+/// Phase of a job that waits for room on the disk.
+const WAITS_FOR_DISK: &str = "waits for the disk";
 
 /// What a job made.
 pub(super) struct Made {
@@ -74,18 +78,60 @@ impl Run<'_> {
         held.bytes.resize(amount)
     }
 
+    /// Works on files of the job. A full disk is waited for: the work of hours is not thrown away for
+    /// want of a few bytes, and what a map was given cannot be taken back.
+    ///
+    /// # Errors
+    /// Those of `work` but [`JobError::Unavailable`], and [`ServiceError::Draining`].
+    async fn patiently<F: Future<Output = Result<(), JobError>>>(
+        &self,
+        mut work: impl FnMut() -> F,
+    ) -> Result<(), ServiceError> {
+        loop {
+            match work().await {
+                Err(JobError::Unavailable { cause }) => {
+                    tracing::warn!(job = self.entry.id(), cause, "a job waits for the disk");
+                    self.phase(WAITS_FOR_DISK);
+                }
+                done => return Ok(done?),
+            }
+            tokio::select! {
+                () = pause() => {}
+                () = self.context.drained() => return Err(ServiceError::Draining),
+            }
+        }
+    }
+
     /// Writes a file of the job. It counts for the job once it is in the record.
     ///
     /// # Errors
-    /// RESOURCE_EXHAUSTED, [`super::JobError`].
+    /// RESOURCE_EXHAUSTED of the job's account, [`JobError`].
     pub(super) async fn write(&self, file: JobFile, bytes: Vec<u8>) -> Result<(), ServiceError> {
         self.reserve(bytes.len() as u64)?;
-        let uid = self.entry.uid;
-        let written = on_disk(&self.context.jobs.files, move |files| {
-            files.write(&uid, file, |out| out.write_all(&bytes))?;
-            Ok(())
-        });
-        Ok(written.await?)
+        let (uid, bytes) = (self.entry.uid, Arc::<[u8]>::from(bytes));
+        let write = || {
+            let bytes = Arc::clone(&bytes);
+            on_disk(&self.context.jobs.files, move |files| {
+                files.write(&uid, file, |out| out.write_all(&bytes))?;
+                Ok(())
+            })
+        };
+        self.patiently(write).await
+    }
+
+    /// Changes the job's record.
+    ///
+    /// # Errors
+    /// As [`Run::write`].
+    pub(super) async fn change(
+        &self,
+        change: impl Fn(&mut v1::Job, &mut v1::JobResult),
+    ) -> Result<(), ServiceError> {
+        let write = || async {
+            let _exclusive = self.entry.exclusive().await;
+            self.entry.change(&self.context.jobs.files, &change).await
+        };
+        self.patiently(write).await
     }
 
     async fn work(&self) -> Result<Made, ServiceError> {
@@ -96,6 +142,10 @@ impl Run<'_> {
             Some(Spec::EvaluateTrajectory(spec)) => maps::evaluate(self, spec).await,
             Some(Spec::ExportMap(request)) => maps::export(self, request).await,
             Some(Spec::SolveFiles(spec)) => problems::solve(self, spec).await,
+            Some(Spec::Reconstruct(spec)) if spec.map_id.is_empty() => {
+                problems::rebuild(self, spec).await
+            }
+            Some(Spec::Reconstruct(spec)) => maps::rebuild(self, &spec.map_id).await,
             Some(Spec::RebuildMap(_)) | None => Err(ServiceError::Unserved { what: "this kind" }),
         }
     }
@@ -114,12 +164,10 @@ impl Run<'_> {
             path: REPORT.to_owned(),
             size_bytes: crate::service::convert::count(size),
         };
-        let _exclusive = self.entry.exclusive().await;
-        let changed =
-            self.entry.change(&self.context.jobs.files, |job, _| match job.files.first_mut() {
-                Some(first) => *first = file,
-                None => job.files.push(file),
-            });
+        let changed = self.change(|job, _| match job.files.first_mut() {
+            Some(first) => *first = file.clone(),
+            None => job.files.push(file.clone()),
+        });
         changed.await?;
         Ok(made)
     }
@@ -199,7 +247,7 @@ pub(super) async fn run(context: &Arc<Context>, entry: &Arc<Entry>) {
         };
         let Err(error) = ended else { break };
         tracing::warn!(job = entry.id(), %error, "the end of a job could not be written");
-        run.phase("waits for the disk");
+        run.phase(WAITS_FOR_DISK);
         drop(exclusive);
         tokio::select! {
             () = pause() => {}

@@ -29,28 +29,37 @@ pub(super) struct Asked {
 }
 
 /// The kinds of jobs that are run, by the names of [`kind`].
-pub(super) const KINDS: [&str; 7] =
-    ["optimize-map", "optimize-pose-graph", "merge", "compact", "evaluate", "export", "solve"];
+pub(super) const KINDS: [&str; 8] = [
+    "optimize-map",
+    "optimize-pose-graph",
+    "merge",
+    "compact",
+    "evaluate",
+    "export",
+    "solve",
+    "rebuild",
+];
 
-/// The name of a spec's kind, for metrics and the log.
-pub(super) fn kind(spec: &v1::JobSpec) -> &'static str {
+/// The name of a spec's kind: on the command line, in metrics and in the log.
+pub(crate) fn kind(spec: &v1::JobSpec) -> &'static str {
     match &spec.spec {
         Some(Spec::OptimizeMap(request)) => match request.problem() {
             v1::MapProblem::PoseGraph => "optimize-pose-graph",
             v1::MapProblem::Full | v1::MapProblem::Unspecified => "optimize-map",
         },
         Some(Spec::MergeMaps(_)) => "merge",
-        Some(Spec::RebuildMap(_)) => "rebuild",
+        Some(Spec::RebuildMap(_)) => "rebuild-map",
         Some(Spec::CompactMap(_)) => "compact",
         Some(Spec::EvaluateTrajectory(_)) => "evaluate",
         Some(Spec::ExportMap(_)) => "export",
         Some(Spec::SolveFiles(_)) => "solve",
+        Some(Spec::Reconstruct(_)) => "rebuild",
         None => "unknown",
     }
 }
 
 /// The maps of a spec, as its tenant calls them.
-pub(super) fn maps_of(spec: &v1::JobSpec) -> Vec<&str> {
+pub(crate) fn maps_of(spec: &v1::JobSpec) -> Vec<&str> {
     match &spec.spec {
         Some(Spec::OptimizeMap(request)) => vec![&request.map_id],
         Some(Spec::MergeMaps(request)) => vec![&request.source_map_id, &request.target_map_id],
@@ -58,16 +67,19 @@ pub(super) fn maps_of(spec: &v1::JobSpec) -> Vec<&str> {
         Some(Spec::CompactMap(spec)) => vec![&spec.map_id],
         Some(Spec::EvaluateTrajectory(spec)) => vec![&spec.map_id],
         Some(Spec::ExportMap(request)) => vec![&request.map_id],
-        Some(Spec::SolveFiles(_)) | None => Vec::new(),
+        Some(Spec::Reconstruct(spec)) if !spec.map_id.is_empty() => vec![&spec.map_id],
+        Some(Spec::Reconstruct(_) | Spec::SolveFiles(_)) | None => Vec::new(),
     }
 }
 
 /// Whether a job with this spec changes its maps.
 fn changes(spec: &Spec) -> bool {
     match spec {
-        Spec::OptimizeMap(_) | Spec::MergeMaps(_) | Spec::RebuildMap(_) | Spec::CompactMap(_) => {
-            true
-        }
+        Spec::OptimizeMap(_)
+        | Spec::MergeMaps(_)
+        | Spec::RebuildMap(_)
+        | Spec::CompactMap(_)
+        | Spec::Reconstruct(_) => true,
         Spec::EvaluateTrajectory(_) | Spec::ExportMap(_) | Spec::SolveFiles(_) => false,
     }
 }
@@ -148,6 +160,30 @@ pub(super) fn read(
             })?;
             Ok(Asked { role: Role::Write, upload: Some(upload) })
         }
+        Spec::Reconstruct(spec) => {
+            let upload = convert(|out| reconstruction(at.field("reconstruct"), spec, out))?;
+            Ok(Asked { role: Role::Write, upload })
+        }
+    }
+}
+
+/// The upload of a reconstruction, if it is not of a map.
+fn reconstruction(
+    at: Path<'_>,
+    spec: &v1::ReconstructSpec,
+    out: &mut Violations,
+) -> Option<Option<String>> {
+    let of_upload = at.field("upload_id");
+    match (spec.map_id.as_str(), spec.upload_id.as_str()) {
+        ("", "") => out.missing(at.field("map_id")),
+        ("", id) => upload_id(of_upload, id, out).map(Some),
+        (map, "") if spec.keep_solutions => {
+            ids::name(at.field("map_id"), map, out)?;
+            let text = "a map keeps its solution itself";
+            out.report(at.field("keep_solutions"), Reason::Inconsistent, text)
+        }
+        (map, "") => ids::name(at.field("map_id"), map, out).map(|_name| None),
+        _ => out.report(of_upload, Reason::Inconsistent, "map_id is given too"),
     }
 }
 

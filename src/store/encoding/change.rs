@@ -13,7 +13,9 @@ use super::merging::{decode_merge, encode_merge};
 use super::places::{decode_search, encode_search};
 use super::v1::event::Change as Wire;
 use super::{EncodingError, required, v1};
-use crate::map::{AppliedSolve, Change, ClientIndex, Comparison, EntityId, Retired, SolveKind};
+use crate::map::{
+    AppliedSolve, Change, ClientIndex, Comparison, EntityId, RequestId, Retired, SolveKind,
+};
 use nalgebra::Vector3;
 
 type Decoded<T> = Result<T, EncodingError>;
@@ -273,6 +275,7 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
         covered,
         initial_cost,
         final_cost,
+        request,
     } = solve;
     let variance = |&(client, variance): &(ClientIndex, f64)| v1::ClosureVariance {
         client: client.0,
@@ -304,7 +307,13 @@ fn encode_solve(solve: &AppliedSolve) -> v1::SolveApplied {
         switched_on: switched_on.iter().copied().map(encode_id).collect(),
         closure_variances: closure_variances.iter().map(variance).collect(),
         left_frames: left_frames.iter().map(left_frame).collect(),
+        request: request.map(Vec::from).unwrap_or_default(),
     }
+}
+
+/// What asked for a solve.
+pub(super) fn decode_request(id: &[u8]) -> Decoded<RequestId> {
+    id.try_into().map_err(|_length| EncodingError::Invalid("what asked for a solve"))
 }
 
 fn decode_solve(solve: v1::SolveApplied) -> Decoded<AppliedSolve> {
@@ -338,5 +347,9 @@ fn decode_solve(solve: v1::SolveApplied) -> Decoded<AppliedSolve> {
         covered: solve.covered.into_iter().map(covered).collect(),
         initial_cost: f64::from_bits(solve.initial_cost),
         final_cost: f64::from_bits(solve.final_cost),
+        request: match &solve.request[..] {
+            [] => None,
+            id => Some(decode_request(id)?),
+        },
     })
 }

@@ -145,6 +145,7 @@ fn is_head(read: &MapParts, map: &Map) -> bool {
         && read.solve_count == map.solve_count()
         && read.duplicates == *map.duplicates()
         && read.adjustment_due == map.is_adjustment_due()
+        && read.last_request.as_ref() == map.last_request()
         && read.place_searches == *map.place_searches()
         && read.merged == map.merged()
         && read.clients.len() == map.clients().len()

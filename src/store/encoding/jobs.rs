@@ -1,9 +1,14 @@
-//! The record of a job, and what was uploaded for it, as bytes. What the parts of a record mean is known
-//! by their owner.
+//! The record of a job, what was uploaded for it, and a solve on its way, as bytes. What the parts of a
+//! record mean is known by their owner.
 
+use covis_solvers::bundle_adjustment::Checkpoint;
+use covis_solvers::optimizer::{IterationSummary, LoopState};
+use nalgebra::Vector3;
 use prost::Message;
 
+use super::entities::{decode_camera_set, decode_pose, encode_camera_set, encode_pose};
 use super::{EncodingError, decode, v1};
+use crate::map::{CameraEntity, ClientIndex, EntityId};
 use crate::store::job_files::{JobRecord, JobUpload};
 
 /// The bytes of a record.
@@ -43,4 +48,81 @@ pub(in crate::store) fn decode_upload(bytes: &[u8]) -> Result<JobUpload, Encodin
     let v1::JobUpload { tenant, create_time_s, files } = decode(bytes)?;
     let files = files.into_iter().map(|file| (file.path, file.size_bytes)).collect();
     Ok(JobUpload { tenant, create_time_s, files })
+}
+
+/// The bytes of a checkpoint.
+pub(in crate::store) fn encode_checkpoint(checkpoint: &Checkpoint) -> Vec<u8> {
+    let Checkpoint { state, poses, landmarks, cameras } = checkpoint;
+    let id = EntityId::new(ClientIndex(0), 0);
+    let camera =
+        |&camera: &_| encode_camera_set(id, &CameraEntity { camera, width_px: 0, height_px: 0 });
+    let message = v1::BundleCheckpoint {
+        initial_cost: state.initial_cost.to_bits(),
+        cost: state.cost.to_bits(),
+        damping: state.damping.to_bits(),
+        damping_growth: state.damping_growth.to_bits(),
+        stiffness: state.stiffness.map(f64::to_bits),
+        is_approaching: state.is_approaching,
+        linear_residual: state.linear_residual.to_bits(),
+        rows: state.rows.iter().map(encode_row).collect(),
+        poses: poses.iter().map(encode_pose).collect(),
+        landmarks: landmarks.iter().flat_map(|p| [p.x, p.y, p.z].map(f64::to_bits)).collect(),
+        cameras: cameras.iter().map(camera).collect(),
+    };
+    message.encode_to_vec()
+}
+
+/// The checkpoint in `bytes`.
+///
+/// # Errors
+/// As [`decode_job`].
+pub(in crate::store) fn decode_checkpoint(bytes: &[u8]) -> Result<Checkpoint, EncodingError> {
+    let message: v1::BundleCheckpoint = decode(bytes)?;
+    let state = LoopState {
+        initial_cost: f64::from_bits(message.initial_cost),
+        cost: f64::from_bits(message.cost),
+        damping: f64::from_bits(message.damping),
+        damping_growth: f64::from_bits(message.damping_growth),
+        stiffness: message.stiffness.map(f64::from_bits),
+        is_approaching: message.is_approaching,
+        linear_residual: f64::from_bits(message.linear_residual),
+        rows: message.rows.iter().map(decode_row).collect(),
+    };
+    let poses = message.poses.into_iter().map(|pose| decode_pose(Some(pose), "a pose"));
+    let (points, []) = message.landmarks.as_chunks::<3>() else {
+        return Err(EncodingError::Invalid("landmarks of a checkpoint"));
+    };
+    let cameras = message.cameras.into_iter().map(|set| Ok(decode_camera_set(set)?.1.camera));
+    Ok(Checkpoint {
+        state,
+        poses: poses.collect::<Result<_, EncodingError>>()?,
+        landmarks: points.iter().map(|p| Vector3::from(p.map(f64::from_bits))).collect(),
+        cameras: cameras.collect::<Result<_, EncodingError>>()?,
+    })
+}
+
+fn encode_row(row: &IterationSummary) -> v1::CheckpointRow {
+    v1::CheckpointRow {
+        iteration: row.iteration as u64,
+        cost: row.cost.to_bits(),
+        seconds: row.seconds.to_bits(),
+        accepted: row.accepted,
+        damping: row.damping.to_bits(),
+        gradient_max_norm: row.gradient_max_norm.to_bits(),
+        step_norm: row.step_norm.to_bits(),
+        step_quality: row.step_quality.to_bits(),
+    }
+}
+
+fn decode_row(row: &v1::CheckpointRow) -> IterationSummary {
+    IterationSummary {
+        iteration: usize::try_from(row.iteration).unwrap_or(usize::MAX),
+        cost: f64::from_bits(row.cost),
+        seconds: f64::from_bits(row.seconds),
+        accepted: row.accepted,
+        damping: f64::from_bits(row.damping),
+        gradient_max_norm: f64::from_bits(row.gradient_max_norm),
+        step_norm: f64::from_bits(row.step_norm),
+        step_quality: f64::from_bits(row.step_quality),
+    }
 }

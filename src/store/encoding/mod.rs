@@ -19,7 +19,10 @@ pub(super) use comparison::compare_map;
 pub(super) use event::{
     decode_event, decode_identity, decode_later_identity, encode_event, encode_identity,
 };
-pub(super) use jobs::{decode_job, decode_later_job, decode_upload, encode_job, encode_upload};
+pub(super) use jobs::{
+    decode_checkpoint, decode_job, decode_later_job, decode_upload, encode_checkpoint, encode_job,
+    encode_upload,
+};
 pub(super) use snapshot::{Joined, Parts, decode_map, encode_map};
 
 use std::sync::LazyLock;

@@ -7,6 +7,7 @@ use std::io::{Read, Write};
 
 use prost::Message;
 
+use super::change::decode_request;
 use super::clients::{decode_client, encode_client};
 use super::entities::{
     decode_camera_set, decode_constraint, decode_descriptor, decode_id, decode_kind,
@@ -20,7 +21,8 @@ use super::merging::{decode_merged, encode_merged};
 use super::places::{decode_pending, decode_search, encode_pending, encode_search};
 use super::{EncodingError, decode, decode_known, required, v1};
 use crate::map::{
-    ClientIndex, Content, Digest, EntityId, Keyframe, Landmark, Map, MapParts, Observers, Usage,
+    ClientIndex, Content, Digest, EntityId, Keyframe, Landmark, LastRequest, Map, MapParts,
+    Observers, Usage,
 };
 
 /// Entries of one kind in one part: what a part takes in memory is not to be seen beside a small map.
@@ -219,6 +221,12 @@ fn head(map: &Map) -> v1::MapHead {
         adjustment_due: map.is_adjustment_due(),
         unsolved_closures: map.place_searches().unsolved(),
         merged: map.merged().iter().map(encode_merged).collect(),
+        last_request: map.last_request().map(|request| v1::LastRequest {
+            id: request.id.to_vec(),
+            revision: request.revision,
+            initial_cost: request.initial_cost.to_bits(),
+            final_cost: request.final_cost.to_bits(),
+        }),
     }
 }
 
@@ -357,6 +365,15 @@ fn take_part(parts: &mut MapParts, part: v1::MapPart) -> Result<(), EncodingErro
         parts.solve_count = head.solve_count;
         parts.frozen = head.frozen;
         parts.adjustment_due = head.adjustment_due;
+        parts.last_request = match head.last_request {
+            None => None,
+            Some(request) => Some(LastRequest {
+                id: decode_request(&request.id)?,
+                revision: request.revision,
+                initial_cost: f64::from_bits(request.initial_cost),
+                final_cost: f64::from_bits(request.final_cost),
+            }),
+        };
         parts.place_searches.set_unsolved(head.unsolved_closures);
         parts.merged = head.merged.into_iter().map(decode_merged).collect::<Result<_, _>>()?;
     }

@@ -180,6 +180,7 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
             covered: vec![(ClientIndex(0), 3)],
             initial_cost: 1e9,
             final_cost: -0.0,
+            request: Some([7; 16]),
         },
     };
     let position = Information::new(&Matrix3::identity()).unwrap();

@@ -1,4 +1,4 @@
-//! Copies a data directory while a server may be writing to it, and proves that the copy opens.
+//! Copies the maps and jobs of a data directory while a server may be writing to it, and proves that the copy opens.
 //!
 //! A journal only grows at its end and a snapshot is written once. Files that are copied in the
 //! right order are therefore a map as it was at some moment: first the mark, which must not be
@@ -15,14 +15,15 @@ use std::path::Path;
 use super::disk::{Disk, RealDisk};
 use super::doctor::{MapCheckup, check_up_map, name_ambiguous};
 use super::folders::{self, Folder};
+use super::job_copies::copy_jobs;
 use super::{MARK, create_root, file_error};
 use crate::store::StoreError;
 
 /// How often the copy of a map is tried, and that of all. A try fails when the server replaces the map's
 /// files meanwhile, or takes the map away.
-const TRIES: usize = 5;
+pub(super) const TRIES: usize = 5;
 
-/// Copies every map of a data directory to `copy`, which must be missing or empty. Blocks.
+/// Copies every map and job of a data directory to `copy`, which must be missing or empty. Blocks.
 ///
 /// Each map holds at least what was durable when its copy began. Returns a checkup of each copy; a
 /// copy is damaged only if the original is.
@@ -49,6 +50,8 @@ pub(super) fn back_up_while(
         Ok(_) | Err(_) => {}
     }
     create_root(&RealDisk, copy)?;
+    // Before the maps: a job that a record shows as running is done again where its map lacks its result.
+    copy_jobs(directory, copy)?;
     let folder = copy.join("maps");
     for _ in 0..TRIES {
         if let Some(mut checkups) = copy_maps(&maps, &folder, &mut listed)? {
@@ -168,7 +171,7 @@ fn copy_files(from: &Path, to: &Path) -> Result<bool, StoreError> {
 }
 
 /// Copies a file; returns whether it still existed.
-fn copy_file(from: &Path, to: &Path) -> Result<bool, StoreError> {
+pub(super) fn copy_file(from: &Path, to: &Path) -> Result<bool, StoreError> {
     match RealDisk.read(from) {
         Ok(bytes) => put(to, &bytes).map(|()| true),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),

@@ -6,6 +6,7 @@
 //! DIR/jobs/UID/NUMBER.in        a file that was uploaded
 //! DIR/jobs/UID/NUMBER.out       a file that the job made
 //! DIR/jobs/UID/NUMBER.part      a part of its work that need not be done again
+//! DIR/jobs/UID/NUMBER.state     a solve on its way
 //! ```
 //!
 //! Each file is sealed: complete and durable under its name, or absent. No text of a client becomes a
@@ -172,23 +173,26 @@ impl JobFolders {
 fn kind_of(file: JobFile) -> Kind {
     match file {
         JobFile::Record => Kind::Job,
-        JobFile::Upload | JobFile::Input(_) | JobFile::Output(_) | JobFile::Part(_) => {
-            Kind::JobData
-        }
+        JobFile::Upload
+        | JobFile::Input(_)
+        | JobFile::Output(_)
+        | JobFile::Part(_)
+        | JobFile::Checkpoint(_) => Kind::JobData,
     }
 }
 
-fn name_of_file(file: JobFile) -> String {
+pub(super) fn name_of_file(file: JobFile) -> String {
     match file {
         JobFile::Record => "job".to_owned(),
         JobFile::Upload => "upload".to_owned(),
         JobFile::Input(number) => format!("{number:010}.in"),
         JobFile::Output(number) => format!("{number:010}.out"),
         JobFile::Part(number) => format!("{number:010}.part"),
+        JobFile::Checkpoint(number) => format!("{number:010}.state"),
     }
 }
 
-fn file_of(name: &str) -> Option<JobFile> {
+pub(super) fn file_of(name: &str) -> Option<JobFile> {
     let numbered = || {
         let (digits, extension) = name.split_once('.')?;
         let is_ours = digits.len() == 10 && digits.bytes().all(|byte| byte.is_ascii_digit());
@@ -197,6 +201,7 @@ fn file_of(name: &str) -> Option<JobFile> {
             "in" => Some(JobFile::Input(number)),
             "out" => Some(JobFile::Output(number)),
             "part" => Some(JobFile::Part(number)),
+            "state" => Some(JobFile::Checkpoint(number)),
             _ => None,
         }
     };

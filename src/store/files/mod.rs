@@ -36,6 +36,7 @@ mod failure;
 mod folders;
 #[cfg(any(test, feature = "fuzzing"))]
 pub(in crate::store) mod fuzzing;
+mod job_copies;
 mod jobs;
 mod journal;
 mod load;
@@ -47,6 +48,7 @@ mod writer;
 
 pub use self::backup::back_up;
 pub use self::doctor::{MapCheckup, check_up};
+pub use self::job_copies::{JobCheckup, check_up_jobs};
 pub(super) use self::jobs::JobFolders;
 
 use std::collections::BTreeMap;

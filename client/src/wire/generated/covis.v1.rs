@@ -7447,15 +7447,13 @@ impl ::prost::Name for JobFile {
 /// What a job does.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct JobSpec {
-    /// Required. Further kinds take numbers from 8 on; 8 is kept for maps that are built from raw
-    /// observations.
-    #[prost(oneof = "job_spec::Spec", tags = "1, 2, 3, 4, 5, 6, 7")]
+    /// Required. Further kinds take numbers from 9 on.
+    #[prost(oneof = "job_spec::Spec", tags = "1, 2, 3, 4, 5, 6, 7, 8")]
     pub spec: ::core::option::Option<job_spec::Spec>,
 }
 /// Nested message and enum types in `JobSpec`.
 pub mod job_spec {
-    /// Required. Further kinds take numbers from 8 on; 8 is kept for maps that are built from raw
-    /// observations.
+    /// Required. Further kinds take numbers from 9 on.
     #[derive(Clone, PartialEq, ::prost::Oneof)]
     pub enum Spec {
         /// Optimizes a map as OptimizationService.OptimizeMap does.
@@ -7479,6 +7477,9 @@ pub mod job_spec {
         /// Solves files that were uploaded.
         #[prost(message, tag = "7")]
         SolveFiles(super::SolveFilesSpec),
+        /// Finds poses and points anew, from observations alone.
+        #[prost(message, tag = "8")]
+        Reconstruct(super::ReconstructSpec),
     }
 }
 impl ::prost::Name for JobSpec {
@@ -7517,7 +7518,40 @@ impl ::prost::Name for SolveFilesSpec {
         "/covis.v1.SolveFilesSpec".into()
     }
 }
-/// Builds a map anew from its journal: all items again, all solves again. Not served yet.
+/// Finds poses and points anew from the observations of a map or of problem files: relative rotations,
+/// rotation averaging, global positioning, bundle adjustment over the observations that agree. The poses
+/// and points that are there are no start; constraints and priors are not used, but for odometry, which
+/// places keyframes that nothing else does and gives the scale where no depth was measured.
+///
+/// A map gets the result as from OptimizeMap. Its frame stays that of the poses that were there, by a fit
+/// that poses which are wrong do not pull at; its scale is that of measured depths, else of odometry, else
+/// of those poses. Keyframes that could not be placed keep their poses. The role is that of OptimizeMap.
+/// Files are BAL files and COLMAP models; what was found is then solved as with solve_files, without the
+/// observations that do not agree. A map or files whose keyframes cannot be placed at all fail the job.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct ReconstructSpec {
+    /// The map. Required, unless upload_id is given.
+    #[prost(string, tag = "1")]
+    pub map_id: ::prost::alloc::string::String,
+    /// The files, from UploadJobFiles; the job takes them. Required, unless map_id is given.
+    #[prost(string, tag = "2")]
+    pub upload_id: ::prost::alloc::string::String,
+    /// Whether the solved problems are kept as files in the formats in which they came. Default false.
+    #[prost(bool, tag = "3")]
+    pub keep_solutions: bool,
+}
+impl ::prost::Name for ReconstructSpec {
+    const NAME: &'static str = "ReconstructSpec";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.ReconstructSpec".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.ReconstructSpec".into()
+    }
+}
+/// Builds a map anew from its journal: all items again, all solves again. Not served: a journal that is
+/// longer than two snapshots has lost its first items.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct RebuildMapSpec {
     /// The map that is read. Required.
@@ -7651,7 +7685,7 @@ impl ::prost::Name for JobFailure {
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct JobResult {
     /// The same kind as the spec.
-    #[prost(oneof = "job_result::Result", tags = "1, 2, 3, 4, 5, 6, 7")]
+    #[prost(oneof = "job_result::Result", tags = "1, 2, 3, 4, 5, 6, 7, 8")]
     pub result: ::core::option::Option<job_result::Result>,
 }
 /// Nested message and enum types in `JobResult`.
@@ -7680,6 +7714,9 @@ pub mod job_result {
         /// See SolveFilesSpec.
         #[prost(message, tag = "7")]
         SolveFiles(super::SolveFilesResult),
+        /// See ReconstructSpec.
+        #[prost(message, tag = "8")]
+        Reconstruct(super::ReconstructResult),
     }
 }
 impl ::prost::Name for JobResult {
@@ -7735,6 +7772,9 @@ pub struct SolvedProblem {
     /// The certificate, as of SolveBundle or SolvePoseGraph.
     #[prost(message, optional, tag = "2")]
     pub summary: ::core::option::Option<SolveSummary>,
+    /// What was found from observations before the solve. ReconstructSpec only.
+    #[prost(message, optional, tag = "3")]
+    pub reconstruction: ::core::option::Option<Reconstruction>,
 }
 impl ::prost::Name for SolvedProblem {
     const NAME: &'static str = "SolvedProblem";
@@ -7744,6 +7784,103 @@ impl ::prost::Name for SolvedProblem {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.v1.SolvedProblem".into()
+    }
+}
+/// See ReconstructSpec.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct ReconstructResult {
+    /// The revision that holds the result. Maps only.
+    #[prost(int64, tag = "1")]
+    pub revision: i64,
+    /// The last bundle adjustment. Its costs are those of the observations that agree and whose landmark
+    /// had a position before, with the poses and points before and after. Maps only.
+    #[prost(message, optional, tag = "2")]
+    pub summary: ::core::option::Option<SolveSummary>,
+    /// What was found. Maps only.
+    #[prost(message, optional, tag = "3")]
+    pub reconstruction: ::core::option::Option<Reconstruction>,
+    /// One for each problem of the files, in the order in which they were solved.
+    #[prost(message, repeated, tag = "4")]
+    pub problems: ::prost::alloc::vec::Vec<SolvedProblem>,
+}
+impl ::prost::Name for ReconstructResult {
+    const NAME: &'static str = "ReconstructResult";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.ReconstructResult".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.ReconstructResult".into()
+    }
+}
+/// What was found from observations.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct Reconstruction {
+    /// Keyframes.
+    #[prost(int64, tag = "1")]
+    pub keyframe_count: i64,
+    /// Those that have a pose now.
+    #[prost(int64, tag = "2")]
+    pub placed_keyframe_count: i64,
+    /// Landmarks that are observed.
+    #[prost(int64, tag = "3")]
+    pub landmark_count: i64,
+    /// Those that have a position now.
+    #[prost(int64, tag = "4")]
+    pub placed_landmark_count: i64,
+    /// Observations.
+    #[prost(int64, tag = "5")]
+    pub observation_count: i64,
+    /// Those that agree with poses and points. A map keeps the others.
+    #[prost(int64, tag = "6")]
+    pub agreeing_observation_count: i64,
+    /// Pairs of keyframes with enough landmarks in common.
+    #[prost(int64, tag = "7")]
+    pub pair_count: i64,
+    /// Those whose relative rotation was measured.
+    #[prost(int64, tag = "8")]
+    pub measured_pair_count: i64,
+    /// Those whose landmarks agreed on one.
+    #[prost(int64, tag = "9")]
+    pub relative_pose_count: i64,
+    /// What the unit of length is.
+    #[prost(enumeration = "LengthUnit", tag = "10")]
+    pub length_unit: i32,
+    /// Keyframes without a pose, 1000 at most; of a map they keep the pose that they had.
+    #[prost(message, repeated, tag = "11")]
+    pub unplaced_keyframes: ::prost::alloc::vec::Vec<UnplacedKeyframe>,
+}
+impl ::prost::Name for Reconstruction {
+    const NAME: &'static str = "Reconstruction";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.Reconstruction".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.Reconstruction".into()
+    }
+}
+/// A keyframe that a reconstruction could not place.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct UnplacedKeyframe {
+    /// Its client; empty in files.
+    #[prost(string, tag = "1")]
+    pub client_id: ::prost::alloc::string::String,
+    /// Its id; in files that of a COLMAP image, or a camera's index in a BAL file.
+    #[prost(int64, tag = "2")]
+    pub id: i64,
+    /// Why. For people.
+    #[prost(string, tag = "3")]
+    pub reason: ::prost::alloc::string::String,
+}
+impl ::prost::Name for UnplacedKeyframe {
+    const NAME: &'static str = "UnplacedKeyframe";
+    const PACKAGE: &'static str = "covis.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.v1.UnplacedKeyframe".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.v1.UnplacedKeyframe".into()
     }
 }
 /// See RebuildMapSpec.
@@ -7887,6 +8024,47 @@ impl ProblemFileKind {
             "PROBLEM_FILE_KIND_UNSPECIFIED" => Some(Self::Unspecified),
             "PROBLEM_FILE_KIND_BUNDLE" => Some(Self::Bundle),
             "PROBLEM_FILE_KIND_POSE_GRAPH" => Some(Self::PoseGraph),
+            _ => None,
+        }
+    }
+}
+/// What the unit of length of a reconstruction is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, ::prost::Enumeration)]
+#[repr(i32)]
+pub enum LengthUnit {
+    /// Never answered.
+    Unspecified = 0,
+    /// The meter, by measured depths.
+    Depth = 1,
+    /// The meter, by odometry.
+    RelativePoses = 2,
+    /// That of the poses that were there.
+    Given = 3,
+    /// None is measured: the median depth of the observations is 1.
+    Convention = 4,
+}
+impl LengthUnit {
+    /// String value of the enum field names used in the ProtoBuf definition.
+    ///
+    /// The values are not transformed in any way and thus are considered stable
+    /// (if the ProtoBuf definition does not change) and safe for programmatic use.
+    pub fn as_str_name(&self) -> &'static str {
+        match self {
+            Self::Unspecified => "LENGTH_UNIT_UNSPECIFIED",
+            Self::Depth => "LENGTH_UNIT_DEPTH",
+            Self::RelativePoses => "LENGTH_UNIT_RELATIVE_POSES",
+            Self::Given => "LENGTH_UNIT_GIVEN",
+            Self::Convention => "LENGTH_UNIT_CONVENTION",
+        }
+    }
+    /// Creates an enum from field names used in the ProtoBuf definition.
+    pub fn from_str_name(value: &str) -> ::core::option::Option<Self> {
+        match value {
+            "LENGTH_UNIT_UNSPECIFIED" => Some(Self::Unspecified),
+            "LENGTH_UNIT_DEPTH" => Some(Self::Depth),
+            "LENGTH_UNIT_RELATIVE_POSES" => Some(Self::RelativePoses),
+            "LENGTH_UNIT_GIVEN" => Some(Self::Given),
+            "LENGTH_UNIT_CONVENTION" => Some(Self::Convention),
             _ => None,
         }
     }

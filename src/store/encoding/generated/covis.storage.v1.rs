@@ -831,6 +831,9 @@ pub struct SolveApplied {
     /// The clients that it moves far, with their frames before.
     #[prost(message, repeated, tag = "11")]
     pub left_frames: ::prost::alloc::vec::Vec<LeftFrame>,
+    /// What asked for it, 16 bytes; empty where nothing did that would look for it.
+    #[prost(bytes = "vec", tag = "12")]
+    pub request: ::prost::alloc::vec::Vec<u8>,
 }
 impl ::prost::Name for SolveApplied {
     const NAME: &'static str = "SolveApplied";
@@ -1273,6 +1276,91 @@ impl ::prost::Name for JobUploadFile {
         "/covis.storage.v1.JobUploadFile".into()
     }
 }
+/// A bundle adjustment on its way. Numbers are the bits of doubles.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct BundleCheckpoint {
+    /// Cost before the first step.
+    #[prost(fixed64, tag = "1")]
+    pub initial_cost: u64,
+    /// Cost now.
+    #[prost(fixed64, tag = "2")]
+    pub cost: u64,
+    /// Damping of the next step.
+    #[prost(fixed64, tag = "3")]
+    pub damping: u64,
+    /// By what it grows where that step is rejected.
+    #[prost(fixed64, tag = "4")]
+    pub damping_growth: u64,
+    /// Absent where inner iterations have not begun.
+    #[prost(fixed64, optional, tag = "5")]
+    pub stiffness: ::core::option::Option<u64>,
+    /// Whether steps under bounded losses still lower the cost by much.
+    #[prost(bool, tag = "6")]
+    pub is_approaching: bool,
+    /// Of the last linear solve.
+    #[prost(fixed64, tag = "7")]
+    pub linear_residual: u64,
+    /// The iterations so far.
+    #[prost(message, repeated, tag = "8")]
+    pub rows: ::prost::alloc::vec::Vec<CheckpointRow>,
+    /// The poses in order.
+    #[prost(message, repeated, tag = "9")]
+    pub poses: ::prost::alloc::vec::Vec<Pose>,
+    /// x, y and z of each landmark in order.
+    #[prost(fixed64, repeated, tag = "10")]
+    pub landmarks: ::prost::alloc::vec::Vec<u64>,
+    /// The cameras in order; id, width and height are not used.
+    #[prost(message, repeated, tag = "11")]
+    pub cameras: ::prost::alloc::vec::Vec<CameraSet>,
+}
+impl ::prost::Name for BundleCheckpoint {
+    const NAME: &'static str = "BundleCheckpoint";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.BundleCheckpoint".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.BundleCheckpoint".into()
+    }
+}
+/// An iteration. Numbers are the bits of doubles.
+#[derive(Clone, Copy, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct CheckpointRow {
+    /// Its number, from 0.
+    #[prost(uint64, tag = "1")]
+    pub iteration: u64,
+    /// Cost after it.
+    #[prost(fixed64, tag = "2")]
+    pub cost: u64,
+    /// Since the solve began, s.
+    #[prost(fixed64, tag = "3")]
+    pub seconds: u64,
+    /// Whether its step was accepted.
+    #[prost(bool, tag = "4")]
+    pub accepted: bool,
+    /// Damping of its step.
+    #[prost(fixed64, tag = "5")]
+    pub damping: u64,
+    /// Gradient after it.
+    #[prost(fixed64, tag = "6")]
+    pub gradient_max_norm: u64,
+    /// Length of its step.
+    #[prost(fixed64, tag = "7")]
+    pub step_norm: u64,
+    /// Quality of its step.
+    #[prost(fixed64, tag = "8")]
+    pub step_quality: u64,
+}
+impl ::prost::Name for CheckpointRow {
+    const NAME: &'static str = "CheckpointRow";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.CheckpointRow".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.CheckpointRow".into()
+    }
+}
 /// Written once, when the map is created.
 #[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
 pub struct MapIdentity {
@@ -1384,6 +1472,9 @@ pub struct MapHead {
     /// The maps that became part of it, in the order of the merges.
     #[prost(message, repeated, tag = "11")]
     pub merged: ::prost::alloc::vec::Vec<MergedMap>,
+    /// The last solve that named what asked for it.
+    #[prost(message, optional, tag = "12")]
+    pub last_request: ::core::option::Option<LastRequest>,
 }
 impl ::prost::Name for MapHead {
     const NAME: &'static str = "MapHead";
@@ -1393,6 +1484,32 @@ impl ::prost::Name for MapHead {
     }
     fn type_url() -> ::prost::alloc::string::String {
         "/covis.storage.v1.MapHead".into()
+    }
+}
+/// A solve that named what asked for it.
+#[derive(Clone, PartialEq, Eq, Hash, ::prost::Message)]
+pub struct LastRequest {
+    /// What asked for it, 16 bytes.
+    #[prost(bytes = "vec", tag = "1")]
+    pub id: ::prost::alloc::vec::Vec<u8>,
+    /// The revision that holds its result.
+    #[prost(int64, tag = "2")]
+    pub revision: i64,
+    /// Bits of the cost at the start.
+    #[prost(fixed64, tag = "3")]
+    pub initial_cost: u64,
+    /// Bits of the cost at the end.
+    #[prost(fixed64, tag = "4")]
+    pub final_cost: u64,
+}
+impl ::prost::Name for LastRequest {
+    const NAME: &'static str = "LastRequest";
+    const PACKAGE: &'static str = "covis.storage.v1";
+    fn full_name() -> ::prost::alloc::string::String {
+        "covis.storage.v1.LastRequest".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/covis.storage.v1.LastRequest".into()
     }
 }
 /// A map that became part of another one.

@@ -55,6 +55,7 @@ pub(super) fn event(revision: i64, kind: i64) -> Arc<Event> {
                 covered: vec![(ClientIndex(0), sequence - 1)],
                 initial_cost: 2.0,
                 final_cost: 0.1 + 0.2,
+                request: None,
             },
         },
         _ => {

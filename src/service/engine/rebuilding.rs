@@ -1,0 +1,155 @@
+//! A map from its observations alone: the body of a solve whose start is no estimate.
+//!
+//! The reconstruction is that of the solver crate, in the frame of the poses that are there; what it could
+//! not place keeps its values. Costs before and after are of the same observations, those that agree with
+//! the result.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use covis_solvers::bundle_adjustment::BundleSummary;
+use covis_solvers::optimizer::Control;
+use covis_solvers::problem::{BundleProblem, SolveError};
+use covis_solvers::reconstruction::{
+    self, Frame, Placement, Progress, Reconstruction, Scale, ViewGraph, reconstruct,
+};
+use tokio::sync::mpsc;
+
+use super::GaugeKind;
+use super::solve::{
+    Moved, OptimizeCounts, OptimizeOptions, Outcome, Solution, SolveCertificate, SolveStep,
+    SolverKind, interrupt,
+};
+use crate::map::{ClientIndex, Compared, Map, observation_problem};
+
+/// Why a reconstruction that placed nothing ends.
+const NOTHING_PLACED: &str = "no keyframe can be placed by what it observes";
+
+/// What a reconstruction found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rebuilt {
+    /// Keyframes.
+    pub keyframes: usize,
+    /// Those that have a pose.
+    pub placed: usize,
+    /// The others.
+    pub unplaced: Vec<UnplacedKeyframe>,
+    /// Landmarks.
+    pub landmarks: usize,
+    /// Those that have a position.
+    pub placed_landmarks: usize,
+    /// Observations.
+    pub observations: usize,
+    /// Those that agree.
+    pub agreeing: usize,
+    /// The view graph in numbers.
+    pub view_graph: ViewGraph,
+    /// The unit of length.
+    pub scale: Scale,
+}
+
+/// A keyframe without a pose.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnplacedKeyframe {
+    /// Its client's name; empty in files.
+    pub client: String,
+    /// Its id.
+    pub id: i64,
+    /// Why it has none, for people.
+    pub reason: String,
+}
+
+impl Rebuilt {
+    /// What was found of `problem`; `name` names a keyframe by client and id.
+    ///
+    /// # Errors
+    /// [`SolveError::Interrupted`] where it ended early, [`SolveError::Empty`] where nothing was placed.
+    pub fn new(
+        found: &Reconstruction,
+        problem: &BundleProblem,
+        name: impl Fn(usize) -> (String, i64),
+    ) -> Result<Self, SolveError> {
+        if found.ended.is_some() {
+            return Err(SolveError::Interrupted);
+        }
+        if found.placed() == 0 {
+            return Err(SolveError::Empty(NOTHING_PLACED));
+        }
+        let unplaced = found.placements.iter().enumerate().filter_map(|(index, placement)| {
+            let Placement::Unplaced(reason) = placement else { return None };
+            let (client, id) = name(index);
+            Some(UnplacedKeyframe { client, id, reason: reason.to_string() })
+        });
+        let agreeing = found.reprojections.iter().chain(&found.depth_reprojections);
+        Ok(Self {
+            keyframes: found.poses.len(),
+            placed: found.placed(),
+            unplaced: unplaced.collect(),
+            landmarks: found.landmarks.len(),
+            placed_landmarks: found.landmarks.iter().flatten().count(),
+            observations: problem.observation_count(),
+            agreeing: agreeing.filter(|&&agrees| agrees).count(),
+            view_graph: found.view_graph,
+            scale: found.scale,
+        })
+    }
+}
+
+/// Rebuilds the whole map.
+pub(super) fn rebuild_map(
+    map: Arc<Map>,
+    options: &OptimizeOptions,
+    rows: &mpsc::UnboundedSender<SolveStep>,
+    cancel: &Arc<AtomicBool>,
+) -> Outcome {
+    let mut problem = observation_problem(&map);
+    let has_position = |id| map.landmarks().get(id).is_some_and(|known| known.position.is_some());
+    let had_position: Vec<bool> = problem.landmarks.iter().map(has_position).collect();
+    let clients: Vec<String> = map.clients().iter().map(|client| client.name.clone()).collect();
+    drop(map);
+    let options = reconstruction::Options {
+        frame: Frame::Given,
+        optimizer: options.optimizer,
+        linear_solver: options.linear_solver,
+        ..reconstruction::Options::default()
+    };
+    let interrupt = interrupt(None, cancel);
+    let mut tell = |progress: &Progress| {
+        // The receiver is gone when the caller went away; the solve is then canceled.
+        let _gone = rows.send(SolveStep::Reconstruction(*progress));
+        Control::Continue
+    };
+    let found = reconstruct(&problem.problem, &options, &interrupt, &mut tell)?;
+    let name = |index: usize| {
+        let id = problem.keyframes[index];
+        let ClientIndex(client) = id.client;
+        (clients.get(client as usize).cloned().unwrap_or_default(), id.id)
+    };
+    let rebuilt = Rebuilt::new(&found, &problem.problem, name)?;
+    let Some(BundleSummary { mut solve, linear_solver, .. }) = found.adjustment.clone() else {
+        return Err(SolveError::Empty(NOTHING_PLACED));
+    };
+    let mut compared = Compared::new(&problem, &found, &had_position);
+    let before = compared.cost();
+    problem.take_over(&found);
+    compared.update(&problem);
+    let after = compared.cost();
+    (solve.initial_cost, solve.final_cost) = (before.total, after.total);
+    solve.solve_seconds = found.seconds;
+    let fixed_poses = rebuilt.keyframes - rebuilt.placed;
+    let certificate = SolveCertificate {
+        solve,
+        method: options.optimizer.method,
+        linear_solver: SolverKind::Schur(linear_solver),
+        before,
+        after,
+        gauge: GaugeKind::Free,
+        free_poses: rebuilt.placed,
+        fixed_poses,
+        free_landmarks: rebuilt.placed_landmarks,
+        closures: None,
+    };
+    let counts = OptimizeCounts::of(&problem);
+    let (moved, rebuilt) = (Moved::Bundle(Box::new(problem)), Some(rebuilt));
+    Ok(Some(Solution { moved, certificate, counts, proof: None, rebuilt }))
+}
