@@ -242,6 +242,14 @@ def test_a_job_takes_files_and_gives_files(room, tmp_path):
         room.upload_job_files(tmp_path / "empty")
 
 
+def test_a_job_rebuilds_a_file_from_its_observations(room):
+    upload_id = room.upload_job_files(ROOT / "tests" / "golden" / "twins" / "window-6-80.txt")
+    room.create_job("anew", v1.JobSpec(reconstruct=v1.ReconstructSpec(upload_id=upload_id)))
+    [problem] = room.wait_job("anew").result.reconstruct.problems
+    assert problem.reconstruction.placed_keyframe_count == 6
+    assert problem.summary.final_cost < problem.summary.initial_cost
+
+
 def test_a_job_that_fails_says_why(room, tmp_path):
     (tmp_path / "bad.g2o").write_text("nonsense")
     solve = v1.SolveFilesSpec(upload_id=room.upload_job_files(tmp_path / "bad.g2o"))

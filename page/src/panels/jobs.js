@@ -40,7 +40,8 @@ export class JobsPanel {
 
   #what(job) {
     const { case: kind, value } = job.spec?.spec ?? {};
-    const words = (kind ?? "unknown").replace(/[A-Z]/g, (letter) => ` ${letter.toLowerCase()}`);
+    const name = kind === "reconstruct" ? "rebuild" : (kind ?? "unknown");
+    const words = name.replace(/[A-Z]/g, (letter) => ` ${letter.toLowerCase()}`);
     const map = value?.mapId || value?.targetMapId || value?.sourceMapId || "";
     const when = time(job.createTime);
     return el("span", {}, job.jobId, el("small", {}, `${words} ${map}, ${when}`));
@@ -48,11 +49,12 @@ export class JobsPanel {
 
   #progress(job) {
     const state = this.app.descriptors.enumText("JobState", job.state);
-    const { phase, share, iteration } = job.progress ?? {};
+    const { phase, share, iteration, timeLeftS } = job.progress ?? {};
     const details = [phase];
     if (iteration) details.push(`iteration ${count(iteration.iteration)}`);
-    if (job.failure) details.push(job.failure.message);
     const isOpen = job.state < SUCCEEDED;
+    if (isOpen && timeLeftS !== undefined) details.push(`${count(Math.ceil(timeLeftS))} s left`);
+    if (job.failure) details.push(job.failure.message);
     const bar = isOpen ? el("progress", { "aria-label": `Progress of ${job.jobId}`, max: 1 }) : null;
     if (bar && share !== undefined) bar.value = share;
     const percent = isOpen && share !== undefined ? `${Math.round(share * 100)} %, ` : "";

@@ -51,6 +51,7 @@ from .job_pb2 import JobState as JobState
 from .job_pb2 import JobSpec as JobSpec
 from .job_pb2 import SolveFilesSpec as SolveFilesSpec
 from .job_pb2 import ProblemFileKind as ProblemFileKind
+from .job_pb2 import ReconstructSpec as ReconstructSpec
 from .job_pb2 import RebuildMapSpec as RebuildMapSpec
 from .job_pb2 import CompactMapSpec as CompactMapSpec
 from .job_pb2 import EvaluateTrajectorySpec as EvaluateTrajectorySpec
@@ -60,6 +61,10 @@ from .job_pb2 import JobResult as JobResult
 from .job_pb2 import ExportMapResult as ExportMapResult
 from .job_pb2 import SolveFilesResult as SolveFilesResult
 from .job_pb2 import SolvedProblem as SolvedProblem
+from .job_pb2 import ReconstructResult as ReconstructResult
+from .job_pb2 import Reconstruction as Reconstruction
+from .job_pb2 import LengthUnit as LengthUnit
+from .job_pb2 import UnplacedKeyframe as UnplacedKeyframe
 from .job_pb2 import RebuildMapResult as RebuildMapResult
 from .job_pb2 import CompactMapResult as CompactMapResult
 from .job_pb2 import EvaluateTrajectoryResult as EvaluateTrajectoryResult

@@ -28,6 +28,14 @@ class ProblemFileKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     PROBLEM_FILE_KIND_UNSPECIFIED: _ClassVar[ProblemFileKind]
     PROBLEM_FILE_KIND_BUNDLE: _ClassVar[ProblemFileKind]
     PROBLEM_FILE_KIND_POSE_GRAPH: _ClassVar[ProblemFileKind]
+
+class LengthUnit(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    LENGTH_UNIT_UNSPECIFIED: _ClassVar[LengthUnit]
+    LENGTH_UNIT_DEPTH: _ClassVar[LengthUnit]
+    LENGTH_UNIT_RELATIVE_POSES: _ClassVar[LengthUnit]
+    LENGTH_UNIT_GIVEN: _ClassVar[LengthUnit]
+    LENGTH_UNIT_CONVENTION: _ClassVar[LengthUnit]
 JOB_STATE_UNSPECIFIED: JobState
 JOB_STATE_PENDING: JobState
 JOB_STATE_RUNNING: JobState
@@ -37,6 +45,11 @@ JOB_STATE_CANCELLED: JobState
 PROBLEM_FILE_KIND_UNSPECIFIED: ProblemFileKind
 PROBLEM_FILE_KIND_BUNDLE: ProblemFileKind
 PROBLEM_FILE_KIND_POSE_GRAPH: ProblemFileKind
+LENGTH_UNIT_UNSPECIFIED: LengthUnit
+LENGTH_UNIT_DEPTH: LengthUnit
+LENGTH_UNIT_RELATIVE_POSES: LengthUnit
+LENGTH_UNIT_GIVEN: LengthUnit
+LENGTH_UNIT_CONVENTION: LengthUnit
 
 class Job(_message.Message):
     __slots__ = ("job_id", "spec", "state", "progress", "failure", "result", "create_time", "start_time", "end_time", "expire_time", "cancel_requested", "priority", "files", "attempt_count", "cost_before", "cost_after")
@@ -83,7 +96,7 @@ class JobFile(_message.Message):
     def __init__(self, path: _Optional[str] = ..., size_bytes: _Optional[int] = ...) -> None: ...
 
 class JobSpec(_message.Message):
-    __slots__ = ("optimize_map", "merge_maps", "rebuild_map", "compact_map", "evaluate_trajectory", "export_map", "solve_files")
+    __slots__ = ("optimize_map", "merge_maps", "rebuild_map", "compact_map", "evaluate_trajectory", "export_map", "solve_files", "reconstruct")
     OPTIMIZE_MAP_FIELD_NUMBER: _ClassVar[int]
     MERGE_MAPS_FIELD_NUMBER: _ClassVar[int]
     REBUILD_MAP_FIELD_NUMBER: _ClassVar[int]
@@ -91,6 +104,7 @@ class JobSpec(_message.Message):
     EVALUATE_TRAJECTORY_FIELD_NUMBER: _ClassVar[int]
     EXPORT_MAP_FIELD_NUMBER: _ClassVar[int]
     SOLVE_FILES_FIELD_NUMBER: _ClassVar[int]
+    RECONSTRUCT_FIELD_NUMBER: _ClassVar[int]
     optimize_map: _optimization_service_pb2.OptimizeMapRequest
     merge_maps: _map_service_pb2.MergeMapsRequest
     rebuild_map: RebuildMapSpec
@@ -98,7 +112,8 @@ class JobSpec(_message.Message):
     evaluate_trajectory: EvaluateTrajectorySpec
     export_map: _map_service_pb2.ExportMapRequest
     solve_files: SolveFilesSpec
-    def __init__(self, optimize_map: _Optional[_Union[_optimization_service_pb2.OptimizeMapRequest, _Mapping]] = ..., merge_maps: _Optional[_Union[_map_service_pb2.MergeMapsRequest, _Mapping]] = ..., rebuild_map: _Optional[_Union[RebuildMapSpec, _Mapping]] = ..., compact_map: _Optional[_Union[CompactMapSpec, _Mapping]] = ..., evaluate_trajectory: _Optional[_Union[EvaluateTrajectorySpec, _Mapping]] = ..., export_map: _Optional[_Union[_map_service_pb2.ExportMapRequest, _Mapping]] = ..., solve_files: _Optional[_Union[SolveFilesSpec, _Mapping]] = ...) -> None: ...
+    reconstruct: ReconstructSpec
+    def __init__(self, optimize_map: _Optional[_Union[_optimization_service_pb2.OptimizeMapRequest, _Mapping]] = ..., merge_maps: _Optional[_Union[_map_service_pb2.MergeMapsRequest, _Mapping]] = ..., rebuild_map: _Optional[_Union[RebuildMapSpec, _Mapping]] = ..., compact_map: _Optional[_Union[CompactMapSpec, _Mapping]] = ..., evaluate_trajectory: _Optional[_Union[EvaluateTrajectorySpec, _Mapping]] = ..., export_map: _Optional[_Union[_map_service_pb2.ExportMapRequest, _Mapping]] = ..., solve_files: _Optional[_Union[SolveFilesSpec, _Mapping]] = ..., reconstruct: _Optional[_Union[ReconstructSpec, _Mapping]] = ...) -> None: ...
 
 class SolveFilesSpec(_message.Message):
     __slots__ = ("upload_id", "kind", "keep_solutions")
@@ -109,6 +124,16 @@ class SolveFilesSpec(_message.Message):
     kind: ProblemFileKind
     keep_solutions: bool
     def __init__(self, upload_id: _Optional[str] = ..., kind: _Optional[_Union[ProblemFileKind, str]] = ..., keep_solutions: bool = ...) -> None: ...
+
+class ReconstructSpec(_message.Message):
+    __slots__ = ("map_id", "upload_id", "keep_solutions")
+    MAP_ID_FIELD_NUMBER: _ClassVar[int]
+    UPLOAD_ID_FIELD_NUMBER: _ClassVar[int]
+    KEEP_SOLUTIONS_FIELD_NUMBER: _ClassVar[int]
+    map_id: str
+    upload_id: str
+    keep_solutions: bool
+    def __init__(self, map_id: _Optional[str] = ..., upload_id: _Optional[str] = ..., keep_solutions: bool = ...) -> None: ...
 
 class RebuildMapSpec(_message.Message):
     __slots__ = ("source_map_id", "target_map_id", "policy")
@@ -169,7 +194,7 @@ class JobFailure(_message.Message):
     def __init__(self, code: _Optional[int] = ..., message: _Optional[str] = ..., reason: _Optional[str] = ...) -> None: ...
 
 class JobResult(_message.Message):
-    __slots__ = ("optimize_map", "merge_maps", "rebuild_map", "compact_map", "evaluate_trajectory", "export_map", "solve_files")
+    __slots__ = ("optimize_map", "merge_maps", "rebuild_map", "compact_map", "evaluate_trajectory", "export_map", "solve_files", "reconstruct")
     OPTIMIZE_MAP_FIELD_NUMBER: _ClassVar[int]
     MERGE_MAPS_FIELD_NUMBER: _ClassVar[int]
     REBUILD_MAP_FIELD_NUMBER: _ClassVar[int]
@@ -177,6 +202,7 @@ class JobResult(_message.Message):
     EVALUATE_TRAJECTORY_FIELD_NUMBER: _ClassVar[int]
     EXPORT_MAP_FIELD_NUMBER: _ClassVar[int]
     SOLVE_FILES_FIELD_NUMBER: _ClassVar[int]
+    RECONSTRUCT_FIELD_NUMBER: _ClassVar[int]
     optimize_map: _optimization_service_pb2.OptimizeMapResult
     merge_maps: _map_service_pb2.MergeMapsResponse
     rebuild_map: RebuildMapResult
@@ -184,7 +210,8 @@ class JobResult(_message.Message):
     evaluate_trajectory: EvaluateTrajectoryResult
     export_map: ExportMapResult
     solve_files: SolveFilesResult
-    def __init__(self, optimize_map: _Optional[_Union[_optimization_service_pb2.OptimizeMapResult, _Mapping]] = ..., merge_maps: _Optional[_Union[_map_service_pb2.MergeMapsResponse, _Mapping]] = ..., rebuild_map: _Optional[_Union[RebuildMapResult, _Mapping]] = ..., compact_map: _Optional[_Union[CompactMapResult, _Mapping]] = ..., evaluate_trajectory: _Optional[_Union[EvaluateTrajectoryResult, _Mapping]] = ..., export_map: _Optional[_Union[ExportMapResult, _Mapping]] = ..., solve_files: _Optional[_Union[SolveFilesResult, _Mapping]] = ...) -> None: ...
+    reconstruct: ReconstructResult
+    def __init__(self, optimize_map: _Optional[_Union[_optimization_service_pb2.OptimizeMapResult, _Mapping]] = ..., merge_maps: _Optional[_Union[_map_service_pb2.MergeMapsResponse, _Mapping]] = ..., rebuild_map: _Optional[_Union[RebuildMapResult, _Mapping]] = ..., compact_map: _Optional[_Union[CompactMapResult, _Mapping]] = ..., evaluate_trajectory: _Optional[_Union[EvaluateTrajectoryResult, _Mapping]] = ..., export_map: _Optional[_Union[ExportMapResult, _Mapping]] = ..., solve_files: _Optional[_Union[SolveFilesResult, _Mapping]] = ..., reconstruct: _Optional[_Union[ReconstructResult, _Mapping]] = ...) -> None: ...
 
 class ExportMapResult(_message.Message):
     __slots__ = ("revision",)
@@ -199,12 +226,62 @@ class SolveFilesResult(_message.Message):
     def __init__(self, problems: _Optional[_Iterable[_Union[SolvedProblem, _Mapping]]] = ...) -> None: ...
 
 class SolvedProblem(_message.Message):
-    __slots__ = ("path", "summary")
+    __slots__ = ("path", "summary", "reconstruction")
     PATH_FIELD_NUMBER: _ClassVar[int]
     SUMMARY_FIELD_NUMBER: _ClassVar[int]
+    RECONSTRUCTION_FIELD_NUMBER: _ClassVar[int]
     path: str
     summary: _optimization_pb2.SolveSummary
-    def __init__(self, path: _Optional[str] = ..., summary: _Optional[_Union[_optimization_pb2.SolveSummary, _Mapping]] = ...) -> None: ...
+    reconstruction: Reconstruction
+    def __init__(self, path: _Optional[str] = ..., summary: _Optional[_Union[_optimization_pb2.SolveSummary, _Mapping]] = ..., reconstruction: _Optional[_Union[Reconstruction, _Mapping]] = ...) -> None: ...
+
+class ReconstructResult(_message.Message):
+    __slots__ = ("revision", "summary", "reconstruction", "problems")
+    REVISION_FIELD_NUMBER: _ClassVar[int]
+    SUMMARY_FIELD_NUMBER: _ClassVar[int]
+    RECONSTRUCTION_FIELD_NUMBER: _ClassVar[int]
+    PROBLEMS_FIELD_NUMBER: _ClassVar[int]
+    revision: int
+    summary: _optimization_pb2.SolveSummary
+    reconstruction: Reconstruction
+    problems: _containers.RepeatedCompositeFieldContainer[SolvedProblem]
+    def __init__(self, revision: _Optional[int] = ..., summary: _Optional[_Union[_optimization_pb2.SolveSummary, _Mapping]] = ..., reconstruction: _Optional[_Union[Reconstruction, _Mapping]] = ..., problems: _Optional[_Iterable[_Union[SolvedProblem, _Mapping]]] = ...) -> None: ...
+
+class Reconstruction(_message.Message):
+    __slots__ = ("keyframe_count", "placed_keyframe_count", "landmark_count", "placed_landmark_count", "observation_count", "agreeing_observation_count", "pair_count", "measured_pair_count", "relative_pose_count", "length_unit", "unplaced_keyframes")
+    KEYFRAME_COUNT_FIELD_NUMBER: _ClassVar[int]
+    PLACED_KEYFRAME_COUNT_FIELD_NUMBER: _ClassVar[int]
+    LANDMARK_COUNT_FIELD_NUMBER: _ClassVar[int]
+    PLACED_LANDMARK_COUNT_FIELD_NUMBER: _ClassVar[int]
+    OBSERVATION_COUNT_FIELD_NUMBER: _ClassVar[int]
+    AGREEING_OBSERVATION_COUNT_FIELD_NUMBER: _ClassVar[int]
+    PAIR_COUNT_FIELD_NUMBER: _ClassVar[int]
+    MEASURED_PAIR_COUNT_FIELD_NUMBER: _ClassVar[int]
+    RELATIVE_POSE_COUNT_FIELD_NUMBER: _ClassVar[int]
+    LENGTH_UNIT_FIELD_NUMBER: _ClassVar[int]
+    UNPLACED_KEYFRAMES_FIELD_NUMBER: _ClassVar[int]
+    keyframe_count: int
+    placed_keyframe_count: int
+    landmark_count: int
+    placed_landmark_count: int
+    observation_count: int
+    agreeing_observation_count: int
+    pair_count: int
+    measured_pair_count: int
+    relative_pose_count: int
+    length_unit: LengthUnit
+    unplaced_keyframes: _containers.RepeatedCompositeFieldContainer[UnplacedKeyframe]
+    def __init__(self, keyframe_count: _Optional[int] = ..., placed_keyframe_count: _Optional[int] = ..., landmark_count: _Optional[int] = ..., placed_landmark_count: _Optional[int] = ..., observation_count: _Optional[int] = ..., agreeing_observation_count: _Optional[int] = ..., pair_count: _Optional[int] = ..., measured_pair_count: _Optional[int] = ..., relative_pose_count: _Optional[int] = ..., length_unit: _Optional[_Union[LengthUnit, str]] = ..., unplaced_keyframes: _Optional[_Iterable[_Union[UnplacedKeyframe, _Mapping]]] = ...) -> None: ...
+
+class UnplacedKeyframe(_message.Message):
+    __slots__ = ("client_id", "id", "reason")
+    CLIENT_ID_FIELD_NUMBER: _ClassVar[int]
+    ID_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    client_id: str
+    id: int
+    reason: str
+    def __init__(self, client_id: _Optional[str] = ..., id: _Optional[int] = ..., reason: _Optional[str] = ...) -> None: ...
 
 class RebuildMapResult(_message.Message):
     __slots__ = ("map",)
