@@ -21,6 +21,7 @@ mod front;
 mod growing;
 mod kernels;
 mod numeric;
+mod partial;
 mod plan;
 mod shape;
 mod supernodes;
@@ -28,10 +29,11 @@ mod triangular;
 
 pub use growing::{GrowingCholesky, PairTerm, Updated};
 use numeric::Numeric;
+pub use partial::PartialCholesky;
 use plan::Plan;
 pub(super) use plan::bytes;
 use shape::Aligned;
-use triangular::Triangular;
+use triangular::{Sweep, Triangular};
 
 /// A sparse factorization, planned once and renewed for each set of values.
 #[derive(Debug)]
@@ -138,6 +140,7 @@ impl SparseCholesky {
             class: self.class,
             interrupt,
             is_parallel: rayon::current_num_threads() > 1,
+            border: None,
         };
         let outcome = numeric.run(self.factor.slice_mut(), self.space.slice_mut());
         if interrupt.is_due() {
@@ -172,6 +175,8 @@ impl SparseCholesky {
         }
         self.class.run(Triangular {
             plan: &self.plan,
+            nodes: &self.plan.nodes,
+            sweep: Sweep::Both,
             factor: self.factor.slice(),
             x: permuted,
             front: self.front.slice_mut(),

@@ -60,7 +60,7 @@ impl Level {
             weights.push(weight);
             graph.starts.push(graph.neighbors.len());
         }
-        (Self { graph, weights, edge_weights }, coarse_of)
+        (Self { graph, weights, edge_weights, balance: self.balance }, coarse_of)
     }
 
     /// For each vertex the one that it is merged with, itself where there is none: along the
@@ -150,15 +150,16 @@ fn first_cut(level: &Level) -> Vec<u8> {
     best.map_or_else(Vec::new, |cut| cut.sides)
 }
 
-/// Side 0 is grown around `seed` to half the weight; what it touches separates.
+/// Side 0 is grown around `seed` to its share of the weight; what it touches separates.
 fn grown(level: &Level, seed: usize) -> Vec<u8> {
     let count = level.graph.count();
-    let total: u32 = level.weights.iter().sum();
+    let [share, other] = level.balance.shares.map(u64::from);
+    let wanted = share * level.weights.iter().map(|&weight| u64::from(weight)).sum::<u64>();
     let mut sides = vec![1u8; count];
     let mut reached = vec![false; count];
     let mut queue = Vec::with_capacity(count);
     let (mut next, mut start, mut weight) = (0, 0, 0);
-    while 2 * weight < total {
+    while (share + other) * weight < wanted {
         if next == queue.len() {
             // The piece is used up: on with the seed at first, then with the lowest vertex left.
             let found =
@@ -173,7 +174,7 @@ fn grown(level: &Level, seed: usize) -> Vec<u8> {
         let v = queue[next] as usize;
         next += 1;
         sides[v] = 0;
-        weight += level.weights[v];
+        weight += u64::from(level.weights[v]);
         for &w in level.graph.of(v) {
             if !reached[w as usize] {
                 reached[w as usize] = true;

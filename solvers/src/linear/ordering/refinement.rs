@@ -7,13 +7,10 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::graph::Level;
+use super::graph::{Balance, Level};
 
 /// The side of the vertices that part the other two.
 pub(super) const SEPARATOR: u8 = 2;
-
-/// A side may have at most this share of the weight.
-const HEAVIEST_SIDE: f64 = 0.65;
 
 /// Passes, and moves in a row without a better state.
 const PASSES: usize = 6;
@@ -43,11 +40,25 @@ impl<'a> Cut<'a> {
         self.weights.iter().sum()
     }
 
-    /// Less is better: what a side has too much, the separator's weight, the difference of sides.
+    /// The most weight that each side may have.
+    fn limits(&self) -> [i64; 2] {
+        let Balance { shares, slack } = self.level.balance;
+        let whole = f64::from(shares[0] + shares[1]);
+        shares.map(|share| (slack * f64::from(share) / whole * self.total() as f64) as i64)
+    }
+
+    /// The sides' shares.
+    fn shares(&self) -> [i64; 2] {
+        self.level.balance.shares.map(i64::from)
+    }
+
+    /// Less is better: what a side has too much, the separator's weight, how far the sides are from
+    /// their shares.
     pub(super) fn score(&self) -> (i64, i64, i64) {
         let [left, right, separator] = self.weights;
-        let limit = (HEAVIEST_SIDE * self.total() as f64) as i64;
-        ((left.max(right) - limit).max(0), separator, (left - right).abs())
+        let ([left_limit, right_limit], [left_share, right_share]) = (self.limits(), self.shares());
+        let excess = (left - left_limit).max(right - right_limit).max(0);
+        (excess, separator, (left * right_share - right * left_share).abs())
     }
 
     fn weight(&self, v: u32) -> i64 {
@@ -140,7 +151,7 @@ impl<'a> Cut<'a> {
         heaps: &mut [BinaryHeap<Candidate>; 2],
         is_moved: &[bool],
     ) -> Option<(u32, u8)> {
-        let limit = (HEAVIEST_SIDE * self.total() as f64) as i64;
+        let (limits, shares) = (self.limits(), self.shares());
         let mut best: Option<(i64, i64, u32, u8)> = None;
         for side in [0u8, 1] {
             let heap = &mut heaps[usize::from(side)];
@@ -154,9 +165,11 @@ impl<'a> Cut<'a> {
                 }
                 let (own, other) =
                     (self.weights[usize::from(side)], self.weights[usize::from(1 - side)]);
+                let [limit, share] = [limits[usize::from(side)], shares[usize::from(side)]];
+                let other_share = shares[usize::from(1 - side)];
                 let heavier = own + self.weight(v);
-                let candidate = (gain, -own, v, side);
-                if (heavier <= limit || heavier <= other)
+                let candidate = (gain, -own * other_share, v, side);
+                if (heavier <= limit || heavier * other_share <= other * share)
                     && best.is_none_or(|best| (candidate.0, candidate.1) > (best.0, best.1))
                 {
                     best = Some(candidate);

@@ -10,9 +10,24 @@ use super::shape::Shape;
 use crate::interrupt::Interrupt;
 use crate::simd::{Kernel, Lanes, Row, WIDTH};
 
+/// Which way a solve goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sweep {
+    /// Up and down again.
+    Both,
+    /// L y = b, up the tree.
+    Up,
+    /// Lᵀ x = y, down the tree.
+    Down,
+}
+
 /// Solves in place, in elimination order.
 pub(super) struct Triangular<'a> {
     pub(super) plan: &'a Plan,
+    /// The nodes that were eliminated. Rows of the others take what these add to them on the way up, and
+    /// are given on the way down.
+    pub(super) nodes: &'a [Node],
+    pub(super) sweep: Sweep,
     pub(super) factor: &'a [f64],
     pub(super) x: &'a mut [f64],
     /// At least as long as the longest column of a front.
@@ -34,9 +49,11 @@ impl Kernel for Triangular<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let Self { plan, factor, x, front, interrupt } = self;
+        let Self { plan, nodes, sweep, factor, x, front, interrupt } = self;
+        let up: &[Node] = if sweep == Sweep::Down { &[] } else { nodes };
+        let down: &[Node] = if sweep == Sweep::Up { &[] } else { nodes };
         let mut steps = interrupt.in_steps(ENTRIES_PER_QUESTION);
-        for node in &plan.nodes {
+        for node in up {
             if steps.is_due_after(entries(node)) {
                 return;
             }
@@ -56,7 +73,7 @@ impl Kernel for Triangular<'_> {
                 }
             }
         }
-        for node in plan.nodes.iter().rev() {
+        for node in down.iter().rev() {
             if steps.is_due_after(entries(node)) {
                 return;
             }
