@@ -34,55 +34,33 @@ pub(super) struct View {
     pub(super) parts: Vec<Part>,
 }
 
-/// The index structure of a problem.
-#[derive(Debug)]
-pub(super) struct Layout {
-    pub(super) views: Vec<View>,
-    /// The camera of each view.
-    pub(super) view_cameras: Vec<u32>,
-    /// Whether each view touches the reduced system.
-    pub(super) active: Vec<bool>,
+/// The diagonal blocks of the reduced system: which variables they hold, and how large they are.
+#[derive(Clone, Debug)]
+pub(super) struct Blocks {
     /// Size of each block.
-    pub(super) block_sizes: Vec<usize>,
+    pub(super) sizes: Vec<usize>,
     /// Block that starts with pose i's six unknowns, or [`NO_BLOCK`].
-    pub(super) pose_block: Vec<u32>,
+    pub(super) of_pose: Vec<u32>,
     /// Block and first column in it of camera i's parameters, or [`NO_BLOCK`].
-    pub(super) camera_block: Vec<(u32, usize)>,
-    /// Observations and landmarks in the order of the kernels.
-    pub(super) sorted: Sorted,
-    /// The most free parameters a camera has.
-    pub(super) camera_parameters: usize,
+    pub(super) of_camera: Vec<(u32, usize)>,
 }
 
-impl Layout {
-    pub(super) fn new(problem: &BundleProblem) -> Result<Self, SolveError> {
-        let (views, view_of) = number_views(problem);
-        let mut layout = Self {
-            views: Vec::new(),
-            view_cameras: views.iter().map(|&(_, camera)| camera).collect(),
-            active: Vec::new(),
-            block_sizes: Vec::new(),
-            pose_block: vec![NO_BLOCK; problem.poses.len()],
-            camera_block: vec![(NO_BLOCK, 0); problem.cameras.len()],
-            sorted: Sorted::new(problem, &view_of, views.len()),
-            camera_parameters: 0,
+impl Blocks {
+    /// Gives each free pose a block, merges a camera into the pose that alone uses it unless it is
+    /// marked in `is_apart`, and appends all other cameras as blocks of their own. `views` ascend.
+    pub(super) fn new(problem: &BundleProblem, views: &[(u32, u32)], is_apart: &[bool]) -> Self {
+        let mut blocks = Self {
+            sizes: Vec::new(),
+            of_pose: vec![NO_BLOCK; problem.poses.len()],
+            of_camera: vec![(NO_BLOCK, 0); problem.cameras.len()],
         };
-        layout.number_blocks(problem, &views);
-        if layout.block_sizes.is_empty() && problem.constant_landmarks.iter().all(|&c| c) {
-            return Err(SolveError::Empty("every variable is constant"));
-        }
-        layout.views = views.iter().map(|&(p, c)| layout.view(problem, p, c)).collect();
-        layout.active = layout.views.iter().map(|view| !view.parts.is_empty()).collect();
-        Ok(layout)
-    }
-
-    /// Gives each free pose a block, merges a camera into the pose that alone uses it, and appends
-    /// shared cameras as blocks of their own.
-    fn number_blocks(&mut self, problem: &BundleProblem, views: &[(u32, u32)]) {
         let mut used = vec![false; problem.poses.len()];
         let mut user = vec![None; problem.cameras.len()];
         let mut shared = vec![false; problem.cameras.len()];
         let mut merged = vec![None; problem.poses.len()];
+        for (shared, &is_apart) in shared.iter_mut().zip(is_apart) {
+            *shared = is_apart;
+        }
         for &(pose, camera) in views {
             used[pose as usize] = true;
             let user = &mut user[camera as usize];
@@ -106,26 +84,74 @@ impl Layout {
             if problem.constant_poses[pose] || !used[pose] {
                 continue;
             }
-            let block = self.block_sizes.len() as u32;
-            self.pose_block[pose] = block;
+            let block = blocks.sizes.len() as u32;
+            blocks.of_pose[pose] = block;
             let mut size = 6;
             if let Some(camera) = merged[pose] {
-                self.camera_block[camera] = (block, 6);
+                blocks.of_camera[camera] = (block, 6);
                 size += problem.cameras[camera].parameter_count();
             }
-            self.block_sizes.push(size);
+            blocks.sizes.push(size);
         }
         for camera in 0..problem.cameras.len() {
-            if problem.constant_cameras[camera] || user[camera].is_none() {
-                continue;
-            }
-            let count = problem.cameras[camera].parameter_count();
-            self.camera_parameters = self.camera_parameters.max(count);
-            if self.camera_block[camera].0 == NO_BLOCK {
-                self.camera_block[camera] = (self.block_sizes.len() as u32, 0);
-                self.block_sizes.push(count);
+            let is_free = !problem.constant_cameras[camera] && user[camera].is_some();
+            if is_free && blocks.of_camera[camera].0 == NO_BLOCK {
+                blocks.of_camera[camera] = (blocks.sizes.len() as u32, 0);
+                blocks.sizes.push(problem.cameras[camera].parameter_count());
             }
         }
+        blocks
+    }
+}
+
+/// The index structure of a problem.
+#[derive(Debug)]
+pub(super) struct Layout {
+    pub(super) views: Vec<View>,
+    /// The camera of each view.
+    pub(super) view_cameras: Vec<u32>,
+    /// Whether each view touches the reduced system.
+    pub(super) active: Vec<bool>,
+    /// Size of each block.
+    pub(super) block_sizes: Vec<usize>,
+    /// Block that starts with pose i's six unknowns, or [`NO_BLOCK`].
+    pub(super) pose_block: Vec<u32>,
+    /// Block and first column in it of camera i's parameters, or [`NO_BLOCK`].
+    pub(super) camera_block: Vec<(u32, usize)>,
+    /// Observations and landmarks in the order of the kernels.
+    pub(super) sorted: Sorted,
+    /// The most free parameters a camera has.
+    pub(super) camera_parameters: usize,
+}
+
+impl Layout {
+    pub(super) fn new(problem: &BundleProblem) -> Result<Self, SolveError> {
+        let layout = Self::with_apart(problem, &[]);
+        if layout.block_sizes.is_empty() && problem.constant_landmarks.iter().all(|&c| c) {
+            return Err(SolveError::Empty("every variable is constant"));
+        }
+        Ok(layout)
+    }
+
+    /// The same, also where every variable is constant; no camera that is marked in `is_apart` is merged
+    /// into a pose.
+    pub(super) fn with_apart(problem: &BundleProblem, is_apart: &[bool]) -> Self {
+        let (views, view_of) = number_views(problem);
+        let blocks = Blocks::new(problem, &views, is_apart);
+        let free = blocks.of_camera.iter().zip(&problem.cameras).filter(|(b, _)| b.0 != NO_BLOCK);
+        let mut layout = Self {
+            views: Vec::new(),
+            view_cameras: views.iter().map(|&(_, camera)| camera).collect(),
+            active: Vec::new(),
+            camera_parameters: free.map(|(_, c)| c.parameter_count()).max().unwrap_or(0),
+            sorted: Sorted::new(problem, &view_of, views.len()),
+            block_sizes: blocks.sizes,
+            pose_block: blocks.of_pose,
+            camera_block: blocks.of_camera,
+        };
+        layout.views = views.iter().map(|&(p, c)| layout.view(problem, p, c)).collect();
+        layout.active = layout.views.iter().map(|view| !view.parts.is_empty()).collect();
+        layout
     }
 
     fn view(&self, problem: &BundleProblem, pose: u32, camera: u32) -> View {
@@ -161,7 +187,7 @@ impl Layout {
 }
 
 /// The views in rising order of (pose, camera), and the view of each observation.
-fn number_views(problem: &BundleProblem) -> (Vec<(u32, u32)>, Vec<u32>) {
+pub(super) fn number_views(problem: &BundleProblem) -> (Vec<(u32, u32)>, Vec<u32>) {
     let plain = &problem.reprojections;
     let depth = &problem.depth_reprojections;
     let pairs = || {

@@ -9,6 +9,7 @@ mod accumulate;
 mod back_substitute;
 mod blocks;
 mod covisible;
+mod held;
 mod inner_iterations;
 mod iterative;
 mod landmarks;
@@ -20,9 +21,11 @@ mod product;
 mod reduce;
 mod reduced_solver;
 mod sorted;
+pub mod split;
 mod system;
 mod under_loss;
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use nalgebra::Vector3;
@@ -115,7 +118,7 @@ pub fn solve_until(
     problem.validate()?;
     let interrupt = interrupt.or_after(start, options.optimizer.deadline);
     with_threads(options.optimizer.threads, || {
-        let layout = Layout::new(problem)?;
+        let layout = Arc::new(Layout::new(problem)?);
         let (from, keeper) = (None, None);
         let run = Solve { problem, options, start, interrupt: &interrupt, observer, from, keeper };
         dispatch(&layout, run)
@@ -175,7 +178,7 @@ pub fn solve_kept(
     problem.validate()?;
     let interrupt = Interrupt::NEVER.or_after(start, options.optimizer.deadline);
     with_threads(options.optimizer.threads, || {
-        let layout = Layout::new(problem)?;
+        let layout = Arc::new(Layout::new(problem)?);
         let from = from.map(|from| &from.state);
         let keeper: &mut dyn Keeper = keeper;
         let run = Solve {
@@ -202,7 +205,7 @@ pub fn price(problem: &BundleProblem, options: &Options) -> Result<Price, SolveE
     options.optimizer.validate()?;
     problem.validate()?;
     with_threads(options.optimizer.threads, || {
-        let layout = Layout::new(problem)?;
+        let layout = Arc::new(Layout::new(problem)?);
         dispatch(&layout, Estimate { problem, options })
     })?
 }
@@ -243,13 +246,13 @@ trait Run {
 
     fn run<const D: usize, const V: usize, const T: usize, const R: usize>(
         self,
-        layout: &Layout,
+        layout: &Arc<Layout>,
         model: Model,
     ) -> Result<Self::Output, SolveError>;
 }
 
 /// Picks the kernels: how many columns a view has, how many rows an observation, which model.
-fn dispatch<W: Run>(layout: &Layout, work: W) -> Result<W::Output, SolveError> {
+fn dispatch<W: Run>(layout: &Arc<Layout>, work: W) -> Result<W::Output, SolveError> {
     let problem = work.problem();
     let all = |is: fn(&Camera) -> bool| problem.cameras.iter().all(is);
     let depth = !problem.depth_reprojections.is_empty();
@@ -291,7 +294,7 @@ impl Run for Solve<'_, '_> {
 
     fn run<const D: usize, const V: usize, const T: usize, const R: usize>(
         self,
-        layout: &Layout,
+        layout: &Arc<Layout>,
         model: Model,
     ) -> Result<BundleSummary, SolveError> {
         let Self { problem, options, start, interrupt, observer, from, keeper } = self;
@@ -338,7 +341,7 @@ impl Run for Estimate<'_> {
 
     fn run<const D: usize, const V: usize, const T: usize, const R: usize>(
         self,
-        layout: &Layout,
+        layout: &Arc<Layout>,
         _model: Model,
     ) -> Result<Price, SolveError> {
         let problem = self.problem;

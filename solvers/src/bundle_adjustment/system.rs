@@ -4,6 +4,8 @@
 //! runs it again, since nothing of the size of the observations is kept. Landmarks live here in the
 //! kernels' order and go back to the problem at the end.
 
+use std::sync::Arc;
+
 use nalgebra::{SVector, Vector3};
 use rayon::prelude::*;
 
@@ -11,6 +13,7 @@ use super::accumulate::{Accumulate, ChunkSums};
 use super::back_substitute::{BackSubstitute, Cost, StepSums};
 use super::blocks::ViewVector;
 use super::covisible::ChunkPairs;
+use super::held::Held;
 use super::inner_iterations::{INNER_STIFFNESS, InnerIterations, POINT};
 use super::iterative::{Iterative, Linearization, gather, split_groups};
 use super::landmarks::LandmarkGroup;
@@ -24,7 +27,7 @@ use super::sorted::{GROUPS, split};
 use super::{Checkpoint, Keeper, LinearSolver};
 use crate::geometry::{Camera, LieGroup, Se3};
 use crate::interrupt::Interrupt;
-use crate::linear::{BlockMatrix, Cholesky, LinearError};
+use crate::linear::{BlockMatrix, BlockPattern, Cholesky, LinearError, PartialCholesky};
 use crate::loss::Loss;
 use crate::optimizer::{
     Gradient, IterationSummary, LoopState, Losses, Step, StepFailure, System, damping_scale,
@@ -33,13 +36,17 @@ use crate::price::Limits;
 use crate::problem::{BundleProblem, SolveError};
 use crate::simd::Class;
 
+mod border;
+
+pub(super) use border::{Bordered, bordered};
+
 /// D columns a view in V vectors and T tails, R rows an observation.
 pub(super) struct BundleSystem<'a, const D: usize, const V: usize, const T: usize, const R: usize> {
-    problem: &'a mut BundleProblem,
-    layout: &'a Layout,
+    problem: Held<'a>,
+    layout: Arc<Layout>,
     model: Model,
     class: Class,
-    interrupt: &'a Interrupt,
+    interrupt: Interrupt,
     linear_solver: LinearSolver,
     offsets: Vec<usize>,
     /// None where the reduced system is not formed.
@@ -85,6 +92,17 @@ fn records(problem: &BundleProblem, layout: &Layout) -> impl Iterator<Item = Vie
     layout.views.iter().map(record)
 }
 
+/// What losses the factors of a problem have.
+pub(super) fn losses_of(problem: &BundleProblem) -> Losses {
+    match problem.observation_loss {
+        Loss::Tukey(_) | Loss::GemanMcClure(_) => Losses::Bounded,
+        Loss::Huber(_) | Loss::Cauchy(_) => Losses::Unbounded,
+        Loss::Trivial if problem.relative_poses.is_empty() => Losses::None,
+        Loss::Trivial if problem.relative_pose_loss == Loss::Trivial => Losses::None,
+        Loss::Trivial => Losses::Unbounded,
+    }
+}
+
 /// The cost of a problem for which there is no system, to the bit what the system says.
 pub(super) fn cost_of<const R: usize>(
     problem: &BundleProblem,
@@ -114,7 +132,14 @@ enum Solver<const D: usize, const V: usize, const T: usize, const R: usize> {
     Cholesky(Box<Cholesky>),
     /// Inexactly.
     Iterative(Box<Iterative<D, V, T, R>>),
+    /// All but a border, whose system is solved elsewhere.
+    Partial(Box<PartialCholesky>),
 }
+
+/// What a system is built from beside its problem: the chosen solver's name, blocks of the reduced
+/// system that are computed, the solver, and the pairs of views that feed it.
+type Parts<const D: usize, const V: usize, const T: usize, const R: usize> =
+    (LinearSolver, Arc<BlockPattern>, Solver<D, V, T, R>, Option<Vec<ChunkPairs>>);
 
 /// The variables before a trial step.
 #[derive(Default)]
@@ -129,10 +154,10 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
 {
     pub(super) fn new(
         problem: &'a mut BundleProblem,
-        layout: &'a Layout,
+        layout: &Arc<Layout>,
         model: Model,
         (wish, class): (LinearSolver, Class),
-        limits: Limits<'a>,
+        limits: Limits<'_>,
     ) -> Result<Self, SolveError> {
         let costs = Costs::of::<D, V, T, R>(problem, layout);
         let Choice { linear_solver, pattern, direct } =
@@ -141,23 +166,37 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
             Some((cholesky, pairs)) => (Solver::Cholesky(cholesky), Some(pairs)),
             None => (Solver::Iterative(Box::new(Iterative::new(layout))), None),
         };
+        let kernels = (model, class);
+        let interrupt = limits.interrupt.clone();
+        let parts = (linear_solver, pattern, solver, pairs);
+        Ok(Self::of_parts(Held::Borrowed(problem), layout, kernels, parts, interrupt))
+    }
+
+    /// With the solver that was chosen, the blocks that it wants and the pairs that feed them.
+    fn of_parts(
+        problem: Held<'a>,
+        layout: &Arc<Layout>,
+        (model, class): (Model, Class),
+        (linear_solver, pattern, solver, pairs): Parts<D, V, T, R>,
+        interrupt: Interrupt,
+    ) -> Self {
         let dimension = pattern.dimension();
         let sorted = &layout.sorted;
-        let points = points_in_order(problem, layout);
+        let points = points_in_order(&problem, layout);
         let chunk_pairs = |i: usize| pairs.as_ref().map(|pairs| &pairs[i]);
         let chunks = layout.chunks().par_iter().enumerate();
-        let pose_pairs = || pose_factors::block_pairs(problem, layout);
-        Ok(Self {
+        let pose_pairs = || pose_factors::block_pairs(&problem, layout);
+        Self {
             model,
             class,
-            interrupt: limits.interrupt,
+            interrupt,
             linear_solver,
             offsets: (0..pattern.block_count()).map(|b| pattern.offset(b)).collect(),
             reduction: Reduction::new(layout, pairs.as_deref().unwrap_or(&[]), &pattern),
             view_records: Vec::new(),
             sums: chunks.map(|(i, c)| ChunkSums::new(layout, c, chunk_pairs(i))).collect(),
             groups: vec![LandmarkGroup::ZERO; sorted.tile_count() * GROUPS],
-            pose_hessian: pose_factors::has_any(problem)
+            pose_hessian: pose_factors::has_any(&problem)
                 .then(|| pose_factors::hessian(layout, pose_pairs())),
             reduced: BlockMatrix::new(pattern),
             vectors: ReducedVectors::new(dimension),
@@ -173,8 +212,8 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
             keeper: None,
             pairs,
             problem,
-            layout,
-        })
+            layout: Arc::clone(layout),
+        }
     }
 
     pub(super) fn linear_solver(&self) -> LinearSolver {
@@ -182,7 +221,7 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
     }
 
     /// Puts the landmarks back into the problem.
-    pub(super) fn finish(self) {
+    pub(super) fn finish(mut self) {
         let landmarks = std::mem::take(&mut self.problem.landmarks);
         let landmarks = self.put_back(landmarks);
         self.problem.landmarks = landmarks;
@@ -198,7 +237,7 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
 
     fn fill_view_records(&mut self) {
         self.view_records.clear();
-        self.view_records.extend(records(self.problem, self.layout));
+        self.view_records.extend(records(&self.problem, &self.layout));
     }
 
     fn inputs(&self) -> Inputs<'_> {
@@ -220,8 +259,8 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
         let mut sums = std::mem::take(&mut self.sums);
         let mut groups = std::mem::take(&mut self.groups);
         let inputs = self.inputs();
-        let (layout, class, pairs) = (self.layout, self.class, self.pairs.as_ref());
-        let interrupt = self.interrupt;
+        let (layout, class, pairs) = (&*self.layout, self.class, self.pairs.as_ref());
+        let interrupt = &self.interrupt;
         let pieces = split_groups(layout, &mut groups);
         let chunks = layout.chunks().par_iter().enumerate();
         chunks.zip(&mut sums).zip(pieces).for_each(|(((i, chunk), sums), groups)| {
@@ -245,7 +284,7 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
         self.groups = groups;
         if let Some(hessian) = &mut self.pose_hessian {
             let mut gradient = vec![0.0; self.step.len()];
-            pose_factors::linearize(self.problem, layout, hessian, &mut gradient, self.stiffness);
+            pose_factors::linearize(&self.problem, layout, hessian, &mut gradient, self.stiffness);
             self.reduced.add(hessian);
             let vectors = &mut self.vectors;
             for (i, (g, d)) in gradient.iter().zip(hessian.diagonal()).enumerate() {
@@ -265,7 +304,7 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
         }
         match &mut self.solver {
             Solver::Cholesky(cholesky) => {
-                cholesky.factor_until(&self.reduced, added, self.interrupt)?;
+                cholesky.factor_until(&self.reduced, added, &self.interrupt)?;
                 Ok(cholesky.solve_checked(&self.reduced, added, &right, &mut self.step))
             }
             Solver::Iterative(iterative) => {
@@ -280,25 +319,27 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
                         model: self.model,
                         view_cameras: &self.layout.view_cameras,
                     },
-                    layout: self.layout,
+                    layout: &self.layout,
                     class: self.class,
                     offsets: &self.offsets,
                     groups: &self.groups,
                     pose_hessian: self.pose_hessian.as_ref(),
                     added,
-                    interrupt: self.interrupt,
+                    interrupt: &self.interrupt,
                 };
                 iterative.solve(&linearization, &self.reduced, &right, &mut self.step)
             }
+            // Who has a border solves in two halves.
+            Solver::Partial(_) => Err(LinearError::Interrupted),
         }
     }
 
     /// Landmark steps for the reduced step, and what they add to the step's figures.
     fn back_substitute(&mut self, damping: f64) -> StepSums {
-        gather(self.layout, &self.offsets, &self.step, &mut self.view_steps);
+        gather(&self.layout, &self.offsets, &self.step, &mut self.view_steps);
         let mut steps = std::mem::take(&mut self.point_steps);
         let inputs = self.inputs();
-        let (layout, class, interrupt) = (self.layout, self.class, self.interrupt);
+        let (layout, class, interrupt) = (&*self.layout, self.class, &self.interrupt);
         let pieces = split(&mut steps, layout.chunks().iter().map(|c| c.landmarks.len() * POINT));
         let view_steps = &self.view_steps;
         let sums: Vec<StepSums> = layout
@@ -331,15 +372,14 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
 
     /// Moves the variables by a multiple of the step and returns the new cost.
     fn move_by(&mut self, length: f64) -> f64 {
-        let problem = &mut *self.problem;
-        for (pose, &block) in problem.poses.iter_mut().zip(&self.layout.pose_block) {
+        let (problem, layout) = (&mut *self.problem, &*self.layout);
+        for (pose, &block) in problem.poses.iter_mut().zip(&layout.pose_block) {
             if block != NO_BLOCK {
                 let step = &self.step[self.offsets[block as usize]..];
                 *pose = pose.plus(&SVector::from_fn(|i, _| length * step[i]));
             }
         }
-        for (camera, &(block, column)) in problem.cameras.iter_mut().zip(&self.layout.camera_block)
-        {
+        for (camera, &(block, column)) in problem.cameras.iter_mut().zip(&layout.camera_block) {
             if block != NO_BLOCK {
                 let step = &self.step[self.offsets[block as usize] + column..];
                 let step = step[..camera.parameter_count()].iter().map(|x| length * x);
@@ -361,7 +401,7 @@ impl<'a, const D: usize, const V: usize, const T: usize, const R: usize>
         self.fill_view_records();
         let mut points = std::mem::take(&mut self.points);
         let inputs = Inputs { stiffness: INNER_STIFFNESS, ..self.inputs() };
-        let (layout, class, interrupt) = (self.layout, self.class, self.interrupt);
+        let (layout, class, interrupt) = (&*self.layout, self.class, &self.interrupt);
         let pieces = split(&mut points, layout.chunks().iter().map(|c| c.landmarks.len() * POINT));
         layout.chunks().par_iter().zip(pieces).for_each(|(chunk, points)| {
             class.run(InnerIterations::<R> { inputs, layout, chunk, points, interrupt });
@@ -380,14 +420,7 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> System
     for BundleSystem<'_, D, V, T, R>
 {
     fn losses(&self) -> Losses {
-        let problem = &*self.problem;
-        match problem.observation_loss {
-            Loss::Tukey(_) | Loss::GemanMcClure(_) => Losses::Bounded,
-            Loss::Huber(_) | Loss::Cauchy(_) => Losses::Unbounded,
-            Loss::Trivial if problem.relative_poses.is_empty() => Losses::None,
-            Loss::Trivial if problem.relative_pose_loss == Loss::Trivial => Losses::None,
-            Loss::Trivial => Losses::Unbounded,
-        }
+        losses_of(&self.problem)
     }
 
     fn begin_inner_iterations(&mut self) {
@@ -419,7 +452,7 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> System
         let class = self.class;
         let chunks = self.layout.chunks().par_iter();
         let sums: Vec<f64> = chunks.map(|chunk| class.run(Cost::<R> { inputs, chunk })).collect();
-        sums.iter().sum::<f64>() + pose_factors::cost(self.problem)
+        sums.iter().sum::<f64>() + pose_factors::cost(&self.problem)
     }
 
     fn linearize(&mut self, damping: f64) -> Gradient {

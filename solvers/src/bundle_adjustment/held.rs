@@ -1,0 +1,31 @@
+//! A problem that a system works on: borrowed for one solve, or owned by a worker between requests.
+
+use std::ops::{Deref, DerefMut};
+
+use crate::problem::BundleProblem;
+
+/// The problem of a system: the caller's, or its own.
+pub(super) enum Held<'a> {
+    Borrowed(&'a mut BundleProblem),
+    Owned(Box<BundleProblem>),
+}
+
+impl Deref for Held<'_> {
+    type Target = BundleProblem;
+
+    fn deref(&self) -> &BundleProblem {
+        match self {
+            Self::Borrowed(problem) => problem,
+            Self::Owned(problem) => problem,
+        }
+    }
+}
+
+impl DerefMut for Held<'_> {
+    fn deref_mut(&mut self) -> &mut BundleProblem {
+        match self {
+            Self::Borrowed(problem) => problem,
+            Self::Owned(problem) => problem,
+        }
+    }
+}
