@@ -68,10 +68,11 @@ async fn lost_map(server: &TestServer, is_wrong: impl Fn(i64) -> bool, has_depth
 
 /// Positions of a map's keyframes by id.
 fn positions(map: &v1::MapDelta) -> Vec<(i64, [f64; 3])> {
-    let position = |keyframe: &v1::Keyframe| {
+    let position = |keyframe: &v1::KeyframePose| {
         let pose = keyframe.world_from_camera.as_ref().unwrap();
         let at = pose.translation.as_ref().unwrap();
-        (keyframe.id, [at.x, at.y, at.z])
+        let reference = keyframe.keyframe.as_ref().unwrap();
+        (reference.id, [at.x, at.y, at.z])
     };
     map.keyframes.iter().map(position).collect()
 }
@@ -330,10 +331,13 @@ fn a_result_that_was_applied_before_kill_9_is_not_applied_again() {
             let job = client.watch_job("night", |_| {}).await.unwrap();
             assert_eq!((job.state(), job.attempt_count), (JobState::Succeeded, 2), "{job:?}");
             assert_eq!(client.get_map("room").await.unwrap().revision, revision + 1);
-            let found = match job.result.unwrap().result.unwrap() {
-                Kind::Reconstruct(result) => result.revision,
-                Kind::OptimizeMap(result) => result.revision,
-                other => panic!("{other:?}"),
+            let result = job.result.unwrap().result.unwrap();
+            let found = if let Kind::Reconstruct(result) = result {
+                result.revision
+            } else if let Kind::OptimizeMap(result) = result {
+                result.revision
+            } else {
+                panic!("{result:?}")
             };
             assert_eq!(found, revision + 1);
             assert!(job.cost_after.unwrap() <= job.cost_before.unwrap());
