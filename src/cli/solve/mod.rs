@@ -13,6 +13,7 @@ mod pose_graph;
 mod rebuild;
 mod report;
 mod residuals;
+mod split;
 
 use covis_solvers::optimizer::Termination;
 
@@ -29,6 +30,9 @@ pub(super) struct Args {
 enum Problem {
     /// Bundle adjustment of a BAL or Bundler file, or of a folder with a COLMAP sparse model.
     Bundle(bundle::Args),
+    /// Serves blocks of a bundle adjustment on standard input and output; `bundle --blocks` starts it.
+    #[command(hide = true)]
+    BundleWorker,
     /// A g2o pose graph, SE2 or SE3; its first vertex (lowest id) is held fixed.
     PoseGraph(pose_graph::Args),
 }
@@ -37,6 +41,7 @@ enum Problem {
 pub(super) fn run(args: Args, config: &Config) -> anyhow::Result<()> {
     let termination = match args.problem {
         Problem::Bundle(args) => bundle::run(&args, config)?,
+        Problem::BundleWorker => return split::serve(config),
         Problem::PoseGraph(args) => pose_graph::run(&args, config)?,
     };
     if termination == Termination::NumericalFailure {
