@@ -142,15 +142,20 @@ fn a_volume_that_was_cut_short_or_changed_is_refused_with_a_reason() {
 fn a_run_leaves_a_mesh_on_its_final_map() {
     let workspace = Workspace::new();
     workspace.room(8);
-    let document =
-        json(&workspace, "run tum:seq --out a --mesh --voxel 0.05 --mesh-every 2 --threads 2");
+    let document = json(
+        &workspace,
+        "run tum:seq --out a --mesh --voxel 0.05 --mesh-every 2 --lock-step --threads 2",
+    );
     assert!(number(&document["mesh"], "triangles") > 1000.0, "{document}");
     assert!(number(&document["stages"]["integrate"], "p99_ms") > 0.0, "{document}");
     for file in ["mesh.ply", "mesh.glb", "volume.covis", "trajectory.txt"] {
         assert!(fs::metadata(workspace.path("a").join(file)).unwrap().len() > 100, "{file}");
     }
     // Again, to the bit: the thread beside tracking changes nothing.
-    json(&workspace, "run tum:seq --out b --mesh --voxel 0.05 --mesh-every 2 --threads 1");
+    json(
+        &workspace,
+        "run tum:seq --out b --mesh --voxel 0.05 --mesh-every 2 --lock-step --threads 1",
+    );
     let volume = |run: &str| fs::read(workspace.path(run).join("volume.covis")).unwrap();
     assert!(volume("a") == volume("b"), "two runs differ");
 

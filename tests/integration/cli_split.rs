@@ -1,13 +1,16 @@
 //! `covis solve bundle --blocks`: real worker processes, one of them killed, and wrong usage.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use covis_solvers::testing::skip;
 use serde_json::Value;
 
 use crate::cli_support::{Workspace, close, data, golden, number};
+
+/// What a pipe of Linux takes until somebody reads.
+const PIPE_BYTES: usize = 1 << 16;
 
 fn twin() -> PathBuf {
     golden("twins/window-6-80.txt")
@@ -53,29 +56,32 @@ fn a_worker_that_is_killed_is_started_anew_and_the_file_is_the_same() {
     let (undisturbed, disturbed) = (workspace.path("a.txt"), workspace.path("b.txt"));
     let arguments = "solve bundle {} --json --max-iterations 20 --blocks 4 --workers 2 --out {}";
     workspace.json(arguments, &[&input, &undisturbed]);
+    // A pipe with room for a few lines: the solve waits in its first steps until somebody reads.
+    let (mut output, mut full) = std::io::pipe().unwrap();
+    full.write_all(&vec![b'\n'; PIPE_BYTES - 400]).unwrap();
     let mut child = workspace
         .command()
         .args(["solve", "bundle"])
         .arg(&input)
         .args(["--max-iterations", "20", "--blocks", "4", "--workers", "2", "--out"])
         .arg(&disturbed)
-        .stdout(Stdio::piped())
+        .stdout(full)
         .spawn()
         .unwrap();
-    // The head and the start are printed by now, 20 steps are still to come.
-    let mut output = BufReader::new(child.stdout.take().unwrap());
-    let mut line = String::new();
-    for _ in 0..2 {
-        output.read_line(&mut line).unwrap();
-    }
-    let workers = children(child.id());
-    assert_eq!(workers.len(), 2, "{workers:?}");
+    let workers = loop {
+        let workers = children(child.id());
+        if workers.len() == 2 {
+            break workers;
+        }
+        assert!(child.try_wait().unwrap().is_none(), "it ended without two workers");
+        std::thread::yield_now();
+    };
     let killed = Command::new("kill").args(["-KILL", &workers[1].to_string()]).status().unwrap();
     assert!(killed.success());
-    let mut rest = String::new();
-    output.read_to_string(&mut rest).unwrap();
+    let mut told = String::new();
+    output.read_to_string(&mut told).unwrap();
     assert!(child.wait().unwrap().success());
-    assert!(rest.contains("1 restarted"), "{rest}");
+    assert!(told.contains("1 restarted"), "{told}");
     assert!(fs_err::read(&undisturbed).unwrap() == fs_err::read(&disturbed).unwrap());
 }
 

@@ -93,9 +93,9 @@ fn backups_have_jobs_and_the_doctor_finds_their_damage() {
     let folder = workspace.path("data");
     let mut server = Running::start(&workspace, &folder);
     let url = server.url.clone();
-    let graph = golden("twins/grid-200.g2o");
-    workspace.json(&format!("map import grid {{}} --server {url} --json"), &[&graph]);
-    let submit = "job submit export --map grid --format tum --id kept --wait --json --server";
+    let graph = golden("twins/sphere-200.g2o");
+    workspace.json(&format!("map import sphere {{}} --server {url} --json"), &[&graph]);
+    let submit = "job submit export --map sphere --format tum --id kept --wait --json --server";
     let job = workspace.json(&format!("{submit} {url}"), &[]);
     let copy = workspace.path("copy");
     let json = workspace.json("backup {} {} --json", &[&folder, &copy]);

@@ -9,7 +9,7 @@ use std::sync::atomic::AtomicBool;
 
 use covis_solvers::bundle_adjustment::BundleSummary;
 use covis_solvers::optimizer::Control;
-use covis_solvers::problem::{BundleProblem, SolveError};
+use covis_solvers::problem::SolveError;
 use covis_solvers::reconstruction::{
     self, Frame, Placement, Progress, Reconstruction, Scale, ViewGraph, reconstruct,
 };
@@ -60,13 +60,12 @@ pub struct UnplacedKeyframe {
 }
 
 impl Rebuilt {
-    /// What was found of `problem`; `name` names a keyframe by client and id.
+    /// What was found; `name` names a keyframe by client and id.
     ///
     /// # Errors
     /// [`SolveError::Interrupted`] where it ended early, [`SolveError::Empty`] where nothing was placed.
     pub fn new(
         found: &Reconstruction,
-        problem: &BundleProblem,
         name: impl Fn(usize) -> (String, i64),
     ) -> Result<Self, SolveError> {
         if found.ended.is_some() {
@@ -80,15 +79,15 @@ impl Rebuilt {
             let (client, id) = name(index);
             Some(UnplacedKeyframe { client, id, reason: reason.to_string() })
         });
-        let agreeing = found.reprojections.iter().chain(&found.depth_reprojections);
+        let agrees = || found.reprojections.iter().chain(&found.depth_reprojections);
         Ok(Self {
             keyframes: found.poses.len(),
             placed: found.placed(),
             unplaced: unplaced.collect(),
             landmarks: found.landmarks.len(),
             placed_landmarks: found.landmarks.iter().flatten().count(),
-            observations: problem.observation_count(),
-            agreeing: agreeing.filter(|&&agrees| agrees).count(),
+            observations: agrees().count(),
+            agreeing: agrees().filter(|&&agrees| agrees).count(),
             view_graph: found.view_graph,
             scale: found.scale,
         })
@@ -125,7 +124,7 @@ pub(super) fn rebuild_map(
         let ClientIndex(client) = id.client;
         (clients.get(client as usize).cloned().unwrap_or_default(), id.id)
     };
-    let rebuilt = Rebuilt::new(&found, &problem.problem, name)?;
+    let rebuilt = Rebuilt::new(&found, name)?;
     let Some(BundleSummary { mut solve, linear_solver, .. }) = found.adjustment.clone() else {
         return Err(SolveError::Empty(NOTHING_PLACED));
     };

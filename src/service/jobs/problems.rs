@@ -489,7 +489,7 @@ fn reconstructed(
         ..reconstruction::Options::default()
     };
     let found = reconstruct(bundle, &options, &Interrupt::NEVER, step).map_err(unsolvable)?;
-    let rebuilt = Rebuilt::new(&found, bundle, |pose| (String::new(), id(pose)));
+    let rebuilt = Rebuilt::new(&found, |pose| (String::new(), id(pose)));
     let rebuilt = rebuilt.map_err(unsolvable)?;
     found.apply_to(bundle);
     Ok(to_reconstruction(&rebuilt))
