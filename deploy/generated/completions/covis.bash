@@ -256,6 +256,9 @@ _covis() {
             covis__subcmd__help__subcmd__solve,bundle)
                 cmd="covis__subcmd__help__subcmd__solve__subcmd__bundle"
                 ;;
+            covis__subcmd__help__subcmd__solve,bundle-worker)
+                cmd="covis__subcmd__help__subcmd__solve__subcmd__bundle__subcmd__worker"
+                ;;
             covis__subcmd__help__subcmd__solve,pose-graph)
                 cmd="covis__subcmd__help__subcmd__solve__subcmd__pose__subcmd__graph"
                 ;;
@@ -451,6 +454,9 @@ _covis() {
             covis__subcmd__solve,bundle)
                 cmd="covis__subcmd__solve__subcmd__bundle"
                 ;;
+            covis__subcmd__solve,bundle-worker)
+                cmd="covis__subcmd__solve__subcmd__bundle__subcmd__worker"
+                ;;
             covis__subcmd__solve,help)
                 cmd="covis__subcmd__solve__subcmd__help"
                 ;;
@@ -459,6 +465,9 @@ _covis() {
                 ;;
             covis__subcmd__solve__subcmd__help,bundle)
                 cmd="covis__subcmd__solve__subcmd__help__subcmd__bundle"
+                ;;
+            covis__subcmd__solve__subcmd__help,bundle-worker)
+                cmd="covis__subcmd__solve__subcmd__help__subcmd__bundle__subcmd__worker"
                 ;;
             covis__subcmd__solve__subcmd__help,help)
                 cmd="covis__subcmd__solve__subcmd__help__subcmd__help"
@@ -1769,7 +1778,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__help__subcmd__solve)
-            opts="bundle pose-graph"
+            opts="bundle bundle-worker pose-graph"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -1783,6 +1792,20 @@ _covis() {
             return 0
             ;;
         covis__subcmd__help__subcmd__solve__subcmd__bundle)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__help__subcmd__solve__subcmd__bundle__subcmd__worker)
             opts=""
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
@@ -2257,7 +2280,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__job__subcmd__submit)
-            opts="-h --map --file --id --priority --wait --out --max-iterations --refine-intrinsics --redundant-share --keep-journal --truth --client --max-time-difference --format --json --server --ca --cert --key --token-file --config --log --log-format --help optimize-map optimize-pose-graph compact evaluate export solve"
+            opts="-h --map --file --id --priority --wait --out --max-iterations --refine-intrinsics --redundant-share --keep-journal --truth --client --max-time-difference --format --json --server --ca --cert --key --token-file --config --log --log-format --help optimize-map optimize-pose-graph compact evaluate export solve rebuild"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4167,7 +4190,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__solve)
-            opts="-h --threads --config --log --log-format --help bundle pose-graph help"
+            opts="-h --threads --config --log --log-format --help bundle bundle-worker pose-graph help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4197,7 +4220,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__solve__subcmd__bundle)
-            opts="-h --max-iterations --loss --json --out --report --fix-intrinsics --linear-solver --behind-camera --rebuild --threads --config --log --log-format --help"
+            opts="-h --max-iterations --loss --json --out --report --fix-intrinsics --linear-solver --behind-camera --rebuild --blocks --workers --worker-memory-mib --scratch --threads --config --log --log-format --help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4227,6 +4250,52 @@ _covis() {
                     COMPREPLY=($(compgen -W "count drop" -- "${cur}"))
                     return 0
                     ;;
+                --blocks)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --workers)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --worker-memory-mib)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --scratch)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --threads)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --config)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log-format)
+                    COMPREPLY=($(compgen -W "text json" -- "${cur}"))
+                    return 0
+                    ;;
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__solve__subcmd__bundle__subcmd__worker)
+            opts="-h --threads --config --log --log-format --help"
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
                 --threads)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
@@ -4251,7 +4320,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__solve__subcmd__help)
-            opts="bundle pose-graph help"
+            opts="bundle bundle-worker pose-graph help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -4265,6 +4334,20 @@ _covis() {
             return 0
             ;;
         covis__subcmd__solve__subcmd__help__subcmd__bundle)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__solve__subcmd__help__subcmd__bundle__subcmd__worker)
             opts=""
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
