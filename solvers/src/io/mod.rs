@@ -3,7 +3,7 @@
 //!
 //! Each format has a plain struct that holds the file's own numbers and writes them back, and a
 //! conversion to and from problems. Conventions of a format (axes, pixel centers, direction of a
-//! transform) are converted here and nowhere else; [`format`] has the one list of formats. Readers take any bytes without a panic, allocate
+//! transform) are converted here and nowhere else; [`mod@format`] has the one list of formats. Readers take any bytes without a panic, allocate
 //! nothing from a count that the file has not proven, and name line or byte of what they refuse.
 //! Writers come thrice: to a file, to bytes for a caller without a file system, and record by record
 //! (`put_…`) for one that does not hold the whole either.

@@ -1,6 +1,6 @@
 //! Bundle adjustment in sections that workers solve together: the result is the single solve's.
 //!
-//! The covisibility graph is cut into sections that meet in separators only ([`partition`]). A worker
+//! The covisibility graph is cut into sections that meet in separators only (`partition`). A worker
 //! eliminates a section's landmarks and all of its poses and cameras that no other section has; what
 //! that leaves on the section's border is added to the separators' system, which the coordinator
 //! factors; the separators' step goes back and each section follows. This is the elimination of the
@@ -8,8 +8,8 @@
 //! the whole, up to rounding (Ni, Steedly and Dellaert, "Out-of-core bundle adjustment for large-scale
 //! 3D reconstruction", 2007, has the same cut, and alternates instead).
 //!
-//! Workers are told plain values and answer with plain values ([`message`]). They may be threads of
-//! this process or whatever answers over a stream ([`frames`]); the bits are the same, on any number of
+//! Workers are told plain values and answer with plain values (`message`). They may be threads of
+//! this process or whatever answers over a stream (`frames`); the bits are the same, on any number of
 //! workers, also where one is lost and started anew.
 
 mod codec;
