@@ -22,7 +22,7 @@ use crate::service::access::Caller;
 use crate::service::convert::time::timestamp;
 use crate::service::engine::EngineError;
 use crate::service::error::ServiceError;
-use crate::store::JobFile;
+use crate::store::{JobFile, JobFiles, StoreError};
 use crate::wire::v1;
 use v1::JobState;
 use v1::job_spec::Spec;
@@ -78,23 +78,21 @@ impl Run<'_> {
         held.bytes.resize(amount)
     }
 
-    /// Works on files of the job. A full disk is waited for: the work of hours is not thrown away for
-    /// want of a few bytes, and what a map was given cannot be taken back.
+    /// Does work that a full disk may stop, again until there is room: the work of hours is not thrown
+    /// away for want of a few bytes, and what a map was given cannot be taken back.
     ///
     /// # Errors
-    /// Those of `work` but [`JobError::Unavailable`], and [`ServiceError::Draining`].
-    async fn patiently<F: Future<Output = Result<(), JobError>>>(
+    /// Those of `work` but those that pass once there is room, and [`ServiceError::Draining`].
+    async fn patiently<T, F: Future<Output = Result<T, ServiceError>>>(
         &self,
         mut work: impl FnMut() -> F,
-    ) -> Result<(), ServiceError> {
+    ) -> Result<T, ServiceError> {
         loop {
-            match work().await {
-                Err(JobError::Unavailable { cause }) => {
-                    tracing::warn!(job = self.entry.id(), cause, "a job waits for the disk");
-                    self.phase(WAITS_FOR_DISK);
-                }
-                done => return Ok(done?),
-            }
+            let done = work().await;
+            let Some(cause) = done.as_ref().err().and_then(lacks_room) else { return done };
+            tracing::warn!(job = self.entry.id(), cause, "a job waits for the disk");
+            self.phase(WAITS_FOR_DISK);
+            drop(done);
             tokio::select! {
                 () = pause() => {}
                 () = self.context.drained() => return Err(ServiceError::Draining),
@@ -109,12 +107,16 @@ impl Run<'_> {
     pub(super) async fn write(&self, file: JobFile, bytes: Vec<u8>) -> Result<(), ServiceError> {
         self.reserve(bytes.len() as u64)?;
         let (uid, bytes) = (self.entry.uid, Arc::<[u8]>::from(bytes));
+        let files = &self.context.jobs.files;
         let write = || {
             let bytes = Arc::clone(&bytes);
-            on_disk(&self.context.jobs.files, move |files| {
-                files.write(&uid, file, |out| out.write_all(&bytes))?;
-                Ok(())
-            })
+            async move {
+                let write = move |files: &JobFiles| {
+                    files.write(&uid, file, |out| out.write_all(&bytes))?;
+                    Ok(())
+                };
+                Ok(on_disk(files, write).await?)
+            }
         };
         self.patiently(write).await
     }
@@ -129,7 +131,7 @@ impl Run<'_> {
     ) -> Result<(), ServiceError> {
         let write = || async {
             let _exclusive = self.entry.exclusive().await;
-            self.entry.change(&self.context.jobs.files, &change).await
+            Ok(self.entry.change(&self.context.jobs.files, &change).await?)
         };
         self.patiently(write).await
     }
@@ -155,7 +157,7 @@ impl Run<'_> {
         if self.context.config.holds("hold-jobs") {
             self.entry.cancellation.canceled().await;
         }
-        let made = self.work().await?;
+        let made = self.patiently(|| self.work()).await?;
         let mut report = serde_json::to_vec_pretty(&made.report).unwrap_or_default();
         report.push(b'\n');
         let size = report.len();
@@ -258,6 +260,16 @@ pub(super) async fn run(context: &Arc<Context>, entry: &Arc<Entry>) {
         let took = jobs.now_ns().saturating_sub(begin);
         jobs.meters.running_ns.observe(u64::try_from(took).unwrap_or(0));
     }
+}
+
+/// Why work ended, where it succeeds once the disk has room again.
+fn lacks_room(error: &ServiceError) -> Option<&str> {
+    let (ServiceError::Job(JobError::Unavailable { cause })
+    | ServiceError::Engine(EngineError::Store(StoreError::Unavailable { cause, .. }))) = error
+    else {
+        return None;
+    };
+    Some(cause)
 }
 
 /// Whether work ended because the server does, and is to be done by the next start.
