@@ -6,6 +6,7 @@
 mod nats;
 mod streams;
 
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::{Duration, Instant};
@@ -111,6 +112,18 @@ async fn keyframes(url: &str) -> Vec<i64> {
     let mut ids: Vec<i64> = poses.into_iter().map(|pose| pose.keyframe.unwrap().id).collect();
     ids.sort_unstable();
     ids
+}
+
+/// Bytes of the files in a folder and below.
+fn size_of(folder: &Path) -> u64 {
+    let entries = std::fs::read_dir(folder).unwrap().map(Result::unwrap);
+    let sizes = entries.map(|entry| match entry.metadata() {
+        Ok(data) if data.is_dir() => size_of(&entry.path()),
+        Ok(data) => data.len(),
+        // Removed meanwhile.
+        Err(_) => 0,
+    });
+    sizes.sum()
 }
 
 #[test]
@@ -282,20 +295,27 @@ fn no_acknowledged_keyframe_is_lost_when_the_owner_and_all_of_nats_are_killed() 
 fn what_an_owner_has_on_its_disk_and_the_stream_lacks_is_put_back_where_nobody_wrote_since() {
     let Some(mut nats) = Nats::start(1, true) else { return };
     let workspace = Workspace::new();
-    let mut server = nats.covis(&workspace, "a");
+    let folder = workspace.path("a");
+    // A lease that does not end while NATS is away: the map takes changes as long as it lasts.
+    let lease = ["--lease-seconds", "3600"];
+    let mut server = nats.covis_over(&nats.urls(), &workspace, "a", &lease);
     let address = server.url.strip_prefix("http://").unwrap().to_owned();
     run(async {
         let mut robot = Robot::new(&server.url).await;
         let last = robot.send(5).await;
         robot.reach(last).await;
         nats.kill();
+        let before = size_of(&folder);
         let last = robot.send(1).await;
-        // Accepted, and on the owner's disk; nothing acknowledges it as durable.
         robot.received(last).await;
+        // Accepted is not yet written.
+        while size_of(&folder) == before {
+            tokio::task::yield_now().await;
+        }
+        // It is on the owner's disk; nothing acknowledges it as durable.
         assert!(robot.durable() < last);
         // Nobody sends it again.
         drop(robot);
-        let folder = workspace.path("a");
         server.kill();
         assert_eq!(on_disk(&folder, "house").await.keyframes().len(), 6);
         nats.restart();
