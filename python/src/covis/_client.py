@@ -86,7 +86,7 @@ class Client:
 
     @property
     def url(self) -> str:
-        """The server's address as it was given."""
+        """The address that calls go to: of several servers that of the one that is talked to."""
         return self._link.url
 
     async def close(self) -> None:
@@ -172,7 +172,7 @@ class Client:
         options = SessionOptions(
             max_unanswered, lock_step, omit_solve_summary, retry, on_ack, on_rejected
         )
-        session = Session(self._link, map_id, client_id, options)
+        session = Session(self._link.apart(), map_id, client_id, options)
         try:
             await session._open()
         except BaseException:
@@ -202,7 +202,7 @@ class Client:
             omit_landmarks, omit_constraints, position_resolution_m, rotation_resolution_rad,
             retry, on_change,
         )  # fmt: skip
-        found = Map(self._link, map_id, options)
+        found = Map(self._link.apart(), map_id, options)
         await found._open()
         self._open.add(found)
         return found

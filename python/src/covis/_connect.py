@@ -30,6 +30,9 @@ async def connect(
 ) -> Client:
     """Connects to a server, for instance `https://maps.example:7411`.
 
+    - `url`: also several, separated by commas, of servers that share maps. The first that answers is
+      taken; calls, sessions and watches then follow to the server that has their map, and on to the next
+      when a link breaks.
     - `token`: of the server's tokens, or a JSON Web Token. By default that of `token_file`, else of the
       variables `COVIS_TOKEN_FILE` and `COVIS_TOKEN`. It is never sent in plain text to another machine.
     - `ca`: file with the authorities (PEM) that are trusted instead of those that gRPC brings.

@@ -1,5 +1,10 @@
 """The connection to a server: where it leads, what each call carries, and the calls by their names.
 
+Several servers may share maps. A link that is given the URLs of some goes to the first that answers. A
+server that does not serve a map names the one that does (MAP_OWNED_ELSEWHERE): the link then goes there.
+When it breaks it goes back to the server that named the owner, and from there to the next of the URLs that
+it was given. With one URL it stays there.
+
 Calls are described by the descriptors of the services, so that no code is generated for them. Secrets
 show in no `repr`. This file knows gRPC and no message.
 """
@@ -7,7 +12,9 @@ show in no `repr`. This file knows gRPC and no message.
 from __future__ import annotations
 
 import asyncio
+import copy
 import ipaddress
+import itertools
 from collections.abc import AsyncIterator, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -26,6 +33,9 @@ from .v1 import (
     optimization_service_pb2,
     server_service_pb2,
 )
+
+_MOST_FOLLOWED = 4
+"""How often a call follows from server to server before it fails."""
 
 _MAX_ANSWER_BYTES = 256 * 1024 * 1024
 
@@ -92,45 +102,117 @@ class Credentials:
     """The client's certificate chain and private key."""
 
 
-class Link:
-    """A channel whose calls carry the token."""
+class _Server:
+    """One server, to which calls go with the token."""
 
     def __init__(self, url: str, credentials: Credentials, options: LinkOptions) -> None:
         self.url = url
-        self._deadline = options.deadline_s
-        self._timeout = options.connect_timeout_s
         scheme, host, port = _split(url)
-        self._metadata = _metadata(url, scheme, host, credentials.token)
+        self.metadata = _metadata(url, scheme, host, credentials.token)
         target = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
         settings = options._channel_options(_is_loopback(host))
         compression = grpc.Compression.Gzip if options.compress else None
         if scheme == "https":
             chain, key = credentials.identity_pem or (None, None)
             tls = grpc.ssl_channel_credentials(credentials.ca_pem, key, chain)
-            self._channel = grpc.aio.secure_channel(target, tls, settings, compression)
+            self.channel = grpc.aio.secure_channel(target, tls, settings, compression)
         else:
-            self._channel = grpc.aio.insecure_channel(target, settings, compression)
+            self.channel = grpc.aio.insecure_channel(target, settings, compression)
 
-    async def check(self) -> None:
+    async def check(self, timeout: float) -> None:
         """Sees whether somebody answers: the call of the health service, which is open to everybody."""
-        call = self._channel.unary_unary("/grpc.health.v1.Health/Check")
+        call = self.channel.unary_unary("/grpc.health.v1.Health/Check")
         try:
-            await call(b"", timeout=self._timeout)
+            await call(b"", timeout=timeout)
         except grpc.aio.AioRpcError as error:
             failure = errors.of_call("Check", error)
             codes = (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.DEADLINE_EXCEEDED)
             if failure.reason is None and failure.code in codes:
                 raise errors.Unreachable(self.url, failure.message) from error
 
+
+class _Servers:
+    """Those that a link and those apart from it have been at, each with one channel."""
+
+    def __init__(self, credentials: Credentials, options: LinkOptions) -> None:
+        self._credentials = credentials
+        self._options = options
+        self._by_url: dict[str, _Server] = {}
+
+    def at(self, url: str) -> _Server:
+        """The server at a URL. Raises `InvalidUrl`, `InvalidToken`, `TokenInPlainText`."""
+        if url not in self._by_url:
+            self._by_url[url] = _Server(url, self._credentials, self._options)
+        return self._by_url[url]
+
+    async def close(self) -> None:
+        await asyncio.gather(*(server.channel.close() for server in self._by_url.values()))
+
+
+class Link:
+    """Where calls go, of all the servers that there may be; `urls` are separated by commas."""
+
+    def __init__(self, urls: str, credentials: Credentials, options: LinkOptions) -> None:
+        self._deadline = options.deadline_s
+        self._timeout = options.connect_timeout_s
+        self._given = [url.strip() for url in urls.split(",")]
+        self._servers = _Servers(credentials, options)
+        self._place = 0
+        self._at = [self._servers.at(url) for url in self._given][0]
+
+    @property
+    def url(self) -> str:
+        """The address that calls go to."""
+        return self._at.url
+
+    def apart(self) -> Link:
+        """One that goes its own ways from here on, for what follows one map."""
+        return copy.copy(self)
+
+    def follow(self, error: errors.CovisError) -> bool:
+        """Goes to the server that an error names, or, where the link broke or nobody serves the map, to
+        the next one. Whether the error named the owner of a map, so that nothing of the call was done.
+        """
+        owner = error.owner if isinstance(error, errors.RpcError) else None
+        if owner is not None:
+            return self._go_to(owner, self._place)
+        if errors.is_transient(error) and not isinstance(error, errors.ResourceExhausted):
+            is_given = self._given[self._place] == self.url
+            # Where an owner is gone, the server that named it may know the next one.
+            place = (self._place + 1) % len(self._given) if is_given else self._place
+            if not is_given or place != self._place:
+                self._go_to(self._given[place], place)
+        return False
+
+    def _go_to(self, url: str, place: int) -> bool:
+        """False where the URL or the credentials cannot be used there."""
+        try:
+            self._at = self._servers.at(url)
+        except errors.CovisError:
+            return False
+        self._place = place
+        return True
+
+    async def check(self) -> None:
+        """Goes to the first server that answers. Raises `Unreachable` of the first where none does."""
+        nobody: errors.Unreachable | None = None
+        for place, url in enumerate(self._given):
+            self._go_to(url, place)
+            try:
+                return await self._at.check(self._timeout)
+            except errors.Unreachable as error:
+                nobody = nobody or error
+        if nobody is not None:
+            raise nobody
+
     async def close(self) -> None:
         """Ends all calls."""
-        await self._channel.close()
+        await self._servers.close()
 
     def raw_stream(self, request: Any, decode: Any) -> Any:
         """Begins a call of the method that takes `request`, with messages that are bytes already."""
-        return self._channel.stream_stream(
-            _path(METHODS[request.DESCRIPTOR.full_name]), None, decode
-        )(metadata=self._metadata)
+        path = _path(METHODS[request.DESCRIPTOR.full_name])
+        return self._at.channel.stream_stream(path, None, decode)(metadata=self._at.metadata)
 
     async def unary(self, request: Message, timeout: float | None = None, solves: bool = False) -> Any:
         """Makes a call with one answer."""
@@ -138,31 +220,39 @@ class Link:
         if timeout is None and not solves:
             timeout = self._deadline
         decode = GetMessageClass(method.output_type).FromString
-        call = self._channel.unary_unary(_path(method), _encode, decode)
-        try:
-            return await call(request, timeout=timeout, metadata=self._metadata)
-        except grpc.aio.AioRpcError as error:
-            raise errors.of_call(method.name, error) from None
+        for followed in itertools.count():
+            call = self._at.channel.unary_unary(_path(method), _encode, decode)
+            try:
+                return await call(request, timeout=timeout, metadata=self._at.metadata)
+            except grpc.aio.AioRpcError as error:
+                failure = errors.of_call(method.name, error)
+                if not self.follow(failure) or followed == _MOST_FOLLOWED:
+                    raise failure from None
 
     async def answers(self, request: Message, timeout: float | None = None) -> AsyncIterator[Any]:
         """Makes a call with many answers. Closing the iterator cancels it."""
         method = METHODS[request.DESCRIPTOR.full_name]
         decode = GetMessageClass(method.output_type).FromString
-        stub = self._channel.unary_stream(_path(method), _encode, decode)
-        call = stub(request, timeout=timeout, metadata=self._metadata)
-        try:
-            async for answer in call:
-                yield answer
-        except grpc.aio.AioRpcError as error:
-            raise errors.of_call(method.name, error) from None
-        finally:
-            call.cancel()
+        for followed in itertools.count():
+            stub = self._at.channel.unary_stream(_path(method), _encode, decode)
+            call = stub(request, timeout=timeout, metadata=self._at.metadata)
+            try:
+                async for answer in call:
+                    yield answer
+                return
+            except grpc.aio.AioRpcError as error:
+                failure = errors.of_call(method.name, error)
+                # Where another server has the map there was no answer yet.
+                if not self.follow(failure) or followed == _MOST_FOLLOWED:
+                    raise failure from None
+            finally:
+                call.cancel()
 
     async def upload(self, requests: Iterable[Message], kind: type[Message]) -> Any:
         """Makes a call with many requests and one answer."""
         method = METHODS[kind.DESCRIPTOR.full_name]
         decode = GetMessageClass(method.output_type).FromString
-        call = self._channel.stream_unary(_path(method), _encode, decode)
+        call = self._at.channel.stream_unary(_path(method), _encode, decode)
         failures: list[Exception] = []
 
         def guarded() -> Iterator[Message]:
@@ -173,9 +263,12 @@ class Link:
                 raise
 
         try:
-            return await call(guarded(), metadata=self._metadata)
+            return await call(guarded(), metadata=self._at.metadata)
         except grpc.aio.AioRpcError as error:
-            raise errors.of_call(method.name, error) from None
+            failure = errors.of_call(method.name, error)
+            # What was read of the requests is gone: the next call goes to the other server.
+            self.follow(failure)
+            raise failure from None
         except asyncio.CancelledError:
             # gRPC cancels a call whose requests cannot be made, and keeps the reason to itself.
             if failures:

@@ -160,6 +160,7 @@ class Map:
                 try:
                     await self._follow()
                 except errors.CovisError as error:
+                    self._link.follow(error)
                     await self._retries.wait(error)
         except Exception as error:  # A bug of ours too must reach those who wait.
             self._failure = error

@@ -203,6 +203,7 @@ class Stream:
                     self.is_done = True
                     return
                 except errors.CovisError as error:
+                    self._link.follow(error)
                     await self._retries.wait(await self._explain(error))
         except Exception as error:  # A bug of ours too must reach those who wait.
             self._failure = error

@@ -47,7 +47,7 @@ class Client(Blocking[_client.Client]):
 
     @property
     def url(self) -> str:
-        """The server's address as it was given."""
+        """The address that calls go to: of several servers that of the one that is talked to."""
         return self._twin.url
 
     def close(self) -> None:
@@ -432,6 +432,9 @@ class Map(Blocking[_map.Map]):
 def connect(url: str, token: str | None=None, *, token_file: str | os.PathLike[str] | None=None, ca: str | os.PathLike[str] | None=None, cert: str | os.PathLike[str] | None=None, key: str | os.PathLike[str] | None=None, link: LinkOptions=LinkOptions()) -> Client:
     """Connects to a server, for instance `https://maps.example:7411`.
 
+    - `url`: also several, separated by commas, of servers that share maps. The first that answers is
+      taken; calls, sessions and watches then follow to the server that has their map, and on to the next
+      when a link breaks.
     - `token`: of the server's tokens, or a JSON Web Token. By default that of `token_file`, else of the
       variables `COVIS_TOKEN_FILE` and `COVIS_TOKEN`. It is never sent in plain text to another machine.
     - `ca`: file with the authorities (PEM) that are trusted instead of those that gRPC brings.

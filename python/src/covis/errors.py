@@ -216,6 +216,11 @@ class RpcError(CovisError):
         return self._violations
 
     @property
+    def owner(self) -> str | None:
+        """The URL of the server that has the map, where the one that was asked does not."""
+        return self.metadata.get("owner") if self.reason == "MAP_OWNED_ELSEWHERE" else None
+
+    @property
     def is_transient(self) -> bool:
         """Whether trying again may help: the link broke, or the server is full or shutting down."""
         codes = grpc.StatusCode

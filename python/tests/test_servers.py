@@ -1,0 +1,146 @@
+"""Several servers that share maps: a client finds the one that has its map, and follows where it goes.
+
+Who does not have the map is played by a gRPC server that answers everything as a server of covis does
+then; who has it is a real one.
+"""
+
+import asyncio
+from concurrent.futures import ThreadPoolExecutor
+
+import covis
+import grpc
+import pytest
+from conftest import GUARD_S, Server
+from covis._link import Credentials, Link, LinkOptions
+from covis._retry import RetryPolicy
+from google.protobuf.any_pb2 import Any
+from google.rpc.error_details_pb2 import ErrorInfo
+from google.rpc.status_pb2 import Status
+from scene import K, SIZE, keyframe
+
+
+def details(owner):
+    """The status of a call for a map that `owner` has, or nobody knows who."""
+    metadata = {} if owner is None else {"owner": owner}
+    packed = Any()
+    packed.Pack(ErrorInfo(reason="MAP_OWNED_ELSEWHERE", domain="covis", metadata=metadata))
+    return Status(code=14, message="another server has the map", details=[packed]).SerializeToString()
+
+
+class Elsewhere(grpc.GenericRpcHandler):
+    """A server that is healthy and has no map; `owner` has them."""
+
+    def __init__(self, owner):
+        self.owner = owner
+        self._server = grpc.server(ThreadPoolExecutor(4), handlers=[self])
+        self.url = f"http://127.0.0.1:{self._server.add_insecure_port('127.0.0.1:0')}"
+        self._server.start()
+
+    def service(self, call):
+        def answer(_requests, context):
+            if call.method.endswith("/Check"):
+                yield b"\x08\x01"
+                return
+            context.set_trailing_metadata((("grpc-status-details-bin", details(self.owner)),))
+            context.abort(grpc.StatusCode.UNAVAILABLE, "another server has the map")
+
+        return grpc.stream_stream_rpc_method_handler(answer)
+
+    def stop(self):
+        self._server.stop(None).wait(GUARD_S)
+
+
+@pytest.fixture
+def elsewhere(server):
+    running = Elsewhere(server.url)
+    yield running
+    running.stop()
+
+
+def test_the_first_server_that_answers_is_taken(server, tmp_path):
+    (tmp_path / "gone").mkdir()
+    gone = Server(tmp_path / "gone", in_memory=True)
+    gone.kill()
+    with covis.connect(f"{gone.url}, {server.url}") as client:
+        assert client.url == server.url
+        assert client.list_maps() == []
+    with pytest.raises(covis.Unreachable, match=gone.url):
+        covis.connect(f"{gone.url},{gone.url}")
+    with pytest.raises(covis.InvalidUrl):
+        covis.connect(f"{server.url},nonsense")
+
+
+def test_calls_sessions_and_watches_go_to_the_server_that_has_the_map(server, elsewhere):
+    with covis.connect(elsewhere.url) as client:
+        with client.ingest("room", "robot") as session:
+            session.camera(0, *SIZE, K)
+            session.keyframe(**keyframe(0))
+        map = client.watch("room")
+        map.wait(session.report.revision, GUARD_S)
+        assert list(map.poses) == [0]
+        assert len(client.trajectory("room").times) == 1
+        assert client.url == server.url
+    with covis.connect(server.url) as direct:
+        assert direct.get_map("room").counts.keyframe_count == 1
+
+
+def test_a_session_asks_again_who_has_the_map_when_its_server_is_gone(server, elsewhere):
+    quick = RetryPolicy(max_attempts=1000, first_delay_s=0.001, longest_delay_s=0.01)
+    with covis.connect(elsewhere.url) as client:
+        with client.ingest("room", "robot", retry=quick) as session:
+            session.camera(0, *SIZE, K)
+            session.keyframe(**keyframe(0))
+            session.wait_durable(timeout=GUARD_S)
+            server.kill()
+            session.keyframe(**keyframe(1))
+            # The map is served again, at another address, which the client was not given.
+            server.start()
+            elsewhere.owner = server.url
+            session.wait_durable(timeout=GUARD_S)
+            assert session.report.reconnects >= 1
+    with covis.connect(server.url) as direct:
+        assert direct.get_map("room").counts.keyframe_count == 2
+
+
+def test_a_server_that_names_itself_does_not_hold_a_call_for_ever(elsewhere):
+    elsewhere.owner = elsewhere.url
+    with covis.connect(elsewhere.url) as client:
+        with pytest.raises(covis.RpcError, match="MAP_OWNED|another server has the map"):
+            client.get_map("room")
+
+
+def test_a_link_goes_to_the_owner_and_back_and_on_when_the_owner_is_gone():
+    class Ended:
+        """What gRPC tells of a call."""
+
+        def __init__(self, metadata=()):
+            self._metadata = metadata
+
+        def code(self):
+            return grpc.StatusCode.UNAVAILABLE
+
+        def details(self):
+            return "gone"
+
+        def trailing_metadata(self):
+            return self._metadata
+
+    def named(owner):
+        return covis.RpcError("GetMap", Ended((("grpc-status-details-bin", details(owner)),)))
+
+    async def play():
+        link = Link("http://127.0.0.1:1,http://127.0.0.1:2", Credentials(), LinkOptions())
+        broken = covis.RpcError("GetMap", Ended())
+        assert link.follow(named("http://127.0.0.1:3")) and link.url.endswith(":3")
+        # Who named it may know the next owner.
+        assert not link.follow(broken) and link.url.endswith(":1")
+        assert not link.follow(broken) and link.url.endswith(":2")
+        assert not link.follow(named(None)) and link.url.endswith(":1")
+        apart = link.apart()
+        assert apart.follow(named("http://127.0.0.1:3"))
+        assert apart.url.endswith(":3") and link.url.endswith(":1")
+        # An address that is none is not followed.
+        assert not link.follow(named("nowhere")) and link.url.endswith(":1")
+        await link.close()
+
+    asyncio.run(play())
