@@ -44,7 +44,7 @@ use config::{CONNECTION, Config, Environment, LOG, Texts, flags};
 /// Under the help of the program.
 const EXIT_CODES: &str = "Exit codes: 0 success; 1 failure, with one line on standard error that says what \
     happened, to what, and what to do next, or a result that is bad (damage found, items refused, a job \
-    that failed); 2 wrong usage.";
+    that failed); 2 wrong usage; 130 and 143 a run that ctrl-c or SIGTERM ended, with what there was written.";
 
 /// An optimization-centric SLAM backend: keyframes in over gRPC, optimized maps out.
 #[derive(Debug, Parser)]

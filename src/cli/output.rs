@@ -73,20 +73,32 @@ pub(super) fn writable(out: Option<&Path>) -> anyhow::Result<()> {
 /// What a command found bad is printed already; only its exit code is left to tell.
 #[derive(Debug, thiserror::Error)]
 #[error("not all is good")]
-struct Told;
+struct Told(u8);
+
+/// The exit code of a program that a signal ended, as shells have it.
+pub(super) fn signal_code(signal: &str) -> u8 {
+    if signal == "SIGTERM" { 143 } else { 130 }
+}
+
+/// Ends a command that has written what there was when the signal came.
+pub(super) fn ended_by(signal: &str) -> anyhow::Error {
+    Told(signal_code(signal)).into()
+}
 
 /// Ends a command that has printed all it has to say with success or failure.
 pub(super) fn succeed_if(is_good: bool) -> anyhow::Result<()> {
-    if is_good { Ok(()) } else { Err(Told.into()) }
+    if is_good { Ok(()) } else { Err(Told(1).into()) }
 }
 
 /// Turns a command's result into an exit code; an error becomes one line on standard error.
 pub(super) fn exit_code(result: anyhow::Result<()>) -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) if error.is::<Told>() => ExitCode::FAILURE,
         Err(error) if error.is::<ClosedPipe>() => ExitCode::SUCCESS,
         Err(error) => {
+            if let Some(Told(code)) = error.downcast_ref() {
+                return ExitCode::from(*code);
+            }
             // Nothing can be told when standard error is gone as well.
             let next = next_step(&error).map(|step| format!("; {step}")).unwrap_or_default();
             let _ = writeln!(io::stderr(), "error: {}{next}", one_line(&error));

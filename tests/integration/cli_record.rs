@@ -225,6 +225,28 @@ fn a_run_records_its_map_as_it_grows_with_images_frames_and_solves() {
     let last = on(&all, "/covis/map").into_iter().max_by_key(|state| state.time_ns).unwrap();
     assert_eq!(last.count("keyframe_count"), keyframes);
     assert!(last.count("landmark_count") > 50);
+    assert!(on(&all, "/covis/mesh").is_empty());
+}
+
+#[test]
+fn a_run_that_fuses_a_surface_records_it_as_it_is_in_the_file() {
+    let workspace = Workspace::new();
+    workspace.room(6);
+    let run = "--log warn run tum:seq --lock-step --json --mesh --voxel 0.05 --mcap run.mcap";
+    let document = workspace.json(run, &[]);
+    let all = read(&fs::read(workspace.path("run.mcap")).unwrap());
+    let meshes = on(&all, "/covis/mesh");
+    assert_eq!(meshes.len(), 1);
+    let entity = &meshes[0].list("entities")[0];
+    let surface = entity.get_field_by_name("triangles").unwrap();
+    let surface = surface.as_list().unwrap()[0].as_message().unwrap().clone();
+    let size = |name: &str| surface.get_field_by_name(name).unwrap().as_list().unwrap().len();
+    let vertices = number(&document["mesh"], "vertices") as usize;
+    assert!(vertices > 1000);
+    assert_eq!([size("points"), size("colors")], [vertices, vertices]);
+    assert_eq!(size("indices"), 3 * number(&document["mesh"], "triangles") as usize);
+    let last_ns = on(&all, "/covis/frame").iter().map(|frame| frame.time_ns).max();
+    assert_eq!(Some(meshes[0].time_ns), last_ns);
 }
 
 #[test]

@@ -1,12 +1,14 @@
 //! `covis run` on short written sequences: what it reads and what it must not, frames that are bad,
 //! masks, messages, and a server of its own process.
 
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
 use fs_err as fs;
 use serde_json::Value;
 
-use crate::cli_support::{Running, Workspace, number};
+use crate::cli_support::{Ran, Running, Workspace, number};
 
 /// Draws `frames` frames of people who walk into the folder `name`.
 fn walking(workspace: &Workspace, name: &str, frames: usize) -> PathBuf {
@@ -82,6 +84,30 @@ fn the_truth_is_not_opened_and_threads_change_nothing() {
     fs::remove_dir_all(folder.join("mask")).unwrap();
     track(&workspace, "seq", "--lock-step --out b --save-masks --threads 2");
     assert!(files(&workspace.path("a")) == files(&workspace.path("b")), "the outputs differ");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_run_that_is_interrupted_writes_what_there_is() {
+    let workspace = Workspace::new();
+    let mut command = workspace.command();
+    command.args(["run", "synthetic:walking", "--frames", "1000", "--out", "out", "--map", "cut"]);
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    // A line after a tenth of the frames, where there is no terminal.
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    assert!(lines.by_ref().any(|line| line.unwrap().contains("frames: 100 of 1000")));
+    let id = child.id().to_string();
+    assert!(Command::new("kill").args(["-s", "INT", &id]).status().unwrap().success());
+    let stderr: Vec<String> = lines.map(Result::unwrap).collect();
+    let ran = Ran::of(child.wait_with_output().unwrap());
+    assert_eq!(ran.code, Some(130), "{stderr:?}");
+    assert!(stderr.iter().any(|line| line.contains("interrupt: the run ends")), "{stderr:?}");
+    assert!(ran.stdout.contains("Ended early, by interrupt"), "{}", ran.stdout);
+    let trajectory = fs::read_to_string(workspace.path("out/trajectory.txt")).unwrap();
+    let poses = trajectory.lines().filter(|line| !line.starts_with('#')).count();
+    assert!((100..1000).contains(&poses), "{poses} poses");
+    let page = fs::read_to_string(workspace.path("out/report.html")).unwrap();
+    assert!(page.contains("by interrupt"));
 }
 
 #[test]

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::LACKING;
 use crate::client::Client;
+use crate::frontend::dense::surface::Mesh;
 use crate::frontend::image::RgbdFrame;
 use crate::frontend::mapping::run::RunReport;
 use crate::frontend::pipeline::Outcome;
@@ -36,6 +37,7 @@ impl RunRecording {
         self,
         _frames: FrameWriter,
         _report: &RunReport,
+        _mesh: Option<&Mesh>,
     ) -> anyhow::Result<u64> {
         match self {}
     }

@@ -7,6 +7,7 @@
 //! | `recorder` | follows a map and writes what changes |
 //! | `scene` | a map as messages |
 //! | `of_run` | what a run adds: images, frames, solves |
+//! | `surface` | the mesh of a run as a message |
 //! | `sink` | the MCAP file; the only place that knows the crate |
 //! | `schemas` | generated from `proto/foxglove` and `proto/covis/recording` |
 //!
@@ -25,6 +26,8 @@ mod scene;
 mod schemas;
 #[cfg(feature = "mcap")]
 mod sink;
+#[cfg(feature = "mcap")]
+mod surface;
 
 use std::path::PathBuf;
 

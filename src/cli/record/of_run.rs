@@ -19,7 +19,9 @@ use super::scene::{Frames, timestamp};
 use super::schemas::figures::{FrameFigures, SolveFigures};
 use super::schemas::foxglove::CompressedImage;
 use super::sink::Sink;
+use super::surface::surface;
 use crate::client::Client;
+use crate::frontend::dense::surface::Mesh;
 use crate::frontend::image::{Image, RgbdFrame};
 use crate::frontend::input::encode;
 use crate::frontend::mapping::run::RunReport;
@@ -81,12 +83,13 @@ impl RunRecording {
         }
     }
 
-    /// Ends the recording; `frames` come from the tracking thread, which has ended. Returns how many messages
+    /// Ends the recording, with the mesh where the run has fused one; `frames` come from the tracking thread, which has ended. Returns how many messages
     /// there are.
     pub(in crate::cli) async fn finish(
         self,
         frames: FrameWriter,
         report: &RunReport,
+        mesh: Option<&Mesh>,
     ) -> anyhow::Result<u64> {
         let left_out = frames.finish()?;
         if left_out > 0 {
@@ -101,6 +104,10 @@ impl RunRecording {
                 solve_ms: solve.solve_s * 1e3,
             };
             self.sink.put("/covis/solve", time_ns, &figures)?;
+        }
+        if let Some((mesh, last)) = mesh.zip(report.live.last()) {
+            let time_ns = nanoseconds(last.timestamp_s);
+            self.sink.put("/covis/mesh", time_ns, &surface(mesh, time_ns))?;
         }
         // The recorder has ended before only where it failed, which its answer tells.
         let _ended = self.end.send(());

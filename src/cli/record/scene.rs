@@ -27,7 +27,7 @@ use v1::camera::Model;
 use v1::constraint::Constraint;
 
 /// The frame of the map.
-const MAP: &str = "map";
+pub(super) const MAP: &str = "map";
 /// A state is later than the one before it by this much at least.
 const STEP_NS: u64 = 1000;
 /// Below this a keyframe has not moved, m.
@@ -237,7 +237,7 @@ fn to_pose(pose: &Se3) -> fx::Pose {
     }
 }
 
-fn identity() -> fx::Pose {
+pub(super) fn identity() -> fx::Pose {
     to_pose(&Se3::identity())
 }
 
@@ -331,6 +331,7 @@ fn closures(mirror: &MapMirror, time_ns: u64) -> (fx::SceneUpdate, i64, i64) {
                 points: ends.into_iter().flatten().collect(),
                 color: Some(fx::Color { r, g, b: 0.15, a: 1.0 }),
             }],
+            triangles: Vec::new(),
         });
     }
     // Those that were taken back have to go, and a viewer that jumps in time sees this message alone.

@@ -13,8 +13,7 @@ use crate::frontend::camera::FrameCamera;
 use crate::frontend::dense::export;
 use crate::frontend::dense::integrate::IntegrationOptions;
 use crate::frontend::dense::mapper::{DenseMapper, MemoryCeiling};
-use crate::frontend::dense::paged::PagedVolume;
-use crate::frontend::dense::surface::{SurfaceOptions, extract_paged};
+use crate::frontend::dense::surface::{Mesh, SurfaceOptions, extract_paged};
 use crate::frontend::dense::thread::{DenseReport, DenseThread};
 use crate::frontend::dense::volume::VolumeOptions;
 
@@ -47,23 +46,29 @@ pub(super) fn start(
     Ok(DenseThread::start(mapper, pool))
 }
 
-/// Waits until the volume stands on the final map.
-pub(super) fn finish(thread: DenseThread) -> anyhow::Result<DenseReport> {
+/// What was mapped densely: the volume on the final map, and its surface.
+pub(in crate::cli) struct Dense {
+    pub(super) report: DenseReport,
+    pub(super) mesh: Mesh,
+}
+
+/// Waits until the volume stands on the final map, and extracts its surface.
+pub(super) fn finish(thread: DenseThread) -> anyhow::Result<Dense> {
     let mut progress: Option<Progress> = None;
-    let report = thread.finish(&mut |_, frames| {
+    let mut report = thread.finish(&mut |_, frames| {
         progress.get_or_insert_with(|| Progress::new("fused again", frames as u64)).advance(1);
     })?;
     if let Some(progress) = progress {
         progress.finish();
     }
-    Ok(report)
+    let mesh = extract_paged(&mut report.volume, SurfaceOptions::default())?;
+    Ok(Dense { report, mesh })
 }
 
 /// Writes `mesh.ply`, `mesh.glb` and `volume.covis`.
-pub(super) fn write(volume: &mut PagedVolume, out: &Path) -> anyhow::Result<MeshFigures> {
-    let mesh = extract_paged(volume, SurfaceOptions::default())?;
-    let figures = write_surface(volume, &mesh, out)?;
-    let Some(glb) = export::glb(&mesh) else {
+pub(super) fn write(dense: &mut Dense, out: &Path) -> anyhow::Result<MeshFigures> {
+    let figures = write_surface(&mut dense.report.volume, &dense.mesh, out)?;
+    let Some(glb) = export::glb(&dense.mesh) else {
         bail!("the mesh is too large for a GLB file (4 GiB): covis mesh writes PLY");
     };
     fs::write(out.join("mesh.glb"), glb)?;

@@ -5,6 +5,7 @@
 //! and mapping are [`crate::frontend`]'s.
 
 pub(super) mod dense;
+mod interrupt;
 mod masks;
 mod page;
 pub(super) mod report;
@@ -20,18 +21,18 @@ use super::config::Config;
 use super::connect::{Embedded, connect};
 use super::formats::of_trajectories;
 use super::html::{self, ReportFlag};
-use super::output::show;
+use super::output::{ended_by, show};
 use super::progress::Progress;
 use super::record::{FrameWriter, RunRecording};
 use super::volume::Measures;
 use crate::client::Client;
-use crate::frontend::dense::thread::DenseReport;
 use crate::frontend::image::{Image, RgbdFrame};
 use crate::frontend::input::{FrameError, SensorTiming};
 use crate::frontend::local_map::MOST_KEYFRAMES;
 use crate::frontend::mapping::run::{Companion, MOST_HELD, RunReport, Target, run as track};
 use crate::frontend::pipeline::{Outcome, Pipeline, PipelineOptions};
-use dense::DenseOptions;
+use dense::{Dense, DenseOptions};
+use interrupt::{Interrupt, Interruptible};
 use masks::{GivenMasks, SavedMasks};
 use page::FinalMap;
 pub(super) use source::{Drawing, Peeked, Recorded, Source};
@@ -134,6 +135,8 @@ pub(super) struct RunOptions {
     pub(super) recording: Option<PathBuf>,
     /// Keyframes of the local map, where not as many as usual.
     pub(super) most_keyframes: Option<usize>,
+    /// What ends the sequence early.
+    pub(super) interrupt: Interrupt,
 }
 
 /// Runs the frontend.
@@ -147,7 +150,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
     let seconds = |ms: Option<f64>| ms.map(|ms| ms * 1e-3);
     let volume = args.measures.options()?;
     let every = usize::from(args.mesh_every);
-    let options = RunOptions {
+    let mut options = RunOptions {
         dense: args.mesh.then_some(DenseOptions {
             volume,
             ceiling: args.measures.ceiling(&args.out),
@@ -162,6 +165,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         threads,
         recording: args.recording.clone(),
         most_keyframes: None,
+        interrupt: Interrupt::default(),
     };
     let source = args.source.clone().with(args.drawing);
     let runtime = tokio::runtime::Builder::new_multi_thread()
@@ -169,7 +173,8 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         .enable_all()
         .build()
         .context("the async runtime")?;
-    let ((report, mut volume), map) = runtime.block_on(async {
+    let ((report, mut dense), map) = runtime.block_on(async {
+        options.interrupt = Interrupt::catch().context("signal handlers")?;
         if config.names_server {
             let client = connect(config).await?;
             return run_and_ask(args, &source, &options, &client).await;
@@ -180,9 +185,10 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
         report
     })?;
     report::write(&report, &args.out, args.format)?;
-    let mesh =
-        volume.as_mut().map(|dense| dense::write(&mut dense.volume, &args.out)).transpose()?;
-    let document = report::document(&report, volume.as_ref().zip(mesh));
+    let mesh = dense.as_mut().map(|dense| dense::write(dense, &args.out)).transpose()?;
+    let signal = options.interrupt.signal();
+    let document =
+        report::document(&report, dense.as_ref().map(|dense| &dense.report).zip(mesh), signal);
     let flag = args.report_flag();
     if let Some(path) = &flag.path {
         let title = format!("Run of {}", args.source);
@@ -192,7 +198,7 @@ pub(super) fn run(args: &Args, config: &Config) -> anyhow::Result<()> {
     html::tell(args.json, &flag)?;
     match report.failure {
         Some(failure) => Err(failure).context("the session with the server ended early"),
-        None => Ok(()),
+        None => signal.map_or(Ok(()), |signal| Err(ended_by(signal))),
     }
 }
 
@@ -202,7 +208,7 @@ async fn run_and_ask(
     source: &Source,
     options: &RunOptions,
     client: &Client,
-) -> anyhow::Result<((RunReport, Option<DenseReport>), Option<FinalMap>)> {
+) -> anyhow::Result<((RunReport, Option<Dense>), Option<FinalMap>)> {
     let run = sequence(source, options, client, &args.map).await?;
     if args.report_flag().path.is_none() || run.0.failure.is_some() {
         return Ok((run, None));
@@ -219,7 +225,7 @@ pub(super) async fn sequence(
     options: &RunOptions,
     client: &Client,
     map: &str,
-) -> anyhow::Result<(RunReport, Option<DenseReport>)> {
+) -> anyhow::Result<(RunReport, Option<Dense>)> {
     let source = source.open(&options.recorded)?;
     let usual = source.timing();
     let readout_s = options.timing.0.unwrap_or(usual.readout_s);
@@ -261,21 +267,24 @@ pub(super) async fn sequence(
         lock_step: options.lock_step,
         most_held: MOST_HELD,
     };
+    let frames = Interruptible { frames, interrupt: options.interrupt.clone() };
     let feed = dense.as_ref().map(|(thread, every)| thread.feed(*every));
     let ahead = options.threads > 1;
     let (report, companion) =
         track(Box::new(frames), pipeline, target, ahead, companion, feed).await?;
     companion.progress.finish();
+    let dense = dense.map(|(thread, _)| dense::finish(thread)).transpose();
     if let Some((recording, frames)) = recording.zip(companion.frames) {
+        let mesh = dense.as_ref().ok().and_then(|dense| Some(&dense.as_ref()?.mesh));
         // What was tracked is kept, whatever becomes of the recording.
-        if let Err(error) = recording.finish(frames, &report).await {
+        if let Err(error) = recording.finish(frames, &report, mesh).await {
             tracing::error!("the recording ends early: {error:#}");
         }
     }
     if let Some(failure) = companion.failure {
         return Err(failure);
     }
-    Ok((report, dense.map(|(thread, _)| dense::finish(thread)).transpose()?))
+    Ok((report, dense?))
 }
 
 /// Progress, frames of a recording, masks in and masks out.

@@ -43,6 +43,9 @@ pub(super) struct Document {
     /// Keyframes that were not sent.
     left_out: usize,
     reconnects: u64,
+    /// The signal that ended the run before the last frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    interrupted_by: Option<&'static str>,
     stages: BTreeMap<&'static str, Quantiles>,
     #[serde(skip_serializing_if = "Option::is_none")]
     mesh: Option<MeshFigures>,
@@ -95,6 +98,9 @@ impl Document {
                 ),
             ),
         ];
+        if let Some(signal) = self.interrupted_by {
+            facts.push(("ended early", format!("by {signal}")));
+        }
         if let Some(MeshFigures { vertices, triangles, .. }) = self.mesh {
             facts.push(("mesh", format!("{vertices} vertices, {triangles} triangles")));
         }
@@ -118,7 +124,11 @@ pub(in crate::cli) fn trajectory(report: &RunReport) -> Trajectory {
 }
 
 /// The figures of a run.
-pub(super) fn document(report: &RunReport, dense: Option<(&DenseReport, MeshFigures)>) -> Document {
+pub(super) fn document(
+    report: &RunReport,
+    dense: Option<(&DenseReport, MeshFigures)>,
+    interrupted_by: Option<&'static str>,
+) -> Document {
     let durations = &report.durations;
     let stage = |of: fn(&StageSeconds) -> f64| Quantiles::of(durations.stages.iter().map(of));
     let mut stages = BTreeMap::from([
@@ -152,6 +162,7 @@ pub(super) fn document(report: &RunReport, dense: Option<(&DenseReport, MeshFigu
         most_held: report.most_held,
         left_out: report.left_out,
         reconnects: report.reconnects,
+        interrupted_by,
         stages,
     }
 }
@@ -207,6 +218,9 @@ pub(super) fn table(document: &Document, out: &Path) -> String {
     }
     if let Some(MeshFigures { vertices, triangles, .. }) = document.mesh {
         text.push_str(&format!("\n\n{vertices} vertices, {triangles} triangles in mesh.ply"));
+    }
+    if let Some(signal) = document.interrupted_by {
+        text.push_str(&format!("\n\nEnded early, by {signal}: these are the frames until then"));
     }
     text.push_str(&format!("\n\nTrajectories are in {}", out.display()));
     text

@@ -499,6 +499,32 @@ impl ::prost::Name for LinePrimitive {
         "/foxglove.LinePrimitive".into()
     }
 }
+/// A surface of triangles in a frame.
+#[derive(Clone, PartialEq, ::prost::Message)]
+pub struct TriangleListPrimitive {
+    /// Pose of the points' origin in the frame.
+    #[prost(message, optional, tag = "1")]
+    pub pose: ::core::option::Option<Pose>,
+    /// The vertices.
+    #[prost(message, repeated, tag = "2")]
+    pub points: ::prost::alloc::vec::Vec<Point3>,
+    /// Their colors, as many.
+    #[prost(message, repeated, tag = "4")]
+    pub colors: ::prost::alloc::vec::Vec<Color>,
+    /// Three vertices of each triangle, from 0.
+    #[prost(fixed32, repeated, tag = "5")]
+    pub indices: ::prost::alloc::vec::Vec<u32>,
+}
+impl ::prost::Name for TriangleListPrimitive {
+    const NAME: &'static str = "TriangleListPrimitive";
+    const PACKAGE: &'static str = "foxglove";
+    fn full_name() -> ::prost::alloc::string::String {
+        "foxglove.TriangleListPrimitive".into()
+    }
+    fn type_url() -> ::prost::alloc::string::String {
+        "/foxglove.TriangleListPrimitive".into()
+    }
+}
 /// Something in a 3D scene; one that comes again with the same id replaces the one before.
 #[derive(Clone, PartialEq, ::prost::Message)]
 pub struct SceneEntity {
@@ -520,6 +546,9 @@ pub struct SceneEntity {
     /// Its lines.
     #[prost(message, repeated, tag = "11")]
     pub lines: ::prost::alloc::vec::Vec<LinePrimitive>,
+    /// Its surfaces.
+    #[prost(message, repeated, tag = "12")]
+    pub triangles: ::prost::alloc::vec::Vec<TriangleListPrimitive>,
 }
 impl ::prost::Name for SceneEntity {
     const NAME: &'static str = "SceneEntity";
