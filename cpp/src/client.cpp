@@ -16,8 +16,12 @@ Client Client::connect(const std::string& url, const ConnectOptions& options) {
     return Client(std::move(link));
 }
 
-const std::string& Client::url() const { return link_->url(); }
+std::string Client::url() const { return link_->url(); }
 std::shared_ptr<grpc::Channel> Client::channel() const { return link_->channel(); }
+
+bool Client::follows(const Error& error, int followed) const {
+    return link_->follow(error) && followed < detail::kMostFollowed;
+}
 
 void Client::prepare(grpc::ClientContext& context, Timeout timeout) const {
     link_->prepare(context);
@@ -49,11 +53,11 @@ Session Client::ingest(const std::string& map_id, const std::string& client_id, 
     if (options.create) {
         create_if_missing(map_id, options.policy);
     }
-    return Session::open(link_, map_id, client_id, std::move(options));
+    return Session::open(link_->apart(), map_id, client_id, std::move(options));
 }
 
 Map Client::watch(const std::string& map_id, WatchOptions options) {
-    return Map::open(link_, map_id, std::move(options));
+    return Map::open(link_->apart(), map_id, std::move(options));
 }
 
 v1::GetServerInfoResponse Client::server_info() const {

@@ -114,6 +114,12 @@ Error Error::exhausted(int attempts, const Error& cause) {
     return Error(ErrorKind::kRetriesExhausted, text, details);
 }
 
+const std::string* Error::owner() const noexcept {
+    const auto found = details_->metadata.find("owner");
+    const bool is_elsewhere = details_->reason == "MAP_OWNED_ELSEWHERE";
+    return is_elsewhere && found != details_->metadata.end() ? &found->second : nullptr;
+}
+
 bool Error::is_transient() const noexcept {
     if (kind_ == ErrorKind::kUnreachable) {
         return true;

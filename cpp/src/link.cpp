@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
+#include <sstream>
 
 namespace covis::detail {
 namespace {
@@ -86,8 +87,7 @@ std::optional<std::string> token_of(const ConnectOptions& options) {
     return variable("COVIS_TOKEN");
 }
 
-std::string authorization(const std::string& url, const Place& place, const ConnectOptions& options) {
-    const auto given = token_of(options);
+std::string authorization(const std::string& url, const Place& place, const std::optional<std::string>& given) {
     if (!given) {
         return {};
     }
@@ -133,35 +133,123 @@ grpc::ChannelArguments arguments(const LinkOptions& link, bool is_local) {
     return out;
 }
 
+/// Whether the connection stands until then, or, `once`, after the first attempt.
+bool stands(grpc::Channel& channel, std::chrono::system_clock::time_point until, bool once) {
+    auto state = channel.GetState(true);
+    while (state != GRPC_CHANNEL_READY) {
+        if (once && state == GRPC_CHANNEL_TRANSIENT_FAILURE) {
+            return false;
+        }
+        if (!channel.WaitForStateChange(state, until)) {
+            return false;
+        }
+        state = channel.GetState(true);
+    }
+    return true;
+}
+
 }  // namespace
 
-Link::Link(const std::string& url, const ConnectOptions& options) : url_(url), link_(options.link) {
-    const Place place = split(url);
-    authorization_ = authorization(url, place, options);
+Link::Link(const std::string& urls, const ConnectOptions& options) : options_(options) {
     if (options.cert_file.empty() != options.key_file.empty()) {
         throw Error(ErrorKind::kArgument, "cert_file and key_file belong together: one of them is missing");
     }
+    // Read once, so that the token goes to every server of the deployment.
+    options_.token = token_of(options);
+    std::stringstream all(urls);
+    for (std::string url; std::getline(all, url, ',');) {
+        const std::size_t first = url.find_first_not_of(' ');
+        url = first == std::string::npos ? "" : url.substr(first, url.find_last_not_of(' ') - first + 1);
+        authorization_ = authorization(url, split(url), options_.token);
+        given_.push_back(url);
+    }
+    if (given_.empty()) {
+        split(urls);
+    }
+    at_ = open(given_.front());
+}
+
+Link::Server Link::open(const std::string& url) const {
+    const Place place = split(url);
+    // Not to another machine in plain text.
+    authorization(url, place, options_.token);
     std::shared_ptr<grpc::ChannelCredentials> credentials = grpc::InsecureChannelCredentials();
     if (place.is_secure) {
         grpc::SslCredentialsOptions tls;
-        if (!options.ca_file.empty()) {
-            tls.pem_root_certs = read(options.ca_file);
+        if (!options_.ca_file.empty()) {
+            tls.pem_root_certs = read(options_.ca_file);
         }
-        if (!options.cert_file.empty()) {
-            tls.pem_cert_chain = read(options.cert_file);
-            tls.pem_private_key = read(options.key_file);
+        if (!options_.cert_file.empty()) {
+            tls.pem_cert_chain = read(options_.cert_file);
+            tls.pem_private_key = read(options_.key_file);
         }
         credentials = grpc::SslCredentials(tls);
     }
-    channel_ = grpc::CreateCustomChannel(place.host + ":" + place.port, credentials,
-                                         arguments(link_, is_loopback(place.host)));
+    return {url, grpc::CreateCustomChannel(place.host + ":" + place.port, credentials,
+                                           arguments(options_.link, is_loopback(place.host)))};
+}
+
+Link::Server Link::at() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return at_;
+}
+
+std::shared_ptr<const Link> Link::apart() const {
+    auto link = std::make_shared<Link>(given_.front(), options_);
+    link->given_ = given_;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    link->at_ = at_;
+    link->place_ = place_;
+    return link;
+}
+
+bool Link::go_to(const std::string& url, std::size_t place) const noexcept {
+    try {
+        Server server = open(url);
+        const std::lock_guard<std::mutex> lock(mutex_);
+        at_ = std::move(server);
+        place_ = place;
+        return true;
+    } catch (const std::exception&) {
+        // The URL or the credentials cannot be used there.
+        return false;
+    }
+}
+
+bool Link::follow(const Error& error) const noexcept {
+    std::size_t place = 0;
+    bool is_given = false;
+    {
+        const std::lock_guard<std::mutex> lock(mutex_);
+        place = place_;
+        is_given = given_[place_] == at_.url;
+    }
+    if (const std::string* owner = error.owner()) {
+        return go_to(*owner, place);
+    }
+    if (error.is_transient() && error.code() != grpc::StatusCode::RESOURCE_EXHAUSTED) {
+        // Where an owner is gone, the server that named it may know the next one.
+        const std::size_t next = is_given ? (place + 1) % given_.size() : place;
+        if (!is_given || next != place) {
+            go_to(given_[next], next);
+        }
+    }
+    return false;
 }
 
 void Link::check() const {
-    if (!channel_->WaitForConnected(std::chrono::system_clock::now() + link_.connect_timeout)) {
-        throw Error(ErrorKind::kUnreachable, "no server answers at " + url_ + " within " +
-                                                 std::to_string(link_.connect_timeout.count()) + " ms");
+    const auto wait = options_.link.connect_timeout;
+    for (std::size_t place = 0; place < given_.size(); ++place) {
+        if (place > 0 && !go_to(given_[place], place)) {
+            continue;
+        }
+        // Of several servers the next one is tried as soon as the attempt fails.
+        if (stands(*channel(), std::chrono::system_clock::now() + wait, given_.size() > 1)) {
+            return;
+        }
     }
+    throw Error(ErrorKind::kUnreachable, "no server answers at " + given_.front() + " within " +
+                                             std::to_string(wait.count()) + " ms");
 }
 
 void Link::prepare(grpc::ClientContext& context) const {

@@ -63,6 +63,7 @@ struct Map::State {
     Error follow_all() {
         while (true) {
             const Error error = follow();
+            link->follow(error);
             Lock lock(mutex);
             if (is_closed) {
                 return Error(ErrorKind::kClosed, "the watch has ended");

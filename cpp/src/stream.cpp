@@ -60,6 +60,7 @@ std::optional<Error> Stream::run_streams() {
         if (!ended) {
             return std::nullopt;
         }
+        link_->follow(*ended);
         const Error error = explain(*ended);
         Lock lock(mutex_);
         if (is_aborted_) {

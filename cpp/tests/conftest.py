@@ -11,7 +11,7 @@ import pytest
 
 PYTHON_TESTS = Path(__file__).resolve().parents[2] / "python" / "tests"
 sys.path.insert(0, str(PYTHON_TESTS))
-pytest.register_assert_rewrite("test_outages", "test_session", "test_documents")
+pytest.register_assert_rewrite("test_outages", "test_session", "test_documents", "test_servers")
 
 from client import Client  # noqa: E402
 

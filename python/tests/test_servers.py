@@ -19,6 +19,9 @@ from google.rpc.status_pb2 import Status
 from scene import K, SIZE, keyframe
 
 
+QUICK = RetryPolicy(max_attempts=1000, first_delay_s=0.001, longest_delay_s=0.01)
+
+
 def details(owner):
     """The status of a call for a map that `owner` has, or nobody knows who."""
     metadata = {} if owner is None else {"owner": owner}
@@ -84,10 +87,21 @@ def test_calls_sessions_and_watches_go_to_the_server_that_has_the_map(server, el
         assert direct.get_map("room").counts.keyframe_count == 1
 
 
-def test_a_session_asks_again_who_has_the_map_when_its_server_is_gone(server, elsewhere):
-    quick = RetryPolicy(max_attempts=1000, first_delay_s=0.001, longest_delay_s=0.01)
-    with covis.connect(elsewhere.url) as client:
-        with client.ingest("room", "robot", retry=quick) as session:
+def test_a_session_and_a_watch_go_to_the_server_that_has_the_map(server, client, elsewhere, connect):
+    client.create_map("room")
+    with connect(elsewhere.url) as led:
+        with led.ingest("room", "robot", retry=QUICK) as session:
+            session.camera(0, *SIZE, K)
+            session.keyframe(**keyframe(0))
+            session.wait_durable(timeout=GUARD_S)
+        with led.watch("room", retry=QUICK) as watched:
+            watched.wait_until(lambda: len(watched.poses) == 1, GUARD_S)
+    assert client.get_map("room").counts.keyframe_count == 1
+
+
+def test_a_session_asks_again_who_has_the_map_when_its_server_is_gone(server, elsewhere, connect):
+    with connect(elsewhere.url) as led:
+        with led.ingest("room", "robot", retry=QUICK) as session:
             session.camera(0, *SIZE, K)
             session.keyframe(**keyframe(0))
             session.wait_durable(timeout=GUARD_S)
@@ -100,6 +114,14 @@ def test_a_session_asks_again_who_has_the_map_when_its_server_is_gone(server, el
             assert session.report.reconnects >= 1
     with covis.connect(server.url) as direct:
         assert direct.get_map("room").counts.keyframe_count == 2
+
+
+def test_the_second_server_is_asked_where_the_first_is_gone(server, tmp_path, connect):
+    (tmp_path / "gone").mkdir()
+    gone = Server(tmp_path / "gone", in_memory=True)
+    gone.kill()
+    with connect(f"{gone.url},{server.url}") as led:
+        assert led.server_info()
 
 
 def test_a_server_that_names_itself_does_not_hold_a_call_for_ever(elsewhere):

@@ -30,13 +30,15 @@ struct TimedPose {
 /// connection is made again by the next call.
 class Client {
   public:
-    /// Connects to a server, for instance `https://maps.example:7411`. A token is never sent in plain
+    /// Connects to a server, for instance `https://maps.example:7411`, or of several that share maps,
+    /// separated by commas, to the first that answers; calls, sessions and watches then follow to the
+    /// server that has their map, and on to the next when a link breaks. A token is never sent in plain
     /// text to another machine. Throws `kInvalidUrl`, `kInvalidToken`, `kTokenInPlainText`,
     /// `kUnreachable`.
     static Client connect(const std::string& url, const ConnectOptions& options = {});
 
-    /// The server's address as it was given.
-    const std::string& url() const;
+    /// The address that calls go to.
+    std::string url() const;
 
     /// Opens a session that sends what `client_id` sees into a map. Throws `kRetriesExhausted`, and
     /// `kRpc` with NOT_FOUND, or FAILED_PRECONDITION for a frozen map.
@@ -65,15 +67,20 @@ class Client {
     template <class Service, class Question, class Answer>
     Answer call(grpc::Status (Service::*method)(grpc::ClientContext*, const Question&, Answer*),
                 const Question& request, Timeout timeout = {}) const {
-        grpc::ClientContext context;
-        prepare(context, timeout);
-        Service stub(channel());
-        Answer answer;
-        const grpc::Status status = (stub.*method)(&context, request, &answer);
-        if (!status.ok()) {
-            throw Error::of_request(Question::descriptor()->name(), status);
+        for (int followed = 0;; ++followed) {
+            grpc::ClientContext context;
+            prepare(context, timeout);
+            Service stub(channel());
+            Answer answer;
+            const grpc::Status status = (stub.*method)(&context, request, &answer);
+            if (status.ok()) {
+                return answer;
+            }
+            const Error error = Error::of_request(Question::descriptor()->name(), status);
+            if (!follows(error, followed)) {
+                throw Error(error);
+            }
         }
-        return answer;
     }
 
     /// The channel, for stubs of the program's own; `prepare` puts the token on a call.
@@ -82,6 +89,8 @@ class Client {
 
   private:
     explicit Client(std::shared_ptr<const detail::Link> link);
+    /// Whether the call is made again, at the server that the error names.
+    bool follows(const Error& error, int followed) const;
     void create_if_missing(const std::string& map_id, const std::optional<v1::MapPolicy>& policy) const;
 
     std::shared_ptr<const detail::Link> link_;

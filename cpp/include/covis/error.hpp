@@ -97,6 +97,8 @@ class Error : public std::runtime_error {
     const std::string& reason() const noexcept { return details_->reason; }
     /// Values by name, for instance `map_id` and `limit`.
     const std::map<std::string, std::string>& metadata() const noexcept { return details_->metadata; }
+    /// The URL of the server that has the map, where the one that was asked does not; null else.
+    const std::string* owner() const noexcept;
     /// How long the server asks to wait before the next attempt.
     std::optional<std::chrono::nanoseconds> retry_after() const noexcept { return details_->retry_after; }
     /// How often it was tried: `kRetriesExhausted`.
