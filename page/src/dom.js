@@ -72,3 +72,9 @@ export function time(timestamp) {
   if (!timestamp) return "";
   return new Date(Number(timestamp.seconds) * 1000).toLocaleTimeString();
 }
+
+/** A duration for people: seconds, from two minutes on minutes, from two hours on hours. */
+export function duration(seconds) {
+  const [size, unit] = [[3600, "h"], [60, "min"]].find(([size]) => seconds >= 2 * size) ?? [1, "s"];
+  return `${count(Math.ceil(seconds / size))} ${unit}`;
+}

@@ -1,7 +1,7 @@
 // The tab "Jobs": what runs, how far it has come, and a button to cancel it.
 
 import { Code } from "../wire/rpc.js";
-import { count, el, replace, table, time } from "../dom.js";
+import { count, duration, el, replace, table, time } from "../dom.js";
 
 /** Jobs that are shown. */
 const PAGE_SIZE = 50;
@@ -53,7 +53,7 @@ export class JobsPanel {
     const details = [phase];
     if (iteration) details.push(`iteration ${count(iteration.iteration)}`);
     const isOpen = job.state < SUCCEEDED;
-    if (isOpen && timeLeftS !== undefined) details.push(`${count(Math.ceil(timeLeftS))} s left`);
+    if (isOpen && timeLeftS !== undefined) details.push(`${duration(timeLeftS)} left`);
     if (job.failure) details.push(job.failure.message);
     const bar = isOpen ? el("progress", { "aria-label": `Progress of ${job.jobId}`, max: 1 }) : null;
     if (bar && share !== undefined) bar.value = share;

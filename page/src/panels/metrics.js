@@ -164,7 +164,7 @@ export class MetricsPanel {
       legend: { show: false },
       cursor: { show: false },
       axes: [{ ...axis, size: 22, values: clock }, { ...axis, size: 62, values: (_plot, ticks) => ticks.map(unit) }],
-      scales: { y: { range: (_plot, low, high) => [Math.min(low ?? 0, 0), Math.max((high ?? 0) * 1.1, 1e-3)] } },
+      scales: { y: { range: (_plot, low, high) => [Math.min(low ?? 0, 0), high > 0 ? high * 1.1 : 4] } },
       series: [{}, ...names.map((name, k) => ({ label: name, stroke: tints[k], width: 1.5, spanGaps: true }))],
     };
     return new uPlot(options, data, place);

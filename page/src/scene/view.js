@@ -17,6 +17,8 @@ ColorManagement.enabled = false;
 
 /** Pixels around a keyframe within which a click picks it. */
 const PICK_RADIUS_PX = 14;
+/** Width of what lies over the left edge, px. */
+const MENU_PX = 220;
 /** About how many rays are drawn from a keyframe to its landmarks. */
 const MAX_RAYS = 300;
 /** Residuals of this size and above have the last color, px. */
@@ -24,10 +26,15 @@ export const FULL_ERROR_PX = 3;
 /** Observers from which on landmarks have the last color. */
 export const FULL_OBSERVERS = 12;
 
-/** While the view turns, as many landmarks are drawn as leave a frame this much time, ms. */
-const FRAME_BUDGET_MS = 26;
-/** The least share of them. */
+/** While the view turns, as many landmarks are drawn as let frames follow each other within this, ms. */
+const LONGEST_PERIOD_MS = 25;
+/** Where they follow each other sooner than this there is time for more, ms. */
+const SHORT_PERIOD_MS = 20;
+/** How much one frame counts in the mean of the periods. */
+const NEWEST_WEIGHT = 0.3;
+/** The least share of the landmarks; where that takes too long as well, pixels are twice as large. */
 const LEAST_SHARE = 0.05;
+const COARSE_RATIO = 0.5;
 /** How long after the last turn all are drawn, ms. */
 const REST_MS = 160;
 
@@ -74,8 +81,11 @@ export class MapView {
     this.stats = { frames: 0, frameMs: 0 };
     /** Of the landmarks, while the view turns. */
     this.share = 1;
+    /** Whether pixels are larger then, px of the canvas a pixel of the page, and the mean period, ms. */
+    this.isCoarse = false;
+    this.ratio = 1;
+    this.periodMs = SHORT_PERIOD_MS;
     this.turnedAt = null;
-    this.fence = null;
     this.onPick = () => {};
     this.setTheme("dark");
     this.clear();
@@ -173,31 +183,34 @@ export class MapView {
   }
 
   /**
-   * Draws fewer landmarks while the view turns on a machine that is too slow for all of them. What a
-   * frame takes is told by a fence behind its commands.
+   * Draws fewer landmarks while the view turns on a machine that is too slow for all of them. How slow it
+   * is follows from when the browser asks for the next frame: drawing, and what the browser itself does
+   * with a frame.
    */
   #pace(begin) {
     const isTurning = this.turnedAt !== null;
     this.points.setShare(isTurning ? this.share : 1);
-    if (!isTurning || this.fence) return;
-    const gl = this.renderer.getContext();
-    const look = () => {
-      if (gl.getSyncParameter(this.fence, gl.SYNC_STATUS) !== gl.SIGNALED) {
-        setTimeout(look, 2);
-        return;
-      }
-      gl.deleteSync(this.fence);
-      this.fence = null;
-      const took = performance.now() - begin;
-      const wanted = took > FRAME_BUDGET_MS ? 0.8 : took < 0.7 * FRAME_BUDGET_MS ? 1.15 : 1;
-      this.share = Math.min(Math.max(this.share * wanted, LEAST_SHARE), 1);
-    };
-    // Behind what is drawn now, when this frame has been given to the processor that draws.
-    queueMicrotask(() => {
-      this.fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
-      gl.flush();
-      setTimeout(look, 2);
+    this.#setRatio(isTurning && this.isCoarse ? COARSE_RATIO : 1);
+    if (!isTurning || this.isPacing) return;
+    this.isPacing = true;
+    requestAnimationFrame(() => {
+      this.isPacing = false;
+      // A tab that was hidden tells nothing.
+      const took = Math.min(performance.now() - begin, 4 * LONGEST_PERIOD_MS);
+      this.periodMs += NEWEST_WEIGHT * (took - this.periodMs);
+      if (this.periodMs > LONGEST_PERIOD_MS) {
+        if (this.share <= LEAST_SHARE) this.isCoarse = true;
+        this.share = Math.max(this.share * 0.85, LEAST_SHARE);
+      } else if (this.periodMs < SHORT_PERIOD_MS) this.share = Math.min(this.share * 1.05, 1);
+      if (this.share === 1) this.isCoarse = false;
     });
+  }
+
+  /** Pixels of the canvas for one of the page. */
+  #setRatio(ratio) {
+    if (ratio === this.ratio) return;
+    this.ratio = ratio;
+    this.renderer.setPixelRatio(ratio);
   }
 
   #resize() {
@@ -208,7 +221,9 @@ export class MapView {
     this.height = height;
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
+    // The middle of the picture is where nothing lies over it: right of what can be shown.
+    this.margin = Math.min(MENU_PX, width / 4);
+    this.camera.setViewOffset(width, height, -this.margin / 2, 0, width, height);
   }
 
   #update() {
@@ -315,7 +330,11 @@ export class MapView {
     this.camera.near = radius * 0.005;
     this.camera.far = radius * 60;
     this.camera.updateProjectionMatrix();
-    this.camera.position.copy(target).addScaledVector(direction.normalize(), radius * 1.9);
+    // As far off as has the ball in the picture, up and down and from side to side.
+    const halfHeight = Math.tan((this.camera.fov * Math.PI) / 360);
+    const free = Math.max((this.width - this.margin) / this.height, 0.3);
+    const distance = radius / Math.sin(Math.atan(halfHeight * Math.min(free, 1)));
+    this.camera.position.copy(target).addScaledVector(direction.normalize(), distance || radius * 2);
     // The controls keep the direction that was up when they were made.
     this.controls?.dispose();
     this.controls = new OrbitControls(this.camera, this.canvas);

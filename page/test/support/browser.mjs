@@ -39,7 +39,26 @@ export async function open(browser, url, { theme = "dark" } = {}) {
 export const until = (page, what, argument) =>
   page.waitForFunction(what, argument, { timeout: 30_000, polling: 50 });
 
-/** Turns the view with the mouse for a while; answers frames per second. */
+/** Turns the view a little in each frame for a while; answers frames per second. */
+export const spin = (page, milliseconds) =>
+  page.evaluate((milliseconds) => new Promise((resolve) => {
+    const { view } = globalThis.covis;
+    const [first, begin] = [view.stats.frames, performance.now()];
+    const step = (now) => {
+      if (now - begin >= milliseconds) return resolve(((view.stats.frames - first) * 1000) / (now - begin));
+      view.turn(0.02, 0);
+      requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
+  }), milliseconds);
+
+/** How often a mouse tells that it moved, ms. */
+const MOUSE_MS = 8;
+
+/**
+ * Turns the view with the mouse for a while; answers frames per second. The mouse does not wait for the
+ * page, as no mouse does.
+ */
 export async function orbit(page, milliseconds) {
   const box = await page.locator("#view").boundingBox();
   const [x, y] = [box.x + box.width / 2, box.y + box.height / 2];
@@ -47,13 +66,13 @@ export async function orbit(page, milliseconds) {
   await page.mouse.down();
   const frames = () => page.evaluate(() => [globalThis.covis.view.stats.frames, performance.now()]);
   const [first, begin] = await frames();
-  let step = 0;
-  const end = Date.now() + milliseconds;
-  while (Date.now() < end) {
-    step++;
-    await page.mouse.move(x + 200 * Math.sin(step / 20), y + 40 * Math.sin(step / 33));
+  const moves = [];
+  for (let at = 0; at < milliseconds; at += MOUSE_MS) {
+    moves.push(page.mouse.move(x + 200 * Math.sin(at / 320), y + 40 * Math.sin(at / 530)));
+    await new Promise((resolve) => setTimeout(resolve, MOUSE_MS));
   }
   const [last, now] = await frames();
+  await Promise.all(moves);
   await page.mouse.up();
   return ((last - first) * 1000) / (now - begin);
 }

@@ -18,6 +18,7 @@ pub(super) fn page(rows: &[Row]) -> Page {
             figure(figures.rpe_rotation_deg_per_s),
             figure(figures.ate_m),
             format!("{} of {}", figures.lost, figures.frames),
+            figure(row.mask_iou.filter(|_| run == "mask")),
             number(figures.track.p50_ms),
             number(figures.track.p99_ms),
         ]
@@ -33,6 +34,7 @@ pub(super) fn page(rows: &[Row]) -> Page {
         "drift, deg/s",
         "ATE, m",
         "lost",
+        "mask IoU",
         "track p50, ms",
         "track p99, ms",
     ];
