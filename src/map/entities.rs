@@ -10,7 +10,7 @@ use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
 use nalgebra::{Vector2, Vector3};
 
-use super::{EntityId, Observations, Observers, SharedMap, Unsolved};
+use super::{EntityId, Observations, Observers, PendingSolve, SharedMap};
 
 /// A SHA-256 digest.
 pub type Digest = [u8; 32];
@@ -27,7 +27,7 @@ pub struct Client {
     /// Solves have covered its items up to this sequence; 0 before the first.
     pub optimized_sequence: i64,
     /// The last of its items that asked for a solve, while none has covered it.
-    pub unsolved: Option<Unsolved>,
+    pub pending_solve: Option<PendingSolve>,
     /// By what the covariances that it states for its loop closures are multiplied, at least 1: found
     /// by the last pose graph that judged them.
     pub closure_variance: f64,
@@ -49,7 +49,7 @@ impl Client {
             epoch,
             next_sequence: 1,
             optimized_sequence: 0,
-            unsolved: None,
+            pending_solve: None,
             closure_variance: 1.0,
             earlier_frames: Vec::new(),
             items: SharedMap::default(),
@@ -77,7 +77,7 @@ impl Client {
         let last = self.items.last_key_value().map_or(0, |(&sequence, _)| sequence);
         self.next_sequence = last + 1;
         self.optimized_sequence = self.optimized_sequence.min(last);
-        self.unsolved.take_if(|unsolved| unsolved.sequence > last);
+        self.pending_solve.take_if(|pending| pending.sequence > last);
     }
 }
 
@@ -139,6 +139,13 @@ pub struct Observation {
 }
 
 impl Observation {
+    /// Whether its numbers can be a measurement: finite, and positive where they have to be.
+    pub(super) fn is_possible(&self) -> bool {
+        let positive = |value: f64| value.is_finite() && value > 0.0;
+        let depth = self.depth.is_none_or(|d| positive(d.depth_m) && positive(d.sigma_m));
+        depth && positive(self.sigma_px) && self.pixel.iter().all(|value| value.is_finite())
+    }
+
     /// What makes an observation of a keyframe unique: the landmark and the bits of its pixel. Two
     /// features may match one landmark (structure-from-motion models hold such pairs).
     #[must_use]

@@ -69,7 +69,7 @@ pub enum MapError {
     /// A map from outside has a client or a number that no event makes.
     #[error("{what}")]
     UnsoundMap { what: &'static str },
-    /// The event carries a NaN or infinite value.
-    #[error("revision {revision}: {kind} {id} has a value that is not finite")]
-    NotFinite { revision: i64, kind: EntityKind, id: EntityId },
+    /// The event carries a number that is not finite, or not positive where it has to be.
+    #[error("revision {revision}: {kind} {id} has a number that is not possible")]
+    ImpossibleNumber { revision: i64, kind: EntityKind, id: EntityId },
 }

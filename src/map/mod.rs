@@ -28,6 +28,7 @@ mod merging;
 mod observations;
 mod observers;
 mod parts;
+mod pending_solve;
 mod place_searches;
 mod policy;
 pub mod problem;
@@ -38,7 +39,6 @@ mod sound;
 mod surroundings;
 mod ties;
 mod triangulation;
-mod unsolved;
 mod window;
 
 pub use affected::{Affected, affected};
@@ -66,6 +66,7 @@ pub use merging::{Link, Merge, MergeError, MergedClient, MergedMap};
 pub use observations::Observations;
 pub use observers::Observers;
 pub use parts::MapParts;
+pub use pending_solve::{PendingSolve, SolveRequest};
 pub use place_searches::{PlaceCandidate, PlaceRefusal, PlaceSearch, PlaceSearches};
 pub use policy::{ClosureRobustness, Gauge, MapPolicy, WhenFull};
 pub use problem::{
@@ -78,7 +79,6 @@ pub use shared_map::SharedMap;
 pub use surroundings::{Surroundings, likeness};
 pub use ties::Ties;
 pub use triangulation::{has_unplaced, triangulate};
-pub use unsolved::{ToSolve, Unsolved};
 pub use window::{Window, choose_window, choose_window_of};
 
 /// Whether the map already has the content of an item of a stream.
@@ -196,14 +196,14 @@ impl Map {
     /// The items whose solves are outstanding: of each client the last one. Of the server's own closures
     /// the last revision that added some stands for the sequence.
     #[must_use]
-    pub fn unsolved(&self) -> Vec<(ClientIndex, Unsolved)> {
+    pub fn pending_solves(&self) -> Vec<(ClientIndex, PendingSolve)> {
         let outstanding = |(index, client): (u32, &Client)| {
-            let unsolved = client.unsolved.clone()?;
+            let unsolved = client.pending_solve.clone()?;
             let is_open = unsolved.sequence > client.optimized_sequence;
             is_open.then_some((ClientIndex(index), unsolved))
         };
         let unsolved = self.place_searches.unsolved();
-        let found = Unsolved { sequence: unsolved, to_solve: ToSolve::Loop };
+        let found = PendingSolve { sequence: unsolved, request: SolveRequest::LoopClosure };
         let found = (unsolved > 0).then_some((ClientIndex::SERVER, found));
         (0..).zip(&self.clients).filter_map(outstanding).chain(found).collect()
     }

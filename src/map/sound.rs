@@ -10,7 +10,8 @@ use nalgebra::Vector3;
 use super::item::is_valid_camera;
 use super::{
     Affected, Client, ConstraintKind, Content, EntityId, EntityKind, Keyframe, Landmark,
-    MAX_NUMBER, Map, MapError, Observation, PlaceRefusal, PlaceSearch, Prior, ToSolve, Unsolved,
+    MAX_NUMBER, Map, MapError, Observation, PendingSolve, PlaceRefusal, PlaceSearch, Prior,
+    SolveRequest,
 };
 
 /// How far a rotation's norm may be from 1: rounding alone stays far below.
@@ -101,7 +102,7 @@ impl Map {
                 epoch,
                 next_sequence,
                 optimized_sequence,
-                unsolved,
+                pending_solve,
                 closure_variance,
                 earlier_frames,
                 items,
@@ -114,11 +115,11 @@ impl Map {
             let text = "a client's epoch or sequences are not possible";
             check_map(numbers && first && last, text)?;
             let text = "what is to be solved for a client is not possible";
-            let waits = |unsolved: &Unsolved| {
-                (1..*next_sequence).contains(&unsolved.sequence)
-                    && self.can_be_solved(&unsolved.to_solve)
+            let waits = |pending: &PendingSolve| {
+                (1..*next_sequence).contains(&pending.sequence)
+                    && self.can_be_solved(&pending.request)
             };
-            check_map(unsolved.as_ref().is_none_or(waits), text)?;
+            check_map(pending_solve.as_ref().is_none_or(waits), text)?;
             let frames = earlier_frames.len() <= super::frames::MOST_FRAMES;
             let text = "a client's earlier frames are not possible";
             check_map(frames && earlier_frames.iter().all(is_pose), text)?;
@@ -153,11 +154,11 @@ impl Map {
     }
 
     /// Keyframes may have gone since.
-    fn can_be_solved(&self, to_solve: &ToSolve) -> bool {
-        let keyframes = match to_solve {
-            ToSolve::Views(keyframe) => std::slice::from_ref(keyframe),
-            ToSolve::Edited(affected) => &affected.keyframes,
-            ToSolve::Loop | ToSolve::Prior => &[],
+    fn can_be_solved(&self, request: &SolveRequest) -> bool {
+        let keyframes = match request {
+            SolveRequest::Views(keyframe) => std::slice::from_ref(keyframe),
+            SolveRequest::Edited(affected) => &affected.keyframes,
+            SolveRequest::LoopClosure | SolveRequest::Prior => &[],
         };
         keyframes.len() <= Affected::MOST_KEYFRAMES
             && keyframes.iter().all(|id| self.client(id.client).is_some())
@@ -181,12 +182,8 @@ impl Map {
         test(self.is_revision(keyframe.added_revision), "was added at no revision of the map")?;
         let sees = keyframe.camera.is_some() || keyframe.observations.is_empty();
         test(sees, "observes without a camera")?;
-        for seen in keyframe.observations.iter() {
-            let depth = seen.depth.is_none_or(|d| positive(d.depth_m) && positive(d.sigma_m));
-            let pixel = seen.pixel.iter().all(|value| value.is_finite());
-            let what = "has an observation with a number that is not possible";
-            test(pixel && depth && positive(seen.sigma_px), what)?;
-        }
+        let possible = keyframe.observations.iter().all(Observation::is_possible);
+        test(possible, "has an observation with a number that is not possible")?;
         let mut keys: Vec<_> = keyframe.observations.iter().map(Observation::key).collect();
         keys.sort_unstable();
         let twice = keys.windows(2).any(|pair| pair[0] == pair[1]);

@@ -1,7 +1,7 @@
 //! Place recognition: which earlier keyframes show the place that a keyframe shows.
 //!
 //! An index over the binary descriptors of keyframes, without a vocabulary: keyframes are added, removed
-//! and asked for, in any order. Descriptors of different makes (name, length) are not compared. An answer
+//! and asked for, in any order. Descriptors of different types (name and length) are not compared. An answer
 //! is a function of the calls so far: no clock, no threads, no random numbers. [Decision
 //! 0023](../../docs/decisions/0023-place-recognition.md) has the choice and its figures.
 //!
@@ -9,9 +9,9 @@
 //! begins. Knows ids of the map and nothing else of it.
 
 mod buckets;
+mod descriptor_index;
 mod hamming;
 mod islands;
-mod make;
 mod matching;
 #[cfg(test)]
 mod tests;
@@ -22,10 +22,10 @@ use std::collections::BTreeMap;
 use thiserror::Error;
 
 use crate::map::{ClientIndex, EntityId};
-use make::{KEYFRAMES, Make, VOTERS};
+use descriptor_index::{DescriptorIndex, KEYFRAMES, VOTERS};
 use whole_images::WholeImages;
 
-pub use make::DESCRIPTORS;
+pub use descriptor_index::DESCRIPTORS;
 
 /// Fewest and most bytes of a binary descriptor: 128 bits are what keys and fingerprints take, and 4096 is
 /// eight times what the longest in use have.
@@ -35,8 +35,8 @@ pub const DESCRIPTOR_BYTES: std::ops::RangeInclusive<usize> = 16..=512;
 /// whatever a client sends.
 pub const KEYFRAME_BYTES: usize = 256 << 10;
 
-/// Makes of descriptors in one index. Maps have one or two; each costs memory of its own.
-pub const MAKES: usize = 16;
+/// Types of descriptors in one index: name and length. Maps have one or two; each costs memory of its own.
+pub const MAX_DESCRIPTOR_TYPES: usize = 16;
 
 /// A binary descriptor of a keyframe.
 #[derive(Clone, Copy, Debug)]
@@ -81,10 +81,12 @@ pub enum PlaceError {
     /// Too many bytes in one keyframe.
     #[error("{0} bytes of descriptors in one keyframe, more than 262,144")]
     Bytes(usize),
-    /// Too many makes.
-    #[error("descriptors named {name:?} of {bytes} bytes would be the 17th make in the index")]
-    Makes {
-        /// The name of the make for which there is no room.
+    /// Too many types of descriptors.
+    #[error(
+        "descriptors named {name:?} of {bytes} bytes would be the 17th type of descriptor in the index"
+    )]
+    DescriptorTypes {
+        /// The name of the type for which there is no room.
         name: String,
         /// The length of its descriptors.
         bytes: usize,
@@ -135,11 +137,11 @@ pub struct Candidate {
 /// The index over the keyframes of one map.
 #[derive(Clone, Debug, Default)]
 pub struct PlaceIndex {
-    makes: BTreeMap<(String, usize), Make>,
+    indexes: BTreeMap<(String, usize), DescriptorIndex>,
     whole: WholeImages,
 }
 
-/// The features of one make: their places, and their data.
+/// The features of one type by name and length: their numbers in the list.
 type Sorted<'a> = BTreeMap<(&'a str, usize), Vec<u16>>;
 
 fn sorted<'a>(features: &[Feature<'a>]) -> Result<Sorted<'a>, PlaceError> {
@@ -167,8 +169,8 @@ fn sorted<'a>(features: &[Feature<'a>]) -> Result<Sorted<'a>, PlaceError> {
     Ok(sorted)
 }
 
-fn packed(make: &Make, features: &[Feature<'_>], numbers: &[u16]) -> Box<[u64]> {
-    make.pack(numbers.iter().map(|&number| features[usize::from(number)].data))
+fn packed(index: &DescriptorIndex, features: &[Feature<'_>], numbers: &[u16]) -> Box<[u64]> {
+    index.pack(numbers.iter().map(|&number| features[usize::from(number)].data))
 }
 
 impl PlaceIndex {
@@ -181,18 +183,18 @@ impl PlaceIndex {
     /// Whether the keyframe is in the index. One without descriptors never is.
     #[must_use]
     pub fn contains(&self, keyframe: EntityId) -> bool {
-        self.makes.values().any(|make| make.contains(keyframe)) || self.whole.contains(keyframe)
+        self.indexes.values().any(|index| index.contains(keyframe)) || self.whole.contains(keyframe)
     }
 
     /// Memory, bytes: descriptors, tables and lists.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        // A node of the ordered map beside what each make holds.
-        let makes = self
-            .makes
+        // A node of the ordered map beside what each index holds.
+        let bytes = self
+            .indexes
             .iter()
-            .map(|((name, _), make)| name.len() + size_of::<Make>() + make.bytes());
-        makes.sum::<usize>() + self.whole.bytes()
+            .map(|((name, _), index)| name.len() + size_of::<DescriptorIndex>() + index.bytes());
+        bytes.sum::<usize>() + self.whole.bytes()
     }
 
     /// Adds a keyframe. `capture_time_ns` orders the keyframes of a client; late ones are legal.
@@ -206,28 +208,30 @@ impl PlaceIndex {
         capture_time_ns: i64,
         features: &[Feature<'_>],
     ) -> Result<(), PlaceError> {
-        if self.makes.values().any(|make| make.contains(keyframe)) {
+        if self.indexes.values().any(|index| index.contains(keyframe)) {
             return Err(PlaceError::Known(keyframe));
         }
         let sorted = sorted(features)?;
-        let mut made = self.makes.len();
+        let mut made = self.indexes.len();
         for &(name, bytes) in sorted.keys() {
-            match self.makes.get(&(name.to_owned(), bytes)) {
-                Some(make) if make.len() >= KEYFRAMES => {
+            match self.indexes.get(&(name.to_owned(), bytes)) {
+                Some(index) if index.len() >= KEYFRAMES => {
                     return Err(PlaceError::Full(name.to_owned()));
                 }
                 Some(_) => {}
                 None => made += 1,
             }
-            if made > MAKES {
-                return Err(PlaceError::Makes { name: name.to_owned(), bytes });
+            if made > MAX_DESCRIPTOR_TYPES {
+                return Err(PlaceError::DescriptorTypes { name: name.to_owned(), bytes });
             }
         }
         for ((name, bytes), numbers) in sorted {
-            let make =
-                self.makes.entry((name.to_owned(), bytes)).or_insert_with(|| Make::new(bytes));
-            let words = packed(make, features, &numbers);
-            make.add(keyframe, capture_time_ns, words, numbers.into());
+            let index = self
+                .indexes
+                .entry((name.to_owned(), bytes))
+                .or_insert_with(|| DescriptorIndex::new(bytes));
+            let words = packed(index, features, &numbers);
+            index.add(keyframe, capture_time_ns, words, numbers.into());
         }
         Ok(())
     }
@@ -236,8 +240,8 @@ impl PlaceIndex {
     ///
     /// # Errors
     ///
-    /// [`PlaceError::Known`], [`PlaceError::Makes`], [`PlaceError::WholeImage`], and the index is as it
-    /// was.
+    /// [`PlaceError::Known`], [`PlaceError::DescriptorTypes`], [`PlaceError::WholeImage`], and the
+    /// index is as it was.
     pub fn add_image(
         &mut self,
         keyframe: EntityId,
@@ -253,16 +257,16 @@ impl PlaceIndex {
     /// Removes a keyframe and gives its memory back; false where it is not in the index.
     pub fn remove(&mut self, keyframe: EntityId) -> bool {
         let mut removed = self.whole.remove(keyframe);
-        for make in self.makes.values_mut() {
-            removed |= make.remove(keyframe);
+        for index in self.indexes.values_mut() {
+            removed |= index.remove(keyframe);
         }
-        self.makes.retain(|_, make| make.len() > 0);
+        self.indexes.retain(|_, index| index.len() > 0);
         removed
     }
 
-    /// The keyframes that may show what `features` show: at most `count` of each make, best first, equal
-    /// scores by id. Those that `excluded` names are left out: recent ones, covisible ones, the query's
-    /// own. A keyframe that has features of several makes is told once.
+    /// The keyframes that may show what `features` show: at most `count` of each type of descriptor, best
+    /// first, equal scores by id. Those that `excluded` names are left out: recent ones, covisible ones, the query's
+    /// own. A keyframe that has features of several types is listed once.
     ///
     /// # Errors
     ///
@@ -293,12 +297,12 @@ impl PlaceIndex {
         let alike = image.map(|image| self.whole.nearest(image, count, &excluded));
         let alike = alike.unwrap_or_default();
         for ((name, bytes), numbers) in sorted(features)? {
-            let Some(make) = self.makes.get(&(name.to_owned(), bytes)) else { continue };
-            let words = packed(make, features, &numbers);
-            // Scores of several makes are shares of all features.
+            let Some(index) = self.indexes.get(&(name.to_owned(), bytes)) else { continue };
+            let words = packed(index, features, &numbers);
+            // Scores of several types are shares of all features.
             let share = numbers.len() as f64 / features.len() as f64;
             let voters = VOTERS * numbers.len() / features.len();
-            for found in make.query((&words, &numbers), (voters, count), &alike, &excluded) {
+            for found in index.query((&words, &numbers), (voters, count), &alike, &excluded) {
                 let (first_ns, last_ns) = found.time_ns;
                 let island = Island { client: found.keyframe.client, first_ns, last_ns };
                 let keyframe = found.keyframe;

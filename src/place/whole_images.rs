@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::islands::REACH;
-use super::{Feature, MAKES, PlaceError};
+use super::{Feature, MAX_DESCRIPTOR_TYPES, PlaceError};
 use crate::map::EntityId;
 
 /// What described an image: a name and how many numbers it gives.
@@ -83,10 +83,10 @@ impl WholeImages {
         let kind = (Arc::from(descriptor.name), image.direction.len());
         let kind = match self.kinds.get_key_value(&kind) {
             Some((known, _)) => known.clone(),
-            None if self.kinds.len() < MAKES => kind,
+            None if self.kinds.len() < MAX_DESCRIPTOR_TYPES => kind,
             None => {
                 let (name, bytes) = (descriptor.name.to_owned(), descriptor.data.len());
-                return Err(PlaceError::Makes { name, bytes });
+                return Err(PlaceError::DescriptorTypes { name, bytes });
             }
         };
         let images = self.kinds.entry(kind.clone()).or_default();
@@ -188,7 +188,7 @@ mod tests {
         let query = Feature { name: "vlad", data: &data };
         assert_eq!(images.nearest(&query, 2, |_| false), [id(20), id(14)]);
         assert_eq!(images.nearest(&query, 1, |other| other == id(20)), [id(19)]);
-        // Of another make or length nothing is known.
+        // Of another type or length nothing is known.
         assert_eq!(images.nearest(&Feature { name: "gem", ..query }, 2, |_| false), []);
         assert_eq!(images.nearest(&Feature { data: &data[4..], ..query }, 2, |_| false), []);
         assert!(images.remove(id(20)) && !images.remove(id(20)) && !images.contains(id(20)));
@@ -201,13 +201,14 @@ mod tests {
     fn a_seventeenth_kind_of_descriptors_is_refused_by_name() {
         let mut images = WholeImages::default();
         let data = bytes(&[1.0, 0.0]);
-        let names: Vec<String> = (0..=MAKES).map(|kind| format!("net-{kind}")).collect();
-        for (k, name) in (0..).zip(&names[..MAKES]) {
+        let names: Vec<String> =
+            (0..=MAX_DESCRIPTOR_TYPES).map(|kind| format!("net-{kind}")).collect();
+        for (k, name) in (0..).zip(&names[..MAX_DESCRIPTOR_TYPES]) {
             images.add(id(k), k, &Feature { name, data: &data }).unwrap();
         }
-        let name = &names[MAKES];
+        let name = &names[MAX_DESCRIPTOR_TYPES];
         let refused = images.add(id(99), 99, &Feature { name, data: &data });
-        assert_eq!(refused, Err(PlaceError::Makes { name: name.clone(), bytes: 8 }));
+        assert_eq!(refused, Err(PlaceError::DescriptorTypes { name: name.clone(), bytes: 8 }));
         assert!(!images.contains(id(99)));
         // One of a known kind has room, and so has the new one once another kind is gone.
         images.add(id(98), 0, &Feature { name: &names[3], data: &data }).unwrap();

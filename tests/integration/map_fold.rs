@@ -302,6 +302,14 @@ fn an_event_that_does_not_fit_is_refused_and_changes_nothing() {
     if let Change::KeyframeAdded { id: new, odom_from_camera, .. } = &mut astray {
         (*new, odom_from_camera.translation.x) = (id(8), f64::NAN);
     }
+    // Depths divide in the solver.
+    let mut touching = repeated.clone();
+    let mut touched = id(0);
+    if let Change::KeyframeAdded { id: new, observations, .. } = &mut touching {
+        *new = id(8);
+        observations[0].depth = Some(Depth { depth_m: 0.0, sigma_m: 0.01 });
+        touched = observations[0].landmark;
+    }
     let stale = Cause { client: ROBOT, epoch: 2, sequence: 99, digest: [0; 32] };
     let cases = [
         (
@@ -326,10 +334,17 @@ fn an_event_that_does_not_fit_is_refused_and_changes_nothing() {
         ),
         (
             event(Change::SolveApplied { solve: solve(vec![(id(0), nan)], Vec::new()) }),
-            MapError::NotFinite { revision, kind: EntityKind::Keyframe, id: id(0) },
+            MapError::ImpossibleNumber { revision, kind: EntityKind::Keyframe, id: id(0) },
         ),
         (event(blind), MapError::NoCamera { revision, keyframe: id(8) }),
-        (event(astray), MapError::NotFinite { revision, kind: EntityKind::Keyframe, id: id(8) }),
+        (
+            event(astray),
+            MapError::ImpossibleNumber { revision, kind: EntityKind::Keyframe, id: id(8) },
+        ),
+        (
+            event(touching),
+            MapError::ImpossibleNumber { revision, kind: EntityKind::Observation, id: touched },
+        ),
         (event(repeated), MapError::Exists { revision, kind: EntityKind::Keyframe, id: id(0) }),
         (event(Change::ConstraintRevoked { id: id(3) }), unknown(EntityKind::Constraint, id(3))),
         (

@@ -3,7 +3,7 @@
 use covis::map::{
     AppliedSolve, Change, ClientIndex, Constraint, ConstraintKind, Descriptor, DescriptorKind,
     Edit, EntityId, EntityRef, Item, Map, MapPolicy, PlaceCandidate, PlaceRefusal, PlaceSearch,
-    Reason, SolveKind, ToSolve,
+    Reason, SolveKind, SolveRequest,
 };
 use covis_solvers::information::Information;
 use std::sync::Arc;
@@ -116,12 +116,12 @@ fn a_closure_of_the_server_asks_for_a_pose_graph_until_one_has_covered_it() {
     found(&mut journal);
     let revision = journal.map.revision();
     let of_server = |map: &Map| {
-        let unsolved = map.unsolved().into_iter();
-        unsolved.filter(|(client, _)| *client == ClientIndex::SERVER).collect::<Vec<_>>()
+        let pending = map.pending_solves().into_iter();
+        pending.filter(|(client, _)| *client == ClientIndex::SERVER).collect::<Vec<_>>()
     };
     let asked = of_server(&journal.map);
     assert_eq!(asked.len(), 1);
-    assert_eq!((asked[0].1.sequence, &asked[0].1.to_solve), (revision, &ToSolve::Loop));
+    assert_eq!((asked[0].1.sequence, &asked[0].1.request), (revision, &SolveRequest::LoopClosure));
     // A pose graph that began before it does not cover it.
     journal.push(covering(revision - 1));
     assert_eq!(of_server(&journal.map), asked);

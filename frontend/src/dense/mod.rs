@@ -1,4 +1,5 @@
-//! Dense mapping: fuses depth and color at known poses into a surface, and forgets what moved.
+//! Dense mapping: fuses depth and color at known poses into a truncated signed distance field (TSDF), takes
+//! the surface out of it, and frees voxels where something moved away.
 //!
 //! | file | role |
 //! |---|---|
@@ -14,8 +15,8 @@
 //! | `pixels` | a frame as voxels read it, and its mask dilated |
 //! | `rays` | which blocks a frame's rays pass near the measured depth |
 //! | `visibility` | the space that a camera sees, and which blocks a frame sees |
-//! | `update` | what a measurement does to a voxel, and how one that disagrees is handled |
-//! | `fuse` | fuses a frame into a block |
+//! | `update` | the rules of one voxel: weighted mean, and the dynamic update that frees and replaces voxels |
+//! | `fuse` | fuses a frame into a block by those rules |
 //! | `integrate` | integrates frames into a volume |
 //! | `frame_log` | frames that may have to be integrated again |
 //! | `mapper` | a volume that follows corrections |

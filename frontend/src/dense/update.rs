@@ -157,26 +157,30 @@ impl Rules {
         let gap = l.sub(new.distance, old.distance);
 
         let mut agrees = new.seen;
-        let mut contests = l.but_not(new.seen, new.seen);
+        let mut is_contested = l.but_not(new.seen, new.seen);
         if l.any(l.both(known, l.less(near, l.abs(gap)))) {
             let slack = l.max(near, l.mul(sigma_m(l, new.depth_m), l.splat(self.slack)));
             let farther = l.less(slack, gap);
             let nearer = l.less(slack, l.sub(zero, gap));
             let hidden = l.less(new.distance, l.sub(zero, near));
             let was_free = l.less(l.splat(FREE), old.distance);
-            let apart = l.both(known, l.either(farther, nearer));
+            let differs = l.both(known, l.either(farther, nearer));
             // Hidden voxels and edges do not disagree.
-            let mute = l.either(is_edge, l.but_not(l.both(hidden, nearer), was_free));
-            let disputes = l.but_not(apart, mute);
-            agrees = l.but_not(new.seen, apart);
-            contests = l.but_not(disputes, through);
-            let carves = l.both(disputes, through);
+            let is_ignored = l.either(is_edge, l.but_not(l.both(hidden, nearer), was_free));
+            let disagrees = l.but_not(differs, is_ignored);
+            agrees = l.but_not(new.seen, differs);
+            is_contested = l.but_not(disagrees, through);
+            let sees_through = l.both(disagrees, through);
             let left = l.float(l.truncate(l.mul(old.weight, l.splat(1.0 - LOSS))));
-            let gone = l.less(left, l.add(new.weight, new.weight));
-            distance = l.select(l.both(carves, gone), one, distance);
-            weight = l.select(carves, l.select(gone, new.weight, left), weight);
-            let stays = l.but_not(apart, carves);
-            distance = l.select(l.either(stays, l.but_not(carves, gone)), old.distance, distance);
+            let is_freed = l.less(left, l.add(new.weight, new.weight));
+            distance = l.select(l.both(sees_through, is_freed), one, distance);
+            weight = l.select(sees_through, l.select(is_freed, new.weight, left), weight);
+            let stays = l.but_not(differs, sees_through);
+            distance = l.select(
+                l.either(stays, l.but_not(sees_through, is_freed)),
+                old.distance,
+                distance,
+            );
             weight = l.select(stays, old.weight, weight);
         }
         distance = l.select(new.seen, distance, old.distance);
@@ -192,7 +196,7 @@ impl Rules {
         let is_near = l.at_most(l.abs(new.distance), near);
         let colors_now = l.both(agrees, is_near);
         let waits = l.both(within, l.above_int(count, l.splat_int(0)));
-        if !l.any(l.either(l.either(colors_now, contests), waits)) {
+        if !l.any(l.either(l.either(colors_now, is_contested), waits)) {
             return Stored { distance, weight };
         }
         let change = l.shift_down::<3>(l.color_difference(word, new.word));
@@ -200,17 +204,17 @@ impl Rules {
         let thrice = l.add_int(spread, l.add_int(spread, spread));
         let is_other = l.above_int(change, l.add_int(thrice, l.splat_int(COLOR_SLACK)));
         let recolors = l.but_not(l.both(l.both(colors_now, has_color), is_other), is_edge);
-        let ticks = l.either(contests, recolors);
+        let counts = l.either(is_contested, recolors);
         let more = l.add_int(count, l.splat_int(1));
-        let ripe = l.both(ticks, l.above_int(more, l.splat_int(PATIENCE - 1)));
-        let begins = l.both(ripe, contests);
-        let calm = l.but_not(l.both(agrees, within), recolors);
+        let is_replaced = l.both(counts, l.above_int(more, l.splat_int(PATIENCE - 1)));
+        let begins = l.both(is_replaced, is_contested);
+        let resets = l.but_not(l.both(agrees, within), recolors);
         let none = l.splat_int(0);
-        let count = l.select_int(ticks, more, l.select_int(calm, none, count));
-        let count = l.select_int(ripe, none, count);
+        let count = l.select_int(counts, more, l.select_int(resets, none, count));
+        let count = l.select_int(is_replaced, none, count);
 
         let first = l.but_not(colors_now, has_color);
-        let fresh = l.either(first, l.both(ripe, l.either(recolors, is_near)));
+        let fresh = l.either(first, l.both(is_replaced, l.either(recolors, is_near)));
         let blends = l.but_not(l.but_not(colors_now, recolors), fresh);
         let blend = self.blend(l, word, new.word, color_share);
         let color = l.select_int(fresh, new.word, l.select_int(blends, blend, word));

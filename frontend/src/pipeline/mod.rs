@@ -322,7 +322,7 @@ impl Pipeline {
     /// A frame after the first.
     fn track_next(&mut self, frame: CurrentFrame<'_>) -> Outcome {
         if self.state == State::Lost {
-            return Outcome { question: self.search(&frame), ..Outcome::default() };
+            return Outcome { question: self.track_lost_frame(&frame), ..Outcome::default() };
         }
         let first_keyframe = self.begin_again(&frame);
         let mut findings = self.follow(frame);
@@ -330,7 +330,7 @@ impl Pipeline {
         if findings.pose.is_none() {
             let CurrentFrame { rgbd, pyramid, given_mask, .. } = findings.frame;
             findings.frame = CurrentFrame::new(rgbd, pyramid, given_mask);
-            question = self.ask(&findings.frame);
+            question = self.request_relocalization(&findings.frame);
         }
         let outcome = self.finish(findings, first_keyframe.is_none());
         Outcome { keyframe: outcome.keyframe.or(first_keyframe), question, ..outcome }

@@ -68,16 +68,18 @@ pub(super) struct Asked {
 
 impl Pipeline {
     /// Takes a frame after tracking was lost.
-    pub(super) fn search(&mut self, frame: &CurrentFrame<'_>) -> Option<Question> {
-        let Some(pose) = self.come_back(frame) else { return self.ask(frame) };
+    pub(super) fn track_lost_frame(&mut self, frame: &CurrentFrame<'_>) -> Option<Question> {
+        let Some(pose) = self.relocalize_near_last_pose(frame) else {
+            return self.request_relocalization(frame);
+        };
         let view = frame.view(&self.camera, frame.given_mask);
         let newest = lost_frame(frame, &view, pose, Motion::unknown());
-        self.find(newest, State::Confirmed);
+        self.resume_from(newest, State::Confirmed);
         None
     }
 
     /// The pose of a frame near the last one whose pose is known, confirmed by landmarks.
-    fn come_back(&self, frame: &CurrentFrame<'_>) -> Option<CameraPose> {
+    fn relocalize_near_last_pose(&self, frame: &CurrentFrame<'_>) -> Option<CameraPose> {
         let last = self.last.as_ref()?;
         let motion = self.initial_pose(last, frame)?.motion;
         let start = last.pose.world_from_camera.compose(&motion.first_from_second);
@@ -88,17 +90,17 @@ impl Pipeline {
     }
 
     /// The next frame is tracked from this one.
-    fn find(&mut self, frame: LastFrame, state: State) {
+    fn resume_from(&mut self, frame: LastFrame, state: State) {
         (self.last, self.state, self.asked) = (Some(frame), state, None);
         self.coasted = 0;
     }
 
     /// Takes a frame whose pose is not known. Returns a question, unless one is out that can still be
     /// used.
-    pub(super) fn ask(&mut self, frame: &CurrentFrame<'_>) -> Option<Question> {
+    pub(super) fn request_relocalization(&mut self, frame: &CurrentFrame<'_>) -> Option<Question> {
         self.state = State::Lost;
         if let Some(Asked { number, newest }) = self.asked.take()
-            && let Some(newest) = self.carry_on(&newest, frame)
+            && let Some(newest) = self.track_since_request(&newest, frame)
         {
             self.asked = Some(Asked { number, newest });
             return None;
@@ -129,12 +131,16 @@ impl Pipeline {
         };
         let world_from_camera = world_from_asked.compose(&newest.pose.world_from_camera);
         let pose = known.pose.moved_to(&world_from_camera);
-        self.find(LastFrame { pose, ..newest }, State::Located);
+        self.resume_from(LastFrame { pose, ..newest }, State::Located);
         true
     }
 
     /// The frame after the newest of those that wait for an answer, where an alignment gives its motion.
-    fn carry_on(&self, newest: &LastFrame, frame: &CurrentFrame<'_>) -> Option<LastFrame> {
+    fn track_since_request(
+        &self,
+        newest: &LastFrame,
+        frame: &CurrentFrame<'_>,
+    ) -> Option<LastFrame> {
         let initial = self.initial_pose(newest, frame)?;
         if initial.median_residual >= COASTING_RESIDUAL {
             return None;

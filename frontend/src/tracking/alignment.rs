@@ -132,9 +132,9 @@ impl Reference {
         mut state: State,
     ) -> Option<LevelFit> {
         let sums = |state: &State, scale| {
-            let places = self.points.places(camera, shutter, &state.pose);
+            let positions = self.points.positions(camera, shutter, &state.pose);
             let exposure = (state.gain as f32, state.offset as f32);
-            let sums = patches.sums(image, &places, exposure, scale);
+            let sums = patches.sums(image, &positions, exposure, scale);
             (sums.visible >= LEAST_POINTS).then_some(sums)
         };
         // The first scale is that of the residuals at the start.

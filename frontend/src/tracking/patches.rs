@@ -18,9 +18,9 @@ const SIDE: usize = 4;
 /// Pixels of a patch.
 const AREA: usize = SIDE * SIDE;
 /// From a patch's center to its first pixel.
-const REACH: f32 = 1.5;
+const CENTER_OFFSET: f32 = 1.5;
 /// Degrees of freedom of the t distribution (Kerl, Sturm and Cremers, ICRA 2013).
-const FREEDOM: f32 = 5.0;
+const DEGREES_OF_FREEDOM: f32 = 5.0;
 /// Patches of a batch.
 const LANES: usize = 32;
 /// Products of a pixel: those of ∂residual/∂(u, v, gain, offset) with each other, the upper triangle
@@ -42,7 +42,7 @@ pub(super) struct Points {
 }
 
 /// Where the current image shows points, pixels of level 0; NaN where it does not.
-pub(super) struct Places {
+pub(super) struct PixelPositions {
     u: Vec<f32>,
     v: Vec<f32>,
 }
@@ -64,12 +64,12 @@ impl Points {
     }
 
     /// Projects the points into a camera at a pose.
-    pub(super) fn places(
+    pub(super) fn positions(
         &self,
         camera: &FrameCamera,
         shutter: &Shutter,
         current_from_reference: &Se3,
-    ) -> Places {
+    ) -> PixelPositions {
         let rotation = current_from_reference.rotation.matrix();
         let rotation = [0, 1, 2].map(|i| [0, 1, 2].map(|j| rotation[(i, j)] as f32));
         let translation = current_from_reference.translation.map(|value| value as f32).into();
@@ -86,10 +86,10 @@ struct Projection<'a> {
 }
 
 impl Kernel for Projection<'_> {
-    type Output = Places;
+    type Output = PixelPositions;
 
     #[inline(always)]
-    fn run(self) -> Places {
+    fn run(self) -> PixelPositions {
         let Self { camera, shutter, rotation, translation, points } = self;
         let (lens, shutter) = (camera.fast(), *shutter);
         let [x, y, z] = &points.coordinates;
@@ -103,7 +103,7 @@ impl Kernel for Projection<'_> {
             }
             [*u, *v] = shutter.project_fast(&lens, point);
         }
-        Places { u, v }
+        PixelPositions { u, v }
     }
 }
 
@@ -129,7 +129,7 @@ struct Squares<const N: usize> {
 }
 
 impl<const N: usize> Squares<N> {
-    /// Reads the squares that begin at these places.
+    /// Reads the squares that begin at these positions.
     #[inline(always)]
     fn read(image: &Image<u8>, u: &Lanes, v: &Lanes) -> Self {
         let mut all = Self {
@@ -182,7 +182,7 @@ struct Batch {
 }
 
 impl Batch {
-    /// Reads the patches at these places; each lies inside the image.
+    /// Reads the patches at these positions; each lies inside the image.
     #[inline(always)]
     fn new(image: &Image<u8>, (u, v): (&Lanes, &Lanes)) -> Self {
         // One pixel more on each side for the gradients, and one for the interpolation.
@@ -218,7 +218,7 @@ pub(super) struct Patches {
 
 impl Patches {
     pub(super) fn new(image: &Image<u8>, level: usize, points: &Points) -> Self {
-        Self { batches: simd::run(Taking { image, level, points }), level }
+        Self { batches: simd::run(ReadPatches { image, level, points }), level }
     }
 
     /// Its level.
@@ -230,34 +230,34 @@ impl Patches {
     pub(super) fn sums(
         &self,
         image: &Image<u8>,
-        places: &Places,
+        positions: &PixelPositions,
         exposure: (f32, f32),
         scale: f32,
     ) -> Sums {
-        simd::run(Summing { patches: self, image, places, exposure, scale })
+        simd::run(SumResiduals { patches: self, image, positions, exposure, scale })
     }
 }
 
 /// Reads the patches around points.
-struct Taking<'a> {
+struct ReadPatches<'a> {
     image: &'a Image<u8>,
     level: usize,
     points: &'a Points,
 }
 
-impl Kernel for Taking<'_> {
+impl Kernel for ReadPatches<'_> {
     type Output = Vec<Batch>;
 
     #[inline(always)]
     fn run(self) -> Vec<Batch> {
         let Self { image, level, points } = self;
-        let first = |coordinate: f64| to_level(coordinate, level) as f32 - REACH - 1.0;
+        let first = |coordinate: f64| to_level(coordinate, level) as f32 - CENTER_OFFSET - 1.0;
         let needed = (SIDE + 2) as f32;
         let (right, bottom) = (image.width() as f32 - needed, image.height() as f32 - needed);
-        let places = points.pixels.iter().map(|&[u, v]| (first(u), first(v)));
+        let positions = points.pixels.iter().map(|&[u, v]| (first(u), first(v)));
         let is_inside =
             |&(_, (u, v)): &(usize, (f32, f32))| u >= 0.0 && v >= 0.0 && u < right && v < bottom;
-        let inside: Vec<_> = places.enumerate().filter(is_inside).collect();
+        let inside: Vec<_> = positions.enumerate().filter(is_inside).collect();
         let per_pixel = 1.0 / scale(level) as f32;
         let batch = |part: &[(usize, (f32, f32))]| {
             // The patch of a lane without a point is never visible.
@@ -292,15 +292,15 @@ pub(super) struct Sums {
 }
 
 /// Sums up residuals.
-struct Summing<'a> {
+struct SumResiduals<'a> {
     patches: &'a Patches,
     image: &'a Image<u8>,
-    places: &'a Places,
+    positions: &'a PixelPositions,
     exposure: (f32, f32),
     scale: f32,
 }
 
-impl Kernel for Summing<'_> {
+impl Kernel for SumResiduals<'_> {
     type Output = Sums;
 
     #[inline(always)]
@@ -309,11 +309,12 @@ impl Kernel for Summing<'_> {
         let mut visible = 0;
         let mut entries = [[0.0; LANES]; ENTRIES];
         let factor = 1.0 / scale(self.patches.level) as f32;
-        let first = |coordinate: f32| (coordinate + 0.5) * factor - 0.5 - REACH;
+        let first = |coordinate: f32| (coordinate + 0.5) * factor - 0.5 - CENTER_OFFSET;
         for batch in &self.patches.batches {
             let (mut u, mut v) = ([-1.0; LANES], [-1.0; LANES]);
             for (lane, &point) in batch.points.iter().enumerate() {
-                (u[lane], v[lane]) = (first(self.places.u[point]), first(self.places.v[point]));
+                (u[lane], v[lane]) =
+                    (first(self.positions.u[point]), first(self.positions.v[point]));
             }
             let seen = Squares::<{ SIDE + 1 }>::read(self.image, &u, &v);
             let mut bins = [[0_u8; LANES]; AREA];
@@ -331,7 +332,7 @@ impl Kernel for Summing<'_> {
     }
 }
 
-impl Summing<'_> {
+impl SumResiduals<'_> {
     /// Sums the products of each patch; `bins` receives the absolute residuals of its pixels.
     #[inline(always)]
     fn products(
@@ -352,8 +353,8 @@ impl Summing<'_> {
                 for lane in 0..LANES {
                     let residual = gain * intensity[lane] + offset - seen.value(row, column, lane);
                     residuals[lane] = residual;
-                    let weight = seen.is_inside[lane] * (FREEDOM + 1.0)
-                        / (FREEDOM + residual * residual * relative);
+                    let weight = seen.is_inside[lane] * (DEGREES_OF_FREEDOM + 1.0)
+                        / (DEGREES_OF_FREEDOM + residual * residual * relative);
                     let d = [gain * along[lane], gain * down[lane], intensity[lane], 1.0];
                     let mut entry = 0;
                     for i in 0..4 {

@@ -286,8 +286,7 @@ impl Fit<'_> {
             let id = observation.landmark;
             let known = new.binary_search(&id).is_ok() || self.map.landmarks.contains_key(&id);
             self.present(known, EntityKind::Landmark, id)?;
-            let pixel = observation.pixel.x.is_finite() && observation.pixel.y.is_finite();
-            self.finite(pixel && observation.sigma_px.is_finite(), EntityKind::Observation, id)?;
+            self.finite(observation.is_possible(), EntityKind::Observation, id)?;
         }
         let mut keys: Vec<_> = present.iter().chain(observations).map(Observation::key).collect();
         keys.sort_unstable();
@@ -385,6 +384,6 @@ impl Fit<'_> {
 
     fn finite(&self, holds: bool, kind: EntityKind, id: EntityId) -> Outcome {
         let revision = self.revision;
-        if holds { Ok(()) } else { Err(MapError::NotFinite { revision, kind, id }) }
+        if holds { Ok(()) } else { Err(MapError::ImpossibleNumber { revision, kind, id }) }
     }
 }

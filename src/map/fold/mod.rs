@@ -16,11 +16,11 @@ use covis_solvers::geometry::{LieGroup, Se3};
 use super::ceilings::{descriptor_bytes, image_bytes};
 use super::digest::{self, Content};
 use super::frames;
-use super::unsolved::to_solve;
+use super::pending_solve::solve_request;
 use super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, Constraint, EntityId, Event, Keyframe,
     Landmark, LastRequest, Map, MapError, MapPolicy, NewLandmark, Observation, Observations,
-    Observers, Prior, Retired, SolveKind, ToSolve, Unsolved,
+    Observers, PendingSolve, Prior, Retired, SolveKind, SolveRequest,
 };
 
 /// Items of a client whose digests are kept. Clients do not resend older items: a client keeps only
@@ -32,7 +32,7 @@ impl Map {
     ///
     /// # Errors
     /// [`MapError`] when the event does not fit: a gap in the revisions, an unknown or doubled id,
-    /// a value that is not finite. The map is then unchanged.
+    /// a number that is not possible. The map is then unchanged.
     pub fn apply(&mut self, event: &Event) -> Result<(), MapError> {
         self.fits(event)?;
         self.fold(event);
@@ -44,10 +44,10 @@ impl Map {
         self.revision = event.revision;
         // An event without a recorded time is no older than the previous one.
         self.update_time_ns = self.update_time_ns.max(event.time_ns);
-        let to_solve = event.cause.as_ref().and_then(|_| to_solve(self, &event.change));
+        let request = event.cause.as_ref().and_then(|_| solve_request(self, &event.change));
         self.change(&event.change);
         if let Some(cause) = &event.cause {
-            self.remember(cause, to_solve);
+            self.remember(cause, request);
         }
     }
 
@@ -168,15 +168,15 @@ impl Map {
         }
     }
 
-    fn remember(&mut self, cause: &Cause, to_solve: Option<ToSolve>) {
+    fn remember(&mut self, cause: &Cause, request: Option<SolveRequest>) {
         if let Some(client) = self.clients.get_mut(cause.client.0 as usize) {
             client.items.insert(cause.sequence, cause.digest);
             if client.items.len() > REMEMBERED_ITEMS {
                 client.items.pop_first();
             }
             client.next_sequence = client.next_sequence.max(cause.sequence.saturating_add(1));
-            if let Some(to_solve) = to_solve {
-                client.unsolved = Some(Unsolved { sequence: cause.sequence, to_solve });
+            if let Some(request) = request {
+                client.pending_solve = Some(PendingSolve { sequence: cause.sequence, request });
             }
         }
     }
@@ -269,8 +269,8 @@ impl Map {
             SolveKind::PoseGraph => {
                 // The windows of an edit may still be open.
                 for client in &mut self.clients {
-                    if let Some(Unsolved { to_solve: ToSolve::Edited(affected), .. }) =
-                        &mut client.unsolved
+                    if let Some(PendingSolve { request: SolveRequest::Edited(affected), .. }) =
+                        &mut client.pending_solve
                     {
                         affected.graph = false;
                     }
@@ -295,7 +295,7 @@ impl Map {
             }
             if let Some(client) = self.clients.get_mut(client.0 as usize) {
                 client.optimized_sequence = client.optimized_sequence.max(sequence);
-                client.unsolved.take_if(|unsolved| unsolved.sequence <= sequence);
+                client.pending_solve.take_if(|pending| pending.sequence <= sequence);
             }
         }
     }

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use super::super::{
     Affected, ClientIndex, Constraint, Content, Duplicates, EntityId, Keyframe, Landmark,
-    MAX_NUMBER, MapParts, MergedClient, MergedMap, Observation, Observers, PlaceCandidate,
-    PlaceSearch, PlaceSearches, Prior, SharedMap, ToSolve, Unsolved,
+    MAX_NUMBER, MapParts, MergedClient, MergedMap, Observation, Observers, PendingSolve,
+    PlaceCandidate, PlaceSearch, PlaceSearches, Prior, SharedMap, SolveRequest,
 };
 
 /// New ids for old ones.
@@ -100,16 +100,16 @@ impl<'a> Renaming<'a> {
         }
     }
 
-    fn unsolved(&self, unsolved: Unsolved) -> Unsolved {
-        let to_solve = match unsolved.to_solve {
-            ToSolve::Views(keyframe) => ToSolve::Views(self.entity(keyframe)),
-            same @ (ToSolve::Loop | ToSolve::Prior) => same,
-            ToSolve::Edited(Affected { graph, keyframes }) => {
+    fn pending_solve(&self, pending: PendingSolve) -> PendingSolve {
+        let request = match pending.request {
+            SolveRequest::Views(keyframe) => SolveRequest::Views(self.entity(keyframe)),
+            same @ (SolveRequest::LoopClosure | SolveRequest::Prior) => same,
+            SolveRequest::Edited(Affected { graph, keyframes }) => {
                 let keyframes = keyframes.into_iter().map(|id| self.entity(id)).collect();
-                ToSolve::Edited(Affected { graph, keyframes })
+                SolveRequest::Edited(Affected { graph, keyframes })
             }
         };
-        Unsolved { to_solve, ..unsolved }
+        PendingSolve { request, ..pending }
     }
 
     /// The parts under their new ids. The clients stay in their list; the scalars stay as they are.
@@ -131,7 +131,8 @@ impl<'a> Renaming<'a> {
         );
         let mut clients = parts.clients;
         for client in &mut clients {
-            client.unsolved = client.unsolved.take().map(|unsolved| self.unsolved(unsolved));
+            client.pending_solve =
+                client.pending_solve.take().map(|pending| self.pending_solve(pending));
         }
         let mut merged = parts.merged;
         for client in merged.iter_mut().flat_map(|map: &mut MergedMap| &mut map.clients) {

@@ -4,7 +4,7 @@
 use std::time::Instant;
 
 use super::*;
-use crate::place::make::MOST_NEAR;
+use crate::place::descriptor_index::MOST_NEAR;
 
 /// 64 bytes that a seed decides.
 fn long(seed: u64) -> Vec<u8> {
@@ -56,8 +56,8 @@ fn keyframes_full_of_one_descriptor_match_nothing() {
 #[test]
 fn a_keyframe_of_many_makes_is_as_large_as_one_of_one() {
     let mut index = PlaceIndex::new();
-    // 16 makes with 4096 descriptors each, of 512 bytes and less: 30 MB.
-    let data: Vec<Vec<u8>> = (0..16).map(|make| vec![1; 512 - make]).collect();
+    // 16 types with 4096 descriptors each, of 512 bytes and less: 30 MB.
+    let data: Vec<Vec<u8>> = (0..16).map(|shorter| vec![1; 512 - shorter]).collect();
     let worst: Vec<Feature<'_>> = data
         .iter()
         .flat_map(|data| std::iter::repeat_n(Feature { name: "orb", data }, DESCRIPTORS))
@@ -71,8 +71,8 @@ fn a_keyframe_of_many_makes_is_as_large_as_one_of_one() {
 
 #[test]
 fn neighbors_of_one_descriptor_do_not_make_its_search_long() {
-    let mut make = Make::new(32);
-    let of_size = Make::new(32);
+    let mut index = DescriptorIndex::new(32);
+    let of_size = DescriptorIndex::new(32);
     let words = |data: &[u8]| of_size.pack(std::iter::once(data));
     let target = descriptor(7);
     // The bits 4k and 4k + 1 of a quarter are keys: one of them differs, or none.
@@ -89,16 +89,16 @@ fn neighbors_of_one_descriptor_do_not_make_its_search_long() {
     }
     for (number, part) in flood.chunks(4 * 512).enumerate() {
         let numbers = (0..part.len() as u16 / 4).collect();
-        make.add(id(0, number as i64), number as i64, part.into(), numbers);
+        index.add(id(0, number as i64), number as i64, part.into(), numbers);
     }
     let query: Vec<u64> = words(&target).repeat(1024);
     let mut voted = 0;
-    let compared = make.hits(&query, VOTERS, |_| false, |_, _| voted += 1);
+    let compared = index.hits(&query, VOTERS, |_| false, |_, _| voted += 1);
     assert!(compared <= 1024 * MOST_NEAR, "{compared}");
     assert_eq!((voted, compared), (0, 0), "each has more neighbors than count");
     // A descriptor beside them votes.
     let other = words(&descriptor(8));
-    make.add(id(1, 0), 0, other.clone(), Box::new([0]));
-    let compared = make.hits(&other, VOTERS, |_| false, |_, hits| voted += hits.len());
+    index.add(id(1, 0), 0, other.clone(), Box::new([0]));
+    let compared = index.hits(&other, VOTERS, |_| false, |_, hits| voted += hits.len());
     assert!(voted == 1 && (1..MOST_NEAR).contains(&compared), "{voted}, {compared}");
 }

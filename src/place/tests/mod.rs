@@ -161,7 +161,7 @@ fn makes_do_not_mix() {
     assert!(index.query(&named("brief"), 5, |_| false).unwrap().is_empty());
     let short: Vec<Vec<u8>> = data.iter().map(|data| data[..16].to_vec()).collect();
     assert!(index.query(&orb(&short), 5, |_| false).unwrap().is_empty());
-    // A keyframe of two makes is told once, and its features by their places in the list.
+    // A keyframe with two types of descriptors is listed once, its features by their numbers in the list.
     let mut both = named("brief");
     both.extend(orb(&short));
     index.add(id(0, 2), 0, &both).unwrap();
@@ -192,7 +192,7 @@ fn what_is_refused_leaves_the_index_as_it_was() {
     refused(id(0, 2), &orb(&vec![descriptor(1); 4097]), "4097 descriptors named \"orb\"");
     refused(id(0, 2), &orb(&vec![descriptor(1); 65_537]), "65537 descriptors");
     let lengths: Vec<Vec<u8>> = (16..32).map(|bytes| vec![1; bytes]).collect();
-    refused(id(0, 2), &orb(&lengths), "17th make");
+    refused(id(0, 2), &orb(&lengths), "17th type");
     assert!(index.query(&orb(&short), 1, |_| false).is_err());
     assert!(index.query(&[], 1, |_| false).unwrap().is_empty(), "nothing is asked");
     index.add(id(0, 9), 0, &[]).unwrap();

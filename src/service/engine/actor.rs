@@ -68,7 +68,7 @@ pub(super) struct Actor {
     pub(super) control: mpsc::Receiver<Control>,
     /// Whether the items whose solves were outstanding when the map was opened or imported are not
     /// triggered yet.
-    pub(super) has_unsolved: bool,
+    pub(super) has_pending_solves: bool,
     /// Entities that were handled since the task let others run.
     pub(super) handled: usize,
     /// Whether the last step answered a control message.
@@ -115,10 +115,10 @@ impl Actor {
     }
 
     async fn step(&mut self) -> Flow {
-        if self.has_unsolved && !self.is_held() {
-            self.has_unsolved = false;
-            for (client, unsolved) in self.map.unsolved() {
-                self.trigger(client, unsolved).await;
+        if self.has_pending_solves && !self.is_held() {
+            self.has_pending_solves = false;
+            for (client, pending) in self.map.pending_solves() {
+                self.trigger(client, pending).await;
             }
             self.start_solves().await;
         }

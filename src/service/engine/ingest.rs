@@ -50,11 +50,11 @@ pub(super) enum Admission {
 }
 
 /// Whether the map has room for a change.
-pub(super) enum Room {
-    There,
+pub(super) enum Capacity {
+    Available,
     /// There is room once this count is lower.
-    Full(Exceeded),
-    None(EngineError),
+    Exceeded(Exceeded),
+    Refused(EngineError),
 }
 
 struct Stream {
@@ -259,13 +259,13 @@ impl Ingest {
 
     /// Reserves what a change would add, in all accounts. It is counted by [`Ingest::count`] once
     /// the change was applied or has failed.
-    pub(super) fn reserve(&mut self, map: &Map, change: &Change) -> Room {
+    pub(super) fn reserve(&mut self, map: &Map, change: &Change) -> Capacity {
         let account = &self.shared.account;
         let ceilings = map.policy().ceilings.lower(&account.limits().held);
         // A slow disk fills the memory of the server: the limit covers the journals of all maps
         // together.
         if let Err(error) = account.reserve(Resource::JournalBytes, 1) {
-            return Room::None(error);
+            return Capacity::Refused(error);
         }
         let usage = map.usage();
         let bound = map.growth_bound(change);
@@ -273,17 +273,24 @@ impl Ingest {
         // room.
         let is_far = ceilings.exceeded(usage, bound * FAR).is_none();
         if is_far && self.entities.have_room(bound * FAR) && self.entities.grow(bound).is_ok() {
-            return Room::There;
+            return Capacity::Available;
         }
         let growth = map.growth(change);
         let Some(exceeded) = ceilings.exceeded(usage, growth) else {
-            return self.entities.grow(growth).map_or_else(Room::None, |()| Room::There);
+            return self
+                .entities
+                .grow(growth)
+                .map_or_else(Capacity::Refused, |()| Capacity::Available);
         };
         // A change that would push out a large part of the map is refused: it can only be a
         // mistake.
         let alone = Usage { keyframes: 0, ..growth };
         let is_huge = ceilings.exceeded(alone * (LARGEST_SHARE - 1), alone).is_some();
-        if is_huge { Room::None(account.exceeded(exceeded)) } else { Room::Full(exceeded) }
+        if is_huge {
+            Capacity::Refused(account.exceeded(exceeded))
+        } else {
+            Capacity::Exceeded(exceeded)
+        }
     }
 
     /// Counts the entities of the map as it is now.

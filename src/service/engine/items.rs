@@ -4,12 +4,12 @@
 //! which there is no room ends its stream.
 
 use super::actor::{Actor, SMALL, STEP};
-use super::ingest::{Admission, Ingest, Room, frees, size_of_item};
+use super::ingest::{Admission, Capacity, Ingest, frees, size_of_item};
 use super::schedule::Task;
 use super::stream::{Body, Queued, QueuedItem};
 use super::{Ack, AckStatus, EngineError, SolveReport, StreamEvent};
 use crate::map::{
-    Affected, Cause, Change, ClientIndex, EntityId, Map, PartialItem, ToSolve, Unsolved,
+    Affected, Cause, Change, ClientIndex, EntityId, Map, PartialItem, PendingSolve, SolveRequest,
     has_unplaced, retire, triangulate,
 };
 
@@ -111,9 +111,9 @@ impl Actor {
         if duplicate && waits {
             self.nothing_to_solve(client, sequence);
         }
-        let unsolved = self.map.client(client).and_then(|client| client.unsolved.clone());
-        if let Some(unsolved) = unsolved.filter(|unsolved| unsolved.sequence == sequence) {
-            self.trigger(client, unsolved).await;
+        let pending = self.map.client(client).and_then(|client| client.pending_solve.clone());
+        if let Some(pending) = pending.filter(|pending| pending.sequence == sequence) {
+            self.trigger(client, pending).await;
         }
     }
 
@@ -124,9 +124,9 @@ impl Actor {
     /// Why there is no room.
     pub(super) async fn make_room(&mut self, change: &Change) -> Result<bool, EngineError> {
         let exceeded = match self.ingest.reserve(&self.map, change) {
-            Room::There => return Ok(true),
-            Room::Full(exceeded) => exceeded,
-            Room::None(error) => return Err(error),
+            Capacity::Available => return Ok(true),
+            Capacity::Exceeded(exceeded) => exceeded,
+            Capacity::Refused(error) => return Err(error),
         };
         let counted = exceeded.counted;
         let retired = self.compute(move |map| retire(map).filter(|r| frees(map, r, counted)));
@@ -139,13 +139,13 @@ impl Actor {
     }
 
     /// Starts the solve that an accepted item triggers.
-    pub(super) async fn trigger(&mut self, client: ClientIndex, unsolved: Unsolved) {
-        let Unsolved { sequence, to_solve } = unsolved;
+    pub(super) async fn trigger(&mut self, client: ClientIndex, pending: PendingSolve) {
+        let PendingSolve { sequence, request } = pending;
         let policy = self.map.policy();
         let (local_bundle, loop_closure) = (policy.local_bundle, policy.loop_closure);
-        match to_solve {
-            ToSolve::Views(id) => {
-                if let Err(error) = self.place(id).await {
+        match request {
+            SolveRequest::Views(id) => {
+                if let Err(error) = self.triangulate_landmarks(id).await {
                     return self.ingest.end(client, error);
                 }
                 if local_bundle {
@@ -154,18 +154,20 @@ impl Actor {
                     self.nothing_to_solve(client, sequence);
                 }
             }
-            ToSolve::Loop if loop_closure => {
+            SolveRequest::LoopClosure if loop_closure => {
                 self.solving.schedule.push(client, sequence, Task::Loop);
                 self.solving.supersede_window();
             }
             // Fixes may come several times a second: no window is given up for one.
-            ToSolve::Prior if loop_closure => {
+            SolveRequest::Prior if loop_closure => {
                 self.solving.schedule.push(client, sequence, Task::Prior);
             }
-            ToSolve::Loop | ToSolve::Prior => self.nothing_to_solve(client, sequence),
-            ToSolve::Edited(Affected { graph, keyframes }) => {
+            SolveRequest::LoopClosure | SolveRequest::Prior => {
+                self.nothing_to_solve(client, sequence)
+            }
+            SolveRequest::Edited(Affected { graph, keyframes }) => {
                 if let Some(&newest) = keyframes.last()
-                    && let Err(error) = self.place(newest).await
+                    && let Err(error) = self.triangulate_landmarks(newest).await
                 {
                     return self.ingest.end(client, error);
                 }
@@ -190,7 +192,7 @@ impl Actor {
     ///
     /// # Errors
     /// As [`Actor::commit`].
-    async fn place(&mut self, id: EntityId) -> Result<(), EngineError> {
+    async fn triangulate_landmarks(&mut self, id: EntityId) -> Result<(), EngineError> {
         let seen = self.map.keyframes().get(&id).map_or(0, |k| k.observations.len());
         let positions = match seen > SMALL || has_unplaced(&self.map, id) {
             true => self.compute(move |map| triangulate(map, id)).await,

@@ -13,7 +13,7 @@ use tokio::sync::watch;
 use super::actor::Actor;
 use super::{Account, EngineError, MapHandle, MapInfo, Resource};
 use crate::map::{
-    Change, ClientIndex, Link, Map, MergeError, MergedClient, ToSolve, Unsolved, Usage,
+    Change, ClientIndex, Link, Map, MergeError, MergedClient, PendingSolve, SolveRequest, Usage,
 };
 use crate::store::{Epoch, Flushed, StoreError};
 
@@ -103,9 +103,9 @@ impl Actor {
         let _room = account.reserve(Resource::JournalBytes, usage.bytes)?;
         let clients: Vec<ClientIndex> = merge.clients.iter().map(|client| client.index).collect();
         self.commit(None, Change::MapMerged { merge: Box::new(merge) }).await?;
-        for (client, unsolved) in self.map.unsolved() {
+        for (client, pending) in self.map.pending_solves() {
             if client == ClientIndex::SERVER || clients.contains(&client) {
-                self.trigger(client, unsolved).await;
+                self.trigger(client, pending).await;
             }
         }
         Ok(self.info())
@@ -143,8 +143,9 @@ impl Actor {
             return Err(error);
         }
         clients.into_iter().for_each(|client| self.solving.schedule.forget(client));
-        let unsolved = Unsolved { sequence: self.map.revision(), to_solve: ToSolve::Loop };
-        self.trigger(ClientIndex::SERVER, unsolved).await;
+        let pending =
+            PendingSolve { sequence: self.map.revision(), request: SolveRequest::LoopClosure };
+        self.trigger(ClientIndex::SERVER, pending).await;
         Ok(Left { map: self.info(), content, epoch, flushed })
     }
 }

@@ -200,7 +200,7 @@ impl Maps {
             map: Arc::new(start.map),
             applying: None,
             control,
-            has_unsolved: shared.check_open().is_ok(),
+            has_pending_solves: shared.check_open().is_ok(),
             handled: 0,
             answered: false,
             closing: Vec::new(),

@@ -19,7 +19,8 @@ use super::pool::{SolvePanicked, SolverPool, Started};
 use super::{EngineError, Estimate, Resource};
 use crate::loop_closing::{View, close, excluded, not_indexed};
 use crate::map::{
-    Change, ClientIndex, Constraint, EntityId, Map, PlaceRefusal, PlaceSearch, ToSolve, Unsolved,
+    Change, ClientIndex, Constraint, EntityId, Map, PendingSolve, PlaceRefusal, PlaceSearch,
+    SolveRequest,
 };
 
 /// Keyframes whose places are searched in one task. A search takes 10 to 100 ms, and its closure waits
@@ -212,8 +213,9 @@ impl Actor {
         }
         if count > 0 {
             self.shared.meters.closures_found.add(count);
-            let unsolved = Unsolved { sequence: self.map.revision(), to_solve: ToSolve::Loop };
-            self.trigger(ClientIndex::SERVER, unsolved).await;
+            let pending =
+                PendingSolve { sequence: self.map.revision(), request: SolveRequest::LoopClosure };
+            self.trigger(ClientIndex::SERVER, pending).await;
         }
     }
 

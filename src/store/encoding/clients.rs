@@ -3,7 +3,7 @@
 
 use super::entities::{decode_id, decode_pose, encode_id, encode_pose};
 use super::{EncodingError, v1};
-use crate::map::{Affected, Client, EntityId, ToSolve, Unsolved};
+use crate::map::{Affected, Client, EntityId, PendingSolve, SolveRequest};
 
 pub(super) fn encode_client(client: &Client) -> v1::Client {
     let Client {
@@ -11,7 +11,7 @@ pub(super) fn encode_client(client: &Client) -> v1::Client {
         epoch,
         next_sequence,
         optimized_sequence,
-        unsolved,
+        pending_solve,
         closure_variance,
         earlier_frames,
         // Parts of their own.
@@ -23,7 +23,7 @@ pub(super) fn encode_client(client: &Client) -> v1::Client {
         next_sequence: *next_sequence,
         optimized_sequence: *optimized_sequence,
         closure_variance: Some(closure_variance.to_bits()),
-        unsolved: unsolved.as_ref().map(encode_unsolved),
+        unsolved: pending_solve.as_ref().map(encode_unsolved),
         earlier_frames: earlier_frames.iter().map(encode_pose).collect(),
     }
 }
@@ -44,7 +44,7 @@ pub(super) fn decode_client(client: v1::Client) -> Result<Client, EncodingError>
         epoch,
         next_sequence,
         optimized_sequence,
-        unsolved: unsolved.map(decode_unsolved).transpose()?,
+        pending_solve: unsolved.map(decode_unsolved).transpose()?,
         // An earlier version had none.
         closure_variance: closure_variance.map_or(1.0, f64::from_bits),
         earlier_frames: earlier_frames.into_iter().map(frame).collect::<Result<_, _>>()?,
@@ -52,27 +52,27 @@ pub(super) fn decode_client(client: v1::Client) -> Result<Client, EncodingError>
     })
 }
 
-fn encode_unsolved(unsolved: &Unsolved) -> v1::Unsolved {
-    let (kind, keyframes, graph) = match &unsolved.to_solve {
-        ToSolve::Views(keyframe) => (1, vec![encode_id(*keyframe)], false),
-        ToSolve::Loop => (2, Vec::new(), true),
-        ToSolve::Prior => (3, Vec::new(), true),
-        ToSolve::Edited(Affected { graph, keyframes }) => {
+fn encode_unsolved(unsolved: &PendingSolve) -> v1::Unsolved {
+    let (kind, keyframes, graph) = match &unsolved.request {
+        SolveRequest::Views(keyframe) => (1, vec![encode_id(*keyframe)], false),
+        SolveRequest::LoopClosure => (2, Vec::new(), true),
+        SolveRequest::Prior => (3, Vec::new(), true),
+        SolveRequest::Edited(Affected { graph, keyframes }) => {
             (4, keyframes.iter().copied().map(encode_id).collect(), *graph)
         }
     };
     v1::Unsolved { sequence: unsolved.sequence, kind, keyframes, graph }
 }
 
-fn decode_unsolved(unsolved: v1::Unsolved) -> Result<Unsolved, EncodingError> {
+fn decode_unsolved(unsolved: v1::Unsolved) -> Result<PendingSolve, EncodingError> {
     let v1::Unsolved { sequence, kind, keyframes, graph } = unsolved;
     let keyframes: Vec<EntityId> = keyframes.into_iter().map(decode_id).collect();
-    let to_solve = match (kind, &keyframes[..], graph) {
-        (1, &[keyframe], false) => ToSolve::Views(keyframe),
-        (2, [], true) => ToSolve::Loop,
-        (3, [], true) => ToSolve::Prior,
-        (4, ..) => ToSolve::Edited(Affected { graph, keyframes }),
+    let request = match (kind, &keyframes[..], graph) {
+        (1, &[keyframe], false) => SolveRequest::Views(keyframe),
+        (2, [], true) => SolveRequest::LoopClosure,
+        (3, [], true) => SolveRequest::Prior,
+        (4, ..) => SolveRequest::Edited(Affected { graph, keyframes }),
         _ => return Err(EncodingError::Invalid("what is to be solved for a client")),
     };
-    Ok(Unsolved { sequence, to_solve })
+    Ok(PendingSolve { sequence, request })
 }

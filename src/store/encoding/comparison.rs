@@ -123,7 +123,7 @@ fn is_head(read: &MapParts, map: &Map) -> bool {
             epoch,
             next_sequence,
             optimized_sequence,
-            unsolved,
+            pending_solve,
             closure_variance,
             earlier_frames,
             items: _,
@@ -132,7 +132,7 @@ fn is_head(read: &MapParts, map: &Map) -> bool {
             && *epoch == b.epoch
             && *next_sequence == b.next_sequence
             && *optimized_sequence == b.optimized_sequence
-            && *unsolved == b.unsolved
+            && *pending_solve == b.pending_solve
             && *closure_variance == b.closure_variance
             && *earlier_frames == b.earlier_frames
     };

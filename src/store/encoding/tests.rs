@@ -16,9 +16,9 @@ use super::{EncodingError, compare_map, decode_event, decode_map, encode_event, 
 use crate::map::{
     Affected, AppliedSolve, CameraEntity, Cause, Ceilings, Change, Client, ClientIndex,
     ClosureRobustness, Comparison, Constraint, ConstraintKind, Depth, Descriptor, DescriptorKind,
-    EntityId, Event, Gauge, Link, Map, MapParts, MapPolicy, NewLandmark, Observation,
-    PlaceCandidate, PlaceRefusal, PlaceSearch, Prior, Retired, SharedMap, SolveKind, SwitchedOff,
-    ToSolve, Unsolved, WhenFull,
+    EntityId, Event, Gauge, Link, Map, MapParts, MapPolicy, NewLandmark, Observation, PendingSolve,
+    PlaceCandidate, PlaceRefusal, PlaceSearch, Prior, Retired, SharedMap, SolveKind, SolveRequest,
+    SwitchedOff, WhenFull,
 };
 
 fn id(id: i64) -> EntityId {
@@ -408,16 +408,16 @@ fn a_map_comes_back_bit_for_bit_after_every_event() {
 
 #[test]
 fn what_is_to_be_solved_for_a_client_comes_back() {
-    let edited = |graph, keyframes| ToSolve::Edited(Affected { graph, keyframes });
-    for to_solve in [
-        ToSolve::Views(id(3)),
-        ToSolve::Loop,
-        ToSolve::Prior,
+    let edited = |graph, keyframes| SolveRequest::Edited(Affected { graph, keyframes });
+    for request in [
+        SolveRequest::Views(id(3)),
+        SolveRequest::LoopClosure,
+        SolveRequest::Prior,
         edited(true, Vec::new()),
         edited(false, vec![id(10), id(3)]),
     ] {
         let mut parts = replayed().to_parts();
-        parts.clients[0].unsolved = Some(Unsolved { sequence: 4, to_solve });
+        parts.clients[0].pending_solve = Some(PendingSolve { sequence: 4, request });
         let map = Map::from_parts(parts).unwrap();
         let mut bytes = Vec::new();
         encode_map(&map, &mut bytes).unwrap();
@@ -463,7 +463,8 @@ fn a_map_that_differs_from_its_file_in_one_thing_is_told() {
         ("solves", |p| p.solve_count += 1),
         ("epoch", |p| p.clients[0].epoch += 1),
         ("an outstanding solve", |p| {
-            p.clients[0].unsolved = Some(Unsolved { sequence: 1, to_solve: ToSolve::Prior });
+            p.clients[0].pending_solve =
+                Some(PendingSolve { sequence: 1, request: SolveRequest::Prior });
         }),
         ("a client", |p| {
             let client = Client { items: SharedMap::default(), ..p.clients[0].clone() };

@@ -274,6 +274,6 @@ async fn a_restart_from_a_snapshot_goes_on_with_the_solves_that_were_outstanding
     client.finish().await;
     let solved = again.snapshot().await.unwrap();
     assert_eq!(solved.clients()[0].optimized_sequence, last);
-    assert!(solved.solve_count() > 0 && solved.unsolved().is_empty());
+    assert!(solved.solve_count() > 0 && solved.pending_solves().is_empty());
     drop(blocker);
 }

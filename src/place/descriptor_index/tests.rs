@@ -1,4 +1,4 @@
-//! One make's index against a comparison with every descriptor.
+//! The index of one type of descriptor against a comparison with every descriptor.
 
 use proptest::prelude::*;
 
@@ -38,7 +38,7 @@ proptest! {
         asked in proptest::collection::vec(0..u16::MAX, 1..6),
         excluded in 0..24_u8,
     ) {
-        let mut index = Make::new(32);
+        let mut index = DescriptorIndex::new(32);
         let mut model: BTreeMap<EntityId, Box<[u64]>> = BTreeMap::new();
         for (k, numbers) in steps {
             let id = id(k);
@@ -85,6 +85,6 @@ proptest! {
         for id in model.into_keys() {
             prop_assert!(index.remove(id));
         }
-        prop_assert_eq!(index.bytes() - index.order.capacity() * 4, Make::new(32).bytes());
+        prop_assert_eq!(index.bytes() - index.order.capacity() * 4, DescriptorIndex::new(32).bytes());
     }
 }

@@ -8,20 +8,20 @@ use super::{Affected, Change, ConstraintKind, EntityId, Map, affected};
 
 /// An item that was accepted and whose solve was not applied.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unsolved {
+pub struct PendingSolve {
     /// Its sequence.
     pub sequence: i64,
     /// What it asks for.
-    pub to_solve: ToSolve,
+    pub request: SolveRequest,
 }
 
 /// What an item asks to be solved.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum ToSolve {
+pub enum SolveRequest {
     /// The window around a keyframe that got observations.
     Views(EntityId),
     /// The pose graph, for a loop closure.
-    Loop,
+    LoopClosure,
     /// The pose graph, for a prior.
     Prior,
     /// What an edit concerns.
@@ -29,18 +29,18 @@ pub enum ToSolve {
 }
 
 /// What `change` asks to be solved, if a client makes it; `map` is the map before it.
-pub(super) fn to_solve(map: &Map, change: &Change) -> Option<ToSolve> {
+pub(super) fn solve_request(map: &Map, change: &Change) -> Option<SolveRequest> {
     if let Change::KeyframeAdded { id, .. } | Change::ObservationsAdded { keyframe: id, .. } =
         change
     {
-        Some(ToSolve::Views(*id))
+        Some(SolveRequest::Views(*id))
     } else if let Change::ConstraintAdded { constraint, .. } = change
         && constraint.kind == ConstraintKind::LoopClosure
     {
-        Some(ToSolve::Loop)
+        Some(SolveRequest::LoopClosure)
     } else if let Change::PriorAdded { .. } = change {
-        Some(ToSolve::Prior)
+        Some(SolveRequest::Prior)
     } else {
-        affected(map, change).map(ToSolve::Edited)
+        affected(map, change).map(SolveRequest::Edited)
     }
 }

@@ -1,9 +1,9 @@
-//! The index over the descriptors of one make: same name, same length.
+//! The index over the descriptors of one type: same name, same length.
 //!
 //! Each descriptor stands in two tables under 32 of its bits, with 32 others beside it that spare most
 //! looks at the descriptor itself. A query votes for keyframes by what its descriptors find, weighted by
 //! how few keyframes have it; then it is compared with the best of each island in full. Knows nothing of
-//! other makes, and checks nothing.
+//! other types, and checks nothing.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -22,14 +22,14 @@ pub(super) const SHARE: f64 = 0.35;
 /// bits passes in 98 of 100 cases, one of an unrelated descriptor in 6.
 const FINGERPRINT_DISTANCE: u32 = 11;
 /// Descriptors of a query that vote, evenly chosen: as many as find a place by a twentieth of them. All
-/// take part in the matches. Those of several makes are so many together.
+/// take part in the matches. Those of several types are so many together.
 pub(super) const VOTERS: usize = 1024;
 /// A descriptor to whose fingerprint so many others are near does not vote: it tells no places apart. In
 /// maps of all sizes some 70 are near to one.
 pub(super) const MOST_NEAR: usize = 4096;
-/// Descriptors of one make in a keyframe.
+/// Descriptors of one type in a keyframe.
 pub const DESCRIPTORS: usize = 1 << FEATURE_BITS;
-/// Keyframes of one make.
+/// Keyframes of one type.
 pub(super) const KEYFRAMES: usize = 1 << (32 - FEATURE_BITS);
 const FEATURE_BITS: u32 = 12;
 
@@ -56,7 +56,7 @@ pub(super) struct Found {
 
 /// The index.
 #[derive(Clone, Debug)]
-pub(super) struct Make {
+pub(super) struct DescriptorIndex {
     words: usize,
     /// Which bits are keys and fingerprints.
     bits: [[u16; 32]; 4],
@@ -77,7 +77,7 @@ pub(super) struct Hit {
     distance: u32,
 }
 
-impl Make {
+impl DescriptorIndex {
     /// For descriptors of `bytes` bytes.
     pub(super) fn new(bytes: usize) -> Self {
         let bits = bytes * 8;
@@ -217,7 +217,7 @@ impl Make {
         excluded: impl Fn(EntityId) -> bool,
         each: impl FnMut(usize, &[Hit]),
     ) -> usize {
-        hamming::run(Search { make: self, query, voters, excluded, each })
+        hamming::run(Search { index: self, query, voters, excluded, each })
     }
 
     /// The `count` best keyframes at most, one of each island, and those of `alike` that are not among
@@ -302,7 +302,7 @@ impl Make {
 
 /// What `voters` descriptors of a query find.
 struct Search<'a, X, F> {
-    make: &'a Make,
+    index: &'a DescriptorIndex,
     query: &'a [u64],
     voters: usize,
     excluded: X,
@@ -314,21 +314,21 @@ impl<X: Fn(EntityId) -> bool, F: FnMut(usize, &[Hit])> Kernel for Search<'_, X, 
 
     #[inline(always)]
     fn run(mut self) -> usize {
-        let make = self.make;
+        let held = self.index;
         // Each keyframe is asked for once.
-        let mut asked: Vec<Option<bool>> = vec![None; make.frames.len()];
+        let mut asked: Vec<Option<bool>> = vec![None; held.frames.len()];
         let mut candidates: Vec<u32> = Vec::new();
         let mut hits: Vec<Hit> = Vec::new();
-        let count = self.query.len() / make.words;
+        let count = self.query.len() / held.words;
         let voters = count.min(self.voters.max(1));
         let mut compared = 0;
         for voter in 0..voters {
             let index = voter * count / voters;
-            let descriptor = &self.query[index * make.words..(index + 1) * make.words];
+            let descriptor = &self.query[index * held.words..(index + 1) * held.words];
             candidates.clear();
             hits.clear();
-            for (t, table) in make.tables.iter().enumerate() {
-                let (key, fingerprint) = (make.group(t, descriptor), make.group(2 + t, descriptor));
+            for (t, table) in held.tables.iter().enumerate() {
+                let (key, fingerprint) = (held.group(t, descriptor), held.group(2 + t, descriptor));
                 table.near(key, fingerprint, FINGERPRINT_DISTANCE, &mut candidates);
             }
             if candidates.len() > MOST_NEAR {
@@ -337,13 +337,13 @@ impl<X: Fn(EntityId) -> bool, F: FnMut(usize, &[Hit])> Kernel for Search<'_, X, 
             compared += candidates.len();
             for &value in &candidates {
                 let slot = value >> FEATURE_BITS;
-                let Some(frame) = &make.frames[slot as usize] else { continue };
+                let Some(frame) = &held.frames[slot as usize] else { continue };
                 let excluded = &self.excluded;
                 if *asked[slot as usize].get_or_insert_with(|| excluded(frame.id)) {
                     continue;
                 }
-                let distance = distance(descriptor, make.descriptor(value));
-                if distance <= make.largest {
+                let distance = distance(descriptor, held.descriptor(value));
+                if distance <= held.largest {
                     hits.push(Hit { slot, distance });
                 }
             }
