@@ -49,10 +49,22 @@ pub struct MapChanges {
 }
 
 impl MapMirror {
-    /// Where a client's odometry frame lies in the map; absent where the client has no keyframe.
+    /// Where a client's odometry frame lies in the map, in the client's unit of length; absent where the
+    /// client has no keyframe. With it the client makes its start estimates, in whatever unit the map is:
+    /// `world_from_camera` = `map_from_odom` · `odom_from_camera`.
     #[must_use]
     pub fn map_from_odom(&self, client_id: &str) -> Option<&v1::RigidTransform> {
         self.client_frames.get(client_id)?.map_from_odom.as_ref()
+    }
+
+    /// The length in the map of a client's unit of length: 1, unless its map was made without measured
+    /// lengths and became part of another one. What a client sends is in its own unit; lengths that the
+    /// mirror holds are in the map's, and the client divides them by this.
+    #[must_use]
+    pub fn scale(&self, client_id: &str) -> f64 {
+        // An earlier server sends none.
+        let sent = self.client_frames.get(client_id).map(|frame| frame.scale);
+        sent.filter(|&scale| scale > 0.0).unwrap_or(1.0)
     }
 
     /// Applies a whole delta, given as all its parts in order, and tells what it changed.
@@ -188,6 +200,22 @@ mod tests {
         reset.reset = true;
         assert!(mirror.apply(vec![reset]).unwrap().reset);
         assert_eq!((mirror.revision, mirror.landmarks.len()), (9, 0));
+    }
+
+    #[test]
+    fn a_client_of_a_server_that_knows_no_scales_has_the_unit_of_the_map() {
+        let mut mirror = MapMirror::default();
+        let mut start = part(0, 3, 0, true);
+        start.reset = true;
+        let frame = |client: &str, scale| v1::ClientFrame {
+            client_id: client.into(),
+            scale,
+            ..v1::ClientFrame::default()
+        };
+        start.client_frames = vec![frame("old", 0.0), frame("scaled", 2.5)];
+        mirror.apply(vec![start]).unwrap();
+        let scales = ["old", "scaled", "none"].map(|client| mirror.scale(client));
+        assert_eq!(scales, [1.0, 2.5, 1.0]);
     }
 
     #[test]

@@ -24,6 +24,7 @@ def test_a_watch_returns_once_the_full_state_is_there(client):
     offset = watched.map_from_odom("robot")
     assert np.allclose(offset @ pose(2, 0.01), watched.poses[2], atol=1e-9)
     assert watched.map_from_odom("nobody") is None
+    assert watched.scale("robot") == watched.scale("nobody") == 1.0
     (closure,) = watched.closures
     assert (closure.keyframe_i, closure.keyframe_j) == (("robot", 0), ("robot", 2))
     assert np.allclose(closure.i_from_j, between)

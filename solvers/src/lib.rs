@@ -17,7 +17,7 @@
 //! | 9 | [`robust`]: pose graphs with false loop closures; [`certificate`]: a proven global optimum; [`marginalization`]: a keyframe removed, its knowledge kept |
 //! | 10 | [`evaluation`]: every cost again, independent of the fast paths; [`point_matching`]: points of two places that are one |
 //! | 11 | [`graph_optimization`]: a pose graph from its start to its result, closures judged and proved; [`geometric_verification`]: whether two keyframes show one place |
-//! | 12 | [`reconstruction`]: poses and points from observations alone |
+//! | 12 | [`reconstruction`]: poses and points from observations alone; [`similarity`]: two clouds of points at different scales |
 //! | 13 | [`io`]: BAL, g2o, COLMAP, TUM files |
 //!
 //! The crate is synchronous and knows nothing of servers, maps or the wire.
@@ -48,5 +48,6 @@ pub mod reconstruction;
 pub mod relative_motion;
 pub mod robust;
 mod simd;
+pub mod similarity;
 #[cfg(feature = "testing")]
 pub mod testing;

@@ -4,13 +4,21 @@
 //! Nothing else is known of the two frames, so that one place proves nothing: a room may have a twin. The
 //! places are taken from all over the source. Each one found says where the source lies; two agree where
 //! what they say differs by no more than both maps can have drifted between them.
+//!
+//! A source that measures no lengths has a unit of its own. There each place says also how long it is, by
+//! the landmarks that both maps have of it ([`similarity`]), and two places agree in it too
+//! ([decision 0034](../../docs/decisions/0034-merging-maps-without-scale.md)).
 
-use covis_solvers::geometry::{LieGroup, Se3};
+use std::collections::BTreeMap;
+
+use covis_solvers::geometry::{LieGroup, Se3, Sim3};
 use covis_solvers::interrupt::Interrupt;
+use covis_solvers::relative_motion::PointEstimate;
+use covis_solvers::similarity::{self, Pair};
 
 use super::path::{DRIFT, LEAST, TURN_BY_LENGTH};
-use super::{View, locate};
-use crate::map::{EntityId, Keyframe, Link, Map};
+use super::{Located, View, locate};
+use crate::map::{EntityId, Keyframe, Landmark, Link, Map, Surroundings};
 use crate::place::{Candidate, PlaceError};
 
 /// Least number of places that agree: with two, one may be the twin of the other's neighbor.
@@ -21,12 +29,21 @@ const ENOUGH: usize = 30;
 const MOST_SEARCHED: usize = 300;
 /// Differences that agree, in standard deviations.
 const SIGMAS: f64 = 3.0;
+/// What is left of the scale at no way at all, and how it drifts by the length of the way, 1/m: three times
+/// what monocular odometry with a window of bundle adjustment shows indoors.
+const LEAST_OF_SCALE: f64 = 0.01;
+const SCALE_BY_LENGTH: f64 = 0.005;
+/// Largest standard deviation of the logarithm of a scale: one that is looser agrees with any.
+const LOOSE_SCALE: f64 = 0.1;
+/// Median distance of landmarks in a room, m: by it lengths of a map without scale become about meters.
+const DEPTH_OF_A_ROOM: f64 = 2.5;
 
 /// Where a map lies in another one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Alignment {
-    /// The pose of the source's world frame in the target's, by the place that most others agree with.
-    pub target_from_source: Se3,
+    /// The source's world frame in the target's, by the place that most others agree with; without scale
+    /// by the landmarks of all places that agree.
+    pub target_from_source: Sim3,
     /// The places that agree.
     pub links: Vec<Link>,
 }
@@ -47,7 +64,7 @@ pub struct NotAligned {
 }
 
 /// A keyframe of the source at a place of the target.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Found {
     link: Link,
     /// Pose of the source's keyframe in the source's world and in the target's.
@@ -55,24 +72,53 @@ struct Found {
     in_target: Se3,
     /// Pose of the target's keyframe.
     candidate: Se3,
+    /// How long the source's unit is; `None` where both maps measure lengths.
+    scale: Option<Scale>,
+}
+
+/// How long the source's unit is in the target, by one place.
+#[derive(Clone, Debug)]
+struct Scale {
+    /// Its length.
+    length: f64,
+    /// Standard deviation of its logarithm.
+    sigma: f64,
+    /// The landmarks of source and target that say so.
+    pairs: Vec<((EntityId, EntityId), Pair)>,
 }
 
 impl Found {
-    fn target_from_source(&self) -> Se3 {
-        self.in_target.compose(&self.in_source.inverse())
+    fn scale(&self) -> f64 {
+        self.scale.as_ref().map_or(1.0, |scale| scale.length)
     }
 
-    /// Whether both say the same of the source's frame, as far as both maps may have drifted.
-    fn agrees(&self, other: &Self) -> bool {
-        let expected = self.target_from_source().compose(&other.in_source);
+    fn target_from_source(&self) -> Sim3 {
+        let (scale, rotation) = (self.scale(), self.in_target.rotation);
+        let rotation = rotation.compose(&self.in_source.rotation.inverse());
+        let origin = rotation.rotate(&self.in_source.translation) * scale;
+        Sim3::new(rotation, self.in_target.translation - origin, scale)
+    }
+
+    /// Whether both say the same of the source's frame, as far as both maps may have drifted. `meter` is the
+    /// length of a meter in the target, about.
+    fn agrees(&self, other: &Self, meter: f64) -> bool {
+        let expected = self.target_from_source().transform_pose(&other.in_source);
         let error = expected.inverse().compose(&other.in_target);
         let between = |a: &Se3, b: &Se3| (a.translation - b.translation).norm();
-        let way =
-            between(&self.in_source, &other.in_source) + between(&self.candidate, &other.candidate);
+        let in_source = between(&self.in_source, &other.in_source) * self.scale();
+        let way = (in_source + between(&self.candidate, &other.candidate)) / meter;
         let turn = LEAST.1 + TURN_BY_LENGTH * way;
-        let position = LEAST.0 + (DRIFT + turn / 2.0) * way;
+        let scale = self.sigma_of_scale(other, way);
+        let position = LEAST.0 + (DRIFT + turn / 2.0 + scale) * way;
         error.rotation.log().norm() <= SIGMAS * turn
-            && error.translation.norm() <= SIGMAS * position
+            && error.translation.norm() <= SIGMAS * position * meter
+            && (self.scale() / other.scale()).ln().abs() <= SIGMAS * scale
+    }
+
+    /// Standard deviation of the difference of both scales' logarithms, at the ends of a way.
+    fn sigma_of_scale(&self, other: &Self, way: f64) -> f64 {
+        let (Some(a), Some(b)) = (&self.scale, &other.scale) else { return 0.0 };
+        (LEAST_OF_SCALE + SCALE_BY_LENGTH * way).hypot(a.sigma).hypot(b.sigma)
     }
 }
 
@@ -86,6 +132,8 @@ pub fn align(
     candidates: impl Fn(&View<'_>) -> Result<Vec<Candidate>, PlaceError>,
     interrupt: &Interrupt,
 ) -> Result<Alignment, NotAligned> {
+    let is_scaled = !source.has_metric_scale();
+    let meter = meter(target);
     let (mut searched, mut found) = (0, Vec::new());
     let mut best = Vec::new();
     for (id, keyframe) in spread(source).into_iter().take(MOST_SEARCHED) {
@@ -101,6 +149,14 @@ pub fn align(
         let (_, located) = locate(target, &view, &candidates, seed, |_, _| Ok(()));
         let Some(located) = located else { continue };
         let Some(candidate) = target.keyframes().get(&located.keyframe) else { continue };
+        let scale = match is_scaled {
+            true => match scale_at(target, source, (id, keyframe), &located, interrupt) {
+                // A place that does not say how long the source's unit is says nothing.
+                None => continue,
+                scale => scale,
+            },
+            false => None,
+        };
         found.push(Found {
             link: Link {
                 target: located.keyframe,
@@ -111,15 +167,16 @@ pub fn align(
             in_source: keyframe.world_from_camera,
             in_target: located.world_from_view,
             candidate: candidate.world_from_camera,
+            scale,
         });
-        best = most_agreeing(&found);
+        best = most_agreeing(&found, meter);
     }
     let agreeing = best.len();
     let first =
         best.first().filter(|_| agreeing >= LEAST_AGREEING && 3 * agreeing >= 2 * found.len());
     match first {
         Some(first) => Ok(Alignment {
-            target_from_source: first.target_from_source(),
+            target_from_source: joint(&best).unwrap_or_else(|| first.target_from_source()),
             links: best.iter().map(|found| found.link).collect(),
         }),
         None => Err(NotAligned { searched, found: found.len(), agreeing }),
@@ -127,16 +184,74 @@ pub fn align(
 }
 
 /// The place that most others agree with, and these.
-fn most_agreeing(found: &[Found]) -> Vec<Found> {
-    let mut best: Vec<Found> = Vec::new();
+fn most_agreeing(found: &[Found], meter: f64) -> Vec<Found> {
+    let mut best: Vec<&Found> = Vec::new();
     for one in found {
-        let others = found.iter().filter(|other| other.link != one.link && one.agrees(other));
-        let agreeing: Vec<Found> = std::iter::once(one).chain(others).copied().collect();
+        let is_other = |other: &&Found| other.link != one.link && one.agrees(other, meter);
+        let others = found.iter().filter(is_other);
+        let agreeing: Vec<&Found> = std::iter::once(one).chain(others).collect();
         if agreeing.len() > best.len() {
             best = agreeing;
         }
     }
-    best
+    best.into_iter().cloned().collect()
+}
+
+/// How long the source's unit is at a place that a keyframe shows: by the landmarks that it sees, whose
+/// twins in the target the verification has found.
+fn scale_at(
+    target: &Map,
+    source: &Map,
+    (id, keyframe): (EntityId, &Keyframe),
+    located: &Located,
+    interrupt: &Interrupt,
+) -> Option<Scale> {
+    let in_source = Surroundings::of_keyframe(source, id, interrupt);
+    let in_target = Surroundings::of_keyframe(target, located.keyframe, interrupt);
+    let pair = |&(twin, feature): &(EntityId, usize)| {
+        let landmark = keyframe.observations.get(feature)?.landmark;
+        let source = estimate(source, &in_source, landmark)?;
+        Some(((landmark, twin), Pair { source, target: estimate(target, &in_target, twin)? }))
+    };
+    let pairs: Vec<_> = located.landmarks.iter().filter_map(pair).collect();
+    let points: Vec<Pair> = pairs.iter().map(|&(_, pair)| pair).collect();
+    let found = similarity::estimate(&points, id.id as u64)?;
+    let pairs = found.inliers.iter().map(|&k| pairs[k]).collect();
+    let sigma = found.covariance.matrix()[(6, 6)].sqrt();
+    let length = found.target_from_source.scale;
+    (sigma <= LOOSE_SCALE).then_some(Scale { length, sigma, pairs })
+}
+
+/// A landmark where the map has it, as uncertain as the keyframes around leave it.
+fn estimate(map: &Map, around: &Surroundings<'_>, landmark: EntityId) -> Option<PointEstimate> {
+    let place = around.landmarks.binary_search(&landmark).ok()?;
+    let point = map.landmarks().get(&landmark)?.position?;
+    Some(PointEstimate { point, ..around.points[place] })
+}
+
+/// What all landmarks of the places say together; `None` where both maps measure lengths.
+fn joint(places: &[Found]) -> Option<Sim3> {
+    let scales = places.iter().filter_map(|found| found.scale.as_ref());
+    let pairs: BTreeMap<(EntityId, EntityId), Pair> =
+        scales.flat_map(|scale| scale.pairs.iter().copied()).collect();
+    let pairs: Vec<Pair> = pairs.into_values().collect();
+    Some(similarity::estimate(&pairs, 0)?.target_from_source)
+}
+
+/// The length of a meter in a map, about: 1, or by the median distance of landmarks where the map
+/// measures no lengths.
+fn meter(map: &Map) -> f64 {
+    if map.has_metric_scale() {
+        return 1.0;
+    }
+    let distance = |landmark: &Landmark| {
+        let keyframe = map.keyframes().get(&landmark.reference?)?;
+        Some((landmark.position? - keyframe.world_from_camera.translation).norm())
+    };
+    let mut distances: Vec<f64> = map.landmarks().values().filter_map(distance).collect();
+    distances.sort_by(f64::total_cmp);
+    let median = distances.get(distances.len() / 2).copied().filter(|&median| median > 0.0);
+    median.map_or(1.0, |median| median / DEPTH_OF_A_ROOM)
 }
 
 /// The keyframes with descriptors in an order whose every beginning comes from all over the map: that of

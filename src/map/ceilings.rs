@@ -369,7 +369,7 @@ impl Map {
                 let image = Usage { bytes, ..NOTHING };
                 NEW_KEYFRAME + image + by_landmarks(landmarks) + by_observations(observations)
             }
-            Change::LandmarksAdded { landmarks } => NEW_ITEM + by_landmarks(landmarks),
+            Change::LandmarksAdded { landmarks, .. } => NEW_ITEM + by_landmarks(landmarks),
             Change::ObservationsAdded { observations, .. } => {
                 NEW_ITEM + by_observations(observations)
             }

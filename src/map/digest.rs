@@ -119,6 +119,12 @@ impl Map {
             hash.u64(index);
             hash.list(&client.earlier_frames, |hash, frame| hash.pose(frame));
         }
+        let scaled = (0_u64..).zip(&self.clients).filter(|(_, c)| c.scale != 1.0);
+        for (index, client) in scaled {
+            hash.tag(8);
+            hash.u64(index);
+            hash.f64(client.scale);
+        }
         if self.frozen {
             hash.tag(1);
         }

@@ -34,6 +34,9 @@ pub struct Client {
     /// Earlier values of [`Keyframe::map_from_odom`] of its newest keyframe from before large corrections,
     /// the last four: start estimates may still be of them.
     pub earlier_frames: Vec<Se3>,
+    /// Length in the map of a unit of length as the client sends it, positive. 1, unless its map was made
+    /// without a measured length and was scaled when it became part of this one.
+    pub scale: f64,
     /// The digests of the last 65,536 journaled items by sequence, kept past optimization.
     pub items: SharedMap<i64, Digest>,
 }
@@ -52,6 +55,7 @@ impl Client {
             pending_solve: None,
             closure_variance: 1.0,
             earlier_frames: Vec::new(),
+            scale: 1.0,
             items: SharedMap::default(),
         }
     }
@@ -164,7 +168,7 @@ pub struct Keyframe {
     /// Current estimate.
     pub world_from_camera: Se3,
     /// The pose in the client's own odometry frame, which no solve moves; the start estimate where
-    /// the client sent none.
+    /// the client sent none. Its lengths are in the map's unit.
     pub odom_from_camera: Se3,
     /// Features seen, in the order of arrival; each [`Observation::key`] once.
     pub observations: Observations,
@@ -176,7 +180,7 @@ pub struct Keyframe {
 
 impl Keyframe {
     /// Where the client's odometry frame lies in the world by this keyframe's current estimate:
-    /// `world_from_camera` · `odom_from_camera`⁻¹.
+    /// `world_from_camera` · `odom_from_camera`⁻¹, both in the map's unit.
     #[must_use]
     pub fn map_from_odom(&self) -> Se3 {
         self.world_from_camera.compose(&self.odom_from_camera.inverse())
@@ -194,7 +198,7 @@ impl Keyframe {
 pub struct Landmark {
     /// `point_in_world`, current estimate in meters; `None` until it is triangulated.
     pub position: Option<Vector3<f64>>,
-    /// The position as the client sent it; a landmark sent again must repeat it.
+    /// The position as the client sent it, in its own unit; a landmark sent again must repeat it.
     pub sent_position: Option<Vector3<f64>>,
     /// The keyframe that it moves with until a solve covers it: its first observer.
     pub reference: Option<EntityId>,

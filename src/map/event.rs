@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use covis_solvers::geometry::{Camera, Se3};
+use covis_solvers::geometry::{Camera, Se3, Sim3};
 use nalgebra::Vector3;
 
 use super::{
@@ -44,13 +44,13 @@ pub struct Cause {
 pub struct NewLandmark {
     /// Its id.
     pub id: EntityId,
-    /// `point_in_world` in meters; `None` where the server is to triangulate it.
+    /// `point_in_world` as it was sent, in the client's unit; `None` where the server is to triangulate it.
     pub position: Option<Vector3<f64>>,
 }
 
 impl NewLandmark {
-    /// Its position where that was sent in another frame, which `motion` moves.
-    pub(super) fn moved_by(&self, motion: Option<&Se3>) -> Self {
+    /// Its position where that was sent in another frame or unit, which `motion` moves.
+    pub(super) fn moved_by(&self, motion: Option<&Sim3>) -> Self {
         let moved = |position| motion.map_or(position, |motion| motion.transform(&position));
         Self { position: self.position.map(moved), ..*self }
     }
@@ -178,7 +178,7 @@ pub enum Change {
         capture_time_ns: i64,
         /// The camera that captured it; `None` only without observations.
         camera: Option<EntityId>,
-        /// Start estimate.
+        /// Start estimate as it was sent.
         world_from_camera: Se3,
         /// See [`Keyframe::odom_from_camera`](super::Keyframe::odom_from_camera).
         odom_from_camera: Se3,
@@ -189,13 +189,15 @@ pub enum Change {
         /// See [`Keyframe::global_descriptor`](super::Keyframe::global_descriptor).
         global_descriptor: Option<Arc<Descriptor>>,
         /// What moves the start estimate, and the positions of new landmarks, into the client's present
-        /// frame; `None` where they are of it.
-        motion: Option<Se3>,
+        /// frame and the map's unit; the odometry is scaled with it. `None` where they are of both.
+        motion: Option<Sim3>,
     },
     /// Landmarks are new, or repeated as in [`Change::KeyframeAdded`].
     LandmarksAdded {
         /// The landmarks.
         landmarks: Vec<NewLandmark>,
+        /// [`Client::scale`](super::Client::scale) of the sender, which scales their positions.
+        scale: f64,
     },
     /// A keyframe got more observations.
     ObservationsAdded {

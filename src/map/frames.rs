@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 use covis_solvers::geometry::{LieGroup, Se3};
 
-use super::{ClientIndex, EntityId, Keyframe, Map};
+use super::{ClientIndex, EntityId, Keyframe, Map, scaling};
 
 /// Earlier frames of a client that are kept: a robot that is further behind has not been heard for long.
 pub(super) const MOST_FRAMES: usize = 4;
@@ -42,7 +42,8 @@ impl Map {
     }
 
     /// What moves the start estimate of a client's next keyframe into the present frame, where it is of
-    /// an earlier one: by the newest keyframe and the odometry since it is nearer there.
+    /// an earlier one: by the newest keyframe and the odometry since it is nearer there. Both poses are in
+    /// the map's unit.
     pub(super) fn start_motion(
         &self,
         client: ClientIndex,
@@ -67,6 +68,11 @@ impl Map {
         let is_nearer = distance(nearest) < distance(&present).min(most);
         is_nearer.then(|| present.compose(&nearest.inverse())).filter(Se3::is_finite)
     }
+}
+
+/// The earlier frames of a client whose map is scaled.
+pub(super) fn scale(frames: &mut [Se3], scale: f64) {
+    frames.iter_mut().for_each(|frame| *frame = scaling::pose(scale, frame));
 }
 
 /// Adds the frame that a client's start estimates may be of; the oldest one goes. One that overflows is

@@ -34,6 +34,7 @@ mod policy;
 pub mod problem;
 mod rejection;
 mod retirement;
+mod scaling;
 pub mod shared_map;
 mod sound;
 mod surroundings;

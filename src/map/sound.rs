@@ -8,6 +8,7 @@ use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector3;
 
 use super::item::is_valid_camera;
+use super::scaling::SCALES;
 use super::{
     Affected, Client, ConstraintKind, Content, EntityId, EntityKind, Keyframe, Landmark,
     MAX_NUMBER, Map, MapError, Observation, PendingSolve, PlaceRefusal, PlaceSearch, Prior,
@@ -80,6 +81,9 @@ impl Map {
         let clients = self.merged.iter().flat_map(|merged| &merged.clients);
         let known = clients.into_iter().all(|client| self.client(client.index).is_some());
         check_map(known, "a merged map has a client that is not possible")?;
+        let placed = self.merged.iter().map(|merged| &merged.target_from_source);
+        let placed = placed.into_iter().all(|at| at.is_finite() && SCALES.contains(&at.scale));
+        check_map(placed, "a merged map lies where it cannot")?;
         for &(content, id) in self.contents.keys() {
             let (kind, is_known) = match content {
                 Content::Camera => (EntityKind::Camera, self.cameras.contains_key(&id)),
@@ -105,6 +109,7 @@ impl Map {
                 pending_solve,
                 closure_variance,
                 earlier_frames,
+                scale,
                 items,
             } = client;
             let numbers = (1..=MAX_NUMBER).contains(epoch)
@@ -125,6 +130,7 @@ impl Map {
             check_map(frames && earlier_frames.iter().all(is_pose), text)?;
             let text = "a client's variance factor is not possible";
             check_map(positive(*closure_variance), text)?;
+            check_map(SCALES.contains(scale), "a client's scale is not possible")?;
         }
         Ok(())
     }

@@ -10,11 +10,10 @@ use tonic::{Request, Response, Status, Streaming};
 use super::access::{Caller, change, shown};
 use super::connections::Peer;
 use super::context::{Answers, Context, Messages, Rpcs};
-use super::convert::geometry::to_rigid_transform;
 use super::convert::map::{display_name, policy, to_map};
-use super::convert::{Path, convert, count, ids, merge, update};
+use super::convert::{Path, convert, ids, merge, update};
 use super::deadline::{CancelOnDrop, call_time, solve_deadline};
-use super::engine::{Estimate, MapHandle, MergeOutcome, PoolError, Resource};
+use super::engine::{Estimate, MapHandle, PoolError, Resource};
 use super::error::ServiceError;
 use super::watch::{Resolution, Wanted};
 use super::{export, import, listing, watch};
@@ -114,13 +113,7 @@ impl Rpcs {
         let merged = self.context.maps.merge(merge, cancel.interrupt(deadline)).await;
         let merged = merged.map_err(ServiceError::from);
         change("MergeMaps", &caller, peer, &map_id, &merged);
-        let MergeOutcome { map, target_from_source, closures } = merged?;
-        let queued = self.context.config.engine.queue_capacity;
-        Ok(v1::MergeMapsResponse {
-            map: Some(to_map(&map, queued)),
-            target_from_source: Some(to_rigid_transform(&target_from_source)),
-            closure_count: count(closures),
-        })
+        Ok(merge::to_response(&merged?, self.context.config.engine.queue_capacity))
     }
 
     async fn undo(

@@ -229,6 +229,8 @@ fn engine(error: EngineError) -> Parts {
             let reason = match &error {
                 MergeError::Anchors => "ANCHOR_IN_USE",
                 MergeError::ClientInBoth { .. } => "CLIENT_IN_BOTH",
+                MergeError::Scaled { .. } => "SCALE_MEASURED",
+                MergeError::OnlySourceIsMetric => "TARGET_WITHOUT_SCALE",
                 MergeError::UnknownClient { .. } | MergeError::NameTwice { .. } => {
                     return parts(Code::InvalidArgument, "INCONSISTENT")
                         .violation("renamed_clients", "INCONSISTENT", &message)

@@ -193,6 +193,11 @@ impl Course {
         points
     }
 
+    /// Where the points of a seed are.
+    pub(crate) fn positions(&self, points: u64) -> Vec<Vector3<f64>> {
+        self.points(&mut seeded(points)).into_iter().map(|point| point.position).collect()
+    }
+
     /// What the camera sees at a pose.
     fn views(
         &self,

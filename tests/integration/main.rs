@@ -60,7 +60,9 @@ mod map_places;
 mod map_priors;
 mod map_problem;
 mod map_retirement;
+mod map_scaling;
 mod map_support;
+mod merge_support;
 mod metrics;
 mod page;
 #[cfg(target_os = "linux")]
@@ -98,6 +100,7 @@ mod rpc_place_lists;
 mod rpc_places;
 mod rpc_pose_graph;
 mod rpc_prices;
+mod rpc_scales;
 mod rpc_server;
 mod rpc_update;
 mod rpc_violations;

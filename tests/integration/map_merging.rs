@@ -204,14 +204,14 @@ fn maps_that_were_merged_into_a_merged_map_come_along() {
     let [inner, floor] = outer.map.merged() else { panic!() };
     assert_eq!((inner.name.as_str(), floor.name.as_str()), ("floor-2", "floor-1"));
     let twice = target_from_source().compose(&target_from_source());
-    assert!(pose_error(&inner.target_from_source, &twice) < 1e-12);
+    assert!(pose_error(&inner.target_from_source.rigid(), &twice) < 1e-12);
     // And leave with it.
     let out = outer.map.taken_out("floor-1").unwrap().unwrap();
     is_whole(&out);
     let [left] = out.merged() else { panic!() };
     let [before] = middle.map.merged() else { panic!() };
     assert_eq!((&left.name, &left.clients), (&before.name, &before.clients));
-    assert!(pose_error(&left.target_from_source, &before.target_from_source) < 1e-9);
+    assert!(left.target_from_source.minus(&before.target_from_source).norm() < 1e-9);
     outer.push(Change::MapTakenOut { name: "floor-1".to_owned() });
     assert!(outer.map.merged().is_empty() && outer.map.keyframes().is_empty());
 }

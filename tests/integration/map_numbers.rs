@@ -13,7 +13,7 @@ fn a_client_whose_numbers_an_earlier_version_took_to_the_end_goes_on() {
     let drone = ClientIndex(1);
     for sequence in [3, i64::MAX] {
         let cause = Cause { client: drone, epoch: i64::MAX, sequence, digest: [1; 32] };
-        let change = Change::LandmarksAdded { landmarks: Vec::new() };
+        let change = Change::LandmarksAdded { landmarks: Vec::new(), scale: 1.0 };
         let revision = journal.map.revision() + 1;
         let event = Event { revision, time_ns: 0, cause: Some(cause), change };
         journal.map.apply(&event).unwrap();

@@ -1,77 +1,19 @@
 //! Many runs, one map: robots that began at different places of one floor, each with a map of its own, or
 //! all in one. Nobody says where they began; the server finds it by what they see.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::collections::BTreeSet;
+use std::path::PathBuf;
 
-use covis::client::{Client, RetryPolicy, SessionOptions, WatchOptions};
+use covis::client::{Client, SessionOptions, WatchOptions};
 use covis::wire::v1;
-use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector3;
 use tonic::Code;
 
 use crate::common::{
     Stream, TestServer, check_field, check_status, keyframe, keyframe_position, run, shift,
 };
-use crate::made_sequence::Course;
-use crate::made_verdicts;
-use crate::sequence::{Order, Sequence, adjusted, items, pose};
-
-/// A robot that begins at the corner `start` of the ring of 12 and walks around once and a bit, in a frame
-/// that begins where it begins.
-fn walker(start: i32, seed: u64) -> Sequence {
-    let corner = |k: i32| {
-        let angle = f64::from(k) * std::f64::consts::FRAC_PI_6;
-        [1.2 * angle.cos(), 1.0 * angle.sin()]
-    };
-    let way = (start..=start + 14).map(corner).collect();
-    // The camera is that of every robot: an error of its calibration scales a map, and merging does not
-    // take that away.
-    let course =
-        Course { way, closure_step: 1000, calibration_error: 0.0, ..made_verdicts::room() };
-    let mut sequence = course.walk_of(7, seed).sequence;
-    let origin = sequence.odometry[0].1.inverse();
-    for (_, pose) in &mut sequence.odometry {
-        *pose = origin.compose(pose);
-    }
-    sequence
-}
-
-fn robot(number: usize) -> String {
-    format!("robot-{number}")
-}
-
-/// Sends what a robot saw.
-async fn walk(server: &TestServer, map: &str, client: &str, sequence: &Sequence) {
-    let (stream, _) = Stream::open(server, map, client, 0).await;
-    for (number, item) in (1..).zip(items(sequence, &[], Order::Streamed)) {
-        stream.send(number, item).await;
-    }
-    for ack in stream.finish().await.unwrap() {
-        assert!(ack.violations.is_empty(), "{ack:?}");
-    }
-}
-
-/// The poses of a map by client and id.
-async fn poses(server: &TestServer, map: &str) -> BTreeMap<(String, i64), Se3> {
-    let request =
-        v1::WatchMapRequest { map_id: map.to_owned(), omit_landmarks: true, ..Default::default() };
-    let mut watch = server.maps().watch_map(request).await.unwrap().into_inner();
-    let mut poses = BTreeMap::new();
-    loop {
-        let delta = watch.message().await.unwrap().unwrap().delta.unwrap();
-        for keyframe in delta.keyframes {
-            let id = keyframe.keyframe.unwrap();
-            let found = keyframe.world_from_camera.unwrap();
-            let (t, q) = (found.translation.unwrap(), found.rotation.unwrap());
-            let found = pose(&[t.x, t.y, t.z, q.x, q.y, q.z, q.w]);
-            poses.insert((id.client_id, id.id), found);
-        }
-        if delta.last_part {
-            return poses;
-        }
-    }
-}
+use crate::merge_support::{copy, get, merge, on_disk, poses, quickly, robot, walk, walker};
+use crate::sequence::{Sequence, adjusted};
 
 /// How far the frames of the robots are from each other, m: the largest root mean square of the others'
 /// positions where the first robot's positions are aligned with the truth.
@@ -102,25 +44,12 @@ async fn between_frames(server: &TestServer, map: &str, walks: &[Sequence]) -> f
     (1..walks.len()).map(error).fold(0.0, f64::max)
 }
 
-fn merge(target: &str, source: &str) -> v1::MergeMapsRequest {
-    v1::MergeMapsRequest {
-        target_map_id: target.to_owned(),
-        source_map_id: source.to_owned(),
-        ..Default::default()
-    }
-}
-
-async fn get(server: &TestServer, map: &str) -> v1::Map {
-    let request = v1::GetMapRequest { map_id: map.to_owned(), ..Default::default() };
-    server.maps().get_map(request).await.unwrap().into_inner().map.unwrap()
-}
-
 #[test]
 #[allow(clippy::print_stdout, reason = "docs/benchmarking.md has this figure")]
 fn two_robots_of_one_floor_become_one_map() {
     run(async {
         let server = TestServer::lock_step().await;
-        let walks = [walker(0, 1), walker(5, 2)];
+        let walks = [walker(0, 1), walker(5, 2)].map(|made| made.sequence);
         for (number, walked) in walks.iter().enumerate() {
             server.create_map(&format!("run-{number}")).await;
             walk(&server, &format!("run-{number}"), &robot(number), walked).await;
@@ -171,7 +100,7 @@ fn two_robots_of_one_floor_become_one_map() {
 fn eight_maps_become_one_at_once() {
     run(async {
         let server = TestServer::lock_step().await;
-        let walks: Vec<Sequence> = (0..8).map(|k| walker(3 * k, 10 + k as u64)).collect();
+        let walks: Vec<Sequence> = (0..8).map(|k| walker(3 * k, 10 + k as u64).sequence).collect();
         for (number, walked) in walks.iter().enumerate() {
             let name = format!("run-{number}");
             server.create_map(&name).await;
@@ -197,7 +126,7 @@ fn eight_robots_that_write_one_map_from_eight_starts_find_each_other() {
     run(async {
         let server = TestServer::start().await;
         server.create_map("floor").await;
-        let walks: Vec<Sequence> = (0..8).map(|k| walker(3 * k, 10 + k as u64)).collect();
+        let walks: Vec<Sequence> = (0..8).map(|k| walker(3 * k, 10 + k as u64).sequence).collect();
         let writes = walks.iter().enumerate().map(|(number, walked)| {
             let server = &server;
             async move { walk(server, "floor", &robot(number), walked).await }
@@ -223,17 +152,6 @@ async fn settled(server: &TestServer, map: &str) {
         if searched == get(server, map).await.counts.unwrap().keyframe_count {
             return;
         }
-    }
-}
-
-/// Retries without waiting long.
-fn quickly() -> RetryPolicy {
-    let first_delay = std::time::Duration::from_millis(1);
-    RetryPolicy {
-        max_attempts: 1000,
-        first_delay,
-        longest_delay: first_delay,
-        ..Default::default()
     }
 }
 
@@ -297,6 +215,31 @@ fn a_robot_goes_on_while_its_map_becomes_part_of_another_one_and_leaves_it() {
             watch.next().await.unwrap();
         }
         other.finish().await.unwrap();
+    });
+}
+
+#[test]
+fn what_a_robot_sends_again_after_a_merge_is_known_by_its_sequence() {
+    run(async {
+        let server = TestServer::start().await;
+        for map in ["floor", "run"] {
+            server.create_map(map).await;
+        }
+        server.build_map("run", 4).await;
+        let request = v1::MergeMapsRequest {
+            target_from_source: Some(shift([10.0, 0.0, 0.0])),
+            ..merge("floor", "run")
+        };
+        server.maps().merge_maps(request).await.unwrap();
+        let (mut stream, opened) = Stream::open(&server, "run", "robot", 0).await;
+        // Its link broke before it heard of the last ack.
+        let again = stream.put(opened.next_sequence - 1, keyframe_item(3)).await;
+        assert!(again.duplicate && again.violations.is_empty(), "{again:?}");
+        // Other content under that sequence is not.
+        let (mut stream, opened) = Stream::open(&server, "run", "robot", 0).await;
+        let other = stream.put(opened.next_sequence - 1, keyframe_item(4)).await;
+        assert_eq!(other.status(), v1::AckStatus::Rejected, "{other:?}");
+        assert_eq!(get(&server, "floor").await.counts.unwrap().keyframe_count, 4);
     });
 }
 
@@ -383,11 +326,6 @@ fn keyframe_item(id: i64) -> v1::ingest_request::Item {
     v1::ingest_request::Item::Keyframe(keyframe(id))
 }
 
-async fn on_disk(folder: &Path) -> TestServer {
-    let folder = folder.to_owned();
-    TestServer::with(|config| config.data_dir = Some(folder)).await
-}
-
 async fn names(server: &TestServer) -> Vec<String> {
     let list = server.maps().list_maps(v1::ListMapsRequest::default()).await.unwrap();
     list.into_inner().maps.into_iter().map(|map| map.map_id).collect()
@@ -401,18 +339,6 @@ async fn set_frozen(server: &TestServer, map: &str) {
         ..Default::default()
     };
     server.maps().update_map(request).await.unwrap();
-}
-
-fn copy(from: &Path, to: &Path) {
-    std::fs::create_dir_all(to).unwrap();
-    for entry in std::fs::read_dir(from).unwrap() {
-        let entry = entry.unwrap();
-        let to = to.join(entry.file_name());
-        match entry.file_type().unwrap().is_dir() {
-            true => copy(&entry.path(), &to),
-            false => drop(std::fs::copy(entry.path(), to).unwrap()),
-        }
-    }
 }
 
 #[test]

@@ -270,14 +270,16 @@ fn walks_through_made_buildings_are_closed() {
     });
 }
 
+/// Around in the room whose middle is at x, m.
+pub(crate) fn around(x: f64) -> impl Iterator<Item = [f64; 2]> {
+    (0..=12).map(move |k| {
+        let angle = f64::from(k) * std::f64::consts::FRAC_PI_6;
+        [x + 1.2 * angle.cos(), 1.0 * angle.sin()]
+    })
+}
+
 /// Around in a room, then through a door into one that looks exactly like it.
-fn twins() -> Course {
-    let around = |x: f64| {
-        (0..=12).map(move |k| {
-            let angle = f64::from(k) * std::f64::consts::FRAC_PI_6;
-            [x + 1.2 * angle.cos(), 1.0 * angle.sin()]
-        })
-    };
+pub(crate) fn twins() -> Course {
     // A corridor below both rooms leads from one to the other.
     let way: Vec<[f64; 2]> = around(0.0)
         .chain([[0.0, -1.0], [0.0, -4.0], [8.0, -4.0], [8.0, -1.0]])

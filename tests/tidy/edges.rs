@@ -17,7 +17,7 @@ const FLOORS: [&[&str]; 15] = [
     &["robust", "certificate", "marginalization"],
     &["evaluation", "point_matching"],
     &["graph_optimization", "geometric_verification"],
-    &["reconstruction"],
+    &["reconstruction", "similarity"],
     &["io"],
     &["testing"],
 ];

@@ -53,11 +53,14 @@ export class MapPanel {
     const { model } = this.app;
     const rows = map.clients.map((client) => {
       const frame = model.frames.get(client.clientId)?.mapFromOdom ?? client.mapFromOdom;
+      // The frame is in the client's unit of length; an earlier server sends no scale.
+      const scale = (model.frames.get(client.clientId) ?? client).scale || 1;
       let drift = "–";
       if (frame) {
         const pose = poseOf(frame);
-        const meters = Math.hypot(pose[0], pose[1], pose[2]);
+        const meters = scale * Math.hypot(pose[0], pose[1], pose[2]);
         drift = `${meters.toFixed(3)} m, ${((angleOf(pose) * 180) / Math.PI).toFixed(2)}°`;
+        if (scale !== 1) drift += `, scaled by ${scale.toFixed(4)}`;
       }
       const keyframes = model.keyframes.clients.get(client.clientId)?.size ?? 0;
       const sent = count(Number(client.nextSequence) - 1);

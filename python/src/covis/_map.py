@@ -124,8 +124,20 @@ class Map:
         return closures(constraints)
 
     def map_from_odom(self, client_id: str) -> Array | None:
-        """Where a client's odometry frame lies in the map, 4×4; `None` while it has no keyframe."""
+        """Where a client's odometry frame lies in the map, 4×4; `None` while it has no keyframe.
+
+        It is in the client's unit of length, in which the client makes its start estimates:
+        `world_from_camera = map_from_odom @ odom_from_camera`. See `scale`.
+        """
         return self._mirror.frames.get(client_id)
+
+    def scale(self, client_id: str) -> float:
+        """The length in the map of a client's unit of length.
+
+        1, unless its map was made without measured lengths and became part of another one. What a client
+        sends is in its own unit; poses and landmarks here are in the map's, and it divides them by this.
+        """
+        return self._mirror.scales.get(client_id, 1.0)
 
     def trajectory(self, client_id: str | None = None) -> Trajectory:
         """The poses of one client's keyframes by time; of the only client by default."""

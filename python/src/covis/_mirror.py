@@ -79,6 +79,7 @@ class Mirror:
         self.landmarks: dict[Key, Array] = {}
         self.constraints: dict[Key, Constraint] = {}
         self.frames: dict[str, Array] = {}
+        self.scales: dict[str, float] = {}
 
     def apply(self, parts: Sequence[MapDelta]) -> MapChanges:
         """Applies a whole delta, given as all its parts in order, and tells what it changed.
@@ -149,8 +150,11 @@ class Mirror:
                 pose = _poses.from_message(frame.map_from_odom)
                 pose.flags.writeable = False
                 self.frames[frame.client_id] = pose
+                # An earlier server sends none.
+                self.scales[frame.client_id] = frame.scale or 1.0
             else:
                 self.frames.pop(frame.client_id, None)
+                self.scales.pop(frame.client_id, None)
 
 
 def frozen(array: Array) -> Array:

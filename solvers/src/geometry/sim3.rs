@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use super::coefficients::RotationCoefficients;
 use super::coefficients::hat;
 use super::scale_integral::ScaleIntegral;
-use super::{LieGroup, So3};
+use super::{LieGroup, Se3, So3};
 
 /// |σ| + θ to which a tangent is halved before the coupling's power series is summed.
 const SERIES_LENGTH: f64 = 0.5;
@@ -37,16 +37,37 @@ impl Sim3 {
         Self { rotation, translation, scale }
     }
 
+    /// Its rotation and translation: the pose of the source's axes, of unit length, in the target.
+    #[inline]
+    pub fn rigid(&self) -> Se3 {
+        Se3::new(self.rotation, self.translation)
+    }
+
     /// s R p + t.
     #[inline]
     pub fn transform(&self, point: &Vector3<f64>) -> Vector3<f64> {
         self.rotation.rotate(point) * self.scale + self.translation
     }
 
+    /// A pose in the source as it is in the target: its origin is moved, its axes are turned and keep
+    /// their unit length.
+    #[inline]
+    pub fn transform_pose(&self, pose: &Se3) -> Se3 {
+        Se3::new(self.rotation.compose(&pose.rotation), self.transform(&pose.translation))
+    }
+
     /// Rᵀ (p − t) / s.
     #[inline]
     pub fn inverse_transform(&self, point: &Vector3<f64>) -> Vector3<f64> {
         self.rotation.inverse_rotate(&(point - self.translation)) / self.scale
+    }
+}
+
+impl From<Se3> for Sim3 {
+    /// At the same scale.
+    #[inline]
+    fn from(motion: Se3) -> Self {
+        Self::new(motion.rotation, motion.translation, 1.0)
     }
 }
 

@@ -32,6 +32,8 @@ struct Merged {
     source: String,
     /// Position, m, and quaternion (x, y, z, w) of the source's world frame in the target's.
     target_from_source: [f64; 7],
+    /// Length in the target of the source's unit of length.
+    scale: f64,
     closures: i64,
 }
 
@@ -57,13 +59,16 @@ pub(super) async fn merge(client: &Client, args: Args, json: bool) -> anyhow::Re
         target: answer.map.unwrap_or_default().into(),
         source: args.source,
         target_from_source: [t.x, t.y, t.z, q.x, q.y, q.z, q.w],
+        // An earlier server does not say.
+        scale: if answer.scale == 0.0 { 1.0 } else { answer.scale },
         closures: answer.closure_count,
     };
     show(json, &merged, || {
-        let Merged { target, source, closures, .. } = &merged;
+        let Merged { target, source, scale, closures, .. } = &merged;
+        let scaled = if *scale == 1.0 { String::new() } else { format!(", scaled by {scale:.4}") };
         format!(
             "map {source} is part of map {} now, {closures} loop closures tie them\n\
-             it lies at ({:.3}, {:.3}, {:.3}) m, turned by {:.2} degrees",
+             it lies at ({:.3}, {:.3}, {:.3}) m, turned by {:.2} degrees{scaled}",
             target.map,
             t.x,
             t.y,

@@ -2,14 +2,15 @@
 //!
 //! [`Map::check`] collects every violation of an item, with the path of the field, and otherwise
 //! returns the change that the item makes. Nothing is changed here. Numbers were checked when the item
-//! was converted. Paths are the wire's names, written out only where there is a violation: most items
-//! have none.
+//! was converted. Lengths in the sender's unit become lengths in the map's (`units`). Paths are the
+//! wire's names, written out only where there is a violation: most items have none.
 
 mod edits;
+mod units;
 
 use std::fmt::{Arguments, Display};
 
-use covis_solvers::geometry::{LieGroup, LocalFrame, Se3};
+use covis_solvers::geometry::{LieGroup, LocalFrame, Se3, Sim3};
 use nalgebra::Vector3;
 
 use super::digest::{self, Content};
@@ -65,9 +66,10 @@ impl Map {
                 let is_known = |sent: &ItemObservation| {
                     let landmark = check.resolve(&sent.landmark);
                     let stored = landmark.and_then(|id| keyframe?.observation_of(id));
+                    let depth = check.depth(sent);
                     stored.is_some_and(|s| {
                         (s.pixel, s.sigma_px, s.depth, &s.descriptor)
-                            == (sent.pixel, sent.sigma_px, sent.depth, &sent.descriptor)
+                            == (sent.pixel, sent.sigma_px, depth, &sent.descriptor)
                     })
                 };
                 return !observations.is_empty() && observations.iter().all(is_known);
@@ -144,16 +146,8 @@ impl Check<'_> {
                 }
                 let landmarks = self.landmarks("keyframe.landmarks", landmarks);
                 let odom = odom_from_camera.as_ref();
-                let motion = self.map.start_motion(self.client, world_from_camera, odom);
-                // A frame in which it overflows is not the one that it is of.
-                let motion = motion.filter(|motion| {
-                    let points = landmarks.iter().filter_map(|new| new.position);
-                    motion.compose(world_from_camera).is_finite()
-                        && points
-                            .map(|p| motion.transform(&p))
-                            .all(|p| p.iter().all(|v| v.is_finite()))
-                });
-                let moved = |pose: &Se3| motion.map_or(*pose, |motion: Se3| motion.compose(pose));
+                let motion = self.motion(world_from_camera, odom, &landmarks);
+                let moved = |pose: &Se3| motion.map_or(*pose, |m: Sim3| m.transform_pose(pose));
                 let new_landmarks: Vec<NewLandmark> =
                     landmarks.iter().map(|new| new.moved_by(motion.as_ref())).collect();
                 let view = Viewpoint {
@@ -178,7 +172,8 @@ impl Check<'_> {
             Item::Landmarks { landmarks } => {
                 let path = "landmarks.landmarks";
                 self.not_empty(path, landmarks.len());
-                Some(Change::LandmarksAdded { landmarks: self.landmarks(path, landmarks) })
+                let landmarks = self.landmarks(path, landmarks);
+                Some(Change::LandmarksAdded { landmarks, scale: self.scale() })
             }
             Item::Observations { keyframe, observations } => {
                 let path = "observations.observations";
@@ -218,8 +213,11 @@ impl Check<'_> {
                     kind: *kind,
                     keyframe_i: i?,
                     keyframe_j: j?,
-                    keyframe_i_from_keyframe_j: *keyframe_i_from_keyframe_j,
-                    information: *information,
+                    keyframe_i_from_keyframe_j: self.scaled(
+                        "relative_pose.keyframe_i_from_keyframe_j",
+                        keyframe_i_from_keyframe_j,
+                    ),
+                    information: self.information("relative_pose.information", information)?,
                     loss: *loss,
                 };
                 Some(Change::ConstraintAdded { id, constraint })
@@ -227,6 +225,9 @@ impl Check<'_> {
             &Item::PosePrior { id, ref keyframe, world_from_camera, information, loss } => {
                 let id = self.new_constraint("pose_prior.id", id);
                 let keyframe = self.keyframe("pose_prior.keyframe", keyframe)?;
+                let information = self.information("pose_prior.information", &information)?;
+                let field = "pose_prior.world_from_camera";
+                let world_from_camera = self.scaled(field, &world_from_camera);
                 let prior = Prior::Pose { keyframe, world_from_camera, information, loss };
                 Some(Change::PriorAdded { id, prior })
             }
@@ -241,10 +242,17 @@ impl Check<'_> {
                 let id = self.new_constraint("position_prior.id", id);
                 let keyframe = self.keyframe("position_prior.keyframe", keyframe);
                 let position_in_world = self.place(place)?;
+                let information = match place {
+                    Place::InWorld(_) => {
+                        self.information("position_prior.information", &information)?
+                    }
+                    Place::OnEarth(_) => information,
+                };
                 let prior = Prior::Position {
                     keyframe: keyframe?,
                     position_in_world,
-                    point_in_camera,
+                    point_in_camera: self
+                        .scaled_point("position_prior.point_in_camera", &point_in_camera),
                     information,
                     loss,
                 };
@@ -257,7 +265,9 @@ impl Check<'_> {
     /// A measured position in the world frame.
     fn place(&mut self, place: Place) -> Option<Vector3<f64>> {
         match place {
-            Place::InWorld(point) => Some(point),
+            Place::InWorld(point) => {
+                Some(self.scaled_point("position_prior.point_in_world", &point))
+            }
             Place::OnEarth(place) => {
                 let frame = self.map.policy.geodetic_anchor.as_ref().map(LocalFrame::new);
                 if frame.is_none() {
@@ -351,6 +361,9 @@ impl Check<'_> {
             if known.is_some_and(|known| known.sent_position != position) {
                 self.duplicate(field, "landmark", id);
             }
+            if let Some(position) = &position {
+                self.scaled_point(format_args!("{path}[{index}].position"), position);
+            }
             landmarks.push(NewLandmark { id, position });
         }
         landmarks
@@ -393,11 +406,12 @@ impl Check<'_> {
                     format!("landmark {} has no finite projection at the start", landmark.id);
                 self.add(format_args!("{at}.landmark"), Reason::ProjectionNotFinite, text);
             }
+            let depth = self.scaled_depth(at, sent);
             let observation = Observation {
                 landmark,
                 pixel: sent.pixel,
                 sigma_px: sent.sigma_px,
-                depth: sent.depth,
+                depth,
                 descriptor: sent.descriptor.clone(),
             };
             // A pixel that could not be read is NaN.

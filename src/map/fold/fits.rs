@@ -9,6 +9,7 @@ use std::collections::BTreeSet;
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector3;
 
+use super::super::scaling::SCALES;
 use super::super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, Comparison, Constraint, EntityId, EntityKind,
     Event, Map, MapError, Merge, MergedClient, NewLandmark, Observation, Prior, Retired,
@@ -86,11 +87,17 @@ impl Fit<'_> {
                 }
                 self.pose(*id, world_from_camera)?;
                 self.pose(*id, odom_from_camera)?;
-                motion.iter().try_for_each(|motion| self.pose(*id, motion))?;
+                if let Some(motion) = motion {
+                    self.pose(*id, &motion.transform_pose(world_from_camera))?;
+                    self.scale(motion.scale, id.client)?;
+                }
                 let new = self.new_landmarks(landmarks)?;
                 self.observations(observations, &new, &[])
             }
-            Change::LandmarksAdded { landmarks } => self.new_landmarks(landmarks).map(drop),
+            Change::LandmarksAdded { landmarks, scale } => {
+                self.scale(*scale, landmarks.first().map_or(ClientIndex(0), |l| l.id.client))?;
+                self.new_landmarks(landmarks).map(drop)
+            }
             Change::ObservationsAdded { keyframe, observations } => {
                 self.keyframe(*keyframe)?;
                 let known = self.map.keyframes.get(keyframe);
@@ -143,6 +150,10 @@ impl Fit<'_> {
                 self.present(self.map.has_constraint(*id), EntityKind::Constraint, *id)
             }
         }
+    }
+
+    fn scale(&self, scale: f64, client: ClientIndex) -> Outcome {
+        self.finite(SCALES.contains(&scale), EntityKind::Client, EntityId { client, id: 0 })
     }
 
     fn retired(&self, retired: &Retired) -> Outcome {

@@ -11,12 +11,13 @@ mod edits;
 mod fits;
 mod merging;
 
-use covis_solvers::geometry::{LieGroup, Se3};
+use covis_solvers::geometry::Sim3;
 
 use super::ceilings::{descriptor_bytes, image_bytes};
 use super::digest::{self, Content};
 use super::frames;
 use super::pending_solve::solve_request;
+use super::scaling;
 use super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, Constraint, EntityId, Event, Keyframe,
     Landmark, LastRequest, Map, MapError, MapPolicy, NewLandmark, Observation, Observations,
@@ -82,9 +83,12 @@ impl Map {
                 let keyframe = Keyframe {
                     capture_time_ns: *capture_time_ns,
                     camera: *camera,
-                    world_from_camera: motion
-                        .map_or(*world_from_camera, |motion| motion.compose(world_from_camera)),
-                    odom_from_camera: *odom_from_camera,
+                    world_from_camera: motion.map_or(*world_from_camera, |motion| {
+                        motion.transform_pose(world_from_camera)
+                    }),
+                    odom_from_camera: motion.map_or(*odom_from_camera, |motion| {
+                        scaling::pose(motion.scale, odom_from_camera)
+                    }),
                     observations: Observations::default(),
                     global_descriptor: global_descriptor.clone(),
                     added_revision: self.revision,
@@ -94,7 +98,10 @@ impl Map {
                 self.by_age.insert((self.revision, *id), ());
                 self.add_observations(*id, observations);
             }
-            Change::LandmarksAdded { landmarks } => self.add_landmarks(landmarks, None),
+            Change::LandmarksAdded { landmarks, scale } => {
+                let motion = (*scale != 1.0).then(|| scaling::similarity(*scale));
+                self.add_landmarks(landmarks, motion.as_ref());
+            }
             Change::ObservationsAdded { keyframe, observations } => {
                 self.add_observations(*keyframe, observations);
             }
@@ -181,7 +188,7 @@ impl Map {
         }
     }
 
-    fn add_landmarks(&mut self, landmarks: &[NewLandmark], motion: Option<&Se3>) {
+    fn add_landmarks(&mut self, landmarks: &[NewLandmark], motion: Option<&Sim3>) {
         let revision = self.revision;
         for new in landmarks {
             if self.landmarks.contains_key(&new.id) {

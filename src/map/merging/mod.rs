@@ -5,20 +5,21 @@
 //! To undo a merge, the clients that came with it leave with all that is theirs, wherever solves have
 //! moved it meanwhile. How the frames of both maps were found is not known here.
 
+mod moving;
 mod renaming;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use covis_solvers::geometry::{LieGroup, Se3};
+use covis_solvers::geometry::{LieGroup, Se3, Sim3};
 use covis_solvers::information::Information;
-use nalgebra::{Matrix3, Vector3};
 
 use super::frames;
 use super::{
-    Client, ClientIndex, Constraint, Content, Duplicates, EntityId, Map, MapError, MapParts,
-    MapPolicy, PlaceSearches, Prior, SharedMap,
+    Client, ClientIndex, Constraint, Content, Duplicates, EntityId, Map, MapError, MapPolicy,
+    PlaceSearches, SharedMap,
 };
+use moving::{is_finite, move_by};
 pub(super) use renaming::Renaming;
 
 /// A map that became part of this one.
@@ -34,8 +35,8 @@ pub struct MergedMap {
     pub display_name: String,
     /// How it was kept.
     pub policy: MapPolicy,
-    /// The pose of its world frame in this map's, as it was at the merge.
-    pub target_from_source: Se3,
+    /// The pose of its world frame in this map's, as it was at the merge, and the length here of its unit.
+    pub target_from_source: Sim3,
     /// The clients that came with it.
     pub clients: Vec<MergedClient>,
 }
@@ -54,10 +55,10 @@ pub struct MergedClient {
 pub struct Merge {
     /// The name of the source.
     pub name: String,
-    /// The content of the source in the frame of the target; its clients have their names in the target.
+    /// The content of the source in the frame and unit of the target; its clients have their names in the target.
     pub content: Arc<Map>,
-    /// The pose of the source's world frame in the target's.
-    pub target_from_source: Se3,
+    /// The pose of the source's world frame in the target's, and the length there of the source's unit.
+    pub target_from_source: Sim3,
     /// Where each client of the content stands in the target, and its name in the source.
     pub clients: Vec<MergedClient>,
     /// Loop closures between both, with ids of the target.
@@ -71,7 +72,7 @@ pub struct Link {
     pub target: EntityId,
     /// The keyframe of the source, by the source's ids.
     pub source: EntityId,
-    /// The pose of the latter in the frame of the former.
+    /// The pose of the latter in the frame of the former, in the target's unit.
     pub target_from_source: Se3,
     /// Information of its error, translation first.
     pub information: Information<6>,
@@ -93,8 +94,19 @@ pub enum MergeError {
     /// The source has priors, of another place on the Earth.
     #[error("the source holds priors and the geodetic anchors of both maps differ")]
     Anchors,
+    /// The source has measured its lengths.
+    #[error(
+        "the source measures lengths (by depths or priors): its scale is 1 and cannot become {scale}"
+    )]
+    Scaled { scale: String },
+    /// Only the source has measured lengths, and it is the source that would be scaled.
+    #[error(
+        "the source measures lengths (by depths or priors) and the target does not: merge the target \
+         into the source, which scales the target"
+    )]
+    OnlySourceIsMetric,
     /// Numbers overflow.
-    #[error("a pose or position overflows in the target's frame")]
+    #[error("a number is out of range in the target's frame and unit")]
     OutOfRange,
     /// The content does not fit, a bug.
     #[error("the source cannot be moved into the target: {0}")]
@@ -127,7 +139,7 @@ impl Map {
         self.create_time_ns == merged.create_time_ns && self.clients.iter().all(has_all)
     }
 
-    /// What merges `source`, whose name is `name`, into this map: its world frame lies at
+    /// What merges `source`, whose name is `name`, into this map: its world frame and unit are at
     /// `target_from_source`, `renamed` has new names of its clients, `links` become loop closures.
     ///
     /// # Errors
@@ -135,11 +147,16 @@ impl Map {
     pub fn merge_of(
         &self,
         (name, source): (&str, &Self),
-        target_from_source: Se3,
+        target_from_source: impl Into<Sim3>,
         renamed: &BTreeMap<String, String>,
         links: &[Link],
     ) -> Result<Merge, MergeError> {
         let clients = self.joining(source, renamed)?;
+        let target_from_source: Sim3 = target_from_source.into();
+        let scale = target_from_source.scale;
+        if scale != 1.0 && source.has_metric_scale() {
+            return Err(MergeError::Scaled { scale: scale.to_string() });
+        }
         let mut parts = source.to_parts();
         let own: Vec<ClientIndex> = (0..).take(clients.len()).map(ClientIndex).collect();
         for ((client, (_, name)), &index) in parts.clients.iter_mut().zip(&clients).zip(&own) {
@@ -150,7 +167,10 @@ impl Map {
         }
         let mut parts = Renaming::new(&parts, &own).apply(parts);
         let keeps_priors = has_anchor(&self.policy, &source.policy);
-        move_by(&target_from_source, &mut parts, keeps_priors);
+        move_by(&target_from_source, &mut parts, keeps_priors)?;
+        for client in &mut parts.clients {
+            client.scale *= scale;
+        }
         if !(target_from_source.is_finite() && is_finite(&parts)) {
             return Err(MergeError::OutOfRange);
         }
@@ -324,7 +344,11 @@ impl Map {
             inner.target_from_source = source_from_target.compose(&inner.target_from_source);
         }
         let keeps_priors = has_anchor(&self.policy, &merged.policy);
-        move_by(&source_from_target, &mut parts, keeps_priors);
+        move_by(&source_from_target, &mut parts, keeps_priors)?;
+        for client in &mut parts.clients {
+            // By division, so that a scale that was 1 is 1 again.
+            client.scale /= merged.target_from_source.scale;
+        }
         parts.create_time_ns = merged.create_time_ns;
         parts.display_name.clone_from(&merged.display_name);
         parts.policy = merged.policy;
@@ -388,52 +412,4 @@ fn kept<K: Ord + Copy, V: Clone>(
 /// Whether priors of two maps are in one frame: that of one anchor on the Earth.
 fn has_anchor(policy: &MapPolicy, other: &MapPolicy) -> bool {
     policy.geodetic_anchor.is_some() && policy.geodetic_anchor == other.geodetic_anchor
-}
-
-/// Moves the world frame: `motion` is the pose of the old one in the new one. What clients sent, and
-/// their odometry, stay as they were sent; priors too where `keeps_priors`.
-fn move_by(motion: &Se3, parts: &mut MapParts, keeps_priors: bool) {
-    for keyframe in parts.keyframes.values_mut() {
-        keyframe.world_from_camera = motion.compose(&keyframe.world_from_camera);
-    }
-    for landmark in parts.landmarks.values_mut() {
-        landmark.position = landmark.position.map(|position| motion.transform(&position));
-    }
-    if keeps_priors {
-        return;
-    }
-    for prior in parts.priors.values_mut() {
-        match prior {
-            Prior::Pose { world_from_camera, .. } => {
-                *world_from_camera = motion.compose(world_from_camera);
-            }
-            Prior::Position { position_in_world, information, .. } => {
-                *position_in_world = motion.transform(position_in_world);
-                *information = rotated(information, &motion.rotation.matrix());
-            }
-        }
-    }
-}
-
-/// Whether every pose and position in the world frame is a number.
-fn is_finite(parts: &MapParts) -> bool {
-    let is_number = |point: &Vector3<f64>| point.iter().all(|value| value.is_finite());
-    let mut poses = parts.keyframes.values().map(|keyframe| &keyframe.world_from_camera);
-    let mut positions = parts.landmarks.values().filter_map(|landmark| landmark.position.as_ref());
-    let mut merged = parts.merged.iter().map(|merged| &merged.target_from_source);
-    poses.all(Se3::is_finite)
-        && merged.all(Se3::is_finite)
-        && positions.all(is_number)
-        && parts.priors.values().all(|prior| match prior {
-            Prior::Pose { world_from_camera, .. } => world_from_camera.is_finite(),
-            Prior::Position { position_in_world, .. } => is_number(position_in_world),
-        })
-}
-
-/// Information over the axes of a frame that lies `turned` in another one, over the axes of the latter.
-fn rotated(information: &Information<3>, turned: &Matrix3<f64>) -> Information<3> {
-    let product = turned * information.matrix() * turned.transpose();
-    // Rounding alone can make it asymmetric.
-    let symmetric = (product + product.transpose()) / 2.0;
-    Information::semidefinite(&symmetric).unwrap_or(*information)
 }

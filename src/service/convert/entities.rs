@@ -2,6 +2,7 @@
 //!
 //! References always name their client; ids of clients are looked up in the map that is read.
 
+use covis_solvers::geometry::Se3;
 use covis_solvers::loss::Loss;
 use nalgebra::Vector3;
 
@@ -225,16 +226,19 @@ fn wire(constraint: WireConstraint) -> v1::Constraint {
     v1::Constraint { constraint: Some(constraint) }
 }
 
-/// Where a client's odometry frame lies in the map, from its newest keyframe.
+/// Where a client's odometry frame lies in the map, from its newest keyframe, in the client's unit.
 pub(in crate::service) fn to_client_frame(
     map: &Map,
     client: ClientIndex,
 ) -> Option<v1::ClientFrame> {
     let (id, newest) = map.newest_keyframe(client)?;
+    let (frame, scale) = (newest.map_from_odom(), map.scale_of(client));
+    let in_own_unit = Se3::new(frame.rotation, frame.translation / scale);
     Some(v1::ClientFrame {
         client_id: client_name(map, id),
-        map_from_odom: Some(to_rigid_transform(&newest.map_from_odom())),
+        map_from_odom: Some(to_rigid_transform(&in_own_unit)),
         keyframe: Some(to_keyframe_ref(map, id)),
+        scale,
     })
 }
 

@@ -242,8 +242,9 @@ fn to_merged(map: &Map, merged: &MergedMap) -> v1::MergedMap {
     let clients = merged.clients.iter().filter_map(|client| map.client(client.index));
     v1::MergedMap {
         map_id: shown(&merged.name).to_owned(),
-        target_from_source: Some(to_rigid_transform(&merged.target_from_source)),
+        target_from_source: Some(to_rigid_transform(&merged.target_from_source.rigid())),
         client_ids: clients.map(|client| client.name.clone()).collect(),
+        scale: merged.target_from_source.scale,
     }
 }
 
@@ -254,6 +255,7 @@ fn to_client(map: &Map, index: crate::map::ClientIndex) -> v1::MapClient {
         epoch: client.map_or(0, |c| c.epoch),
         next_sequence: client.map_or(1, |c| c.next_sequence),
         map_from_odom: to_client_frame(map, index).and_then(|frame| frame.map_from_odom),
+        scale: map.scale_of(index),
     }
 }
 

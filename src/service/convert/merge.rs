@@ -1,18 +1,21 @@
-//! `MergeMaps` and `UndoMerge`: from the request to the engine's terms. Names are those that the caller
-//! uses; whether they exist is not known here.
+//! `MergeMaps`: from the request to the engine's terms, and from its outcome to the answer. Names are those
+//! that the caller uses; whether they exist is not known here.
 
 use std::collections::BTreeMap;
 
-use super::geometry::{information, rigid_transform};
+use super::geometry::{information, rigid_transform, to_rigid_transform};
 use super::ids::{keyframe_ref, name};
-use super::{Path, Violations, all};
+use super::map::to_map;
+use super::{Path, Violations, all, count};
 use crate::map::{EntityRef, Reason};
 use crate::service::access::Caller;
-use crate::service::engine::{LinkRequest, MergeRequest};
+use crate::service::engine::{LinkRequest, MergeOutcome, MergeRequest};
 use crate::wire::v1;
 
 /// Most constraints of a request.
 const CONSTRAINTS: usize = 1024;
+/// Scales that a caller may give.
+const SCALES: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
 
 /// Reads a request to merge maps.
 pub(in crate::service) fn merge(
@@ -31,6 +34,17 @@ pub(in crate::service) fn merge(
         None => Some(None),
         Some(_) => rigid_transform(Path::root("target_from_source"), transform, out).map(Some),
     };
+    let at = Path::root("scale");
+    // 0 is the default.
+    let scale = if request.scale == 0.0 { 1.0 } else { request.scale };
+    if !SCALES.contains(&scale) {
+        let text = format!("{scale} is not from {} to {}", SCALES.start(), SCALES.end());
+        out.report::<()>(at, Reason::OutOfRange, text);
+    }
+    if request.scale != 0.0 && transform.is_none() && request.constraints.is_empty() {
+        let text = "only with target_from_source or constraints; it is found with the places";
+        out.report::<()>(at, Reason::Inconsistent, text);
+    }
     let at = Path::root("constraints");
     out.at_most(at, &request.constraints, CONSTRAINTS)?;
     let constraints = all(at, request.constraints, out, link);
@@ -52,9 +66,23 @@ pub(in crate::service) fn merge(
         target: caller.engine_name(&target?),
         source: caller.engine_name(&source?),
         target_from_source: target_from_source?,
+        scale,
         constraints: constraints?,
         renamed,
     })
+}
+
+/// The answer; `queued_items` as in [`to_map`].
+pub(in crate::service) fn to_response(
+    outcome: &MergeOutcome,
+    queued_items: usize,
+) -> v1::MergeMapsResponse {
+    v1::MergeMapsResponse {
+        map: Some(to_map(&outcome.map, queued_items)),
+        target_from_source: Some(to_rigid_transform(&outcome.target_from_source.rigid())),
+        closure_count: count(outcome.closures),
+        scale: outcome.target_from_source.scale,
+    }
 }
 
 fn link(

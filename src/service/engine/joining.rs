@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use covis_solvers::geometry::Se3;
+use covis_solvers::geometry::Sim3;
 use tokio::sync::watch;
 
 use super::actor::Actor;
@@ -21,7 +21,7 @@ use crate::store::{Epoch, Flushed, StoreError};
 pub(super) struct Joining {
     pub(super) name: String,
     pub(super) source: Arc<Map>,
-    pub(super) target_from_source: Se3,
+    pub(super) target_from_source: Sim3,
     pub(super) renamed: BTreeMap<String, String>,
     pub(super) links: Vec<Link>,
 }

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-use covis_solvers::geometry::{LieGroup, Se3};
+use covis_solvers::geometry::{LieGroup, Se3, Sim3};
 use covis_solvers::information::Information;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::problem::SolveError;
@@ -28,10 +28,10 @@ use super::opening::{Start, uid};
 use super::pool::{Estimate, PoolError};
 use super::{EngineError, MapHandle, MapInfo, Maps, Resource, tenant_of};
 use crate::loop_closing::{View, align};
-use crate::map::{EntityId, Link, Map, MergedMap};
+use crate::map::{EntityId, Link, Map, MergeError, MergedMap};
 
 /// A request to merge one map into another.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct MergeRequest {
     /// The map that takes the content.
     pub target: String,
@@ -40,7 +40,10 @@ pub struct MergeRequest {
     /// The pose of the source's world frame in the target's; `None` follows from the constraints, or
     /// without these from places that both maps show.
     pub target_from_source: Option<Se3>,
-    /// Relative poses between keyframes of both.
+    /// Length in the target of the source's unit of length, where `target_from_source` or constraints
+    /// say where it lies.
+    pub scale: f64,
+    /// Relative poses between keyframes of both, in the target's unit.
     pub constraints: Vec<LinkRequest>,
     /// New names of the source's clients.
     pub renamed: BTreeMap<String, String>,
@@ -53,7 +56,7 @@ pub struct LinkRequest {
     pub keyframe_i: (String, i64),
     /// The keyframe whose pose was measured, of the other one.
     pub keyframe_j: (String, i64),
-    /// The measurement.
+    /// The measurement, in the target's unit.
     pub keyframe_i_from_keyframe_j: Se3,
     /// Information of its error, translation first.
     pub information: Information<6>,
@@ -64,10 +67,23 @@ pub struct LinkRequest {
 pub struct MergeOutcome {
     /// The target after the merge.
     pub map: MapInfo,
-    /// The pose of the source's world frame in the target's.
-    pub target_from_source: Se3,
+    /// The pose of the source's world frame in the target's, and the length there of its unit.
+    pub target_from_source: Sim3,
     /// Loop closures that tie both.
     pub closures: usize,
+}
+
+impl Default for MergeRequest {
+    fn default() -> Self {
+        Self {
+            target: String::new(),
+            source: String::new(),
+            target_from_source: None,
+            scale: 1.0,
+            constraints: Vec::new(),
+            renamed: BTreeMap::new(),
+        }
+    }
 }
 
 /// The name of a map that became part of another one, as a handle of the latter has it.
@@ -142,7 +158,7 @@ impl Maps {
         source: &MapHandle,
         target: &MapHandle,
         interrupt: Interrupt,
-    ) -> Result<(Se3, Vec<Link>), EngineError> {
+    ) -> Result<(Sim3, Vec<Link>), EngineError> {
         let (of_source, of_target) = (source.snapshot().await?, target.snapshot().await?);
         let link = |request: &LinkRequest| request.link(&of_target, &of_source);
         let links: Vec<Link> = request.constraints.iter().map(link).collect::<Result<_, _>>()?;
@@ -150,44 +166,48 @@ impl Maps {
         if of_target.is_frozen() {
             return Err(EngineError::Frozen { map: target.name().to_owned() });
         }
-        of_target
-            .joining(&of_source, &request.renamed)
-            .map_err(|error| EngineError::CannotMerge { map: request.source.clone(), error })?;
+        let cannot = |error| EngineError::CannotMerge { map: request.source.clone(), error };
+        of_target.joining(&of_source, &request.renamed).map_err(cannot)?;
         check_room(&target.shared.account, &of_target, of_source.usage())?;
         let by_link = links.first().and_then(|link| {
             let at = of_target.keyframes().get(&link.target)?.world_from_camera;
             let seen = of_source.keyframes().get(&link.source)?.world_from_camera;
+            let seen = Se3::new(seen.rotation, seen.translation * request.scale);
             Some(at.compose(&link.target_from_source).compose(&seen.inverse()))
         });
         if let Some(pose) = request.target_from_source.or(by_link) {
-            return Ok((pose, links));
+            return Ok((Sim3 { scale: request.scale, ..pose.into() }, links));
         }
         if !of_target.policy().place_recognition {
             return Err(EngineError::NoPlaceRecognition { map: target.name().to_owned() });
         }
-        let asked = Arc::new((Arc::clone(&target.shared.places), of_source, of_target, interrupt));
+        let (name, places) = (request.source.clone(), Arc::clone(&target.shared.places));
+        let asked = Arc::new((name, places, of_source, of_target, interrupt));
         loop {
             let asked = Arc::clone(&asked);
             let work = move || {
-                let (places, of_source, of_target, interrupt) = &*asked;
+                let (map, places, of_source, of_target, interrupt) = &*asked;
                 // An index that lacks much, as after a restart, is made in several turns of the pool.
                 if !places.advance(of_target, interrupt) {
                     return None;
                 }
+                // What was measured is looked for here: without depth every observation is gone through.
+                if of_source.has_metric_scale() && !of_target.has_metric_scale() {
+                    let (map, error) = (map.clone(), MergeError::OnlySourceIsMetric);
+                    return Some(Err(EngineError::CannotMerge { map, error }));
+                }
                 let candidates =
                     |view: &View<'_>| places.candidates(of_target, view, interrupt, |_| false);
                 let aligned = align(of_target, of_source, candidates, interrupt);
-                Some((!interrupt.is_due()).then_some(aligned))
+                Some(match aligned {
+                    _ if interrupt.is_due() => Err(EngineError::Solve(SolveError::Interrupted)),
+                    Ok(alignment) => Ok((alignment.target_from_source, alignment.links)),
+                    Err(error) => Err(EngineError::NotAligned { map: map.clone(), error }),
+                })
             };
             return match self.inner.pool.run(&target.shared.account, Estimate::LONG, work).await {
                 Ok(None) => continue,
-                Ok(Some(None)) => Err(EngineError::Solve(SolveError::Interrupted)),
-                Ok(Some(Some(Ok(alignment)))) => {
-                    Ok((alignment.target_from_source, alignment.links))
-                }
-                Ok(Some(Some(Err(error)))) => {
-                    Err(EngineError::NotAligned { map: source.name().to_owned(), error })
-                }
+                Ok(Some(aligned)) => aligned,
                 Err(PoolError::Full(error)) => Err(error),
                 Err(PoolError::Panicked(panicked)) => Err(report_bug(&panicked.message)),
             };
@@ -199,7 +219,7 @@ impl Maps {
     async fn merge_aligned(
         &self,
         request: MergeRequest,
-        aligned: Option<(Se3, Vec<Link>)>,
+        aligned: Option<(Sim3, Vec<Link>)>,
     ) -> Result<MergeOutcome, EngineError> {
         let (name, into) = (request.source.clone(), request.target.clone());
         let (mut source, target) = self.claim_both(&name, &into).await?;
@@ -359,7 +379,7 @@ async fn joined(
     from: &MapHandle,
     to: &MapHandle,
     request: MergeRequest,
-    aligned: Option<(Se3, Vec<Link>)>,
+    aligned: Option<(Sim3, Vec<Link>)>,
 ) -> Result<(MapInfo, usize), EngineError> {
     let MergeRequest { source: name, renamed, .. } = request;
     let source = from.hold().await?;

@@ -74,7 +74,7 @@ impl Touched {
                 self.landmarks.extend(landmarks.iter().map(|l| l.id));
                 self.landmarks.extend(observations.iter().map(|o| o.landmark));
             }
-            Change::LandmarksAdded { landmarks } => {
+            Change::LandmarksAdded { landmarks, .. } => {
                 self.landmarks.extend(landmarks.iter().map(|l| l.id));
             }
             Change::ObservationsAdded { observations, .. } => {
@@ -175,7 +175,7 @@ pub(super) fn size_of_change(change: &Change) -> usize {
         Change::KeyframeAdded { observations, landmarks, .. } => {
             observations.len() + landmarks.len()
         }
-        Change::LandmarksAdded { landmarks } => landmarks.len(),
+        Change::LandmarksAdded { landmarks, .. } => landmarks.len(),
         Change::ObservationsAdded { observations, .. } => observations.len(),
         Change::LandmarksTriangulated { positions } => positions.len(),
         Change::DuplicatesFound { comparisons } => {

@@ -45,7 +45,7 @@ fn map() -> Arc<Map> {
         Change::ClientOpened { name: "robot".to_owned(), epoch: 1 },
         Change::ClientOpened { name: "drone".to_owned(), epoch: 1 },
         Change::CameraSet { id: id(0, 3), camera },
-        Change::LandmarksAdded { landmarks: landmarks.collect() },
+        Change::LandmarksAdded { landmarks: landmarks.collect(), scale: 1.0 },
     ];
     for k in 0..KEYFRAMES {
         let seen = (0..400).map(|j| (k * 61 + j) % LANDMARKS).chain([k * 61 % LANDMARKS]);

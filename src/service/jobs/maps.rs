@@ -19,15 +19,14 @@ use crate::evaluation::{EvaluationError, ape, rpe};
 use crate::map::{ClientIndex, LastRequest, Map, Reason};
 use crate::service::access::change;
 use crate::service::context::{Context, Rpcs};
-use crate::service::convert::geometry::to_rigid_transform;
-use crate::service::convert::map::{to_counts, to_map};
+use crate::service::convert::map::to_counts;
 use crate::service::convert::solve::{
     to_certificate, to_iteration, to_iterations, to_reconstruction,
 };
 use crate::service::convert::{Path as FieldPath, convert, count, merge as merging, trajectory};
 use crate::service::engine::{
-    Compacted, EngineError, MapHandle, MergeOutcome, OptimizeOptions, OptimizeOutcome,
-    OptimizeProblem, Resource, SolveStep,
+    Compacted, EngineError, MapHandle, OptimizeOptions, OptimizeOutcome, OptimizeProblem, Resource,
+    SolveStep,
 };
 use crate::service::error::ServiceError;
 use crate::service::export::{Export, Format, GraphLines, format};
@@ -215,18 +214,14 @@ pub(super) async fn merge(
     let merged = context.maps.merge(asked, cancellation.interrupt()).await;
     let merged = merged.map_err(ServiceError::from);
     change("MergeMaps", &run.caller, None, &map_id, &merged);
-    let MergeOutcome { map, target_from_source, closures } = merged?;
-    let queued = context.config.engine.queue_capacity;
-    let response = v1::MergeMapsResponse {
-        map: Some(to_map(&map, queued)),
-        target_from_source: Some(to_rigid_transform(&target_from_source)),
-        closure_count: count(closures),
-    };
+    let merged = merged?;
+    let response = merging::to_response(&merged, context.config.engine.queue_capacity);
     let report = json!({
         "source": map_id,
         "target": request.target_map_id,
-        "revision": map.snapshot.revision(),
-        "closures": closures,
+        "revision": merged.map.snapshot.revision(),
+        "closures": merged.closures,
+        "scale": merged.target_from_source.scale,
     });
     Ok(Made { result: Kind::MergeMaps(response), costs: None, report })
 }

@@ -5,9 +5,10 @@
 use super::entities::{
     decode_camera_set, decode_constraint, decode_descriptor, decode_id, decode_kind,
     decode_new_landmarks, decode_observations, decode_policy, decode_pose, decode_prior,
-    decode_switched_off, decode_vector, encode_camera_set, encode_constraint, encode_descriptor,
-    encode_id, encode_new_landmarks, encode_observations, encode_policy, encode_pose, encode_prior,
-    encode_switched_off, encode_vector, required_id,
+    decode_scale, decode_similarity, decode_switched_off, decode_vector, encode_camera_set,
+    encode_constraint, encode_descriptor, encode_id, encode_new_landmarks, encode_observations,
+    encode_policy, encode_pose, encode_prior, encode_scale, encode_switched_off, encode_vector,
+    required_id,
 };
 use super::merging::{decode_merge, encode_merge};
 use super::places::{decode_search, encode_search};
@@ -49,11 +50,13 @@ pub(super) fn encode_change(change: &Change) -> Wire {
             odom_from_camera: Some(encode_pose(odom_from_camera)),
             observations: encode_observations(observations),
             landmarks: encode_new_landmarks(landmarks),
-            motion: motion.as_ref().map(encode_pose),
+            motion: motion.map(|motion| encode_pose(&motion.rigid())),
+            scale: motion.and_then(|motion| encode_scale(motion.scale)),
             global_descriptor: global_descriptor.as_deref().map(encode_descriptor),
         }),
-        Change::LandmarksAdded { landmarks } => {
-            Wire::LandmarksAdded(v1::LandmarksAdded { landmarks: encode_new_landmarks(landmarks) })
+        Change::LandmarksAdded { landmarks, scale } => {
+            let (landmarks, scale) = (encode_new_landmarks(landmarks), encode_scale(*scale));
+            Wire::LandmarksAdded(v1::LandmarksAdded { landmarks, scale })
         }
         Change::ObservationsAdded { keyframe, observations } => {
             Wire::ObservationsAdded(v1::ObservationsAdded {
@@ -144,11 +147,15 @@ pub(super) fn decode_change(change: Wire) -> Decoded<Change> {
             observations: decode_observations(added.observations)?,
             landmarks: decode_new_landmarks(added.landmarks),
             global_descriptor: added.global_descriptor.map(decode_descriptor).transpose()?,
-            motion: added.motion.map(|pose| decode_pose(Some(pose), "a motion")).transpose()?,
+            motion: added
+                .motion
+                .map(|pose| decode_similarity(Some(pose), added.scale, "a motion"))
+                .transpose()?,
         },
-        Wire::LandmarksAdded(v1::LandmarksAdded { landmarks }) => {
-            Change::LandmarksAdded { landmarks: decode_new_landmarks(landmarks) }
-        }
+        Wire::LandmarksAdded(v1::LandmarksAdded { landmarks, scale }) => Change::LandmarksAdded {
+            landmarks: decode_new_landmarks(landmarks),
+            scale: decode_scale(scale),
+        },
         Wire::ObservationsAdded(v1::ObservationsAdded { keyframe, observations }) => {
             Change::ObservationsAdded {
                 keyframe: required_id(keyframe, "a keyframe")?,

@@ -1,7 +1,7 @@
 //! A client of a map as the message of a snapshot, with what is to be solved for it, and back to the same
 //! values. Its items are parts of their own. Nothing here knows where messages are kept.
 
-use super::entities::{decode_id, decode_pose, encode_id, encode_pose};
+use super::entities::{decode_id, decode_pose, decode_scale, encode_id, encode_pose, encode_scale};
 use super::{EncodingError, v1};
 use crate::map::{Affected, Client, EntityId, PendingSolve, SolveRequest};
 
@@ -14,6 +14,7 @@ pub(super) fn encode_client(client: &Client) -> v1::Client {
         pending_solve,
         closure_variance,
         earlier_frames,
+        scale,
         // Parts of their own.
         items: _,
     } = client;
@@ -25,6 +26,7 @@ pub(super) fn encode_client(client: &Client) -> v1::Client {
         closure_variance: Some(closure_variance.to_bits()),
         unsolved: pending_solve.as_ref().map(encode_unsolved),
         earlier_frames: earlier_frames.iter().map(encode_pose).collect(),
+        scale: encode_scale(*scale),
     }
 }
 
@@ -37,6 +39,7 @@ pub(super) fn decode_client(client: v1::Client) -> Result<Client, EncodingError>
         closure_variance,
         unsolved,
         earlier_frames,
+        scale,
     } = client;
     let frame = |pose| decode_pose(Some(pose), "an earlier frame");
     Ok(Client {
@@ -48,6 +51,7 @@ pub(super) fn decode_client(client: v1::Client) -> Result<Client, EncodingError>
         // An earlier version had none.
         closure_variance: closure_variance.map_or(1.0, f64::from_bits),
         earlier_frames: earlier_frames.into_iter().map(frame).collect::<Result<_, _>>()?,
+        scale: decode_scale(scale),
         items: Default::default(),
     })
 }

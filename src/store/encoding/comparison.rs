@@ -126,6 +126,7 @@ fn is_head(read: &MapParts, map: &Map) -> bool {
             pending_solve,
             closure_variance,
             earlier_frames,
+            scale,
             items: _,
         } = a;
         *name == b.name
@@ -135,6 +136,7 @@ fn is_head(read: &MapParts, map: &Map) -> bool {
             && *pending_solve == b.pending_solve
             && *closure_variance == b.closure_variance
             && *earlier_frames == b.earlier_frames
+            && *scale == b.scale
     };
     read.revision == map.revision()
         && read.create_time_ns == map.create_time_ns()

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use covis_solvers::geometry::{
-    Camera, Geodetic, KannalaBrandt, PinholeRadialTangential, Se3, Snavely, So3,
+    Camera, Geodetic, KannalaBrandt, PinholeRadialTangential, Se3, Sim3, Snavely, So3,
 };
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
@@ -78,6 +78,23 @@ pub(super) fn decode_pose(pose: Option<v1::Pose>, name: &'static str) -> Decoded
     let quaternion = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
     let translation = Vector3::new(tx, ty, tz).map(f64::from_bits);
     Ok(Se3::new(So3::from_unit_quaternion(quaternion), translation))
+}
+
+/// A scale, absent where it is 1 as in every earlier version.
+pub(super) fn encode_scale(scale: f64) -> Option<u64> {
+    (scale != 1.0).then(|| scale.to_bits())
+}
+
+pub(super) fn decode_scale(scale: Option<u64>) -> f64 {
+    scale.map_or(1.0, f64::from_bits)
+}
+
+pub(super) fn decode_similarity(
+    pose: Option<v1::Pose>,
+    scale: Option<u64>,
+    name: &'static str,
+) -> Decoded<Sim3> {
+    Ok(Sim3 { scale: decode_scale(scale), ..decode_pose(pose, name)?.into() })
 }
 
 fn encode_information<const N: usize>(information: &Information<N>) -> Vec<f64> {

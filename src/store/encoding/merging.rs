@@ -4,7 +4,8 @@
 use std::sync::Arc;
 
 use super::entities::{
-    decode_constraint, decode_policy, decode_pose, encode_constraint, encode_policy, encode_pose,
+    decode_constraint, decode_policy, decode_similarity, encode_constraint, encode_policy,
+    encode_pose, encode_scale,
 };
 use super::snapshot::{Joined, Parts};
 use super::{EncodingError, v1};
@@ -16,14 +17,15 @@ pub(super) fn encode_merge(merge: &Merge) -> v1::MapMerged {
     v1::MapMerged {
         name: name.clone(),
         parts: std::iter::from_fn(|| parts.next(content)).collect(),
-        target_from_source: Some(encode_pose(target_from_source)),
+        target_from_source: Some(encode_pose(&target_from_source.rigid())),
+        scale: encode_scale(target_from_source.scale),
         clients: clients.iter().map(encode_client).collect(),
         closures: closures.iter().map(|(id, closure)| encode_constraint(*id, closure)).collect(),
     }
 }
 
 pub(super) fn decode_merge(merge: v1::MapMerged) -> Result<Merge, EncodingError> {
-    let v1::MapMerged { name, parts, target_from_source, clients, closures } = merge;
+    let v1::MapMerged { name, parts, target_from_source, clients, closures, scale } = merge;
     let mut content = Joined::default();
     for part in parts {
         content.add(&part, false)?;
@@ -31,7 +33,7 @@ pub(super) fn decode_merge(merge: v1::MapMerged) -> Result<Merge, EncodingError>
     Ok(Merge {
         name,
         content: Arc::new(content.finish(true)?),
-        target_from_source: decode_pose(target_from_source, "target_from_source")?,
+        target_from_source: decode_similarity(target_from_source, scale, "target_from_source")?,
         clients: clients.into_iter().map(decode_client).collect(),
         closures: closures.into_iter().map(decode_constraint).collect::<Result<_, _>>()?,
     })
@@ -53,7 +55,8 @@ pub(super) fn encode_merged(merged: &MergedMap) -> v1::MergedMap {
         revision: *revision,
         display_name: display_name.clone(),
         policy: Some(encode_policy(policy)),
-        target_from_source: Some(encode_pose(target_from_source)),
+        target_from_source: Some(encode_pose(&target_from_source.rigid())),
+        scale: encode_scale(target_from_source.scale),
         clients: clients.iter().map(encode_client).collect(),
     }
 }
@@ -65,7 +68,11 @@ pub(super) fn decode_merged(merged: v1::MergedMap) -> Result<MergedMap, Encoding
         revision: merged.revision,
         display_name: merged.display_name,
         policy: decode_policy(merged.policy)?,
-        target_from_source: decode_pose(merged.target_from_source, "target_from_source")?,
+        target_from_source: decode_similarity(
+            merged.target_from_source,
+            merged.scale,
+            "target_from_source",
+        )?,
         clients: merged.clients.into_iter().map(decode_client).collect(),
     })
 }

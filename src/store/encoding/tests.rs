@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use covis_solvers::geometry::{
-    Camera, Geodetic, KannalaBrandt, LieGroup, PinholeRadialTangential, Se3, Snavely,
+    Camera, Geodetic, KannalaBrandt, LieGroup, PinholeRadialTangential, Se3, Sim3, Snavely,
 };
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
@@ -29,6 +29,10 @@ fn pose(k: f64) -> Se3 {
     Se3::exp(&(Vector6::new(0.1, -0.2, 0.3, 0.03, 0.02, -0.05) * k))
 }
 
+fn similarity(k: f64, scale: f64) -> Sim3 {
+    Sim3 { scale, ..pose(k).into() }
+}
+
 fn seen(landmark: i64, u: f64) -> Observation {
     Observation {
         landmark: id(landmark),
@@ -48,7 +52,7 @@ fn keyframe(k: i64, observations: Vec<Observation>, landmarks: Vec<NewLandmark>)
         odom_from_camera: pose(0.5 * k as f64),
         observations,
         landmarks,
-        motion: Some(pose(0.0625)),
+        motion: Some(similarity(0.0625, if k % 2 == 1 { 0.37 } else { 1.0 })),
         global_descriptor: (k % 2 == 1).then(|| {
             let (name, data) = ("vlad".to_owned(), vec![k as u8, 0, 0x80, 0x3f]);
             Arc::new(Descriptor { kind: DescriptorKind::Float32, name, data })
@@ -192,7 +196,7 @@ pub(in crate::store) fn every_change() -> Vec<Event> {
         camera(1),
         camera(2),
         keyframe(10, vec![rich, float], vec![new(1, 1.0), new(2, -0.0)]),
-        Change::LandmarksAdded { landmarks: vec![new(3, 3.0), unplaced] },
+        Change::LandmarksAdded { landmarks: vec![new(3, 3.0), unplaced], scale: 0.37 },
         keyframe(11, vec![bytes, twice, seen(4, 9.0)], Vec::new()),
         Change::ObservationsAdded { keyframe: id(10), observations: vec![seen(3, 7.0)] },
         constraint(0, ConstraintKind::Odometry),
@@ -350,8 +354,9 @@ fn merges(changes: &[Change]) -> Vec<Change> {
     };
     let names = BTreeMap::from([("mower".to_owned(), "mower-2".to_owned())]);
     let mut changes = Vec::new();
-    for links in [vec![link], Vec::new()] {
-        let merge = target.merge_of(("garden", &source), pose(1.5), &names, &links).unwrap();
+    for (links, scale) in [(vec![link], 1.0), (Vec::new(), 0.37)] {
+        let at = similarity(1.5, scale);
+        let merge = target.merge_of(("garden", &source), at, &names, &links).unwrap();
         let out = Change::MapTakenOut { name: "garden".to_owned() };
         for change in [Change::MapMerged { merge: Box::new(merge) }, out] {
             target.apply(&event((target.revision() + 1, &change))).unwrap();

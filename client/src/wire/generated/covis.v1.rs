@@ -1329,6 +1329,10 @@ pub struct MergedMap {
     /// The clients that came with it, by their names in the map.
     #[prost(string, repeated, tag = "3")]
     pub client_ids: ::prost::alloc::vec::Vec<::prost::alloc::string::String>,
+    /// Length in the map of a unit of length of the merged map, as it was at the merge, greater than 0:
+    /// point_in_map = target_from_source * (scale * point). Absent (0) in answers of earlier servers: 1.
+    #[prost(double, tag = "4")]
+    pub scale: f64,
 }
 impl ::prost::Name for MergedMap {
     const NAME: &'static str = "MergedMap";
@@ -1396,6 +1400,9 @@ pub struct MapClient {
     /// Where its odometry frame lies in the map: world = map_from_odom * odom. See ClientFrame.
     #[prost(message, optional, tag = "4")]
     pub map_from_odom: ::core::option::Option<RigidTransform>,
+    /// Length in the map of a unit of length of the client. See ClientFrame.
+    #[prost(double, tag = "5")]
+    pub scale: f64,
 }
 impl ::prost::Name for MapClient {
     const NAME: &'static str = "MapClient";
@@ -1764,12 +1771,19 @@ pub struct ClientFrame {
     #[prost(string, tag = "1")]
     pub client_id: ::prost::alloc::string::String,
     /// Pose of the odometry frame in the world frame, from the client's newest keyframe:
-    /// world_from_camera (optimized) * inverse(odom_from_camera).
+    /// world_from_camera (optimized) * inverse(odom_from_camera), with lengths in the client's unit:
+    /// point_in_map = scale * (map_from_odom * point_in_odom).
     #[prost(message, optional, tag = "2")]
     pub map_from_odom: ::core::option::Option<RigidTransform>,
     /// The keyframe that it was computed from.
     #[prost(message, optional, tag = "3")]
     pub keyframe: ::core::option::Option<KeyframeRef>,
+    /// Length in the map of a unit of length of the client, greater than 0: 1, unless its map was made
+    /// without measured lengths and was scaled by a merge. The client goes on in its own unit: the server
+    /// multiplies what it sends by scale, and it divides what it receives. Absent (0) in answers of earlier
+    /// servers: 1.
+    #[prost(double, tag = "4")]
+    pub scale: f64,
 }
 impl ::prost::Name for ClientFrame {
     const NAME: &'static str = "ClientFrame";
@@ -3407,6 +3421,12 @@ pub struct MergeMapsRequest {
     /// New names of clients of the source. Required for those that the target has too.
     #[prost(message, repeated, tag = "5")]
     pub renamed_clients: ::prost::alloc::vec::Vec<RenamedClient>,
+    /// Length in the target of a unit of length of the source, 1e-6 to 1e6: point_in_target =
+    /// target_from_source * (scale * point_in_source). Only with target_from_source or constraints, whose
+    /// lengths are in the target's unit, and only 1 for a source that measures lengths. Default: 1 with
+    /// these, else found with the places for a source that measures none.
+    #[prost(double, tag = "6")]
+    pub scale: f64,
 }
 impl ::prost::Name for MergeMapsRequest {
     const NAME: &'static str = "MergeMapsRequest";
@@ -3450,6 +3470,10 @@ pub struct MergeMapsResponse {
     /// Loop closures between both maps that the merge added. 0 where an earlier call had merged them.
     #[prost(int64, tag = "3")]
     pub closure_count: i64,
+    /// Length in the target of a unit of length of the source; 1 unless the source was scaled. Absent (0) in
+    /// answers of earlier servers: 1.
+    #[prost(double, tag = "4")]
+    pub scale: f64,
 }
 impl ::prost::Name for MergeMapsResponse {
     const NAME: &'static str = "MergeMapsResponse";
@@ -4369,7 +4393,9 @@ pub mod map_service_client {
                 .insert(GrpcMethod::new("covis.v1.MapService", "DeleteMap"));
             self.inner.unary(req, path, codec).await
         }
-        /// Moves the content of one map into another: its clients with all that is theirs. The name of the
+        /// Moves the content of one map into another: its clients with all that is theirs. A source that
+        /// measures no lengths (by depths, or by priors apart from each other) is scaled to the target's unit;
+        /// its clients go on in their own, see ClientFrame.scale. The name of the
         /// source leads to the target from then on, so that its robots go on by themselves: their streams and
         /// watches end with UNAVAILABLE (MAP_MOVING) and go on where they were when they are opened again.
         /// Calling it again after it was cut off finishes it.
@@ -4380,7 +4406,8 @@ pub mod map_service_client {
         /// * FAILED_PRECONDITION: a map is frozen (the target) or poisoned; both hold a client of one name
         ///  (CLIENT_IN_BOTH); both hold priors of different anchors (ANCHOR_IN_USE); too few places that both
         ///  show agree (NOT_ALIGNED), or the target recognizes none (NO_PLACE_RECOGNITION); the source is part
-        ///  of a third map (MAP_MERGED).
+        ///  of a third map (MAP_MERGED); the source measures lengths and is to be scaled (SCALE_MEASURED), or it
+        ///  alone measures them and nobody says where it lies (TARGET_WITHOUT_SCALE: merge the other way round).
         /// * RESOURCE_EXHAUSTED: the target has no room for the source, or too many solves wait.
         /// * DEADLINE_EXCEEDED: the deadline passed before the merge began.
         /// * INTERNAL: a bug.
@@ -4785,7 +4812,9 @@ pub mod map_service_server {
             tonic::Response<super::DeleteMapResponse>,
             tonic::Status,
         >;
-        /// Moves the content of one map into another: its clients with all that is theirs. The name of the
+        /// Moves the content of one map into another: its clients with all that is theirs. A source that
+        /// measures no lengths (by depths, or by priors apart from each other) is scaled to the target's unit;
+        /// its clients go on in their own, see ClientFrame.scale. The name of the
         /// source leads to the target from then on, so that its robots go on by themselves: their streams and
         /// watches end with UNAVAILABLE (MAP_MOVING) and go on where they were when they are opened again.
         /// Calling it again after it was cut off finishes it.
@@ -4796,7 +4825,8 @@ pub mod map_service_server {
         /// * FAILED_PRECONDITION: a map is frozen (the target) or poisoned; both hold a client of one name
         ///  (CLIENT_IN_BOTH); both hold priors of different anchors (ANCHOR_IN_USE); too few places that both
         ///  show agree (NOT_ALIGNED), or the target recognizes none (NO_PLACE_RECOGNITION); the source is part
-        ///  of a third map (MAP_MERGED).
+        ///  of a third map (MAP_MERGED); the source measures lengths and is to be scaled (SCALE_MEASURED), or it
+        ///  alone measures them and nobody says where it lies (TARGET_WITHOUT_SCALE: merge the other way round).
         /// * RESOURCE_EXHAUSTED: the target has no room for the source, or too many solves wait.
         /// * DEADLINE_EXCEEDED: the deadline passed before the merge began.
         /// * INTERNAL: a bug.

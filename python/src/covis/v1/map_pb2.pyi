@@ -85,14 +85,16 @@ class Map(_message.Message):
     def __init__(self, map_id: _Optional[str] = ..., display_name: _Optional[str] = ..., policy: _Optional[_Union[MapPolicy, _Mapping]] = ..., state: _Optional[_Union[MapState, str]] = ..., create_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., update_time: _Optional[_Union[datetime.datetime, _timestamp_pb2.Timestamp, _Mapping]] = ..., revision: _Optional[int] = ..., counts: _Optional[_Union[MapCounts, _Mapping]] = ..., landmark_bounds: _Optional[_Union[_geometry_pb2.Bounds3, _Mapping]] = ..., clients: _Optional[_Iterable[_Union[MapClient, _Mapping]]] = ..., uid: _Optional[str] = ..., adjustment_due: bool = ..., merged_maps: _Optional[_Iterable[_Union[MergedMap, _Mapping]]] = ...) -> None: ...
 
 class MergedMap(_message.Message):
-    __slots__ = ("map_id", "target_from_source", "client_ids")
+    __slots__ = ("map_id", "target_from_source", "client_ids", "scale")
     MAP_ID_FIELD_NUMBER: _ClassVar[int]
     TARGET_FROM_SOURCE_FIELD_NUMBER: _ClassVar[int]
     CLIENT_IDS_FIELD_NUMBER: _ClassVar[int]
+    SCALE_FIELD_NUMBER: _ClassVar[int]
     map_id: str
     target_from_source: _geometry_pb2.RigidTransform
     client_ids: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, map_id: _Optional[str] = ..., target_from_source: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., client_ids: _Optional[_Iterable[str]] = ...) -> None: ...
+    scale: float
+    def __init__(self, map_id: _Optional[str] = ..., target_from_source: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., client_ids: _Optional[_Iterable[str]] = ..., scale: _Optional[float] = ...) -> None: ...
 
 class MapCounts(_message.Message):
     __slots__ = ("camera_count", "rig_count", "keyframe_count", "landmark_count", "positioned_landmark_count", "observation_count", "constraint_count", "size_bytes", "switched_off_constraint_count")
@@ -117,16 +119,18 @@ class MapCounts(_message.Message):
     def __init__(self, camera_count: _Optional[int] = ..., rig_count: _Optional[int] = ..., keyframe_count: _Optional[int] = ..., landmark_count: _Optional[int] = ..., positioned_landmark_count: _Optional[int] = ..., observation_count: _Optional[int] = ..., constraint_count: _Optional[int] = ..., size_bytes: _Optional[int] = ..., switched_off_constraint_count: _Optional[int] = ...) -> None: ...
 
 class MapClient(_message.Message):
-    __slots__ = ("client_id", "epoch", "next_sequence", "map_from_odom")
+    __slots__ = ("client_id", "epoch", "next_sequence", "map_from_odom", "scale")
     CLIENT_ID_FIELD_NUMBER: _ClassVar[int]
     EPOCH_FIELD_NUMBER: _ClassVar[int]
     NEXT_SEQUENCE_FIELD_NUMBER: _ClassVar[int]
     MAP_FROM_ODOM_FIELD_NUMBER: _ClassVar[int]
+    SCALE_FIELD_NUMBER: _ClassVar[int]
     client_id: str
     epoch: int
     next_sequence: int
     map_from_odom: _geometry_pb2.RigidTransform
-    def __init__(self, client_id: _Optional[str] = ..., epoch: _Optional[int] = ..., next_sequence: _Optional[int] = ..., map_from_odom: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ...) -> None: ...
+    scale: float
+    def __init__(self, client_id: _Optional[str] = ..., epoch: _Optional[int] = ..., next_sequence: _Optional[int] = ..., map_from_odom: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., scale: _Optional[float] = ...) -> None: ...
 
 class MapPolicy(_message.Message):
     __slots__ = ("observation_loss", "constraint_loss", "window_keyframe_count", "min_shared_landmark_count", "gauge", "local_bundle_adjustment", "loop_closure_optimization", "max_iteration_count", "limits", "loop_closure_robustness", "when_full", "geodetic_anchor", "closure_adjustment", "place_recognition")
@@ -289,11 +293,13 @@ class Landmark(_message.Message):
     def __init__(self, client_id: _Optional[str] = ..., id: _Optional[int] = ..., point_in_world: _Optional[_Union[_geometry_pb2.Vector3, _Mapping]] = ..., descriptor: _Optional[_Union[Descriptor, _Mapping]] = ..., reference_keyframe: _Optional[_Union[KeyframeRef, _Mapping]] = ..., observation_count: _Optional[int] = ..., state: _Optional[_Union[LandmarkState, str]] = ..., duplicate_of: _Optional[_Union[LandmarkRef, _Mapping]] = ...) -> None: ...
 
 class ClientFrame(_message.Message):
-    __slots__ = ("client_id", "map_from_odom", "keyframe")
+    __slots__ = ("client_id", "map_from_odom", "keyframe", "scale")
     CLIENT_ID_FIELD_NUMBER: _ClassVar[int]
     MAP_FROM_ODOM_FIELD_NUMBER: _ClassVar[int]
     KEYFRAME_FIELD_NUMBER: _ClassVar[int]
+    SCALE_FIELD_NUMBER: _ClassVar[int]
     client_id: str
     map_from_odom: _geometry_pb2.RigidTransform
     keyframe: KeyframeRef
-    def __init__(self, client_id: _Optional[str] = ..., map_from_odom: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., keyframe: _Optional[_Union[KeyframeRef, _Mapping]] = ...) -> None: ...
+    scale: float
+    def __init__(self, client_id: _Optional[str] = ..., map_from_odom: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., keyframe: _Optional[_Union[KeyframeRef, _Mapping]] = ..., scale: _Optional[float] = ...) -> None: ...

@@ -115,18 +115,20 @@ class DeleteMapResponse(_message.Message):
     def __init__(self) -> None: ...
 
 class MergeMapsRequest(_message.Message):
-    __slots__ = ("target_map_id", "source_map_id", "target_from_source", "constraints", "renamed_clients")
+    __slots__ = ("target_map_id", "source_map_id", "target_from_source", "constraints", "renamed_clients", "scale")
     TARGET_MAP_ID_FIELD_NUMBER: _ClassVar[int]
     SOURCE_MAP_ID_FIELD_NUMBER: _ClassVar[int]
     TARGET_FROM_SOURCE_FIELD_NUMBER: _ClassVar[int]
     CONSTRAINTS_FIELD_NUMBER: _ClassVar[int]
     RENAMED_CLIENTS_FIELD_NUMBER: _ClassVar[int]
+    SCALE_FIELD_NUMBER: _ClassVar[int]
     target_map_id: str
     source_map_id: str
     target_from_source: _geometry_pb2.RigidTransform
     constraints: _containers.RepeatedCompositeFieldContainer[_constraint_pb2.RelativePoseConstraint]
     renamed_clients: _containers.RepeatedCompositeFieldContainer[RenamedClient]
-    def __init__(self, target_map_id: _Optional[str] = ..., source_map_id: _Optional[str] = ..., target_from_source: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., constraints: _Optional[_Iterable[_Union[_constraint_pb2.RelativePoseConstraint, _Mapping]]] = ..., renamed_clients: _Optional[_Iterable[_Union[RenamedClient, _Mapping]]] = ...) -> None: ...
+    scale: float
+    def __init__(self, target_map_id: _Optional[str] = ..., source_map_id: _Optional[str] = ..., target_from_source: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., constraints: _Optional[_Iterable[_Union[_constraint_pb2.RelativePoseConstraint, _Mapping]]] = ..., renamed_clients: _Optional[_Iterable[_Union[RenamedClient, _Mapping]]] = ..., scale: _Optional[float] = ...) -> None: ...
 
 class RenamedClient(_message.Message):
     __slots__ = ("client_id", "new_client_id")
@@ -137,14 +139,16 @@ class RenamedClient(_message.Message):
     def __init__(self, client_id: _Optional[str] = ..., new_client_id: _Optional[str] = ...) -> None: ...
 
 class MergeMapsResponse(_message.Message):
-    __slots__ = ("map", "target_from_source", "closure_count")
+    __slots__ = ("map", "target_from_source", "closure_count", "scale")
     MAP_FIELD_NUMBER: _ClassVar[int]
     TARGET_FROM_SOURCE_FIELD_NUMBER: _ClassVar[int]
     CLOSURE_COUNT_FIELD_NUMBER: _ClassVar[int]
+    SCALE_FIELD_NUMBER: _ClassVar[int]
     map: _map_pb2.Map
     target_from_source: _geometry_pb2.RigidTransform
     closure_count: int
-    def __init__(self, map: _Optional[_Union[_map_pb2.Map, _Mapping]] = ..., target_from_source: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., closure_count: _Optional[int] = ...) -> None: ...
+    scale: float
+    def __init__(self, map: _Optional[_Union[_map_pb2.Map, _Mapping]] = ..., target_from_source: _Optional[_Union[_geometry_pb2.RigidTransform, _Mapping]] = ..., closure_count: _Optional[int] = ..., scale: _Optional[float] = ...) -> None: ...
 
 class UndoMergeRequest(_message.Message):
     __slots__ = ("map_id", "source_map_id")

@@ -594,6 +594,10 @@ pub struct KeyframeAdded {
     /// What the whole image looks like.
     #[prost(message, optional, tag = "9")]
     pub global_descriptor: ::core::option::Option<Descriptor>,
+    /// Bits of the length in the map of the client's unit, with a motion; absent, 1. It scales start estimate,
+    /// odometry and landmarks before the motion.
+    #[prost(fixed64, optional, tag = "10")]
+    pub scale: ::core::option::Option<u64>,
 }
 impl ::prost::Name for KeyframeAdded {
     const NAME: &'static str = "KeyframeAdded";
@@ -611,6 +615,9 @@ pub struct LandmarksAdded {
     /// The landmarks.
     #[prost(message, repeated, tag = "1")]
     pub landmarks: ::prost::alloc::vec::Vec<Point>,
+    /// Bits of the length in the map of the client's unit, which scales positions; absent, 1.
+    #[prost(fixed64, optional, tag = "2")]
+    pub scale: ::core::option::Option<u64>,
 }
 impl ::prost::Name for LandmarksAdded {
     const NAME: &'static str = "LandmarksAdded";
@@ -1109,6 +1116,9 @@ pub struct MapMerged {
     /// Loop closures between both.
     #[prost(message, repeated, tag = "5")]
     pub closures: ::prost::alloc::vec::Vec<Constraint>,
+    /// Bits of the length in this map of its unit; absent, 1. The content is scaled.
+    #[prost(fixed64, optional, tag = "6")]
+    pub scale: ::core::option::Option<u64>,
 }
 impl ::prost::Name for MapMerged {
     const NAME: &'static str = "MapMerged";
@@ -1536,6 +1546,9 @@ pub struct MergedMap {
     /// The clients that came with it.
     #[prost(message, repeated, tag = "7")]
     pub clients: ::prost::alloc::vec::Vec<MergedClient>,
+    /// Bits of the length in the map of its unit; absent, 1.
+    #[prost(fixed64, optional, tag = "8")]
+    pub scale: ::core::option::Option<u64>,
 }
 impl ::prost::Name for MergedMap {
     const NAME: &'static str = "MergedMap";
@@ -1614,6 +1627,9 @@ pub struct Client {
     /// Poses of its odometry frame in the world from before large corrections, the oldest first.
     #[prost(message, repeated, tag = "7")]
     pub earlier_frames: ::prost::alloc::vec::Vec<Pose>,
+    /// Bits of the length in the map of its unit of length; absent, 1.
+    #[prost(fixed64, optional, tag = "8")]
+    pub scale: ::core::option::Option<u64>,
 }
 impl ::prost::Name for Client {
     const NAME: &'static str = "Client";
