@@ -207,6 +207,13 @@ std::optional<Pose> Map::map_from_odom(const std::string& client_id) const {
     });
 }
 
+double Map::scale(const std::string& client_id) const {
+    return state_->read([&](const auto& mirror) {
+        const auto found = mirror.scales.find(client_id);
+        return found == mirror.scales.end() ? 1.0 : found->second;
+    });
+}
+
 void Map::wait(std::int64_t revision, Timeout timeout) const {
     wait_until([&] { return this->revision() >= revision; }, timeout);
 }

@@ -89,8 +89,11 @@ void Mirror::apply_part(const v1::MapDelta& part, MapChanges& changes) {
     for (const auto& frame : part.client_frames()) {
         if (frame.has_keyframe()) {
             frames[frame.client_id()] = Pose::from_message(frame.map_from_odom());
+            // An earlier server sends none.
+            scales[frame.client_id()] = frame.scale() > 0.0 ? frame.scale() : 1.0;
         } else {
             frames.erase(frame.client_id());
+            scales.erase(frame.client_id());
         }
     }
     for (const auto& gone : part.removed_keyframes()) {

@@ -29,6 +29,7 @@ struct Mirror {
     std::map<Ref, std::optional<Vector3>> landmarks;
     std::map<Ref, v1::Constraint> constraints;
     std::map<std::string, Pose> frames;
+    std::map<std::string, double> scales;
 
     /// Applies a whole delta, given as all its parts in order, and tells what it changed. Where the
     /// parts do not belong together or the delta starts from another revision, `error` says so and the

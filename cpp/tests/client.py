@@ -217,6 +217,9 @@ class Map:
         row = frames.get(client_id)
         return _poses.join_pose(row[:3], row[3:]) if row else None
 
+    def scale(self, client_id):
+        return dict(self._driver.ask("map")["scales"]).get(client_id, 1.0)
+
     def wait(self, revision, timeout=None):
         self._driver.ask("wait_revision", revision, _ms(timeout))
 

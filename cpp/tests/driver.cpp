@@ -296,6 +296,11 @@ class Driver {
             }
             out.text() << ']';
         });
+        json.list("scales", map_->clients(), [&](Json& out, const std::string& client_id) {
+            out.text() << '[';
+            out.quote(client_id);
+            out.text() << ',' << map_->scale(client_id) << ']';
+        });
     }
 
     std::mutex mutex_;

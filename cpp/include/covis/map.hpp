@@ -66,8 +66,14 @@ class Map {
     std::map<Ref, v1::Constraint> constraints() const;
     /// The loop closures, those that are switched off too.
     std::vector<Closure> closures() const;
-    /// Where a client's odometry frame lies in the map; nothing while it has no keyframe.
+    /// Where a client's odometry frame lies in the map; nothing while it has no keyframe. It is in the
+    /// client's unit of length, in which the client makes its start estimates:
+    /// `world_from_camera = map_from_odom * odom_from_camera`. See `scale`.
     std::optional<Pose> map_from_odom(const std::string& client_id) const;
+    /// The length in the map of a client's unit of length: 1, unless its map was made without measured
+    /// lengths and became part of another one. What a client sends is in its own unit; poses and
+    /// landmarks here are in the map's, and it divides them by this.
+    double scale(const std::string& client_id) const;
 
     /// Waits until the mirror holds `revision` (of an ack, say) or a later one.
     void wait(std::int64_t revision, Timeout timeout = {}) const;
