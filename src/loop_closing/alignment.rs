@@ -51,13 +51,13 @@ pub struct Alignment {
 /// Why it is not known where a map lies in another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "of {searched} keyframes of the source, {found} show a place of the target, and {agreeing} of these \
-     agree where the source lies; {LEAST_AGREEING} and two thirds are needed"
+    "{searched} keyframes of the source show {found} places of the target, and {agreeing} of these agree \
+     where the source lies; {LEAST_AGREEING} and two thirds are needed"
 )]
 pub struct NotAligned {
     /// Keyframes of the source that were searched in the target.
     pub searched: usize,
-    /// Those that were found.
+    /// Places of the target that they show. A keyframe counts twice that shows two which do not agree.
     pub found: usize,
     /// The most of these that agree.
     pub agreeing: usize,
@@ -88,6 +88,26 @@ struct Scale {
 }
 
 impl Found {
+    fn new(
+        target: &Map,
+        (source, keyframe): (EntityId, &Keyframe),
+        located: &Located,
+        scale: Option<Scale>,
+    ) -> Option<Self> {
+        Some(Self {
+            link: Link {
+                target: located.keyframe,
+                source,
+                target_from_source: located.verified.candidate_from_query,
+                information: located.verified.information,
+            },
+            in_source: keyframe.world_from_camera,
+            in_target: located.world_from_view,
+            candidate: target.keyframes().get(&located.keyframe)?.world_from_camera,
+            scale,
+        })
+    }
+
     fn scale(&self) -> f64 {
         self.scale.as_ref().map_or(1.0, |scale| scale.length)
     }
@@ -134,7 +154,7 @@ pub fn align(
 ) -> Result<Alignment, NotAligned> {
     let is_scaled = !source.has_metric_scale();
     let meter = meter(target);
-    let (mut searched, mut found) = (0, Vec::new());
+    let (mut searched, mut found, mut contradicted) = (0, Vec::new(), 0);
     let mut best = Vec::new();
     for (id, keyframe) in spread(source).into_iter().take(MOST_SEARCHED) {
         if interrupt.is_due() || best.len() >= ENOUGH {
@@ -145,41 +165,38 @@ pub fn align(
         let view = View::of_keyframe(source, keyframe).map(|view| View { camera_id: None, ..view });
         let Some(view) = view else { continue };
         let Ok(candidates) = candidates(&view) else { continue };
-        let seed = (id.id as u64, interrupt);
-        let (_, located) = locate(target, &view, &candidates, seed, |_, _| Ok(()));
-        let Some(located) = located else { continue };
-        let Some(candidate) = target.keyframes().get(&located.keyframe) else { continue };
-        let scale = match is_scaled {
-            true => match scale_at(target, source, (id, keyframe), &located, interrupt) {
+        let mut rest = candidates.as_slice();
+        let mut places = std::iter::from_fn(|| {
+            loop {
+                let (_, located) =
+                    locate(target, &view, rest, (id.id as u64, interrupt), |_, _| Ok(()));
+                let located = located?;
+                let at =
+                    rest.iter().position(|candidate| candidate.keyframe == located.keyframe)?;
+                rest = &rest[at + 1..];
+                if !is_scaled {
+                    return Found::new(target, (id, keyframe), &located, None);
+                }
+                let scale = scale_at(target, source, (id, keyframe), &located, interrupt);
                 // A place that does not say how long the source's unit is says nothing.
-                None => continue,
-                scale => scale,
-            },
-            false => None,
-        };
-        found.push(Found {
-            link: Link {
-                target: located.keyframe,
-                source: id,
-                target_from_source: located.verified.candidate_from_query,
-                information: located.verified.information,
-            },
-            in_source: keyframe.world_from_camera,
-            in_target: located.world_from_view,
-            candidate: candidate.world_from_camera,
-            scale,
+                if scale.is_some() {
+                    return Found::new(target, (id, keyframe), &located, scale);
+                }
+            }
         });
+        let Some(place) = places.next() else { continue };
+        // A room may have a twin: which of both is found first says nothing.
+        contradicted += usize::from(places.any(|other| !other.agrees(&place, meter)));
+        found.push(place);
         best = most_agreeing(&found, meter);
     }
-    let agreeing = best.len();
-    let first =
-        best.first().filter(|_| agreeing >= LEAST_AGREEING && 3 * agreeing >= 2 * found.len());
-    match first {
-        Some(first) => Ok(Alignment {
+    let (found, agreeing) = (found.len() + contradicted, best.len());
+    match best.first() {
+        Some(first) if agreeing >= LEAST_AGREEING && 3 * agreeing >= 2 * found => Ok(Alignment {
             target_from_source: joint(&best).unwrap_or_else(|| first.target_from_source()),
             links: best.iter().map(|found| found.link).collect(),
         }),
-        None => Err(NotAligned { searched, found: found.len(), agreeing }),
+        _ => Err(NotAligned { searched, found, agreeing }),
     }
 }
 

@@ -38,6 +38,7 @@ pub(crate) const SIGMA_PX: f64 = 0.7;
 pub(crate) const FLIPPED: f64 = 0.12;
 
 /// Where a robot walks.
+#[derive(Clone)]
 pub(crate) struct Course {
     /// Corners of the way, m.
     pub(crate) way: Vec<[f64; 2]>,

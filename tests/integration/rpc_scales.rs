@@ -189,14 +189,14 @@ async fn merged_with(host: &Made) {
     adjusted(&server, "run-0").await;
     let [own, other] = errors(&server, "run-0", [host, &guest]).await;
     println!("landmarks: {:.1} mm of the host, {:.1} mm of the guest", 1e3 * own, 1e3 * other);
-    assert!(own < 0.02 && other < 0.02, "{own} {other} m");
+    assert!(own < 1.2 * alone && other < 1.2 * alone, "{own} {other} of {alone} m");
     // Both robots' keyframes are in one unit: landmarks that both see say more than the places at the merge.
     let units = [
         unit_of(&server, "run-0", &robot(0), host).await,
         unit_of(&server, "run-0", &robot(1), &guest).await,
     ];
     println!("a meter is {:.4} and {:.4} long", units[0], units[1]);
-    assert!((units[1] / units[0] - 1.0).abs() < 0.003, "{units:?}");
+    assert!((units[1] / units[0] - 1.0).abs() < 0.005, "{units:?}");
     let undo =
         v1::UndoMergeRequest { map_id: "run-0".to_owned(), source_map_id: "run-1".to_owned() };
     server.maps().undo_merge(undo).await.unwrap();
@@ -250,7 +250,7 @@ fn the_scale_of_two_maps_with_depth_is_an_error_and_no_freedom() {
         };
         let status = refused(placed("run-1", 1.25)).await;
         check_status(&status, Code::FailedPrecondition, "SCALE_MEASURED");
-        for scale in [-1.0, 1e-7, 1e7, f64::NAN] {
+        for scale in [-1.0, 1e-7, 1e7, 1e300, f64::NAN, f64::INFINITY, f64::MIN_POSITIVE] {
             check_field(&refused(placed("run-2", scale)).await, "scale", "OUT_OF_RANGE");
         }
         let found = v1::MergeMapsRequest { scale: 2.0, ..merge("run-0", "run-2") };
@@ -294,22 +294,22 @@ fn constraints_of_the_caller_are_in_the_unit_of_the_target() {
     });
 }
 
-/// A room without a scale is in each of its twins as well, at the same size.
+/// A room is in each of its twins as well, with a scale or without.
 #[test]
-fn a_map_without_scale_is_not_merged_where_two_rooms_look_alike() {
+fn a_map_is_not_merged_where_two_rooms_look_alike() {
     run(async {
         let server = TestServer::lock_step().await;
         let floor = Course { calibration_error: 0.0, ..twins() };
         // Its keyframes stand between those of the floor in either room.
-        let room = Course { way: around(0.0).collect(), step_m: 0.13, ..twins() };
-        for (host, is_metric) in [(walk_in(&floor, 1), true), (walk_in(&floor, 1), false)] {
-            let host = if is_metric { host } else { monocular(host, 1.0) };
-            let (target, source) = match is_metric {
-                true => ("metric", "in-metric"),
-                false => ("unscaled", "in-unscaled"),
-            };
-            build(&server, target, &robot(0), &host).await;
-            build(&server, source, &robot(1), &monocular(walk_in(&room, 2), UNIT)).await;
+        let room = Course { way: around(0.0).collect(), step_m: 0.13, ..floor.clone() };
+        let (host, guest) = (walk_in(&floor, 1), walk_in(&room, 2));
+        build(&server, "floor", &robot(0), &host).await;
+        build(&server, "room", &robot(1), &guest).await;
+        build(&server, "unscaled-room", &robot(2), &monocular(guest, UNIT)).await;
+        build(&server, "unscaled-floor", &robot(3), &monocular(host, 1.0)).await;
+        for (target, source) in
+            [("floor", "room"), ("floor", "unscaled-room"), ("unscaled-floor", "unscaled-room")]
+        {
             let status = server.maps().merge_maps(merge(target, source)).await.unwrap_err();
             check_status(&status, Code::FailedPrecondition, "NOT_ALIGNED");
         }
