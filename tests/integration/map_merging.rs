@@ -11,7 +11,9 @@ use covis_solvers::geometry::{LieGroup, Se3, So3};
 use covis_solvers::information::Information;
 use nalgebra::{Matrix3, Vector3};
 
-use crate::map_support::{Journal, ROBOT, fix, id, pose_at, pose_error, relative_pose, street};
+use crate::map_support::{
+    Journal, ROBOT, fix, id, pose_at, pose_error, relative_pose, street, street_keyframe,
+};
 
 /// The street of another robot with a closure and a fix of its own, in a frame of its own.
 fn other(name: &str) -> Journal {
@@ -190,6 +192,22 @@ fn what_clients_see_of_each_other_stays_on_its_side_when_they_part() {
         target.map.observation_count(),
         street(4, MapPolicy::default()).map.observation_count()
     );
+}
+
+#[test]
+fn a_keyframe_that_stays_loses_a_camera_that_leaves() {
+    let (mut target, _) = merged();
+    let mut item = street_keyframe(4, pose_at(4.0), &target.map);
+    let Item::Keyframe { camera, .. } = &mut item else { panic!() };
+    *camera = Some(EntityRef { client: Some("robot-b".to_owned()), id: 0 });
+    target.send(ROBOT, &item).unwrap();
+    is_whole(&target.map);
+    target.push(Change::MapTakenOut { name: "floor-2".to_owned() });
+    is_whole(&target.map);
+    let keyframe = target.map.keyframes().get(&id(4)).unwrap();
+    assert!(keyframe.camera.is_none() && keyframe.observations.is_empty());
+    assert_eq!(keyframe.world_from_camera, pose_at(4.0));
+    assert_eq!(Map::replay(target.events.iter()).unwrap(), target.map);
 }
 
 #[test]

@@ -103,6 +103,7 @@ impl Map {
             self.constraints.keys().chain(self.priors.keys()).copied().filter(goes).collect();
         left.into_iter().for_each(|id| self.revoke(id));
         self.cameras.retain(|id, _| !goes(id));
+        self.forget_cameras(&going);
         let digests: Vec<_> = self.contents.keys().copied().filter(|(_, id)| goes(id)).collect();
         for key in digests {
             self.contents.remove(&key);
@@ -114,5 +115,20 @@ impl Map {
         }
         self.place_searches.set_unsolved(self.revision);
         self.adjustment_due = false;
+    }
+
+    /// A keyframe that stays keeps its pose, and loses a camera that goes with all that it saw through it.
+    fn forget_cameras(&mut self, going: &BTreeSet<ClientIndex>) {
+        let has_lost = |keyframe: &Keyframe| {
+            keyframe.camera.is_some_and(|camera| going.contains(&camera.client))
+        };
+        let blind: Vec<EntityId> =
+            self.keyframes.iter().filter(|(_, k)| has_lost(k)).map(|(&id, _)| id).collect();
+        for id in blind {
+            let Some(keyframe) = self.keyframes.get_mut(&id) else { continue };
+            keyframe.camera = None;
+            let seen = keyframe.observations.clone();
+            self.remove_observations(seen.iter().map(|seen| (id, seen.landmark)));
+        }
     }
 }
