@@ -77,7 +77,7 @@ impl Scene {
             let (client, frames) = (&key.0, Frames::of(&key.0));
             let map_from_odom = match odometry.get(key) {
                 Some(odom_from_camera) => world_from_camera.compose(&odom_from_camera.inverse()),
-                None => mirror.map_from_odom(client).and_then(se3).unwrap_or_else(Se3::identity),
+                None => map_from_odom(mirror, client).unwrap_or_else(Se3::identity),
             };
             let odom_from_camera = map_from_odom.inverse().compose(&world_from_camera);
             sink.put("/tf", time_ns, &frames.chain(&map_from_odom, &odom_from_camera, time_ns))?;
@@ -124,7 +124,7 @@ impl Scene {
             let newest = mirror.client_frames.get(client).and_then(|frame| {
                 let keyframe = frame.keyframe.as_ref()?;
                 let key = (keyframe.client_id.clone(), keyframe.id);
-                Some((se3(frame.map_from_odom.as_ref()?)?, pose(mirror, &key)?))
+                Some((map_from_odom(mirror, client)?, pose(mirror, &key)?))
             });
             if let Some((map_from_odom, world_from_camera)) = newest {
                 let odom_from_camera = map_from_odom.inverse().compose(&world_from_camera);
@@ -168,6 +168,12 @@ pub(super) struct Frames {
     base: String,
     /// That of its camera.
     pub(super) camera: String,
+}
+
+/// Where a client's odometry frame lies in the map, in the map's unit of length, which all frames here are in.
+fn map_from_odom(mirror: &MapMirror, client: &str) -> Option<Se3> {
+    let in_its_unit = mirror.map_from_odom(client).and_then(se3)?;
+    Some(Se3::new(in_its_unit.rotation, in_its_unit.translation * mirror.scale(client)))
 }
 
 impl Frames {
@@ -366,5 +372,30 @@ fn calibration(camera: &v1::Camera, time_ns: u64) -> fx::CameraCalibration {
         r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
         p: vec![fx_px, 0.0, cx_px, 0.0, 0.0, fy_px, cy_px, 0.0, 0.0, 0.0, 1.0, 0.0],
         frame_id: Frames::of(&camera.client_id).camera,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_odometry_frame_of_a_client_with_a_scale_is_in_the_unit_of_the_map() {
+        let frame = |scale| v1::ClientFrame {
+            client_id: "robot".to_owned(),
+            map_from_odom: Some(v1::RigidTransform {
+                translation: Some(v1::Vector3 { x: 1.0, y: -2.0, z: 0.5 }),
+                rotation: Some(v1::Quaternion { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }),
+            }),
+            scale,
+            ..Default::default()
+        };
+        // 0 is what an earlier server sends.
+        for (scale, expected) in [(2.0, [2.0, -4.0, 1.0]), (0.0, [1.0, -2.0, 0.5])] {
+            let mut mirror = MapMirror::default();
+            mirror.client_frames.insert("robot".to_owned(), frame(scale));
+            let found = map_from_odom(&mirror, "robot").map(|pose| pose.translation);
+            assert_eq!(found, Some(Vector3::from(expected)));
+        }
     }
 }
