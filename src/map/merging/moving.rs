@@ -66,7 +66,7 @@ fn rescale(scale: f64, parts: &mut MapParts, keeps_priors: bool) -> Option<()> {
         match prior {
             Prior::Position { point_in_camera, .. } if keeps_priors => *point_in_camera *= scale,
             Prior::Pose { .. } if keeps_priors => {}
-            _ => *prior = scaling::prior(scale, prior)?,
+            Prior::Position { .. } | Prior::Pose { .. } => *prior = scaling::prior(scale, prior)?,
         }
     }
     for client in &mut parts.clients {
