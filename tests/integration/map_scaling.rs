@@ -36,27 +36,28 @@ fn sent(item: Item) -> Item {
         let of = |l: ItemLandmark| ItemLandmark { position: l.position.map(|p| p * UNIT), ..l };
         landmarks.into_iter().map(of).collect()
     };
-    match item {
-        Item::Keyframe {
-            id,
-            capture_time_ns,
-            camera,
-            world_from_camera,
-            odom_from_camera,
-            observations,
-            landmarks,
-            global_descriptor,
-        } => Item::Keyframe {
-            id,
-            capture_time_ns,
-            camera,
-            world_from_camera: in_unit(&world_from_camera),
-            odom_from_camera: odom_from_camera.map(|odom| in_unit(&odom)),
-            observations,
-            landmarks: scaled(landmarks),
-            global_descriptor,
-        },
-        other => other,
+    let Item::Keyframe {
+        id,
+        capture_time_ns,
+        camera,
+        world_from_camera,
+        odom_from_camera,
+        observations,
+        landmarks,
+        global_descriptor,
+    } = item
+    else {
+        return item;
+    };
+    Item::Keyframe {
+        id,
+        capture_time_ns,
+        camera,
+        world_from_camera: in_unit(&world_from_camera),
+        odom_from_camera: odom_from_camera.map(|odom| in_unit(&odom)),
+        observations,
+        landmarks: scaled(landmarks),
+        global_descriptor,
     }
 }
 
