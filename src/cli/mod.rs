@@ -33,6 +33,7 @@ mod solve;
 mod spans;
 mod synth;
 mod volume;
+mod worker;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -61,6 +62,8 @@ struct Cli {
 enum Command {
     /// Serve maps over gRPC until SIGTERM or ctrl-c.
     Serve,
+    /// Solve problem files of servers' jobs until SIGTERM or ctrl-c, in builds with the feature `cluster`.
+    Worker,
     /// Tell whether a server serves; the exit code is 0 if it does.
     Health(health::Args),
     /// Stream a BAL file or a COLMAP folder to a server, as a frontend would, then optimize the
@@ -111,9 +114,19 @@ pub fn command() -> clap::Command {
         command = command.mut_subcommand(name, |client| client.args(settings));
     }
     let of_server = flags(|setting| setting.get_help_heading().is_none());
+    const OF_WORKERS: [&str; 6] = [
+        "accept_unsynced_replicas",
+        "lease_seconds",
+        "nats",
+        "nats_monitoring",
+        "nats_replicas",
+        "threads",
+    ];
+    let of_workers = flags(|setting| OF_WORKERS.contains(&setting.get_id().as_str()));
     let of_solvers = flags(|setting| setting.get_id() == "threads");
     command
         .mut_subcommand("serve", |server| server.args(of_server))
+        .mut_subcommand("worker", |worker| worker.args(of_workers))
         .mut_subcommand("solve", |solver| solver.args(of_solvers))
 }
 
@@ -146,6 +159,7 @@ fn dispatch(cli: Cli, settings: Texts) -> anyhow::Result<()> {
     }
     match cli.command {
         Command::Serve => serve::run(&config),
+        Command::Worker => worker::run(&config),
         Command::Health(args) => health::run(&args, &config),
         Command::Replay(args) => replay::run(args, &config),
         Command::Solve(args) => solve::run(args, &config),

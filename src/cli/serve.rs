@@ -96,7 +96,9 @@ fn shared(
     config: &Config,
     address: SocketAddr,
 ) -> anyhow::Result<ServerConfig> {
-    let Some(nats) = &config.nats else { return Ok(settings) };
+    if config.nats.is_none() {
+        return Ok(settings);
+    }
     let scheme = if config.tls_cert.is_some() { "https" } else { "http" };
     let address = match &config.advertise {
         Some(url) => url.clone(),
@@ -107,17 +109,26 @@ fn shared(
         }
         None => format!("{scheme}://{address}"),
     };
+    Ok(ServerConfig { replication: replication(config, address), ..settings })
+}
+
+/// The settings of a process that is reached at `address`; `None` where no NATS is named.
+#[cfg(feature = "cluster")]
+pub(super) fn replication(
+    config: &Config,
+    address: String,
+) -> Option<crate::store::ReplicationOptions> {
+    let nats = config.nats.clone()?;
     let monitoring = config.nats_monitoring.as_deref().unwrap_or_default().split(',');
     let monitoring = monitoring.map(str::trim).filter(|url| !url.is_empty());
-    let replication = Some(crate::store::ReplicationOptions {
-        nats: nats.clone(),
+    Some(crate::store::ReplicationOptions {
+        nats,
         monitoring: monitoring.map(str::to_owned).collect(),
         accept_unsynced: config.accept_unsynced_replicas,
         replicas: config.nats_replicas,
         lease: Duration::from_secs(config.lease_seconds),
         address,
-    });
-    Ok(ServerConfig { replication, ..settings })
+    })
 }
 
 /// Without the feature `cluster` nothing is shared.

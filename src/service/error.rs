@@ -7,6 +7,7 @@ use super::access::hide_tenant;
 use super::engine::{EngineError, PoolError};
 use super::jobs::JobError;
 use crate::map::{Reason, Rejection};
+use crate::wire::v1;
 
 /// The end of a call that has no answer.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,6 +46,8 @@ pub(super) enum ServiceError {
     },
     /// An error of a job.
     Job(JobError),
+    /// A worker could not do its task: what the call would have answered there.
+    OfWorker(v1::JobFailure),
     /// Part of the wire, not served yet.
     Unserved {
         /// The call or value.

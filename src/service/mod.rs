@@ -62,6 +62,8 @@ pub use access::{AccessError, JwtOptions};
 pub use clock::Clock;
 pub use config::{KeepAlive, ServerConfig, default_ceilings, default_limits};
 pub use connections::ConnectionLimits;
+#[cfg(feature = "cluster")]
+pub use jobs::{Worker, WorkerConfig};
 pub(crate) use jobs::{kind as kind_of_job, maps_of as maps_of_job};
 pub use limits::{SolveLimits, TenantLimits};
 #[cfg(test)]

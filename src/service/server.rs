@@ -40,7 +40,9 @@ use super::readers::Readers;
 use super::routes::{Routed, SERVED, routes, transport};
 use super::telemetry::{self, ServerMeters};
 use super::tls::{self, Tls, TlsError};
-use crate::store::{FileStore, FileStoreOptions, JobFiles, MemoryStore, Store, StoreMeters};
+use crate::store::{
+    FileStore, FileStoreOptions, JobFiles, MemoryStore, Store, StoreMeters, TaskQueue,
+};
 #[cfg(feature = "cluster")]
 use crate::store::{ReplicatedStore, ReplicationError};
 
@@ -191,13 +193,14 @@ impl Server {
             Accounts::new(config.account_limits(), config.tenant_limits, config.map_limits());
         accounts.set_tenants(access.tenant_limits());
         let metrics = metrics_listener(&config).await?;
-        let Backend { store, counted, pool, readers, job_files } = match backend {
+        let Backend { store, counted, pool, readers, job_files, tasks } = match backend {
             Some(backend) => backend,
             None => Backend::open(&config, accounts).await?,
         };
         let meters = ServerMeters::new(counted);
         let (clock, retention) = (config.clock.clone(), config.job_retention);
-        let jobs = Jobs::new(job_files, pool.accounts().clone(), clock, retention, pool.threads());
+        let (accounts, threads) = (pool.accounts().clone(), pool.threads());
+        let jobs = Jobs::new(job_files, accounts, clock, retention, threads, tasks);
         let maps = Maps::new(store, pool, config.engine);
         let (drain, draining) = watch::channel(false);
         let connections = Connections::new(config.connections, telemetry::max_open_files());
@@ -259,7 +262,12 @@ pub(crate) struct Backend {
     pub(crate) readers: Readers,
     /// Where jobs are kept.
     pub(crate) job_files: JobFiles,
+    /// Where problems are given to workers.
+    pub(crate) tasks: Option<Arc<dyn TaskQueue>>,
 }
+
+/// The maps' store, and where problems are given to workers.
+type Shared = (Arc<dyn Store>, Option<Arc<dyn TaskQueue>>);
 
 impl Backend {
     /// Opens the backend of a configuration.
@@ -270,35 +278,30 @@ impl Backend {
         let Some(directory) = &config.data_dir else {
             let store = Arc::new(MemoryStore::new());
             let job_files = JobFiles::in_memory();
-            return Ok(Self { store, counted: Arc::default(), pool, readers, job_files });
+            let counted = Arc::default();
+            return Ok(Self { store, counted, pool, readers, job_files, tasks: None });
         };
         let opened = FileStore::open(directory, FileStoreOptions::default()).await;
         let store = opened.map_err(EngineError::Store)?;
         let (counted, job_files) = (store.meters(), store.job_files());
-        let store = Self::shared(config, store).await?;
-        Ok(Self { counted, store, pool, readers, job_files })
+        let (store, tasks) = Self::shared(config, store).await?;
+        Ok(Self { counted, store, pool, readers, job_files, tasks })
     }
 
     /// The store between several servers, where maps are shared.
     #[cfg(feature = "cluster")]
-    async fn shared(
-        config: &ServerConfig,
-        store: FileStore,
-    ) -> Result<Arc<dyn Store>, ServerError> {
-        match &config.replication {
-            Some(options) => Ok(Arc::new(ReplicatedStore::open(store, options.clone()).await?)),
-            None => Ok(Arc::new(store)),
-        }
+    async fn shared(config: &ServerConfig, store: FileStore) -> Result<Shared, ServerError> {
+        let Some(options) = &config.replication else { return Ok((Arc::new(store), None)) };
+        let store = ReplicatedStore::open(store, options.clone()).await?;
+        let tasks = store.tasks();
+        Ok((Arc::new(store), Some(tasks)))
     }
 
     /// Without the feature `cluster` maps are not shared.
     #[cfg(not(feature = "cluster"))]
     #[allow(clippy::unused_async, reason = "as with the feature")]
-    async fn shared(
-        _config: &ServerConfig,
-        store: FileStore,
-    ) -> Result<Arc<dyn Store>, ServerError> {
-        Ok(Arc::new(store))
+    async fn shared(_config: &ServerConfig, store: FileStore) -> Result<Shared, ServerError> {
+        Ok((Arc::new(store), None))
     }
 }
 

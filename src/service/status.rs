@@ -18,7 +18,7 @@ use super::jobs::JobError;
 use super::random::random_id;
 use crate::map::{MergeError, Reason, Rejection};
 use crate::store::StoreError;
-use crate::wire::v1::ViolationReason;
+use crate::wire::v1::{JobFailure, ViolationReason};
 
 /// `ErrorInfo.domain`.
 const DOMAIN: &str = "covis";
@@ -103,6 +103,7 @@ impl From<ServiceError> for Status {
                     .with("map_id", map)
             }
             ServiceError::Job(error) => job(error),
+            ServiceError::OfWorker(failure) => return of_worker(failure),
             ServiceError::Unserved { what } => {
                 let text = format!("{what} is not served yet");
                 Parts::new(Code::Unimplemented, "UNIMPLEMENTED", text)
@@ -147,6 +148,12 @@ impl From<ServiceError> for Status {
         }
         .status()
     }
+}
+
+fn of_worker(failure: JobFailure) -> Status {
+    let mut details = ErrorDetails::new();
+    details.set_error_info(failure.reason, DOMAIN, HashMap::new());
+    Status::with_error_details(Code::from_i32(failure.code), failure.message, details)
 }
 
 fn job(error: JobError) -> Parts {

@@ -335,7 +335,8 @@ async fn serve(disk: SimDisk) -> turmoil::Result {
     let (counted, pool) = (store.meters(), SolverPool::in_place());
     let readers = Readers::in_place();
     let job_files = JobFiles::in_memory();
-    let backend = Some(Backend { store: Arc::new(store), counted, pool, readers, job_files });
+    let backend =
+        Some(Backend { store: Arc::new(store), counted, pool, readers, job_files, tasks: None });
     let incoming = ReceiverStream::new(incoming);
     let Ok(starting) = Server::listen_to(incoming, address, config, backend).await else {
         return Ok(());

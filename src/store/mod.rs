@@ -13,6 +13,7 @@
 //! | `replicated` | the same and a stream on several machines ([decision 0037](../../docs/decisions/0037-cluster.md)), behind the feature `cluster` |
 //! | `encoding` | events and maps as bytes |
 //! | `job_files` | records of jobs, uploads and results |
+//! | `tasks` | work that other processes do |
 //! | `map_file` | a map as a file that can be moved to another server |
 
 use std::fmt;
@@ -36,6 +37,7 @@ mod meters;
 mod reader;
 #[cfg(feature = "cluster")]
 mod replicated;
+mod tasks;
 
 pub use encoding::EncodingError;
 pub use error::{Damage, StoreError};
@@ -53,7 +55,8 @@ pub use memory::MemoryStore;
 pub use meters::StoreMeters;
 pub use reader::{EventReader, Piece};
 #[cfg(feature = "cluster")]
-pub use replicated::{ReplicatedStore, ReplicationError, ReplicationOptions};
+pub use replicated::{ReplicatedStore, ReplicationError, ReplicationOptions, Taken, WorkerLink};
+pub use tasks::{TaskError, TaskQueue, TaskState};
 
 /// Counts the writers that a map has had; a newer one fences the older ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]

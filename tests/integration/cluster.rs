@@ -5,6 +5,7 @@
 
 mod nats;
 mod streams;
+mod workers;
 
 use std::path::Path;
 use std::sync::Arc;

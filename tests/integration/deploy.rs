@@ -78,6 +78,7 @@ fn every_command_of_units_images_and_manifests_is_one_that_covis_takes() {
         ("compose.cluster.yaml", "command:"),
         ("kubernetes/covis.yaml", "args:"),
         ("kubernetes/covis.yaml", "command:"),
+        ("kubernetes/worker.yaml", "args:"),
         ("Dockerfile", "CMD"),
     ] {
         for mut arguments in lists(file, key) {

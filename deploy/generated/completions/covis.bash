@@ -76,6 +76,9 @@ _covis() {
             covis,synth)
                 cmd="covis__subcmd__synth"
                 ;;
+            covis,worker)
+                cmd="covis__subcmd__worker"
+                ;;
             covis__subcmd__eval,ape)
                 cmd="covis__subcmd__eval__subcmd__ape"
                 ;;
@@ -165,6 +168,9 @@ _covis() {
                 ;;
             covis__subcmd__help,synth)
                 cmd="covis__subcmd__help__subcmd__synth"
+                ;;
+            covis__subcmd__help,worker)
+                cmd="covis__subcmd__help__subcmd__worker"
                 ;;
             covis__subcmd__help__subcmd__eval,ape)
                 cmd="covis__subcmd__help__subcmd__eval__subcmd__ape"
@@ -494,7 +500,7 @@ _covis() {
 
     case "${cmd}" in
         covis)
-            opts="-h -V --config --log --log-format --help --version doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve solve help"
+            opts="-h -V --config --log --log-format --help --version doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 1 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -1106,7 +1112,7 @@ _covis() {
             return 0
             ;;
         covis__subcmd__help)
-            opts="doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve solve help"
+            opts="doctor backup convert eval fuse mesh grid bench-frontend demo synth health job load map record replay run serve worker solve help"
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
@@ -1850,6 +1856,20 @@ _covis() {
         covis__subcmd__help__subcmd__synth__subcmd__rgbd)
             opts=""
             if [[ ${cur} == -* || ${COMP_CWORD} -eq 4 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__help__subcmd__worker)
+            opts=""
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 3 ]] ; then
                 COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
                 return 0
             fi
@@ -4539,6 +4559,52 @@ _covis() {
                     return 0
                     ;;
                 --frames)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --config)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --log-format)
+                    COMPREPLY=($(compgen -W "text json" -- "${cur}"))
+                    return 0
+                    ;;
+                *)
+                    COMPREPLY=()
+                    ;;
+            esac
+            COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+            return 0
+            ;;
+        covis__subcmd__worker)
+            opts="-h --threads --nats --nats-monitoring --nats-replicas --lease-seconds --accept-unsynced-replicas --config --log --log-format --help"
+            if [[ ${cur} == -* || ${COMP_CWORD} -eq 2 ]] ; then
+                COMPREPLY=( $(compgen -W "${opts}" -- "${cur}") )
+                return 0
+            fi
+            case "${prev}" in
+                --threads)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --nats)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --nats-monitoring)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --nats-replicas)
+                    COMPREPLY=($(compgen -f "${cur}"))
+                    return 0
+                    ;;
+                --lease-seconds)
                     COMPREPLY=($(compgen -f "${cur}"))
                     return 0
                     ;;

@@ -14,7 +14,10 @@
 //! | `schedule` | which job begins next; restarts; what has expired |
 //! | `run` | one job from its begin to its end |
 //! | `maps` | the work on maps: optimizing, compacting, merging, exporting, evaluating |
-//! | `problems` | the work on problem files |
+//! | `problems` | the work on problem files: which there are, one after the other |
+//! | `solving` | one problem, read and solved by a server or a worker |
+//! | `remote`, `task` | a problem that a worker solves, as its server sees it, and as messages |
+//! | `worker` | the process that solves problems of servers, behind the feature `cluster` |
 //! | `checkpoints` | solves of problem files on their way |
 //! | `progress` | how much longer a solve takes |
 //! | `report` | what is kept of a job's work as JSON |
@@ -29,18 +32,23 @@ mod maps;
 mod meters;
 mod problems;
 mod progress;
+mod remote;
 mod report;
 mod run;
 mod schedule;
+mod solving;
 mod spec;
+mod task;
 mod uploads;
+#[cfg(feature = "cluster")]
+mod worker;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use tokio::sync::Notify;
+use tokio::sync::{Notify, Semaphore};
 
 use super::access::Caller;
 use super::clock::Clock;
@@ -49,7 +57,7 @@ use super::convert::time::timestamp;
 use super::engine::{Accounts, FairQueue, Resource};
 use super::error::ServiceError;
 use super::random::random_uid;
-use crate::store::{JobFile, JobFiles, JobUid};
+use crate::store::{JobFile, JobFiles, JobUid, TaskQueue};
 use crate::wire::v1;
 use entry::{Entry, Held, JOB_BYTES, JobKey};
 use uploads::Waiting;
@@ -61,6 +69,11 @@ pub(in crate::service) use error::JobError;
 pub(super) use meters::JobMeters;
 pub(super) use schedule::serve;
 pub(crate) use spec::{kind, maps_of};
+#[cfg(feature = "cluster")]
+pub use worker::{Worker, WorkerConfig};
+
+/// Jobs that run besides those of the solver's threads where workers solve.
+const AT_WORKERS: usize = 32;
 
 /// Jobs of a server.
 pub(super) struct Jobs {
@@ -74,6 +87,10 @@ pub(super) struct Jobs {
     creating: tokio::sync::Mutex<()>,
     /// Wakes the schedule.
     wake: Notify,
+    /// Solves of problem files that this server does itself, at once.
+    solves_here: Semaphore,
+    /// Where problems are given to workers.
+    tasks: Option<Arc<dyn TaskQueue>>,
     /// Whether the server stops: what runs is left as it is, for the next start.
     stopping: AtomicBool,
     /// What is counted.
@@ -109,14 +126,16 @@ pub(super) struct JobList<'a> {
 }
 
 impl Jobs {
-    /// No jobs yet; at most `slots` run at once.
+    /// No jobs yet; at most `threads` run at once, and more where there is a queue to workers.
     pub(super) fn new(
         files: JobFiles,
         accounts: Accounts,
         clock: Clock,
         retention: Duration,
-        slots: usize,
+        threads: usize,
+        tasks: Option<Arc<dyn TaskQueue>>,
     ) -> Self {
+        let slots = if tasks.is_some() { threads + AT_WORKERS } else { threads };
         let table = Table {
             jobs: BTreeMap::new(),
             uploads: BTreeMap::new(),
@@ -132,6 +151,8 @@ impl Jobs {
             table: Mutex::new(table),
             creating: tokio::sync::Mutex::default(),
             wake: Notify::new(),
+            solves_here: Semaphore::new(threads),
+            tasks,
             stopping: AtomicBool::new(false),
             meters: JobMeters::default(),
         }

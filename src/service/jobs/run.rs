@@ -328,7 +328,7 @@ fn nanoseconds(time: &prost_types::Timestamp) -> Option<i64> {
 }
 
 /// Why a job failed, as the call would have answered.
-fn failure(error: ServiceError) -> v1::JobFailure {
+pub(super) fn failure(error: ServiceError) -> v1::JobFailure {
     let status = Status::from(error);
     let reason = status.get_details_error_info().map(|info| info.reason).unwrap_or_default();
     v1::JobFailure { code: status.code() as i32, message: status.message().to_owned(), reason }

@@ -5,17 +5,14 @@
 //! map, and nothing else: that only one can write is decided by the map's stream.
 
 use async_nats::jetstream::kv;
-use async_nats::jetstream::stream::LastRawMessageErrorKind;
 use base64::Engine as _;
 use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use serde::{Deserialize, Serialize};
 
+use super::bucket::latest;
 use super::message::Owner;
 use super::unavailable;
 use crate::store::StoreError;
-
-/// Marks a deleted key.
-const OPERATION: &str = "KV-Operation";
 
 /// A map as the catalog knows it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -48,22 +45,14 @@ impl Catalog {
     /// # Errors
     /// [`StoreError::Unavailable`], and [`StoreError::Content`] for an entry that cannot be read.
     pub(super) async fn get(&self, map: &str) -> Result<Option<Known>, StoreError> {
-        let subject = format!("{}{}", self.0.prefix, key(map));
-        let message = match self.0.stream.get_last_raw_message_by_subject(&subject).await {
-            Ok(message) => message,
-            Err(error) if error.kind() == LastRawMessageErrorKind::NoMessageFound => {
-                return Ok(None);
-            }
-            Err(error) => return Err(unavailable(map, "the catalog", &error)),
-        };
-        if message.headers.get(OPERATION).is_some_and(|operation| operation.as_str() != "PUT") {
-            return Ok(None);
-        }
-        let entry = serde_json::from_slice(&message.payload).map_err(|error| {
+        let latest = latest(&self.0, &key(map)).await;
+        let latest = latest.map_err(|error| unavailable(map, "the catalog", &error))?;
+        let Some((payload, revision)) = latest else { return Ok(None) };
+        let entry = serde_json::from_slice(&payload).map_err(|error| {
             let path = format!("the catalog's entry of map {map:?}");
             StoreError::Content { path, message: error.to_string() }
         })?;
-        Ok(Some(Known { entry, revision: message.sequence }))
+        Ok(Some(Known { entry, revision }))
     }
 
     /// Makes an entry; `None` where there is one.

@@ -2,6 +2,7 @@
 //! refused here, before a map is served.
 
 use std::fmt;
+use std::future::Future;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -12,6 +13,7 @@ use super::catalog::Catalog;
 use super::members::Members;
 use super::message::Owner;
 use super::snapshots::Snapshots;
+use super::tasks::Tasks;
 use super::{new_uid, synced};
 
 /// Longest wait for an answer of NATS.
@@ -111,6 +113,7 @@ pub(super) struct Shared {
     pub(super) catalog: Catalog,
     pub(super) snapshots: Snapshots,
     pub(super) members: Arc<Members>,
+    pub(super) tasks: Tasks,
 }
 
 impl Shared {
@@ -119,63 +122,17 @@ impl Shared {
     /// # Errors
     /// [`ReplicationError`].
     pub(super) async fn open(options: &ReplicationOptions) -> Result<Self, ReplicationError> {
-        if options.accept_unsynced {
-            tracing::warn!("what NATS acknowledges may be lost with the power of its machines");
-        } else if options.monitoring.is_empty() {
-            return Err(ReplicationError::NoMonitoring);
-        }
-        let start = tokio::time::Instant::now();
-        loop {
-            match Self::connect(options).await {
-                Ok(shared) => return Ok(shared),
-                Err(error) if error.passes() && start.elapsed() < START => {
-                    tracing::info!(%error, "waiting for NATS");
-                    tokio::time::sleep(AGAIN).await;
-                }
-                Err(error) => return Err(error),
-            }
-        }
+        patiently(options, || Self::connect(options)).await
     }
 
     async fn connect(options: &ReplicationOptions) -> Result<Self, ReplicationError> {
-        if !options.accept_unsynced {
-            synced::check(&options.monitoring).await?;
-        }
-        let servers: Vec<String> =
-            options.nats.split(',').map(|url| url.trim().to_owned()).collect();
-        let connected = async_nats::ConnectOptions::new()
-            .name("covis")
-            .connection_timeout(PATIENCE)
-            .request_timeout(Some(PATIENCE))
-            .connect(servers)
-            .await;
-        let client = connected.map_err(|error| nats("cannot connect", &error))?;
-        let info = client.server_info();
-        if !is_recent(&info.version) {
-            let reason = format!("version {} is older than 2.10", info.version);
-            return Err(ReplicationError::Nats { what: "cannot be used", reason });
-        }
-        let most = info.max_payload.saturating_sub(HEADERS).min(MESSAGE);
-        if most < LEAST_MESSAGE {
-            let reason = format!("max_payload is {}", info.max_payload);
-            return Err(ReplicationError::Nats { what: "cannot be used", reason });
-        }
-        let context = ContextBuilder::new()
-            .timeout(PATIENCE)
-            .ack_timeout(PATIENCE)
-            .max_ack_inflight(IN_FLIGHT)
-            .build(client);
+        let (context, most) = link(options).await?;
         let replicas = options.replicas;
-        let bucket = |name: &str, max_age| kv::Config {
-            bucket: name.to_owned(),
-            history: 1,
-            num_replicas: replicas,
-            max_age,
-            ..kv::Config::default()
-        };
-        let maps = context.create_key_value(bucket("covis_maps", Duration::ZERO)).await;
+        let maps = bucket("covis_maps", replicas, Duration::ZERO);
+        let maps = context.create_key_value(maps).await;
         let catalog = Catalog(maps.map_err(|error| nats("the bucket of maps", &error))?);
-        let beats = context.create_key_value(bucket("covis_servers", OLDEST_BEAT)).await;
+        let beats = bucket("covis_servers", replicas, OLDEST_BEAT);
+        let beats = context.create_key_value(beats).await;
         let beats = beats.map_err(|error| nats("the bucket of servers", &error))?;
         let objects = object_store::Config {
             bucket: "covis_snapshots".to_owned(),
@@ -184,14 +141,87 @@ impl Shared {
         };
         let objects = context.create_object_store(objects).await;
         let snapshots = Snapshots(objects.map_err(|error| nats("the snapshots", &error))?);
+        let tasks = Tasks::open(&context, options).await?;
         let me = Owner { server: new_uid(), address: options.address.clone() };
         let members = Members::start(me, options.lease, beats).await;
         let members = members.map_err(|error| nats("the lease", &error))?;
-        Ok(Self { context, most, catalog, snapshots, members })
+        Ok(Self { context, most, catalog, snapshots, members, tasks })
     }
 }
 
-fn nats(what: &'static str, reason: &dyn fmt::Display) -> ReplicationError {
+/// A bucket that keeps the newest value of each key.
+pub(super) fn bucket(name: &str, replicas: usize, max_age: Duration) -> kv::Config {
+    kv::Config {
+        bucket: name.to_owned(),
+        history: 1,
+        num_replicas: replicas,
+        max_age,
+        ..kv::Config::default()
+    }
+}
+
+/// Tries until NATS has started, for a while.
+///
+/// # Errors
+/// [`ReplicationError`].
+pub(super) async fn patiently<T, F: Future<Output = Result<T, ReplicationError>>>(
+    options: &ReplicationOptions,
+    attempt: impl Fn() -> F,
+) -> Result<T, ReplicationError> {
+    if options.accept_unsynced {
+        tracing::warn!("what NATS acknowledges may be lost with the power of its machines");
+    } else if options.monitoring.is_empty() {
+        return Err(ReplicationError::NoMonitoring);
+    }
+    let start = tokio::time::Instant::now();
+    loop {
+        match attempt().await {
+            Err(error) if error.passes() && start.elapsed() < START => {
+                tracing::info!(%error, "waiting for NATS");
+                tokio::time::sleep(AGAIN).await;
+            }
+            ended => return ended,
+        }
+    }
+}
+
+/// Connects to a NATS that can be used; also answers how many bytes of events a message may have.
+///
+/// # Errors
+/// [`ReplicationError`].
+pub(super) async fn link(
+    options: &ReplicationOptions,
+) -> Result<(Context, usize), ReplicationError> {
+    if !options.accept_unsynced {
+        synced::check(&options.monitoring).await?;
+    }
+    let servers: Vec<String> = options.nats.split(',').map(|url| url.trim().to_owned()).collect();
+    let connected = async_nats::ConnectOptions::new()
+        .name("covis")
+        .connection_timeout(PATIENCE)
+        .request_timeout(Some(PATIENCE))
+        .connect(servers)
+        .await;
+    let client = connected.map_err(|error| nats("cannot connect", &error))?;
+    let info = client.server_info();
+    if !is_recent(&info.version) {
+        let reason = format!("version {} is older than 2.10", info.version);
+        return Err(ReplicationError::Nats { what: "cannot be used", reason });
+    }
+    let most = info.max_payload.saturating_sub(HEADERS).min(MESSAGE);
+    if most < LEAST_MESSAGE {
+        let reason = format!("max_payload is {}", info.max_payload);
+        return Err(ReplicationError::Nats { what: "cannot be used", reason });
+    }
+    let context = ContextBuilder::new()
+        .timeout(PATIENCE)
+        .ack_timeout(PATIENCE)
+        .max_ack_inflight(IN_FLIGHT)
+        .build(client);
+    Ok((context, most))
+}
+
+pub(super) fn nats(what: &'static str, reason: &dyn fmt::Display) -> ReplicationError {
     ReplicationError::Nats { what, reason: reason.to_string() }
 }
 

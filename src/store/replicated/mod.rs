@@ -17,11 +17,14 @@
 //! | `takeover` | from catalog, snapshot and stream to an open map |
 //! | `owned` | a map that this server serves |
 //! | `catalog`, `members`, `snapshots` | who serves what, who is alive, maps as objects |
+//! | `tasks` | the work that servers give to workers |
+//! | `bucket` | a key as its bucket's leader has it |
 //! | `connect` | what servers share, opened |
 //! | `synced` | whether NATS syncs before it acknowledges |
 //!
 //! Nothing outside knows NATS.
 
+mod bucket;
 mod catalog;
 mod connect;
 mod map_stream;
@@ -32,6 +35,7 @@ mod publisher;
 mod snapshots;
 mod synced;
 mod takeover;
+mod tasks;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -48,10 +52,12 @@ pub use self::connect::{ReplicationError, ReplicationOptions};
 use self::members::Members;
 use self::owned::Owned;
 use self::snapshots::Snapshots;
+use self::tasks::Tasks;
+pub use self::tasks::{Taken, WorkerLink};
 use super::encoding::encode_event;
 use super::{
     Damage, Durability, Epoch, EventReader, FileStore, Flushed, Position, Store, StoreError,
-    sequence_of,
+    TaskQueue, sequence_of,
 };
 use crate::map::{Event, Map};
 
@@ -67,6 +73,7 @@ pub struct ReplicatedStore {
     catalog: Catalog,
     snapshots: Snapshots,
     members: Arc<Members>,
+    tasks: Tasks,
     replicas: usize,
     /// Most bytes of events in a message.
     most: usize,
@@ -95,9 +102,16 @@ impl ReplicatedStore {
         local: FileStore,
         options: ReplicationOptions,
     ) -> Result<Self, ReplicationError> {
-        let Shared { context, most, catalog, snapshots, members } = Shared::open(&options).await?;
+        let Shared { context, most, catalog, snapshots, members, tasks } =
+            Shared::open(&options).await?;
         let (replicas, maps) = (options.replicas, Mutex::default());
-        Ok(Self { local, context, catalog, snapshots, members, replicas, most, maps })
+        Ok(Self { local, context, catalog, snapshots, members, tasks, replicas, most, maps })
+    }
+
+    /// The queue of tasks between the servers and their workers.
+    #[must_use]
+    pub fn tasks(&self) -> Arc<dyn TaskQueue> {
+        Arc::new(self.tasks.clone())
     }
 
     fn maps(&self) -> MutexGuard<'_, BTreeMap<String, Arc<Owned>>> {

@@ -75,3 +75,28 @@ pub(super) fn prove_one_writer(messages: &BTreeMap<u64, Message>) -> usize {
     }
     owners
 }
+
+/// The entries of tasks by key.
+async fn tasks(nats: &str) -> BTreeMap<String, serde_json::Value> {
+    let client = async_nats::connect(nats.split(',').collect::<Vec<_>>()).await.unwrap();
+    let context = async_nats::jetstream::new(client);
+    let bucket = context.get_key_value("covis_tasks").await.unwrap();
+    let keys: Vec<String> = bucket.keys().await.unwrap().try_collect().await.unwrap();
+    let mut entries = BTreeMap::new();
+    for key in keys {
+        if let Some(bytes) = bucket.get(&key).await.unwrap() {
+            entries.insert(key, serde_json::from_slice(&bytes).unwrap());
+        }
+    }
+    entries
+}
+
+/// Whether a task's result is there.
+pub(super) async fn has_result(nats: &str) -> bool {
+    tasks(nats).await.values().any(|entry| entry["result"].is_string())
+}
+
+/// Whether there are tasks, done or not.
+pub(super) async fn has_tasks(nats: &str) -> bool {
+    !tasks(nats).await.is_empty()
+}

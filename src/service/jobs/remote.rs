@@ -1,0 +1,195 @@
+//! A problem of a job, solved by a worker: given away, waited for, and taken back where no worker is left.
+//!
+//! The task has the name of the job's folder and the number of the problem. So a server that begins a job
+//! again finds what it gave away, and a result that is there already. The result is taken off the queue
+//! after it is in the job's record: until then the next start finds it again.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use prost::Message;
+
+use super::run::Run;
+use super::solving::{Solved, Task};
+use super::task::{decode_result, encode_task};
+use super::{Context, JobError};
+use crate::service::error::ServiceError;
+use crate::store::{JobFile, TaskError, TaskQueue, TaskState};
+use crate::wire::v1;
+
+/// How often a server looks where a task stands.
+const LOOKS: Duration = Duration::from_millis(250);
+/// Looks between two at whether there still are workers.
+const COUNTS: u32 = 8;
+/// The phase of a job whose task no worker has.
+const WAITS: &str = "waits for a worker";
+
+/// A task that was given away. It is forgotten when this is dropped, unless the server stops.
+pub(super) struct Outstanding {
+    context: Arc<Context>,
+    queue: Arc<dyn TaskQueue>,
+    task: String,
+    inputs: usize,
+}
+
+impl Drop for Outstanding {
+    fn drop(&mut self) {
+        // The next start goes on with it.
+        if self.context.jobs.stopping.load(Ordering::Acquire) {
+            return;
+        }
+        let (queue, task, inputs) =
+            (Arc::clone(&self.queue), std::mem::take(&mut self.task), self.inputs);
+        if let Ok(runtime) = tokio::runtime::Handle::try_current() {
+            runtime.spawn(async move { queue.forget(&task, inputs).await });
+        }
+    }
+}
+
+/// Has a problem solved by a worker; `None` where there is none, or none any more. The caller drops what
+/// comes with the result once it is in the job's record.
+///
+/// # Errors
+/// The failure of the task, and [`JobError`] where its files cannot be read.
+pub(super) async fn solve(
+    run: &Run<'_>,
+    task: &Task,
+    inputs: &[u32],
+    index: u32,
+) -> Result<Option<(Solved, Outstanding)>, ServiceError> {
+    let Some(queue) = &run.context.jobs.tasks else { return Ok(None) };
+    let uid: String = run.entry.uid.iter().map(|byte| format!("{byte:02x}")).collect();
+    let name = format!("{uid}-{index}");
+    let outstanding = Outstanding {
+        context: Arc::clone(run.context),
+        queue: Arc::clone(queue),
+        task: name.clone(),
+        inputs: inputs.len(),
+    };
+    match given(run, queue.as_ref(), (&name, task), inputs).await? {
+        Ok(Some(result)) => Ok(Some((decode_result(&result)?, outstanding))),
+        Ok(None) => {
+            let kept = match queue.checkpoint(&name).await {
+                Ok(Some(checkpoint)) => {
+                    let (files, uid) = (Arc::clone(&run.context.jobs.files), run.entry.uid);
+                    let write = move || files.write_checkpoint(&uid, index, &checkpoint);
+                    tokio::task::spawn_blocking(write).await.is_ok_and(|written| written.is_ok())
+                }
+                Ok(None) | Err(_) => false,
+            };
+            tracing::info!(job = run.entry.id(), kept, "no worker is there: the job is done here");
+            Ok(None)
+        }
+        Err(error) => {
+            tracing::warn!(job = run.entry.id(), %error, "a job is done here");
+            Ok(None)
+        }
+    }
+}
+
+/// Gives a task away and waits for its result; none where there are no workers. The inner error is one
+/// before anything was given away.
+async fn given(
+    run: &Run<'_>,
+    queue: &dyn TaskQueue,
+    (name, task): (&str, &Task),
+    inputs: &[u32],
+) -> Result<Result<Option<Vec<u8>>, TaskError>, ServiceError> {
+    let (known, has_workers) = match tokio::join!(queue.state(name), queue.has_workers()) {
+        (Ok(known), Ok(has_workers)) => (known, has_workers),
+        (Err(error), _) | (_, Err(error)) => return Ok(Err(error)),
+    };
+    if known.is_none() && !has_workers {
+        return Ok(Ok(None));
+    }
+    let mut looks = 0_u32;
+    // Where it is known it was given away by an attempt before, which may have ended in between.
+    let (mut is_given, mut has_inputs) = (false, known.is_some());
+    loop {
+        if !is_given {
+            run.tell(|progress| progress.phase = WAITS.to_owned());
+            match give(run, queue, (name, task), inputs, has_inputs).await? {
+                Ok(()) => is_given = true,
+                Err(error) => tracing::warn!(job = run.entry.id(), %error, "not given away yet"),
+            }
+        }
+        looks = looks.wrapping_add(1);
+        match look(run, queue, name, looks.is_multiple_of(COUNTS)).await {
+            Ok(Look::Ended(result)) => return Ok(Ok(result)),
+            // It has expired.
+            Ok(Look::Gone) => (is_given, has_inputs) = (false, false),
+            Ok(Look::Open) => {}
+            // Until NATS is there again.
+            Err(error) => tracing::debug!(job = run.entry.id(), %error, "a task is not seen"),
+        }
+        tokio::time::sleep(LOOKS).await;
+    }
+}
+
+/// What a look at a task found.
+enum Look {
+    /// It waits, or a worker has it.
+    Open,
+    /// It is not there any more.
+    Gone,
+    /// Its result, or none where it was taken back.
+    Ended(Option<Vec<u8>>),
+}
+
+async fn look(
+    run: &Run<'_>,
+    queue: &dyn TaskQueue,
+    name: &str,
+    counts_workers: bool,
+) -> Result<Look, TaskError> {
+    match queue.state(name).await? {
+        None => return Ok(Look::Gone),
+        Some(TaskState::Done { result }) => {
+            return Ok(Look::Ended(Some(queue.result(&result).await?)));
+        }
+        Some(TaskState::Taken { attempts, progress }) => show(run, attempts, &progress),
+        Some(TaskState::Waiting) => {
+            run.tell(|progress| progress.phase = WAITS.to_owned());
+        }
+    }
+    if counts_workers && !queue.has_workers().await? && queue.withdraw(name).await? {
+        return Ok(Look::Ended(None));
+    }
+    Ok(Look::Open)
+}
+
+/// Shows what a worker tells.
+fn show(run: &Run<'_>, attempts: u32, told: &[u8]) {
+    let Ok(told) = v1::JobProgress::decode(told) else { return };
+    run.tell(|progress| {
+        let share = progress.share;
+        *progress = told;
+        progress.share = share.or(progress.share);
+        if progress.phase.is_empty() {
+            progress.phase = format!("worker {attempts} begins");
+        }
+    });
+}
+
+/// Keeps the inputs where workers find them, and submits the task.
+async fn give(
+    run: &Run<'_>,
+    queue: &dyn TaskQueue,
+    (name, task): (&str, &Task),
+    inputs: &[u32],
+    has_inputs: bool,
+) -> Result<Result<(), TaskError>, ServiceError> {
+    if !has_inputs {
+        for (index, &input) in inputs.iter().enumerate() {
+            let (files, uid) = (Arc::clone(&run.context.jobs.files), run.entry.uid);
+            let read = move |_: &_| Ok(files.bytes(&uid, JobFile::Input(input))?);
+            let bytes = super::entry::on_disk(&run.context.jobs.files, read).await;
+            let bytes = bytes.map_err(|error: JobError| ServiceError::from(error))?;
+            if let Err(error) = queue.put_input(name, index, bytes).await {
+                return Ok(Err(error));
+            }
+        }
+    }
+    Ok(queue.submit(name, encode_task(task)).await)
+}
