@@ -210,6 +210,8 @@ mod tests {
         let frame = |client: &str, scale| v1::ClientFrame {
             client_id: client.into(),
             scale,
+            // Without one it is removed.
+            keyframe: Some(v1::KeyframeRef::default()),
             ..v1::ClientFrame::default()
         };
         start.client_frames = vec![frame("old", 0.0), frame("scaled", 2.5)];
