@@ -3,7 +3,13 @@
 //! `NATS_SERVER` names the program of NATS, else it is looked for in the path; the tests are skipped
 //! where there is none of version 2.10 or later. `COVIS_TEST_CLUSTER_ROUNDS` repeats what kills.
 
+#[cfg(target_os = "linux")]
+mod disk;
+#[cfg(target_os = "linux")]
+mod fuse;
 mod nats;
+#[cfg(target_os = "linux")]
+mod power;
 mod streams;
 mod workers;
 

@@ -11,7 +11,7 @@ mod calls;
 mod cut_off;
 mod jobs;
 mod machine;
-mod model;
+pub(crate) mod model;
 mod restart;
 mod trace;
 

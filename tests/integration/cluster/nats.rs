@@ -73,6 +73,11 @@ pub(super) struct Nats {
 impl Nats {
     /// So many servers, which sync before they acknowledge or not; `None` where there is no NATS.
     pub(super) fn start(count: usize, syncs: bool) -> Option<Self> {
+        Self::start_on(None, count, syncs)
+    }
+
+    /// As [`Nats::start`], with what they keep below a folder.
+    pub(super) fn start_on(disk: Option<&Path>, count: usize, syncs: bool) -> Option<Self> {
         let program = match program() {
             Ok(program) => program,
             Err(why) => {
@@ -86,7 +91,7 @@ impl Nats {
             ports[2 * count..].iter().map(|port| format!("nats://127.0.0.1:{port}")).collect();
         let nodes = (0..count).map(|index| {
             let (port, monitoring) = (ports[index], ports[count + index]);
-            let store = folder.path().join(format!("node-{index}"));
+            let store = disk.unwrap_or(folder.path()).join(format!("node-{index}"));
             let sync = if syncs { "sync_interval: always" } else { "" };
             let mut text = format!(
                 "server_name: n{index}\nlisten: \"127.0.0.1:{port}\"\nhttp: \"127.0.0.1:{monitoring}\"\n\
@@ -157,7 +162,7 @@ impl Nats {
         self.start_covis("127.0.0.1:0", urls, workspace, name, arguments)
     }
 
-    fn start_covis(
+    pub(super) fn start_covis(
         &self,
         address: &str,
         urls: &str,

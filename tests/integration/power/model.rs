@@ -5,7 +5,7 @@
 //! the bytes it was for stay readable and are never written by a later sync: only writing them again
 //! brings them to the disk (as Linux does since the pages count as clean). A rename is one change.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::Path;
 
@@ -16,7 +16,7 @@ use rand_chacha::ChaCha8Rng;
 const SECTOR: usize = 512;
 
 /// A file or folder, whatever its names are.
-type Id = usize;
+pub(crate) type Id = usize;
 /// The root, which is durable.
 const ROOT: Id = 0;
 
@@ -86,6 +86,22 @@ impl Disk {
         (self.find(folder).unwrap_or_else(|| panic!("no folder of {path}")), name.to_owned())
     }
 
+    /// What a folder holds; `None` where it is a file.
+    pub(crate) fn names(&self, id: Id) -> Option<&BTreeMap<String, Id>> {
+        match &self.nodes[id] {
+            Node::Folder { now, .. } => Some(now),
+            Node::File(_) => None,
+        }
+    }
+
+    /// What a file holds; `None` where it is a folder.
+    pub(crate) fn bytes(&self, id: Id) -> Option<&[u8]> {
+        match &self.nodes[id] {
+            Node::File(file) => Some(&file.now),
+            Node::Folder { .. } => None,
+        }
+    }
+
     fn names_of(&mut self, folder: Id) -> &mut BTreeMap<String, Id> {
         match &mut self.nodes[folder] {
             Node::Folder { now, .. } => now,
@@ -100,7 +116,8 @@ impl Disk {
         }
     }
 
-    fn change(&mut self, entries: Vec<(Id, String, Option<Id>)>) {
+    /// One change of names: what each entry names from now on, or that it is gone.
+    pub(crate) fn change(&mut self, entries: Vec<(Id, String, Option<Id>)>) {
         for (folder, name, id) in &entries {
             let names = self.names_of(*folder);
             match id {
@@ -114,10 +131,22 @@ impl Disk {
 
     fn create(&mut self, path: &str, node: Node) -> Id {
         let (folder, name) = self.place(path);
+        self.add(folder, name, node)
+    }
+
+    fn add(&mut self, folder: Id, name: String, node: Node) -> Id {
         let id = self.nodes.len();
         self.nodes.push(node);
         self.change(vec![(folder, name, Some(id))]);
         id
+    }
+
+    pub(crate) fn add_file(&mut self, folder: Id, name: String) -> Id {
+        self.add(folder, name, Node::File(File::default()))
+    }
+
+    pub(crate) fn add_folder(&mut self, folder: Id, name: String) -> Id {
+        self.add(folder, name, Node::folder())
     }
 
     pub(crate) fn create_file(&mut self, path: &str) -> Id {
@@ -170,6 +199,38 @@ impl Disk {
                 }
             }
         }
+    }
+
+    /// A sync that brings the names of the file and of the folders above along, as filesystems with a
+    /// journal of their metadata do; with them what happened to the same names before.
+    pub(crate) fn sync_with_names(&mut self, id: Id) {
+        self.sync(id);
+        let mut wanted = BTreeSet::from([id]);
+        while let Some(folder) = self.holder(&wanted) {
+            wanted.insert(folder);
+        }
+        let (mut touched, mut chosen) = (BTreeSet::new(), BTreeSet::new());
+        for (index, change) in self.names.iter().enumerate().rev() {
+            let is_meant = |(folder, name, named): &(Id, String, Option<Id>)| {
+                named.is_some_and(|id| wanted.contains(&id))
+                    || touched.contains(&(*folder, name.clone()))
+            };
+            if change.entries.iter().any(is_meant) {
+                chosen.insert(index);
+                let entries = change.entries.iter();
+                touched.extend(entries.map(|(folder, name, _)| (*folder, name.clone())));
+            }
+        }
+        for (index, change) in std::mem::take(&mut self.names).into_iter().enumerate() {
+            if chosen.contains(&index) { self.settle(&change) } else { self.names.push(change) }
+        }
+    }
+
+    /// A folder that holds one of these and is none of them.
+    fn holder(&self, ids: &BTreeSet<Id>) -> Option<Id> {
+        (0..self.nodes.len()).filter(|id| !ids.contains(id)).find(|&id| {
+            self.names(id).is_some_and(|names| names.values().any(|held| ids.contains(held)))
+        })
     }
 
     /// A sync that failed.
@@ -258,6 +319,16 @@ impl Node {
 
 impl File {
     fn sync(&mut self) {
+        // A file is not copied for what was added to it.
+        if self.lost.is_empty() {
+            for edit in self.edits.drain(..) {
+                match edit {
+                    Edit::Write { at, bytes } => write_over(&mut self.synced, at, &bytes),
+                    Edit::Cut { length } => self.synced.resize(length, 0),
+                }
+            }
+            return;
+        }
         let mut durable = self.now.clone();
         self.edits.clear();
         for range in &self.lost {
@@ -341,92 +412,4 @@ fn without(ranges: &[Range<usize>], cut: &Range<usize>) -> Vec<Range<usize>> {
 }
 
 #[cfg(test)]
-mod tests {
-    use rand::SeedableRng;
-
-    use super::*;
-
-    fn bytes(disk: &Disk, path: &str) -> Option<Vec<u8>> {
-        disk.contents().get(path).cloned().flatten()
-    }
-
-    fn lost_power(disk: &Disk) -> Disk {
-        disk.lose_power(Survival::Nothing)
-    }
-
-    #[test]
-    fn bytes_and_names_survive_by_syncs_of_their_own() {
-        let mut disk = Disk::new();
-        let file = disk.create_file("a");
-        disk.write(file, 0, b"one");
-        disk.sync(file);
-        assert_eq!(bytes(&lost_power(&disk), "a"), None, "the name was not synced");
-        disk.sync(ROOT);
-        disk.write(file, 3, b"two");
-        assert_eq!(bytes(&lost_power(&disk), "a"), Some(b"one".to_vec()));
-        let all = disk.lose_power(Survival::Everything);
-        assert_eq!(bytes(&all, "a"), Some(b"onetwo".to_vec()));
-        disk.cut(file, 1);
-        disk.sync(file);
-        assert_eq!(bytes(&lost_power(&disk), "a"), Some(b"o".to_vec()));
-    }
-
-    #[test]
-    fn a_rename_is_one_change() {
-        let mut disk = Disk::new();
-        disk.create_folder("x");
-        let file = disk.create_file("x/map");
-        disk.sync(disk.find("x").unwrap());
-        disk.sync(file);
-        disk.sync(ROOT);
-        disk.rename("x", "x.deleted");
-        let names = |disk: &Disk| disk.contents().into_keys().collect::<Vec<_>>();
-        assert_eq!(names(&lost_power(&disk)), ["x", "x/map"]);
-        disk.sync(ROOT);
-        disk.remove("x.deleted/map");
-        assert_eq!(names(&lost_power(&disk)), ["x.deleted", "x.deleted/map"]);
-        for seed in 0..20 {
-            let mut rng = ChaCha8Rng::seed_from_u64(seed);
-            disk.rename("x.deleted", "y");
-            let left = names(&disk.lose_power(Survival::Random(&mut rng)));
-            assert!(left.contains(&"y".to_owned()) != left.contains(&"x.deleted".to_owned()));
-            disk.rename("y", "x.deleted");
-        }
-    }
-
-    #[test]
-    fn a_failed_sync_is_mended_by_writing_again_only() {
-        let mut disk = Disk::new();
-        let file = disk.create_file("a");
-        disk.sync(ROOT);
-        disk.write(file, 0, b"one");
-        disk.sync(file);
-        disk.write(file, 3, b"two");
-        disk.fail_sync(file);
-        disk.sync(file);
-        assert_eq!(bytes(&lost_power(&disk), "a"), Some(b"one".to_vec()));
-        disk.write(file, 6, b"end");
-        disk.sync(file);
-        assert_eq!(bytes(&lost_power(&disk), "a"), Some(b"one\0\0\0end".to_vec()));
-        disk.write(file, 3, b"two");
-        disk.sync(file);
-        assert_eq!(bytes(&lost_power(&disk), "a"), Some(b"onetwoend".to_vec()));
-    }
-
-    #[test]
-    fn what_survives_is_told_by_the_seed() {
-        let mut disk = Disk::new();
-        let file = disk.create_file("a");
-        disk.sync(ROOT);
-        for part in 0..8_u8 {
-            disk.write(file, usize::from(part) * 1000, &[part + 1; 1000]);
-        }
-        let left = |seed| {
-            let mut rng = ChaCha8Rng::seed_from_u64(seed);
-            bytes(&disk.lose_power(Survival::Random(&mut rng)), "a").unwrap()
-        };
-        assert_eq!(left(7), left(7));
-        let kinds: std::collections::BTreeSet<Vec<u8>> = (0..50).map(left).collect();
-        assert!(kinds.len() > 40, "{} of 50 seeds differ", kinds.len());
-    }
-}
+mod tests;
