@@ -19,11 +19,12 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::{Duration, Instant};
 
 use covis::client::{Client, Credentials, IngestSession, LinkOptions, RetryPolicy, SessionOptions};
+use covis::map::Map;
 use covis::wire::v1;
 use tokio::sync::Notify;
 
 use self::nats::Nats;
-use self::streams::{messages, prove_one_writer};
+use self::streams::{lose_stream, messages, prove_one_writer};
 use crate::cli_support::{Ran, Running, Workspace};
 use crate::common::{camera, run};
 use crate::durable::{long_keyframe, on_disk};
@@ -330,6 +331,68 @@ fn what_an_owner_has_on_its_disk_and_the_stream_lacks_is_put_back_where_nobody_w
         assert_eq!(keyframes(&server.url).await, (0..6).collect::<Vec<_>>());
         prove_one_writer(&messages(&nats.urls()).await);
     });
+}
+
+#[test]
+fn a_stream_that_nats_lost_is_written_again_from_the_disk_of_the_owner() {
+    let Some(nats) = Nats::start(1, true) else { return };
+    let workspace = Workspace::new();
+    let mut server = nats.covis(&workspace, "a");
+    let address = server.url.strip_prefix("http://").unwrap().to_owned();
+    run(async {
+        let mut robot = Robot::new(&server.url).await;
+        let last = robot.send(5).await;
+        robot.reach(last).await;
+        drop(robot);
+        server.kill();
+        lose_stream(&nats.urls()).await;
+        server = nats.covis_at(&address, &workspace, "a");
+        assert_eq!(keyframes(&server.url).await, (0..5).collect::<Vec<_>>());
+        // The stream has it all again.
+        server.kill();
+        std::fs::remove_dir_all(workspace.path("a")).unwrap();
+        server = nats.covis_at(&address, &workspace, "a");
+        assert_eq!(keyframes(&server.url).await, (0..5).collect::<Vec<_>>());
+        prove_one_writer(&messages(&nats.urls()).await);
+    });
+}
+
+#[test]
+fn a_map_of_a_data_directory_that_no_cluster_knows_is_set_aside_for_another_of_its_name() {
+    let Some(nats) = Nats::start(1, true) else { return };
+    let workspace = Workspace::new();
+    let folder = workspace.path("a");
+    run(async {
+        let mut alone = Running::spawn(workspace.command(), "127.0.0.1:0", &folder, &[]);
+        let client = Client::connect(&alone.url).await.unwrap();
+        client.create_map("house", None).await.unwrap();
+        let options = SessionOptions::default();
+        let mut session = client.ingest("house", "robot", options).await.unwrap();
+        session.send(camera(0)).await.unwrap();
+        for id in 0..7 {
+            session.send(long_keyframe(id)).await.unwrap();
+        }
+        assert_eq!(session.finish().await.unwrap().acknowledged, 8);
+        assert_eq!(alone.terminate(), Some(0));
+        // The cluster does not know the map, and a robot makes one of that name.
+        let server = nats.covis(&workspace, "a");
+        let mut robot = Robot::new(&server.url).await;
+        let last = robot.send(2).await;
+        robot.reach(last).await;
+        assert_eq!(keyframes(&server.url).await, [0, 1]);
+        assert_eq!(set_aside(&folder, "house").await.keyframes().len(), 7);
+    });
+}
+
+/// The map in the only folder that a server has set aside, read where documents say that it can be.
+async fn set_aside(folder: &Path, name: &str) -> Map {
+    let aside: Vec<_> = std::fs::read_dir(folder.join("set-aside")).unwrap().collect();
+    let [Ok(aside)] = &aside[..] else { panic!("one folder is expected: {aside:?}") };
+    let other = folder.with_extension("other");
+    let maps = other.join("maps");
+    std::fs::create_dir_all(&maps).unwrap();
+    std::fs::rename(aside.path(), maps.join(aside.file_name())).unwrap();
+    on_disk(&other, name).await
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Creating and deleting maps: a change that has begun runs to its end, even if its caller stops
+//! Creating maps, deleting them and setting them aside: a change that has begun runs to its end, even if its caller stops
 //! waiting.
 //!
 //! The work and the entry in the table are one closure on the disk's thread, which owns the lock
@@ -7,8 +7,12 @@
 
 use std::io::ErrorKind;
 use std::path::Path;
+#[cfg(feature = "cluster")]
+use std::path::PathBuf;
 use std::sync::Arc;
 
+#[cfg(feature = "cluster")]
+use super::SET_ASIDE;
 use super::failure::of_map;
 use super::journal::Journal;
 use super::record::Uid;
@@ -18,16 +22,18 @@ use crate::store::encoding::encode_identity;
 use crate::store::{Epoch, StoreError, sequence_of};
 
 impl FileStore {
-    /// Creates a map, empty or with a snapshot.
-    pub(super) async fn create(
+    /// Creates a map, empty or with a snapshot. `uid` is what others know it by; it may have been here
+    /// before.
+    pub(in crate::store) async fn create(
         &self,
         map: &str,
+        uid: Option<Uid>,
         snapshot: Option<Arc<Map>>,
     ) -> Result<Epoch, StoreError> {
         let changing = Arc::clone(&self.inner.changing).lock_owned().await;
         let (inner, name) = (Arc::clone(&self.inner), map.to_owned());
         let created = blocking(&*self.inner.disk, move || {
-            let epoch = inner.create(&name, snapshot.as_deref())?;
+            let epoch = inner.create(&name, uid, snapshot.as_deref())?;
             // Sent with the answer: if nobody receives it, the name is free again.
             Ok((epoch, changing))
         });
@@ -46,23 +52,66 @@ impl FileStore {
         let (inner, name) = (Arc::clone(&self.inner), map.to_owned());
         let deleted = blocking(&*self.inner.disk, move || {
             let _changing = changing;
-            journal.delete(&inner.root.join("maps"))?;
+            journal.delete()?;
             inner.maps().remove(&name);
             Ok(())
         });
         deleted.await.map_err(|error| of_map(map, error))
     }
+
+    /// The uid of a map's files.
+    ///
+    /// # Errors
+    /// [`StoreError::UnknownMap`], and why a map is not opened.
+    #[cfg(feature = "cluster")]
+    pub(in crate::store) fn uid(&self, map: &str) -> Result<Uid, StoreError> {
+        Ok(self.inner.find(map)?.uid)
+    }
+
+    /// Moves a map's files to where no server reads them; returns the folder. Where it fails it is as
+    /// after a failed deletion.
+    ///
+    /// # Errors
+    /// [`StoreError::UnknownMap`], [`StoreError::File`].
+    #[cfg(feature = "cluster")]
+    pub(in crate::store) async fn set_aside(&self, map: &str) -> Result<PathBuf, StoreError> {
+        let changing = Arc::clone(&self.inner.changing).lock_owned().await;
+        let journal = self.inner.find(map)?;
+        let (inner, name) = (Arc::clone(&self.inner), map.to_owned());
+        let moved = blocking(&*self.inner.disk, move || {
+            let _changing = changing;
+            let aside = inner.root.join(SET_ASIDE);
+            let failed = |error| file_error("cannot set aside to", &aside, &error);
+            inner.disk.create_folder(&aside).map_err(failed)?;
+            let uid = folders::name_of(&journal.uid);
+            let to = folders::unused_name(&*inner.disk, &aside, &uid, "").map_err(failed)?;
+            journal.move_to(&to, "its files were set aside")?;
+            inner.disk.sync_folder(&aside).map_err(failed)?;
+            inner.maps().remove(&name);
+            Ok(to)
+        });
+        moved.await.map_err(|error| of_map(map, error))
+    }
 }
 
 impl Inner {
     /// Creates a map. Blocks; the caller holds the lock for it.
-    fn create(&self, map: &str, snapshot: Option<&Map>) -> Result<Epoch, StoreError> {
+    fn create(
+        &self,
+        map: &str,
+        uid: Option<Uid>,
+        snapshot: Option<&Map>,
+    ) -> Result<Epoch, StoreError> {
         let left = match self.maps().get(map) {
             None => None,
             Some(Entry::Map(_) | Entry::Refused(_)) => {
                 return Err(StoreError::MapExists { map: map.to_owned() });
             }
-            Some(Entry::Unclaimed(journal)) if snapshot.is_some() || journal.state().last > 0 => {
+            Some(Entry::Unclaimed(journal))
+                if snapshot.is_some()
+                    || journal.state().last > 0
+                    || uid.is_some_and(|uid| uid != journal.uid) =>
+            {
                 let folder = journal.folder.clone();
                 let failed = |error| file_error("cannot remove", &folder, &error);
                 // Renamed first: a snapshot alone would be a map to the next start.
@@ -81,7 +130,13 @@ impl Inner {
             self.maps().remove(map);
         }
         let epoch = self.next_epoch();
-        let (uid, folder) = self.new_folder(map);
+        let given = uid.is_some();
+        let uid = uid.unwrap_or_else(|| self.new_uid(map));
+        let folder = self.root.join("maps").join(folders::name_of(&uid));
+        if given {
+            // What a deletion could not remove would be in the way of the next one.
+            self.remove(&folder.with_extension("deleted"))?;
+        }
         if let Err(error) = self.write(map, &uid, &folder, snapshot) {
             // The remaining files have neither an event nor a snapshot, so that the next start does
             // not take them for a map.

@@ -9,12 +9,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::disk::{Disk, ReadOnly, RealDisk};
-use super::folders::{self, Folder};
+use super::folders::{self, Folder, unused_name};
 use super::journal::Journal;
 use super::load::load;
 use super::lock::DirectoryLock;
 use super::record::{Uid, VERSION};
-use super::{FileStoreOptions, MARK, file_error, journal_name, read, sealed, snapshot_name};
+use super::{
+    FileStoreOptions, MARK, SET_ASIDE, file_error, journal_name, read, sealed, snapshot_name,
+};
 use crate::map::Map;
 use crate::store::encoding::{decode_identity, encode_identity};
 use crate::store::{Damage, StoreError, sequence_of};
@@ -239,7 +241,7 @@ fn replay(
 fn mend(directory: &Path, checkup: &mut MapCheckup, found: &Found) -> Result<(), StoreError> {
     let folder = checkup.folder.clone();
     if checkup.revision == 0 {
-        let aside = directory.join("set-aside");
+        let aside = directory.join(SET_ASIDE);
         RealDisk.create_folder(&aside).map_err(|e| file_error("cannot create", &aside, &e))?;
         let to = set_aside(&folder, &aside)?;
         let maps = directory.join("maps");
@@ -285,15 +287,8 @@ fn mend(directory: &Path, checkup: &mut MapCheckup, found: &Found) -> Result<(),
 /// Renames a file or folder to an unused name in `folder` that no server reads.
 fn set_aside(path: &Path, folder: &Path) -> Result<PathBuf, StoreError> {
     let failed = |error| file_error("cannot rename", path, &error);
-    let taken = RealDisk.list(folder).map_err(failed)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    let mut free = format!("{name}.bad");
-    let mut count = 1;
-    while taken.contains(&free) {
-        count += 1;
-        free = format!("{name}.{count}.bad");
-    }
-    let to = folder.join(free);
+    let to = unused_name(&RealDisk, folder, &name, ".bad").map_err(failed)?;
     RealDisk.rename(path, &to).map_err(failed)?;
     RealDisk.sync_folder(folder).map_err(failed)?;
     Ok(to)

@@ -35,7 +35,7 @@ pub(super) enum Folder {
 }
 
 /// The uid in a folder's name.
-pub(super) fn uid_of(name: &str) -> Option<Uid> {
+pub(in crate::store) fn uid_of(name: &str) -> Option<Uid> {
     let mut uid = Uid::default();
     let is_hex = |byte: u8| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte);
     if name.len() != 2 * uid.len() || !name.bytes().all(is_hex) {
@@ -184,6 +184,23 @@ fn one(maps: &Path, map: String, mut claims: Vec<(String, Claim)>) -> Claim {
     let error = StoreError::Ambiguous { map, folders };
     tracing::error!(folder = %maps.display(), %error, "a map is not opened");
     Err(error)
+}
+
+/// An unused name in `folder` for what is set aside there: `name`, or with a number. Blocks.
+pub(super) fn unused_name(
+    disk: &dyn Disk,
+    folder: &Path,
+    name: &str,
+    ending: &str,
+) -> std::io::Result<PathBuf> {
+    let taken = disk.list(folder)?;
+    let mut free = format!("{name}{ending}");
+    let mut count = 1;
+    while taken.contains(&free) {
+        count += 1;
+        free = format!("{name}.{count}{ending}");
+    }
+    Ok(folder.join(free))
 }
 
 /// Removes the folder of a map that is no longer needed, so that a crash cannot leave part of it as

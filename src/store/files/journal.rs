@@ -172,14 +172,26 @@ impl Journal {
 
     /// Removes the map's folder, also after a deletion that failed halfway. On failure either
     /// nothing has changed, or the journal has stopped. Blocks.
-    pub(super) fn delete(&self, maps: &Path) -> Result<(), StoreError> {
+    pub(super) fn delete(&self) -> Result<(), StoreError> {
+        let gone = self.folder.with_extension("deleted");
+        self.move_to(&gone, "the map was deleted")?;
+        // The map is deleted by now; the next start removes the rest of its files.
+        if let Err(error) = self.disk.remove_folder(&gone) {
+            tracing::warn!(folder = %gone.display(), %error, "files of a deleted map are left");
+        }
+        Ok(())
+    }
+
+    /// Moves the map's folder out of `maps/`, also after a move that failed halfway, and stops the
+    /// journal for a reason. On failure either nothing has changed, or the journal has stopped. Blocks.
+    pub(super) fn move_to(&self, to: &Path, reason: &str) -> Result<(), StoreError> {
         let (disk, folder) = (&*self.disk, &*self.folder);
-        let gone = folder.with_extension("deleted");
-        // Locked, so that no group is written and acknowledged while its map is removed.
+        let maps = folder.parent().unwrap_or(folder);
+        // Locked, so that no group is written and acknowledged while its map is moved.
         let mut writer = self.writer();
         let begun = match is_there(disk, folder)? {
             false => Ok(()),
-            true => disk.rename(folder, &gone).or_else(|error| match is_there(disk, folder) {
+            true => disk.rename(folder, to).or_else(|error| match is_there(disk, folder) {
                 Ok(true) => Err((error, true)),
                 Ok(false) => Ok(()),
                 Err(_) => Err((error, false)),
@@ -189,17 +201,13 @@ impl Journal {
         if let Err((error, is_unchanged)) = begun {
             if !is_unchanged {
                 // The next start may find the folder under either name.
-                self.stop(format!("its deletion failed half way and can be repeated: {error}"));
+                self.stop(format!("its removal failed half way and can be repeated: {error}"));
                 writer.end();
             }
-            return Err(file_error("cannot delete", folder, &error));
+            return Err(file_error("cannot move", folder, &error));
         }
-        self.stop("the map was deleted".to_owned());
+        self.stop(reason.to_owned());
         writer.end();
-        // The map is deleted by now; the next start removes the rest of its files.
-        if let Err(error) = disk.remove_folder(&gone) {
-            tracing::warn!(folder = %gone.display(), %error, "files of a deleted map are left");
-        }
         Ok(())
     }
 

@@ -9,6 +9,7 @@
 //! DIR/maps/UID/*.bad            damaged files that were set aside, kept for people
 //! DIR/jobs/UID/                 a job, or what was uploaded for one; see `jobs`
 //! DIR/set-aside/UID.bad         maps of which nothing could be brought back
+//! DIR/set-aside/UID             maps that made room for another one of the same name
 //! ```
 //!
 //! Each map has its own files, so that damage stays in one map. Everything goes through the trait
@@ -48,6 +49,8 @@ mod writer;
 
 pub use self::backup::back_up;
 pub use self::doctor::{MapCheckup, check_up};
+#[cfg(feature = "cluster")]
+pub(super) use self::folders::uid_of;
 pub use self::job_copies::{JobCheckup, check_up_jobs};
 pub(super) use self::jobs::JobFolders;
 
@@ -239,8 +242,8 @@ impl Inner {
         Epoch(self.last_epoch.fetch_add(1, Ordering::AcqRel) + 1)
     }
 
-    /// The folder of a map that is about to be created: no text of a client, and never used before.
-    fn new_folder(&self, map: &str) -> (Uid, PathBuf) {
+    /// The uid of a map that is about to be created: no text of a client, and never used before.
+    fn new_uid(&self, map: &str) -> Uid {
         let since = self.disk.now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let mut hash = Sha256::new();
         hash.update(since.as_nanos().to_le_bytes());
@@ -248,7 +251,7 @@ impl Inner {
         hash.update(map.as_bytes());
         let mut uid = Uid::default();
         uid.iter_mut().zip(hash.finalize()).for_each(|(byte, hashed)| *byte = hashed);
-        (uid, self.root.join("maps").join(folders::name_of(&uid)))
+        uid
     }
 }
 
@@ -281,11 +284,11 @@ impl Store for FileStore {
     }
 
     async fn create_map(&self, map: &str) -> Result<Epoch, StoreError> {
-        self.create(map, None).await
+        self.create(map, None, None).await
     }
 
     async fn create_map_of(&self, map: &str, snapshot: Arc<Map>) -> Result<Epoch, StoreError> {
-        self.create(map, Some(snapshot)).await
+        self.create(map, None, Some(snapshot)).await
     }
 
     async fn delete_map(&self, map: &str) -> Result<(), StoreError> {
@@ -457,6 +460,9 @@ async fn close(inner: Arc<Inner>) {
     }
     *inner.lock() = None;
 }
+
+/// The folder for what no server reads.
+const SET_ASIDE: &str = "set-aside";
 
 /// The name of a journal's mark.
 const MARK: &str = "durable";

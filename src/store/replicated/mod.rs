@@ -75,6 +75,8 @@ pub struct ReplicatedStore {
     members: Arc<Members>,
     tasks: Tasks,
     replicas: usize,
+    /// Whether NATS syncs what it acknowledges.
+    syncs: bool,
     /// Most bytes of events in a message.
     most: usize,
     maps: Mutex<BTreeMap<String, Arc<Owned>>>,
@@ -104,8 +106,9 @@ impl ReplicatedStore {
     ) -> Result<Self, ReplicationError> {
         let Shared { context, most, catalog, snapshots, members, tasks } =
             Shared::open(&options).await?;
-        let (replicas, maps) = (options.replicas, Mutex::default());
-        Ok(Self { local, context, catalog, snapshots, members, tasks, replicas, most, maps })
+        let (replicas, syncs) = (options.replicas, !options.accept_unsynced);
+        let maps = Mutex::default();
+        Ok(Self { local, context, catalog, snapshots, members, tasks, replicas, syncs, most, maps })
     }
 
     /// The queue of tasks between the servers and their workers.

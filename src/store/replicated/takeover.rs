@@ -6,6 +6,9 @@
 //! from the snapshot. What it holds beyond the stream, when everything else is the same, is published: it
 //! was accepted here, and nobody has written since. Last the catalog is asked whether the map is still
 //! this server's: a server that paused in between lets go of it.
+//!
+//! The own journal has the uid of the catalog's entry. One of the same name and another uid is of another
+//! map, or of one that NATS has lost: it is set aside and never deleted.
 
 use std::sync::Arc;
 
@@ -17,6 +20,7 @@ use super::owned::Owned;
 use super::publisher::{Begin, Publisher};
 use crate::map::Map;
 use crate::store::encoding::encode_event;
+use crate::store::files::uid_of;
 use crate::store::{Epoch, Store, StoreError, sequence_of};
 
 /// Events that are appended to the own journal at once.
@@ -28,7 +32,7 @@ enum Own {
     Through(u64),
     /// It holds all of them, and further ones, encoded.
     Beyond(Vec<(u64, Vec<u8>)>),
-    /// It is missing or another one.
+    /// There is none, it is another map's, or what it holds does not fit.
     Other,
 }
 
@@ -50,7 +54,7 @@ impl ReplicatedStore {
         let found = stream.read(epoch).await?.events;
         let last = found.last().map_or(0, |found| sequence_of(found.event.revision));
         let through = known.entry.snapshots.last().copied().unwrap_or(0).max(last);
-        let own = self.compare(map, &found, through).await?;
+        let own = self.compare(map, &known.entry, &found, through).await?;
         let beyond = self.mend(map, &known.entry, &found, own).await?;
         let index = found.iter().map(|found| (sequence_of(found.event.revision), found.at));
         let begin = Begin { epoch, through, index: index.collect(), most: self.most };
@@ -74,8 +78,19 @@ impl ReplicatedStore {
         self.catalog.replace(known, known.entry.clone()).await
     }
 
+    /// Whether the own journal is of the map that the entry is of.
+    fn is_of(&self, map: &str, entry: &Entry) -> bool {
+        self.local.uid(map).is_ok_and(|uid| uid_of(&entry.uid) == Some(uid))
+    }
+
     /// Compares the own journal with the stream, event by event.
-    async fn compare(&self, map: &str, found: &[Found], through: u64) -> Result<Own, StoreError> {
+    async fn compare(
+        &self,
+        map: &str,
+        entry: &Entry,
+        found: &[Found],
+        through: u64,
+    ) -> Result<Own, StoreError> {
         match self.local.acquire(map).await {
             Ok(_) => {}
             Err(StoreError::UnknownMap { .. }) => return Ok(Own::Other),
@@ -84,9 +99,12 @@ impl ReplicatedStore {
         if self.local.damage(map).await?.iter().any(|damage| damage.lost.is_some()) {
             return Ok(Own::Other);
         }
-        let Some(first) = found.first().map(|found| sequence_of(found.event.revision)) else {
+        let first = match found.first() {
+            Some(found) => sequence_of(found.event.revision),
+            // NATS has lost what the stream held, or never had it.
+            None if through == 0 && self.is_of(map, entry) => 1,
             // Nothing that both have tells that they are one history.
-            return Ok(Own::Other);
+            None => return Ok(Own::Other),
         };
         let own = match self.local.read(map, first - 1).await {
             Ok(own) => own,
@@ -144,21 +162,26 @@ impl ReplicatedStore {
 
     /// Makes the own journal anew, with the newest snapshot that opens; returns its revision.
     async fn make_anew(&self, map: &str, entry: &Entry) -> Result<u64, StoreError> {
-        match self.local.delete_map(map).await {
+        let snapshot = self.newest_snapshot(map, entry).await?;
+        let revision = snapshot.as_ref().map_or(0, |snapshot| sequence_of(snapshot.revision()));
+        match self.make_room(map, entry).await {
             Ok(()) | Err(StoreError::UnknownMap { .. }) => {}
             Err(error) => return Err(error),
         }
-        match self.newest_snapshot(map, entry).await? {
-            Some(snapshot) => {
-                let revision = sequence_of(snapshot.revision());
-                self.local.create_map_of(map, snapshot).await?;
-                Ok(revision)
-            }
-            None => {
-                self.local.create_map(map).await?;
-                Ok(0)
-            }
+        self.local.create(map, uid_of(&entry.uid), snapshot).await?;
+        Ok(revision)
+    }
+
+    /// Makes room for the map's journal. What the stream lacks was never acknowledged and goes; but a
+    /// NATS that does not sync may have lost it, and the journal of another map may be its only one.
+    async fn make_room(&self, map: &str, entry: &Entry) -> Result<(), StoreError> {
+        if self.syncs && self.is_of(map, entry) {
+            return self.local.delete_map(map).await;
         }
+        let folder = self.local.set_aside(map).await?;
+        let folder = folder.display();
+        tracing::warn!(map, %folder, "what this server had under the map's name is set aside");
+        Ok(())
     }
 
     async fn newest_snapshot(

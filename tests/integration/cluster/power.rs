@@ -9,10 +9,9 @@ use rand_chacha::ChaCha8Rng;
 
 use super::disk::ForgetfulDisk;
 use super::nats::Nats;
-use super::{Robot, messages, patient, prove_one_writer, rounds};
+use super::{Robot, messages, patient, prove_one_writer, rounds, set_aside};
 use crate::cli_support::{Running, Workspace};
 use crate::common::run;
-use crate::durable::on_disk;
 use crate::power::model::Survival;
 
 /// The owner's folder, on the disk.
@@ -139,14 +138,20 @@ fn a_nats_that_acknowledges_before_it_syncs_loses_what_was_acknowledged_with_the
 }
 
 #[test]
-fn what_nats_lost_with_the_power_is_on_the_disk_of_the_owner() {
+fn what_nats_lost_with_the_power_stays_on_the_disk_of_the_owner_also_when_the_map_is_made_again() {
     let Some(mut site) = Site::new(false) else { return };
     run(async {
         let mut robot = Robot::new(&site.server.url).await;
         let last = robot.send(20).await;
         robot.reach(last).await;
         site.lose_power(true, Survival::Nothing);
-        let map = on_disk(&site.workspace.path(OWNER), "house").await;
+        site.restart();
+        assert_eq!(site.keyframes().await, BTreeSet::new());
+        // The robot goes on, and another one makes the map that is unknown.
+        let mut other = Robot::new(&site.server.url).await;
+        let last = other.send(3).await;
+        other.reach(last).await;
+        let map = set_aside(&site.workspace.path(OWNER), "house").await;
         let kept: BTreeSet<i64> = map.keyframes().keys().map(|id| id.id).collect();
         assert_eq!(kept, acknowledged(&robot));
     });

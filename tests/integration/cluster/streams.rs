@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use async_nats::jetstream::consumer::pull::OrderedConfig;
+use async_nats::jetstream::context::Context;
 use futures_util::{StreamExt, TryStreamExt};
 
 /// A message as its headers tell.
@@ -15,13 +16,26 @@ pub(super) enum Message {
     Events { epoch: u64, first: u64, last: u64 },
 }
 
-/// The messages of a map's stream by sequence.
-pub(super) async fn messages(nats: &str) -> BTreeMap<u64, Message> {
+/// A connection, and the name of the only map's stream.
+async fn stream_of_map(nats: &str) -> (Context, String) {
     let client = async_nats::connect(nats.split(',').collect::<Vec<_>>()).await.unwrap();
     let context = async_nats::jetstream::new(client);
     let names: Vec<String> = context.stream_names().try_collect().await.unwrap();
     let maps: Vec<_> = names.iter().filter(|name| name.starts_with("covis_map_")).collect();
     let [map] = maps[..] else { panic!("one map is expected: {names:?}") };
+    let map = map.clone();
+    (context, map)
+}
+
+/// Deletes the stream of the only map, as NATS may lose it.
+pub(super) async fn lose_stream(nats: &str) {
+    let (context, map) = stream_of_map(nats).await;
+    assert!(context.delete_stream(map).await.unwrap().success);
+}
+
+/// The messages of a map's stream by sequence.
+pub(super) async fn messages(nats: &str) -> BTreeMap<u64, Message> {
+    let (context, map) = stream_of_map(nats).await;
     let stream = context.get_stream(map).await.unwrap();
     let state = &stream.cached_info().state;
     if state.messages == 0 {
