@@ -35,9 +35,9 @@ pub struct LossValue {
 impl LossValue {
     /// The curvature that a linearization of this stiffness takes: `stiffness` at least, at most 1.
     #[must_use]
+    #[inline]
     pub fn curvature_from(&self, stiffness: f64) -> f64 {
-        // Not by `max`, since a curvature that is not a number stays one.
-        if self.curvature < stiffness { stiffness } else { self.curvature }
+        at_least(self.curvature, stiffness)
     }
 
     /// k = (1 − d) / (s ρ') with d of [`Self::curvature_from`]; 0 where ρ' or s is: with its gradient
@@ -49,42 +49,61 @@ impl LossValue {
     }
 }
 
+/// The curvature that a linearization of this stiffness takes.
+#[inline(always)]
+pub(crate) fn at_least(curvature: f64, stiffness: f64) -> f64 {
+    // Not by `max`, since a curvature that is not a number stays one.
+    if curvature < stiffness { stiffness } else { curvature }
+}
+
 impl Loss {
     /// Evaluates ρ and its derivatives at `s ≥ 0`.
     #[must_use]
     pub fn evaluate(&self, s: f64) -> LossValue {
-        let (rho, weight, curvature) = match *self {
-            Self::Trivial => (s, 1.0, 1.0),
-            Self::Huber(width) => {
-                if s <= width * width {
-                    (s, 1.0, 1.0)
-                } else {
-                    let root = s.sqrt();
-                    (2.0 * width * root - width * width, width / root, 0.0)
-                }
+        let (weight, curvature) = self.derivatives(s);
+        LossValue { rho: self.rho(s), weight, curvature }
+    }
+
+    /// ρ at `s ≥ 0`.
+    #[inline(always)]
+    pub(crate) fn rho(&self, s: f64) -> f64 {
+        match *self {
+            Self::Trivial => s,
+            Self::Huber(width) if s <= width * width => s,
+            Self::Huber(width) => 2.0 * width * s.sqrt() - width * width,
+            Self::Cauchy(width) => width * width * (s / (width * width)).ln_1p(),
+            Self::Tukey(width) => {
+                let squared = width * width;
+                let u = 1.0 - s / squared;
+                squared / 3.0 * if s / squared < 1.0 { 1.0 - u * u * u } else { 1.0 }
             }
+            Self::GemanMcClure(width) => s * (width * width / (s + width * width)),
+        }
+    }
+
+    /// Weight and curvature at `s ≥ 0`; see [`LossValue`].
+    #[inline(always)]
+    pub(crate) fn derivatives(&self, s: f64) -> (f64, f64) {
+        match *self {
+            Self::Trivial => (1.0, 1.0),
+            Self::Huber(width) if s <= width * width => (1.0, 1.0),
+            Self::Huber(width) => (width / s.sqrt(), 0.0),
             Self::Cauchy(width) => {
                 let ratio = s / (width * width);
                 let weight = 1.0 / (1.0 + ratio);
-                (width * width * ratio.ln_1p(), weight, (1.0 - ratio) * weight)
+                (weight, (1.0 - ratio) * weight)
             }
             Self::Tukey(width) => {
-                let squared = width * width;
-                let ratio = s / squared;
-                if ratio < 1.0 {
-                    let u = 1.0 - ratio;
-                    (squared / 3.0 * (1.0 - u * u * u), u * u, (1.0 - 5.0 * ratio) / u)
-                } else {
-                    (squared / 3.0, 0.0, 0.0)
-                }
+                let ratio = s / (width * width);
+                let u = 1.0 - ratio;
+                if ratio < 1.0 { (u * u, (1.0 - 5.0 * ratio) / u) } else { (0.0, 0.0) }
             }
             Self::GemanMcClure(width) => {
                 let squared = width * width;
                 let u = squared / (s + squared);
-                (s * u, u * u, 1.0 - 4.0 * (1.0 - u))
+                (u * u, 1.0 - 4.0 * (1.0 - u))
             }
-        };
-        LossValue { rho, weight, curvature }
+        }
     }
 
     /// The width in whitened units; `None` for [`Loss::Trivial`].

@@ -13,7 +13,7 @@ use super::blocks::{Block, ViewVector};
 use super::covisible::{ChunkPairs, NO_SLOT};
 use super::landmarks::{LandmarkGroup, TileLandmarks};
 use super::layout::Layout;
-use super::observe::{Consumer, Inputs, Linearized, LossKernel, linearize};
+use super::observe::{Consumer, Inputs, Linearized, LinearizingKernel, linearize};
 use super::sorted::{Chunk, GROUPS, Tile};
 
 /// A row of so many pairs of a landmark takes some ten microseconds.
@@ -135,13 +135,15 @@ pub(super) struct Accumulate<'a, const D: usize, const V: usize, const T: usize,
     pub(super) groups: &'a mut [LandmarkGroup],
 }
 
-impl<const D: usize, const V: usize, const T: usize, const R: usize> LossKernel
+impl<const D: usize, const V: usize, const T: usize, const R: usize> LinearizingKernel
     for Accumulate<'_, D, V, T, R>
 {
+    const COLUMNS: usize = D;
+    const ROWS: usize = R;
     type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes, const ROBUST: bool>(mut self, l: L) {
+    fn run<L: Lanes, const SPECIAL: bool>(mut self, l: L) {
         self.sums.views.fill(ViewSum::ZERO);
         self.sums.pairs.fill(Block::ZERO);
         self.sums.gradient_max_norm = 0.0;
@@ -155,7 +157,7 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> LossKernel
             for o in tile.observations.clone().step_by(WIDTH) {
                 let scratch = &mut self.sums.scratch;
                 let tile = StoreInTile::<D, V, T, R> { scratch, slot: o - first };
-                linearize::<L, _, D, R, ROBUST>(l, &self.inputs, o, tile);
+                linearize::<L, _, D, R, SPECIAL>(l, &self.inputs, o, tile);
             }
             let groups = (t - chunk.tiles.start) * GROUPS;
             let groups = &mut self.groups[groups..groups + GROUPS];

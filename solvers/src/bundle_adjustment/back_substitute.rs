@@ -11,7 +11,7 @@ use super::blocks::ViewVector;
 use super::landmarks::{LandmarkGroup, Rows};
 use super::layout::Layout;
 use super::observe::{
-    Consumer, Inputs, Linearized, LossKernel, eight_indices, linearize, squared_errors,
+    Consumer, Inputs, Linearized, LinearizingKernel, eight_indices, linearize, squared_errors,
 };
 use super::sorted::{Chunk, GROUPS};
 
@@ -78,13 +78,15 @@ pub(super) struct BackSubstitute<'a, const D: usize, const V: usize, const T: us
     pub(super) interrupt: &'a Interrupt,
 }
 
-impl<const D: usize, const V: usize, const T: usize, const R: usize> LossKernel
+impl<const D: usize, const V: usize, const T: usize, const R: usize> LinearizingKernel
     for BackSubstitute<'_, D, V, T, R>
 {
+    const COLUMNS: usize = D;
+    const ROWS: usize = R;
     type Output = StepSums;
 
     #[inline(always)]
-    fn run<L: Lanes, const ROBUST: bool>(self, l: L) -> StepSums {
+    fn run<L: Lanes, const SPECIAL: bool>(self, l: L) -> StepSums {
         let sorted = self.inputs.sorted;
         let mut rows = Rows::<1>::new(sorted.longest_tile + 2 * WIDTH);
         let zero = l.splat(0.0);
@@ -99,7 +101,7 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> LossKernel
                 let steps = self.view_steps;
                 let part =
                     StoreProjection::<D, V, T> { steps, views, slot: o - first, rows: &mut rows };
-                linearize::<L, _, D, R, ROBUST>(l, &self.inputs, o, part);
+                linearize::<L, _, D, R, SPECIAL>(l, &self.inputs, o, part);
             }
             rows.sum(l, sorted, &tile);
             let groups = (t - self.chunk.tiles.start) * GROUPS;

@@ -68,31 +68,43 @@ impl<'a> Inputs<'a> {
         AnyLanes { view_cameras: self.view_cameras }
     }
 
-    /// Runs a kernel that linearizes: without a loss by code that knows of none.
-    pub(super) fn run<K: LossKernel>(&self, class: Class, kernel: K) -> K::Output {
-        if self.loss == Loss::Trivial {
-            class.run(Under::<K, false>(kernel))
+    /// Runs a kernel that linearizes, by code of its own for the problem's cameras where there is one.
+    pub(super) fn run<K: LinearizingKernel>(&self, class: Class, kernel: K) -> K::Output {
+        let is_special = match self.model {
+            // Snavely's cameras alone have three unknowns.
+            Model::Snavely => K::COLUMNS == 9 || (K::COLUMNS == 6 && K::ROWS == 2),
+            Model::Pinhole => K::COLUMNS == 6,
+            Model::Any => false,
+        };
+        // The first condition is known to the compiler: it makes no special code for wider views.
+        if const { K::COLUMNS <= 9 } && is_special && self.loss == Loss::Trivial {
+            class.run(Compiled::<K, true>(kernel))
         } else {
-            class.run(Under::<K, true>(kernel))
+            class.run(Compiled::<K, false>(kernel))
         }
     }
 }
 
-/// A kernel that linearizes, compiled with a loss and without. `run` must be `#[inline(always)]` down
-/// to the operations.
-pub(super) trait LossKernel {
+/// A kernel that linearizes. It is compiled twice: SPECIAL for the cameras of most problems without a
+/// loss, and for everything else.
+pub(super) trait LinearizingKernel {
+    /// Columns of a view.
+    const COLUMNS: usize;
+    /// Rows of an observation.
+    const ROWS: usize;
     type Output;
-    fn run<L: Lanes, const ROBUST: bool>(self, l: L) -> Self::Output;
+    /// Must be `#[inline(always)]` down to the operations.
+    fn run<L: Lanes, const SPECIAL: bool>(self, l: L) -> Self::Output;
 }
 
-struct Under<K, const ROBUST: bool>(K);
+struct Compiled<K, const SPECIAL: bool>(K);
 
-impl<K: LossKernel, const ROBUST: bool> Kernel for Under<K, ROBUST> {
+impl<K: LinearizingKernel, const SPECIAL: bool> Kernel for Compiled<K, SPECIAL> {
     type Output = K::Output;
 
     #[inline(always)]
     fn run<L: Lanes>(self, l: L) -> K::Output {
-        self.0.run::<L, ROBUST>(l)
+        self.0.run::<L, SPECIAL>(l)
     }
 }
 
@@ -298,54 +310,33 @@ pub(super) trait Consumer<L: Lanes, const R: usize> {
     fn consume(self, l: L, lin: &Linearized<L, R>);
 }
 
-/// Linearizes eight observations with D columns a view and hands them to `consumer`; with ROBUST under
-/// the loss, otherwise as without a loss.
+/// Linearizes eight observations with D columns a view and hands them to `consumer`.
 ///
-/// Each written-out model has code of its own in a kernel, so that its Jacobians stay in registers;
-/// all others share a call, whose cost is small beside theirs.
+/// A SPECIAL kernel has the formulas in itself, so that Jacobians and constants stay in registers; it is
+/// only run for cameras that it has. All others call, which costs little beside their formulas.
 #[inline(always)]
 pub(super) fn linearize<
     L: Lanes,
     C: Consumer<L, R>,
     const D: usize,
     const R: usize,
-    const ROBUST: bool,
+    const SPECIAL: bool,
 >(
     l: L,
     inputs: &Inputs<'_>,
     first: usize,
     consumer: C,
 ) {
-    if ROBUST {
-        return consumer.consume(l, &l.call(LinearizeRobust::<D, R> { inputs, first }));
-    }
     let place = Everywhere;
-    if D == 9 {
-        // Snavely's cameras alone have three unknowns. Without a call in it the kernel keeps its
-        // constants in registers.
-        return consumer.consume(
-            l,
-            &Linearize::<_, _, R> { inputs, first, model: SnavelyLanes, place }.run(l),
-        );
+    if !SPECIAL {
+        return consumer.consume(l, &l.call(LinearizeAny::<R> { inputs, first, columns: D }));
     }
-    match inputs.model {
-        Model::Snavely if R == 2 && D == 6 => {
-            consumer.consume(
-                l,
-                &Linearize::<_, _, R> { inputs, first, model: SnavelyLanes, place }.run(l),
-            );
-        }
-        Model::Pinhole if D == 6 => {
-            consumer.consume(
-                l,
-                &Linearize::<_, _, R> { inputs, first, model: PinholeLanes, place }.run(l),
-            );
-        }
-        Model::Snavely | Model::Pinhole | Model::Any => consumer.consume(
-            l,
-            &l.call(Linearize::<_, _, R> { inputs, first, model: inputs.any(), place }),
-        ),
+    if D == 9 || (R == 2 && inputs.model == Model::Snavely) {
+        let model = SnavelyLanes;
+        return consumer.consume(l, &Linearize::<_, _, R> { inputs, first, model, place }.run(l));
     }
+    let model = PinholeLanes;
+    consumer.consume(l, &Linearize::<_, _, R> { inputs, first, model, place }.run(l));
 }
 
 /// The Jacobians of eight observations by one camera model.
@@ -408,20 +399,24 @@ impl<L: Lanes, M: LaneModel, P: Place, const R: usize> Subroutine<L> for Lineari
     }
 }
 
-/// The Jacobians of eight observations under a loss; see [`super::under_loss`].
-struct LinearizeRobust<'a, const D: usize, const R: usize> {
+/// The Jacobians of eight observations by any camera model, under the loss; see [`super::under_loss`].
+struct LinearizeAny<'a, const R: usize> {
     inputs: &'a Inputs<'a>,
     first: usize,
+    /// Columns of a view.
+    columns: usize,
 }
 
-impl<L: Lanes, const D: usize, const R: usize> Subroutine<L> for LinearizeRobust<'_, D, R> {
+impl<L: Lanes, const R: usize> Subroutine<L> for LinearizeAny<'_, R> {
     type Output = Linearized<L, R>;
 
     #[inline(always)]
     fn run(self, l: L) -> Linearized<L, R> {
-        let Self { inputs, first } = self;
+        let Self { inputs, first, columns } = self;
         let mut out = by_model(l, inputs, first, Everywhere);
-        out.weigh::<D>(l, &inputs.loss, inputs.stiffness);
+        if inputs.loss != Loss::Trivial {
+            out.weigh(l, &inputs.loss, inputs.stiffness, columns);
+        }
         out
     }
 }

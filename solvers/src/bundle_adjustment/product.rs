@@ -12,7 +12,7 @@ use super::back_substitute::along;
 use super::blocks::ViewVector;
 use super::landmarks::{LandmarkGroup, Rows};
 use super::layout::Layout;
-use super::observe::{Consumer, Inputs, Linearized, LossKernel, eight_indices, linearize};
+use super::observe::{Consumer, Inputs, Linearized, LinearizingKernel, eight_indices, linearize};
 use super::sorted::{Chunk, GROUPS};
 
 /// What a chunk adds to a product, and its tile.
@@ -70,13 +70,15 @@ pub(super) struct Product<'a, const D: usize, const V: usize, const T: usize, co
     pub(super) interrupt: &'a Interrupt,
 }
 
-impl<const D: usize, const V: usize, const T: usize, const R: usize> LossKernel
+impl<const D: usize, const V: usize, const T: usize, const R: usize> LinearizingKernel
     for Product<'_, D, V, T, R>
 {
+    const COLUMNS: usize = D;
+    const ROWS: usize = R;
     type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes, const ROBUST: bool>(self, l: L) {
+    fn run<L: Lanes, const SPECIAL: bool>(self, l: L) {
         let Self { inputs, layout, chunk, groups, vectors, sums, interrupt } = self;
         let sorted = inputs.sorted;
         sums.views.fill(ViewVector::ZERO);
@@ -91,7 +93,7 @@ impl<const D: usize, const V: usize, const T: usize, const R: usize> LossKernel
                 let rows = &mut sums.rows;
                 let tile =
                     StoreProduct::<D, V, T, R> { vectors, views, eight, slot: o - first, rows };
-                linearize::<L, _, D, R, ROBUST>(l, &inputs, o, tile);
+                linearize::<L, _, D, R, SPECIAL>(l, &inputs, o, tile);
             }
             sums.rows.sum(l, sorted, &tile);
             let groups = &groups[(t - chunk.tiles.start) * GROUPS..];

@@ -8,13 +8,13 @@
 
 use super::observe::{Linearized, squared_norm};
 use crate::lanes::models::PARAMETERS;
-use crate::loss::Loss;
-use crate::simd::{Lanes, WIDTH};
+use crate::loss::{Loss, at_least};
+use crate::simd::{Lanes, Row, WIDTH};
 
 impl<L: Lanes, const R: usize> Linearized<L, R> {
-    /// Puts the loss in, for D columns a view.
+    /// Puts the loss in, for so many columns a view.
     #[inline(always)]
-    pub(super) fn weigh<const D: usize>(&mut self, l: L, loss: &Loss, stiffness: f64) {
+    pub(super) fn weigh(&mut self, l: L, loss: &Loss, stiffness: f64, columns: usize) {
         let correction = Correction::new(l, &mut self.residual, loss, stiffness);
         for c in 0..6 {
             correction.apply(l, &mut self.pose, c);
@@ -22,8 +22,16 @@ impl<L: Lanes, const R: usize> Linearized<L, R> {
         for c in 0..3 {
             correction.apply(l, &mut self.landmark, c);
         }
-        for c in 0..(D - 6).min(PARAMETERS) {
-            correction.apply(l, &mut self.camera, c);
+        // Bounds that are known to the compiler keep the columns in registers.
+        if columns > 6 {
+            for c in 0..3 {
+                correction.apply(l, &mut self.camera, c);
+            }
+        }
+        if columns > 9 {
+            for c in 3..PARAMETERS {
+                correction.apply(l, &mut self.camera, c);
+            }
         }
     }
 
@@ -31,11 +39,16 @@ impl<L: Lanes, const R: usize> Linearized<L, R> {
     /// there is no finite residual.
     #[inline(always)]
     pub(super) fn weigh_landmark(&mut self, l: L, loss: &Loss, stiffness: f64) -> L::V {
+        let mut squares = [0.0; WIDTH];
+        l.store(squared_norm(l, &self.residual), &mut squares);
+        // A bounded loss must not hide that there is no residual.
+        let cost = |s: f64| if s.is_finite() { 0.5 * loss.rho(s) } else { f64::INFINITY };
+        let costs = squares.map(cost);
         let correction = Correction::new(l, &mut self.residual, loss, stiffness);
         for c in 0..3 {
             correction.apply(l, &mut self.landmark, c);
         }
-        l.load(&correction.costs)
+        l.load(&costs)
     }
 }
 
@@ -47,35 +60,23 @@ struct Correction<L: Lanes, const R: usize> {
     residual: [L::V; R],
     /// (1 − √d) / s · r.
     shrunk: [L::V; R],
-    /// ½ ρ.
-    costs: [f64; WIDTH],
 }
 
 impl<L: Lanes, const R: usize> Correction<L, R> {
     /// Corrects the residual, and says how to correct columns.
     #[inline(always)]
     fn new(l: L, residual: &mut [L::V; R], loss: &Loss, stiffness: f64) -> Self {
-        let (mut roots, mut stretches, mut shrinks) = ([0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH]);
-        let mut costs = [0.0; WIDTH];
-        l.store(squared_norm(l, residual), &mut roots);
-        for lane in 0..WIDTH {
-            let s = roots[lane];
-            let value = loss.evaluate(s);
-            let along = value.curvature_from(stiffness).sqrt();
-            roots[lane] = value.weight.sqrt();
-            stretches[lane] = roots[lane] / along;
-            shrinks[lane] = if along < 1.0 { (1.0 - along) / s } else { 0.0 };
-            // A bounded loss must not hide that there is no residual.
-            costs[lane] = if s.is_finite() { 0.5 * value.rho } else { f64::INFINITY };
-        }
-        let (stretch, shrink) = (l.load(&stretches), l.load(&shrinks));
+        let mut squares = [0.0; WIDTH];
+        l.store(squared_norm(l, residual), &mut squares);
+        let Scales { root, stretch, shrink } = Scales::under(loss, stiffness, &squares);
+        let (stretch, shrink) = (l.load(&stretch), l.load(&shrink));
         let before = *residual;
         let mut shrunk = before;
         for r in 0..R {
             shrunk[r] = l.mul(before[r], shrink);
             residual[r] = l.mul(before[r], stretch);
         }
-        Self { root: l.load(&roots), residual: before, shrunk, costs }
+        Self { root: l.load(&root), residual: before, shrunk }
     }
 
     /// Corrects a column.
@@ -84,6 +85,44 @@ impl<L: Lanes, const R: usize> Correction<L, R> {
         let factors = (self.root, &self.residual, &self.shrunk);
         let column = correct(l, columns.map(|row| row[c]), factors);
         (0..R).for_each(|r| columns[r][c] = column[r]);
+    }
+}
+
+/// The factors of eight observations.
+struct Scales {
+    /// √ρ'.
+    root: Row,
+    /// √(ρ' / d).
+    stretch: Row,
+    /// (1 − √d) / s.
+    shrink: Row,
+}
+
+impl Scales {
+    /// Under any loss: by code for each of them, so that the lanes are computed together.
+    #[inline(always)]
+    fn under(loss: &Loss, stiffness: f64, squares: &Row) -> Self {
+        match *loss {
+            Loss::Trivial => Self::of(Loss::Trivial, stiffness, squares),
+            Loss::Huber(width) => Self::of(Loss::Huber(width), stiffness, squares),
+            Loss::Cauchy(width) => Self::of(Loss::Cauchy(width), stiffness, squares),
+            Loss::Tukey(width) => Self::of(Loss::Tukey(width), stiffness, squares),
+            Loss::GemanMcClure(width) => Self::of(Loss::GemanMcClure(width), stiffness, squares),
+        }
+    }
+
+    #[inline(always)]
+    fn of(loss: Loss, stiffness: f64, squares: &Row) -> Self {
+        let mut scales = Self { root: [0.0; WIDTH], stretch: [0.0; WIDTH], shrink: [0.0; WIDTH] };
+        for lane in 0..WIDTH {
+            let s = squares[lane];
+            let (weight, curvature) = loss.derivatives(s);
+            let along = at_least(curvature, stiffness).sqrt();
+            scales.root[lane] = weight.sqrt();
+            scales.stretch[lane] = scales.root[lane] / along;
+            scales.shrink[lane] = if along < 1.0 { (1.0 - along) / s } else { 0.0 };
+        }
+        scales
     }
 }
 
@@ -125,7 +164,7 @@ mod tests {
             camera: [[lanes(0.0); PARAMETERS]; 3],
             landmark: std::array::from_fn(|r| std::array::from_fn(|c| lanes(jacobian[(r, c)]))),
         };
-        lin.weigh::<6>(Scalar, loss, stiffness);
+        lin.weigh(Scalar, loss, stiffness, 6);
         let first = |v| {
             let mut row = [0.0; WIDTH];
             Scalar.store(v, &mut row);
