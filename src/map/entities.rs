@@ -10,7 +10,7 @@ use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
 use nalgebra::{Vector2, Vector3};
 
-use super::{EntityId, Observations, Observers, PendingSolve, SharedMap};
+use super::{EntityId, Observations, Observers, PendingSolve, SharedMap, numbers};
 
 /// A SHA-256 digest.
 pub type Digest = [u8; 32];
@@ -145,9 +145,8 @@ pub struct Observation {
 impl Observation {
     /// Whether its numbers can be a measurement: finite, and positive where they have to be.
     pub(super) fn is_possible(&self) -> bool {
-        let positive = |value: f64| value.is_finite() && value > 0.0;
-        let depth = self.depth.is_none_or(|d| positive(d.depth_m) && positive(d.sigma_m));
-        depth && positive(self.sigma_px) && self.pixel.iter().all(|value| value.is_finite())
+        let is_depth = self.depth.as_ref().is_none_or(numbers::is_depth);
+        is_depth && numbers::is_positive(self.sigma_px) && numbers::is_finite(&self.pixel)
     }
 
     /// What makes an observation of a keyframe unique: the landmark and the bits of its pixel. Two

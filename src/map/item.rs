@@ -11,6 +11,7 @@ use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
 use nalgebra::{Vector2, Vector3};
 
+use super::numbers::{is_depth, is_finite, is_positive};
 use super::{ConstraintKind, Depth, Descriptor, Edit};
 
 /// A reference as a client writes it.
@@ -68,7 +69,7 @@ impl Place {
     #[must_use]
     pub fn is_valid(&self) -> bool {
         match self {
-            Self::InWorld(point) => point.iter().all(|value| value.is_finite()),
+            Self::InWorld(point) => is_finite(point),
             Self::OnEarth(place) => place.is_valid(),
         }
     }
@@ -211,16 +212,14 @@ impl Item {
     /// wire are; this guards a map against programs that make items themselves.
     #[must_use]
     pub fn has_valid_numbers(&self) -> bool {
-        let positive = |value: f64| value.is_finite() && value > 0.0;
-        let finite = |vector: &Vector3<f64>| vector.iter().all(|value| value.is_finite());
         let are_placed = |landmarks: &[ItemLandmark]| {
-            landmarks.iter().all(|landmark| landmark.position.as_ref().is_none_or(finite))
+            landmarks.iter().all(|landmark| landmark.position.as_ref().is_none_or(is_finite))
         };
         let are_measured = |observations: &[ItemObservation]| {
             observations.iter().all(|seen| {
-                seen.pixel.iter().all(|value| value.is_finite())
-                    && positive(seen.sigma_px)
-                    && seen.depth.is_none_or(|d| positive(d.depth_m) && positive(d.sigma_m))
+                is_finite(&seen.pixel)
+                    && is_positive(seen.sigma_px)
+                    && seen.depth.as_ref().is_none_or(is_depth)
             })
         };
         match self {
@@ -239,7 +238,7 @@ impl Item {
             Self::RelativePose { keyframe_i_from_keyframe_j: pose, .. }
             | Self::PosePrior { world_from_camera: pose, .. } => pose.is_finite(),
             Self::PositionPrior { place, point_in_camera, .. } => {
-                place.is_valid() && finite(point_in_camera)
+                place.is_valid() && is_finite(point_in_camera)
             }
         }
     }

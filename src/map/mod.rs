@@ -25,6 +25,7 @@ mod ids;
 mod item;
 mod keyframe_pairs;
 mod merging;
+mod numbers;
 mod observations;
 mod observers;
 mod parts;

@@ -10,6 +10,7 @@ use covis_solvers::geometry::{LieGroup, Se3, Sim3};
 use covis_solvers::information::Information;
 use nalgebra::{SMatrix, Vector3};
 
+use super::numbers::is_depth;
 use super::{ClientIndex, Depth, Map, Observation, Observations, Prior};
 
 /// Scales of clients that are possible: numbers of a map stay far from where `f64` ends.
@@ -72,8 +73,7 @@ pub(super) fn pose(scale: f64, pose: &Se3) -> Se3 {
 pub(super) fn depth(scale: f64, depth: Depth) -> Option<Depth> {
     let Depth { depth_m, sigma_m } = depth;
     let scaled = Depth { depth_m: depth_m * scale, sigma_m: sigma_m * scale };
-    let is_possible = |value: f64| value > 0.0 && value.is_finite();
-    (is_possible(scaled.depth_m) && is_possible(scaled.sigma_m)).then_some(scaled)
+    is_depth(&scaled).then_some(scaled)
 }
 
 /// Information on a tangent whose first three entries are lengths: of a pose's error, or of a point's.

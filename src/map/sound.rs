@@ -5,9 +5,9 @@
 //! numbers are, and what the fold keeps true of every map. Nothing is changed or repaired.
 
 use covis_solvers::geometry::{LieGroup, Se3};
-use nalgebra::Vector3;
 
 use super::item::is_valid_camera;
+use super::numbers::{is_finite, is_positive};
 use super::scaling::SCALES;
 use super::{
     Affected, Client, ConstraintKind, Content, EntityId, EntityKind, Keyframe, Landmark,
@@ -19,14 +19,6 @@ use super::{
 const UNIT_TOLERANCE: f64 = 1e-6;
 
 type Outcome = Result<(), MapError>;
-
-fn finite(vector: &Vector3<f64>) -> bool {
-    vector.iter().all(|value| value.is_finite())
-}
-
-fn positive(value: f64) -> bool {
-    value.is_finite() && value > 0.0
-}
 
 fn is_pose(pose: &Se3) -> bool {
     let norm = pose.rotation.quaternion().coords.norm();
@@ -129,7 +121,7 @@ impl Map {
             let text = "a client's earlier frames are not possible";
             check_map(frames && earlier_frames.iter().all(is_pose), text)?;
             let text = "a client's variance factor is not possible";
-            check_map(positive(*closure_variance), text)?;
+            check_map(is_positive(*closure_variance), text)?;
             check_map(SCALES.contains(scale), "a client's scale is not possible")?;
         }
         Ok(())
@@ -200,7 +192,7 @@ impl Map {
         let test = |holds, what| check(holds, EntityKind::Landmark, id, what);
         self.own(id, EntityKind::Landmark)?;
         let positions = [landmark.position, landmark.sent_position];
-        test(positions.iter().flatten().all(finite), "has a position that is not finite")?;
+        test(positions.iter().flatten().all(is_finite), "has a position that is not finite")?;
         let positioned = (0..=self.revision).contains(&landmark.positioned_revision);
         let revisions = self.is_revision(landmark.added_revision) && positioned;
         test(revisions, "was added at no revision of the map")?;
@@ -232,7 +224,7 @@ impl Map {
                     is_pose(world_from_camera) && loss.is_valid()
                 }
                 Prior::Position { position_in_world, point_in_camera, loss, .. } => {
-                    finite(position_in_world) && finite(point_in_camera) && loss.is_valid()
+                    is_finite(position_in_world) && is_finite(point_in_camera) && loss.is_valid()
                 }
             };
             check(measured, kind, id, "measures what is not possible")?;

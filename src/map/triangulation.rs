@@ -9,6 +9,7 @@
 use covis_solvers::initialization::{TriangulationOptions, View, triangulate as triangulate_views};
 use nalgebra::Vector3;
 
+use super::numbers::is_finite;
 use super::{EntityId, Keyframe, Map, Observation};
 
 /// Whether `keyframe` sees a landmark without position.
@@ -40,7 +41,7 @@ pub fn triangulate(map: &Map, keyframe: EntityId) -> Vec<(EntityId, Vector3<f64>
                 })
                 .collect();
             let point = triangulate_views(&views, &options).ok()?.point_in_world;
-            point.iter().all(|v| v.is_finite()).then_some((id, point))
+            is_finite(&point).then_some((id, point))
         })
         .collect();
     positions.sort_by_key(|&(id, _)| id);

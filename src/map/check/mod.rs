@@ -14,6 +14,7 @@ use covis_solvers::geometry::{LieGroup, LocalFrame, Se3, Sim3};
 use nalgebra::Vector3;
 
 use super::digest::{self, Content};
+use super::numbers::is_finite;
 use super::{
     CameraEntity, Change, ClientIndex, Constraint, EntityId, EntityRef, Item, ItemLandmark,
     ItemObservation, Map, NewLandmark, Observation, Place, Prior, Reason, Rejection,
@@ -415,7 +416,7 @@ impl Check<'_> {
                 descriptor: sent.descriptor.clone(),
             };
             // A pixel that could not be read is NaN.
-            if sent.pixel.iter().all(|value| value.is_finite()) {
+            if is_finite(&sent.pixel) {
                 keys.push((observation.key(), Some(index)));
             }
             observations.push(observation);
@@ -450,7 +451,7 @@ fn far_outside(value: f64, size_px: u32) -> Option<f64> {
 /// nothing.
 fn is_projected(camera: &CameraEntity, pose: &Se3, position: &Vector3<f64>) -> bool {
     let pixel = || camera.camera.project(&pose.inverse_transform(position));
-    !pose.is_finite() || pixel().is_some_and(|pixel| pixel.iter().all(|v| v.is_finite()))
+    !pose.is_finite() || pixel().is_some_and(|pixel| is_finite(&pixel))
 }
 
 /// The indices of keys that occur earlier in the list too, sorted, each with its key. A key without an

@@ -11,6 +11,7 @@ use covis_solvers::information::Information;
 use nalgebra::Vector3;
 
 use super::Check;
+use crate::map::numbers::is_finite;
 use crate::map::{Depth, ItemObservation, NewLandmark, Reason, scaling};
 
 const OVERFLOWS: &str = "it is out of range in the map's unit of length";
@@ -33,7 +34,7 @@ impl Check<'_> {
         let is_within = |motion: &Sim3| {
             let pose = motion.transform_pose(world_from_camera).is_finite();
             let points = landmarks.iter().filter_map(|new| new.position);
-            pose && points.map(|p| motion.transform(&p)).all(|p| p.iter().all(|v| v.is_finite()))
+            pose && points.map(|p| motion.transform(&p)).all(|p| is_finite(&p))
         };
         let odometry = odom_from_camera.map(|odom| self.scaled("keyframe.odom_from_camera", odom));
         let start = self.scaled("keyframe.world_from_camera", world_from_camera);

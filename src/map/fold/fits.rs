@@ -9,15 +9,12 @@ use std::collections::BTreeSet;
 use covis_solvers::geometry::{LieGroup, Se3};
 use nalgebra::Vector3;
 
+use super::super::numbers::{is_finite, is_positive};
 use super::super::scaling::SCALES;
 use super::super::{
     AppliedSolve, Cause, Change, Client, ClientIndex, Comparison, Constraint, EntityId, EntityKind,
     Event, Map, MapError, Merge, MergedClient, NewLandmark, Observation, Prior, Retired,
 };
-
-fn finite(vector: &Vector3<f64>) -> bool {
-    vector.iter().all(|v| v.is_finite())
-}
 
 impl Map {
     pub(crate) fn fits(&self, event: &Event) -> Result<(), MapError> {
@@ -220,7 +217,7 @@ impl Fit<'_> {
         }
         let positions = content.landmarks().iter().filter_map(|(id, l)| Some((id, l.position?)));
         for (&id, position) in positions {
-            self.finite(finite(&position), EntityKind::Landmark, id)?;
+            self.finite(is_finite(&position), EntityKind::Landmark, id)?;
         }
         let added: BTreeSet<EntityId> =
             content.keyframes().keys().map(|&id| merge.id_of(id)).collect();
@@ -253,7 +250,7 @@ impl Fit<'_> {
         let is_finite = match prior {
             Prior::Pose { world_from_camera, .. } => world_from_camera.is_finite(),
             Prior::Position { position_in_world, point_in_camera, .. } => {
-                finite(position_in_world) && finite(point_in_camera)
+                is_finite(position_in_world) && is_finite(point_in_camera)
             }
         };
         self.finite(is_finite, EntityKind::Constraint, id)
@@ -277,7 +274,7 @@ impl Fit<'_> {
                 None => true,
             };
             self.absent(repeats, EntityKind::Landmark, new.id)?;
-            let is_finite = new.position.as_ref().is_none_or(finite);
+            let is_finite = new.position.as_ref().is_none_or(is_finite);
             self.finite(is_finite, EntityKind::Landmark, new.id)?;
         }
         let mut ids: Vec<EntityId> = landmarks.iter().map(|l| l.id).collect();
@@ -317,7 +314,7 @@ impl Fit<'_> {
         let mut landmarks = self.map.landmarks.rising();
         for (id, position) in positions {
             self.present(landmarks.get(id).is_some(), EntityKind::Landmark, *id)?;
-            self.finite(finite(position), EntityKind::Landmark, *id)?;
+            self.finite(is_finite(position), EntityKind::Landmark, *id)?;
         }
         Ok(())
     }
@@ -341,11 +338,7 @@ impl Fit<'_> {
             self.constraint(*id)?;
         }
         for &(client, variance) in &solve.closure_variances {
-            self.finite(
-                variance.is_finite() && variance > 0.0,
-                EntityKind::Client,
-                EntityId::new(client, 0),
-            )?;
+            self.finite(is_positive(variance), EntityKind::Client, EntityId::new(client, 0))?;
         }
         for (client, frame) in &solve.left_frames {
             self.finite(frame.is_finite(), EntityKind::Client, EntityId::new(*client, 0))?;

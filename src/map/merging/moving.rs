@@ -5,10 +5,10 @@
 
 use covis_solvers::geometry::{LieGroup, Se3, Sim3};
 use covis_solvers::information::Information;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
 use super::super::scaling::{self, SCALES};
-use super::super::{MapParts, Prior, frames};
+use super::super::{MapParts, Prior, frames, numbers};
 use super::MergeError;
 
 /// Moves the world frame: `motion` is the old one in the new one, and the length of the old unit in the
@@ -77,7 +77,6 @@ fn rescale(scale: f64, parts: &mut MapParts, keeps_priors: bool) -> Option<()> {
 
 /// Whether every pose, position and scale is a number.
 pub(super) fn is_finite(parts: &MapParts) -> bool {
-    let is_number = |point: &Vector3<f64>| point.iter().all(|value| value.is_finite());
     let mut poses = parts.keyframes.values().map(|keyframe| &keyframe.world_from_camera);
     let mut odometry = parts.keyframes.values().map(|keyframe| &keyframe.odom_from_camera);
     let mut measured = parts.constraints.values().map(|c| &c.keyframe_i_from_keyframe_j);
@@ -88,11 +87,11 @@ pub(super) fn is_finite(parts: &MapParts) -> bool {
         && measured.all(Se3::is_finite)
         && merged.all(|at| at.is_finite() && SCALES.contains(&at.scale))
         && parts.clients.iter().all(|client| SCALES.contains(&client.scale))
-        && positions.all(is_number)
+        && positions.all(numbers::is_finite)
         && parts.priors.values().all(|prior| match prior {
             Prior::Pose { world_from_camera, .. } => world_from_camera.is_finite(),
             Prior::Position { position_in_world, point_in_camera, .. } => {
-                is_number(position_in_world) && is_number(point_in_camera)
+                numbers::is_finite(position_in_world) && numbers::is_finite(point_in_camera)
             }
         })
 }
