@@ -21,6 +21,7 @@ mod error;
 mod event;
 mod fold;
 mod frames;
+mod hash;
 mod ids;
 mod item;
 mod keyframe_pairs;

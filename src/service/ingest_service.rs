@@ -17,7 +17,7 @@ use super::convert::solve::to_certificate;
 use super::convert::{Path, convert, count, ids, item};
 use super::engine::{Ack, AckStatus, ItemSender, MapHandle, Opened, SolveReport, StreamEvent};
 use super::error::ServiceError;
-use super::status::{solve_reason, violation_reason};
+use super::reasons::{solve_reason, violation_reason};
 use crate::map::{MAX_NUMBER, Reason, Rejection};
 use crate::wire::v1;
 use v1::ingest_request::Item as WireItem;

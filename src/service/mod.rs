@@ -48,6 +48,7 @@ mod optimization_service;
 mod page;
 mod random;
 mod readers;
+mod reasons;
 mod refine;
 mod routes;
 mod server;

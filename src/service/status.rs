@@ -16,9 +16,10 @@ use super::engine::EngineError;
 use super::error::ServiceError;
 use super::jobs::JobError;
 use super::random::random_id;
+use super::reasons::{reason_name, solve_reason, wire_name};
 use crate::map::{MergeError, Reason, Rejection};
 use crate::store::StoreError;
-use crate::wire::v1::{JobFailure, ViolationReason};
+use crate::wire::v1::JobFailure;
 
 /// `ErrorInfo.domain`.
 const DOMAIN: &str = "covis";
@@ -414,58 +415,6 @@ fn bug(id: Option<String>, details: &str) -> Parts {
     });
     let text = format!("a bug was hit, see {id} in the log");
     Parts::new(Code::Internal, "BUG", text).with("id", id)
-}
-
-/// The wire's reason for a domain reason.
-pub(super) fn violation_reason(reason: Reason) -> ViolationReason {
-    match reason {
-        Reason::Missing => ViolationReason::Missing,
-        Reason::NotFinite => ViolationReason::NotFinite,
-        Reason::OutOfRange => ViolationReason::OutOfRange,
-        Reason::NotNormalized => ViolationReason::NotUnit,
-        Reason::NotPositiveDefinite => ViolationReason::NotPositiveDefinite,
-        Reason::WrongLength => ViolationReason::WrongLength,
-        Reason::UnknownReference => ViolationReason::UnknownReference,
-        Reason::AlreadyExists => ViolationReason::AlreadyExists,
-        Reason::Duplicate => ViolationReason::Duplicate,
-        Reason::ProjectionNotFinite => ViolationReason::NotProjectable,
-        Reason::Inconsistent => ViolationReason::Inconsistent,
-        Reason::UnknownValue => ViolationReason::UnknownValue,
-        Reason::Unimplemented => ViolationReason::Unimplemented,
-        Reason::TooLarge => ViolationReason::TooLarge,
-    }
-}
-
-/// The wire's reason for a problem that cannot be solved as posed.
-pub(super) fn solve_reason(error: &SolveError) -> ViolationReason {
-    match error {
-        SolveError::Empty(_) => ViolationReason::Missing,
-        SolveError::IndexOutOfRange { .. } => ViolationReason::UnknownReference,
-        SolveError::LengthMismatch { .. } => ViolationReason::WrongLength,
-        SolveError::NotFinite { .. } => ViolationReason::NotFinite,
-        SolveError::ResidualNotFinite { .. } => ViolationReason::NotProjectable,
-        SolveError::NotPositiveDefinite { .. } | SolveError::Singular { .. } => {
-            ViolationReason::NotPositiveDefinite
-        }
-        SolveError::Disconnected { .. } => ViolationReason::Disconnected,
-        SolveError::DuplicateId { .. } => ViolationReason::Duplicate,
-        SolveError::TooLarge { .. } | SolveError::TooExpensive(_) | SolveError::Interrupted => {
-            ViolationReason::TooLarge
-        }
-        SolveError::InvalidOption { .. }
-        | SolveError::BadLoss { .. }
-        | SolveError::Threads { .. } => ViolationReason::OutOfRange,
-    }
-}
-
-fn reason_name(reason: Reason) -> &'static str {
-    wire_name(violation_reason(reason))
-}
-
-/// A reason's name without the enum's prefix.
-fn wire_name(reason: ViolationReason) -> &'static str {
-    let name = reason.as_str_name();
-    name.strip_prefix("VIOLATION_REASON_").unwrap_or(name)
 }
 
 #[cfg(test)]

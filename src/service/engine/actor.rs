@@ -20,9 +20,10 @@ use tokio::sync::mpsc;
 use tracing::Instrument;
 
 use super::background::Background;
+use super::control::{Control, Reply};
 use super::durability::{Durability, unix_time_ns};
 use super::error::report_bug;
-use super::handle::{Control, Reply, Shared};
+use super::handle::Shared;
 use super::ingest::Ingest;
 use super::pool::panic_message;
 use super::recognition::Recognition;

@@ -9,7 +9,7 @@
 use std::sync::Arc;
 
 use super::actor::Actor;
-use super::handle::{Control, Reply};
+use super::control::{Control, Reply};
 use super::{Cancellation, EngineError, MapHandle};
 use crate::map::{Change, EntityId, Map, redundant_keyframes, retire_redundant};
 

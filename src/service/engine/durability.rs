@@ -14,7 +14,8 @@ use futures_util::FutureExt;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 
-use super::handle::{Reply, Shared};
+use super::control::Reply;
+use super::handle::Shared;
 use super::pool::{SolverPool, panic_message};
 use super::stream::Permit;
 use super::{Ack, AckStatus, EngineError, Reservation, Resource, StreamEvent};

@@ -1,7 +1,7 @@
-//! The handle of a map, and the control messages that it sends to the engine.
+//! The handle of a map: what callers hold, and what they share with the engine.
 //!
-//! Control messages have their own channel and overtake queued items, so that a reader never waits
-//! behind a busy stream. Once an item is acknowledged, every later snapshot contains it.
+//! A handle sends control messages and awaits the answers; it never changes the map itself. Once an
+//! item is acknowledged, every later snapshot contains it.
 
 use std::fmt;
 use std::sync::atomic::AtomicBool;
@@ -12,23 +12,20 @@ use covis_solvers::optimizer::IterationSummary;
 use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tracing::Span;
 
+use super::control::{Control, MapUpdate, Reply};
 use super::durability::sequence_of;
 use super::error::report_bug;
-use super::joining::{Joining, Left};
 use super::measured_pairs::MeasuredPairs;
 use super::merging::MergedName;
 use super::places::Places;
 use super::solve::Job;
 use super::stream::Queued;
-use super::watch::Past;
 use super::{
     Account, Cancellation, EngineConfig, EngineError, EngineMeters, IngestStream, OptimizeOptions,
     OptimizeOutcome, SolveStep, Watch,
 };
 use crate::loop_closing::{Located, View, locate};
-use crate::map::{
-    EntityId, GraphPairs, GraphProblem, Map, MapPolicy, PlaceCandidate, RequestId, measured_graph,
-};
+use crate::map::{GraphPairs, GraphProblem, Map, PlaceCandidate, RequestId, measured_graph};
 use crate::store::{Durability, Flushed, Store, StoreError};
 
 /// Whether a map accepts changes.
@@ -53,91 +50,6 @@ pub struct MapInfo {
     pub snapshot: Arc<Map>,
     /// Whether it accepts changes.
     pub state: MapState,
-}
-
-/// A requested change of a map's name, policy or state; what is `None` stays as it is.
-#[derive(Default)]
-pub struct MapUpdate {
-    /// The new free text for people.
-    pub display_name: Option<String>,
-    /// Computes the new policy from the present one.
-    pub policy: Option<PolicyUpdate>,
-    /// Whether the map is to be frozen.
-    pub frozen: Option<bool>,
-    /// The change is made only at this revision.
-    pub expected_revision: Option<i64>,
-}
-
-/// Computes a policy from the present one.
-pub type PolicyUpdate = Box<dyn FnOnce(&MapPolicy) -> MapPolicy + Send>;
-
-impl fmt::Debug for MapUpdate {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { display_name, policy: _, frozen, expected_revision } = self;
-        f.debug_struct("MapUpdate")
-            .field("display_name", display_name)
-            .field("frozen", frozen)
-            .field("expected_revision", expected_revision)
-            .finish_non_exhaustive()
-    }
-}
-
-/// Answers a control message.
-pub(super) type Reply<T> = oneshot::Sender<T>;
-
-/// A request to the engine that is not an item.
-pub(super) enum Control {
-    Info {
-        reply: Reply<MapInfo>,
-    },
-    Open {
-        client: String,
-        epoch: i64,
-        lock_step: bool,
-        handle: MapHandle,
-        reply: Reply<Result<IngestStream, EngineError>>,
-    },
-    Watch {
-        from_revision: Option<i64>,
-        handle: MapHandle,
-        reply: Reply<Result<(Watch, Past), EngineError>>,
-    },
-    Optimize(Box<Job>),
-    Update {
-        update: MapUpdate,
-        reply: Reply<Result<MapInfo, EngineError>>,
-    },
-    /// Removes those of the keyframes that are redundant still; the answer counts them.
-    RetireRedundant {
-        keyframes: Vec<EntityId>,
-        share: f64,
-        reply: Reply<Result<usize, EngineError>>,
-    },
-    /// Keeps a snapshot and drops the journal before it.
-    DropJournal {
-        reply: Reply<Result<(), EngineError>>,
-    },
-    /// Takes nothing more, because another map is to take its content.
-    Hold {
-        reply: Reply<Result<MapInfo, EngineError>>,
-    },
-    /// Takes the content of another map.
-    Join {
-        joining: Box<Joining>,
-        reply: Reply<Result<MapInfo, EngineError>>,
-    },
-    /// Makes a map of what came with a merge, and lets go of it.
-    TakeOut {
-        name: String,
-        reply: Reply<Result<Left, EngineError>>,
-    },
-    Delete {
-        reply: Reply<Result<(), EngineError>>,
-    },
-    /// The answer is that the engine drops the reply when it has ended.
-    Shutdown {
-        reply: Reply<()>,
-    },
 }
 
 /// Whether a map accepts changes, and why it does not.

@@ -15,9 +15,10 @@ use std::time::Duration;
 use tokio::sync::{Semaphore, watch};
 use tracing::Instrument;
 
+use super::control::Control;
 use super::durability::{stored, unix_time_ns};
 use super::error::report_bug;
-use super::handle::{Condition, Control, Shared};
+use super::handle::{Condition, Shared};
 use super::opening::Start;
 use super::watch::READERS;
 use super::{

@@ -20,8 +20,9 @@ use covis_solvers::information::Information;
 use covis_solvers::interrupt::Interrupt;
 use covis_solvers::problem::SolveError;
 
+use super::control::Control;
 use super::error::report_bug;
-use super::handle::{Condition, Control};
+use super::handle::Condition;
 use super::joining::{Joining, Left, check_room};
 use super::maps::{Claim, run_to_end};
 use super::opening::{Start, uid};

@@ -27,7 +27,7 @@ use covis_solvers::robust::{PositionJudging, VarianceFactors};
 use tokio::sync::mpsc;
 use tracing::Span;
 
-use super::handle::Reply;
+use super::control::Reply;
 use super::measured_pairs::MeasuredPairs;
 use super::rebuilding::Rebuilt;
 use super::{Cancellation, EngineError};

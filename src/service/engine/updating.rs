@@ -8,7 +8,8 @@ use std::sync::atomic::Ordering;
 
 use super::EngineError;
 use super::actor::Actor;
-use super::handle::{MapInfo, MapUpdate};
+use super::control::MapUpdate;
+use super::handle::MapInfo;
 use crate::map::Change;
 
 impl Actor {
