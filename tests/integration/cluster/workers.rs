@@ -1,7 +1,7 @@
 //! Workers: processes that solve the jobs of servers, killed, paused and canceled.
 
 use std::io::{BufRead, BufReader};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
@@ -24,17 +24,8 @@ use crate::job_support::{BUNDLE, GRAPH, twin};
 struct Worker(Child);
 
 impl Worker {
-    /// A worker with one thread; `fault` is one that it commits.
-    fn start(nats: &Nats, workspace: &Workspace, fault: &str) -> Self {
-        Self::with_log(nats, workspace, fault, Stdio::null())
-    }
-
-    /// As [`Worker::start`], with its log in a file.
-    fn logged(nats: &Nats, workspace: &Workspace, fault: &str, log: &Path) -> Self {
-        Self::with_log(nats, workspace, fault, std::fs::File::create(log).unwrap().into())
-    }
-
-    fn with_log(nats: &Nats, workspace: &Workspace, fault: &str, log: Stdio) -> Self {
+    /// A worker with one thread, and where its log goes; `fault` is one that it commits.
+    fn start(nats: &Nats, workspace: &Workspace, fault: &str, log: Stdio) -> Self {
         let mut command = workspace.command();
         command.args(["worker", "--threads", "1", "--nats", &nats.urls(), "--lease-seconds", "2"]);
         command.args(["--nats-monitoring", &nats.monitoring(), "--nats-replicas", "1"]);
@@ -66,20 +57,79 @@ impl Drop for Worker {
     }
 }
 
-/// Submits a file as a job.
-fn submit(workspace: &Workspace, server: &Running, id: &str, problem: &Path) {
-    let arguments =
-        format!("job submit solve --file {{}} --id {id} --json --server {}", server.url);
-    workspace.json(&arguments, &[problem]);
+/// A covis server with a NATS server, and a problem for workers.
+struct Scene {
+    server: Running,
+    problem: PathBuf,
+    workspace: Workspace,
+    nats: Nats,
 }
 
-/// Waits until a job is in this phase; its iteration then.
-async fn until_phase(client: &Client, id: &str, phase: &str) -> i32 {
+impl Scene {
+    /// `None` where there is no NATS.
+    fn start(problem: PathBuf) -> Option<Self> {
+        let (nats, workspace) = (Nats::start(1, true)?, Workspace::new());
+        Some(Self { server: nats.covis(&workspace, "a"), problem, workspace, nats })
+    }
+
+    async fn client(&self) -> Client {
+        Client::connect(&self.server.url).await.unwrap()
+    }
+
+    /// A worker with one thread; `fault` is one that it commits.
+    fn worker(&self, fault: &str) -> Worker {
+        Worker::start(&self.nats, &self.workspace, fault, Stdio::null())
+    }
+
+    /// Submits the problem as a job.
+    fn submit(&self, id: &str) {
+        let url = &self.server.url;
+        let arguments = format!("job submit solve --file {{}} --id {id} --json --server {url}");
+        self.workspace.json(&arguments, &[&self.problem]);
+    }
+
+    /// Submits the problem and waits until its worker holds it; the iteration then.
+    async fn submit_held(&self, client: &Client, id: &str) -> i32 {
+        self.submit(id);
+        until_held(client, id).await
+    }
+
+    /// What a server without workers makes of the problem.
+    fn undisturbed(&self) -> Value {
+        let alone = Running::start(&self.workspace, &self.workspace.path("alone"));
+        let arguments =
+            format!("job submit solve --file {{}} --wait --json --server {}", alone.url);
+        self.workspace.json(&arguments, &[&self.problem])
+    }
+
+    /// Compares a job with an undisturbed one: every number of every iteration, bit by bit.
+    fn check_same(&self, id: &str, undisturbed: &Value) {
+        let arguments = format!("job show {id} --json --server {}", self.server.url);
+        let shown = self.workspace.json(&arguments, &[]);
+        assert_eq!(shown["state"], "succeeded", "{shown}");
+        let bits = |value: &Value| value.as_f64().unwrap().to_bits();
+        for key in ["cost_before", "cost_after"] {
+            assert_eq!(bits(&shown[key]), bits(&undisturbed[key]), "{key}");
+        }
+        let rows = |document: &Value| -> Vec<[u64; 3]> {
+            let rows = document["report"]["iterations"].as_array().unwrap().clone();
+            let numbers = ["cost", "damping", "gradient_max_norm"];
+            rows.iter().map(|row| numbers.map(|key| bits(&row[key]))).collect()
+        };
+        assert_eq!(rows(&shown), rows(undisturbed), "every iteration, once");
+        for key in ["initial_cost", "final_cost", "termination", "gradient_max_norm"] {
+            assert_eq!(shown["report"][key], undisturbed["report"][key], "{key}");
+        }
+    }
+}
+
+/// Waits until a worker holds a job; its iteration then.
+async fn until_held(client: &Client, id: &str) -> i32 {
     loop {
         let job = client.job(id).await.unwrap();
         assert!(job.end_time.is_none(), "{job:?}");
         let progress = job.progress.unwrap_or_default();
-        if progress.phase == phase {
+        if progress.phase == "held by a test" {
             return progress.iteration.map_or(0, |row| row.iteration);
         }
         tokio::task::yield_now().await;
@@ -99,101 +149,63 @@ async fn ends_after(client: &Client, id: &str, at: i32) -> v1::Job {
     job
 }
 
-/// What a server without workers makes of a file.
-fn undisturbed(workspace: &Workspace, problem: &Path) -> Value {
-    let server = Running::start(workspace, &workspace.path("alone"));
-    let arguments = format!("job submit solve --file {{}} --wait --json --server {}", server.url);
-    workspace.json(&arguments, &[problem])
-}
-
-/// Compares a job with an undisturbed one: every number of every iteration, bit by bit.
-fn check_same(workspace: &Workspace, server: &Running, id: &str, undisturbed: &Value) {
-    let shown = workspace.json(&format!("job show {id} --json --server {}", server.url), &[]);
-    assert_eq!(shown["state"], "succeeded", "{shown}");
-    let bits = |value: &Value| value.as_f64().unwrap().to_bits();
-    for key in ["cost_before", "cost_after"] {
-        assert_eq!(bits(&shown[key]), bits(&undisturbed[key]), "{key}");
-    }
-    let rows = |document: &Value| -> Vec<[u64; 3]> {
-        let rows = document["report"]["iterations"].as_array().unwrap().clone();
-        let numbers = ["cost", "damping", "gradient_max_norm"];
-        rows.iter().map(|row| numbers.map(|key| bits(&row[key]))).collect()
-    };
-    assert_eq!(rows(&shown), rows(undisturbed), "every iteration, once");
-    for key in ["initial_cost", "final_cost", "termination", "gradient_max_norm"] {
-        assert_eq!(shown["report"][key], undisturbed["report"][key], "{key}");
-    }
-}
-
 #[test]
 fn a_solve_of_a_worker_that_is_killed_goes_on_at_another_one_to_the_same_bits() {
-    let Some(nats) = Nats::start(1, true) else { return };
-    let workspace = Workspace::new();
-    let problem = golden("twins").join(BUNDLE);
-    let undisturbed = undisturbed(&workspace, &problem);
-    let server = nats.covis(&workspace, "a");
+    let Some(scene) = Scene::start(golden("twins").join(BUNDLE)) else { return };
+    let undisturbed = scene.undisturbed();
     run(async {
-        let client = Client::connect(&server.url).await.unwrap();
+        let client = scene.client().await;
         for round in 0..rounds() {
             let id = format!("round-{round}");
-            let held = Worker::start(&nats, &workspace, "hold-checkpoint");
-            submit(&workspace, &server, &id, &problem);
-            let at = until_phase(&client, &id, "held by a test").await;
+            let held = scene.worker("hold-checkpoint");
+            let at = scene.submit_held(&client, &id).await;
             assert!(at >= 3, "{at}");
-            let _other = Worker::start(&nats, &workspace, "");
+            let _other = scene.worker("");
             held.kill();
             let job = ends_after(&client, &id, at).await;
             assert_eq!(job.attempt_count, 1, "the server itself began it once: {job:?}");
-            check_same(&workspace, &server, &id, &undisturbed);
+            scene.check_same(&id, &undisturbed);
         }
     });
 }
 
 #[test]
 fn a_job_whose_last_worker_is_killed_goes_on_at_its_server_to_the_same_bits() {
-    let Some(nats) = Nats::start(1, true) else { return };
-    let workspace = Workspace::new();
-    let problem = golden("twins").join(BUNDLE);
-    let undisturbed = undisturbed(&workspace, &problem);
-    let server = nats.covis(&workspace, "a");
+    let Some(scene) = Scene::start(golden("twins").join(BUNDLE)) else { return };
+    let undisturbed = scene.undisturbed();
     run(async {
-        let client = Client::connect(&server.url).await.unwrap();
+        let client = scene.client().await;
         // Without any worker, too.
-        submit(&workspace, &server, "alone", &problem);
+        scene.submit("alone");
         assert_eq!(client.watch_job("alone", |_| {}).await.unwrap().state(), JobState::Succeeded);
-        let held = Worker::start(&nats, &workspace, "hold-checkpoint");
-        submit(&workspace, &server, "left", &problem);
-        let at = until_phase(&client, "left", "held by a test").await;
+        let held = scene.worker("hold-checkpoint");
+        let at = scene.submit_held(&client, "left").await;
         held.kill();
         ends_after(&client, "left", at).await;
         for id in ["alone", "left"] {
-            check_same(&workspace, &server, id, &undisturbed);
+            scene.check_same(id, &undisturbed);
         }
     });
 }
 
 #[test]
 fn what_a_worker_hands_in_while_the_server_is_killed_is_applied_at_its_next_start() {
-    let Some(nats) = Nats::start(1, true) else { return };
-    let workspace = Workspace::new();
-    let problem = golden("twins").join(BUNDLE);
-    let undisturbed = undisturbed(&workspace, &problem);
-    let mut server = nats.covis(&workspace, "a");
+    let Some(mut scene) = Scene::start(golden("twins").join(BUNDLE)) else { return };
+    let undisturbed = scene.undisturbed();
     run(async {
-        let client = Client::connect(&server.url).await.unwrap();
-        let held = Worker::start(&nats, &workspace, "hold-checkpoint");
-        submit(&workspace, &server, "one", &problem);
-        until_phase(&client, "one", "held by a test").await;
-        server.kill();
+        let client = scene.client().await;
+        let held = scene.worker("hold-checkpoint");
+        scene.submit_held(&client, "one").await;
+        scene.server.kill();
         // Done by a worker that ends when no task is left.
         held.kill();
-        let other = Worker::start(&nats, &workspace, "");
-        while !super::streams::has_result(&nats.urls()).await {
+        let other = scene.worker("");
+        while !super::streams::has_result(&scene.nats.urls()).await {
             tokio::task::yield_now().await;
         }
         other.kill();
-        server = nats.covis(&workspace, "a");
-        let client = Client::connect(&server.url).await.unwrap();
+        scene.server = scene.nats.covis(&scene.workspace, "a");
+        let client = scene.client().await;
         let mut phases = Vec::new();
         let job = client
             .watch_job("one", |job| {
@@ -203,9 +215,9 @@ fn what_a_worker_hands_in_while_the_server_is_killed_is_applied_at_its_next_star
             .unwrap();
         assert_eq!((job.state(), job.attempt_count), (JobState::Succeeded, 2), "{job:?}");
         assert!(!phases.iter().any(|phase| phase.contains("solves")), "{phases:?}");
-        check_same(&workspace, &server, "one", &undisturbed);
+        scene.check_same("one", &undisturbed);
         // Nothing of it is left in NATS once it is in the record.
-        while super::streams::has_tasks(&nats.urls()).await {
+        while super::streams::has_tasks(&scene.nats.urls()).await {
             tokio::task::yield_now().await;
         }
     });
@@ -213,49 +225,39 @@ fn what_a_worker_hands_in_while_the_server_is_killed_is_applied_at_its_next_star
 
 #[test]
 fn a_cancel_reaches_the_worker_which_is_free_for_the_next_task() {
-    let Some(nats) = Nats::start(1, true) else { return };
-    let workspace = Workspace::new();
-    let problem = golden("twins").join(BUNDLE);
-    let server = nats.covis(&workspace, "a");
+    let Some(scene) = Scene::start(golden("twins").join(BUNDLE)) else { return };
     run(async {
-        let client = Client::connect(&server.url).await.unwrap();
-        let _held = Worker::start(&nats, &workspace, "hold-checkpoint");
-        submit(&workspace, &server, "first", &problem);
-        until_phase(&client, "first", "held by a test").await;
+        let client = scene.client().await;
+        let _held = scene.worker("hold-checkpoint");
+        scene.submit_held(&client, "first").await;
         let begin = Instant::now();
         client.cancel_job("first").await.unwrap();
         let job = client.watch_job("first", |_| {}).await.unwrap();
         assert_eq!(job.state(), JobState::Cancelled);
         println!("canceled after {:?}", begin.elapsed());
         // The only worker holds each task until it is canceled.
-        submit(&workspace, &server, "second", &problem);
-        until_phase(&client, "second", "held by a test").await;
+        scene.submit_held(&client, "second").await;
     });
 }
 
 #[cfg(unix)]
 #[test]
 fn a_worker_that_is_paused_past_its_lease_loses_its_task_and_takes_the_next_one() {
-    let Some(nats) = Nats::start(1, true) else { return };
-    let workspace = Workspace::new();
-    let problem = golden("twins").join(BUNDLE);
-    let undisturbed = undisturbed(&workspace, &problem);
-    let server = nats.covis(&workspace, "a");
+    let Some(scene) = Scene::start(golden("twins").join(BUNDLE)) else { return };
+    let undisturbed = scene.undisturbed();
     run(async {
-        let client = Client::connect(&server.url).await.unwrap();
-        let paused = Worker::start(&nats, &workspace, "hold-checkpoint");
-        submit(&workspace, &server, "first", &problem);
-        until_phase(&client, "first", "held by a test").await;
+        let client = scene.client().await;
+        let paused = scene.worker("hold-checkpoint");
+        scene.submit_held(&client, "first").await;
         paused.signal("STOP");
-        let other = Worker::start(&nats, &workspace, "");
+        let other = scene.worker("");
         let job = client.watch_job("first", |_| {}).await.unwrap();
         assert_eq!(job.state(), JobState::Succeeded, "{job:?}");
-        check_same(&workspace, &server, "first", &undisturbed);
+        scene.check_same("first", &undisturbed);
         paused.signal("CONT");
         other.kill();
         // It holds its first task until it learns that it is its own no more.
-        submit(&workspace, &server, "second", &problem);
-        until_phase(&client, "second", "held by a test").await;
+        scene.submit_held(&client, "second").await;
     });
 }
 
@@ -275,7 +277,7 @@ fn a_file_that_a_worker_cannot_read_fails_as_it_does_at_a_server() {
     run(async {
         let client = Client::connect(&server.url).await.unwrap();
         fails(&server.url, "here");
-        let _worker = Worker::start(&nats, &workspace, "");
+        let _worker = Worker::start(&nats, &workspace, "", Stdio::null());
         fails(&server.url, "there");
         let here = client.job("here").await.unwrap().failure.unwrap();
         let there = client.job("there").await.unwrap().failure.unwrap();
@@ -321,22 +323,22 @@ fn schedule(tasks: &[f64], pause: f64, workers: usize) -> f64 {
 /// `COVIS_TEST_WORKER_JOBS` says how many jobs; it measures on an idle machine with some tens.
 #[test]
 fn equal_jobs_are_shared_by_workers() {
-    let Some(nats) = Nats::start(1, true) else { return };
     let Some(problem) = data("bal/ladybug-49-7776.txt") else { return };
+    let Some(scene) = Scene::start(problem) else { return };
     let jobs = std::env::var("COVIS_TEST_WORKER_JOBS");
     let jobs = jobs.ok().map_or(3, |jobs| jobs.parse::<usize>().unwrap());
-    let workspace = Workspace::new();
-    let server = nats.covis(&workspace, "a");
     let mut took = Vec::new();
     run(async {
-        let client = Client::connect(&server.url).await.unwrap();
+        let client = scene.client().await;
         for count in 1..=2 {
-            let log = |index: usize| workspace.path(&format!("worker-{count}-{index}.log"));
-            let workers: Vec<_> = (0..count)
-                .map(|index| Worker::logged(&nats, &workspace, "", &log(index)))
-                .collect();
+            let log = |index: usize| scene.workspace.path(&format!("worker-{count}-{index}.log"));
+            let logged = |index| {
+                let log = std::fs::File::create(log(index)).unwrap();
+                Worker::start(&scene.nats, &scene.workspace, "", log.into())
+            };
+            let workers: Vec<_> = (0..count).map(logged).collect();
             for job in 0..jobs {
-                submit(&workspace, &server, &format!("of-{count}-{job}"), &problem);
+                scene.submit(&format!("of-{count}-{job}"));
             }
             for job in 0..jobs {
                 let id = format!("of-{count}-{job}");
