@@ -74,7 +74,7 @@ pub use place_searches::{PlaceCandidate, PlaceRefusal, PlaceSearch, PlaceSearche
 pub use policy::{ClosureRobustness, Gauge, MapPolicy, WhenFull};
 pub use problem::{
     ClosureEdge, Compared, GlobalOptions, GraphProblem, JudgedPosition, MapProblem, global_problem,
-    graph_problem, local_problem, loop_problem, measured_graph, observation_problem,
+    graph_problem, local_problem, measured_graph, observation_problem,
 };
 pub use rejection::{FieldViolation, Reason, Rejection};
 pub use retirement::{redundant_keyframes, retire, retire_redundant};
@@ -82,7 +82,7 @@ pub use shared_map::SharedMap;
 pub use surroundings::{Surroundings, likeness};
 pub use ties::Ties;
 pub use triangulation::{has_unplaced, triangulate};
-pub use window::{Window, choose_window, choose_window_of};
+pub use window::{Window, choose_window};
 
 /// Whether the map already has the content of an item of a stream.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

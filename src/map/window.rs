@@ -34,15 +34,9 @@ pub struct Window {
     pub landmarks: Vec<EntityId>,
 }
 
-/// The window around `keyframe`; empty when the map does not hold it.
+/// The window around keyframes, all of which may move; empty when the map holds none of them.
 #[must_use]
-pub fn choose_window(map: &Map, keyframe: EntityId) -> Window {
-    choose_window_of(map, &[keyframe])
-}
-
-/// The window around several keyframes, all of which may move; empty when the map holds none of them.
-#[must_use]
-pub fn choose_window_of(map: &Map, keyframes: &[EntityId]) -> Window {
+pub fn choose_window(map: &Map, keyframes: &[EntityId]) -> Window {
     let held = keyframes.iter().copied().filter(|id| map.keyframes().contains_key(id));
     let mut free: BTreeSet<EntityId> = held.collect();
     if free.is_empty() {
@@ -70,7 +64,7 @@ pub fn choose_window_of(map: &Map, keyframes: &[EntityId]) -> Window {
     let groups: Vec<EntityId> = seen.iter().flat_map(|&id| map.duplicates().group(id)).collect();
     seen.extend(groups);
     let landmarks: Vec<EntityId> =
-        seen.into_iter().filter(|&id| is_usable(map, id) && is_settled(map, id)).collect();
+        seen.into_iter().filter(|&id| is_usable(map, id) && may_move(map, id)).collect();
     let mut fixed: BTreeSet<EntityId> = landmarks
         .iter()
         .filter_map(|id| map.landmarks().get(id))
@@ -111,7 +105,7 @@ pub(super) fn is_usable(map: &Map, id: EntityId) -> bool {
 }
 
 /// Whether a local solve may move a landmark.
-fn is_settled(map: &Map, id: EntityId) -> bool {
+fn may_move(map: &Map, id: EntityId) -> bool {
     let Some(landmark) = map.landmarks().get(&id) else { return false };
     let pose = |keyframe| map.keyframes().get(&keyframe).map(|k| k.world_from_camera);
     landmark.position.is_some_and(|position| is_well_placed(map, id, landmark, &position, pose))

@@ -94,7 +94,7 @@ impl Engine {
         if !positions.is_empty() {
             self.commit(None, Change::LandmarksTriangulated { positions });
         }
-        let problem = local_problem(&self.map, &choose_window(&self.map, keyframe));
+        let problem = local_problem(&self.map, &choose_window(&self.map, &[keyframe]));
         if problem.is_solvable() {
             // A solver's refusal leaves the map as it is.
             let _refused = problem.problem.validate();

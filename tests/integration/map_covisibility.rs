@@ -89,7 +89,7 @@ fn a_landmark_that_thousands_see_takes_memory_in_proportion() {
     assert!(map.covisibility().entry_count() <= 64 * KEYFRAMES as u64);
     assert!(map.usage().bytes < 20 << 20, "{:?}", map.usage());
     // The newest keyframe has the newest as neighbors, and an old one those of its time.
-    let window = choose_window(map, id(KEYFRAMES - 1));
+    let window = choose_window(map, &[id(KEYFRAMES - 1)]);
     let all = [window.fixed, window.free].concat();
     assert_eq!(all, (KEYFRAMES - 20..KEYFRAMES).map(id).collect::<Vec<_>>());
     let neighbors: Vec<_> = map.covisibility().neighbors(id(1000)).map(|(id, _)| id.id).collect();

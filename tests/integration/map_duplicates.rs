@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 
 use covis::map::{
     Change, Comparison, ConstraintKind, Edit, EntityId, EntityRef, GlobalOptions, GraphPairs, Item,
-    ItemLandmark, ItemObservation, Map, MapPolicy, SolveKind, WhenFull, applied, choose_window_of,
+    ItemLandmark, ItemObservation, Map, MapPolicy, SolveKind, WhenFull, applied, choose_window,
     find_duplicates, global_problem, retire,
 };
 use covis_solvers::interrupt::Interrupt;
@@ -118,7 +118,7 @@ fn duplicates_are_one_variable_and_close_covisibility() {
     let constant = joined.problem.constant_poses.iter().filter(|&&constant| constant).count();
     assert_eq!(constant, 1, "the visits are one piece");
     assert_eq!(measured_pairs(map), measured, "relative poses are measured without them");
-    let window = choose_window_of(map, &[id(1)]);
+    let window = choose_window(map, &[id(1)]);
     let all: Vec<EntityId> = window.free.iter().chain(&window.fixed).copied().collect();
     assert!(all.contains(&id(1 + AGAIN)), "{all:?}");
     assert!(window.landmarks.contains(&id(10 + AGAIN)));

@@ -5,8 +5,7 @@
 
 use covis::map::{
     Affected, AppliedSolve, Change, ConstraintKind, Edit, GlobalOptions, Item, ItemLandmark,
-    MapPolicy, SolveKind, SwitchedOff, affected, applied, choose_window_of, global_problem,
-    loop_problem,
+    MapPolicy, SolveKind, SwitchedOff, affected, applied, choose_window, global_problem,
 };
 use covis_solvers::geometry::{Camera, Snavely};
 use nalgebra::Vector3;
@@ -14,7 +13,8 @@ use nalgebra::Vector3;
 use crate::map_edits::{fuse, own, remove_keyframe, revoke, send, set_camera, sighting};
 use crate::map_fold::assert_consistent;
 use crate::map_support::{
-    Journal, ROBOT, fix, id, pinhole, pose_at, relative_pose, street, street_keyframe,
+    Journal, ROBOT, fix, id, loop_problem, pinhole, pose_at, relative_pose, solve_of, street,
+    street_keyframe,
 };
 
 /// What the next edit of a street asks to be solved.
@@ -45,18 +45,8 @@ fn an_edit_asks_for_its_keyframes_and_a_closure_or_prior_for_the_graph() {
     assert_eq!(camera, graph(false, &[0, 1, 2, 3, 4, 5, 6, 7]));
     // A closure that does not count asks for nothing.
     let mut solve = AppliedSolve {
-        kind: SolveKind::PoseGraph,
-        poses: Vec::new(),
-        landmarks: Vec::new(),
-        cameras: Vec::new(),
         switched_off: vec![(id(7), SwitchedOff { chi2: 50.0, weight: 0.0, is_provisional: false })],
-        switched_on: Vec::new(),
-        closure_variances: Vec::new(),
-        left_frames: Vec::new(),
-        covered: Vec::new(),
-        initial_cost: 1.0,
-        final_cost: 0.5,
-        request: None,
+        ..solve_of(SolveKind::PoseGraph)
     };
     journal.push(Change::SolveApplied { solve: solve.clone() });
     assert_eq!(asked(&journal, revoke(7)), graph(false, &[]));
@@ -74,9 +64,9 @@ fn an_edit_asks_for_its_keyframes_and_a_closure_or_prior_for_the_graph() {
     // Their window holds all of them, however small the policy makes it.
     let small = MapPolicy { window_keyframes: 2, ..MapPolicy::default() };
     journal.push(Change::PolicySet { policy: small });
-    let window = choose_window_of(&journal.map, &keyframes(&[2, 3, 99, 4]));
+    let window = choose_window(&journal.map, &keyframes(&[2, 3, 99, 4]));
     assert_eq!(window.free, keyframes(&[2, 3, 4]));
-    assert!(choose_window_of(&journal.map, &keyframes(&[99])).free.is_empty());
+    assert!(choose_window(&journal.map, &keyframes(&[99])).free.is_empty());
 }
 
 #[test]

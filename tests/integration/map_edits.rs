@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 
 use covis::map::{
     CameraEntity, Change, ConstraintKind, Edit, EntityId, EntityRef, Item, ItemLandmark, Map,
-    MapPolicy, Reason, Sighting, loop_problem,
+    MapPolicy, Reason, Sighting,
 };
 use covis_solvers::geometry::{Camera, KannalaBrandt, PinholeRadialTangential, Snavely};
 use covis_solvers::testing::random::seeded;
@@ -14,8 +14,8 @@ use rand::RngExt as _;
 
 use crate::map_fold::assert_consistent;
 use crate::map_support::{
-    Journal, ROBOT, corner, id, landmark, observe, pinhole, pose_at, relative_pose, street,
-    street_keyframe,
+    Journal, ROBOT, corner, id, landmark, loop_problem, observe, pinhole, pose_at, relative_pose,
+    street, street_keyframe,
 };
 
 pub(crate) fn own(ids: impl IntoIterator<Item = i64>) -> Vec<EntityRef> {

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use covis::map::{
     AppliedSolve, Cause, Change, ClientIndex, ConstraintKind, Covisibility, Depth, EntityId,
     EntityKind, Event, GlobalOptions, Item, Map, MapError, MapParts, MapPolicy, Place, Recall,
-    SolveKind, SwitchedOff, WhenFull, global_problem, loop_problem, retire, triangulate,
+    SolveKind, SwitchedOff, WhenFull, global_problem, retire, triangulate,
 };
 use covis_solvers::geometry::{LieGroup, Se3};
 use covis_solvers::information::Information;
@@ -17,7 +17,8 @@ use nalgebra::Vector3;
 use rand::RngExt as _;
 
 use crate::map_support::{
-    Journal, ROBOT, corner, id, observe, pixel, pose_at, relative_pose, street, street_keyframe,
+    Journal, ROBOT, corner, id, loop_problem, observe, pixel, pose_at, relative_pose, solve_of,
+    street, street_keyframe,
 };
 
 /// One random, valid step.
@@ -92,18 +93,10 @@ fn step(journal: &mut Journal, rng: &mut impl rand::Rng, n: i64) {
         }
         (11 | 12, Some(k), Some(l)) => {
             let solve = AppliedSolve {
-                kind: SolveKind::LocalBundle,
                 poses: vec![(k, pose_at(1.0).plus(&normal_vector(rng, 0.1)))],
                 landmarks: vec![(l, normal_vector(rng, 5.0))],
-                cameras: Vec::new(),
-                switched_off: Vec::new(),
-                switched_on: Vec::new(),
-                closure_variances: Vec::new(),
-                left_frames: Vec::new(),
                 covered: vec![(ROBOT, n)],
-                initial_cost: 2.0,
-                final_cost: 1.0,
-                request: None,
+                ..solve_of(SolveKind::LocalBundle)
             };
             journal.push(Change::SolveApplied { solve });
         }
@@ -200,24 +193,8 @@ fn the_hash_sees_the_last_bit_of_a_pose_and_of_a_landmark() {
     let journal = street(3, MapPolicy::default());
     let nudge = |poses: Vec<(EntityId, Se3)>, landmarks: Vec<(EntityId, Vector3<f64>)>| {
         let mut journal = journal.clone();
-        let (cameras, covered) = (Vec::new(), Vec::new());
-        let kind = SolveKind::Global;
-        let (initial_cost, final_cost) = (0.0, 0.0);
         journal.push(Change::SolveApplied {
-            solve: AppliedSolve {
-                kind,
-                poses,
-                landmarks,
-                cameras,
-                switched_off: Vec::new(),
-                switched_on: Vec::new(),
-                closure_variances: Vec::new(),
-                left_frames: Vec::new(),
-                covered,
-                initial_cost,
-                final_cost,
-                request: None,
-            },
+            solve: AppliedSolve { poses, landmarks, ..solve_of(SolveKind::Global) },
         });
         journal.map.state_hash()
     };
@@ -248,20 +225,7 @@ fn the_odometry_pose_is_kept_and_hashed_and_no_solve_moves_it() {
     assert_ne!(bare.map.state_hash(), apart.map.state_hash());
     assert!(!apart.map.holds(ROBOT, &bare_item));
     assert_eq!(apart.map.keyframes().get(&id(1)).unwrap().map_from_odom(), pose_at(-4.0));
-    let solve = AppliedSolve {
-        kind: SolveKind::Global,
-        poses: vec![(id(1), pose_at(1.5))],
-        landmarks: Vec::new(),
-        cameras: Vec::new(),
-        switched_off: Vec::new(),
-        switched_on: Vec::new(),
-        closure_variances: Vec::new(),
-        left_frames: Vec::new(),
-        covered: Vec::new(),
-        initial_cost: 1.0,
-        final_cost: 0.5,
-        request: None,
-    };
+    let solve = AppliedSolve { poses: vec![(id(1), pose_at(1.5))], ..solve_of(SolveKind::Global) };
     apart.push(Change::SolveApplied { solve });
     let keyframe = &apart.map.keyframes().get(&id(1)).unwrap();
     assert_eq!(keyframe.odom_from_camera, pose_at(5.0));
@@ -273,20 +237,7 @@ fn an_event_that_does_not_fit_is_refused_and_changes_nothing() {
     let journal = street(3, MapPolicy::default());
     let revision = journal.map.revision() + 1;
     let event = |change| Event { revision, time_ns: 0, cause: None, change };
-    let solve = |poses, landmarks| AppliedSolve {
-        kind: SolveKind::Global,
-        poses,
-        landmarks,
-        cameras: Vec::new(),
-        switched_off: Vec::new(),
-        switched_on: Vec::new(),
-        closure_variances: Vec::new(),
-        left_frames: Vec::new(),
-        covered: Vec::new(),
-        initial_cost: 0.0,
-        final_cost: 0.0,
-        request: None,
-    };
+    let solve = |poses, landmarks| AppliedSolve { poses, landmarks, ..solve_of(SolveKind::Global) };
     let triangulated = |id| Change::LandmarksTriangulated { positions: vec![(id, corner(1))] };
     let nan = Se3::new(pose_at(0.0).rotation, Vector3::new(f64::NAN, 0.0, 0.0));
     let unknown = |kind, id| MapError::Unknown { revision, kind, id };
@@ -387,18 +338,9 @@ fn an_event_that_does_not_fit_is_refused_and_changes_nothing() {
 /// An event that switches constraint 7 off or on.
 fn verdict(off: Option<SwitchedOff>) -> Change {
     let solve = AppliedSolve {
-        kind: SolveKind::PoseGraph,
-        poses: Vec::new(),
-        landmarks: Vec::new(),
-        cameras: Vec::new(),
         switched_off: off.map(|off| (id(7), off)).into_iter().collect(),
         switched_on: if off.is_none() { vec![id(7)] } else { Vec::new() },
-        closure_variances: Vec::new(),
-        left_frames: Vec::new(),
-        covered: Vec::new(),
-        initial_cost: 1.0,
-        final_cost: 0.5,
-        request: None,
+        ..solve_of(SolveKind::PoseGraph)
     };
     Change::SolveApplied { solve }
 }

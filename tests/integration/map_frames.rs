@@ -9,7 +9,7 @@ use covis_solvers::geometry::{LieGroup, Se3, So3};
 use nalgebra::Vector3;
 
 use crate::map_support::{
-    Journal, ROBOT, corner, id, observe, pose_at, pose_error, street, street_keyframe,
+    Journal, ROBOT, corner, id, observe, pose_at, pose_error, solve_of, street, street_keyframe,
 };
 
 /// Another robot's frame lies here.
@@ -22,7 +22,6 @@ fn moved_to() -> Se3 {
 fn corrected() -> Journal {
     let mut journal = street(4, MapPolicy::default());
     let solve = AppliedSolve {
-        kind: SolveKind::PoseGraph,
         poses: (0..4).map(|k| (id(k), moved_to().compose(&pose_at(k as f64)))).collect(),
         landmarks: journal
             .map
@@ -30,15 +29,8 @@ fn corrected() -> Journal {
             .keys()
             .map(|&id| (id, moved_to().transform(&corner(id.id))))
             .collect(),
-        cameras: Vec::new(),
-        switched_off: Vec::new(),
-        switched_on: Vec::new(),
-        closure_variances: Vec::new(),
         left_frames: vec![(ROBOT, Se3::identity())],
-        covered: Vec::new(),
-        initial_cost: 1.0,
-        final_cost: 0.0,
-        request: None,
+        ..solve_of(SolveKind::PoseGraph)
     };
     journal.push(Change::SolveApplied { solve });
     journal

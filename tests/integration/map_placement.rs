@@ -42,7 +42,7 @@ fn pair() -> Map {
 #[test]
 fn a_window_leaves_out_landmarks_without_parallax_or_behind_a_camera() {
     let map = pair();
-    assert_eq!(choose_window(&map, id(1)).landmarks, [id(0)]);
+    assert_eq!(choose_window(&map, &[id(1)]).landmarks, [id(0)]);
     // The whole map's solve takes them all.
     assert_eq!(global_problem(&map, &Default::default()).landmarks, [id(0), id(1), id(2)]);
 }
@@ -50,7 +50,7 @@ fn a_window_leaves_out_landmarks_without_parallax_or_behind_a_camera() {
 #[test]
 fn a_landmark_that_a_window_throws_away_stays_where_it_was() {
     let map = pair();
-    let mut problem = local_problem(&map, &choose_window(&map, id(1)));
+    let mut problem = local_problem(&map, &choose_window(&map, &[id(1)]));
     let mut outcome = |position: Vector3<f64>| {
         problem.problem.landmarks[0] = position;
         let solve = applied(&map, &problem, SolveKind::LocalBundle, vec![(ROBOT, 2)], (1.0, 0.5));

@@ -8,7 +8,7 @@ use covis::map::{
 use covis_solvers::information::Information;
 use std::sync::Arc;
 
-use crate::map_support::{Journal, ROBOT, id, pose_at, street_keyframe};
+use crate::map_support::{Journal, ROBOT, id, pose_at, solve_of, street_keyframe};
 
 fn described(id: i64, known: &Map) -> Item {
     let mut item = street_keyframe(id, pose_at(id as f64), known);
@@ -94,18 +94,8 @@ fn without_recognition_nothing_waits() {
 /// A pose graph that covers the server's closures up to a revision and moves nothing.
 fn covering(revision: i64) -> Change {
     let solve = AppliedSolve {
-        kind: SolveKind::PoseGraph,
-        poses: Vec::new(),
-        landmarks: Vec::new(),
-        cameras: Vec::new(),
-        switched_off: Vec::new(),
-        switched_on: Vec::new(),
-        closure_variances: Vec::new(),
-        left_frames: Vec::new(),
         covered: vec![(ClientIndex::SERVER, revision)],
-        initial_cost: 1.0,
-        final_cost: 1.0,
-        request: None,
+        ..solve_of(SolveKind::PoseGraph)
     };
     Change::SolveApplied { solve }
 }

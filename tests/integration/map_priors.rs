@@ -5,33 +5,20 @@
 use covis::map::{
     AppliedSolve, Change, ConstraintKind, EntityRef, Gauge, GlobalOptions, Item, MapPolicy, Place,
     Prior, Reason, SolveKind, SwitchedOff, choose_window, global_problem, graph_problem,
-    local_problem, loop_problem,
+    local_problem,
 };
 use covis_solvers::geometry::{Geodetic, LocalFrame};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
 use nalgebra::Vector3;
 
-use crate::map_support::{Journal, ROBOT, fix, id, pose_at, relative_pose, street};
+use crate::map_support::{
+    Journal, ROBOT, fix, id, loop_problem, pose_at, relative_pose, solve_of, street,
+};
 
 /// A solve that changes nothing but verdicts.
 fn judged(switched_off: Vec<(covis::map::EntityId, SwitchedOff)>) -> Change {
-    Change::SolveApplied {
-        solve: AppliedSolve {
-            kind: SolveKind::PoseGraph,
-            poses: Vec::new(),
-            landmarks: Vec::new(),
-            cameras: Vec::new(),
-            switched_on: Vec::new(),
-            switched_off,
-            closure_variances: Vec::new(),
-            left_frames: Vec::new(),
-            covered: Vec::new(),
-            initial_cost: 1.0,
-            final_cost: 0.5,
-            request: None,
-        },
-    }
+    Change::SolveApplied { solve: AppliedSolve { switched_off, ..solve_of(SolveKind::PoseGraph) } }
 }
 
 fn held(journal: &Journal, gauge: Gauge) -> (Vec<bool>, Vec<bool>) {
@@ -153,7 +140,7 @@ fn a_window_leaves_a_strained_fix_to_the_pose_graph() {
         let mut journal = street(4, policy);
         let at = pose_at(2.0).translation + Vector3::x() * off;
         journal.send(ROBOT, &fix(1, 2, at)).unwrap();
-        let window = choose_window(&journal.map, id(3));
+        let window = choose_window(&journal.map, &[id(3)]);
         local_problem(&journal.map, &window).problem.position_priors.len()
     };
     // σ is 0.01 m.

@@ -4,7 +4,7 @@ use covis::map::{AppliedSolve, Change, Item, ItemLandmark, MapPolicy, Recall, So
 use nalgebra::Vector3;
 
 use crate::map_support::{
-    Journal, ROBOT, camera_item, corner, id, pose_at, street, street_keyframe,
+    Journal, ROBOT, camera_item, corner, id, pose_at, solve_of, street, street_keyframe,
 };
 
 #[test]
@@ -28,7 +28,6 @@ fn what_a_client_sent_is_held_past_optimization() {
     let fresh = Journal::new(MapPolicy::default());
     let first = street_keyframe(0, pose_at(0.0), &fresh.map);
     let solve = AppliedSolve {
-        kind: SolveKind::Global,
         poses: vec![(id(0), pose_at(0.25))],
         landmarks: vec![(id(3), Vector3::new(1.0, 2.0, 3.0))],
         cameras: vec![(
@@ -39,14 +38,8 @@ fn what_a_client_sent_is_held_past_optimization() {
                 k2: 0.0,
             }),
         )],
-        switched_off: Vec::new(),
-        switched_on: Vec::new(),
-        closure_variances: Vec::new(),
-        left_frames: Vec::new(),
         covered: vec![(ROBOT, 3)],
-        initial_cost: 1.0,
-        final_cost: 0.5,
-        request: None,
+        ..solve_of(SolveKind::Global)
     };
     journal.push(Change::SolveApplied { solve });
     assert_eq!(journal.map.client(ROBOT).unwrap().optimized_sequence, 3);

@@ -3,12 +3,14 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail by panicking")]
 
 use covis::map::{
-    Cause, Change, ClientIndex, ConstraintKind, Counted, Edit, EntityId, EntityRef, Event, Item,
-    ItemLandmark, ItemObservation, Map, MapPolicy, Place, Rejection,
+    AppliedSolve, Cause, Change, ClientIndex, ConstraintKind, Counted, Edit, EntityId, EntityRef,
+    Event, GraphProblem, Item, ItemLandmark, ItemObservation, Map, MapPolicy, Place, Rejection,
+    SolveKind, graph_problem,
 };
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3, So3};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
+use covis_solvers::relative_motion::RelativeMotion;
 use nalgebra::{Matrix3, Matrix6, Vector2, Vector3};
 
 /// A map and the events that made it.
@@ -176,6 +178,32 @@ pub(crate) fn fix(id: i64, keyframe: i64, point_in_world: Vector3<f64>) -> Item 
 
 pub(crate) fn pixel(u: f64, v: f64) -> Vector2<f64> {
     Vector2::new(u, v)
+}
+
+/// The pose graph of a whole map with the policy's gauge.
+pub(crate) fn loop_problem(
+    map: &Map,
+    measured: impl Fn(EntityId, EntityId) -> Option<RelativeMotion>,
+) -> GraphProblem {
+    graph_problem(map, map.policy().gauge, measured)
+}
+
+/// A solve of this kind that changes nothing.
+pub(crate) fn solve_of(kind: SolveKind) -> AppliedSolve {
+    AppliedSolve {
+        kind,
+        poses: Vec::new(),
+        landmarks: Vec::new(),
+        cameras: Vec::new(),
+        switched_off: Vec::new(),
+        switched_on: Vec::new(),
+        closure_variances: Vec::new(),
+        left_frames: Vec::new(),
+        covered: Vec::new(),
+        initial_cost: 1.0,
+        final_cost: 0.5,
+        request: None,
+    }
 }
 
 pub(crate) fn pose_error(a: &Se3, b: &Se3) -> f64 {

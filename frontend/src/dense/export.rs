@@ -16,7 +16,7 @@ const FACE: usize = 13;
 #[must_use]
 pub fn ply(mesh: &Mesh) -> Vec<u8> {
     let faces = mesh.triangles.len();
-    let mut bytes = vertices(mesh, Some(faces), FACE * faces);
+    let mut bytes = vertices(mesh, faces, FACE * faces);
     for triangle in &mesh.triangles {
         let mut face = [3; FACE];
         for (bytes, index) in face[1..].chunks_exact_mut(4).zip(triangle) {
@@ -27,14 +27,8 @@ pub fn ply(mesh: &Mesh) -> Vec<u8> {
     bytes
 }
 
-/// The mesh's vertices alone as PLY: a point cloud.
-#[must_use]
-pub fn point_cloud_ply(mesh: &Mesh) -> Vec<u8> {
-    vertices(mesh, None, 0)
-}
-
 /// The header and the vertices of a PLY, with room for what follows.
-fn vertices(mesh: &Mesh, faces: Option<usize>, room: usize) -> Vec<u8> {
+fn vertices(mesh: &Mesh, faces: usize, room: usize) -> Vec<u8> {
     let count = mesh.positions.len();
     let mut header = format!(
         "ply\nformat binary_little_endian 1.0\ncomment covis, meters\nelement vertex {count}\n"
@@ -43,9 +37,7 @@ fn vertices(mesh: &Mesh, faces: Option<usize>, room: usize) -> Vec<u8> {
         header += &format!("property {name}\n");
     }
     header += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
-    if let Some(faces) = faces {
-        header += &format!("element face {faces}\nproperty list uchar uint vertex_indices\n");
-    }
+    header += &format!("element face {faces}\nproperty list uchar uint vertex_indices\n");
     header += "end_header\n";
     let mut bytes = Vec::with_capacity(header.len() + VERTEX * count + room);
     bytes.extend_from_slice(header.as_bytes());
@@ -240,8 +232,6 @@ mod tests {
         let mesh = extract(&volume(CENTIMETER, [-1; 3], [0; 3], ball), SurfaceOptions::default());
         assert!(mesh.triangles.len() > 100);
         assert_eq!(read(&ply(&mesh)), mesh);
-        let points = Mesh { triangles: vec![], ..mesh };
-        assert_eq!(read(&point_cloud_ply(&points)), points);
         assert_eq!(read(&ply(&Mesh::default())), Mesh::default());
     }
 

@@ -51,16 +51,6 @@ impl Descriptor {
         }
         bytes
     }
-
-    /// The descriptor of these bytes.
-    #[must_use]
-    pub fn from_bytes(bytes: &[u8; 32]) -> Self {
-        let mut words = [0; 4];
-        for (bit, byte) in bytes.iter().enumerate() {
-            words[bit / 8] |= u64::from(*byte) << (8 * (bit % 8));
-        }
-        Self(words)
-    }
 }
 
 /// Describes points of one image.

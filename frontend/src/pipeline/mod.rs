@@ -299,12 +299,6 @@ impl Pipeline {
         }
     }
 
-    /// How many keyframes have data in memory beside the local map: for the detection of movement.
-    #[must_use]
-    pub fn keyframes_for_movement(&self) -> usize {
-        self.detector.as_ref().map_or(0, MotionDetector::kept)
-    }
-
     /// Tracks the next frame. `mask` is 255 where its user knows that something moves.
     pub fn track(&mut self, frame: &RgbdFrame, mask: Option<&Image<u8>>) -> Outcome {
         let start = Instant::now();

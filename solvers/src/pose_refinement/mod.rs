@@ -15,15 +15,12 @@ mod tests;
 use std::time::Instant;
 
 use nalgebra::{SMatrix, Vector2, Vector3};
-use rayon::prelude::*;
 
 use crate::factors::PosePrior;
 use crate::geometry::{Camera, LieGroup, Se3};
 use crate::information::Information;
 use crate::loss::Loss;
-use crate::optimizer::{
-    self, Control, IterationSummary, Observer, SolveSummary, minimize, with_threads,
-};
+use crate::optimizer::{self, Observer, SolveSummary, minimize};
 use crate::price::Price;
 use crate::problem::SolveError;
 pub use crate::simd::Class;
@@ -56,7 +53,7 @@ pub struct Prior {
 /// Options of [`refine`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Options {
-    /// The loop's options; `threads` is used by [`refine_batch`] only.
+    /// The loop's options; `threads` is not used.
     pub optimizer: optimizer::Options,
     /// The loss of every observation.
     pub loss: Loss,
@@ -136,49 +133,6 @@ pub fn refine(
         squared_errors,
         behind_camera: depths.iter().map(|&z| z <= 0.0).collect(),
     })
-}
-
-/// One pose of a batch: what [`refine`] takes.
-#[derive(Clone, Copy, Debug)]
-pub struct PoseProblem<'a> {
-    /// The camera.
-    pub camera: &'a Camera,
-    /// The start.
-    pub world_from_camera: Se3,
-    /// The landmarks that are seen.
-    pub observations: &'a [PointObservation],
-    /// What is expected of the pose.
-    pub prior: Option<Prior>,
-}
-
-/// Sees every row of every problem, by the problem's index, and may cancel that problem. Called from
-/// the workers.
-pub type BatchObserver<'a> = dyn Fn(usize, &IterationSummary) -> Control + Sync + 'a;
-
-/// Refines each of `problems` as [`refine`] does, a task a problem; entry k of the result belongs to
-/// problem k. Each is solved on one thread: the bits are those of the problems one by one.
-///
-/// The deadline is the batch's: a problem whose turn comes later answers its start.
-///
-/// # Errors
-/// [`SolveError`] where an option is invalid or the threads cannot be started; what is wrong with a
-/// problem stands in its entry.
-pub fn refine_batch(
-    problems: &[PoseProblem<'_>],
-    options: &Options,
-    observer: &BatchObserver<'_>,
-) -> Result<Vec<Result<Refined, SolveError>>, SolveError> {
-    let start = Instant::now();
-    options.validate()?;
-    let solve = |(index, problem): (usize, &PoseProblem<'_>)| {
-        let mut options = *options;
-        options.optimizer.deadline =
-            options.optimizer.deadline.map(|d| d.saturating_sub(start.elapsed()));
-        let PoseProblem { camera, world_from_camera: pose, observations, prior } = problem;
-        let observer = &mut |row: &_| observer(index, row);
-        refine(camera, pose, observations, prior.as_ref(), &options, observer)
-    };
-    with_threads(options.optimizer.threads, || problems.par_iter().enumerate().map(solve).collect())
 }
 
 fn validate(

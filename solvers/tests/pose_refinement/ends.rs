@@ -72,7 +72,7 @@ fn the_same_observation_again_and_again_still_ends() {
 }
 
 #[test]
-fn landmarks_behind_the_camera_count_and_are_told() {
+fn landmarks_behind_the_camera_count_and_are_reported() {
     let mut list = observations(&Se3::identity(), 40, 0.5, false);
     for o in &mut list {
         // Through the center: the same pixel, from behind.

@@ -1,4 +1,4 @@
-//! Motion-only refinement: recovery, robustness, prior, bad input, instruction sets, batches.
+//! Motion-only refinement: recovery, robustness, prior, bad input, instruction sets.
 
 mod cross_checks;
 mod ends;
@@ -6,11 +6,8 @@ mod ends;
 use covis_solvers::geometry::{Camera, LieGroup, PinholeRadialTangential, Se3};
 use covis_solvers::information::Information;
 use covis_solvers::loss::Loss;
-use covis_solvers::optimizer::{Control, Termination, ignore_iterations};
-use covis_solvers::pose_refinement::{
-    BatchObserver, Class, Options, PointObservation, PoseProblem, Prior, Refined, refine,
-    refine_batch,
-};
+use covis_solvers::optimizer::ignore_iterations;
+use covis_solvers::pose_refinement::{Class, Options, PointObservation, Prior, Refined, refine};
 use covis_solvers::problem::SolveError;
 use covis_solvers::testing::random::{element, normal_vector, seeded, uniform_vector};
 use nalgebra::{SVector, Vector2, Vector3};
@@ -191,85 +188,4 @@ fn a_far_start_ends_no_worse_than_it_began() {
         }
     }
     assert!(rejected > 0, "the starts were meant to be far");
-}
-
-/// Seven problems of all sizes; the one at [`BAD`] cannot be posed.
-fn batch_lists(truth: &Se3) -> Vec<Vec<PointObservation>> {
-    let mut lists: Vec<_> =
-        [3, 500, 8, 40, 17, 120, 64].map(|n| observations(truth, n, 0.5, n % 2 == 0)).into();
-    lists[BAD][2].sigma_px = 0.0;
-    lists
-}
-
-const BAD: usize = 3;
-
-#[test]
-fn a_batch_is_its_problems_one_by_one() {
-    let mut rng = seeded(6);
-    let truth: Se3 = element(&mut rng, 0.5);
-    let camera = camera();
-    let lists = batch_lists(&truth);
-    let problems: Vec<PoseProblem<'_>> = lists
-        .iter()
-        .enumerate()
-        .map(|(k, observations)| PoseProblem {
-            camera: &camera,
-            world_from_camera: truth.plus(&normal_vector(&mut rng, 0.05)),
-            observations,
-            prior: (k % 2 == 0).then_some(Prior {
-                world_from_camera: truth,
-                information: Information::identity(),
-            }),
-        })
-        .collect();
-    for threads in [1, 2] {
-        let mut options = Options { loss: Loss::Huber(2.0), ..Options::default() };
-        options.optimizer.threads = Some(threads);
-        let results = refine_batch(&problems, &options, &|_, _| Control::Continue).unwrap();
-        assert_eq!(results.len(), problems.len());
-        for (k, (result, problem)) in results.iter().zip(&problems).enumerate() {
-            let alone = refine(
-                problem.camera,
-                &problem.world_from_camera,
-                problem.observations,
-                problem.prior.as_ref(),
-                &options,
-                &mut ignore_iterations,
-            );
-            match (result, &alone) {
-                (Ok(result), Ok(alone)) => assert_same_bits(result, alone),
-                (result, alone) => {
-                    assert_eq!((k, result), (BAD, alone));
-                    let factor = "observation";
-                    let expected = SolveError::NotPositiveDefinite { factor, index: 2 };
-                    assert_eq!(result, &Err(expected));
-                }
-            }
-        }
-    }
-}
-
-#[test]
-fn a_batch_stops_where_it_is_told_to() {
-    let truth = Se3::identity();
-    let camera = camera();
-    let list = observations(&truth, 30, 0.5, false);
-    let start = truth.plus(&SVector::from([0.05, 0.0, 0.02, 0.01, 0.02, 0.0]));
-    let problem =
-        PoseProblem { camera: &camera, world_from_camera: start, observations: &list, prior: None };
-    let ends = |options: &Options, observer: &BatchObserver<'_>| {
-        let results = refine_batch(&[problem; 3], options, observer).unwrap();
-        results.into_iter().map(|r| r.unwrap().summary.termination).collect::<Vec<_>>()
-    };
-    let second = |index: usize| if index == 1 { Control::Cancel } else { Control::Continue };
-    let found = ends(&Options::default(), &|index, _| second(index));
-    assert!(found[0].is_converged() && found[2].is_converged());
-    assert_eq!(found[1], Termination::Cancelled);
-    let mut options = Options::default();
-    options.optimizer.deadline = Some(std::time::Duration::ZERO);
-    assert_eq!(ends(&options, &|_, _| Control::Continue), [Termination::Deadline; 3]);
-    options.loss = Loss::Huber(-1.0);
-    let refused = refine_batch(&[problem], &options, &|_, _| Control::Continue);
-    assert!(matches!(refused, Err(SolveError::InvalidOption { field: "loss", .. })));
-    assert_eq!(refine_batch(&[], &Options::default(), &|_, _| Control::Continue), Ok(Vec::new()));
 }

@@ -39,17 +39,8 @@ const LEAST_ANGLE_RAD: f64 = 0.005;
 /// Rotation error over angle.
 const ANGLE_SHARE: f64 = 0.02;
 
-/// The pose graph over all keyframes, with all priors; the policy's gauge says what holds the pieces
-/// without priors. `measured` tells the relative pose of a pair, where there is one.
-#[must_use]
-pub fn loop_problem(
-    map: &Map,
-    measured: impl Fn(EntityId, EntityId) -> Option<RelativeMotion>,
-) -> GraphProblem {
-    graph_problem(map, map.policy().gauge, measured)
-}
-
-/// As [`loop_problem`], with another gauge than the policy's.
+/// The pose graph over all keyframes, with all priors; `gauge` says what holds the pieces without
+/// priors. `measured` tells the relative pose of a pair, where there is one.
 #[must_use]
 pub fn graph_problem(
     map: &Map,

@@ -19,7 +19,7 @@ use covis_solvers::robust::VarianceFactors;
 use super::{ClientIndex, EntityId, Gauge, SwitchedOff};
 
 pub use bundle::{global_problem, local_problem, observation_problem, retirement_problem};
-pub use graph::{graph_problem, loop_problem, measured_graph};
+pub use graph::{graph_problem, measured_graph};
 pub use reconstructed::Compared;
 
 /// A bundle adjustment problem with the names of its variables.

@@ -1,10 +1,10 @@
-//! What follows a loop closure in the background, while items and windows go on.
+//! What follows a loop closure in the background, while items are accepted and windows are solved.
 //!
 //! The places that accepted closures join are compared, so that landmarks that are one point share
 //! their observations; then a window around each such place is adjusted, then the whole map. A pose
 //! graph or a requested optimization makes what runs here stale: it is canceled and starts again from
 //! the newer state. Windows that run when an adjustment is applied are solved again. What is due is
-//! part of the map, except for the windows, which the whole covers: a restart goes on with it. In
+//! part of the map, except for the windows, which the whole covers: a restart continues with it. In
 //! lock-step it runs when nothing else does, and the next item waits for it.
 
 use std::collections::VecDeque;
@@ -22,7 +22,7 @@ use super::handle::Shared;
 use super::pool::{SolvePanicked, SolverPool, Started};
 use super::solve::{OptimizeOptions, Outcome, Solution, solve_map, solve_window};
 use crate::map::{
-    Change, Comparison, EntityId, Map, SolveKind, applied, choose_window_of, find_duplicates,
+    Change, Comparison, EntityId, Map, SolveKind, applied, choose_window, find_duplicates,
     local_problem,
 };
 
@@ -30,7 +30,7 @@ use crate::map::{
 const COMPARED_AT_ONCE: usize = 16;
 
 /// Iterations of an adjustment of the whole map. The next closure starts another one, and a requested
-/// optimization goes on until it converges.
+/// optimization continues until it converges.
 const MOST_ITERATIONS: usize = 20;
 
 /// What a background task made.
@@ -157,7 +157,7 @@ impl Background {
         let max_iterations = map.policy().max_local_iterations;
         let ceiling = self.shared.config.ceiling();
         self.launch(whole, SolveKind::LocalBundle, move |cancel| {
-            let problem = local_problem(&map, &choose_window_of(&map, &ends));
+            let problem = local_problem(&map, &choose_window(&map, &ends));
             drop(map);
             solve_window(problem, max_iterations, ceiling, cancel)
         });

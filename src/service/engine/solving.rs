@@ -23,8 +23,7 @@ use super::schedule::Schedule;
 use super::solve::{Job, Outcome, Solution, solve_loop, solve_map, solve_map_graph, solve_window};
 use super::{EngineError, Estimate, Fault, OptimizeOutcome, OptimizeProblem, SolveReport};
 use crate::map::{
-    Change, EntityId, Map, RequestId, SolveKind, SwitchedOff, applied, choose_window_of,
-    local_problem,
+    Change, EntityId, Map, RequestId, SolveKind, SwitchedOff, applied, choose_window, local_problem,
 };
 
 /// The solve that runs.
@@ -167,7 +166,7 @@ impl Solving {
                 [keyframe] => pairs.unmeasured_near(map, keyframe),
                 _ => Vec::new(),
             };
-            let window = choose_window_of(map, &centers);
+            let window = choose_window(map, &centers);
             let problem = local_problem(map, &window);
             let estimate = problem.is_solvable().then(|| {
                 let bound = bundle_adjustment::price_bound(&problem.problem);
