@@ -14,7 +14,7 @@
 //! | [`camera`] | the lens, and the ray of each pixel |
 //! | [`shutter`] | rows that are exposed one after the other |
 //! | [`depth`] | noise of depth, depth at a pixel |
-//! | [`local_map`] | keyframes and landmarks as the server last told them |
+//! | [`local_map`] | keyframes and landmarks as the server last sent them |
 //! | [`tracking`] | where the camera is |
 //! | [`motion`] | what moves |
 //! | [`pipeline`] | a frame through all stages |

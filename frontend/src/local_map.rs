@@ -5,7 +5,7 @@
 //! leaves, with its image and the landmarks that only it sees. The whole map is the server's. Ids are
 //! the client's, from 0 and rising; keyframes and landmarks refer to each other by their places here,
 //! which change when a keyframe leaves. Poses and positions are in the map's frame as the server last
-//! told them; before that, as they were sent. Knows no server.
+//! sent them; before that, as they were sent. Knows no server.
 
 use std::sync::Arc;
 

@@ -228,7 +228,7 @@ fn pipe(dies_after: Option<u64>) -> Link {
 }
 
 #[test]
-fn a_worker_that_is_lost_is_told_again_and_the_bits_are_the_same() {
+fn a_worker_that_is_lost_gets_its_state_again_and_the_bits_are_the_same() {
     let mut problem = walk(6);
     problem.observation_loss = Loss::Cauchy(2.0);
     let mut expected = problem.clone();
@@ -333,7 +333,7 @@ impl Read for Silent {
 }
 
 #[test]
-fn an_interrupt_that_is_due_at_once_is_told() {
+fn an_interrupt_that_is_due_at_once_is_reported() {
     let mut problem = walk(7);
     let before = problem.clone();
     let interrupt = Interrupt::NEVER.or_when(Arc::new(AtomicBool::new(true)));

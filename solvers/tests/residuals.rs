@@ -42,7 +42,7 @@ fn right_sigmas_are_plausible() {
 }
 
 #[test]
-fn a_depth_sigma_that_is_believed_too_much_is_told() {
+fn a_depth_sigma_that_is_too_small_is_reported() {
     let mut problem = walk();
     problem.depth_reprojections.sigmas_depth_m.iter_mut().for_each(|sigma| *sigma /= 8.0);
     let report = bundle_cost(&solved(problem)).residuals;
@@ -55,7 +55,7 @@ fn a_depth_sigma_that_is_believed_too_much_is_told() {
 }
 
 #[test]
-fn a_depth_sigma_that_is_too_large_is_told() {
+fn a_depth_sigma_that_is_too_large_is_reported() {
     let mut problem = walk();
     problem.depth_reprojections.sigmas_depth_m.iter_mut().for_each(|sigma| *sigma *= 8.0);
     let report = bundle_cost(&solved(problem)).residuals;

@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_full_disk_is_told_apart_from_other_errors_of_the_system() {
+    fn a_full_disk_is_distinguished_from_other_errors_of_the_system() {
         let error = |kind: ErrorKind| {
             Err::<(), _>(std::io::Error::from(kind)).context("model/images.bin").unwrap_err()
         };

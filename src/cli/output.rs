@@ -73,7 +73,7 @@ pub(super) fn writable(out: Option<&Path>) -> anyhow::Result<()> {
 /// What a command found bad is printed already; only its exit code is left to tell.
 #[derive(Debug, thiserror::Error)]
 #[error("not all is good")]
-struct Told(u8);
+struct AlreadyPrinted(u8);
 
 /// The exit code of a program that a signal ended, as shells have it.
 pub(super) fn signal_code(signal: &str) -> u8 {
@@ -82,12 +82,12 @@ pub(super) fn signal_code(signal: &str) -> u8 {
 
 /// Ends a command that has written what there was when the signal came.
 pub(super) fn ended_by(signal: &str) -> anyhow::Error {
-    Told(signal_code(signal)).into()
+    AlreadyPrinted(signal_code(signal)).into()
 }
 
 /// Ends a command that has printed all it has to say with success or failure.
 pub(super) fn succeed_if(is_good: bool) -> anyhow::Result<()> {
-    if is_good { Ok(()) } else { Err(Told(1).into()) }
+    if is_good { Ok(()) } else { Err(AlreadyPrinted(1).into()) }
 }
 
 /// Turns a command's result into an exit code; an error becomes one line on standard error.
@@ -96,7 +96,7 @@ pub(super) fn exit_code(result: anyhow::Result<()>) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) if error.is::<ClosedPipe>() => ExitCode::SUCCESS,
         Err(error) => {
-            if let Some(Told(code)) = error.downcast_ref() {
+            if let Some(AlreadyPrinted(code)) = error.downcast_ref() {
                 return ExitCode::from(*code);
             }
             // Nothing can be told when standard error is gone as well.

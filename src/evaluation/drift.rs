@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_too_fast_is_told_in_degrees_a_second() {
+    fn a_turn_that_is_too_fast_is_reported_in_degrees_a_second() {
         let stamps = seconds(40, 0.1);
         let turn = |rate: f64| {
             move |t: f64| Se3::exp(&Vector6::new(0.0, 0.0, 0.0, 0.0, 0.0, rate * (t - 100.0)))

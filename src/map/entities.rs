@@ -68,7 +68,7 @@ impl Client {
     }
 
     /// Forgets sequences above [`MAX_NUMBER`], which an earlier version took and which no later one
-    /// could follow, so that the next stream can go on behind the last usable one.
+    /// could follow, so that the next stream can continue after the last usable one.
     pub(super) fn drop_unusable_sequences(&mut self) {
         if self.next_sequence.saturating_sub(1) <= MAX_NUMBER {
             return;

@@ -1,7 +1,7 @@
 //! What the searches for known places found: of each keyframe the candidates and their verdicts.
 //!
 //! A keyframe whose descriptors are new waits here until its place was searched, so that whoever takes
-//! the map over (a restart, an import) goes on with it. Each candidate that was refused keeps its
+//! the map over (a restart, an import) continues with it. Each candidate that was refused keeps its
 //! reason, so that a user can ask why a loop was not closed. Nothing is searched here.
 
 use super::ceilings::entry;

@@ -1,7 +1,8 @@
 //! Why an item was refused: fields by their path from the request, with a reason for programs.
 //!
 //! Paths use the wire's field names, for instance `keyframe.observations[3].pixel.x`, so that a
-//! client finds what it sent. Conversion from the wire reports through the same type.
+//! client finds what it sent. Conversion from the wire reports through the same type. Statuses and acks
+//! are made from it elsewhere.
 
 use std::fmt;
 

@@ -1,7 +1,7 @@
 //! Lengths in a client's own unit, and in the map's.
 //!
 //! A camera alone measures no length: a map that was made without depth has a unit of its own. Where such
-//! a map becomes part of another one it is scaled, and its clients go on in their unit. What a client
+//! a map becomes part of another one it is scaled, and its clients keep their unit. What a client
 //! sends is converted by the functions here, on its way into the map ([`super::check`]) and where maps
 //! merge. Its `scale` is [`Client::scale`](super::Client::scale), the length in the map of its unit.
 //! Pixels, angles and weights have no unit of length. Nothing is estimated here.

@@ -1,5 +1,6 @@
 //! `SolveBundle`: from the request to the answer, on a thread of the solver pool. The variables
-//! that the request fixes are the gauge; costs come from the evaluator.
+//! that the request fixes are the gauge; costs come from the evaluator. No map is read
+//! or changed.
 
 use covis_solvers::bundle_adjustment::{self, Options};
 use covis_solvers::evaluation::bundle_cost;

@@ -1,7 +1,7 @@
 //! `MapService`: creating, reading, watching and exporting maps.
 //!
 //! Each handler reads its request, asks the engine and converts the answer. A stream reads one
-//! snapshot, however long it takes.
+//! snapshot, however long it takes. No mathematics, and no state of maps: both are the engine's.
 
 use std::sync::Arc;
 
@@ -108,7 +108,7 @@ impl Rpcs {
         let request = request.into_inner();
         let map_id = request.source_map_id.clone();
         let merge = convert(|out| merge::merge(request, &caller, out))?;
-        // A merge that has begun goes on where the caller is gone.
+        // A merge that has begun is finished also when the caller is gone.
         let cancel = CancelOnDrop::default();
         let merged = self.context.maps.merge(merge, cancel.interrupt(deadline)).await;
         let merged = merged.map_err(ServiceError::from);

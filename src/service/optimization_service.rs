@@ -1,7 +1,8 @@
 //! `OptimizationService`: one pose, a whole map, or a problem that comes with the call.
 //!
 //! Stateless solves run on the solver pool. A call that is dropped stops its solve; a call with a
-//! deadline stops it early enough to answer with the best state so far.
+//! deadline stops it early enough to answer with the best state so far. No mathematics here: the solves
+//! are in `covis-solvers`.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;

@@ -1,4 +1,5 @@
-//! Ids that tell starts of the server, entries of its log and folders of jobs apart.
+//! Random ids for starts of the server, entries of its log and folders of jobs. They are unique, and no
+//! secrets.
 
 use std::hash::{BuildHasher, RandomState};
 

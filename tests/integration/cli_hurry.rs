@@ -161,7 +161,7 @@ fn a_server_tells_its_health_by_the_exit_code() {
 }
 
 #[test]
-fn a_folder_without_maps_is_told_apart_from_a_damaged_one() {
+fn a_folder_without_maps_is_distinguished_from_a_damaged_one() {
     let workspace = Workspace::new();
     for command in ["doctor none", "backup none copy"] {
         workspace

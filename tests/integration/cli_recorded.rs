@@ -35,7 +35,7 @@ fn fuse(workspace: &Workspace, folder: &str, poses: &str, more: &str) -> (f64, S
 }
 
 #[test]
-fn a_recording_in_millimeters_is_doubted_and_read_with_a_depth_scale() {
+fn a_recording_in_millimeters_gives_a_warning_and_is_read_with_a_depth_scale() {
     let workspace = Workspace::new();
     let folder = workspace.room(3);
     let (expected, said) = fuse(&workspace, "seq", "seq/groundtruth.txt", "");

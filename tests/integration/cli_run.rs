@@ -167,7 +167,7 @@ fn given_masks_are_in_the_masks_that_are_saved() {
 }
 
 #[test]
-fn what_cannot_be_run_is_told() {
+fn what_cannot_be_run_is_reported() {
     let workspace = Workspace::new();
     for (source, part) in [
         ("seq", "must be tum:FOLDER or synthetic:SCENE"),

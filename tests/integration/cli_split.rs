@@ -98,7 +98,7 @@ fn children(process: u32) -> Vec<u32> {
 }
 
 #[test]
-fn wrong_usage_is_told() {
+fn wrong_usage_is_reported() {
     let workspace = Workspace::new();
     for arguments in [
         "solve bundle {} --blocks 0",

@@ -35,7 +35,7 @@ fn doctor(workspace: &Workspace, folder: &Path, more: &str) -> (Option<i32>, Val
 }
 
 #[test]
-fn a_whole_directory_is_told_to_be_whole() {
+fn a_whole_directory_is_reported_as_whole() {
     let workspace = Workspace::new();
     let folder = left(&workspace);
     let (code, json) = doctor(&workspace, &folder, "");

@@ -190,7 +190,7 @@ fn a_server_that_is_lost_for_good_leaves_a_whole_trajectory() {
 }
 
 #[test]
-fn keyframes_beyond_what_may_wait_are_left_out_and_told() {
+fn keyframes_beyond_the_queue_are_left_out_and_reported() {
     run(async {
         let (server, proxy, client) = relayed().await;
         let all_tracked = Arc::new(Notify::new());

@@ -432,7 +432,7 @@ fn what_is_not_served_yet_is_refused_as_such() {
 }
 
 #[test]
-fn every_bad_field_of_an_item_is_told() {
+fn every_bad_field_of_an_item_is_reported() {
     run(async {
         let server = TestServer::start().await;
         server.create_map("room").await;

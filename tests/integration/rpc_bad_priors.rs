@@ -7,7 +7,7 @@ use crate::common::vector3;
 use crate::rpc_bad_input::{bad_constraint, check, pose_prior, position_prior};
 
 #[test]
-fn what_is_wrong_with_a_loss_or_a_measured_place_is_told() {
+fn what_is_wrong_with_a_loss_or_a_measured_place_is_reported() {
     let huber = || Some(v1::Loss { kind: v1::LossKind::Huber.into(), width: Some(-1.0) });
     let place = |latitude_deg| Some(v1::GeodeticPosition { latitude_deg, ..Default::default() });
     check(vec![

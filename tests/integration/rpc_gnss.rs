@@ -103,7 +103,7 @@ fn off(delta: &v1::MapDelta) -> Vec<i64> {
 }
 
 #[test]
-fn fixes_with_a_lever_arm_bring_a_map_to_the_world_and_a_false_one_is_told() {
+fn fixes_with_a_lever_arm_bring_a_map_to_the_world_and_a_false_one_is_reported() {
     run(async {
         let server = TestServer::lock_step().await;
         server.create_map("room").await;

@@ -221,7 +221,7 @@ fn the_same_job_again_is_the_job_that_is_there() {
 }
 
 #[test]
-fn what_is_known_to_be_wrong_is_told_when_a_job_is_created() {
+fn what_is_known_to_be_wrong_is_reported_when_a_job_is_created() {
     run(async {
         let server = TestServer::start().await;
         let jobs = Jobs::of(&server);
@@ -439,7 +439,7 @@ fn lists_have_pages_and_filters() {
 }
 
 #[test]
-fn jobs_expire_and_watchers_of_a_deleted_one_are_told() {
+fn jobs_expire_and_watchers_of_a_deleted_one_are_reported() {
     run(async {
         let (clock, time) = watch::channel(1_000_000_i64);
         let server = TestServer::with(|config| config.clock = Clock::Manual(time)).await;

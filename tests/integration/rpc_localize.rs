@@ -143,7 +143,7 @@ fn a_lost_robot_is_told_where_it_is() {
 }
 
 #[test]
-fn each_bad_request_is_told_what_is_wrong() {
+fn the_answer_to_each_bad_request_says_what_is_wrong() {
     let sequence = walk().sequence;
     let good = request(&sequence, 0);
     run(async {

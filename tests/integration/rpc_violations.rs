@@ -16,7 +16,7 @@ async fn refused_fields(stream: &mut Stream, sequence: i64, item: Item) -> Vec<(
 }
 
 #[test]
-fn all_that_is_wrong_with_an_item_is_told_at_once() {
+fn all_that_is_wrong_with_an_item_is_reported_at_once() {
     run(async {
         let server = TestServer::start().await;
         server.create_map("room").await;

@@ -163,7 +163,7 @@ impl Frame<'_> {
 
             let measured = Measured { seen, distance, weight, word: high, depth_m: depth };
             let new = if DYNAMIC {
-                self.rules.dynamic(l, &measured, &old, colors, &mut moved)
+                self.rules.update_or_free(l, &measured, &old, colors, &mut moved)
             } else {
                 self.rules.average(l, &measured, &old, colors, &mut moved)
             };

@@ -1,4 +1,4 @@
-//! The options of integration, and their validation.
+//! The options of integration, and their validation. Lengths are in meters. Nothing is allocated here.
 
 use super::volume::VolumeOptions;
 use crate::depth::sigma_m;

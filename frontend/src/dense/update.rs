@@ -133,9 +133,9 @@ impl Rules {
         l.or_int(last, l.or_int(red_blue, l.shift_up::<8>(green)))
     }
 
-    /// What voxels store after the dynamic update; `moved` grows as in [`Rules::average`].
+    /// What voxels store after the dynamic update, which also frees them; `moved` grows as in [`Rules::average`].
     #[inline(always)]
-    pub(super) fn dynamic<L: Lanes>(
+    pub(super) fn update_or_free<L: Lanes>(
         &self,
         l: L,
         new: &Measured<L>,

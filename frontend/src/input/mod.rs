@@ -50,7 +50,7 @@ pub trait FrameSource: Send {
     /// The next frame, `None` after the last.
     ///
     /// # Errors
-    /// What is wrong with this one frame; the source goes on behind it. Timestamps of the frames
+    /// What is wrong with this one frame; the source continues with the next one. Timestamps of the frames
     /// that are delivered increase, and all of them have one size.
     fn next_frame(&mut self) -> Option<Result<RgbdFrame, FrameError>>;
 }

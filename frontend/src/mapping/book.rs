@@ -1,7 +1,7 @@
 //! What the server and tracking know of the client's keyframes: turns changes of the map into
 //! corrections for tracking.
 //!
-//! Tracking goes on while the server solves. So a keyframe may be made on poses that were corrected
+//! Tracking continues while the server solves. So a keyframe may be made on poses that were corrected
 //! meanwhile, and a correction may come before the server knows the newest keyframes. Both move with
 //! the keyframe before them. A keyframe that could not be sent is left out: its landmarks are sent with
 //! the next keyframe that sees them, and both follow the keyframe before it. Knows no network.
@@ -23,7 +23,7 @@ const SAME: f64 = 1e-9;
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     timestamp_s: f64,
-    /// As the server last told it, else as it was tracked, moved along.
+    /// As the server last sent it, otherwise as it was tracked, moved with its reference.
     world_from_camera: Se3,
     /// As it was sent.
     sent: Option<Se3>,
@@ -31,7 +31,7 @@ struct Entry {
     end_landmark: usize,
 }
 
-/// A landmark that the server has not been told of.
+/// A landmark that was not sent to the server yet.
 #[derive(Clone, Copy, Debug)]
 struct Unsent {
     /// The keyframe that it moves with.
@@ -46,7 +46,7 @@ pub(super) struct Book {
     keyframes: BTreeMap<usize, Entry>,
     /// The newest keyframe that was sent.
     sent: Option<usize>,
-    /// The newest keyframe that the server told of.
+    /// The newest keyframe that the server sent.
     known: Option<usize>,
     /// Keyframes that were left out, by the one that they move with.
     left_out: BTreeMap<usize, Vec<usize>>,

@@ -2,7 +2,7 @@
 //!
 //! Beside tracking it waits for keyframes, questions, deltas and answers at once and takes whichever
 //! comes. A keyframe for which the session has no room is left out; after an error that is final, all
-//! are, and tracking goes on without corrections. In lock-step each keyframe has a session of its own: the end of a stream waits
+//! are, and tracking continues without corrections. In lock-step each keyframe has a session of its own: the end of a stream waits
 //! for all that its items started, searches for known places and their closures among them.
 
 use std::pin::pin;
@@ -187,7 +187,7 @@ impl Mapper {
     ///
     /// # Errors
     /// As [`Mapper::serve`] in lock-step; any code of `OptimizeMap`.
-    pub(super) async fn settle(&mut self) -> Result<Option<LastSolve>, ClientError> {
+    pub(super) async fn optimize_whole_map(&mut self) -> Result<Option<LastSolve>, ClientError> {
         let Sender { session, book, last_sequence, .. } = &mut self.sender;
         let Some(sequence) = *last_sequence else { return Ok(None) };
         if let Some(session) = session {
@@ -208,7 +208,7 @@ impl Mapper {
         Ok(Some(LastSolve { iterations, summary }))
     }
 
-    /// The loop closures of the map, as it was last told.
+    /// The loop closures of the map, as the server last sent it.
     pub(super) fn loops(&self) -> Loops {
         let mut loops = Loops::default();
         for constraint in self.watch.mirror().constraints.values() {

@@ -86,7 +86,7 @@ pub struct RunReport {
     pub landmarks: usize,
     /// How often tracking took corrections from the server.
     pub corrections: usize,
-    /// How often the server told a lost frame's pose.
+    /// How often the server found the pose of a lost frame.
     pub relocalizations: usize,
     /// Loop closures of the map.
     pub loops: Loops,
@@ -120,7 +120,7 @@ impl RunReport {
     }
 }
 
-/// The caller's side of a run: gives masks, and is told about each frame. Called on the tracking
+/// The caller's side of a run: gives masks, and receives each frame. Called on the tracking
 /// thread.
 pub trait Companion {
     /// The user's mask for the frame of this time: 255 where something moves.
@@ -187,7 +187,7 @@ async fn finish(
 ) -> Result<RunReport, ClientError> {
     let mut last_solve = None;
     if mapper.sender.failure.is_none() {
-        match mapper.settle().await {
+        match mapper.optimize_whole_map().await {
             Ok(solve) => last_solve = solve,
             Err(error) if lock_step => return Err(error),
             Err(error) => mapper.sender.failure = Some(error),

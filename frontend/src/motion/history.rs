@@ -268,7 +268,7 @@ fn look(around: &Around, cell: &CellView, expected_m: f32, exposure: Option<&Exp
     let is_there =
         is_known & (expected_m <= farthest_m + margin_m) & (expected_m >= nearest_m - margin_m);
     let is_alike = exposure.is_none_or(|exposure| {
-        let limit = |gray: f32| OTHER_GRAY + exposure.doubt(gray);
+        let limit = |gray: f32| OTHER_GRAY + exposure.sigma(gray);
         cell.is_saturated()
             | (brightest >= BRIGHT)
             | (cell.mean > exposure.apply(darkest) - limit(darkest))

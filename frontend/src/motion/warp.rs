@@ -1,7 +1,7 @@
 //! Warps the Gaussian models of the previous frame into the current one.
 //!
 //! The point of each cell, by pose and depth, is projected into the previous frame. The models of the
-//! four cells around it are mixed by how much of the cell they cover.
+//! four cells around it are mixed by how much of the cell they cover. What moves is not decided here.
 
 use covis_solvers::geometry::Se3;
 
@@ -33,7 +33,7 @@ impl Exposure {
     /// Standard deviation of [`Self::apply`], gray levels: half of the change, because the true change
     /// is not linear.
     #[must_use]
-    pub fn doubt(&self, gray: f32) -> f32 {
+    pub fn sigma(&self, gray: f32) -> f32 {
         0.5 * (self.apply(gray) - gray).abs()
     }
 
@@ -170,9 +170,9 @@ impl Kernel for Carrying<'_> {
                         return Mode::default();
                     }
                     mode.fade(options);
-                    let doubt = exposure.doubt(mode.mean);
+                    let sigma = exposure.sigma(mode.mean);
                     mode.mean = exposure.apply(mode.mean);
-                    mode.variance = exposure.gain * exposure.gain * mode.variance + doubt * doubt;
+                    mode.variance = exposure.gain * exposure.gain * mode.variance + sigma * sigma;
                     mode
                 };
                 modes.background = exposed(background.get(lane));
@@ -240,12 +240,12 @@ mod tests {
     }
 
     #[test]
-    fn exposures_follow_each_other_and_a_large_change_is_doubtful() {
+    fn exposures_follow_each_other_and_a_large_change_is_uncertain() {
         let (first, second) =
             (Exposure { gain: 2.0, offset: 3.0 }, Exposure { gain: 0.5, offset: -1.0 });
         let both = second.after(&first);
         assert_eq!(both.apply(10.0), second.apply(first.apply(10.0)));
-        assert_eq!(Exposure::SAME.doubt(200.0), 0.0);
-        assert_eq!(first.doubt(10.0), 6.5);
+        assert_eq!(Exposure::SAME.sigma(200.0), 0.0);
+        assert_eq!(first.sigma(10.0), 6.5);
     }
 }

@@ -288,7 +288,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_are_found_and_others_are_told_what_there_is() {
+    fn names_are_found_and_the_error_of_others_lists_the_names() {
         for scene in SceneName::ALL {
             assert_eq!(scene.to_string().parse(), Ok(scene));
         }

@@ -26,7 +26,7 @@ const MEDIAN_CHI2: f64 = 2.37;
 const LARGEST_SCALE: f64 = 4.0;
 /// Added variance of a landmark that is new and alone in its block, relative to one that fitted for
 /// long. A moving object has no landmarks that fitted for long, so that those of the room decide.
-const NEW_DOUBT: f64 = 10.0;
+const NEW_VARIANCE: f64 = 10.0;
 /// Width of the loss in the first two passes, standard deviations.
 const WIDTH: f64 = 1.5;
 
@@ -54,12 +54,12 @@ pub fn refine_pose(
 ) -> Option<RefinedPose> {
     let lens = Camera::from(*camera.model());
     let crowds = crowds(map, matches);
-    let doubt = |found: &Match| {
+    let sigma_factor = |found: &Match| {
         let crowd = crowds.get(&found.block()).copied().unwrap_or(0.0);
-        (1.0 + NEW_DOUBT * novelty(map, found) * crowd).sqrt()
+        (1.0 + NEW_VARIANCE * novelty(map, found) * crowd).sqrt()
     };
     let observe = |found: &Match, scale: f64| {
-        let scale = scale * doubt(found);
+        let scale = scale * sigma_factor(found);
         PointObservation {
             point_in_world: map.landmarks[found.landmark].point_in_world,
             pixel: found.straight,
@@ -83,12 +83,12 @@ pub fn refine_pose(
         let refined =
             pose_refinement::refine(&lens, &pose, &observations, None, &options, observer).ok()?;
         pose = refined.world_from_camera;
-        // Errors without the doubt: it lowers the weight of a match, but must not hide an outlier.
+        // Errors without the factor: it lowers the weight of a match, but must not hide an outlier.
         let errors = refined.squared_errors.iter().zip(&kept);
-        let errors: Vec<f64> = errors.map(|(e, found)| e * doubt(found).powi(2)).collect();
+        let errors: Vec<f64> = errors.map(|(e, found)| e * sigma_factor(found).powi(2)).collect();
         match pass {
             0 => {
-                let weights = kept.iter().map(|found| doubt(found).powi(-2));
+                let weights = kept.iter().map(|found| sigma_factor(found).powi(-2));
                 let median = weighted_median(errors.iter().copied().zip(weights).collect());
                 scale = (median / MEDIAN_CHI2).sqrt().clamp(1.0, LARGEST_SCALE);
             }

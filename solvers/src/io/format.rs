@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_format_is_told_by_its_extension_or_its_first_line() {
+    fn a_format_is_recognized_by_its_extension_or_its_first_line() {
         for entry in &FORMATS {
             assert_eq!(entry.format.entry().name, entry.name);
         }
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_told_by_the_name_and_what_it_holds() {
+    fn the_format_to_write_follows_from_the_name_and_the_content() {
         let to = |path: &str, content| {
             Format::to_write(Path::new(path), content).map(|format| format.entry().name)
         };

@@ -260,7 +260,7 @@ pub fn minimize_from(
     };
     let termination = match from {
         None => run.begin(system, observer),
-        Some(from) => run.go_on(system, from, observer),
+        Some(from) => run.resume(system, from, observer),
     };
     SolveSummary {
         termination,
@@ -318,8 +318,8 @@ impl Run<'_> {
         self.iterate(system, 0, observer)
     }
 
-    /// Goes on where another loop stood.
-    fn go_on(
+    /// Continues where another loop ended.
+    fn resume(
         &mut self,
         system: &mut impl System,
         from: &LoopState,

@@ -77,7 +77,7 @@ impl<'a, 'o> Run<'a, 'o> {
     pub(super) fn run(mut self) -> Result<Reconstruction, SolveError> {
         self.stages()?;
         let has_depth = self.has_depth();
-        let scale = self.settle(has_depth);
+        let scale = self.choose_frame_and_scale(has_depth);
         Ok(self.finish(scale))
     }
 
@@ -271,7 +271,7 @@ impl<'a, 'o> Run<'a, 'o> {
     }
 
     /// Stage 7.
-    fn settle(&mut self, has_depth: bool) -> Scale {
+    fn choose_frame_and_scale(&mut self, has_depth: bool) -> Scale {
         let mut scale = if has_depth { Some(Scale::Depth) } else { None };
         if scale.is_none()
             && let Some(factor) = frame::scale_by_relative_poses(self.problem, &self.estimate)

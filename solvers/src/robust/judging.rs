@@ -66,8 +66,8 @@ impl<G: LieGroup<N>, const N: usize> Weighted<'_, G, N> {
                 self.solve(&options, observer)?;
                 chi2 = self.chi2();
             }
-            let is_settled = self.weights.iter().all(|w| *w == 0.0 || *w == 1.0);
-            if !schedule.advance() || (is_settled && self.kernel.is_binary()) {
+            let is_decided = self.weights.iter().all(|w| *w == 0.0 || *w == 1.0);
+            if !schedule.advance() || (is_decided && self.kernel.is_binary()) {
                 break;
             }
         }

@@ -72,7 +72,7 @@ pub fn judge_positions<G: LieGroup<N>, const N: usize>(
     let given = graph.poses.clone();
     let mut counts: Vec<bool> = (0..all.len()).map(|prior| !is_off(prior)).collect();
     let ranks = ranks(graph);
-    if !is_tied(graph, &counts) {
+    if !is_one_piece(graph, &counts) {
         counts.fill(true);
     }
     let mut before: Vec<Vec<bool>> = Vec::new();
@@ -90,7 +90,7 @@ pub fn judge_positions<G: LieGroup<N>, const N: usize>(
             costs => costs?,
         };
         let next = next_counts(&counts, &costs, &ranks, threshold);
-        if next == counts || before.contains(&next) || !is_tied(graph, &next) {
+        if next == counts || before.contains(&next) || !is_one_piece(graph, &next) {
             break;
         }
         before.push(std::mem::replace(&mut counts, next));
@@ -110,7 +110,7 @@ pub fn judge_positions<G: LieGroup<N>, const N: usize>(
 }
 
 /// Whether the position priors that count leave the graph in one piece.
-fn is_tied<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>, counts: &[bool]) -> bool {
+fn is_one_piece<G: LieGroup<N>, const N: usize>(graph: &PoseGraph<G, N>, counts: &[bool]) -> bool {
     let mut sets = DisjointSets::new(graph.poses.len());
     graph.edges.iter().for_each(|edge| _ = sets.join(edge.i, edge.j));
     let constant = (0..graph.poses.len()).filter(|&pose| graph.constant[pose]);

@@ -246,7 +246,7 @@ fn what_cannot_be_placed_is_named_with_its_reason() {
 }
 
 #[test]
-fn a_camera_that_only_turns_is_told_to_have_no_parallax() {
+fn a_camera_that_only_turns_is_reported_without_parallax() {
     let scene = scene(10);
     let mut problem = BundleProblem::default();
     problem.push_camera(scene.camera, true);
@@ -338,7 +338,7 @@ fn an_end_before_the_time_is_an_outcome() {
 }
 
 #[test]
-fn problems_without_two_views_and_wrong_options_are_told() {
+fn problems_without_two_views_and_wrong_options_are_reported() {
     let mut problem = BundleProblem::default();
     assert!(
         reconstruct(&problem, &Options::default(), &Interrupt::NEVER, &mut |_| Control::Continue)

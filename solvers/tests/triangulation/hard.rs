@@ -110,7 +110,7 @@ fn an_outlier_among_consistent_views_is_a_contradiction() {
 }
 
 #[test]
-fn a_depth_that_contradicts_the_rays_is_told() {
+fn a_depth_that_contradicts_the_rays_is_reported() {
     let point = Vector3::new(0.5, -0.3, 4.0);
     let options = TriangulationOptions::default();
     let mut wrong = views(&point, 4, 0.3, 0.3, 5);

@@ -55,7 +55,7 @@ proptest! {
 }
 
 #[test]
-fn equal_keys_past_the_ceiling_cost_nothing() {
+fn equal_keys_beyond_the_limit_cost_nothing() {
     let mut table = Buckets::new();
     for number in 0..FULL as u32 {
         table.insert(5, entry(number), |_| 5);

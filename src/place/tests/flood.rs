@@ -54,7 +54,7 @@ fn keyframes_full_of_one_descriptor_match_nothing() {
 }
 
 #[test]
-fn a_keyframe_of_many_makes_is_as_large_as_one_of_one() {
+fn a_keyframe_with_many_descriptor_types_is_as_large_as_with_one() {
     let mut index = PlaceIndex::new();
     // 16 types with 4096 descriptors each, of 512 bytes and less: 30 MB.
     let data: Vec<Vec<u8>> = (0..16).map(|shorter| vec![1; 512 - shorter]).collect();

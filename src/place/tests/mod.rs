@@ -63,7 +63,7 @@ fn an_answer_is_a_function_of_what_is_held() {
 }
 
 #[test]
-fn equal_scores_are_told_by_id() {
+fn equal_scores_are_ordered_by_id() {
     let mut index = PlaceIndex::new();
     // Far from each other in time, or of another client: islands of their own.
     for keyframe in [id(1, 7), id(0, 30), id(0, 4)] {
@@ -153,7 +153,7 @@ fn a_flood_of_equal_descriptors_hides_no_place() {
 }
 
 #[test]
-fn makes_do_not_mix() {
+fn descriptors_of_different_types_are_not_compared() {
     let mut index = PlaceIndex::new();
     let data = place(1);
     index.add(id(0, 1), 0, &orb(&data)).unwrap();

@@ -1,4 +1,4 @@
-//! Trajectories that clients send: poses with their times.
+//! Trajectories that clients send: poses with their times. Checks each pose; compares nothing.
 
 use covis_solvers::geometry::Se3;
 

@@ -98,8 +98,8 @@ impl Actor {
             }
             // The items of a frozen map wait for it to be opened.
             let is_solved = self.solving.is_idle() || self.is_held();
-            let is_settled = is_solved && self.durability.is_settled();
-            if !self.closing.is_empty() && self.ingest.is_drained() && is_settled {
+            let is_done = is_solved && self.durability.all_acks_sent();
+            if !self.closing.is_empty() && self.ingest.is_drained() && is_done {
                 break;
             }
             if self.handled > SMALL {

@@ -67,7 +67,7 @@ impl Cancellation {
         self.flag.load(Ordering::Acquire)
     }
 
-    /// Ends solves where nobody waits for the work any more; what it has committed goes on.
+    /// Ends solves where nobody waits for the work any more; what is committed is finished.
     pub(super) fn abandon(&self) {
         self.flag.store(true, Ordering::Release);
     }

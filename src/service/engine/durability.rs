@@ -89,7 +89,7 @@ impl Durability {
     }
 
     /// Whether every DURABLE ack was sent.
-    pub(super) fn is_settled(&self) -> bool {
+    pub(super) fn all_acks_sent(&self) -> bool {
         self.waiting.is_empty()
     }
 

@@ -240,7 +240,7 @@ impl MapHandle {
         let asked = self.call(|reply| Control::Watch { from_revision, handle, reply });
         let (mut watch, past) = asked.await??;
         if let Some(revision) = from_revision {
-            watch.go_on_from(revision, past).await?;
+            watch.resume_from(revision, past).await?;
         }
         if let Some(map) = &watch.reset {
             self.durable(map.revision()).await?;
@@ -362,7 +362,7 @@ impl MapHandle {
         (cancellation, request): (Arc<Cancellation>, Option<RequestId>),
         options: OptimizeOptions,
         progress: mpsc::Sender<T>,
-        told: impl Fn(SolveStep) -> Option<T>,
+        forward: impl Fn(SolveStep) -> Option<T>,
     ) -> Result<OptimizeOutcome, EngineError> {
         self.shared.config.check_calls()?;
         // Unbounded, so that a slow caller cannot delay the solve; a solve has few iterations.
@@ -377,7 +377,7 @@ impl MapHandle {
             tokio::select! {
                 biased;
                 Some(step) = row.recv() => {
-                    if let Some(step) = told(step)
+                    if let Some(step) = forward(step)
                         && progress.send(step).await.is_err()
                     {
                         canceled.abandon();

@@ -8,7 +8,7 @@
 //! merge was cut off before the target's event is a map as before.
 //!
 //! The name of a merged map leads to the map that it became part of ([`MergedName`]), so that the robots
-//! that write to it go on after they have connected again. Where the maps lie in each other is found by
+//! that write to it continue after they have connected again. Where the maps lie in each other is found by
 //! [`align`], unless the caller knows.
 
 use std::collections::BTreeMap;
@@ -363,7 +363,7 @@ impl Maps {
         Ok(())
     }
 
-    /// Lets the maps go on that were to be deleted because `deleted` had their content.
+    /// Releases the maps that were to be deleted because `deleted` had their content.
     pub(super) async fn release_merged(&self, deleted: &Map) {
         for merged in deleted.merged() {
             let Ok(claim) = self.claim(&merged.name).await else { return };

@@ -22,7 +22,7 @@
 //! | `rebuilding` | the body of a solve that starts from observations alone |
 //! | `cancellation` | whether a requested change may still be made, or is canceled |
 //! | `compacting` | a map made smaller on request: redundant keyframes and old journal go |
-//! | `background` | what follows a loop closure while items go on: comparing places, adjusting the map |
+//! | `background` | what follows a loop closure while items are accepted: comparing places, adjusting the map |
 //! | `recognition` | searching the places that keyframes show again |
 //! | `places` | the index of a map's places |
 //! | `updating` | a requested change of name, policy or state |

@@ -133,9 +133,9 @@ impl Maps {
         let reached = sequence_of(map.revision());
         let Flushed { through, failed, unavailable } = flushed.borrow().clone();
         // Events that could not be written to the disk yet are newer than what is durable.
-        let is_settled = failed.is_none() && unavailable.is_none();
+        let is_written = failed.is_none() && unavailable.is_none();
         let is_short = store.durability() != store::Durability::Memory
-            && (reached < through || (is_settled && reached != through));
+            && (reached < through || (is_written && reached != through));
         let refusal = lost
             .map(|damage| StoreError::Damaged { map: name.to_owned(), damage })
             .or(failed)

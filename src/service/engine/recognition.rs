@@ -3,7 +3,7 @@
 //! A keyframe whose descriptors are new waits in the map until its place was searched. The oldest ones
 //! are searched on the pool, one after the other; what is found becomes one event: loop closures,
 //! verdicts, reasons. A closure asks for a pose graph as a client's does. The searches that are due are
-//! part of the map: a restart goes on with them. In lock-step they run when no solve runs or waits, and
+//! part of the map: a restart continues with them. In lock-step they run when no solve runs or waits, and
 //! the next item waits for them. Nothing is cut off by new keyframes: a search holds a snapshot only
 //! for a tenth of a second.
 

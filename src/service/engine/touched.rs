@@ -19,7 +19,7 @@ pub struct Touched {
     pub constraints: BTreeSet<EntityId>,
     /// Clients that are new or whose keyframes changed.
     pub clients: BTreeSet<ClientIndex>,
-    /// Whether what went cannot be told by ids: cameras, and all of a client.
+    /// Whether ids cannot say what was removed: cameras, and all of a client.
     pub(super) is_all: bool,
 }
 

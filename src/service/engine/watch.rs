@@ -234,7 +234,7 @@ impl Watch {
     /// Continues from `revision`, which the reader has. The changes between it and the start are
     /// read from the journal, without the engine. If that is not possible, the watch begins with a
     /// reset.
-    pub(super) async fn go_on_from(
+    pub(super) async fn resume_from(
         &mut self,
         revision: i64,
         past: Past,
@@ -326,8 +326,8 @@ async fn pieces(
         let Some(end) = piece.events.last() else { break };
         last = end.revision;
         bytes += piece.bytes;
-        let is_told = piece.events.iter().all(|event| add(event, &mut gathered, &mut opened));
-        if !is_told || gathered.reset || bytes > past.bytes {
+        let is_known = piece.events.iter().all(|event| add(event, &mut gathered, &mut opened));
+        if !is_known || gathered.reset || bytes > past.bytes {
             return Ok(None);
         }
         // Lets other tasks run, above all the engine.

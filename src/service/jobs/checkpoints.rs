@@ -1,8 +1,8 @@
-//! Checkpoints of bundle adjustments of problem files: written while the solve goes on, read by the attempt
-//! that goes on after it.
+//! Checkpoints of bundle adjustments of problem files: written while the solve runs, read by the attempt
+//! that continues after it.
 //!
 //! One is due when as much time has passed in the solve as writing may take a small share of. A checkpoint
-//! that cannot be written is told and the solve goes on: it costs time after a crash, nothing else.
+//! that cannot be written is reported and the solve continues: it costs time after a crash, nothing else.
 
 use std::sync::Arc;
 

@@ -169,7 +169,7 @@ impl Entry {
         *lock(&self.done) = done;
         let has_ended = is_ended(job.state());
         self.shown.send_modify(|shown| {
-            // Progress that was told meanwhile stays.
+            // Progress that was reported meanwhile stays.
             let progress = shown.progress.take();
             *shown = job;
             if !has_ended {

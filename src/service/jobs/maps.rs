@@ -207,7 +207,7 @@ pub(super) async fn merge(
     let map_id = request.source_map_id.clone();
     let asked = convert(|out| merging::merge(request.clone(), &run.caller, out))?;
     run.phase("merges the maps");
-    // A merge that has begun goes on.
+    // A merge that has begun is finished.
     if !cancellation.commit() {
         return Err(EngineError::Cancelled { map: map_id }.into());
     }

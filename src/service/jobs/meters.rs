@@ -1,4 +1,4 @@
-//! What is counted of jobs.
+//! What is counted of jobs: atomics that the jobs write and `telemetry` reads. No names of metrics here.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};

@@ -466,7 +466,7 @@ impl Jobs {
     }
 }
 
-/// Runs a change in a task of its own, so that it goes on if its caller stops waiting.
+/// Runs a change in a task of its own, so that it is finished if its caller stops waiting.
 async fn to_end<T: Send + 'static>(
     change: impl Future<Output = Result<T, ServiceError>> + Send + 'static,
 ) -> Result<T, ServiceError> {

@@ -2,7 +2,7 @@
 //!
 //! Files are read from the job's own, one problem at a time. A problem is solved by a worker where there is
 //! one (`remote`), else here (`solving`). One that is solved is written down, so that a restart does not
-//! solve it again; one on its way goes on from its last checkpoint.
+//! solve it again; one that was interrupted continues from its last checkpoint.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -65,7 +65,7 @@ fn problems(upload: &JobUpload, kind: v1::ProblemFileKind) -> Vec<(String, Probl
             ) => {
                 let first = encoding.file_names()[0];
                 match models.get(&(folder, first)) {
-                    // Where its cameras are the whole model is told.
+                    // The file of cameras stands for the whole model; its other files are skipped.
                     Some(&[Some(cameras), Some(images), Some(points)]) if part == 0 => {
                         Problem::Colmap(encoding, [cameras, images, points])
                     }

@@ -35,7 +35,7 @@ pub(super) struct Outstanding {
 
 impl Drop for Outstanding {
     fn drop(&mut self) {
-        // The next start goes on with it.
+        // The next start of the server continues with it.
         if self.context.jobs.stopping.load(Ordering::Acquire) {
             return;
         }

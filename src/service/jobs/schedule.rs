@@ -3,7 +3,7 @@
 //! Tenants take turns by the time that their jobs ran ([`FairQueue`](crate::service::engine)); of a
 //! tenant's waiting jobs the one with the highest priority begins, of equals the oldest. As many run at
 //! once as the solver pool has threads; their solves wait for those as all solves do. When the server
-//! drains, what runs is left as it is on disk, and begins again after the restart.
+//! drains, what runs is left as it is on disk, and begins again after the restart. It runs no job itself.
 
 use std::cmp::Reverse;
 use std::sync::Arc;
@@ -217,7 +217,7 @@ struct OnDisk {
     upload: Option<crate::store::JobUpload>,
 }
 
-/// Reads a folder. What cannot be read is told and left as it is.
+/// Reads a folder. What cannot be read is reported and left as it is.
 fn read(files: &crate::store::JobFiles, folder: JobFolder) -> Found {
     let tell = |error: &JobFileError| {
         tracing::error!(%error, "a job or an upload cannot be read, it is left as it is");

@@ -1,4 +1,4 @@
-//! What a server and a worker tell each other of a problem: the task, and its result.
+//! The messages between a server and a worker about a problem: the task, and its result.
 //!
 //! Both are processes of one version of covis or of neighboring ones: fields keep their numbers.
 

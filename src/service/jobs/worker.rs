@@ -1,7 +1,7 @@
 //! A worker: a process that solves the problems of servers' jobs, one after the other.
 //!
 //! It has no maps and no jobs of its own, and keeps nothing on disk: what it is lost with is redelivered to
-//! another worker, which goes on from the last checkpoint. While it solves it beats. Once the task is not
+//! another worker, which continues from the last checkpoint. While it solves it beats. Once the task is not
 //! its own any more, because it was canceled or because another worker has it, the solve ends and its
 //! result is refused.
 

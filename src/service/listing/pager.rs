@@ -1,4 +1,4 @@
-//! Cuts a stream of entities into messages, and says where a later call goes on.
+//! Cuts a stream of entities into messages, and says where a later call continues.
 //!
 //! An entry is named by its place: client, id, and for an entity in several entries how much of it
 //! was sent. Entities come by client name, then id; what they are and how they are read is not known

@@ -1,7 +1,7 @@
 //! The text format that Prometheus scrapes, version 0.0.4.
 //!
 //! A family is a line of help, a line of its kind, and rows of labels and values; a histogram's rows
-//! are cumulative. Numbers that are kept in ns are shown in seconds.
+//! are cumulative. Numbers that are kept in ns are shown in seconds. Knows no metric of covis.
 
 use std::fmt::{Display, Write};
 

@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn small_angles_are_told_apart_and_opposite_quaternions_are_one_rotation() {
+    fn small_angles_are_distinguished_and_opposite_quaternions_are_one_rotation() {
         let a = pose(0.0, 0.3).rotation.unwrap();
         for turned in [1e-12, 1e-6, 0.1, 3.0] {
             let b = pose(0.0, 0.3 + turned).rotation.unwrap();

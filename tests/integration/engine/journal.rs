@@ -156,7 +156,7 @@ async fn a_failing_journal_ends_the_stream_and_changes_nothing() {
 }
 
 #[tokio::test]
-async fn durable_is_told_when_the_journal_says_so_and_a_failure_ends_it() {
+async fn durable_is_sent_when_the_journal_is_durable_and_a_failure_ends_it() {
     // The creation is on disk.
     let flushed = watch::Sender::new(Flushed { through: 1, ..Flushed::default() });
     let (store, map) = open_store(u64::MAX, Some(flushed)).await;

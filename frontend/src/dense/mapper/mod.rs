@@ -91,7 +91,7 @@ struct Rebuild {
     poses: Vec<Se3>,
 }
 
-/// Builds a volume from frames tied to keyframes, and rebuilds it when keyframes move.
+/// Builds a volume from frames whose poses are relative to keyframes, and rebuilds it when keyframes move.
 #[derive(Debug)]
 pub struct DenseMapper {
     integrator: Integrator,

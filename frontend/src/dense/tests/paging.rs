@@ -128,7 +128,7 @@ fn a_volume_that_was_on_disk_in_parts_is_the_one_that_was_not() {
 }
 
 #[test]
-fn a_frame_that_needs_more_than_the_ceiling_is_taken_and_told() {
+fn a_frame_that_needs_more_than_the_limit_is_integrated_and_reported() {
     let mut whole = PagedVolume::new(GRID);
     walk(&mut whole, |_, _| {});
     let mut paged = with_ceiling(10);

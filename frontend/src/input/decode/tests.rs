@@ -58,7 +58,7 @@ fn every_kind_of_png_becomes_color() {
 }
 
 #[test]
-fn jpeg_is_told_by_its_content() {
+fn jpeg_is_recognized_by_its_content() {
     let image = color(JPEG).unwrap();
     assert_eq!(image.size(), (16, 8));
     let near = |a: u8, b: u8| a.abs_diff(b) <= 4;

@@ -190,7 +190,7 @@ fn with_depth(values: [u16; 10]) -> TempDir {
 }
 
 #[test]
-fn a_depth_scale_that_does_not_fit_the_first_images_is_doubted() {
+fn a_depth_scale_that_does_not_fit_the_first_images_is_reported() {
     // A desk at 1.2 m and a wall at 3 m in millimeters, and in the benchmark's units.
     let desk: [u16; 10] = std::array::from_fn(|i| if i < 5 { 1200 } else { 3000 });
     let millimeters = with_depth(desk);
@@ -216,7 +216,7 @@ fn a_depth_scale_that_does_not_fit_the_first_images_is_doubted() {
 }
 
 #[test]
-fn a_given_depth_scale_holds_and_is_not_doubted() {
+fn a_given_depth_scale_is_used_without_a_warning() {
     let folder = with_depth([1500; 10]);
     let scaled = |units| {
         let options = FolderOptions { depth_units_per_m: Some(units), ..FolderOptions::default() };

@@ -132,7 +132,7 @@ fn a_worker_refuses_what_it_cannot_serve_and_goes_on() {
 }
 
 #[test]
-fn damage_of_a_file_of_sections_is_told() {
+fn damage_of_a_file_of_sections_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sections");
     let made = sections(&scene(12), 2);

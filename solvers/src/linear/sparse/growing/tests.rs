@@ -109,7 +109,7 @@ fn a_chain_is_solved_by_its_newest_blocks_alone() {
 }
 
 #[test]
-fn an_unsolvable_update_is_told_and_mended_by_the_next() {
+fn an_unsolvable_update_is_reported_and_repaired_by_the_next() {
     let mut rng = ChaCha8Rng::seed_from_u64(2);
     let mut system = GrowingCholesky::<N>::new();
     let mut terms: Vec<Term> = Vec::new();
