@@ -83,10 +83,10 @@ impl FileStore {
             let aside = inner.root.join(SET_ASIDE);
             let failed = |error| file_error("cannot set aside to", &aside, &error);
             inner.disk.create_folder(&aside).map_err(failed)?;
+            inner.disk.sync_folder(&inner.root).map_err(failed)?;
             let uid = folders::name_of(&journal.uid);
             let to = folders::unused_name(&*inner.disk, &aside, &uid, "").map_err(failed)?;
-            journal.move_to(&to, "its files were set aside")?;
-            inner.disk.sync_folder(&aside).map_err(failed)?;
+            journal.move_to(&to, "cannot set aside", "its files were set aside")?;
             inner.maps().remove(&name);
             Ok(to)
         });

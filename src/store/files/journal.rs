@@ -174,7 +174,7 @@ impl Journal {
     /// nothing has changed, or the journal has stopped. Blocks.
     pub(super) fn delete(&self) -> Result<(), StoreError> {
         let gone = self.folder.with_extension("deleted");
-        self.move_to(&gone, "the map was deleted")?;
+        self.move_to(&gone, "cannot delete", "the map was deleted")?;
         // The map is deleted by now; the next start removes the rest of its files.
         if let Err(error) = self.disk.remove_folder(&gone) {
             tracing::warn!(folder = %gone.display(), %error, "files of a deleted map are left");
@@ -183,8 +183,14 @@ impl Journal {
     }
 
     /// Moves the map's folder out of `maps/`, also after a move that failed halfway, and stops the
-    /// journal for a reason. On failure either nothing has changed, or the journal has stopped. Blocks.
-    pub(super) fn move_to(&self, to: &Path, reason: &str) -> Result<(), StoreError> {
+    /// journal for a reason. On failure, which `action` names, either nothing has changed, or the
+    /// journal has stopped. Blocks.
+    pub(super) fn move_to(
+        &self,
+        to: &Path,
+        action: &'static str,
+        reason: &str,
+    ) -> Result<(), StoreError> {
         let (disk, folder) = (&*self.disk, &*self.folder);
         let maps = folder.parent().unwrap_or(folder);
         // Locked, so that no group is written and acknowledged while its map is moved.
@@ -197,14 +203,17 @@ impl Journal {
                 Err(_) => Err((error, false)),
             }),
         };
-        let begun = begun.and_then(|()| disk.sync_folder(maps).map_err(|error| (error, false)));
+        // The new name first: a loss of power in between must not leave the map without any.
+        let beside = to.parent().filter(|folder| *folder != maps);
+        let synced = || beside.into_iter().chain([maps]).try_for_each(|f| disk.sync_folder(f));
+        let begun = begun.and_then(|()| synced().map_err(|error| (error, false)));
         if let Err((error, is_unchanged)) = begun {
             if !is_unchanged {
                 // The next start may find the folder under either name.
-                self.stop(format!("its removal failed half way and can be repeated: {error}"));
+                self.stop(format!("{action}: failed half way and can be repeated: {error}"));
                 writer.end();
             }
-            return Err(file_error("cannot move", folder, &error));
+            return Err(file_error(action, folder, &error));
         }
         self.stop(reason.to_owned());
         writer.end();
