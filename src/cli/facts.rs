@@ -1,4 +1,6 @@
 //! What is known of the build, for `covis --version`. The build script tells (`build.rs`).
+//!
+//! The machine that the program runs on is not asked.
 
 /// Version, commit, target, profile, features and compiler, a line each.
 pub(super) const LONG_VERSION: &str = concat!(

@@ -1,6 +1,7 @@
 //! `covis health`: whether a server serves, for whoever starts, probes or waits for one.
 //!
-//! Asks `grpc.health.v1`, which takes no token. The exit code is the answer.
+//! Asks `grpc.health.v1`, which takes no token. The exit code is the answer. It asks once: who waits
+//! for a server calls again.
 
 use std::time::Duration;
 

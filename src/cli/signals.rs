@@ -1,4 +1,6 @@
 //! Interrupts and, on Unix, SIGTERM: caught, so that a command can end in order.
+//!
+//! It ends nothing: what a signal leads to is decided by the command.
 
 use std::io;
 

@@ -1,7 +1,8 @@
 //! `covis worker`: solves the problems of servers' jobs until SIGTERM or ctrl-c.
 //!
 //! Standard output gets one line once it is connected. The first signal gives the task back that it has; a
-//! second one ends the process at once, which does no harm either.
+//! second one ends the process at once, which does no harm either. The work is that of
+//! `crate::service::Worker`; a build without the feature `cluster` refuses the command.
 
 use super::config::Config;
 

@@ -4,7 +4,8 @@
 //! The trajectory with fewer poses walks (the estimate, where both have as many) and takes for each
 //! of its stamps the nearest of the other within the limit, inclusive; of two equally near ones the
 //! earlier. Nothing is unique: two stamps may take the same partner. Differences are plain f64 of
-//! the stamps as they are, without an offset, so that the same ones pass the limit as in evo.
+//! the stamps as they are, without an offset, so that the same ones pass the limit as in evo. No pose
+//! is interpolated.
 
 use covis_solvers::geometry::{Se3, So3};
 use nalgebra::{Matrix3, SVD, Vector3};

@@ -3,7 +3,8 @@
 //! benchmark, as it is printed there.
 //!
 //! Figures are the RMSE of the relative pose error over 1 s ([`super::rpe_over`]). DVO is Kerl,
-//! Sturm and Cremers 2013, BaMVO Kim and Kim 2016, static weighting Li and Lee 2017.
+//! Sturm and Cremers 2013, BaMVO Kim and Kim 2016, static weighting Li and Lee 2017. None of these
+//! figures was measured by covis.
 
 /// How much moves in a sequence.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

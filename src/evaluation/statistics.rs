@@ -1,4 +1,6 @@
 //! The figures that evo prints for a list of errors.
+//!
+//! The median is the only quantile among them.
 
 /// Statistics of `n` errors; all NaN but `sse` and `count` for none.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]

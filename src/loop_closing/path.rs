@@ -5,7 +5,7 @@
 //! expected is what was measured on it, odometry and constraints: a keyframe that a client sends in a
 //! frame of its own is where it is expected before any solve has moved it. Errors are taken as systematic,
 //! so that they grow with the way and not with its root: whoever is believed too much here refuses true
-//! closures. Where no way leads from one to the other nothing is expected.
+//! closures. Where no way leads from one to the other nothing is expected. It judges no closure.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};

@@ -3,7 +3,8 @@
 //! The fold keeps the [`Usage`] of a map, so that reading it costs nothing; [`Map::growth`] is the most
 //! that a change would add. The same [`Ceilings`] apply to a map, to all maps of a tenant and to all
 //! maps of a server. Every kind of entity counts. Bytes are an estimate of the memory that the map
-//! takes, from the numbers of its entities.
+//! takes, from the numbers of its entities. Nothing is refused here: what happens at a ceiling is
+//! decided by the engine.
 
 use std::mem::size_of;
 use std::ops::{Add, Mul, Sub};

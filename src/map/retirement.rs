@@ -4,7 +4,7 @@
 //! its neighbors (`covis_solvers::marginalization`). A new constraint between a pair replaces the one
 //! that an earlier keyframe left there: Ω = Ω₁ + Ω₂, Z = Z₁ · Exp(Ω⁻¹ Ω₂ Log(Z₁⁻¹ Z₂)). Landmarks
 //! without observers are removed with the keyframe, and so are older landmarks that never had an
-//! observer.
+//! observer. The map is only read; the event that comes of it changes it.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};

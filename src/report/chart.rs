@@ -1,7 +1,7 @@
 //! Charts: lines, histograms and bars over axes.
 //!
 //! Coordinates have one decimal. A chart of very many points shows [`MOST_POINTS`] of a line, those with
-//! the largest values.
+//! the largest values. The values are the caller's: none is smoothed or fitted.
 
 use std::fmt::Write;
 

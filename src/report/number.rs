@@ -1,4 +1,6 @@
 //! Numbers as people read them: few digits, powers of ten where there are many zeros.
+//!
+//! No locale: digits and points are the same everywhere.
 
 /// Four significant digits.
 #[must_use]

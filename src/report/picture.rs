@@ -1,4 +1,6 @@
 //! A picture with the texts that stand for it where it is not seen.
+//!
+//! It draws nothing: charts and plans bring the drawing.
 
 use super::markup::Markup;
 

@@ -2,7 +2,8 @@
 //!
 //! The world need not have its z axis up: "above" looks along the axis in which the trajectory extends
 //! least, and the axes are named. Both pictures have one scale in both directions. A trajectory of very
-//! many poses shows [`MOST_POSES`] of them, of each piece the one with the largest error.
+//! many poses shows [`MOST_POSES`] of them, of each piece the one with the largest error. The errors
+//! are the caller's.
 
 use std::fmt::Display;
 

@@ -1,5 +1,6 @@
 //! Scales of axes: values to pixels, linear or by powers of ten, and where the ticks are.
-//! An axis of no extent is widened, so that no coordinate is ever not a number.
+//! An axis of no extent is widened, so that no coordinate is ever not a number. It knows values and
+//! pixels, and nothing of what is drawn.
 
 use super::number::with_digits;
 

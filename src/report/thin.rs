@@ -1,4 +1,6 @@
 //! What bounds a report's size: of very many points those are kept that show the worst.
+//!
+//! Points are left out and never averaged.
 
 /// Indices of at most `limit` + 2 of `count` points: the first, the last, and of each of `limit` pieces of
 /// equal length the one whose `weight` is the largest. A weight that is no number counts as the smallest.

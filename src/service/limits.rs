@@ -1,6 +1,6 @@
 //! Limits as they are written in files: `[map_limits]`, `[tenant_limits]`, `[server_limits]` and
 //! `[solve_limits]` of `covis.toml`, and `[[tenant]]` in the file of tokens. An absent key means
-//! the default, or the limit of the level above.
+//! the default, or the limit of the level above. They are enforced elsewhere.
 
 use serde::Deserialize;
 

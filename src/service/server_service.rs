@@ -1,5 +1,5 @@
 //! `ServerService`: version, limits, durability, features. The health service reports whether the
-//! server is healthy.
+//! server is healthy. It reads the configuration and asks no engine.
 
 use covis_solvers::bundle_adjustment::Class;
 use tonic::{Request, Response, Status};

@@ -1,4 +1,6 @@
 //! What a store counts while it works.
+//!
+//! Their names on the page for Prometheus are known in `service/telemetry` alone.
 
 use crate::meter::{Counter, Histogram};
 

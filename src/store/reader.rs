@@ -1,4 +1,6 @@
 //! A journal as its readers take it: a piece at a time.
+//!
+//! Whether a piece comes from memory or from a file is not known here.
 
 use std::sync::Arc;
 

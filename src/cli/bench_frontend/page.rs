@@ -1,4 +1,6 @@
 //! The page of a bench: the figures of each run, and its trajectory beside the truth.
+//!
+//! Computes no error: the figures are those of `truth` and of the run.
 
 use super::{Row, RunFigures};
 use crate::cli::html::{self, trajectory};

@@ -1,5 +1,6 @@
 //! The figures of all sequences as text: drift, what else is measured, and the paper's own table
-//! beside it. As in the paper, × is a run that failed; - is what is not known.
+//! beside it. As in the paper, × is a run that failed; - is what is not known. No error is computed
+//! here.
 
 use super::{Row, RunFigures};
 use crate::evaluation::{MethodFigures, PaperRow};

@@ -2,7 +2,8 @@
 //!
 //! A field's name is the key of `covis.toml`; with hyphens it is the flag, in capitals behind
 //! `COVIS_` the variable. Its comment is the flag's help. A help heading says which commands have
-//! the flag; one without a heading is a flag of `covis serve`. Fields with `skip` have no flag.
+//! the flag; one without a heading is a flag of `covis serve`. Fields with `skip` have no flag. The
+//! files that settings name are not opened here.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,6 @@
 //! In place of `of_run` in a program that was built without MCAP: a recording that cannot be started.
+//!
+//! Its functions are those of `of_run`, so that `covis run` is written once for both builds.
 
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! Follows a map and writes what changes: keyframes as they come, states of the whole map now and then.
 //!
 //! The watch brings the map with what changes; the poses in the odometry frames of keyframes that were there
-//! before are asked for once.
+//! before are asked for once. It reads through the client and changes nothing in the map.
 
 use std::collections::BTreeMap;
 use std::pin::pin;

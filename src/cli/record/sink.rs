@@ -2,6 +2,7 @@
 //!
 //! Nothing is sought, so that a pipe is as good as a file. What was flushed is a whole chunk: a recording
 //! whose program was killed reads up to there, and one that was finished has an index and a footer.
+//! What a message means is not known here.
 
 use std::collections::BTreeMap;
 use std::fmt;

@@ -1,6 +1,7 @@
 //! Arguments that subcommands of `covis solve` share, and values of flags by their names.
 //!
-//! A table has each value's name and help once; reports print the same names.
+//! A table has each value's name and help once; reports print the same names. What a value does is
+//! documented and done in the solver crate.
 
 use std::path::PathBuf;
 

@@ -3,7 +3,9 @@
 //!
 //! Step k appends the k-th vertex in id order with all its edges to lower ids, and is over once the
 //! estimate of every vertex so far stands at its optimum. The vertices' own numbers are not used
-//! but the first's, which is held. Rows are taken between steps, outside of the time of any.
+//! but the first's, which is held. Rows are taken between steps, outside of the time of any. The steps
+//! themselves are those of `covis_solvers::pose_graph::GrowingPoseGraph`; this file brings the vertices
+//! and takes the times.
 
 use std::time::Instant;
 

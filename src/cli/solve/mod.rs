@@ -2,7 +2,8 @@
 //!
 //! The clock of a solve starts when the file's numbers stand in plain arrays: building the problem,
 //! initialization, ordering and thread start are counted. The solvers' own clock starts at their
-//! call; [`report::Report`] adds what came before.
+//! call; [`report::Report`] adds what came before. This room reads files, measures times and writes
+//! reports; nothing is solved in it.
 
 mod arguments;
 mod bundle;

@@ -6,7 +6,8 @@
 //! With `--robust` the cost is that of odometry and the loop closures at their weights, and the
 //! rows are those of the last solve. With `--certify` that solve starts from the optimum of the
 //! chordal objective, which is what the certificate is of: the cost told is still that of the Log
-//! objective and has no proof.
+//! objective and has no proof. The stages and their order are those of
+//! `covis_solvers::graph_optimization`.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;

@@ -2,7 +2,8 @@
 //!
 //! A worker is this program again, `covis solve bundle-worker`, that answers on its standard output what
 //! its standard input asks. Blocks are written to a scratch file once, which workers read from. A worker
-//! that dies is started again and told its blocks anew.
+//! that dies is started again and told its blocks anew. Blocks are cut and solved by the solver crate;
+//! this file has processes, the scratch file and the report.
 
 use std::io;
 use std::path::PathBuf;

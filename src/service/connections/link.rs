@@ -1,5 +1,5 @@
 //! The state of one connection: its peer, whether it is a stranger, its open calls, and the stage
-//! of its end.
+//! of its end. It reads and writes no data.
 
 use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,5 +1,5 @@
 //! Accepts sockets, gives each a place, makes the TLS handshake if configured, and passes it to the
-//! transport; then enforces its time limits.
+//! transport; then enforces its time limits. What the services answer is not known here.
 
 use std::io;
 use std::sync::Arc;

@@ -1,6 +1,7 @@
 //! Cameras with their projection models.
 //!
-//! The formulas are in `camera.proto`; pixel centers have integer coordinates on both sides.
+//! The formulas are in `camera.proto`; pixel centers have integer coordinates on both sides. Whether
+//! measured pixels can be projected is checked by `Map::check`.
 
 use covis_solvers::geometry::{Camera, KannalaBrandt, PinholeRadialTangential, Snavely};
 

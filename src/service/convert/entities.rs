@@ -1,6 +1,7 @@
 //! Keyframes, landmarks, constraints and client frames of a map, as readers get them.
 //!
-//! References always name their client; ids of clients are looked up in the map that is read.
+//! References always name their client; ids of clients are looked up in the map that is read. Only
+//! outward: what clients send is converted in `item` and `edit`.
 
 use covis_solvers::geometry::Se3;
 use covis_solvers::loss::Loss;

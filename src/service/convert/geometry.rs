@@ -1,7 +1,8 @@
 //! Vectors, rotations, rigid transforms and packed symmetric matrices.
 //!
 //! Quaternions travel as (x, y, z, w) and are normalized when their norm is within 1e-3 of 1.
-//! Symmetric matrices travel as their upper triangle, row by row.
+//! Symmetric matrices travel as their upper triangle, row by row. Frames and units are not changed
+//! here.
 
 use covis_solvers::geometry::{Geodetic, Se2, Se3, So3};
 use covis_solvers::information::Information;

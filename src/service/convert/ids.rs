@@ -1,6 +1,7 @@
 //! Names of maps and clients, ids of entities, references between them.
 //!
-//! A name has 1 to 63 characters of a-z, 0-9, '_' and '-'; an id is at least 0.
+//! A name has 1 to 63 characters of a-z, 0-9, '_' and '-'; an id is at least 0. Whether something with
+//! that name exists is not checked here.
 
 use super::{Path, Violations};
 use crate::map::{EntityId, EntityRef, Map, Reason};

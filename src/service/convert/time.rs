@@ -1,4 +1,6 @@
 //! Timestamps: nanoseconds since the Unix epoch as one signed integer, years 1678 to 2261.
+//!
+//! No clock is read here.
 
 use prost_types::Timestamp;
 

@@ -3,7 +3,7 @@
 //! A map whose journal is damaged or cannot be replayed opens poisoned at the last revision that
 //! can be replayed, so that it can be read and exported. A map that cannot be opened answers calls
 //! with the reason; if the system lacked resources, it is tried again. It does not delay the other
-//! maps.
+//! maps. Nothing is repaired here: that is done by the store, or by `covis doctor`.
 
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, OnceLock};

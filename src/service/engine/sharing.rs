@@ -2,6 +2,7 @@
 //! server has it.
 //!
 //! Where one server has all maps, all of them are open from the start and nothing here does anything.
+//! Which server has a map is decided by the store.
 
 use super::maps::run_to_end;
 use super::{EngineError, MapHandle, Maps};

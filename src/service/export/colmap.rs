@@ -1,7 +1,8 @@
 //! COLMAP records of a map's entities, and the numbers that name them in a file.
 //!
 //! Numbers are stored as runs of consecutive ids. Clients mostly number their entities
-//! consecutively, so that a map of a million landmarks needs a few bytes.
+//! consecutively, so that a map of a million landmarks needs a few bytes. The bytes are made by
+//! `covis_solvers::io`.
 
 use std::collections::BTreeMap;
 

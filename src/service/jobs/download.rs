@@ -1,7 +1,7 @@
 //! `DownloadJobFiles`: the files that a job made, read from the disk as their reader takes them.
 //!
 //! The last piece of a file is sent once its checksum was verified, so that a file that is whole for its
-//! reader is what the job wrote.
+//! reader is what the job wrote. No job is changed here.
 
 use std::io::Read;
 use std::sync::Arc;

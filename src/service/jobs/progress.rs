@@ -3,7 +3,7 @@
 //! Near the optimum each step lowers the cost by about the same share of the step before; the solve ends
 //! where a step lowers it by less than the tolerance of the cost. Farther away, or where steps are
 //! rejected, only the most iterations that the solve may take are known: the estimate is then an upper
-//! bound.
+//! bound. The estimate is for people: no decision depends on it.
 
 use covis_solvers::optimizer::{IterationSummary, Options};
 use covis_solvers::reconstruction::{Progress, Stage};

@@ -2,7 +2,8 @@
 //!
 //! The task has the name of the job's folder and the number of the problem. So a server that begins a job
 //! again finds what it gave away, and a result that is there already. The result is taken off the queue
-//! after it is in the job's record: until then the next start finds it again.
+//! after it is in the job's record: until then the next start finds it again. How a problem is solved
+//! is known to `solving` alone.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;

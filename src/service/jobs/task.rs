@@ -1,6 +1,7 @@
 //! The messages between a server and a worker about a problem: the task, and its result.
 //!
-//! Both are processes of one version of covis or of neighboring ones: fields keep their numbers.
+//! Both are processes of one version of covis or of neighboring ones: fields keep their numbers. A
+//! task names the files of its problem; their bytes travel beside the message.
 
 use covis_solvers::io::colmap::ColmapEncoding;
 #[cfg(feature = "cluster")]

@@ -3,7 +3,7 @@
 //!
 //! [`Metered`] is the outermost layer, so that refused calls count too. The code of an answer with
 //! a body is in its trailers; an answer that is dropped before them was canceled. Only RPCs that
-//! the server knows have their own rows; any other path is counted as `other`.
+//! the server knows have their own rows; any other path is counted as `other`. It changes no answer.
 
 use std::collections::BTreeMap;
 use std::future::Future;

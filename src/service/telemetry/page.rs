@@ -1,7 +1,8 @@
 //! Every family of the page, with its name, its help and its rows.
 //!
 //! Names of counters end in `_total`, other names in their unit. A name that changes here must
-//! change in `docs/operations.md`; a test compares it with the page.
+//! change in `docs/operations.md`; a test compares it with the page. It reads meters and waits for no
+//! engine.
 
 use std::sync::atomic::Ordering;
 

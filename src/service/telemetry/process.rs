@@ -1,4 +1,6 @@
 //! What the system reports about this process, if it has `/proc`.
+//!
+//! Elsewhere these rows are left out.
 
 /// Bytes of memory that are resident; `None` if the system does not report it.
 pub(super) fn resident_bytes() -> Option<u64> {

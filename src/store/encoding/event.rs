@@ -1,5 +1,5 @@
 //! One event as bytes: revision and cause, the change by `change.rs`; and the name of the map that a
-//! folder holds.
+//! folder holds. Where the bytes are kept, and their checksums, are not known here.
 
 use prost::Message;
 

@@ -1,6 +1,6 @@
 //! What the searches for known places found, as messages and back.
 //!
-//! Used by events and by snapshots. Scores are kept to the bit.
+//! Used by events and by snapshots. Scores are kept to the bit. Nothing is searched here.
 
 use super::entities::{decode_id, encode_id, required_id};
 use super::{EncodingError, v1};

@@ -1,5 +1,5 @@
 //! One server per data directory: a lock on a file in it, which the system releases when the
-//! process ends.
+//! process ends. It guards the whole directory: single maps have no lock.
 
 use std::fs::TryLockError;
 use std::io::Write;

@@ -1,4 +1,6 @@
 //! Reading a key of a bucket from its leader: a follower may not have the newest value yet.
+//!
+//! It writes nothing.
 
 use async_nats::jetstream::kv;
 use async_nats::jetstream::stream::{LastRawMessageError, LastRawMessageErrorKind};

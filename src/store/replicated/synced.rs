@@ -1,7 +1,8 @@
 //! Whether every NATS server syncs before it acknowledges.
 //!
 //! JetStream answers before fsync unless `sync_interval: always` is set, and the protocol of clients does
-//! not tell which: the monitoring address of each server does (`GET /varz`, plain HTTP).
+//! not tell which: the monitoring address of each server does (`GET /varz`, plain HTTP). It changes no
+//! setting of NATS.
 
 use serde::Deserialize;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};

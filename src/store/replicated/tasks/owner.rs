@@ -2,7 +2,7 @@
 //!
 //! A task's entry is made before its message, so that a worker that has the message finds the entry. A
 //! message is put only where the queue has none of the task: a server that begins again may submit what it
-//! submitted before.
+//! submitted before. What a task is about is not known here.
 
 use async_nats::jetstream::context::PublishErrorKind;
 use async_nats::jetstream::kv;
